@@ -1,0 +1,152 @@
+"""What a scene is: frozen dataclasses whose fields are the keys of the YAML file.
+
+Every number carries its meaning, unit and range (`quantity`), which the strict reader checks and
+quotes in its errors. Effects bring their own parameter classes (`rope_twin.effects`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rope_twin.quantity import quantity, text
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rope:
+    """A kind of rope: a preset by name (config/ropes.yaml) or written out in the scene."""
+
+    diameter_m: float = quantity("nominal diameter", "m", 1e-3, 0.5)
+    mass_kg_per_m: float = quantity("mass in air", "kg/m", 1e-3, 1e3)
+    hydrodynamic_diameter_m: float = quantity("diameter for drag and volume", "m", 1e-3, 0.5)
+    axial_stiffness_n: float = quantity("axial stiffness EA", "N", 1e3, 1e12)
+    breaking_load_n: float = quantity("minimum breaking load", "N", 1e2, 1e9)
+    source: str = text("where the figures come from", "")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Damping:
+    """Structural damping; exactly one of the two."""
+
+    newton_seconds: float | None = quantity(
+        "c in T = EA·strain + c·strain rate", "N·s", 0.0, 1e10, default=None
+    )
+    fraction_of_first_axial_mode: float | None = quantity(
+        "fraction of critical on the first axial mode of rope and payload", "", 0.0, 0.5,
+        default=None,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class RopeLine:
+    """One rope of the scene, from the winch to a payload or to a fixed point."""
+
+    name: str = text("its name")
+    rope: Rope = text("preset name, or the figures themselves")
+    length_m: float = quantity("line out at the start, unstretched", "m", 1.0, 2e4)
+    elements: int = quantity("number of elements at the start", "", 3, 20000)
+    damping: Damping = text("structural damping")
+    to: str = text("name of the payload at its lower end; empty if fixed", "")
+    fixed_at_m: tuple[float, float, float] | None = quantity(
+        "lower end held at x, y, z instead of a payload", "m", -2e4, 2e4, default=None
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Payload:
+    """What hangs on the rope. `shape` gives volume, added mass and drag; explicit keys win."""
+
+    name: str = text("its name")
+    mass_kg: float = quantity("mass in air", "kg", 0.0, 1e7)
+    shape: Any = text("a shape of rope_twin.scene.shapes", None)
+    displaced_volume_m3: float | None = quantity("volume", "m³", 0.0, 1e5, default=None)
+    added_mass_kg: tuple[float, float, float] | None = quantity(
+        "added mass along x, y, z", "kg", 0.0, 1e8, default=None
+    )
+    drag_area_m2: tuple[float, float, float] | None = quantity(
+        "drag coefficient times area along x, y, z", "m²", 0.0, 1e5, default=None
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScheduleRow:
+    """From `at_s` on the winch is commanded to `speed_m_per_s`."""
+
+    at_s: float = quantity("time since the start", "s", 0.0, 1e6)
+    speed_m_per_s: float = quantity("speed, + pays out", "m/s", -5.0, 5.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Winch:
+    """Limits of the winch and what it is told to do when nobody commands it."""
+
+    speed_limit_m_per_s: float = quantity("largest speed either way", "m/s", 0.0, 5.0)
+    acceleration_limit_m_per_s2: float = quantity("largest acceleration", "m/s²", 1e-3, 10.0)
+    least_line_out_m: float = quantity("never hauls in beyond this", "m", 1.0, 2e4)
+    most_line_out_m: float = quantity("rope there is", "m", 1.0, 2e4)
+    schedule: tuple[ScheduleRow, ...] = text("speed over time", ())
+    schedule_repeats_every_s: float | None = quantity(
+        "the schedule starts again after this", "s", 1.0, 1e6, default=None
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ship:
+    """Where the rope leaves the ship, and how its motion is faded in at the start."""
+
+    hang_off_m: tuple[float, float, float] = quantity(
+        "hang-off at rest: x, y, z", "m", -1e4, 1e4, default=(0.0, 0.0, 0.0)
+    )
+    motion_ramp_s: float = quantity(
+        "the start from rest: motion fades in over this time", "s", 0.0, 600.0, default=8.0
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeaState:
+    """What moves the ship when no topic does. `bag` is a name in bags/ or a path; '' is still."""
+
+    bag: str = text("recorded heave to replay", "")
+    start_s: float = quantity("offset into the bag", "s", 0.0, 1e6, default=0.0)
+    loop: bool = text("start again at the end", True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Environment:
+    """Water and gravity."""
+
+    water_density_kg_per_m3: float = quantity("density of the water", "kg/m³", 0.0, 1500.0,
+                                              default=1025.0)  # fmt: skip
+    gravity_m_per_s2: float = quantity("gravity", "m/s²", 0.0, 30.0, default=9.80665)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Time:
+    """The step and how exactly it is solved."""
+
+    step_s: float = quantity("time step", "s", 1e-5, 0.2)
+    newton_tolerance_n: float | None = quantity(
+        "largest tension mismatch of an accepted stage; default 0.3 % of the static top tension, "
+        "1 to 500 N", "N", 1e-6, 1e4, default=None,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """A whole scene as written, before anything is built from it."""
+
+    name: str
+    path: Path
+    digest: str  # SHA-256 of the file's text
+    about: str = text("one line: what this is")
+    source: str = text("where the figures come from", "")
+    look_at: str = text("what to look at", "")
+    ropes: tuple[RopeLine, ...] = text("the ropes")
+    payloads: tuple[Payload, ...] = text("the payloads", ())
+    winch: Winch | None = text("the winch; absent: the line out never changes", None)
+    ship: Ship = text("the ship", Ship())
+    sea_state: SeaState = text("the recorded sea", SeaState())
+    environment: Environment = text("water and gravity", Environment())
+    effects: tuple[Any, ...] = text("parameter objects of rope_twin.effects, in EFFECTS order", ())
+    time: Time = text("step and tolerance")

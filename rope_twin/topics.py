@@ -1,0 +1,68 @@
+"""The topic table: every topic that the suite publishes or listens to, in one place.
+
+The README shows the same table and a test holds them equal. All names are relative, so a
+namespace moves the whole suite; all types are standard ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Qos(Enum):
+    """The rows of quality of service that the suite uses."""
+
+    STREAM = "stream"  # best effort, depth 1: only the newest matters
+    SENSOR = "sensor"  # best effort, depth 50: every sample counts, none is asked for again
+    COMMAND = "command"  # reliable, depth 10
+    LATCHED = "latched"  # reliable, transient local, depth 1: late joiners get it too
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One row of the table."""
+
+    name: str
+    type_name: str
+    qos: Qos
+    rate_hz: float  # nominal; 0: on change
+    publisher: str  # node that publishes it in the suite
+    about: str
+
+
+TOPICS: tuple[Topic, ...] = (
+    # what the twin listens to
+    Topic("ship/heave", "nav_msgs/msg/Odometry", Qos.SENSOR, 20.0, "sea_state",
+          "heave of the hang-off: pose.position.z [m, up], twist.linear.z [m/s]"),
+    Topic("winch/speed_command", "sensor_msgs/msg/JointState", Qos.COMMAND, 10.0,
+          "winch_schedule", "velocity[0] [m/s], + pays out; stamp 0 means at once"),
+    Topic("current", "std_msgs/msg/Float64MultiArray", Qos.COMMAND, 0.0, "",
+          "current profile, rows of z [m], east, north [m/s], from the surface down"),
+    # what the sea is doing (for the eye, not used by the rope)
+    Topic("sea/elevation", "geometry_msgs/msg/PointStamped", Qos.STREAM, 20.0, "sea_state",
+          "water surface at the ship: point.z [m]"),
+    # what the twin says
+    Topic("tension_top", "std_msgs/msg/Float64", Qos.STREAM, 50.0, "simulation",
+          "magnitude of the rope's pull on the hang-off [N]"),
+    Topic("tension_payload", "std_msgs/msg/Float64", Qos.STREAM, 50.0, "simulation",
+          "tension at the payload [N]"),
+    Topic("hang_off/wrench", "geometry_msgs/msg/WrenchStamped", Qos.STREAM, 50.0, "simulation",
+          "the rope's pull on the hang-off [N], frame sea"),
+    Topic("tension", "std_msgs/msg/Float64MultiArray", Qos.STREAM, 25.0, "simulation",
+          "tension of each element [N], from the hang-off down"),
+    Topic("payload/odometry", "nav_msgs/msg/Odometry", Qos.STREAM, 50.0, "simulation",
+          "payload position [m] and velocity [m/s], frame sea"),
+    Topic("winch/state", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
+          "position line out [m], velocity [m/s, + pays out], effort tension [N]"),
+    Topic("rope/nodes", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 25.0, "simulation",
+          "x, y, z [m] and tension [N] of each node, from the hang-off down"),
+    Topic("rope/markers", "visualization_msgs/msg/MarkerArray", Qos.STREAM, 25.0, "simulation",
+          "rope coloured by tension, payload, hang-off"),
+    Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", Qos.COMMAND, 1.0, "simulation",
+          "pacing, solver, inputs: OK, WARN, ERROR with the reason"),
+    Topic("twin/epoch", "builtin_interfaces/msg/Time", Qos.LATCHED, 0.0, "simulation",
+          "ROS time of the twin's t = 0; replayed inputs are stamped from it"),
+)  # fmt: skip
+
+BY_NAME: dict[str, Topic] = {topic.name: topic for topic in TOPICS}

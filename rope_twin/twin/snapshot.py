@@ -1,0 +1,83 @@
+"""What leaves the twin: a frozen copy of one instant, in SI, the unit in every name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class SolverHealth:
+    """What the step had to do since the twin started."""
+
+    steps: int = 0
+    solves: int = 0
+    solves_max_per_stage: int = 0
+    substeps: int = 0
+    substeps_max_per_step: int = 0
+    rejected_substeps: int = 0
+    unconverged_substeps: int = 0
+    splits: int = 0
+    merges: int = 0
+    computing_s: float = 0.0
+
+
+@dataclass(frozen=True)
+class InputHealth:
+    """What became of the samples of one input (heave, winch command or current)."""
+
+    accepted: int = 0
+    late: int = 0
+    repeated: int = 0
+    non_finite: int = 0
+    impossible: int = 0
+    age_s: float = float("inf")  # since the newest accepted sample; inf: none yet
+    stale: bool = False
+    note: str = ""  # one sentence on the newest refusal or on what is done about a gap
+
+    @property
+    def refused(self) -> int:
+        """Samples that did not reach the state."""
+        return self.late + self.repeated + self.non_finite + self.impossible
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """One instant of the twin. Rows run from the hang-off (row 0) down to the payload.
+
+    Frame `sea` (east, north, up; z = 0 at mean water level).
+    """
+
+    stamp_ns: int  # time since the twin's start [ns]
+    step: int
+    node_position_m: Vector  # (nodes, 3)
+    node_velocity_m_per_s: Vector  # (nodes, 3)
+    node_tension_n: Vector  # (nodes,) mean of the neighbouring elements; ends as measured there
+    element_tension_n: Vector  # (nodes - 1,)
+    arc_length_m: Vector  # (nodes,) unstretched, 0 at the hang-off
+    tension_top_n: float  # magnitude of the rope's pull on the hang-off
+    tension_top_min_n: float  # over the steps since the previous snapshot
+    tension_top_max_n: float
+    hang_off_force_n: Vector  # (3,) the rope's pull on the hang-off
+    tension_payload_n: float
+    hang_off_position_m: Vector  # (3,)
+    hang_off_velocity_m_per_s: Vector  # (3,)
+    heave_m: float  # hang-off above its rest position
+    payload_position_m: Vector  # (3,)
+    payload_velocity_m_per_s: Vector  # (3,)
+    line_out_m: float  # unstretched rope below the hang-off
+    payout_speed_m_per_s: float  # + paying out
+    motion_ramp: float  # start-up fade-in of the ship's motion, 0 to 1
+    winch_at_limit: str = ""  # one sentence if a limit of the winch holds it back
+    doubtful: bool = False  # a step since the previous snapshot did not converge
+    solver: SolverHealth = field(default_factory=SolverHealth)
+    inputs: dict[str, InputHealth] = field(default_factory=dict)  # heave, winch_command, current
+
+    @property
+    def time_s(self) -> float:
+        """Time since the twin's start [s]."""
+        return self.stamp_ns * 1e-9

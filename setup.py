@@ -1,0 +1,77 @@
+"""Packaging for both worlds: pip (wheels from the Python index) and colcon (ament_python)."""
+
+import os
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = "rope_twin"
+HERE = Path(__file__).resolve().parent
+
+REQUIRES = [
+    "numpy>=2.0",
+    "numba>=0.61",
+    "pyyaml>=6.0",
+    "mcap>=1.2",
+    "zstandard>=0.22",
+    "rosbags>=0.11,<0.12",
+]
+# Under a sourced ROS installation rclpy is the system's; elsewhere it comes as wheels.
+ROS_WHEELS = ["ros-rclpy[fastrtps]==9.1.2", "ros-common-interfaces==5.5.1"]
+if "AMENT_PREFIX_PATH" not in os.environ:
+    REQUIRES += ROS_WHEELS
+
+VIZ = ["rerun-sdk==0.41.0", "pillow>=10"]
+TEST = [
+    "pytest>=8",
+    "hypothesis>=6.100",
+    "scipy>=1.11",
+    "psutil>=5.9",
+    "cyclonedds==11.0.1",
+    "ruff==0.15.*",
+    "mypy>=1.10",
+    "types-PyYAML",
+    *VIZ,
+]
+
+
+def shared(folder: str) -> list[tuple[str, list[str]]]:
+    """The data files below a folder, as pairs of install directory and files."""
+    pairs = {}
+    for path in sorted((HERE / folder).rglob("*")):
+        if path.is_file() and "__pycache__" not in path.parts:
+            relative = path.relative_to(HERE)
+            pairs.setdefault(f"share/{NAME}/{relative.parent}", []).append(str(relative))
+    return list(pairs.items())
+
+
+setup(
+    name=NAME,
+    version="0.1.0",
+    description="A real-time digital twin of the lifting rope, as a ROS 2 node suite",
+    long_description=(HERE / "README.md").read_text(encoding="utf-8"),
+    long_description_content_type="text/markdown",
+    license="BSD-3-Clause",
+    python_requires=">=3.11",
+    packages=find_packages(include=[NAME, f"{NAME}.*"]),
+    package_data={NAME: ["py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
+        (f"share/{NAME}", ["package.xml"]),
+        *shared("config"),
+        *shared("bags"),
+        *shared("launch"),
+    ],
+    install_requires=REQUIRES,
+    extras_require={"viz": VIZ, "test": TEST, "dev": [*TEST, "colcon-common-extensions", "build"]},
+    entry_points={
+        "console_scripts": [
+            "rope_twin = rope_twin.cli:main",
+            "simulation_node = rope_twin.ros.simulation_node:main",
+            "sea_state_node = rope_twin.ros.sea_state_node:main",
+            "winch_schedule_node = rope_twin.ros.winch_schedule_node:main",
+            "recorder_node = rope_twin.ros.recorder_node:main",
+            "viewer_node = rope_twin.ros.viewer_node:main",
+        ]
+    },
+)
