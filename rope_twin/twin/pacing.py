@@ -1,0 +1,247 @@
+"""The steady grid on which the twin is stepped: one worker thread, absolute slots, no leaps.
+
+A slot is one publish period: `steps_per_slot` steps in one call, then one snapshot. Slot k may
+begin at `origin + k·slot/speed` on the steady clock and is due one slot later. A step is late
+when its slot ends after that.
+
+The rule when behind: no step is ever skipped or stretched. Missed slots are made up back to back,
+but not faster than CATCH_UP times the grid, so that inputs that were held up by the same stall
+still come before they are needed. Every late step is counted, and `behind_s` says how far the
+twin is behind its grid at this moment, also while a step is taking too long.
+"""
+
+from __future__ import annotations
+
+import gc
+import logging
+import sys
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from rope_twin.errors import SolverError
+from rope_twin.twin.snapshot import Snapshot
+
+CATCH_UP = 4.0  # a twin that is behind runs at most this many times faster than its grid
+SLOT_S = 0.02  # the longest publish period of a scalar: 50 Hz
+
+_log = logging.getLogger(__name__)
+
+
+class Steppable(Protocol):
+    """What the pacer needs of a twin."""
+
+    @property
+    def step_ns(self) -> int:
+        """Length of a step [ns]."""
+
+    def advance(self, steps: int) -> None:
+        """Step on; raises SolverError and keeps the last good state."""
+
+    def snapshot(self) -> Snapshot:
+        """A frozen copy of the present."""
+
+
+class Clock(Protocol):
+    """Steady time and how to wait for it."""
+
+    def now_ns(self) -> int:
+        """Now [ns]; never goes back."""
+
+    def wait_until(self, time_ns: int, interrupt: threading.Event) -> None:
+        """Return at `time_ns`, at once if it has passed, or when `interrupt` is set."""
+
+
+class SteadyClock:
+    """The machine's monotonic clock."""
+
+    def now_ns(self) -> int:
+        """Now [ns] on CLOCK_MONOTONIC."""
+        return time.monotonic_ns()
+
+    def wait_until(self, time_ns: int, interrupt: threading.Event) -> None:
+        """Sleep to an absolute time; an early wake-up sleeps on."""
+        while (left_ns := time_ns - time.monotonic_ns()) > 0:
+            if interrupt.wait(left_ns * 1e-9):
+                return
+
+
+@dataclass(frozen=True)
+class PacingHealth:
+    """How well the twin keeps to its grid, since it was made (pauses do not count)."""
+
+    running: bool = False
+    speed: float = 1.0  # twin time over steady time that the grid asks for
+    steps: int = 0
+    late_steps: int = 0
+    worst_lateness_s: float = 0.0  # of the end of a slot
+    behind_s: float = 0.0  # how long the slot at hand is overdue right now
+    computing_s: float = 0.0  # time spent in `advance`
+    real_time_factor: float = 0.0  # simulated time over computing_s; 0 before the first slot
+    lost_snapshots: int = 0  # computed but never taken, because the publisher was too slow
+    error: str = ""  # the sentence with which the solver stopped; empty while all is well
+
+
+class Handover:
+    """Snapshots from the worker to the publisher: the newest win, the worker never waits."""
+
+    def __init__(self, depth: int = 10) -> None:
+        self._waiting: deque[Snapshot] = deque()
+        self._depth = depth
+        self._arrived = threading.Condition()
+        self._lost = 0
+
+    @property
+    def lost(self) -> int:
+        """Snapshots that were thrown out because newer ones came first."""
+        return self._lost
+
+    def put(self, snapshot: Snapshot) -> None:
+        """Leave a snapshot; the oldest goes if the publisher is `depth` behind."""
+        with self._arrived:
+            if len(self._waiting) >= self._depth:
+                self._waiting.popleft()
+                self._lost += 1
+            self._waiting.append(snapshot)
+            self._arrived.notify()
+
+    def take(self, timeout_s: float) -> Snapshot | None:
+        """The oldest waiting snapshot, or None when none came within the time."""
+        with self._arrived:
+            if not self._waiting:
+                self._arrived.wait(timeout_s)
+            return self._waiting.popleft() if self._waiting else None
+
+
+class Pacer:
+    """Owns the worker thread; only this thread touches the twin's state while it runs."""
+
+    def __init__(
+        self,
+        twin: Steppable,
+        handover: Handover,
+        steps_per_slot: int,
+        speed: float = 1.0,
+        clock: Clock | None = None,
+    ) -> None:
+        self._twin = twin
+        self._handover = handover
+        self._steps = steps_per_slot
+        self._slot_ns = steps_per_slot * twin.step_ns
+        self._clock = clock or SteadyClock()
+        self._halt = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._due_ns = 0
+        self._health = PacingHealth(speed=speed)
+        self.last: Snapshot | None = None
+
+    @property
+    def slot_ns(self) -> int:
+        """Twin time of a slot [ns]."""
+        return self._slot_ns
+
+    @property
+    def period_ns(self) -> float:
+        """Steady time of a slot [ns]."""
+        return self._slot_ns / self._health.speed
+
+    def start(self, origin_ns: int) -> None:
+        """Begin (or go on after `stop`) with a grid whose first slot begins at `origin_ns`.
+
+        Raises:
+            RuntimeError: if it is running already.
+        """
+        if self._thread is not None:
+            raise RuntimeError("the pacer is running already")
+        self._halt.clear()
+        self._due_ns = origin_ns + round(self.period_ns)
+        self._health = replace(self._health, running=True, error="")
+        self._thread = threading.Thread(
+            target=self._run, args=(origin_ns,), name="twin-steps", daemon=True
+        )
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End after the slot at hand; `start` goes on from there. Harmless when not running."""
+        self._halt.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+
+    def health(self) -> PacingHealth:
+        """The present figures; may be called from any thread."""
+        health = self._health
+        overdue_ns = self._clock.now_ns() - self._due_ns if health.running else 0
+        return replace(
+            health, behind_s=max(0, overdue_ns) * 1e-9, lost_snapshots=self._handover.lost
+        )
+
+    def _run(self, origin_ns: int) -> None:
+        slot = 0
+        earliest_ns = origin_ns
+        while not self._halt.is_set():
+            begin_ns = max(origin_ns + round(slot * self.period_ns), earliest_ns)
+            self._clock.wait_until(begin_ns, self._halt)
+            if self._halt.is_set():
+                break
+            began_ns = self._clock.now_ns()
+            if not self._advance():
+                break
+            slot += 1
+            self._judge(origin_ns + round(slot * self.period_ns))
+            self._due_ns = origin_ns + round((slot + 1) * self.period_ns)
+            earliest_ns = began_ns + round(self.period_ns / CATCH_UP)
+        self._health = replace(self._health, running=False)
+
+    def _advance(self) -> bool:
+        """One slot; False (with the sentence kept) if the twin cannot go on."""
+        began_ns = self._clock.now_ns()
+        try:
+            self._twin.advance(self._steps)
+            computed_ns = self._clock.now_ns() - began_ns
+            self.last = self._twin.snapshot()
+        except SolverError as error:
+            self._health = replace(self._health, error=str(error))
+            return False
+        except Exception as error:
+            # A defect of the twin must show in the diagnostics, not end in a silent dead thread.
+            _log.exception("the twin stopped")
+            self._health = replace(
+                self._health, error=f"the twin stopped on {type(error).__name__}: {error}"
+            )
+            return False
+        steps = self._health.steps + self._steps
+        computing_s = self._health.computing_s + computed_ns * 1e-9
+        factor = steps * self._twin.step_ns * 1e-9 / computing_s if computing_s > 0.0 else 0.0
+        self._health = replace(
+            self._health, steps=steps, computing_s=computing_s, real_time_factor=factor
+        )
+        self._handover.put(self.last)
+        return True
+
+    def _judge(self, due_ns: int) -> None:
+        """Count the slot's steps as late if it ended after it was due."""
+        late_s = (self._clock.now_ns() - due_ns) * 1e-9
+        if late_s > 0.0:
+            self._health = replace(
+                self._health,
+                late_steps=self._health.late_steps + self._steps,
+                worst_lateness_s=max(self._health.worst_lateness_s, late_s),
+            )
+
+
+def steps_in_slot(step_s: float, slot_s: float = SLOT_S) -> int:
+    """The most whole steps that fit into a publish period; 1 if a step is longer than that."""
+    return max(1, int(slot_s / step_s + 1e-9))
+
+
+def keep_pauses_short() -> None:
+    """Make this interpreter fit for slots: quick hand-over of the GIL, short garbage collections.
+
+    To be called once everything long-lived is built: what exists by then is never scanned again.
+    """
+    sys.setswitchinterval(5e-4)
+    gc.collect()
+    gc.freeze()
