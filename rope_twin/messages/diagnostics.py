@@ -1,0 +1,183 @@
+"""What operators read: OK, WARN or ERROR in plain words (REP 107), and its CDR bytes.
+
+The words report; they never stop anything.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+from rope_twin.messages import forms
+from rope_twin.messages.cdr import new, serialise
+from rope_twin.twin.pacing import PacingHealth
+from rope_twin.twin.snapshot import InputHealth, Snapshot
+
+HARDWARE_ID = "rope_twin"
+BEHIND_S = 0.5  # further behind than this, what is published is no longer the present
+
+
+class Level(IntEnum):
+    """diagnostic_msgs/DiagnosticStatus levels."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+
+
+@dataclass(frozen=True)
+class Status:
+    """One row of the diagnostics: a name, how bad, one sentence, and the numbers behind it."""
+
+    name: str
+    level: Level
+    message: str
+    values: dict[str, str] = field(default_factory=dict)
+
+
+def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
+    """The state of solver, pacing (None: not paced), winch, start-up and every input."""
+    rows = [_solver(snapshot), _winch(snapshot), _start_up(snapshot)]
+    if pacing is not None:
+        rows.append(_pacing(pacing))
+    rows += [_input(name, health) for name, health in snapshot.inputs.items()]
+    return rows
+
+
+def encode_diagnostics(stamp_ns: int, rows: Sequence[Status]) -> bytes:
+    """diagnostics: one DiagnosticStatus a row."""
+    header = forms.header("")
+    header.stamp = forms.time(stamp_ns)
+    status = [
+        new(
+            "diagnostic_msgs/msg/DiagnosticStatus",
+            level=int(row.level),
+            name=row.name,
+            message=row.message,
+            hardware_id=HARDWARE_ID,
+            values=[
+                new("diagnostic_msgs/msg/KeyValue", key=key, value=value)
+                for key, value in row.values.items()
+            ],
+        )
+        for row in rows
+    ]
+    return serialise(new("diagnostic_msgs/msg/DiagnosticArray", header=header, status=status))
+
+
+def _solver(snapshot: Snapshot) -> Status:
+    health = snapshot.solver
+    values = {
+        "steps": str(health.steps),
+        "solves per step": f"{health.solves / health.steps:.2f}" if health.steps else "0",
+        "most solves in a stage": str(health.solves_max_per_stage),
+        "extra substeps": str(health.substeps),
+        "most substeps in a step": str(health.substeps_max_per_step),
+        "rejected substeps": str(health.rejected_substeps),
+        "unconverged substeps": str(health.unconverged_substeps),
+        "computing time [s]": f"{health.computing_s:.3f}",
+    }
+    if snapshot.doubtful:
+        return Status(
+            "simulation: solver",
+            Level.ERROR,
+            "the newest step did not converge: tension and positions are doubtful",
+            values,
+        )
+    if health.unconverged_substeps:
+        return Status(
+            "simulation: solver",
+            Level.WARN,
+            f"converged now, but {_count(health.unconverged_substeps, 'substep')} since the start "
+            "did not",
+            values,
+        )
+    return Status("simulation: solver", Level.OK, "every step converged", values)
+
+
+def _winch(snapshot: Snapshot) -> Status:
+    values = {
+        "line out [m]": f"{snapshot.line_out_m:.2f}",
+        "speed [m/s, + pays out]": f"{snapshot.payout_speed_m_per_s:.3f}",
+        "tension [kN]": f"{snapshot.tension_top_n / 1000.0:.1f}",
+    }
+    if snapshot.winch_at_limit:
+        return Status("simulation: winch", Level.WARN, snapshot.winch_at_limit, values)
+    speed = snapshot.payout_speed_m_per_s
+    doing = "stands" if speed == 0.0 else "pays out" if speed > 0.0 else "hauls in"
+    return Status("simulation: winch", Level.OK, f"{doing}, inside its limits", values)
+
+
+def _start_up(snapshot: Snapshot) -> Status:
+    share = snapshot.motion_ramp
+    values = {"share of ship motion": f"{share:.3f}"}
+    if share < 1.0:
+        return Status(
+            "simulation: start-up",
+            Level.WARN,
+            f"the ship's motion is still being faded in ({share:.0%}): tension is not yet the "
+            "sea's",
+            values,
+        )
+    return Status("simulation: start-up", Level.OK, "the ship's full motion is felt", values)
+
+
+def _pacing(pacing: PacingHealth) -> Status:
+    values = {
+        "late steps": str(pacing.late_steps),
+        "worst lateness [ms]": f"{pacing.worst_lateness_s * 1000.0:.2f}",
+        "behind now [ms]": f"{pacing.behind_s * 1000.0:.2f}",
+        "real-time factor": f"{pacing.real_time_factor:.1f}",
+        "lost snapshots": str(pacing.lost_snapshots),
+    }
+    late = (
+        f"{_count(pacing.late_steps, 'step')} ended late since the start, the worst by "
+        f"{pacing.worst_lateness_s * 1000.0:.1f} ms"
+    )
+    if pacing.error:
+        level, message = Level.ERROR, f"stopped: {pacing.error}"
+    elif pacing.behind_s > BEHIND_S:
+        level, message = Level.ERROR, f"{pacing.behind_s:.2f} s behind its grid; {late}"
+    elif pacing.late_steps:
+        level, message = Level.WARN, late
+    elif not pacing.running:
+        level, message = Level.OK, "paused"
+    else:
+        level, message = Level.OK, "every step ended in time"
+    return Status("simulation: pacing", level, message, values)
+
+
+def _input(name: str, health: InputHealth) -> Status:
+    words = name.replace("_", " ")
+    age = "never" if math.isinf(health.age_s) else f"{health.age_s:.3f}"
+    values = {
+        "accepted": str(health.accepted),
+        "age of the newest [s]": age,
+        "refused": str(health.refused),
+        "late": str(health.late),
+        "repeated": str(health.repeated),
+        "not finite": str(health.non_finite),
+        "impossible": str(health.impossible),
+        "newest note": health.note,
+    }
+    title = f"simulation: input {words}"
+    if health.stale:
+        message = health.note or f"no {words} for {age} s: going on with what is known"
+        return Status(title, Level.ERROR, f"stale: {message}", values)
+    if health.refused:
+        return Status(
+            title,
+            Level.WARN,
+            f"{_count(health.refused, 'sample')} refused since the start; the newest: "
+            f"{health.note or 'no reason given'}",
+            values,
+        )
+    if not health.accepted:
+        return Status(title, Level.OK, "nothing received yet", values)
+    return Status(title, Level.OK, f"fresh, {_count(health.accepted, 'sample')} taken", values)
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

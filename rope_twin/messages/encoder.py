@@ -1,0 +1,159 @@
+"""Snapshot -> CDR bytes of every topic that the simulation publishes from a snapshot.
+
+The same bytes are published and recorded.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.messages import forms
+from rope_twin.messages.cdr import Template
+from rope_twin.messages.colours import scale_above, tension_colours
+from rope_twin.twin.snapshot import Snapshot
+
+# Marker sizes: a 40 mm rope on 3,000 m cannot be seen, so symbols grow with the line out.
+_LINE_WIDTH, _SYMBOL_SIZE, _TEXT_HEIGHT = 1 / 1000, 1 / 100, 1 / 100
+_LEAST_LINE_M = 100.0
+
+
+class Encoder:
+    """Holds the templates; one per publishing thread."""
+
+    def __init__(self, epoch_ns: int, frame_id: str = "sea") -> None:
+        self._epoch_ns = epoch_ns
+        self._frame_id = frame_id
+        self._number = Template(forms.number())
+        self._wrench = Template(forms.wrench(frame_id))
+        self._odometry = Template(forms.odometry(frame_id, "payload"))
+        self._winch = Template(forms.joint("winch", 1, 1, 1))
+        self._sized: dict[str, tuple[object, Template]] = {}
+        self._scale_n = 0.0
+        self._encoders: dict[str, Callable[[Snapshot], bytes]] = {
+            "tension_top": self._tension_top,
+            "tension_payload": self._tension_payload,
+            "hang_off/wrench": self._hang_off_wrench,
+            "tension": self._tension,
+            "payload/odometry": self._payload_odometry,
+            "winch/state": self._winch_state,
+            "rope/nodes": self._rope_nodes,
+            "rope/markers": self._rope_markers,
+        }
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """The topics that `encode` knows."""
+        return tuple(self._encoders)
+
+    def encode(self, topic_name: str, snapshot: Snapshot) -> bytes:
+        """The message of a topic at the snapshot's instant, stamped epoch + stamp_ns.
+
+        Raises:
+            InputError: if the topic is not made from a snapshot.
+        """
+        encoder = self._encoders.get(topic_name)
+        if encoder is None:
+            raise InputError(
+                phrase(
+                    "encode",
+                    f"topic '{topic_name}' is not made from a snapshot",
+                    did_you_mean(topic_name, self._encoders),
+                )
+            )
+        return encoder(snapshot)
+
+    def _stamp(self, snapshot: Snapshot, path: str = "header.stamp") -> dict[str, int]:
+        sec, nanosec = forms.split(self._epoch_ns + snapshot.stamp_ns)
+        return {f"{path}.sec": sec, f"{path}.nanosec": nanosec}
+
+    def _template(self, topic: str, key: object, build: Callable[[], Any]) -> Template:
+        """The template of a topic whose size changes; a new one when `key` does."""
+        known = self._sized.get(topic)
+        if known is None or known[0] != key:
+            known = (key, Template(build()))
+            self._sized[topic] = known
+        return known[1]
+
+    def _tension_top(self, snapshot: Snapshot) -> bytes:
+        return self._number.fill({"data": snapshot.tension_top_n})
+
+    def _tension_payload(self, snapshot: Snapshot) -> bytes:
+        return self._number.fill({"data": snapshot.tension_payload_n})
+
+    def _hang_off_wrench(self, snapshot: Snapshot) -> bytes:
+        return self._wrench.fill(
+            {**self._stamp(snapshot), "wrench.force": snapshot.hang_off_force_n}
+        )
+
+    def _payload_odometry(self, snapshot: Snapshot) -> bytes:
+        return self._odometry.fill(
+            {
+                **self._stamp(snapshot),
+                "pose.pose.position": snapshot.payload_position_m,
+                "twist.twist.linear": snapshot.payload_velocity_m_per_s,
+            }
+        )
+
+    def _winch_state(self, snapshot: Snapshot) -> bytes:
+        return self._winch.fill(
+            {
+                **self._stamp(snapshot),
+                "position": [snapshot.line_out_m],
+                "velocity": [snapshot.payout_speed_m_per_s],
+                "effort": [snapshot.tension_top_n],
+            }
+        )
+
+    def _tension(self, snapshot: Snapshot) -> bytes:
+        count = len(snapshot.element_tension_n)
+        template = self._template("tension", count, lambda: forms.row_of_numbers("element", count))
+        return template.fill({"data": snapshot.element_tension_n})
+
+    def _rope_nodes(self, snapshot: Snapshot) -> bytes:
+        count = len(snapshot.node_position_m)
+        template = self._template(
+            "rope/nodes", count, lambda: forms.point_cloud(self._frame_id, count)
+        )
+        points = np.empty((count, 4), dtype="<f4")
+        points[:, :3] = snapshot.node_position_m
+        points[:, 3] = snapshot.node_tension_n
+        return template.fill({**self._stamp(snapshot), "data": points.view(np.uint8).ravel()})
+
+    def _rope_markers(self, snapshot: Snapshot) -> bytes:
+        tension = snapshot.element_tension_n
+        peak_n = float(tension.max())
+        if peak_n > self._scale_n:
+            self._scale_n = scale_above(peak_n)
+        count, scale_n = len(tension), self._scale_n
+        template = self._template(
+            "rope/markers",
+            (count, scale_n),
+            lambda: forms.rope_markers(self._frame_id, count, scale_words(scale_n)),
+        )
+        ends = np.repeat(snapshot.node_position_m, 2, axis=0)[1:-1]  # 0 1, 1 2, 2 3, ...
+        colours = np.repeat(tension_colours(tension, scale_n), 2, axis=0)
+        line_m = max(snapshot.line_out_m, _LEAST_LINE_M)
+        above = snapshot.hang_off_position_m + np.array([0.0, 0.0, 2.0 * _SYMBOL_SIZE * line_m])
+        values: dict[str, Any] = {
+            "markers.0.points": ends,
+            "markers.0.colors": colours,
+            "markers.0.scale": (_LINE_WIDTH * line_m, 0.0, 0.0),
+            "markers.1.pose.position": snapshot.payload_position_m,
+            "markers.1.scale": (_SYMBOL_SIZE * line_m,) * 3,
+            "markers.2.pose.position": snapshot.hang_off_position_m,
+            "markers.2.scale": (_SYMBOL_SIZE * line_m,) * 3,
+            "markers.3.pose.position": above,
+            "markers.3.scale": (0.0, 0.0, _TEXT_HEIGHT * line_m),
+        }
+        for index in range(4):
+            values |= self._stamp(snapshot, f"markers.{index}.header.stamp")
+        return template.fill(values)
+
+
+def scale_words(scale_n: float) -> str:
+    """What the colours of the rope mean, for a text beside it."""
+    return f"violet 0 kN, yellow {scale_n / 1000.0:g} kN, red slack"

@@ -1,0 +1,161 @@
+"""The messages as objects, numbers still zero: what every fixed field of a topic says.
+
+Frame `sea` (REP 103: east, north, up). Covariances stay zero, which by the convention of ROS means
+unknown, not exact. Orientations are the identity: nothing here models rotation, so the axes of
+`hang_off` and `payload` are those of `sea` and twists need no turning.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rope_twin.messages.cdr import new
+
+NANOSECONDS = 1_000_000_000
+POINT_BYTES = 16  # x, y, z, tension as float32
+MARKER_LIFETIME_S = 1  # a rope that is no longer told about disappears
+_FLOAT32 = 7  # sensor_msgs/PointField.FLOAT32
+_CUBE, _SPHERE, _LINE_LIST, _TEXT = 1, 2, 5, 9  # visualization_msgs/Marker.type
+PAYLOAD_RGB = (0.95, 0.60, 0.20)
+HANG_OFF_RGB = (0.90, 0.90, 0.90)
+
+
+def split(time_ns: int) -> tuple[int, int]:
+    """Seconds and nanoseconds of a ROS time."""
+    return divmod(time_ns, NANOSECONDS)
+
+
+def time(time_ns: int = 0) -> Any:
+    sec, nanosec = split(time_ns)
+    return new("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
+
+
+def header(frame_id: str) -> Any:
+    return new("std_msgs/msg/Header", stamp=time(), frame_id=frame_id)
+
+
+def point() -> Any:
+    return new("geometry_msgs/msg/Point", x=0.0, y=0.0, z=0.0)
+
+
+def vector() -> Any:
+    return new("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
+
+
+def colour(rgb: tuple[float, float, float] = (0.0, 0.0, 0.0), alpha: float = 1.0) -> Any:
+    red, green, blue = rgb
+    return new("std_msgs/msg/ColorRGBA", r=red, g=green, b=blue, a=alpha)
+
+
+def pose() -> Any:
+    """At the origin, turned by nothing (w = 1)."""
+    turn = new("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
+    return new("geometry_msgs/msg/Pose", position=point(), orientation=turn)
+
+
+def number() -> Any:
+    return new("std_msgs/msg/Float64", data=0.0)
+
+
+def point_stamped(frame_id: str) -> Any:
+    return new("geometry_msgs/msg/PointStamped", header=header(frame_id), point=point())
+
+
+def wrench(frame_id: str) -> Any:
+    forces = new("geometry_msgs/msg/Wrench", force=vector(), torque=vector())
+    return new("geometry_msgs/msg/WrenchStamped", header=header(frame_id), wrench=forces)
+
+
+def odometry(frame_id: str, child_frame_id: str) -> Any:
+    twist = new("geometry_msgs/msg/Twist", linear=vector(), angular=vector())
+    return new(
+        "nav_msgs/msg/Odometry",
+        header=header(frame_id),
+        child_frame_id=child_frame_id,
+        pose=new("geometry_msgs/msg/PoseWithCovariance", pose=pose(), covariance=np.zeros(36)),
+        twist=new("geometry_msgs/msg/TwistWithCovariance", twist=twist, covariance=np.zeros(36)),
+    )
+
+
+def joint(name: str, position: int, velocity: int, effort: int) -> Any:
+    """A joint with room for so many positions, velocities and efforts (each 0 or 1)."""
+    return new(
+        "sensor_msgs/msg/JointState",
+        header=header(""),
+        name=[name],
+        position=np.zeros(position),
+        velocity=np.zeros(velocity),
+        effort=np.zeros(effort),
+    )
+
+
+def row_of_numbers(label: str, count: int) -> Any:
+    dimension = new("std_msgs/msg/MultiArrayDimension", label=label, size=count, stride=count)
+    layout = new("std_msgs/msg/MultiArrayLayout", dim=[dimension], data_offset=0)
+    return new("std_msgs/msg/Float64MultiArray", layout=layout, data=np.zeros(count))
+
+
+def point_cloud(frame_id: str, count: int) -> Any:
+    fields = [
+        new("sensor_msgs/msg/PointField", name=name, offset=4 * k, datatype=_FLOAT32, count=1)
+        for k, name in enumerate(("x", "y", "z", "tension"))
+    ]
+    return new(
+        "sensor_msgs/msg/PointCloud2",
+        header=header(frame_id),
+        height=1,
+        width=count,
+        fields=fields,
+        is_bigendian=False,
+        point_step=POINT_BYTES,
+        row_step=POINT_BYTES * count,
+        data=np.zeros(POINT_BYTES * count, dtype=np.uint8),
+        is_dense=True,
+    )
+
+
+def rope_markers(frame_id: str, elements: int, scale_text: str) -> Any:
+    """The rope (a segment an element, coloured at both ends alike), payload, hang-off, scale."""
+    rope = _marker(frame_id, "rope", _LINE_LIST, colour())
+    rope.points = [point() for _ in range(2 * elements)]
+    rope.colors = [colour() for _ in range(2 * elements)]
+    text = _marker(frame_id, "tension_scale", _TEXT, colour(HANG_OFF_RGB))
+    text.text = scale_text
+    markers = [
+        rope,
+        _marker(frame_id, "payload", _CUBE, colour(PAYLOAD_RGB)),
+        _marker(frame_id, "hang_off", _SPHERE, colour(HANG_OFF_RGB)),
+        text,
+    ]
+    return new("visualization_msgs/msg/MarkerArray", markers=markers)
+
+
+def _marker(frame_id: str, namespace: str, kind: int, rgba: Any) -> Any:
+    lifetime = new("builtin_interfaces/msg/Duration", sec=MARKER_LIFETIME_S, nanosec=0)
+    no_texture = new("sensor_msgs/msg/CompressedImage", header=header(""), format="",
+                     data=np.zeros(0, dtype=np.uint8))  # fmt: skip
+    no_mesh = new("visualization_msgs/msg/MeshFile", filename="", data=np.zeros(0, dtype=np.uint8))
+    return new(
+        "visualization_msgs/msg/Marker",
+        header=header(frame_id),
+        ns=namespace,
+        id=0,
+        type=kind,
+        action=0,
+        pose=pose(),
+        scale=vector(),
+        color=rgba,
+        lifetime=lifetime,
+        frame_locked=False,
+        points=[],
+        colors=[],
+        texture_resource="",
+        texture=no_texture,
+        uv_coordinates=[],
+        text="",
+        mesh_resource="",
+        mesh_file=no_mesh,
+        mesh_use_embedded_materials=False,
+    )

@@ -1,0 +1,54 @@
+"""CDR bytes of what the twin listens to, and of the small topics that no snapshot is needed for."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from rope_twin.messages import forms
+from rope_twin.messages.cdr import Template, serialise
+
+
+def encode_heave(stamp_ns: int, position_m: float, velocity_m_per_s: float) -> bytes:
+    """ship/heave: heave of the hang-off above its rest position and its rate, up positive."""
+    return _heave().fill(
+        {
+            **_stamp(stamp_ns),
+            "pose.pose.position": (0.0, 0.0, position_m),
+            "twist.twist.linear": (0.0, 0.0, velocity_m_per_s),
+        }
+    )
+
+
+def encode_elevation(stamp_ns: int, elevation_m: float) -> bytes:
+    """sea/elevation: the water surface at the ship above mean water level."""
+    return _elevation().fill({**_stamp(stamp_ns), "point": (0.0, 0.0, elevation_m)})
+
+
+def encode_speed(stamp_ns: int, speed_m_per_s: float) -> bytes:
+    """winch/speed_command: + pays out; a stamp of 0 means at once."""
+    return _speed().fill({**_stamp(stamp_ns), "velocity": (speed_m_per_s,)})
+
+
+def encode_epoch(epoch_ns: int) -> bytes:
+    """twin/epoch: ROS time of the twin's t = 0."""
+    return serialise(forms.time(epoch_ns))
+
+
+def _stamp(stamp_ns: int) -> dict[str, int]:
+    sec, nanosec = forms.split(stamp_ns)
+    return {"header.stamp.sec": sec, "header.stamp.nanosec": nanosec}
+
+
+@cache
+def _heave() -> Template:
+    return Template(forms.odometry("sea", "hang_off"))
+
+
+@cache
+def _elevation() -> Template:
+    return Template(forms.point_stamped("sea"))
+
+
+@cache
+def _speed() -> Template:
+    return Template(forms.joint("winch", 0, 1, 0))

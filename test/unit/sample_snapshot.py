@@ -1,0 +1,46 @@
+"""Snapshots with every field set, for tests of what is made from a snapshot."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rope_twin.twin.snapshot import InputHealth, Snapshot, SolverHealth
+
+
+def hanging_rope(
+    nodes: int = 11, length_m: float = 3000.0, time_s: float = 2.5, heave_m: float = 0.4
+) -> Snapshot:
+    """A rope of steel wire that hangs straight with 20 t on it and swings a little east."""
+    arc = np.linspace(0.0, length_m, nodes)
+    position = np.zeros((nodes, 3))
+    position[:, 0] = 40.0 * (arc / length_m) ** 2
+    position[:, 1] = -5.0 * arc / length_m
+    position[:, 2] = heave_m - arc
+    velocity = np.zeros((nodes, 3))
+    velocity[:, 2] = 0.3
+    element = 170e3 + 50.0 * (length_m - 0.5 * (arc[1:] + arc[:-1]))
+    node = np.concatenate([element[:1], 0.5 * (element[1:] + element[:-1]), element[-1:]])
+    return Snapshot(
+        stamp_ns=round(time_s * 1e9),
+        step=round(time_s * 100),
+        node_position_m=position,
+        node_velocity_m_per_s=velocity,
+        node_tension_n=node,
+        element_tension_n=element,
+        arc_length_m=arc,
+        tension_top_n=float(element[0]),
+        tension_top_min_n=float(element[0]) - 1e3,
+        tension_top_max_n=float(element[0]) + 1e3,
+        hang_off_force_n=np.array([10.0, -2.0, -float(element[0])]),
+        tension_payload_n=float(element[-1]),
+        hang_off_position_m=position[0].copy(),
+        hang_off_velocity_m_per_s=velocity[0].copy(),
+        heave_m=heave_m,
+        payload_position_m=position[-1].copy(),
+        payload_velocity_m_per_s=velocity[-1].copy(),
+        line_out_m=length_m,
+        payout_speed_m_per_s=0.5,
+        motion_ramp=1.0,
+        solver=SolverHealth(steps=250, solves=500),
+        inputs={"heave": InputHealth(accepted=50, age_s=0.02)},
+    )

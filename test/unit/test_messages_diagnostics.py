@@ -1,0 +1,101 @@
+"""What operators are told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from sample_snapshot import hanging_rope
+
+from rope_twin import messages
+from rope_twin.messages import Level, Status, statuses
+from rope_twin.twin.pacing import PacingHealth
+from rope_twin.twin.snapshot import InputHealth, Snapshot, SolverHealth
+
+GOOD = PacingHealth(running=True, steps=100, real_time_factor=420.0)
+
+
+def row(part: str, snapshot: Snapshot, pacing: PacingHealth | None = GOOD) -> Status:
+    (found,) = [r for r in statuses(snapshot, pacing) if r.name == f"simulation: {part}"]
+    return found
+
+
+def test_all_is_well_when_all_is_well() -> None:
+    rows = statuses(hanging_rope(), GOOD)
+    assert {r.level for r in rows} == {Level.OK}
+    assert len({r.name for r in rows}) == len(rows) == 5
+
+
+def test_a_doubtful_step_is_an_error_and_a_past_one_a_warning() -> None:
+    past = replace(hanging_rope(), solver=SolverHealth(steps=10, unconverged_substeps=1))
+    assert row("solver", past).level is Level.WARN
+    assert "1 substep since" in row("solver", past).message
+    now = row("solver", replace(past, doubtful=True))
+    assert now.level is Level.ERROR
+    assert "doubtful" in now.message
+
+
+def test_the_winch_says_why_it_is_held_back() -> None:
+    held = replace(hanging_rope(), winch_at_limit="2,000 m of line are out, which is all there is")
+    assert row("winch", held).level is Level.WARN
+    assert row("winch", held).message == held.winch_at_limit
+    hauling = replace(hanging_rope(), payout_speed_m_per_s=-0.5)
+    assert row("winch", hauling).message.startswith("hauls in")
+
+
+def test_start_up_is_told_until_the_motion_is_all_there() -> None:
+    ramp = row("start-up", replace(hanging_rope(), motion_ramp=0.25))
+    assert ramp.level is Level.WARN
+    assert "25%" in ramp.message
+
+
+@pytest.mark.parametrize(
+    ("health", "level", "words"),
+    [
+        (replace(GOOD, error="the rope cannot be stepped on"), Level.ERROR, "cannot be stepped"),
+        (replace(GOOD, behind_s=1.5), Level.ERROR, "1.50 s behind"),
+        (replace(GOOD, late_steps=2, worst_lateness_s=0.004), Level.WARN, "2 steps ended late"),
+        (replace(GOOD, running=False), Level.OK, "paused"),
+    ],
+)
+def test_pacing(health: PacingHealth, level: Level, words: str) -> None:
+    told = row("pacing", hanging_rope(), health)
+    assert told.level is level
+    assert words in told.message
+
+
+def test_an_unpaced_run_has_no_pacing_row() -> None:
+    assert not [r for r in statuses(hanging_rope(), None) if "pacing" in r.name]
+
+
+@pytest.mark.parametrize(
+    ("health", "level", "words"),
+    [
+        (InputHealth(), Level.OK, "nothing received yet"),
+        (InputHealth(accepted=7, age_s=0.1), Level.OK, "fresh, 7 samples"),
+        (
+            InputHealth(accepted=7, late=1, impossible=2, note="heave of 90 m is impossible"),
+            Level.WARN,
+            "3 samples refused since the start; the newest: heave of 90 m is impossible",
+        ),
+        (InputHealth(accepted=7, age_s=4.2, stale=True), Level.ERROR, "no heave for 4.200 s"),
+        (InputHealth(stale=True, note="fading out"), Level.ERROR, "stale: fading out"),
+    ],
+)
+def test_inputs(health: InputHealth, level: Level, words: str) -> None:
+    told = row("input heave", replace(hanging_rope(), inputs={"heave": health}))
+    assert told.level is level
+    assert words in told.message
+    assert told.values["refused"] == str(health.refused)
+
+
+def test_diagnostics_come_back_as_they_went_in() -> None:
+    rows = [Status("a", Level.OK, "gut · ok", {"x": "1"}), Status("b", Level.ERROR, "", {})]
+    decoded = messages.decode("diagnostics", messages.encode_diagnostics(5_000_000_001, rows))
+    assert (decoded.header.stamp.sec, decoded.header.stamp.nanosec) == (5, 1)
+    back = [
+        Status(s.name, Level(s.level), s.message, {v.key: v.value for v in s.values})
+        for s in decoded.status
+    ]
+    assert back == rows
+    assert {s.hardware_id for s in decoded.status} == {"rope_twin"}
