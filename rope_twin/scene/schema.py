@@ -4,13 +4,16 @@ Every number carries its meaning, unit and range (`quantity`), which the strict 
 quotes in its errors. Effects bring their own parameter classes (`rope_twin.effects`).
 """
 
+# ruff: noqa: RUF009 (quantity and text are field specifiers, as dataclasses.field is)
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 from rope_twin.quantity import quantity, text
+
+Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,6 +25,7 @@ class Rope:
     hydrodynamic_diameter_m: float = quantity("diameter for drag and volume", "m", 1e-3, 0.5)
     axial_stiffness_n: float = quantity("axial stiffness EA", "N", 1e3, 1e12)
     breaking_load_n: float = quantity("minimum breaking load", "N", 1e2, 1e9)
+    about: str = text("what it is", "")
     source: str = text("where the figures come from", "")
 
 
@@ -48,9 +52,22 @@ class RopeLine:
     elements: int = quantity("number of elements at the start", "", 3, 20000)
     damping: Damping = text("structural damping")
     to: str = text("name of the payload at its lower end; empty if fixed", "")
-    fixed_at_m: tuple[float, float, float] | None = quantity(
+    fixed_at_m: Triple | None = quantity(
         "lower end held at x, y, z instead of a payload", "m", -2e4, 2e4, default=None
     )
+
+
+class Shape(Protocol):
+    """What a payload's shape tells; axes x, y lateral, z vertical."""
+
+    def volume_m3(self) -> float:
+        """Displaced volume [m³]."""
+
+    def added_mass_m3(self) -> Triple:
+        """Added mass over the water's density along x, y, z [m³]."""
+
+    def drag_area_m2(self) -> Triple:
+        """Drag coefficient times projected area along x, y, z [m²]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,12 +76,12 @@ class Payload:
 
     name: str = text("its name")
     mass_kg: float = quantity("mass in air", "kg", 0.0, 1e7)
-    shape: Any = text("a shape of rope_twin.scene.shapes", None)
+    shape: Shape | None = text("a shape of rope_twin.scene.shapes, as `box: {...}`", None)
     displaced_volume_m3: float | None = quantity("volume", "m³", 0.0, 1e5, default=None)
-    added_mass_kg: tuple[float, float, float] | None = quantity(
+    added_mass_kg: Triple | None = quantity(
         "added mass along x, y, z", "kg", 0.0, 1e8, default=None
     )
-    drag_area_m2: tuple[float, float, float] | None = quantity(
+    drag_area_m2: Triple | None = quantity(
         "drag coefficient times area along x, y, z", "m²", 0.0, 1e5, default=None
     )
 
@@ -95,7 +112,7 @@ class Winch:
 class Ship:
     """Where the rope leaves the ship, and how its motion is faded in at the start."""
 
-    hang_off_m: tuple[float, float, float] = quantity(
+    hang_off_m: Triple = quantity(
         "hang-off at rest: x, y, z", "m", -1e4, 1e4, default=(0.0, 0.0, 0.0)
     )
     motion_ramp_s: float = quantity(
@@ -105,7 +122,10 @@ class Ship:
 
 @dataclass(frozen=True, kw_only=True)
 class SeaState:
-    """What moves the ship when no topic does. `bag` is a name in bags/ or a path; '' is still."""
+    """What moves the ship when no topic does; without a bag it lies still.
+
+    `bag` is a name in bags/ or a path; a path in a scene is relative to the scene's file.
+    """
 
     bag: str = text("recorded heave to replay", "")
     start_s: float = quantity("offset into the bag", "s", 0.0, 1e6, default=0.0)

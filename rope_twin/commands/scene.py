@@ -1,0 +1,144 @@
+"""`rope_twin scene list | show NAME | check FILE`: what scenes there are, and whether one is sound.
+
+Exit code 0, or 1 with one sentence on standard error; warnings alone leave it 0.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from dataclasses import asdict
+from typing import Any
+
+from rope_twin.errors import SceneError
+from rope_twin.scene.checks import sense_checks
+from rope_twin.scene.figures import LiftFigures, lift_figures, listed_effects, stretch_m
+from rope_twin.scene.load import load_scene, scene_names
+from rope_twin.scene.schema import Scene, Winch
+
+
+def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
+    """Add `scene` with its three actions."""
+    parser = subparsers.add_parser("scene", help="list, show or check scenes")
+    actions = parser.add_subparsers(dest="action", required=True, metavar="list | show | check")
+    actions.add_parser("list", help="the scenes that come with the package")
+    show = actions.add_parser("show", help="what a scene holds and what follows from it")
+    show.add_argument("scene", metavar="NAME", help="a scene's name, or the path of a YAML file")
+    check = actions.add_parser("check", help="read a scene strictly and tell what looks odd")
+    check.add_argument("scene", metavar="FILE", help="the path of a YAML file, or a scene's name")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do what the action says; 0, or 1 if a scene is wrong."""
+    try:
+        if args.action == "list":
+            return _list()
+        scene = load_scene(args.scene)
+        return _show(scene) if args.action == "show" else _check(scene)
+    except SceneError as error:
+        print(error, file=sys.stderr)
+        return 1
+
+
+def _list() -> int:
+    names = scene_names()
+    width = max((len(name) for name in names), default=0)
+    for name in names:
+        print(f"{name:{width}}  {load_scene(name).about}")
+    return 0
+
+
+def _check(scene: Scene) -> int:
+    warnings = sense_checks(scene)
+    for warning in warnings:
+        print(f"warning: {warning}")
+    counted = {0: "no warning", 1: "1 warning"}.get(len(warnings), f"{len(warnings)} warnings")
+    print(f"{scene.path}: scene '{scene.name}' is sound, {counted}")
+    return 0
+
+
+def _show(scene: Scene) -> int:
+    print(f"{scene.name}: {scene.about}")
+    for name, words in (("look at", scene.look_at), ("source", scene.source)):
+        if words:
+            print(f"{name}: {words}")
+    figures = lift_figures(scene)
+    print()
+    for name, value in (*_parts(scene), *_derived(scene, figures)):
+        print(f"{name:20} {value}")
+    for warning in sense_checks(scene):
+        print(f"warning: {warning}")
+    return 0
+
+
+def _parts(scene: Scene) -> list[tuple[str, str]]:
+    """What the scene says, a line per part."""
+    line = scene.ropes[0]
+    rope = line.rope
+    end = f"to payload '{line.to}'" if line.to else f"to the fixed point {line.fixed_at_m} m"
+    rows = [
+        ("file", str(scene.path)),
+        ("rope", f"'{line.name}', {rope.about or f'{1e3 * rope.diameter_m:g} mm'}, {end}"),
+        (
+            "",
+            f"{rope.mass_kg_per_m:.3f} kg/m, EA {rope.axial_stiffness_n / 1e6:.2f} MN, breaking "
+            f"load {rope.breaking_load_n / 1e3:.0f} kN",
+        ),
+        ("line out", f"{line.length_m:g} m in {line.elements} elements"),
+        *(("payload", f"'{payload.name}', {payload.mass_kg:g} kg") for payload in scene.payloads),
+        ("winch", _winch(scene.winch)),
+        ("sea", f"bag {scene.sea_state.bag}" if scene.sea_state.bag else "still"),
+    ]
+    effects = [f"{name} {_words(params)}".strip() for name, params in listed_effects(scene).items()]
+    rows += [("effects" if row == 0 else "", words) for row, words in enumerate(effects)]
+    return [*rows, ("step", f"{scene.time.step_s:g} s")]
+
+
+def _words(params: Any) -> str:
+    """An effect's parameters in a few words."""
+    words = []
+    for key, value in asdict(params).items():
+        rows = f"{len(value)} rows" if isinstance(value, tuple) else f"{value:g}"
+        words.append(f"{key} {rows}")
+    return ", ".join(words)
+
+
+def _winch(winch: Winch | None) -> str:
+    if winch is None:
+        return "none, the line out never changes"
+    words = f"{winch.least_line_out_m:g} to {winch.most_line_out_m:g} m, up to "
+    words += f"{winch.speed_limit_m_per_s:g} m/s, {winch.acceleration_limit_m_per_s2:g} m/s²"
+    if not winch.schedule:
+        return f"{words}; no schedule"
+    steps = ", ".join(f"{row.speed_m_per_s:+g} m/s from {row.at_s:g} s" for row in winch.schedule)
+    repeat = winch.schedule_repeats_every_s
+    return f"{words}; {steps}" + (f", again every {repeat:g} s" if repeat else "")
+
+
+def _derived(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
+    """What follows, a line per figure."""
+    line, density = scene.ropes[0], scene.environment.water_density_kg_per_m3
+    rows = [("rope in water", f"{figures.rope_weight_n_per_m:.2f} N/m")]
+    if figures.payload is not None:
+        top = figures.top_tension_n(line.length_m)
+        factor = f", safety factor {line.rope.breaking_load_n / top:.2f}" if top > 0.0 else ""
+        added, drag = figures.payload.added_mass_kg, figures.payload.drag_area_m2
+        rows += [
+            ("payload in water", f"{figures.payload_weight_n / 1e3:.1f} kN"),
+            ("payload added mass", " / ".join(f"{mass:.0f}" for mass in added) + " kg (x / y / z)"),
+            ("payload drag area", " / ".join(f"{area:.2f}" for area in drag) + " m² (x / y / z)"),
+            ("payload sinks at", f"{figures.sinking_speed_m_per_s(density):.2f} m/s, rope slack"),
+            ("static top tension", f"{top / 1e3:.1f} kN{factor}"),
+            ("static stretch", f"{stretch_m(figures, line):.2f} m"),
+        ]
+    return [
+        *rows,
+        ("axial wave speed", f"{figures.axial_wave_speed_m_per_s:.0f} m/s"),
+        ("first axial period", f"{figures.first_axial_period_s:.2f} s"),
+        (
+            "damping",
+            f"{figures.damping_newton_seconds:.4g} N·s, {100 * figures.damping_fraction:.2g} % of "
+            "critical on the first axial mode",
+        ),
+    ]

@@ -1,0 +1,117 @@
+"""From the text of a scene to a Scene: strict, and every refusal is one sentence with its place."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from pathlib import Path
+from typing import Any
+
+from rope_twin.effects import EFFECTS
+from rope_twin.errors import SceneError, did_you_mean, phrase
+from rope_twin.scene.document import Item, Place, kind, read_document
+from rope_twin.scene.reader import read_choice, read_object
+from rope_twin.scene.ropes import rope_presets
+from rope_twin.scene.rules import faults, is_path
+from rope_twin.scene.schema import Rope, Scene
+from rope_twin.scene.shapes import SHAPES
+from rope_twin.share import share_dir
+
+
+def load_scene(name_or_path: str | Path) -> Scene:
+    """A scene by the name of a file in config/scenes, or by the path of any YAML file.
+
+    Raises:
+        SceneError: with one sentence: file, line and path in it, what is wrong, what would be
+            right.
+    """
+    _scene_folder()  # says so at once if the package's files are missing
+    path = _scene_path(name_or_path)
+    tree, data = read_document(path)
+    place = Place(path)
+    scene: Scene = read_object(
+        Scene,
+        tree,
+        place,
+        {"RopeLine.rope": _read_rope, "Payload.shape": _read_shape, "Scene.effects": _read_effects},
+        name=path.stem,
+        path=path,
+        digest=hashlib.sha256(data).hexdigest(),
+    )
+    for where, what, right in faults(scene):
+        raise Place(path, where, tree.find(where).line).refuse(what, right)
+    return _with_bag_found(scene)
+
+
+def scene_names() -> list[str]:
+    """The names of the scenes that come with the package.
+
+    Raises:
+        SceneError: if the package's files are not installed.
+    """
+    return sorted(path.stem for path in _scene_folder().glob("*.yaml"))
+
+
+def _scene_folder() -> Path:
+    try:
+        return share_dir() / "config" / "scenes"
+    except FileNotFoundError as error:
+        raise SceneError(str(error)) from error
+
+
+def _scene_path(name_or_path: str | Path) -> Path:
+    """The file that is meant: a path, or a name in config/scenes."""
+    if isinstance(name_or_path, Path):
+        return name_or_path
+    path = Path(name_or_path)
+    if len(path.parts) > 1 or path.suffix in (".yaml", ".yml"):
+        return path
+    names = scene_names()
+    if name_or_path in names:
+        return _scene_folder() / f"{name_or_path}.yaml"
+    right = f"{did_you_mean(name_or_path, names)} (or give the path of a YAML file)"
+    raise SceneError(phrase(f"scene '{name_or_path}'", "there is no such scene", right))
+
+
+def _read_rope(item: Item, place: Place) -> Rope:
+    """A preset by its name, or the figures themselves."""
+    if isinstance(item.value, dict):
+        rope: Rope = read_object(Rope, item, place)
+        return rope
+    presets = rope_presets()
+    if not isinstance(item.value, str):
+        right = "give a preset's name or the rope's figures as a mapping"
+        raise place.refuse(f"{kind(item)} is no rope", right)
+    if item.value not in presets:
+        right = did_you_mean(item.value, presets)
+        raise place.refuse(f"no preset of config/ropes.yaml is named '{item.value}'", right)
+    return presets[item.value]
+
+
+def _read_shape(item: Item, place: Place) -> Any:
+    """One of SHAPES, as `box: {...}`."""
+    name, child, at = read_choice(item, place, SHAPES)
+    return read_object(SHAPES[name], child, at)
+
+
+def _read_effects(item: Item, place: Place) -> tuple[Any, ...]:
+    """The parameters of each listed effect, in the order of EFFECTS."""
+    if not isinstance(item.value, list):
+        raise place.refuse(f"{kind(item)} instead of a list", "give a list like `- weight: {}`")
+    classes = {effect.name: effect.params for effect in EFFECTS}
+    found: dict[str, Any] = {}
+    for number, entry in enumerate(item.value):
+        name, child, at = read_choice(entry, place.index(number, entry.line), classes)
+        if name in found:
+            raise at.refuse("this effect is listed a second time", "keep one of them")
+        found[name] = read_object(classes[name], child, at)
+    return tuple(found[effect.name] for effect in EFFECTS if effect.name in found)
+
+
+def _with_bag_found(scene: Scene) -> Scene:
+    """The scene with the path of its bag, if it is a path, made independent of the scene's file."""
+    bag = scene.sea_state.bag
+    if not is_path(bag):
+        return scene
+    found = str((scene.path.parent / bag).resolve())
+    return dataclasses.replace(scene, sea_state=dataclasses.replace(scene.sea_state, bag=found))
