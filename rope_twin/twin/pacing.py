@@ -73,6 +73,7 @@ class PacingHealth:
     """How well the twin keeps to its grid, since it was made (pauses do not count)."""
 
     running: bool = False
+    finished: bool = False  # all steps that were asked for are done
     speed: float = 1.0  # twin time over steady time that the grid asks for
     steps: int = 0
     late_steps: int = 0
@@ -125,11 +126,14 @@ class Pacer:
         steps_per_slot: int,
         speed: float = 1.0,
         clock: Clock | None = None,
+        last_step: int = 0,
     ) -> None:
+        """`last_step`: stop for good after the slot that reaches it; 0: never."""
         self._twin = twin
         self._handover = handover
         self._steps = steps_per_slot
         self._slot_ns = steps_per_slot * twin.step_ns
+        self._last_step = last_step
         self._clock = clock or SteadyClock()
         self._halt = threading.Event()
         self._thread: threading.Thread | None = None
@@ -193,6 +197,9 @@ class Pacer:
             self._judge(origin_ns + round(slot * self.period_ns))
             self._due_ns = origin_ns + round((slot + 1) * self.period_ns)
             earliest_ns = began_ns + round(self.period_ns / CATCH_UP)
+            if 0 < self._last_step <= self._health.steps:
+                self._health = replace(self._health, finished=True)
+                break
         self._health = replace(self._health, running=False)
 
     def _advance(self) -> bool:

@@ -203,6 +203,18 @@ def test_stop_and_start_go_on_on_a_new_grid() -> None:
     assert pacer.health().steps == 10
 
 
+def test_the_worker_finishes_at_the_last_step_asked_for() -> None:
+    clock = FakeClock(100 * SLOT)
+    twin = FakeTwin(clock)
+    pacer = Pacer(twin, Handover(), steps_per_slot=2, clock=clock, last_step=5)
+    pacer.start(0)
+    wait_for_end(pacer, clock)
+    pacer.stop()
+    assert twin.steps == 6  # whole slots
+    assert pacer.health().finished
+    assert not pacer.health().running
+
+
 def test_starting_twice_is_refused() -> None:
     pacer, *_ = run_to_end(slots=2)
     with pytest.raises(RuntimeError, match="running already"):

@@ -1,0 +1,77 @@
+"""The door: `rope_twin COMMAND ...`. Each command is a module of rope_twin.commands."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import importlib.metadata
+import sys
+from collections.abc import Sequence
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+from rope_twin.errors import RopeTwinError
+
+if TYPE_CHECKING:
+    from rope_twin.commands.run.options import RunOptions
+    from rope_twin.commands.run.summary import Progress, RunSummary
+
+# The commands in the order of the help: module name (with _) and name on the command line (with -).
+COMMANDS = ("run", "scene")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Read the command line, run the command, return its exit code.
+
+    What a user can mend is one sentence on stderr and exit code 1.
+    """
+    modules = {name.replace("_", "-"): _module(name) for name in COMMANDS}
+    args = _parser(modules).parse_args(argv)
+    try:
+        if args.command == "run":
+            return int(modules["run"].run(args, _paced))
+        return int(modules[args.command].run(args))
+    except RopeTwinError as error:
+        sys.stderr.write(f"{error}\n")
+        return 1
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        return 1  # whoever read our output has gone
+
+
+def _module(name: str) -> ModuleType:
+    return importlib.import_module(f"rope_twin.commands.{name}")
+
+
+def _parser(modules: dict[str, ModuleType]) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="rope_twin", description="A real-time digital twin of the lifting rope, on ROS 2."
+    )
+    parser.add_argument("--version", action="version", version=f"rope_twin {_version()}")
+    subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    for module in modules.values():
+        module.add_parser(subparsers)
+    return parser
+
+
+def _version() -> str:
+    try:
+        return importlib.metadata.version("rope_twin")
+    except importlib.metadata.PackageNotFoundError:
+        return "(not installed)"
+
+
+def _paced(options: RunOptions, progress: Progress) -> RunSummary:
+    """The ROS suite, imported only when a paced run asks for it."""
+    if options.processes:
+        from rope_twin.ros.processes import run_processes
+
+        return run_processes(options, progress)
+    from rope_twin.ros.suite import run_suite
+
+    return run_suite(options, progress)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,58 @@
+"""`rope_twin run`: the whole suite, paced over ROS 2 or as fast as possible without it."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from rope_twin.commands.run.options import RunOptions, add_arguments, read_options
+
+if TYPE_CHECKING:
+    from rope_twin.commands.run.summary import Progress, RunSummary
+    from rope_twin.commands.run.unpaced import UnpacedRun
+
+    PacedRunner = Callable[[RunOptions, Progress], RunSummary]
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Declare the subcommand."""
+    about = "run the twin with its sea, winch, recorder and viewer"
+    add_arguments(subparsers.add_parser("run", help=about, description=about))
+
+
+def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
+    """Run, sum up, and return the exit code: 0, or 1 if the solver could not go on.
+
+    `paced` runs the ROS suite; it is handed in, since ROS lives above the commands.
+
+    Raises:
+        RopeTwinError: the run could not start; one sentence.
+    """
+    options = read_options(args)
+    from rope_twin.commands.run.summary import Progress
+
+    progress = Progress()
+    if options.speed == 0.0:
+        summary = _unpaced(options, progress)
+    elif paced is None:
+        raise RuntimeError("a paced run needs the ROS suite")
+    else:
+        summary = paced(options, progress)
+    progress.finish()
+    if summary.error:
+        progress.say(summary.error)
+    sys.stdout.write((summary.as_json() if options.json else summary.as_text()) + "\n")
+    sys.stdout.flush()
+    return 1 if summary.error else 0
+
+
+def _unpaced(options: RunOptions, progress: Progress) -> RunSummary:
+    from rope_twin.commands.run.unpaced import run_unpaced
+
+    def report(run: UnpacedRun) -> None:
+        if progress.due:
+            progress.show(run.summary())
+
+    return run_unpaced(options, report)

@@ -1,0 +1,149 @@
+"""The options of `rope_twin run`, checked."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from rope_twin.errors import InputError, phrase
+
+SPEED_LOW, SPEED_HIGH = 0.01, 20.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunOptions:
+    """What to run, for how long, and what to keep of it."""
+
+    scene: str = "deep_lift"
+    for_s: float | None = None  # twin time; None: until told to stop
+    speed: float = 1.0  # twin time over real time; 0: as fast as possible, without ROS
+    headless: bool = False
+    bag: str = ""  # heave to replay; empty: the scene's own
+    topic: str = ""
+    bag_start_s: float = 0.0
+    record: Path | None = None  # bag directory to make; None: do not record
+    json: bool = False
+    processes: bool = False
+
+    @property
+    def screen(self) -> bool:
+        """Whether a window can be opened (and is wanted)."""
+        shown = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+        return bool(shown) and not self.headless
+
+    @property
+    def view_file(self) -> Path | None:
+        """The .rrd file that takes the place of the window: beside the bag."""
+        if self.screen or self.record is None:
+            return None
+        return self.record.with_name(self.record.name + ".rrd")
+
+    @property
+    def view(self) -> str | None:
+        """Where the run is shown: 'window', a file, or None."""
+        return "window" if self.screen else str(self.view_file) if self.view_file else None
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the options."""
+    add = parser.add_argument
+    add(
+        "scene",
+        nargs="?",
+        default="deep_lift",
+        metavar="SCENE",
+        help="name of a scene (see `rope_twin scene list`) or path of one (default: deep_lift)",
+    )
+    add(
+        "--for",
+        dest="for_s",
+        type=float,
+        metavar="SECONDS",
+        help="end after this much twin time (default: run until Ctrl-C)",
+    )
+    add(
+        "--speed",
+        type=float,
+        default=1.0,
+        metavar="X",
+        help="twin time over real time; 0: as fast as possible, without ROS (default: 1)",
+    )
+    add("--headless", action="store_true", help="open no window, even where there is a screen")
+    add(
+        "--bag",
+        default="",
+        metavar="DIR",
+        help="recorded heave to replay: a name in bags/ or a path (default: the scene's)",
+    )
+    add("--topic", default="", metavar="NAME", help="heave topic in that bag")
+    add(
+        "--bag-start",
+        dest="bag_start_s",
+        type=float,
+        default=0.0,
+        metavar="SECONDS",
+        help="start this far into that bag",
+    )
+    record = parser.add_mutually_exclusive_group()
+    record.add_argument(
+        "--record",
+        type=Path,
+        metavar="DIR",
+        help="bag directory to make (default: recordings/SCENE_DATE_TIME)",
+    )
+    record.add_argument("--no-record", action="store_true", help="record nothing")
+    add("--processes", action="store_true", help="each node as a process of its own")
+    add("--json", action="store_true", help="last line of the output: one JSON object")  # fmt: skip
+
+
+def read_options(args: argparse.Namespace) -> RunOptions:
+    """The options of a command line.
+
+    Raises:
+        InputError: one sentence for a value that cannot be.
+    """
+    _check("--for", args.for_s, args.for_s is None or 0.0 < args.for_s <= 1e7,
+           "it must be a time above 0 s, at most 1e7 s")  # fmt: skip
+    _check("--speed", args.speed, args.speed == 0.0 or SPEED_LOW <= args.speed <= SPEED_HIGH,
+           f"it must be 0 (as fast as possible) or {SPEED_LOW:g} to {SPEED_HIGH:g}")  # fmt: skip
+    _check("--bag-start", args.bag_start_s, 0.0 <= args.bag_start_s < math.inf,
+           "it must be a time of at least 0 s")  # fmt: skip
+    if args.speed == 0.0 and args.for_s is None:
+        raise InputError(phrase("--speed 0", "it would never end", "say --for SECONDS too"))
+    if args.speed == 0.0 and args.processes:
+        raise InputError(phrase("--processes", "--speed 0 runs without ROS", "leave one out"))
+    return RunOptions(
+        scene=_scene_argument(args.scene),
+        for_s=args.for_s,
+        speed=args.speed,
+        headless=args.headless,
+        bag=args.bag,
+        topic=args.topic,
+        bag_start_s=args.bag_start_s,
+        record=_record_directory(args),
+        json=args.json,
+        processes=args.processes,
+    )
+
+
+def _check(option: str, value: object, holds: bool, right: str) -> None:
+    if not holds:
+        raise InputError(phrase(option, f"{value} is not possible", right))
+
+
+def _scene_argument(scene: str) -> str:
+    """Paths are made absolute, since other processes may run elsewhere; names stay."""
+    return str(Path(scene).resolve()) if Path(scene).suffix or os.sep in scene else scene
+
+
+def _record_directory(args: argparse.Namespace) -> Path | None:
+    if args.no_record:
+        return None
+    if args.record is not None:
+        return Path(args.record).resolve()
+    stem = Path(args.scene).stem
+    return Path("recordings").resolve() / f"{stem}_{time.strftime('%Y%m%d_%H%M%S')}"

@@ -1,0 +1,166 @@
+"""What a run made: the figures of its last line, and the line that shows how it goes."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import sys
+import time
+from dataclasses import dataclass
+from typing import TextIO
+
+from rope_twin.twin.pacing import PacingHealth
+from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.twin import Twin
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSummary:
+    """Figures of a run so far; field names are the keys of `--json`."""
+
+    scene: str
+    effects: tuple[str, ...]
+    elements: int
+    step_s: float
+    steps: int
+    time_s: float  # twin time
+    late_steps: int
+    worst_lateness_s: float
+    real_time_factor: float  # of the model alone: simulated time over time spent computing
+    tension_top_now_n: float
+    tension_top_max_n: float
+    tension_top_mean_n: float
+    tension_top_min_n: float
+    line_out_m: float
+    payload_depth_m: float
+    heave_accepted: int
+    heave_refused: int
+    commands_accepted: int
+    commands_refused: int
+    speed: float = 1.0  # 0: as fast as possible
+    error: str = ""  # the sentence with which the run ended early
+    bag: str | None = None
+    view: str | None = None
+
+    def as_json(self) -> str:
+        """One line."""
+        return json.dumps(dataclasses.asdict(self), ensure_ascii=False)
+
+    def as_values(self) -> dict[str, str]:
+        """Each figure as JSON text, for the values of a diagnostics row."""
+        return {key: json.dumps(value) for key, value in dataclasses.asdict(self).items()}
+
+    @classmethod
+    def from_values(cls, values: dict[str, str]) -> RunSummary:
+        """The inverse of `as_values`; raises KeyError or ValueError if it is none."""
+        known = {field.name: json.loads(values[field.name]) for field in dataclasses.fields(cls)}
+        return cls(**{**known, "effects": tuple(known["effects"])})
+
+    def as_text(self) -> str:
+        """A few lines for people."""
+        lines = [
+            f"scene {self.scene}: {self.steps} steps of {self.step_s:g} s on {self.elements} "
+            f"elements with {', '.join(self.effects)}",
+            f"top tension {_kn(self.tension_top_min_n)} to {_kn(self.tension_top_max_n)}, "
+            f"mean {_kn(self.tension_top_mean_n)}",
+            f"line out {self.line_out_m:.1f} m, payload at {self.payload_depth_m:.1f} m depth",
+            f"the model alone ran {self.real_time_factor:.0f} times real time, "
+            f"{self.late_steps} steps late"
+            + (f" (worst {self.worst_lateness_s * 1e3:.1f} ms)" if self.late_steps else ""),
+        ]
+        lines += [f"bag {self.bag}"] if self.bag else []
+        lines += [f"view {self.view}"] if self.view else []
+        return "\n".join(lines)
+
+    def as_progress(self) -> str:
+        """One line for people, while it runs."""
+        return (
+            f"{self.time_s:8.1f} s  line out {self.line_out_m:7.1f} m  "
+            f"top tension {_kn(self.tension_top_now_n)}, max {_kn(self.tension_top_max_n)}  "
+            f"{self.real_time_factor:5.0f} × real time  {self.late_steps} late"
+        )
+
+
+def _kn(newtons: float) -> str:
+    return f"{newtons / 1e3:.1f} kN"
+
+
+def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> RunSummary:
+    """The figures at the snapshot; `pacing` None: as fast as possible, nothing can be late."""
+    statistics = twin.statistics()
+    heave = snapshot.inputs.get("heave")
+    command = snapshot.inputs.get("winch_command")
+    return RunSummary(
+        scene=twin.scene.name,
+        effects=tuple(effect_names(twin.scene.effects)),
+        elements=len(snapshot.element_tension_n),
+        step_s=twin.step_s,
+        steps=snapshot.step,
+        time_s=snapshot.time_s,
+        late_steps=pacing.late_steps if pacing else 0,
+        worst_lateness_s=pacing.worst_lateness_s if pacing else 0.0,
+        real_time_factor=statistics.real_time_factor,
+        tension_top_now_n=snapshot.tension_top_n,
+        tension_top_max_n=statistics.tension_top_max_n,
+        tension_top_mean_n=statistics.tension_top_mean_n,
+        tension_top_min_n=statistics.tension_top_min_n,
+        line_out_m=snapshot.line_out_m,
+        payload_depth_m=-float(snapshot.payload_position_m[2]),
+        heave_accepted=heave.accepted if heave else 0,
+        heave_refused=heave.refused if heave else 0,
+        commands_accepted=command.accepted if command else 0,
+        commands_refused=command.refused if command else 0,
+        speed=pacing.speed if pacing else 0.0,
+        error=pacing.error if pacing else "",
+    )
+
+
+def effect_names(parameters: tuple[object, ...]) -> list[str]:
+    """Names, as scenes write them, of the effects whose parameters these are."""
+    from rope_twin.effects import EFFECTS
+
+    return [
+        effect.name
+        for value in parameters
+        for effect in EFFECTS
+        if isinstance(value, effect.params)
+    ]
+
+
+class Progress:
+    """Shows one changing line on a terminal, a line every ten seconds elsewhere."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = stream or sys.stderr
+        self._live = self._stream.isatty()
+        self._period_s = 0.5 if self._live else 10.0
+        self._next_s = 0.0
+        self._width = 0
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time for the next line."""
+        return time.monotonic() >= self._next_s
+
+    def show(self, summary: RunSummary) -> None:
+        """Show the figures."""
+        self._next_s = time.monotonic() + self._period_s
+        line = summary.as_progress()
+        if self._live:
+            self._stream.write("\r" + line.ljust(self._width))
+            self._width = len(line)
+        else:
+            self._stream.write(line + "\n")
+        self._stream.flush()
+
+    def say(self, sentence: str) -> None:
+        """A line of its own."""
+        self.finish()
+        self._stream.write(sentence + "\n")
+        self._stream.flush()
+
+    def finish(self) -> None:
+        """Leave the changing line."""
+        if self._width:
+            self._stream.write("\n")
+            self._width = 0

@@ -1,0 +1,143 @@
+"""A run as fast as possible: the same twin, the same inputs, the same bag, and no ROS.
+
+The inputs are offered with the stamps that the ROS nodes use and as long before they are needed,
+so the result equals that of a paced run to the bit.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+
+from rope_twin.cadence import DIAGNOSTICS_PERIOD_NS, due_topics
+from rope_twin.commands.run.inputs import FIRST_NS, LEAD_NS, open_sea
+from rope_twin.commands.run.options import RunOptions
+from rope_twin.commands.run.summary import RunSummary, summarise
+from rope_twin.errors import SolverError
+from rope_twin.messages import (
+    Encoder,
+    encode_diagnostics,
+    encode_elevation,
+    encode_epoch,
+    encode_heave,
+    encode_speed,
+    statuses,
+)
+from rope_twin.recording.bag_writer import BagWriter
+from rope_twin.scene.load import load_scene
+from rope_twin.topics import TOPICS
+from rope_twin.twin.pacing import steps_in_slot
+from rope_twin.twin.schedule import schedule_samples
+from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.twin import Twin
+
+Message = tuple[int, str, bytes]  # twin time [ns], topic, CDR
+
+
+class UnpacedRun:
+    """One twin with its inputs and its bag, stepped slot by slot by whoever calls."""
+
+    def __init__(self, options: RunOptions, epoch_ns: int | None = None) -> None:
+        """Build, compile and open what is needed; `epoch_ns`: ROS time of t = 0, default now.
+
+        Raises:
+            RopeTwinError: scene, bag or directory are wrong; one sentence.
+        """
+        scene = load_scene(options.scene)
+        self._sea = open_sea(scene, options.bag, options.topic, options.bag_start_s)
+        self.epoch_ns = time.time_ns() if epoch_ns is None else epoch_ns
+        self._options = options
+        self._bag = None if options.record is None else BagWriter(options.record, TOPICS)
+        self.twin = Twin(scene)
+        self._steps = steps_in_slot(self.twin.step_s)
+        self._slot_ns = self._steps * self.twin.step_ns
+        self._encoder = Encoder(self.epoch_ns)
+        self._inputs: deque[Message] = deque()  # offered, not yet recorded
+        self._offered_ns = FIRST_NS
+        self._told_ns = 0
+        self.last: Snapshot = self.twin.snapshot()
+        self._record([(0, "twin/epoch", encode_epoch(self.epoch_ns))])
+
+    def advance_slot(self) -> Snapshot:
+        """Offer inputs, step, record. Raises SolverError; the last good state is kept."""
+        self._offer(self.twin.time_ns + self._slot_ns + LEAD_NS)
+        self.twin.advance(self._steps)
+        self.last = snapshot = self.twin.snapshot()
+        slot = snapshot.step // self._steps
+        while self._inputs and self._inputs[0][0] < snapshot.stamp_ns:
+            self._record([self._inputs.popleft()])
+        if self._bag is not None:
+            for name in due_topics(slot, self._slot_ns):
+                data = self._encoder.encode(name, snapshot)
+                self._record([(snapshot.stamp_ns, name, data)])
+        if snapshot.stamp_ns - self._told_ns >= DIAGNOSTICS_PERIOD_NS:
+            self._tell(snapshot)
+        return snapshot
+
+    def summary(self, error: str = "") -> RunSummary:
+        """The figures so far."""
+        from dataclasses import replace
+
+        bag = str(self._options.record) if self._options.record else None
+        return replace(summarise(self.twin, self.last, None), bag=bag, error=error)
+
+    def close(self) -> None:
+        """End the bag."""
+        if self._bag is not None:
+            self._bag.close()
+
+    def _offer(self, until_ns: int) -> None:
+        """Give the twin all samples before `until_ns` that it has not had."""
+        messages: list[Message] = []
+        for heave in self._sea.between(self._offered_ns, until_ns) if self._sea else ():
+            at_ns = heave.stamp_ns
+            self.twin.offer_heave(at_ns, heave.position_m, heave.velocity_m_per_s)
+            data = encode_heave(self.epoch_ns + at_ns, heave.position_m, heave.velocity_m_per_s)
+            messages.append((at_ns, "ship/heave", data))
+            if heave.elevation_m is not None:
+                data = encode_elevation(self.epoch_ns + at_ns, heave.elevation_m)
+                messages.append((at_ns, "sea/elevation", data))
+        for command in schedule_samples(self.twin.scene.winch, self._offered_ns, until_ns):
+            self.twin.offer_speed(command.stamp_ns, command.speed_m_per_s)
+            data = encode_speed(self.epoch_ns + command.stamp_ns, command.speed_m_per_s)
+            messages.append((command.stamp_ns, "winch/speed_command", data))
+        self._inputs.extend(sorted(messages, key=lambda message: message[0]))
+        self._offered_ns = until_ns
+
+    def _tell(self, snapshot: Snapshot) -> None:
+        self._told_ns = snapshot.stamp_ns
+        stamp_ns = self.epoch_ns + snapshot.stamp_ns
+        rows = statuses(snapshot, None)
+        self._record([(snapshot.stamp_ns, "diagnostics", encode_diagnostics(stamp_ns, rows))])
+
+    def _record(self, messages: list[Message]) -> None:
+        if self._bag is not None:
+            for at_ns, name, data in messages:
+                self._bag.write(name, self.epoch_ns + at_ns, data)
+
+
+def run_unpaced(
+    options: RunOptions,
+    report: Callable[[UnpacedRun], None],
+    epoch_ns: int | None = None,
+) -> RunSummary:
+    """Run to the end of `options.for_s`, or to Ctrl-C; `report` is called after each slot.
+
+    Raises:
+        RopeTwinError: scene, bag or directory are wrong; one sentence.
+    """
+    run = UnpacedRun(options, epoch_ns)
+    error = ""
+    last_step = round((options.for_s or 0.0) / run.twin.step_s)
+    try:
+        while run.twin.steps < last_step:
+            run.advance_slot()
+            report(run)
+    except SolverError as failure:
+        error = str(failure)
+    except KeyboardInterrupt:
+        pass  # what was computed is summed up and kept
+    finally:
+        run.close()
+    return run.summary(error)

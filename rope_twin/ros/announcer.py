@@ -1,0 +1,66 @@
+"""From waiting snapshots to published bytes, on a thread of its own."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+
+from rope_twin.cadence import due_topics
+from rope_twin.messages import Encoder
+from rope_twin.twin.pacing import Handover
+from rope_twin.twin.snapshot import Snapshot
+
+_log = logging.getLogger(__name__)
+
+
+class Announcer:
+    """Takes snapshots from the pacer's worker and publishes the topics that are due."""
+
+    def __init__(
+        self,
+        handover: Handover,
+        publish: Callable[[str, bytes], None],
+        steps_per_slot: int,
+        slot_ns: int,
+    ) -> None:
+        self._handover = handover
+        self._publish = publish
+        self._steps_per_slot = steps_per_slot
+        self._slot_ns = slot_ns
+        self._stopping = threading.Event()
+        self._thread: threading.Thread | None = None
+        self.error = ""  # newest message that could not be published; empty while all is well
+
+    def start(self, epoch_ns: int) -> None:
+        """Publish from now on, stamped `epoch_ns` + the twin's time."""
+        self._stopping.clear()
+        self._thread = threading.Thread(
+            target=self._run, args=(Encoder(epoch_ns),), name="twin-publisher", daemon=True
+        )
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Publish what is waiting, then end. Harmless when not running."""
+        self._stopping.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+
+    def _run(self, encoder: Encoder) -> None:
+        while True:
+            snapshot = self._handover.take(timeout_s=0.05)
+            if snapshot is not None:
+                self._announce(encoder, snapshot)
+            elif self._stopping.is_set():
+                return
+
+    def _announce(self, encoder: Encoder, snapshot: Snapshot) -> None:
+        for name in due_topics(snapshot.step // self._steps_per_slot, self._slot_ns):
+            try:
+                self._publish(name, encoder.encode(name, snapshot))
+            except Exception as error:
+                # One topic that fails must not take the others with it; diagnostics tell.
+                if not self.error:
+                    _log.exception("topic %s cannot be published", name)
+                self.error = f"topic {name}: {type(error).__name__}: {error}"

@@ -1,0 +1,133 @@
+"""How a node of the suite lives as a process of its own: from arguments to a clean end."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Any, Protocol
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+
+from rope_twin.errors import InputError, RopeTwinError, phrase
+
+_USAGE = "parameters are given as --ros-args -p NAME:=VALUE"
+PARENT = "ROPE_TWIN_PARENT"  # environment: process id of the suite that started this node
+_WAIT_S = 0.1  # the longest wait in the executor: how soon a signal is noticed
+
+
+class SuiteNode(Protocol):
+    """What every node of the suite offers beside rclpy's Node."""
+
+    @property
+    def finished(self) -> bool:
+        """Whether the node has done what it was started for."""
+
+    def begin(self) -> None:
+        """Start working; raises RopeTwinError with one sentence if that cannot be."""
+
+    def close(self) -> None:
+        """End cleanly: threads joined, files closed. Harmless when called twice."""
+
+
+class StopSignal:
+    """SIGINT and SIGTERM as a flag that the main loop reads; a second one ends the hard way."""
+
+    def __init__(self) -> None:
+        self.requested = False
+        self._interruptible = False
+        self._before = {number: signal.signal(number, self._on_signal)
+                        for number in (signal.SIGINT, signal.SIGTERM)}  # fmt: skip
+
+    def _on_signal(self, number: int, frame: FrameType | None) -> None:
+        self.requested = True
+        self.restore()
+        if self._interruptible:
+            raise KeyboardInterrupt
+
+    @contextmanager
+    def interrupting(self) -> Iterator[None]:
+        """Within this, a signal breaks off at once (a build takes seconds and owns nothing)."""
+        self._interruptible = True
+        try:
+            if self.requested:
+                raise KeyboardInterrupt
+            yield
+        finally:
+            self._interruptible = False
+
+    def restore(self) -> None:
+        """Give the signals back."""
+        for number, handler in self._before.items():
+            signal.signal(number, handler)
+
+
+def initialise(args: list[str] | None) -> None:
+    """rclpy.init without its own signal handlers: they would end the context under our feet.
+
+    `args` are those of a process: its name first; None: sys.argv.
+
+    Raises:
+        InputError: one sentence on what cannot be understood.
+    """
+    home = Path(os.environ.get("HOME", "/nonexistent"))
+    if "ROS_LOG_DIR" not in os.environ and not os.access(home, os.W_OK):
+        os.environ["ROS_LOG_DIR"] = str(Path(tempfile.gettempdir()) / "rope_twin_log")
+    given = sys.argv if args is None else args
+    try:
+        rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
+        others = remove_ros_args(given)[1:]
+    except Exception as error:  # rcl raises RuntimeErrors of several kinds
+        reason = str(error).splitlines()[0].partition(", at /")[0].rstrip(".")
+        raise InputError(phrase("arguments", reason, _USAGE)) from error
+    if others:
+        raise InputError(phrase("arguments", f"'{others[0]}' is not understood", _USAGE))
+
+
+def run_node(make: Callable[[], Any], args: list[str] | None = None) -> int:
+    """Run one node until it has finished or is told to stop; the exit code."""
+    stop = StopSignal()
+    node: Any = None
+    executor: SingleThreadedExecutor | None = None
+    try:
+        with stop.interrupting():
+            initialise(args)
+            node = make()
+            executor = SingleThreadedExecutor()
+            executor.add_node(node)
+            node.begin()
+        while not (stop.requested or node.finished or _orphaned()) and rclpy.ok():
+            executor.spin_once(timeout_sec=_WAIT_S)
+    except RopeTwinError as error:
+        sys.stderr.write(f"{error}\n")
+        return 1
+    except (ExternalShutdownException, KeyboardInterrupt):
+        pass  # told to stop: the clean end below is all there is to do
+    finally:
+        _end(node, executor)
+        stop.restore()
+    return 0
+
+
+def _orphaned() -> bool:
+    """Whether the process that started this node is gone: then nobody else would stop it."""
+    parent = os.environ.get(PARENT)
+    return parent is not None and parent != str(os.getppid())
+
+
+def _end(node: Any, executor: SingleThreadedExecutor | None) -> None:
+    if node is not None:
+        node.close()
+    if executor is not None:
+        executor.shutdown()
+    if node is not None:
+        node.destroy_node()
+    rclpy.try_shutdown()

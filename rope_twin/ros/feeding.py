@@ -1,0 +1,73 @@
+"""What the two feeding nodes share: they follow the twin's epoch and publish what is due."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+
+from rope_twin.ros.feed import Feed
+from rope_twin.ros.qos import message_type, profile
+from rope_twin.topics import BY_NAME
+
+_PERIOD_S, _LEAST_PERIOD_S = 0.04, 0.005
+
+
+class FeedingNode(Node):
+    """A node whose `publish_stretch` is called for each stretch of twin time, once and in order."""
+
+    def __init__(self, name: str, **node_options: Any) -> None:
+        super().__init__(name, **node_options)
+        self._feed: Feed | None = None
+        self._own_publishers: dict[str, Any] = {}
+
+    @property
+    def finished(self) -> bool:
+        """A feeding node has no end of its own."""
+        return False
+
+    def close(self) -> None:
+        """Stop feeding."""
+        self._feed = None
+
+    def publish_stretch(self, epoch_ns: int, from_ns: int, to_ns: int) -> None:
+        """Publish all samples with from_ns <= stamp < to_ns (twin time), stamped epoch + stamp."""
+        raise NotImplementedError
+
+    def start_feeding(
+        self, topics: tuple[str, ...], lead_s: float, speed: float, first_ns: int = 0
+    ) -> None:
+        """Make the publishers, listen to the epoch and look often what is due, from `first_ns`."""
+        for name in topics:
+            topic = BY_NAME[name]
+            self._own_publishers[name] = self.create_publisher(
+                message_type(topic), name, profile(topic.qos)
+            )
+        self._feed = Feed(lead_s, speed, first_ns)
+        epoch = BY_NAME["twin/epoch"]
+        self.create_subscription(message_type(epoch), epoch.name, self._follow, profile(epoch.qos))
+        period_s = max(_LEAST_PERIOD_S, _PERIOD_S / max(1.0, speed))
+        self.create_timer(period_s, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def follow_epoch(self, epoch_ns: int) -> None:
+        """Feed a twin whose t = 0 is at this ROS time."""
+        if self._feed is not None:
+            now_ns = self.get_clock().now().nanoseconds
+            self._feed.follow(epoch_ns, now_ns, time.monotonic_ns())
+
+    def send(self, name: str, data: bytes) -> None:
+        """Publish the bytes of a message."""
+        self._own_publishers[name].publish(data)
+
+    def _follow(self, message: Any) -> None:
+        self.follow_epoch(message.sec * 1_000_000_000 + message.nanosec)
+        self._look()
+
+    def _look(self) -> None:
+        if self._feed is None or self._feed.epoch_ns is None:
+            return
+        from_ns, to_ns = self._feed.due(time.monotonic_ns())
+        if to_ns > from_ns:
+            self.publish_stretch(self._feed.epoch_ns, from_ns, to_ns)

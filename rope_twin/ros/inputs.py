@@ -1,0 +1,82 @@
+"""From input bytes to numbers: what is no proper message is refused here, with one sentence.
+
+Whether the numbers make sense is the twin's own judgement (`Twin.offer_*`).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.errors import InputError, phrase
+from rope_twin.messages import decode
+
+_NANOSECONDS = 1_000_000_000
+
+
+def read_heave(data: bytes) -> tuple[int, float, float]:
+    """ROS stamp [ns], heave [m] and its rate [m/s] of a ship/heave message.
+
+    Raises:
+        InputError: if the bytes are no such message, or its stamp is no time.
+    """
+    message = decode("ship/heave", data)
+    stamp_ns = _stamp_ns("ship/heave", message.header.stamp)
+    return stamp_ns, message.pose.pose.position.z, message.twist.twist.linear.z
+
+
+def read_speed(data: bytes) -> tuple[int | None, float]:
+    """ROS stamp [ns] (None: at once) and speed [m/s, + pays out] of a winch/speed_command.
+
+    Raises:
+        InputError: if the bytes are no such message, its stamp is no time, or it does not carry
+            exactly one velocity.
+    """
+    message = decode("winch/speed_command", data)
+    stamp_ns = _stamp_ns("winch/speed_command", message.header.stamp)
+    if len(message.velocity) != 1:
+        raise InputError(
+            phrase(
+                "winch/speed_command",
+                f"{len(message.velocity)} velocities",
+                "there must be exactly one, the winch's, + pays out",
+            )
+        )
+    return stamp_ns or None, float(message.velocity[0])
+
+
+def read_current(data: bytes) -> NDArray[np.float64]:
+    """Rows (k, 3) of z [m], east and north [m/s] of a `current` message.
+
+    Raises:
+        InputError: if the bytes are no such message or its layout is not k rows of 3.
+    """
+    message = decode("current", data)
+    numbers = np.asarray(message.data, dtype=np.float64)
+    sizes = [int(dimension.size) for dimension in message.layout.dim]
+    offset = int(message.layout.data_offset)
+    fits = len(numbers) > 0 and len(numbers) % 3 == 0 and offset == 0
+    if sizes and fits:
+        rows = len(numbers) // 3
+        fits = sizes in ([rows, 3], [len(numbers)]) and math.prod(sizes) == len(numbers)
+    if not fits:
+        raise InputError(
+            phrase(
+                "current",
+                f"{len(numbers)} numbers with a layout of {sizes or 'no'} dimensions "
+                f"and offset {offset}",
+                "it must be rows of z, east, north: sizes [k, 3] (or none), offset 0",
+            )
+        )
+    return numbers.reshape(-1, 3)
+
+
+def _stamp_ns(topic: str, stamp: Any) -> int:
+    if not 0 <= stamp.nanosec < _NANOSECONDS:
+        raise InputError(
+            phrase(topic, f"a stamp with {stamp.nanosec} ns", "they must be below 1000000000")
+        )
+    return int(stamp.sec) * _NANOSECONDS + int(stamp.nanosec)

@@ -1,0 +1,184 @@
+"""A twin with its worker and publisher threads and its epoch: what lives from configure to cleanup.
+
+Twin time and ROS time: ROS stamp = epoch + twin time. On the steady clock the slot that covers
+[t, t + slot] begins `input_delay_s` after ROS time epoch + t/speed, so that inputs stamped a
+little after t are there by then.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from rope_twin.commands.run.summary import RunSummary, summarise
+from rope_twin.errors import InputError
+from rope_twin.messages import Level, Status, statuses
+from rope_twin.ros.announcer import Announcer
+from rope_twin.ros.inputs import read_current, read_heave, read_speed
+from rope_twin.ros.params import SimulationParams
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.pacing import Handover, Pacer, PacingHealth, steps_in_slot
+from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.twin import Twin
+
+START_LEAD_S = 0.5  # from the epoch's publication to t = 0, for others to get ready
+RUN_ROW = "simulation: run"  # its values are those of a RunSummary
+CLOCK_STEP_S = 0.05  # the system clock may differ from the steady one by this
+
+
+@dataclass
+class Refusals:
+    """Messages of one input that were no proper messages."""
+
+    count: int = 0
+    note: str = ""
+
+
+class PacedTwin:
+    """Owns the twin; inputs come in as bytes, outputs leave as bytes."""
+
+    def __init__(
+        self, scene: Scene, params: SimulationParams, publish: Callable[[str, bytes], None]
+    ) -> None:
+        """Build and compile (seconds when nothing is cached). Raises SceneError, SolverError."""
+        self.scene = scene
+        self._params = params
+        self.twin = Twin(scene)
+        self._first = self.twin.snapshot()
+        steps = steps_in_slot(self.twin.step_s)
+        self._handover = Handover()
+        self.pacer = Pacer(
+            self.twin,
+            self._handover,
+            steps,
+            params.speed,
+            last_step=round(params.stop_after_s / self.twin.step_s),
+        )
+        self._announcer = Announcer(self._handover, publish, steps, self.pacer.slot_ns)
+        self._malformed = {"ship/heave": Refusals(), "winch/speed_command": Refusals(),
+                           "current": Refusals()}  # fmt: skip
+        self._ignored = 0  # inputs that came while there was no epoch to place them
+        self._clocks: tuple[int, int] | None = None  # ROS and steady time of the newest begin
+        self._lock = threading.Lock()
+        self.epoch_ns: int | None = None
+
+    def begin(self, ros_now_ns: int) -> int:
+        """Start (or go on after `halt`) and return the epoch: ROS time of the twin's t = 0 [ns]."""
+        steady_now_ns = time.monotonic_ns()
+        speed = self._params.speed
+        at_ns = self.twin.time_ns
+        epoch_ns = ros_now_ns + round(START_LEAD_S * 1e9) - round(at_ns / speed)
+        # A slow twin still needs whole heave samples, a fast one the same real time to get them.
+        delay_ns = round(self._params.input_delay_s * max(1.0, speed) * 1e9 / speed)
+        self._clocks = (ros_now_ns, steady_now_ns)
+        self.epoch_ns = epoch_ns
+        self._announcer.start(epoch_ns)
+        self.pacer.start(steady_now_ns + round(START_LEAD_S * 1e9) + delay_ns)
+        return epoch_ns
+
+    def halt(self) -> None:
+        """Stop after the slot at hand, with everything published that was computed."""
+        self.pacer.stop()
+        self._announcer.stop()
+        self.epoch_ns = None
+
+    @property
+    def last(self) -> Snapshot:
+        """The newest snapshot."""
+        return self.pacer.last or self._first
+
+    def summary(self) -> RunSummary:
+        """The figures of the run so far."""
+        return summarise(self.twin, self.last, self.pacer.health())
+
+    def offer_heave(self, data: bytes) -> None:
+        """A ship/heave message; what is wrong with it is counted and told, never raised."""
+        try:
+            stamp_ns, position_m, velocity_m_per_s = read_heave(data)
+        except InputError as error:
+            self._refuse("ship/heave", error)
+            return
+        epoch_ns = self.epoch_ns
+        if epoch_ns is None:
+            self._ignored += 1
+        else:
+            self.twin.offer_heave(stamp_ns - epoch_ns, position_m, velocity_m_per_s)
+
+    def offer_speed(self, data: bytes) -> None:
+        """A winch/speed_command message; as offer_heave."""
+        try:
+            stamp_ns, speed_m_per_s = read_speed(data)
+        except InputError as error:
+            self._refuse("winch/speed_command", error)
+            return
+        epoch_ns = self.epoch_ns
+        if epoch_ns is None:
+            self._ignored += 1
+        else:
+            at_ns = None if stamp_ns is None else stamp_ns - epoch_ns
+            self.twin.offer_speed(at_ns, speed_m_per_s)
+
+    def offer_current(self, data: bytes) -> None:
+        """A `current` message (it has no stamp and holds from now on); as offer_heave."""
+        try:
+            rows = read_current(data)
+        except InputError as error:
+            self._refuse("current", error)
+            return
+        self.twin.offer_current(rows)
+
+    def rows(self, ros_now_ns: int) -> list[Status]:
+        """Diagnostics of solver, pacing, inputs, messages and clocks."""
+        health = self.pacer.health()
+        rows = [_run_row(self.summary()), *statuses(self.last, health)]
+        rows.append(self._messages_row())
+        rows.append(self._publishing_row(health))
+        if self.epoch_ns is not None:
+            rows.append(self._clock_row(ros_now_ns))
+        return rows
+
+    def _refuse(self, topic: str, error: InputError) -> None:
+        with self._lock:
+            refusals = self._malformed[topic]
+            refusals.count += 1
+            refusals.note = str(error)
+
+    def _messages_row(self) -> Status:
+        values = {topic: str(refused.count) for topic, refused in self._malformed.items()}
+        values["ignored while not active"] = str(self._ignored)
+        notes = [refused.note for refused in self._malformed.values() if refused.count]
+        if not notes:
+            return Status("simulation: messages", Level.OK, "every message was well formed", values)
+        total = sum(refused.count for refused in self._malformed.values())
+        message = f"{total} refused as malformed since the start; the newest of each: "
+        return Status("simulation: messages", Level.WARN, message + " ".join(notes), values)
+
+    def _publishing_row(self, health: PacingHealth) -> Status:
+        values = {"lost snapshots": str(health.lost_snapshots)}
+        name = "simulation: publishing"
+        if self._announcer.error:
+            return Status(name, Level.ERROR, self._announcer.error, values)
+        if health.lost_snapshots:
+            message = f"{health.lost_snapshots} snapshots were computed but not published in time"
+            return Status(name, Level.WARN, message, values)
+        return Status(name, Level.OK, "every snapshot was published", values)
+
+    def _clock_row(self, ros_now_ns: int) -> Status:
+        assert self._clocks is not None
+        ros_ns, steady_ns = self._clocks
+        moved_s = ((ros_now_ns - ros_ns) - (time.monotonic_ns() - steady_ns)) * 1e-9
+        values = {"ROS time against steady time [s]": f"{moved_s:.3f}"}
+        name = "simulation: clocks"
+        if abs(moved_s) > CLOCK_STEP_S:
+            message = (
+                f"ROS time has moved by {moved_s:+.3f} s against the steady clock since the start: "
+                "stamps of live inputs no longer fit; deactivate and activate to set a new epoch"
+            )
+            return Status(name, Level.WARN, message, values)
+        return Status(name, Level.OK, "ROS time and the steady clock agree", values)
+
+
+def _run_row(summary: RunSummary) -> Status:
+    return Status(RUN_ROW, Level.OK, "the run so far", summary.as_values())

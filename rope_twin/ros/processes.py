@@ -1,0 +1,185 @@
+"""Each node as a process of its own, watched from here through the diagnostics."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from typing import Any
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+from rope_twin.commands.run.options import RunOptions
+from rope_twin.commands.run.summary import Progress, RunSummary
+from rope_twin.errors import InputError, phrase
+from rope_twin.messages import decode
+from rope_twin.ros.entry import PARENT, StopSignal, initialise
+from rope_twin.ros.paced_twin import RUN_ROW
+from rope_twin.ros.qos import message_type, profile
+from rope_twin.ros.suite import node_parameters
+from rope_twin.scene.load import load_scene
+from rope_twin.topics import BY_NAME
+
+_WAIT_S = 0.1
+_END_S = 15.0  # what a process may take to end before it is killed
+
+
+class Monitor(Node):
+    """Reads the figures of the run out of the diagnostics."""
+
+    def __init__(self) -> None:
+        super().__init__("monitor")
+        topic = BY_NAME["diagnostics"]
+        self.summary: RunSummary | None = None
+        self.create_subscription(
+            message_type(topic), topic.name, self._take, profile(topic.qos), raw=True
+        )
+
+    def _take(self, data: bytes) -> None:
+        for status in decode("diagnostics", data).status:
+            if status.name == RUN_ROW:
+                self.summary = RunSummary.from_values({v.key: v.value for v in status.values})
+
+
+class Processes:
+    """The processes of a run."""
+
+    def __init__(self, options: RunOptions) -> None:
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        environment = {**os.environ, PARENT: str(os.getpid())}
+        for name, parameters in node_parameters(options).items():
+            if name == "simulation":
+                parameters["wait_for"] = _awaited(options)
+            # A session of its own: Ctrl-C comes to us alone, and we end them in order.
+            self._running[name] = subprocess.Popen(
+                node_command(name, parameters), env=environment, start_new_session=True
+            )
+
+    @property
+    def names(self) -> list[str]:
+        """What runs, in the order of starting."""
+        return list(self._running)
+
+    def ended(self) -> dict[str, int]:
+        """Exit codes (negative: killed by that signal) of processes that have ended since."""
+        codes = {name: process.poll() for name, process in self._running.items()}
+        over = {name: code for name, code in codes.items() if code is not None}
+        for name in over:
+            del self._running[name]
+        return over
+
+    def tell(self, name: str) -> None:
+        """Ask one to end."""
+        if name in self._running:
+            self._running[name].send_signal(signal.SIGINT)
+
+    def kill(self) -> list[str]:
+        """Kill whatever still runs; its names."""
+        left = list(self._running)
+        for process in self._running.values():
+            process.kill()
+            process.wait()
+        self._running.clear()
+        return left
+
+
+def node_command(name: str, parameters: dict[str, Any]) -> list[str]:
+    """The command line of a node with its parameters (as YAML, so JSON will do)."""
+    command = [sys.executable, "-m", f"rope_twin.ros.{name}_node", "--ros-args"]
+    for key, value in parameters.items():
+        if value != "":
+            command += ["-p", f"{key}:={json.dumps(value)}"]
+    return command
+
+
+def _awaited(options: RunOptions) -> str:
+    """The inputs that will come in this run, so that the twin does not start without them."""
+    scene = load_scene(options.scene)
+    topics = ["ship/heave"] if options.bag or scene.sea_state.bag else []
+    topics += ["winch/speed_command"] if scene.winch and scene.winch.schedule else []
+    return " ".join(topics)
+
+
+def run_processes(options: RunOptions, progress: Progress) -> RunSummary:
+    """Start, watch and end the processes.
+
+    Raises:
+        RopeTwinError: the scene is wrong, or the simulation ended without a word.
+        KeyboardInterrupt: told to stop before it had started.
+    """
+    load_scene(options.scene)  # what is wrong with it is said once, here
+    stop = StopSignal()
+    processes: Processes | None = None
+    try:
+        with stop.interrupting():
+            processes = Processes(options)
+            initialise(["rope_twin"])
+        watch = _Watch(processes, progress)
+        watch.run(stop)
+        watch.end()
+        return watch.result(options)
+    finally:
+        if processes is not None and (left := processes.kill()):
+            progress.say(f"killed, since they did not end: {', '.join(left)}")
+        rclpy.try_shutdown()
+        stop.restore()
+
+
+class _Watch:
+    """Spins the monitor while processes live and end."""
+
+    def __init__(self, processes: Processes, progress: Progress) -> None:
+        self._processes = processes
+        self._progress = progress
+        self._codes: dict[str, int] = {}
+        self._monitor = Monitor()
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._monitor)
+
+    def run(self, stop: StopSignal) -> None:
+        """Until told to stop, or the simulation has ended or cannot go on."""
+        while not stop.requested and "simulation" not in self._codes and rclpy.ok():
+            self._spin()
+            summary = self._monitor.summary
+            if summary is not None and summary.error:
+                break
+            if summary is not None and self._progress.due:
+                self._progress.show(summary)
+
+    def end(self) -> None:
+        """The simulation first, the recorder last, so that nothing said goes unrecorded."""
+        for name in reversed(self._processes.names):
+            self._processes.tell(name)
+            give_up = time.monotonic() + _END_S
+            while name in self._processes.names and time.monotonic() < give_up:
+                self._spin(expected=name)
+        self._executor.shutdown()
+        self._monitor.destroy_node()
+
+    def result(self, options: RunOptions) -> RunSummary:
+        """The last figures that were heard. Raises InputError if there were none."""
+        code = self._codes.get("simulation", 0)
+        summary = self._monitor.summary
+        if summary is None:
+            raise InputError(phrase("simulation", f"it ended ({_words(code)}) without a word",
+                                    "its own messages above say why"))  # fmt: skip
+        error = summary.error or (f"the simulation ended ({_words(code)})" if code else "")
+        bag = str(options.record) if options.record else None
+        return replace(summary, error=error, bag=bag, view=options.view)
+
+    def _spin(self, expected: str = "") -> None:
+        self._executor.spin_once(timeout_sec=_WAIT_S)
+        for name, code in self._processes.ended().items():
+            self._codes[name] = code
+            if name != expected and not (name == "simulation" and code == 0):
+                self._progress.say(f"the {name} process ended ({_words(code)})")
+
+
+def _words(code: int) -> str:
+    return f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"

@@ -1,0 +1,36 @@
+"""The topic table's rows of quality of service, and its types, in rclpy's terms."""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from rope_twin.topics import Qos, Topic
+
+_BEST_EFFORT = ReliabilityPolicy.BEST_EFFORT
+_RELIABLE = ReliabilityPolicy.RELIABLE
+_ROWS: dict[Qos, tuple[ReliabilityPolicy, DurabilityPolicy, int]] = {
+    Qos.STREAM: (_BEST_EFFORT, DurabilityPolicy.VOLATILE, 1),
+    Qos.SENSOR: (_BEST_EFFORT, DurabilityPolicy.VOLATILE, 50),
+    Qos.COMMAND: (_RELIABLE, DurabilityPolicy.VOLATILE, 10),
+    Qos.LATCHED: (_RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL, 1),
+}
+
+
+def profile(qos: Qos, depth: int | None = None) -> QoSProfile:
+    """The profile of a row; a listener that must not lose anything asks for more `depth`."""
+    reliability, durability, row_depth = _ROWS[qos]
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST,
+        depth=row_depth if depth is None else depth,
+        reliability=reliability,
+        durability=durability,
+    )
+
+
+def message_type(topic: Topic) -> Any:
+    """The rclpy class of a topic's messages, such as std_msgs.msg.Float64."""
+    package, _, name = topic.type_name.split("/")
+    return getattr(importlib.import_module(f"{package}.msg"), name)

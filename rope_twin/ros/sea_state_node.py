@@ -1,0 +1,80 @@
+"""The node that moves the ship: a recorded heave, or one made from a spectrum.
+
+Samples are stamped with their own time and published `lead_s` before it: a replayed sea knows its
+future. With wait_for_epoch false the record starts at once, stamped with ROS time.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from rope_twin.commands.run.inputs import FIRST_NS, open_sea
+from rope_twin.messages import encode_elevation, encode_heave
+from rope_twin.recording.heave_replay import HeaveReplay, replay_sea
+from rope_twin.ros.entry import run_node
+from rope_twin.ros.feeding import FeedingNode
+from rope_twin.ros.params import SeaStateParams, declare
+from rope_twin.scene.load import load_scene
+from rope_twin.twin.heave_response import BoxHull
+from rope_twin.twin.irregular_sea import synthesise
+from rope_twin.twin.spectrum import jonswap
+
+
+class SeaStateNode(FeedingNode):
+    """Publishes ship/heave and, where the record has it, sea/elevation."""
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__("sea_state", **node_options)
+        self._params = declare(self, SeaStateParams)
+        self._replay: HeaveReplay | None = None
+        self._ended = False
+
+    def begin(self) -> None:
+        """Read or make the sea, then follow the twin's epoch. Raises RopeTwinError."""
+        self._replay = _open(self._params)
+        if self._replay is None:
+            self.get_logger().warning(
+                f"scene {self._params.scene} has no recorded sea: the ship lies still"
+            )
+            return
+        self.get_logger().info(self._replay.source)
+        if self._replay.note:
+            self.get_logger().warning(self._replay.note)
+        topics = ("ship/heave", "sea/elevation")
+        self.start_feeding(topics, self._params.lead_s, self._params.speed, FIRST_NS)
+        if not self._params.wait_for_epoch:
+            self.follow_epoch(self.get_clock().now().nanoseconds)
+
+    def publish_stretch(self, epoch_ns: int, from_ns: int, to_ns: int) -> None:
+        """Publish the samples of a stretch of twin time."""
+        assert self._replay is not None
+        samples = self._replay.between(from_ns, to_ns)
+        for sample in samples:
+            at_ns = epoch_ns + sample.stamp_ns
+            data = encode_heave(at_ns, sample.position_m, sample.velocity_m_per_s)
+            self.send("ship/heave", data)
+            if sample.elevation_m is not None:
+                self.send("sea/elevation", encode_elevation(at_ns, sample.elevation_m))
+        end_ns = self._replay.duration_s * 1e9
+        if self._replay.loop_ns is None and from_ns > end_ns and not self._ended:
+            self._ended = True
+            self.get_logger().warning("the recorded sea has ended; no more heave is published")
+
+
+def _open(params: SeaStateParams) -> HeaveReplay | None:
+    if params.significant_height_m > 0.0:
+        spectrum = jonswap(params.significant_height_m, params.peak_period_s)
+        sea = synthesise(spectrum, BoxHull(), params.seed)
+        return replay_sea(sea, params.start_s, params.loop)
+    scene = load_scene(params.scene)
+    return open_sea(scene, params.bag, params.topic, params.start_s, params.loop)
+
+
+def main(args: list[str] | None = None) -> int:
+    """Console entry."""
+    return run_node(SeaStateNode, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,165 @@
+"""All nodes in one process on one executor; recorder, viewer and twin on threads of their own."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from typing import Any
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+
+from rope_twin.commands.run.options import RunOptions
+from rope_twin.commands.run.summary import Progress, RunSummary
+from rope_twin.errors import InputError
+from rope_twin.ros.entry import StopSignal, initialise
+from rope_twin.ros.params import overrides
+from rope_twin.ros.recorder_node import RecorderNode
+from rope_twin.ros.sea_state_node import SeaStateNode
+from rope_twin.ros.simulation_node import SimulationNode
+from rope_twin.ros.winch_schedule_node import WinchScheduleNode
+
+_WAIT_S = 0.1
+_QUIET_S, _DRAIN_S = 0.2, 3.0
+
+
+def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
+    """The parameters of each node that these options ask for; the keys are the nodes to start."""
+    speed = {"speed": options.speed}
+    nodes: dict[str, dict[str, Any]] = {}
+    if options.record is not None:
+        nodes["recorder"] = {"directory": str(options.record)}
+    if options.view is not None:
+        nodes["viewer"] = {"file": str(options.view_file or "")}
+    nodes["sea_state"] = {
+        "scene": options.scene,
+        "bag": options.bag,
+        "topic": options.topic,
+        "start_s": options.bag_start_s,
+        **speed,
+    }
+    nodes["winch_schedule"] = {"scene": options.scene, **speed}
+    nodes["simulation"] = {"scene": options.scene, "stop_after_s": options.for_s or 0.0, **speed}
+    return nodes
+
+
+class Suite:
+    """The nodes of a run, from their start to their end."""
+
+    def __init__(self, options: RunOptions) -> None:
+        self._options = options
+        self._nodes: dict[str, Any] = {}
+        self._executor: SingleThreadedExecutor | None = None
+
+    def start(self) -> None:
+        """Make all nodes; the simulation comes last, when everybody listens.
+
+        Raises:
+            RopeTwinError: one sentence; `close` is still to be called.
+        """
+        initialise(["rope_twin"])
+        self._executor = SingleThreadedExecutor()
+        for name, parameters in node_parameters(self._options).items():
+            node = _make(name, parameters)
+            self._nodes[name] = node
+            self._executor.add_node(node)
+            node.begin()
+
+    @property
+    def simulation(self) -> SimulationNode:
+        """The node that steps the rope."""
+        node: SimulationNode = self._nodes["simulation"]
+        return node
+
+    @property
+    def ended(self) -> bool:
+        """Whether the run is over by itself: all steps done, or the solver cannot go on."""
+        paced = self.simulation.paced
+        return self.simulation.finished or (paced is not None and bool(paced.pacer.health().error))
+
+    def spin(self, wait_s: float = _WAIT_S) -> None:
+        """Let the executor do what is due."""
+        assert self._executor is not None
+        self._executor.spin_once(timeout_sec=wait_s)
+
+    def summary(self) -> RunSummary:
+        """The figures so far. Raises InputError while there is no twin yet."""
+        if self.simulation.paced is None:
+            raise InputError("the simulation has not started.")
+        options = self._options
+        return replace(
+            self.simulation.paced.summary(),
+            bag=str(options.record) if options.record else None,
+            view=options.view if "viewer" in self._nodes else None,
+        )
+
+    def close(self) -> None:
+        """End the simulation first, let the recorder take what is under way, then end the rest."""
+        for name in reversed(self._nodes):
+            if name == "recorder":
+                self._drain()
+            self._nodes[name].close()
+        if self._executor is not None:
+            self._executor.shutdown()
+        for node in self._nodes.values():
+            node.destroy_node()
+        self._nodes.clear()
+        rclpy.try_shutdown()
+
+    def _drain(self) -> None:
+        """Spin until nothing has come to the recorder for a while."""
+        recorder: RecorderNode = self._nodes["recorder"]
+        give_up = time.monotonic() + _DRAIN_S
+        received, quiet_since = recorder.received, time.monotonic()
+        while time.monotonic() < give_up and time.monotonic() - quiet_since < _QUIET_S:
+            self.spin(_QUIET_S / 4)
+            if recorder.received != received:
+                received, quiet_since = recorder.received, time.monotonic()
+
+
+def run_suite(options: RunOptions, progress: Progress) -> RunSummary:
+    """Run until the end of `for_s`, Ctrl-C or a solver that cannot go on; then end cleanly.
+
+    Raises:
+        RopeTwinError: the suite could not start; one sentence.
+        KeyboardInterrupt: told to stop before it had started.
+    """
+    stop = StopSignal()
+    suite = Suite(options)
+    try:
+        with stop.interrupting():
+            suite.start()
+        progress.say(_where(options))
+        while not (stop.requested or suite.ended) and rclpy.ok():
+            suite.spin()
+            if progress.due:
+                progress.show(suite.summary())
+        suite.simulation.close()
+        return suite.summary()
+    finally:
+        suite.close()
+        stop.restore()
+
+
+def _where(options: RunOptions) -> str:
+    """What is recorded and shown where."""
+    parts = [f"recording to {options.record}" if options.record else "recording nothing"]
+    if options.screen:
+        parts.append("showing in a rerun window")
+    elif options.view_file:
+        parts.append(f"no window, the view goes to {options.view_file}")
+    return "; ".join(parts) + "; Ctrl-C ends it"
+
+
+def _make(name: str, parameters: dict[str, Any]) -> Any:
+    made: dict[str, type[Any]] = {
+        "recorder": RecorderNode,
+        "sea_state": SeaStateNode,
+        "winch_schedule": WinchScheduleNode,
+        "simulation": SimulationNode,
+    }
+    if name == "viewer":  # imported only where it is wanted: rerun is an extra
+        from rope_twin.ros.viewer_node import ViewerNode
+
+        made[name] = ViewerNode
+    return made[name](parameter_overrides=overrides(parameters))

@@ -1,0 +1,115 @@
+"""The node that shows the suite in rerun: a window, or an .rrd file.
+
+Callbacks only queue bytes; decoding and drawing happen on the viewer's own thread, at most
+`rate_hz` times a second. Every scalar is kept, of the big topics only the newest is drawn. What
+goes wrong with the view never touches the run.
+"""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+from rclpy.node import Node
+
+from rope_twin.errors import InputError, RopeTwinError
+from rope_twin.messages import decode
+from rope_twin.ros.entry import run_node
+from rope_twin.ros.params import ViewerParams, declare
+from rope_twin.ros.qos import message_type, profile
+from rope_twin.topics import BY_NAME, Qos
+from rope_twin.view.rope_view import SHOWN_TOPICS, RopeView
+from rope_twin.view.sinks import FileSink, WindowSink
+
+_DEPTH = 200  # messages of a topic that may wait in the middleware
+_QUEUE = 5000  # messages that may wait for a viewer that is slow to start
+_NEWEST_ONLY = ("tension", "rope/nodes", "sea/elevation")
+
+
+class ViewerNode(Node):
+    """Subscribes to what RopeView shows."""
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__("viewer", **node_options)
+        self._params = declare(self, ViewerParams)
+        self._queue: deque[tuple[str, int, bytes]] = deque(maxlen=_QUEUE)
+        self._closing = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._failure = ""
+        self._shut = False  # the user has closed the window
+
+    def begin(self) -> None:
+        """Subscribe and open the view (on its own thread: a window takes seconds to come up)."""
+        for name in SHOWN_TOPICS:
+            topic = BY_NAME[name]
+            depth = 1 if topic.qos is Qos.LATCHED else _DEPTH
+            self.create_subscription(
+                message_type(topic), name, self._taker(name), profile(topic.qos, depth), raw=True
+            )
+        self._thread = threading.Thread(target=self._run, name="viewer", daemon=True)
+        self._thread.start()
+
+    @property
+    def finished(self) -> bool:
+        """Whether the window was closed. Raises InputError if there never was a view."""
+        if self._failure:
+            raise InputError(self._failure)
+        return self._shut
+
+    def close(self) -> None:
+        """Show what is queued and close the view; a window stays for the user."""
+        self._closing.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+
+    def _taker(self, name: str) -> Any:
+        def take(data: bytes, info: dict[str, int]) -> None:
+            self._queue.append((name, info["source_timestamp"] or time.time_ns(), data))
+
+        return take
+
+    def _run(self) -> None:
+        try:
+            self._show()
+        except RopeTwinError as error:
+            self._failure = str(error)
+            self.get_logger().warning(f"the run is not shown: {error}")
+        except Exception as error:  # whatever rerun raises: the run goes on without a picture
+            self._failure = f"the view has ended: {type(error).__name__}: {error}"
+            self.get_logger().error(self._failure)
+
+    def _show(self) -> None:
+        file = self._params.file
+        sink = FileSink(Path(file)) if file else WindowSink()
+        view = RopeView(sink)
+        period_s = 1.0 / self._params.rate_hz
+        ending = False
+        while not ending:
+            ending = self._closing.wait(period_s)
+            self._draw(view)
+            if isinstance(sink, WindowSink) and not sink.alive and not self._shut:
+                self._shut = True
+                self.get_logger().info("the window was closed; the run goes on")
+        view.close()
+
+    def _draw(self, view: RopeView) -> None:
+        batch = [self._queue.popleft() for _ in range(len(self._queue))]
+        newest = {name: index for index, (name, _, _) in enumerate(batch)}
+        for index, (name, time_ns, data) in enumerate(batch):
+            if name not in _NEWEST_ONLY or newest[name] == index:
+                view.show(name, decode(name, data), time_ns)
+        view.flush()
+
+
+def main(args: list[str] | None = None) -> int:
+    """Console entry."""
+    return run_node(ViewerNode, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,72 @@
+"""The node that plays a scene's winch schedule as stamped speed commands.
+
+It yields: as soon as a node of another name publishes on the command topic it says so and falls
+silent for good, so that an operator who takes the winch keeps it (start the node again to give it
+back). Until the newcomer's first command the last commanded speed stands. A node of the same name
+is its own predecessor that was killed and has not been forgotten yet, and is no reason to yield.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from rope_twin.messages import encode_speed
+from rope_twin.ros.entry import run_node
+from rope_twin.ros.feeding import FeedingNode
+from rope_twin.ros.params import WinchScheduleParams, declare
+from rope_twin.scene.load import load_scene
+from rope_twin.scene.schema import Winch
+from rope_twin.twin.schedule import schedule_samples
+
+TOPIC = "winch/speed_command"
+
+
+class WinchScheduleNode(FeedingNode):
+    """Publishes winch/speed_command at 10 Hz and at each change of the schedule."""
+
+    def __init__(self, **node_options: Any) -> None:
+        super().__init__("winch_schedule", **node_options)
+        self._params = declare(self, WinchScheduleParams)
+        self._winch: Winch | None = None
+        self.yielded = False
+
+    def begin(self) -> None:
+        """Read the scene and wait for the twin's epoch."""
+        scene = load_scene(self._params.scene)
+        self._winch = scene.winch
+        if self._winch is None or not self._winch.schedule:
+            self.get_logger().warning(
+                f"scene {scene.name} has no winch schedule: the winch is left alone"
+            )
+            return
+        self.start_feeding((TOPIC,), self._params.lead_s, self._params.speed)
+
+    def publish_stretch(self, epoch_ns: int, from_ns: int, to_ns: int) -> None:
+        """Publish the commands of a stretch of twin time, unless someone else commands."""
+        if not self.yielded and (others := self._other_commanders()):
+            self.yielded = True
+            self.get_logger().warning(
+                f"{', '.join(others)} publishes {TOPIC} too: the schedule yields and stays silent "
+                "(start this node again to resume it)"
+            )
+        if self.yielded:
+            return
+        for sample in schedule_samples(self._winch, from_ns, to_ns):
+            self.send(TOPIC, encode_speed(epoch_ns + sample.stamp_ns, sample.speed_m_per_s))
+
+    def _other_commanders(self) -> list[str]:
+        """Names of other nodes that publish the command."""
+        if self.count_publishers(TOPIC) <= 1:
+            return []
+        ends = self.get_publishers_info_by_topic(TOPIC)
+        return sorted({end.node_name for end in ends} - {self.get_name()})
+
+
+def main(args: list[str] | None = None) -> int:
+    """Console entry."""
+    return run_node(WinchScheduleNode, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
