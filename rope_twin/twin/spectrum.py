@@ -159,9 +159,8 @@ def _read_rows(path: Path) -> list[list[str]]:
             phrase(path.name, f"it cannot be read ({error})", "right is a text file of commas")
         ) from error
     if len(rows) < 3:
-        raise InputError(
-            phrase(path.name, f"it has {len(rows)} lines", "right is a heading and 2 or more lines")
-        )
+        what = f"it has {len(rows)} of the 3 lines that it needs at least"
+        raise InputError(phrase(path.name, what, "right is a heading and 2 or more frequencies"))
     return rows
 
 

@@ -1,0 +1,128 @@
+"""`rope_twin sea-state`: make a bag of heave from a wave spectrum, or tell what is in one."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.errors import InputError, phrase
+from rope_twin.recording.bag_reader import BagReader, find_bag
+from rope_twin.recording.heave_record import HeaveRecord, read_heave
+from rope_twin.recording.heave_replay import HeaveReplay
+from rope_twin.recording.sea_bag import write_sea_bag
+from rope_twin.twin.heave_response import BoxHull
+from rope_twin.twin.irregular_sea import synthesise
+from rope_twin.twin.spectrum import (
+    WaveSpectrum,
+    band_spectrum,
+    find_spectra,
+    jonswap,
+    read_spectrum,
+)
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the subcommand with its two verbs."""
+    parser = subparsers.add_parser("sea-state", help="make a recorded sea state, or look into one")
+    verbs = parser.add_subparsers(dest="verb", required=True, metavar="make | info")
+    _add_make(verbs)
+    info = verbs.add_parser("info", help="heights, periods, rates and origin of a bag's heave")
+    info.add_argument("bag", help="name in bags/, or path of a bag")
+    info.add_argument("--topic", help="the Odometry topic (default: ship/heave, or the only one)")
+    info.set_defaults(run=_run_info)
+
+
+def _add_make(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    hull = BoxHull()
+    make = verbs.add_parser(
+        "make",
+        help="a bag of ship/heave and sea/elevation from a spectrum",
+        description="Random phases from the seed, heave by the closed-form response of a box-like "
+        "hull (Jensen, Mansour, Olsen 2004). Equal arguments give equal bytes.",
+    )
+    sea = make.add_mutually_exclusive_group(required=True)
+    sea.add_argument("--spectrum", metavar="CSV", help="name in config/sea_states/, or a file")
+    sea.add_argument(
+        "--jonswap", type=float, nargs="+", metavar="X",
+        help="Hs [m], Tp [s] and, if wanted, gamma (1: Pierson-Moskowitz)",
+    )  # fmt: skip
+    make.add_argument("--column", help="hour of the measured spectrum, such as 1996-10-16T00Z")
+    make.add_argument("--seed", type=int, required=True, help="names the random phases")
+    make.add_argument("--out", type=Path, required=True, help="directory of the new bag")
+    make.add_argument("--duration", type=float, default=1200.0, help="s, also the loop's length")
+    make.add_argument("--rate", type=float, default=20.0, help="Hz, of the heave")
+    make.add_argument("--elevation-rate", type=float, default=4.0, help="Hz, of the wave elevation")
+    make.add_argument(
+        "--hull", type=float, nargs=4, metavar=("L", "B", "T", "CB"),
+        default=(hull.length_m, hull.breadth_m, hull.draught_m, hull.block_coefficient),
+        help="length, breadth, draught [m] and block coefficient (default: %(default)s)",
+    )  # fmt: skip
+    make.set_defaults(run=_run_make)
+
+
+def _run_make(args: argparse.Namespace) -> int:
+    spectrum = _choose_spectrum(args)
+    length, breadth, draught, block = args.hull
+    hull = BoxHull(length_m=length, breadth_m=breadth, draught_m=draught, block_coefficient=block)
+    if args.elevation_rate <= 2.0 * spectrum.frequency_hz[-1]:
+        right = f"right is above {2.0 * spectrum.frequency_hz[-1]:g} Hz, twice the spectrum's end"
+        what = f"it is {args.elevation_rate:g} Hz"
+        raise InputError(phrase("elevation rate", what, right))
+    sea = synthesise(spectrum, hull, args.seed, args.duration, args.rate)
+    notes = {
+        "spectrum": spectrum.source,
+        "spectrum_hs_m": f"{spectrum.significant_height_m:.3f}",
+        "response": hull.describe(),
+        "seed": str(args.seed),
+        "loops": f"periodic, {args.duration:g} s",
+    }
+    write_sea_bag(args.out, sea, args.elevation_rate, notes)
+    _tell(args.out, read_heave(args.out))
+    return 0
+
+
+def _choose_spectrum(args: argparse.Namespace) -> WaveSpectrum:
+    if args.jonswap is not None:
+        if args.column is not None or len(args.jonswap) not in (2, 3):
+            what = f"{len(args.jonswap)} numbers" + (" and a column" if args.column else "")
+            raise InputError(phrase("--jonswap", what, "right are Hs, Tp and perhaps gamma alone"))
+        return jonswap(*args.jonswap)
+    if args.column is None:
+        raise InputError(phrase("--column", "it is missing", "name an hour of the spectrum"))
+    return read_spectrum(find_spectra(args.spectrum), args.column)
+
+
+def _run_info(args: argparse.Namespace) -> int:
+    path = find_bag(args.bag)
+    record = read_heave(path, args.topic)
+    _tell(path, record)
+    with BagReader(path) as bag:
+        for key, value in bag.custom_data.items():
+            print(f"  {key:<14} {value}")
+    return 0
+
+
+def _tell(path: Path, record: HeaveRecord) -> None:
+    replay = HeaveReplay(record)
+    rate_hz = 1e9 / record.period_ns
+    print(f"{path}: {replay.duration_s:g} s of heave at {rate_hz:g} Hz")
+    print(f"  {'heave':<14} {_describe(record.time_ns, record.position_m)}")
+    print(f"  {'heave rate':<14} largest {np.max(np.abs(record.velocity_m_per_s)):.2f} m/s")
+    if len(record.elevation_m) > 1:
+        print(f"  {'wave':<14} {_describe(record.elevation_time_ns, record.elevation_m)}")
+    if replay.note:
+        print(f"  {'note':<14} {replay.note}")
+
+
+def _describe(time_ns: NDArray[np.int64], values: NDArray[np.float64]) -> str:
+    """Hs = 4·σ, Tp (peak of bands of 0.01 Hz) and the largest value."""
+    period_ns = int(np.median(np.diff(time_ns)))
+    even_ns = np.arange(time_ns[0], time_ns[-1] + 1, period_ns)
+    even = np.interp(even_ns, time_ns, values)
+    text = f"Hs {4.0 * np.std(values):.2f} m"
+    if np.ptp(even) > 0.0:
+        text += f", Tp {band_spectrum(even - even.mean(), 1e9 / period_ns).peak_period_s:.1f} s"
+    return f"{text}, largest {np.max(np.abs(values)):.2f} m ({1e9 / period_ns:g} Hz)"

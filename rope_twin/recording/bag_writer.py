@@ -1,0 +1,248 @@
+"""Writes rosbag2 directories with MCAP storage that ros2 bag, rosbags, Foxglove and rerun open."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from types import TracebackType
+
+from mcap.writer import CompressionType, Writer
+
+from rope_twin.errors import BagError, did_you_mean, phrase
+from rope_twin.recording.bag_format import (
+    OWN_RECORD,
+    ROSBAG_RECORD,
+    BagSummary,
+    RecordedTopic,
+    describe_topic,
+    recorded_name,
+)
+from rope_twin.recording.file_sink import WAITING_LIMIT_BYTES, FileSink
+from rope_twin.topics import Topic
+
+CHUNK_BYTES = 256 * 1024  # 2 ms for the longest call; larger chunks stall the caller
+_LARGEST_STAMP_NS = 2**63 - 1  # rosbag2 keeps stamps in a signed integer
+
+
+class BagWriter:
+    """One bag, from making its directory to its metadata.yaml. Not for several threads at once.
+
+    Nothing of it depends on the time of writing: equal calls make equal bytes.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        topics: Iterable[Topic],
+        metadata: Mapping[str, str] | None = None,
+        *,
+        chunk_bytes: int = CHUNK_BYTES,
+    ) -> None:
+        """Make the directory with `<name>_0.mcap` in it.
+
+        Args:
+            topics: rows of the topic table; recorded with a leading slash.
+            metadata: notes on the bag, kept in the MCAP file and in metadata.yaml (custom_data).
+            chunk_bytes: size, before compression, at which a chunk is closed.
+
+        Raises:
+            BagError: the directory is in use, cannot be made, or a message type is unknown.
+        """
+        self._directory = Path(directory)
+        described = [describe_topic(topic) for topic in topics]
+        self._make_directory()
+        self._file_name = f"{self._directory.resolve().name}_0.mcap"
+        try:
+            self._sink = FileSink(self._directory / self._file_name)
+        except OSError as error:
+            raise self._error(f"its file cannot be made ({error.strerror})") from error
+        self._writer = Writer(self._sink, chunk_bytes, CompressionType.ZSTD)
+        # A fixed name, not the library's version: equal input, equal bytes.
+        self._writer.start(profile="ros2", library="rope_twin")
+        self._topics: dict[str, RecordedTopic] = {}
+        self._channels: dict[str, int] = {}
+        self._schemas: dict[tuple[str, bytes], int] = {}
+        self._counts: dict[str, int] = {}
+        self._custom_data: dict[str, str] = {}
+        self._first_ns, self._last_ns = _LARGEST_STAMP_NS, 0
+        self._closed = False
+        if metadata:
+            self.add_metadata(metadata)
+        for topic in described:
+            self.add_topic(topic)
+
+    @property
+    def directory(self) -> Path:
+        """The bag."""
+        return self._directory
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """Messages by recorded topic name."""
+        return self._counts
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes in the file."""
+        return self._sink.written_bytes
+
+    @property
+    def trouble(self) -> str:
+        """One sentence while the disk does not take what is written, else ''."""
+        if not self._sink.trouble:
+            return ""
+        return phrase(
+            f"bag {self._directory}",
+            f"the disk refuses to take it ({self._sink.trouble}), "
+            f"{self._sink.waiting_bytes} bytes wait in memory",
+            "make room and it goes on",
+        )
+
+    def add_metadata(self, metadata: Mapping[str, str]) -> None:
+        """Add notes on the bag."""
+        self._custom_data.update(metadata)
+        self._writer.add_metadata(OWN_RECORD, dict(metadata))
+        self._sink.flush()
+
+    def add_topic(self, topic: RecordedTopic) -> None:
+        """Add a topic; the same one twice does nothing.
+
+        Raises:
+            BagError: another topic of that name is there already.
+        """
+        known = self._topics.get(topic.name)
+        if known == topic:
+            return
+        if known is not None:
+            what = f"topic {topic.name} is {known.type_name} and {topic.type_name} in one bag"
+            raise self._error(what, "give each name one type and one quality of service")
+        key = (topic.type_name, topic.definition)
+        if key not in self._schemas:
+            self._schemas[key] = self._writer.register_schema(
+                topic.type_name, topic.definition_encoding, topic.definition
+            )
+        self._channels[topic.name] = self._writer.register_channel(
+            topic.name, "cdr", self._schemas[key], topic.channel_metadata()
+        )
+        self._topics[topic.name] = topic
+        self._counts[topic.name] = 0
+
+    def write(
+        self,
+        topic_name: str,
+        stamp_ns: int,
+        data: bytes,
+        *,
+        publish_ns: int | None = None,
+        sequence: int = 0,
+    ) -> None:
+        """Add one message (CDR bytes) at an absolute time [ns].
+
+        A disk that refuses to take it is told in `trouble`, not raised: the bytes wait.
+
+        Raises:
+            BagError: closed bag, unknown topic, impossible stamp, or too much waits already.
+        """
+        name = recorded_name(topic_name)
+        if self._closed:
+            raise self._error(f"a message on {name} came after its end", "write before closing")
+        if name not in self._channels:
+            raise self._error(f"it has no topic {name}", did_you_mean(name, self._channels))
+        if not 0 <= stamp_ns <= _LARGEST_STAMP_NS:
+            what = f"a message on {name} has the stamp {stamp_ns} ns"
+            raise self._error(what, "right are nanoseconds since 1970")
+        if self._sink.waiting_bytes > WAITING_LIMIT_BYTES:
+            raise BagError(self.trouble)
+        self._writer.add_message(
+            self._channels[name],
+            log_time=stamp_ns,
+            data=data,
+            publish_time=stamp_ns if publish_ns is None else publish_ns,
+            sequence=sequence,
+        )
+        self._counts[name] += 1
+        self._first_ns = min(self._first_ns, stamp_ns)
+        self._last_ns = max(self._last_ns, stamp_ns)
+        if self._sink.waiting_bytes:
+            self._sink.flush()
+
+    def flush(self) -> None:
+        """Close the chunk in progress and hand everything to the operating system."""
+        self._writer.flush()
+
+    def close(self) -> None:
+        """End the file and write metadata.yaml. A second call does nothing.
+
+        Raises:
+            BagError: the disk did not take the rest; what it took can be recovered.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        self._writer.flush()
+        summary = self._summary()
+        self._writer.add_metadata(ROSBAG_RECORD, {"serialized_metadata": summary.as_yaml()})
+        self._writer.finish()
+        self._sink.close()
+        if self._sink.waiting_bytes:
+            raise self._error(
+                f"the disk did not take its last {self._sink.waiting_bytes} bytes "
+                f"({self._sink.trouble})",
+                f"`rope_twin recover {self._directory}` saves what is there",
+            )
+        self._write_metadata_file(summary.as_file())
+
+    def _summary(self) -> BagSummary:
+        empty = self._first_ns > self._last_ns
+        return BagSummary(
+            file_name=self._file_name,
+            topics=list(self._topics.values()),
+            counts=self._counts,
+            start_ns=0 if empty else self._first_ns,
+            duration_ns=0 if empty else self._last_ns - self._first_ns,
+            custom_data=self._custom_data,
+        )
+
+    def _write_metadata_file(self, text: str) -> None:
+        final = self._directory / "metadata.yaml"
+        draft = self._directory / "metadata.yaml.part"
+        try:
+            draft.write_text(text, encoding="utf-8")
+            draft.replace(final)
+        except OSError as error:
+            with contextlib.suppress(OSError):
+                draft.unlink(missing_ok=True)
+            raise self._error(
+                f"metadata.yaml cannot be written ({error.strerror})",
+                f"`rope_twin recover {self._directory}` makes one",
+            ) from error
+
+    def _make_directory(self) -> None:
+        try:
+            self._directory.mkdir(parents=True, exist_ok=True)
+            in_use = any(self._directory.iterdir())
+        except OSError as error:
+            raise self._error(f"it cannot be made ({error.strerror})") from error
+        if in_use:
+            raise self._error("the directory holds something", "name one that does not exist yet")
+
+    def _error(self, what: str, right: str = "name a place that can be written") -> BagError:
+        return BagError(phrase(f"bag {self._directory}", what, right))
+
+    def __enter__(self) -> BagWriter:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close in any case: what was written before an error is worth keeping."""
+        try:
+            self.close()
+        except BagError as failure:
+            if error is None:
+                raise
+            error.add_note(str(failure))
