@@ -23,6 +23,7 @@ LARGEST_DAMPING = 0.1  # of critical
 # Measured with TR-BDF2 on snapping ropes: peak 0.2, 1 and 6 % low at T/h = 200, 100 and 40.
 STEPS_PER_PERIOD = 100.0
 STEPS_PER_ROPE_WAVE = 10.0
+STEPS_PER_WAVE = 50.0
 SHORTEST_WAVE_S = 2.5  # 0.4 Hz, the end of a measured wave spectrum
 SHORTEST_RAMP_S = 2.0
 WAVE_SPEEDS_M_PER_S = (800.0, 12000.0)  # nylon and polyester to HMPE under load
@@ -146,14 +147,16 @@ def _effects(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 def _step(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     step = scene.time.step_s
     rope_wave = 2.0 * scene.ropes[0].length_m / figures.axial_wave_speed_m_per_s
-    limits = (
-        (figures.first_axial_period_s, STEPS_PER_PERIOD, "the first axial period", "snap peaks"),
+    limits = [
         (rope_wave, STEPS_PER_ROPE_WAVE, "the rope's own axial wave", "that wave is damped away"),
-        (SHORTEST_WAVE_S, STEPS_PER_ROPE_WAVE * 5.0, "the shortest sea waves", "their peaks"),
-    )
+        (SHORTEST_WAVE_S, STEPS_PER_WAVE, "the shortest sea waves", "they are cut off"),
+    ]
+    if figures.payload is not None:
+        name = "the first axial period of rope and payload"
+        limits.append((figures.first_axial_period_s, STEPS_PER_PERIOD, name, "snap peaks too low"))
     for period, steps, name, loss in limits:
         if step * steps > period * (1.0 + 1e-9):
-            what = f"{step:g} s is coarse for {name} of {period:.3g} s ({loss})"
+            what = f"{step:g} s is coarse for {name}, {period:.3g} s ({loss})"
             yield phrase("time.step_s", what, f"give {period / steps:.2g} s or less")
 
 
@@ -175,17 +178,14 @@ def _schedule(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if met is not None:
         when, limit = met
         name = "most_line_out_m" if limit == winch.most_line_out_m else "least_line_out_m"
-        what = (
-            f"it drives the line out to {name} ({limit:g} m) after {when:.0f} s and is held there"
-        )
-        yield phrase("winch.schedule", what, "let it return, or change the limit")
+        what = f"it drives the line out against {name} ({limit:g} m) after {when:.0f} s"
+        right = "the winch stops there; let the schedule return, or change the limit"
+        yield phrase("winch.schedule", what, right)
     fastest = max((row.speed_m_per_s for row in winch.schedule), default=0.0)
     sinking = figures.sinking_speed_m_per_s(scene.environment.water_density_kg_per_m3)
     if figures.payload is not None and fastest > sinking:
-        what = (
-            f"it lowers at {fastest:g} m/s but the payload sinks at {sinking:.2f} m/s: slack rope"
-        )
-        yield phrase("winch.schedule", what, "lower more slowly")
+        what = f"it lowers at {fastest:g} m/s but the payload sinks at {sinking:.2f} m/s"
+        yield phrase("winch.schedule", what, "lower more slowly, or the rope falls slack")
 
 
 def _ship(scene: Scene, figures: LiftFigures) -> Iterator[str]:

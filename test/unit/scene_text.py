@@ -1,6 +1,11 @@
-"""A good scene as text, for the tests of the strict reader to spoil."""
+"""A good scene as text, for the tests of the strict reader to spoil, and what a refusal must be."""
 
 from pathlib import Path
+
+import pytest
+
+from rope_twin.errors import SceneError
+from rope_twin.scene.load import load_scene
 
 GOOD = """\
 about: a good scene
@@ -49,3 +54,22 @@ def written(folder: Path, text: str | bytes) -> Path:
     path = folder / "scene.yaml"
     path.write_bytes(text.encode() if isinstance(text, str) else text)
     return path
+
+
+def assert_refused(text: str, place: str, words: tuple[str, ...], folder: Path) -> None:
+    """The scene gets one sentence `file, line, place: what; right.` that holds these words."""
+    path = written(folder, text)
+    with pytest.raises(SceneError) as caught:
+        load_scene(path)
+    sentence = str(caught.value)
+    assert "\n" not in sentence
+    assert len(sentence) < 500
+    assert sentence[-1] in ".?"
+    where, _, rest = sentence.partition(": ")
+    what, _, right = rest.partition("; ")
+    assert where.startswith(str(path))
+    assert where.removeprefix(str(path)).partition(", line ")[2].partition(", ")[2] == place
+    assert what
+    assert right
+    for word in words:
+        assert word in sentence

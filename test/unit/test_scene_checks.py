@@ -1,0 +1,291 @@
+"""Sense checks warn in numbers, with the place and the way out, and are silent on good scenes."""
+
+import dataclasses
+from math import pi, sqrt, tan
+from pathlib import Path
+
+import pytest
+from scene_text import GOOD, spoilt, written
+
+from rope_twin.scene.checks import sense_checks
+from rope_twin.scene.figures import lift_figures, schedule_meets_limit, stretch_m
+from rope_twin.scene.load import load_scene
+from rope_twin.scene.ropes import rope_preset
+from rope_twin.scene.schema import Damping, Payload, Rope, RopeLine, Scene, ScheduleRow, Winch
+
+LENGTH = "length_m: 500.0"
+SHAPE = "shape: {box: {length_m: 3.0, width_m: 2.0, height_m: 1.5}}"
+FIRST_ROW, SECOND_ROW = "{at_s: 0.0, speed_m_per_s: 0.5}", "{at_s: 20.0, speed_m_per_s: -0.5}"
+PROFILE = "[[0.0, [0.5, 0.0]], [-900.0, [0.1, 0.05]]]"
+FIGURES = (
+    "{diameter_m: 0.04, mass_kg_per_m: 6.4, hydrodynamic_diameter_m: 0.032,"
+    " axial_stiffness_n: 6.4e+7, breaking_load_n: 1.0e+6}"
+)
+
+
+def fixed(text: str, end: str) -> str:
+    """The scene with its lower end held instead of loaded."""
+    text = text.replace(text[text.index("payloads:") : text.index("winch:")], "")
+    return text.replace("    to: tool\n", f"    fixed_at_m: {end}\n").replace(
+        "  - payload: {}\n", ""
+    )
+
+
+# name: (scene, start of the warning, words in it)
+ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    "over a third": (
+        spoilt("mass_kg: 20000.0", "mass_kg: 50000.0"),
+        "ropes[0]: ",
+        ("427 kN", "1013 kN", "safety factor of 2.37"),
+    ),
+    "over the breaking load": (
+        spoilt("mass_kg: 20000.0", "mass_kg: 150000.0"),
+        "ropes[0]: ",
+        ("breaks", "stronger rope"),
+    ),
+    "too heavy with all rope out": (
+        spoilt("most_line_out_m: 800.0", "most_line_out_m: 6000.0").replace("-900.0", "-9000.0"),
+        "winch.most_line_out_m: ",
+        ("with 6000 m out", "safety factor"),
+    ),
+    "coarse elements": (
+        spoilt("elements: 50", "elements: 9"),
+        "ropes[0].elements: ",
+        ("55.6 m", "at least 10"),
+    ),
+    "fine elements": (
+        spoilt("elements: 50", "elements: 2000"),
+        "ropes[0].elements: ",
+        ("0.25 m", "1000 elements"),
+    ),
+    "stiffness in kN": (
+        spoilt("steel_wire_40mm", FIGURES.replace("6.4e+7", "6.4e+4")),
+        "ropes[0].rope: ",
+        ("100 m/s", "axial_stiffness_n [N]"),
+    ),
+    "rope denser than metal": (
+        spoilt("steel_wire_40mm", FIGURES.replace("0.032", "0.020")),
+        "ropes[0].rope: ",
+        ("20372 kg/m³", "hydrodynamic_diameter_m"),
+    ),
+    "payload that floats": (
+        spoilt("mass_kg: 20000.0", "mass_kg: 9000.0"),
+        "payloads[0]: ",
+        ("it floats", "9.00 m³", "-2.2 kN", "displaced_volume_m3"),
+    ),
+    "payload that nearly floats": (
+        spoilt("mass_kg: 20000.0", "mass_kg: 9500.0"),
+        "payloads[0]: ",
+        ("nearly floats", "2.7 kN"),
+    ),
+    "rope that floats": (
+        spoilt("steel_wire_40mm", "hmpe_76mm").replace(
+            "mass_kg: 20000.0", "mass_kg: 10.0\n    displaced_volume_m3: 0.0"
+        ),
+        "ropes[0]: ",
+        ("floats with 0.72 kN over 500 m", "0.10 kN of payload"),
+    ),
+    "no weight": (spoilt("  - weight: {}\n", ""), "effects: ", ("`weight` is not listed",)),
+    "payload without its effect": (
+        spoilt("  - payload: {}\n", ""),
+        "effects: ",
+        ("`payload` is not listed", "'tool'"),
+    ),
+    "current without drag": (
+        spoilt("  - drag: {normal: 1.2, tangential: 0.02}\n", ""),
+        "effects: ",
+        ("`current` is listed without `drag`",),
+    ),
+    "step coarse for the first mode": (
+        spoilt("step_s: 0.01", "step_s: 0.04"),
+        "time.step_s: ",
+        ("0.04 s", "first axial period of rope and payload, 3.07 s", "0.031 s or less"),
+    ),
+    "step coarse for the rope's wave": (
+        spoilt(LENGTH, "length_m: 60.0").replace("-900.0", "-999.0"),
+        "time.step_s: ",
+        ("rope's own axial wave, 0.0377 s", "0.0038 s or less"),
+    ),
+    "step coarse for the sea": (
+        spoilt("step_s: 0.01", "step_s: 0.1"),
+        "time.step_s: ",
+        ("shortest sea waves, 2.5 s", "0.05 s or less"),
+    ),
+    "much damping": (
+        spoilt("fraction_of_first_axial_mode: 0.02", "fraction_of_first_axial_mode: 0.2"),
+        "ropes[0].damping: ",
+        ("20 % of critical", "1 to 2 %"),
+    ),
+    "much damping in newton seconds": (
+        spoilt("fraction_of_first_axial_mode: 0.02", "newton_seconds: 1.0e+7"),
+        "ropes[0].damping: ",
+        ("16 % of critical",),
+    ),
+    "no damping": (
+        spoilt("fraction_of_first_axial_mode: 0.02", "newton_seconds: 0.0"),
+        "ropes[0].damping: ",
+        ("no limit",),
+    ),
+    "schedule past the rope there is": (
+        spoilt(SECOND_ROW, "{at_s: 20.0, speed_m_per_s: 0.0}"),
+        "winch.schedule: ",
+        ("most_line_out_m (800 m) after 1200 s", "stops there"),
+    ),
+    "schedule past the least line out": (
+        spoilt(FIRST_ROW, "{at_s: 0.0, speed_m_per_s: 0.0}"),
+        "winch.schedule: ",
+        ("least_line_out_m (50 m) after 1820 s",),
+    ),
+    "lowering faster than the payload sinks": (
+        spoilt("mass_kg: 20000.0", "mass_kg: 9800.0\n    drag_area_m2: [9.0, 9.0, 90.0]"),
+        "winch.schedule: ",
+        ("0.5 m/s", "sinks at 0.35 m/s", "slack"),
+    ),
+    "hang-off above the water": (
+        spoilt("hang_off_m: [0.0, 0.0, 0.0]", "hang_off_m: [0.0, 0.0, 12.0]"),
+        "ship.hang_off_m[2]: ",
+        ("12 m above the water", "under water"),
+    ),
+    "motion without a ramp": (
+        spoilt("motion_ramp_s: 8.0", "motion_ramp_s: 0.0").replace(
+            "{start_s", "{bag: ./bag, start_s"
+        ),
+        "ship.motion_ramp_s: ",
+        ("kicks",),
+    ),
+    "current that ends above the rope's end": (
+        spoilt(PROFILE, "[[0.0, [0.5, 0.0]], [-300.0, [0.1, 0.05]]]"),
+        "effects current.profile: ",
+        ("below", "z = -300 m", "0.1 east, 0.05 north", "z = -800 m"),
+    ),
+    "current that starts deep": (
+        spoilt(PROFILE, "[[-50.0, [0.5, 0.0]], [-900.0, [0.0, 0.0]]]"),
+        "effects current.profile: ",
+        ("above", "z = -50 m"),
+    ),
+    "thin water": (
+        spoilt("water_density_kg_per_m3: 1025.0", "water_density_kg_per_m3: 1.2"),
+        "environment.water_density_kg_per_m3: ",
+        ("1.2 kg/m³", "1025"),
+    ),
+    "gravity of the moon": (
+        spoilt("gravity_m_per_s2: 9.80665", "gravity_m_per_s2: 1.62"),
+        "environment.gravity_m_per_s2: ",
+        ("1.62 m/s²", "9.80665"),
+    ),
+    "fixed end too far": (
+        fixed(GOOD, "[0.0, 0.0, -505.0]"),
+        "ropes[0].fixed_at_m: ",
+        ("505.0 m from the hang-off", "646 kN"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ODD)
+def test_odd_scene_is_warned_about(name: str, tmp_path: Path) -> None:
+    text, start, words = ODD[name]
+    (tmp_path / "bag").mkdir()
+    warnings = sense_checks(load_scene(written(tmp_path, text)))
+    found = [warning for warning in warnings if all(word in warning for word in words)]
+    assert len(found) == 1, warnings
+    assert found[0].startswith(start)
+    assert "; " in found[0]
+    assert found[0].endswith(".")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        GOOD,
+        spoilt(f"  - current: {{profile: {PROFILE}}}\n", ""),  # drag in still water is fine
+        spoilt(PROFILE, "[[0.0, [0.5, 0.0]], [-300.0, [0.0, 0.0]]]"),  # nothing held below
+        spoilt(SECOND_ROW, SECOND_ROW + "\n    - {at_s: 40.0, speed_m_per_s: 0.0}").replace(
+            "repeats_every_s: 40.0", "repeats_every_s: 60.0"
+        ),
+        fixed(GOOD, "[0.0, 0.0, -499.0]"),
+    ],
+)
+def test_good_scenes_are_left_alone(text: str, tmp_path: Path) -> None:
+    assert sense_checks(load_scene(written(tmp_path, text))) == []
+
+
+STEEL_76MM = Rope(  # 76.0 mm; the preset of that name is 3 in, 76.2 mm
+    diameter_m=0.076,
+    mass_kg_per_m=3989.7 * 0.076**2,
+    hydrodynamic_diameter_m=0.8 * 0.076,
+    axial_stiffness_n=4.04e10 * 0.076**2,
+    breaking_load_n=6.334e8 * 0.076**2,
+)
+
+
+@pytest.mark.parametrize(
+    ("rope", "length", "period"),
+    [
+        (STEEL_76MM, 1000.0, 5.17),
+        (STEEL_76MM, 3000.0, 9.39),
+        (STEEL_76MM, 5000.0, 12.68),
+        (rope_preset("hmpe_76mm"), 1000.0, 5.37),
+        (rope_preset("hmpe_76mm"), 3000.0, 9.36),
+        (rope_preset("hmpe_76mm"), 5000.0, 12.17),
+    ],
+)
+def test_first_axial_period_is_that_of_the_closed_form(
+    rope: Rope, length: float, period: float, tmp_path: Path
+) -> None:
+    """x·tan x = m·L/M', T = 2π·L/(c·x), M' = 150 t: periods quoted for long lifting ropes."""
+    scene = load_scene(written(tmp_path, GOOD))
+    payload = Payload(
+        name="tool",
+        mass_kg=100e3,
+        displaced_volume_m3=10.0,
+        added_mass_kg=(0.0, 0.0, 50e3),
+        drag_area_m2=(1.0, 1.0, 1.0),
+    )
+    line = dataclasses.replace(scene.ropes[0], rope=rope, length_m=length)
+    scene = dataclasses.replace(scene, ropes=(line,), payloads=(payload,))
+    found = lift_figures(scene).first_axial_period_s
+    assert found == pytest.approx(period, rel=1e-3)
+    x = 2.0 * pi * length / (found * sqrt(rope.axial_stiffness_n / rope.mass_kg_per_m))
+    assert x * tan(x) == pytest.approx(rope.mass_kg_per_m * length / 150e3, rel=1e-9)
+
+
+def test_static_figures_by_hand(tmp_path: Path) -> None:
+    scene = load_scene(written(tmp_path, GOOD))
+    figures = lift_figures(scene)
+    weight = (20000.0 - 1025.0 * 9.0) * 9.80665
+    per_metre = (6.38352 - 1025.0 * 8.0424772e-4) * 9.80665
+    assert figures.payload_weight_n == pytest.approx(weight)
+    assert figures.rope_weight_n_per_m == pytest.approx(per_metre)
+    assert figures.top_tension_n(500.0) == pytest.approx(weight + 500.0 * per_metre)
+    by_hand = (weight + 0.5 * per_metre * 500.0) * 500.0 / 64.64e6
+    assert stretch_m(figures, scene.ropes[0]) == pytest.approx(by_hand)
+    assert figures.damping_fraction == pytest.approx(0.02)
+
+
+def winch(*rows: tuple[float, float], repeat: float | None = None) -> Winch:
+    return Winch(
+        speed_limit_m_per_s=2.0,
+        acceleration_limit_m_per_s2=0.3,
+        least_line_out_m=50.0,
+        most_line_out_m=150.0,
+        schedule=tuple(ScheduleRow(at_s=at, speed_m_per_s=speed) for at, speed in rows),
+        schedule_repeats_every_s=repeat,
+    )
+
+
+def test_when_a_schedule_meets_a_limit() -> None:
+    assert schedule_meets_limit(winch((10.0, 1.0)), 100.0) == (60.0, 150.0)
+    assert schedule_meets_limit(winch((0.0, -2.0)), 100.0) == (25.0, 50.0)
+    assert schedule_meets_limit(winch((0.0, 1.0), (50.0, 0.0)), 100.0) is None
+    net = winch((0.0, 1.0), (20.0, -1.0), (30.0, 0.0), repeat=40.0)  # 10 m deeper a round
+    assert schedule_meets_limit(net, 100.0) == (170.0, 150.0)  # 140 m after four rounds
+    assert schedule_meets_limit(winch((0.0, 1.0), (20.0, -1.0), repeat=40.0), 100.0) is None
+    assert schedule_meets_limit(winch(), 100.0) is None
+
+
+def test_warnings_follow_the_scene_not_the_file() -> None:
+    """A scene changed in memory is checked as it is then."""
+    scene: Scene = load_scene("still_water")
+    line: RopeLine = dataclasses.replace(scene.ropes[0], damping=Damping(newton_seconds=0.0))
+    assert sense_checks(scene) == []
+    assert len(sense_checks(dataclasses.replace(scene, ropes=(line,)))) == 1

@@ -1,0 +1,133 @@
+"""Payload shapes against tables, limits and symmetries; explicit keys before the shape."""
+
+from math import pi
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rope_twin.errors import SceneError
+from rope_twin.scene.schema import Payload
+from rope_twin.scene.shapes import Box, Cylinder, Sphere, depth_factor, payload_figures
+
+sizes = st.floats(0.05, 50.0)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "coefficient"), [(1.0, 0.579), (2.0, 0.757), (4.0, 0.872), (10.0, 0.947)]
+)
+def test_thin_box_is_the_plate_of_the_table(ratio: float, coefficient: float) -> None:
+    box = Box(length_m=2.0 * ratio, width_m=2.0, height_m=0.01)
+    plate = coefficient * 0.25 * pi * 2.0**2 * (2.0 * ratio)
+    assert box.added_mass_m3()[2] == pytest.approx(plate, rel=0.07)
+    assert box.added_mass_m3()[2] > plate  # the thickness adds a little
+
+
+@pytest.mark.parametrize(
+    ("height_over_side", "coefficient"), [(1.0, 0.68), (2.0, 0.36), (3.0, 0.24), (4.0, 0.19)]
+)
+def test_upright_square_prism_is_near_the_table(
+    height_over_side: float, coefficient: float
+) -> None:
+    """Table A-2 has square prisms of its own; the plate with its depth factor comes within 10 %."""
+    box = Box(length_m=1.5, width_m=1.5, height_m=1.5 * height_over_side)
+    assert box.added_mass_m3()[2] / box.volume_m3() == pytest.approx(coefficient, rel=0.1)
+
+
+def test_box_keeps_its_axes() -> None:
+    x, y, z = Box(length_m=4.0, width_m=3.0, height_m=2.0).added_mass_m3()
+    turned = Box(length_m=2.0, width_m=4.0, height_m=3.0)
+    assert turned.added_mass_m3() == pytest.approx((z, x, y))
+    drag = Box(length_m=4.0, width_m=3.0, height_m=2.0).drag_area_m2()
+    assert turned.drag_area_m2() == pytest.approx((drag[2], drag[0], drag[1]))
+    assert z > y > x  # the largest face carries the most water
+
+
+def test_box_drag_by_face() -> None:
+    plate = Box(length_m=10.0, width_m=10.0, height_m=0.1)
+    assert plate.drag_area_m2()[2] == pytest.approx(1.16 * 100.0)
+    rod = Box(length_m=1.0, width_m=1.0, height_m=3.0)
+    assert rod.drag_area_m2()[2] == pytest.approx(0.93)
+    assert rod.drag_area_m2()[0] == pytest.approx(3.0 * 1.18)  # face 3:1, between 1.16 and 1.20
+
+
+def test_sphere() -> None:
+    sphere = Sphere(diameter_m=2.0)
+    assert sphere.volume_m3() == pytest.approx(4.0 / 3.0 * pi)
+    assert sphere.added_mass_m3() == pytest.approx((2.0 / 3.0 * pi,) * 3)
+    assert sphere.drag_area_m2() == pytest.approx((0.5 * pi,) * 3)
+
+
+def test_long_cylinder_has_the_added_mass_of_its_own_volume_across() -> None:
+    cylinder = Cylinder(diameter_m=0.5, height_m=200.0)
+    assert cylinder.added_mass_m3()[0] == pytest.approx(cylinder.volume_m3(), rel=0.01)
+    assert cylinder.drag_area_m2()[0] == pytest.approx(1.2 * 0.98 * 100.0)
+
+
+def test_cylinder_across_by_the_table() -> None:
+    cylinder = Cylinder(diameter_m=2.0, height_m=5.0)
+    assert cylinder.added_mass_m3()[0] == pytest.approx(0.78 * cylinder.volume_m3())
+    assert cylinder.added_mass_m3()[0] == cylinder.added_mass_m3()[1]
+
+
+def test_flat_cylinder_is_a_disc() -> None:
+    disc = Cylinder(diameter_m=4.0, height_m=0.01)
+    assert disc.added_mass_m3()[2] == pytest.approx(8.0 / 3.0 * 8.0, rel=0.06)
+    assert disc.drag_area_m2()[2] == pytest.approx(1.12 * 4.0 * pi, rel=1e-3)
+    assert disc.added_mass_m3()[0] < 0.01 * disc.volume_m3()
+
+
+def test_depth_factor_runs_from_plate_to_deep_body() -> None:
+    assert depth_factor(4.0, 0.0) == 1.0
+    assert depth_factor(4.0, 1e9) == pytest.approx(1.0 + 0.5**0.5)
+
+
+@given(x=sizes, y=sizes, z=sizes)
+def test_bodies_are_positive_and_scale_with_the_cube(x: float, y: float, z: float) -> None:
+    for small, large in (
+        (
+            Box(length_m=x, width_m=y, height_m=z),
+            Box(length_m=2 * x, width_m=2 * y, height_m=2 * z),
+        ),
+        (Cylinder(diameter_m=x, height_m=z), Cylinder(diameter_m=2 * x, height_m=2 * z)),
+        (Sphere(diameter_m=x), Sphere(diameter_m=2 * x)),
+    ):
+        assert min(small.added_mass_m3()) > 0.0
+        assert min(small.drag_area_m2()) > 0.0
+        assert large.volume_m3() == pytest.approx(8.0 * small.volume_m3())
+        assert large.added_mass_m3() == pytest.approx([8.0 * a for a in small.added_mass_m3()])
+        assert large.drag_area_m2() == pytest.approx([4.0 * a for a in small.drag_area_m2()])
+
+
+def test_figures_come_from_the_shape() -> None:
+    payload = Payload(name="p", mass_kg=5000.0, shape=Sphere(diameter_m=1.0))
+    figures = payload_figures(payload, 1000.0)
+    assert figures.mass_kg == 5000.0
+    assert figures.volume_m3 == pytest.approx(pi / 6.0)
+    assert figures.added_mass_kg == pytest.approx((1000.0 * pi / 12.0,) * 3)
+
+
+def test_explicit_keys_win() -> None:
+    payload = Payload(
+        name="p",
+        mass_kg=5000.0,
+        shape=Sphere(diameter_m=1.0),
+        displaced_volume_m3=0.1,
+        added_mass_kg=(1.0, 2.0, 3.0),
+    )
+    figures = payload_figures(payload, 1000.0)
+    assert (figures.volume_m3, figures.added_mass_kg) == (0.1, (1.0, 2.0, 3.0))
+    assert figures.drag_area_m2 == Sphere(diameter_m=1.0).drag_area_m2()
+
+
+def test_all_keys_need_no_shape_but_some_do() -> None:
+    whole = Payload(
+        name="p",
+        mass_kg=1.0,
+        displaced_volume_m3=0.0,
+        added_mass_kg=(0.0, 0.0, 0.0),
+        drag_area_m2=(0.0, 0.0, 0.0),
+    )
+    assert payload_figures(whole, 1025.0).volume_m3 == 0.0
+    with pytest.raises(SceneError, match="payload 'q': without a shape"):
+        payload_figures(Payload(name="q", mass_kg=1.0, displaced_volume_m3=0.0), 1025.0)
