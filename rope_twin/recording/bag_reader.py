@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 from rosbags.rosbag2 import Reader
 
@@ -162,5 +161,6 @@ def _recover(path: Path) -> str:
 
 
 def _unreadable(path: Path, error: Exception) -> BagError:
-    reason: Any = str(error).strip().rstrip(".") or type(error).__name__
+    reason = " ".join(str(error).split()).rstrip(".") or type(error).__name__
+    reason = reason if len(reason) <= 160 else f"{reason[:157]}..."
     return BagError(phrase(f"bag {path}", f"it is damaged ({reason})", _recover(path)))

@@ -60,6 +60,7 @@ class BagWriter:
         self._writer = Writer(self._sink, chunk_bytes, CompressionType.ZSTD)
         # A fixed name, not the library's version: equal input, equal bytes.
         self._writer.start(profile="ros2", library="rope_twin")
+        self._sink.flush()
         self._topics: dict[str, RecordedTopic] = {}
         self._channels: dict[str, int] = {}
         self._schemas: dict[tuple[str, bytes], int] = {}

@@ -25,6 +25,7 @@ Stamps = NDArray[np.int64]
 _HEAVE, _ELEVATION = BY_NAME["ship/heave"], BY_NAME["sea/elevation"]
 _TOLERATED_SHARE = 0.05  # of samples that cannot be used
 _GAP_PERIODS = 3.0  # an interval this many times the usual one is a gap
+_LONGEST_GAP_S = 60.0  # beyond it, it is the clock that jumped, or two recordings
 
 
 @dataclass(frozen=True)
@@ -56,9 +57,7 @@ def read_heave(path: Path, topic: str | None = None) -> HeaveRecord:
     """
     with BagReader(path) as bag:
         name = _choose_topic(bag, topic)
-        rows = _Rows(f"bag {path}, topic {name}", bag.topics[name].messages)
-        for log_ns, data in bag.messages(name):
-            rows.add(log_ns, _HEAVE.type_name, data)
+        rows = _read_rows(bag, name)
         elevation = _read_elevation(bag)
         source = bag.custom_data.get("source", "")
     stamp_ns, values = rows.usable()
@@ -114,38 +113,42 @@ def _read_elevation(bag: BagReader) -> _Rows | None:
         and f"/{name}".endswith(f"/{_ELEVATION.name}")
         and content.messages > 1
     ]
-    if len(names) != 1:
-        return None
-    rows = _Rows(f"bag {bag.path}, topic {names[0]}", bag.topics[names[0]].messages)
-    for log_ns, data in bag.messages(names[0]):
-        rows.add(log_ns, _ELEVATION.type_name, data)
+    return _read_rows(bag, names[0]) if len(names) == 1 else None
+
+
+def _read_rows(bag: BagReader, name: str) -> _Rows:
+    content = bag.topics[name]
+    rows = _Rows(f"bag {bag.path}, topic {name}", content)
+    for log_ns, data in bag.messages(name):
+        rows.add(log_ns, data)
     return rows
 
 
 class _Rows:
     """Samples of one topic as they come, and the judgement on them."""
 
-    def __init__(self, where: str, promised: int) -> None:
+    def __init__(self, where: str, content: TopicContent) -> None:
         self.where = where
         self.notes: list[str] = []
         self.skipped = 0
-        self._promised = promised
+        self._content = content
+        self._has_rate = content.type_name == _HEAVE.type_name
         self._undecodable = 0
         self._stamps: list[tuple[int, int]] = []  # of the header, of the log
         self._values: list[tuple[float, ...]] = []
 
-    def add(self, log_ns: int, type_name: str, data: bytes) -> None:
+    def add(self, log_ns: int, data: bytes) -> None:
         try:
-            message: Any = deserialise(type_name, data)
+            message: Any = deserialise(self._content.type_name, data)
         except SerdeError:
             self._undecodable += 1
             return
         stamp = message.header.stamp
         self._stamps.append((stamp.sec * 1_000_000_000 + stamp.nanosec, log_ns))
-        if type_name == _ELEVATION.type_name:
-            self._values.append((message.point.z,))
-        else:
+        if self._has_rate:
             self._values.append((message.pose.pose.position.z, message.twist.twist.linear.z))
+        else:
+            self._values.append((message.point.z,))
 
     def usable(self) -> tuple[Stamps, NDArray[np.float64]]:
         """Stamps (n,), rising, and values (n, 1 or 2), finite. Raises BagError if few are left."""
@@ -154,10 +157,11 @@ class _Rows:
             raise BagError(phrase(self.where, "it holds no message", "heave needs at least 2"))
         pairs = np.array(self._stamps, dtype=np.int64).reshape(-1, 2)
         stamp_ns = pairs[:, 0]
-        if not np.all(stamp_ns > 0):
+        if 2 * np.count_nonzero(stamp_ns) < len(pairs):
             stamp_ns = pairs[:, 1]
             self.notes.append(f"{self.where}: headers without a stamp, times are those of the log.")
-        values = np.array(self._values, dtype=np.float64).reshape(len(pairs), -1)
+        width = 2 if self._has_rate else 1
+        values = np.array(self._values, dtype=np.float64).reshape(len(pairs), width)
         keep, faults = _judge(stamp_ns, values)
         if self._undecodable:
             faults["that do not decode"] = self._undecodable
@@ -169,10 +173,9 @@ class _Rows:
             raise BagError(phrase(self.where, what, right))
         if self.skipped:
             self.notes.append(f"{self.where}: skipped {self.skipped} of {total} samples ({told}).")
-        if total < self._promised:
-            self.notes.append(
-                f"{self.where}: the index promises {self._promised} messages, {total} are there."
-            )
+        promised = self._content.messages
+        if total < promised:
+            self.notes.append(f"{self.where}: of {promised} messages promised {total} are there.")
         self.notes.append(self._tell_gaps(stamp_ns[keep]))
         return stamp_ns[keep], values[keep]
 
@@ -183,10 +186,11 @@ class _Rows:
             return ""
         longest = int(np.argmax(steps))
         at_s = float(stamp_ns[longest] - stamp_ns[0]) * 1e-9
-        return (
-            f"{self.where}: {int(gaps.sum())} gaps, the longest {steps[longest] * 1e-9:.3g} s "
-            f"at {at_s:.3f} s."
-        )
+        told = f"the longest {steps[longest] * 1e-9:.4g} s at {at_s:.3f} s"
+        if steps[longest] > _LONGEST_GAP_S * 1e9:
+            right = f"right is one recording without a gap above {_LONGEST_GAP_S:g} s"
+            raise BagError(phrase(self.where, f"gaps in time, {told}", right))
+        return f"{self.where}: gaps in time: {int(gaps.sum())}, {told}."
 
 
 def _judge(
@@ -194,10 +198,11 @@ def _judge(
 ) -> tuple[NDArray[np.bool_], dict[str, int]]:
     """Which samples are finite and later than all before; the faults of the others, counted."""
     finite = np.all(np.isfinite(values), axis=1)
-    keep = finite.copy()
+    stamped = stamp_ns != 0
+    keep = finite & stamped
     latest = np.iinfo(np.int64).min
     repeated = backward = 0
-    for index in np.flatnonzero(finite):
+    for index in np.flatnonzero(keep):
         stamp = int(stamp_ns[index])
         if stamp > latest:
             latest = stamp
@@ -207,6 +212,7 @@ def _judge(
         backward += stamp < latest
     faults = {
         "not finite": int((~finite).sum()),
+        "without a stamp": int((finite & ~stamped).sum()),
         "with a repeated stamp": repeated,
         "with a stamp that goes back": backward,
     }

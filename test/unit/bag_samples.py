@@ -11,7 +11,7 @@ from rope_twin.messages import encode_elevation, encode_heave
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.topics import BY_NAME, Qos, Topic
 
-START_NS = 1_000_000_000_000
+START_NS = 1_700_000_000_000_000_000
 STEP_NS = 50_000_000
 
 
