@@ -32,7 +32,12 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     info = verbs.add_parser("info", help="heights, periods, rates and origin of a bag's heave")
     info.add_argument("bag", help="name in bags/, or path of a bag")
     info.add_argument("--topic", help="the Odometry topic (default: ship/heave, or the only one)")
-    info.set_defaults(run=_run_info)
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Make a bag or tell of one; returns the exit code, raises RopeTwinError."""
+    return _make(args) if args.verb == "make" else _tell_of(args)
 
 
 def _add_make(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -60,10 +65,9 @@ def _add_make(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         default=(hull.length_m, hull.breadth_m, hull.draught_m, hull.block_coefficient),
         help="length, breadth, draught [m] and block coefficient (default: %(default)s)",
     )  # fmt: skip
-    make.set_defaults(run=_run_make)
 
 
-def _run_make(args: argparse.Namespace) -> int:
+def _make(args: argparse.Namespace) -> int:
     spectrum = _choose_spectrum(args)
     length, breadth, draught, block = args.hull
     hull = BoxHull(length_m=length, breadth_m=breadth, draught_m=draught, block_coefficient=block)
@@ -95,7 +99,7 @@ def _choose_spectrum(args: argparse.Namespace) -> WaveSpectrum:
     return read_spectrum(find_spectra(args.spectrum), args.column)
 
 
-def _run_info(args: argparse.Namespace) -> int:
+def _tell_of(args: argparse.Namespace) -> int:
     path = find_bag(args.bag)
     record = read_heave(path, args.topic)
     _tell(path, record)
