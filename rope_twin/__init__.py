@@ -1,0 +1,35 @@
+"""rope_twin: a real-time digital twin of the lifting rope.
+
+from rope_twin import Twin, load_scene
+twin = Twin(load_scene("deep_lift"))
+twin.offer_speed(None, 0.5)
+twin.advance(100)
+print(twin.snapshot().tension_top_n)
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rope_twin.scene.load import load_scene
+    from rope_twin.twin.snapshot import Snapshot
+    from rope_twin.twin.twin import Twin
+
+__version__ = "0.1.0"
+__all__ = ["Snapshot", "Twin", "load_scene"]
+
+_HOMES = {
+    "load_scene": "rope_twin.scene.load",
+    "Snapshot": "rope_twin.twin.snapshot",
+    "Twin": "rope_twin.twin.twin",
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import the public names when they are first used: the compiler behind Twin takes a second."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'rope_twin' has no attribute '{name}'")
+    from importlib import import_module
+
+    return getattr(import_module(_HOMES[name]), name)

@@ -1,0 +1,31 @@
+"""The effects that a scene can list. One effect, one file: its paper, parameters and kernels.
+
+EFFECTS is the only place that knows them all. Its order is the order in which they are compiled
+and summed: the same set shares one binary, and sums repeat to the bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from rope_twin.effects import added_mass, current, drag, payload, weight
+
+
+@dataclass(frozen=True)
+class Effect:
+    """An effect's name in a scene, what the scene says of it, and how its arrays are made."""
+
+    name: str
+    params: type
+    build: Callable[[Any, Any, Any, Any], Any]  # params, rope, payload figures, environment
+
+
+EFFECTS: tuple[Effect, ...] = (
+    Effect("current", current.CurrentParams, current.build),
+    Effect("weight", weight.WeightParams, weight.build),
+    Effect("drag", drag.DragParams, drag.build),
+    Effect("added_mass", added_mass.AddedMassParams, added_mass.build),
+    Effect("payload", payload.PayloadParams, payload.build),
+)

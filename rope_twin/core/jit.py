@@ -1,0 +1,93 @@
+"""One compiler for all kernels, and a cache that edits can trust.
+
+numba's own cache does not see edits in files that a kernel calls into, so the cache folder is
+named by a digest of all kernel sources. It has to be set before numba compiles anything, and so
+has the vectoriser's option: with its default, LLVM gives up on loops over many arrays because the
+run-time overlap checks exceed a limit (measured 5 times slower node loops).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+_PACKAGE = Path(__file__).resolve().parent.parent
+
+
+def source_digest() -> str:
+    """SHA-256 (first 16 digits) of every file that can change a compiled kernel."""
+    digest = hashlib.sha256()
+    for folder in ("core", "effects"):
+        for path in sorted((_PACKAGE / folder).rglob("*.py")):
+            digest.update(path.name.encode())
+            digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def cache_dir() -> Path:
+    """A writable folder for compiled kernels: $ROPE_TWIN_CACHE, the user's cache, or temporary."""
+    chosen = os.environ.get("ROPE_TWIN_CACHE")
+    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    bases = [Path(chosen)] if chosen else [Path(home), Path(tempfile.gettempdir())]
+    for base in bases:
+        folder = base / "rope_twin" / source_digest()
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(folder, os.W_OK):
+            return folder
+    return Path(tempfile.mkdtemp(prefix="rope_twin_"))
+
+
+os.environ["NUMBA_CACHE_DIR"] = str(cache_dir())
+
+import llvmlite.binding  # noqa: E402
+
+llvmlite.binding.set_option("numba", "-vectorize-memory-check-threshold=2000")
+
+import numba  # noqa: E402
+from numba.core import config  # noqa: E402
+
+config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]  # in case numba was imported before us
+
+# No nnan and ninf: with them, tests for NaN and infinity are compiled away.
+_FAST = {"contract", "nsz", "arcp", "reassoc", "afn"}
+# The elimination keeps the order of its sums: it stays exact for stiffness over mass up to 1e6.
+_ORDERED = {"contract", "nsz"}
+
+# Without numba's run-time a kernel cannot allocate: an allocation in the loop does not compile.
+# Passing arrays then costs no reference counts either (they were two thirds of a short step).
+OPTIONS: dict[str, Any] = {
+    "nogil": True,
+    "error_model": "numpy",
+    "fastmath": _FAST,
+    "_nrt": False,
+}
+
+
+# Kernels are called by kernels: a wrapper for Python around each would double the compile time.
+_INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+
+def jit(function: Any) -> Any:
+    """Compile a kernel that other kernels call: cached, without the GIL, vectorised."""
+    return numba.njit(**OPTIONS, **_INNER)(function)
+
+
+def jit_ordered(function: Any) -> Any:
+    """Compile a kernel whose sums must not be reordered."""
+    return numba.njit(**{**OPTIONS, **_INNER, "fastmath": _ORDERED})(function)
+
+
+def jit_entry(function: Any) -> Any:
+    """Compile a kernel that Python calls."""
+    return numba.njit(cache=True, **OPTIONS)(function)
+
+
+def jit_inline(function: Any) -> Any:
+    """Compile a small function into its callers."""
+    return numba.njit(inline="always", **OPTIONS, **_INNER)(function)

@@ -1,0 +1,111 @@
+"""What is constant, what changes, and what is scratch.
+
+Nodes are numbered from the lower end (0: payload or fixed point) to the hang-off (n), so that
+payout touches only the end of the arrays; element e joins nodes e and e + 1. Columns are nodes (or
+elements), with room for `capacity` of them, of which `counts[ELEMENTS]` are in use: a growing rope
+allocates nothing. Quantities are rows with the names below; a vector takes three rows, x, y, z.
+
+Scratch is one matrix and not a struct of thirty arrays because every kernel call hands over each
+array of a struct: as a matrix the step compiles in about half the time and a short one runs faster.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+# Rows of state.nodes and, as stage values, of work: position [m], velocity [m/s], acceleration.
+POSITION, VELOCITY, ACCELERATION, NODE_ROWS = 0, 3, 6, 9
+# Further rows of work. Vectors at nodes:
+POSITION_HAT, VELOCITY_HAT = 9, 12  # prediction: x = x_hat + p·a, v = v_hat + q·a
+TANGENT = 15  # unit tangent, upward
+FLOW = 18  # water velocity [m/s]
+RESIDUAL = 21  # R, unbalanced force [N]
+CORRECTION = 24  # Newton's correction of a [m/s²]
+# vectors at elements:
+DIRECTION = 27  # unit vector t from node e to e + 1
+ROOT = 30  # t·√AXIAL
+# node blocks and the elimination:
+BLOCK = 33  # symmetric A [kg]: xx, xy, xz, yy, yz, zz
+ELIMINATED = 39  # 9 of the matrix, 3 of the vector
+# scalars:
+REST = 51  # unstretched length of an element [m]
+LUMP = 52  # rope length that a node carries [m]
+TENSION = 53  # of an element [N]; a result after `advance`
+EXPECTED = 54  # tension that the linearisation predicted [N]
+AXIAL = 55  # element stiffness along t times p, plus damping times q, less GEOMETRIC [kg]
+GEOMETRIC = 56  # T/l times p [kg]
+KEPT = 57  # NODE_ROWS of the state at the start of the step, for a restore
+WORK_ROWS = KEPT + NODE_ROWS
+
+# state.counts
+ELEMENTS, LOWEST_OFFSET, COUNTS = 0, 1, 2
+# state.health: sums and maxima since the start
+(STEPS, SOLVES, SOLVES_MAX, SUBSTEPS, SUBSTEPS_MAX, REJECTED, UNCONVERGED, SPLITS, MERGES,
+ HEALTH) = range(10)  # fmt: skip
+# columns of `pull`, one row per step: magnitude and vector of the rope's pull on the hang-off
+PULL, PULL_X, PULL_Y, PULL_Z, PULL_COLUMNS = range(5)
+# columns of the prescribed motion: hang-off x, y, z and the line out L
+X, Y, Z, LINE, MOTIONS = range(5)
+
+
+class Model(NamedTuple):
+    """Constants of one rope."""
+
+    EA: float  # axial stiffness [N]
+    c: float  # damping in T = EA·strain + c·strain rate [N·s]
+    m: float  # mass per unstretched length [kg/m]
+    element_length: float  # nominal length of an element [m]
+    split_above: float  # top element splits above this length [m]
+    merge_below: float  # top element merges below this length [m]
+    absorb: float  # time constant that fades the length offsets of events [s]
+    first_free: int  # 0: free lower end; 1: node 0 is fixed
+    step: float  # time step [s]
+    tolerance: float  # largest tension mismatch of an accepted stage [N]
+
+
+class State(NamedTuple):
+    """Everything that a restart of the rope needs."""
+
+    nodes: Floats  # position, velocity, acceleration, (NODE_ROWS, capacity)
+    s: Floats  # material coordinate from the lower end, unstretched [m], (capacity,)
+    offset: Floats  # length offset of each element, fading after an event [m], (capacity,)
+    counts: Ints  # elements in use, lowest element with an offset
+    health: Ints  # see STEPS ... MERGES
+
+    def copy(self) -> State:
+        """A state of its own."""
+        return State(
+            self.nodes.copy(), self.s.copy(), self.offset.copy(), self.counts.copy(),
+            self.health.copy(),
+        )  # fmt: skip
+
+
+class Stage(NamedTuple):
+    """One implicit stage: its time and the weights in x = x_hat + p·a, v = v_hat + q·a."""
+
+    time: float  # [s]
+    p: float  # [s²]
+    q: float  # [s]
+    V: float  # payout speed dL/dt [m/s]
+
+
+def new_state(capacity: int) -> State:
+    """A state of zeros with room for `capacity` nodes."""
+    return State(
+        np.zeros((NODE_ROWS, capacity)),
+        np.zeros(capacity),
+        np.zeros(capacity),
+        np.zeros(COUNTS, np.int64),
+        np.zeros(HEALTH, np.int64),
+    )
+
+
+def new_work(capacity: int) -> Floats:
+    """Scratch for `capacity` nodes, (WORK_ROWS, capacity)."""
+    return np.zeros((WORK_ROWS, capacity))

@@ -1,0 +1,48 @@
+"""What became of an input's samples: counted, with the newest refusal in words."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+from rope_twin.twin.snapshot import InputHealth
+
+
+class InputCounter:
+    """Counts of one input; `refuse` returns its sentence so that callers can pass it on."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self._counts: Counter[str] = Counter()
+        self._newest_ns: int | None = None
+        self._refusal = ""
+        self._remark = ""
+
+    def accept(self, stamp_ns: int) -> None:
+        """Count a good sample."""
+        self._counts["accepted"] += 1
+        self._newest_ns = stamp_ns
+
+    def refuse(self, kind: str, sentence: str) -> str:
+        """Count a refused sample: late, repeated, non_finite or impossible."""
+        self._counts[kind] += 1
+        self._refusal = sentence
+        return sentence
+
+    def say(self, remark: str) -> None:
+        """What is being done about the input at the moment; "" if nothing."""
+        self._remark = remark
+
+    def health(self, now_ns: int, stale: bool) -> InputHealth:
+        """A frozen copy; the age is that of the newest accepted sample."""
+        age = float("inf") if self._newest_ns is None else (now_ns - self._newest_ns) * 1e-9
+        counts = self._counts
+        return InputHealth(
+            accepted=counts["accepted"],
+            late=counts["late"],
+            repeated=counts["repeated"],
+            non_finite=counts["non_finite"],
+            impossible=counts["impossible"],
+            age_s=max(age, 0.0),
+            stale=stale,
+            note=self._remark or self._refusal,
+        )

@@ -1,0 +1,116 @@
+"""From the solver's arrays (payload first, kernels' layout) to a Snapshot (hang-off first)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.state import Floats, Ints, State
+from rope_twin.twin.snapshot import InputHealth, Snapshot, SolverHealth, Vector
+from rope_twin.twin.winch import LineOut
+
+
+class Extremes:
+    """Largest, mean and least of a series that comes in pieces."""
+
+    def __init__(self) -> None:
+        self.high, self.low = -np.inf, np.inf
+        self._sum, self._count = 0.0, 0
+
+    def take(self, values: Vector) -> None:
+        """Add values."""
+        if len(values):
+            self.high = max(self.high, float(values.max()))
+            self.low = min(self.low, float(values.min()))
+            self._sum += float(values.sum())
+            self._count += len(values)
+
+    @property
+    def mean(self) -> float:
+        """Mean of all values; NaN if there was none."""
+        return self._sum / self._count if self._count else float("nan")
+
+    @property
+    def empty(self) -> bool:
+        """Whether nothing was taken."""
+        return self._count == 0
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What a snapshot needs besides the solver's arrays."""
+
+    stamp_ns: int
+    step: int
+    hang_off_m: Vector
+    hang_off_m_per_s: Vector
+    heave_m: float
+    pull: Vector  # rows.PULL_COLUMNS: magnitude and vector of the pull on the hang-off [N]
+    recent: Extremes  # of the top tension since the previous snapshot
+    line: LineOut
+    motion_ramp: float
+    winch_at_limit: str
+    doubtful: bool
+    computing_s: float
+    inputs: dict[str, InputHealth]
+
+
+def observe(state: State, work: Floats, seen: Observation) -> Snapshot:
+    """A Snapshot that shares no memory with the solver."""
+    n = int(state.counts[rows.ELEMENTS])
+    element_tension = work[rows.TENSION, :n][::-1].copy()
+    top = float(seen.pull[rows.PULL])
+    node_tension = np.concatenate(
+        ([top], 0.5 * (element_tension[1:] + element_tension[:-1]), element_tension[-1:])
+    )
+    recent_low, recent_high = (
+        (top, top) if seen.recent.empty else (seen.recent.low, seen.recent.high)
+    )
+    return Snapshot(
+        stamp_ns=seen.stamp_ns,
+        step=seen.step,
+        node_position_m=_downward(state, rows.POSITION, n),
+        node_velocity_m_per_s=_downward(state, rows.VELOCITY, n),
+        node_tension_n=node_tension,
+        element_tension_n=element_tension,
+        arc_length_m=(state.s[n] - state.s[: n + 1])[::-1].copy(),
+        tension_top_n=top,
+        tension_top_min_n=recent_low,
+        tension_top_max_n=recent_high,
+        hang_off_force_n=seen.pull[rows.PULL_X :].copy(),
+        tension_payload_n=float(element_tension[-1]),
+        hang_off_position_m=seen.hang_off_m,
+        hang_off_velocity_m_per_s=seen.hang_off_m_per_s,
+        heave_m=seen.heave_m,
+        payload_position_m=state.nodes[rows.POSITION : rows.POSITION + 3, 0].copy(),
+        payload_velocity_m_per_s=state.nodes[rows.VELOCITY : rows.VELOCITY + 3, 0].copy(),
+        line_out_m=seen.line.length_m,
+        payout_speed_m_per_s=seen.line.speed_m_per_s,
+        motion_ramp=seen.motion_ramp,
+        winch_at_limit=seen.winch_at_limit,
+        doubtful=seen.doubtful,
+        solver=_solver_health(state.health, seen.computing_s),
+        inputs=seen.inputs,
+    )
+
+
+def _downward(state: State, first: int, n: int) -> Vector:
+    """The vector at rows `first`, payload first, as (n + 1, 3), hang-off first."""
+    return np.ascontiguousarray(state.nodes[first : first + 3, : n + 1][:, ::-1].T)
+
+
+def _solver_health(health: Ints, computing_s: float) -> SolverHealth:
+    return SolverHealth(
+        steps=int(health[rows.STEPS]),
+        solves=int(health[rows.SOLVES]),
+        solves_max_per_stage=int(health[rows.SOLVES_MAX]),
+        substeps=int(health[rows.SUBSTEPS]),
+        substeps_max_per_step=int(health[rows.SUBSTEPS_MAX]),
+        rejected_substeps=int(health[rows.REJECTED]),
+        unconverged_substeps=int(health[rows.UNCONVERGED]),
+        splits=int(health[rows.SPLITS]),
+        merges=int(health[rows.MERGES]),
+        computing_s=computing_s,
+    )

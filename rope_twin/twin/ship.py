@@ -1,0 +1,178 @@
+"""The ship's heave at the hang-off: samples that come with a stamp, read at any later time.
+
+Between samples the cubic Hermite polynomial through position and velocity holds. When no sample is
+there yet for the time asked for, the last one is carried on with a velocity that dies away
+(GAP_DECAY_S): position stays bounded and continuous, and the track counts as stale. When samples
+come back, what was assumed is led over to what was measured within REJOIN_S. Nothing else is
+smoothed, and the health says when either happens.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+
+from rope_twin.errors import phrase
+from rope_twin.twin.health import InputCounter
+
+HEAVE_LIMIT_M = 30.0
+VELOCITY_LIMIT_M_PER_S = 15.0
+JUMP_WINDOW_NS = 2_000_000_000  # after a longer gap any possible position is believed
+AHEAD_NS = 60_000_000_000  # a stamp farther in the future is a clock that is wrong
+KEEP_NS = 5_000_000_000
+STALE_NS = 500_000_000
+GAP_DECAY_S = 1.0
+REJOIN_S = 2.0
+
+
+class HeaveTrack:
+    """Heave over twin time [ns]; `offer` takes samples, `at` is asked for rising times."""
+
+    def __init__(self) -> None:
+        self.counter = InputCounter("heave")
+        self._stamps: list[int] = []
+        self._samples: list[tuple[float, float]] = []
+        self._asked_ns: int | None = None
+        self._given = (0.0, 0.0)
+        self._assumed_from: tuple[int, float, float] | None = None  # set while samples are missing
+        self._error = (0.0, 0.0)  # assumed less measured, position and velocity, at _error_ns
+        self._error_ns = -(10**18)
+
+    def offer(self, stamp_ns: int, position_m: float, velocity_m_per_s: float) -> str:
+        """Take a sample; returns "" or the sentence with which it was refused."""
+        fault = self._fault(stamp_ns, position_m, velocity_m_per_s)
+        if fault:
+            return fault
+        self.counter.accept(stamp_ns)
+        self._stamps.append(stamp_ns)
+        self._samples.append((float(position_m), float(velocity_m_per_s)))
+        return ""
+
+    def _fault(self, stamp_ns: int, z: float, v: float) -> str:
+        """Why the sample is refused, counted; or ""."""
+        refuse = self.counter.refuse
+        if not (math.isfinite(z) and math.isfinite(v)):
+            return refuse("non_finite", phrase("heave", f"position {z} m, velocity {v} m/s",
+                                               "both must be finite numbers"))  # fmt: skip
+        if abs(z) > HEAVE_LIMIT_M or abs(v) > VELOCITY_LIMIT_M_PER_S:
+            return refuse("impossible", phrase(
+                "heave", f"position {z:g} m, velocity {v:g} m/s",
+                f"a ship stays within ±{HEAVE_LIMIT_M:g} m and ±{VELOCITY_LIMIT_M_PER_S:g} m/s"))  # fmt: skip # noqa: E501
+        if self._stamps and stamp_ns == self._stamps[-1]:
+            return refuse("repeated", phrase("heave", f"stamp {stamp_ns * 1e-9:.3f} s came twice",
+                                             "each sample needs a stamp of its own"))  # fmt: skip
+        if self._stamps and stamp_ns < self._stamps[-1]:
+            return refuse("late", phrase(
+                "heave", f"stamp {stamp_ns * 1e-9:.3f} s follows {self._stamps[-1] * 1e-9:.3f} s",
+                "samples must come in the order of their stamps"))  # fmt: skip
+        now = self._asked_ns
+        if now is not None and stamp_ns < now:
+            return refuse("late", phrase(
+                "heave", f"a sample came {(now - stamp_ns) * 1e-6:.0f} ms after it was needed",
+                "raise the input delay by more than that"))  # fmt: skip
+        if stamp_ns > (now or 0) + AHEAD_NS:
+            return refuse("impossible", phrase(
+                "heave", f"stamp {stamp_ns * 1e-9:.1f} s lies {AHEAD_NS * 1e-9:.0f} s ahead or more",  # noqa: E501
+                "sender and twin must share one clock"))  # fmt: skip
+        if self._stamps and stamp_ns - self._stamps[-1] <= JUMP_WINDOW_NS:
+            seconds = (stamp_ns - self._stamps[-1]) * 1e-9
+            jump = z - self._samples[-1][0]
+            if abs(jump) > VELOCITY_LIMIT_M_PER_S * seconds + 0.01:
+                return refuse("impossible", phrase(
+                    "heave", f"it jumps by {jump:.2f} m in {seconds:.3f} s",
+                    f"a ship moves by at most {VELOCITY_LIMIT_M_PER_S:g} m/s"))  # fmt: skip
+        return ""
+
+    def at(self, time_ns: int) -> tuple[float, float]:
+        """Position [m] and velocity [m/s] at a twin time not before the one asked for last."""
+        if time_ns == self._asked_ns:
+            return self._given
+        after = bisect_right(self._stamps, time_ns)
+        known = after > 0 and (after < len(self._stamps) or self._stamps[-1] == time_ns)
+        if known:
+            if self._assumed_from is not None and self._asked_ns is not None:
+                self._open_rejoin(self._asked_ns)
+            self._assumed_from = None
+            z, v = self._measured(time_ns)
+            dz, dv = self._rejoin(time_ns)
+            self._given = (z + dz, v + dv)
+        else:
+            if self._assumed_from is None:
+                self._assumed_from = self._last_known()
+            since_ns, z, v = self._assumed_from
+            left = math.exp((since_ns - time_ns) * 1e-9 / GAP_DECAY_S)
+            self._given = (z + v * GAP_DECAY_S * (1.0 - left), v * left)
+        self._note(time_ns, known)
+        self._asked_ns = time_ns
+        self._forget(time_ns)
+        return self._given
+
+    def _last_known(self) -> tuple[int, float, float]:
+        """Stamp, position and velocity that a gap starts from; at rest before the first sample."""
+        if not self._stamps or self._asked_ns is None:
+            return 0, 0.0, 0.0
+        (z, v), (dz, dv) = self._samples[-1], self._rejoin(self._stamps[-1])
+        return self._stamps[-1], z + dz, v + dv
+
+    def _measured(self, time_ns: int) -> tuple[float, float]:
+        """Cubic Hermite between the samples around the time (held before the first)."""
+        k = min(bisect_right(self._stamps, time_ns), len(self._stamps) - 1)
+        if k == 0:
+            return self._samples[0][0], 0.0
+        t0, t1 = self._stamps[k - 1], self._stamps[k]
+        (z0, v0), (z1, v1) = self._samples[k - 1], self._samples[k]
+        h = (t1 - t0) * 1e-9
+        u = (time_ns - t0) / (t1 - t0)
+        d0, d1 = v0 * h, v1 * h
+        c2, c3 = 3.0 * (z1 - z0) - 2.0 * d0 - d1, 2.0 * (z0 - z1) + d0 + d1
+        return z0 + u * (d0 + u * (c2 + u * c3)), (d0 + u * (2.0 * c2 + u * 3.0 * c3)) / h
+
+    def _open_rejoin(self, time_ns: int) -> None:
+        """Remember by how much the assumed motion differs from the track that is now known."""
+        z, v = self._measured(time_ns)
+        self._error = (self._given[0] - z, self._given[1] - v)
+        self._error_ns = time_ns
+
+    def _rejoining(self, time_ns: int) -> bool:
+        return time_ns - self._error_ns < REJOIN_S * 1e9
+
+    def _rejoin(self, time_ns: int) -> tuple[float, float]:
+        """What is left of the difference: a cubic to 0 with no kink at either end."""
+        if not self._rejoining(time_ns):
+            return 0.0, 0.0
+        u = (time_ns - self._error_ns) * 1e-9 / REJOIN_S
+        e, d = self._error[0], self._error[1] * REJOIN_S
+        value = e * (1.0 + u * u * (2.0 * u - 3.0)) + d * u * (1.0 - u) ** 2
+        slope = e * 6.0 * u * (u - 1.0) + d * (1.0 - u) * (1.0 - 3.0 * u)
+        return value, slope / REJOIN_S
+
+    def _note(self, time_ns: int, known: bool) -> None:
+        """Say what is done about a gap."""
+        if known and self._rejoining(time_ns):
+            self.counter.say("samples are back; the motion is led over to them within 2 s")
+        elif known:
+            self.counter.say("")
+        elif not self._stamps:
+            self.counter.say("no sample yet; the ship lies still")
+        else:
+            missing = (time_ns - self._stamps[-1]) * 1e-9
+            self.counter.say(f"no sample for {missing:.2f} s; the last motion dies away")
+
+    def stale(self, time_ns: int) -> bool:
+        """Whether samples have been missing for longer than STALE_NS."""
+        return bool(self._stamps) and time_ns - self._stamps[-1] > STALE_NS
+
+    def _forget(self, time_ns: int) -> None:
+        """Drop samples that no later time needs."""
+        if len(self._stamps) > 64 and self._stamps[32] < time_ns - KEEP_NS:
+            del self._stamps[:32], self._samples[:32]
+
+
+def ramp(time_s: float, duration_s: float) -> tuple[float, float]:
+    """Fade-in 0 to 1 over `duration_s` and its rate [1/s]: u³·(10 - 15u + 6u²), smooth at both ends."""  # noqa: E501
+    if duration_s <= 0.0 or time_s >= duration_s:
+        return 1.0, 0.0
+    if time_s <= 0.0:
+        return 0.0, 0.0
+    u = time_s / duration_s
+    return u**3 * (10.0 - 15.0 * u + 6.0 * u * u), 30.0 * u * u * (1.0 - u) ** 2 / duration_s

@@ -1,0 +1,228 @@
+"""The running twin: owns the rope's arrays, its inputs and its clock.
+
+Inputs are offered with a stamp from any thread; `advance` and `snapshot` belong to one thread.
+Time is counted in whole nanoseconds since the start, so that a paced and an unpaced run with the
+same inputs see the same numbers and agree to the bit.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.core import state as rows
+from rope_twin.core.statics import find_equilibrium
+from rope_twin.core.step import advance
+from rope_twin.errors import SceneError, SolverError, phrase
+from rope_twin.scene.build import build
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.observe import Extremes, Observation, observe
+from rope_twin.twin.ship import HeaveTrack, ramp
+from rope_twin.twin.snapshot import InputHealth, Snapshot
+from rope_twin.twin.water import CurrentInput
+from rope_twin.twin.winch import Winch
+
+STEPS_PER_CALL = 256
+EQUILIBRIUM_MOVE = 1e-9  # of the line out: a larger last move is no equilibrium
+AFLOAT_M = 1.0
+
+
+@dataclass(frozen=True)
+class RunStatistics:
+    """The run so far."""
+
+    steps: int
+    computing_s: float
+    real_time_factor: float  # simulated time over time spent computing; 0 before the first step
+    tension_top_max_n: float
+    tension_top_mean_n: float
+    tension_top_min_n: float
+
+
+class Twin:
+    """One scene, running.
+
+    Raises:
+        SceneError: the scene cannot be built, or its rope has no equilibrium to start from.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.step_s = scene.time.step_s
+        self.step_ns = round(scene.time.step_s * 1e9)
+        self._built = build(scene)
+        self._lock = threading.Lock()
+        self._heave = HeaveTrack()
+        self._winch = Winch(scene.winch, scene.ropes[0].length_m)
+        self._current = CurrentInput(self._built.effects)
+        self._rest = np.array(scene.ship.hang_off_m, dtype=float)
+        self._motion = np.zeros((STEPS_PER_CALL + 1, rows.MOTIONS))
+        self._rate = np.zeros((STEPS_PER_CALL + 1, rows.MOTIONS))
+        self._pulls = np.zeros((STEPS_PER_CALL, rows.PULL_COLUMNS))
+        self._motion[0] = [*self._rest, self._winch.line.length_m]
+        self._steps = 0
+        self._computing_s = 0.0
+        self._run = Extremes()
+        self._recent = Extremes()
+        self._unconverged = 0
+        self._pull = np.zeros(rows.PULL_COLUMNS)
+        self._find_start()
+
+    @property
+    def steps(self) -> int:
+        """Steps done."""
+        return self._steps
+
+    @property
+    def time_ns(self) -> int:
+        """Time since the start [ns]."""
+        return self._steps * self.step_ns
+
+    def offer_heave(self, stamp_ns: int, position_m: float, velocity_m_per_s: float) -> str:
+        """A heave sample of the hang-off, + up; "" or why it was refused."""
+        with self._lock:
+            return self._heave.offer(stamp_ns, position_m, velocity_m_per_s)
+
+    def offer_speed(self, stamp_ns: int | None, speed_m_per_s: float) -> str:
+        """A winch speed command, + pays out (stamp None: at once); "" or why it was refused."""
+        with self._lock:
+            return self._winch.offer(stamp_ns, speed_m_per_s, self.time_ns)
+
+    def offer_current(self, profile: NDArray[np.float64]) -> str:
+        """A current profile, rows of z, east, north from the surface down; "" or the refusal."""
+        with self._lock:
+            return self._current.offer(profile, self.time_ns)
+
+    def advance(self, steps: int) -> None:
+        """Step on.
+
+        Raises:
+            SolverError: the next state would not be finite; the last good one is kept.
+        """
+        while steps > 0:
+            some = min(steps, STEPS_PER_CALL)
+            self._advance_some(some)
+            steps -= some
+
+    def _advance_some(self, steps: int) -> None:
+        began = time.perf_counter()
+        with self._lock:
+            self._prescribe(steps)
+            effects = self._current.effects
+        built = self._built
+        done = advance(
+            built.model, built.state, built.work, effects,
+            self._motion, self._rate, self._pulls, self.time_ns * 1e-9, steps,
+        )  # fmt: skip
+        self._steps += done
+        self._motion[0], self._rate[0] = self._motion[done], self._rate[done]
+        if done:
+            pulls = self._pulls[:done]
+            self._pull = pulls[-1].copy()
+            self._run.take(pulls[:, rows.PULL])
+            self._recent.take(pulls[:, rows.PULL])
+        self._computing_s += time.perf_counter() - began
+        if done < steps:
+            raise SolverError(
+                phrase(
+                    f"step {self._steps + 1} at {self.time_ns * 1e-9:.2f} s",
+                    "the rope's next state is not finite even at 1/32 of the step",
+                    "the last good state is kept; shorten the step or check the scene",
+                )
+            )
+
+    def _prescribe(self, steps: int) -> None:
+        """Hang-off motion and line out at the borders of the next steps, from the inputs."""
+        duration = self.scene.ship.motion_ramp_s
+        for row in range(1, steps + 1):
+            border_ns = (self._steps + row) * self.step_ns
+            line = self._winch.step(border_ns - self.step_ns, self.step_s)
+            z, v = self._heave.at(border_ns)
+            share, share_rate = ramp(border_ns * 1e-9, duration)
+            self._motion[row] = (
+                self._rest[0], self._rest[1], self._rest[2] + share * z, line.length_m
+            )  # fmt: skip
+            self._rate[row] = (0.0, 0.0, share * v + share_rate * z, line.speed_m_per_s)
+
+    def _find_start(self) -> None:
+        """Find the equilibrium that the run starts from, compiling everything on the way."""
+        built, line = self._built, self.scene.ropes[0]
+        effects = self._current.effects
+        move = find_equilibrium(built.model, built.state, built.work, effects, line.length_m)
+        where = f"{self.scene.path}: ropes[0]"
+        if not move <= EQUILIBRIUM_MOVE * line.length_m:
+            raise SceneError(
+                phrase(
+                    where,
+                    f"no static equilibrium found (the last move was {move:.3g} m)",
+                    "check that rope and payload sink, or fix the lower end",
+                )
+            )
+        highest = float(
+            built.state.nodes[rows.POSITION + 2, : built.state.counts[rows.ELEMENTS]].max()
+        )
+        if highest > max(self._rest[2], 0.0) + AFLOAT_M:
+            raise SceneError(
+                phrase(
+                    where,
+                    f"at rest it floats up to z = {highest:.1f} m",
+                    "give the payload more weight in water or take a heavier rope",
+                )
+            )
+        # One step at rest on a copy gives the static pull on the hang-off.
+        spare = built.state.copy()
+        self._motion[1], self._rate[1] = self._motion[0], self._rate[0]
+        advance(
+            built.model, spare, built.work, effects, self._motion, self._rate, self._pulls, 0.0, 1
+        )
+        self._pull = self._pulls[0].copy()
+        self._recent.take(self._pull[:1])
+
+    def statistics(self) -> RunStatistics:
+        """The run so far."""
+        simulated = self._steps * self.step_s
+        factor = simulated / self._computing_s if self._computing_s > 0.0 else 0.0
+        run = self._run if self._steps else self._recent
+        return RunStatistics(self._steps, self._computing_s, factor, run.high, run.mean, run.low)
+
+    def snapshot(self) -> Snapshot:
+        """A frozen copy of the present; call it from the thread that advances."""
+        unconverged = int(self._built.state.health[rows.UNCONVERGED])
+        with self._lock:
+            inputs = self._input_health()
+            at_limit = self._winch.at_limit
+        share, _ = ramp(self.time_ns * 1e-9, self.scene.ship.motion_ramp_s)
+        taken = observe(
+            self._built.state,
+            self._built.work,
+            Observation(
+                stamp_ns=self.time_ns,
+                step=self._steps,
+                hang_off_m=self._motion[0, :3].copy(),
+                hang_off_m_per_s=self._rate[0, :3].copy(),
+                heave_m=float(self._motion[0, rows.Z] - self._rest[2]),
+                pull=self._pull,
+                recent=self._recent,
+                line=self._winch.line,
+                motion_ramp=share,
+                winch_at_limit=at_limit,
+                doubtful=unconverged > self._unconverged,
+                computing_s=self._computing_s,
+                inputs=inputs,
+            ),
+        )
+        self._unconverged = unconverged
+        self._recent = Extremes()
+        return taken
+
+    def _input_health(self) -> dict[str, InputHealth]:
+        now = self.time_ns
+        return {
+            "heave": self._heave.counter.health(now, self._heave.stale(now)),
+            "winch_command": self._winch.counter.health(now, self._winch.stale(now)),
+            "current": self._current.counter.health(now, False),
+        }
