@@ -1,0 +1,106 @@
+"""The layout of the window: the rope on the left, tension over depth in the middle, plots."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rope_twin.view import overview, surface
+from rope_twin.view.profile import HEIGHT, RANGE_S, WIDTH
+from rope_twin.view.timelines import TWIN_TIME
+
+BACKGROUND = (18, 19, 24)
+OVERVIEW, SURFACE, PROFILE, LOG = "overview", "surface", "profile", "diagnostics"
+# entity, name and colour of each curve
+CURVES = (
+    ("plots/tension/top", "top", "fde725"),
+    ("plots/tension/payload", "payload", "35b7a0"),
+    ("plots/heave", "heave of the ship", "6fa8ff"),
+    ("plots/line_out", "line out", "f2a65a"),
+    ("plots/real_time_factor", "real-time factor", "c0c0c8"),
+)
+# entities, title and share of the height of each plot
+_PLOTS = (
+    ("plots/tension/top", "Tension at the top [kN]", 4),
+    ("plots/tension/payload", "Tension at the payload [kN]", 3),
+    ("plots/heave", "Heave of the ship [m]", 3),
+    ("plots/line_out", "Line out [m]", 3),
+    ("plots/real_time_factor", "Model alone, times faster than real time", 3),
+)
+
+
+def layout(frame: overview.Frame | None, window_s: float | None) -> Any:
+    """The blueprint for a picture of the rope; plots reach back `window_s`, None: to the start."""
+    import rerun.blueprint as rrb
+
+    left = rrb.Vertical(_whole_rope(frame))
+    middle = rrb.Vertical(_profile(), _surface(), row_shares=[5, 4])
+    *plots, speed = [_plot(entity, title, window_s) for entity, title, _ in _PLOTS]
+    last = rrb.Tabs(speed, rrb.TextLogView(origin=LOG, name="Diagnostics"), active_tab=0)
+    right = rrb.Vertical(*plots, last, row_shares=[share for _, _, share in _PLOTS])
+    return rrb.Blueprint(
+        rrb.Horizontal(left, middle, right, column_shares=[23, 34, 43]),
+        rrb.TopPanel(state="hidden"),
+        rrb.BlueprintPanel(state="hidden"),
+        rrb.SelectionPanel(state="hidden"),
+        rrb.TimePanel(state="collapsed", timeline=TWIN_TIME, play_state="following"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _whole_rope(frame: overview.Frame | None) -> Any:
+    import rerun.blueprint as rrb
+
+    eye = None
+    title = "Whole rope"
+    if frame is not None:
+        position, target = overview.eye(frame)
+        eye = rrb.EyeControls3D(position=position, look_target=target, eye_up=(0.0, 0.0, 1.0))
+        title += f", sideways ×{frame.factor}" if frame.factor > 1 else ", to scale"
+    return rrb.Spatial3DView(
+        origin=OVERVIEW, name=title, background=BACKGROUND, line_grid=False, eye_controls=eye
+    )
+
+
+def _surface() -> Any:
+    import rerun.blueprint as rrb
+
+    eye = rrb.EyeControls3D(
+        position=surface.EYE, look_target=surface.TARGET, eye_up=(0.0, 0.0, 1.0)
+    )
+    return rrb.Spatial3DView(
+        origin=SURFACE,
+        name="Hang-off and sea surface, to scale",
+        background=BACKGROUND,
+        line_grid=False,
+        eye_controls=eye,
+    )
+
+
+def _profile() -> Any:
+    import rerun.blueprint as rrb
+
+    return rrb.Spatial2DView(
+        origin=PROFILE,
+        name=f"Tension [kN] over depth [m], thin: range of {RANGE_S:g} s",
+        background=BACKGROUND,
+        visual_bounds=rrb.VisualBounds2D(
+            x_range=(-0.12 * WIDTH, 1.04 * WIDTH), y_range=(-0.05 * HEIGHT, 1.15 * HEIGHT)
+        ),
+    )
+
+
+def _plot(entity: str, title: str, window_s: float | None) -> Any:
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    ago = rrb.TimeRangeBoundary.cursor_relative
+    start = rrb.TimeRangeBoundary.infinite() if window_s is None else ago(seconds=-window_s)
+    shown = rrb.VisibleTimeRange(TWIN_TIME, start=start, end=ago())
+    return rrb.TimeSeriesView(
+        origin=entity,
+        name=title,
+        plot_legend=rrb.PlotLegend(visible=False),
+        time_ranges=shown,
+        axis_x=rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=ago())),
+    )

@@ -1,0 +1,166 @@
+"""The whole rope in 3-D, seen from the side.
+
+Three kilometres of rope that hang a few tens of metres aside are a needle: distances sideways are
+drawn larger by a round factor, which the view's title and a scale bar tell.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.messages.colours import tension_colours
+from rope_twin.messages.forms import HANG_OFF_RGB, PAYLOAD_RGB
+from rope_twin.view.ticks import round_step, ticks_over
+
+_FACTORS = (50, 20, 10, 5, 2, 1)
+_WIDE = 0.25  # the rope is drawn this wide at most, in parts of its depth ...
+_TOO_WIDE = 0.6  # ... and the factor falls when motion has made it wider than this
+_LINES = (130, 132, 140)
+_WORDS = (205, 205, 210)
+_SEA = (70, 130, 200)
+
+
+@dataclass(frozen=True)
+class Frame:
+    """How the picture is taken."""
+
+    factor: int  # of distances sideways
+    depth_m: float  # of the lowest node
+    aside: tuple[float, float]  # unit vector east, north that points to the right in the picture
+
+    def place(self, position_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Positions (n, 3) as drawn."""
+        return np.asarray(position_m * np.array([self.factor, self.factor, 1.0]))
+
+    def spot(self, right: float, height_m: float) -> list[float]:
+        """A point in the plane of the picture; `right` as drawn."""
+        return [self.aside[0] * right, self.aside[1] * right, height_m]
+
+
+def frame_for(position_m: NDArray[np.float64]) -> Frame:
+    """The picture that suits a rope (n, 3)."""
+    depth = max(float(-position_m[:, 2].min()), 1.0)
+    off = position_m[:, :2] - position_m[0, :2]
+    distance = np.hypot(off[:, 0], off[:, 1])
+    far = int(distance.argmax())
+    width = float(distance[far])
+    factor = next((f for f in _FACTORS if f * width <= _WIDE * depth), 1)
+    straight = width < 1e-3 * depth
+    if straight:  # which way it leans does not matter: look north
+        return Frame(factor, depth, (1.0, 0.0))
+    return Frame(factor, depth, (float(off[far, 0] / width), float(off[far, 1] / width)))
+
+
+class Overview:
+    """Draws the rope below `path`; `frame` is new when the picture has to be taken anew."""
+
+    def __init__(self, stream: Any, path: str) -> None:
+        self._stream = stream
+        self._path = path
+        self.frame: Frame | None = None
+
+    def show(
+        self,
+        position_m: NDArray[np.float64],
+        elements_n: NDArray[np.float64],
+        scale_n: float,
+    ) -> bool:
+        """The rope at this instant: nodes (n, 3). True if the eye has to move (a new frame)."""
+        import rerun as rr
+
+        moved = self.frame is None or _has_left(self.frame, position_m)
+        if moved:
+            self.frame = frame_for(position_m)
+            self._draw_scales(self.frame)
+        assert self.frame is not None
+        drawn = self.frame.place(position_m)
+        log, path = self._stream.log, self._path
+        log(
+            f"{path}/rope",
+            rr.LineStrips3D(
+                np.stack([drawn[:-1], drawn[1:]], axis=1),
+                colors=tension_colours(elements_n, scale_n),
+                radii=rr.Radius.ui_points(2.5),
+            ),
+        )
+        half = self.frame.depth_m / 70.0
+        log(
+            f"{path}/payload",
+            rr.Boxes3D(
+                centers=drawn[-1:] - [0.0, 0.0, half], half_sizes=[[half] * 3],
+                colors=PAYLOAD_RGB, fill_mode="solid", labels=["payload"], show_labels=True,
+            ),
+        )  # fmt: skip
+        log(
+            f"{path}/hang_off",
+            rr.Points3D(drawn[:1], radii=rr.Radius.ui_points(5.0), colors=HANG_OFF_RGB),
+        )
+        return moved
+
+    def _draw_scales(self, frame: Frame) -> None:
+        """A depth scale left of the rope, the sea, and how long a distance sideways looks."""
+        import rerun as rr
+
+        depths = ticks_over(0.999 * frame.depth_m)
+        deepest = float(depths[-1])
+        left, tick = -0.10 * deepest, 0.012 * deepest
+        lines = [[frame.spot(left, 0.0), frame.spot(left, -deepest)]]
+        lines += [[frame.spot(left - tick, -d), frame.spot(left, -d)] for d in depths]
+        bar_m = round_step(0.2 * deepest / frame.factor, most=1) / 2.0
+        low = -1.08 * deepest
+        end = frame.factor * bar_m
+        lines += [[frame.spot(0.0, low), frame.spot(end, low)]]
+        lines += [[frame.spot(x, low - tick), frame.spot(x, low + tick)] for x in (0.0, end)]
+        log, path = self._stream.log, f"{self._path}/scale"
+        log(
+            path,
+            rr.LineStrips3D(lines, colors=_LINES, radii=rr.Radius.ui_points(0.75)),
+        )
+        places = [frame.spot(left - 0.09 * deepest, 0.018 * deepest - d) for d in depths]
+        words = [f"{depth:g} m" for depth in depths]
+        places.append(frame.spot(0.5 * end, low))
+        words.append(f"{bar_m:g} m sideways")
+        log(
+            f"{path}/words",
+            rr.Points3D(places, labels=words, show_labels=True, colors=_WORDS,
+                        radii=rr.Radius.ui_points(0.0)),
+        )  # fmt: skip
+        self._draw_sea(0.12 * deepest)
+
+    def _draw_sea(self, half: float) -> None:
+        import rerun as rr
+
+        corners = [(-half, -half), (half, -half), (half, half), (-half, half), (-half, -half)]
+        steps = np.linspace(-half, half, 7)
+        lines = [[[x, y, 0.0] for x, y in corners]]
+        lines += [[[x, -half, 0.0], [x, half, 0.0]] for x in steps]
+        lines += [[[-half, y, 0.0], [half, y, 0.0]] for y in steps]
+        self._stream.log(
+            f"{self._path}/sea",
+            rr.LineStrips3D(lines, colors=_SEA, radii=rr.Radius.ui_points(0.5)),
+        )
+
+
+def _has_left(frame: Frame, position_m: NDArray[np.float64]) -> bool:
+    """Whether the rope no longer fits the picture, or has become small in it."""
+    depth = float(-position_m[:, 2].min())
+    off = position_m[:, :2] - position_m[0, :2]
+    width = frame.factor * float(np.hypot(off[:, 0], off[:, 1]).max())
+    grown = depth > 1.15 * frame.depth_m or depth < 0.5 * frame.depth_m
+    return grown or (frame.factor > 1 and width > _TOO_WIDE * max(depth, frame.depth_m))
+
+
+def eye(frame: Frame) -> tuple[list[float], list[float]]:
+    """Where the eye is and where it looks, for rerun's 55 degrees of view in a tall window."""
+    deepest = float(ticks_over(0.999 * frame.depth_m)[-1])
+    right_e, right_n = frame.aside
+    target = np.array(frame.spot(0.04 * deepest, -0.53 * deepest))
+    back = np.array([right_n, -right_e, 0.0])  # a quarter turn: the drift points to the right
+    away = 1.45 * deepest / (2.0 * math.tan(math.radians(27.5)))
+    position = target + away * back + np.array([0.0, 0.0, 0.10 * deepest])
+    return position.tolist(), target.tolist()

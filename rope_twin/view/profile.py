@@ -1,0 +1,119 @@
+"""The chart of tension over depth, whose colour bar is the legend of every rope in the view.
+
+rerun has no plot of one quantity over another, so the axes are drawn here: chart coordinates run
+from 0 to WIDTH to the right and from 0 to HEIGHT downward.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.messages.colours import SLACK_RGB, shade, tension_colours
+from rope_twin.view.ticks import ticks_over
+
+WIDTH, HEIGHT = 1250.0, 1000.0
+RANGE_S = 60.0  # the thin curves: least and most tension over this time
+_BAR = 24.0  # thickness of the colour bar
+_UNDER = HEIGHT + 3.0 * _BAR  # numbers of the colour bar
+_ASIDE = -75.0  # to the left of the chart
+_STRIPS = 250
+_LIFT = 30.0  # rerun hangs a label below its point; this puts it beside
+_GRID = (66, 68, 76)
+_WORDS = (205, 205, 210)
+_THIN = (150, 150, 158)
+
+
+class Profile:
+    """Draws the chart below `path`; axes are drawn again when a scale changes."""
+
+    def __init__(self, stream: Any, path: str) -> None:
+        self._stream = stream
+        self._path = path
+        self._axes: tuple[float, float] = (0.0, 0.0)
+        self._history: deque[tuple[int, NDArray[np.float64]]] = deque()
+
+    def show(self, time_ns: int, depth_m: NDArray[np.float64], nodes_n: NDArray[np.float64],
+             elements_n: NDArray[np.float64], scale_n: float) -> None:  # fmt: skip
+        """The curve of this instant: depths and tensions (n,) of nodes, tensions of elements."""
+        import rerun as rr
+
+        axes = (scale_n, float(ticks_over(float(depth_m.max()))[-1]))
+        if axes != self._axes:
+            self._axes = axes
+            self._draw_axes()
+        curve = self._place(nodes_n, depth_m)
+        thin = rr.Radius.ui_points(0.75)
+        self._stream.log(
+            f"{self._path}/range",
+            rr.LineStrips2D(
+                [self._place(side, depth_m) for side in self._range(time_ns, nodes_n)],
+                colors=_THIN, radii=thin, draw_order=1.0,
+            ),
+        )  # fmt: skip
+        self._stream.log(
+            f"{self._path}/now",
+            rr.LineStrips2D(
+                np.stack([curve[:-1], curve[1:]], axis=1),
+                colors=tension_colours(elements_n, scale_n),
+                radii=rr.Radius.ui_points(2.5), draw_order=2.0,
+            ),
+        )  # fmt: skip
+
+    def _place(self, tension_n: NDArray[np.float64], depth_m: NDArray[np.float64]) -> Any:
+        scale_n, deepest_m = self._axes
+        return np.stack([tension_n / scale_n * WIDTH, depth_m / deepest_m * HEIGHT], axis=-1)
+
+    def _range(self, time_ns: int, nodes_n: NDArray[np.float64]) -> Any:
+        """Least and most tension of each node over RANGE_S; starts anew when the count changes."""
+        history = self._history
+        if history and (len(history[-1][1]) != len(nodes_n) or time_ns < history[-1][0]):
+            history.clear()
+        history.append((time_ns, nodes_n))
+        while history[0][0] < time_ns - RANGE_S * 1e9:
+            history.popleft()
+        rows = np.stack([row for _, row in history])
+        return rows.min(axis=0), rows.max(axis=0)
+
+    def _draw_axes(self) -> None:
+        import rerun as rr
+
+        scale_n, deepest_m = self._axes
+        forces_n, depths_m = ticks_over(scale_n, most=5), ticks_over(deepest_m)
+        across, down = forces_n / scale_n * WIDTH, depths_m / deepest_m * HEIGHT
+        log, path = self._stream.log, f"{self._path}/axes"
+        grid = [[[x, 0.0], [x, HEIGHT]] for x in across if x <= WIDTH]
+        grid += [[[0.0, y], [WIDTH, y]] for y in down]
+        hair = rr.Radius.ui_points(0.5)
+        log(f"{path}/grid", rr.LineStrips2D(grid, colors=_GRID, radii=hair, draw_order=0.0))
+        self._label(f"{path}/tension", [[x, _UNDER] for x in across if x <= WIDTH],
+                    [f"{force / 1000.0:g}" for force in forces_n[across <= WIDTH]])  # fmt: skip
+        self._label(f"{path}/depth", [[_ASIDE, y - _LIFT] for y in down],
+                    [f"{depth:g}" for depth in depths_m])  # fmt: skip
+        # the colour bar: strips side by side (2-D boxes cannot be filled)
+        places = (np.arange(_STRIPS) + 0.5) / _STRIPS
+        top, bottom = HEIGHT + 1.8 * _BAR, HEIGHT + 2.8 * _BAR
+        bar = [[[x, top], [x, bottom]] for x in places * WIDTH]
+        middle = 0.5 * (top + bottom)
+        bar.append([[_ASIDE - _BAR, middle], [_ASIDE + _BAR, middle]])
+        log(
+            f"{path}/colours",
+            rr.LineStrips2D(
+                bar,
+                colors=np.concatenate([shade(places), [SLACK_RGB]]),
+                radii=[1.0 * WIDTH / _STRIPS] * _STRIPS + [0.5 * _BAR],
+            ),
+        )
+        self._label(f"{path}/slack", [[_ASIDE, _UNDER]], ["slack"])
+
+    def _label(self, path: str, places: list[list[float]], words: list[str]) -> None:
+        import rerun as rr
+
+        self._stream.log(
+            path,
+            rr.Points2D(places, labels=words, show_labels=True, colors=_WORDS,
+                        radii=rr.Radius.ui_points(0.0)),
+        )  # fmt: skip

@@ -1,0 +1,180 @@
+"""Decoded messages in, rerun out: the same for live topics and for bags."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.errors import InputError, phrase
+from rope_twin.messages.colours import scale_above
+from rope_twin.messages.forms import NANOSECONDS, POINT_BYTES
+from rope_twin.view.blueprint import CURVES, LOG, OVERVIEW, PROFILE, SURFACE, layout
+from rope_twin.view.overview import Overview
+from rope_twin.view.profile import Profile
+from rope_twin.view.series import FILE_BATCH_NS, LIVE_BATCH_NS, Series
+from rope_twin.view.sinks import Sink
+from rope_twin.view.surface import Surface
+from rope_twin.view.timelines import Timelines
+
+SHOWN_TOPICS = (
+    "twin/epoch", "winch/state", "tension", "rope/nodes", "ship/heave", "sea/elevation",
+    "diagnostics",
+)  # fmt: skip
+PICTURE_NS = NANOSECONDS // 10  # ropes and sea are drawn at most 10 times a second
+_EPOCH_WITHIN_NS = 2 * NANOSECONDS  # so long the first messages wait for twin/epoch
+_LEVELS = ("INFO", "WARN", "ERROR")
+
+
+class RopeView:
+    """Shows the suite's messages. To be used from one thread.
+
+    Every scalar is kept; ropes are thinned out to 10 a second. Only stamped topics are drawn: the
+    Float64 topics carry the same numbers without a stamp, and would be plotted at the time of
+    their arrival.
+    """
+
+    def __init__(self, sink: Sink, window_s: float | None = None) -> None:
+        """Plots reach back `window_s`; None: to the start, and data go out in large pieces."""
+        self._sink = sink
+        self._window_s = window_s
+        self._timelines: Timelines | None = None
+        self._waiting: list[tuple[str, Any, int]] = []
+        self._series: dict[str, Series] = {}
+        self._overview = Overview(sink.stream, OVERVIEW)
+        self._surface = Surface(sink.stream, SURFACE)
+        self._profile = Profile(sink.stream, PROFILE)
+        self._drawn_ns: dict[str, int] = {}
+        self._elements_n: NDArray[np.float64] = np.zeros(0)
+        self._scale_n = 0.0
+        self._told: dict[str, tuple[int, str]] = {}
+        self._show: dict[str, Callable[[Any, int], None]] = {
+            "winch/state": self._winch_state,
+            "tension": self._tension,
+            "rope/nodes": self._rope_nodes,
+            "ship/heave": self._heave,
+            "sea/elevation": self._elevation,
+            "diagnostics": self._diagnostics,
+        }
+        sink.stream.send_blueprint(layout(None, window_s))
+
+    def show(self, topic_name: str, message: Any, time_ns: int) -> None:
+        """A decoded message that came (or was recorded) at a ROS time; others are passed over."""
+        name = topic_name.removeprefix("/")
+        if name == "twin/epoch":
+            if self._timelines is None:
+                self._begin(message.sec * NANOSECONDS + message.nanosec)
+        elif name in self._show:
+            self._take(name, message, _stamp_ns(message, time_ns))
+
+    def flush(self) -> None:
+        """Hand everything that waits to the sink."""
+        if self._timelines is None and self._waiting:
+            self._begin(min(time_ns for _, _, time_ns in self._waiting))
+        for series in self._series.values():
+            series.flush()
+
+    def close(self) -> None:
+        """Hand over what waits and close the sink."""
+        self.flush()
+        self._sink.close()
+
+    def _take(self, name: str, message: Any, time_ns: int) -> None:
+        if self._timelines is not None:
+            self._show[name](message, time_ns)
+            return
+        self._waiting.append((name, message, time_ns))
+        first_ns = self._waiting[0][2]
+        if abs(time_ns - first_ns) > _EPOCH_WITHIN_NS:  # nobody tells: begin with what is there
+            self._begin(first_ns)
+
+    def _begin(self, epoch_ns: int) -> None:
+        self._timelines = Timelines(self._sink.stream, epoch_ns)
+        batch_ns = FILE_BATCH_NS if self._window_s is None else LIVE_BATCH_NS
+        for path, name, rgb in CURVES:
+            self._series[path] = Series(self._sink.stream, self._timelines, path, batch_ns)
+            self._series[path].style(name, rgb)
+        waiting, self._waiting = self._waiting, []
+        for name, message, time_ns in waiting:
+            self._show[name](message, time_ns)
+
+    def _is_time(self, what: str, time_ns: int) -> bool:
+        """Whether to draw again; also after a jump back (a bag that starts anew)."""
+        last_ns = self._drawn_ns.get(what)
+        due = last_ns is None or not 0 <= time_ns - last_ns < PICTURE_NS
+        if due:
+            self._drawn_ns[what] = time_ns
+            assert self._timelines is not None
+            self._timelines.set(time_ns)
+        return due
+
+    def _winch_state(self, message: Any, time_ns: int) -> None:
+        if len(message.position):
+            self._series["plots/line_out"].add(time_ns, float(message.position[0]))
+        if len(message.effort):
+            self._series["plots/tension/top"].add(time_ns, float(message.effort[0]) / 1000.0)
+
+    def _tension(self, message: Any, time_ns: int) -> None:
+        self._elements_n = np.asarray(message.data, dtype=np.float64)
+
+    def _rope_nodes(self, message: Any, time_ns: int) -> None:
+        if message.point_step != POINT_BYTES:
+            raise InputError(
+                phrase(
+                    "topic rope/nodes",
+                    f"points of {message.point_step} bytes",
+                    f"right are {POINT_BYTES}: x, y, z, tension as float32",
+                )
+            )
+        rows = np.frombuffer(np.asarray(message.data, dtype=np.uint8).tobytes(), dtype="<f4")
+        rows = rows.reshape(-1, 4).astype(np.float64)
+        if len(rows) < 2:
+            return
+        self._series["plots/tension/payload"].add(time_ns, float(rows[-1, 3]) / 1000.0)
+        if not self._is_time("rope", time_ns):
+            return
+        position, nodes_n, elements_n = rows[:, :3], rows[:, 3], self._elements_n
+        if len(elements_n) != len(rows) - 1:
+            elements_n = 0.5 * (nodes_n[1:] + nodes_n[:-1])
+        peak_n = float(max(elements_n.max(), nodes_n.max()))
+        if peak_n > self._scale_n:
+            self._scale_n = scale_above(peak_n)
+        if self._overview.show(position, elements_n, self._scale_n):
+            self._sink.stream.send_blueprint(layout(self._overview.frame, self._window_s))
+        self._surface.show_rope(position, elements_n, self._scale_n)
+        self._profile.show(time_ns, -position[:, 2], nodes_n, elements_n, self._scale_n)
+
+    def _heave(self, message: Any, time_ns: int) -> None:
+        self._series["plots/heave"].add(time_ns, float(message.pose.pose.position.z))
+
+    def _elevation(self, message: Any, time_ns: int) -> None:
+        if self._is_time("sea", time_ns):
+            self._surface.show_sea(float(message.point.z))
+
+    def _diagnostics(self, message: Any, time_ns: int) -> None:
+        """A line for each status that changed, and the real-time factor."""
+        import rerun as rr
+
+        for status in message.status:
+            level = status.level[0] if isinstance(status.level, bytes) else int(status.level)
+            for pair in status.values:
+                if pair.key == "real-time factor":
+                    self._series["plots/real_time_factor"].add(time_ns, float(pair.value))
+            if self._told.get(status.name) != (level, status.message):
+                self._told[status.name] = (level, status.message)
+                assert self._timelines is not None
+                self._timelines.set(time_ns)
+                words = _LEVELS[min(level, 2)]
+                self._sink.stream.log(
+                    LOG, rr.TextLog(f"{status.name}: {status.message}", level=words)
+                )
+
+
+def _stamp_ns(message: Any, time_ns: int) -> int:
+    """The time that a message is about: its stamp, or when it came if it has none."""
+    header = getattr(message, "header", None)
+    if header is None:
+        return time_ns
+    return header.stamp.sec * NANOSECONDS + header.stamp.nanosec or time_ns

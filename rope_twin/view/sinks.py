@@ -1,0 +1,167 @@
+"""Where the view goes: a file or a window. Never into memory alone, which would grow for ever."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any, Protocol
+
+from rope_twin.errors import InputError, phrase
+
+APPLICATION = "rope_twin"
+_VIEWER_MEMORY = "1GB"  # the window forgets its oldest data beyond this
+_START_S = 30.0
+
+
+def load_rerun() -> Any:
+    """The rerun package.
+
+    Raises:
+        InputError: if it is not installed.
+    """
+    # A file of unknown length has no footer, on purpose: rerun need not warn of it.
+    os.environ.setdefault("RUST_LOG", "error")
+    try:
+        import rerun
+    except ImportError as error:
+        raise InputError(
+            phrase("view", f"rerun is missing ({error})", "install it with: pip install '.[viz]'")
+        ) from error
+    return rerun
+
+
+class Sink(Protocol):
+    """Somewhere that takes a rerun recording."""
+
+    stream: Any  # rerun.RecordingStream
+
+    def close(self) -> None:
+        """Write out what is left and let go; nothing may be logged afterwards."""
+
+
+class FileSink:
+    """An .rrd file.
+
+    `footer` makes a finished file quicker to open, at the price of memory that grows with the
+    file; leave it off for recordings of unknown length.
+    """
+
+    def __init__(self, path: Path, footer: bool = False) -> None:
+        """Raises InputError if the file cannot be made."""
+        rerun = load_rerun()
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.touch()
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise InputError(
+                phrase(f"file {path}", f"it cannot be written ({reason})", "name another file")
+            ) from error
+        self.path = path
+        self.stream = rerun.RecordingStream(APPLICATION)
+        self.stream.save(path, write_footer=footer)
+
+    def close(self) -> None:
+        """Write out what is left."""
+        self.stream.flush()
+        self.stream.disconnect()
+
+
+class WindowSink:
+    """A window of its own process, reached over the loopback network only.
+
+    The window stays when this side closes. If the user closes it first, `alive` says so and what
+    is logged goes nowhere.
+    """
+
+    def __init__(self) -> None:
+        """Raises InputError if there is no screen or the window does not come up."""
+        rerun = load_rerun()
+        if missing := what_a_window_lacks():
+            raise InputError(missing)
+        port = free_port()
+        self._process = start_viewer("--port", str(port), "--expect-data-soon",
+                                     "--hide-welcome-screen", "--memory-limit", _VIEWER_MEMORY,
+                                     "--server-memory-limit", "256MB")  # fmt: skip
+        wait_for_viewer(self._process, port)
+        self.stream = rerun.RecordingStream(APPLICATION)
+        self.stream.connect_grpc(f"rerun+http://127.0.0.1:{port}/proxy")
+
+    @property
+    def alive(self) -> bool:
+        """Whether the window is still there."""
+        return self._process.poll() is None
+
+    def close(self) -> None:
+        """Send what is left; the window stays for the user."""
+        if self.alive:
+            self.stream.flush(timeout_sec=5.0)
+        self.stream.disconnect()
+
+
+def has_screen() -> bool:
+    """Whether there is a display to open a window on."""
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def what_a_window_lacks() -> str:
+    """One sentence if no window can be opened here, or nothing."""
+    if not has_screen():
+        return phrase(
+            "view", "there is no screen here", "use --save FILE.rrd or --screenshot FILE.png"
+        )
+    return ""
+
+
+def free_port() -> int:
+    """A TCP port of the loopback network that nobody uses at the moment."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def start_viewer(*arguments: str, **environment: str) -> subprocess.Popen[bytes]:
+    """rerun's viewer as a process of its own: loopback only, no usage statistics, errors only."""
+    package = importlib.util.find_spec("rerun_cli")
+    if package is None or package.origin is None:
+        raise InputError(phrase("view", "rerun's viewer is missing", "install rope_twin[viz]"))
+    program = Path(package.origin).with_name("rerun")
+    quiet = {
+        "CI": "1",  # rerun sends no usage statistics where this is set
+        "RUST_LOG": "error",  # also keeps its notes about the graphics driver out of the picture
+        "RERUN_APP_ONLY": "true",
+    }
+    return subprocess.Popen(
+        [str(program), "--bind", "127.0.0.1", *arguments],
+        env={**os.environ, **quiet, **environment},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,  # Ctrl-C in the terminal is for rope_twin alone
+    )
+
+
+def wait_for_viewer(process: subprocess.Popen[bytes], port: int) -> None:
+    """Return as soon as the viewer listens.
+
+    Raises:
+        InputError: if it ends or does not listen in time.
+    """
+    deadline = time.monotonic() + _START_S
+    while time.monotonic() < deadline:
+        if process.poll() is not None:
+            break
+        with socket.socket() as probe:
+            probe.settimeout(0.2)
+            if probe.connect_ex(("127.0.0.1", port)) == 0:
+                return
+        time.sleep(0.05)
+    process.kill()
+    raise InputError(
+        phrase("view", "rerun's viewer did not start", f"try it by hand: {sys.executable} -m rerun")
+    )
