@@ -35,8 +35,8 @@ def find_bag(bag: str | Path) -> Path:
         BagError: there is neither.
     """
     known = list_bags()
-    if isinstance(bag, str) and bag in known:
-        return known[bag]
+    if str(bag) in known:
+        return known[str(bag)]
     path = Path(bag)
     if not str(bag).strip() or not path.exists():
         right = did_you_mean(bag, known) if known else "give the path of a bag"

@@ -24,7 +24,7 @@ Stamps = NDArray[np.int64]
 
 _HEAVE, _ELEVATION = BY_NAME["ship/heave"], BY_NAME["sea/elevation"]
 _TOLERATED_SHARE = 0.05  # of samples that cannot be used
-_GAP_PERIODS = 3.0  # an interval this many times the usual one is a gap
+GAP_PERIODS = 3.0  # an interval this many times the usual one is a gap
 _LONGEST_GAP_S = 60.0  # beyond it, it is the clock that jumped, or two recordings
 
 
@@ -181,7 +181,7 @@ class _Rows:
 
     def _tell_gaps(self, stamp_ns: Stamps) -> str:
         steps = np.diff(stamp_ns)
-        gaps = steps > _GAP_PERIODS * np.median(steps)
+        gaps = steps > GAP_PERIODS * np.median(steps)
         if not np.any(gaps):
             return ""
         longest = int(np.argmax(steps))

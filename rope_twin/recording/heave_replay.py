@@ -9,11 +9,10 @@ import numpy as np
 
 from rope_twin.errors import BagError, phrase
 from rope_twin.recording.bag_reader import find_bag
-from rope_twin.recording.heave_record import HeaveRecord, Stamps, Vector, read_heave
+from rope_twin.recording.heave_record import GAP_PERIODS, HeaveRecord, Stamps, Vector, read_heave
 from rope_twin.twin.irregular_sea import SeaRecord
 
 FADE_S = 10.0
-_GAP_PERIODS = 3.0
 
 
 @dataclass(frozen=True)
@@ -170,7 +169,7 @@ def _elevation_at(record: HeaveRecord, loop_ns: int | None) -> Vector:
     left = np.clip(np.searchsorted(time_ns, at_ns, side="right") - 1, 0, len(time_ns) - 2)
     step = time_ns[left + 1] - time_ns[left]
     known = (at_ns >= time_ns[0]) & (at_ns <= time_ns[-1])
-    known &= step <= _GAP_PERIODS * np.median(np.diff(time_ns))
+    known &= step <= GAP_PERIODS * np.median(np.diff(time_ns))
     return np.where(known, result, np.nan)
 
 

@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.twin.heave_response import BoxHull, heave_response
-from rope_twin.twin.spectrum import WaveSpectrum
-
-Vector = NDArray[np.float64]
+from rope_twin.twin.spectrum import Vector, WaveSpectrum
 
 
 @dataclass(frozen=True)
