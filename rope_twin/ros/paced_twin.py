@@ -23,7 +23,8 @@ from rope_twin.twin.pacing import Handover, Pacer, PacingHealth, steps_in_slot
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 
-START_LEAD_S = 0.5  # from the epoch's publication to t = 0, for others to get ready
+START_LEAD_S = 0.5  # from the epoch's publication to t = 0, for others to get ready ...
+AWAITED_LEAD_S = 1.5  # ... and where others are awaited: they have yet to find each other
 RUN_ROW = "simulation: run"  # its values are those of a RunSummary
 CLOCK_STEP_S = 0.05  # the system clock may differ from the steady one by this
 
@@ -67,15 +68,16 @@ class PacedTwin:
     def begin(self, ros_now_ns: int) -> int:
         """Start (or go on after `halt`) and return the epoch: ROS time of the twin's t = 0 [ns]."""
         steady_now_ns = time.monotonic_ns()
+        lead_ns = round((AWAITED_LEAD_S if self._params.wait_for else START_LEAD_S) * 1e9)
         speed = self._params.speed
         at_ns = self.twin.time_ns
-        epoch_ns = ros_now_ns + round(START_LEAD_S * 1e9) - round(at_ns / speed)
+        epoch_ns = ros_now_ns + lead_ns - round(at_ns / speed)
         # A slow twin still needs whole heave samples, a fast one the same real time to get them.
         delay_ns = round(self._params.input_delay_s * max(1.0, speed) * 1e9 / speed)
         self._clocks = (ros_now_ns, steady_now_ns)
         self.epoch_ns = epoch_ns
         self._announcer.start(epoch_ns)
-        self.pacer.start(steady_now_ns + round(START_LEAD_S * 1e9) + delay_ns)
+        self.pacer.start(steady_now_ns + lead_ns + delay_ns)
         return epoch_ns
 
     def halt(self) -> None:

@@ -39,7 +39,10 @@ class SimulationParams:
     stop_after_s: float = quantity("twin time after which to stop; 0: never", "s", 0.0, 1e7,
                                    default=0.0)  # fmt: skip
     autostart: bool = text("configure and activate without waiting to be told", True)
-    wait_for: str = text("topics, separated by spaces, whose publishers to await at the start", "")
+    wait_for: str = text(
+        "topics, separated by spaces, to await at the start: inputs until somebody publishes them, "
+        "own topics until somebody listens", "",
+    )  # fmt: skip
     wait_for_s: float = quantity("how long to await them", "s", 0.0, 60.0, default=5.0)
 
 

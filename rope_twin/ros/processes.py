@@ -15,6 +15,7 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.commands.run.options import RunOptions
 from rope_twin.commands.run.summary import Progress, RunSummary
 from rope_twin.errors import InputError, phrase
@@ -22,7 +23,7 @@ from rope_twin.messages import decode
 from rope_twin.ros.entry import PARENT, StopSignal, initialise
 from rope_twin.ros.paced_twin import RUN_ROW
 from rope_twin.ros.qos import message_type, profile
-from rope_twin.ros.suite import node_parameters
+from rope_twin.ros.suite import END_ORDER, node_parameters
 from rope_twin.scene.load import load_scene
 from rope_twin.topics import BY_NAME
 
@@ -99,10 +100,12 @@ def node_command(name: str, parameters: dict[str, Any]) -> list[str]:
 
 
 def _awaited(options: RunOptions) -> str:
-    """The inputs that will come in this run, so that the twin does not start without them."""
+    """What the twin is to await: the inputs that will come, and the recorder on every topic."""
     scene = load_scene(options.scene)
     topics = ["ship/heave"] if options.bag or scene.sea_state.bag else []
     topics += ["winch/speed_command"] if scene.winch and scene.winch.schedule else []
+    if options.record is not None:
+        topics += [topic.name for topic in SNAPSHOT_TOPICS]
     return " ".join(topics)
 
 
@@ -154,7 +157,7 @@ class _Watch:
 
     def end(self) -> None:
         """The simulation first, the recorder last, so that nothing said goes unrecorded."""
-        for name in reversed(self._processes.names):
+        for name in END_ORDER:
             self._processes.tell(name)
             give_up = time.monotonic() + _END_S
             while name in self._processes.names and time.monotonic() < give_up:

@@ -7,6 +7,7 @@ pauses (activate goes on with a new epoch); cleanup drops the twin. Callbacks on
 from __future__ import annotations
 
 import sys
+import traceback
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
@@ -89,10 +90,11 @@ class SimulationNode(LifecycleNode):
         """Read the scene, build, compile; a failure is one sentence in the log."""
         self._params = read(self, SimulationParams)
         try:
-            unknown = [name for name in self._params.wait_for.split() if name not in INPUTS]
+            known = (*INPUTS, *self._own_publishers)
+            unknown = [name for name in self._params.wait_for.split() if name not in known]
             if unknown:
                 where = "node simulation, parameter wait_for"
-                raise InputError(phrase(where, f"'{unknown[0]}'", did_you_mean(unknown[0], INPUTS)))
+                raise InputError(phrase(where, f"'{unknown[0]}'", did_you_mean(unknown[0], known)))
             scene = load_scene(self._params.scene)
             for warning in sense_checks(scene):
                 self.get_logger().warning(warning)
@@ -101,7 +103,9 @@ class SimulationNode(LifecycleNode):
             return self._fail(str(error))
         except Exception as error:
             # rclpy swallows what a transition raises; an operator must not be left without a word.
-            return self._fail(f"the twin cannot be built: {type(error).__name__}: {error}")
+            self.get_logger().debug(traceback.format_exc())
+            reason = str(error).partition("\n")[0]
+            return self._fail(f"the twin cannot be built: {type(error).__name__}: {reason}")
         self._state = "inactive"
         return _SUCCESS
 
@@ -148,12 +152,12 @@ class SimulationNode(LifecycleNode):
         if self.paced is None:
             return
         if self._state == "waiting for inputs":
-            missing = [
-                name for name in self._params.wait_for.split() if not self.count_publishers(name)
-            ]
+            missing = [name for name in self._params.wait_for.split() if not self._is_there(name)]
             if not missing or self._waited_s >= self._params.wait_for_s:
                 if missing:
-                    self.get_logger().warning(f"nobody publishes {', '.join(missing)} yet")
+                    self.get_logger().warning(
+                        f"nobody is there yet for {', '.join(missing)}: starting without"
+                    )
                 epoch_ns = self.paced.begin(self.get_clock().now().nanoseconds)
                 self._publish("twin/epoch", encode_epoch(epoch_ns))
                 self._state = "active"
@@ -163,6 +167,12 @@ class SimulationNode(LifecycleNode):
             self._state = "finished"
             self._tell()
             self._told_finished = True
+
+    def _is_there(self, name: str) -> bool:
+        """Whether an input has a publisher, or one of our topics a listener."""
+        if name in INPUTS:
+            return self.count_publishers(name) > 0
+        return bool(self._own_publishers[name].get_subscription_count() > 0)
 
     def _judge_parameters(self, changes: list[Parameter]) -> SetParametersResult:
         if self._state == "unconfigured" or all(

@@ -18,19 +18,18 @@ from rope_twin.ros.recorder_node import RecorderNode
 from rope_twin.ros.sea_state_node import SeaStateNode
 from rope_twin.ros.simulation_node import SimulationNode
 from rope_twin.ros.winch_schedule_node import WinchScheduleNode
+from rope_twin.scene.load import load_scene
 
 _WAIT_S = 0.1
 _QUIET_S, _DRAIN_S = 0.2, 3.0
+# Who speaks ends first, who listens last.
+END_ORDER = ("simulation", "sea_state", "winch_schedule", "viewer", "recorder")
 
 
 def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
     """The parameters of each node that these options ask for; the keys are the nodes to start."""
     speed = {"speed": options.speed}
     nodes: dict[str, dict[str, Any]] = {}
-    if options.record is not None:
-        nodes["recorder"] = {"directory": str(options.record)}
-    if options.view is not None:
-        nodes["viewer"] = {"file": str(options.view_file or "")}
     nodes["sea_state"] = {
         "scene": options.scene,
         "bag": options.bag,
@@ -39,6 +38,11 @@ def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
         **speed,
     }
     nodes["winch_schedule"] = {"scene": options.scene, **speed}
+    # After those that read what the user named: nothing is made on disk for a mistyped name.
+    if options.record is not None:
+        nodes["recorder"] = {"directory": str(options.record)}
+    if options.view is not None:
+        nodes["viewer"] = {"file": str(options.view_file or "")}
     nodes["simulation"] = {"scene": options.scene, "stop_after_s": options.for_s or 0.0, **speed}
     return nodes
 
@@ -57,6 +61,7 @@ class Suite:
         Raises:
             RopeTwinError: one sentence; `close` is still to be called.
         """
+        load_scene(self._options.scene)  # what is wrong with it is said before anything else
         initialise(["rope_twin"])
         self._executor = SingleThreadedExecutor()
         for name, parameters in node_parameters(self._options).items():
@@ -94,8 +99,10 @@ class Suite:
         )
 
     def close(self) -> None:
-        """End the simulation first, let the recorder take what is under way, then end the rest."""
-        for name in reversed(self._nodes):
+        """End who speaks, let the recorder take what is under way, then end who listens."""
+        for name in END_ORDER:
+            if name not in self._nodes:
+                continue
             if name == "recorder":
                 self._drain()
             self._nodes[name].close()

@@ -1,0 +1,69 @@
+"""Nodes under test and a node of ours on one executor, and waiting for conditions."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+
+class Bench:
+    """Nodes under test and one of ours, on one executor."""
+
+    def __init__(self, number: int) -> None:
+        import rclpy
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.signals import SignalHandlerOptions
+
+        rclpy.init(args=[], domain_id=number, signal_handler_options=SignalHandlerOptions.NO)
+        self.executor = SingleThreadedExecutor()
+        self.nodes: list[Any] = []
+        self.own = self.add(rclpy.create_node("bench"))
+
+    def add(self, node: Any) -> Any:
+        self.nodes.append(node)
+        self.executor.add_node(node)
+        return node
+
+    def listen(self, name: str, depth: int = 1000) -> list[Any]:
+        """Decoded messages of one of the suite's topics, as they come."""
+        from rope_twin.messages import decode
+        from rope_twin.ros.qos import message_type, profile
+        from rope_twin.topics import BY_NAME, Qos
+
+        heard: list[Any] = []
+        topic = BY_NAME[name]
+        self.own.create_subscription(
+            message_type(topic),
+            name,
+            lambda data: heard.append(decode(name, data)),
+            profile(topic.qos, 1 if topic.qos is Qos.LATCHED else depth),
+            raw=True,
+        )
+        return heard
+
+    def publisher(self, name: str) -> Any:
+        """A publisher of one of the suite's topics."""
+        from rope_twin.ros.qos import message_type, profile
+        from rope_twin.topics import BY_NAME
+
+        topic = BY_NAME[name]
+        return self.own.create_publisher(message_type(topic), name, profile(topic.qos))
+
+    def until(self, condition: Callable[[], Any], what: str, timeout_s: float = 20.0) -> None:
+        """Spin until the condition holds; fail with `what` at the deadline."""
+        deadline = time.monotonic() + timeout_s
+        while not condition():
+            assert time.monotonic() < deadline, f"not within {timeout_s:g} s: {what}"
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def close(self) -> None:
+        import rclpy
+
+        for node in reversed(self.nodes):
+            if hasattr(node, "close"):
+                node.close()
+        self.executor.shutdown()
+        for node in self.nodes:
+            node.destroy_node()
+        rclpy.try_shutdown()

@@ -1,0 +1,65 @@
+"""Which stretch of twin time a feeding node publishes: each instant once, whatever clocks do."""
+
+from __future__ import annotations
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rope_twin.ros.feed import Feed
+
+S = 1_000_000_000
+MS = 1_000_000
+ROS_NOW = 1_700_000_000 * S
+STEADY_NOW = 5_000 * S
+
+
+def test_nothing_is_due_before_there_is_an_epoch() -> None:
+    assert Feed(0.2, 1.0).due(STEADY_NOW) == (0, 0)
+
+
+def test_a_fresh_twin_gets_everything_from_the_beginning_with_the_lead() -> None:
+    feed = Feed(lead_s=0.2, speed=1.0, first_ns=-100 * MS)
+    feed.follow(ROS_NOW + S // 2, ROS_NOW, STEADY_NOW)
+    assert feed.due(STEADY_NOW) == (-100 * MS, -100 * MS)  # t = -0.5 s with 0.2 s lead: nothing yet
+    assert feed.due(STEADY_NOW + S // 2) == (-100 * MS, 200 * MS)
+    assert feed.due(STEADY_NOW + S) == (200 * MS, 700 * MS)
+
+
+def test_who_joins_a_running_twin_begins_a_little_before_now() -> None:
+    feed = Feed(lead_s=0.2, speed=1.0)
+    feed.follow(ROS_NOW - 60 * S, ROS_NOW, STEADY_NOW)
+    assert feed.due(STEADY_NOW) == (60 * S - 100 * MS, 60 * S + 200 * MS)
+
+
+def test_a_new_epoch_begins_anew_and_the_same_one_does_not() -> None:
+    feed = Feed(lead_s=0.0, speed=1.0)
+    feed.follow(ROS_NOW, ROS_NOW, STEADY_NOW)
+    assert feed.due(STEADY_NOW + S) == (0, S)
+    feed.follow(ROS_NOW, ROS_NOW + S, STEADY_NOW + S)
+    assert feed.due(STEADY_NOW + 2 * S) == (S, 2 * S)
+    later = ROS_NOW + 3 * S
+    feed.follow(later, later, STEADY_NOW + 3 * S)
+    assert feed.due(STEADY_NOW + 4 * S) == (0, S)
+
+
+def test_speed_stretches_twin_time_and_the_lead_with_it() -> None:
+    feed = Feed(lead_s=0.2, speed=4.0)
+    feed.follow(ROS_NOW, ROS_NOW, STEADY_NOW)
+    assert feed.due(STEADY_NOW + S) == (0, 4 * S + 800 * MS)
+
+
+@given(
+    st.lists(st.integers(-S, 3 * S), min_size=1, max_size=30),
+    st.sampled_from([0.1, 1.0, 3.0]),
+)
+def test_stretches_join_without_gap_or_overlap(moves: list[int], speed: float) -> None:
+    feed = Feed(lead_s=0.1, speed=speed)
+    feed.follow(ROS_NOW, ROS_NOW, STEADY_NOW)
+    end = 0
+    now = STEADY_NOW
+    for move in moves:  # clocks of hypothesis may even go back
+        now += move
+        from_ns, to_ns = feed.due(now)
+        assert from_ns == end
+        assert to_ns >= from_ns
+        end = to_ns

@@ -1,0 +1,72 @@
+"""From bytes to numbers: what is no proper message is refused with one sentence, never raised."""
+
+from __future__ import annotations
+
+import contextlib
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from ros_messages import joint, multi_array
+
+from rope_twin.errors import InputError
+from rope_twin.messages import encode_heave, encode_speed
+from rope_twin.ros.inputs import read_current, read_heave, read_speed
+
+
+@given(st.integers(0, 2**31 * 10**9 - 1), st.floats(-50, 50), st.floats(-20, 20))
+def test_heave_comes_back_as_it_was_sent(stamp_ns: int, z: float, vz: float) -> None:
+    assert read_heave(encode_heave(stamp_ns, z, vz)) == (stamp_ns, z, vz)
+
+
+def test_speed_comes_back_and_stamp_zero_means_at_once() -> None:
+    assert read_speed(encode_speed(1_234_567_890, -0.25)) == (1_234_567_890, -0.25)
+    assert read_speed(encode_speed(0, 0.5)) == (None, 0.5)
+
+
+@pytest.mark.parametrize("sizes", [[2, 3], [], [6]])
+def test_current_rows_come_with_or_without_a_layout(sizes: list[int]) -> None:
+    rows = read_current(multi_array([0.0, 0.5, 0.0, -100.0, 0.1, 0.2], sizes))
+    assert rows.tolist() == [[0.0, 0.5, 0.0], [-100.0, 0.1, 0.2]]
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (joint([]), "0 velocities"),
+        (joint([0.1, 0.2]), "2 velocities"),
+        (joint([0.1], nanosec=2_000_000_000), "2000000000 ns"),
+        (b"", "do not decode"),
+        (b"\x00\x01\x00\x00", "do not decode"),
+        (b"\xff" * 64, "do not decode"),
+    ],
+)
+def test_a_malformed_command_gets_one_sentence(data: bytes, words: str) -> None:
+    with pytest.raises(InputError, match=words) as caught:
+        read_speed(data)
+    assert str(caught.value).endswith(".")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        multi_array([], []),
+        multi_array([1.0, 2.0], []),
+        multi_array([0.0] * 6, [3, 2]),
+        multi_array([0.0] * 6, [2, 4]),
+        multi_array([0.0] * 6, [2, 3], offset=3),
+        multi_array([0.0] * 6, [1, 2, 3]),
+        multi_array([0.0] * 4, [1, 4]),
+    ],
+)
+def test_a_malformed_current_gets_one_sentence(data: bytes) -> None:
+    with pytest.raises(InputError, match="rows of z, east, north"):
+        read_current(data)
+
+
+@given(st.binary(max_size=400))
+def test_random_bytes_never_raise_anything_else(data: bytes) -> None:
+    for read in (read_heave, read_speed, read_current):
+        with contextlib.suppress(InputError):
+            read(data)

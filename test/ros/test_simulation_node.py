@@ -1,0 +1,214 @@
+"""The simulation node in this process: its life, its topics, its parameters."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ros_bench import Bench
+
+from rope_twin.cadence import SNAPSHOT_TOPICS
+from rope_twin.errors import InputError, SolverError
+from rope_twin.messages import encode_heave
+
+pytestmark = pytest.mark.ros
+SCENE = "shallow_lift"
+
+
+def simulation(bench: Bench, **parameters: Any) -> Any:
+    """A simulation node of the bench, not yet begun."""
+    from rope_twin.ros.params import overrides
+    from rope_twin.ros.simulation_node import SimulationNode
+
+    given = {"scene": SCENE, **parameters}
+    return bench.add(SimulationNode(parameter_overrides=overrides(given)))
+
+
+@pytest.fixture
+def running(bench: Bench) -> Any:
+    node = simulation(bench)
+    node.begin()
+    return node
+
+
+def rows_of(message: Any) -> dict[str, Any]:
+    return {status.name: status for status in message.status}
+
+
+def level(status: Any) -> int:
+    return status.level[0] if isinstance(status.level, bytes) else int(status.level)
+
+
+def test_every_topic_comes_at_its_rate_with_the_state_of_its_stamp(bench: Bench) -> None:
+    heard = {topic.name: bench.listen(topic.name) for topic in SNAPSHOT_TOPICS}
+    node = simulation(bench, stop_after_s=2.0, wait_for=" ".join(heard))
+    node.begin()
+    bench.until(lambda: node.finished, "two seconds of twin time")
+    bench.until(lambda: len(heard["rope/nodes"]) == 50, "the last messages")
+    counts = {name: len(messages) for name, messages in heard.items()}
+    assert counts == {t.name: 100 if t.rate_hz == 50.0 else 50 for t in SNAPSHOT_TOPICS}
+    stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec
+              for m in heard["payload/odometry"]]  # fmt: skip
+    assert {b - a for a, b in itertools.pairwise(stamps)} == {20_000_000}
+    # one instant, one tension, in whatever message it comes
+    top = [m.data for m in heard["tension_top"]]
+    assert [m.effort[0] for m in heard["winch/state"]] == top
+    assert node.paced.last.tension_top_n == top[-1]
+    pacing = node.paced.pacer.health()
+    assert pacing.finished
+    assert pacing.error == ""
+    assert pacing.steps == 200
+
+
+def test_a_listener_that_comes_late_still_learns_the_epoch(bench: Bench, running: Any) -> None:
+    tension = bench.listen("tension_top")
+    bench.until(lambda: tension, "the twin runs")
+    epochs = bench.listen("twin/epoch")
+    bench.until(lambda: epochs, "the latched epoch")
+    assert epochs[0].sec * 10**9 + epochs[0].nanosec == running.paced.epoch_ns
+
+
+def test_deactivate_pauses_activate_goes_on_cleanup_drops(bench: Bench, running: Any) -> None:
+    paced = running.paced
+    bench.until(lambda: paced.pacer.health().steps >= 10, "it runs")
+    running.trigger_deactivate()
+    steps = paced.pacer.health().steps
+    diagnostics = bench.listen("diagnostics")
+    bench.until(lambda: diagnostics, "diagnostics go on in the pause")
+    assert paced.pacer.health().steps == steps
+    assert rows_of(diagnostics[-1])["simulation: state"].message == "inactive"
+    epochs = bench.listen("twin/epoch")
+    running.trigger_activate()
+    bench.until(lambda: paced.pacer.health().steps >= steps + 10, "it goes on")
+    bench.until(lambda: len(epochs) >= 1, "a new epoch")
+    now_ns = time.time_ns()
+    newest = epochs[-1].sec * 10**9 + epochs[-1].nanosec
+    # the new epoch places the twin's present at ROS time, less the input delay
+    assert abs(newest + paced.twin.time_ns - now_ns) < 1_500_000_000
+    running.trigger_deactivate()
+    running.trigger_cleanup()
+    assert running.paced is None
+
+
+def test_a_scene_that_does_not_exist_fails_to_configure_with_one_sentence(bench: Bench) -> None:
+    node = simulation(bench, scene="shalow_lift")
+    with pytest.raises(InputError, match="did you mean 'shallow_lift'"):
+        node.begin()
+    assert node.paced is None
+    diagnostics = bench.listen("diagnostics")
+    bench.until(lambda: diagnostics, "it tells")
+    state = rows_of(diagnostics[-1])["simulation: state"]
+    assert level(state) == 2
+    assert "shalow_lift" in state.message
+
+
+def test_it_waits_for_inputs_but_not_for_ever(bench: Bench) -> None:
+    waiting = simulation(bench, wait_for="ship/heave", wait_for_s=60.0)
+    waiting.begin()
+    assert waiting.waiting
+    heave = bench.publisher("ship/heave")
+    bench.until(lambda: not waiting.waiting, "the heave has a publisher")
+    bench.own.destroy_publisher(heave)
+    waiting.close()
+    impatient = simulation(bench, wait_for="winch/speed_command", wait_for_s=0.1)
+    impatient.begin()
+    bench.until(lambda: not impatient.waiting, "it starts without")
+
+
+def test_a_solver_that_gives_up_is_told_and_the_node_lives(bench: Bench, running: Any) -> None:
+    paced = running.paced
+    bench.until(lambda: paced.pacer.health().steps >= 10, "it runs")
+    diagnostics = bench.listen("diagnostics")
+
+    def give_up(steps: int) -> None:
+        raise SolverError("step 12 at 0.12 s: the next state is not finite; shorten the step.")
+
+    paced.twin.advance = give_up
+    bench.until(
+        lambda: any(
+            level(row) == 2 and "the next state is not finite" in row.message
+            for message in diagnostics
+            for row in message.status
+        ),
+        "an ERROR with the solver's sentence",
+    )
+    assert paced.last.step >= 10  # the last good state is still there
+    told = len(diagnostics)
+    bench.until(lambda: len(diagnostics) > told, "the node still tells")
+    assert not running.finished
+
+
+def test_parameters_carry_description_and_range(bench: Bench) -> None:
+    node = simulation(bench, autostart=False)
+    described = node.describe_parameter("input_delay_s")
+    assert "behind ROS time" in described.description
+    assert "[s]" in described.description
+    span = described.floating_point_range[0]
+    assert (span.from_value, span.to_value) == (0.0, 10.0)
+    node.begin()
+    assert node.paced is None  # autostart is off
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "words"),
+    [
+        ("speed", 50.0, "50.0; it must be a number such as 2.0, 0.01 to 20"),
+        ("speed", 2, "2; it must be a number such as 2.0"),
+        ("speed", "fast", "'fast'; it must be a number"),
+        ("input_delay_s", -1.0, "0 to 10 s"),
+        ("scene", 3, "3; it must be text"),
+        ("autostart", "yes", "it must be true or false"),
+    ],
+)
+def test_a_wrong_parameter_gets_one_sentence(
+    bench: Bench, name: str, value: object, words: str
+) -> None:
+    with pytest.raises(InputError) as caught:
+        simulation(bench, **{name: value})
+    assert f"node simulation, parameter {name}" in str(caught.value)
+    assert words in str(caught.value)
+
+
+def test_parameters_cannot_change_under_a_running_twin(bench: Bench, running: Any) -> None:
+    from rclpy.parameter import Parameter
+
+    result = running.set_parameters([Parameter("speed", value=2.0)])[0]
+    assert not result.successful
+    assert "clean up first" in result.reason
+    running.trigger_deactivate()
+    running.trigger_cleanup()
+    assert running.set_parameters([Parameter("speed", value=2.0)])[0].successful
+    running.trigger_configure()
+    assert running.paced.pacer.health().speed == 2.0
+
+
+def test_a_heave_that_stops_is_stale_and_the_twin_goes_on(bench: Bench, running: Any) -> None:
+    heave = bench.publisher("ship/heave")
+    paced = running.paced
+    bench.until(lambda: paced.pacer.health().steps > 0, "it runs")
+    sent = 0
+
+    def feed() -> bool:
+        nonlocal sent
+        heave.publish(encode_heave(time.time_ns(), 0.1, 0.0))
+        sent += 1
+        return paced.last.inputs["heave"].accepted >= 5
+
+    bench.until(feed, "heave is taken")
+    steps = paced.pacer.health().steps
+    bench.until(lambda: paced.last.inputs["heave"].stale, "its absence is noticed")
+    assert paced.pacer.health().steps > steps
+
+
+def test_scene_files_may_be_named_by_path(bench: Bench, tmp_path: Path) -> None:
+    from rope_twin.share import share_dir
+
+    text = (share_dir() / "config" / "scenes" / f"{SCENE}.yaml").read_text(encoding="utf-8")
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(text, encoding="utf-8")
+    node = simulation(bench, scene=str(mine))
+    node.begin()
+    assert node.paced.scene.name == "mine"
