@@ -12,7 +12,7 @@ REQUIRES = [
     "numpy>=2.0",
     "numba>=0.61",
     "pyyaml>=6.0",
-    "mcap>=1.2",
+    "mcap>=1.6",
     "zstandard>=0.22",
     "rosbags>=0.11,<0.12",
 ]

@@ -28,7 +28,8 @@ class SolverError(RopeTwinError):
 
 def phrase(where: str, what: str, right: str) -> str:
     """One sentence: `where: what; right.`"""
-    return f"{where}: {what}; {right}."
+    end = "" if right.endswith("?") else "."
+    return f"{where}: {what}; {right}{end}"
 
 
 def did_you_mean(word: object, known: Iterable[str]) -> str:

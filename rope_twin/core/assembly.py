@@ -117,37 +117,38 @@ def _set_pulls(work: Any, m: float, n: int) -> None:
 
 
 @jit
-def evaluate(model: Any, state: Any, work: Any, effects: Any, stage: Any) -> None:
+def evaluate(rope: Any, stage: Any) -> None:
     """Residual R and blocks A of the free nodes, from the nodes' motion and the elements' tension.
 
     R_i = T_i·t_i - T_{i-1}·t_{i-1} - m·lump·a + loads; A_i = m·lump·I + what the effects add.
     """
-    n = state.counts[ELEMENTS]
-    _set_tangents(work, n)
-    _set_pulls(work, model.m, n)
-    terms.add_load(effects, model, work, stage, 0, n)
+    n = rope.state.counts[ELEMENTS]
+    _set_tangents(rope.work, n)
+    _set_pulls(rope.work, rope.model.m, n)
+    terms.add_load(rope.effects, rope.model, rope.work, stage, 0, n)
 
 
 @jit
-def set_flow(model: Any, work: Any, effects: Any, stage: Any, low: int, high: int) -> None:
+def set_flow(rope: Any, stage: Any, low: int, high: int) -> None:
     """Water velocity at the nodes, at the stage's predicted positions.
 
     They differ from the accepted ones by p·(a - a predicted), of third order in the step.
     """
-    fill(work, FLOW, 0.0, low, high)
-    terms.add_flow(effects, model, work, stage, low, high)
+    fill(rope.work, FLOW, 0.0, low, high)
+    terms.add_flow(rope.effects, rope.model, rope.work, stage, low, high)
 
 
 @jit
-def load_per_metre(model: Any, work: Any, effects: Any, stage: Any, node: int) -> None:
-    """Force less inertia per metre of rope, into R of the spare slot `node`.
+def load_per_metre(rope: Any, stage: Any, node: int) -> None:
+    """Force less inertia per metre of rope, into the residual of the spare slot `node`.
 
-    The caller has set x, v, a and tau of that slot; its lump becomes 1 m.
+    The caller has set motion and tangent of that slot; its lump becomes 1 m.
     """
+    work = rope.work
     work[LUMP, node] = 1.0
-    set_flow(model, work, effects, stage, node, node + 1)
+    set_flow(rope, stage, node, node + 1)
     for k in range(3):
-        work[RESIDUAL + k, node] = -model.m * work[ACCELERATION + k, node]
+        work[RESIDUAL + k, node] = -rope.model.m * work[ACCELERATION + k, node]
     for k in range(6):
         work[BLOCK + k, node] = 0.0
-    terms.add_load(effects, model, work, stage, node, node + 1)
+    terms.add_load(rope.effects, rope.model, work, stage, node, node + 1)

@@ -10,74 +10,71 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from rope_twin.core.jit import jit, jit_inline
+from rope_twin.core.jit import jit
 from rope_twin.core.state import (
     AXIAL,
     CORRECTION,
     DIRECTION,
+    ELEMENTS,
     EXPECTED,
     GEOMETRIC,
     POSITION,
     REST,
     TENSION,
     VELOCITY,
+    Stage,
 )
 
 
-@jit_inline
-def _pull(EA: float, c: float, rest: float, V: float, length: float, offset: float, closing: float) -> Any:  # fmt: skip # noqa: E501
-    """EA·strain + c·strain rate before the max [N].
-
-    strain = (length + offset - rest)/rest; its rate is closing/rest - V·length/rest², where V is
-    the speed at which the element's rest length grows (the top element under payout).
-    """
-    inverse = 1.0 / rest
-    strain = (length + offset - rest) * inverse
-    return EA * strain + c * (closing - V * length * inverse) * inverse
-
-
 @jit
-def stretch(work: Any, offset: Any, EA: float, c: float, p: float, q: float, V: float, low: int, high: int) -> None:  # fmt: skip # noqa: E501
+def stretch(rope: Any, stage: Any, low: int, high: int) -> None:
     """Direction, tension and stiffness blocks of the elements low <= e < high.
 
-    The block of an element is ka·t·tᵀ + kb·I: kb = p·T/l is the geometric part,
-    ka = p·(EA - c·V/rest)/rest + q·c/rest - kb the rest of the axial part; both 0 when slack.
-    The derivative of the direction inside the strain rate is dropped, which keeps the block
+    strain = (l + offset - rest)/rest; its rate is t·Δv/rest - V·l/rest², where V (of the stage) is
+    the speed at which the rest length grows. The block of an element is AXIAL·t·tᵀ + GEOMETRIC·I
+    with GEOMETRIC = p·T/l and AXIAL = p·(EA - c·V/rest)/rest + q·c/rest - GEOMETRIC, both 0 when
+    slack. The derivative of the direction inside the strain rate is dropped, which keeps the block
     symmetric; Newton then needs no more solves (measured).
     """
+    work, EA, c, V = rope.work, rope.model.EA, rope.model.c, stage.V
+    p, q = stage.p, stage.q
     px, py, pz = work[POSITION], work[POSITION + 1], work[POSITION + 2]
     vx, vy, vz = work[VELOCITY], work[VELOCITY + 1], work[VELOCITY + 2]
     tx, ty, tz = work[DIRECTION], work[DIRECTION + 1], work[DIRECTION + 2]
-    rest, T, ka, kb = work[REST], work[TENSION], work[AXIAL], work[GEOMETRIC]
+    T, axial, geometric = work[TENSION], work[AXIAL], work[GEOMETRIC]
+    rest, offset = work[REST], rope.state.offset
     for e in range(low, high):
         dx = px[e + 1] - px[e]
         dy = py[e + 1] - py[e]
         dz = pz[e + 1] - pz[e]
-        r = rest[e]
-        length = sqrt(dx * dx + dy * dy + dz * dz + 1e-16 * r * r)
+        l0 = rest[e]
+        length = sqrt(dx * dx + dy * dy + dz * dz + 1e-16 * l0 * l0)
         inverse = 1.0 / length
         dx *= inverse
         dy *= inverse
         dz *= inverse
         closing = dx * (vx[e + 1] - vx[e]) + dy * (vy[e + 1] - vy[e]) + dz * (vz[e + 1] - vz[e])
-        pull = _pull(EA, c, r, V, length, offset[e], closing)
+        strain = (length + offset[e] - l0) / l0
+        strain_rate = (closing - V * length / l0) / l0
+        pull = EA * strain + c * strain_rate
         taut = pull > 0.0
         pull = pull if taut else 0.0
         across = p * pull * inverse
-        along = p * (EA - c * V / r) / r + q * c / r - across
+        along = p * (EA - c * V / l0) / l0 + q * c / l0 - across
         tx[e] = dx
         ty[e] = dy
         tz[e] = dz
         T[e] = pull
-        ka[e] = max(along, 0.0) if taut else 0.0
-        kb[e] = across
+        axial[e] = max(along, 0.0) if taut else 0.0
+        geometric[e] = across
 
 
 @jit
-def stretch_all(work: Any, offset: Any, model: Any, stage: Any, n: int) -> None:
+def stretch_all(rope: Any, stage: Any) -> None:
     """All elements: only the top one grows, at the payout speed V."""
-    stretch(work, offset, model.EA, model.c, stage.p, stage.q, 0.0, 0, n - 1)
-    stretch(work, offset, model.EA, model.c, stage.p, stage.q, stage.V, n - 1, n)
+    n = rope.state.counts[ELEMENTS]
+    stretch(rope, Stage(stage.time, stage.p, stage.q, 0.0), 0, n - 1)
+    stretch(rope, stage, n - 1, n)
 
 
 @jit

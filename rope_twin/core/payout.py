@@ -15,7 +15,7 @@ from typing import Any
 from rope_twin.core.assembly import load_per_metre, set_lengths
 from rope_twin.core.elastic import stretch, stretch_all
 from rope_twin.core.jit import jit, jit_inline
-from rope_twin.core.motion import boundary
+from rope_twin.core.motion import prescribed
 from rope_twin.core.state import (
     ACCELERATION,
     AXIAL,
@@ -44,22 +44,23 @@ SMALLEST_STEPS = 2.0  # and at least so many steps of payout
 
 
 @jit_inline
-def change_elements(model: Any, state: Any, work: Any, effects: Any, motion: Any, rate: Any, row: int, time: float) -> None:  # fmt: skip # noqa: E501
+def change_elements(rope: Any, boundary: Any, row: int, time: float) -> None:
     """At most one split or merge after step `row`; tensions then belong to the new elements."""
+    model, state, work = rope.model, rope.state, rope.work
     n = state.counts[ELEMENTS]
-    L, V, A = boundary(motion, rate, row, LINE, 1.0, model.step)
+    L, V, A = prescribed(boundary, row, LINE, 1.0, model.step)
     rest = work[REST, n - 1]
     stage = Stage(time + model.step, 1.0, 0.0, V)
     taut = work[TENSION, n - 1] > 0.0 and work[TENSION, n - 2] > 0.0
     changed = False
     if rest > model.split_above and n + 1 + SPARE_SLOTS < state.s.shape[0]:
         if taut or rest > FORCED_SPLIT * model.split_above:
-            _split(model, state, work, effects, stage, A)
+            _split(rope, stage, A)
             changed = True
     elif n > 2 and rest < max(
         model.merge_below, SMALLEST_STEPS * abs(V) * model.step, SMALLEST_REST
     ):
-        _merge(model, state, work, effects, stage, A)
+        _merge(rope, stage, A)
         changed = True
     if changed:
         n = state.counts[ELEMENTS]
@@ -68,15 +69,16 @@ def change_elements(model: Any, state: Any, work: Any, effects: Any, motion: Any
                 work[POSITION + k, i] = state.nodes[POSITION + k, i]
                 work[VELOCITY + k, i] = state.nodes[VELOCITY + k, i]
         set_lengths(work, state.s, n, L)
-        stretch_all(work, state.offset, model, stage, n)
+        stretch_all(rope, stage)
 
 
 @jit
-def balance(model: Any, work: Any, effects: Any, stage: Any, slot: int, element: int) -> float:
+def balance(rope: Any, stage: Any, slot: int, element: int) -> float:
     """Force less inertia per metre at a trial node, along an element."""
+    work = rope.work
     for k in range(3):
         work[TANGENT + k, slot] = work[DIRECTION + k, element]
-    load_per_metre(model, work, effects, stage, slot)
+    load_per_metre(rope, stage, slot)
     total = 0.0
     for k in range(3):
         total += work[RESIDUAL + k, slot] * work[DIRECTION + k, element]
@@ -84,8 +86,9 @@ def balance(model: Any, work: Any, effects: Any, stage: Any, slot: int, element:
 
 
 @jit
-def set_material(state: Any, work: Any, below: int, rest: float, V: float, A: float, slot: int) -> None:  # fmt: skip # noqa: E501
+def set_material(rope: Any, below: int, rest: float, V: float, A: float, slot: int) -> None:
     """Trial node `slot`: the rope at the hang-off, its velocity v - V·q and acceleration."""
+    state, work = rope.state, rope.work
     n = state.counts[ELEMENTS]
     for k in range(3):
         q = (state.nodes[POSITION + k, n] - state.nodes[POSITION + k, below]) / rest
@@ -96,17 +99,18 @@ def set_material(state: Any, work: Any, below: int, rest: float, V: float, A: fl
 
 
 @jit_inline
-def _find_equilibrium(model: Any, state: Any, work: Any, V: float, middle: int) -> bool:
+def _find_equilibrium(rope: Any, V: float, middle: int) -> bool:
     """Move trial node `middle` to T_u·t_u - T_l·t_l + (l/2)·load = 0.
 
-    The load is in its RESIDUAL, its neighbours are the trial nodes beside it. False (and the chord point kept by the caller) if
-    an element goes slack or Newton does not converge.
+    The load is in its RESIDUAL, its neighbours are the trial nodes beside it. False if an element
+    goes slack or Newton does not converge; the caller then takes the point on the chord.
     """
-    low = middle - 1
+    work, low = rope.work, middle - 1
+    still, growing = Stage(0.0, 1.0, 0.0, 0.0), Stage(0.0, 1.0, 0.0, V)
     half = 0.5 * (work[REST, low] + work[REST, middle])
     for _ in range(NEWTON):
-        stretch(work, state.offset, model.EA, model.c, 1.0, 0.0, 0.0, low, middle)
-        stretch(work, state.offset, model.EA, model.c, 1.0, 0.0, V, middle, middle + 1)
+        stretch(rope, still, low, middle)
+        stretch(rope, growing, middle, middle + 1)
         if work[TENSION, low] <= 0.0 or work[TENSION, middle] <= 0.0:
             return False
         rx = work[TENSION, middle] * work[DIRECTION, middle] - work[TENSION, low] * work[DIRECTION, low] + half * work[RESIDUAL, middle]  # fmt: skip # noqa: E501
@@ -141,9 +145,10 @@ def _find_equilibrium(model: Any, state: Any, work: Any, V: float, middle: int) 
     return False
 
 
-@jit_inline
-def _split(model: Any, state: Any, work: Any, effects: Any, stage: Any, A: float) -> None:
+@jit
+def _split(rope: Any, stage: Any, A: float) -> None:
     """A new node in the top element, so that a full element lies below it."""
+    model, state, work = rope.model, rope.state, rope.work
     n, V = state.counts[ELEMENTS], stage.V
     e = n - 1
     rest, T = work[REST, e], work[TENSION, e]
@@ -152,7 +157,7 @@ def _split(model: Any, state: Any, work: Any, effects: Any, stage: Any, A: float
     xi = lower / rest
     middle = state.s.shape[0] - 2
     low, high = middle - 1, middle + 1
-    set_material(state, work, e, rest, V, A, high)
+    set_material(rope, e, rest, V, A, high)
     for k in range(3):
         work[POSITION + k, low] = state.nodes[POSITION + k, e]
         work[VELOCITY + k, low] = state.nodes[VELOCITY + k, e]
@@ -169,14 +174,14 @@ def _split(model: Any, state: Any, work: Any, effects: Any, stage: Any, A: float
     offset_low, offset_up = state.offset[e] * xi, state.offset[e] * (1.0 - xi)
     if T > 0.0:
         # tensions that keep the acceleration below and the pull on the hang-off as they are
-        T_low = T + 0.5 * upper * balance(model, work, effects, stage, low, e)
-        T_up = T - 0.5 * lower * balance(model, work, effects, stage, high, e)
-        balance(model, work, effects, stage, middle, e)
+        T_low = T + 0.5 * upper * balance(rope, stage, low, e)
+        T_up = T - 0.5 * lower * balance(rope, stage, high, e)
+        balance(rope, stage, middle, e)
         work[REST, low], work[REST, middle] = lower, upper
         state.offset[low], state.offset[middle] = offset_low, offset_up
         for k in range(3):  # the element to the hang-off sees its geometric velocity
             work[VELOCITY + k, high] = state.nodes[VELOCITY + k, n]
-        found = _find_equilibrium(model, state, work, V, middle)
+        found = _find_equilibrium(rope, V, middle)
         off_chord = 0.0
         for k in range(3):
             chord = (1.0 - xi) * state.nodes[POSITION + k, e] + xi * state.nodes[POSITION + k, n]
@@ -186,8 +191,8 @@ def _split(model: Any, state: Any, work: Any, effects: Any, stage: Any, A: float
                 work[POSITION + k, middle] = (1.0 - xi) * state.nodes[
                     POSITION + k, e
                 ] + xi * state.nodes[POSITION + k, n]
-        stretch(work, state.offset, model.EA, model.c, 1.0, 0.0, 0.0, low, middle)
-        stretch(work, state.offset, model.EA, model.c, 1.0, 0.0, V, middle, high)
+        stretch(rope, Stage(stage.time, 1.0, 0.0, 0.0), low, middle)
+        stretch(rope, stage, middle, high)
         if work[TENSION, low] > 0.0 and T_low > 0.0:
             offset_low += (T_low - work[TENSION, low]) * lower / model.EA
         if work[TENSION, middle] > 0.0 and T_up > 0.0:
@@ -208,17 +213,18 @@ def _split(model: Any, state: Any, work: Any, effects: Any, stage: Any, A: float
     state.health[SPLITS] += 1
 
 
-@jit_inline
-def _merge(model: Any, state: Any, work: Any, effects: Any, stage: Any, A: float) -> None:
+@jit
+def _merge(rope: Any, stage: Any, A: float) -> None:
     """Drop the node below the hang-off; nothing else moves."""
+    model, state, work = rope.model, rope.state, rope.work
     n, V = state.counts[ELEMENTS], stage.V
     middle = state.s.shape[0] - 2
     low, high = middle - 1, middle + 1
     upper, rest = work[REST, n - 1], work[REST, n - 2] + work[REST, n - 1]
     offset = state.offset[n - 2] + state.offset[n - 1]
     pull_before = work[TENSION, n - 1]
-    set_material(state, work, n - 1, upper, V, A, high)
-    pull_before -= 0.5 * upper * balance(model, work, effects, stage, high, n - 1)
+    set_material(rope, n - 1, upper, V, A, high)
+    pull_before -= 0.5 * upper * balance(rope, stage, high, n - 1)
     taut = work[TENSION, n - 1] > 0.0
     # the merged element as a trial, from slot `low` to slot `middle`
     for k in range(3):
@@ -231,13 +237,11 @@ def _merge(model: Any, state: Any, work: Any, effects: Any, stage: Any, A: float
             state.nodes[VELOCITY + k, n],
         )
     work[REST, low], state.offset[low] = rest, offset
-    stretch(work, state.offset, model.EA, model.c, 1.0, 0.0, V, low, middle)
+    stretch(rope, stage, low, middle)
     state.offset[low] = 0.0
     if taut and work[TENSION, low] > 0.0:
-        set_material(state, work, n - 2, rest, V, A, high)
-        pull_after = work[TENSION, low] - 0.5 * rest * balance(
-            model, work, effects, stage, high, low
-        )
+        set_material(rope, n - 2, rest, V, A, high)
+        pull_after = work[TENSION, low] - 0.5 * rest * balance(rope, stage, high, low)
         offset += (pull_before - pull_after) * rest / model.EA
     for k in range(3):
         state.nodes[POSITION + k, n - 1] = state.nodes[POSITION + k, n]

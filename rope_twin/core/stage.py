@@ -22,21 +22,22 @@ SEARCH_EVALUATIONS = 8
 
 
 @jit
-def solve_stage(model: Any, state: Any, work: Any, effects: Any, stage: Any, tolerance: float) -> bool:  # fmt: skip # noqa: E501
+def solve_stage(rope: Any, stage: Any, tolerance: float) -> bool:
     """Find the acceleration; motion and tension then belong to the stage's time. False: not yet."""
-    n, first = state.counts[ELEMENTS], model.first_free
+    state, work = rope.state, rope.work
+    n, first = state.counts[ELEMENTS], rope.model.first_free
     low, slope_low, factor, searched = 0.0, 0.0, 1.0, 0  # the line search's lower bracket
     high, slope_high = 1.0, 0.0
     before, correction = 0.0, 0
     while True:
         update(work, stage.p, stage.q, first, n)
-        stretch_all(work, state.offset, model, stage, n)
+        stretch_all(rope, stage)
         if correction == 0:
-            set_flow(model, work, effects, stage, 0, n)
+            set_flow(rope, stage, 0, n)
         elif searched == 0 and tension_agrees(work, n, tolerance):
             state.health[SOLVES_MAX] = max(state.health[SOLVES_MAX], correction)
             return True
-        evaluate(model, state, work, effects, stage)
+        evaluate(rope, stage)
         if correction >= SEARCH_FROM and searched < SEARCH_EVALUATIONS:
             here = slope(work, first, n)
             overshot = here < -0.5 * before

@@ -11,7 +11,7 @@ array of a struct: as a matrix the step compiles in about half the time and a sh
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,6 +84,22 @@ class State(NamedTuple):
             self.nodes.copy(), self.s.copy(), self.offset.copy(), self.counts.copy(),
             self.health.copy(),
         )  # fmt: skip
+
+
+class Rope(NamedTuple):
+    """What every kernel of the step works on."""
+
+    model: Model
+    state: State
+    work: Floats  # scratch, (WORK_ROWS, capacity)
+    effects: tuple[Any, ...]  # their types pick the compiled code
+
+
+class Boundary(NamedTuple):
+    """Prescribed motion at the borders of the steps to come, (steps + 1, MOTIONS) each."""
+
+    value: Floats  # hang-off x, y, z and line out [m]
+    rate: Floats  # [m/s]
 
 
 class Stage(NamedTuple):

@@ -30,13 +30,14 @@ GROWTH, SHRINK = 4.0, 0.1
 
 
 @jit_entry
-def find_equilibrium(model: Any, state: Any, work: Any, effects: Any, L: float) -> float:
+def find_equilibrium(rope: Any, L: float) -> float:
     """Move the nodes to equilibrium at line out L; returns the largest last move [m].
 
     The hang-off stays where it is. A result that is not small (or NaN) means that there
     is no equilibrium within reach: the caller must look.
     """
-    n, first = state.counts[ELEMENTS], model.first_free
+    state, work = rope.state, rope.work
+    n, first = state.counts[ELEMENTS], rope.model.first_free
     copy(state.nodes, POSITION, work, POSITION, 3, n + 1)
     fill(work, VELOCITY, 0.0, 0, n + 1)
     fill(work, VELOCITY_HAT, 0.0, 0, n + 1)
@@ -46,7 +47,7 @@ def find_equilibrium(model: Any, state: Any, work: Any, effects: Any, L: float) 
     for _ in range(ROUNDS):
         fill(work, ACCELERATION, 0.0, 0, n + 1)
         copy(state.nodes, POSITION, work, POSITION_HAT, 3, n + 1)
-        ok = solve_stage(model, state, work, effects, Stage(0.0, p, 0.0, 0.0), 1e-3)
+        ok = solve_stage(rope, Stage(0.0, p, 0.0, 0.0), 1e-3)
         if not ok:
             if p < 1e-6:
                 return move

@@ -79,25 +79,26 @@ def _predict_bdf2(state: Any, work: Any, c: float, first: int, n: int) -> None:
 
 
 @jit_inline
-def _stage_at(model: Any, state: Any, work: Any, motion: Any, rate: Any, row: int, part: float, time: float, c: float) -> Any:  # fmt: skip # noqa: E501
+def _stage_at(rope: Any, boundary: Any, row: int, part: float, time: float, c: float) -> Any:
     """Set the boundary at `part` of the step and return the stage there."""
-    n = state.counts[ELEMENTS]
-    L, V, _ = place_hang_off(work, motion, rate, row, part, model.step, n)
-    set_top_length(work, state.s, n, L)
-    return Stage(time + part * model.step, c * c, c, V)
+    n, h = rope.state.counts[ELEMENTS], rope.model.step
+    L, V, _ = place_hang_off(rope.work, boundary, row, part, h, n)
+    set_top_length(rope.work, rope.state.s, n, L)
+    return Stage(time + part * h, c * c, c, V)
 
 
 @jit_inline
-def _substep(model: Any, state: Any, work: Any, effects: Any, motion: Any, rate: Any, row: int, time: float, start: float, share: float) -> bool:  # fmt: skip # noqa: E501
+def _substep(rope: Any, boundary: Any, row: int, time: float, start: float, share: float) -> bool:
     """Both stages over `share` of the step from `start`; the result is in work."""
+    model, state, work = rope.model, rope.state, rope.work
     n, first = state.counts[ELEMENTS], model.first_free
     c = 0.5 * GAMMA * share * model.step
     _predict_trapezoid(state, work, c, first, n)
-    stage = _stage_at(model, state, work, motion, rate, row, start + GAMMA * share, time, c)
-    ok = solve_stage(model, state, work, effects, stage, model.tolerance)
+    stage = _stage_at(rope, boundary, row, start + GAMMA * share, time, c)
+    ok = solve_stage(rope, stage, model.tolerance)
     _predict_bdf2(state, work, c, first, n)
-    stage = _stage_at(model, state, work, motion, rate, row, start + share, time, c)
-    also = solve_stage(model, state, work, effects, stage, model.tolerance)
+    stage = _stage_at(rope, boundary, row, start + share, time, c)
+    also = solve_stage(rope, stage, model.tolerance)
     return bool(ok and also)
 
 
@@ -105,13 +106,10 @@ def _substep(model: Any, state: Any, work: Any, effects: Any, motion: Any, rate:
 def _accept(state: Any, work: Any, n: int) -> bool:
     """Take the substep's result if it is finite."""
     total = 0.0
-    for k in range(3):
+    for k in range(NODE_ROWS):
+        row = work[k]
         for i in range(n):
-            total += (
-                abs(work[POSITION + k, i])
-                + abs(work[VELOCITY + k, i])
-                + abs(work[ACCELERATION + k, i])
-            )
+            total += abs(row[i])
     if not isfinite(total):
         return False
     copy(work, POSITION, state.nodes, POSITION, NODE_ROWS, n + 1)
@@ -119,22 +117,22 @@ def _accept(state: Any, work: Any, n: int) -> bool:
 
 
 @jit_inline
-def _advance_halving(model: Any, state: Any, work: Any, effects: Any, motion: Any, rate: Any, row: int, time: float) -> bool:  # fmt: skip # noqa: E501
+def _advance_halving(rope: Any, boundary: Any, row: int, time: float) -> bool:
     """One step, in halves of halves where Newton does not converge. False: not finite."""
     full = 1 << HALVINGS
     done, level, substeps = 0, 0, 0
-    health = state.health
+    health = rope.state.health
     while done < full:
         part = full >> level
-        ok = _substep(model, state, work, effects, motion, rate, row, time, done / full, part / full)  # fmt: skip # noqa: E501
+        ok = _substep(rope, boundary, row, time, done / full, part / full)
         if not ok and level < HALVINGS:
             level += 1
             health[REJECTED] += 1
             continue
+        if not _accept(rope.state, rope.work, rope.state.counts[ELEMENTS]):
+            return False
         if not ok:
             health[UNCONVERGED] += 1
-        if not _accept(state, work, state.counts[ELEMENTS]):
-            return False
         done += part
         substeps += 1
         while level > 0 and done % (full >> (level - 1)) == 0:
@@ -159,22 +157,23 @@ def _fade_offsets(model: Any, state: Any, n: int) -> None:
 
 
 @jit_inline
-def _report(model: Any, state: Any, work: Any, effects: Any, motion: Any, rate: Any, pull: Any, row: int, time: float) -> None:  # fmt: skip # noqa: E501
+def _report(rope: Any, boundary: Any, pull: Any, row: int, time: float) -> None:
     """Tension everywhere and the pull on the hang-off, all at the end of step `row`.
 
     The pull is the balance of the half element at the hang-off, -T·t + (l/2)·(loads - m·a), with
     the material velocity and acceleration of the rope that passes it; the element's tension alone
     would be a saw-tooth of m·g·l/2 under payout.
     """
+    state, work, h = rope.state, rope.work, rope.model.step
     n = state.counts[ELEMENTS]
-    L, V, A = place_hang_off(work, motion, rate, row, 1.0, model.step, n)
+    L, V, A = place_hang_off(work, boundary, row, 1.0, h, n)
     set_top_length(work, state.s, n, L)
-    stage = Stage(time + model.step, 1.0, 0.0, V)
-    stretch_all(work, state.offset, model, stage, n)
+    stage = Stage(time + h, 1.0, 0.0, V)
+    stretch_all(rope, stage)
     slot = state.s.shape[0] - 1
     rest, T = work[REST, n - 1], work[TENSION, n - 1]
-    set_material(state, work, n - 1, rest, V, A, slot)
-    balance(model, work, effects, stage, slot, n - 1)
+    set_material(rope, n - 1, rest, V, A, slot)
+    balance(rope, stage, slot, n - 1)
     x = 0.5 * rest * work[RESIDUAL, slot] - T * work[DIRECTION, n - 1]
     y = 0.5 * rest * work[RESIDUAL + 1, slot] - T * work[DIRECTION + 1, n - 1]
     z = 0.5 * rest * work[RESIDUAL + 2, slot] - T * work[DIRECTION + 2, n - 1]
@@ -185,25 +184,26 @@ def _report(model: Any, state: Any, work: Any, effects: Any, motion: Any, rate: 
 
 
 @jit_entry
-def advance(model: Any, state: Any, work: Any, effects: Any, motion: Any, rate: Any, pull: Any, time: float, steps: int) -> int:  # fmt: skip # noqa: E501
+def advance(rope: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
     """Advance by `steps` steps from `time`; returns how many were done.
 
-    motion, rate: (steps + 1, MOTIONS) values and rates of hang-off and line out at the borders;
-    pull: (steps, PULL_COLUMNS), the rope's pull on the hang-off after each step [N], a result.
-    Fewer than `steps`: the state would not be finite; it is as it was before the failed step.
+    boundary: the prescribed motion at the steps' borders; pull: (steps, PULL_COLUMNS), the rope's
+    pull on the hang-off after each step [N], a result. Fewer than `steps`: the next state would not
+    be finite; the state is as it was before that step.
     """
+    state, work = rope.state, rope.work
     n = state.counts[ELEMENTS]
     copy(state.nodes, POSITION, work, POSITION, NODE_ROWS, n + 1)
-    set_lengths(work, state.s, n, motion[0, LINE])
+    set_lengths(work, state.s, n, boundary.value[0, LINE])
     for row in range(steps):
         n = state.counts[ELEMENTS]
-        now = time + row * model.step
+        now = time + row * rope.model.step
         copy(state.nodes, POSITION, work, KEPT, NODE_ROWS, n + 1)
-        if not _advance_halving(model, state, work, effects, motion, rate, row, now):
+        if not _advance_halving(rope, boundary, row, now):
             copy(work, KEPT, state.nodes, POSITION, NODE_ROWS, n + 1)
             return row
-        state.s[n] = motion[row + 1, LINE]
-        _fade_offsets(model, state, n)
-        _report(model, state, work, effects, motion, rate, pull, row, now)
-        change_elements(model, state, work, effects, motion, rate, row, now)
+        state.s[n] = boundary.value[row + 1, LINE]
+        _fade_offsets(rope.model, state, n)
+        _report(rope, boundary, pull, row, now)
+        change_elements(rope, boundary, row, now)
     return steps

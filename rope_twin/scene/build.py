@@ -10,6 +10,7 @@ import numpy as np
 
 from rope_twin.core.payout import SPARE_SLOTS
 from rope_twin.core.state import ELEMENTS, POSITION, Floats, Model, State, new_state, new_work
+from rope_twin.core.state import Rope as CoreRope
 from rope_twin.core.terms import hooks_of
 from rope_twin.effects import EFFECTS
 from rope_twin.errors import SceneError, phrase
@@ -23,13 +24,10 @@ TOLERANCE_SHARE, TOLERANCE_LEAST_N, TOLERANCE_MOST_N = 0.003, 1.0, 500.0
 
 @dataclass(frozen=True)
 class Built:
-    """The arrays of a scene. `effects` is a tuple whose type picks the compiled code."""
+    """The arrays of a scene."""
 
-    model: Model
-    state: State
-    work: Floats
-    effects: tuple[Any, ...]
-    static_top_tension_n: float
+    rope: CoreRope
+    static_top_tension_n: float  # of a rope that hangs straight
 
 
 def build(scene: Scene) -> Built:
@@ -64,7 +62,7 @@ def build(scene: Scene) -> Built:
     state.counts[ELEMENTS] = line.elements
     state.s[: line.elements + 1] = np.linspace(0.0, line.length_m, line.elements + 1)
     _place(state, scene, line, load)
-    return Built(model, state, new_work(state.s.shape[0]), effects, top)
+    return Built(CoreRope(model, state, new_work(state.s.shape[0]), effects), top)
 
 
 def find_payload(scene: Scene, line: RopeLine) -> Payload | None:

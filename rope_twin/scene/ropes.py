@@ -1,6 +1,5 @@
 """Rope presets: figures of config/ropes.yaml, evaluated for their diameters."""
 
-# ruff: noqa: RUF009 (quantity and text are field specifiers, as dataclasses.field is)
 from __future__ import annotations
 
 from dataclasses import dataclass

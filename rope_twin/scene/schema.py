@@ -4,7 +4,6 @@ Every number carries its meaning, unit and range (`quantity`), which the strict 
 quotes in its errors. Effects bring their own parameter classes (`rope_twin.effects`).
 """
 
-# ruff: noqa: RUF009 (quantity and text are field specifiers, as dataclasses.field is)
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -17,6 +17,11 @@ class InputCounter:
         self._refusal = ""
         self._remark = ""
 
+    @property
+    def newest_ns(self) -> int | None:
+        """Stamp of the newest accepted sample [ns]."""
+        return self._newest_ns
+
     def accept(self, stamp_ns: int) -> None:
         """Count a good sample."""
         self._counts["accepted"] += 1

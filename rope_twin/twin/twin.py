@@ -54,16 +54,16 @@ class Twin:
         self.scene = scene
         self.step_s = scene.time.step_s
         self.step_ns = round(scene.time.step_s * 1e9)
-        self._built = build(scene)
+        self._rope = build(scene).rope
         self._lock = threading.Lock()
         self._heave = HeaveTrack()
         self._winch = Winch(scene.winch, scene.ropes[0].length_m)
-        self._current = CurrentInput(self._built.effects)
+        self._current = CurrentInput(self._rope.effects)
         self._rest = np.array(scene.ship.hang_off_m, dtype=float)
-        self._motion = np.zeros((STEPS_PER_CALL + 1, rows.MOTIONS))
-        self._rate = np.zeros((STEPS_PER_CALL + 1, rows.MOTIONS))
+        borders = (STEPS_PER_CALL + 1, rows.MOTIONS)
+        self._boundary = rows.Boundary(np.zeros(borders), np.zeros(borders))
         self._pulls = np.zeros((STEPS_PER_CALL, rows.PULL_COLUMNS))
-        self._motion[0] = [*self._rest, self._winch.line.length_m]
+        self._boundary.value[0] = [*self._rest, self._winch.line.length_m]
         self._steps = 0
         self._computing_s = 0.0
         self._run = Extremes()
@@ -112,14 +112,11 @@ class Twin:
         began = time.perf_counter()
         with self._lock:
             self._prescribe(steps)
-            effects = self._current.effects
-        built = self._built
-        done = advance(
-            built.model, built.state, built.work, effects,
-            self._motion, self._rate, self._pulls, self.time_ns * 1e-9, steps,
-        )  # fmt: skip
+            rope = self._rope._replace(effects=self._current.effects)
+        done = advance(rope, self._boundary, self._pulls, self.time_ns * 1e-9, steps)
         self._steps += done
-        self._motion[0], self._rate[0] = self._motion[done], self._rate[done]
+        self._boundary.value[0] = self._boundary.value[done]
+        self._boundary.rate[0] = self._boundary.rate[done]
         if done:
             pulls = self._pulls[:done]
             self._pull = pulls[-1].copy()
@@ -143,16 +140,15 @@ class Twin:
             line = self._winch.step(border_ns - self.step_ns, self.step_s)
             z, v = self._heave.at(border_ns)
             share, share_rate = ramp(border_ns * 1e-9, duration)
-            self._motion[row] = (
-                self._rest[0], self._rest[1], self._rest[2] + share * z, line.length_m
-            )  # fmt: skip
-            self._rate[row] = (0.0, 0.0, share * v + share_rate * z, line.speed_m_per_s)
+            x, y, rest_z = self._rest
+            self._boundary.value[row] = (x, y, rest_z + share * z, line.length_m)
+            self._boundary.rate[row] = (0.0, 0.0, share * v + share_rate * z, line.speed_m_per_s)
 
     def _find_start(self) -> None:
         """Find the equilibrium that the run starts from, compiling everything on the way."""
-        built, line = self._built, self.scene.ropes[0]
-        effects = self._current.effects
-        move = find_equilibrium(built.model, built.state, built.work, effects, line.length_m)
+        rope, line = self._rope, self.scene.ropes[0]
+        nodes = rope.state.nodes
+        move = find_equilibrium(rope, line.length_m)
         where = f"{self.scene.path}: ropes[0]"
         if not move <= EQUILIBRIUM_MOVE * line.length_m:
             raise SceneError(
@@ -162,9 +158,7 @@ class Twin:
                     "check that rope and payload sink, or fix the lower end",
                 )
             )
-        highest = float(
-            built.state.nodes[rows.POSITION + 2, : built.state.counts[rows.ELEMENTS]].max()
-        )
+        highest = float(nodes[rows.POSITION + 2, : rope.state.counts[rows.ELEMENTS]].max())
         if highest > max(self._rest[2], 0.0) + AFLOAT_M:
             raise SceneError(
                 phrase(
@@ -174,11 +168,9 @@ class Twin:
                 )
             )
         # One step at rest on a copy gives the static pull on the hang-off.
-        spare = built.state.copy()
-        self._motion[1], self._rate[1] = self._motion[0], self._rate[0]
-        advance(
-            built.model, spare, built.work, effects, self._motion, self._rate, self._pulls, 0.0, 1
-        )
+        spare = rope._replace(state=rope.state.copy())
+        self._boundary.value[1] = self._boundary.value[0]
+        advance(spare, self._boundary, self._pulls, 0.0, 1)
         self._pull = self._pulls[0].copy()
         self._recent.take(self._pull[:1])
 
@@ -191,20 +183,20 @@ class Twin:
 
     def snapshot(self) -> Snapshot:
         """A frozen copy of the present; call it from the thread that advances."""
-        unconverged = int(self._built.state.health[rows.UNCONVERGED])
+        unconverged = int(self._rope.state.health[rows.UNCONVERGED])
         with self._lock:
             inputs = self._input_health()
             at_limit = self._winch.at_limit
         share, _ = ramp(self.time_ns * 1e-9, self.scene.ship.motion_ramp_s)
         taken = observe(
-            self._built.state,
-            self._built.work,
+            self._rope.state,
+            self._rope.work,
             Observation(
                 stamp_ns=self.time_ns,
                 step=self._steps,
-                hang_off_m=self._motion[0, :3].copy(),
-                hang_off_m_per_s=self._rate[0, :3].copy(),
-                heave_m=float(self._motion[0, rows.Z] - self._rest[2]),
+                hang_off_m=self._boundary.value[0, :3].copy(),
+                hang_off_m_per_s=self._boundary.rate[0, :3].copy(),
+                heave_m=float(self._boundary.value[0, rows.Z] - self._rest[2]),
                 pull=self._pull,
                 recent=self._recent,
                 line=self._winch.line,

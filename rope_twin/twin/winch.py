@@ -17,7 +17,6 @@ from rope_twin.twin.health import InputCounter
 
 IMPOSSIBLE_M_PER_S = 10.0
 STALE_NS = 2_000_000_000
-LATE_NS = 0
 CREEP_M_PER_S = 1e-6  # slower than this beside a limit is standstill
 
 
@@ -85,8 +84,8 @@ class Winch:
 
     def stale(self, now_ns: int) -> bool:
         """Whether it runs on a command that has not been repeated for STALE_NS."""
-        age = self.counter.health(now_ns, False).age_s
-        return self._target != 0.0 and age > STALE_NS * 1e-9
+        newest = self.counter.newest_ns
+        return self._target != 0.0 and newest is not None and now_ns - newest > STALE_NS
 
     def step(self, time_ns: int, step_s: float) -> LineOut:
         """Move on from `time_ns` by one step; returns line out and speed at its end.
