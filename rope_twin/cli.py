@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rope_twin.commands.run.summary import Progress, RunSummary
 
 # The commands in the order of the help: module name (with _) and name on the command line (with -).
-COMMANDS = ("run", "scene")
+COMMANDS = ("run", "scene", "view", "recover", "sea_state")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -25,8 +25,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     What a user can mend is one sentence on stderr and exit code 1.
     """
-    modules = {name.replace("_", "-"): _module(name) for name in COMMANDS}
-    args = _parser(modules).parse_args(argv)
+    words = list(sys.argv[1:] if argv is None else argv)
+    modules = {name.replace("_", "-"): _module(name) for name in _needed(words)}
+    args = _parser(modules).parse_args(words)
     try:
         if args.command == "run":
             return int(modules["run"].run(args, _paced))
@@ -38,6 +39,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 130
     except BrokenPipeError:
         return 1  # whoever read our output has gone
+
+
+def _needed(words: list[str]) -> tuple[str, ...]:
+    """The commands to load: the one that is asked for, none for --version, all for the help."""
+    if words[:1] == ["--version"]:
+        return ()
+    asked = words[0].replace("-", "_") if words else ""
+    return (asked,) if asked in COMMANDS else COMMANDS
 
 
 def _module(name: str) -> ModuleType:

@@ -20,6 +20,8 @@ from rope_twin.twin.heave_response import BoxHull
 from rope_twin.twin.irregular_sea import synthesise
 from rope_twin.twin.spectrum import jonswap
 
+_SECOND_NS = 1_000_000_000
+
 
 class SeaStateNode(FeedingNode):
     """Publishes ship/heave and, where the record has it, sea/elevation."""
@@ -28,7 +30,8 @@ class SeaStateNode(FeedingNode):
         super().__init__("sea_state", **node_options)
         self._params = declare(self, SeaStateParams)
         self._replay: HeaveReplay | None = None
-        self._ended = False
+        self._newest_ns = 0  # of the samples published
+        self.ended = False
 
     def begin(self) -> None:
         """Read or make the sea, then follow the twin's epoch. Raises RopeTwinError."""
@@ -56,10 +59,18 @@ class SeaStateNode(FeedingNode):
             self.send("ship/heave", data)
             if sample.elevation_m is not None:
                 self.send("sea/elevation", encode_elevation(at_ns, sample.elevation_m))
-        end_ns = self._replay.duration_s * 1e9
-        if self._replay.loop_ns is None and from_ns > end_ns and not self._ended:
-            self._ended = True
+        if samples:
+            self._newest_ns = samples[-1].stamp_ns
+        elif not self.ended and to_ns - self._newest_ns > _SECOND_NS and self._is_over(to_ns):
+            self.ended = True
             self.get_logger().warning("the recorded sea has ended; no more heave is published")
+
+    def _is_over(self, from_ns: int) -> bool:
+        """Whether the record holds nothing from a twin time on."""
+        replay = self._replay
+        assert replay is not None
+        rest_ns = round(replay.duration_s * 1e9)
+        return replay.loop_ns is None and not replay.between(from_ns, from_ns + rest_ns)
 
 
 def _open(params: SeaStateParams) -> HeaveReplay | None:

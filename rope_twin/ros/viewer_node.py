@@ -23,7 +23,7 @@ from rope_twin.ros.params import ViewerParams, declare
 from rope_twin.ros.qos import message_type, profile
 from rope_twin.topics import BY_NAME, Qos
 from rope_twin.view.rope_view import SHOWN_TOPICS, RopeView
-from rope_twin.view.sinks import FileSink, WindowSink
+from rope_twin.view.sinks import FileSink, WindowSink, load_rerun
 
 _DEPTH = 200  # messages of a topic that may wait in the middleware
 _QUEUE = 5000  # messages that may wait for a viewer that is slow to start
@@ -43,7 +43,15 @@ class ViewerNode(Node):
         self._shut = False  # the user has closed the window
 
     def begin(self) -> None:
-        """Subscribe and open the view (on its own thread: a window takes seconds to come up)."""
+        """Subscribe and open the view (on its own thread: a window takes seconds to come up).
+
+        rerun is loaded here and now: later, while the twin runs, loading it would stall a slot.
+        """
+        try:
+            load_rerun()
+        except InputError as error:
+            self._fail(str(error))
+            return
         for name in SHOWN_TOPICS:
             topic = BY_NAME[name]
             depth = 1 if topic.qos is Qos.LATCHED else _DEPTH
@@ -77,11 +85,13 @@ class ViewerNode(Node):
         try:
             self._show()
         except RopeTwinError as error:
-            self._failure = str(error)
-            self.get_logger().warning(f"the run is not shown: {error}")
+            self._fail(str(error))
         except Exception as error:  # whatever rerun raises: the run goes on without a picture
-            self._failure = f"the view has ended: {type(error).__name__}: {error}"
-            self.get_logger().error(self._failure)
+            self._fail(f"view: {type(error).__name__}: {error}")
+
+    def _fail(self, sentence: str) -> None:
+        self._failure = sentence
+        self.get_logger().warning(f"the run is not shown: {sentence}")
 
     def _show(self) -> None:
         file = self._params.file

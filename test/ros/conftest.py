@@ -6,9 +6,11 @@ import itertools
 import os
 import tempfile
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from ros_bench import Bench
+from ros_process import Processes
 
 # Set before rclpy is first imported. UDP only: killed processes leave shared-memory files.
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
@@ -39,5 +41,12 @@ def bench(domain: int) -> Iterator[Bench]:
 def module_bench() -> Iterator[Bench]:
     """One bench for all tests of a module."""
     made = Bench(1 + next(_domains) % 100)
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def processes(domain: int, tmp_path: Path) -> Iterator[Processes]:
+    made = Processes(tmp_path)
     yield made
     made.close()

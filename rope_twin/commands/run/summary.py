@@ -9,6 +9,7 @@ import time
 from dataclasses import dataclass
 from typing import TextIO
 
+from rope_twin.effects import EFFECTS
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
@@ -44,7 +45,7 @@ class RunSummary:
 
     def as_json(self) -> str:
         """One line."""
-        return json.dumps(dataclasses.asdict(self), ensure_ascii=False)
+        return json.dumps(dataclasses.asdict(self), ensure_ascii=False, allow_nan=False)
 
     def as_values(self) -> dict[str, str]:
         """Each figure as JSON text, for the values of a diagnostics row."""
@@ -90,6 +91,7 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
     statistics = twin.statistics()
     heave = snapshot.inputs.get("heave")
     command = snapshot.inputs.get("winch_command")
+    now_n, stepped = snapshot.tension_top_n, statistics.steps > 0
     return RunSummary(
         scene=twin.scene.name,
         effects=tuple(effect_names(twin.scene.effects)),
@@ -100,10 +102,10 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         late_steps=pacing.late_steps if pacing else 0,
         worst_lateness_s=pacing.worst_lateness_s if pacing else 0.0,
         real_time_factor=statistics.real_time_factor,
-        tension_top_now_n=snapshot.tension_top_n,
-        tension_top_max_n=statistics.tension_top_max_n,
-        tension_top_mean_n=statistics.tension_top_mean_n,
-        tension_top_min_n=statistics.tension_top_min_n,
+        tension_top_now_n=now_n,
+        tension_top_max_n=statistics.tension_top_max_n if stepped else now_n,
+        tension_top_mean_n=statistics.tension_top_mean_n if stepped else now_n,
+        tension_top_min_n=statistics.tension_top_min_n if stepped else now_n,
         line_out_m=snapshot.line_out_m,
         payload_depth_m=-float(snapshot.payload_position_m[2]),
         heave_accepted=heave.accepted if heave else 0,
@@ -117,8 +119,6 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
 
 def effect_names(parameters: tuple[object, ...]) -> list[str]:
     """Names, as scenes write them, of the effects whose parameters these are."""
-    from rope_twin.effects import EFFECTS
-
     return [
         effect.name
         for value in parameters

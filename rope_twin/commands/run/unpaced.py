@@ -48,8 +48,8 @@ class UnpacedRun:
         self._sea = open_sea(scene, options.bag, options.topic, options.bag_start_s)
         self.epoch_ns = time.time_ns() if epoch_ns is None else epoch_ns
         self._options = options
-        self._bag = None if options.record is None else BagWriter(options.record, TOPICS)
         self.twin = Twin(scene)
+        self._bag = None if options.record is None else BagWriter(options.record, TOPICS)
         self._steps = steps_in_slot(self.twin.step_s)
         self._slot_ns = self._steps * self.twin.step_ns
         self._encoder = Encoder(self.epoch_ns)

@@ -1,0 +1,94 @@
+"""The suite's entries as processes of their own, ended whatever happens."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from ros_bench import Bench
+
+
+class Process:
+    """One process; its output goes to a file that can be read while it runs."""
+
+    def __init__(self, arguments: list[str], output: Path, **environment: str) -> None:
+        self.output = output
+        with output.open("wb") as stream:
+            self.popen = subprocess.Popen(
+                [sys.executable, *arguments],
+                stdout=stream,
+                stderr=subprocess.STDOUT,
+                env={**os.environ, **environment},
+                start_new_session=True,
+            )
+
+    @property
+    def text(self) -> str:
+        return self.output.read_text(encoding="utf-8", errors="replace")
+
+    @property
+    def ended(self) -> bool:
+        return self.popen.poll() is not None
+
+    def send(self, number: int) -> None:
+        self.popen.send_signal(number)
+
+    def wait(self, timeout_s: float = 60.0) -> int:
+        """The exit code; fails with the output at the deadline."""
+        try:
+            return self.popen.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            raise AssertionError(f"still running after {timeout_s:g} s:\n{self.text}") from None
+
+    def until_says(self, words: str, timeout_s: float = 60.0) -> None:
+        """Wait for words (a regular expression) in the output."""
+        deadline = time.monotonic() + timeout_s
+        while not re.search(words, self.text):
+            assert not self.ended, f"ended without saying {words!r}:\n{self.text}"
+            assert time.monotonic() < deadline, f"did not say {words!r}:\n{self.text}"
+            time.sleep(0.02)
+
+    def kill(self) -> None:
+        """End it and everything it started in its session, at once."""
+        if not self.ended:
+            os.killpg(self.popen.pid, signal.SIGKILL)
+            self.popen.wait()
+
+
+class Processes:
+    """Starts processes and ends them all."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._all: list[Process] = []
+
+    def start(self, arguments: list[str], **environment: str) -> Process:
+        process = Process(arguments, self._folder / f"output_{len(self._all)}", **environment)
+        self._all.append(process)
+        return process
+
+    def node(self, name: str, **parameters: Any) -> Process:
+        """A console entry by its node's name."""
+        from rope_twin.ros.processes import node_command
+
+        return self.start(node_command(name, parameters)[1:])
+
+    def cli(self, *arguments: str) -> Process:
+        return self.start(["-m", "rope_twin.cli", *arguments])
+
+    def close(self) -> None:
+        for process in self._all:
+            process.kill()
+
+
+def until_running(bench: Bench, heard: list[Any], what: str, timeout_s: float = 60.0) -> None:
+    """Spin until new messages come."""
+    count = len(heard)
+    bench.until(lambda: len(heard) > count + 5, what, timeout_s)

@@ -1,0 +1,63 @@
+"""A paced run over ROS and one as fast as possible without it: equal to the bit."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from ros_process import Processes
+
+from rope_twin.commands.run.options import RunOptions
+from rope_twin.commands.run.unpaced import run_unpaced
+from rope_twin.messages import decode
+from rope_twin.recording.bag_reader import BagReader
+
+pytestmark = pytest.mark.ros
+SECONDS = 5.0
+COMPARED = ("tension_top", "tension_payload", "payload/odometry", "winch/state", "tension",
+            "rope/nodes", "hang_off/wrench", "rope/markers")  # fmt: skip
+
+
+def messages(bag: Path, topic: str) -> list[bytes]:
+    with BagReader(bag) as reader:
+        return [data for _, data in reader.messages(f"/{topic}")]
+
+
+def epoch_ns(bag: Path) -> int:
+    epoch = decode("twin/epoch", messages(bag, "twin/epoch")[0])
+    return int(epoch.sec) * 1_000_000_000 + int(epoch.nanosec)
+
+
+def test_paced_and_unpaced_bags_hold_the_same_bytes(processes: Processes, tmp_path: Path) -> None:
+    process = processes.cli(
+        "run", "deep_lift", "--for", str(SECONDS), "--headless", "--json",
+        "--record", str(tmp_path / "paced"),
+    )  # fmt: skip
+    assert process.wait(120) == 0
+    paced = json.loads(process.text.strip().splitlines()[-1])
+    # Equality is promised for equal inputs: all must have come, and in time.
+    assert paced["heave_refused"] == paced["commands_refused"] == 0
+    assert paced["heave_accepted"] >= 20 * SECONDS + 2
+    assert paced["commands_accepted"] >= 10 * SECONDS
+    options = RunOptions(scene="deep_lift", for_s=SECONDS, speed=0.0, record=tmp_path / "unpaced")
+    unpaced = run_unpaced(options, lambda run: None, epoch_ns(tmp_path / "paced"))
+    assert unpaced.steps == paced["steps"] == 500
+    for topic in COMPARED:
+        assert messages(tmp_path / "unpaced", topic) == messages(tmp_path / "paced", topic), topic
+    for key in ("tension_top_max_n", "tension_top_mean_n", "tension_top_min_n", "line_out_m",
+                "payload_depth_m"):  # fmt: skip
+        assert getattr(unpaced, key) == paced[key], key
+    inputs = messages(tmp_path / "unpaced", "ship/heave")
+    assert messages(tmp_path / "paced", "ship/heave")[: len(inputs)] == inputs
+
+
+def test_the_comparison_can_fail(tmp_path: Path) -> None:
+    """Another second of the sea gives other bytes: the equality above is not trivial."""
+    for name, start_s in (("one", 0.0), ("other", 1.0)):
+        options = RunOptions(
+            scene="shallow_lift", for_s=2.0, speed=0.0, record=tmp_path / name, bag_start_s=start_s
+        )
+        run_unpaced(options, lambda run: None, 10**18)
+    for topic in ("tension_top", "payload/odometry"):
+        assert messages(tmp_path / "one", topic) != messages(tmp_path / "other", topic)

@@ -1,0 +1,179 @@
+"""The nodes that feed the twin, in this process: exact stamps, two sources of sea, yielding."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from ros_bench import Bench
+
+from rope_twin.errors import BagError, InputError, SceneError
+from rope_twin.messages import decode, encode_epoch, encode_speed
+from rope_twin.recording.heave_replay import open_heave
+from rope_twin.scene.load import load_scene
+from rope_twin.twin.schedule import schedule_samples
+
+pytestmark = pytest.mark.ros
+S = 1_000_000_000
+SCENE = "shallow_lift"
+
+
+def sea_state(bench: Bench, **parameters: Any) -> Any:
+    from rope_twin.ros.params import overrides
+    from rope_twin.ros.sea_state_node import SeaStateNode
+
+    given = {"scene": SCENE, **parameters}
+    return bench.add(SeaStateNode(parameter_overrides=overrides(given)))
+
+
+def winch_schedule(bench: Bench, **parameters: Any) -> Any:
+    from rope_twin.ros.params import overrides
+    from rope_twin.ros.winch_schedule_node import WinchScheduleNode
+
+    given = {"scene": SCENE, **parameters}
+    return bench.add(WinchScheduleNode(parameter_overrides=overrides(given)))
+
+
+def stamp_ns(message: Any) -> int:
+    return int(message.header.stamp.sec) * S + int(message.header.stamp.nanosec)
+
+
+def publish_epoch(bench: Bench, heard_by: int = 1) -> int:
+    publisher = bench.publisher("twin/epoch")
+    bench.until(lambda: publisher.get_subscription_count() >= heard_by, "somebody awaits the epoch")
+    epoch_ns = time.time_ns() + S // 2
+    publisher.publish(encode_epoch(epoch_ns))
+    return epoch_ns
+
+
+def test_the_recorded_sea_is_stamped_exactly_from_the_epoch(bench: Bench) -> None:
+    heave, elevation = bench.listen("ship/heave"), bench.listen("sea/elevation")
+    node = sea_state(bench)
+    node.begin()
+    epoch_ns = publish_epoch(bench)
+    bench.until(lambda: len(heave) >= 20, "a second of heave")
+    wanted = open_heave(load_scene(SCENE).sea_state.bag).between(-S // 10, 10 * S)[: len(heave)]
+    assert [stamp_ns(m) - epoch_ns for m in heave] == [sample.stamp_ns for sample in wanted]
+    assert [m.pose.pose.position.z for m in heave] == [sample.position_m for sample in wanted]
+    assert [m.twist.twist.linear.z for m in heave] == [s.velocity_m_per_s for s in wanted]
+    bench.until(lambda: len(elevation) >= 20, "the water comes along")
+    assert stamp_ns(elevation[0]) == stamp_ns(heave[0])
+
+
+def test_samples_come_before_their_time(bench: Bench) -> None:
+    leads: list[float] = []
+    from rope_twin.ros.qos import message_type, profile
+    from rope_twin.topics import BY_NAME
+
+    topic = BY_NAME["ship/heave"]
+    bench.own.create_subscription(
+        message_type(topic),
+        topic.name,
+        lambda data: leads.append((stamp_ns(decode(topic.name, data)) - time.time_ns()) * 1e-9),
+        profile(topic.qos),
+        raw=True,
+    )
+    node = sea_state(bench, lead_s=2.0)
+    node.begin()
+    publish_epoch(bench)
+    bench.until(lambda: len(leads) >= 80, "some heave")
+    settled = leads[45:]  # the first 1.6 s come in one go, as soon as there is an epoch
+    assert min(settled) > 0.5
+    assert max(settled) < 2.1
+
+
+def test_the_bag_can_be_another_one_started_anywhere(bench: Bench) -> None:
+    heave = bench.listen("ship/heave")
+    node = sea_state(bench, bag="sea_6p5m", start_s=100.0)
+    node.begin()
+    publish_epoch(bench)
+    bench.until(lambda: len(heave) >= 3, "heave")
+    first = open_heave("sea_6p5m", start_s=100.0).between(-S // 10, S)[0]
+    assert heave[0].pose.pose.position.z == first.position_m
+
+
+def test_a_sea_can_be_made_from_a_spectrum_and_a_seed(bench: Bench) -> None:
+    heave = bench.listen("ship/heave")
+    node = sea_state(bench, significant_height_m=3.0, peak_period_s=10.0, seed=5, lead_s=5.0)
+    node.begin()
+    publish_epoch(bench)
+    bench.until(lambda: len(heave) >= 80, "four seconds of heave ahead")
+    position = np.array([m.pose.pose.position.z for m in heave])
+    velocity = np.array([m.twist.twist.linear.z for m in heave])
+    steps = np.diff(position) / 0.05
+    assert np.allclose(steps, 0.5 * (velocity[1:] + velocity[:-1]), atol=0.01)
+    assert 0.0 < np.abs(position).max() < 3.0
+
+
+def test_without_an_epoch_to_wait_for_it_starts_now(bench: Bench) -> None:
+    heave = bench.listen("ship/heave")
+    node = sea_state(bench, wait_for_epoch=False)
+    node.begin()
+    bench.until(lambda: len(heave) >= 5, "heave at once")
+    assert abs(stamp_ns(heave[-1]) - time.time_ns()) < S
+
+
+def test_a_record_that_does_not_loop_ends_and_the_node_lives(bench: Bench) -> None:
+    heave = bench.listen("ship/heave")
+    node = sea_state(bench, start_s=1199.0, loop=False, lead_s=1.0)
+    node.begin()
+    publish_epoch(bench)
+    bench.until(lambda: node.ended, "the end is noticed")
+    assert 15 <= len(heave) <= 24  # the last second, from 0.1 s before t = 0
+    assert not node.finished
+
+
+@pytest.mark.parametrize(
+    ("parameters", "error", "words"),
+    [
+        ({"bag": "sea_9m"}, BagError, "sea_9m"),
+        ({"start_s": 5000.0}, BagError, "5000"),
+        ({"topic": "heaven"}, BagError, "heave"),
+        ({"scene": "deep_lif"}, SceneError, "did you mean 'deep_lift'"),
+        ({"significant_height_m": 12.0, "peak_period_s": 1.0}, InputError, "2 to 30 s"),
+    ],
+)
+def test_what_cannot_be_played_gets_one_sentence(
+    bench: Bench, parameters: dict[str, Any], error: type[Exception], words: str
+) -> None:
+    with pytest.raises(error, match=words) as caught:
+        sea_state(bench, **parameters).begin()
+    assert "\n" not in str(caught.value)
+
+
+def test_the_schedule_is_stamped_exactly_from_the_epoch(bench: Bench) -> None:
+    heard = bench.listen("winch/speed_command")
+    winch_schedule(bench).begin()
+    epoch_ns = publish_epoch(bench)
+    bench.until(lambda: len(heard) >= 12, "commands")
+    wanted = schedule_samples(load_scene(SCENE).winch, 0, 10 * S)[: len(heard)]
+    assert [stamp_ns(m) - epoch_ns for m in heard] == [sample.stamp_ns for sample in wanted]
+    assert [list(m.velocity) for m in heard] == [[sample.speed_m_per_s] for sample in wanted]
+
+
+def test_the_schedule_yields_for_good_to_who_takes_the_winch(bench: Bench) -> None:
+    heard = bench.listen("winch/speed_command")
+    node = winch_schedule(bench)
+    node.begin()
+    publish_epoch(bench)
+    bench.until(lambda: heard, "the schedule commands")
+    operator = bench.publisher("winch/speed_command")
+    bench.until(lambda: node.yielded, "it yields")
+    operator.publish(encode_speed(0, -0.3))
+    bench.until(lambda: heard[-1].velocity[0] == -0.3, "the operator's command")
+    count = len(heard)
+    bench.own.destroy_publisher(operator)
+    until = time.monotonic() + 0.5
+    bench.until(lambda: time.monotonic() > until, "half a second")
+    assert len(heard) == count
+
+
+def test_a_scene_without_sea_or_schedule_is_left_alone(bench: Bench) -> None:
+    sea = sea_state(bench, scene="still_water")
+    winch = winch_schedule(bench, scene="still_water")
+    sea.begin()
+    winch.begin()
+    assert bench.own.count_publishers("ship/heave") == 0
+    assert bench.own.count_publishers("winch/speed_command") == 0

@@ -1,0 +1,203 @@
+"""The nodes as processes of their own: listened to from here, ended, and killed."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ros_bench import Bench
+from ros_messages import BAD
+from ros_process import Processes, until_running
+
+from rope_twin.recording.bag_reader import BagReader
+
+pytestmark = pytest.mark.ros
+SCENE = "shallow_lift"
+ENTRIES = ("simulation", "sea_state", "winch_schedule", "recorder", "viewer")
+
+
+def test_the_run_command_starts_watches_and_ends_them(
+    bench: Bench, processes: Processes, tmp_path: Path
+) -> None:
+    heard = {name: bench.listen(name) for name in
+             ("tension_top", "payload/odometry", "rope/markers", "winch/state")}  # fmt: skip
+    bag = tmp_path / "bag"
+    process = processes.cli(
+        "run", SCENE, "--processes", "--for", "4", "--headless", "--json", "--record", str(bag)
+    )
+    bench.until(lambda: len(heard["tension_top"]) >= 180, "most of the run", 60.0)
+    assert process.wait() == 0
+    summary = json.loads(process.text.strip().splitlines()[-1])
+    assert summary["steps"] == 400
+    assert summary["heave_refused"] == 0
+    assert summary["heave_accepted"] >= 80
+    assert summary["commands_accepted"] >= 40
+    assert summary["bag"] == str(bag)
+    top = np.array([message.data for message in heard["tension_top"]])
+    assert (top > 1e5).all()
+    assert top.std() > 0.0
+    assert -210.0 < heard["payload/odometry"][-1].pose.pose.position.z < -190.0
+    assert len(heard["rope/markers"][-1].markers) >= 3
+    with BagReader(bag) as reader:
+        counts = {name: content.messages for name, content in reader.topics.items()}
+    assert counts["/tension_top"] == 200  # it waited for the recorder: nothing is missing
+    assert counts["/rope/nodes"] == 100
+    assert (tmp_path / "bag.rrd").stat().st_size > 10_000
+
+
+def test_ctrl_c_ends_all_processes_and_the_bag_is_whole(
+    processes: Processes, tmp_path: Path
+) -> None:
+    import psutil
+
+    bag = tmp_path / "bag"
+    process = processes.cli("run", SCENE, "--processes", "--headless", "--record", str(bag))
+    process.until_says("late")
+    children = psutil.Process(process.popen.pid).children(recursive=True)
+    assert len(children) >= 5
+    process.send(signal.SIGINT)
+    assert process.wait() == 0
+    assert "Traceback" not in process.text
+    assert not any(child.is_running() for child in children)
+    assert (bag / "metadata.yaml").is_file()
+
+
+def test_killed_recorder_loses_little_and_the_twin_does_not_notice(
+    bench: Bench, processes: Processes, tmp_path: Path
+) -> None:
+    odometry = bench.listen("payload/odometry")
+    recorder = processes.node("recorder", directory=str(tmp_path / "bag"))
+    recorder.until_says("recording to")
+    simulation = processes.node("simulation", scene=SCENE)
+    bench.until(lambda: len(odometry) >= 150, "three seconds of the run", 60.0)
+    recorder.send(signal.SIGKILL)
+    recorder.wait()
+    newest = stamp_ns(odometry[-1])
+    until_running(bench, odometry, "the twin goes on")
+    assert not simulation.ended
+    done = subprocess.run(
+        [sys.executable, "-m", "rope_twin.cli", "recover", str(tmp_path / "bag")],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode in (0, 3), done.stderr
+    bags = [path.parent for path in tmp_path.glob("*/metadata.yaml")]
+    assert len(bags) == 1
+    with BagReader(bags[0]) as reader:
+        from rope_twin.messages import decode
+
+        kept = [
+            decode("payload/odometry", data) for _, data in reader.messages("/payload/odometry")
+        ]
+    assert newest - stamp_ns(kept[-1]) < 1_000_000_000
+    simulation.send(signal.SIGINT)
+    assert simulation.wait() == 0
+
+
+def test_killed_simulation_is_started_again_and_is_fed_again(
+    bench: Bench, processes: Processes, tmp_path: Path
+) -> None:
+    odometry, epochs = bench.listen("payload/odometry"), bench.listen("twin/epoch")
+    recorder = processes.node("recorder", directory=str(tmp_path / "bag"))
+    sea = processes.node("sea_state", scene=SCENE)
+    winch = processes.node("winch_schedule", scene=SCENE)
+    first = processes.node("simulation", scene=SCENE)
+    bench.until(lambda: len(odometry) >= 50, "a second of the run", 60.0)
+    first.send(signal.SIGKILL)
+    assert first.wait() == -signal.SIGKILL
+    heave = bench.listen("ship/heave")
+    second = processes.node("simulation", scene=SCENE)
+    bench.until(lambda: len(epochs) >= 2, "a new epoch", 60.0)
+    epoch_ns = int(epochs[-1].sec) * 10**9 + int(epochs[-1].nanosec)
+    until_running(bench, odometry, "the new twin runs")
+    bench.until(
+        lambda: any(stamp_ns(m) - epoch_ns == 1_000_000_000 for m in heave),
+        "heave on the new epoch",
+    )
+    bench.until(lambda: stamp_ns(odometry[-1]) > epoch_ns + 10**9, "it runs on with it")
+    for process in (sea, winch, recorder, second):
+        assert not process.ended, process.text
+        process.send(signal.SIGTERM)
+    assert [process.wait() for process in (sea, winch, recorder, second)] == [0, 0, 0, 0]
+    with BagReader(tmp_path / "bag") as reader:
+        assert reader.topics["/twin/epoch"].messages == 2
+
+
+def test_bad_messages_from_another_process_do_not_end_it(
+    bench: Bench, processes: Processes
+) -> None:
+    odometry, diagnostics = bench.listen("payload/odometry"), bench.listen("diagnostics")
+    simulation = processes.node("simulation", scene=SCENE)
+    publishers = {topic: bench.publisher(topic) for topic in BAD}
+    bench.until(lambda: len(odometry) >= 10, "the twin runs", 60.0)
+    sent = 0
+    for topic, kinds in BAD.items():
+        for make in kinds.values():
+            publishers[topic].publish(make(stamp_ns(odometry[-1]) + 200_000_000))
+            sent += 1
+            until_running(bench, odometry, "it runs on")
+    assert sent >= 30
+
+    def refused() -> int:
+        rows = [row for message in diagnostics[-2:] for row in message.status]
+        values = {(row.name, pair.key): pair.value for row in rows for pair in row.values}
+        counted = [int(v) for (name, key), v in values.items()
+                   if (name.startswith("simulation: input") and key == "refused")
+                   or (name == "simulation: messages" and key in BAD)]  # fmt: skip
+        return sum(counted)
+
+    bench.until(lambda: bool(diagnostics) and refused() == sent, f"all {sent} are told")
+    simulation.send(signal.SIGINT)
+    assert simulation.wait() == 0
+    assert "Traceback" not in simulation.text
+
+
+@pytest.mark.parametrize("name", ENTRIES)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_each_entry_ends_cleanly_when_told(
+    bench: Bench, processes: Processes, tmp_path: Path, name: str, number: int
+) -> None:
+    parameters = {
+        "recorder": {"directory": str(tmp_path / "bag")},
+        "viewer": {"file": str(tmp_path / "run.rrd")},
+    }.get(name, {"scene": SCENE})
+    process = processes.node(name, **parameters)
+    bench.until(lambda: name in bench.own.get_node_names(), f"{name} is there", 60.0)
+    process.send(number)
+    assert process.wait() == 0
+    assert "Traceback" not in process.text
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "words"),
+    [
+        ("simulation", {"scene": "deep_lit"}, "did you mean 'deep_lift'"),
+        ("simulation", {"speed": 1000.0}, "0.01 to 20"),
+        ("sea_state", {"bag": "no_such"}, "no_such"),
+        ("winch_schedule", {"lead_s": "soon"}, "it must be a number"),
+        ("viewer", {"file": ""}, "there is no screen"),
+        ("recorder", {"directory": "/proc/no"}, "cannot be made"),
+    ],
+)
+def test_a_bad_parameter_is_one_sentence_and_exit_code_1(
+    processes: Processes, name: str, parameters: dict[str, object], words: str
+) -> None:
+    process = processes.node(name, **parameters)
+    assert process.wait() == 1
+    assert words in process.text
+    assert "Traceback" not in process.text
+
+
+def test_an_argument_that_is_no_parameter_is_refused(processes: Processes) -> None:
+    process = processes.start(["-m", "rope_twin.ros.simulation_node", "storm"])
+    assert process.wait() == 1
+    assert "'storm' is not understood" in process.text
+
+
+def stamp_ns(message: object) -> int:
+    stamp = message.header.stamp  # type: ignore[attr-defined]
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)

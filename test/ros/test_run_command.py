@@ -1,0 +1,213 @@
+"""`rope_twin run` as people start it: options, summary, Ctrl-C, exit codes."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from ros_process import Processes
+
+from rope_twin.recording.bag_reader import BagReader
+from rope_twin.topics import TOPICS
+
+KEYS = {
+    "scene", "effects", "elements", "step_s", "steps", "late_steps", "real_time_factor",
+    "tension_top_max_n", "tension_top_mean_n", "tension_top_min_n", "line_out_m",
+    "payload_depth_m", "bag",
+}  # fmt: skip
+RATES = {topic.name: topic.rate_hz for topic in TOPICS if topic.publisher == "simulation"}
+
+
+def last_line(text: str) -> dict[str, object]:
+    summary = json.loads(text.strip().splitlines()[-1])
+    assert isinstance(summary, dict)
+    return summary
+
+
+def counts(bag: Path) -> dict[str, int]:
+    with BagReader(bag) as reader:
+        return {name: content.messages for name, content in reader.topics.items()}
+
+
+def run(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "rope_twin.cli", *arguments],
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+
+
+@pytest.mark.ros
+def test_a_paced_run_ends_by_itself_with_summary_bag_and_view(
+    processes: Processes, tmp_path: Path
+) -> None:
+    bag = tmp_path / "bag"
+    process = processes.cli(
+        "run", "shallow_lift", "--for", "3", "--headless", "--json", "--record", str(bag)
+    )
+    assert process.wait() == 0
+    summary = last_line(process.text)
+    assert set(summary) >= KEYS
+    assert summary["scene"] == "shallow_lift"
+    assert summary["effects"] == ["current", "weight", "drag", "added_mass", "payload"]
+    assert summary["steps"] == 300
+    assert summary["step_s"] == 0.01
+    assert summary["bag"] == str(bag)
+    assert summary["heave_refused"] == summary["commands_refused"] == 0
+    low, mean, high = (summary[f"tension_top_{word}_n"] for word in ("min", "mean", "max"))
+    assert 1e5 < low < mean < high < 3e5  # type: ignore[operator]
+    assert 190.0 < summary["payload_depth_m"] < 210.0  # type: ignore[operator]
+    recorded = counts(bag)
+    for name in ("tension_top", "payload/odometry", "winch/state", "hang_off/wrench"):
+        assert recorded[f"/{name}"] == 150
+    for name in ("tension", "rope/nodes", "rope/markers"):
+        assert recorded[f"/{name}"] == 75
+    assert recorded["/ship/heave"] >= 60
+    assert recorded["/winch/speed_command"] >= 30
+    assert recorded["/twin/epoch"] == 1
+    assert recorded["/diagnostics"] >= 3
+    assert "the view goes to" in process.text
+    assert (tmp_path / "bag.rrd").stat().st_size > 10_000
+
+
+@pytest.mark.ros
+def test_ctrl_c_ends_it_with_a_whole_bag_and_a_summary(
+    processes: Processes, tmp_path: Path
+) -> None:
+    bag = tmp_path / "bag"
+    process = processes.cli("run", "shallow_lift", "--headless", "--record", str(bag))
+    process.until_says("late")  # the progress line
+    process.send(signal.SIGINT)
+    assert process.wait() == 0
+    assert "Traceback" not in process.text
+    assert "scene shallow_lift" in process.text
+    assert f"bag {bag}" in process.text
+    assert (bag / "metadata.yaml").is_file()
+    recorded = counts(bag)
+    assert recorded["/twin/epoch"] == 1
+    assert recorded["/tension"] in (
+        recorded["/tension_top"] // 2,
+        (recorded["/tension_top"] + 1) // 2,
+    )
+
+
+@pytest.mark.ros
+def test_ctrl_c_while_it_is_still_building_ends_it_too(processes: Processes) -> None:
+    process = processes.cli("run", "shallow_lift", "--headless", "--no-record")
+    process.until_says("sea_state")  # the first node is there, the twin is not
+    process.send(signal.SIGINT)
+    assert process.wait() in (0, 130)
+    assert "Traceback" not in process.text
+
+
+@pytest.mark.ros
+def test_recording_can_be_left_out_and_another_sea_be_played(processes: Processes) -> None:
+    process = processes.cli(
+        "run", "shallow_lift", "--for", "1", "--headless", "--json", "--no-record",
+        "--bag", "sea_6p5m", "--bag-start", "60", "--topic", "ship/heave",
+    )  # fmt: skip
+    assert process.wait() == 0
+    summary = last_line(process.text)
+    assert summary["bag"] is None
+    assert summary["view"] is None
+    assert summary["heave_accepted"] > 0  # type: ignore[operator]
+
+
+@pytest.mark.ros
+def test_twice_real_time_takes_the_same_steps(processes: Processes) -> None:
+    process = processes.cli(
+        "run", "shallow_lift", "--for", "4", "--headless", "--json", "--no-record", "--speed", "2"
+    )
+    assert process.wait() == 0
+    summary = last_line(process.text)
+    assert summary["steps"] == 400
+    assert summary["heave_refused"] == 0
+    assert summary["heave_accepted"] >= 80  # type: ignore[operator]
+
+
+def test_as_fast_as_possible_needs_no_ros(tmp_path: Path) -> None:
+    script = (
+        "import sys\n"
+        "from rope_twin.cli import main\n"
+        f"code = main(['run', 'shallow_lift', '--speed', '0', '--for', '1', '--json',"
+        f" '--record', {str(tmp_path / 'bag')!r}])\n"
+        "assert 'rclpy' not in sys.modules\n"
+        "assert not any(name.startswith('rope_twin.ros') for name in sys.modules)\n"
+        "sys.exit(code)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    summary = last_line(done.stdout)
+    assert set(summary) >= KEYS
+    assert summary["steps"] == 100
+    assert counts(tmp_path / "bag")["/tension_top"] == 50
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["run", "deep_lfit", "--speed", "0", "--for", "1"], "did you mean 'deep_lift'"),
+        (["run", "--speed", "0"], "--for SECONDS"),
+        (["run", "--speed", "-1"], "it must be 0 (as fast as possible) or 0.01 to 20"),
+        (["run", "--speed", "nan"], "it must be 0 (as fast as possible) or 0.01 to 20"),
+        (["run", "--for", "0"], "above 0 s"),
+        (["run", "--for", "inf"], "above 0 s"),
+        (["run", "--bag-start", "-3"], "at least 0 s"),
+        (["run", "--speed", "0", "--for", "1", "--processes"], "without ROS"),
+        (["run", "--speed", "0", "--for", "1", "--bag", "no_such_sea"], "no_such_sea"),
+        (["run", "no_such_scene", "--headless"], "there is no such scene"),
+    ],
+)
+def test_what_cannot_be_run_gets_one_sentence_and_exit_code_1(
+    arguments: list[str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import os
+
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([os.getcwd(), *sys.path[:0]]))
+    monkeypatch.chdir(tmp_path)
+    done = run(*arguments)
+    assert done.returncode == 1
+    assert words in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    assert done.stdout == ""
+    assert list(tmp_path.iterdir()) == []  # nothing was made on disk for nothing
+
+
+def test_a_bag_directory_in_use_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "precious").write_text("data", encoding="utf-8")
+    done = run("run", "shallow_lift", "--speed", "0", "--for", "1", "--record", str(tmp_path))
+    assert done.returncode == 1
+    assert "holds something" in done.stderr
+
+
+@pytest.mark.parametrize("words", [["--version"], ["run", "--help"]])
+def test_version_and_help_come_without_numba_or_ros(words: list[str]) -> None:
+    script = (
+        "import sys\n"
+        "from rope_twin.cli import main\n"
+        "try:\n"
+        "    main(sys.argv[1:])\n"
+        "except SystemExit as end:\n"
+        "    assert end.code == 0\n"
+        "assert 'rclpy' not in sys.modules and 'numba' not in sys.modules\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script, *words],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "rope_twin" in done.stdout
+
+
+def test_every_command_is_in_the_help_and_an_unknown_one_is_refused() -> None:
+    done = run("--help")
+    assert done.returncode == 0
+    for name in ("run", "scene", "view", "recover", "sea-state"):
+        assert f"\n    {name}" in done.stdout
+    assert run("rnu").returncode == 2
+    assert run().returncode == 2
