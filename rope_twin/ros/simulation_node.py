@@ -171,8 +171,9 @@ class SimulationNode(LifecycleNode):
     def _is_there(self, name: str) -> bool:
         """Whether an input has a publisher, or one of our topics a listener."""
         if name in INPUTS:
-            return self.count_publishers(name) > 0
-        return bool(self._own_publishers[name].get_subscription_count() > 0)
+            return bool(self.count_publishers(name))
+        listeners: int = self._own_publishers[name].get_subscription_count()
+        return listeners > 0
 
     def _judge_parameters(self, changes: list[Parameter]) -> SetParametersResult:
         if self._state == "unconfigured" or all(
