@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 from rope_twin.view import overview, surface
@@ -28,13 +29,23 @@ _PLOTS = (
 )
 
 
-def layout(frame: overview.Frame | None, window_s: float | None) -> Any:
-    """The blueprint for a picture of the rope; plots reach back `window_s`, None: to the start."""
+LIVE_S = 120.0  # so far back reach the plots of a live window
+Ranges = Mapping[str, tuple[float, float]]
+
+
+def layout(frame: overview.Frame | None, live: bool, ranges: Ranges | None = None) -> Any:
+    """The blueprint for a picture of the rope.
+
+    Args:
+        live: plots reach back LIVE_S instead of to the start.
+        ranges: from where to where the plot of an entity goes; by its data if not given.
+    """
     import rerun.blueprint as rrb
 
     left = rrb.Vertical(_whole_rope(frame))
     middle = rrb.Vertical(_profile(), _surface(), row_shares=[5, 4])
-    *plots, speed = [_plot(entity, title, window_s) for entity, title, _ in _PLOTS]
+    ranges = ranges or {}
+    *plots, speed = [_plot(entity, title, live, ranges.get(entity)) for entity, title, _ in _PLOTS]
     last = rrb.Tabs(speed, rrb.TextLogView(origin=LOG, name="Diagnostics"), active_tab=0)
     right = rrb.Vertical(*plots, last, row_shares=[share for _, _, share in _PLOTS])
     return rrb.Blueprint(
@@ -90,17 +101,18 @@ def _profile() -> Any:
     )
 
 
-def _plot(entity: str, title: str, window_s: float | None) -> Any:
+def _plot(entity: str, title: str, live: bool, span: tuple[float, float] | None) -> Any:
     import rerun as rr
     import rerun.blueprint as rrb
 
     ago = rrb.TimeRangeBoundary.cursor_relative
-    start = rrb.TimeRangeBoundary.infinite() if window_s is None else ago(seconds=-window_s)
+    start = ago(seconds=-LIVE_S) if live else rrb.TimeRangeBoundary.infinite()
     shown = rrb.VisibleTimeRange(TWIN_TIME, start=start, end=ago())
     return rrb.TimeSeriesView(
         origin=entity,
         name=title,
         plot_legend=rrb.PlotLegend(visible=False),
         time_ranges=shown,
+        axis_y=rrb.ScalarAxis(range=span) if span else None,
         axis_x=rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=ago())),
     )

@@ -50,7 +50,7 @@ def frame_for(position_m: NDArray[np.float64]) -> Frame:
     far = int(distance.argmax())
     width = float(distance[far])
     factor = next((f for f in _FACTORS if f * width <= _WIDE * depth), 1)
-    straight = width < 1e-3 * depth
+    straight = width < 1e-4 * depth
     if straight:  # which way it leans does not matter: look north
         return Frame(factor, depth, (1.0, 0.0))
     return Frame(factor, depth, (float(off[far, 0] / width), float(off[far, 1] / width)))
@@ -108,7 +108,7 @@ class Overview:
 
         depths = ticks_over(0.999 * frame.depth_m)
         deepest = float(depths[-1])
-        left, tick = -0.10 * deepest, 0.012 * deepest
+        left, tick = -0.11 * deepest, 0.012 * deepest
         lines = [[frame.spot(left, 0.0), frame.spot(left, -deepest)]]
         lines += [[frame.spot(left - tick, -d), frame.spot(left, -d)] for d in depths]
         bar_m = round_step(0.2 * deepest / frame.factor, most=1) / 2.0
@@ -130,7 +130,7 @@ class Overview:
             rr.Points3D(places, labels=words, show_labels=True, colors=_WORDS,
                         radii=rr.Radius.ui_points(0.0)),
         )  # fmt: skip
-        self._draw_sea(0.12 * deepest)
+        self._draw_sea(0.085 * deepest)
 
     def _draw_sea(self, half: float) -> None:
         import rerun as rr

@@ -17,6 +17,7 @@ from rope_twin.view.profile import Profile
 from rope_twin.view.series import FILE_BATCH_NS, LIVE_BATCH_NS, Series
 from rope_twin.view.sinks import Sink
 from rope_twin.view.surface import Surface
+from rope_twin.view.ticks import decade_range
 from rope_twin.view.timelines import Timelines
 
 SHOWN_TOPICS = (
@@ -36,10 +37,8 @@ class RopeView:
     their arrival.
     """
 
-    def __init__(self, sink: Sink, window_s: float | None = None) -> None:
-        """Plots reach back `window_s`; None: to the start, and data go out in large pieces."""
+    def __init__(self, sink: Sink) -> None:
         self._sink = sink
-        self._window_s = window_s
         self._timelines: Timelines | None = None
         self._waiting: list[tuple[str, Any, int]] = []
         self._series: dict[str, Series] = {}
@@ -58,7 +57,7 @@ class RopeView:
             "sea/elevation": self._elevation,
             "diagnostics": self._diagnostics,
         }
-        sink.stream.send_blueprint(layout(None, window_s))
+        sink.stream.send_blueprint(layout(None, sink.live))
 
     def show(self, topic_name: str, message: Any, time_ns: int) -> None:
         """A decoded message that came (or was recorded) at a ROS time; others are passed over."""
@@ -79,7 +78,16 @@ class RopeView:
     def close(self) -> None:
         """Hand over what waits and close the sink."""
         self.flush()
+        if not self._sink.live:  # a window would lose what its user has arranged
+            self._sink.stream.send_blueprint(layout(self._overview.frame, False, self._ranges()))
         self._sink.close()
+
+    def _ranges(self) -> dict[str, tuple[float, float]]:
+        return {
+            path: decade_range(series.least, series.most)
+            for path, series in self._series.items()
+            if series.least <= series.most
+        }
 
     def _take(self, name: str, message: Any, time_ns: int) -> None:
         if self._timelines is not None:
@@ -92,7 +100,7 @@ class RopeView:
 
     def _begin(self, epoch_ns: int) -> None:
         self._timelines = Timelines(self._sink.stream, epoch_ns)
-        batch_ns = FILE_BATCH_NS if self._window_s is None else LIVE_BATCH_NS
+        batch_ns = LIVE_BATCH_NS if self._sink.live else FILE_BATCH_NS
         for path, name, rgb in CURVES:
             self._series[path] = Series(self._sink.stream, self._timelines, path, batch_ns)
             self._series[path].style(name, rgb)
@@ -142,7 +150,7 @@ class RopeView:
         if peak_n > self._scale_n:
             self._scale_n = scale_above(peak_n)
         if self._overview.show(position, elements_n, self._scale_n):
-            self._sink.stream.send_blueprint(layout(self._overview.frame, self._window_s))
+            self._sink.stream.send_blueprint(layout(self._overview.frame, self._sink.live))
         self._surface.show_rope(position, elements_n, self._scale_n)
         self._profile.show(time_ns, -position[:, 2], nodes_n, elements_n, self._scale_n)
 

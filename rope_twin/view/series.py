@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ class Series:
         self._timelines = timelines
         self._path = path
         self._batch_ns = batch_ns
+        self.least, self.most = math.inf, -math.inf  # of all finite samples so far
         self._columns = rr.Scalars.columns
         self._times: list[int] = []
         self._values: list[float] = []
@@ -30,6 +32,8 @@ class Series:
         """One sample at a ROS time."""
         self._times.append(time_ns)
         self._values.append(value)
+        if math.isfinite(value):
+            self.least, self.most = min(self.least, value), max(self.most, value)
         if abs(time_ns - self._times[0]) >= self._batch_ns:
             self.flush()
 

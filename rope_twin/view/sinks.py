@@ -39,6 +39,7 @@ class Sink(Protocol):
     """Somewhere that takes a rerun recording."""
 
     stream: Any  # rerun.RecordingStream
+    live: bool  # looked at while it grows, so that only what is recent is plotted
 
     def close(self) -> None:
         """Write out what is left and let go; nothing may be logged afterwards."""
@@ -63,6 +64,7 @@ class FileSink:
                 phrase(f"file {path}", f"it cannot be written ({reason})", "name another file")
             ) from error
         self.path = path
+        self.live = False
         self.stream = rerun.RecordingStream(APPLICATION)
         self.stream.save(path, write_footer=footer)
 
@@ -82,6 +84,7 @@ class WindowSink:
     def __init__(self) -> None:
         """Raises InputError if there is no screen or the window does not come up."""
         rerun = load_rerun()
+        self.live = True
         if missing := what_a_window_lacks():
             raise InputError(missing)
         port = free_port()

@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from rope_twin.messages.colours import tension_colours
 from rope_twin.messages.forms import HANG_OFF_RGB
 
-PATCH_M = 10.0  # half the side of the patch of sea
+PATCH_M = 7.0  # half the side of the patch of sea
 SHOWN_M = 60.0  # so much of the rope is drawn here
-EYE, TARGET = (5.0, -21.0, 7.0), (-0.5, 0.0, -0.8)  # relative to the hang-off at rest
+EYE, TARGET = (-4.0, -19.0, 6.5), (-1.0, 0.0, -0.6)  # relative to the hang-off at rest
+_BESIDE = np.array([2.2, 0.0, 0.4])
 _SEA = (52, 118, 190)
 _WAVE = (120, 175, 230)
 _LINES = (130, 132, 140)
@@ -47,8 +48,12 @@ class Surface:
         )
         self._stream.log(
             f"{self._path}/hang_off",
-            rr.Points3D(nodes[:1], radii=0.6, colors=HANG_OFF_RGB, labels=["hang-off"],
-                        show_labels=True),
+            rr.Points3D(nodes[:1], radii=0.5, colors=HANG_OFF_RGB),
+        )
+        self._stream.log(
+            f"{self._path}/hang_off/words",
+            rr.Points3D(nodes[:1] + _BESIDE, labels=["hang-off"], show_labels=True,
+                        colors=_WORDS, radii=rr.Radius.ui_points(0.0)),
         )  # fmt: skip
 
     def show_sea(self, elevation_m: float) -> None:
@@ -74,7 +79,7 @@ class Surface:
         import rerun as rr
 
         heights = np.arange(-6.0, 6.1, 2.0)
-        x = -6.0
+        x = -PATCH_M - 2.0
         lines = [[[x, 0.0, -6.0], [x, 0.0, 6.0]]]
         lines += [[[x - 0.3, 0.0, z], [x, 0.0, z]] for z in heights]
         thin = rr.Radius.ui_points(0.75)

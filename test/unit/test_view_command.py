@@ -1,0 +1,113 @@
+"""rope_twin view, as typed."""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import re
+from pathlib import Path
+
+import pytest
+from PIL import Image
+from rerun.chunk import RrdReader
+from sample_snapshot import hanging_rope
+
+from rope_twin import messages
+from rope_twin.commands import view
+from rope_twin.errors import BagError, InputError
+from rope_twin.recording.bag_writer import BagWriter
+from rope_twin.topics import TOPICS
+from rope_twin.view import picture
+
+EPOCH_NS = 1_763_700_000_000_000_000
+
+
+def command(*words: str) -> int:
+    parser = argparse.ArgumentParser()
+    view.add_parser(parser.add_subparsers())
+    args = parser.parse_args(["view", *words])
+    return int(args.run(args))
+
+
+@pytest.fixture
+def bag(tmp_path: Path) -> Path:
+    encoder = messages.Encoder(EPOCH_NS)
+    with BagWriter(tmp_path / "lift", TOPICS) as writer:
+        writer.write("twin/epoch", EPOCH_NS, messages.encode_epoch(EPOCH_NS))
+        for k in range(40):
+            snapshot = hanging_rope(51, time_s=k / 10, heave_m=0.1 * (k % 10))
+            for topic in ("winch/state", "tension", "rope/nodes"):
+                data = encoder.encode(topic, snapshot)
+                writer.write(topic, EPOCH_NS + snapshot.stamp_ns, data)
+    return tmp_path / "lift"
+
+
+def test_save(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = tmp_path / "made" / "lift.rrd"
+    assert command(str(bag), "--save", str(out), "--at", "2") == 0
+    assert "saved" in capsys.readouterr().out
+    entities = {chunk.entity_path for chunk in RrdReader(out).stream()}
+    assert {"/overview/rope", "/plots/tension/top"} <= entities
+
+
+def test_a_cut_bag_is_shown_and_its_loss_told(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (file,) = bag.glob("*.mcap")
+    whole = file.read_bytes()
+    file.write_bytes(whole[:-100])
+    assert command(str(file), "--save", str(tmp_path / "a.rrd")) == 0
+    assert file.name in capsys.readouterr().err
+
+
+def test_no_screen_is_told(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    with pytest.raises(InputError, match=r"no screen here; use --save FILE\.rrd or --screenshot"):
+        command(str(bag))
+
+
+def test_nothing_is_written_for_a_bag_that_is_not_there(tmp_path: Path) -> None:
+    out = tmp_path / "a.rrd"
+    with pytest.raises(BagError, match="no such file"):
+        command(str(tmp_path / "nowhere"), "--save", str(out))
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("at", ["0", "-3", "nan"])
+def test_a_time_before_the_start_is_told(bag: Path, tmp_path: Path, at: str) -> None:
+    with pytest.raises(InputError, match=r"--at: .* is no time in the bag"):
+        command(str(bag), "--save", str(tmp_path / "a.rrd"), f"--at={at}")
+
+
+def test_what_debian_lacks_for_a_picture_is_named(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing(name: str) -> None:
+        raise OSError(name)
+
+    monkeypatch.setattr(ctypes, "CDLL", missing)
+    monkeypatch.setattr(picture, "_DRIVERS", (str(tmp_path),))
+    with pytest.raises(InputError, match="apt-get install libvulkan1 mesa-vulkan-drivers"):
+        command(str(bag), "--screenshot", str(tmp_path / "a.png"))
+
+
+def test_a_picture_without_a_screen(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    out = tmp_path / "lift.png"
+    if missing := picture.what_a_picture_lacks():  # a bare machine: then this is all there is
+        with pytest.raises(InputError, match=re.escape(missing)):
+            command(str(bag), "--screenshot", str(out))
+        return
+    assert command(str(bag), "--screenshot", str(out)) == 0
+    with Image.open(out) as image:
+        assert image.width == picture.SIZE[0]
+        rgb = image.convert("RGB")
+        colours = {rgb.getpixel((x, y)) for x in range(0, 1600, 4) for y in range(0, 900, 4)}
+    # the window is not empty: both ends of the colour bar, and slack
+    for wanted in ((253, 231, 37), (68, 1, 84), (255, 64, 64)):
+        near = min(max(abs(a - b) for a, b in zip(wanted, c, strict=True)) for c in colours)
+        assert near < 12, wanted

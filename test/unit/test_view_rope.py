@@ -1,0 +1,221 @@
+"""What RopeView puts into a recording, read back with rerun's own reader."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+import rerun as rr
+from rerun.chunk import RrdReader
+from sample_snapshot import hanging_rope
+
+from rope_twin import messages
+from rope_twin.errors import InputError
+from rope_twin.messages.diagnostics import Level, Status
+from rope_twin.view.rope_view import RopeView
+from rope_twin.view.sinks import FileSink
+
+EPOCH_NS = 1_763_700_000_000_000_000
+
+
+@pytest.fixture(autouse=True)
+def strict_rerun() -> Iterator[None]:
+    """rerun swallows errors unless told otherwise."""
+    rr.set_strict_mode(True)
+    yield
+    rr.set_strict_mode(False)
+
+
+class Recorded:
+    """The rows of a finished .rrd, by entity."""
+
+    def __init__(self, path: Path) -> None:
+        self._rows: dict[str, list[pa.RecordBatch]] = defaultdict(list)
+        reader = RrdReader(path)
+        for chunk in reader.stream():
+            self._rows[chunk.entity_path.lstrip("/")].append(chunk.to_record_batch())
+        self.blueprints = len(reader.blueprints())
+
+    @property
+    def entities(self) -> set[str]:
+        return set(self._rows)
+
+    def column(self, entity: str, name: str) -> list[Any]:
+        return [
+            value
+            for batch in self._rows[entity]
+            if name in batch.schema.names
+            for value in batch.column(name).to_pylist()
+        ]
+
+    def seconds(self, entity: str) -> list[float]:
+        found = [
+            batch.column("twin_time").cast(pa.int64()).to_numpy() * 1e-9
+            for batch in self._rows[entity]
+            if "twin_time" in batch.schema.names
+        ]
+        return sorted(np.concatenate(found).tolist()) if found else []
+
+
+class Session:
+    """A view into a file, fed by topic."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self.encoder = messages.Encoder(EPOCH_NS)
+        self.view = RopeView(FileSink(path, footer=True))
+
+    def epoch(self) -> None:
+        self.show("twin/epoch", messages.encode_epoch(EPOCH_NS), EPOCH_NS)
+
+    def show(self, topic: str, data: bytes, time_ns: int) -> None:
+        self.view.show(topic, messages.decode(topic, data), time_ns)
+
+    def rope(self, time_s: float, late_s: float = 0.15, **changes: Any) -> None:
+        snapshot = replace(hanging_rope(21, time_s=time_s), **changes)
+        for topic in ("winch/state", "tension", "rope/nodes"):
+            arrived_ns = EPOCH_NS + snapshot.stamp_ns + round(late_s * 1e9)
+            self.show(topic, self.encoder.encode(topic, snapshot), arrived_ns)
+
+    def finish(self) -> Recorded:
+        self.view.close()
+        return Recorded(self._path)
+
+
+@pytest.fixture
+def session(tmp_path: Path) -> Session:
+    return Session(tmp_path / "view.rrd")
+
+
+def test_everything_that_an_operator_looks_for_is_there(session: Session) -> None:
+    session.epoch()
+    stamp_ns = EPOCH_NS + 10**9
+    for k in range(30):
+        session.rope(k * 0.04)
+    session.show("ship/heave", messages.encode_heave(stamp_ns, 1.25, 0.5), stamp_ns)
+    session.show("sea/elevation", messages.encode_elevation(stamp_ns, -0.5), stamp_ns)
+    rows = [Status("simulation: pacing", Level.OK, "fine", {"real-time factor": "421.5"})]
+    session.show("diagnostics", messages.encode_diagnostics(stamp_ns, rows), stamp_ns)
+    found = session.finish()
+    assert found.entities >= {
+        "overview/rope", "overview/payload", "overview/hang_off", "overview/scale",
+        "surface/rope", "surface/hang_off", "surface/sea",
+        "profile/now", "profile/range", "profile/axes/colours", "profile/axes/tension",
+        "plots/tension/top", "plots/tension/payload", "plots/heave", "plots/line_out",
+        "plots/real_time_factor", "diagnostics",
+    }  # fmt: skip
+    assert found.blueprints >= 1
+    assert found.column("plots/heave", "Scalars:scalars") == [[1.25]]
+    assert found.column("plots/real_time_factor", "Scalars:scalars") == [[421.5]]
+    assert found.column("plots/line_out", "Scalars:scalars")[0] == [3000.0]
+
+
+def test_every_scalar_is_kept_and_ropes_are_drawn_ten_times_a_second(session: Session) -> None:
+    session.epoch()
+    for k in range(250):
+        session.rope(k * 0.02)
+    found = session.finish()
+    assert len(found.seconds("plots/tension/top")) == 250
+    assert len(found.seconds("plots/tension/payload")) == 250
+    drawn = found.seconds("overview/rope")
+    assert 45 <= len(drawn) <= 50
+    assert np.diff(drawn).min() > 0.0999
+
+
+def test_times_are_those_of_the_stamps_since_the_epoch(session: Session) -> None:
+    session.epoch()
+    for k in range(5):
+        session.rope(3.0 + k * 0.2, late_s=0.9)
+    found = session.finish()
+    assert found.seconds("plots/line_out") == pytest.approx([3.0, 3.2, 3.4, 3.6, 3.8])
+    assert found.seconds("overview/rope") == pytest.approx([3.0, 3.2, 3.4, 3.6, 3.8])
+
+
+def test_messages_before_the_epoch_wait_for_it(session: Session) -> None:
+    for k in range(5):
+        session.rope(1.0 + k * 0.2)
+    session.epoch()
+    assert session.finish().seconds("plots/line_out") == pytest.approx([1.0, 1.2, 1.4, 1.6, 1.8])
+
+
+def test_without_an_epoch_time_begins_with_the_first_message(session: Session) -> None:
+    for k in range(20):
+        session.rope(100.0 + k * 0.2)
+    session.epoch()  # too late: what is drawn stays where it is
+    times = session.finish().seconds("plots/line_out")
+    assert len(times) == 20
+    assert times[:2] == pytest.approx([0.0, 0.2])
+
+
+def test_a_short_session_without_an_epoch_is_not_lost(session: Session) -> None:
+    session.rope(0.5)
+    assert session.finish().seconds("plots/line_out") == [0.0]
+
+
+def test_the_picture_is_drawn_again_after_a_jump_back(session: Session) -> None:
+    session.epoch()
+    for time_s in (50.0, 50.2, 1.0, 1.2):
+        session.rope(time_s)
+    assert session.finish().seconds("overview/rope") == pytest.approx([1.0, 1.2, 50.0, 50.2])
+
+
+def test_colours_follow_the_tension_of_the_elements(session: Session) -> None:
+    session.epoch()
+    tension = hanging_rope(21).element_tension_n.copy()
+    tension[3] = 0.0
+    session.rope(0.0, element_tension_n=tension)
+    (colours,) = session.finish().column("overview/rope", "LineStrips3D:colors")
+    assert len(colours) == 20
+    assert colours[3] == 0xFF4040FF
+    assert len(set(colours)) == 20
+
+
+def test_the_rope_may_change_its_number_of_nodes(session: Session) -> None:
+    session.epoch()
+    session.rope(0.0)
+    longer = hanging_rope(31, time_s=0.2)
+    data = session.encoder.encode("rope/nodes", longer)  # its tensions have not come yet
+    session.show("rope/nodes", data, EPOCH_NS + longer.stamp_ns)
+    strips = session.finish().column("overview/rope", "LineStrips3D:strips")
+    assert [len(rope) for rope in strips] == [20, 30]
+
+
+def test_diagnostics_are_told_when_they_change(session: Session) -> None:
+    session.epoch()
+    for second, words in enumerate(("fine", "fine", "late", "late", "fine")):
+        level = Level.WARN if words == "late" else Level.OK
+        stamp_ns = EPOCH_NS + second * 10**9
+        data = messages.encode_diagnostics(stamp_ns, [Status("pacing", level, words)])
+        session.show("diagnostics", data, stamp_ns)
+    found = session.finish()
+    assert found.seconds("diagnostics") == [0.0, 2.0, 4.0]
+    assert found.column("diagnostics", "TextLog:level") == [["INFO"], ["WARN"], ["INFO"]]
+
+
+def test_topics_that_are_not_shown_are_passed_over(session: Session) -> None:
+    session.epoch()
+    session.show("tension_top", session.encoder.encode("tension_top", hanging_rope()), EPOCH_NS)
+    found = session.finish()
+    assert [entity for entity in found.entities if found.seconds(entity)] == []
+
+
+def test_a_foreign_point_cloud_is_refused(session: Session) -> None:
+    session.epoch()
+    snapshot = hanging_rope()
+    message = messages.decode("rope/nodes", session.encoder.encode("rope/nodes", snapshot))
+    message.point_step = 32
+    with pytest.raises(InputError, match="points of 32 bytes; right are 16"):
+        session.view.show("rope/nodes", message, EPOCH_NS)
+    session.view.close()
+
+
+def test_a_file_that_cannot_be_made_gets_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be written"):
+        FileSink(tmp_path / "file" / "view.rrd")
