@@ -116,7 +116,7 @@ def _set_pulls(work: Any, m: float, n: int) -> None:
         Ayz[i] = 0.0
 
 
-@jit
+@jit_inline
 def evaluate(rope: Any, stage: Any) -> None:
     """Residual R and blocks A of the free nodes, from the nodes' motion and the elements' tension.
 
@@ -138,7 +138,7 @@ def set_flow(rope: Any, stage: Any, low: int, high: int) -> None:
     terms.add_flow(rope.effects, rope.model, rope.work, stage, low, high)
 
 
-@jit
+@jit_inline
 def load_per_metre(rope: Any, stage: Any, node: int) -> None:
     """Force less inertia per metre of rope, into the residual of the spare slot `node`.
 

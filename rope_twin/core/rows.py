@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.jit import jit, jit_inline
+from rope_twin.core.jit import jit_inline
 from rope_twin.core.state import BLOCK
 
 
@@ -27,7 +27,7 @@ def blocks(work: Any, low: int, high: int) -> Any:
     )  # fmt: skip
 
 
-@jit
+@jit_inline
 def fill(table: Any, first: int, value: float, low: int, high: int) -> None:
     """Set a vector to `value` for the nodes low <= i < high."""
     for k in range(first, first + 3):
@@ -36,7 +36,7 @@ def fill(table: Any, first: int, value: float, low: int, high: int) -> None:
             row[i] = value
 
 
-@jit
+@jit_inline
 def copy(source: Any, first: int, target: Any, first_target: int, count: int, n: int) -> None:
     """Copy `count` rows for the nodes 0 <= i < n."""
     for k in range(count):

@@ -1,71 +1,65 @@
-"""Static equilibrium by proximal steps of the convex energy, with the stage solver itself.
+"""Static equilibrium: the dynamic step itself, from rest, with steps that grow without bound.
 
-Each step solves M·a = F(x + p·a) at rest (v = 0 but for the water's drag), a Newton step for the
-energy with the mass as a regulariser M/p; p grows until it is negligible. It starts from any shape,
-slack ropes included.
+A TR-BDF2 step from rest is a Newton solve of the convex energy with the mass over the step squared
+as a regulariser; with the velocity set to zero after each and the step growing, it becomes the
+static problem. It starts from any shape, slack ropes included, and needs no code of its own.
 """
 
 from __future__ import annotations
 
-from math import isfinite
-from typing import Any
+import numpy as np
 
-from rope_twin.core.assembly import set_lengths
-from rope_twin.core.jit import jit_entry
-from rope_twin.core.rows import copy, fill
-from rope_twin.core.stage import solve_stage
 from rope_twin.core.state import (
-    ACCELERATION,
     ELEMENTS,
+    LINE,
+    MOTIONS,
+    NODE_ROWS,
     POSITION,
-    POSITION_HAT,
+    PULL_COLUMNS,
+    UNCONVERGED,
     VELOCITY,
-    VELOCITY_HAT,
-    Stage,
+    Boundary,
+    Rope,
 )
+from rope_twin.core.step import advance
 
 ROUNDS = 400
-P_FIRST, P_LAST = 1.0, 1e8  # s²
+STEP_FIRST, STEP_LAST, STEP_LEAST = 1.0, 1e5, 1e-4  # s
 GROWTH, SHRINK = 4.0, 0.1
+TOLERANCE_N = 1e-3
+SMALL = 1e-12  # of the line out
 
 
-@jit_entry
-def find_equilibrium(rope: Any, L: float) -> float:
+def find_equilibrium(rope: Rope, L: float) -> float:
     """Move the nodes to equilibrium at line out L; returns the largest last move [m].
 
-    The hang-off stays where it is. A result that is not small (or NaN) means that there
-    is no equilibrium within reach: the caller must look.
+    The hang-off stays where it is. A result that is not small means that no equilibrium is within
+    reach; the caller must look. The counts of the solver's health start from zero afterwards.
     """
-    state, work = rope.state, rope.work
-    n, first = state.counts[ELEMENTS], rope.model.first_free
-    copy(state.nodes, POSITION, work, POSITION, 3, n + 1)
-    fill(work, VELOCITY, 0.0, 0, n + 1)
-    fill(work, VELOCITY_HAT, 0.0, 0, n + 1)
-    set_lengths(work, state.s, n, L)
-    p, move = P_FIRST, 1e300
-    small = 1e-12 * L
+    n = int(rope.state.counts[ELEMENTS])
+    nodes, health = rope.state.nodes, rope.state.health
+    boundary = Boundary(np.zeros((2, MOTIONS)), np.zeros((2, MOTIONS)))
+    boundary.value[:, :LINE] = nodes[POSITION : POSITION + 3, n]
+    boundary.value[:, LINE] = L
+    pull = np.zeros((1, PULL_COLUMNS))
+    # no split or merge while it settles
+    still = rope.model._replace(tolerance=TOLERANCE_N, split_above=np.inf, merge_below=0.0)
+    step, move = STEP_FIRST, np.inf
     for _ in range(ROUNDS):
-        fill(work, ACCELERATION, 0.0, 0, n + 1)
-        copy(state.nodes, POSITION, work, POSITION_HAT, 3, n + 1)
-        ok = solve_stage(rope, Stage(0.0, p, 0.0, 0.0), 1e-3)
-        if not ok:
-            if p < 1e-6:
-                return move
-            p *= SHRINK
+        before = nodes[POSITION : POSITION + 3, : n + 1].copy()
+        nodes[VELOCITY:NODE_ROWS] = 0.0
+        health[:] = 0
+        done = advance(rope._replace(model=still._replace(step=step)), boundary, pull, 0.0, 1)
+        if done < 1 or health[UNCONVERGED] > 0:
+            nodes[POSITION : POSITION + 3, : n + 1] = before
+            step *= SHRINK
+            if step < STEP_LEAST:
+                break
             continue
-        move = 0.0
-        for k in range(3):
-            for i in range(first, n):
-                move = max(move, abs(work[POSITION + k, i] - state.nodes[POSITION + k, i]))
-                state.nodes[POSITION + k, i] = work[POSITION + k, i]
-        if not isfinite(move):
-            return move
-        if move <= small and p >= P_LAST:
+        move = float(np.abs(nodes[POSITION : POSITION + 3, : n + 1] - before).max())
+        if move <= SMALL * L and step >= STEP_LAST:
             break
-        p = min(p * GROWTH, P_LAST)
-    fill(work, ACCELERATION, 0.0, 0, n + 1)
-    fill(state.nodes, VELOCITY, 0.0, 0, n + 1)
-    fill(state.nodes, ACCELERATION, 0.0, 0, n + 1)
-    for k in range(state.health.shape[0]):
-        state.health[k] = 0
+        step = min(step * GROWTH, STEP_LAST)
+    nodes[VELOCITY:NODE_ROWS] = 0.0
+    health[:] = 0
     return move

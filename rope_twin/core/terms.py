@@ -64,7 +64,7 @@ def _walker(hook: str) -> Any:
         return _unrolled([kernels.get(effect.instance_class) for effect in effects])
 
     walk.__name__ = walk.__qualname__ = hook
-    overload(walk, jit_options=OPTIONS)(compose)
+    overload(walk, jit_options=OPTIONS, inline="always")(compose)
     return walk
 
 

@@ -19,12 +19,12 @@ class Extremes:
         self.high, self.low = -np.inf, np.inf
         self._sum, self._count = 0.0, 0
 
-    def take(self, values: Vector) -> None:
+    def take(self, values: list[float]) -> None:
         """Add values."""
-        if len(values):
-            self.high = max(self.high, float(values.max()))
-            self.low = min(self.low, float(values.min()))
-            self._sum += float(values.sum())
+        if values:
+            self.high = max(self.high, *values)
+            self.low = min(self.low, *values)
+            self._sum += sum(values)
             self._count += len(values)
 
     @property

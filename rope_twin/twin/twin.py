@@ -27,7 +27,7 @@ from rope_twin.twin.water import CurrentInput
 from rope_twin.twin.winch import Winch
 
 STEPS_PER_CALL = 256
-EQUILIBRIUM_MOVE = 1e-9  # of the line out: a larger last move is no equilibrium
+EQUILIBRIUM_MOVE = 1e-6  # of the line out: a larger last move is no equilibrium
 AFLOAT_M = 1.0
 
 
@@ -118,10 +118,10 @@ class Twin:
         self._boundary.value[0] = self._boundary.value[done]
         self._boundary.rate[0] = self._boundary.rate[done]
         if done:
-            pulls = self._pulls[:done]
-            self._pull = pulls[-1].copy()
-            self._run.take(pulls[:, rows.PULL])
-            self._recent.take(pulls[:, rows.PULL])
+            self._pull = self._pulls[done - 1].copy()
+            tensions = self._pulls[:done, rows.PULL].tolist()
+            self._run.take(tensions)
+            self._recent.take(tensions)
         self._computing_s += time.perf_counter() - began
         if done < steps:
             raise SolverError(
@@ -172,7 +172,7 @@ class Twin:
         self._boundary.value[1] = self._boundary.value[0]
         advance(spare, self._boundary, self._pulls, 0.0, 1)
         self._pull = self._pulls[0].copy()
-        self._recent.take(self._pull[:1])
+        self._recent.take([float(self._pull[rows.PULL])])
 
     def statistics(self) -> RunStatistics:
         """The run so far."""
