@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import io
 import os
 import time
@@ -13,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.view.sinks import free_port, load_rerun, start_viewer, wait_for_viewer
+from rope_twin.view.sinks import free_port, has_library, load_rerun, start_viewer, wait_for_viewer
 
 SIZE = (1600, 1000)
 _SETTLE_S = 90.0
@@ -24,11 +23,7 @@ _SOFTWARE = "lvp_icd"  # lavapipe: draws on the processor, the same everywhere
 
 def what_a_picture_lacks() -> str:
     """One sentence on what to install, or nothing if all is there."""
-    missing = []
-    try:
-        ctypes.CDLL("libvulkan.so.1")
-    except OSError:
-        missing.append("libvulkan1")
+    missing = [] if has_library("libvulkan.so.1") else ["libvulkan1"]
     if _driver() is None:
         missing.append("mesa-vulkan-drivers")
     if not missing:

@@ -20,6 +20,7 @@ RANGE_S = 60.0  # the thin curves: least and most tension over this time
 _BAR = 24.0  # thickness of the colour bar
 _UNDER = HEIGHT + 3.0 * _BAR  # numbers of the colour bar
 _ASIDE = -75.0  # to the left of the chart
+_ALONG = np.linspace(0.0, 1.0, 201)  # places in parts of the depth; nodes may come and go
 _STRIPS = 250
 _LIFT = 30.0  # rerun hangs a label below its point; this puts it beside
 _GRID = (66, 68, 76)
@@ -46,11 +47,15 @@ class Profile:
             self._axes = axes
             self._draw_axes()
         curve = self._place(nodes_n, depth_m)
+        below_m = np.maximum.accumulate(depth_m - depth_m[0])
+        along = below_m / max(float(below_m[-1]), 1.0)
+        depths_m = np.interp(_ALONG, along, depth_m)
+        sides = self._range(time_ns, np.interp(_ALONG, along, nodes_n))
         thin = rr.Radius.ui_points(0.75)
         self._stream.log(
             f"{self._path}/range",
             rr.LineStrips2D(
-                [self._place(side, depth_m) for side in self._range(time_ns, nodes_n)],
+                [self._place(side, depths_m) for side in sides],
                 colors=_THIN, radii=thin, draw_order=1.0,
             ),
         )  # fmt: skip
@@ -67,12 +72,12 @@ class Profile:
         scale_n, deepest_m = self._axes
         return np.stack([tension_n / scale_n * WIDTH, depth_m / deepest_m * HEIGHT], axis=-1)
 
-    def _range(self, time_ns: int, nodes_n: NDArray[np.float64]) -> Any:
-        """Least and most tension of each node over RANGE_S; starts anew when the count changes."""
+    def _range(self, time_ns: int, tension_n: NDArray[np.float64]) -> Any:
+        """Least and most tension along the rope over RANGE_S; starts anew after a jump back."""
         history = self._history
-        if history and (len(history[-1][1]) != len(nodes_n) or time_ns < history[-1][0]):
+        if history and time_ns < history[-1][0]:
             history.clear()
-        history.append((time_ns, nodes_n))
+        history.append((time_ns, tension_n))
         while history[0][0] < time_ns - RANGE_S * 1e9:
             history.popleft()
         rows = np.stack([row for _, row in history])

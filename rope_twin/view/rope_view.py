@@ -168,7 +168,7 @@ class RopeView:
         for status in message.status:
             level = status.level[0] if isinstance(status.level, bytes) else int(status.level)
             for pair in status.values:
-                if pair.key == "real-time factor":
+                if pair.key == "real-time factor" and float(pair.value) > 0.0:  # 0: no step yet
                     self._series["plots/real_time_factor"].add(time_ns, float(pair.value))
             if self._told.get(status.name) != (level, status.message):
                 self._told[status.name] = (level, status.message)

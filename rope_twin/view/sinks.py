@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import importlib.util
 import os
 import socket
@@ -16,6 +17,13 @@ from rope_twin.errors import InputError, phrase
 APPLICATION = "rope_twin"
 _VIEWER_MEMORY = "1GB"  # the window forgets its oldest data beyond this
 _START_S = 30.0
+_X11_LIBRARIES = {  # opened by the window at run time: its file, its Debian package
+    "libX11-xcb.so.1": "libx11-xcb1",
+    "libXcursor.so.1": "libxcursor1",
+    "libXi.so.6": "libxi6",
+    "libXrandr.so.2": "libxrandr2",
+    "libxkbcommon-x11.so.0": "libxkbcommon-x11-0",
+}
 
 
 def load_rerun() -> Any:
@@ -118,7 +126,24 @@ def what_a_window_lacks() -> str:
         return phrase(
             "view", "there is no screen here", "use --save FILE.rrd or --screenshot FILE.png"
         )
+    libraries = _X11_LIBRARIES if os.environ.get("DISPLAY") else {}
+    missing = [package for library, package in libraries.items() if not has_library(library)]
+    if missing:
+        return phrase(
+            "view",
+            "libraries for a window are not installed",
+            f"on Debian: apt-get install {' '.join(missing)}",
+        )
     return ""
+
+
+def has_library(name: str) -> bool:
+    """Whether the dynamic linker finds a library."""
+    try:
+        ctypes.CDLL(name)
+    except OSError:
+        return False
+    return True
 
 
 def free_port() -> int:

@@ -67,6 +67,19 @@ def test_no_screen_is_told(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         command(str(bag))
 
 
+def test_what_debian_lacks_for_a_window_is_named(
+    bag: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def missing(name: str) -> None:
+        if "Xi" in name or "xkb" in name:
+            raise OSError(name)
+
+    monkeypatch.setenv("DISPLAY", ":77")
+    monkeypatch.setattr(ctypes, "CDLL", missing)
+    with pytest.raises(InputError, match="apt-get install libxi6 libxkbcommon-x11-0"):
+        command(str(bag))
+
+
 def test_nothing_is_written_for_a_bag_that_is_not_there(tmp_path: Path) -> None:
     out = tmp_path / "a.rrd"
     with pytest.raises(BagError, match="no such file"):

@@ -186,6 +186,20 @@ def test_the_rope_may_change_its_number_of_nodes(session: Session) -> None:
     assert [len(rope) for rope in strips] == [20, 30]
 
 
+def test_the_range_outlives_a_change_of_nodes(session: Session) -> None:
+    session.epoch()
+    for time_s, nodes, more_n in ((0.0, 21, 0.0), (1.0, 31, 40e3), (2.0, 26, 0.0), (70.0, 21, 0.0)):
+        snapshot = hanging_rope(nodes, time_s=time_s)
+        snapshot = replace(snapshot, node_tension_n=snapshot.node_tension_n + more_n)
+        data = session.encoder.encode("rope/nodes", snapshot)
+        session.show("rope/nodes", data, EPOCH_NS + snapshot.stamp_ns)
+    sides = session.finish().column("profile/range", "LineStrips2D:strips")
+    widths = [max(b[0] - a[0] for a, b in zip(low, high, strict=True)) for low, high in sides]
+    assert widths[0] == widths[3] == 0.0  # one picture, and 68 s later again
+    assert widths[1] == pytest.approx(widths[2], rel=0.2)
+    assert widths[1] > 50.0  # 40 of 400 to 500 kN on 1250 chart units
+
+
 def test_diagnostics_are_told_when_they_change(session: Session) -> None:
     session.epoch()
     for second, words in enumerate(("fine", "fine", "late", "late", "fine")):
