@@ -19,7 +19,7 @@ from rope_twin.ros.announcer import Announcer
 from rope_twin.ros.inputs import read_current, read_heave, read_speed
 from rope_twin.ros.params import SimulationParams
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.pacing import Handover, Pacer, PacingHealth, steps_in_slot
+from rope_twin.twin.pacing import Handover, Pacer, PacingHealth, handover_depth, steps_in_slot
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 
@@ -49,7 +49,7 @@ class PacedTwin:
         self.twin = Twin(scene)
         self._first = self.twin.snapshot()
         steps = steps_in_slot(self.twin.step_s)
-        self._handover = Handover()
+        self._handover = Handover(handover_depth(steps * self.twin.step_s, params.speed))
         self.pacer = Pacer(
             self.twin,
             self._handover,

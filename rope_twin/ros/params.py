@@ -16,6 +16,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from rope_twin.commands.run.options import SPEED_HIGH, SPEED_LOW
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.quantity import Quantity, quantity, text
 
@@ -35,7 +36,7 @@ class SimulationParams:
         "the twin runs this far behind ROS time, so that heave samples on both sides of each step "
         "are there", "s", 0.0, 10.0, default=0.15,
     )  # fmt: skip
-    speed: float = quantity("twin time over real time", "", 0.01, 20.0, default=1.0)
+    speed: float = quantity("twin time over real time", "", SPEED_LOW, SPEED_HIGH, default=1.0)
     stop_after_s: float = quantity("twin time after which to stop; 0: never", "s", 0.0, 1e7,
                                    default=0.0)  # fmt: skip
     autostart: bool = text("configure and activate without waiting to be told", True)
@@ -64,7 +65,7 @@ class SeaStateParams:
     seed: int = quantity("seed of the made sea", "", 0, 2**31 - 1, default=1)
     lead_s: float = quantity("samples are published this long before their time", "s", 0.0, 5.0,
                              default=0.2)  # fmt: skip
-    speed: float = quantity("twin time over real time", "", 0.01, 20.0, default=1.0)
+    speed: float = quantity("twin time over real time", "", SPEED_LOW, SPEED_HIGH, default=1.0)
     wait_for_epoch: bool = text(
         "stamp from the twin's epoch (exact repeats); false: from now on, as a motion sensor does",
         True,
@@ -78,7 +79,7 @@ class WinchScheduleParams:
     scene: str = text("scene whose winch schedule is played", "deep_lift")
     lead_s: float = quantity("commands are published this long before their time", "s", 0.0, 5.0,
                              default=0.2)  # fmt: skip
-    speed: float = quantity("twin time over real time", "", 0.01, 20.0, default=1.0)
+    speed: float = quantity("twin time over real time", "", SPEED_LOW, SPEED_HIGH, default=1.0)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,7 @@ from rope_twin.messages import decode
 from rope_twin.ros.entry import PARENT, StopSignal, initialise
 from rope_twin.ros.paced_twin import RUN_ROW
 from rope_twin.ros.qos import message_type, profile
-from rope_twin.ros.suite import END_ORDER, node_parameters
+from rope_twin.ros.suite import END_ORDER, node_parameters, where
 from rope_twin.scene.load import load_scene
 from rope_twin.topics import BY_NAME
 
@@ -123,6 +123,7 @@ def run_processes(options: RunOptions, progress: Progress) -> RunSummary:
         with stop.interrupting():
             processes = Processes(options)
             initialise(["rope_twin"])
+        progress.say(where(options))
         watch = _Watch(processes, progress)
         watch.run(stop)
         watch.end()

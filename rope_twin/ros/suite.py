@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -55,8 +56,10 @@ class Suite:
         self._nodes: dict[str, Any] = {}
         self._executor: SingleThreadedExecutor | None = None
 
-    def start(self) -> None:
+    def start(self, ready: Callable[[], None]) -> None:
         """Make all nodes; the simulation comes last, when everybody listens.
+
+        `ready` is called when everything that the user named was found, before the twin is built.
 
         Raises:
             RopeTwinError: one sentence; `close` is still to be called.
@@ -68,6 +71,8 @@ class Suite:
             node = _make(name, parameters)
             self._nodes[name] = node
             self._executor.add_node(node)
+            if name == "simulation":
+                ready()
             node.begin()
 
     @property
@@ -135,8 +140,7 @@ def run_suite(options: RunOptions, progress: Progress) -> RunSummary:
     suite = Suite(options)
     try:
         with stop.interrupting():
-            suite.start()
-        progress.say(_where(options))
+            suite.start(lambda: progress.say(where(options)))
         while not (stop.requested or suite.ended) and rclpy.ok():
             suite.spin()
             if progress.due:
@@ -148,14 +152,15 @@ def run_suite(options: RunOptions, progress: Progress) -> RunSummary:
         stop.restore()
 
 
-def _where(options: RunOptions) -> str:
+def where(options: RunOptions) -> str:
     """What is recorded and shown where."""
     parts = [f"recording to {options.record}" if options.record else "recording nothing"]
     if options.screen:
         parts.append("showing in a rerun window")
     elif options.view_file:
         parts.append(f"no window, the view goes to {options.view_file}")
-    return "; ".join(parts) + "; Ctrl-C ends it"
+    words = "; ".join(parts) + "; Ctrl-C ends it"
+    return f"{words}\nbuilding the twin (the first time it is compiled, which takes a while)"
 
 
 def _make(name: str, parameters: dict[str, Any]) -> Any:

@@ -26,6 +26,7 @@ from rope_twin.twin.snapshot import Snapshot
 
 CATCH_UP = 4.0  # a twin that is behind runs at most this many times faster than its grid
 SLOT_S = 0.02  # the longest publish period of a scalar: 50 Hz
+WAITING_S = 0.5  # snapshots of this much real time may wait for the publisher
 
 _log = logging.getLogger(__name__)
 
@@ -88,7 +89,7 @@ class PacingHealth:
 class Handover:
     """Snapshots from the worker to the publisher: the newest win, the worker never waits."""
 
-    def __init__(self, depth: int = 10) -> None:
+    def __init__(self, depth: int) -> None:
         self._waiting: deque[Snapshot] = deque()
         self._depth = depth
         self._arrived = threading.Condition()
@@ -237,6 +238,11 @@ class Pacer:
                 late_steps=self._health.late_steps + self._steps,
                 worst_lateness_s=max(self._health.worst_lateness_s, late_s),
             )
+
+
+def handover_depth(slot_s: float, speed: float) -> int:
+    """How many snapshots may wait: those of WAITING_S, and one at least."""
+    return max(1, round(WAITING_S * speed / slot_s))
 
 
 def steps_in_slot(step_s: float, slot_s: float = SLOT_S) -> int:

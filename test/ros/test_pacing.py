@@ -20,6 +20,7 @@ from rope_twin.twin.pacing import (
     Handover,
     Pacer,
     SteadyClock,
+    handover_depth,
     keep_pauses_short,
     steps_in_slot,
 )
@@ -161,7 +162,7 @@ def test_a_step_that_hangs_shows_as_behind_while_it_hangs() -> None:
         assert go_on.wait(10.0)
 
     twin.advance = hang  # type: ignore[method-assign]
-    pacer = Pacer(twin, Handover(), steps_per_slot=2, clock=clock)
+    pacer = Pacer(twin, Handover(10), steps_per_slot=2, clock=clock)
     pacer.start(0)
     assert inside.wait(10.0)
     clock.time_ns = 520 * MS
@@ -206,7 +207,7 @@ def test_stop_and_start_go_on_on_a_new_grid() -> None:
 def test_the_worker_finishes_at_the_last_step_asked_for() -> None:
     clock = FakeClock(100 * SLOT)
     twin = FakeTwin(clock)
-    pacer = Pacer(twin, Handover(), steps_per_slot=2, clock=clock, last_step=5)
+    pacer = Pacer(twin, Handover(10), steps_per_slot=2, clock=clock, last_step=5)
     pacer.start(0)
     wait_for_end(pacer, clock)
     pacer.stop()
@@ -247,6 +248,13 @@ def test_the_newest_snapshots_win_when_nobody_takes_them() -> None:
     assert [handover.take(0.0).step for _ in range(3)] == [7, 8, 9]  # type: ignore[union-attr]
     assert handover.take(0.0) is None
     assert handover.lost == 7
+
+
+@pytest.mark.parametrize(
+    ("slot_s", "speed", "depth"), [(0.02, 1.0, 25), (0.02, 4.0, 100), (2.0, 0.01, 1)]
+)
+def test_half_a_second_of_snapshots_may_wait(slot_s: float, speed: float, depth: int) -> None:
+    assert handover_depth(slot_s, speed) == depth
 
 
 def test_the_steady_clock_waits_to_the_absolute_time_and_wakes_on_interrupt() -> None:

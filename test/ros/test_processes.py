@@ -176,7 +176,7 @@ def test_each_entry_ends_cleanly_when_told(
     ("name", "parameters", "words"),
     [
         ("simulation", {"scene": "deep_lit"}, "did you mean 'deep_lift'"),
-        ("simulation", {"speed": 1000.0}, "0.01 to 20"),
+        ("simulation", {"speed": 1000.0}, "0.01 to 5"),
         ("sea_state", {"bag": "no_such"}, "no_such"),
         ("winch_schedule", {"lead_s": "soon"}, "it must be a number"),
         ("viewer", {"file": ""}, "there is no screen"),

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from rope_twin.errors import InputError, phrase
 
-SPEED_LOW, SPEED_HIGH = 0.01, 20.0
+SPEED_LOW, SPEED_HIGH = 0.01, 5.0  # beyond, messages come faster than Python takes them
 
 
 @dataclass(frozen=True, kw_only=True)

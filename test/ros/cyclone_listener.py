@@ -1,0 +1,126 @@
+"""A console of another vendor's DDS: Eclipse Cyclone DDS listens to the twin's topics.
+
+    python cyclone_listener.py DOMAIN SECONDS TOPIC...
+
+It knows nothing of rclpy: the IDL types are made from the ROS message definitions that rosbags
+carries. Prints one JSON object: per topic how many samples came and a figure of the last one.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from dataclasses import make_dataclass
+from typing import Any
+
+from cyclonedds.core import Policy, Qos
+from cyclonedds.domain import Domain, DomainParticipant
+from cyclonedds.idl import IdlStruct, types
+from cyclonedds.sub import DataReader
+from cyclonedds.topic import Topic
+from cyclonedds.util import duration
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_typestore
+
+from rope_twin.topics import BY_NAME
+
+# Loopback has no multicast: peers by address.
+CONFIG = """<CycloneDDS><Domain><General><AllowMulticast>false</AllowMulticast>
+<Interfaces><NetworkInterface address="127.0.0.1"/></Interfaces></General>
+<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>60</MaxAutoParticipantIndex>
+<Peers><Peer address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>"""
+
+STORE = get_typestore(Stores.ROS2_KILTED)
+BASE = {
+    "bool": bool, "byte": types.uint8, "char": types.uint8, "octet": types.uint8,
+    "int8": types.int8, "uint8": types.uint8, "int16": types.int16, "uint16": types.uint16,
+    "int32": types.int32, "uint32": types.uint32, "int64": types.int64, "uint64": types.uint64,
+    "float32": types.float32, "float64": types.float64, "string": str,
+}  # fmt: skip
+_made: dict[str, type] = {}
+
+
+def idl_type(name: str) -> type:
+    """The IDL struct of a ROS message type, e.g. `std_msgs/msg/Float64`."""
+    if name not in _made:
+        package, _, short = name.split("/")
+        fields = [(field, _field_type(kind)) for field, kind in STORE.FIELDDEFS[name][1]]
+        _made[name] = make_dataclass(
+            short, fields, bases=(IdlStruct,),
+            namespace={}, kw_only=False,
+        )  # fmt: skip
+        _made[name] = _with_name(short, fields, f"{package}.msg.dds_.{short}_")
+    return _made[name]
+
+
+def _with_name(short: str, fields: list[tuple[str, Any]], typename: str) -> type:
+    annotations = dict(fields)
+    made = type(IdlStruct)(  # the metaclass takes the DDS name as a keyword
+        short, (IdlStruct,), {"__annotations__": annotations, "__module__": __name__},
+        typename=typename,
+    )  # fmt: skip
+    from dataclasses import dataclass
+
+    return dataclass(made)
+
+
+def _field_type(kind: Any) -> Any:
+    node, detail = kind
+    if node == Nodetype.BASE:
+        return BASE[detail[0]]
+    if node == Nodetype.NAME:
+        return idl_type(detail)
+    inner, length = detail
+    element = _field_type(inner)
+    return types.array[element, length] if node == Nodetype.ARRAY else types.sequence[element]
+
+
+def listen(domain: int, seconds: float, names: list[str]) -> dict[str, Any]:
+    """Listen for some seconds; per topic the count and the last sample."""
+    kept = Domain(domain, CONFIG)
+    participant = DomainParticipant(domain)
+    qos = Qos(
+        Policy.Reliability.BestEffort,
+        Policy.History.KeepLast(100),
+        Policy.DataRepresentation(use_cdrv0_representation=True),
+    )
+    readers = {
+        name: DataReader(
+            participant,
+            Topic(participant, f"rt/{name}", idl_type(BY_NAME[name].type_name), qos=qos),
+            qos=qos,
+        )
+        for name in names
+    }
+    counts, last = dict.fromkeys(names, 0), dict.fromkeys(names)
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        for name, reader in readers.items():
+            for sample in reader.take_iter(limit=100, timeout=duration(milliseconds=5)):
+                counts[name] += 1
+                last[name] = sample
+    del kept
+    return {name: {"count": counts[name], "last": figure(last[name])} for name in names}
+
+
+def figure(sample: Any) -> Any:
+    """Something of a sample that can be compared."""
+    if sample is None:
+        return None
+    kind = type(sample).__name__
+    if kind == "Float64":
+        return sample.data
+    if kind == "Float64MultiArray":
+        return [len(sample.data), max(sample.data)]
+    if kind == "Odometry":
+        return sample.pose.pose.position.z
+    if kind == "JointState":
+        return [list(sample.name), list(sample.position), list(sample.effort)]
+    if kind == "PointCloud2":
+        return [sample.width, [field.name for field in sample.fields], len(sample.data)]
+    return kind
+
+
+if __name__ == "__main__":
+    print(json.dumps(listen(int(sys.argv[1]), float(sys.argv[2]), sys.argv[3:])))
