@@ -19,7 +19,12 @@ def add_parser(subparsers: Any) -> None:
         description="Shows a recorded bag: the rope in 3-D coloured by tension, tension over "
         "depth, the sea surface, and plots. Opens a window unless a file is asked for.",
     )
-    parser.add_argument("file", metavar="FILE", help="bag directory, .mcap file or name in bags/")
+    parser.add_argument(
+        "file",
+        metavar="FILE",
+        help="bag directory, .mcap file (also one that was cut off), name in bags/, or an .rrd "
+        "file of a run",
+    )
     parser.add_argument("--save", type=Path, metavar="OUT.rrd", help="write a rerun recording")
     parser.add_argument("--screenshot", type=Path, metavar="OUT.png", help="make a picture")
     parser.add_argument(
@@ -30,38 +35,64 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Raises RopeTwinError with one sentence if it cannot be done."""
-    from rope_twin.recording.bag_reader import find_bag
-    from rope_twin.view import picture, sinks, view_bag
-    from rope_twin.view.rope_view import RopeView
-
-    sinks.load_rerun()
-    wants_window = args.save is None and args.screenshot is None
-    missing = sinks.what_a_window_lacks() if wants_window else ""
-    if args.screenshot is not None:
-        missing = picture.what_a_picture_lacks()
-    if missing:
-        raise InputError(missing)
-    if args.at is not None and not args.at > 0.0:
-        raise InputError(phrase("--at", f"{args.at:g} is no time in the bag", "seconds above 0"))
-    find_bag(args.file)  # before anything is written
+    _check(args)
     with tempfile.TemporaryDirectory(prefix="rope_twin_view_") as folder:
-        recording = args.save or Path(folder) / "view.rrd"
-        view = RopeView(sinks.FileSink(recording, footer=True))
-        try:
-            played = view_bag.play(args.file, view, args.at)
-        finally:
-            view.close()
-        for problem in played.problems:
-            print(problem, file=sys.stderr)
-        print(f"{args.file}: {played.shown} messages, {played.duration_s:.1f} s")
-        if args.save is not None:
-            print(f"saved {args.save}")
+        if Path(args.file).suffix == ".rrd":
+            recording = Path(args.file)
+        else:
+            recording = args.save or Path(folder) / "view.rrd"
+            _convert(args.file, recording, args.at)
+            if args.save is not None:
+                print(f"saved {args.save}")
         if args.screenshot is not None:
-            picture.take_picture(recording, args.screenshot)
+            from rope_twin.view.picture import take_picture
+
+            take_picture(recording, args.screenshot)
             print(f"picture {args.screenshot}")
-        if wants_window:
+        if args.save is None and args.screenshot is None:
             _look(recording)
     return 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    """Everything that can be wrong before anything is written."""
+    from rope_twin.recording.bag_reader import find_bag
+    from rope_twin.view import picture, sinks
+
+    sinks.load_rerun()
+    if args.at is not None and not args.at > 0.0:
+        raise InputError(phrase("--at", f"{args.at:g} is no time in the bag", "seconds above 0"))
+    path = Path(args.file)
+    if path.suffix != ".rrd":
+        find_bag(args.file)
+    elif not path.is_file():
+        raise InputError(phrase(f"file {path}", "it does not exist", "name an .rrd file or a bag"))
+    elif args.save is not None or args.at is not None:
+        raise InputError(
+            phrase(f"file {path}", "--save and --at need the bag", "name the bag of that run")
+        )
+    missing = ""
+    if args.screenshot is not None:
+        missing = picture.what_a_picture_lacks()
+    elif args.save is None:
+        missing = sinks.what_a_window_lacks()
+    if missing:
+        raise InputError(missing)
+
+
+def _convert(bag: str, recording: Path, until_s: float | None) -> None:
+    from rope_twin.view import view_bag
+    from rope_twin.view.rope_view import RopeView
+    from rope_twin.view.sinks import FileSink
+
+    view = RopeView(FileSink(recording, footer=True))
+    try:
+        played = view_bag.play(bag, view, until_s)
+    finally:
+        view.close()
+    for problem in played.problems:
+        print(problem, file=sys.stderr)
+    print(f"{bag}: {played.shown} messages, {played.duration_s:.1f} s")
 
 
 def _look(recording: Path) -> None:

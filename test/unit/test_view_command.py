@@ -50,6 +50,16 @@ def test_save(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert {"/overview/rope", "/plots/tension/top"} <= entities
 
 
+def test_the_rrd_of_a_run_is_opened_as_it_is(bag: Path, tmp_path: Path) -> None:
+    rrd = tmp_path / "run.rrd"
+    assert command(str(bag), "--save", str(rrd)) == 0
+    for option in (("--at", "2"), ("--save", str(tmp_path / "b.rrd"))):
+        with pytest.raises(InputError, match="--save and --at need the bag"):
+            command(str(rrd), *option)
+    with pytest.raises(InputError, match="it does not exist"):
+        command(str(tmp_path / "nowhere.rrd"), "--save", str(rrd))
+
+
 def test_a_cut_bag_is_shown_and_its_loss_told(
     bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
