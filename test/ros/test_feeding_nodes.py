@@ -177,3 +177,22 @@ def test_a_scene_without_sea_or_schedule_is_left_alone(bench: Bench) -> None:
     winch.begin()
     assert bench.own.count_publishers("ship/heave") == 0
     assert bench.own.count_publishers("winch/speed_command") == 0
+
+
+def test_a_twin_fed_live_takes_samples_stamped_with_ros_time(bench: Bench) -> None:
+    from rope_twin.ros.params import overrides
+    from rope_twin.ros.simulation_node import SimulationNode
+
+    parameters = overrides({"scene": SCENE, "input_delay_s": 0.5})
+    simulation = bench.add(SimulationNode(parameter_overrides=parameters))
+    simulation.begin()
+    sensor = sea_state(bench, wait_for_epoch=False, lead_s=0.0)
+    sensor.begin()
+
+    def heave() -> Any:
+        return simulation.paced.last.inputs["heave"]
+
+    bench.until(lambda: heave().accepted >= 40, "two seconds of a live sensor")
+    bench.until(lambda: abs(simulation.paced.last.heave_m) > 0.0, "the ship moves with it")
+    assert heave().refused == 0
+    assert not heave().stale

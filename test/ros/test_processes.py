@@ -67,6 +67,19 @@ def test_ctrl_c_ends_all_processes_and_the_bag_is_whole(
     assert (bag / "metadata.yaml").is_file()
 
 
+def test_nodes_do_not_outlive_a_killed_run_command(processes: Processes) -> None:
+    import psutil
+
+    process = processes.cli("run", SCENE, "--processes", "--headless", "--no-record")
+    process.until_says("late")
+    children = psutil.Process(process.popen.pid).children(recursive=True)
+    assert len(children) >= 3
+    process.send(signal.SIGKILL)
+    process.wait()
+    _, alive = psutil.wait_procs(children, timeout=20.0)
+    assert alive == []
+
+
 def test_killed_recorder_loses_little_and_the_twin_does_not_notice(
     bench: Bench, processes: Processes, tmp_path: Path
 ) -> None:

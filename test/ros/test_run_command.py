@@ -149,6 +149,40 @@ def test_as_fast_as_possible_needs_no_ros(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    "speed", ["0", pytest.param("1", marks=pytest.mark.ros)], ids=["unpaced", "paced"]
+)
+def test_a_solver_that_gives_up_ends_the_run_with_its_sentence_and_the_bag(
+    domain: int, tmp_path: Path, speed: str
+) -> None:
+    script = (
+        "import sys\n"
+        "from rope_twin.cli import main\n"
+        "from rope_twin.errors import SolverError\n"
+        "from rope_twin.twin.twin import Twin\n"
+        "advance = Twin.advance\n"
+        "def give_up(self, steps):\n"
+        "    if self.steps >= 50:\n"
+        "        raise SolverError('step 51: the next state is not finite; shorten the step.')\n"
+        "    advance(self, steps)\n"
+        "Twin.advance = give_up\n"
+        "sys.exit(main(sys.argv[1:]))\n"
+    )
+    bag = tmp_path / "bag"
+    done = subprocess.run(
+        [sys.executable, "-c", script, "run", "shallow_lift", "--for", "5", "--json",
+         "--headless", "--speed", speed, "--record", str(bag)],
+        capture_output=True, text=True, timeout=120, check=False,
+    )  # fmt: skip
+    assert done.returncode == 1, done.stderr
+    assert "step 51: the next state is not finite" in done.stderr
+    assert "Traceback" not in done.stderr
+    summary = last_line(done.stdout)
+    assert summary["steps"] == 50
+    assert "not finite" in str(summary["error"])
+    assert counts(bag)["/tension_top"] == 25
+
+
+@pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (["run", "deep_lfit", "--speed", "0", "--for", "1"], "did you mean 'deep_lift'"),

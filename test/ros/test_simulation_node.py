@@ -12,7 +12,7 @@ from ros_bench import Bench
 
 from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.errors import InputError, SolverError
-from rope_twin.messages import encode_heave
+from rope_twin.messages import Level, encode_heave
 
 pytestmark = pytest.mark.ros
 SCENE = "shallow_lift"
@@ -201,6 +201,15 @@ def test_a_heave_that_stops_is_stale_and_the_twin_goes_on(bench: Bench, running:
     steps = paced.pacer.health().steps
     bench.until(lambda: paced.last.inputs["heave"].stale, "its absence is noticed")
     assert paced.pacer.health().steps > steps
+
+
+def test_a_step_of_the_system_clock_is_told(running: Any) -> None:
+    now_ns = time.time_ns()
+    row = {row.name: row for row in running.paced.rows(now_ns)}["simulation: clocks"]
+    assert row.level == Level.OK
+    row = {row.name: row for row in running.paced.rows(now_ns - 3_000_000_000)}[row.name]
+    assert row.level == Level.WARN
+    assert "-3.00" in row.message
 
 
 def test_scene_files_may_be_named_by_path(bench: Bench, tmp_path: Path) -> None:
