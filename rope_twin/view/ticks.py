@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-_MARGIN = 0.07  # at either end, in parts of the range
-_OVER = 0.05  # so far data may reach into the margin, in parts of a step
+_MARGIN = 0.1  # at either end, in parts of the range or of a step
+_MOST = 5.5
 
 
 def round_step(span: float, most: int = 7) -> float:
@@ -26,20 +26,24 @@ def ticks_over(span: float, most: int = 7) -> NDArray[np.float64]:
     return np.asarray(np.arange(math.ceil(max(span, step) / step - 1e-9) + 1) * step)
 
 
-def decade_range(low: float, high: float, most: int = 5) -> tuple[float, float]:
-    """A range around low to high with two to `most` + 1 multiples of a power of ten in it.
+def decade_range(low: float, high: float) -> tuple[float, float]:
+    """A range around low to high with a few multiples of a power of ten in it, at least two.
 
-    rerun labels plots at multiples of a power of ten only, only where they are far enough apart,
-    and not at the very edge: hence the margin.
+    rerun labels plots at multiples of a power of ten only, and only where these are far enough
+    apart: about _MOST of them in a plot of the view.
     """
     span = max(high - low, 1e-3 * max(abs(low), abs(high)), 1e-6)
+    margin = _MARGIN * span
+    bottom, top = low - margin, high + margin
     step = 10.0 ** math.floor(math.log10(span))
     while True:
-        first, last = math.floor(low / step + _OVER), math.ceil(high / step - _OVER)
-        if last - first <= most:
-            break
+        labels = math.floor(top / step) - math.ceil(bottom / step) + 1
+        if labels >= 2 and top - bottom <= _MOST * step:
+            return bottom, top
+        first, last = math.floor(low / step), math.ceil(high / step)
+        if first == last:
+            first, last = first - 1, last + 1
+        wide = last - first + 2.0 * _MARGIN
+        if wide <= _MOST:
+            return (first - _MARGIN) * step, (last + _MARGIN) * step
         step *= 10.0
-    if first == last:
-        first, last = first - 1, last + 1
-    margin = _MARGIN * (last - first)
-    return (first - margin) * step, (last + margin) * step

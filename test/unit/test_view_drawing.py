@@ -53,6 +53,7 @@ def test_plots_hold_their_data_and_at_least_two_labels(one: float, other: float)
     [
         (259.0, 371.0, (200.0, 300.0, 400.0)),  # top tension [kN]
         (-0.45, 0.38, (-1.0, 0.0, 1.0)),  # heave [m]
+        (-2.1, 2.3, (-2.0, -1.0, 0.0, 1.0, 2.0)),  # heave in a storm
         (2999.99, 3020.01, (3000.0, 3010.0, 3020.0)),  # line out [m]: no decade for 1 cm
         (3000.0, 3000.0, (3000.0,)),  # the winch stands
     ],
