@@ -1,0 +1,93 @@
+"""Static shapes against closed forms: stretch under weight (P8), elastic catenary (P1)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rigs import Rig, Vector
+from scipy.optimize import fsolve  # type: ignore[import-untyped]
+
+HANGING = Rig(length=2000.0, density=1025.0, volume=3.0)
+CHORD = (800.0, 0.0, -600.0)  # 1000 m long
+LINE = Rig(length=1020.0, density=1025.0, fixed_at=CHORD)
+
+
+def stretch(weight: float, load: float, length: float, EA: float) -> float:
+    """Elongation of a bar under its own weight and a load: (W + w·L/2)·L/EA (PHYSICS P8)."""
+    return (load + 0.5 * weight * length) * length / EA
+
+
+@pytest.mark.parametrize("elements", [3, 100])
+@pytest.mark.parametrize("load", [500.0, 20e3])
+def test_stretch_of_a_hanging_rope(elements: int, load: float) -> None:
+    """The lumped rope samples a linear tension at mid-element: the sum is exact."""
+    rig = replace(HANGING, elements=elements, load=load, volume=load / 7000.0)
+    shot = rig.twin().snapshot()
+    expected = stretch(rig.weight, rig.load_weight, rig.length, rig.EA)
+    assert -shot.payload_position_m[2] - rig.length == pytest.approx(expected, rel=1e-9)
+    assert shot.tension_top_n == pytest.approx(rig.load_weight + rig.weight * rig.length, rel=1e-9)
+
+
+def catenary(s: Vector, H: float, V: float, w: float, EA: float) -> tuple[Vector, Vector, Vector]:
+    """Elastic catenary from its lower end (Irvine 1981, Cable Structures, eqs 1.16-1.18).
+
+    s unstretched from the lower end [m]; H horizontal and V vertical tension there [N], V < 0 if
+    the line first dips. Returns x, z from the lower end [m] and the tension [N].
+    """
+    up = V + w * s
+    x = H * s / EA + H / w * (np.arcsinh(up / H) - np.arcsinh(V / H))
+    z = s * (V + 0.5 * w * s) / EA + H / w * (np.hypot(1.0, up / H) - np.hypot(1.0, V / H))
+    return x, z, np.hypot(H, up)
+
+
+def solve_catenary(rig: Rig, across: float, up: float) -> tuple[float, float]:
+    """H and V of the line from its lower end to a point `across` and `up` [m]."""
+    length, w = rig.length, rig.weight
+
+    def miss(unknown: Vector) -> Vector:
+        H, V = np.exp(unknown[0]), unknown[1] * w * length
+        x, z, _ = catenary(np.array([length]), H, V, w, rig.EA)
+        return np.array([x[0] - across, z[0] - up]) / length
+
+    sag = max(length**2 - up**2 - across**2, 1e-4 * across**2) / across**2
+    slope = np.sqrt(3.0 * sag)  # parabola: Irvine's first guess of lambda
+    start = [np.log(0.5 * w * across / slope), 0.5 * (up / length / np.tanh(slope) - 1.0)]
+    solution, info, ok, text = fsolve(miss, start, full_output=True, xtol=1e-14)
+    assert ok == 1 or np.abs(info["fvec"]).max() < 1e-12, text
+    return float(np.exp(solution[0])), float(solution[1] * w * length)
+
+
+@pytest.mark.parametrize("length", [998.0, 1000.5, 1020.0, 1300.0])
+def test_elastic_catenary(length: float) -> None:
+    """P1: shape and end tensions, 0.1 % at 100 elements; stretched taut, tight, slack, dipping."""
+    rig = replace(LINE, length=length)
+    shot = rig.twin().snapshot()
+    H, V = solve_catenary(rig, CHORD[0], -CHORD[2])
+    s = length - shot.arc_length_m
+    x, z, tension = catenary(s, H, V, rig.weight, rig.EA)
+    shape = np.stack([CHORD[0] - x, np.zeros_like(x), CHORD[2] + z], axis=1)
+    assert np.abs(shot.node_position_m - shape).max() < 1e-3 * np.linalg.norm(CHORD)
+    assert shot.tension_top_n == pytest.approx(tension[0], rel=1e-3)
+    assert shot.hang_off_force_n == pytest.approx([H, 0.0, -V - rig.weight * length], rel=1e-3)
+    middles = 0.5 * (s[1:] + s[:-1])
+    _, _, between = catenary(middles, H, V, rig.weight, rig.EA)
+    assert shot.element_tension_n == pytest.approx(between, rel=1e-3)
+    lowest = shot.node_position_m[-2] - shot.node_position_m[-1]
+    lowest *= shot.tension_payload_n / np.linalg.norm(lowest)
+    lowest[2] -= 0.5 * rig.weight * length / rig.elements
+    assert np.linalg.norm(lowest) == pytest.approx(tension[-1], rel=1e-3)
+
+
+def test_half_a_line_equals_the_whole() -> None:
+    """A level line is two half lines that meet at its lowest point."""
+    whole = replace(LINE, length=1300.0, fixed_at=(1000.0, 0.0, 0.0)).twin().snapshot()
+    assert whole.node_tension_n[1:-1] == pytest.approx(whole.node_tension_n[-2:0:-1], rel=1e-6)
+    middle = tuple(float(x) for x in whole.node_position_m[50])
+    assert middle[0] == pytest.approx(500.0, abs=1e-6)
+    rig = replace(LINE, length=650.0, elements=50, fixed_at=(middle[0], middle[1], middle[2]))
+    half = rig.twin().snapshot()
+    assert half.node_position_m == pytest.approx(whole.node_position_m[:51], abs=1e-5)
+    assert half.tension_top_n == pytest.approx(whole.tension_top_n, rel=1e-6)
+    assert half.hang_off_force_n == pytest.approx(whole.hang_off_force_n, rel=1e-6, abs=1e-3)
