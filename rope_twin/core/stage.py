@@ -19,11 +19,15 @@ from rope_twin.core.state import ELEMENTS, SOLVES, SOLVES_MAX
 CAP = 12  # corrections before the step is halved instead
 SEARCH_FROM = 4  # the first correction that is searched along
 SEARCH_EVALUATIONS = 8
+NOT_FINITE, UNCONVERGED, CONVERGED = -1, 0, 1  # the worse, the smaller
 
 
 @jit
-def solve_stage(rope: Any, stage: Any, tolerance: float) -> bool:
-    """Find the acceleration; motion and tension then belong to the stage's time. False: not yet."""
+def solve_stage(rope: Any, stage: Any, tolerance: float) -> int:
+    """Find the acceleration; motion and tension then belong to the stage's time.
+
+    Returns CONVERGED, UNCONVERGED, or NOT_FINITE if a force is not.
+    """
     state, work = rope.state, rope.work
     n, first = state.counts[ELEMENTS], rope.model.first_free
     low, slope_low, factor, searched = 0.0, 0.0, 1.0, 0  # the line search's lower bracket
@@ -36,7 +40,7 @@ def solve_stage(rope: Any, stage: Any, tolerance: float) -> bool:
             set_flow(rope, stage, 0, n)
         elif searched == 0 and tension_agrees(work, n, tolerance):
             state.health[SOLVES_MAX] = max(state.health[SOLVES_MAX], correction)
-            return True
+            return CONVERGED
         evaluate(rope, stage)
         if correction >= SEARCH_FROM and searched < SEARCH_EVALUATIONS:
             here = slope(work, first, n)
@@ -51,13 +55,13 @@ def solve_stage(rope: Any, stage: Any, tolerance: float) -> bool:
                 continue
         if correction == CAP:
             state.health[SOLVES_MAX] = CAP
-            return False
+            return UNCONVERGED
         root_stiffness(work, n)
         eliminate(work, first, n)
         state.health[SOLVES] += 1
         before = slope(work, first, n)
         if not isfinite(before):
-            return False
+            return NOT_FINITE
         predict_tension(work, n)
         add_correction(work, 1.0, first, n)
         factor, searched, correction = 1.0, 0, correction + 1

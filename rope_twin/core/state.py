@@ -46,7 +46,7 @@ WORK_ROWS = KEPT + NODE_ROWS
 # state.counts
 ELEMENTS, LOWEST_OFFSET, COUNTS = 0, 1, 2
 # state.health: sums and maxima since the start
-(STEPS, SOLVES, SOLVES_MAX, SUBSTEPS, SUBSTEPS_MAX, REJECTED, UNCONVERGED, SPLITS, MERGES,
+(STEPS, SOLVES, SOLVES_MAX, SUBSTEPS, SUBSTEPS_MAX, REJECTED, SUBSTEPS_UNCONVERGED, SPLITS, MERGES,
  HEALTH) = range(10)  # fmt: skip
 # columns of `pull`, one row per step: magnitude and vector of the rope's pull on the hang-off
 PULL, PULL_X, PULL_Y, PULL_Z, PULL_COLUMNS = range(5)

@@ -16,7 +16,7 @@ from rope_twin.core.state import (
     NODE_ROWS,
     POSITION,
     PULL_COLUMNS,
-    UNCONVERGED,
+    SUBSTEPS_UNCONVERGED,
     VELOCITY,
     Boundary,
     Rope,
@@ -50,7 +50,7 @@ def find_equilibrium(rope: Rope, L: float) -> float:
         nodes[VELOCITY:NODE_ROWS] = 0.0
         health[:] = 0
         done = advance(rope._replace(model=still._replace(step=step)), boundary, pull, 0.0, 1)
-        if done < 1 or health[UNCONVERGED] > 0:
+        if done < 1 or health[SUBSTEPS_UNCONVERGED] > 0:
             nodes[POSITION : POSITION + 3, : n + 1] = before
             step *= SHRINK
             if step < STEP_LEAST:

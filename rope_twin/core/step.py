@@ -16,7 +16,7 @@ from rope_twin.core.jit import jit_entry, jit_inline
 from rope_twin.core.motion import place_hang_off
 from rope_twin.core.payout import balance, change_elements, set_material
 from rope_twin.core.rows import copy
-from rope_twin.core.stage import solve_stage
+from rope_twin.core.stage import CONVERGED, NOT_FINITE, UNCONVERGED, solve_stage
 from rope_twin.core.state import (
     ACCELERATION,
     DIRECTION,
@@ -37,8 +37,8 @@ from rope_twin.core.state import (
     STEPS,
     SUBSTEPS,
     SUBSTEPS_MAX,
+    SUBSTEPS_UNCONVERGED,
     TENSION,
-    UNCONVERGED,
     VELOCITY,
     VELOCITY_HAT,
     Stage,
@@ -88,18 +88,21 @@ def _stage_at(rope: Any, boundary: Any, row: int, part: float, time: float, c: f
 
 
 @jit_inline
-def _substep(rope: Any, boundary: Any, row: int, time: float, start: float, share: float) -> bool:
-    """Both stages over `share` of the step from `start`; the result is in work."""
+def _substep(rope: Any, boundary: Any, row: int, time: float, start: float, share: float) -> int:
+    """Both stages over `share` of the step from `start`; the result is in work.
+
+    Returns the worse of what the stages returned.
+    """
     model, state, work = rope.model, rope.state, rope.work
     n, first = state.counts[ELEMENTS], model.first_free
     c = 0.5 * GAMMA * share * model.step
     _predict_trapezoid(state, work, c, first, n)
     stage = _stage_at(rope, boundary, row, start + GAMMA * share, time, c)
-    ok = solve_stage(rope, stage, model.tolerance)
+    first_stage = solve_stage(rope, stage, model.tolerance)
     _predict_bdf2(state, work, c, first, n)
     stage = _stage_at(rope, boundary, row, start + share, time, c)
-    also = solve_stage(rope, stage, model.tolerance)
-    return bool(ok and also)
+    second_stage = solve_stage(rope, stage, model.tolerance)
+    return int(min(first_stage, second_stage))
 
 
 @jit_inline
@@ -124,15 +127,17 @@ def _advance_halving(rope: Any, boundary: Any, row: int, time: float) -> bool:
     health = rope.state.health
     while done < full:
         part = full >> level
-        ok = _substep(rope, boundary, row, time, done / full, part / full)
-        if not ok and level < HALVINGS:
+        outcome = _substep(rope, boundary, row, time, done / full, part / full)
+        if outcome < CONVERGED and level < HALVINGS:
             level += 1
             health[REJECTED] += 1
             continue
+        if outcome == NOT_FINITE:
+            return False
         if not _accept(rope.state, rope.work, rope.state.counts[ELEMENTS]):
             return False
-        if not ok:
-            health[UNCONVERGED] += 1
+        if outcome == UNCONVERGED:
+            health[SUBSTEPS_UNCONVERGED] += 1
         done += part
         substeps += 1
         while level > 0 and done % (full >> (level - 1)) == 0:

@@ -109,7 +109,7 @@ def _solver_health(health: Ints, computing_s: float) -> SolverHealth:
         substeps=int(health[rows.SUBSTEPS]),
         substeps_max_per_step=int(health[rows.SUBSTEPS_MAX]),
         rejected_substeps=int(health[rows.REJECTED]),
-        unconverged_substeps=int(health[rows.UNCONVERGED]),
+        unconverged_substeps=int(health[rows.SUBSTEPS_UNCONVERGED]),
         splits=int(health[rows.SPLITS]),
         merges=int(health[rows.MERGES]),
         computing_s=computing_s,

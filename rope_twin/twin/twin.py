@@ -183,7 +183,7 @@ class Twin:
 
     def snapshot(self) -> Snapshot:
         """A frozen copy of the present; call it from the thread that advances."""
-        unconverged = int(self._rope.state.health[rows.UNCONVERGED])
+        unconverged = int(self._rope.state.health[rows.SUBSTEPS_UNCONVERGED])
         with self._lock:
             inputs = self._input_health()
             at_limit = self._winch.at_limit

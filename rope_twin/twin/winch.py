@@ -122,7 +122,10 @@ class Winch:
             if outward
             else self._line.length_m - scene.least_line_out_m
         )
-        braking = _braking_speed(room, scene.acceleration_limit_m_per_s2, step_s)
+        outgoing = max(math.copysign(1.0, target) * self._line.speed_m_per_s, 0.0)
+        braking = _braking_speed(
+            room - 0.5 * step_s * outgoing, scene.acceleration_limit_m_per_s2, step_s
+        )
         if abs(target) > braking:
             target = math.copysign(braking, target) if braking > CREEP_M_PER_S else 0.0
             limit = scene.most_line_out_m if outward else scene.least_line_out_m
@@ -132,7 +135,11 @@ class Winch:
 
 
 def _braking_speed(room_m: float, acceleration: float, step_s: float) -> float:
-    """Largest speed from which the winch stops within `room_m`, seen once a step."""
+    """Largest speed v at the end of a step after which the winch still stops in time.
+
+    v²/(2·a) + v·h/2 = room: braking from v, and v's share of the step itself (its other half, of
+    the speed at the step's start, is taken off the room by the caller).
+    """
     lag = 0.5 * acceleration * step_s
     return math.sqrt(2.0 * acceleration * max(room_m, 0.0) + lag * lag) - lag
 

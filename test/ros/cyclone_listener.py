@@ -11,7 +11,8 @@ from __future__ import annotations
 import json
 import sys
 import time
-from dataclasses import make_dataclass
+from dataclasses import dataclass
+from types import new_class
 from typing import Any
 
 from cyclonedds.core import Policy, Qos
@@ -19,7 +20,6 @@ from cyclonedds.domain import Domain, DomainParticipant
 from cyclonedds.idl import IdlStruct, types
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
-from cyclonedds.util import duration
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 
@@ -45,24 +45,15 @@ def idl_type(name: str) -> type:
     """The IDL struct of a ROS message type, e.g. `std_msgs/msg/Float64`."""
     if name not in _made:
         package, _, short = name.split("/")
-        fields = [(field, _field_type(kind)) for field, kind in STORE.FIELDDEFS[name][1]]
-        _made[name] = make_dataclass(
-            short, fields, bases=(IdlStruct,),
-            namespace={}, kw_only=False,
-        )  # fmt: skip
-        _made[name] = _with_name(short, fields, f"{package}.msg.dds_.{short}_")
+        fields = {field: _field_type(kind) for field, kind in STORE.fielddefs[name][1]}
+        made = new_class(
+            short,
+            (IdlStruct,),
+            {"typename": f"{package}.msg.dds_.{short}_"},
+            lambda body: body.update(__annotations__=fields, __module__=__name__),
+        )
+        _made[name] = dataclass(made)
     return _made[name]
-
-
-def _with_name(short: str, fields: list[tuple[str, Any]], typename: str) -> type:
-    annotations = dict(fields)
-    made = type(IdlStruct)(  # the metaclass takes the DDS name as a keyword
-        short, (IdlStruct,), {"__annotations__": annotations, "__module__": __name__},
-        typename=typename,
-    )  # fmt: skip
-    from dataclasses import dataclass
-
-    return dataclass(made)
 
 
 def _field_type(kind: Any) -> Any:
@@ -97,9 +88,10 @@ def listen(domain: int, seconds: float, names: list[str]) -> dict[str, Any]:
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         for name, reader in readers.items():
-            for sample in reader.take_iter(limit=100, timeout=duration(milliseconds=5)):
+            for sample in reader.take(N=100):
                 counts[name] += 1
                 last[name] = sample
+        time.sleep(0.005)
     del kept
     return {name: {"count": counts[name], "last": figure(last[name])} for name in names}
 

@@ -1,0 +1,43 @@
+"""Live topics, heard by a DDS client of another vendor (Eclipse Cyclone DDS)."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from ros_process import Processes
+
+from rope_twin.share import share_dir
+
+pytestmark = pytest.mark.ros
+LISTENER = Path(__file__).with_name("cyclone_listener.py")
+TOPICS = ("tension_top", "payload/odometry", "winch/state", "tension", "rope/nodes")
+
+
+def test_cyclone_dds_hears_scalars_structs_and_arrays(processes: Processes) -> None:
+    profile = str(share_dir() / "config" / "ros" / "fastdds_other_vendors.xml")
+    run = processes.start(
+        ["-m", "rope_twin.cli", "run", "shallow_lift", "--headless", "--no-record", "--for", "60"],
+        FASTDDS_DEFAULT_PROFILES_FILE=profile,
+    )
+    run.until_says("late")
+    listener = processes.start([str(LISTENER), os.environ["ROS_DOMAIN_ID"], "4", *TOPICS])
+    assert listener.wait() == 0
+    heard = json.loads(listener.text.strip().splitlines()[-1])
+    # 4 s less discovery, at 50 and 25 Hz
+    assert heard["tension_top"]["count"] >= 50
+    assert heard["rope/nodes"]["count"] >= 25
+    assert 1e5 < heard["tension_top"]["last"] < 3e5
+    assert -215.0 < heard["payload/odometry"]["last"] < -195.0
+    names, positions, efforts = heard["winch/state"]["last"]
+    assert names == ["winch"]
+    assert 195.0 < positions[0] < 215.0
+    assert 1e5 < efforts[0] < 3e5
+    elements, largest = heard["tension"]["last"]
+    width, fields, size = heard["rope/nodes"]["last"]
+    assert width == elements + 1
+    assert fields == ["x", "y", "z", "tension"]
+    assert size == 16 * width
+    assert 1e5 < largest < 3e5
