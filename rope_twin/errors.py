@@ -1,4 +1,4 @@
-"""What the twin says when it cannot go on: one sentence with what, where, and what would be right."""
+"""What the twin says when it cannot go on: one sentence with what, where, what would be right."""
 
 from __future__ import annotations
 

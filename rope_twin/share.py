@@ -21,7 +21,7 @@ def share_dir() -> Path:
     source = Path(__file__).resolve().parent.parent
     if (source / "config" / "scenes").is_dir() and (source / "package.xml").is_file():
         return source
-    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) + [sys.prefix]
+    prefixes = [*os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep), sys.prefix]
     for prefix in prefixes:
         folder = Path(prefix) / "share" / _PACKAGE
         if prefix and (folder / "config" / "scenes").is_dir():

@@ -11,9 +11,8 @@ from math import exp, isfinite, sqrt
 from typing import Any
 
 from rope_twin.core.assembly import set_lengths, set_top_length
-from rope_twin.core.elastic import stretch_all
 from rope_twin.core.jit import jit_entry, jit_inline
-from rope_twin.core.motion import place_hang_off
+from rope_twin.core.motion import place_hang_off, prescribed
 from rope_twin.core.payout import balance, change_elements, set_material
 from rope_twin.core.rows import copy
 from rope_twin.core.stage import CONVERGED, NOT_FINITE, UNCONVERGED, solve_stage
@@ -106,25 +105,26 @@ def _substep(rope: Any, boundary: Any, row: int, time: float, start: float, shar
 
 
 @jit_inline
-def _accept(state: Any, work: Any, n: int) -> bool:
-    """Take the substep's result if it is finite."""
+def _is_finite(work: Any, n: int) -> bool:
+    """Whether the stage's motion is finite. A converged one is: NaN disagrees with any tension."""
     total = 0.0
     for k in range(NODE_ROWS):
         row = work[k]
         for i in range(n):
             total += abs(row[i])
-    if not isfinite(total):
-        return False
-    copy(work, POSITION, state.nodes, POSITION, NODE_ROWS, n + 1)
-    return True
+    return isfinite(total)
 
 
 @jit_inline
 def _advance_halving(rope: Any, boundary: Any, row: int, time: float) -> bool:
-    """One step, in halves of halves where Newton does not converge. False: not finite."""
+    """One step, in halves of halves where Newton does not converge.
+
+    False: not finite; the state is as it was.
+    """
     full = 1 << HALVINGS
     done, level, substeps = 0, 0, 0
-    health = rope.state.health
+    state, work, health = rope.state, rope.work, rope.state.health
+    n = state.counts[ELEMENTS]
     while done < full:
         part = full >> level
         outcome = _substep(rope, boundary, row, time, done / full, part / full)
@@ -132,12 +132,15 @@ def _advance_halving(rope: Any, boundary: Any, row: int, time: float) -> bool:
             level += 1
             health[REJECTED] += 1
             continue
-        if outcome == NOT_FINITE:
-            return False
-        if not _accept(rope.state, rope.work, rope.state.counts[ELEMENTS]):
+        if outcome == NOT_FINITE or (outcome == UNCONVERGED and not _is_finite(work, n)):
+            if done > 0:
+                copy(work, KEPT, state.nodes, POSITION, NODE_ROWS, n + 1)
             return False
         if outcome == UNCONVERGED:
             health[SUBSTEPS_UNCONVERGED] += 1
+        if done == 0 and part < full:  # the step's start, should a later part fail
+            copy(state.nodes, POSITION, work, KEPT, NODE_ROWS, n + 1)
+        copy(work, POSITION, state.nodes, POSITION, NODE_ROWS, n + 1)
         done += part
         substeps += 1
         while level > 0 and done % (full >> (level - 1)) == 0:
@@ -163,18 +166,16 @@ def _fade_offsets(model: Any, state: Any, n: int) -> None:
 
 @jit_inline
 def _report(rope: Any, boundary: Any, pull: Any, row: int, time: float) -> None:
-    """Tension everywhere and the pull on the hang-off, all at the end of step `row`.
+    """The rope's pull on the hang-off at the end of step `row`, where the last stage has left work.
 
-    The pull is the balance of the half element at the hang-off, -T·t + (l/2)·(loads - m·a), with
+    It is the balance of the half element at the hang-off, -T·t + (l/2)·(loads - m·a), with
     the material velocity and acceleration of the rope that passes it; the element's tension alone
     would be a saw-tooth of m·g·l/2 under payout.
     """
     state, work, h = rope.state, rope.work, rope.model.step
     n = state.counts[ELEMENTS]
-    L, V, A = place_hang_off(work, boundary, row, 1.0, h, n)
-    set_top_length(work, state.s, n, L)
+    _, V, A = prescribed(boundary, row, LINE, 1.0, h)
     stage = Stage(time + h, 1.0, 0.0, V)
-    stretch_all(rope, stage)
     slot = state.s.shape[0] - 1
     rest, T = work[REST, n - 1], work[TENSION, n - 1]
     set_material(rope, n - 1, rest, V, A, slot)
@@ -203,9 +204,7 @@ def advance(rope: Any, boundary: Any, pull: Any, time: float, steps: int) -> int
     for row in range(steps):
         n = state.counts[ELEMENTS]
         now = time + row * rope.model.step
-        copy(state.nodes, POSITION, work, KEPT, NODE_ROWS, n + 1)
         if not _advance_halving(rope, boundary, row, now):
-            copy(work, KEPT, state.nodes, POSITION, NODE_ROWS, n + 1)
             return row
         state.s[n] = boundary.value[row + 1, LINE]
         _fade_offsets(rope.model, state, n)

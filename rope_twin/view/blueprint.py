@@ -25,7 +25,7 @@ _PLOTS = (
     ("plots/tension/payload", "Tension at the payload [kN]", 3),
     ("plots/heave", "Heave of the ship [m]", 3),
     ("plots/line_out", "Line out [m]", 3),
-    ("plots/real_time_factor", "Model alone, times faster than real time", 3),
+    ("plots/real_time_factor", "In its slots, times faster than real time", 3),
 )
 
 

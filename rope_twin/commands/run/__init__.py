@@ -5,9 +5,12 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from rope_twin.commands.run.options import RunOptions, add_arguments, read_options
+
+ALONE_S = 20.0  # so much of a paced run is repeated without waiting, to measure the model alone
 
 if TYPE_CHECKING:
     from rope_twin.commands.run.summary import Progress, RunSummary
@@ -39,13 +42,23 @@ def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
     elif paced is None:
         raise RuntimeError("a paced run needs the ROS suite")
     else:
-        summary = paced(options, progress)
+        summary = _with_speed_alone(paced(options, progress), options)
     progress.finish()
     if summary.error:
         progress.say(summary.error)
     sys.stdout.write((summary.as_json() if options.json else summary.as_text()) + "\n")
     sys.stdout.flush()
     return 1 if summary.error else 0
+
+
+def _with_speed_alone(summary: RunSummary, options: RunOptions) -> RunSummary:
+    """The summary of a paced run with the speed of the model alone."""
+    if summary.error or summary.steps == 0:
+        return summary
+    from rope_twin.commands.run.unpaced import measure_alone
+
+    time_s = min(summary.time_s, ALONE_S)
+    return replace(summary, real_time_factor=measure_alone(options, time_s))
 
 
 def _unpaced(options: RunOptions, progress: Progress) -> RunSummary:

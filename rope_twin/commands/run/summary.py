@@ -28,6 +28,7 @@ class RunSummary:
     late_steps: int
     worst_lateness_s: float
     real_time_factor: float  # of the model alone: simulated time over time spent computing
+    paced_real_time_factor: float | None  # the same within the slots of a paced run
     tension_top_now_n: float
     tension_top_max_n: float
     tension_top_mean_n: float
@@ -65,7 +66,12 @@ class RunSummary:
             f"top tension {_kn(self.tension_top_min_n)} to {_kn(self.tension_top_max_n)}, "
             f"mean {_kn(self.tension_top_mean_n)}",
             f"line out {self.line_out_m:.1f} m, payload at {self.payload_depth_m:.1f} m depth",
-            f"the model alone ran {self.real_time_factor:.0f} times real time, "
+            f"the model alone runs {self.real_time_factor:.0f} times real time"
+            + (
+                f" ({self.paced_real_time_factor:.0f} times in its slots, woken each time)"
+                if self.paced_real_time_factor is not None
+                else ""
+            ),
             f"{self.late_steps} steps late"
             + (f" (worst {self.worst_lateness_s * 1e3:.1f} ms)" if self.late_steps else ""),
         ]
@@ -102,6 +108,7 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         late_steps=pacing.late_steps if pacing else 0,
         worst_lateness_s=pacing.worst_lateness_s if pacing else 0.0,
         real_time_factor=statistics.real_time_factor,
+        paced_real_time_factor=statistics.real_time_factor if pacing else None,
         tension_top_now_n=now_n,
         tension_top_max_n=statistics.tension_top_max_n if stepped else now_n,
         tension_top_mean_n=statistics.tension_top_mean_n if stepped else now_n,

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 
 from rope_twin.cadence import DIAGNOSTICS_PERIOD_NS, due_topics
 from rope_twin.commands.run.inputs import FIRST_NS, LEAD_NS, open_sea
@@ -77,8 +78,6 @@ class UnpacedRun:
 
     def summary(self, error: str = "") -> RunSummary:
         """The figures so far."""
-        from dataclasses import replace
-
         bag = str(self._options.record) if self._options.record else None
         return replace(summarise(self.twin, self.last, None), bag=bag, error=error)
 
@@ -115,6 +114,21 @@ class UnpacedRun:
         if self._bag is not None:
             for at_ns, name, data in messages:
                 self._bag.write(name, self.epoch_ns + at_ns, data)
+
+
+def measure_alone(options: RunOptions, time_s: float) -> float:
+    """Real-time factor of the model alone: the run's first `time_s` once more, without waiting.
+
+    In a paced run every slot begins with what other programs left in the processor's caches, which
+    costs a short step several times its own work; `RunSummary.paced_real_time_factor` has that.
+    """
+    run = UnpacedRun(replace(options, record=None))
+    try:
+        while run.twin.time_ns < time_s * 1e9:
+            run.advance_slot()
+    except SolverError:
+        pass  # the run itself has told; what was stepped counts
+    return run.twin.statistics().real_time_factor
 
 
 def run_unpaced(
