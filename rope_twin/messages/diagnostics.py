@@ -131,6 +131,7 @@ def _pacing(pacing: PacingHealth) -> Status:
         "behind now [ms]": f"{pacing.behind_s * 1000.0:.2f}",
         "real-time factor": f"{pacing.real_time_factor:.1f}",
         "lost snapshots": str(pacing.lost_snapshots),
+        "thread priority": "real-time" if pacing.priority else "ordinary",
     }
     late = (
         f"{_count(pacing.late_steps, 'step')} ended late since the start, the worst by "

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import gc
 import logging
+import os
 import sys
 import threading
 import time
@@ -25,6 +26,7 @@ from rope_twin.errors import SolverError
 from rope_twin.twin.snapshot import Snapshot
 
 CATCH_UP = 4.0  # a twin that is behind runs at most this many times faster than its grid
+PRIORITY = 10  # of 1 to 99: ahead of ordinary threads, behind those of the system
 SLOT_S = 0.02  # the longest publish period of a scalar: 50 Hz
 WAITING_S = 0.5  # snapshots of this much real time may wait for the publisher
 
@@ -83,6 +85,7 @@ class PacingHealth:
     computing_s: float = 0.0  # time spent in `advance`
     real_time_factor: float = 0.0  # simulated time over computing_s; 0 before the first slot
     lost_snapshots: int = 0  # computed but never taken, because the publisher was too slow
+    priority: bool = False  # the system let the worker run ahead of ordinary threads
     error: str = ""  # the sentence with which the solver stopped; empty while all is well
 
 
@@ -184,6 +187,7 @@ class Pacer:
         )
 
     def _run(self, origin_ns: int) -> None:
+        self._health = replace(self._health, priority=take_priority())
         slot = 0
         earliest_ns = origin_ns
         while not self._halt.is_set():
@@ -248,6 +252,15 @@ def handover_depth(slot_s: float, speed: float) -> int:
 def steps_in_slot(step_s: float, slot_s: float = SLOT_S) -> int:
     """The most whole steps that fit into a publish period; 1 if a step is longer than that."""
     return max(1, int(slot_s / step_s + 1e-9))
+
+
+def take_priority() -> bool:
+    """Let this thread run ahead of ordinary ones, where the system allows it (root, or rtprio)."""
+    try:
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(PRIORITY))
+    except (AttributeError, OSError):
+        return False
+    return True
 
 
 def keep_pauses_short() -> None:
