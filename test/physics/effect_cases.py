@@ -1,0 +1,133 @@
+"""Every effect in EFFECTS on small arrays and on a small rope, for compiled and plain Python runs.
+
+A new effect gets its row in PARAMS the day it is listed; until then the tests say so.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rigs import Rig, march, sine
+
+from rope_twin import Twin
+from rope_twin.core import state as rows
+from rope_twin.core.jit import jit_entry
+from rope_twin.core.terms import add_flow, add_load
+from rope_twin.effects import EFFECTS
+from rope_twin.effects.added_mass import AddedMassParams
+from rope_twin.effects.current import CurrentParams
+from rope_twin.effects.drag import DragParams
+from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.weight import WeightParams
+from rope_twin.scene.build import build_effects
+from rope_twin.scene.schema import Winch
+from rope_twin.scene.shapes import payload_figures
+
+Vector = NDArray[np.float64]
+NODES = 13
+RESULTS = slice(rows.FLOW, rows.FLOW + 6), slice(rows.BLOCK, rows.BLOCK + 6)  # flow, R; blocks
+
+PARAMS: dict[str, Any] = {
+    "current": CurrentParams(
+        profile=((0.0, (0.8, 0.1)), (-30.0, (0.3, 0.5)), (-70.0, (-0.2, 0.4)))
+    ),
+    "weight": WeightParams(),
+    "drag": DragParams(normal=1.3, tangential=0.03),
+    "added_mass": AddedMassParams(normal=1.4),
+    "payload": PayloadParams(),
+}
+SMALL = Rig(
+    length=40.0, elements=8, mass=2.9, EA=2e6, diameter=0.06, damping=2e4, load=600.0, volume=0.1,
+    added=(150.0, 200.0, 260.0), area=(0.8, 1.1, 1.5), density=1025.0, step=0.05, tolerance=1e-3,
+    hang_off=(1.0, -2.0, 0.0),
+    winch=Winch(
+        speed_limit_m_per_s=3.0, acceleration_limit_m_per_s2=5.0, least_line_out_m=10.0,
+        most_line_out_m=80.0,
+    ),
+)  # fmt: skip
+
+
+def params_of(name: str) -> Any:
+    """What a scene would say of the effect."""
+    assert name in PARAMS, (
+        f"effect '{name}' is in EFFECTS but has no row in PARAMS of test/physics/effect_cases.py;"
+        " add one with parameters that make it act, so that it is tested"
+    )
+    return PARAMS[name]
+
+
+def data_of(*names: str) -> tuple[Any, ...]:
+    """The kernels' data of these effects, on the small rope."""
+    scene = replace(SMALL.scene(), effects=tuple(params_of(name) for name in names))
+    figures = payload_figures(scene.payloads[0], SMALL.density)
+    return build_effects(scene, scene.ropes[0].rope, figures)
+
+
+@jit_entry
+def apply(effects: Any, model: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """Both hooks of these effects for the nodes low <= i < high."""
+    add_flow(effects, model, work, stage, low, high)
+    add_load(effects, model, work, stage, low, high)
+
+
+def some_model() -> rows.Model:
+    """A model for hooks: they may read it, none of its numbers matters here."""
+    return rows.Model(2e6, 2e4, SMALL.mass, 5.0, 7.5, 2.0, 1.0, 0, SMALL.step, 1e-3)
+
+
+def some_stage() -> rows.Stage:
+    """The weights of a TR-BDF2 stage at 3 s."""
+    c = 0.5 * (2.0 - math.sqrt(2.0)) * SMALL.step
+    return rows.Stage(3.0, c * c, c, 0.7)
+
+
+def some_work(seed: int = 1) -> Vector:
+    """Scratch with nodes in motion down to 90 m, tangents of any direction, nothing loaded yet."""
+    random = np.random.default_rng(seed)
+    work = rows.new_work(NODES)
+    work[rows.POSITION : rows.POSITION + 2] = random.normal(0.0, 5.0, (2, NODES))
+    work[rows.POSITION + 2] = np.linspace(-90.0, 0.0, NODES)
+    work[rows.VELOCITY : rows.VELOCITY + 3] = random.normal(0.0, 1.5, (3, NODES))
+    work[rows.ACCELERATION : rows.ACCELERATION + 3] = random.normal(0.0, 2.0, (3, NODES))
+    tangent = random.normal(0.0, 1.0, (3, NODES))
+    work[rows.TANGENT : rows.TANGENT + 3] = tangent / np.linalg.norm(tangent, axis=0)
+    work[rows.LUMP] = random.uniform(1.0, 6.0, NODES)
+    return work
+
+
+def loads(effects: tuple[Any, ...], work: Vector, low: int = 0, high: int = NODES) -> Vector:
+    """Flow, residual and blocks that the hooks leave on a copy, (12, NODES)."""
+    work = work.copy()
+    apply(effects, some_model(), work, some_stage(), low, high)
+    return np.concatenate([work[part] for part in RESULTS])
+
+
+def alone(name: str) -> Vector:
+    """The hooks of one effect over all nodes, and over one spare slot, (2, 12, NODES)."""
+    effects, work = data_of(name), some_work()
+    return np.stack([loads(effects, work), loads(effects, work, NODES - 1, NODES)])
+
+
+def together() -> Vector:
+    """Every effect on a small rope that is paid out, hauled in and goes slack; one row a step.
+
+    Columns: top tension, its extremes in element tension, payload position, number of elements.
+    """
+    effects = tuple(params_of(effect.name) for effect in EFFECTS)
+    twin = Twin(replace(SMALL.scene(), effects=effects))
+    assert twin.offer_speed(0, 3.0) == ""
+    assert twin.offer_speed(round(3e9), -3.0) == ""
+    seen = []
+    for shot in march(twin, sine(2.0, 4.0), 8.0):
+        tension, x = shot.element_tension_n, shot.payload_position_m
+        seen.append([shot.tension_top_n, tension.min(), tension.max(), *x, len(tension)])
+    return np.array(seen)
+
+
+def everything() -> dict[str, Vector]:
+    """All results by name."""
+    return {**{effect.name: alone(effect.name) for effect in EFFECTS}, "together": together()}

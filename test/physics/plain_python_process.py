@@ -1,0 +1,11 @@
+"""A process of its own (NUMBA_DISABLE_JIT=1): the results of effect_cases into an .npz file."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+from effect_cases import everything
+
+if __name__ == "__main__":
+    np.savez(sys.argv[1], allow_pickle=False, **everything())

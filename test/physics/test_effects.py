@@ -1,0 +1,126 @@
+"""Every effect in EFFECTS: plain Python equals compiled, its Jacobian is its residual's, no 0/0."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import effect_cases
+import numpy as np
+import pytest
+from effect_cases import NODES, alone, data_of, loads, params_of, some_stage, some_work, together
+
+from rope_twin.core import state as rows
+from rope_twin.effects import EFFECTS
+
+Vector = effect_cases.Vector
+NAMES = [effect.name for effect in EFFECTS]
+FLOW, R, BLOCKS = slice(0, 3), slice(3, 6), slice(6, 12)  # rows of `loads`
+XX, XY, XZ, YY, YZ, ZZ = range(6)
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Vector]:
+    """The same results from a process whose kernels are plain Python."""
+    folder, file = Path(__file__).parent, tmp_path_factory.mktemp("plain") / "plain.npz"
+    path = os.pathsep.join([str(folder), *sys.path])
+    subprocess.run(
+        [sys.executable, str(folder / "plain_python_process.py"), str(file)],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path},
+        check=True,
+    )
+    with np.load(file) as found:
+        return dict(found)
+
+
+def assert_equal(found: Vector, expected: Vector, relative: float) -> None:
+    """Equal up to `relative` of the largest value in each row of the last axis but one."""
+    assert np.isfinite(expected).all()
+    scale = np.abs(expected).max(axis=-1, keepdims=True)
+    assert (np.abs(found - expected) <= relative * scale + 1e-300).all()
+
+
+def test_every_effect_has_a_case() -> None:
+    """A new effect is tested the day it is listed."""
+    for effect in EFFECTS:
+        assert isinstance(params_of(effect.name), effect.params)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_plain_python_equals_compiled(name: str, plain: Mapping[str, Vector]) -> None:
+    """The hooks of one effect, 1e-9."""
+    compiled = alone(name)
+    assert np.abs(compiled).max() > 0.0, "the case must make the effect act"
+    assert_equal(plain[name], compiled, 1e-9)
+
+
+def test_plain_python_equals_compiled_steps(plain: Mapping[str, Vector]) -> None:
+    """All effects together over 160 steps with slack, splits and merges, 1e-9."""
+    compiled = together()
+    assert compiled[:, 1].min() == 0.0, "the case must go slack"
+    assert len(set(compiled[:, -1])) > 1, "the case must split or merge"
+    assert_equal(plain["together"].T, compiled.T, 1e-9)
+
+
+def matrix(blocks: Vector) -> Vector:
+    """The symmetric 3×3 block of six rows."""
+    b = blocks
+    return np.array([[b[XX], b[XY], b[XZ]], [b[XY], b[YY], b[YZ]], [b[XZ], b[YZ], b[ZZ]]])
+
+
+def jacobian(effects: tuple[Any, ...], work: Vector, node: int) -> Vector:
+    """-dR/da of one node by central differences: x, v and a move by p·δ, q·δ and δ.
+
+    Tangent and flow stay: their change with position is what the kernels drop.
+    """
+    stage, step = some_stage(), 1e-3
+    columns = []
+    for k in range(3):
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = work.copy()
+            moved[rows.ACCELERATION + k, node] += sign * step
+            moved[rows.VELOCITY + k, node] += sign * step * stage.q
+            ends.append(loads(effects, moved)[R, node])
+        columns.append((ends[1] - ends[0]) / (2.0 * step))
+    return np.array(columns).T
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_blocks_are_the_derivative_of_the_residual(name: str, seed: int) -> None:
+    """A = -dR/da up to its skew part, which a symmetric block cannot hold.
+
+    Only a payload whose drag differs per axis has a skew part.
+    """
+    effects, work = data_of(name), some_work(seed)
+    result = loads(effects, work)
+    for node in range(NODES):
+        exact = jacobian(effects, work, node)
+        scale = max(np.abs(exact).max(), 1e-6 * np.abs(result[R, node]).max(), 1e-9)
+        symmetric = 0.5 * (exact + exact.T)
+        assert np.abs(matrix(result[BLOCKS, node]) - symmetric).max() < 1e-6 * scale
+        if name != "payload":
+            assert np.abs(exact - symmetric).max() < 1e-6 * scale
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_effect_divides_by_a_vanishing_velocity(name: str) -> None:
+    """At rest in still water, moving with the water, and with the flow along the rope: finite."""
+    effects = data_of(name)
+    work = some_work()
+    for rest in (rows.POSITION, rows.VELOCITY, rows.ACCELERATION):
+        still = work.copy()
+        still[rest : rest + 3] = 0.0
+        assert np.isfinite(loads(effects, still)).all()
+    along = work.copy()
+    along[rows.VELOCITY : rows.VELOCITY + 3] = -0.8 * along[rows.TANGENT : rows.TANGENT + 3]
+    assert np.isfinite(loads(effects, along)).all()
+    drifting = work.copy()
+    drifting[rows.VELOCITY : rows.VELOCITY + 3] = loads(data_of("current"), work)[FLOW]
+    with_the_water = data_of(*dict.fromkeys(["current", name]))
+    assert np.isfinite(loads(with_the_water, drifting)).all()
