@@ -28,6 +28,7 @@ from rope_twin.scene.load import load_scene
 from rope_twin.topics import BY_NAME
 
 _WAIT_S = 0.1
+_FIND_S = 20.0  # what processes may take to start and to find each other
 _END_S = 15.0  # what a process may take to end before it is killed
 
 
@@ -56,7 +57,7 @@ class Processes:
         environment = {**os.environ, PARENT: str(os.getpid())}
         for name, parameters in node_parameters(options).items():
             if name == "simulation":
-                parameters["wait_for"] = _awaited(options)
+                parameters |= {"wait_for": _awaited(options), "wait_for_s": _FIND_S}
             # A session of its own: Ctrl-C comes to us alone, and we end them in order.
             self._running[name] = subprocess.Popen(
                 node_command(name, parameters), env=environment, start_new_session=True
