@@ -11,6 +11,7 @@ from math import exp, isfinite, sqrt
 from typing import Any
 
 from rope_twin.core.assembly import set_lengths, set_top_length
+from rope_twin.core.elastic import stretch_all
 from rope_twin.core.jit import jit_entry, jit_inline
 from rope_twin.core.motion import place_hang_off, prescribed
 from rope_twin.core.payout import balance, change_elements, set_material
@@ -189,6 +190,17 @@ def _report(rope: Any, boundary: Any, pull: Any, row: int, time: float) -> None:
     pull[row, PULL_Z] = z
 
 
+@jit_inline
+def _recall_tension(rope: Any, boundary: Any, row: int, time: float) -> None:
+    """Element tensions of the state at the start of step `row`, after a failed attempt at it."""
+    state, work = rope.state, rope.work
+    n = state.counts[ELEMENTS]
+    copy(state.nodes, POSITION, work, POSITION, NODE_ROWS, n + 1)
+    L, V, _ = place_hang_off(work, boundary, row, 0.0, rope.model.step, n)
+    set_top_length(work, state.s, n, L)
+    stretch_all(rope, Stage(time, 1.0, 0.0, V))
+
+
 @jit_entry
 def advance(rope: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
     """Advance by `steps` steps from `time`; returns how many were done.
@@ -205,6 +217,7 @@ def advance(rope: Any, boundary: Any, pull: Any, time: float, steps: int) -> int
         n = state.counts[ELEMENTS]
         now = time + row * rope.model.step
         if not _advance_halving(rope, boundary, row, now):
+            _recall_tension(rope, boundary, row, now)
             return row
         state.s[n] = boundary.value[row + 1, LINE]
         _fade_offsets(rope.model, state, n)

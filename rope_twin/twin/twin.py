@@ -24,7 +24,7 @@ from rope_twin.twin.observe import Extremes, Observation, observe
 from rope_twin.twin.ship import HeaveTrack, ramp
 from rope_twin.twin.snapshot import InputHealth, Snapshot
 from rope_twin.twin.water import CurrentInput
-from rope_twin.twin.winch import Winch
+from rope_twin.twin.winch import LineOut, Winch
 
 STEPS_PER_CALL = 256
 EQUILIBRIUM_MOVE = 1e-6  # of the line out: a larger last move is no equilibrium
@@ -64,6 +64,7 @@ class Twin:
         self._boundary = rows.Boundary(np.zeros(borders), np.zeros(borders))
         self._pulls = np.zeros((STEPS_PER_CALL, rows.PULL_COLUMNS))
         self._boundary.value[0] = [*self._rest, self._winch.line.length_m]
+        self._prescribed = 0  # steps ahead whose borders are filled in
         self._steps = 0
         self._computing_s = 0.0
         self._run = Extremes()
@@ -112,11 +113,11 @@ class Twin:
         began = time.perf_counter()
         with self._lock:
             self._prescribe(steps)
+            self._prescribed = max(self._prescribed, steps)
             rope = self._rope._replace(effects=self._current.effects)
         done = advance(rope, self._boundary, self._pulls, self.time_ns * 1e-9, steps)
         self._steps += done
-        self._boundary.value[0] = self._boundary.value[done]
-        self._boundary.rate[0] = self._boundary.rate[done]
+        self._forget_borders(done)
         if done:
             self._pull = self._pulls[done - 1].copy()
             tensions = self._pulls[:done, rows.PULL].tolist()
@@ -132,10 +133,19 @@ class Twin:
                 )
             )
 
+    def _forget_borders(self, done: int) -> None:
+        """Make the border after `done` steps the first row; what lies after it is still to come."""
+        for table in self._boundary:
+            table[: self._prescribed - done + 1] = table[done : self._prescribed + 1]
+        self._prescribed -= done
+
     def _prescribe(self, steps: int) -> None:
-        """Hang-off motion and line out at the borders of the next steps, from the inputs."""
+        """Hang-off motion and line out at the borders of the next steps, from the inputs.
+
+        Steps that an earlier call prescribed and could not do keep what they were given.
+        """
         duration = self.scene.ship.motion_ramp_s
-        for row in range(1, steps + 1):
+        for row in range(self._prescribed + 1, steps + 1):
             border_ns = (self._steps + row) * self.step_ns
             line = self._winch.step(border_ns - self.step_ns, self.step_s)
             z, v = self._heave.at(border_ns)
@@ -199,7 +209,7 @@ class Twin:
                 heave_m=float(self._boundary.value[0, rows.Z] - self._rest[2]),
                 pull=self._pull,
                 recent=self._recent,
-                line=self._winch.line,
+                line=LineOut(*(float(table[0, rows.LINE]) for table in self._boundary)),
                 motion_ramp=share,
                 winch_at_limit=at_limit,
                 doubtful=unconverged > self._unconverged,
