@@ -6,7 +6,7 @@ import logging
 import threading
 from collections.abc import Callable
 
-from rope_twin.cadence import due_topics
+from rope_twin.cadence import SNAPSHOT_TOPICS, due_topics
 from rope_twin.messages import Encoder
 from rope_twin.twin.pacing import Handover
 from rope_twin.twin.snapshot import Snapshot
@@ -32,8 +32,15 @@ class Announcer:
         self._thread: threading.Thread | None = None
         self.error = ""  # newest message that could not be published; empty while all is well
 
-    def start(self, epoch_ns: int) -> None:
-        """Publish from now on, stamped `epoch_ns` + the twin's time."""
+    def start(self, epoch_ns: int, first: Snapshot) -> None:
+        """Publish from now on, stamped `epoch_ns` + the twin's time.
+
+        `first` is not published: encoding it once, here and for nothing, loads the definitions of
+        all messages before the first slot, where the time that this takes would be missed.
+        """
+        rehearsal = Encoder(epoch_ns)
+        for topic in SNAPSHOT_TOPICS:
+            rehearsal.encode(topic.name, first)
         self._stopping.clear()
         self._thread = threading.Thread(
             target=self._run, args=(Encoder(epoch_ns),), name="twin-publisher", daemon=True

@@ -76,7 +76,7 @@ class PacedTwin:
         delay_ns = round(self._params.input_delay_s * max(1.0, speed) * 1e9 / speed)
         self._clocks = (ros_now_ns, steady_now_ns)
         self.epoch_ns = epoch_ns
-        self._announcer.start(epoch_ns)
+        self._announcer.start(epoch_ns, self.last)
         self.pacer.start(steady_now_ns + lead_ns + delay_ns)
         return epoch_ns
 

@@ -36,7 +36,7 @@ def test_what_was_computed_before_the_stop_is_published_in_order(
     announcer = Announcer(handover, lambda name, data: heard[name].append(data), 2, SLOT_NS)
     for snapshot in snapshots:
         handover.put(snapshot)
-    announcer.start(EPOCH_NS)
+    announcer.start(EPOCH_NS, snapshots[0])
     announcer.stop()
     assert announcer.error == ""
     encoder = Encoder(EPOCH_NS)
@@ -56,7 +56,7 @@ def test_a_topic_that_fails_is_told_and_harms_no_other(snapshots: list[Snapshot]
 
     handover = Handover(100)
     announcer = Announcer(handover, publish, 2, SLOT_NS)
-    announcer.start(EPOCH_NS)
+    announcer.start(EPOCH_NS, snapshots[0])
     for snapshot in snapshots:
         handover.put(snapshot)
     deadline = time.monotonic() + 10.0
