@@ -1,0 +1,73 @@
+"""A small whole scene as a file, for tests that abuse the running twin."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from pathlib import Path
+
+import numpy as np
+
+from rope_twin import Snapshot, load_scene
+from rope_twin.scene.schema import Scene
+
+SMALL_SCENE = """\
+about: a small scene with every effect
+source: made up
+look_at: nothing
+ropes:
+  - name: hoist
+    rope: steel_wire_40mm
+    length_m: 200.0
+    elements: 20
+    damping: {fraction_of_first_axial_mode: 0.02}
+    to: tool
+payloads:
+  - name: tool
+    mass_kg: 8000.0
+    shape: {box: {length_m: 2.0, width_m: 1.5, height_m: 1.0}}
+    displaced_volume_m3: 1.5
+winch:
+  speed_limit_m_per_s: 1.5
+  acceleration_limit_m_per_s2: 0.3
+  least_line_out_m: 50.0
+  most_line_out_m: 400.0
+ship: {motion_ramp_s: 2.0}
+effects:
+  - current: {profile: [[0.0, [0.5, 0.1]], [-150.0, [0.1, 0.3]], [-500.0, [0.0, 0.0]]]}
+  - weight: {}
+  - drag: {normal: 1.5, tangential: 0.03}
+  - added_mass: {normal: 1.0}
+  - payload: {}
+time: {step_s: 0.01}
+"""
+
+
+def small_scene(folder: Path) -> Scene:
+    """The scene, read from a file in `folder`."""
+    path = folder / "small.yaml"
+    path.write_text(SMALL_SCENE)
+    return load_scene(path)
+
+
+def figures(shot: Snapshot) -> dict[str, np.ndarray]:
+    """Every number of a snapshot that physics decides, by name."""
+    return {
+        field.name: np.asarray(getattr(shot, field.name), dtype=float)
+        for field in dataclasses.fields(shot)
+        if field.name not in ("solver", "inputs", "winch_at_limit")
+    }
+
+
+def not_finite(shot: Snapshot) -> list[str]:
+    """The names of the figures that hold a number which is not finite."""
+    return [name for name, value in figures(shot).items() if not np.isfinite(value).all()]
+
+
+def digest(shots: list[Snapshot]) -> str:
+    """SHA-256 over every bit of the figures."""
+    total = hashlib.sha256()
+    for shot in shots:
+        for value in figures(shot).values():
+            total.update(np.ascontiguousarray(value).tobytes())
+    return total.hexdigest()
