@@ -13,7 +13,7 @@ from typing import Any
 from rope_twin.core.assembly import add_correction, evaluate, set_flow, slope, update
 from rope_twin.core.elastic import predict_tension, stretch_all, tension_agrees
 from rope_twin.core.elimination import eliminate, root_stiffness
-from rope_twin.core.jit import jit, jit_inline
+from rope_twin.core.jit import jit_inline
 from rope_twin.core.state import ELEMENTS, SOLVES, SOLVES_MAX
 
 CAP = 12  # corrections before the step is halved instead
@@ -22,7 +22,7 @@ SEARCH_EVALUATIONS = 8
 NOT_FINITE, UNCONVERGED, CONVERGED = -1, 0, 1  # the worse, the smaller
 
 
-@jit
+@jit_inline
 def solve_stage(rope: Any, stage: Any, tolerance: float) -> int:
     """Find the acceleration; motion and tension then belong to the stage's time.
 

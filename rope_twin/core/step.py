@@ -96,13 +96,15 @@ def _substep(rope: Any, boundary: Any, row: int, time: float, start: float, shar
     model, state, work = rope.model, rope.state, rope.work
     n, first = state.counts[ELEMENTS], model.first_free
     c = 0.5 * GAMMA * share * model.step
-    _predict_trapezoid(state, work, c, first, n)
-    stage = _stage_at(rope, boundary, row, start + GAMMA * share, time, c)
-    first_stage = solve_stage(rope, stage, model.tolerance)
-    _predict_bdf2(state, work, c, first, n)
-    stage = _stage_at(rope, boundary, row, start + share, time, c)
-    second_stage = solve_stage(rope, stage, model.tolerance)
-    return int(min(first_stage, second_stage))
+    outcome = CONVERGED
+    for part in (GAMMA, 1.0):
+        if part == GAMMA:
+            _predict_trapezoid(state, work, c, first, n)
+        else:
+            _predict_bdf2(state, work, c, first, n)
+        stage = _stage_at(rope, boundary, row, start + part * share, time, c)
+        outcome = min(outcome, solve_stage(rope, stage, model.tolerance))
+    return int(outcome)
 
 
 @jit_inline
