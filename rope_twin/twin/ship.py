@@ -115,10 +115,11 @@ class HeaveTrack:
         return self._stamps[-1], z + dz, v + dv
 
     def _measured(self, time_ns: int) -> tuple[float, float]:
-        """Cubic Hermite between the samples around the time (held before the first)."""
+        """Cubic Hermite between the samples around the time; straight on before the first."""
         k = min(bisect_right(self._stamps, time_ns), len(self._stamps) - 1)
         if k == 0:
-            return self._samples[0][0], 0.0
+            z, v = self._samples[0]
+            return z + v * (time_ns - self._stamps[0]) * 1e-9, v
         t0, t1 = self._stamps[k - 1], self._stamps[k]
         (z0, v0), (z1, v1) = self._samples[k - 1], self._samples[k]
         h = (t1 - t0) * 1e-9
