@@ -6,8 +6,7 @@ import os
 import signal
 import sys
 import tempfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
 from typing import Any, Protocol
@@ -39,30 +38,24 @@ class SuiteNode(Protocol):
 
 
 class StopSignal:
-    """SIGINT and SIGTERM as a flag that the main loop reads; a second one ends the hard way."""
+    """SIGINT and SIGTERM as a flag that the main loop reads; a second one ends the process at once.
+
+    Nothing is raised where the signal happens to arrive: in the middle of a compilation or of a
+    callback from C that would do harm.
+    """
 
     def __init__(self) -> None:
         self.requested = False
-        self._interruptible = False
+        self.note = ""  # said at once when a signal comes: why the end may take a while
         self._before = {number: signal.signal(number, self._on_signal)
                         for number in (signal.SIGINT, signal.SIGTERM)}  # fmt: skip
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         self.requested = True
-        self.restore()
-        if self._interruptible:
-            raise KeyboardInterrupt
-
-    @contextmanager
-    def interrupting(self) -> Iterator[None]:
-        """Within this, a signal breaks off at once (a build takes seconds and owns nothing)."""
-        self._interruptible = True
-        try:
-            if self.requested:
-                raise KeyboardInterrupt
-            yield
-        finally:
-            self._interruptible = False
+        if self.note:
+            os.write(sys.stderr.fileno(), self.note.encode())
+        for known in self._before:
+            signal.signal(known, signal.SIG_DFL)
 
     def restore(self) -> None:
         """Give the signals back."""
@@ -98,18 +91,18 @@ def run_node(make: Callable[[], Any], args: list[str] | None = None) -> int:
     node: Any = None
     executor: SingleThreadedExecutor | None = None
     try:
-        with stop.interrupting():
-            initialise(args)
-            node = make()
-            executor = SingleThreadedExecutor()
-            executor.add_node(node)
+        initialise(args)
+        node = make()
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+        if not stop.requested:
             node.begin()
         while not (stop.requested or node.finished or _orphaned()) and rclpy.ok():
             executor.spin_once(timeout_sec=_WAIT_S)
     except RopeTwinError as error:
         sys.stderr.write(f"{error}\n")
         return 1
-    except (ExternalShutdownException, KeyboardInterrupt):
+    except ExternalShutdownException:
         pass  # told to stop: the clean end below is all there is to do
     finally:
         _end(node, executor)

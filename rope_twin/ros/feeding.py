@@ -39,17 +39,23 @@ class FeedingNode(Node):
     def start_feeding(
         self, topics: tuple[str, ...], lead_s: float, speed: float, first_ns: int = 0
     ) -> None:
-        """Make the publishers, listen to the epoch and look often what is due, from `first_ns`."""
+        """Make the publishers and look often what is due, beginning at `first_ns`.
+
+        Who feeds a twin then calls `await_epoch` or, to begin at once, `follow_epoch`.
+        """
         for name in topics:
             topic = BY_NAME[name]
             self._own_publishers[name] = self.create_publisher(
                 message_type(topic), name, profile(topic.qos)
             )
         self._feed = Feed(lead_s, speed, first_ns)
-        epoch = BY_NAME["twin/epoch"]
-        self.create_subscription(message_type(epoch), epoch.name, self._follow, profile(epoch.qos))
         period_s = max(_LEAST_PERIOD_S, _PERIOD_S / max(1.0, speed))
         self.create_timer(period_s, self._look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+
+    def await_epoch(self) -> None:
+        """Follow whatever twin says when its t = 0 is, also one that is started later."""
+        epoch = BY_NAME["twin/epoch"]
+        self.create_subscription(message_type(epoch), epoch.name, self._follow, profile(epoch.qos))
 
     def follow_epoch(self, epoch_ns: int) -> None:
         """Feed a twin whose t = 0 is at this ROS time."""

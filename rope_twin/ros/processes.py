@@ -115,19 +115,20 @@ def run_processes(options: RunOptions, progress: Progress) -> RunSummary:
 
     Raises:
         RopeTwinError: the scene is wrong, or the simulation ended without a word.
-        KeyboardInterrupt: told to stop before it had started.
+        KeyboardInterrupt: told to stop before there was anything to sum up.
     """
     load_scene(options.scene)  # what is wrong with it is said once, here
     stop = StopSignal()
     processes: Processes | None = None
     try:
-        with stop.interrupting():
-            processes = Processes(options)
-            initialise(["rope_twin"])
+        processes = Processes(options)
+        initialise(["rope_twin"])
         progress.say(where(options))
         watch = _Watch(processes, progress)
         watch.run(stop)
         watch.end()
+        if stop.requested and not watch.heard:
+            raise KeyboardInterrupt
         return watch.result(options)
     finally:
         if processes is not None and (left := processes.kill()):
@@ -146,6 +147,11 @@ class _Watch:
         self._monitor = Monitor()
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._monitor)
+
+    @property
+    def heard(self) -> bool:
+        """Whether the simulation has said anything yet."""
+        return self._monitor.summary is not None
 
     def run(self, stop: StopSignal) -> None:
         """Until told to stop, or the simulation has ended or cannot go on."""

@@ -46,7 +46,9 @@ class SeaStateNode(FeedingNode):
             self.get_logger().warning(self._replay.note)
         topics = ("ship/heave", "sea/elevation")
         self.start_feeding(topics, self._params.lead_s, self._params.speed, FIRST_NS)
-        if not self._params.wait_for_epoch:
+        if self._params.wait_for_epoch:
+            self.await_epoch()
+        else:
             self.follow_epoch(self.get_clock().now().nanoseconds)
 
     def publish_stretch(self, epoch_ns: int, from_ns: int, to_ns: int) -> None:

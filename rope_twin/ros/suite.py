@@ -56,13 +56,14 @@ class Suite:
         self._nodes: dict[str, Any] = {}
         self._executor: SingleThreadedExecutor | None = None
 
-    def start(self, ready: Callable[[], None]) -> None:
+    def start(self, ready: Callable[[], None], stop: StopSignal) -> None:
         """Make all nodes; the simulation comes last, when everybody listens.
 
         `ready` is called when everything that the user named was found, before the twin is built.
 
         Raises:
             RopeTwinError: one sentence; `close` is still to be called.
+            KeyboardInterrupt: told to stop before the twin was built; as above.
         """
         load_scene(self._options.scene)  # what is wrong with it is said before anything else
         initialise(["rope_twin"])
@@ -73,7 +74,11 @@ class Suite:
             self._executor.add_node(node)
             if name == "simulation":
                 ready()
+                stop.note = "\nending as soon as the twin is built; again: at once\n"
+            if stop.requested:
+                raise KeyboardInterrupt
             node.begin()
+        stop.note = ""
 
     @property
     def simulation(self) -> SimulationNode:
@@ -134,13 +139,12 @@ def run_suite(options: RunOptions, progress: Progress) -> RunSummary:
 
     Raises:
         RopeTwinError: the suite could not start; one sentence.
-        KeyboardInterrupt: told to stop before it had started.
+        KeyboardInterrupt: told to stop before the twin was built.
     """
     stop = StopSignal()
     suite = Suite(options)
     try:
-        with stop.interrupting():
-            suite.start(lambda: progress.say(where(options)))
+        suite.start(lambda: progress.say(where(options)), stop)
         while not (stop.requested or suite.ended) and rclpy.ok():
             suite.spin()
             if progress.due:

@@ -41,6 +41,7 @@ class WinchScheduleNode(FeedingNode):
             )
             return
         self.start_feeding((TOPIC,), self._params.lead_s, self._params.speed)
+        self.await_epoch()
 
     def publish_stretch(self, epoch_ns: int, from_ns: int, to_ns: int) -> None:
         """Publish the commands of a stretch of twin time, unless someone else commands."""

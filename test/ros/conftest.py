@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-import itertools
 import os
+import socket
 import tempfile
+from collections import deque
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -19,15 +21,42 @@ os.environ.setdefault("ROS_LOG_DIR", tempfile.mkdtemp(prefix="rope_twin_ros_log_
 for name in ("DISPLAY", "WAYLAND_DISPLAY"):  # no test opens a window
     os.environ.pop(name, None)
 
-_domains = itertools.count(os.getpid())
+_FIRST, _LAST = 1, 100  # ROS domains whose ports stay below those of the system
+_LOCK_PORT = 28000
+
+
+@contextmanager
+def free_domain() -> Iterator[int]:
+    """A ROS domain that no other test has, in this or any other run on this machine.
+
+    A bound port of the loopback is the lock: it is gone with its process, however that ends.
+    """
+    start = os.getpid()
+    for offset in range(_LAST - _FIRST + 1):
+        number = _FIRST + (start + offset) % (_LAST - _FIRST + 1)
+        with socket.socket() as lock:
+            try:
+                lock.bind(("127.0.0.1", _LOCK_PORT + number))
+            except OSError:
+                continue
+            # What a killed process leaves in the network lives on for seconds: not the same again.
+            if number in _recent:
+                continue
+            _recent.append(number)
+            yield number
+            return
+    raise RuntimeError("no ROS domain is free")
+
+
+_recent: deque[int] = deque(maxlen=50)
 
 
 @pytest.fixture
-def domain(monkeypatch: pytest.MonkeyPatch) -> int:
-    """A ROS domain that no other test uses; child processes inherit it."""
-    number = 1 + next(_domains) % 100
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
-    return number
+def domain(monkeypatch: pytest.MonkeyPatch) -> Iterator[int]:
+    """A ROS domain of the test's own; child processes inherit it."""
+    with free_domain() as number:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(number))
+        yield number
 
 
 @pytest.fixture
@@ -40,9 +69,10 @@ def bench(domain: int) -> Iterator[Bench]:
 @pytest.fixture(scope="module")
 def module_bench() -> Iterator[Bench]:
     """One bench for all tests of a module."""
-    made = Bench(1 + next(_domains) % 100)
-    yield made
-    made.close()
+    with free_domain() as number:
+        made = Bench(number)
+        yield made
+        made.close()
 
 
 @pytest.fixture

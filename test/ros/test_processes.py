@@ -188,7 +188,7 @@ def test_each_entry_ends_cleanly_when_told(
     process = processes.node(name, **parameters)
     bench.until(lambda: name in bench.own.get_node_names(), f"{name} is there", 60.0)
     process.send(number)
-    assert process.wait() == 0
+    assert process.wait() == 0, process.text
     assert "Traceback" not in process.text
 
 

@@ -97,10 +97,20 @@ def test_ctrl_c_ends_it_with_a_whole_bag_and_a_summary(
 @pytest.mark.ros
 def test_ctrl_c_while_it_is_still_building_ends_it_too(processes: Processes) -> None:
     process = processes.cli("run", "shallow_lift", "--headless", "--no-record")
-    process.until_says("sea_state")  # the first node is there, the twin is not
+    process.until_says("building the twin")
     process.send(signal.SIGINT)
     assert process.wait() in (0, 130)
     assert "Traceback" not in process.text
+
+
+@pytest.mark.ros
+def test_a_second_ctrl_c_ends_it_at_once(processes: Processes) -> None:
+    process = processes.cli("run", "shallow_lift", "--headless", "--no-record")
+    process.until_says("building the twin")
+    process.send(signal.SIGINT)
+    process.until_says("again: at once|scene shallow_lift")
+    process.send(signal.SIGINT)
+    assert process.wait() in (0, -signal.SIGINT)
 
 
 @pytest.mark.ros
