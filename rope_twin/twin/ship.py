@@ -18,7 +18,8 @@ from rope_twin.twin.health import InputCounter
 HEAVE_LIMIT_M = 30.0
 VELOCITY_LIMIT_M_PER_S = 15.0
 JUMP_WINDOW_NS = 2_000_000_000  # after a longer gap any possible position is believed
-AHEAD_NS = 60_000_000_000  # a stamp farther in the future is a clock that is wrong
+AHEAD_NS = 10_000_000_000  # a first stamp farther in the future is a clock that is wrong
+LEAP_NS = 2_000_000_000  # and so is a later one that leaps so far ahead of both present and last
 KEEP_NS = 5_000_000_000
 STALE_NS = 500_000_000
 GAP_DECAY_S = 1.0
@@ -70,9 +71,11 @@ class HeaveTrack:
             return refuse("late", phrase(
                 "heave", f"a sample came {(now - stamp_ns) * 1e-6:.0f} ms after it was needed",
                 "raise the input delay by more than that"))  # fmt: skip
-        if stamp_ns > (now or 0) + AHEAD_NS:
+        ahead_ns = stamp_ns - (now or 0)
+        leap_ns = min(ahead_ns, stamp_ns - self._stamps[-1]) if self._stamps else ahead_ns
+        if leap_ns > (LEAP_NS if self._stamps else AHEAD_NS):
             return refuse("impossible", phrase(
-                "heave", f"stamp {stamp_ns * 1e-9:.1f} s lies {AHEAD_NS * 1e-9:.0f} s ahead or more",  # noqa: E501
+                "heave", f"stamp {stamp_ns * 1e-9:.1f} s lies {ahead_ns * 1e-9:.1f} s ahead",
                 "sender and twin must share one clock"))  # fmt: skip
         if self._stamps and stamp_ns - self._stamps[-1] <= JUMP_WINDOW_NS:
             seconds = (stamp_ns - self._stamps[-1]) * 1e-9

@@ -17,6 +17,7 @@ from rope_twin.twin.health import InputCounter
 
 IMPOSSIBLE_M_PER_S = 10.0
 STALE_NS = 2_000_000_000
+AHEAD_NS = 10_000_000_000  # a stamp farther in the future is a clock that is wrong
 CREEP_M_PER_S = 1e-6  # slower than this beside a limit is standstill
 
 
@@ -73,11 +74,13 @@ class Winch:
                     "winch command",
                     f"it came {(now_ns - stamp_ns) * 1e-6:.0f} ms after it was due",
                     "raise the input delay by more than that, or leave the stamp 0"))  # fmt: skip
-            if stamp_ns > now_ns + 60_000_000_000:
+            if stamp_ns > now_ns + AHEAD_NS:
                 return refuse("impossible", phrase(
-                    "winch command", f"stamp {stamp_ns * 1e-9:.1f} s lies a minute ahead or more",
+                    "winch command", f"stamp {stamp_ns * 1e-9:.1f} s lies more than 10 s ahead",
                     "sender and twin must share one clock"))  # fmt: skip
             self._newest_ns = stamp_ns
+        else:
+            self._queue.clear()  # what an operator wants at once does not wait for a plan
         self.counter.accept(now_ns if stamp_ns is None else stamp_ns)
         self._queue.append((stamp_ns, float(speed_m_per_s)))
         return ""
