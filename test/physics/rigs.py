@@ -7,7 +7,8 @@ tests share two compiled binaries: with a payload, and with a fixed lower end.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -163,12 +164,25 @@ def lift(height: float, duration: float) -> Heave:
     return at
 
 
-def march(twin: Twin, heave: Heave, seconds: float, every: int = 1) -> Iterator[Snapshot]:
-    """Advance with exact heave samples on every border; a snapshot after each `every` steps."""
+Speeds = Sequence[tuple[float, float]]  # at [s], winch speed from then on [m/s]
+
+
+def march(
+    twin: Twin, heave: Heave, seconds: float, every: int = 1, speeds: Speeds = ()
+) -> Iterator[Snapshot]:
+    """Advance with exact heave samples on every border; a snapshot after each `every` steps.
+
+    Winch commands are offered up to five seconds ahead.
+    """
     if twin.steps == 0:
         assert twin.offer_heave(0, *heave(0.0)) == ""
+    waiting = deque(speeds)
     for _ in range(round(seconds / (every * twin.step_s))):
-        for k in range(twin.steps + 1, twin.steps + every + 1):
+        last = twin.steps + every
+        while waiting and waiting[0][0] <= last * twin.step_s + 5.0:
+            at, speed = waiting.popleft()
+            assert twin.offer_speed(round(at * 1e9), speed) == ""
+        for k in range(twin.steps + 1, last + 1):
             assert twin.offer_heave(k * twin.step_ns, *heave(k * twin.step_s)) == ""
         twin.advance(every)
         yield twin.snapshot()

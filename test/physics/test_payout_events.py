@@ -43,10 +43,8 @@ def test_no_jump_in_a_current() -> None:
 
 def assert_smooth(rig: Rig, heave: float, least_events: int) -> None:
     """Pay out, haul in, and look at each event."""
-    twin = rig.twin()
-    assert twin.offer_speed(round(2e9), 1.0) == ""
-    assert twin.offer_speed(round(40e9), -1.0) == ""
-    events, jump = events_and_jumps(list(march(twin, sine(heave, 8.0), 75.0)))
+    shots = march(rig.twin(), sine(heave, 8.0), 75.0, speeds=[(2.0, 1.0), (40.0, -1.0)])
+    events, jump = events_and_jumps(list(shots))
     assert events >= least_events
     assert jump <= JUMP
 
@@ -58,8 +56,7 @@ def test_depth_after_280_splits() -> None:
     """
     rig = replace(STEEL, length=200.0, elements=20, damping=7e6, step=0.02)
     twin = rig.twin()
-    assert twin.offer_speed(0, 2.0) == ""
-    *_, shot = march(twin, still, 1410.0, every=500)
+    *_, shot = march(twin, still, 1410.0, every=500, speeds=[(0.0, 2.0)])
     assert shot.line_out_m == pytest.approx(3000.0, abs=0.01)
     assert shot.solver.splits == 280
     *_, shot = march(twin, still, 400.0, every=500)
@@ -72,11 +69,9 @@ def test_depth_after_280_splits() -> None:
 def test_rope_is_neither_made_nor_lost() -> None:
     """The rest lengths sum to the line out, and only the top element's is not the nominal one."""
     rig = replace(SEA, length=200.0, elements=20)
-    twin = rig.twin()
-    assert twin.offer_speed(0, 1.0) == ""
-    assert twin.offer_speed(round(60e9), -1.5) == ""
     counts = set()
-    for shot in march(twin, sine(1.0, 8.0), 120.0, every=7):
+    speeds = [(0.0, 1.0), (60.0, -1.5)]
+    for shot in march(rig.twin(), sine(1.0, 8.0), 120.0, every=7, speeds=speeds):
         rest = np.diff(shot.arc_length_m)
         assert rest.sum() == pytest.approx(shot.line_out_m, rel=1e-14)
         assert rest[1:] == pytest.approx(10.0, abs=1e-10)

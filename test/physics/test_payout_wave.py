@@ -38,10 +38,7 @@ def exact(rig: Rig, amplitude: float) -> Vector:
 
 def published(rig: Rig, amplitude: float) -> tuple[Vector, int]:
     """Top tension [N] after each step, and the number of splits and merges."""
-    twin = rig.twin()
-    for at, speed in COMMANDS:
-        assert twin.offer_speed(round(at * 1e9), speed) == ""
-    shots = list(march(twin, sine(amplitude, 8.0), SECONDS))
+    shots = list(march(rig.twin(), sine(amplitude, 8.0), SECONDS, speeds=COMMANDS))
     return np.array([s.tension_top_n for s in shots]), shots[-1].solver.splits + shots[
         -1
     ].solver.merges

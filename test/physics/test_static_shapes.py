@@ -91,3 +91,14 @@ def test_half_a_line_equals_the_whole() -> None:
     assert half.node_position_m == pytest.approx(whole.node_position_m[:51], abs=1e-5)
     assert half.tension_top_n == pytest.approx(whole.tension_top_n, rel=1e-6)
     assert half.hang_off_force_n == pytest.approx(whole.hang_off_force_n, rel=1e-6, abs=1e-3)
+
+
+def test_rest_does_not_depend_on_damping() -> None:
+    """A light load that a current carries far aside hangs the same with and without damping."""
+    rig = Rig(
+        length=6.2, elements=60, mass=15.4, EA=4.4e8, diameter=0.0015, load=4.0, density=1025.0,
+        area=(5.0, 5.0, 5.0), current=((0.0, (0.5, 0.0)),), drag=(1.2, 0.02),
+    )  # fmt: skip
+    free, damped = rig.twin().snapshot(), replace(rig, damping=1e8).twin().snapshot()
+    assert free.payload_position_m[0] > 1.0
+    assert damped.node_position_m == pytest.approx(free.node_position_m, abs=1e-6)

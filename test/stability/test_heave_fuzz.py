@@ -1,0 +1,94 @@
+"""Any stream of heave samples: refused with a word or used, never a number that is not finite."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from small_scene import not_finite, small_scene
+
+from rope_twin import Twin
+from rope_twin.scene.schema import Scene
+
+LIMIT_M = 100.0  # no motion of the hang-off may come near this
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A sample relative to the clock: stamp now + `after_ms`; then the twin steps on."""
+
+    after_ms: int
+    position_m: float
+    velocity_m_per_s: float
+    steps: int
+
+
+finite = st.floats(-40.0, 40.0)
+anything = st.one_of(finite, st.floats(), st.sampled_from([math.nan, math.inf, -math.inf, 1e308]))
+plausible = st.builds(
+    Sample, st.integers(0, 300), st.floats(-3.0, 3.0), st.floats(-3.0, 3.0), st.integers(0, 30)
+)
+wild = st.builds(
+    Sample,
+    st.one_of(st.integers(-2000, 3000), st.sampled_from([0, -(10**12), 10**12])),
+    anything,
+    anything,
+    st.integers(0, 120),
+)
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    """The small scene, read once."""
+    with tempfile.TemporaryDirectory() as folder:
+        return small_scene(Path(folder))
+
+
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(samples=st.lists(st.one_of(plausible, plausible, wild), max_size=40))
+def test_no_sample_brings_a_number_that_is_not_finite(scene: Scene, samples: list[Sample]) -> None:
+    """Missing, repeated, late, far ahead, not finite, absurd: counted, told, kept out."""
+    twin = Twin(scene)
+    refused = 0
+    for sample in samples:
+        stamp_ns = twin.time_ns + sample.after_ms * 1_000_000
+        said = twin.offer_heave(stamp_ns, sample.position_m, sample.velocity_m_per_s)
+        assert "\n" not in said
+        refused += bool(said)
+        twin.advance(sample.steps)
+        shot = twin.snapshot()
+        assert not not_finite(shot)
+        assert abs(shot.heave_m) < LIMIT_M
+    health = twin.snapshot().inputs["heave"]
+    assert health.refused == refused
+    assert health.accepted == len(samples) - refused
+    twin.advance(100)
+    assert not not_finite(twin.snapshot())
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    commands=st.lists(
+        st.tuples(
+            st.one_of(st.none(), st.integers(-(10**10), 10**11)), anything, st.integers(0, 100)
+        ),
+        max_size=30,
+    )
+)
+def test_no_winch_command_breaks_the_rope(
+    scene: Scene, commands: list[tuple[int | None, float, int]]
+) -> None:
+    """The same for speed commands: the line out stays within the winch's limits."""
+    twin = Twin(scene)
+    for stamp_ns, speed, steps in commands:
+        assert "\n" not in twin.offer_speed(stamp_ns, speed)
+        twin.advance(steps)
+        shot = twin.snapshot()
+        assert not not_finite(shot)
+        assert 50.0 - 1e-9 <= shot.line_out_m <= 400.0 + 1e-9
+        assert abs(shot.payout_speed_m_per_s) <= 1.5

@@ -1,0 +1,94 @@
+"""Heave that stops, comes back elsewhere or never comes: the twin goes on, says so, and rejoins."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_scene import not_finite, small_scene
+
+from rope_twin import Snapshot, Twin
+
+SAMPLE_NS = 50_000_000  # 20 Hz
+AHEAD_NS = 150_000_000
+OMEGA = 0.8
+
+
+def measured(time_s: float, raised_m: float) -> tuple[float, float]:
+    """The ship's heave and its rate."""
+    return 1.5 * math.sin(OMEGA * time_s) + raised_m, 1.5 * OMEGA * math.cos(OMEGA * time_s)
+
+
+def with_a_gap(folder: Path, gap: tuple[float, float], raised_m: float) -> list[Snapshot]:
+    """Sixteen seconds, a snapshot each step; no sample within `gap`, all raised after it."""
+    twin = Twin(small_scene(folder))
+    shots, k = [], 0
+    for step in range(1600):
+        while k * SAMPLE_NS <= step * twin.step_ns + AHEAD_NS:
+            t = k * SAMPLE_NS * 1e-9
+            if not gap[0] < t < gap[1]:
+                z, v = measured(t, raised_m if t >= gap[1] else 0.0)
+                assert twin.offer_heave(k * SAMPLE_NS, z, v) == ""
+            k += 1
+        twin.advance(1)
+        shots.append(twin.snapshot())
+    return shots
+
+
+@pytest.mark.parametrize("raised_m", [0.0, 1.0, -3.0])
+def test_a_gap_of_two_seconds(tmp_path: Path, raised_m: float) -> None:
+    """Finite, marked stale, no jump in place or speed, and back on the samples within 2.5 s."""
+    shots = with_a_gap(tmp_path, (6.0, 8.0), raised_m)
+    assert not [name for shot in shots for name in not_finite(shot)]
+    assert not any(shot.doubtful for shot in shots)
+    stale = np.array([shot.inputs["heave"].stale for shot in shots])
+    times = np.array([shot.time_s for shot in shots])
+    assert not stale[times < 6.0].any()
+    assert stale[(times > 6.6) & (times < 7.8)].all()
+    assert not stale[times > 8.2].any()
+    notes = {shot.inputs["heave"].note for shot in shots if 7.0 < shot.time_s < 7.5}
+    assert all("no sample for" in note for note in notes)
+    heave = np.array([shot.heave_m for shot in shots])
+    speed = np.array([shot.hang_off_velocity_m_per_s[2] for shot in shots])
+    assert np.abs(np.diff(heave)).max() < 0.01 * 6.0
+    assert np.abs(np.diff(speed)).max() < 0.15, "the hang-off must not be kicked: 15 m/s² at most"
+    late = times > 10.5
+    track = np.array([measured(t, raised_m)[0] for t in times[late]])
+    assert np.abs(heave[late] - track).max() < 1e-3
+
+
+def test_position_and_velocity_agree_through_a_gap(tmp_path: Path) -> None:
+    """The speed handed to the rope is the derivative of the place, also in gap and return."""
+    shots = with_a_gap(tmp_path, (6.0, 8.0), 1.0)
+    heave = np.array([shot.heave_m for shot in shots])
+    speed = np.array([shot.hang_off_velocity_m_per_s[2] for shot in shots])
+    slope = (heave[2:] - heave[:-2]) / (2.0 * 0.01)
+    smooth = np.abs(np.diff(speed, 2)) < 0.01  # away from the kinks where gap and return begin
+    assert smooth.mean() > 0.98
+    assert np.abs(slope - speed[1:-1])[smooth].max() < 0.01
+
+
+def test_without_samples_the_ship_lies_still(tmp_path: Path) -> None:
+    """Nothing moves, and the note says why."""
+    twin = Twin(small_scene(tmp_path))
+    before = twin.snapshot()
+    twin.advance(300)
+    after = twin.snapshot()
+    assert after.heave_m == 0.0
+    assert after.tension_top_n == pytest.approx(before.tension_top_n, rel=1e-9)
+    assert "no sample yet" in after.inputs["heave"].note
+
+
+def test_samples_that_start_late_are_joined_without_a_kick(tmp_path: Path) -> None:
+    """The first comes after 5 s, 1.2 m up: the ramp is over, so the return must be gentle."""
+    shots = with_a_gap(tmp_path, (-1.0, 5.0), 1.2)
+    heave = np.array([shot.heave_m for shot in shots])
+    speed = np.array([shot.hang_off_velocity_m_per_s[2] for shot in shots])
+    assert not [name for shot in shots for name in not_finite(shot)]
+    assert np.abs(np.diff(heave)).max() < 0.01 * 6.0
+    assert np.abs(np.diff(speed)).max() < 0.15
+    late = np.array([shot.time_s > 8.0 for shot in shots])
+    track = np.array([measured(shot.time_s, 1.2)[0] for shot in shots])
+    assert np.abs(heave - track)[late].max() < 1e-3
