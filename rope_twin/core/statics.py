@@ -23,11 +23,12 @@ from rope_twin.core.state import (
 )
 from rope_twin.core.step import advance
 
-ROUNDS = 400
-STEP_FIRST, STEP_LAST, STEP_LEAST = 1.0, 1e5, 1e-4  # s
+ROUNDS = 150
+STEP_FIRST, STEP_LAST, STEP_LEAST = 1.0, 3e3, 1e-4  # s
 GROWTH, SHRINK = 4.0, 0.1
-TOLERANCE_N = 1e-3
-SMALL = 1e-12  # of the line out
+TOLERANCE_N = 1e-6
+SMALL = 1e-12  # of the line out: a last move that ends the search
+ENOUGH, PATIENCE = 1e-6, 10  # so does this move, once it has not halved for so many rounds
 
 
 def find_equilibrium(rope: Rope, L: float) -> float:
@@ -43,8 +44,9 @@ def find_equilibrium(rope: Rope, L: float) -> float:
     boundary.value[:, LINE] = L
     pull = np.zeros((1, PULL_COLUMNS))
     # no split or merge while it settles
-    still = rope.model._replace(tolerance=TOLERANCE_N, split_above=np.inf, merge_below=0.0)
-    step, move = STEP_FIRST, np.inf
+    tolerance = max(TOLERANCE_N, 1e-14 * n * rope.model.EA)  # what round-off in the places allows
+    still = rope.model._replace(c=0.0, tolerance=tolerance, split_above=np.inf, merge_below=0.0)
+    step, move, best, idle = STEP_FIRST, np.inf, np.inf, 0
     for _ in range(ROUNDS):
         before = nodes[POSITION : POSITION + 3, : n + 1].copy()
         nodes[VELOCITY:NODE_ROWS] = 0.0
@@ -57,7 +59,9 @@ def find_equilibrium(rope: Rope, L: float) -> float:
                 break
             continue
         move = float(np.abs(nodes[POSITION : POSITION + 3, : n + 1] - before).max())
-        if move <= SMALL * L and step >= STEP_LAST:
+        best, idle = (move, 0) if move < 0.5 * best else (best, idle + 1)
+        settled = move <= SMALL * L or (move <= ENOUGH * L and idle >= PATIENCE)
+        if settled and step >= STEP_LAST:
             break
         step = min(step * GROWTH, STEP_LAST)
     nodes[VELOCITY:NODE_ROWS] = 0.0

@@ -81,6 +81,7 @@ class Winch:
             self._newest_ns = stamp_ns
         else:
             self._queue.clear()  # what an operator wants at once does not wait for a plan
+            self._newest_ns = None
         self.counter.accept(now_ns if stamp_ns is None else stamp_ns)
         self._queue.append((stamp_ns, float(speed_m_per_s)))
         return ""
