@@ -1,0 +1,94 @@
+"""What a scene lists is compiled and vectorised; what it does not list leaves no trace in the code.
+
+Read from the assembly of the whole step, compiled here afresh (cached code cannot be inspected).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import numba
+import numpy as np
+import pytest
+
+from rope_twin import load_scene
+from rope_twin.core.jit import OPTIONS
+from rope_twin.core.state import MOTIONS, PULL_COLUMNS, Boundary
+from rope_twin.core.step import advance
+from rope_twin.effects import EFFECTS
+from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.weight import WeightParams
+from rope_twin.scene.build import build
+from rope_twin.scene.schema import Scene
+
+# a square root of several doubles at once: x86-64 and aarch64
+PACKED_ROOT = re.compile(r"\bv?sqrtpd\b|\bfsqrt\s+v\d+\.2d")
+BARE = (WeightParams, PayloadParams)
+NAMES = {effect.name for effect in EFFECTS}
+
+
+def main_job() -> Scene:
+    """The scene of the main job."""
+    return load_scene("deep_lift")
+
+
+def listed(scene: Scene) -> set[str]:
+    """The names of its effects."""
+    return {e.name for e in EFFECTS if any(type(params) is e.params for params in scene.effects)}
+
+
+def assembly(scene: Scene) -> str:
+    """Assembly of the step for the scene's types."""
+    border = np.zeros((2, MOTIONS))
+    arguments = (build(scene).rope, Boundary(border, border), np.zeros((1, PULL_COLUMNS)), 0.0, 1)
+    compiled = numba.njit(**OPTIONS)(advance.py_func)
+    compiled.compile(tuple(numba.typeof(argument) for argument in arguments))
+    (signature,) = compiled.signatures
+    return str(compiled.inspect_asm(signature))
+
+
+def traces(code: str, name: str) -> int:
+    """How often symbols of the effect's module occur (as numba mangles them)."""
+    return code.count(f"effects{len(name)}{name}")
+
+
+@pytest.fixture(scope="module")
+def whole() -> str:
+    """The step of the main job."""
+    return assembly(main_job())
+
+
+@pytest.fixture(scope="module")
+def bare() -> str:
+    """The same with nothing but weight and payload."""
+    scene = main_job()
+    return assembly(
+        replace(scene, effects=tuple(params for params in scene.effects if type(params) in BARE))
+    )
+
+
+def test_a_listed_effect_is_in_the_code(whole: str) -> None:
+    """So that the next test cannot pass by looking for the wrong name."""
+    names = listed(main_job())
+    assert {"current", "weight", "drag", "added_mass", "payload"} <= names
+    assert not [name for name in names if not traces(whole, name)]
+
+
+def test_an_absent_effect_leaves_no_trace(whole: str, bare: str) -> None:
+    """Neither a symbol nor a square root, and less code."""
+    names = {"weight", "payload"}
+    assert not [name for name in names if not traces(bare, name)]
+    assert not [name for name in NAMES - names if traces(bare, name)]
+    assert not [name for name in NAMES - listed(main_job()) if traces(whole, name)]
+    assert len(bare.splitlines()) < 0.9 * len(whole.splitlines())
+
+
+def test_the_node_loop_of_drag_is_vectorised(whole: str, bare: str) -> None:
+    """Drag brings a packed square root into the step.
+
+    With the vectoriser's default limit of run-time overlap checks it would be a scalar one, and the
+    loop five times slower, without a word (SOLVER.md, traps).
+    """
+    assert PACKED_ROOT.search(bare), "the loop over elements"
+    assert len(PACKED_ROOT.findall(whole)) > len(PACKED_ROOT.findall(bare))
