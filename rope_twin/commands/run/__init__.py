@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from rope_twin.commands.run.options import RunOptions, add_arguments, read_options
 
-ALONE_S = 20.0  # so much of a paced run is repeated without waiting, to measure the model alone
+ALONE_S = 60.0  # so much of a paced run is repeated without waiting, to measure the model alone
 
 if TYPE_CHECKING:
     from rope_twin.commands.run.summary import Progress, RunSummary

@@ -10,6 +10,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
+from statistics import median
 
 from rope_twin.cadence import DIAGNOSTICS_PERIOD_NS, due_topics
 from rope_twin.commands.run.inputs import FIRST_NS, LEAD_NS, open_sea
@@ -28,10 +29,12 @@ from rope_twin.messages import (
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.scene.load import load_scene
 from rope_twin.topics import TOPICS
-from rope_twin.twin.pacing import steps_in_slot
+from rope_twin.twin.pacing import keep_pauses_short, steps_in_slot
 from rope_twin.twin.schedule import schedule_samples
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
+
+BLIND_S = 1.0  # steps without a look at the rope, where only the speed is wanted
 
 Message = tuple[int, str, bytes]  # twin time [ns], topic, CDR
 
@@ -50,6 +53,7 @@ class UnpacedRun:
         self.epoch_ns = time.time_ns() if epoch_ns is None else epoch_ns
         self._options = options
         self.twin = Twin(scene)
+        keep_pauses_short()
         self._bag = None if options.record is None else BagWriter(options.record, TOPICS)
         self._steps = steps_in_slot(self.twin.step_s)
         self._slot_ns = self._steps * self.twin.step_ns
@@ -75,6 +79,13 @@ class UnpacedRun:
         if snapshot.stamp_ns - self._told_ns >= DIAGNOSTICS_PERIOD_NS:
             self._tell(snapshot)
         return snapshot
+
+    def advance_blindly(self, time_s: float) -> None:
+        """Offer inputs and step, with no snapshot and no record. Raises SolverError."""
+        steps = max(1, round(time_s / self.twin.step_s))
+        self._offer(self.twin.time_ns + steps * self.twin.step_ns + LEAD_NS)
+        self._inputs.clear()
+        self.twin.advance(steps)
 
     def summary(self, error: str = "") -> RunSummary:
         """The figures so far."""
@@ -119,16 +130,23 @@ class UnpacedRun:
 def measure_alone(options: RunOptions, time_s: float) -> float:
     """Real-time factor of the model alone: the run's first `time_s` once more, without waiting.
 
+    The median over seconds, since other programs use the machine too.
+
     In a paced run every slot begins with what other programs left in the processor's caches, which
     costs a short step several times its own work; `RunSummary.paced_real_time_factor` has that.
     """
     run = UnpacedRun(replace(options, record=None))
+    factors = []
     try:
         while run.twin.time_ns < time_s * 1e9:
-            run.advance_slot()
+            before = run.twin.statistics()
+            run.advance_blindly(min(time_s, BLIND_S))
+            after = run.twin.statistics()
+            simulated_s = (after.steps - before.steps) * run.twin.step_s
+            factors.append(simulated_s / (after.computing_s - before.computing_s))
     except SolverError:
         pass  # the run itself has told; what was stepped counts
-    return run.twin.statistics().real_time_factor
+    return median(factors) if factors else 0.0
 
 
 def run_unpaced(
