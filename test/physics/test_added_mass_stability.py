@@ -1,4 +1,4 @@
-"""Added mass on the left-hand side against added mass as a lagged force (PHYSICS S1, S2).
+"""Added mass on the left-hand side against added mass as a lagged force.
 
 Source: thesis on ultra-slender structures, Shanghai Jiao Tong University, ch. 3: an oscillator
 (m + m_a)·x'' + k·x = 0, whose m_a·x'' is either implicit or taken from the step before.

@@ -63,7 +63,7 @@ def test_second_order_in_the_element_length() -> None:
 def stale_error(elements: int, step: float) -> tuple[Vector, Vector]:
     """Top element's tension with the hang-off of the step before less that with its own [N].
 
-    Second: EA·v·h/l0 of SOLVER.md, section 5, v the hang-off's mean speed over the step.
+    Second: EA·v·h/l0, v the hang-off's mean speed over the step.
     """
     twin = twin_of(elements, step)
     line = twin.scene.ropes[0]

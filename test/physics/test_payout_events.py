@@ -18,7 +18,7 @@ JUMP = 1e-4  # of the mean tension
 def events_and_jumps(shots: list[Snapshot]) -> tuple[int, float]:
     """Number of splits and merges, and the largest second difference near one, over the mean.
 
-    The measure of PAYOUT.md: max |F(k+1) - 2·F(k) + F(k-1)| over the 11 samples from an event on.
+    The measure: max |F(k+1) - 2·F(k) + F(k-1)| over the 11 samples from an event on.
     """
     tension = np.array([s.tension_top_n for s in shots])
     bend = np.abs(np.diff(tension, 2)) / tension.mean()  # bend[k] is centred on sample k + 1
@@ -52,7 +52,7 @@ def assert_smooth(rig: Rig, heave: float, least_events: int) -> None:
 def test_depth_after_280_splits() -> None:
     """200 m to 3,000 m at 2 m/s; then the payload hangs where the closed form says.
 
-    Depth L + (W + w·L/2)·L/EA (PHYSICS P8): the offsets of 280 events have left nothing behind.
+    Depth L + (W + w·L/2)·L/EA: the offsets of 280 events have left nothing behind.
     """
     rig = replace(STEEL, length=200.0, elements=20, damping=7e6, step=0.02)
     twin = rig.twin()

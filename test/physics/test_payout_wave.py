@@ -47,7 +47,7 @@ def published(rig: Rig, amplitude: float) -> tuple[Vector, int]:
 def test_the_exact_solution_itself() -> None:
     """Before the first echo an accelerating winch lowers the pull by I·a, less the rope it adds.
 
-    PAYOUT.md: -Z·a = -6119 N/s for steel (a 0.3 m/s²); here w·V is added as it is.
+    -Z·a = -6119 N/s for steel (a 0.3 m/s²); here w·V is added as it is.
     """
     bar = HangingBar(STEEL.mass, STEEL.weight, STEEL.EA, STEEL.load, STEEL.load_weight)
     tension = exact_tension(bar, ramped_speed(1000.0, 0.3, [(0.0, 1.0)]), sine(0.0, 8.0), 0.5, 1e-3)

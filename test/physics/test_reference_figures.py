@@ -1,4 +1,4 @@
-"""Top tension under heave against figures that outside codes share (SOLVER.md, scenes A and B)."""
+"""Top tension under heave against figures that outside codes share."""
 
 from __future__ import annotations
 

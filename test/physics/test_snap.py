@@ -1,4 +1,4 @@
-"""Slack and snap: P10's closed form, and the snap scenes of SOLVER.md against its references."""
+"""Slack and snap: a closed form, and snap scenes against fine explicit references."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def test_snap_of_a_rope_with_mass() -> None:
     ],
 )
 def test_peak_of_the_snap_scenes(rig: Rig, heave: float, peak_kn: float, within: float) -> None:
-    """SOLVER.md, sections 2 and 3: scenes D, E and C, 60 s; no unconverged substep is accepted."""
+    """60 s of each scene; no unconverged substep is accepted."""
     twin = rig.twin()
     tensions = []
     for shot in march(twin, sine(heave, 8.0), 60.0):

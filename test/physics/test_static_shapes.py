@@ -15,7 +15,7 @@ LINE = Rig(length=1020.0, density=1025.0, fixed_at=CHORD)
 
 
 def stretch(weight: float, load: float, length: float, EA: float) -> float:
-    """Elongation of a bar under its own weight and a load: (W + w·L/2)·L/EA (PHYSICS P8)."""
+    """Elongation of a bar under its own weight and a load: (W + w·L/2)·L/EA."""
     return (load + 0.5 * weight * length) * length / EA
 
 
