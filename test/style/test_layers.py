@@ -1,0 +1,164 @@
+"""The house's rules, read from the syntax tree: floors, doors, length, and what stays outside."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / "rope_twin"
+SOURCES = sorted(PACKAGE.rglob("*.py"))
+EVERYTHING = [*SOURCES, *sorted((ROOT / "test").rglob("*.py")), *sorted(ROOT.glob("launch/*.py"))]
+
+# Imports run downward only; parts of one floor may use each other.
+FLOORS = (
+    ("core", "errors", "quantity", "share"),
+    ("effects",),
+    ("scene",),
+    ("twin",),
+    ("topics", "cadence", "messages", "recording", "view"),
+    ("commands",),
+    ("ros",),
+    ("cli", "__init__"),  # the roof: doors that open what they are asked for
+)
+MOST_LINES = 400
+VAGUE = {"utils", "util", "helpers", "helper", "common", "manager", "base", "misc", "tools"}
+PRINTERS = {"commands", "cli"}
+
+
+def part(path: Path) -> str:
+    """The floor's room that a file belongs to: its first folder, or its own name."""
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def floor(room: str) -> int:
+    """Its number, from the ground."""
+    found = [number for number, rooms in enumerate(FLOORS) if room in rooms]
+    assert found, f"'{room}' stands on no floor; add it to FLOORS in test/style/test_layers.py"
+    return found[0]
+
+
+def imported(path: Path) -> Iterator[tuple[int, str]]:
+    """Line and full name of everything imported, lazily or not, `from a import b` as a.b."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}:{node.lineno}: relative import"
+            yield from ((node.lineno, f"{node.module}.{alias.name}") for alias in node.names)
+
+
+def room_of(name: str) -> str | None:
+    """The room that an imported name lies in; None outside the package."""
+    words = name.split(".")
+    if words[0] != "rope_twin":
+        return None
+    if len(words) == 1 or not (
+        (PACKAGE / words[1]).is_dir() or (PACKAGE / f"{words[1]}.py").exists()
+    ):
+        return {"Twin": "twin", "Snapshot": "twin", "load_scene": "scene"}.get(words[-1], "errors")
+    return words[1]
+
+
+def relative(path: Path) -> str:
+    """As it is written in a report."""
+    return str(path.relative_to(ROOT))
+
+
+def test_imports_run_downward() -> None:
+    """No file uses what stands on a floor above its own."""
+    upward = [
+        f"{relative(path)}:{line}: {name}"
+        for path in SOURCES
+        for line, name in imported(path)
+        if (room := room_of(name)) is not None and floor(room) > floor(part(path))
+    ]
+    assert not upward
+
+
+def outside(names: set[str], rooms: set[str]) -> list[str]:
+    """Where one of these packages is imported by a file of the package outside these rooms."""
+    return [
+        f"{relative(path)}:{line}: {name}"
+        for path in SOURCES
+        if part(path) not in rooms
+        for line, name in imported(path)
+        if name.split(".")[0] in names
+    ]
+
+
+def test_ros_stays_in_its_folder() -> None:
+    """rclpy, launch and the message packages: ros/ and launch/ only."""
+    assert not outside({"rclpy", "launch", "launch_ros", "lifecycle_msgs", "sensor_msgs"}, {"ros"})
+    assert any(name.startswith("rclpy") for p in SOURCES for _, name in imported(p))
+
+
+def test_the_compiler_stays_below() -> None:
+    """numba and llvmlite: core/ and effects/ only."""
+    assert not outside({"numba", "llvmlite"}, {"core", "effects"})
+
+
+def test_effects_know_the_core_and_no_one_else() -> None:
+    """An effect may use the core and quantity; of the other effects only EFFECTS knows."""
+    strangers = [
+        f"{relative(path)}:{line}: {name}"
+        for path in sorted((PACKAGE / "effects").glob("*.py"))
+        if path.name != "__init__.py"
+        for line, name in imported(path)
+        if name.startswith("rope_twin.effects")
+    ]
+    assert not strangers
+
+
+def test_only_commands_print() -> None:
+    """Elsewhere a logger, a return value or an exception speaks."""
+    printing = [
+        f"{relative(path)}:{node.lineno}"
+        for path in SOURCES
+        if part(path) not in PRINTERS
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "print"
+    ]
+    assert not printing
+
+
+def test_files_are_short() -> None:
+    """At most 400 lines; 300 is what we aim at."""
+    lengths = {relative(path): len(path.read_text().splitlines()) for path in EVERYTHING}
+    assert not {name: lines for name, lines in lengths.items() if lines > MOST_LINES}
+
+
+def test_names_tell_something() -> None:
+    """No file or folder is called after nothing."""
+    vague = [p for p in EVERYTHING if VAGUE & {p.stem, *p.relative_to(ROOT).parts[:-1]}]
+    assert not [relative(path) for path in vague]
+
+
+def test_nothing_is_left_behind() -> None:
+    """No debugger, no note to oneself."""
+    marks = ("TO" + "DO", "FIX" + "ME", "XX" + "X", "break" + "point(", "set_" + "trace(")
+    left = [f"{relative(p)}: {mark}" for p in EVERYTHING for mark in marks if mark in p.read_text()]
+    assert not left
+
+
+def is_silent(handler: ast.ExceptHandler) -> bool:
+    """`except:` at all, or `except Exception: pass`."""
+    broad = getattr(handler.type, "id", "") in ("Exception", "BaseException")
+    return handler.type is None or (broad and all(isinstance(n, ast.Pass) for n in handler.body))
+
+
+def test_no_exception_is_swallowed() -> None:
+    """What went wrong is told to someone."""
+    assert not [
+        f"{relative(path)}:{node.lineno}"
+        for path in SOURCES
+        for node in ast.walk(ast.parse(path.read_text()))
+        if isinstance(node, ast.ExceptHandler) and is_silent(node)
+    ]
+
+
+def test_every_file_says_what_it_is_for() -> None:
+    """A docstring at its head, unless it is empty."""
+    trees = {relative(path): ast.parse(path.read_text()) for path in SOURCES}
+    assert not [name for name, tree in trees.items() if tree.body and not ast.get_docstring(tree)]
