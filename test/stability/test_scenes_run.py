@@ -1,0 +1,43 @@
+"""Every scene that comes with the package runs, under heave and its own winch schedule."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from small_scene import not_finite
+
+from rope_twin import Twin, load_scene
+from rope_twin.scene.load import scene_names
+from rope_twin.twin.schedule import schedule_samples
+
+SECONDS = 60
+SAMPLE_NS = 50_000_000
+AMPLITUDE_M, PERIOD_S = 2.0, 9.0
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_a_scene_runs_for_a_minute(name: str) -> None:
+    """Finite, every step converged, the pull between nothing and the rope's breaking load."""
+    scene = load_scene(name)
+    twin = Twin(scene)
+    omega = 2.0 * math.pi / PERIOD_S
+    second_ns = 1_000_000_000
+    tensions = []
+    for second in range(SECONDS):
+        for stamp in range(second * second_ns, (second + 1) * second_ns + 1, SAMPLE_NS):
+            angle = omega * stamp * 1e-9
+            z, v = AMPLITUDE_M * math.sin(angle), AMPLITUDE_M * omega * math.cos(angle)
+            if second == 0 or stamp > second * second_ns:
+                assert twin.offer_heave(stamp, z, v) == ""
+        for row in schedule_samples(scene.winch, second * second_ns, (second + 1) * second_ns):
+            assert twin.offer_speed(row.stamp_ns, row.speed_m_per_s) == ""
+        twin.advance(round(1.0 / twin.step_s))
+        shot = twin.snapshot()
+        assert not not_finite(shot)
+        assert not shot.doubtful
+        tensions += [shot.tension_top_min_n, shot.tension_top_max_n]
+    assert shot.time_s == pytest.approx(SECONDS)
+    assert 0.0 <= np.min(tensions) < np.max(tensions) < scene.ropes[0].rope.breaking_load_n
+    assert np.ptp(tensions) > 0.02 * np.mean(tensions), "the ship heaves"
