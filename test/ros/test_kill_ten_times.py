@@ -80,5 +80,6 @@ def test_simulation(bench: Bench, processes: Processes, tmp_path: Path, turn: in
     lost = [at for at in map(stamp_ns, odometry[:heard]) if at not in set(kept)]
     print(f"\nsimulation killed after {heard / 50:.1f} s: {len(lost)} of {heard} snapshots that "
           f"were heard are not in the bag; {gap_s:.1f} s until the next one")  # fmt: skip
-    assert not lost
+    # the very last one may have been on its way: sent to one listener and not yet to the other
+    assert not [at for at in lost if at < before]
     assert not second.ended
