@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
@@ -15,7 +16,7 @@ from rope_twin.topics import BY_NAME
 _PERIOD_S, _LEAST_PERIOD_S = 0.04, 0.005
 
 
-class FeedingNode(Node):
+class FeedingNode(Node, ABC):
     """A node whose `publish_stretch` is called for each stretch of twin time, once and in order."""
 
     def __init__(self, name: str, **node_options: Any) -> None:
@@ -32,9 +33,9 @@ class FeedingNode(Node):
         """Stop feeding."""
         self._feed = None
 
+    @abstractmethod
     def publish_stretch(self, epoch_ns: int, from_ns: int, to_ns: int) -> None:
         """Publish all samples with from_ns <= stamp < to_ns (twin time), stamped epoch + stamp."""
-        raise NotImplementedError
 
     def start_feeding(
         self, topics: tuple[str, ...], lead_s: float, speed: float, first_ns: int = 0
