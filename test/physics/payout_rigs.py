@@ -20,4 +20,5 @@ SEA = replace(
     STEEL, density=1025.0, diameter=0.05, drag=(1.2, 0.02), added_mass=1.0, volume=2.0,
     added=(3e3, 3e3, 3e3), area=(5.0, 5.0, 5.0), current=((0.0, (0.9, 0.4)),),
 )  # fmt: skip
+HMPE_SEA = replace(SEA, mass=2.9, EA=206e6, diameter=0.08, length=990.0)
 KELVIN_VOIGT_S = 0.01  # c = EA·tau

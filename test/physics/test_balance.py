@@ -14,7 +14,7 @@ from rope_twin import Snapshot
 from rope_twin.core.state import Boundary
 
 CURRENT = ((0.0, (0.9, 0.2)), (-400.0, (0.2, 0.6)), (-900.0, (-0.1, 0.1)))
-IN_FLOW = replace(SEA, current=CURRENT, area=(5.0, 5.0, 8.0))
+IN_FLOW = replace(SEA, current=CURRENT, area=(5.0, 5.0, 8.0), load=6e3, drag=(1.2, 0.3))
 
 
 def water_at(rig: Rig, z: Vector) -> Vector:

@@ -31,7 +31,7 @@ def test_critical_angle(speed: float, printed: float) -> None:
 
 
 TOWED = Rig(
-    length=1500.0, mass=6.4, EA=65e6, diameter=0.04, density=1025.0, drag=(1.5, 0.03), load=6e3,
+    length=1500.0, mass=6.4, EA=65e6, diameter=0.04, density=1025.0, drag=(1.5, 0.3), load=4e3,
     volume=1.0, area=(4.0, 4.0, 6.0),
     current=((0.0, (1.4, 0.2)), (-300.0, (0.7, 0.6)), (-2000.0, (0.1, -0.1))),
 )  # fmt: skip
