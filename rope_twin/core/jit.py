@@ -60,7 +60,7 @@ _FAST = {"contract", "nsz", "arcp", "reassoc", "afn"}
 _ORDERED = {"contract", "nsz"}
 
 # Without numba's run-time a kernel cannot allocate: an allocation in the loop does not compile.
-# Passing arrays then costs no reference counts either (they were two thirds of a short step).
+# Passing arrays then costs no reference counts either (they were a third of a short step).
 OPTIONS: dict[str, Any] = {
     "nogil": True,
     "error_model": "numpy",
@@ -69,7 +69,7 @@ OPTIONS: dict[str, Any] = {
 }
 
 
-# Kernels are called by kernels: a wrapper for Python around each would double the compile time.
+# Kernels are called by kernels, and need no wrapper for Python.
 _INNER = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 
 

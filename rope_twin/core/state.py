@@ -6,7 +6,7 @@ elements), with room for `capacity` of them, of which `counts[ELEMENTS]` are in 
 allocates nothing. Quantities are rows with the names below; a vector takes three rows, x, y, z.
 
 Scratch is one matrix and not a struct of thirty arrays because every kernel call hands over each
-array of a struct: as a matrix the step compiles in about half the time and a short one runs faster.
+array of a struct: as a matrix the step compiles in three quarters of the time.
 """
 
 from __future__ import annotations
