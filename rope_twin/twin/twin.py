@@ -7,43 +7,26 @@ same inputs see the same numbers and agree to the bit.
 
 from __future__ import annotations
 
-import gc
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.core import state as rows
-from rope_twin.core.statics import find_equilibrium
 from rope_twin.core.step import advance
-from rope_twin.errors import SceneError, SolverError, phrase
+from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.build import build
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.observe import Extremes, Observation, observe
 from rope_twin.twin.ship import HeaveTrack, ramp
 from rope_twin.twin.snapshot import InputHealth, Snapshot
+from rope_twin.twin.start import find_start
 from rope_twin.twin.water import CurrentInput
 from rope_twin.twin.winch import LineOut, Winch
 
 STEPS_PER_CALL = 256
-EQUILIBRIUM_MOVE = 1e-6  # of the line out: a larger last move is no equilibrium
-AFLOAT_M = 1.0
-
-
-@contextmanager
-def _no_garbage_collection() -> Iterator[None]:
-    """Compiling makes millions of objects that live: scanning them costs a tenth of its time."""
-    enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if enabled:
-            gc.enable()
 
 
 @dataclass(frozen=True)
@@ -85,8 +68,8 @@ class Twin:
         self._run = Extremes()
         self._recent = Extremes()
         self._unconverged = 0
-        self._pull = np.zeros(rows.PULL_COLUMNS)
-        self._find_start()
+        self._pull = find_start(scene, self._rope)
+        self._recent.take([float(self._pull[rows.PULL])])
 
     @property
     def steps(self) -> int:
@@ -168,37 +151,6 @@ class Twin:
             x, y, rest_z = self._rest
             self._boundary.value[row] = (x, y, rest_z + share * z, line.length_m)
             self._boundary.rate[row] = (0.0, 0.0, share * v + share_rate * z, line.speed_m_per_s)
-
-    def _find_start(self) -> None:
-        """Find the equilibrium that the run starts from, compiling everything on the way."""
-        rope, line = self._rope, self.scene.ropes[0]
-        nodes = rope.state.nodes
-        with _no_garbage_collection():
-            move = find_equilibrium(rope, line.length_m)
-        where = f"{self.scene.path}: ropes[0]"
-        if not move <= EQUILIBRIUM_MOVE * line.length_m:
-            raise SceneError(
-                phrase(
-                    where,
-                    f"no static equilibrium found (the last move was {move:.3g} m)",
-                    "check that rope and payload sink, or fix the lower end",
-                )
-            )
-        highest = float(nodes[rows.POSITION + 2, : rope.state.counts[rows.ELEMENTS]].max())
-        if highest > max(self._rest[2], 0.0) + AFLOAT_M:
-            raise SceneError(
-                phrase(
-                    where,
-                    f"at rest it floats up to z = {highest:.1f} m",
-                    "give the payload more weight in water or take a heavier rope",
-                )
-            )
-        # One step at rest on a copy gives the static pull on the hang-off.
-        spare = rope._replace(state=rope.state.copy())
-        self._boundary.value[1] = self._boundary.value[0]
-        advance(spare, self._boundary, self._pulls, 0.0, 1)
-        self._pull = self._pulls[0].copy()
-        self._recent.take([float(self._pull[rows.PULL])])
 
     def statistics(self) -> RunStatistics:
         """The run so far."""

@@ -1,0 +1,70 @@
+"""Where a run starts from: the equilibrium of the scene's rope with what pulls at it at rest."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.state import Boundary, Floats, Rope
+from rope_twin.core.statics import find_equilibrium
+from rope_twin.core.step import advance
+from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.schema import Scene
+
+EQUILIBRIUM_MOVE = 1e-6  # of the line out: a larger last move is no equilibrium
+AFLOAT_M = 1.0
+
+
+@contextmanager
+def _no_garbage_collection() -> Iterator[None]:
+    """Compiling makes millions of objects that live: scanning them costs a tenth of its time."""
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+def find_start(scene: Scene, rope: Rope) -> Floats:
+    """Bring the rope to rest, compiling everything on the way; returns its pull on the hang-off.
+
+    The pull has rows.PULL_COLUMNS: magnitude and vector [N].
+
+    Raises:
+        SceneError: there is no equilibrium, or the rope floats.
+    """
+    line = scene.ropes[0]
+    nodes = rope.state.nodes
+    with _no_garbage_collection():
+        move = find_equilibrium(rope, line.length_m)
+    where = f"{scene.path}: ropes[0]"
+    if not move <= EQUILIBRIUM_MOVE * line.length_m:
+        raise SceneError(
+            phrase(
+                where,
+                f"no static equilibrium found (the last move was {move:.3g} m)",
+                "check that rope and payload sink, or fix the lower end",
+            )
+        )
+    highest = float(nodes[rows.POSITION + 2, : rope.state.counts[rows.ELEMENTS]].max())
+    if highest > max(scene.ship.hang_off_m[2], 0.0) + AFLOAT_M:
+        raise SceneError(
+            phrase(
+                where,
+                f"at rest it floats up to z = {highest:.1f} m",
+                "give the payload more weight in water or take a heavier rope",
+            )
+        )
+    # One step at rest on a copy gives the static pull on the hang-off.
+    spare = rope._replace(state=rope.state.copy())
+    boundary = Boundary(np.zeros((2, rows.MOTIONS)), np.zeros((2, rows.MOTIONS)))
+    boundary.value[:] = [*scene.ship.hang_off_m, line.length_m]
+    pull: Floats = np.zeros((1, rows.PULL_COLUMNS))
+    advance(spare, boundary, pull, 0.0, 1)
+    return pull.reshape(rows.PULL_COLUMNS)
