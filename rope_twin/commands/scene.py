@@ -14,7 +14,7 @@ from rope_twin.errors import SceneError
 from rope_twin.scene.checks import sense_checks
 from rope_twin.scene.figures import LiftFigures, lift_figures, listed_effects, stretch_m
 from rope_twin.scene.load import load_scene, scene_names
-from rope_twin.scene.schema import Scene, Winch
+from rope_twin.scene.schema import Scene, SeaState, Winch
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
@@ -88,11 +88,17 @@ def _parts(scene: Scene) -> list[tuple[str, str]]:
         ("line out", f"{line.length_m:g} m in {line.elements} elements"),
         *(("payload", f"'{payload.name}', {payload.mass_kg:g} kg") for payload in scene.payloads),
         ("winch", _winch(scene.winch)),
-        ("sea", f"bag {scene.sea_state.bag}" if scene.sea_state.bag else "still"),
+        ("sea", _sea(scene.sea_state)),
     ]
     effects = [f"{name} {_words(params)}".strip() for name, params in listed_effects(scene).items()]
     rows += [("effects" if row == 0 else "", words) for row, words in enumerate(effects)]
     return [*rows, ("step", f"{scene.time.step_s:g} s")]
+
+
+def _sea(sea: SeaState) -> str:
+    if sea.heave is not None:
+        return f"regular heave, ±{sea.heave.amplitude_m:g} m every {sea.heave.period_s:g} s"
+    return f"bag {sea.bag}" if sea.bag else "still"
 
 
 def _words(params: Any) -> str:

@@ -80,6 +80,11 @@ class HeaveReplay:
             samples += self._cut(content, low, high, lap * self.loop_ns)
         return samples
 
+    def is_over(self, from_ns: int) -> bool:
+        """Whether there is no sample from a twin time on."""
+        rest_ns = round(self.duration_s * 1e9)
+        return self.loop_ns is None and not self.between(from_ns, from_ns + rest_ns)
+
     def _cut(self, content: _Pass, low: int, high: int, shift_ns: int) -> list[HeaveSample]:
         first, last = np.searchsorted(content.time_ns, [low - shift_ns, high - shift_ns])
         shift_ns -= self._start_ns

@@ -103,7 +103,7 @@ def node_command(name: str, parameters: dict[str, Any]) -> list[str]:
 def _awaited(options: RunOptions) -> str:
     """What the twin is to await: the inputs that will come, and the recorder on every topic."""
     scene = load_scene(options.scene)
-    topics = ["ship/heave"] if options.bag or scene.sea_state.bag else []
+    topics = ["ship/heave"] if options.bag or scene.sea_state.moves else []
     topics += ["winch/speed_command"] if scene.winch and scene.winch.schedule else []
     if options.record is not None:
         topics += [topic.name for topic in SNAPSHOT_TOPICS]

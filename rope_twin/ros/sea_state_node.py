@@ -1,4 +1,4 @@
-"""The node that moves the ship: a recorded heave, or one made from a spectrum.
+"""The node that moves the ship: a recorded heave, a regular one, or one made from a spectrum.
 
 Samples are stamped with their own time and published `lead_s` before it: a replayed sea knows its
 future. With wait_for_epoch false the record starts at once, stamped with ROS time.
@@ -9,9 +9,9 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from rope_twin.commands.run.inputs import FIRST_NS, open_sea
+from rope_twin.commands.run.inputs import FIRST_NS, Sea, open_sea
 from rope_twin.messages import encode_elevation, encode_heave
-from rope_twin.recording.heave_replay import HeaveReplay, replay_sea
+from rope_twin.recording.heave_replay import replay_sea
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.feeding import FeedingNode
 from rope_twin.ros.params import SeaStateParams, declare
@@ -29,7 +29,7 @@ class SeaStateNode(FeedingNode):
     def __init__(self, **node_options: Any) -> None:
         super().__init__("sea_state", **node_options)
         self._params = declare(self, SeaStateParams)
-        self._replay: HeaveReplay | None = None
+        self._replay: Sea | None = None
         self._newest_ns = 0  # of the samples published
         self.ended = False
 
@@ -37,9 +37,7 @@ class SeaStateNode(FeedingNode):
         """Read or make the sea, then follow the twin's epoch. Raises RopeTwinError."""
         self._replay = _open(self._params)
         if self._replay is None:
-            self.get_logger().warning(
-                f"scene {self._params.scene} has no recorded sea: the ship lies still"
-            )
+            self.get_logger().warning(f"scene {self._params.scene} has no sea: the ship lies still")
             return
         self.get_logger().info(self._replay.source)
         if self._replay.note:
@@ -63,19 +61,14 @@ class SeaStateNode(FeedingNode):
                 self.send("sea/elevation", encode_elevation(at_ns, sample.elevation_m))
         if samples:
             self._newest_ns = samples[-1].stamp_ns
-        elif not self.ended and to_ns - self._newest_ns > _SECOND_NS and self._is_over(to_ns):
+        elif (
+            not self.ended and to_ns - self._newest_ns > _SECOND_NS and self._replay.is_over(to_ns)
+        ):
             self.ended = True
             self.get_logger().warning("the recorded sea has ended; no more heave is published")
 
-    def _is_over(self, from_ns: int) -> bool:
-        """Whether the record holds nothing from a twin time on."""
-        replay = self._replay
-        assert replay is not None
-        rest_ns = round(replay.duration_s * 1e9)
-        return replay.loop_ns is None and not replay.between(from_ns, from_ns + rest_ns)
 
-
-def _open(params: SeaStateParams) -> HeaveReplay | None:
+def _open(params: SeaStateParams) -> Sea | None:
     if params.significant_height_m > 0.0:
         spectrum = jonswap(params.significant_height_m, params.peak_period_s)
         sea = synthesise(spectrum, BoxHull(), params.seed)

@@ -193,7 +193,7 @@ def _ship(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if height > 0.0:
         what = f"{height:g} m above the water; this version treats the rope there as under water"
         yield phrase("ship.hang_off_m[2]", what, "expect a little too much buoyancy and drag")
-    if scene.sea_state.bag and ramp < SHORTEST_RAMP_S:
+    if scene.sea_state.moves and ramp < SHORTEST_RAMP_S:
         what = f"the ship's motion is there within {ramp:g} s, which kicks the resting rope"
         yield phrase("ship.motion_ramp_s", what, "give 8 s or so")
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator
 from itertools import pairwise
+from math import pi
 from pathlib import Path
 
 from rope_twin.effects import EFFECTS
@@ -17,6 +18,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.share import share_dir
 
 Fault = tuple[str, str, str]
+FASTEST_HEAVE_M_PER_S = 15.0  # as the twin believes at its input (twin/ship.py)
 
 
 def faults(scene: Scene) -> Iterator[Fault]:
@@ -162,6 +164,25 @@ def _bag(scene: Scene) -> Iterator[Fault]:
     yield "sea_state.bag", f"there is no bag '{scene.sea_state.bag}' in bags/", right
 
 
+def _regular_heave(scene: Scene) -> Iterator[Fault]:
+    sea = scene.sea_state
+    if sea.heave is None:
+        return
+    if sea.bag:
+        what = f"both `bag` ('{sea.bag}') and `heave` are given"
+        yield "sea_state", what, "keep the record or the sine"
+    if not sea.loop:
+        right = "leave `loop` out, it is for bags"
+        yield "sea_state.loop", "a regular heave has no end to stop at", right
+    fastest = 2.0 * pi * sea.heave.amplitude_m / sea.heave.period_s
+    if fastest > FASTEST_HEAVE_M_PER_S:
+        what = f"it moves the ship at up to {fastest:.1f} m/s"
+        right = (
+            f"a ship stays within {FASTEST_HEAVE_M_PER_S:g} m/s: lower it, or lengthen its period"
+        )
+        yield "sea_state.heave", what, right
+
+
 RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _names,
     _one_rope,
@@ -173,4 +194,5 @@ RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _schedule,
     _effects,
     _bag,
+    _regular_heave,
 )

@@ -120,15 +120,29 @@ class Ship:
 
 
 @dataclass(frozen=True, kw_only=True)
+class RegularHeave:
+    """A sine, z = a·sin(2π·t/T), up from the rest position; the ship's ramp fades it in."""
+
+    amplitude_m: float = quantity("amplitude, half the height from trough to crest", "m", 0.0, 30.0)
+    period_s: float = quantity("period", "s", 2.0, 100.0)
+
+
+@dataclass(frozen=True, kw_only=True)
 class SeaState:
-    """What moves the ship when no topic does; without a bag it lies still.
+    """What moves the ship when no topic does: a bag or a regular heave; with neither it lies still.
 
     `bag` is a name in bags/ or a path; a path in a scene is relative to the scene's file.
     """
 
     bag: str = text("recorded heave to replay", "")
-    start_s: float = quantity("offset into the bag", "s", 0.0, 1e6, default=0.0)
-    loop: bool = text("start again at the end", True)
+    heave: RegularHeave | None = text("a sine in place of a record", None)
+    start_s: float = quantity("offset into the bag or the sine", "s", 0.0, 1e6, default=0.0)
+    loop: bool = text("start again at the end of the bag", True)
+
+    @property
+    def moves(self) -> bool:
+        """Whether there is anything that moves the ship."""
+        return bool(self.bag) or self.heave is not None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,7 +179,7 @@ class Scene:
     payloads: tuple[Payload, ...] = text("the payloads", ())
     winch: Winch | None = text("the winch; absent: the line out never changes", None)
     ship: Ship = text("the ship", Ship())
-    sea_state: SeaState = text("the recorded sea", SeaState())
+    sea_state: SeaState = text("the sea that moves the ship", SeaState())
     environment: Environment = text("water and gravity", Environment())
     effects: tuple[Any, ...] = text("parameter objects of rope_twin.effects, in EFFECTS order", ())
     time: Time = text("step and tolerance")

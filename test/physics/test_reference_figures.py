@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
-from reference_scenes import SLACK_5KM, SMOOTH_2KM
-from rigs import sine, top_tension
+from reference_scenes import reference
+from rigs import top_tension
 
 
 @pytest.mark.parametrize(("elements", "step"), [(100, 0.02), (250, 0.01)])
@@ -16,8 +14,8 @@ def test_smooth_2km(elements: int, step: float) -> None:
     Explicit integration with 1000 elements: 167.573, 205.23 and 129.86 kN; three outside codes
     (MoorDyn and two others) 167.57, 204.6 and 130.4 kN.
     """
-    twin = replace(SMOOTH_2KM, elements=elements, step=step).twin()
-    tension = top_tension(twin, sine(1.5, 8.0), 120.0)[round(40.0 / step) - 1 :]
+    twin, heave = reference("smooth_2km", elements, step)
+    tension = top_tension(twin, heave, 120.0)[round(40.0 / step) - 1 :]
     assert tension.mean() == pytest.approx(167.573e3, rel=5e-4)
     assert tension.max() == pytest.approx(205.23e3, rel=5e-4)
     assert tension.min() == pytest.approx(129.86e3, rel=5e-4)
@@ -26,5 +24,5 @@ def test_smooth_2km(elements: int, step: float) -> None:
 
 def test_smooth_5km() -> None:
     """5 km of buoyant rope, whose axial period of 7 s amplifies the heave: peak 227.48 kN."""
-    twin = replace(SLACK_5KM, step=0.02).twin()
-    assert top_tension(twin, sine(1.5, 8.0), 60.0).max() == pytest.approx(227.48e3, rel=5e-4)
+    twin, heave = reference("smooth_5km", 1000, 0.02)
+    assert top_tension(twin, heave, 60.0).max() == pytest.approx(227.48e3, rel=5e-4)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from ros_bench import Bench
 
+from rope_twin.commands.run.inputs import open_sea
 from rope_twin.errors import BagError, InputError, SceneError
 from rope_twin.messages import decode, encode_epoch, encode_speed
 from rope_twin.recording.heave_replay import open_heave
@@ -92,6 +93,19 @@ def test_the_bag_can_be_another_one_started_anywhere(bench: Bench) -> None:
     bench.until(lambda: len(heave) >= 3, "heave")
     first = open_heave("sea_6p5m", start_s=100.0).between(-S // 10, S)[0]
     assert heave[0].pose.pose.position.z == first.position_m
+
+
+def test_a_regular_heave_is_fed_like_a_bag(bench: Bench) -> None:
+    heave = bench.listen("ship/heave")
+    sea_state(bench, scene="smooth_2km").begin()
+    epoch_ns = publish_epoch(bench)
+    bench.until(lambda: len(heave) >= 20, "a second of heave")
+    sea = open_sea(load_scene("smooth_2km"))
+    assert sea is not None
+    wanted = sea.between(-S // 10, 10 * S)[: len(heave)]
+    assert [stamp_ns(m) - epoch_ns for m in heave] == [sample.stamp_ns for sample in wanted]
+    assert [m.pose.pose.position.z for m in heave] == [sample.position_m for sample in wanted]
+    assert [m.twist.twist.linear.z for m in heave] == [s.velocity_m_per_s for s in wanted]
 
 
 def test_a_sea_can_be_made_from_a_spectrum_and_a_seed(bench: Bench) -> None:

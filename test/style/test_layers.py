@@ -18,7 +18,7 @@ FLOORS = (
     ("scene",),
     ("twin",),
     ("topics", "cadence", "messages", "recording", "view"),
-    ("commands",),
+    ("studies", "commands"),
     ("ros",),
     ("cli", "__init__"),  # the roof: doors that open what they are asked for
 )

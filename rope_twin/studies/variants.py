@@ -1,0 +1,25 @@
+"""A scene as it is, but with other elements, another step or another tolerance."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from rope_twin.scene.schema import Scene
+
+
+def variant(
+    scene: Scene,
+    elements: int | None = None,
+    step_s: float | None = None,
+    tolerance_n: float | None = None,
+) -> Scene:
+    """The scene with these in place of its own; None keeps what the scene says.
+
+    For scenes whose damping is in N·s, or a fraction of the first axial mode, the physics stays.
+    """
+    line = scene.ropes[0]
+    line = line if elements is None else replace(line, elements=elements)
+    time = scene.time
+    time = time if step_s is None else replace(time, step_s=step_s)
+    time = time if tolerance_n is None else replace(time, newton_tolerance_n=tolerance_n)
+    return replace(scene, ropes=(line, *scene.ropes[1:]), time=time)
