@@ -1,0 +1,188 @@
+"""A scene with some of its numbers changed, by the paths of its file and under the same rules.
+
+`payloads[0].mass_kg`, `effects.drag.normal` (effects go by name), `payloads[0].shape.box.height_m`,
+`effects.current.profile[*][1][*]` ([*]: every one of the list).
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rope_twin.effects import EFFECTS
+from rope_twin.errors import did_you_mean
+from rope_twin.scene.document import Item, Place
+from rope_twin.scene.reader import read_object
+from rope_twin.scene.rules import faults
+from rope_twin.scene.schema import Scene
+from rope_twin.scene.shapes import SHAPES
+
+_STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d+|\*)\]")
+_KINDS = {
+    **{effect.params: effect.name for effect in EFFECTS},
+    **{shape: name for name, shape in SHAPES.items()},
+}
+
+
+@dataclass(frozen=True)
+class Change:
+    """A number of the scene is replaced, or multiplied."""
+
+    path: str
+    value: float
+    multiply: bool = False  # value is a factor on what the scene says
+
+    def __str__(self) -> str:
+        """As on a command line."""
+        return f"{self.path}{'*' if self.multiply else ''}={self.value:g}"
+
+
+def change_scene(scene: Scene, changes: Sequence[Change]) -> Scene:
+    """The scene with all changes made, one after the other; its digest tells them too.
+
+    Raises:
+        SceneError: a path leads nowhere, a number is out of its range, or the numbers together
+            break a rule of scenes; one sentence.
+    """
+    if not changes:
+        return scene
+    for change in changes:
+        place = Place(scene.path)
+        scene = _changed(scene, _steps(change, place), change, place)
+    for where, what, right in faults(scene):
+        raise Place(scene.path, where).refuse(what, right)
+    told = "\n".join([scene.digest, *(repr(change) for change in changes)])
+    return dataclasses.replace(scene, digest=hashlib.sha256(told.encode()).hexdigest())
+
+
+def _steps(change: Change, place: Place) -> list[str | int | None]:
+    """The steps of a path: names, indices, None for every one of a list."""
+    steps: list[str | int | None] = []
+    at = 0
+    while found := _STEP.match(change.path, at):
+        name, index = found.groups()
+        steps.append(name or (None if index == "*" else int(index)))
+        at = found.end()
+    if at < len(change.path) or not steps or change.path.startswith("."):
+        right = "write it like payloads[0].mass_kg or effects.drag.normal"
+        raise place.refuse(f"'{change.path}' is no path", right)
+    return steps
+
+
+def _changed(value: Any, steps: list[Any], change: Change, place: Place) -> Any:
+    """A part of the scene (a dataclass, or a tuple of them) with the change made inside it."""
+    if not steps:
+        names = ", ".join(_names(value))
+        raise place.refuse("it is no number but has parts", f"go on to one of {names}")
+    step, *rest = steps
+    if isinstance(value, tuple):
+        return _in_parts(value, step, rest, change, place)
+    name = _key(value, step, place)
+    part, at = getattr(value, name), place.key(name, 0)
+    if dataclasses.is_dataclass(part) and type(part) in _KINDS:
+        rest, at = _enter_kind([part], rest, at)[1:]
+    if _has_parts(part):
+        return dataclasses.replace(value, **{name: _changed(part, rest, change, at)})
+    number = _number(part, rest, change, at)
+    others = {key: getattr(value, key) for key in _names(value) if key != name}
+    return read_object(type(value), _item({name: number}), place, **others)
+
+
+def _in_parts(
+    parts: tuple[Any, ...], step: Any, rest: list[Any], change: Change, place: Place
+) -> tuple[Any, ...]:
+    """The change made in one part of a tuple of dataclasses, or in every one."""
+    if parts and type(parts[0]) in _KINDS:
+        at, rest, where = _enter_kind(list(parts), [step, *rest], place)
+        chosen = [at]
+    else:
+        chosen, where = _indices(parts, step, place), None
+    made = list(parts)
+    for at in chosen:
+        made[at] = _changed(parts[at], rest, change, where or place.index(at, 0))
+    return tuple(made)
+
+
+def _enter_kind(parts: list[Any], steps: list[Any], place: Place) -> tuple[int, list[Any], Place]:
+    """The part that the next step names by its kind (an effect, a shape): index, rest, place."""
+    kinds = [_KINDS[type(part)] for part in parts]
+    step = steps[0] if steps else ""
+    if step not in kinds:
+        what = f"the scene has no '{step}' here" if isinstance(step, str) and step else "no name"
+        right = did_you_mean(step, kinds) if step else f"go on to one of {', '.join(kinds)}"
+        raise place.refuse(what, right)
+    return kinds.index(step), steps[1:], place.key(step, 0)
+
+
+def _key(value: Any, step: Any, place: Place) -> str:
+    """The field that a step names."""
+    names = _names(value)
+    if not isinstance(step, str):
+        raise place.refuse("it is no list", f"name one of {', '.join(names)}")
+    if step not in names:
+        raise place.key(step, 0).refuse("unknown key", did_you_mean(step, names))
+    if getattr(value, step) is None and "quantity" not in _field(value, step).metadata:
+        raise place.key(step, 0).refuse(f"the scene has no {step}", "add it to the scene first")
+    return step
+
+
+def _indices(values: tuple[Any, ...], step: Any, place: Place) -> list[int]:
+    """Which ones of a list a step means."""
+    if step is None:
+        return list(range(len(values)))
+    if isinstance(step, str) or step >= len(values):
+        held = f"[0] to [{len(values) - 1}], or [*] for all" if values else "nothing: it is empty"
+        what = f"'{step}' is no index of a list" if isinstance(step, str) else f"no entry [{step}]"
+        raise place.refuse(what, f"the list holds {held}")
+    return [step]
+
+
+def _number(value: Any, steps: list[Any], change: Change, place: Place) -> Any:
+    """What a field without parts becomes: a number, or a list of them with some changed."""
+    if isinstance(value, tuple):
+        if not steps:
+            raise place.refuse("it is a list", "name one entry like [0], or [*] for all")
+        made = list(value)
+        for at in _indices(value, steps[0], place):
+            made[at] = _number(value[at], steps[1:], change, place.index(at, 0))
+        return made
+    if steps:
+        raise place.refuse("it has no parts", "end the path here")
+    if isinstance(value, bool | str):
+        raise place.refuse("it is no number", "only numbers can be changed")
+    if change.multiply and value is None:
+        raise place.refuse("the scene does not give it", "set it with = instead of *=")
+    number = change.value * value if change.multiply else change.value
+    return int(number) if isinstance(value, int) and float(number).is_integer() else number
+
+
+def _has_parts(value: Any) -> bool:
+    """Whether a value is a dataclass or a tuple of dataclasses."""
+    if isinstance(value, tuple):
+        return bool(value) and dataclasses.is_dataclass(value[0])
+    return dataclasses.is_dataclass(value)
+
+
+def _names(value: Any) -> list[str]:
+    """The keys that a part of the scene has in its file."""
+    if isinstance(value, tuple):
+        kinds = [_KINDS[type(part)] for part in value if type(part) in _KINDS]
+        return kinds or [f"[{number}]" for number in range(len(value))]
+    return [field.name for field in dataclasses.fields(value)]
+
+
+def _field(value: Any, name: str) -> dataclasses.Field[Any]:
+    return next(field for field in dataclasses.fields(value) if field.name == name)
+
+
+def _item(value: Any) -> Item:
+    """A value as the reader takes it, without a line of its own."""
+    if isinstance(value, dict):
+        return Item({key: _item(child) for key, child in value.items()}, 0)
+    if isinstance(value, list | tuple):
+        return Item([_item(child) for child in value], 0)
+    return Item(value, 0)

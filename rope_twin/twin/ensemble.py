@@ -1,0 +1,202 @@
+"""Many ropes of one scene, stepped together: each has its own numbers and inputs.
+
+They share one compiled step, which runs without the GIL, and are spread over the cores that this
+process may use. A member is stepped for seconds at a time before the next one's turn, so its arrays
+stay in the core's cache; the scratch of the step, a hundred times larger than what a rope must
+keep, belongs to the thread. Each member equals a `Twin` of its scene and inputs to the bit,
+whichever thread steps it and however the time is cut up.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.errors import InputError, SceneError, phrase
+from rope_twin.scene.build import build
+from rope_twin.scene.change import Change, change_scene
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.borders import Borders, WinchTrack
+from rope_twin.twin.heave_series import HeaveSeries
+from rope_twin.twin.member import Member, MemberFigures, Scratch, Start
+from rope_twin.twin.schedule import SpeedSample
+from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.start import find_start
+
+BATCH_S = 5.0  # a member's turn; less than the 10 s that commands may be known ahead
+LOOK_S = 0.5
+COMMON = ("sea_state", "time")  # parts of a scene that members cannot have of their own
+
+Key = TypeVar("Key")
+Made = TypeVar("Made")
+
+
+@dataclass(frozen=True)
+class Variation:
+    """What one member has of its own."""
+
+    changes: tuple[Change, ...] = ()  # of the scene's numbers
+    heave: HeaveSeries | None = None  # None: the ship lies still
+    commands: tuple[SpeedSample, ...] | None = None  # of the winch; None: the scene's schedule
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0))
+
+
+class Ensemble:
+    """Members of one scene at one time."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        variations: Sequence[Variation],
+        look_s: float = LOOK_S,
+        threads: int | None = None,
+    ) -> None:
+        """Build all members and find where each starts.
+
+        Args:
+            scene: what the members have in common.
+            variations: one for each member.
+            look_s: how often each rope is looked along for slack [s].
+            threads: how many step at once; None: as many as there are cores.
+
+        A member whose rope has no equilibrium to start from is marked as failed, like one that
+        cannot go on later.
+
+        Raises:
+            SceneError: a change is not possible; one sentence, with the member's number.
+            InputError: a winch command, or a number given here, is not possible.
+        """
+        self.step_s = scene.time.step_s
+        self._step_ns = round(self.step_s * 1e9)
+        self._look_steps = self._whole_steps("look_s", look_s)
+        self.threads = cores() if threads is None else threads
+        if self.threads < 1 or not variations:
+            what = f"{self.threads} threads, {len(variations)} members"
+            raise InputError(phrase("ensemble", what, "give at least one of each"))
+        self.scene = scene
+        self.steps = 0
+        scenes = [_member_scene(scene, own, k) for k, own in enumerate(variations)]
+        starts = self._find_starts(list(dict.fromkeys(scenes)))
+        self._heaves = {id(own.heave): own.heave for own in variations if own.heave}
+        borders = _shared_borders(scenes, variations)
+        self._members = [
+            Member(scene, starts[scene], border)
+            for scene, border in zip(scenes, borders, strict=True)
+        ]
+
+    @property
+    def time_ns(self) -> int:
+        """Time since the start [ns]."""
+        return self.steps * self._step_ns
+
+    def __len__(self) -> int:
+        """How many members there are, failed ones included."""
+        return len(self._members)
+
+    def advance(self, seconds: float) -> None:
+        """Step all members on that can go on.
+
+        Raises:
+            InputError: it is no whole number of steps, or a member's heave ends before.
+        """
+        steps = self._whole_steps("seconds", seconds)
+        for heave in self._heaves.values():
+            heave.at(np.array([(self.steps + steps) * self._step_ns]))
+        while steps > 0:
+            batch = min(steps, max(1, round(BATCH_S / self.step_s)))
+            turns = iter([member for member in self._members if not member.failure])
+
+            def take_turns(_: int, turns: Iterator[Member] = turns, batch: int = batch) -> None:
+                scratch = Scratch(batch)
+                for member in turns:
+                    member.advance(batch, self._look_steps, scratch)
+
+            self._on_threads(take_turns, range(self.threads))
+            self.steps += batch
+            steps -= batch
+
+    def figures(self) -> list[MemberFigures]:
+        """What each member did so far."""
+        return [member.figures() for member in self._members]
+
+    def scene_of(self, number: int) -> Scene:
+        """The scene of a member, its changes made."""
+        return self._members[number].scene
+
+    def snapshot(self, number: int) -> Snapshot:
+        """A member's present.
+
+        Raises:
+            InputError: the member never started.
+        """
+        member = self._members[number]
+        if member.failure and not member.steps:
+            raise InputError(phrase(f"member {number}", "it never started", member.failure[:-1]))
+        return member.snapshot()
+
+    def _whole_steps(self, name: str, seconds: float) -> int:
+        steps = round(seconds / self.step_s) if np.isfinite(seconds) else 0
+        if steps < 1 or abs(steps * self.step_s - seconds) > 1e-6 * self.step_s:
+            right = f"give a whole number of steps of {self.step_s:g} s"
+            raise InputError(phrase(name, f"{seconds} s is not possible", right))
+        return steps
+
+    def _find_starts(self, scenes: list[Scene]) -> dict[Scene, Start]:
+        """Each scene's rope at rest; the first one alone, since it may have to compile."""
+        first = _find_start(scenes[0])
+        return dict(zip(scenes, [first, *self._on_threads(_find_start, scenes[1:])], strict=True))
+
+    def _on_threads(self, work: Callable[[Key], Made], items: Sequence[Key]) -> list[Made]:
+        with ThreadPoolExecutor(self.threads) as pool:
+            return list(pool.map(work, items))
+
+
+def _member_scene(scene: Scene, own: Variation, number: int) -> Scene:
+    for change in own.changes:
+        part = change.path.partition(".")[0]
+        if part in COMMON:
+            right = "vary something else" if part == "time" else "give the member its own heave"
+            what = "all members have it in common"
+            raise SceneError(phrase(f"member {number}: {change.path}", what, right))
+    try:
+        return change_scene(scene, own.changes)
+    except SceneError as error:
+        raise SceneError(f"member {number}: {error}") from error
+
+
+def _find_start(scene: Scene) -> Start:
+    """The scene's rope at rest, or why there is none."""
+    rope = build(scene).rope
+    try:
+        pull, failure = find_start(scene, rope), ""
+    except SceneError as error:
+        pull, failure = np.full(rows.PULL_COLUMNS, np.nan), str(error)
+    tension = rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]].copy()
+    return Start(rope._replace(work=np.zeros((0, 0))), pull, tension, failure)
+
+
+def _shared_borders(scenes: Sequence[Scene], variations: Sequence[Variation]) -> list[Borders]:
+    """The inputs of each member; members for whom they are equal share them."""
+    winches: dict[Any, WinchTrack] = {}
+    borders: dict[Any, Borders] = {}
+    made = []
+    for scene, own in zip(scenes, variations, strict=True):
+        length, step_s = scene.ropes[0].length_m, scene.time.step_s
+        reeled = (scene.winch, length, own.commands)
+        if reeled not in winches:
+            winches[reeled] = WinchTrack(scene.winch, length, own.commands, step_s)
+        moved = (scene.ship, reeled, id(own.heave))
+        if moved not in borders:
+            borders[moved] = Borders(scene.ship, winches[reeled], own.heave, step_s)
+        made.append(borders[moved])
+    return made

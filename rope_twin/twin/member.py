@@ -1,0 +1,156 @@
+"""One rope of an ensemble: its state, what it was seen to do, and why it stopped if it did."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.state import Boundary, Floats, Rope, new_work
+from rope_twin.core.step import advance
+from rope_twin.errors import phrase
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.borders import Borders
+from rope_twin.twin.observe import Extremes, Observation, observe
+from rope_twin.twin.ship import ramp
+from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.winch import LineOut
+
+
+class Scratch:
+    """What a thread needs while it steps a member; nothing in it outlives a call of the step."""
+
+    def __init__(self, steps: int) -> None:
+        """Room for the pull of so many steps."""
+        self.pulls = np.zeros((steps, rows.PULL_COLUMNS))
+        self._work: dict[int, Floats] = {}
+
+    def work(self, capacity: int) -> Floats:
+        """Scratch for ropes of so many nodes."""
+        if capacity not in self._work:
+            self._work[capacity] = new_work(capacity)
+        return self._work[capacity]
+
+
+@dataclass(frozen=True)
+class Start:
+    """A scene's rope at rest, for all members of the same scene."""
+
+    rope: Rope
+    pull: Floats  # on the hang-off, rows.PULL_COLUMNS [N]
+    tension: Floats  # of the elements from the lower end up [N]
+    failure: str = ""  # why there is none; the other fields are then of no use
+
+
+@dataclass(frozen=True)
+class MemberFigures:
+    """What a member did so far. Before its first step the tension is that at rest."""
+
+    steps: int
+    tension_top_max_n: float
+    tension_top_mean_n: float
+    tension_top_min_n: float
+    slack_share: float  # of the looks along the rope, those that found an element without tension
+    unconverged_substeps: int
+    failure: str = ""  # the sentence with which it stopped early
+
+
+class Member:
+    """One rope of an ensemble."""
+
+    def __init__(self, scene: Scene, start: Start, borders: Borders) -> None:
+        self.scene, self.borders = scene, borders
+        self.failure = start.failure
+        self.steps = 0
+        self._step_ns = round(scene.time.step_s * 1e9)
+        self._rope = start.rope._replace(state=start.rope.state.copy())
+        self._tension, self._pull = start.tension, start.pull
+        self._value, self._rate = (table[0] for table in borders.boundary)
+        self._seen, self._recent = Extremes(), Extremes()
+        if not self.failure:
+            self._recent.take([float(start.pull[rows.PULL])])
+        self._looks = self._slack_looks = 0
+        self._unconverged = 0
+
+    def advance(self, steps: int, look_steps: int, scratch: Scratch) -> None:
+        """Step on, with a look along the rope whenever `look_steps` are done; may fail."""
+        boundary = self.borders.through(self.steps, steps)
+        state = self._rope.state
+        work = scratch.work(state.s.shape[0])
+        rope = self._rope._replace(work=work)
+        done = 0
+        while done < steps and not self.failure:
+            some = min(steps - done, look_steps - self.steps % look_steps)
+            ahead = Boundary(*(table[done : done + some + 1] for table in boundary))
+            pulls = scratch.pulls[done : done + some]
+            stepped = advance(rope, ahead, pulls, self.steps * self._step_ns * 1e-9, some)
+            self.steps += stepped
+            done += stepped
+            if stepped < some:
+                self.failure = self._failure()
+            elif self.steps % look_steps == 0:
+                self._look(work)
+        self._tension = work[rows.TENSION, : state.counts[rows.ELEMENTS]].copy()
+        self._value, self._rate = (table[done] for table in boundary)
+        if done:
+            self._pull = scratch.pulls[done - 1].copy()
+            tensions = scratch.pulls[:done, rows.PULL].tolist()
+            self._seen.take(tensions)
+            self._recent.take(tensions)
+
+    def _look(self, work: Floats) -> None:
+        self._looks += 1
+        elements = self._rope.state.counts[rows.ELEMENTS]
+        self._slack_looks += bool(work[rows.TENSION, :elements].min() <= 0.0)
+
+    def _failure(self) -> str:
+        return phrase(
+            f"step {self.steps + 1} at {self.steps * self.scene.time.step_s:.2f} s",
+            "the rope's next state is not finite even at 1/32 of the step",
+            "the last good state is kept; shorten the step or check the scene",
+        )
+
+    def figures(self) -> MemberFigures:
+        """What it did so far."""
+        seen = self._seen if self.steps else self._recent
+        return MemberFigures(
+            steps=self.steps,
+            tension_top_max_n=seen.high,
+            tension_top_mean_n=seen.mean,
+            tension_top_min_n=seen.low,
+            slack_share=self._slack_looks / self._looks if self._looks else 0.0,
+            unconverged_substeps=int(self._rope.state.health[rows.SUBSTEPS_UNCONVERGED]),
+            failure=self.failure,
+        )
+
+    def snapshot(self) -> Snapshot:
+        """A frozen copy of the present; its recent tensions begin anew."""
+        state: Any = self._rope.state
+        work = new_work(state.s.shape[0])
+        work[rows.TENSION, : len(self._tension)] = self._tension
+        unconverged = int(state.health[rows.SUBSTEPS_UNCONVERGED])
+        time_ns = self.steps * self._step_ns
+        ship = self.scene.ship
+        taken = observe(
+            state,
+            work,
+            Observation(
+                stamp_ns=time_ns,
+                step=self.steps,
+                hang_off_m=self._value[:3].copy(),
+                hang_off_m_per_s=self._rate[:3].copy(),
+                heave_m=float(self._value[rows.Z] - ship.hang_off_m[2]),
+                pull=self._pull,
+                recent=self._recent,
+                line=LineOut(float(self._value[rows.LINE]), float(self._rate[rows.LINE])),
+                motion_ramp=ramp(time_ns * 1e-9, ship.motion_ramp_s)[0],
+                winch_at_limit="",
+                doubtful=unconverged > self._unconverged,
+                computing_s=0.0,
+                inputs={},
+            ),
+        )
+        self._unconverged, self._recent = unconverged, Extremes()
+        return taken

@@ -1,0 +1,233 @@
+"""Members of an ensemble against twins of their own: equal to the bit, whatever the others do."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from small_scene import figures, small_scene
+
+import rope_twin.twin.member as member_module
+from rope_twin import Snapshot, Twin
+from rope_twin.core.state import WORK_ROWS
+from rope_twin.core.step import advance
+from rope_twin.errors import InputError, SceneError
+from rope_twin.scene.change import Change, change_scene
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.ensemble import Ensemble, Variation
+from rope_twin.twin.heave_series import HeaveSeries
+from rope_twin.twin.schedule import SpeedSample
+
+SAMPLE_NS = 50_000_000
+SECOND_NS = 1_000_000_000
+
+
+def sea(height_m: float, period_s: float, seconds: float) -> list[tuple[int, float, float]]:
+    """Samples of a heave that grows on two waves, from before the start to beyond the end."""
+    w, samples = 2.0 * math.pi / period_s, []
+    for k in range(-2, round(seconds * SECOND_NS / SAMPLE_NS) + 6):
+        t = k * SAMPLE_NS * 1e-9
+        z = height_m * (math.sin(w * t) + 0.3 * math.sin(2.3 * w * t))
+        v = height_m * w * (math.cos(w * t) + 0.69 * math.cos(2.3 * w * t))
+        samples.append((k * SAMPLE_NS, z, v))
+    return samples
+
+
+def alone(scene: Scene, own: Variation, seconds: int) -> Snapshot:
+    """What a twin of the member's scene and inputs comes to, a second at a time."""
+    twin = Twin(change_scene(scene, own.changes))
+    if own.heave is not None:
+        columns = (own.heave.stamp_ns, own.heave.position_m, own.heave.velocity_m_per_s)
+        for stamp, z, v in zip(*(column.tolist() for column in columns), strict=True):
+            at_ns = stamp - own.heave.start_ns
+            if at_ns > -SECOND_NS:
+                assert not twin.offer_heave(at_ns, z, v)
+            if at_ns > (seconds + 1) * SECOND_NS:
+                break
+    for second in range(seconds):
+        for command in own.commands or ():
+            if second <= command.stamp_ns / SECOND_NS < second + 1:
+                assert not twin.offer_speed(command.stamp_ns, command.speed_m_per_s)
+        twin.advance(round(1.0 / twin.step_s))
+    return twin.snapshot()
+
+
+def differing(found: Snapshot, expected: Snapshot) -> list[str]:
+    """The figures of which a bit differs; the tensions since the last snapshot too."""
+    a, b = figures(found), figures(expected)
+    names = [name for name in b if a[name].tobytes() != b[name].tobytes()]
+    for name in ("solves", "substeps", "splits", "merges"):
+        if getattr(found.solver, name) != getattr(expected.solver, name):
+            names.append(name)
+    return names
+
+
+@st.composite
+def variations(draw: st.DrawFn) -> Variation:
+    """A load from light to heavy, another rope, current and drag, a sea, a winch that runs."""
+    number = st.floats
+    changes = (
+        Change("payloads[0].mass_kg", draw(st.sampled_from([1700.0, 4000.0, 8000.0, 20000.0]))),
+        Change("ropes[0].rope.axial_stiffness_n", draw(number(0.3, 3.0)), multiply=True),
+        Change("ropes[0].damping.fraction_of_first_axial_mode", draw(number(0.0, 0.1))),
+        Change("effects.current.profile[*][1][*]", draw(number(0.0, 2.0)), multiply=True),
+        Change("effects.drag.normal", draw(number(0.5, 2.5))),
+        Change("ropes[0].elements", draw(st.sampled_from([10, 20, 33]))),
+    )
+    heave = HeaveSeries.of(sea(draw(number(0.0, 4.0)), draw(number(4.0, 10.0)), 60.0))
+    speeds = draw(st.lists(number(-1.5, 1.5), max_size=3))
+    commands = tuple(SpeedSample(2 * k * SECOND_NS, v) for k, v in enumerate(speeds))
+    return Variation(changes, heave.starting_at(draw(st.integers(0, 20 * SECOND_NS))), commands)
+
+
+@settings(max_examples=8, deadline=None)
+@given(own=st.lists(variations(), min_size=2, max_size=4), cut=st.integers(1, 9))
+def test_each_member_equals_a_twin(
+    tmp_path_factory: pytest.TempPathFactory, own: list[Variation], cut: int
+) -> None:
+    """However the ten seconds are cut, and with members of other sizes on the same threads."""
+    scene = small_scene(tmp_path_factory.mktemp("scene"))
+    ensemble = Ensemble(scene, own, look_s=0.07, threads=2)
+    ensemble.advance(cut)
+    ensemble.advance(10 - cut)
+    for number, variation in enumerate(own):
+        found, expected = ensemble.snapshot(number), alone(scene, variation, 10)
+        assert not differing(found, expected)
+
+
+def lively(scene: Scene) -> list[Variation]:
+    """One that pays out and hauls with splits and merges, one that goes slack, one at rest."""
+    commands = tuple(SpeedSample(k * SECOND_NS, v) for k, v in ((0, 1.5), (9, -1.5)))
+    slack = (Change("payloads[0].mass_kg", 1700.0),)
+    return [
+        Variation(heave=HeaveSeries.of(sea(1.0, 8.0, 30.0)), commands=commands),
+        Variation(slack, HeaveSeries.of(sea(4.0, 5.0, 30.0))),
+        Variation(),
+    ]
+
+
+def test_splits_merges_slack_and_rest_are_told_apart(tmp_path: Path) -> None:
+    scene = small_scene(tmp_path)
+    own = lively(scene)
+    ensemble = Ensemble(scene, own)
+    ensemble.advance(28)
+    paying, slack, resting = (ensemble.snapshot(k) for k in range(3))
+    assert paying.solver.splits > 0
+    assert paying.solver.merges > 0
+    shares = [figures.slack_share for figures in ensemble.figures()]
+    assert shares[1] > 0.1
+    assert shares[0] == shares[2] == 0.0
+    for number, found in enumerate((paying, slack, resting)):
+        assert not differing(found, alone(scene, own[number], 28))
+    told = ensemble.figures()[2]
+    assert told.steps == 2800
+    assert told.tension_top_max_n == pytest.approx(told.tension_top_min_n, rel=1e-9)
+
+
+def test_the_extremes_are_those_of_every_step(tmp_path: Path) -> None:
+    """Against a twin that is looked at after each step."""
+    scene = small_scene(tmp_path)
+    own = lively(scene)[0]
+    ensemble = Ensemble(scene, [own])
+    ensemble.advance(5)
+    twin = Twin(scene)
+    for stamp, z, v in sea(1.0, 8.0, 30.0):
+        twin.offer_heave(stamp, z, v)
+    twin.offer_speed(0, 1.5)
+    tops = []
+    for _ in range(500):
+        twin.advance(1)
+        tops.append(twin.snapshot().tension_top_n)
+    (found,) = ensemble.figures()
+    assert (found.tension_top_max_n, found.tension_top_min_n) == (max(tops), min(tops))
+    assert found.tension_top_mean_n == pytest.approx(np.mean(tops), rel=1e-12)
+
+
+def test_nothing_of_a_rope_is_kept_in_the_scratch(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Scratch full of NaN makes no difference."""
+    scene = small_scene(tmp_path)
+    own = lively(scene)
+    monkeypatch.setattr(
+        member_module, "new_work", lambda nodes: np.full((WORK_ROWS, nodes), np.nan)
+    )
+    ensemble = Ensemble(scene, own, threads=1)
+    for _ in range(6):
+        ensemble.advance(1)
+    for number, variation in enumerate(own):
+        assert not differing(ensemble.snapshot(number), alone(scene, variation, 6))
+
+
+def test_one_that_fails_does_not_stop_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It keeps its last good state and says when; the others go on to the same bits."""
+    scene = small_scene(tmp_path)
+    own = lively(scene)
+    ensemble = Ensemble(scene, own)
+    doomed = ensemble._members[1]._rope.state.nodes
+
+    def breaking(rope: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
+        first = round(time / 0.01)
+        good = max(0, min(steps, 137 - first)) if rope.state.nodes is doomed else steps
+        return int(advance(rope, boundary, pull, time, good))
+
+    monkeypatch.setattr(member_module, "advance", breaking)
+    ensemble.advance(3)
+    told = [figures.failure for figures in ensemble.figures()]
+    assert told[0] == told[2] == ""
+    assert told[1].startswith("step 138 at 1.37 s: the rope's next state is not finite")
+    assert ensemble.snapshot(1).step == 137
+    for number in (0, 2):
+        assert not differing(ensemble.snapshot(number), alone(scene, own[number], 3))
+
+
+def test_one_that_cannot_start_is_marked(tmp_path: Path) -> None:
+    """A payload that floats."""
+    scene = small_scene(tmp_path)
+    light = Variation((Change("payloads[0].mass_kg", 0.0), Change("ropes[0].length_m", 50.0)))
+    ensemble = Ensemble(scene, [light, Variation()])
+    ensemble.advance(0.5)
+    figures = ensemble.figures()
+    assert "ropes[0]: " in figures[0].failure
+    assert [one.steps for one in figures] == [0, 50]
+    with pytest.raises(InputError, match="member 0: it never started"):
+        ensemble.snapshot(0)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "words"),
+    [
+        ("time.step_s", 0.02, "member 1: time.step_s: all members have it in common; vary"),
+        ("sea_state.start_s", 3.0, "member 1: sea_state.start_s: all .*; give the member its own"),
+        ("payloads[0].mass_kg", -1.0, "member 1: .*payloads.0..mass_kg: -1 kg is out of range"),
+    ],
+)
+def test_a_wrong_member_is_refused(tmp_path: Path, path: str, value: float, words: str) -> None:
+    with pytest.raises(SceneError, match=words):
+        Ensemble(small_scene(tmp_path), [Variation(), Variation((Change(path, value),))])
+
+
+def test_wrong_times_are_refused(tmp_path: Path) -> None:
+    scene = small_scene(tmp_path)
+    with pytest.raises(InputError, match=r"look_s: 0\.0 s is not possible; give a whole number"):
+        Ensemble(scene, [Variation()], look_s=0.0)
+    with pytest.raises(InputError, match="ensemble: 2 threads, 0 members; give at least one"):
+        Ensemble(scene, [], threads=2)
+    ensemble = Ensemble(scene, [Variation(heave=HeaveSeries.of(sea(1.0, 8.0, 2.0)))])
+    for seconds in (0.0, -1.0, math.nan, math.inf, 0.015):
+        with pytest.raises(InputError, match="is not possible; give a whole number of steps"):
+            ensemble.advance(seconds)
+    with pytest.raises(InputError, match=r"heave: samples from -0\.1 s to 2\.25 s, wanted"):
+        ensemble.advance(3.0)
+    assert ensemble.steps == 0
+    with pytest.raises(InputError, match="no winch runs faster"):
+        Ensemble(scene, [Variation(commands=(SpeedSample(0, 50.0),))])
+    with pytest.raises(InputError, match="ms after it was due"):
+        Ensemble(scene, [Variation(commands=(SpeedSample(-(10**9), 0.5),))])
