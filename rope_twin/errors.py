@@ -22,6 +22,10 @@ class InputError(RopeTwinError):
     """A command-line option, parameter or topic value is wrong."""
 
 
+class StateError(RopeTwinError):
+    """A saved state cannot be written, read or taken up."""
+
+
 class SolverError(RopeTwinError):
     """The rope cannot be stepped on; the last good state is kept."""
 

@@ -7,19 +7,23 @@ same inputs see the same numbers and agree to the bit.
 
 from __future__ import annotations
 
+import copy
 import threading
 import time
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.core import state as rows
 from rope_twin.core.step import advance
-from rope_twin.errors import SolverError, phrase
+from rope_twin.errors import SolverError, StateError, phrase
 from rope_twin.scene.build import build
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.observe import Extremes, Observation, observe
+from rope_twin.twin.saved_state import About, SavedState, judge_scene, load_state, stamp, take
 from rope_twin.twin.ship import HeaveTrack, ramp
 from rope_twin.twin.snapshot import InputHealth, Snapshot
 from rope_twin.twin.start import find_start
@@ -27,6 +31,15 @@ from rope_twin.twin.water import CurrentInput
 from rope_twin.twin.winch import LineOut, Winch
 
 STEPS_PER_CALL = 256
+# What the scene or the caller gives; everything else changes and belongs to a saved state.
+_GIVEN = ("scene", "step_s", "step_ns", "failure_folder", "_rest", "_lock", "_pulls", "_rope")
+
+
+class Changing(NamedTuple):
+    """What changes of the rope's arrays and is no scratch."""
+
+    state: rows.State
+    tension: rows.Floats  # of the elements, read out by a snapshot
 
 
 @dataclass(frozen=True)
@@ -52,6 +65,7 @@ class Twin:
         self.scene = scene
         self.step_s = scene.time.step_s
         self.step_ns = round(scene.time.step_s * 1e9)
+        self.failure_folder: Path | None = None  # takes the state that the solver cannot leave
         self._rope = build(scene).rope
         self._lock = threading.Lock()
         self._heave = HeaveTrack()
@@ -100,12 +114,91 @@ class Twin:
         """Step on.
 
         Raises:
-            SolverError: the next state would not be finite; the last good one is kept.
+            SolverError: the next state would not be finite; the last good one is kept, and with
+                the inputs of the failing step it is in a file of `failure_folder`, if that is set.
         """
         while steps > 0:
             some = min(steps, STEPS_PER_CALL)
-            self._advance_some(some)
+            try:
+                self._advance_some(some)
+            except SolverError as error:
+                raise SolverError(
+                    str(error).removesuffix(".") + self._keep_failure(error)
+                ) from error
             steps -= some
+
+    def _keep_failure(self, error: SolverError) -> str:
+        """Write the state that the solver cannot leave; the end of the sentence says where."""
+        if self.failure_folder is None:
+            return "."
+        path = self.failure_folder / f"{self.scene.name}_failed_step_{self._steps + 1}.state"
+        try:
+            self.capture(str(error)).write(path)
+        except StateError as trouble:
+            return f"; {trouble}"
+        return f"; state and inputs of that step are in {path}."
+
+    def save(self, path: str | Path) -> None:
+        """Write a state from which `restore` goes on to the bit; for the thread that advances.
+
+        Raises:
+            StateError: the file cannot be written; what was there before still is.
+        """
+        self.capture().write(Path(path))
+
+    @classmethod
+    def restore(cls, saved: str | Path | SavedState, scene: Scene) -> Twin:
+        """A twin that goes on from a saved state (or the file of one) of this scene.
+
+        Raises:
+            StateError: one sentence on what is wrong with the file, or which figure of the scene
+                is another.
+            SceneError: as for a new twin.
+        """
+        state = saved if isinstance(saved, SavedState) else load_state(saved)
+        judge_scene(state, scene)
+        twin = cls(scene)
+        values = state.restore_into(twin._changing())
+        rope = values.pop("_rope")
+        vars(twin).update(values)
+        twin._rope = twin._rope._replace(state=rope.state, effects=twin._current.effects)
+        twin._tension[:] = rope.tension
+        return twin
+
+    def branch(self) -> Twin:
+        """A twin that goes on from here by itself, to the bit; for the thread that advances."""
+        with self._lock:
+            twin = copy.copy(self)
+            shared: dict[int, Any] = {id(self.scene): self.scene, id(self._lock): threading.Lock()}
+            vars(twin).update(copy.deepcopy(vars(self), shared))
+        return twin
+
+    def capture(self, failure: str = "") -> SavedState:
+        """The present as `save` writes it, in memory; for the thread that advances."""
+        state, (value, rate) = self._rope.state, self._boundary
+        about = About(
+            **stamp(self.scene, failure),
+            time_s=self.time_ns * 1e-9,
+            step=self._steps,
+            step_s=self.step_s,
+            elements=int(state.counts[rows.ELEMENTS]),
+            line_out_m=float(value[0, rows.LINE]),
+            payout_speed_m_per_s=float(rate[0, rows.LINE]),
+            tension_top_n=float(self._pull[rows.PULL]),
+            payload_position_m=tuple(state.nodes[rows.POSITION : rows.POSITION + 3, 0].tolist()),
+        )
+        with self._lock:
+            return take(self._changing(), about, self.scene)
+
+    def _changing(self) -> dict[str, Any]:
+        """Every attribute that a restart needs; the effects in use are those of `_current`."""
+        kept = {name: value for name, value in vars(self).items() if name not in _GIVEN}
+        return kept | {"_rope": Changing(self._rope.state, self._tension)}
+
+    @property
+    def _tension(self) -> rows.Floats:
+        """Tension of the elements [N], a view of the scratch."""
+        return self._rope.work[rows.TENSION, : self._rope.state.counts[rows.ELEMENTS]]
 
     def _advance_some(self, steps: int) -> None:
         began = time.perf_counter()

@@ -17,6 +17,7 @@ from rope_twin.core.step import advance
 from rope_twin.effects.drag import Drag
 from rope_twin.effects.weight import Weight
 from rope_twin.errors import SolverError
+from rope_twin.twin.saved_state import load_state
 
 STEP_NS = 10_000_000
 BREAKS_AT = 137  # steps that succeed
@@ -110,3 +111,38 @@ def test_it_goes_on_once_the_cause_is_gone(tmp_path: Path, core: BrokenCore) -> 
     other = started(tmp_path)
     other.advance(900)
     assert not differences(twin.snapshot(), other.snapshot(), 0.0)
+
+
+def test_the_state_that_it_cannot_leave_is_kept_in_a_file(tmp_path: Path, core: BrokenCore) -> None:
+    """The sentence names it; with the inputs of the failing step it goes on as the twin would."""
+    twin = started(tmp_path)
+    twin.failure_folder = tmp_path
+    with pytest.raises(SolverError) as caught:
+        twin.advance(300)
+    path = tmp_path / f"small_failed_step_{BREAKS_AT + 1}.state"
+    assert str(caught.value).endswith(f"state and inputs of that step are in {path}.")
+    assert "\n" not in str(caught.value)
+    kept = load_state(path)
+    assert kept.about.step == BREAKS_AT
+    assert f"step {BREAKS_AT + 1} at" in kept.about.failure
+    again = Twin.restore(path, twin.scene)
+    with pytest.raises(SolverError):
+        again.advance(1)
+    assert again.steps == BREAKS_AT
+    core.broken = False
+    again.advance(900 - BREAKS_AT)
+    other = started(tmp_path)
+    other.advance(900)
+    assert not differences(again.snapshot(), other.snapshot(), 0.0)
+
+
+def test_a_folder_that_takes_no_file_is_told_too(tmp_path: Path, core: BrokenCore) -> None:
+    """Both troubles in one sentence, and the twin still holds its last good state."""
+    twin = started(tmp_path)
+    twin.failure_folder = tmp_path / "none"
+    with pytest.raises(
+        SolverError, match=r"not finite.*cannot be written \(No such file"
+    ) as caught:
+        twin.advance(300)
+    assert "\n" not in str(caught.value)
+    assert twin.steps == BREAKS_AT

@@ -1,0 +1,71 @@
+"""A process in plain Python: a rope with an effect that pushes with what it has counted so far."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from small_scene import SMALL_SCENE, digest
+
+import rope_twin.scene.build as build_module
+from rope_twin import Twin, load_scene
+from rope_twin.core.state import RESIDUAL
+from rope_twin.core.terms import kernel
+
+build_effects = build_module.build_effects
+
+
+class Pusher(NamedTuple):
+    """Pushes east at node 0 [N], the harder the oftener it was asked."""
+
+    asked: np.ndarray
+
+
+@kernel("add_load", Pusher)
+def push(pusher: Any, model: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    pusher.asked[0] += 1.0
+    if low == 0:
+        work[RESIDUAL, 0] += 1e-3 * pusher.asked[0]
+
+
+def with_pusher(*given: Any) -> tuple[Any, ...]:
+    return (*build_effects(*given), Pusher(np.zeros(1)))
+
+
+def run(twin: Twin) -> str:
+    shots = []
+    for _ in range(4):
+        twin.advance(2)
+        shots.append(twin.snapshot())
+    return digest(shots)
+
+
+def differs(folder: Path, spoil: Callable[[Twin], None]) -> bool:
+    """Whether a spoilt restored run differs from the run; branch and restored must not."""
+    twin = Twin(load_scene(folder / "small.yaml"))
+    twin.advance(3)
+    twin.save(folder / "saved")
+    restored = Twin.restore(folder / "saved", twin.scene)
+    branch = twin.branch()
+    spoilt = Twin.restore(folder / "saved", twin.scene)
+    spoil(spoilt)
+    expected = run(twin)
+    assert run(restored) == expected
+    assert run(branch) == expected
+    return run(spoilt) != expected
+
+
+def forget(twin: Twin) -> None:
+    twin._current.effects[-1].asked[:] = 0.0
+
+
+if __name__ == "__main__":
+    build_module.build_effects = with_pusher
+    path = Path(sys.argv[1])
+    text = SMALL_SCENE.replace("elements: 20", "elements: 4")
+    (path / "small.yaml").write_text(text, encoding="utf-8")
+    assert differs(path, forget)
+    sys.stdout.write("restored and branch are the run; without the memory they are not\n")

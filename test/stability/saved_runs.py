@@ -1,0 +1,57 @@
+"""A run that is rich in what a saved state must hold; as a process: goes on from a file.
+
+    python saved_runs.py FILE FOLDER UNTIL
+
+prints the digest of what follows in the scene that was written to FOLDER.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from pathlib import Path
+
+import numpy as np
+from small_scene import digest, small_scene
+
+from rope_twin import Snapshot, Twin
+
+SAMPLE_NS = 50_000_000  # 20 Hz
+AHEAD_NS = 200_000_000
+GAP_S = (6.0, 8.0)
+CURRENT = np.array([[0.0, 0.2, -0.4], [-300.0, 0.1, 0.0]])
+
+
+def feed(twin: Twin) -> None:
+    """What is due in the next step: heave with a gap and a jump, commands, nonsense, a current."""
+    step, step_ns = twin.steps, twin.step_ns
+    due = step * step_ns + AHEAD_NS
+    if due % SAMPLE_NS == 0:
+        t = due * 1e-9
+        if not GAP_S[0] < t < GAP_S[1]:
+            raised = 1.0 if t >= GAP_S[1] else 0.0
+            twin.offer_heave(due, 1.5 * math.sin(t) + raised, 1.5 * math.cos(t))
+    if step == 50:
+        for stamp_ns, speed in ((1_000_000_000, 1.5), (7_500_000_000, 0.2), (9_500_000_000, -1.2)):
+            assert not twin.offer_speed(stamp_ns, speed)
+    if step == 300:
+        assert twin.offer_heave(due, math.nan, 0.0)
+        assert twin.offer_speed(1, 0.5)
+    if step == 500:
+        assert not twin.offer_current(CURRENT)
+
+
+def run_until(twin: Twin, last: int) -> list[Snapshot]:
+    """Step by step, a snapshot every seventh."""
+    shots = []
+    while twin.steps < last:
+        feed(twin)
+        twin.advance(1)
+        if twin.steps % 7 == 0:
+            shots.append(twin.snapshot())
+    return shots
+
+
+if __name__ == "__main__":
+    scene = small_scene(Path(sys.argv[2]))
+    sys.stdout.write(digest(run_until(Twin.restore(sys.argv[1], scene), int(sys.argv[3]))))

@@ -1,0 +1,125 @@
+"""A run that goes on from a saved state, or on a branch, is the run that was not interrupted."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from saved_runs import run_until
+from small_scene import digest, small_scene
+
+from rope_twin import Snapshot, Twin
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.saved_state import SavedState
+
+END = 2050
+# At rest; before the commands; queue and splits; in the gap; being led back; hauling in, merges.
+MOMENTS = (0, 45, 260, 700, 850, 1950)
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    return small_scene(tmp_path_factory.mktemp("scene"))
+
+
+@pytest.fixture(scope="module")
+def whole(scene: Scene) -> dict[int, list[Snapshot]]:
+    """What follows each moment in a run without interruption."""
+    twin, pieces = Twin(scene), []
+    for last in (*MOMENTS[1:], END):
+        pieces.append(run_until(twin, last))
+    health = twin.snapshot()
+    assert health.solver.splits > 0
+    assert health.solver.merges > 0
+    assert health.inputs["heave"].refused == health.inputs["winch_command"].refused == 1
+    return {
+        moment: [shot for piece in pieces[number:] for shot in piece]
+        for number, moment in enumerate(MOMENTS)
+    }
+
+
+def same(one: SavedState, other: SavedState) -> bool:
+    """Every value and every bit of every array."""
+    return (
+        one.memory == other.memory
+        and one.arrays.keys() == other.arrays.keys()
+        and all(a.tobytes() == other.arrays[name].tobytes() for name, a in one.arrays.items())
+    )
+
+
+@pytest.mark.parametrize("moment", MOMENTS)
+def test_a_restored_run_and_a_branch_are_the_run(
+    scene: Scene, whole: dict[int, list[Snapshot]], tmp_path: Path, moment: int
+) -> None:
+    """To the bit, inputs and their health included, whatever was going on when it was saved."""
+    twin = Twin(scene)
+    run_until(twin, moment)
+    twin.save(tmp_path / "saved")
+    branch = twin.branch()
+    restored = Twin.restore(tmp_path / "saved", scene)
+    assert same(restored.capture(), twin.capture())
+    assert same(branch.capture(), twin.capture())
+    for other in (restored, branch):
+        shots = run_until(other, END)
+        assert digest(shots) == digest(whole[moment])
+        for shot, expected in zip(shots, whole[moment], strict=True):
+            assert shot.inputs == expected.inputs
+            assert shot.winch_at_limit == expected.winch_at_limit
+    assert twin.steps == moment
+    assert same(Twin.restore(tmp_path / "saved", scene).capture(), twin.capture())
+
+
+def test_another_process_goes_on(
+    scene: Scene, whole: dict[int, list[Snapshot]], tmp_path: Path
+) -> None:
+    twin = Twin(scene)
+    run_until(twin, 260)
+    twin.save(tmp_path / "saved")
+    here = Path(__file__).parent
+    done = subprocess.run(
+        [sys.executable, str(here / "saved_runs.py"), str(tmp_path / "saved"), str(tmp_path),
+         str(END)],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(here), *sys.path])},
+        check=True, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.stdout == digest(whole[260])
+    assert len(done.stdout) == 64
+
+
+def test_a_branch_is_by_itself(scene: Scene) -> None:
+    """What one does and hears does not reach the other, and both are checked to have moved."""
+    twin = Twin(scene)
+    run_until(twin, 300)
+    before, branch = twin.capture(), twin.branch()
+    assert not branch.offer_speed(None, -0.5)
+    assert not branch.offer_current(np.array([[0.0, 1.0, 0.0]]))
+    run_until(branch, 420)
+    assert same(twin.capture(), before)
+    assert not same(branch.capture(), before)
+    run_until(twin, 420)
+    assert twin.snapshot().line_out_m > branch.snapshot().line_out_m
+
+
+def test_statistics_go_on(scene: Scene, tmp_path: Path) -> None:
+    """Extremes and mean are those of the whole run, and so is the time spent computing."""
+    twin = Twin(scene)
+    run_until(twin, 260)
+    twin.save(tmp_path / "saved")
+    assert Twin.restore(tmp_path / "saved", scene).statistics() == twin.statistics()
+
+
+def test_effects_of_their_own_memory_are_in_it(tmp_path: Path) -> None:
+    """An effect that owns changing arrays; in plain Python, since only this test has it."""
+    done = subprocess.run(
+        [sys.executable, str(Path(__file__).parent / "remembering_effect_process.py"),
+         str(tmp_path)],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1",
+             "PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])},
+        check=False, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "restored and branch are the run; without the memory they are not\n"
