@@ -12,7 +12,7 @@ import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,15 @@ from rope_twin.errors import SolverError, StateError, phrase
 from rope_twin.scene.build import build
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.observe import Extremes, Observation, observe
-from rope_twin.twin.saved_state import About, SavedState, judge_scene, load_state, stamp, take
+from rope_twin.twin.saved_state import (
+    About,
+    Changing,
+    SavedState,
+    judge_scene,
+    load_state,
+    stamp,
+    take,
+)
 from rope_twin.twin.ship import HeaveTrack, ramp
 from rope_twin.twin.snapshot import InputHealth, Snapshot
 from rope_twin.twin.start import find_start
@@ -33,13 +41,6 @@ from rope_twin.twin.winch import LineOut, Winch
 STEPS_PER_CALL = 256
 # What the scene or the caller gives; everything else changes and belongs to a saved state.
 _GIVEN = ("scene", "step_s", "step_ns", "failure_folder", "_rest", "_lock", "_pulls", "_rope")
-
-
-class Changing(NamedTuple):
-    """What changes of the rope's arrays and is no scratch."""
-
-    state: rows.State
-    tension: rows.Floats  # of the elements, read out by a snapshot
 
 
 @dataclass(frozen=True)
@@ -109,6 +110,11 @@ class Twin:
         """A current profile, rows of z, east, north from the surface down; "" or the refusal."""
         with self._lock:
             return self._current.offer(profile, self.time_ns)
+
+    def newest_ns(self) -> dict[str, int]:
+        """Stamp of the newest accepted sample of heave and winch_command, where there is one."""
+        counters = (self._heave.counter, self._winch.counter)
+        return {c.name: c.newest_ns for c in counters if c.newest_ns is not None}
 
     def advance(self, steps: int) -> None:
         """Step on.

@@ -53,11 +53,11 @@ def altered(good: Path, folder: Path, **changes: Any) -> Path:
 
 
 def test_any_flipped_bit_is_noticed(good: Path, tmp_path: Path) -> None:
-    """Each byte of the two lines of text, and 600 anywhere else."""
+    """Each byte of the two lines of text, and 300 anywhere else."""
     data = good.read_bytes()
     text = data.index(b"{")
     rng = random.Random(7)
-    places = [*range(text), *(rng.randrange(text, len(data)) for _ in range(600))]
+    places = [*range(text), *(rng.randrange(text, len(data)) for _ in range(300))]
     path = tmp_path / "flipped.state"
     for place in places:
         flipped = bytearray(data)

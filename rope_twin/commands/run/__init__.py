@@ -57,7 +57,7 @@ def _with_speed_alone(summary: RunSummary, options: RunOptions) -> RunSummary:
         return summary
     from rope_twin.commands.run.unpaced import measure_alone
 
-    time_s = min(summary.time_s, ALONE_S)
+    time_s = min(summary.time_s - options.begins_s, ALONE_S)
     return replace(summary, real_time_factor=measure_alone(options, time_s))
 
 

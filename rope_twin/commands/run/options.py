@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rope_twin.errors import InputError, phrase
+from rope_twin.twin.saved_state import About, load_state
 
 SPEED_LOW, SPEED_HIGH = 0.01, 5.0  # beyond, messages come faster than Python takes them
 
@@ -28,6 +29,15 @@ class RunOptions:
     record: Path | None = None  # bag directory to make; None: do not record
     json: bool = False
     processes: bool = False
+    save: Path | None = None  # file that the state is saved to
+    start_from: Path | None = None  # saved state to go on from; None: from rest
+    begins_s: float = 0.0  # its twin time
+
+    @property
+    def failure_folder(self) -> Path:
+        """Takes the state that the solver cannot leave: beside what the run leaves anyway."""
+        made = self.record or self.save
+        return Path.cwd() if made is None else made.parent
 
     @property
     def screen(self) -> bool:
@@ -54,16 +64,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "scene",
         nargs="?",
-        default="deep_lift",
         metavar="SCENE",
-        help="name of a scene (see `rope_twin scene list`) or path of one (default: deep_lift)",
+        help="name of a scene (see `rope_twin scene list`) or path of one "
+        "(default: that of --from, or deep_lift)",
     )
     add(
         "--for",
         dest="for_s",
         type=float,
         metavar="SECONDS",
-        help="end after this much twin time (default: run until Ctrl-C)",
+        help="end at this twin time (default: run until Ctrl-C)",
     )
     add(
         "--speed",
@@ -96,6 +106,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="bag directory to make (default: recordings/SCENE_DATE_TIME)",
     )
     record.add_argument("--no-record", action="store_true", help="record nothing")
+    add(
+        "--save",
+        type=Path,
+        metavar="FILE",
+        help="save the state there at the end, and every 10 s if the run is paced",
+    )
+    add(
+        "--from",
+        dest="start_from",
+        type=Path,
+        metavar="FILE",
+        help="go on from a saved state (default: begin at rest)",
+    )
     add("--processes", action="store_true", help="each node as a process of its own")
     add("--json", action="store_true", help="last line of the output: one JSON object")  # fmt: skip
 
@@ -116,8 +139,10 @@ def read_options(args: argparse.Namespace) -> RunOptions:
         raise InputError(phrase("--speed 0", "it would never end", "say --for SECONDS too"))
     if args.speed == 0.0 and args.processes:
         raise InputError(phrase("--processes", "--speed 0 runs without ROS", "leave one out"))
+    begin = None if args.start_from is None else _begin(args)
+    args.scene = _scene_argument(args.scene or (_scene_of(begin) if begin else "deep_lift"))
     return RunOptions(
-        scene=_scene_argument(args.scene),
+        scene=args.scene,
         for_s=args.for_s,
         speed=args.speed,
         headless=args.headless,
@@ -127,12 +152,42 @@ def read_options(args: argparse.Namespace) -> RunOptions:
         record=_record_directory(args),
         json=args.json,
         processes=args.processes,
+        save=_writable(args.save),
+        start_from=args.start_from and Path(args.start_from).resolve(),
+        begins_s=begin.time_s if begin else 0.0,
     )
 
 
 def _check(option: str, value: object, holds: bool, right: str) -> None:
     if not holds:
         raise InputError(phrase(option, f"{value} is not possible", right))
+
+
+def _begin(args: argparse.Namespace) -> About:
+    """What --from holds.
+
+    Raises:
+        StateError: it is no sound state.
+        InputError: the run would end before it begins.
+    """
+    about = load_state(args.start_from).about
+    if args.for_s is not None and args.for_s <= about.time_s:
+        what = f"the saved state is at {about.time_s:g} s already"
+        raise InputError(phrase(f"--for {args.for_s:g}", what, "give a later end, or none"))
+    return about
+
+
+def _scene_of(about: About) -> str:
+    """The scene of a saved state: its path if that is still there, else its name."""
+    return about.scene_path if Path(about.scene_path).is_file() else about.scene
+
+
+def _writable(path: Path | None) -> Path | None:
+    """The file to save to, made absolute; that it can be made is known before the run."""
+    if path is not None and (path.is_dir() or not os.access(path.resolve().parent, os.W_OK)):
+        raise InputError(phrase(f"--save {path}", "it cannot be written",
+                                "name a file in a folder that can be written to"))  # fmt: skip
+    return path and path.resolve()
 
 
 def _scene_argument(scene: str) -> str:

@@ -43,6 +43,7 @@ class RunSummary:
     error: str = ""  # the sentence with which the run ended early
     bag: str | None = None
     view: str | None = None
+    state: str | None = None  # file with the saved state
 
     def as_json(self) -> str:
         """One line."""
@@ -77,6 +78,7 @@ class RunSummary:
         ]
         lines += [f"bag {self.bag}"] if self.bag else []
         lines += [f"view {self.view}"] if self.view else []
+        lines += [f"state {self.state}"] if self.state else []
         return "\n".join(lines)
 
     def as_progress(self) -> str:

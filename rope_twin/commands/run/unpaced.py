@@ -6,17 +6,21 @@ so the result equals that of a paced run to the bit.
 
 from __future__ import annotations
 
+import signal
+import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from statistics import median
+from types import FrameType
 
 from rope_twin.cadence import DIAGNOSTICS_PERIOD_NS, due_topics
 from rope_twin.commands.run.inputs import FIRST_NS, LEAD_NS, open_sea
 from rope_twin.commands.run.options import RunOptions
 from rope_twin.commands.run.summary import RunSummary, summarise
-from rope_twin.errors import SolverError
+from rope_twin.errors import SolverError, StateError
 from rope_twin.messages import (
     Encoder,
     encode_diagnostics,
@@ -43,26 +47,33 @@ class UnpacedRun:
     """One twin with its inputs and its bag, stepped slot by slot by whoever calls."""
 
     def __init__(self, options: RunOptions, epoch_ns: int | None = None) -> None:
-        """Build, compile and open what is needed; `epoch_ns`: ROS time of t = 0, default now.
+        """Build, compile and open what is needed; `epoch_ns`: ROS time of t = 0.
+
+        By default the run begins now: with a state to go on from, t = 0 lies before that.
 
         Raises:
             RopeTwinError: scene, bag or directory are wrong; one sentence.
         """
         scene = load_scene(options.scene)
         self._sea = open_sea(scene, options.bag, options.topic, options.bag_start_s)
-        self.epoch_ns = time.time_ns() if epoch_ns is None else epoch_ns
         self._options = options
-        self.twin = Twin(scene)
+        start = options.start_from
+        self.twin = Twin(scene) if start is None else Twin.restore(start, scene)
+        self.twin.failure_folder = options.failure_folder
+        self.epoch_ns = time.time_ns() - self.twin.time_ns if epoch_ns is None else epoch_ns
         keep_pauses_short()
         self._bag = None if options.record is None else BagWriter(options.record, TOPICS)
         self._steps = steps_in_slot(self.twin.step_s)
         self._slot_ns = self._steps * self.twin.step_ns
         self._encoder = Encoder(self.epoch_ns)
         self._inputs: deque[Message] = deque()  # offered, not yet recorded
-        self._offered_ns = FIRST_NS
-        self._told_ns = 0
+        # A state to go on from has been offered more than its bag has: that much comes once more.
+        self._known_ns = {} if start is None else self.twin.newest_ns()
+        self._offered_ns = FIRST_NS if self.twin.steps == 0 else self.twin.time_ns
+        self._told_ns = self.twin.time_ns
+        self._saved = False
         self.last: Snapshot = self.twin.snapshot()
-        self._record([(0, "twin/epoch", encode_epoch(self.epoch_ns))])
+        self._record([(self.twin.time_ns, "twin/epoch", encode_epoch(self.epoch_ns))])
 
     def advance_slot(self) -> Snapshot:
         """Offer inputs, step, record. Raises SolverError; the last good state is kept."""
@@ -90,7 +101,14 @@ class UnpacedRun:
     def summary(self, error: str = "") -> RunSummary:
         """The figures so far."""
         bag = str(self._options.record) if self._options.record else None
-        return replace(summarise(self.twin, self.last, None), bag=bag, error=error)
+        state = str(self._options.save) if self._saved else None
+        return replace(summarise(self.twin, self.last, None), bag=bag, state=state, error=error)
+
+    def save(self) -> None:
+        """Save the state where the options say. Raises StateError."""
+        if self._options.save is not None:
+            self.twin.save(self._options.save)
+            self._saved = True
 
     def close(self) -> None:
         """End the bag."""
@@ -102,14 +120,16 @@ class UnpacedRun:
         messages: list[Message] = []
         for heave in self._sea.between(self._offered_ns, until_ns) if self._sea else ():
             at_ns = heave.stamp_ns
-            self.twin.offer_heave(at_ns, heave.position_m, heave.velocity_m_per_s)
+            if at_ns > self._known_ns.get("heave", FIRST_NS - 1):
+                self.twin.offer_heave(at_ns, heave.position_m, heave.velocity_m_per_s)
             data = encode_heave(self.epoch_ns + at_ns, heave.position_m, heave.velocity_m_per_s)
             messages.append((at_ns, "ship/heave", data))
             if heave.elevation_m is not None:
                 data = encode_elevation(self.epoch_ns + at_ns, heave.elevation_m)
                 messages.append((at_ns, "sea/elevation", data))
         for command in schedule_samples(self.twin.scene.winch, self._offered_ns, until_ns):
-            self.twin.offer_speed(command.stamp_ns, command.speed_m_per_s)
+            if command.stamp_ns > self._known_ns.get("winch_command", FIRST_NS - 1):
+                self.twin.offer_speed(command.stamp_ns, command.speed_m_per_s)
             data = encode_speed(self.epoch_ns + command.stamp_ns, command.speed_m_per_s)
             messages.append((command.stamp_ns, "winch/speed_command", data))
         self._inputs.extend(sorted(messages, key=lambda message: message[0]))
@@ -128,7 +148,7 @@ class UnpacedRun:
 
 
 def measure_alone(options: RunOptions, time_s: float) -> float:
-    """Real-time factor of the model alone: the run's first `time_s` once more, without waiting.
+    """Real-time factor of the model alone: the run's beginning once more, without waiting.
 
     The median over seconds, since other programs use the machine too.
 
@@ -136,9 +156,11 @@ def measure_alone(options: RunOptions, time_s: float) -> float:
     costs a short step several times its own work; `RunSummary.paced_real_time_factor` has that.
     """
     run = UnpacedRun(replace(options, record=None))
+    run.twin.failure_folder = None
+    end_ns = run.twin.time_ns + time_s * 1e9
     factors = []
     try:
-        while run.twin.time_ns < time_s * 1e9:
+        while run.twin.time_ns < end_ns:
             before = run.twin.statistics()
             run.advance_blindly(min(time_s, BLIND_S))
             after = run.twin.statistics()
@@ -154,22 +176,42 @@ def run_unpaced(
     report: Callable[[UnpacedRun], None],
     epoch_ns: int | None = None,
 ) -> RunSummary:
-    """Run to the end of `options.for_s`, or to Ctrl-C; `report` is called after each slot.
+    """Run to the twin time `options.for_s`, or to Ctrl-C; `report` is called after each slot.
 
     Raises:
-        RopeTwinError: scene, bag or directory are wrong; one sentence.
+        RopeTwinError: scene, bag, state or directory are wrong; one sentence.
     """
     run = UnpacedRun(options, epoch_ns)
     error = ""
     last_step = round((options.for_s or 0.0) / run.twin.step_s)
     try:
-        while run.twin.steps < last_step:
-            run.advance_slot()
-            report(run)
-    except SolverError as failure:
+        with _interrupt_told() as interrupted:
+            while run.twin.steps < last_step and not interrupted.is_set():
+                run.advance_slot()
+                report(run)
+        run.save()
+    except (SolverError, StateError) as failure:
         error = str(failure)
-    except KeyboardInterrupt:
-        pass  # what was computed is summed up and kept
     finally:
         run.close()
     return run.summary(error)
+
+
+@contextmanager
+def _interrupt_told() -> Iterator[threading.Event]:
+    """Ctrl-C sets a flag, so that it never comes in the middle of a step; a second one raises."""
+    told = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield told
+        return
+    before = signal.getsignal(signal.SIGINT)
+
+    def tell(number: int, frame: FrameType | None) -> None:
+        told.set()
+        signal.signal(signal.SIGINT, before)
+
+    signal.signal(signal.SIGINT, tell)
+    try:
+        yield told
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -1,0 +1,62 @@
+"""`rope_twin state info FILE`: what a saved state holds, and whether it is whole."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+from rope_twin.twin.saved_state import SavedState, load_state
+
+
+def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
+    """Add `state` with its one action."""
+    about = "tell what a saved state holds"
+    parser = subparsers.add_parser("state", help=about, description=about)
+    actions = parser.add_subparsers(dest="action", required=True, metavar="info")
+    info = actions.add_parser("info", help="check a file of `run --save` and tell what is in it")
+    info.add_argument("file", metavar="FILE", type=Path, help="the file")
+    info.add_argument("--json", action="store_true", help="one JSON object")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Tell; 0. Raises StateError if the file is not sound."""
+    state = load_state(args.file)
+    if args.json:
+        print(json.dumps(dataclasses.asdict(state.about) | {"arrays": _arrays(state)}))
+    else:
+        for name, words in _rows(state):
+            print(f"{name:14} {words}")
+    return 0
+
+
+def _arrays(state: SavedState) -> dict[str, list[int]]:
+    return {name: list(array.shape) for name, array in state.arrays.items()}
+
+
+def _rows(state: SavedState) -> list[tuple[str, str]]:
+    """A line per thing that people ask for."""
+    about = state.about
+    x, y, z = about.payload_position_m
+    rows = [
+        ("scene", f"{about.scene} ({about.scene_path})"),
+        ("scene text", f"SHA-256 {about.scene_digest}"),
+        ("saved at", about.saved_at),
+        ("written by", f"rope_twin {about.program}, solver {about.solver}"),
+        ("twin time", f"{about.time_s:.3f} s, {about.step} steps of {about.step_s:g} s"),
+        ("line out", f"{about.line_out_m:.3f} m in {about.elements} elements, "
+                     f"{about.payout_speed_m_per_s:+.3f} m/s"),
+        ("top tension", f"{about.tension_top_n / 1e3:.3f} kN"),
+        ("payload", f"at {x:.2f}, {y:.2f}, {z:.2f} m (east, north, up)"),
+    ]  # fmt: skip
+    if about.failure:
+        rows.append(("failure", about.failure))
+    size = sum(array.nbytes for array in state.arrays.values())
+    rows.append(("arrays", f"{len(state.arrays)}, {size / 1e3:.0f} kB, check-sum right"))
+    return [
+        *rows,
+        *(("", f"{name} {shape}") for name, shape in _arrays(state).items()),
+    ]
