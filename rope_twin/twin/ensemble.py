@@ -31,7 +31,6 @@ from rope_twin.twin.start import find_start
 
 BATCH_S = 5.0  # a member's turn; less than the 10 s that commands may be known ahead
 LOOK_S = 0.5
-COMMON = ("sea_state", "time")  # parts of a scene that members cannot have of their own
 
 Key = TypeVar("Key")
 Made = TypeVar("Made")
@@ -49,6 +48,19 @@ class Variation:
 def cores() -> int:
     """Cores that this process may use."""
     return len(os.sched_getaffinity(0))
+
+
+def whole_steps(name: str, seconds: float, step_s: float) -> int:
+    """How many steps a time is.
+
+    Raises:
+        InputError: it is no whole number of steps, or none; `name` says whose time it is.
+    """
+    steps = round(seconds / step_s) if np.isfinite(seconds) else 0
+    if steps < 1 or abs(steps * step_s - seconds) > 1e-6 * step_s:
+        right = f"give a whole number of steps of {step_s:g} s"
+        raise InputError(phrase(name, f"{seconds} s is not possible", right))
+    return steps
 
 
 class Ensemble:
@@ -78,7 +90,7 @@ class Ensemble:
         """
         self.step_s = scene.time.step_s
         self._step_ns = round(self.step_s * 1e9)
-        self._look_steps = self._whole_steps("look_s", look_s)
+        self._look_steps = whole_steps("look_s", look_s, self.step_s)
         self.threads = cores() if threads is None else threads
         if self.threads < 1 or not variations:
             what = f"{self.threads} threads, {len(variations)} members"
@@ -109,7 +121,7 @@ class Ensemble:
         Raises:
             InputError: it is no whole number of steps, or a member's heave ends before.
         """
-        steps = self._whole_steps("seconds", seconds)
+        steps = whole_steps("seconds", seconds, self.step_s)
         for heave in self._heaves.values():
             heave.at(np.array([(self.steps + steps) * self._step_ns]))
         while steps > 0:
@@ -144,13 +156,6 @@ class Ensemble:
             raise InputError(phrase(f"member {number}", "it never started", member.failure[:-1]))
         return member.snapshot()
 
-    def _whole_steps(self, name: str, seconds: float) -> int:
-        steps = round(seconds / self.step_s) if np.isfinite(seconds) else 0
-        if steps < 1 or abs(steps * self.step_s - seconds) > 1e-6 * self.step_s:
-            right = f"give a whole number of steps of {self.step_s:g} s"
-            raise InputError(phrase(name, f"{seconds} s is not possible", right))
-        return steps
-
     def _find_starts(self, scenes: list[Scene]) -> dict[Scene, Start]:
         """Each scene's rope at rest; the first one alone, since it may have to compile."""
         first = _find_start(scenes[0])
@@ -163,11 +168,12 @@ class Ensemble:
 
 def _member_scene(scene: Scene, own: Variation, number: int) -> Scene:
     for change in own.changes:
-        part = change.path.partition(".")[0]
-        if part in COMMON:
-            right = "vary something else" if part == "time" else "give the member its own heave"
-            what = "all members have it in common"
-            raise SceneError(phrase(f"member {number}: {change.path}", what, right))
+        where = f"member {number}: {change.path}"
+        if change.path.startswith("time."):
+            raise SceneError(phrase(where, "all members have it in common", "vary something else"))
+        if change.path.startswith("sea_state.") and own.heave is None:
+            right = "give the member the heave of that sea"
+            raise SceneError(phrase(where, "a sea moves no ship by itself", right))
     try:
         return change_scene(scene, own.changes)
     except SceneError as error:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rope_twin.cli import main
+from rope_twin.cli import COMMANDS, main
 from rope_twin.scene.load import scene_names
 from rope_twin.topics import TOPICS
 
@@ -50,7 +50,7 @@ def test_it_opens_with_two_commands_and_ci_runs_the_second() -> None:
     assert commands[1] in (ROOT / ".ci" / "run").read_text(encoding="utf-8").splitlines()
 
 
-@pytest.mark.parametrize("command", ["run", "scene", "view", "recover", "sea-state", "state"])
+@pytest.mark.parametrize("command", [name.replace("_", "-") for name in COMMANDS])
 def test_the_commands_exist(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert f"`rope_twin {command}" in README
     with pytest.raises(SystemExit) as ended:

@@ -7,7 +7,7 @@ import json
 import sys
 import time
 from dataclasses import dataclass
-from typing import TextIO
+from typing import Protocol, TextIO
 
 from rope_twin.effects import EFFECTS
 from rope_twin.twin.pacing import PacingHealth
@@ -136,6 +136,13 @@ def effect_names(parameters: tuple[object, ...]) -> list[str]:
     ]
 
 
+class Shown(Protocol):
+    """What has a line for people."""
+
+    def as_progress(self) -> str:
+        """The line."""
+
+
 class Progress:
     """Shows one changing line on a terminal, a line every ten seconds elsewhere."""
 
@@ -151,7 +158,7 @@ class Progress:
         """Whether it is time for the next line."""
         return time.monotonic() >= self._next_s
 
-    def show(self, summary: RunSummary) -> None:
+    def show(self, summary: Shown) -> None:
         """Show the figures."""
         self._next_s = time.monotonic() + self._period_s
         line = summary.as_progress()

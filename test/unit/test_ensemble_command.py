@@ -1,0 +1,172 @@
+"""`rope_twin ensemble`: members equal to runs of their own, tables, files, exit codes."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+import rope_twin.studies.ensemble_study as study
+from rope_twin.cli import main
+from rope_twin.share import share_dir
+
+SHALLOW = "shallow_lift"
+Printed = pytest.CaptureFixture[str]
+
+
+def written() -> dict[str, Any]:
+    """What the file of shallow_lift says."""
+    text = (share_dir() / "config" / "scenes" / f"{SHALLOW}.yaml").read_text(encoding="utf-8")
+    scene: dict[str, Any] = yaml.safe_load(text)
+    return scene
+
+
+def scene_file(folder: Path, **changed: Any) -> Path:
+    """shallow_lift with parts replaced; None leaves one out."""
+    scene = {key: part for key, part in {**written(), **changed}.items() if part is not None}
+    path = folder / "changed.yaml"
+    path.write_text(yaml.safe_dump(scene, allow_unicode=True))
+    return path
+
+
+@pytest.fixture(scope="module")
+def regular(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """shallow_lift in a sine instead of its recorded sea, its winch at rest."""
+    sea = {"heave": {"amplitude_m": 0.3, "period_s": 8.0}}
+    return str(scene_file(tmp_path_factory.mktemp("scene"), sea_state=sea, winch=None))
+
+
+def run_json(capsys: Printed, *words: str) -> dict[str, Any]:
+    """The JSON of a run that came to its end."""
+    assert main([*words, "--json"]) == 0
+    told: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return told
+
+
+def test_each_member_equals_a_run_of_its_own(tmp_path: Path, capsys: Printed) -> None:
+    """Same scene with the member's numbers in its file, through `rope_twin run --speed 0`."""
+    told = run_json(
+        capsys, "ensemble", SHALLOW, "--vary", "payloads[0].mass_kg=15000,30000",
+        "--sea-offset", "0..400", "--members", "2", "--for", "12", "--seed", "5",
+    )  # fmt: skip
+    assert told["members"] == 4
+    for row in told["rows"]:
+        scene = written()
+        scene["payloads"][0]["mass_kg"] = row["payloads[0].mass_kg"]
+        sea = {**scene["sea_state"], "start_s": row["sea_offset_s"]}
+        path = scene_file(tmp_path, payloads=scene["payloads"], sea_state=sea)
+        alone = run_json(
+            capsys, "run", str(path), "--speed", "0", "--for", "12", "--no-record", "--headless"
+        )
+        for name in ("tension_top_max_n", "tension_top_min_n"):
+            assert row[name] == alone[name]
+        assert row["tension_top_mean_n"] == pytest.approx(alone["tension_top_mean_n"], rel=1e-12)
+        assert row["steps"] == alone["steps"]
+
+
+def test_regular_seas_can_be_varied(regular: str, capsys: Printed) -> None:
+    """Twice a small heave, twice the motion of the tension."""
+    told = run_json(
+        capsys, "ensemble", regular, "--vary", "sea_state.heave.amplitude_m=0.01,0.02",
+        "--for", "20",
+    )  # fmt: skip
+    ranges = [row["tension_top_max_n"] - row["tension_top_min_n"] for row in told["rows"]]
+    assert ranges[0] > 100.0
+    assert ranges[1] / ranges[0] == pytest.approx(2.0, rel=0.02)
+
+
+def test_quantiles_and_csv_tell_the_same(regular: str, tmp_path: Path, capsys: Printed) -> None:
+    out = tmp_path / "members.csv"
+    words = ["ensemble", regular, "--sea-offset", "0..8", "--members", "7", "--for", "5"]
+    told = run_json(capsys, *words, "--csv", str(out))
+    with out.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["member"]) for row in rows] == list(range(7))
+    tops = [float(row["tension_top_max_n"]) for row in rows]
+    assert tops == [row["tension_top_max_n"] for row in told["rows"]]
+    assert told["tension_top_max_n"] == pytest.approx(np.quantile(tops, told["quantiles"]))
+    assert told["tension_top_max_n"][0] == min(tops)
+    assert run_json(capsys, *words)["rows"] == told["rows"]
+
+
+def test_the_text_has_a_line_for_each_figure_and_point(regular: str, capsys: Printed) -> None:
+    words = ["--vary", "effects.drag.normal=1.0..2.0:2", "--sea-offset", "0..8"]
+    assert main(["ensemble", regular, *words, "--members", "2", "--for", "2"]) == 0
+    told = capsys.readouterr()
+    assert "changed: 4 members, 2 s each" in told.out
+    assert "highest top tension [kN]" in told.out
+    points = [line.split()[0] for line in told.out.split("(median")[1].splitlines()[1:3]]
+    assert points == ["1", "2"]
+    assert "0 stopped early" in told.out
+    assert "4 ropes are at rest where they start" in told.err
+
+
+def test_members_that_stop_are_named(regular: str, capsys: Printed, tmp_path: Path) -> None:
+    """Exit code 3 with one, 1 with all of them; a payload that floats cannot start."""
+    mass = "payloads[0].mass_kg"
+    words = ["ensemble", regular, "--for", "0.5", "--csv", str(tmp_path / "rows.csv")]
+    assert main([*words, "--vary", f"{mass}=0,20000"]) == 3
+    told = capsys.readouterr()
+    assert "1 stopped early" in told.out
+    assert "member 0: " in told.err
+    assert "at rest it floats" in told.err
+    with (tmp_path / "rows.csv").open(encoding="utf-8") as file:
+        first, second = csv.DictReader(file)
+    assert first["steps"] == "0"
+    assert first["tension_top_max_n"] == second["failure"] == ""
+    assert main([*words, "--vary", f"{mass}=0", "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["failed"] == 1
+
+
+def test_a_rope_that_would_break_is_counted(regular: str, capsys: Printed) -> None:
+    share = "ropes[0].rope.breaking_load_n"
+    told = run_json(capsys, "ensemble", regular, "--vary", f"{share}=1e5,1e6", "--for", "0.5")
+    assert told["overloaded"] == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ([], "ensemble: nothing varies"),
+        (["--vary", "payloads[0].mas_kg=1..2"], "payloads[0].mas_kg: unknown key; did you mean"),
+        (["--vary", "effects.drag.normal=9..99"], "effects.drag.normal: "),
+        (["--vary", "time.step_s=0.01..0.02"], "time.step_s: all members have it in common"),
+        (["--sea-offset=-9..-1"], "--sea-offset: -4.9"),
+        (["--sea-offset", "0..9", "--for", "nan"], "--for: nan s is not possible"),
+        (["--sea-offset", "0..9", "--for", "0.0153"], "--for: 0.0153 s is not possible"),
+        (["--sea-offset", "0..9", "--step", "0.5"], "--step: 0.5 s is not possible"),
+        (["--sea-offset", "0..9", "--look", "0"], "look_s: 0.0 s is not possible"),
+        (["--sea-offset", "0..9", "--threads", "0"], "ensemble: 0 threads"),
+        (["--sea-offset", "0..9", "--seed", "-1"], "--seed: -1 is negative"),
+        (["--sea-offset", "0..9", "--csv", "/nowhere/x.csv"], "--csv: there is no directory"),
+    ],
+)
+def test_what_cannot_be_is_told_in_one_sentence(
+    regular: str, words: list[str], said: str, capsys: Printed
+) -> None:
+    assert main(["ensemble", regular, "--members", "2", *words]) == 1
+    told = capsys.readouterr()
+    assert said in told.err
+    assert told.err.strip().count("\n") == 0
+    assert told.out == ""
+
+
+def test_a_sea_that_ends_too_early(tmp_path: Path, capsys: Printed) -> None:
+    path = scene_file(tmp_path, sea_state={"bag": "sea_1p2m", "loop": False})
+    words = ["ensemble", str(path), "--sea-offset", "0..1100", "--members", "20", "--for", "300"]
+    assert main(words) == 1
+    assert "--for 300: the sea of member" in capsys.readouterr().err
+    still = scene_file(tmp_path, sea_state={})
+    assert main(["ensemble", str(still), "--sea-offset", "0..9"]) == 1
+    assert "--sea-offset: the scene's ship lies still; leave it out" in capsys.readouterr().err
+
+
+def test_the_study_asks_for_no_more_than_whole_steps() -> None:
+    """A time that is no multiple of the report's is stepped to its end."""
+    assert study._piece(12.0, 0.01) == pytest.approx(5.0)
+    assert study._piece(0.03, 0.01) == pytest.approx(0.03)
