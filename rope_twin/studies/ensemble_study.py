@@ -87,7 +87,7 @@ def run_study(
     whole_steps("--for", seconds, scene.time.step_s)
     if not scene.sea_state.moves and any(axis.path == SEA_OFFSET for axis in plan.axes):
         raise InputError(phrase("--sea-offset", "the scene's ship lies still", "leave it out"))
-    ensemble = Ensemble(scene, _variations(scene, plan, seconds), look_s, threads)
+    ensemble = Ensemble(scene, variations(scene, plan, seconds), look_s, threads)
     started = time.perf_counter()
     report(0.0, 0.0)
     while ensemble.time_ns < round(seconds * 1e9):
@@ -113,7 +113,7 @@ def _piece(left_s: float, step_s: float) -> float:
     return min(most, round(left_s / step_s)) * step_s
 
 
-def _variations(scene: Scene, plan: Plan, seconds: float) -> list[Variation]:
+def variations(scene: Scene, plan: Plan, seconds: float) -> list[Variation]:
     """Each member's changes and its part of the sea.
 
     Raises:
