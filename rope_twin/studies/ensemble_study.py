@@ -13,14 +13,13 @@ from rope_twin.errors import InputError, phrase
 from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.schema import Scene, SeaState
 from rope_twin.studies.plan import Plan
-from rope_twin.twin.ensemble import Ensemble, Variation, whole_steps
+from rope_twin.twin.ensemble import BATCH_S, Ensemble, Variation, whole_steps
 from rope_twin.twin.heave_series import HeaveSeries
 from rope_twin.twin.member import MemberFigures
 
 SEA_OFFSET = "sea offset"  # the axis that moves a member along the recorded sea [s]
 QUANTILES = (0.0, 0.05, 0.5, 0.95, 1.0)
 FIGURES = ("tension_top_max_n", "tension_top_mean_n", "tension_top_min_n", "slack_share")
-REPORT_S = 5.0  # twin time between two reports
 AFTER_NS = 1_000_000_000  # heave goes on so long after the end: the last step looks ahead
 
 
@@ -78,7 +77,7 @@ def run_study(
     report: Callable[[float, float], None],
     threads: int | None = None,
 ) -> StudyResult:
-    """Run all members for so long; `report(twin time, real time)` is called every 5 s of twin time.
+    """Run all members for so long; `report(twin time, real time)` is called every 8 s of twin time.
 
     Raises:
         RopeTwinError: a member, the sea or a number is wrong; one sentence.
@@ -108,8 +107,8 @@ def run_study(
 
 
 def _piece(left_s: float, step_s: float) -> float:
-    """Whole steps of about REPORT_S, or what is left."""
-    most = max(1, round(REPORT_S / step_s))
+    """Whole steps of about BATCH_S, or what is left."""
+    most = max(1, round(BATCH_S / step_s))
     return min(most, round(left_s / step_s)) * step_s
 
 

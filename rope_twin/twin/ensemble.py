@@ -10,7 +10,8 @@ whichever thread steps it and however the time is cut up.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+import threading
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -29,7 +30,7 @@ from rope_twin.twin.schedule import SpeedSample
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.start import find_start
 
-BATCH_S = 5.0  # a member's turn; less than the 10 s that commands may be known ahead
+BATCH_S = 8.0  # a member's turn; less than the 10 s that commands may be known ahead
 LOOK_S = 0.5
 
 Key = TypeVar("Key")
@@ -61,6 +62,13 @@ def whole_steps(name: str, seconds: float, step_s: float) -> int:
         right = f"give a whole number of steps of {step_s:g} s"
         raise InputError(phrase(name, f"{seconds} s is not possible", right))
     return steps
+
+
+class _OfThread(threading.local):
+    """Scratch that each thread finds made for itself."""
+
+    def __init__(self, steps: int) -> None:
+        self.scratch = Scratch(steps)
 
 
 class Ensemble:
@@ -97,6 +105,7 @@ class Ensemble:
             raise InputError(phrase("ensemble", what, "give at least one of each"))
         self.scene = scene
         self.steps = 0
+        self._interrupted = False
         scenes = [_member_scene(scene, own, k) for k, own in enumerate(variations)]
         starts = self._find_starts(list(dict.fromkeys(scenes)))
         self._heaves = {id(own.heave): own.heave for own in variations if own.heave}
@@ -119,23 +128,27 @@ class Ensemble:
         """Step all members on that can go on.
 
         Raises:
-            InputError: it is no whole number of steps, or a member's heave ends before.
+            InputError: it is no whole number of steps, a member's heave ends before, or an earlier
+                call was interrupted.
         """
         steps = whole_steps("seconds", seconds, self.step_s)
+        if self._interrupted:
+            what = "it was interrupted while some members had stepped and others had not"
+            raise InputError(phrase("ensemble", what, "build it anew"))
         for heave in self._heaves.values():
             heave.at(np.array([(self.steps + steps) * self._step_ns]))
+        self._interrupted = True
         while steps > 0:
             batch = min(steps, max(1, round(BATCH_S / self.step_s)))
-            turns = iter([member for member in self._members if not member.failure])
+            own = _OfThread(batch)
 
-            def take_turns(_: int, turns: Iterator[Member] = turns, batch: int = batch) -> None:
-                scratch = Scratch(batch)
-                for member in turns:
-                    member.advance(batch, self._look_steps, scratch)
+            def take_turn(member: Member, batch: int = batch, own: _OfThread = own) -> None:
+                member.advance(batch, self._look_steps, own.scratch)
 
-            self._on_threads(take_turns, range(self.threads))
+            self._on_threads(take_turn, [one for one in self._members if not one.failure])
             self.steps += batch
             steps -= batch
+        self._interrupted = False
 
     def figures(self) -> list[MemberFigures]:
         """What each member did so far."""
@@ -162,8 +175,13 @@ class Ensemble:
         return dict(zip(scenes, [first, *self._on_threads(_find_start, scenes[1:])], strict=True))
 
     def _on_threads(self, work: Callable[[Key], Made], items: Sequence[Key]) -> list[Made]:
+        """The work on each item; whoever interrupts it waits for no more than is under way."""
         with ThreadPoolExecutor(self.threads) as pool:
-            return list(pool.map(work, items))
+            try:
+                return list(pool.map(work, items))
+            except BaseException:
+                pool.shutdown(wait=False, cancel_futures=True)
+                raise
 
 
 def _member_scene(scene: Scene, own: Variation, number: int) -> Scene:
@@ -188,7 +206,9 @@ def _find_start(scene: Scene) -> Start:
     except SceneError as error:
         pull, failure = np.full(rows.PULL_COLUMNS, np.nan), str(error)
     tension = rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]].copy()
-    return Start(rope._replace(work=np.zeros((0, 0))), pull, tension, failure)
+    high, wide = rope.work.shape
+    bare = rope._replace(work=np.zeros((0, 0)))
+    return Start(bare, (high, wide), pull, tension, failure)
 
 
 def _shared_borders(scenes: Sequence[Scene], variations: Sequence[Variation]) -> list[Borders]:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.state import Boundary, Floats, Rope, new_work
+from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance
 from rope_twin.errors import phrase
 from rope_twin.scene.schema import Scene
@@ -25,20 +25,21 @@ class Scratch:
     def __init__(self, steps: int) -> None:
         """Room for the pull of so many steps."""
         self.pulls = np.zeros((steps, rows.PULL_COLUMNS))
-        self._work: dict[int, Floats] = {}
+        self._work: dict[tuple[int, int], Floats] = {}
 
-    def work(self, capacity: int) -> Floats:
-        """Scratch for ropes of so many nodes."""
-        if capacity not in self._work:
-            self._work[capacity] = new_work(capacity)
-        return self._work[capacity]
+    def work(self, shape: tuple[int, int]) -> Floats:
+        """Scratch of the step, for ropes that want it of this shape."""
+        if shape not in self._work:
+            self._work[shape] = np.zeros(shape)
+        return self._work[shape]
 
 
 @dataclass(frozen=True)
 class Start:
     """A scene's rope at rest, for all members of the same scene."""
 
-    rope: Rope
+    rope: Rope  # without scratch
+    work_shape: tuple[int, int]
     pull: Floats  # on the hang-off, rows.PULL_COLUMNS [N]
     tension: Floats  # of the elements from the lower end up [N]
     failure: str = ""  # why there is none; the other fields are then of no use
@@ -46,7 +47,10 @@ class Start:
 
 @dataclass(frozen=True)
 class MemberFigures:
-    """What a member did so far. Before its first step the tension is that at rest."""
+    """What a member did so far. Before its first step the tension is that at rest.
+
+    If it never started its tensions are not finite.
+    """
 
     steps: int
     tension_top_max_n: float
@@ -66,6 +70,7 @@ class Member:
         self.steps = 0
         self._step_ns = round(scene.time.step_s * 1e9)
         self._rope = start.rope._replace(state=start.rope.state.copy())
+        self._work_shape = start.work_shape
         self._tension, self._pull = start.tension, start.pull
         self._value, self._rate = (table[0] for table in borders.boundary)
         self._seen, self._recent = Extremes(), Extremes()
@@ -78,7 +83,7 @@ class Member:
         """Step on, with a look along the rope whenever `look_steps` are done; may fail."""
         boundary = self.borders.through(self.steps, steps)
         state = self._rope.state
-        work = scratch.work(state.s.shape[0])
+        work = scratch.work(self._work_shape)
         rope = self._rope._replace(work=work)
         done = 0
         while done < steps and not self.failure:
@@ -128,7 +133,7 @@ class Member:
     def snapshot(self) -> Snapshot:
         """A frozen copy of the present; its recent tensions begin anew."""
         state: Any = self._rope.state
-        work = new_work(state.s.shape[0])
+        work = np.zeros(self._work_shape)
         work[rows.TENSION, : len(self._tension)] = self._tension
         unconverged = int(state.health[rows.SUBSTEPS_UNCONVERGED])
         time_ns = self.steps * self._step_ns

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from time import sleep
 from typing import Any
 
 import numpy as np
@@ -14,13 +15,13 @@ from small_scene import figures, small_scene
 
 import rope_twin.twin.member as member_module
 from rope_twin import Snapshot, Twin
-from rope_twin.core.state import WORK_ROWS
 from rope_twin.core.step import advance
 from rope_twin.errors import InputError, SceneError
 from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble import Ensemble, Variation
 from rope_twin.twin.heave_series import HeaveSeries
+from rope_twin.twin.member import Scratch
 from rope_twin.twin.schedule import SpeedSample
 
 SAMPLE_NS = 50_000_000
@@ -154,9 +155,7 @@ def test_nothing_of_a_rope_is_kept_in_the_scratch(
     """Scratch full of NaN makes no difference."""
     scene = small_scene(tmp_path)
     own = lively(scene)
-    monkeypatch.setattr(
-        member_module, "new_work", lambda nodes: np.full((WORK_ROWS, nodes), np.nan)
-    )
+    monkeypatch.setattr(Scratch, "work", lambda self, shape: np.full(shape, np.nan))
     ensemble = Ensemble(scene, own, threads=1)
     for _ in range(6):
         ensemble.advance(1)
@@ -186,6 +185,27 @@ def test_one_that_fails_does_not_stop_the_others(
     assert ensemble.snapshot(1).step == 137
     for number in (0, 2):
         assert not differing(ensemble.snapshot(number), alone(scene, own[number], 3))
+
+
+def test_an_interrupted_ensemble_is_not_stepped_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C while members take turns: no further turn begins, and no later call goes on."""
+    ensemble = Ensemble(small_scene(tmp_path), [Variation()] * 50, threads=2)
+    turns = []
+
+    def interrupted(*_: Any) -> int:
+        turns.append(0)
+        sleep(0.05)  # so that the others still wait when the first one is over
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(member_module, "advance", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        ensemble.advance(1.0)
+    assert len(turns) < 50
+    monkeypatch.undo()
+    with pytest.raises(InputError, match=r"ensemble: it was interrupted .*; build it anew"):
+        ensemble.advance(1.0)
 
 
 def test_one_that_cannot_start_is_marked(tmp_path: Path) -> None:
