@@ -11,56 +11,55 @@ from math import sqrt
 from typing import Any
 
 from rope_twin.core.jit import jit
+from rope_twin.core.rows import offset_row, row, rows
 from rope_twin.core.state import (
     AXIAL,
     CORRECTION,
+    DAMPING,
     DIRECTION,
     ELEMENTS,
     EXPECTED,
     GEOMETRIC,
     POSITION,
     REST,
+    STIFFNESS,
     TENSION,
     VELOCITY,
-    Stage,
 )
 
 
 @jit
-def stretch(rope: Any, stage: Any, low: int, high: int) -> None:
+def stretch(work: Any, offset: Any, p: float, q: float, growth: float, low: int, high: int) -> None:
     """Direction, tension and stiffness blocks of the elements low <= e < high.
 
-    strain = (l + offset - rest)/rest; its rate is t·Δv/rest - V·l/rest², where V (of the stage) is
-    the speed at which the rest length grows. The block of an element is AXIAL·t·tᵀ + GEOMETRIC·I
-    with GEOMETRIC = p·T/l and AXIAL = p·(EA - c·V/rest)/rest + q·c/rest - GEOMETRIC, both 0 when
-    slack. The derivative of the direction inside the strain rate is dropped, which keeps the block
-    symmetric; Newton then needs no more solves (measured).
+    T = STIFFNESS·(l + offset - rest) + DAMPING·(t·Δv - growth·l), where growth [1/s] is the rate of
+    the rest length over that length. The block of an element is AXIAL·t·tᵀ + GEOMETRIC·I with
+    GEOMETRIC = p·T/l and AXIAL = p·(STIFFNESS - growth·DAMPING) + q·DAMPING - GEOMETRIC, both 0
+    when slack. The derivative of the direction inside the strain rate is dropped, which keeps the
+    block symmetric; Newton then needs no more solves (measured).
     """
-    work, EA, c, V = rope.work, rope.model.EA, rope.model.c, stage.V
-    p, q = stage.p, stage.q
-    px, py, pz = work[POSITION], work[POSITION + 1], work[POSITION + 2]
-    vx, vy, vz = work[VELOCITY], work[VELOCITY + 1], work[VELOCITY + 2]
-    tx, ty, tz = work[DIRECTION], work[DIRECTION + 1], work[DIRECTION + 2]
-    T, axial, geometric = work[TENSION], work[AXIAL], work[GEOMETRIC]
-    rest, offset = work[REST], rope.state.offset
-    for e in range(low, high):
-        dx = px[e + 1] - px[e]
-        dy = py[e + 1] - py[e]
-        dz = pz[e + 1] - pz[e]
+    px, py, pz = rows(work, POSITION, low)
+    nx, ny, nz = rows(work, POSITION, low + 1)
+    vx, vy, vz = rows(work, VELOCITY, low)
+    wx, wy, wz = rows(work, VELOCITY, low + 1)
+    tx, ty, tz = rows(work, DIRECTION, low)
+    T, axial, geometric = row(work, TENSION, low), row(work, AXIAL, low), row(work, GEOMETRIC, low)
+    stiffness, damping = row(work, STIFFNESS, low), row(work, DAMPING, low)
+    rest, slack = row(work, REST, low), offset_row(offset, low)
+    for e in range(high - low):
+        dx, dy, dz = nx[e] - px[e], ny[e] - py[e], nz[e] - pz[e]
         l0 = rest[e]
         length = sqrt(dx * dx + dy * dy + dz * dz + 1e-16 * l0 * l0)
         inverse = 1.0 / length
         dx *= inverse
         dy *= inverse
         dz *= inverse
-        closing = dx * (vx[e + 1] - vx[e]) + dy * (vy[e + 1] - vy[e]) + dz * (vz[e + 1] - vz[e])
-        strain = (length + offset[e] - l0) / l0
-        strain_rate = (closing - V * length / l0) / l0
-        pull = EA * strain + c * strain_rate
+        closing = dx * (wx[e] - vx[e]) + dy * (wy[e] - vy[e]) + dz * (wz[e] - vz[e])
+        pull = stiffness[e] * (length + slack[e] - l0) + damping[e] * (closing - growth * length)
         taut = pull > 0.0
         pull = pull if taut else 0.0
         across = p * pull * inverse
-        along = p * (EA - c * V / l0) / l0 + q * c / l0 - across
+        along = p * (stiffness[e] - growth * damping[e]) + q * damping[e] - across
         tx[e] = dx
         ty[e] = dy
         tz[e] = dz
@@ -70,29 +69,39 @@ def stretch(rope: Any, stage: Any, low: int, high: int) -> None:
 
 
 @jit
+def stretch_top(rope: Any, stage: Any) -> None:
+    """The top element, which grows at the payout speed V."""
+    work, top = rope.work, rope.state.counts[ELEMENTS] - 1
+    growth = stage.V / work[REST, top]
+    stretch(work, rope.state.offset, stage.p, stage.q, growth, top, top + 1)
+
+
+@jit
 def stretch_all(rope: Any, stage: Any) -> None:
-    """All elements: only the top one grows, at the payout speed V."""
-    n = rope.state.counts[ELEMENTS]
-    stretch(rope, Stage(stage.time, stage.p, stage.q, 0.0), 0, n - 1)
-    stretch(rope, stage, n - 1, n)
+    """All elements."""
+    top = rope.state.counts[ELEMENTS] - 1
+    stretch(rope.work, rope.state.offset, stage.p, stage.q, 0.0, 0, top)
+    stretch_top(rope, stage)
 
 
 @jit
-def predict_tension(work: Any, n: int) -> None:
-    """T that the linearisation expects after the correction `delta`; T itself where slack."""
-    dx, dy, dz = work[CORRECTION], work[CORRECTION + 1], work[CORRECTION + 2]
-    tx, ty, tz = work[DIRECTION], work[DIRECTION + 1], work[DIRECTION + 2]
-    for e in range(n):
-        stretching = (
-            tx[e] * (dx[e + 1] - dx[e]) + ty[e] * (dy[e + 1] - dy[e]) + tz[e] * (dz[e + 1] - dz[e])
-        )
-        work[EXPECTED, e] = work[TENSION, e] + (work[AXIAL, e] + work[GEOMETRIC, e]) * stretching
+def expect_tension(work: Any, low: int, high: int) -> None:
+    """T that the linearisation expects after the correction; T itself where slack."""
+    dx, dy, dz = rows(work, CORRECTION, low)
+    nx, ny, nz = rows(work, CORRECTION, low + 1)
+    tx, ty, tz = rows(work, DIRECTION, low)
+    T, axial, geometric = row(work, TENSION, low), row(work, AXIAL, low), row(work, GEOMETRIC, low)
+    expected = row(work, EXPECTED, low)
+    for e in range(high - low):
+        stretching = tx[e] * (nx[e] - dx[e]) + ty[e] * (ny[e] - dy[e]) + tz[e] * (nz[e] - dz[e])
+        expected[e] = T[e] + (axial[e] + geometric[e]) * stretching
 
 
 @jit
-def tension_agrees(work: Any, n: int, tolerance: float) -> bool:
-    """Whether every tension is what the linearisation expected. NaN counts as disagreement."""
+def count_unexpected(work: Any, tolerance: float, low: int, high: int) -> int:
+    """Elements whose tension is not what the linearisation expected; NaN counts as one."""
+    T, expected = row(work, TENSION, low), row(work, EXPECTED, low)
     wrong = 0
-    for e in range(n):
-        wrong += not (abs(work[TENSION, e] - work[EXPECTED, e]) <= tolerance)
-    return wrong == 0
+    for e in range(high - low):
+        wrong += not (abs(T[e] - expected[e]) <= tolerance)
+    return wrong

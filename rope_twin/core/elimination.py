@@ -21,7 +21,8 @@ from typing import Any
 
 from numba.core import config
 
-from rope_twin.core.jit import jit, jit_inline, jit_ordered
+from rope_twin.core.jit import jit, jit_ordered, jit_within
+from rope_twin.core.rows import row, rows, span
 from rope_twin.core.simd import gather, lane, load, pair, store
 from rope_twin.core.state import (
     AXIAL,
@@ -36,16 +37,19 @@ from rope_twin.core.state import (
 
 
 @jit
-def root_stiffness(work: Any, n: int) -> None:
-    """root = √AXIAL·t per element."""
-    for e in range(n):
-        size = sqrt(work[AXIAL, e])
-        work[ROOT, e] = size * work[DIRECTION, e]
-        work[ROOT + 1, e] = size * work[DIRECTION + 1, e]
-        work[ROOT + 2, e] = size * work[DIRECTION + 2, e]
+def root_stiffness(work: Any, low: int, high: int) -> None:
+    """root = √AXIAL·t of the elements low <= e < high."""
+    axial = row(work, AXIAL, low)
+    tx, ty, tz = rows(work, DIRECTION, low)
+    x, y, z = rows(work, ROOT, low)
+    for e in range(high - low):
+        size = sqrt(axial[e])
+        x[e] = size * tx[e]
+        y[e] = size * ty[e]
+        z[e] = size * tz[e]
 
 
-@jit_inline
+@jit_within
 def _eliminate_node(S: Any, f: Any, root: Any, b: Any) -> Any:
     """Eliminate a node through its next element.
 
@@ -104,22 +108,22 @@ def _eliminate_node(S: Any, f: Any, root: Any, b: Any) -> Any:
     return gain, own, (zxx, zxy, zxz, zyy, zyz, zzz), force
 
 
-@jit_inline
-def _spring(work: Any, e: int) -> Any:
+@jit_within
+def spring(work: Any, e: int) -> Any:
     """K of element e: xx, xy, xz, yy, yz, zz."""
     x, y, z, b = work[ROOT, e], work[ROOT + 1, e], work[ROOT + 2, e], work[GEOMETRIC, e]
     return x * x + b, x * y, x * z, y * y + b, y * z, z * z + b
 
 
-@jit_inline
+@jit_within
 def _ground(work: Any, first: int) -> Any:
     """Z of the lowest free node: nothing, or the element to the fixed node below it."""
-    xx, xy, xz, yy, yz, zz = _spring(work, 0)
+    xx, xy, xz, yy, yz, zz = spring(work, 0)
     tied = 1.0 if first == 1 else 0.0
     return tied * xx, tied * xy, tied * xz, tied * yy, tied * yz, tied * zz
 
 
-@jit_inline
+@jit_within
 def _plain_node(work: Any, i: int, e: int, Z: Any, f: Any) -> Any:
     """Eliminate node i through element e, one chain."""
     zxx, zxy, zxz, zyy, zyz, zzz = Z
@@ -158,7 +162,7 @@ def eliminate_plainly(work: Any, first: int, n: int) -> None:
     _hold_ends(work, first, n)
 
 
-@jit_inline
+@jit_within
 def _hold_ends(work: Any, first: int, n: int) -> None:
     """No correction where motion is prescribed."""
     for k in range(3):
@@ -167,42 +171,27 @@ def _hold_ends(work: Any, first: int, n: int) -> None:
             work[CORRECTION + k, 0] = 0.0
 
 
-@jit_inline
+@jit_within
 def _paired_node(work: Any, i: int, j: int, Z: Any, f: Any) -> Any:
     """Eliminate node i through the element above it and node j through the one below."""
-    zxx, zxy, zxz, zyy, zyz, zzz = Z
-    fx, fy, fz = f
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    x, y, z = rows(work, ROOT, 0)
     e = j - 1
-    b = gather(work[GEOMETRIC], i, e)
+    b = gather(row(work, GEOMETRIC, 0), i, e)
     S = (
-        zxx + (gather(work[BLOCK], i, j) + b),
-        zxy + gather(work[BLOCK + 1], i, j),
-        zxz + gather(work[BLOCK + 2], i, j),
-        zyy + (gather(work[BLOCK + 3], i, j) + b),
-        zyz + gather(work[BLOCK + 4], i, j),
-        zzz + (gather(work[BLOCK + 5], i, j) + b),
-    )
-    force = (
-        fx + gather(work[RESIDUAL], i, j),
-        fy + gather(work[RESIDUAL + 1], i, j),
-        fz + gather(work[RESIDUAL + 2], i, j),
-    )
-    root = (
-        gather(work[ROOT], i, e), gather(work[ROOT + 1], i, e), gather(work[ROOT + 2], i, e),
+        Z[0] + (gather(Axx, i, j) + b), Z[1] + gather(Axy, i, j), Z[2] + gather(Axz, i, j),
+        Z[3] + (gather(Ayy, i, j) + b), Z[4] + gather(Ayz, i, j), Z[5] + (gather(Azz, i, j) + b),
     )  # fmt: skip
-    return _eliminate_node(S, force, root, b)
+    force = (f[0] + gather(Rx, i, j), f[1] + gather(Ry, i, j), f[2] + gather(Rz, i, j))
+    return _eliminate_node(S, force, (gather(x, i, e), gather(y, i, e), gather(z, i, e)), b)
 
 
-@jit_inline
-def _solve_middle(work: Any, i: int, Z: Any, f: Any) -> Any:
-    """The correction of the node where the chains meet, by LDLᵀ of its 3×3 block."""
-    sxx, sxy, sxz = Z[0] + work[BLOCK, i], Z[1] + work[BLOCK + 1, i], Z[2] + work[BLOCK + 2, i]
-    syy, syz, szz = Z[3] + work[BLOCK + 3, i], Z[4] + work[BLOCK + 4, i], Z[5] + work[BLOCK + 5, i]
-    fx, fy, fz = (
-        f[0] + work[RESIDUAL, i],
-        f[1] + work[RESIDUAL + 1, i],
-        f[2] + work[RESIDUAL + 2, i],
-    )
+@jit_ordered
+def solve_symmetric(S: Any, f: Any) -> Any:
+    """x of S·x = f for a symmetric 3×3 matrix (xx, xy, xz, yy, yz, zz), by LDLᵀ."""
+    sxx, sxy, sxz, syy, syz, szz = S
+    fx, fy, fz = f
     l10, l20 = sxy / sxx, sxz / sxx
     d1, m = syy - l10 * sxy, syz - l10 * sxz
     l21 = m / d1
@@ -214,90 +203,101 @@ def _solve_middle(work: Any, i: int, Z: Any, f: Any) -> Any:
     return fx / sxx - l10 * dy - l20 * dz, dy, dz
 
 
+@jit_within
+def _six(work: Any, first: int, i: int) -> Any:
+    """Column i of six rows."""
+    return (
+        work[first, i], work[first + 1, i], work[first + 2, i], work[first + 3, i],
+        work[first + 4, i], work[first + 5, i],
+    )  # fmt: skip
+
+
+@jit_within
+def _lanes(p: Any, k: int) -> Any:
+    """Lane k of three pairs."""
+    return lane(p[0], k), lane(p[1], k), lane(p[2], k)
+
+
+@jit_within
+def _six_lanes(p: Any, k: int) -> Any:
+    """Lane k of six pairs."""
+    return lane(p[0], k), lane(p[1], k), lane(p[2], k), lane(p[3], k), lane(p[4], k), lane(p[5], k)
+
+
+@jit_within
+def add_six(a: Any, b: Any) -> Any:
+    """Sum of two symmetric matrices."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]
+
+
+@jit_within
+def _substitute(work: Any, at: int, px: Any, py: Any, pz: Any) -> Any:
+    """delta of a pair of nodes from that of their neighbours nearer the middle."""
+    xx, xy, xz, yx, yy, yz, zx, zy, zz, x, y, z = span(work, ELIMINATED, 12, at)
+    return (
+        (load(x, 0) + load(xx, 0) * px) + (load(xy, 0) * py + load(xz, 0) * pz),
+        (load(y, 0) + load(yx, 0) * px) + (load(yy, 0) * py + load(yz, 0) * pz),
+        (load(z, 0) + load(zx, 0) * px) + (load(zy, 0) * py + load(zz, 0) * pz),
+    )
+
+
 @jit_ordered
 def _eliminate_folded(work: Any, first: int, n: int) -> None:
-    """Corrections of the nodes first <= i < n, from both ends at once."""
-    pairs = (n - first - 1) // 2  # nodes first + k and n - 1 - k; one or two are left in the middle
-    below, above = _ground(work, first), _spring(work, n - 1)
+    """Corrections of the nodes first <= i < n, from both ends at once.
+
+    Pair k is the nodes first + k and n - 1 - k. The chains meet in the middle; with an even number
+    of nodes the upper of the two there is eliminated onto the lower, in a round of its own whose
+    first lane is not used.
+    """
+    xx, xy, xz, yx, yy, yz, zx, zy, zz, x, y, z = span(work, ELIMINATED, 12, 0)
+    dx, dy, dz = rows(work, CORRECTION, 0)
+    pairs, rounds = (n - first - 1) // 2, (n - first) // 2
+    middle = first + pairs
+    below, above = _ground(work, first), spring(work, n - 1)
     Z = (
         pair(below[0], above[0]), pair(below[1], above[1]), pair(below[2], above[2]),
         pair(below[3], above[3]), pair(below[4], above[4]), pair(below[5], above[5]),
     )  # fmt: skip
     f = (pair(0.0, 0.0), pair(0.0, 0.0), pair(0.0, 0.0))
-    for k in range(pairs):
-        g, own, Z, f = _paired_node(work, first + k, n - 1 - k, Z, f)
+    Z_below, f_below = Z, f
+    for k in range(rounds):
+        gain, own, Z, f = _paired_node(work, first + k, n - 1 - k, Z, f)
+        if k < pairs:
+            Z_below, f_below = Z, f
         at = 2 * k
-        store(work[ELIMINATED], at, g[0])
-        store(work[ELIMINATED + 1], at, g[1])
-        store(work[ELIMINATED + 2], at, g[2])
-        store(work[ELIMINATED + 3], at, g[3])
-        store(work[ELIMINATED + 4], at, g[4])
-        store(work[ELIMINATED + 5], at, g[5])
-        store(work[ELIMINATED + 6], at, g[6])
-        store(work[ELIMINATED + 7], at, g[7])
-        store(work[ELIMINATED + 8], at, g[8])
-        store(work[ELIMINATED + 9], at, own[0])
-        store(work[ELIMINATED + 10], at, own[1])
-        store(work[ELIMINATED + 11], at, own[2])
-    below = (
-        lane(Z[0], 0),
-        lane(Z[1], 0),
-        lane(Z[2], 0),
-        lane(Z[3], 0),
-        lane(Z[4], 0),
-        lane(Z[5], 0),
+        store(xx, at, gain[0])
+        store(xy, at, gain[1])
+        store(xz, at, gain[2])
+        store(yx, at, gain[3])
+        store(yy, at, gain[4])
+        store(yz, at, gain[5])
+        store(zx, at, gain[6])
+        store(zy, at, gain[7])
+        store(zz, at, gain[8])
+        store(x, at, own[0])
+        store(y, at, own[1])
+        store(z, at, own[2])
+    S = add_six(add_six(_six_lanes(Z_below, 0), _six_lanes(Z, 1)), _six(work, BLOCK, middle))
+    low, high = _lanes(f_below, 0), _lanes(f, 1)
+    force = (
+        low[0] + high[0] + work[RESIDUAL, middle],
+        low[1] + high[1] + work[RESIDUAL + 1, middle],
+        low[2] + high[2] + work[RESIDUAL + 2, middle],
     )
-    above = (
-        lane(Z[0], 1),
-        lane(Z[1], 1),
-        lane(Z[2], 1),
-        lane(Z[3], 1),
-        lane(Z[4], 1),
-        lane(Z[5], 1),
-    )
-    force, load_above = (lane(f[0], 0), lane(f[1], 0), lane(f[2], 0)), (lane(f[0], 1), lane(f[1], 1), lane(f[2], 1))  # fmt: skip # noqa: E501
-    middle = first + pairs
-    two = n - pairs - 1 > middle
-    gain, own_above = (0.0,) * 9, (0.0, 0.0, 0.0)
-    if two:
-        gain, own_above, above, load_above = _plain_node(
-            work, middle + 1, middle, above, load_above
-        )
-    Z_middle = (
-        below[0] + above[0], below[1] + above[1], below[2] + above[2],
-        below[3] + above[3], below[4] + above[4], below[5] + above[5],
-    )  # fmt: skip
-    f_middle = (force[0] + load_above[0], force[1] + load_above[1], force[2] + load_above[2])
-    dx, dy, dz = _solve_middle(work, middle, Z_middle, f_middle)
-    work[CORRECTION, middle], work[CORRECTION + 1, middle], work[CORRECTION + 2, middle] = (
-        dx,
-        dy,
-        dz,
-    )
-    ax, ay, az = dx, dy, dz
-    if two:
-        ax = own_above[0] + gain[0] * dx + gain[1] * dy + gain[2] * dz
-        ay = own_above[1] + gain[3] * dx + gain[4] * dy + gain[5] * dz
-        az = own_above[2] + gain[6] * dx + gain[7] * dy + gain[8] * dz
-        i = middle + 1
-        work[CORRECTION, i], work[CORRECTION + 1, i], work[CORRECTION + 2, i] = ax, ay, az
-    px, py, pz = pair(dx, ax), pair(dy, ay), pair(dz, az)
+    mx, my, mz = solve_symmetric(S, force)
+    dx[middle], dy[middle], dz[middle] = mx, my, mz
+    px, py, pz = pair(mx, mx), pair(my, my), pair(mz, mz)
+    if rounds > pairs:
+        qx, qy, qz = _substitute(work, 2 * pairs, px, py, pz)
+        ax, ay, az = lane(qx, 1), lane(qy, 1), lane(qz, 1)
+        dx[middle + 1], dy[middle + 1], dz[middle + 1] = ax, ay, az
+        px, py, pz = pair(mx, ax), pair(my, ay), pair(mz, az)
     for k in range(pairs - 1, -1, -1):
-        at = 2 * k
-        qx = (load(work[ELIMINATED + 9], at) + load(work[ELIMINATED], at) * px) + (
-            load(work[ELIMINATED + 1], at) * py + load(work[ELIMINATED + 2], at) * pz
-        )
-        qy = (load(work[ELIMINATED + 10], at) + load(work[ELIMINATED + 3], at) * px) + (
-            load(work[ELIMINATED + 4], at) * py + load(work[ELIMINATED + 5], at) * pz
-        )
-        qz = (load(work[ELIMINATED + 11], at) + load(work[ELIMINATED + 6], at) * px) + (
-            load(work[ELIMINATED + 7], at) * py + load(work[ELIMINATED + 8], at) * pz
-        )
-        px, py, pz = qx, qy, qz
+        px, py, pz = _substitute(work, 2 * k, px, py, pz)
         i, j = first + k, n - 1 - k
-        work[CORRECTION, i], work[CORRECTION, j] = lane(px, 0), lane(px, 1)
-        work[CORRECTION + 1, i], work[CORRECTION + 1, j] = lane(py, 0), lane(py, 1)
-        work[CORRECTION + 2, i], work[CORRECTION + 2, j] = lane(pz, 0), lane(pz, 1)
+        dx[i], dx[j] = lane(px, 0), lane(px, 1)
+        dy[i], dy[j] = lane(py, 0), lane(py, 1)
+        dz[i], dz[j] = lane(pz, 0), lane(pz, 1)
     _hold_ends(work, first, n)
 
 

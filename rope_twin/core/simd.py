@@ -15,6 +15,8 @@ from numba.core import types
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
+from rope_twin.core.rows import tell_apart
+
 _FLAGS = ("contract", "nsz")
 _DOUBLE, _INDEX = ir.DoubleType(), ir.IntType(32)
 _REGISTER = ir.VectorType(_DOUBLE, 2)
@@ -95,21 +97,15 @@ def lane(context: Any, p: Any, index: Any) -> Any:
     return types.float64(p, index), generate
 
 
-def _address(context: Any, builder: Any, kind: Any, row: Any, index: Any) -> Any:
-    array = context.make_array(kind)(context, builder, row)
-    return builder.gep(array.data, [index])
-
-
 @intrinsic
 def gather(context: Any, row: Any, i: Any, j: Any) -> Any:
-    """row[i] and row[j] of a contiguous row."""
+    """row[i] and row[j]."""
 
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
         source, first, second = arguments
-        values = [
-            builder.load(_address(context, builder, sig.args[0], source, index))
-            for index in (first, second)
-        ]
+        values = [builder.load(builder.gep(source, [index])) for index in (first, second)]
+        for value in values:
+            tell_apart(builder.module, value, sig.args[0])
         return _join(builder, *values)
 
     return PAIR(row, types.intp, types.intp), generate
@@ -120,9 +116,10 @@ def load(context: Any, row: Any, i: Any) -> Any:
     """row[i] and row[i + 1]."""
 
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
-        address = _address(context, builder, sig.args[0], *arguments)
+        address = builder.gep(arguments[0], [arguments[1]])
         value = builder.load(builder.bitcast(address, _REGISTER.as_pointer()))
         value.align = 8
+        tell_apart(builder.module, value, sig.args[0])
         return value
 
     return PAIR(row, types.intp), generate
@@ -134,8 +131,10 @@ def store(context: Any, row: Any, i: Any, p: Any) -> Any:
 
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
         target, index, value = arguments
-        address = _address(context, builder, sig.args[0], target, index)
-        builder.store(value, builder.bitcast(address, _REGISTER.as_pointer())).align = 8
+        address = builder.bitcast(builder.gep(target, [index]), _REGISTER.as_pointer())
+        access = builder.store(value, address)
+        access.align = 8
+        tell_apart(builder.module, access, sig.args[0])
         return context.get_dummy_value()
 
     return types.void(row, types.intp, PAIR), generate

@@ -10,74 +10,147 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-from rope_twin.core.assembly import add_correction, evaluate, set_flow, slope, update
-from rope_twin.core.elastic import predict_tension, stretch_all, tension_agrees
+import numpy as np
+
+from rope_twin.core import terms
+from rope_twin.core.assembly import (
+    add_correction,
+    move,
+    set_flow,
+    set_pulls,
+    set_tangents,
+    slope,
+)
+from rope_twin.core.elastic import count_unexpected, expect_tension, stretch, stretch_top
 from rope_twin.core.elimination import eliminate, root_stiffness
-from rope_twin.core.jit import jit_inline
+from rope_twin.core.jit import jit
+from rope_twin.core.prediction import predict_bdf2, predict_trapezoid
 from rope_twin.core.state import ELEMENTS, SOLVES, SOLVES_MAX
 
 CAP = 12  # corrections before the step is halved instead
 SEARCH_FROM = 4  # the first correction that is searched along
 SEARCH_EVALUATIONS = 8
 NOT_FINITE, UNCONVERGED, CONVERGED = -1, 0, 1  # the worse, the smaller
+# What an evaluation starts with. Not Python's integers: numba compiles again for each of those.
+TRAPEZOID, BDF2, SEARCH = np.int64(0), np.int64(1), np.int64(2)
+CHUNK = 64  # nodes that all passes take at a time: their rows fit into the nearest cache
 
 
-@jit_inline
-def solve_stage(rope: Any, stage: Any, tolerance: float) -> int:
+@jit
+def solve_stage(rope: Any, stage: Any, kind: int, tolerance: float) -> int:
     """Find the acceleration; motion and tension then belong to the stage's time.
 
-    Returns CONVERGED, UNCONVERGED, or NOT_FINITE if a force is not.
+    kind: TRAPEZOID or BDF2. Returns CONVERGED, UNCONVERGED, or NOT_FINITE if a force is not.
     """
     state, work = rope.state, rope.work
     n, first = state.counts[ELEMENTS], rope.model.first_free
-    low, slope_low, factor, searched = 0.0, 0.0, 1.0, 0  # the line search's lower bracket
-    high, slope_high = 1.0, 0.0
-    before, correction = 0.0, 0
-    while True:
-        update(work, stage.p, stage.q, first, n)
-        stretch_all(rope, stage)
-        if correction == 0:
-            set_flow(rope, stage, 0, n)
-        elif searched == 0 and tension_agrees(work, n, tolerance):
-            state.health[SOLVES_MAX] = max(state.health[SOLVES_MAX], correction)
-            return CONVERGED
-        evaluate(rope, stage)
-        if correction >= SEARCH_FROM and searched < SEARCH_EVALUATIONS:
-            here = slope(work, first, n)
-            overshot = here < -0.5 * before
-            if overshot or (searched > 0 and here > 0.5 * before):
-                low, slope_low, high, slope_high = _narrow(
-                    factor, here, low, slope_low, high, slope_high, before, searched
-                )
-                target = _secant(low, slope_low, high, slope_high)
-                add_correction(work, target - factor, first, n)
-                factor, searched = target, searched + 1
-                continue
-        if correction == CAP:
-            state.health[SOLVES_MAX] = CAP
-            return UNCONVERGED
-        root_stiffness(work, n)
+    _evaluate(rope, stage, kind, 0.0)
+    for correction in range(1, CAP + 1):
         eliminate(work, first, n)
         state.health[SOLVES] += 1
-        before = slope(work, first, n)
+        before, unexpected = _correct(rope, stage, tolerance)
+        state.health[SOLVES_MAX] = max(state.health[SOLVES_MAX], correction)
         if not isfinite(before):
             return NOT_FINITE
-        predict_tension(work, n)
-        add_correction(work, 1.0, first, n)
-        factor, searched, correction = 1.0, 0, correction + 1
+        if unexpected == 0:
+            return CONVERGED
+        _reload(rope, stage)
+        if correction >= SEARCH_FROM:
+            _search(rope, stage, before)
+    return UNCONVERGED
 
 
-@jit_inline
-def _narrow(factor: float, here: float, low: float, slope_low: float, high: float, slope_high: float, before: float, searched: int) -> Any:  # fmt: skip # noqa: E501
-    """The bracket of R·delta = 0 after an evaluation at `factor`; it opens with (0, 1)."""
-    if searched == 0:
-        return 0.0, before, factor, here
-    if here < 0.0:
-        return low, slope_low, factor, here
-    return factor, here, high, slope_high
+@jit
+def _load_nodes(rope: Any, stage: Any, low: int, high: int) -> None:
+    """Residual R and blocks A of the nodes, and what the elimination wants of the elements above.
+
+    R_i = T_i·t_i - T_{i-1}·t_{i-1} - MASS·a + loads; A_i = MASS·I + what the effects add.
+    """
+    set_tangents(rope.work, low, high)
+    set_pulls(rope.work, low, high)
+    terms.add_load(rope.effects, rope.work, stage, low, high)
+    root_stiffness(rope.work, low, high)
 
 
-@jit_inline
+@jit
+def _evaluate(rope: Any, stage: Any, kind: int, factor: float) -> None:
+    """Motion, tension, residual and blocks: of the prediction, or (SEARCH) of a += factor·delta.
+
+    Elements and loads follow one node behind, since an element needs both of its nodes.
+    """
+    state, work, p, q = rope.state, rope.work, stage.p, stage.q
+    n = state.counts[ELEMENTS]
+    for start in range(0, n, CHUNK):
+        low, high = max(start, rope.model.first_free), min(start + CHUNK, n)
+        if kind == TRAPEZOID:
+            predict_trapezoid(state.nodes, work, q, low, high)
+        elif kind == BDF2:
+            predict_bdf2(state.nodes, work, q, low, high)
+        else:
+            add_correction(work, factor, low, high)
+        move(work, p, q, low, high)
+        done, last = max(start - 1, 0), high - 1
+        if high == n:
+            last = n
+            stretch_top(rope, stage)
+        stretch(work, state.offset, p, q, 0.0, done, high - 1)
+        if kind != SEARCH:
+            set_flow(rope.effects, work, stage, done, last)
+        _load_nodes(rope, stage, done, last)
+    terms.add_end(rope.effects, work, stage)
+
+
+@jit
+def _correct(rope: Any, stage: Any, tolerance: float) -> Any:
+    """a += delta, with motion and tension; R·delta, and how many tensions were not expected so."""
+    state, work, p, q = rope.state, rope.work, stage.p, stage.q
+    n = state.counts[ELEMENTS]
+    before, unexpected = 0.0, 0
+    for start in range(0, n, CHUNK):
+        low, high = max(start, rope.model.first_free), min(start + CHUNK, n)
+        done = max(start - 1, 0)
+        before += slope(work, low, high)
+        expect_tension(work, start, high)
+        add_correction(work, 1.0, low, high)
+        move(work, p, q, low, high)
+        stretch(work, state.offset, p, q, 0.0, done, high - 1)
+        unexpected += count_unexpected(work, tolerance, done, high - 1)
+    stretch_top(rope, stage)
+    unexpected += count_unexpected(work, tolerance, n - 1, n)
+    return before, unexpected
+
+
+@jit
+def _reload(rope: Any, stage: Any) -> None:
+    """Residual and blocks where motion and tension are up to date."""
+    n = rope.state.counts[ELEMENTS]
+    for start in range(0, n, CHUNK):
+        _load_nodes(rope, stage, start, min(start + CHUNK, n))
+    terms.add_end(rope.effects, rope.work, stage)
+
+
+@jit
+def _search(rope: Any, stage: Any, before: float) -> None:
+    """Where the last correction overshot, go back along it to R·delta = 0, about.
+
+    before: R·delta at the correction's start. Secants in a bracket that opens with (0, 1).
+    """
+    n, first = rope.state.counts[ELEMENTS], rope.model.first_free
+    low, slope_low, high, slope_high = 0.0, before, 1.0, 0.0
+    factor, here = 1.0, slope(rope.work, first, n)
+    for evaluation in range(SEARCH_EVALUATIONS):
+        if here < -0.5 * before:
+            high, slope_high = factor, here
+        elif evaluation > 0 and here > 0.5 * before:
+            low, slope_low = factor, here
+        else:
+            return
+        target = _secant(low, slope_low, high, slope_high)
+        _evaluate(rope, stage, SEARCH, target - factor)
+        factor, here = target, slope(rope.work, first, n)
+
+
+@jit
 def _secant(low: float, slope_low: float, high: float, slope_high: float) -> float:
     """Where the straight line through the bracket's ends crosses 0, inside 5 to 95 % of it."""
     span = high - low

@@ -33,15 +33,24 @@ ROOT = 30  # t·√AXIAL
 # node blocks and the elimination:
 BLOCK = 33  # symmetric A [kg]: xx, xy, xz, yy, yz, zz
 ELIMINATED = 39  # 9 of the matrix, 3 of the vector
-# scalars:
-REST = 51  # unstretched length of an element [m]
-LUMP = 52  # rope length that a node carries [m]
-TENSION = 53  # of an element [N]; a result after `advance`
-EXPECTED = 54  # tension that the linearisation predicted [N]
-AXIAL = 55  # element stiffness along t times p, plus damping times q, less GEOMETRIC [kg]
-GEOMETRIC = 56  # T/l times p [kg]
-KEPT = 57  # NODE_ROWS of the state at the start of the step, for a restore
+# scalars at elements:
+REST = 51  # unstretched length [m]
+STIFFNESS, DAMPING = 52, 53  # EA/rest [N/m], c/rest [N·s/m]
+TENSION = 54  # [N]; a result after `advance`
+EXPECTED = 55  # tension that the linearisation predicted [N]
+AXIAL = 56  # stiffness along t times p, plus damping times q, less GEOMETRIC [kg]
+GEOMETRIC = 57  # T/l times p [kg]
+# scalars at nodes, of the half elements beside it:
+MASS, VOLUME = 58, 59  # [kg], [m³] of displaced water
+FRONTAL, SKIN = 60, 61  # areas that the drag coefficients across and along refer to [m²]
+KEPT = 62  # NODE_ROWS of the state at the start of the step, for a restore
 WORK_ROWS = KEPT + NODE_ROWS
+
+# Rows of `sections`, a column each section of the rope from the lower end up:
+END = 0  # material coordinate of its upper end [m]; that of the last one is infinite
+EA, C = 1, 2  # of T = EA·strain + C·strain rate [N], [N·s]
+PER_METRE = 3  # MASS, VOLUME, FRONTAL and SKIN per unstretched metre
+SECTION_ROWS = 7
 
 # state.counts
 ELEMENTS, LOWEST_OFFSET, COUNTS = 0, 1, 2
@@ -57,10 +66,7 @@ X, Y, Z, LINE, MOTIONS = range(5)
 class Model(NamedTuple):
     """Constants of one rope."""
 
-    EA: float  # axial stiffness [N]
-    c: float  # damping in T = EA·strain + c·strain rate [N·s]
-    m: float  # mass per unstretched length [kg/m]
-    element_length: float  # nominal length of an element [m]
+    element_length: float  # of a new element at the sheave [m]
     split_above: float  # top element splits above this length [m]
     merge_below: float  # top element merges below this length [m]
     absorb: float  # time constant that fades the length offsets of events [s]
@@ -92,6 +98,7 @@ class Rope(NamedTuple):
     model: Model
     state: State
     work: Floats  # scratch, (WORK_ROWS, capacity)
+    sections: Floats  # what the rope is made of, (SECTION_ROWS, sections)
     effects: tuple[Any, ...]  # their types pick the compiled code
 
 

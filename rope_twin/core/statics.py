@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from rope_twin.core.state import (
+    EA,
     ELEMENTS,
     LINE,
     MOTIONS,
@@ -19,6 +20,7 @@ from rope_twin.core.state import (
     SUBSTEPS_UNCONVERGED,
     VELOCITY,
     Boundary,
+    C,
     Rope,
 )
 from rope_twin.core.step import advance
@@ -44,8 +46,13 @@ def find_equilibrium(rope: Rope, L: float) -> float:
     boundary.value[:, LINE] = L
     pull = np.zeros((1, PULL_COLUMNS))
     # no split or merge while it settles
-    tolerance = max(TOLERANCE_N, 1e-14 * n * rope.model.EA)  # what round-off in the places allows
-    still = rope.model._replace(c=0.0, tolerance=tolerance, split_above=np.inf, merge_below=0.0)
+    tolerance = max(
+        TOLERANCE_N, 1e-14 * n * rope.sections[EA].max()
+    )  # what round-off in the places allows
+    still = rope.model._replace(tolerance=tolerance, split_above=np.inf, merge_below=0.0)
+    undamped = rope.sections.copy()
+    undamped[C] = 0.0
+    rope = rope._replace(sections=undamped)
     step, move, best, idle = STEP_FIRST, np.inf, np.inf, 0
     for _ in range(ROUNDS):
         before = nodes[POSITION : POSITION + 3, : n + 1].copy()

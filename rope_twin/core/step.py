@@ -10,15 +10,15 @@ from __future__ import annotations
 from math import exp, isfinite, sqrt
 from typing import Any
 
-from rope_twin.core.assembly import set_lengths, set_top_length
 from rope_twin.core.elastic import stretch_all
-from rope_twin.core.jit import jit_entry, jit_inline
+from rope_twin.core.jit import jit, jit_entry
 from rope_twin.core.motion import place_hang_off, prescribed
-from rope_twin.core.payout import balance, change_elements, set_material
+from rope_twin.core.payout import change_elements, split_length
+from rope_twin.core.prediction import GAMMA
 from rope_twin.core.rows import copy
-from rope_twin.core.stage import CONVERGED, NOT_FINITE, UNCONVERGED, solve_stage
+from rope_twin.core.sections import set_lengths, set_top_length
+from rope_twin.core.stage import BDF2, CONVERGED, NOT_FINITE, TRAPEZOID, UNCONVERGED, solve_stage
 from rope_twin.core.state import (
-    ACCELERATION,
     DIRECTION,
     ELEMENTS,
     KEPT,
@@ -26,7 +26,6 @@ from rope_twin.core.state import (
     LOWEST_OFFSET,
     NODE_ROWS,
     POSITION,
-    POSITION_HAT,
     PULL,
     PULL_X,
     PULL_Y,
@@ -39,75 +38,39 @@ from rope_twin.core.state import (
     SUBSTEPS_MAX,
     SUBSTEPS_UNCONVERGED,
     TENSION,
-    VELOCITY,
-    VELOCITY_HAT,
     Stage,
 )
+from rope_twin.core.trial import HIGH, load_trials
 
-GAMMA = 2.0 - sqrt(2.0)
-K1 = 1.0 / (GAMMA * (2.0 - GAMMA))  # weight of the middle in the BDF2 stage
-K2 = (1.0 - GAMMA) ** 2 / (GAMMA * (2.0 - GAMMA))  # and of the start
 HALVINGS = 5  # down to h/32
 OFFSET_GONE = 1e-15  # a fading length offset below this part of its element is 0
 
 
-@jit_inline
-def _predict_trapezoid(state: Any, work: Any, c: float, first: int, n: int) -> None:
-    """v_hat = v + c·a, x_hat = x + c·v + c·v_hat."""
-    for k in range(3):
-        x, v, a = (
-            state.nodes[POSITION + k],
-            state.nodes[VELOCITY + k],
-            state.nodes[ACCELERATION + k],
-        )
-        for i in range(first, n):
-            v_hat = v[i] + c * a[i]
-            work[VELOCITY_HAT + k, i] = v_hat
-            work[POSITION_HAT + k, i] = x[i] + c * (v[i] + v_hat)
-            work[ACCELERATION + k, i] = a[i]
-
-
-@jit_inline
-def _predict_bdf2(state: Any, work: Any, c: float, first: int, n: int) -> None:
-    """v_hat = K1·v_middle - K2·v, x_hat = K1·x_middle - K2·x + c·v_hat."""
-    for k in range(3):
-        x, v = state.nodes[POSITION + k], state.nodes[VELOCITY + k]
-        for i in range(first, n):
-            v_hat = K1 * work[VELOCITY + k, i] - K2 * v[i]
-            work[VELOCITY_HAT + k, i] = v_hat
-            work[POSITION_HAT + k, i] = K1 * work[POSITION + k, i] - K2 * x[i] + c * v_hat
-
-
-@jit_inline
+@jit
 def _stage_at(rope: Any, boundary: Any, row: int, part: float, time: float, c: float) -> Any:
     """Set the boundary at `part` of the step and return the stage there."""
     n, h = rope.state.counts[ELEMENTS], rope.model.step
     L, V, _ = place_hang_off(rope.work, boundary, row, part, h, n)
-    set_top_length(rope.work, rope.state.s, n, L)
+    set_top_length(rope.work, rope.state.s, rope.sections, n, L)
     return Stage(time + part * h, c * c, c, V)
 
 
-@jit_inline
+@jit
 def _substep(rope: Any, boundary: Any, row: int, time: float, start: float, share: float) -> int:
     """Both stages over `share` of the step from `start`; the result is in work.
 
     Returns the worse of what the stages returned.
     """
-    model, state, work = rope.model, rope.state, rope.work
-    n, first = state.counts[ELEMENTS], model.first_free
-    c = 0.5 * GAMMA * share * model.step
+    c = 0.5 * GAMMA * share * rope.model.step
     outcome = CONVERGED
-    for part in (GAMMA, 1.0):
-        if part == GAMMA:
-            _predict_trapezoid(state, work, c, first, n)
-        else:
-            _predict_bdf2(state, work, c, first, n)
+    for kind in (TRAPEZOID, BDF2):
+        part = GAMMA if kind == TRAPEZOID else 1.0
         stage = _stage_at(rope, boundary, row, start + part * share, time, c)
-        outcome = min(outcome, solve_stage(rope, stage, model.tolerance))
+        outcome = min(outcome, solve_stage(rope, stage, kind, rope.model.tolerance))
     return int(outcome)
 
 
-@jit_inline
+@jit
 def _is_finite(work: Any, n: int) -> bool:
     """Whether the stage's motion is finite. A converged one is: NaN disagrees with any tension."""
     total = 0.0
@@ -118,7 +81,7 @@ def _is_finite(work: Any, n: int) -> bool:
     return isfinite(total)
 
 
-@jit_inline
+@jit
 def _advance_halving(rope: Any, boundary: Any, row: int, time: float) -> bool:
     """One step, in halves of halves where Newton does not converge.
 
@@ -154,7 +117,7 @@ def _advance_halving(rope: Any, boundary: Any, row: int, time: float) -> bool:
     return True
 
 
-@jit_inline
+@jit
 def _fade_offsets(model: Any, state: Any, n: int) -> None:
     """Length offsets of events fade with the time constant `absorb`."""
     keep = exp(-model.step / model.absorb)
@@ -167,39 +130,48 @@ def _fade_offsets(model: Any, state: Any, n: int) -> None:
     state.counts[LOWEST_OFFSET] = low
 
 
-@jit_inline
-def _report(rope: Any, boundary: Any, pull: Any, row: int, time: float) -> None:
-    """The rope's pull on the hang-off at the end of step `row`, where the last stage has left work.
+@jit
+def _report(rope: Any, pull: Any, row: int) -> None:
+    """The rope's pull on the hang-off at the end of step `row`, from the trial node there.
 
     It is the balance of the half element at the hang-off, -T·t + (l/2)·(loads - m·a), with
     the material velocity and acceleration of the rope that passes it; the element's tension alone
     would be a saw-tooth of m·g·l/2 under payout.
     """
-    state, work, h = rope.state, rope.work, rope.model.step
-    n = state.counts[ELEMENTS]
-    _, V, A = prescribed(boundary, row, LINE, 1.0, h)
-    stage = Stage(time + h, 1.0, 0.0, V)
-    slot = state.s.shape[0] - 1
-    rest, T = work[REST, n - 1], work[TENSION, n - 1]
-    set_material(rope, n - 1, rest, V, A, slot)
-    balance(rope, stage, slot, n - 1)
-    x = 0.5 * rest * work[RESIDUAL, slot] - T * work[DIRECTION, n - 1]
-    y = 0.5 * rest * work[RESIDUAL + 1, slot] - T * work[DIRECTION + 1, n - 1]
-    z = 0.5 * rest * work[RESIDUAL + 2, slot] - T * work[DIRECTION + 2, n - 1]
+    state, work = rope.state, rope.work
+    n, slot = state.counts[ELEMENTS], state.s.shape[0] + HIGH
+    half, T = 0.5 * work[REST, n - 1], work[TENSION, n - 1]
+    x = half * work[RESIDUAL, slot] - T * work[DIRECTION, n - 1]
+    y = half * work[RESIDUAL + 1, slot] - T * work[DIRECTION + 1, n - 1]
+    z = half * work[RESIDUAL + 2, slot] - T * work[DIRECTION + 2, n - 1]
     pull[row, PULL] = sqrt(x * x + y * y + z * z)
     pull[row, PULL_X] = x
     pull[row, PULL_Y] = y
     pull[row, PULL_Z] = z
 
 
-@jit_inline
+@jit
+def _finish(rope: Any, boundary: Any, pull: Any, row: int, time: float) -> None:
+    """After step `row` to `time`: report, and let the top element split or merge."""
+    state, h = rope.state, rope.model.step
+    L, V, A = prescribed(boundary, row, LINE, 1.0, h)
+    stage = Stage(time, 1.0, 0.0, V)
+    state.s[state.counts[ELEMENTS]] = L
+    _fade_offsets(rope.model, state, state.counts[ELEMENTS])
+    lower = split_length(rope, V)
+    load_trials(rope, stage, A, lower)
+    _report(rope, pull, row)
+    change_elements(rope, stage, L, lower)
+
+
+@jit
 def _recall_tension(rope: Any, boundary: Any, row: int, time: float) -> None:
     """Element tensions of the state at the start of step `row`, after a failed attempt at it."""
     state, work = rope.state, rope.work
     n = state.counts[ELEMENTS]
     copy(state.nodes, POSITION, work, POSITION, NODE_ROWS, n + 1)
     L, V, _ = place_hang_off(work, boundary, row, 0.0, rope.model.step, n)
-    set_top_length(work, state.s, n, L)
+    set_top_length(work, state.s, rope.sections, n, L)
     stretch_all(rope, Stage(time, 1.0, 0.0, V))
 
 
@@ -214,15 +186,11 @@ def advance(rope: Any, boundary: Any, pull: Any, time: float, steps: int) -> int
     state, work = rope.state, rope.work
     n = state.counts[ELEMENTS]
     copy(state.nodes, POSITION, work, POSITION, NODE_ROWS, n + 1)
-    set_lengths(work, state.s, n, boundary.value[0, LINE])
+    set_lengths(work, state.s, rope.sections, n, boundary.value[0, LINE])
     for row in range(steps):
-        n = state.counts[ELEMENTS]
         now = time + row * rope.model.step
         if not _advance_halving(rope, boundary, row, now):
             _recall_tension(rope, boundary, row, now)
             return row
-        state.s[n] = boundary.value[row + 1, LINE]
-        _fade_offsets(rope.model, state, n)
-        _report(rope, boundary, pull, row, now)
-        change_elements(rope, boundary, row, now)
+        _finish(rope, boundary, pull, row, now + rope.model.step)
     return steps

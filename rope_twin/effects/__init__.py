@@ -19,7 +19,7 @@ class Effect:
 
     name: str
     params: type
-    build: Callable[[Any, Any, Any, Any], Any]  # params, rope, payload figures, environment
+    build: Callable[[Any, Any, Any], Any]  # params, payload figures, environment
 
 
 EFFECTS: tuple[Effect, ...] = (

@@ -7,12 +7,9 @@ once it exceeds the rope's mass (HMPE: 1.05 to 1.62 times), at any step.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
 from typing import Any, NamedTuple
 
-from rope_twin.core.rows import blocks, rows
-from rope_twin.core.state import ACCELERATION, LUMP, RESIDUAL, TANGENT
-from rope_twin.core.terms import kernel
+from rope_twin.core.terms import Load, kernel
 from rope_twin.quantity import quantity
 
 
@@ -24,35 +21,30 @@ class AddedMassParams:
 
 
 class AddedMass(NamedTuple):
-    """What the kernel sees."""
+    """What the kernel sees; the volume is the rope's, per node."""
 
-    m: float  # added mass per metre [kg/m]
-
-
-def build(params: AddedMassParams, rope: Any, payload: Any, environment: Any) -> AddedMass:
-    """From the coefficient, the rope's volume and the water."""
-    area = 0.25 * pi * rope.hydrodynamic_diameter_m**2
-    return AddedMass(params.normal * environment.water_density_kg_per_m3 * area)
+    density: float  # Ca·ρ [kg/m³]
 
 
-@kernel("add_load", AddedMass)
-def add_load(added: Any, model: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """R -= m·lump·(a - (a·τ)τ); A += m·lump·(I - ττᵀ)."""
-    ax, ay, az = rows(work, ACCELERATION, low, high)
-    tx, ty, tz = rows(work, TANGENT, low, high)
-    Rx, Ry, Rz = rows(work, RESIDUAL, low, high)
-    Axx, Axy, Axz, Ayy, Ayz, Azz = blocks(work, low, high)
-    lump = work[LUMP][low:high]
-    for i in range(high - low):
-        x, y, z = tx[i], ty[i], tz[i]
-        m = added.m * lump[i]
-        along = ax[i] * x + ay[i] * y + az[i] * z
-        Rx[i] -= m * (ax[i] - along * x)
-        Ry[i] -= m * (ay[i] - along * y)
-        Rz[i] -= m * (az[i] - along * z)
-        Axx[i] += m * (1.0 - x * x)
-        Axy[i] -= m * x * y
-        Axz[i] -= m * x * z
-        Ayy[i] += m * (1.0 - y * y)
-        Ayz[i] -= m * y * z
-        Azz[i] += m * (1.0 - z * z)
+def build(params: AddedMassParams, payload: Any, environment: Any) -> AddedMass:
+    """From the coefficient and the water."""
+    return AddedMass(params.normal * environment.water_density_kg_per_m3)
+
+
+@kernel("load", AddedMass)
+def load(added: Any, node: Any, stage: Any) -> Any:
+    """F = -m·(a - (a·τ)τ); A = m·(I - ττᵀ), with m = Ca·ρ·volume."""
+    x, y, z = node.tx, node.ty, node.tz
+    m = added.density * node.volume
+    along = node.ax * x + node.ay * y + node.az * z
+    return Load(
+        -m * (node.ax - along * x),
+        -m * (node.ay - along * y),
+        -m * (node.az - along * z),
+        m * (1.0 - x * x),
+        -m * x * y,
+        -m * x * z,
+        m * (1.0 - y * y),
+        -m * y * z,
+        m * (1.0 - z * z),
+    )

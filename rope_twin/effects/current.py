@@ -11,9 +11,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rope_twin.core.jit import jit_within
+from rope_twin.core.rows import rows
 from rope_twin.core.state import FLOW, POSITION, Floats
 from rope_twin.core.terms import kernel
 from rope_twin.quantity import quantity
+
+TOGETHER = 32  # nodes
 
 Point = tuple[float, tuple[float, float]]
 
@@ -44,11 +48,12 @@ class Current(NamedTuple):
     """What the kernel sees, from the bottom up."""
 
     z: Floats  # heights [m], (rows,)
+    rise: Floats  # height from each row to the next [m]; 0 for the last
     U: Floats  # velocity east, north [m/s], (2, rows)
     slope: Floats  # its derivative over z between the rows [1/s], (2, rows)
 
 
-def build(params: CurrentParams, rope: Any, payload: Any, environment: Any) -> Current:
+def build(params: CurrentParams, payload: Any, environment: Any) -> Current:
     """From the scene's profile."""
     rows = np.array([[z, *velocity] for z, velocity in params.profile], dtype=float)
     return from_rows(rows)
@@ -59,25 +64,47 @@ def from_rows(rows: Floats) -> Current:
     upward = rows[::-1]
     z = np.ascontiguousarray(upward[:, 0])
     U = np.ascontiguousarray(upward[:, 1:].T)
-    slope = np.zeros_like(U)
-    if len(z) > 1:
-        slope[:, :-1] = np.diff(U, axis=1) / np.diff(z)
-    return Current(z, U, slope)
+    rise, slope = np.zeros_like(z), np.zeros_like(U)
+    rise[:-1] = np.diff(z)
+    slope[:, :-1] = np.diff(U, axis=1) / rise[:-1]
+    return Current(z, rise, U, slope)
 
 
-@kernel("add_flow", Current)
-def add_flow(current: Any, model: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """flow += U(z); the row is searched from the neighbour's, since depth changes slowly."""
-    z, U, slope = current.z, current.U, current.slope
-    last = z.shape[0] - 1
-    heights = work[POSITION + 2]
-    row = 0
-    for i in range(low, high):
-        height = heights[i]
-        while row < last and z[row + 1] <= height:
-            row += 1
-        while row > 0 and z[row] > height:
-            row -= 1
-        above = min(max(height - z[row], 0.0), z[min(row + 1, last)] - z[row])
-        work[FLOW, i] += U[0, row] + slope[0, row] * above
-        work[FLOW + 1, i] += U[1, row] + slope[1, row] * above
+@jit_within
+def _add_layer(current: Any, layer: int, z: Any, east: Any, north: Any, count: int) -> None:
+    """flow += slope·(what a node is above the layer's lower face, at most its rise)."""
+    low, rise = current.z[layer], current.rise[layer]
+    slope_east, slope_north = current.slope[0, layer], current.slope[1, layer]
+    for i in range(count):
+        inside = min(max(z[i] - low, 0.0), rise)
+        east[i] += slope_east * inside
+        north[i] += slope_north * inside
+
+
+@kernel("flow", Current)
+def flow(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """flow += U(z), a sum over the layers between rows, for a few nodes at a time.
+
+    Only the layers that these nodes reach are summed; each sum runs over neighbours in memory.
+    """
+    last = current.z.shape[0] - 1
+    first = 0
+    for start in range(low, high, TOGETHER):
+        count = min(start + TOGETHER, high) - start
+        _, _, z = rows(work, POSITION, start)
+        east, north, _ = rows(work, FLOW, start)
+        bottom, top = z[0], z[0]
+        for i in range(1, count):
+            bottom, top = min(bottom, z[i]), max(top, z[i])
+        while first < last and current.z[first + 1] <= bottom:
+            first += 1
+        while first > 0 and current.z[first] > bottom:
+            first -= 1
+        base_east, base_north = current.U[0, first], current.U[1, first]
+        for i in range(count):
+            east[i] += base_east
+            north[i] += base_north
+        layer = first
+        while layer < last and (layer == first or current.z[layer] < top):
+            _add_layer(current, layer, z, east, north, count)
+            layer += 1

@@ -31,7 +31,7 @@ class Payload(NamedTuple):
     kz: float
 
 
-def build(params: PayloadParams, rope: Any, payload: Any, environment: Any) -> Payload:
+def build(params: PayloadParams, payload: Any, environment: Any) -> Payload:
     """From the payload's mass, volume, added mass and drag area, and the water."""
     density = environment.water_density_kg_per_m3
     mass = [payload.mass_kg + added for added in payload.added_mass_kg]
@@ -40,15 +40,13 @@ def build(params: PayloadParams, rope: Any, payload: Any, environment: Any) -> P
     return Payload(float(weight), *(float(value) for value in (*mass, *k)))
 
 
-@kernel("add_load", Payload)
-def add_load(load: Any, model: Any, work: Any, stage: Any, low: int, high: int) -> None:
+@kernel("load_end", Payload)
+def load_end(load: Any, work: Any, stage: Any) -> None:
     """R_0 -= M·a + k·|u|·u + W·ẑ; A_0 += M + q·k·(|u|·I + u·uᵀ/|u|).
 
     With different k per axis the exact derivative is not symmetric; its off-diagonal parts are
     replaced by their means.
     """
-    if low > 0:
-        return
     u0 = work[VELOCITY, 0] - work[FLOW, 0]
     u1 = work[VELOCITY + 1, 0] - work[FLOW + 1, 0]
     u2 = work[VELOCITY + 2, 0] - work[FLOW + 2, 0]

@@ -6,11 +6,9 @@ Per unstretched metre w = (m - ρ·π·d²/4)·g, downward; d is the hydrodynami
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi
 from typing import Any, NamedTuple
 
-from rope_twin.core.state import LUMP, RESIDUAL
-from rope_twin.core.terms import kernel
+from rope_twin.core.terms import Load, kernel
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,21 +17,19 @@ class WeightParams:
 
 
 class Weight(NamedTuple):
-    """What the kernel sees."""
+    """What the kernel sees; mass and volume are the rope's, per node."""
 
-    w: float  # weight in water per metre [N/m]
-
-
-def build(params: WeightParams, rope: Any, payload: Any, environment: Any) -> Weight:
-    """From the scene's rope and water."""
-    area = 0.25 * pi * rope.hydrodynamic_diameter_m**2
-    density = environment.water_density_kg_per_m3
-    return Weight((rope.mass_kg_per_m - density * area) * environment.gravity_m_per_s2)
+    g: float  # [m/s²]
+    density: float  # of the water [kg/m³]
 
 
-@kernel("add_load", Weight)
-def add_load(weight: Any, model: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """R_z -= w·lump."""
-    R, lump = work[RESIDUAL + 2][low:high], work[LUMP][low:high]
-    for i in range(high - low):
-        R[i] -= weight.w * lump[i]
+def build(params: WeightParams, payload: Any, environment: Any) -> Weight:
+    """From gravity and the water."""
+    return Weight(environment.gravity_m_per_s2, environment.water_density_kg_per_m3)
+
+
+@kernel("load", Weight)
+def load(weight: Any, node: Any, stage: Any) -> Any:
+    """F_z = -(m - ρ·volume)·g."""
+    down = weight.g * (node.mass - weight.density * node.volume)
+    return Load(0.0, 0.0, -down, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)

@@ -8,17 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core.payout import SPARE_SLOTS
+from rope_twin.core import state as rows
 from rope_twin.core.state import ELEMENTS, POSITION, Floats, Model, State, new_state, new_work
 from rope_twin.core.state import Rope as CoreRope
 from rope_twin.core.terms import hooks_of
+from rope_twin.core.trial import TRIALS
 from rope_twin.effects import EFFECTS
+from rope_twin.effects.payload import Payload as PayloadEffect
+from rope_twin.effects.weight import Weight
 from rope_twin.errors import SceneError, phrase
-from rope_twin.scene.schema import Payload, Rope, RopeLine, Scene
+from rope_twin.scene.schema import Payload, RopeLine, Scene
 from rope_twin.scene.shapes import PayloadFigures, payload_figures
 
 SPLIT_ABOVE, MERGE_BELOW = 1.5, 0.4  # times the element length; leaves a hysteresis of 0.1
 ABSORB_S = 1.0
+SPARE_NODES = 4  # the hang-off, a top element not yet merged, and one to spare
 TOLERANCE_SHARE, TOLERANCE_LEAST_N, TOLERANCE_MOST_N = 0.003, 1.0, 500.0
 
 
@@ -40,14 +44,12 @@ def build(scene: Scene) -> Built:
     payload = find_payload(scene, line)
     density = scene.environment.water_density_kg_per_m3
     figures = payload_figures(payload, density) if payload else None
-    effects = build_effects(scene, line.rope, figures)
-    load = _loads(effects)
+    effects = build_effects(scene, figures)
+    sections = _sections(line, figures)
+    load = _loads(effects, sections)
     top = load.end + load.per_metre * line.length_m
     length = line.length_m / line.elements
     model = Model(
-        EA=line.rope.axial_stiffness_n,
-        c=damping_newton_seconds(line, figures),
-        m=line.rope.mass_kg_per_m,
         element_length=length,
         split_above=SPLIT_ABOVE * length,
         merge_below=MERGE_BELOW * length,
@@ -57,12 +59,12 @@ def build(scene: Scene) -> Built:
         tolerance=scene.time.newton_tolerance_n or _tolerance(top),
     )
     most = scene.winch.most_line_out_m if scene.winch else line.length_m
-    capacity = int(np.ceil(most / length)) + 3 + SPARE_SLOTS
-    state = new_state(max(capacity, line.elements + 3 + SPARE_SLOTS))
+    elements = max(int(np.ceil(most / length)), line.elements)
+    state = new_state(elements + SPARE_NODES + TRIALS)
     state.counts[ELEMENTS] = line.elements
     state.s[: line.elements + 1] = np.linspace(0.0, line.length_m, line.elements + 1)
     _place(state, scene, line, load)
-    return Built(CoreRope(model, state, new_work(state.s.shape[0]), effects), top)
+    return Built(CoreRope(model, state, new_work(state.s.shape[0]), sections, effects), top)
 
 
 def find_payload(scene: Scene, line: RopeLine) -> Payload | None:
@@ -70,13 +72,13 @@ def find_payload(scene: Scene, line: RopeLine) -> Payload | None:
     return next((payload for payload in scene.payloads if payload.name == line.to), None)
 
 
-def build_effects(scene: Scene, rope: Rope, figures: PayloadFigures | None) -> tuple[Any, ...]:
+def build_effects(scene: Scene, figures: PayloadFigures | None) -> tuple[Any, ...]:
     """The kernels' data of the effects that the scene lists, in the order of EFFECTS."""
     built = []
     for effect in EFFECTS:
         for params in scene.effects:
             if type(params) is effect.params:
-                built.append(effect.build(params, rope, figures, scene.environment))
+                built.append(effect.build(params, figures, scene.environment))
                 if not hooks_of(type(built[-1])):
                     raise SceneError(
                         phrase(f"effect '{effect.name}'", "it has no kernel", "mend its file")
@@ -122,11 +124,29 @@ class _Loads:
     end: float  # weight in water of the payload [N]
 
 
-def _loads(effects: tuple[Any, ...]) -> _Loads:
+def _sections(line: RopeLine, figures: PayloadFigures | None) -> Floats:
+    """The rope's figures per metre, (rows.SECTION_ROWS, sections)."""
+    rope, diameter = line.rope, line.rope.hydrodynamic_diameter_m
+    column = np.zeros(rows.SECTION_ROWS)
+    column[rows.END] = np.inf
+    column[rows.EA] = rope.axial_stiffness_n
+    column[rows.C] = damping_newton_seconds(line, figures)
+    column[rows.PER_METRE :] = (
+        rope.mass_kg_per_m, 0.25 * pi * diameter**2, diameter, pi * diameter,
+    )  # fmt: skip
+    return column[:, None].copy()
+
+
+def _loads(effects: tuple[Any, ...], sections: Floats) -> _Loads:
     """Vertical loads that the scene's effects bring, for the first guess."""
-    per_metre = sum(getattr(effect, "w", 0.0) for effect in effects)
-    end = sum(getattr(effect, "W", 0.0) for effect in effects)
-    return _Loads(per_metre, end)
+    mass, volume = sections[rows.PER_METRE : rows.PER_METRE + 2, 0]
+    per_metre = sum(
+        effect.g * (mass - effect.density * volume)
+        for effect in effects
+        if isinstance(effect, Weight)
+    )
+    end = sum(effect.W for effect in effects if isinstance(effect, PayloadEffect))
+    return _Loads(float(per_metre), float(end))
 
 
 def _tolerance(top_tension: float) -> float:

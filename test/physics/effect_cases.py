@@ -16,7 +16,7 @@ from rigs import Rig, march, sine
 from rope_twin import Twin
 from rope_twin.core import state as rows
 from rope_twin.core.jit import jit_entry
-from rope_twin.core.terms import add_flow, add_load
+from rope_twin.core.terms import add_end, add_flow, add_load
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.current import CurrentParams
@@ -63,20 +63,16 @@ def params_of(name: str) -> Any:
 def data_of(*names: str) -> tuple[Any, ...]:
     """The kernels' data of these effects, on the small rope."""
     scene = replace(SMALL.scene(), effects=tuple(params_of(name) for name in names))
-    figures = payload_figures(scene.payloads[0], SMALL.density)
-    return build_effects(scene, scene.ropes[0].rope, figures)
+    return build_effects(scene, payload_figures(scene.payloads[0], SMALL.density))
 
 
 @jit_entry
-def apply(effects: Any, model: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Both hooks of these effects for the nodes low <= i < high."""
-    add_flow(effects, model, work, stage, low, high)
-    add_load(effects, model, work, stage, low, high)
-
-
-def some_model() -> rows.Model:
-    """A model for hooks: they may read it, none of its numbers matters here."""
-    return rows.Model(2e6, 2e4, SMALL.mass, 5.0, 7.5, 2.0, 1.0, 0, SMALL.step, 1e-3)
+def apply(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """All hooks of these effects for the nodes low <= i < high, and at the lower end."""
+    add_flow(effects, work, stage, low, high)
+    add_load(effects, work, stage, low, high)
+    if low == 0:
+        add_end(effects, work, stage)
 
 
 def some_stage() -> rows.Stage:
@@ -95,14 +91,17 @@ def some_work(seed: int = 1) -> Vector:
     work[rows.ACCELERATION : rows.ACCELERATION + 3] = random.normal(0.0, 2.0, (3, NODES))
     tangent = random.normal(0.0, 1.0, (3, NODES))
     work[rows.TANGENT : rows.TANGENT + 3] = tangent / np.linalg.norm(tangent, axis=0)
-    work[rows.LUMP] = random.uniform(1.0, 6.0, NODES)
+    length, diameter = random.uniform(1.0, 6.0, NODES), SMALL.diameter
+    work[rows.MASS] = SMALL.mass * length
+    work[rows.VOLUME] = 0.25 * math.pi * diameter**2 * length
+    work[rows.FRONTAL], work[rows.SKIN] = diameter * length, math.pi * diameter * length
     return work
 
 
 def loads(effects: tuple[Any, ...], work: Vector, low: int = 0, high: int = NODES) -> Vector:
     """Flow, residual and blocks that the hooks leave on a copy, (12, NODES)."""
     work = work.copy()
-    apply(effects, some_model(), work, some_stage(), low, high)
+    apply(effects, work, some_stage(), low, high)
     return np.concatenate([work[part] for part in RESULTS])
 
 

@@ -18,7 +18,7 @@ Vector = NDArray[np.float64]
 @jit_entry
 def solve(work: Any, first: int, n: int) -> None:
     """(A + K)·delta = R with K from AXIAL, GEOMETRIC and DIRECTION."""
-    root_stiffness(work, n)
+    root_stiffness(work, 0, n)
     eliminate(work, first, n)
 
 

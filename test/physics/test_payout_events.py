@@ -98,7 +98,8 @@ def momentum(bench: Bench, V: float) -> Vector:
     rest = np.diff(bench.rope.state.s[: bench.n + 1])
     v = bench.velocity.copy()
     v[:, -1] -= V * (bench.position[:, -1] - bench.position[:, -2]) / rest[-1]
-    return np.asarray(bench.rope.model.m * (0.5 * (v[:, 1:] + v[:, :-1]) * rest).sum(axis=1))
+    mass = bench.rope.sections[rows.PER_METRE, 0]
+    return np.asarray(mass * (0.5 * (v[:, 1:] + v[:, :-1]) * rest).sum(axis=1))
 
 
 def motion(rig: Rig, speed: float, sway: float) -> rows.Boundary:

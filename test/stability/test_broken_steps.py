@@ -57,7 +57,7 @@ class BrokenCore:
         return int(good + more)
 
 
-@pytest.fixture(params=[Weight(math.nan), Weight(math.inf), Drag(1e300, 1e300)], ids=str)
+@pytest.fixture(params=[Weight(math.nan, 0.0), Weight(math.inf, 0.0), Drag(1e300, 1e300)], ids=str)
 def core(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> BrokenCore:
     """A core that breaks."""
     broken = BrokenCore(request.param)
