@@ -17,6 +17,7 @@ from typing import Any
 
 from llvmlite import ir
 from numba.core import config, types
+from numba.core.types import containers
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
@@ -91,7 +92,7 @@ def _pointers(name: str, table: Any, first: Any, count: int, low: Any) -> Any:
     """Typing and code of `count` rows from the literal `first`, beginning at column `low`."""
     number = first.literal_value
     kinds = [RowType(f"{name} {number + k}") for k in range(count)]
-    result = kinds[0] if count == 1 else types.BaseTuple.from_types(kinds)
+    result = kinds[0] if count == 1 else containers.BaseTuple.from_types(kinds)
 
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
         array = context.make_array(sig.args[0])(context, builder, arguments[0])
