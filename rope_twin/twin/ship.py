@@ -38,6 +38,9 @@ class HeaveTrack:
         self._assumed_from: tuple[int, float, float] | None = None  # set while samples are missing
         self._error = (0.0, 0.0)  # assumed less measured, position and velocity, at _error_ns
         self._error_ns = -(10**18)
+        # samples around the last time asked for: begin, end, z, velocity·h, c2, c3, h
+        self._segment: tuple[float, ...] = (0, -1, 0.0, 0.0, 0.0, 0.0, 1.0)
+        self._on_track = False  # nothing is assumed, led over or remarked upon
 
     def offer(self, stamp_ns: int, position_m: float, velocity_m_per_s: float) -> str:
         """Take a sample; returns "" or the sentence with which it was refused."""
@@ -90,6 +93,10 @@ class HeaveTrack:
         """Position [m] and velocity [m/s] at a twin time not before the one asked for last."""
         if time_ns == self._asked_ns:
             return self._given
+        if self._on_track and self._segment[0] <= time_ns <= self._segment[1]:
+            self._asked_ns = time_ns
+            self._given = self._between(time_ns)
+            return self._given
         after = bisect_right(self._stamps, time_ns)
         known = after > 0 and (after < len(self._stamps) or self._stamps[-1] == time_ns)
         if known:
@@ -106,6 +113,7 @@ class HeaveTrack:
             left = math.exp((since_ns - time_ns) * 1e-9 / GAP_DECAY_S)
             self._given = (z + v * GAP_DECAY_S * (1.0 - left), v * left)
         self._note(time_ns, known)
+        self._on_track = known and not self._rejoining(time_ns)
         self._asked_ns = time_ns
         self._forget(time_ns)
         return self._given
@@ -123,12 +131,18 @@ class HeaveTrack:
         if k == 0:
             z, v = self._samples[0]
             return z + v * (time_ns - self._stamps[0]) * 1e-9, v
-        t0, t1 = self._stamps[k - 1], self._stamps[k]
-        (z0, v0), (z1, v1) = self._samples[k - 1], self._samples[k]
-        h = (t1 - t0) * 1e-9
-        u = (time_ns - t0) / (t1 - t0)
-        d0, d1 = v0 * h, v1 * h
-        c2, c3 = 3.0 * (z1 - z0) - 2.0 * d0 - d1, 2.0 * (z0 - z1) + d0 + d1
+        begin, end = self._stamps[k - 1], self._stamps[k]
+        if begin != self._segment[0] or end != self._segment[1]:
+            (z0, v0), (z1, v1) = self._samples[k - 1], self._samples[k]
+            h = (end - begin) * 1e-9
+            d0, d1 = v0 * h, v1 * h
+            c2, c3 = 3.0 * (z1 - z0) - 2.0 * d0 - d1, 2.0 * (z0 - z1) + d0 + d1
+            self._segment = (begin, end, z0, d0, c2, c3, h)
+        return self._between(time_ns)
+
+    def _between(self, time_ns: int) -> tuple[float, float]:
+        begin, end, z0, d0, c2, c3, h = self._segment
+        u = (time_ns - begin) / (end - begin)
         return z0 + u * (d0 + u * (c2 + u * c3)), (d0 + u * (2.0 * c2 + u * 3.0 * c3)) / h
 
     def _open_rejoin(self, time_ns: int) -> None:

@@ -76,7 +76,7 @@ class Twin:
         borders = (STEPS_PER_CALL + 1, rows.MOTIONS)
         self._boundary = rows.Boundary(np.zeros(borders), np.zeros(borders))
         self._pulls = np.zeros((STEPS_PER_CALL, rows.PULL_COLUMNS))
-        self._boundary.value[0] = [*self._rest, self._winch.line.length_m]
+        self._boundary.value[:] = [*self._rest, self._winch.line.length_m]
         self._prescribed = 0  # steps ahead whose borders are filled in
         self._steps = 0
         self._computing_s = 0.0
@@ -242,14 +242,16 @@ class Twin:
         Steps that an earlier call prescribed and could not do keep what they were given.
         """
         duration = self.scene.ship.motion_ramp_s
+        rest_z = float(self._rest[2])
+        value, rate = self._boundary
         for row in range(self._prescribed + 1, steps + 1):
             border_ns = (self._steps + row) * self.step_ns
-            line = self._winch.step(border_ns - self.step_ns, self.step_s)
+            length, speed = self._winch.step(border_ns - self.step_ns, self.step_s)
             z, v = self._heave.at(border_ns)
             share, share_rate = ramp(border_ns * 1e-9, duration)
-            x, y, rest_z = self._rest
-            self._boundary.value[row] = (x, y, rest_z + share * z, line.length_m)
-            self._boundary.rate[row] = (0.0, 0.0, share * v + share_rate * z, line.speed_m_per_s)
+            # x and y are the same in every row
+            value[row, rows.Z], value[row, rows.LINE] = rest_z + share * z, length
+            rate[row, rows.Z], rate[row, rows.LINE] = share * v + share_rate * z, speed
 
     def statistics(self) -> RunStatistics:
         """The run so far."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from rope_twin.errors import phrase
 from rope_twin.scene.schema import Winch as WinchScene
@@ -21,8 +21,7 @@ AHEAD_NS = 10_000_000_000  # a stamp farther in the future is a clock that is wr
 CREEP_M_PER_S = 1e-6  # slower than this beside a limit is standstill
 
 
-@dataclass(frozen=True)
-class LineOut:
+class LineOut(NamedTuple):
     """Line out and its rate at one instant."""
 
     length_m: float

@@ -161,7 +161,7 @@ def test_a_solver_that_gives_up_names_the_file(
 
     def spoilt(rope: Any, boundary: Any, pull: Any, time_s: float, steps: int) -> int:
         if time_s >= 0.5:
-            effects = tuple(e._replace(w=nan) if hasattr(e, "w") else e for e in rope.effects)
+            effects = tuple(e._replace(g=nan) if hasattr(e, "g") else e for e in rope.effects)
             rope = rope._replace(effects=effects)
         return int(real(rope, boundary, pull, time_s, steps))
 
