@@ -7,7 +7,7 @@ equal to the bit is counted, so that no speed is told of something else.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from statistics import median
 
@@ -178,3 +178,27 @@ def _same(found: Snapshot, expected: Snapshot) -> bool:
     """Whether motion and tension of every node are equal."""
     names = ("node_position_m", "node_velocity_m_per_s", "node_tension_n", "hang_off_force_n")
     return all(np.array_equal(getattr(found, name), getattr(expected, name)) for name in names)
+
+
+def ensemble_table(rows: Sequence[EnsembleRow]) -> list[list[str]]:
+    """The rows as cells, the first row being the heads."""
+    heads = ["members", "elements", "step [s]", "threads", "× real time", "best", "ns/node/step",
+             "best", "one rope alone", "best", "processor", "equal to a twin"]  # fmt: skip
+    cells = [
+        [
+            f"{row.members}",
+            f"{row.elements}",
+            f"{row.step_s:g}",
+            f"{row.threads}",
+            f"{row.real_time_factor:.2f}",
+            f"{row.real_time_factor_best:.2f}",
+            f"{row.ns_per_node_step:.0f}",
+            f"{row.ns_per_node_step_best:.0f}",
+            f"{row.single_ns_per_node_step:.0f}",
+            f"{row.single_ns_per_node_step_best:.0f}",
+            f"{100.0 * row.processor_share:.0f} %",
+            f"{row.checked - row.unequal} of {row.checked}",
+        ]
+        for row in rows
+    ]
+    return [heads, *cells]

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 import rope_twin.studies.ensemble_speed as study
-from rope_twin.studies.ensemble_speed import QUICK, Case, ensemble_rows
+from rope_twin.studies.ensemble_speed import QUICK, Case, ensemble_rows, ensemble_table
 
 
 def test_a_row_is_consistent() -> None:
@@ -24,6 +24,11 @@ def test_a_row_is_consistent() -> None:
     assert row.processor_share > 0.0
     assert (row.checked, row.unequal, row.failed) == (3, 0, 0)
     assert told == [(0, 1), (1, 1)]
+    heads, cells = ensemble_table([row])
+    shown = dict(zip(heads, cells, strict=False))
+    assert shown["members"] == str(case.members)
+    assert shown["equal to a twin"] == "3 of 3"
+    assert len(heads) == len(cells)
 
 
 def test_what_differs_from_a_twin_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
