@@ -22,6 +22,7 @@ if "AMENT_PREFIX_PATH" not in os.environ:
     REQUIRES += ROS_WHEELS
 
 VIZ = ["rerun-sdk==0.41.0", "pillow>=10"]
+PLOT = ["matplotlib>=3.8"]  # of `rope_twin bench order --picture` alone
 TEST = [
     "pytest>=8",
     "hypothesis>=6.100",
@@ -32,6 +33,7 @@ TEST = [
     "mypy>=1.10",
     "types-PyYAML",
     *VIZ,
+    *PLOT,
 ]
 
 
@@ -63,7 +65,12 @@ setup(
         *shared("launch"),
     ],
     install_requires=REQUIRES,
-    extras_require={"viz": VIZ, "test": TEST, "dev": [*TEST, "colcon-common-extensions", "build"]},
+    extras_require={
+        "viz": VIZ,
+        "plot": PLOT,
+        "test": TEST,
+        "dev": [*TEST, "colcon-common-extensions", "build"],
+    },
     entry_points={
         "console_scripts": [
             "rope_twin = rope_twin.cli:main",

@@ -1,0 +1,117 @@
+"""`rope_twin bench speed | order | report`: how fast the solver is, how right, and why.
+
+A speed is never told without its error. `report` writes docs/performance.md from both.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, TextIO
+
+from rope_twin.studies import orders, performance_page, speed
+from rope_twin.studies.order_picture import check_picture, draw_orders
+
+
+def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
+    """Add `bench` with its three actions."""
+    parser = subparsers.add_parser("bench", help="how fast the solver is, and how right")
+    actions = parser.add_subparsers(dest="action", required=True, metavar="speed | order | report")
+    fast = actions.add_parser(
+        "speed",
+        help="cost of a step and error of the top tension, 20 to 7,000 nodes",
+        description="Runs the study's scenes on one core, a minute of twin time each, against "
+        "converged references (some three minutes in all).",
+    )
+    right = actions.add_parser("order", help="orders of convergence in step and element length")
+    right.add_argument("--picture", type=Path, metavar="PNG", help="draw them, too")
+    for action in (fast, right):
+        action.add_argument("--json", action="store_true", help="one JSON object instead of tables")
+    page = actions.add_parser("report", help="both, as performance.md and its picture")
+    page.add_argument("--into", type=Path, default=Path("docs"), metavar="DIR", help="where to")
+    for action in (fast, right, page):
+        action.add_argument("--quick", action="store_true", help="a few small cases, for a test")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Do what the action says; raises RopeTwinError."""
+    progress = Progress()
+    if args.action == "speed":
+        return _speed(args, progress)
+    if args.action == "order":
+        return _order(args, progress)
+    check_picture(args.into / performance_page.PICTURE)
+    fast = speed.measure_speed(speed.QUICK if args.quick else speed.FULL, progress.show)
+    curves = orders.measure_orders(orders.QUICK if args.quick else orders.FULL, progress.show)
+    args.into.mkdir(parents=True, exist_ok=True)
+    draw_orders(curves, args.into / performance_page.PICTURE)
+    page = args.into / "performance.md"
+    page.write_text(performance_page.as_markdown(fast, curves), encoding="utf-8")
+    print(page)
+    return 0
+
+
+def _speed(args: argparse.Namespace, progress: Progress) -> int:
+    result = speed.measure_speed(speed.QUICK if args.quick else speed.FULL, progress.show)
+    if args.json:
+        print(json.dumps(asdict(result), ensure_ascii=False, allow_nan=False))
+        return 0
+    print(result.machine.as_text())
+    print(f"errors of the top tension over {result.seconds:g} s, against\n")
+    print_table(performance_page.basis_table(result.references))
+    for rows in (result.rows, result.snaps):
+        print()
+        print_table(performance_page.speed_table(rows))
+    print(f"\n{performance_page.exponent_words(result)}")
+    return 0
+
+
+def _order(args: argparse.Namespace, progress: Progress) -> int:
+    if args.picture is not None:
+        check_picture(args.picture)
+    curves = orders.measure_orders(orders.QUICK if args.quick else orders.FULL, progress.show)
+    if args.picture is not None:
+        draw_orders(curves, args.picture)
+    if args.json:
+        rows = [asdict(curve) for curve in curves]
+        print(json.dumps({"rows": rows}, ensure_ascii=False, allow_nan=False))
+    else:
+        print_table(performance_page.order_table(curves))
+    return 0
+
+
+def print_table(rows: Sequence[Sequence[str]]) -> None:
+    """Columns as wide as their widest cell, the first to the left, the others to the right."""
+    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+    for line in _aligned(rows, widths):
+        print(line)
+
+
+def _aligned(rows: Sequence[Sequence[str]], widths: list[int]) -> Iterator[str]:
+    for row in rows:
+        cells = [row[0].ljust(widths[0])]
+        cells += [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
+        yield "  ".join(cells).rstrip()
+
+
+class Progress:
+    """One changing line on a terminal, a line per case elsewhere; on standard error."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = stream or sys.stderr
+
+    def show(self, done: int, total: int, what: str) -> None:
+        """So many of so many cases are done; `what` is next."""
+        bar = "#" * round(20 * done / total)
+        line = f"[{bar:<20}] {done}/{total} {what}"
+        if self._stream.isatty():
+            end = "\n" if done == total else ""
+            self._stream.write(f"\r{line:<79}{end}")
+        else:
+            self._stream.write(f"{line}\n")
+        self._stream.flush()

@@ -1,0 +1,63 @@
+"""The machine that a figure was measured on, and how fast it is by itself."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import platform
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from rope_twin.core.yardstick import chain
+
+LINKS, REPETITIONS = 1_000_000, 15
+_CPUINFO = Path("/proc/cpuinfo")
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What a figure of speed depends on besides the solver."""
+
+    processor: str
+    cores: int  # that this process may use
+    load: float  # processes that wanted to run in the last minute, this one included
+    multiply_add_ns: float  # one dependent multiply-add; best of REPETITIONS
+    python: str
+    numba: str
+
+    def as_text(self) -> str:
+        """One line."""
+        return (
+            f"{self.processor}, {self.cores} cores, load {self.load:.1f}; a dependent multiply-add "
+            f"takes {self.multiply_add_ns:.2f} ns; Python {self.python}, numba {self.numba}"
+        )
+
+
+def this_machine() -> Machine:
+    """Ask the machine, and time it (some 50 ms)."""
+    return Machine(
+        processor=_processor(),
+        cores=len(os.sched_getaffinity(0)),
+        load=os.getloadavg()[0],
+        multiply_add_ns=_time_chain(),
+        python=platform.python_version(),
+        numba=importlib.metadata.version("numba"),
+    )
+
+
+def _processor() -> str:
+    lines = _CPUINFO.read_text().splitlines() if _CPUINFO.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.machine()
+
+
+def _time_chain() -> float:
+    """Best time of a link [ns]."""
+    chain(1.0, 0.5, 0.5, 1)  # compiled here
+    took = []
+    for _ in range(REPETITIONS):
+        began = time.perf_counter()
+        chain(1.0, 0.5, 0.5, LINKS)
+        took.append(time.perf_counter() - began)
+    return min(took) / LINKS * 1e9

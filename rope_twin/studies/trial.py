@@ -1,0 +1,100 @@
+"""A scene run by the core alone under its own regular heave, again and again from one start.
+
+Nothing but the step is timed: the hang-off's motion is computed beforehand, exactly, at every
+border of a step, and no snapshot is taken.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.core import state as rows
+from rope_twin.core.statics import find_equilibrium
+from rope_twin.core.step import advance
+from rope_twin.errors import InputError, SolverError, phrase
+from rope_twin.recording.regular_heave import RegularSea
+from rope_twin.scene.build import build
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.ship import ramp
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One run: the top tension after each step, what it took, and how the solver fared."""
+
+    tension_n: Vector
+    took_s: Vector  # of each piece that was timed by itself
+    solves: int
+    substeps: int
+    substeps_max: int  # in one step
+    unconverged: int
+
+
+class Trial:
+    """A scene at rest, ready to be run for `seconds` from there as often as wanted.
+
+    Raises:
+        InputError: the scene's sea is not a regular heave.
+    """
+
+    def __init__(self, scene: Scene, seconds: float) -> None:
+        self.scene = scene
+        self.steps = round(seconds / scene.time.step_s)
+        self._rope = build(scene).rope
+        find_equilibrium(self._rope, scene.ropes[0].length_m)
+        self._start = self._rope.state.copy()
+        self._boundary = _motion(scene, self.steps)
+        self._pull = np.zeros((self.steps, rows.PULL_COLUMNS))
+
+    def run(self, steps_at_once: int | None = None) -> Outcome:
+        """Run in pieces of so many steps (None: all at once), each timed.
+
+        Raises:
+            SolverError: a step that is not finite.
+        """
+        rope = self._rope._replace(state=self._start.copy())
+        h, piece = self.scene.time.step_s, steps_at_once or self.steps
+        took = []
+        for first in range(0, self.steps, piece):
+            count = min(piece, self.steps - first)
+            part = rows.Boundary(*(table[first : first + count + 1] for table in self._boundary))
+            pull = self._pull[first : first + count]
+            began = time.perf_counter()
+            done = advance(rope, part, pull, first * h, count)
+            took.append(time.perf_counter() - began)
+            if done < count:
+                what = f"step {first + done + 1} is not finite"
+                raise SolverError(phrase(f"scene {self.scene.name}", what, "shorten the step"))
+        health = rope.state.health
+        return Outcome(
+            self._pull[:, rows.PULL].copy(),
+            np.array(took),
+            int(health[rows.SOLVES]),
+            int(health[rows.SUBSTEPS]),
+            int(health[rows.SUBSTEPS_MAX]),
+            int(health[rows.SUBSTEPS_UNCONVERGED]),
+        )
+
+
+def _motion(scene: Scene, steps: int) -> rows.Boundary:
+    """The hang-off at every border of the steps; the line out stays."""
+    if scene.sea_state.heave is None:
+        what = "its sea is not a regular heave"
+        raise InputError(phrase(f"scene {scene.name}", what, "give `sea_state: {heave: ...}`"))
+    sea = RegularSea(scene.sea_state.heave, scene.sea_state.start_s)
+    x, y, rest_z = scene.ship.hang_off_m
+    value = np.tile([x, y, rest_z, scene.ropes[0].length_m], (steps + 1, 1))
+    rate = np.zeros_like(value)
+    for border in range(steps + 1):
+        at_s = border * scene.time.step_s
+        z, v = sea.at(at_s)
+        share, share_rate = ramp(at_s, scene.ship.motion_ramp_s)
+        value[border, rows.Z] += share * z
+        rate[border, rows.Z] = share * v + share_rate * z
+    return rows.Boundary(value, rate)
