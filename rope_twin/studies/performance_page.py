@@ -107,7 +107,7 @@ def speed_table(rows: Sequence[Row]) -> Table:
             f"{row.error_pct:.3g}",
             f"{row.peak_error_pct:+.3f}",
             f"{row.trough_error_pct:+.3f}",
-            f"{1e3 * row.longest_step_s:.3f}",
+            "" if row.longest_step_s is None else f"{1e3 * row.longest_step_s:.3f}",
             f"{row.solves_per_step:.2f}",
             f"{row.substeps_max}" + (f", {row.unconverged} bad" if row.unconverged else ""),
         ]

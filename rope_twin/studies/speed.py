@@ -75,7 +75,7 @@ class Row:
     error_pct: float  # rms, of the reference's standard deviation
     peak_error_pct: float
     trough_error_pct: float  # of the reference's standard deviation
-    longest_step_s: float  # longest single step, each the fastest of its repetitions
+    longest_step_s: float | None  # longest single step, each the faster of two runs; snaps only
     solves_per_step: float
     substeps_max: int
     unconverged: int
@@ -126,7 +126,7 @@ def measure_speed(plan: Plan, report: Report) -> Speed:
     rows = []
     for case in (*smooth, *plan.snaps):
         report(done, total, told(case))
-        rows.append(_row(case, references[case[0]], plan))
+        rows.append(_row(case, references[case[0]], plan, stepwise=case in plan.snaps))
         done += 1
     report(total, total, "done")
     main = tuple(rows[: len(smooth)])
@@ -161,10 +161,10 @@ def _basis(reference: Reference, seconds: float) -> Basis:
     )
 
 
-def _row(case: Case, reference: Reference, plan: Plan) -> Row:
+def _row(case: Case, reference: Reference, plan: Plan, stepwise: bool) -> Row:
     scene, nodes, step_s = case
     trial = Trial(variant(load_scene(scene), nodes, step_s), plan.seconds)
-    stepwise = np.min([trial.run(steps_at_once=1).took_s for _ in range(2)], axis=0)
+    longest_s = _longest_step(trial) if stepwise else None
     first = trial.run()
     took = [float(first.took_s.sum())]
     while len(took) < plan.repetitions or (sum(took) < SHORTEST_S and len(took) < MOST_REPETITIONS):
@@ -183,9 +183,15 @@ def _row(case: Case, reference: Reference, plan: Plan) -> Row:
         error_pct=errors.rms_pct,
         peak_error_pct=errors.peak_pct,
         trough_error_pct=errors.trough_pct,
-        longest_step_s=float(stepwise.max()),
+        longest_step_s=longest_s,
         solves_per_step=first.solves / trial.steps,
         substeps_max=first.substeps_max,
         unconverged=first.unconverged,
         repetitions=len(took),
     )
+
+
+def _longest_step(trial: Trial) -> float:
+    """Longest of all steps [s], each the faster of two runs since other programs run as well."""
+    took = [trial.run(steps_at_once=1).took_s for _ in range(2)]
+    return float(np.min(took, axis=0).max())
