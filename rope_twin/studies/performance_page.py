@@ -22,10 +22,11 @@ Written by `rope_twin bench report`; the figures are those of its last run. Edit
 ## Speed and error
 
 `rope_twin bench speed` steps the study's scenes on one core, {seconds:g} s of twin time each.
-Times are medians over repetitions in one run, the best in brackets; nothing but the step is timed
-(`rope_twin run --speed 0` also feeds inputs and takes snapshots). Nodes are moving nodes, as many
-as elements. Errors are of the top tension at the steps' ends: rms and trough in per cent of the
-reference's standard deviation, peak in per cent of the reference's peak.
+Times are medians over repetitions in one run; in brackets the best, each piece of the run being the
+fastest of its repetitions. `cpu %` far below 100 means that other programs ran on the same core.
+Nothing but the step is timed (`rope_twin run --speed 0` also feeds inputs and takes snapshots).
+Nodes are moving nodes, as many as elements. Errors are of the top tension at the steps' ends: rms
+and trough in per cent of the reference's standard deviation, peak in per cent of its peak.
 
 {speed}
 
@@ -95,7 +96,7 @@ def speed_table(rows: Sequence[Row]) -> Table:
     """A line per case."""
     head = [
         "scene", "nodes", "step ms", "ns/node/step", "× real time", "rms %", "peak %", "trough %",
-        "longest ms", "solves", "substeps",
+        "longest ms", "solves", "substeps", "cpu %",
     ]  # fmt: skip
     return [head] + [
         [
@@ -110,6 +111,7 @@ def speed_table(rows: Sequence[Row]) -> Table:
             "" if row.longest_step_s is None else f"{1e3 * row.longest_step_s:.3f}",
             f"{row.solves_per_step:.2f}",
             f"{row.substeps_max}" + (f", {row.unconverged} bad" if row.unconverged else ""),
+            f"{100.0 * row.processor_share:.0f}",
         ]
         for row in rows
     ]

@@ -30,6 +30,7 @@ class Outcome:
 
     tension_n: Vector
     took_s: Vector  # of each piece that was timed by itself
+    busy_s: float  # processor time of all pieces; less than they took where others ran as well
     solves: int
     substeps: int
     substeps_max: int  # in one step
@@ -60,14 +61,15 @@ class Trial:
         """
         rope = self._rope._replace(state=self._start.copy())
         h, piece = self.scene.time.step_s, steps_at_once or self.steps
-        took = []
+        took, busy_s = [], 0.0
         for first in range(0, self.steps, piece):
             count = min(piece, self.steps - first)
             part = rows.Boundary(*(table[first : first + count + 1] for table in self._boundary))
             pull = self._pull[first : first + count]
-            began = time.perf_counter()
+            busy, began = time.thread_time(), time.perf_counter()
             done = advance(rope, part, pull, first * h, count)
             took.append(time.perf_counter() - began)
+            busy_s += time.thread_time() - busy
             if done < count:
                 what = f"step {first + done + 1} is not finite"
                 raise SolverError(phrase(f"scene {self.scene.name}", what, "shorten the step"))
@@ -75,6 +77,7 @@ class Trial:
         return Outcome(
             self._pull[:, rows.PULL].copy(),
             np.array(took),
+            busy_s,
             int(health[rows.SOLVES]),
             int(health[rows.SUBSTEPS]),
             int(health[rows.SUBSTEPS_MAX]),

@@ -70,6 +70,7 @@ def test_speed_and_error_belong_together(measured: speed.Speed) -> None:
         assert row.repetitions >= speed.QUICK.repetitions
         assert row.solves_per_step >= 2.0
         assert row.unconverged == 0
+        assert 0.0 < row.processor_share < 1.1
     for row in measured.rows:
         assert 0.0 < row.error_pct < 0.1
         assert abs(row.peak_error_pct) < 0.01
