@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 from rosbags.rosbag2 import Reader
 
 from rope_twin.errors import BagError, did_you_mean, phrase
+from rope_twin.recording.closing import Closing
 from rope_twin.share import share_dir
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
@@ -44,7 +44,7 @@ def find_bag(bag: str | Path) -> Path:
     return path
 
 
-class BagReader:
+class BagReader(Closing):
     """A bag that is open for reading; also a context manager."""
 
     def __init__(self, path: Path) -> None:
@@ -101,17 +101,6 @@ class BagReader:
     def close(self) -> None:
         """Let go of the files."""
         self._reader.close()
-
-    def __enter__(self) -> BagReader:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def _check_outside(path: Path) -> None:

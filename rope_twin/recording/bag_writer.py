@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from types import TracebackType
 
 from mcap.writer import CompressionType, Writer
 
@@ -18,6 +17,7 @@ from rope_twin.recording.bag_format import (
     describe_topic,
     recorded_name,
 )
+from rope_twin.recording.closing import Closing
 from rope_twin.recording.file_sink import WAITING_LIMIT_BYTES, FileSink
 from rope_twin.topics import Topic
 
@@ -25,7 +25,7 @@ CHUNK_BYTES = 256 * 1024  # 2 ms for the longest call; larger chunks stall the c
 _LARGEST_STAMP_NS = 2**63 - 1  # rosbag2 keeps stamps in a signed integer
 
 
-class BagWriter:
+class BagWriter(Closing):
     """One bag, from making its directory to its metadata.yaml. Not for several threads at once.
 
     Nothing of it depends on the time of writing: equal calls make equal bytes.
@@ -230,20 +230,3 @@ class BagWriter:
 
     def _error(self, what: str, right: str = "name a place that can be written") -> BagError:
         return BagError(phrase(f"bag {self._directory}", what, right))
-
-    def __enter__(self) -> BagWriter:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        """Close in any case: what was written before an error is worth keeping."""
-        try:
-            self.close()
-        except BagError as failure:
-            if error is None:
-                raise
-            error.add_note(str(failure))

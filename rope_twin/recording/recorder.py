@@ -8,10 +8,10 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 from rope_twin.errors import BagError, phrase
 from rope_twin.recording.bag_writer import BagWriter
+from rope_twin.recording.closing import Closing
 from rope_twin.topics import Topic
 
 FLUSH_PERIOD_S = 0.4  # a killed process loses this much and the moment of writing, at most 1 s
@@ -30,7 +30,7 @@ class RecorderHealth:
     trouble: str  # one sentence, '' if all is well
 
 
-class BagRecorder:
+class BagRecorder(Closing):
     """Records from any thread; `write` never waits.
 
     The thread is a daemon: close the recorder, or the last moment and metadata.yaml are missing
@@ -135,22 +135,6 @@ class BagRecorder:
     def _lose(self, reason: str) -> None:
         self._lost += 1
         self._reason = reason
-
-    def __enter__(self) -> BagRecorder:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        try:
-            self.close()
-        except BagError as failure:
-            if error is None:
-                raise
-            error.add_note(str(failure))
 
 
 def _because(failure: BaseException | None) -> str:
