@@ -125,7 +125,7 @@ def variations(scene: Scene, plan: Plan, seconds: float) -> list[Variation]:
         changes = tuple(axis.change(value) for axis, value in pairs if axis.path != SEA_OFFSET)
         offset_s = sum(value for axis, value in pairs if axis.path == SEA_OFFSET)
         heave = seas.heave(changes, offset_s)
-        if heave is not None and heave.end_ns <= seconds * 1e9:
+        if heave is not None and heave.end_ns < seconds * 1e9:
             what = f"the sea of member {number} ends after {heave.end_ns * 1e-9:g} s"
             raise InputError(phrase(f"--for {seconds:g}", what, "let it loop, or run shorter"))
         made.append(Variation(changes, heave))

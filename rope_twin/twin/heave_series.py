@@ -64,17 +64,17 @@ class HeaveSeries:
             InputError: the samples do not reach so far.
         """
         on = time_ns + self.start_ns
-        if on[0] < self.stamp_ns[0] or on[-1] >= self.stamp_ns[-1]:
+        if on[0] <= self.stamp_ns[0] or on[-1] > self.stamp_ns[-1]:
             raise InputError(
                 phrase(
                     "heave",
                     f"samples from {(int(self.stamp_ns[0]) - self.start_ns) * 1e-9:g} s to "
-                    f"{self.end_ns * 1e-9:g} s, wanted from {time_ns[0] * 1e-9:g} s to beyond "
+                    f"{self.end_ns * 1e-9:g} s, wanted from {time_ns[0] * 1e-9:g} s to "
                     f"{time_ns[-1] * 1e-9:g} s",
                     "give a longer series",
                 )
             )
-        k = np.searchsorted(self.stamp_ns, on, side="right")
+        k = np.searchsorted(self.stamp_ns, on, side="left")
         t0, t1 = self.stamp_ns[k - 1], self.stamp_ns[k]
         z0, z1 = self.position_m[k - 1], self.position_m[k]
         v0, v1 = self.velocity_m_per_s[k - 1], self.velocity_m_per_s[k]

@@ -10,7 +10,7 @@ smoothed, and the health says when either happens.
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 
 from rope_twin.errors import phrase
 from rope_twin.twin.health import InputCounter
@@ -93,7 +93,7 @@ class HeaveTrack:
         """Position [m] and velocity [m/s] at a twin time not before the one asked for last."""
         if time_ns == self._asked_ns:
             return self._given
-        if self._on_track and self._segment[0] <= time_ns <= self._segment[1]:
+        if self._on_track and self._segment[0] < time_ns <= self._segment[1]:
             self._asked_ns = time_ns
             self._given = self._between(time_ns)
             return self._given
@@ -126,8 +126,11 @@ class HeaveTrack:
         return self._stamps[-1], z + dz, v + dv
 
     def _measured(self, time_ns: int) -> tuple[float, float]:
-        """Cubic Hermite between the samples around the time; straight on before the first."""
-        k = min(bisect_right(self._stamps, time_ns), len(self._stamps) - 1)
+        """Cubic Hermite between the samples around the time; straight on before the first.
+
+        At a sample the piece that ends there holds, whether the next one is known yet or not.
+        """
+        k = bisect_left(self._stamps, time_ns)
         if k == 0:
             z, v = self._samples[0]
             return z + v * (time_ns - self._stamps[0]) * 1e-9, v

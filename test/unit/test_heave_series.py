@@ -35,7 +35,7 @@ def seas(draw: st.DrawFn) -> list[Sample]:
 def test_it_is_the_track_to_the_bit(samples: list[Sample], start_ns: int, step_ns: int) -> None:
     """From wherever it starts."""
     series = HeaveSeries.of(samples).starting_at(start_ns)
-    times = np.arange(0, series.end_ns, step_ns)
+    times = np.arange(0, series.end_ns + 1, step_ns)
     if not len(times):
         return
     z, v = series.at(times)
@@ -78,3 +78,16 @@ def test_it_tells_where_it_ends() -> None:
     series = HeaveSeries.of(wave(5.0)).starting_at(10**9)
     with pytest.raises(InputError, match=r"samples from -1 s to 3\.9 s, wanted from 3 s to"):
         series.at(np.array([3 * 10**9, 4 * 10**9]))
+
+
+def test_a_track_gives_the_same_however_early_it_is_fed() -> None:
+    """Also at the samples themselves, where the next piece may or may not be known yet."""
+    early, late = HeaveTrack(), HeaveTrack()
+    samples = wave(20.0)
+    for sample in samples:
+        assert not early.offer(*sample)
+    assert not late.offer(*samples[0])
+    for sample in samples[1:]:
+        assert not late.offer(*sample)
+        for time_ns in range(sample[0] - 80_000_000, sample[0] + 1, 20_000_000):
+            assert late.at(time_ns) == early.at(time_ns)
