@@ -1,4 +1,4 @@
-"""`rope_twin bench speed | order | report`: how fast the solver is, how right, and why.
+"""`rope_twin bench speed | order | ensemble | report`: how fast the solver is, how right, and why.
 
 A speed is never told without its error. `report` writes docs/performance.md from both.
 """
@@ -13,14 +13,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TextIO
 
-from rope_twin.studies import orders, performance_page, speed
+from rope_twin.studies import ensemble_speed, orders, performance_page, speed
 from rope_twin.studies.order_picture import check_picture, draw_orders
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add `bench` with its three actions."""
+    """Add `bench` with its four actions."""
     parser = subparsers.add_parser("bench", help="how fast the solver is, and how right")
-    actions = parser.add_subparsers(dest="action", required=True, metavar="speed | order | report")
+    names = "speed | order | ensemble | report"
+    actions = parser.add_subparsers(dest="action", required=True, metavar=names)
     fast = actions.add_parser(
         "speed",
         help="cost of a step and error of the top tension, 20 to 7,000 nodes",
@@ -29,11 +30,15 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     )
     right = actions.add_parser("order", help="orders of convergence in step and element length")
     right.add_argument("--picture", type=Path, metavar="PNG", help="draw them, too")
-    for action in (fast, right):
+    many = actions.add_parser(
+        "ensemble",
+        help="a thousand ropes together, beside one alone; some run again alone for equality",
+    )
+    for action in (fast, right, many):
         action.add_argument("--json", action="store_true", help="one JSON object instead of tables")
     page = actions.add_parser("report", help="both, as performance.md and its picture")
     page.add_argument("--into", type=Path, default=Path("docs"), metavar="DIR", help="where to")
-    for action in (fast, right, page):
+    for action in (fast, right, many, page):
         action.add_argument("--quick", action="store_true", help="a few small cases, for a test")
     parser.set_defaults(run=run)
 
@@ -45,6 +50,8 @@ def run(args: argparse.Namespace) -> int:
         return _speed(args, progress)
     if args.action == "order":
         return _order(args, progress)
+    if args.action == "ensemble":
+        return _ensemble(args, progress)
     check_picture(args.into / performance_page.PICTURE)
     fast = speed.measure_speed(speed.QUICK if args.quick else speed.FULL, progress.show)
     curves = orders.measure_orders(orders.QUICK if args.quick else orders.FULL, progress.show)
@@ -83,6 +90,17 @@ def _order(args: argparse.Namespace, progress: Progress) -> int:
     else:
         print_table(performance_page.order_table(curves))
     return 0
+
+
+def _ensemble(args: argparse.Namespace, progress: Progress) -> int:
+    """Exit code 1 if a member differs from a twin of its own."""
+    cases = ensemble_speed.QUICK if args.quick else ensemble_speed.FULL
+    rows = ensemble_speed.ensemble_rows(cases, progress.show)
+    if args.json:
+        print(json.dumps({"rows": [asdict(row) for row in rows]}, allow_nan=False))
+    else:
+        print_table(ensemble_speed.ensemble_table(rows))
+    return 1 if any(row.unequal for row in rows) else 0
 
 
 def print_table(rows: Sequence[Sequence[str]]) -> None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import pytest
 
 import rope_twin.studies.ensemble_speed as study
+from rope_twin.cli import main
 from rope_twin.studies.ensemble_speed import QUICK, Case, ensemble_rows, ensemble_table
 
 
@@ -31,6 +33,15 @@ def test_a_row_is_consistent() -> None:
     assert len(heads) == len(cells)
 
 
+def test_the_command_tells_the_rows(capsys: pytest.CaptureFixture[str]) -> None:
+    """As JSON and as a table."""
+    assert main(["bench", "ensemble", "--quick", "--json"]) == 0
+    (row,) = json.loads(capsys.readouterr().out)["rows"]
+    assert row["members"] == QUICK[0].members
+    assert main(["bench", "ensemble", "--quick"]) == 0
+    assert "3 of 3" in capsys.readouterr().out
+
+
 def test_what_differs_from_a_twin_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     """One step more is a difference."""
     alone = study._alone
@@ -41,3 +52,4 @@ def test_what_differs_from_a_twin_is_counted(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.setattr(study, "_alone", later)
     (row,) = ensemble_rows((Case(2, 10, 0.05, seconds=1.0, repetitions=1),))
     assert (row.checked, row.unequal) == (2, 2)
+    assert main(["bench", "ensemble", "--quick"]) == 1
