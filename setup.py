@@ -11,6 +11,7 @@ HERE = Path(__file__).resolve().parent
 REQUIRES = [
     "numpy>=2.0",
     "numba>=0.61",
+    "scipy>=1.11",
     "pyyaml>=6.0",
     "mcap>=1.6",
     "zstandard>=0.22",
@@ -26,7 +27,6 @@ PLOT = ["matplotlib>=3.8"]  # of `rope_twin bench order --picture` alone
 TEST = [
     "pytest>=8",
     "hypothesis>=6.100",
-    "scipy>=1.11",
     "psutil>=5.9",
     "cyclonedds==11.0.1",
     "ruff==0.15.*",

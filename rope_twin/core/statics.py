@@ -1,76 +1,201 @@
-"""Static equilibrium: the dynamic step itself, from rest, with steps that grow without bound.
+"""Static equilibrium with every effect, from any guess.
 
-A TR-BDF2 step from rest is a Newton solve of the convex energy with the mass over the step squared
-as a regulariser; with the velocity set to zero after each and the step growing, it becomes the
-static problem. It starts from any shape, slack ropes included, and needs no code of its own.
+Unknown are the forces S_e that the elements pass on, not the places of the nodes: for given loads
+f the balance S_i - S_{i-1} + f_i = 0 fixes them (a fixed lower end leaves three numbers, which
+close the chain: a convex problem), and the shape follows by laying the elements along their
+forces, x_{e+1} - x_e = l(|S_e|)·S_e/|S_e|. That is the compliance form: a stiff element is no
+harder than a soft one, nothing is ever slack in between, and the guess only serves to find the
+first loads. Two ways lead to loads that belong to the shape: taking them from the last shape
+(fast where weight rules), and Newton with the loads' own change with the shape, which is not
+symmetric (drag turns with the tangent). Where both fail, the dynamic step with growing steps
+brings the rope nearer, and they try again.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from rope_twin.core.state import (
-    EA,
-    ELEMENTS,
-    LINE,
-    MOTIONS,
     NODE_ROWS,
-    POSITION,
     PULL_COLUMNS,
     SUBSTEPS_UNCONVERGED,
     VELOCITY,
-    Boundary,
-    C,
+    Floats,
     Rope,
+)
+from rope_twin.core.static_forces import Elastic, StillRope
+from rope_twin.core.static_shape import (
+    STUCK,
+    Shape,
+    first_forces,
+    largest,
+    newton_change,
+    shape_of,
 )
 from rope_twin.core.step import advance
 
-ROUNDS = 150
-STEP_FIRST, STEP_LAST, STEP_LEAST = 1.0, 3e3, 1e-4  # s
-GROWTH, SHRINK = 4.0, 0.1
-TOLERANCE_N = 1e-6
-SMALL = 1e-12  # of the line out: a last move that ends the search
-ENOUGH, PATIENCE = 1e-6, 10  # so does this move, once it has not halved for so many rounds
+ROUNDS = 60  # of either way; seen: 1 to 4 by weight, up to 9 in strong currents
+ENOUGH = 1e-7  # of the largest tension: a rope left with this much force at a node rests
+TOLERANCE_N = 1e-6  # enough as well, where tensions are tiny
+ROUND_OFF = 4.0 * float(np.finfo(float).eps)  # of the places, in the length of an element
+OFF = 1e-6  # of it: a tension this far from the tangent asks for a new one
+SURE = 2  # rounds that ask anyway: nearer to the tension in question it is more exact
+DEEP = 1e-11  # of it: what is missed by the balance when rounds end; round-off leaves 1e-14
+FAST = 0.3  # loads of the last shape serve while each round leaves less than this part
+RELAXATIONS, STEP_FIRST, STEP_LAST, STEP_LEAST, GROWTH, SHRINK = 150, 1.0, 3e3, 1e-4, 4.0, 0.1
+
+
+class Equilibrium(NamedTuple):
+    """How the search for rest ended."""
+
+    found: bool
+    residual_n: float  # largest force left on a node; not finite: neither are the forces
+    tension_n: float  # largest tension
+    left_m: float  # how far a node may still be from rest: the last move times its gain
+    rounds: int
 
 
 def find_equilibrium(rope: Rope, L: float) -> float:
-    """Move the nodes to equilibrium at line out L; returns the largest last move [m].
+    """Move the nodes to equilibrium at line out L; returns how far they may still be off [m].
 
-    The hang-off stays where it is. A result that is not small means that no equilibrium is within
-    reach; the caller must look. The counts of the solver's health start from zero afterwards.
+    Infinite: no equilibrium is within reach; `settle` tells more.
     """
-    n = int(rope.state.counts[ELEMENTS])
-    nodes, health = rope.state.nodes, rope.state.health
-    boundary = Boundary(np.zeros((2, MOTIONS)), np.zeros((2, MOTIONS)))
-    boundary.value[:, :LINE] = nodes[POSITION : POSITION + 3, n]
-    boundary.value[:, LINE] = L
+    end = settle(rope, L)
+    return end.left_m if end.found else float("inf")
+
+
+def settle(rope: Rope, L: float) -> Equilibrium:
+    """Move the nodes to equilibrium at line out L [m].
+
+    The hang-off stays where it is. Without equilibrium the nodes end at the best shape found. The
+    counts of the solver's health start from zero afterwards, length offsets of events are gone.
+    """
+    rope.state.offset[:] = 0.0
+    still = StillRope(rope, L)
+    with np.errstate(all="ignore"):  # a shape that overflows is one that is no better
+        end = _settle_forces(still)
+        if not end.found:
+            best = still.place.copy()
+            again = _relax(rope, still)
+            if again.found or again.residual_n < end.residual_n:
+                return again
+            still.rest_at(best)
+    return end
+
+
+def _settle_forces(still: StillRope) -> Equilibrium:
+    """From the shape that the nodes are in; leaves them in the best one."""
+    place = still.place.copy()
+    law = still.elastic()
+    forces = still.forces(place)
+    residual, tension = largest(forces.total), float(forces.tension.max())
+    round_off = _round_off(still, law)
+    if residual <= max(TOLERANCE_N, round_off, ENOUGH * tension):
+        still.rest_at(place)
+        return Equilibrium(True, residual, tension, 0.0, 0)
+    if not np.isfinite(residual):
+        return Equilibrium(False, residual, tension, np.inf, 0)
+    hold = place[:, 0].copy() if still.first else None
+    shape = shape_of(still, law, hold, first_forces(still, hold, forces.load))
+    move, newton, rounds, found = np.inf, False, 0, False
+    while rounds < ROUNDS and np.isfinite(shape.size):
+        rounds += 1
+        if rounds <= SURE or _is_off(law, shape):
+            law = _refresh(still, law, shape)
+        change = newton_change(still, law, shape) if newton else -np.cumsum(shape.miss, axis=1)
+        following, share = _search(still, law, hold, shape, change)
+        better = following.size < shape.size
+        quick = following.size < FAST * shape.size
+        if better:
+            move = largest(following.place - shape.place) * following.size / shape.size
+            shape = following
+        tension = float(shape.forces.tension.max())
+        found = shape.residual <= max(TOLERANCE_N, round_off, ENOUGH * tension)
+        if found and not (quick and shape.size > DEEP * tension):
+            break
+        if newton and share < STUCK:
+            break
+        newton = newton or not quick
+    still.rest_at(shape.place)
+    return Equilibrium(found, shape.residual, tension, move, rounds)
+
+
+def _round_off(still: StillRope, law: Elastic) -> float:
+    """Force that round-off of the places makes of an element's length [N]."""
+    reach = float(np.abs(still.place[:, -1]).max() + still.rest.sum())
+    return ROUND_OFF * float(law.stiffness.max()) * reach
+
+
+def _is_off(law: Elastic, shape: Shape) -> bool:
+    """Whether tensions are others than the law said: it is a tangent, the rope may have a table."""
+    size = np.sqrt((shape.S * shape.S).sum(axis=0))
+    return bool((np.abs(shape.forces.tension - size) > OFF * size.max()).any())
+
+
+def _refresh(still: StillRope, law: Elastic, shape: Shape) -> Elastic:
+    """The elements' tangent at the shape's lengths; that of before where they are slack."""
+    length = np.sqrt((np.diff(shape.place, axis=1) ** 2).sum(axis=0))
+    new = still.elastic(np.maximum(length, still.rest))
+    taut = new.stiffness > 0.0
+    return Elastic(
+        np.where(taut, new.slack, law.slack), np.where(taut, new.stiffness, law.stiffness)
+    )
+
+
+def _search(
+    still: StillRope, law: Elastic, hold: Floats | None, shape: Shape, change: Floats
+) -> tuple[Shape, float]:
+    """The shape after the largest share of the change that lessens the miss, and the share."""
+    share = 1.0
+    while True:
+        following = shape_of(still, law, hold, shape.S + share * change)
+        if following.size <= (1.0 - 1e-4 * share) * shape.size or share < STUCK:
+            return following, share
+        share *= 0.5
+
+
+def _relax(rope: Rope, still: StillRope) -> Equilibrium:
+    """Rest by dynamic steps that grow, with the velocity set to zero after each.
+
+    Each is a Newton solve of the convex energy with the mass over the step squared as a
+    regulariser: slow, but slack elements, which carry no force and so have no direction, are no
+    harder for it than taut ones.
+    """
+    law, boundary = still.elastic(still.rest * 1.001), still.boundary
+    round_off = _round_off(still, law)
+    model = rope.model._replace(
+        split_above=np.inf, merge_below=0.0, tolerance=max(TOLERANCE_N, round_off)
+    )
     pull = np.zeros((1, PULL_COLUMNS))
-    # no split or merge while it settles
-    tolerance = max(
-        TOLERANCE_N, 1e-14 * n * rope.sections[EA].max()
-    )  # what round-off in the places allows
-    still = rope.model._replace(tolerance=tolerance, split_above=np.inf, merge_below=0.0)
-    undamped = rope.sections.copy()
-    undamped[C] = 0.0
-    rope = rope._replace(sections=undamped)
-    step, move, best, idle = STEP_FIRST, np.inf, np.inf, 0
-    for _ in range(ROUNDS):
-        before = nodes[POSITION : POSITION + 3, : n + 1].copy()
+    nodes, health, step = rope.state.nodes, rope.state.health, STEP_FIRST
+    end = Equilibrium(False, np.inf, 0.0, np.inf, 0)
+    for rounds in range(RELAXATIONS):
+        before = still.place.copy()
         nodes[VELOCITY:NODE_ROWS] = 0.0
         health[:] = 0
-        done = advance(rope._replace(model=still._replace(step=step)), boundary, pull, 0.0, 1)
+        done = advance(rope._replace(model=model._replace(step=step)), boundary, pull, 0.0, 1)
         if done < 1 or health[SUBSTEPS_UNCONVERGED] > 0:
-            nodes[POSITION : POSITION + 3, : n + 1] = before
+            still.rest_at(before)
             step *= SHRINK
             if step < STEP_LEAST:
                 break
             continue
-        move = float(np.abs(nodes[POSITION : POSITION + 3, : n + 1] - before).max())
-        best, idle = (move, 0) if move < 0.5 * best else (best, idle + 1)
-        settled = move <= SMALL * L or (move <= ENOUGH * L and idle >= PATIENCE)
-        if settled and step >= STEP_LAST:
+        place = still.place.copy()
+        end = _rest_at(still, place, largest(place - before), rounds, round_off)
+        if end.found:
             break
         step = min(step * GROWTH, STEP_LAST)
-    nodes[VELOCITY:NODE_ROWS] = 0.0
-    health[:] = 0
-    return move
+    return end
+
+
+def _rest_at(
+    still: StillRope, place: Floats, move: float, rounds: int, round_off: float
+) -> Equilibrium:
+    """What is left of forces at `place`, where the nodes then are."""
+    forces = still.forces(place)
+    still.rest_at(place)
+    residual, tension = largest(forces.total), float(forces.tension.max())
+    found = residual <= max(TOLERANCE_N, round_off, ENOUGH * tension)
+    return Equilibrium(found, residual, tension, move, rounds)

@@ -5,17 +5,17 @@ from __future__ import annotations
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
+from math import isfinite
 
 import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Boundary, Floats, Rope
-from rope_twin.core.statics import find_equilibrium
+from rope_twin.core.statics import settle
 from rope_twin.core.step import advance
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.schema import Scene
 
-EQUILIBRIUM_MOVE = 1e-6  # of the line out: a larger last move is no equilibrium
 AFLOAT_M = 1.0
 
 
@@ -42,13 +42,16 @@ def find_start(scene: Scene, rope: Rope) -> Floats:
     line = scene.ropes[0]
     nodes = rope.state.nodes
     with _no_garbage_collection():
-        move = find_equilibrium(rope, line.length_m)
+        end = settle(rope, line.length_m)
     where = f"{scene.path}: ropes[0]"
-    if not move <= EQUILIBRIUM_MOVE * line.length_m:
+    if not end.found:
+        left = f"{end.residual_n:.3g} N pull at a node of the best shape found"
+        if not isfinite(end.residual_n):
+            left = "forces on the rope are not finite"
         raise SceneError(
             phrase(
                 where,
-                f"no static equilibrium found (the last move was {move:.3g} m)",
+                f"no static equilibrium ({left})",
                 "check that rope and payload sink, or fix the lower end",
             )
         )
