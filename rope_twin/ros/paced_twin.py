@@ -10,15 +10,17 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 
 from rope_twin.commands.run.summary import RunSummary, summarise
-from rope_twin.errors import InputError
+from rope_twin.errors import InputError, phrase
 from rope_twin.messages import Level, Status, statuses
 from rope_twin.ros.announcer import Announcer
 from rope_twin.ros.inputs import read_current, read_heave, read_speed
 from rope_twin.ros.params import SimulationParams
 from rope_twin.scene.schema import Scene
+from rope_twin.twin.keeper import Keeper, SavingHealth
 from rope_twin.twin.pacing import Handover, Pacer, PacingHealth, handover_depth, steps_in_slot
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
@@ -43,19 +45,30 @@ class PacedTwin:
     def __init__(
         self, scene: Scene, params: SimulationParams, publish: Callable[[str, bytes], None]
     ) -> None:
-        """Build and compile (seconds when nothing is cached). Raises SceneError, SolverError."""
+        """Build and compile (seconds when nothing is cached).
+
+        Raises:
+            SceneError: the scene cannot be built.
+            StateError: the state to go on from does not serve, or none can be saved.
+            InputError: the run would end before it begins.
+        """
         self.scene = scene
         self._params = params
-        self.twin = Twin(scene)
+        self.twin, self.begun = _begin(scene, params)
+        self.twin.failure_folder = Path(params.failure_directory).resolve()
+        self._keeper: Keeper | None = None
+        if params.save_to:
+            every_s = params.save_every_s * params.speed
+            self._keeper = Keeper(self.twin, Path(params.save_to).resolve(), every_s)
         self._first = self.twin.snapshot()
         steps = steps_in_slot(self.twin.step_s)
         self._handover = Handover(handover_depth(steps * self.twin.step_s, params.speed))
         self.pacer = Pacer(
-            self.twin,
+            self._keeper or self.twin,
             self._handover,
             steps,
             params.speed,
-            last_step=round(params.stop_after_s / self.twin.step_s),
+            last_step=_steps_to_do(self.twin, params.stop_after_s),
         )
         self._announcer = Announcer(self._handover, publish, steps, self.pacer.slot_ns)
         self._malformed = {"ship/heave": Refusals(), "winch/speed_command": Refusals(),
@@ -76,15 +89,19 @@ class PacedTwin:
         delay_ns = round(self._params.input_delay_s * max(1.0, speed) * 1e9 / speed)
         self._clocks = (ros_now_ns, steady_now_ns)
         self.epoch_ns = epoch_ns
+        if at_ns > 0:
+            self.twin.doubt_inputs()
         self._announcer.start(epoch_ns, self.last)
         self.pacer.start(steady_now_ns + lead_ns + delay_ns)
         return epoch_ns
 
     def halt(self) -> None:
-        """Stop after the slot at hand, with everything published that was computed."""
+        """Stop after the slot at hand; all that was computed is published, the state is saved."""
         self.pacer.stop()
         self._announcer.stop()
         self.epoch_ns = None
+        if self._keeper is not None:
+            self._keeper.finish()
 
     @property
     def last(self) -> Snapshot:
@@ -93,7 +110,9 @@ class PacedTwin:
 
     def summary(self) -> RunSummary:
         """The figures of the run so far."""
-        return summarise(self.twin, self.last, self.pacer.health())
+        kept = self._keeper.health() if self._keeper is not None else None
+        state = str(kept.path) if kept is not None and kept.saved_s is not None else None
+        return replace(summarise(self.twin, self.last, self.pacer.health()), state=state)
 
     def offer_heave(self, data: bytes) -> None:
         """A ship/heave message; what is wrong with it is counted and told, never raised."""
@@ -137,6 +156,8 @@ class PacedTwin:
         rows = [_run_row(self.summary()), *statuses(self.last, health)]
         rows.append(self._messages_row())
         rows.append(self._publishing_row(health))
+        if self._keeper is not None:
+            rows.append(_saving_row(self._keeper.health()))
         if self.epoch_ns is not None:
             rows.append(self._clock_row(ros_now_ns))
         return rows
@@ -180,6 +201,40 @@ class PacedTwin:
             )
             return Status(name, Level.WARN, message, values)
         return Status(name, Level.OK, "ROS time and the steady clock agree", values)
+
+
+def _begin(scene: Scene, params: SimulationParams) -> tuple[Twin, str]:
+    """The twin at rest or at the state to go on from, and which it is, in words."""
+    if not params.start_from:
+        return Twin(scene), "beginning at rest"
+    path = Path(params.start_from).resolve()
+    if params.start_from == params.save_to and not path.exists():
+        return Twin(scene), f"beginning at rest: there is no saved state {path} yet"
+    twin = Twin.restore(path, scene)
+    return twin, f"going on from {path} at {twin.time_ns * 1e-9:.2f} s"
+
+
+def _steps_to_do(twin: Twin, stop_after_s: float) -> int:
+    """How many steps are left until the twin time at which to stop; 0: no end."""
+    if stop_after_s == 0.0:
+        return 0
+    left = round(stop_after_s / twin.step_s) - twin.steps
+    if left <= 0:
+        where = f"node simulation, parameter stop_after_s {stop_after_s:g}"
+        what = f"the saved state is at {twin.time_ns * 1e-9:g} s already"
+        raise InputError(phrase(where, what, "name a later end"))
+    return left
+
+
+def _saving_row(saving: SavingHealth) -> Status:
+    saved = "never" if saving.saved_s is None else f"{saving.saved_s:.2f}"
+    values = {"file": str(saving.path), "newest saved state, twin time [s]": saved}
+    name = "simulation: saving"
+    if saving.trouble:
+        return Status(name, Level.ERROR, saving.trouble, values)
+    if saving.saved_s is None:
+        return Status(name, Level.OK, "no state of this run saved yet", values)
+    return Status(name, Level.OK, f"saved at {saved} s", values)
 
 
 def _run_row(summary: RunSummary) -> Status:

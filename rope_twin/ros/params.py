@@ -45,6 +45,17 @@ class SimulationParams:
         "own topics until somebody listens", "",
     )  # fmt: skip
     wait_for_s: float = quantity("how long to await them", "s", 0.0, 60.0, default=5.0)
+    save_to: str = text("file that the state is saved to, now and then and at the end; empty: none",
+                        "")  # fmt: skip
+    save_every_s: float = quantity("real time between two saved states", "s", 0.1, 3600.0,
+                                   default=10.0)  # fmt: skip
+    start_from: str = text(
+        "saved state to go on from; empty: from rest. The file of save_to may be missing, then it "
+        "is from rest too: so a simulation that was killed goes on, and a first one begins", "",
+    )  # fmt: skip
+    failure_directory: str = text(
+        "folder for the state at which the solver gave up; empty: the working directory", "",
+    )  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -99,6 +99,8 @@ class SimulationNode(LifecycleNode):
             for warning in sense_checks(scene):
                 self.get_logger().warning(warning)
             self.paced = PacedTwin(scene, self._params, self._publish)
+            if self._params.start_from:
+                self.get_logger().info(self.paced.begun)
         except RopeTwinError as error:
             return self._fail(str(error))
         except Exception as error:

@@ -44,7 +44,14 @@ def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
         nodes["recorder"] = {"directory": str(options.record)}
     if options.view is not None:
         nodes["viewer"] = {"file": str(options.view_file or "")}
-    nodes["simulation"] = {"scene": options.scene, "stop_after_s": options.for_s or 0.0, **speed}
+    nodes["simulation"] = {
+        "scene": options.scene,
+        "stop_after_s": options.for_s or 0.0,
+        "save_to": str(options.save or ""),
+        "start_from": str(options.start_from or ""),
+        "failure_directory": str(options.failure_folder),
+        **speed,
+    }
     return nodes
 
 

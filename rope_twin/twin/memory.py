@@ -85,7 +85,9 @@ def recall(plain: Any, like: Any, arrays: Arrays, at: str) -> Any:
         recall(part, other, arrays, f"{at}/{number}")
         for number, (part, other) in enumerate(zip(content, likes, strict=True))
     ]
-    return tuple(parts) if kind == "tuple" else deque(parts)
+    if kind == "tuple":
+        return tuple(parts)
+    return deque(parts, like.maxlen if isinstance(like, deque) else None)
 
 
 def _plain_float(value: float, at: str) -> Any:

@@ -39,6 +39,18 @@ class Extremes:
 
 
 @dataclass(frozen=True)
+class RunStatistics:
+    """The run so far."""
+
+    steps: int
+    computing_s: float
+    real_time_factor: float  # simulated time over time spent computing; 0 before the first step
+    tension_top_max_n: float
+    tension_top_mean_n: float
+    tension_top_min_n: float
+
+
+@dataclass(frozen=True)
 class Observation:
     """What a snapshot needs besides the solver's arrays."""
 

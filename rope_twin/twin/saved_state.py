@@ -16,7 +16,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -26,21 +26,11 @@ from rope_twin.scene.schema import Scene
 from rope_twin.twin.memory import Arrays, recall, remember
 from rope_twin.twin.state_file import read_state, write_state
 
-if TYPE_CHECKING:  # to read a state needs no compiler
-    from rope_twin.core.state import Floats, State
-
 # Fields of a scene that a state does not depend on: words, and inputs that come from outside.
 _NOT_COMPARED = {"name", "path", "digest", "about", "source", "look_at", "sea_state", "schedule",
                  "schedule_repeats_every_s"}  # fmt: skip
 
 _log = logging.getLogger(__name__)
-
-
-class Changing(NamedTuple):
-    """What changes of the rope's arrays and is no scratch."""
-
-    state: State
-    tension: Floats  # of the elements [N], read out by a snapshot
 
 
 @dataclass(frozen=True)
@@ -122,6 +112,11 @@ class SavedState:
         return list(target)
 
 
+def changing_parts(rope: Any) -> list[str]:
+    """The fields of a core's rope that a restart needs; of the scratch it is only the tensions."""
+    return [name for name in rope._fields if name not in ("model", "work", "effects")]
+
+
 def take(remembered: dict[str, Any], about: About, scene: Scene) -> SavedState:
     """A state of these attributes of a twin of the scene. Raises StateError for a NaN."""
     arrays: Arrays = {}
@@ -145,7 +140,7 @@ def stamp(scene: Scene, failure: str = "") -> dict[str, Any]:
 @functools.cache
 def _solver_digest() -> str:
     """Of the sources as they were when this process first asked."""
-    from rope_twin.core.jit import source_digest  # here, for the same reason
+    from rope_twin.core.jit import source_digest  # here: to read needs no compiler
 
     return source_digest()
 

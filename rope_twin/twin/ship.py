@@ -5,6 +5,10 @@ there yet for the time asked for, the last one is carried on with a velocity tha
 (GAP_DECAY_S): position stays bounded and continuous, and the track counts as stale. When samples
 come back, what was assumed is led over to what was measured within REJOIN_S. Nothing else is
 smoothed, and the health says when either happens.
+
+After a pause or a restart (`doubt`) the samples known ahead hold only if their sender repeats them,
+as a replay does. If it sends anything else, a real ship has moved on meanwhile: what was known is
+dropped, and the way over to the new samples is that after a gap.
 """
 
 from __future__ import annotations
@@ -24,6 +28,7 @@ KEEP_NS = 5_000_000_000
 STALE_NS = 500_000_000
 GAP_DECAY_S = 1.0
 REJOIN_S = 2.0
+NO_SEGMENT = (0, -1, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 class HeaveTrack:
@@ -39,11 +44,19 @@ class HeaveTrack:
         self._error = (0.0, 0.0)  # assumed less measured, position and velocity, at _error_ns
         self._error_ns = -(10**18)
         # samples around the last time asked for: begin, end, z, velocity·h, c2, c3, h
-        self._segment: tuple[float, ...] = (0, -1, 0.0, 0.0, 0.0, 0.0, 1.0)
+        self._segment: tuple[float, ...] = NO_SEGMENT
         self._on_track = False  # nothing is assumed, led over or remarked upon
+        self._in_doubt = False  # whether samples were known before a pause that may be void by now
+        self._confirmed = False  # whether one of them has come again since
+
+    def doubt(self) -> None:
+        """The sender was away: what it has told of times to come may no longer hold."""
+        self._in_doubt, self._confirmed = bool(self._stamps), False
 
     def offer(self, stamp_ns: int, position_m: float, velocity_m_per_s: float) -> str:
         """Take a sample; returns "" or the sentence with which it was refused."""
+        if self._in_doubt and self._is_settled(stamp_ns, (position_m, velocity_m_per_s)):
+            return ""
         fault = self._fault(stamp_ns, position_m, velocity_m_per_s)
         if fault:
             return fault
@@ -52,13 +65,30 @@ class HeaveTrack:
         self._samples.append((float(position_m), float(velocity_m_per_s)))
         return ""
 
+    def _is_settled(self, stamp_ns: int, sample: tuple[float, float]) -> bool:
+        """While in doubt: whether the sample is known already. Another one ends the doubt."""
+        place = bisect_right(self._stamps, stamp_ns) - 1
+        if place >= 0 and self._stamps[place] == stamp_ns and self._samples[place] == sample:
+            self._confirmed = True
+            return True
+        now = self._asked_ns
+        if now is None or stamp_ns < now or not _is_possible(*sample):
+            return False  # refused in the usual way; the doubt stays
+        if not (self._confirmed and place == len(self._stamps) - 1):
+            self._stamps.clear()
+            self._samples.clear()
+            self._segment, self._on_track = NO_SEGMENT, False
+            self._assumed_from = (now, *self._given)
+        self._in_doubt = self._confirmed = False
+        return False
+
     def _fault(self, stamp_ns: int, z: float, v: float) -> str:
         """Why the sample is refused, counted; or ""."""
         refuse = self.counter.refuse
         if not (math.isfinite(z) and math.isfinite(v)):
             return refuse("non_finite", phrase("heave", f"position {z} m, velocity {v} m/s",
                                                "both must be finite numbers"))  # fmt: skip
-        if abs(z) > HEAVE_LIMIT_M or abs(v) > VELOCITY_LIMIT_M_PER_S:
+        if not _is_possible(z, v):
             return refuse("impossible", phrase(
                 "heave", f"position {z:g} m, velocity {v:g} m/s",
                 f"a ship stays within ±{HEAVE_LIMIT_M:g} m and ±{VELOCITY_LIMIT_M_PER_S:g} m/s"))  # fmt: skip # noqa: E501
@@ -187,6 +217,11 @@ class HeaveTrack:
         """Drop samples that no later time needs."""
         if len(self._stamps) > 64 and self._stamps[32] < time_ns - KEEP_NS:
             del self._stamps[:32], self._samples[:32]
+
+
+def _is_possible(z: float, v: float) -> bool:
+    """Whether a ship can be so (NaN cannot)."""
+    return abs(z) <= HEAVE_LIMIT_M and abs(v) <= VELOCITY_LIMIT_M_PER_S
 
 
 def ramp(time_s: float, duration_s: float) -> tuple[float, float]:

@@ -30,6 +30,17 @@ _SECOND = re.compile(rb"sha256 ([0-9a-f]{64}) header (\d{1,12}) total (\d{1,15})
 _ANOTHER = "take another saved state, or start without one"
 
 
+def check_place(path: Path, option: str) -> None:
+    """That a file can be made at `path`, before hours are spent on what is to be in it.
+
+    Raises:
+        StateError: it cannot; `option` says who asked for it.
+    """
+    if path.is_dir() or not os.access(path.resolve().parent, os.W_OK):
+        raise StateError(phrase(option, "it cannot be written",
+                                "name a file in a folder that can be written to"))  # fmt: skip
+
+
 def write_state(path: Path, header: dict[str, Any], arrays: Arrays) -> None:
     """Write a file in place of whatever is at `path`.
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import copy
 import threading
 import time
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -22,16 +21,9 @@ from rope_twin.core.step import advance
 from rope_twin.errors import SolverError, StateError, phrase
 from rope_twin.scene.build import build
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.observe import Extremes, Observation, observe
-from rope_twin.twin.saved_state import (
-    About,
-    Changing,
-    SavedState,
-    judge_scene,
-    load_state,
-    stamp,
-    take,
-)
+from rope_twin.twin import saved_state
+from rope_twin.twin.observe import Extremes, Observation, RunStatistics, observe
+from rope_twin.twin.saved_state import About, SavedState
 from rope_twin.twin.ship import HeaveTrack, ramp
 from rope_twin.twin.snapshot import InputHealth, Snapshot
 from rope_twin.twin.start import find_start
@@ -41,18 +33,6 @@ from rope_twin.twin.winch import LineOut, Winch
 STEPS_PER_CALL = 256
 # What the scene or the caller gives; everything else changes and belongs to a saved state.
 _GIVEN = ("scene", "step_s", "step_ns", "failure_folder", "_rest", "_lock", "_pulls", "_rope")
-
-
-@dataclass(frozen=True)
-class RunStatistics:
-    """The run so far."""
-
-    steps: int
-    computing_s: float
-    real_time_factor: float  # simulated time over time spent computing; 0 before the first step
-    tension_top_max_n: float
-    tension_top_mean_n: float
-    tension_top_min_n: float
 
 
 class Twin:
@@ -116,6 +96,12 @@ class Twin:
         counters = (self._heave.counter, self._winch.counter)
         return {c.name: c.newest_ns for c in counters if c.newest_ns is not None}
 
+    def doubt_inputs(self) -> None:
+        """After a pause or a restart: inputs known for times to come may no longer hold."""
+        with self._lock:
+            self._heave.doubt()
+            self._winch.doubt()
+
     def advance(self, steps: int) -> None:
         """Step on.
 
@@ -161,14 +147,16 @@ class Twin:
                 is another.
             SceneError: as for a new twin.
         """
-        state = saved if isinstance(saved, SavedState) else load_state(saved)
-        judge_scene(state, scene)
+        state = saved if isinstance(saved, SavedState) else saved_state.load_state(saved)
+        saved_state.judge_scene(state, scene)
         twin = cls(scene)
         values = state.restore_into(twin._changing())
-        rope = values.pop("_rope")
+        twin._rope = twin._rope._replace(
+            **{name: values.pop(f"rope/{name}") for name in saved_state.changing_parts(twin._rope)},
+            effects=values["_current"].effects,
+        )
+        twin._tension[:] = values.pop("rope/tension")
         vars(twin).update(values)
-        twin._rope = twin._rope._replace(state=rope.state, effects=twin._current.effects)
-        twin._tension[:] = rope.tension
         return twin
 
     def branch(self) -> Twin:
@@ -183,7 +171,7 @@ class Twin:
         """The present as `save` writes it, in memory; for the thread that advances."""
         state, (value, rate) = self._rope.state, self._boundary
         about = About(
-            **stamp(self.scene, failure),
+            **saved_state.stamp(self.scene, failure),
             time_s=self.time_ns * 1e-9,
             step=self._steps,
             step_s=self.step_s,
@@ -194,12 +182,14 @@ class Twin:
             payload_position_m=tuple(state.nodes[rows.POSITION : rows.POSITION + 3, 0].tolist()),
         )
         with self._lock:
-            return take(self._changing(), about, self.scene)
+            return saved_state.take(self._changing(), about, self.scene)
 
     def _changing(self) -> dict[str, Any]:
         """Every attribute that a restart needs; the effects in use are those of `_current`."""
         kept = {name: value for name, value in vars(self).items() if name not in _GIVEN}
-        return kept | {"_rope": Changing(self._rope.state, self._tension)}
+        parts = saved_state.changing_parts(self._rope)
+        rope = {f"rope/{name}": getattr(self._rope, name) for name in parts}
+        return kept | rope | {"rope/tension": self._tension}
 
     @property
     def _tension(self) -> rows.Floats:

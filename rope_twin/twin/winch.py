@@ -18,6 +18,7 @@ from rope_twin.twin.health import InputCounter
 IMPOSSIBLE_M_PER_S = 10.0
 STALE_NS = 2_000_000_000
 AHEAD_NS = 10_000_000_000  # a stamp farther in the future is a clock that is wrong
+DONE = 32  # commands that are remembered after they took effect
 CREEP_M_PER_S = 1e-6  # slower than this beside a limit is standstill
 
 
@@ -39,6 +40,15 @@ class Winch:
         self._queue: deque[tuple[int | None, float]] = deque()
         self._newest_ns: int | None = None
         self._target = 0.0
+        self._done: deque[tuple[int | None, float]] = deque(maxlen=DONE)
+        self._in_doubt = False  # whether the queue is from before a pause
+
+    def doubt(self) -> None:
+        """Who commands was away: from its first new stamp on, its new plan replaces the old.
+
+        What it repeats of the time before is known and no fault.
+        """
+        self._in_doubt = True
 
     @property
     def line(self) -> LineOut:
@@ -59,6 +69,10 @@ class Winch:
                 "winch command", f"speed {speed_m_per_s:g} m/s",
                 f"no winch runs faster than {IMPOSSIBLE_M_PER_S:g} m/s"))  # fmt: skip
         if stamp_ns is not None:
+            if self._in_doubt and (stamp_ns, speed_m_per_s) in self._done:
+                return ""
+            if self._in_doubt and now_ns <= stamp_ns <= now_ns + AHEAD_NS:
+                self._drop_from(stamp_ns)
             if stamp_ns == self._newest_ns:
                 return refuse("repeated", phrase(
                     "winch command", f"stamp {stamp_ns * 1e-9:.3f} s came twice",
@@ -85,6 +99,12 @@ class Winch:
         self._queue.append((stamp_ns, float(speed_m_per_s)))
         return ""
 
+    def _drop_from(self, stamp_ns: int) -> None:
+        """Drop commands that wait for this time or later ones; what comes first stands."""
+        self._queue = deque(c for c in self._queue if c[0] is None or c[0] < stamp_ns)
+        self._newest_ns = self._queue[-1][0] if self._queue else None
+        self._in_doubt = False
+
     def stale(self, now_ns: int) -> bool:
         """Whether it runs on a command that has not been repeated for STALE_NS."""
         newest = self.counter.newest_ns
@@ -96,7 +116,8 @@ class Winch:
         Commands whose stamp is not after `time_ns` take effect now, in order.
         """
         while self._queue and (self._queue[0][0] is None or self._queue[0][0] <= time_ns):
-            self._target = self._queue.popleft()[1]
+            self._done.append(self._queue.popleft())
+            self._target = self._done[-1][1]
         if self._scene is None:
             return self._line
         target = self._limited_target(step_s)

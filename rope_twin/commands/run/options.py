@@ -11,6 +11,7 @@ from pathlib import Path
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.twin.saved_state import About, load_state
+from rope_twin.twin.state_file import check_place
 
 SPEED_LOW, SPEED_HIGH = 0.01, 5.0  # beyond, messages come faster than Python takes them
 
@@ -128,6 +129,7 @@ def read_options(args: argparse.Namespace) -> RunOptions:
 
     Raises:
         InputError: one sentence for a value that cannot be.
+        StateError: the same for the file of --save or --from.
     """
     _check("--for", args.for_s, args.for_s is None or 0.0 < args.for_s <= 1e7,
            "it must be a time above 0 s, at most 1e7 s")  # fmt: skip
@@ -139,6 +141,8 @@ def read_options(args: argparse.Namespace) -> RunOptions:
         raise InputError(phrase("--speed 0", "it would never end", "say --for SECONDS too"))
     if args.speed == 0.0 and args.processes:
         raise InputError(phrase("--processes", "--speed 0 runs without ROS", "leave one out"))
+    if args.save is not None:
+        check_place(args.save, f"--save {args.save}")
     begin = None if args.start_from is None else _begin(args)
     args.scene = _scene_argument(args.scene or (_scene_of(begin) if begin else "deep_lift"))
     return RunOptions(
@@ -152,7 +156,7 @@ def read_options(args: argparse.Namespace) -> RunOptions:
         record=_record_directory(args),
         json=args.json,
         processes=args.processes,
-        save=_writable(args.save),
+        save=args.save and Path(args.save).resolve(),
         start_from=args.start_from and Path(args.start_from).resolve(),
         begins_s=begin.time_s if begin else 0.0,
     )
@@ -180,14 +184,6 @@ def _begin(args: argparse.Namespace) -> About:
 def _scene_of(about: About) -> str:
     """The scene of a saved state: its path if that is still there, else its name."""
     return about.scene_path if Path(about.scene_path).is_file() else about.scene
-
-
-def _writable(path: Path | None) -> Path | None:
-    """The file to save to, made absolute; that it can be made is known before the run."""
-    if path is not None and (path.is_dir() or not os.access(path.resolve().parent, os.W_OK)):
-        raise InputError(phrase(f"--save {path}", "it cannot be written",
-                                "name a file in a folder that can be written to"))  # fmt: skip
-    return path and path.resolve()
 
 
 def _scene_argument(scene: str) -> str:

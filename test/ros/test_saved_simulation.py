@@ -1,0 +1,171 @@
+"""A simulation node that saves its state, is killed, and goes on where it was.
+
+The kill itself, over processes and to the bit, is long:
+
+    pytest -m long -s test/ros/test_saved_simulation.py
+"""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ros_bench import Bench
+from ros_process import Processes
+
+from rope_twin import Twin, load_scene
+from rope_twin.commands.run.options import RunOptions
+from rope_twin.commands.run.unpaced import run_unpaced
+from rope_twin.errors import InputError
+from rope_twin.messages import decode
+from rope_twin.recording.bag_reader import BagReader
+from rope_twin.twin.saved_state import load_state
+
+pytestmark = pytest.mark.ros
+SCENE = "shallow_lift"
+
+
+def simulation(bench: Bench, **parameters: Any) -> Any:
+    """A simulation node of the bench, not yet begun."""
+    from rope_twin.ros.params import overrides
+    from rope_twin.ros.simulation_node import SimulationNode
+
+    given = {"scene": SCENE, **parameters}
+    return bench.add(SimulationNode(parameter_overrides=overrides(given)))
+
+
+def nanoseconds(stamp: Any) -> int:
+    return int(stamp.sec) * 10**9 + int(stamp.nanosec)
+
+
+def motion(message: Any) -> tuple[float, ...]:
+    """Place and velocity of the payload."""
+    place, speed = message.pose.pose.position, message.twist.twist.linear
+    return place.x, place.y, place.z, speed.x, speed.y, speed.z
+
+
+def row(node: Any, name: str) -> Any:
+    return next(row for row in node.paced.rows(0) if row.name == f"simulation: {name}")
+
+
+def test_a_second_node_goes_on_where_the_first_was_closed(bench: Bench, tmp_path: Path) -> None:
+    """One command line for both: at rest the first time. Twin time and stamps only rise."""
+    path = tmp_path / "run.state"
+    kept = {"save_to": str(path), "start_from": str(path), "save_every_s": 0.2}
+    odometry = bench.listen("payload/odometry")
+    first = simulation(bench, **kept)
+    first.begin()
+    assert "beginning at rest" in first.paced.begun
+    bench.until(lambda: path.exists(), "a state of the running twin")
+    bench.until(lambda: first.paced.last.step >= 60, "more of it")
+    assert row(first, "saving").message.startswith("saved at")
+    first.close()
+    reached = first.paced.twin.steps
+    assert load_state(path).about.step == reached
+    assert first.paced.summary().state == str(path)
+    bench.until(lambda: len(odometry) * 2 == reached, "all that it published")
+    heard = len(odometry)
+    second = simulation(bench, **kept)
+    second.begin()
+    assert f"going on from {path} at {reached * 0.01:.2f} s" in second.paced.begun
+    bench.until(lambda: second.paced.last.step >= reached + 20, "it runs")
+    bench.until(lambda: len(odometry) > heard + 5, "it publishes")
+    stamps = [nanoseconds(message.header.stamp) for message in odometry]
+    assert stamps == sorted(set(stamps))
+    assert stamps[heard] - second.paced.epoch_ns == (reached + 2) * 10_000_000
+    second.close()
+
+
+def test_the_end_counts_from_the_beginning_of_the_run(bench: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "some.state"
+    twin = Twin(load_scene(SCENE))
+    twin.advance(50)
+    twin.save(path)
+    node = simulation(bench, start_from=str(path), stop_after_s=0.6)
+    node.begin()
+    bench.until(lambda: node.finished, "the tenth of a second that was left")
+    assert node.paced.twin.steps == 60
+    late = simulation(bench, start_from=str(path), stop_after_s=0.5)
+    with pytest.raises(InputError, match=r"stop_after_s 0.5: the saved state is at 0.5 s already"):
+        late.begin()
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"start_from": "none.state"}, "none.state: it cannot be read"),
+        ({"start_from": __file__}, "it is no saved state"),
+        ({"save_to": "/none/x.state"}, "saved state /none/x.state: it cannot be written"),
+    ],
+)
+def test_what_does_not_serve_is_one_sentence(
+    bench: Bench, parameters: dict[str, str], words: str
+) -> None:
+    node = simulation(bench, **parameters)
+    with pytest.raises(InputError, match=words):
+        node.begin()
+    assert node.paced is None
+
+
+def test_nothing_is_saved_unless_asked(
+    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    node = simulation(bench)
+    node.begin()
+    bench.until(lambda: node.paced.last.step >= 10, "it runs")
+    assert not [row for row in node.paced.rows(0) if row.name == "simulation: saving"]
+    node.close()
+    assert not [path for path in tmp_path.iterdir() if path.suffix == ".state"]
+
+
+@pytest.mark.long
+def test_a_kill_costs_nothing_but_time(bench: Bench, processes: Processes, tmp_path: Path) -> None:
+    """kill -9, then the same command: bit by bit the run without ROS and without interruption.
+
+    Sea and schedule are processes that live on and follow the new epoch. What was published after
+    the last saved state is computed once more, from the same inputs, to the same bits.
+    """
+    path = tmp_path / "run.state"
+    odometry, epochs = bench.listen("payload/odometry"), bench.listen("twin/epoch")
+    diagnostics = bench.listen("diagnostics")
+    for name in ("sea_state", "winch_schedule"):
+        processes.node(name, scene=SCENE)
+    parameters = {
+        "scene": SCENE, "save_to": str(path), "start_from": str(path), "save_every_s": 1.0,
+        "wait_for": "ship/heave winch/speed_command", "wait_for_s": 20.0,
+        "input_delay_s": 3.0,  # inputs come in time on a machine that is busy, too
+    }  # fmt: skip
+    lives: list[dict[int, Any]] = []
+    for wanted in (330, 210, 150):
+        epoch_count = len(epochs)
+        node = processes.node("simulation", **parameters)
+        bench.until(lambda count=epoch_count: len(epochs) > count, "its epoch", 90.0)
+        epoch_ns, heard = nanoseconds(epochs[-1]), len(odometry)
+        bench.until(lambda count=heard + wanted: len(odometry) >= count, "some seconds", 60.0)
+        node.send(signal.SIGKILL)
+        assert node.wait() == -signal.SIGKILL
+        lives.append({nanoseconds(m.header.stamp) - epoch_ns: m for m in odometry[heard:]})
+        # What still came with the stamps of the life before is refused as out of order.
+        late = [r.message for r in diagnostics[-1].status if "after it was" in r.message]
+        assert not late, f"life {len(lives)}: equality is promised for inputs that come in time"
+    begins = [min(life) for life in lives]
+    ends = [max(life) for life in lives]
+    print(f"\nlives from {[t * 1e-9 for t in begins]} to {[t * 1e-9 for t in ends]} s")
+    for end, begin in zip(ends, begins[1:], strict=False):
+        assert begin <= end + 20_000_000, "no twin time is left out"
+        assert end - begin < 1_500_000_000, "at most the time between two saved states is repeated"
+    options = RunOptions(
+        scene=SCENE, for_s=ends[-1] * 1e-9 + 0.1, speed=0.0, record=tmp_path / "whole"
+    )
+    whole_ns = 10**18
+    assert not run_unpaced(options, lambda run: None, whole_ns).error
+    with BagReader(tmp_path / "whole") as reader:
+        whole = {nanoseconds(m.header.stamp) - whole_ns: m for m in
+                 (decode("payload/odometry", data)
+                  for _, data in reader.messages("/payload/odometry"))}  # fmt: skip
+    for life in lives:
+        for at_ns, message in life.items():
+            assert motion(message) == motion(whole[at_ns]), f"at {at_ns * 1e-9:.2f} s"

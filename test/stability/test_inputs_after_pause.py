@@ -1,0 +1,136 @@
+"""Inputs after a pause or a restart: a replay goes on as if nothing had been, a ship has moved."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from rope_twin.scene.schema import Winch as WinchScene
+from rope_twin.twin.ship import HeaveTrack
+from rope_twin.twin.winch import Winch
+
+SAMPLE_NS, STEP_NS, AHEAD_NS = 50_000_000, 10_000_000, 350_000_000
+PAUSE_NS = 4_000_000_000
+SCENE = WinchScene(
+    speed_limit_m_per_s=2.0,
+    acceleration_limit_m_per_s2=0.5,
+    least_line_out_m=10.0,
+    most_line_out_m=200.0,
+)
+
+
+def heave(at_ns: int, phase: float) -> tuple[float, float]:
+    t = at_ns * 1e-9
+    return 2.0 * math.sin(0.9 * t + phase), 1.8 * math.cos(0.9 * t + phase)
+
+
+def feed(track: HeaveTrack, from_ns: int, to_ns: int, phase: float = 0.0) -> list[str]:
+    """Samples with from_ns <= stamp < to_ns; what was refused."""
+    stamps = range(-(-from_ns // SAMPLE_NS) * SAMPLE_NS, to_ns, SAMPLE_NS)
+    return [said for stamp in stamps if (said := track.offer(stamp, *heave(stamp, phase)))]
+
+
+def follow(track: HeaveTrack, from_ns: int, to_ns: int, phase: float = 0.0) -> np.ndarray:
+    """Step on with samples that come in time; rows of position and velocity."""
+    rows = []
+    for now in range(from_ns + STEP_NS, to_ns + 1, STEP_NS):
+        if (now + AHEAD_NS) % SAMPLE_NS == 0:
+            assert not feed(track, now + AHEAD_NS, now + AHEAD_NS + 1, phase)
+        rows.append(track.at(now))
+    return np.array(rows)
+
+
+def started() -> tuple[HeaveTrack, np.ndarray]:
+    track = HeaveTrack()
+    assert not feed(track, -100_000_000, AHEAD_NS + 1)
+    return track, follow(track, 0, PAUSE_NS)
+
+
+def test_a_replay_that_repeats_itself_goes_on_to_the_bit() -> None:
+    """Nothing of it is refused, and the motion is that without the pause."""
+    track, _ = started()
+    track.doubt()
+    # from a little before the twin's present on, as a feeding node does
+    assert not feed(track, PAUSE_NS - 600_000_000, PAUSE_NS + AHEAD_NS + 1)
+    after = follow(track, PAUSE_NS, 2 * PAUSE_NS)
+    other, _ = started()
+    assert after.tobytes() == follow(other, PAUSE_NS, 2 * PAUSE_NS).tobytes()
+    assert track.counter.health(0, False).refused == 0
+
+
+@pytest.mark.parametrize("phase", [0.5, math.pi, 4.5])
+@pytest.mark.parametrize("late_ns", [0, 400_000_000])
+def test_a_ship_that_has_moved_on_is_joined_without_a_kick(phase: float, late_ns: int) -> None:
+    """Its samples are taken from the first on, and reached within the time of a rejoining.
+
+    Up to 4 m apart: without the doubt they are refused for a while and then joined within one
+    sample, at up to 15 m/s. Led over within 2 s, the cubic is at most 1.5·4/2 m/s faster than
+    the motions it joins.
+    """
+    track, before = started()
+    track.doubt()
+    follow_ns = PAUSE_NS + late_ns
+    waiting = [track.at(now) for now in range(PAUSE_NS + STEP_NS, follow_ns + 1, STEP_NS)]
+    assert not feed(track, follow_ns + 1, follow_ns + AHEAD_NS + 1, phase)
+    after = follow(track, follow_ns, follow_ns + 3 * PAUSE_NS, phase)
+    motion = np.vstack([before, *waiting, after])
+    jumps = np.abs(np.diff(motion[:, 0]))
+    assert jumps.max() < (1.8 + 1.8 + 1.5 * 4.0 / 2.0) * 0.01
+    times = follow_ns + STEP_NS * np.arange(1, len(after) + 1)
+    late = times > follow_ns + 2_200_000_000
+    there = np.array([heave(int(at), phase) for at in times[late]])
+    assert np.abs(after[late] - there).max() < 1e-3
+    assert track.counter.health(0, False).refused == 0
+
+
+def test_nonsense_does_not_end_the_doubt() -> None:
+    """A sample that cannot be is refused, and what was known is still there for the replay."""
+    track, _ = started()
+    track.doubt()
+    for z in (math.nan, 99.0):
+        assert track.offer(PAUSE_NS + SAMPLE_NS + 1, z, 0.0)
+    assert track.offer(PAUSE_NS - 1, 0.0, 0.0), "it is late"
+    assert not feed(track, PAUSE_NS, PAUSE_NS + AHEAD_NS + 1)
+    other, _ = started()
+    after = follow(track, PAUSE_NS, 2 * PAUSE_NS)
+    assert after.tobytes() == follow(other, PAUSE_NS, 2 * PAUSE_NS).tobytes()
+
+
+def scheduled() -> Winch:
+    """A winch that has done 1 s of a plan and knows 0.5 s more of it."""
+    winch = Winch(SCENE, 100.0)
+    for stamp_ns in range(0, 1_500_000_000, 100_000_000):
+        assert not winch.offer(stamp_ns, 1.0, 0)
+    for now in range(0, 1_000_000_000, STEP_NS):
+        winch.step(now, 0.01)
+    return winch
+
+
+def line_out(winch: Winch, from_ns: int, to_ns: int) -> list[tuple[float, float]]:
+    lines = [winch.step(now, 0.01) for now in range(from_ns, to_ns, STEP_NS)]
+    return [(line.length_m, line.speed_m_per_s) for line in lines]
+
+
+def test_a_schedule_that_repeats_itself_goes_on() -> None:
+    """Commands that were done or wait are known; none is refused, and the line out is the same."""
+    winch, other = scheduled(), scheduled()
+    winch.doubt()
+    for stamp_ns in range(500_000_000, 1_500_000_000, 100_000_000):
+        assert not winch.offer(stamp_ns, 1.0, 1_000_000_000)
+    for one in (winch, other):
+        assert not one.offer(1_500_000_000, -0.5, 1_200_000_000)
+    span = (1_000_000_000, 4_000_000_000)
+    assert line_out(winch, *span) == line_out(other, *span)
+    assert winch.counter.health(0, False).refused == 0
+
+
+def test_a_stop_is_not_refused_for_a_plan_of_before_the_pause() -> None:
+    """It replaces what the old plan says from its stamp on."""
+    winch = scheduled()
+    assert winch.offer(1_050_000_000, 0.0, 1_000_000_000), "without a pause the order holds"
+    winch.doubt()
+    assert not winch.offer(1_050_000_000, 0.0, 1_000_000_000)
+    assert line_out(winch, 1_000_000_000, 4_000_000_000)[-1][1] == 0.0
+    assert winch.offer(900_000_000, 0.0, 4_000_000_000), "late is late"

@@ -1,0 +1,96 @@
+"""A twin that is saved while it runs."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+from small_scene import small_scene
+
+import rope_twin.twin.twin as twin_module
+from rope_twin import Twin
+from rope_twin.errors import SolverError, StateError
+from rope_twin.twin.keeper import Keeper
+from rope_twin.twin.saved_state import SavedState, load_state
+
+
+@pytest.fixture
+def twin(tmp_path: Path) -> Twin:
+    return Twin(small_scene(tmp_path))
+
+
+def test_it_saves_every_so_often_and_at_the_end(twin: Twin, tmp_path: Path) -> None:
+    """Each file is the state of its step; nothing is written before it is time."""
+    path = tmp_path / "run.state"
+    keeper = Keeper(twin, path, 0.5)
+    keeper.advance(49)
+    keeper.finish_writing()
+    assert not path.exists()
+    seen = set()
+    for _ in range(20):
+        keeper.advance(10)
+        keeper.finish_writing()
+        seen.add(load_state(path).about.step)
+    assert seen == {59, 109, 159, 209}
+    assert keeper.health().saved_s == pytest.approx(2.09)
+    keeper.finish()
+    assert load_state(path).about.step == 249
+    before = path.stat().st_mtime_ns
+    keeper.finish()
+    assert path.stat().st_mtime_ns == before, "nothing new, nothing to write"
+
+
+def test_a_run_that_never_began_leaves_the_file_alone(twin: Twin, tmp_path: Path) -> None:
+    twin.save(tmp_path / "run.state")
+    before = (tmp_path / "run.state").stat().st_mtime_ns
+    Keeper(twin, tmp_path / "run.state", 1.0).finish()
+    assert (tmp_path / "run.state").stat().st_mtime_ns == before
+
+
+def test_a_disk_that_refuses_is_told_and_the_twin_goes_on(
+    twin: Twin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "states"
+    folder.mkdir()
+    keeper = Keeper(twin, folder / "run.state", 0.1)
+    folder.rmdir()
+    keeper.advance(20)
+    keeper.finish_writing()
+    assert "cannot be written (No such file" in keeper.health().trouble
+    assert keeper.health().saved_s is None
+    folder.mkdir()
+    keeper.advance(20)
+    keeper.finish_writing()
+    assert keeper.health().trouble == ""
+    assert keeper.health().saved_s == 0.4
+
+    def defect(state: SavedState, path: Path) -> None:
+        raise MemoryError("none left")
+
+    monkeypatch.setattr(SavedState, "write", defect)
+    keeper.advance(20)
+    keeper.finish()
+    assert "MemoryError: none left" in keeper.health().trouble
+    assert twin.steps == 60
+
+
+def test_a_place_that_cannot_be_is_told_at_the_start(twin: Twin, tmp_path: Path) -> None:
+    with pytest.raises(StateError, match="cannot be written; name a file"):
+        Keeper(twin, tmp_path / "none" / "run.state", 1.0)
+
+
+def test_a_state_that_goes_nowhere_does_not_replace_the_last_good_one(
+    twin: Twin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keeper = Keeper(twin, tmp_path / "run.state", 0.5)
+    keeper.advance(50)
+    keeper.finish_writing()
+    monkeypatch.setattr(twin_module, "advance", lambda *given: 0)
+    twin.failure_folder = tmp_path
+    with pytest.raises(SolverError):
+        keeper.advance(50)
+    keeper.finish()
+    assert load_state(tmp_path / "run.state").about.failure == ""
+    assert load_state(tmp_path / "small_failed_step_51.state").about.failure
+    assert math.isclose(load_state(tmp_path / "run.state").about.time_s, 0.5)
