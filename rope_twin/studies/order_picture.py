@@ -11,6 +11,7 @@ from rope_twin.studies.orders import Curve
 
 _COLOURS = {"smooth_2km": "#0072b2", "snap_vertical": "#d55e00", "snap_2km": "#009e73"}
 _MEASURES = (("mean_pct", "o-", "mean"), ("rms_pct", "s--", "rms"), ("peak_pct", "^:", "peak"))
+SLOPES_FROM_PCT = 100.0  # right ends of the lines to compare with
 _PANELS = (("step", 1e3, "step [ms]"), ("element", 1.0, "element length [m]"))
 
 
@@ -37,7 +38,7 @@ def draw_orders(curves: tuple[Curve, ...], path: Path) -> None:
     check_picture(path)
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11.0, 5.5), layout="constrained")
+    figure = Figure(figsize=(11.0, 7.0), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)
     for axes, (refined, scale, label) in zip((left, right), _PANELS, strict=True):
         own = [curve for curve in curves if curve.refined == refined]
@@ -47,7 +48,7 @@ def draw_orders(curves: tuple[Curve, ...], path: Path) -> None:
         axes.grid(True, which="both", linewidth=0.3)
         if own:
             _draw_slopes(axes, own, scale)
-            axes.legend(fontsize=7)
+            axes.legend(fontsize=7, ncols=2, loc="upper center", bbox_to_anchor=(0.5, -0.12))
     left.set_ylabel("error of the top tension [%]")
     figure.suptitle(
         "Error under refinement; mean and rms of the standard deviation, peak of itself"
@@ -81,11 +82,12 @@ def _draw(axes: Any, curve: Curve, scale: float) -> None:
 
 
 def _draw_slopes(axes: Any, curves: list[Curve], scale: float) -> None:
-    """Lines of order 1 and 2 to compare with."""
+    """Ticks at the sizes, and lines of order 1 and 2 to compare with."""
     sizes = sorted({scale * size for curve in curves for size in curve.sizes})
     low, high = sizes[0], sizes[-1]
     for order in (1, 2):
-        top = 30.0
-        bottom = top * (low / high) ** order
-        axes.loglog([low, high], [bottom, top], color="0.6", linewidth=0.8)
-        axes.annotate(f"order {order}", (low, bottom), fontsize=7, color="0.4")
+        bottom = SLOPES_FROM_PCT * (low / high) ** order
+        axes.loglog([low, high], [bottom, SLOPES_FROM_PCT], color="0.5", linewidth=0.8)
+        axes.annotate(f"order {order}", (low, bottom), fontsize=8, color="0.3", va="bottom")
+    axes.set_xticks(sizes, [f"{size:g}" for size in sizes])
+    axes.set_xticks([], minor=True)
