@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import pytest
 
 from rope_twin import load_scene
-from rope_twin.scene.build import build_effects, damping_newton_seconds
+from rope_twin.scene.build import damping_newton_seconds
 from rope_twin.scene.figures import lift_figures, listed_effects
 from rope_twin.scene.shapes import payload_figures
 
@@ -69,19 +68,15 @@ def test_figures(name: str) -> None:
 
 @pytest.mark.parametrize("name", ROWS)
 def test_forces_on_the_rope(name: str) -> None:
-    """k_n = ½ρ·1.2·d, k_t = ½ρ·π·0.01·d and the added mass ρ·π/4·d², d the nominal diameter."""
+    """Cdn·d, Cdt·d and Ca·d² are 1.2·d, 0.01·d and d² of the nominal diameter.
+
+    The scene's own are on the diameter of the rope's volume.
+    """
     row, scene = ROWS[name], load_scene(name)
-    rope = scene.ropes[0].rope
-    effects = {
-        type(value).__name__: value
-        for value in build_effects(scene, rope, payload_figures(scene.payloads[0], RHO))
-    }
-    assert effects["Drag"].kn == pytest.approx(0.5 * RHO * 1.2 * row.diameter, rel=1e-6)
-    assert effects["Drag"].kt == pytest.approx(0.5 * RHO * math.pi * 0.01 * row.diameter, rel=1e-6)
-    coefficient = listed_effects(scene)["added_mass"].normal
-    volume = 0.25 * math.pi * rope.hydrodynamic_diameter_m**2
-    wanted = 0.25 * math.pi * row.diameter**2
-    assert coefficient * volume == pytest.approx(wanted, rel=1e-6)
-    current = listed_effects(scene).get("current")
+    diameter, listed = scene.ropes[0].rope.hydrodynamic_diameter_m, listed_effects(scene)
+    assert listed["drag"].normal * diameter == pytest.approx(1.2 * row.diameter, rel=1e-6)
+    assert listed["drag"].tangential * diameter == pytest.approx(0.01 * row.diameter, rel=1e-6)
+    assert listed["added_mass"].normal * diameter**2 == pytest.approx(row.diameter**2, rel=1e-6)
+    current = listed.get("current")
     rows = current.profile if current else ((0.0, (0.0, 0.0)), (-row.length, (0.0, 0.0)))
     assert rows == ((0.0, (row.current[0], 0.0)), (-row.length, (row.current[1], 0.0)))
