@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rope_twin.commands.run.summary import Progress, RunSummary
 
 # The commands in the order of the help: module name (with _) and name on the command line (with -).
-COMMANDS = ("run", "ensemble", "scene", "view", "recover", "sea_state", "state", "bench")
+COMMANDS = ("run", "ensemble", "scene", "view", "recover", "sea_state", "state", "modes", "bench")
 
 
 def main(argv: Sequence[str] | None = None) -> int:

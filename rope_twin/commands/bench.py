@@ -1,4 +1,4 @@
-"""`rope_twin bench speed | order | ensemble | report`: how fast the solver is, how right, and why.
+"""`rope_twin bench speed | order | ensemble | statics | report`: how fast, how right, and why.
 
 A speed is never told without its error. `report` writes docs/performance.md from both.
 """
@@ -13,14 +13,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TextIO
 
-from rope_twin.studies import ensemble_speed, orders, performance_page, speed
+from rope_twin.studies import ensemble_speed, orders, performance_page, speed, statics_speed
 from rope_twin.studies.order_picture import check_picture, draw_orders
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add `bench` with its four actions."""
+    """Add `bench` with its five actions."""
     parser = subparsers.add_parser("bench", help="how fast the solver is, and how right")
-    names = "speed | order | ensemble | report"
+    names = "speed | order | ensemble | statics | report"
     actions = parser.add_subparsers(dest="action", required=True, metavar=names)
     fast = actions.add_parser(
         "speed",
@@ -34,11 +34,12 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         "ensemble",
         help="a thousand ropes together, beside one alone; some run again alone for equality",
     )
-    for action in (fast, right, many):
+    rest = actions.add_parser("statics", help="time to come to rest, from good and bad guesses")
+    for action in (fast, right, many, rest):
         action.add_argument("--json", action="store_true", help="one JSON object instead of tables")
     page = actions.add_parser("report", help="both, as performance.md and its picture")
     page.add_argument("--into", type=Path, default=Path("docs"), metavar="DIR", help="where to")
-    for action in (fast, right, many, page):
+    for action in (fast, right, many, rest, page):
         action.add_argument("--quick", action="store_true", help="a few small cases, for a test")
     parser.set_defaults(run=run)
 
@@ -52,6 +53,8 @@ def run(args: argparse.Namespace) -> int:
         return _order(args, progress)
     if args.action == "ensemble":
         return _ensemble(args, progress)
+    if args.action == "statics":
+        return _statics(args)
     check_picture(args.into / performance_page.PICTURE)
     fast = speed.measure_speed(speed.QUICK if args.quick else speed.FULL, progress.show)
     curves = orders.measure_orders(orders.QUICK if args.quick else orders.FULL, progress.show)
@@ -101,6 +104,16 @@ def _ensemble(args: argparse.Namespace, progress: Progress) -> int:
     else:
         print_table(ensemble_speed.ensemble_table(rows))
     return 1 if any(row.unequal for row in rows) else 0
+
+
+def _statics(args: argparse.Namespace) -> int:
+    """Exit code 1 if a rope does not come to rest."""
+    rows = list(statics_speed.statics_rows(nodes=100 if args.quick else statics_speed.NODES))
+    if args.json:
+        print(json.dumps({"rows": rows}, allow_nan=False))
+    else:
+        print_table(statics_speed.statics_table(rows))
+    return 0 if all(row["found"] for row in rows) else 1
 
 
 def print_table(rows: Sequence[Sequence[str]]) -> None:

@@ -54,6 +54,17 @@ def statics_rows(scenes: Sequence[str] = SCENES, nodes: int = NODES) -> Iterator
             yield asdict(row)
 
 
+def statics_table(rows: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
+    """The rows as words, below a head."""
+    head = ("scene", "guess", "nodes", "ms", "rounds", "force left N", "tension kN")
+    table: list[tuple[str, ...]] = [head]
+    for row in rows:
+        left = f"{row['residual_n']:.1e}" + ("" if row["found"] else ", no rest")
+        cells = (f"{row['nodes']}", f"{row['ms']:.1f}", f"{row['rounds']}", left)
+        table.append((row["scene"], row["guess"], *cells, f"{1e-3 * row['tension_n']:.1f}"))
+    return table
+
+
 def _timed(scene: Scene, guess: str) -> tuple[float, Equilibrium]:
     """Milliseconds of one search and how it ended."""
     rope, line = build(scene).rope, scene.ropes[0]

@@ -1,0 +1,82 @@
+"""`rope_twin modes SCENE`: natural frequencies and modes of the scene's rope at rest."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from rope_twin.commands.bench import print_table
+from rope_twin.scene.load import load_scene
+from rope_twin.studies.mode_picture import check_picture, draw_modes
+from rope_twin.studies.modes import WAVE_PERIODS_S, Mode, Modes, find_modes
+
+COUNT = 10
+HEAD = ("mode", "Hz", "period s", "kind", "axial / in / out %", "most at m", "Strouhal Hz", "waves")
+
+
+def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
+    """Add `modes`."""
+    parser = subparsers.add_parser(
+        "modes",
+        help="natural frequencies and modes of a scene's rope",
+        description="About the static shape in the scene's current, undamped, with added mass and "
+        "both ends as in the scene: the lowest modes, then the first axial ones.",
+    )
+    parser.add_argument("scene", metavar="SCENE", help="a scene's name, or the path of a YAML file")
+    parser.add_argument("--count", type=int, default=COUNT, metavar="N", help="lowest modes")
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
+    parser.add_argument("--picture", type=Path, metavar="PNG", help="draw the modes, too")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Find them and show them; raises RopeTwinError."""
+    if args.picture is not None:
+        check_picture(args.picture)
+    scene = load_scene(args.scene)
+    found = find_modes(scene, args.count)
+    if args.picture is not None:
+        draw_modes(scene.name, found, args.picture)
+    if args.json:
+        print(json.dumps(_as_json(scene.name, found), ensure_ascii=False, allow_nan=False))
+    else:
+        _show(found)
+    return 0
+
+
+def _as_json(name: str, found: Modes) -> dict[str, Any]:
+    rows = []
+    for group, modes in (("lowest", found.lowest), ("axial", found.axial)):
+        for number, mode in enumerate(modes, 1):
+            row = {key: value for key, value in asdict(mode).items() if key != "shape"}
+            rows.append({"group": group, "number": number, **row})
+    return {"scene": name, "strouhal_max_hz": found.strouhal_max_hz, "rows": rows}
+
+
+def _show(found: Modes) -> None:
+    named = [(str(k), mode) for k, mode in enumerate(found.lowest, 1)]
+    named += [(f"axial {k}", mode) for k, mode in enumerate(found.axial, 1)]
+    print_table([HEAD, *(_row(name, mode) for name, mode in named)])
+    low, high = WAVE_PERIODS_S
+    print(f"\nwaves: the period over the nearest of {low:g} to {high:g} s; 1 lies among them")
+    print(
+        f"Strouhal: vortices in the current where the mode moves most, 0.2·U/d; "
+        f"at most {found.strouhal_max_hz:.3g} Hz along the rope"
+    )
+
+
+def _row(name: str, mode: Mode) -> tuple[str, ...]:
+    shares = (mode.axial_share, mode.in_plane_share, mode.out_of_plane_share)
+    return (
+        name,
+        f"{mode.frequency_hz:.4g}",
+        f"{mode.period_s:.4g}",
+        mode.kind,
+        " / ".join(f"{100.0 * share:.0f}" for share in shares),
+        f"{mode.largest_at_m:.0f}",
+        f"{mode.strouhal_hz:.3g}",
+        f"{mode.wave_ratio:.3g}",
+    )

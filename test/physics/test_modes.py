@@ -1,0 +1,156 @@
+"""Natural modes against closed forms: strings, bars, hanging ropes, sagging cables."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rigs import Rig
+from scipy.optimize import brentq  # type: ignore[import-untyped]
+from test_natural_frequencies import SWUNG, HangingRope
+
+from rope_twin.cli import main
+from rope_twin.errors import InputError, SceneError
+from rope_twin.scene.build import first_axial_frequency
+from rope_twin.studies.modes import find_modes
+
+# Taut in water, without weight: strings in both directions.
+STRING = Rig(
+    length=500.0, elements=100, mass=6.4, EA=65e6, diameter=0.04, gravity=0.0, density=1025.0,
+    added_mass=1.0, fixed_at=(301.5, 0.0, -402.0),
+)  # fmt: skip
+SAGGING = Rig(length=500.0, elements=100, mass=6.4, EA=65e6, diameter=0.04, gravity=9.81)
+
+
+def test_taut_string_in_water() -> None:
+    """P2: n/(2l)·√(T/m), m stretched and with added mass; first five within 0.5 %; in pairs."""
+    found = find_modes(STRING.scene(), 10)
+    chord = 502.5
+    tension = STRING.EA * (chord / STRING.length - 1.0)
+    area = 0.25 * math.pi * STRING.diameter**2
+    mass = (STRING.mass + STRING.density * area) * STRING.length / chord
+    exact = [n / (2.0 * chord) * math.sqrt(tension / mass) for n in range(1, 6)]
+    assert [m.frequency_hz for m in found.lowest[::2]] == pytest.approx(exact, rel=5e-3)
+    assert [m.frequency_hz for m in found.lowest[1::2]] == pytest.approx(exact, rel=5e-3)
+    for pair in range(5):
+        kinds = {mode.kind for mode in found.lowest[2 * pair : 2 * pair + 2]}
+        assert kinds == {"in-plane", "out-of-plane"}
+    assert found.lowest[0].largest_at_m == pytest.approx(250.0, abs=5.1)
+    assert found.lowest[0].in_plane_share + found.lowest[0].out_of_plane_share > 1.0 - 1e-9
+
+
+def test_bar_with_end_mass() -> None:
+    """P3: x·tan x = m·L/M' for the first axial mode, 0.1 % at 200 elements; and the next ones."""
+    rig = Rig(
+        length=3000.0, elements=200, mass=23.2, EA=235e6, density=1025.0, load=100e3, volume=10.0,
+        added=(1e3, 1e3, 50e3), current=((0.0, (0.3, 0.0)),),
+    )  # fmt: skip
+    scene = rig.scene()
+    modes = find_modes(scene, 1).axial
+    first = first_axial_frequency(scene.ropes[0], 150e3) / (2.0 * math.pi)
+    assert modes[0].frequency_hz == pytest.approx(first, rel=1e-3)
+    ratio, speed = rig.mass * rig.length / 150e3, math.sqrt(rig.EA / rig.mass)
+    for k in (1, 2):
+        x = brentq(lambda x: x * math.tan(x) - ratio, k * math.pi, (k + 0.5) * math.pi - 1e-9)
+        exact = x * speed / rig.length / (2.0 * math.pi)
+        assert modes[k].frequency_hz == pytest.approx(exact, rel=2e-3)
+    assert all(mode.axial_share > 0.9 and mode.kind == "axial" for mode in modes)
+
+
+def hanging_miss(elements: int) -> float:
+    """Largest relative error of the first five swings of a hanging rope, out of plane."""
+    scene = replace(SWUNG, elements=elements).scene()
+    exact = [w / (2.0 * math.pi) for w in HangingRope(SWUNG).frequencies(5)]
+    found = [m.frequency_hz for m in find_modes(scene, 10).lowest if m.kind == "out-of-plane"]
+    assert len(found) == 5
+    return float(np.abs(np.array(found) / exact - 1.0).max())
+
+
+def test_hanging_rope_with_a_submerged_mass() -> None:
+    """P7, Bessel functions: within 0.05 % at 200 elements, and of second order in their length."""
+    coarse, fine = hanging_miss(50), hanging_miss(200)
+    assert fine < 5e-4
+    assert math.log(coarse / fine, 4.0) == pytest.approx(2.0, abs=0.2)
+
+
+def irvine(sag: float) -> float:
+    """First symmetric in-plane x = ω·L·√(m/H) of a level cable: tan(x/2) = x/2 - 4/λ²·(x/2)³.
+
+    Irvine and Caughey 1974, eq. 22, λ² = sag.
+    """
+
+    def miss(x: float) -> float:
+        y = 0.5 * x
+        return math.sin(y) - math.cos(y) * (y - 4.0 / sag * y**3)
+
+    return float(brentq(miss, 0.5 * math.pi, 2.9 * math.pi))
+
+
+@pytest.mark.parametrize("span", [499.0, 499.9])
+def test_sagging_cable(span: float) -> None:
+    """Out of plane a string; in plane, antisymmetric 2·string, symmetric Irvine's: within 1 %."""
+    rig = replace(SAGGING, fixed_at=(span, 0.0, 0.0))
+    found = find_modes(rig.scene(), 8)
+    w, m = rig.mass * 9.81, rig.mass
+    place = found.place
+    sag = float(-place[:, 2].min())
+    H = w * span**2 / (8.0 * sag)
+    long = span * (1.0 + 8.0 * (sag / span) ** 2)
+    parameter = (w * span / H) ** 2 * span * rig.EA / (H * long)
+    unit = math.sqrt(H / m) / span / (2.0 * math.pi)
+    out = [mode.frequency_hz for mode in found.lowest if mode.kind == "out-of-plane"]
+    assert out[:2] == pytest.approx([math.pi * unit, 2.0 * math.pi * unit], rel=1e-2)
+    inside = [mode.frequency_hz for mode in found.lowest if mode.kind == "in-plane"]
+    expected = sorted([2.0 * math.pi * unit, irvine(parameter) * unit])
+    assert inside[:2] == pytest.approx(expected, rel=1e-2)
+
+
+def test_current_and_waves_stand_beside() -> None:
+    """Strouhal 0.2·U/d where a mode moves most; the ratio is 1 for periods of 4 to 20 s."""
+    rig = Rig(
+        length=1000.0, elements=50, density=1025.0, volume=2.0, diameter=0.04,
+        current=((0.0, (0.8, 0.0)),),
+    )  # fmt: skip
+    found = find_modes(rig.scene(), 6)
+    assert found.strouhal_max_hz == pytest.approx(0.2 * 0.8 / 0.04, rel=1e-3)
+    for mode in found.lowest:
+        assert mode.strouhal_hz == pytest.approx(4.0, rel=1e-3)
+        ratio = max(mode.period_s / 20.0, 1.0) * min(mode.period_s / 4.0, 1.0)
+        assert mode.wave_ratio == pytest.approx(ratio)
+
+
+def test_what_has_no_modes_is_told() -> None:
+    """A slack rope, and more modes than there can be."""
+    slack = replace(STRING, length=600.0)
+    with pytest.raises(SceneError, match=r"slack at rest, so it has no natural frequency"):
+        find_modes(slack.scene(), 3)
+    with pytest.raises(InputError, match=r"--count: 5000 of a rope with 99 free nodes; give 1 to"):
+        find_modes(STRING.scene(), 5000)
+
+
+def test_the_command_shows_them(capsys: pytest.CaptureFixture[str]) -> None:
+    """A table to read, and an object to go on with: deep_lift's first axial period among waves."""
+    assert main(["modes", "deep_lift", "--count", "4"]) == 0
+    table = capsys.readouterr().out
+    assert main(["modes", "deep_lift", "--count", "4", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [row["group"] for row in rows] == ["lowest"] * 4 + ["axial"] * 3
+    for row in rows:
+        shares = [row[f"{kind}_share"] for kind in ("axial", "in_plane", "out_of_plane")]
+        assert sum(shares) == pytest.approx(1.0, abs=1e-6)
+        assert f"{row['period_s']:.4g}" in table
+    assert rows[4]["kind"] == "axial"
+    assert rows[4]["wave_ratio"] == pytest.approx(1.0) or rows[4]["period_s"] < 4.0
+
+
+@pytest.mark.skipif(importlib.util.find_spec("matplotlib") is None, reason="needs matplotlib")
+def test_the_picture_is_drawn(tmp_path: Path) -> None:
+    """A PNG of some size."""
+    picture = tmp_path / "modes.png"
+    assert main(["modes", "deep_lift", "--count", "2", "--picture", str(picture)]) == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
