@@ -80,7 +80,7 @@ def stretch_top(rope: Any, stage: Any) -> None:
 def stretch_all(rope: Any, stage: Any) -> None:
     """All elements."""
     top = rope.state.counts[ELEMENTS] - 1
-    stretch(rope.work, rope.state.offset, stage.p, stage.q, 0.0, 0, top)
+    stretch(rope.work, rope.state.offset, stage.p, stage.q, 0.0, top - top, top)
     stretch_top(rope, stage)
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import operator
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from llvmlite import ir
 from numba.core import config, types
@@ -30,6 +31,7 @@ _SCOPES = [
     *(f"nodes {k}" for k in range(NODE_ROWS)),
     "offset",
 ]
+_KNOWN: WeakKeyDictionary[Any, dict[str, tuple[Any, Any]]] = WeakKeyDictionary()
 
 
 class RowType(types.Type):
@@ -48,11 +50,15 @@ class _RowModel(models.PrimitiveModel):  # type: ignore[misc]
 
 def tell_apart(module: Any, access: Any, kind: RowType) -> None:
     """Mark a load or store as one of this row and of no other."""
-    domain = module.add_metadata(["rope_twin rows"])
-    scopes = {name: module.add_metadata([name, domain]) for name in _SCOPES}
-    own = scopes.pop(kind.scope)
-    access.set_metadata("alias.scope", module.add_metadata([own]))
-    access.set_metadata("noalias", module.add_metadata(list(scopes.values())))
+    known = _KNOWN.setdefault(module, {})
+    if kind.scope not in known:
+        domain = module.add_metadata(["rope_twin rows"])
+        own = module.add_metadata([kind.scope, domain])
+        others = [module.add_metadata([name, domain]) for name in _SCOPES if name != kind.scope]
+        known[kind.scope] = module.add_metadata([own]), module.add_metadata(others)
+    mine, not_mine = known[kind.scope]
+    access.set_metadata("alias.scope", mine)
+    access.set_metadata("noalias", not_mine)
 
 
 @infer_global(operator.getitem)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Any, NamedTuple
 
+from rope_twin.core.rows import rows, span
 from rope_twin.core.state import ACCELERATION, BLOCK, FLOW, RESIDUAL, VELOCITY
 from rope_twin.core.terms import kernel
 
@@ -47,17 +48,21 @@ def load_end(load: Any, work: Any, stage: Any) -> None:
     With different k per axis the exact derivative is not symmetric; its off-diagonal parts are
     replaced by their means.
     """
-    u0 = work[VELOCITY, 0] - work[FLOW, 0]
-    u1 = work[VELOCITY + 1, 0] - work[FLOW + 1, 0]
-    u2 = work[VELOCITY + 2, 0] - work[FLOW + 2, 0]
-    speed = sqrt(u0 * u0 + u1 * u1 + u2 * u2 + 1e-20)
-    work[RESIDUAL, 0] -= load.Mx * work[ACCELERATION, 0] + load.kx * speed * u0
-    work[RESIDUAL + 1, 0] -= load.My * work[ACCELERATION + 1, 0] + load.ky * speed * u1
-    work[RESIDUAL + 2, 0] -= load.Mz * work[ACCELERATION + 2, 0] + load.kz * speed * u2 + load.W
-    q = stage.q
-    work[BLOCK, 0] += load.Mx + q * load.kx * (speed + u0 * u0 / speed)
-    work[BLOCK + 1, 0] += q * 0.5 * (load.kx + load.ky) * u0 * u1 / speed
-    work[BLOCK + 2, 0] += q * 0.5 * (load.kx + load.kz) * u0 * u2 / speed
-    work[BLOCK + 3, 0] += load.My + q * load.ky * (speed + u1 * u1 / speed)
-    work[BLOCK + 4, 0] += q * 0.5 * (load.ky + load.kz) * u1 * u2 / speed
-    work[BLOCK + 5, 0] += load.Mz + q * load.kz * (speed + u2 * u2 / speed)
+    vx, vy, vz = rows(work, VELOCITY, 0)
+    ux, uy, uz = rows(work, FLOW, 0)
+    ax, ay, az = rows(work, ACCELERATION, 0)
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
+    x, y, z = vx[0] - ux[0], vy[0] - uy[0], vz[0] - uz[0]
+    speed = sqrt(x * x + y * y + z * z + 1e-20)
+    kx, ky, kz = load.kx * speed, load.ky * speed, load.kz * speed
+    Rx[0] -= load.Mx * ax[0] + kx * x
+    Ry[0] -= load.My * ay[0] + ky * y
+    Rz[0] -= load.Mz * az[0] + kz * z + load.W
+    q, g = stage.q, stage.q / speed
+    Axx[0] += load.Mx + q * kx + g * load.kx * x * x
+    Ayy[0] += load.My + q * ky + g * load.ky * y * y
+    Azz[0] += load.Mz + q * kz + g * load.kz * z * z
+    Axy[0] += 0.5 * g * (load.kx + load.ky) * x * y
+    Axz[0] += 0.5 * g * (load.kx + load.kz) * x * z
+    Ayz[0] += 0.5 * g * (load.ky + load.kz) * y * z

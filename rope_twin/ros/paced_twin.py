@@ -26,7 +26,7 @@ from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 
 START_LEAD_S = 0.5  # from the epoch's publication to t = 0, for others to get ready ...
-AWAITED_LEAD_S = 1.5  # ... and where others are awaited: they have yet to find each other
+AWAITED_LEAD_S = 1.5  # ... and, from this one's making, where others have yet to find each other
 RUN_ROW = "simulation: run"  # its values are those of a RunSummary
 CLOCK_STEP_S = 0.05  # the system clock may differ from the steady one by this
 
@@ -54,6 +54,7 @@ class PacedTwin:
         """
         self.scene = scene
         self._params = params
+        self._made_ns = time.monotonic_ns()
         self.twin, self.begun = _begin(scene, params)
         self.twin.failure_folder = Path(params.failure_directory).resolve()
         self._keeper: Keeper | None = None
@@ -81,7 +82,9 @@ class PacedTwin:
     def begin(self, ros_now_ns: int) -> int:
         """Start (or go on after `halt`) and return the epoch: ROS time of the twin's t = 0 [ns]."""
         steady_now_ns = time.monotonic_ns()
-        lead_ns = round((AWAITED_LEAD_S if self._params.wait_for else START_LEAD_S) * 1e9)
+        lead_ns = round(START_LEAD_S * 1e9)
+        if self._params.wait_for:  # compiling may have been time enough
+            lead_ns = max(lead_ns, round(AWAITED_LEAD_S * 1e9) + self._made_ns - steady_now_ns)
         speed = self._params.speed
         at_ns = self.twin.time_ns
         epoch_ns = ros_now_ns + lead_ns - round(at_ns / speed)
