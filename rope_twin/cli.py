@@ -17,7 +17,10 @@ if TYPE_CHECKING:
     from rope_twin.commands.run.summary import Progress, RunSummary
 
 # The commands in the order of the help: module name (with _) and name on the command line (with -).
-COMMANDS = ("run", "ensemble", "scene", "view", "recover", "sea_state", "state", "modes", "bench")
+COMMANDS = (
+    "run", "ensemble", "scene", "view", "recover", "sea_state", "state", "modes", "bench",
+    "stability",
+)  # fmt: skip
 
 
 def main(argv: Sequence[str] | None = None) -> int:

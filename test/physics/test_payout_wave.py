@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from moving_boundary import HangingBar, Motion, ramped_speed
-from moving_boundary import top_tension as exact_tension
 from payout_rigs import HMPE, STEEL, WINCH
 from rigs import Rig, Vector, march, sine
+
+from rope_twin.studies.stability_waves import HangingBar, Motion, ramped_speed
+from rope_twin.studies.stability_waves import top_tension as exact_tension
 
 COMMANDS = [(2.0, 1.0), (20.0, -1.0)]  # at, speed: pays out, then hauls
 SECONDS = 40.0

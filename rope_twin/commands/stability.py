@@ -1,0 +1,110 @@
+"""`rope_twin stability [ID...]`: the hard cases, each with a figure held against a reference.
+
+Exit code 0 if all hold, 1 if one does not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from rope_twin.studies.stability import CASES, Row, choose_cases, run_case
+from rope_twin.studies.stability_check import Case, Check
+
+MARKDOWN_HEAD = "| id | hard | held against | nearest to its limit | figure | limit | holds |"
+
+
+def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
+    """Add `stability`."""
+    ids = ", ".join(case.id for case in CASES)
+    parser = subparsers.add_parser(
+        "stability", help="run the hard cases against their references", epilog=f"cases: {ids}"
+    )
+    parser.add_argument("ids", metavar="ID", nargs="*", help="cases to run (default: all)")
+    form = parser.add_mutually_exclusive_group()
+    form.add_argument("--json", action="store_true", help="one JSON list of rows at the end")
+    form.add_argument("--markdown", action="store_true", help="a table as in docs/stability.md")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the cases and print a row as each ends; 1 if one does not hold."""
+    cases = choose_cases(args.ids)
+    if args.json:
+        rows = _run_all(cases, lambda row: None)
+        print(json.dumps([_as_json(row) for row in rows], indent=1, ensure_ascii=False))
+    elif args.markdown:
+        print(f"{MARKDOWN_HEAD}\n|{' --- |' * 7}", flush=True)
+        rows = _run_all(cases, lambda row: print(_as_markdown(row), flush=True))
+    else:
+        print(f"{'case':<{_width()}}  holds  {'figure':>12}  {'limit':>12}  what", flush=True)
+        rows = _run_all(cases, _print_row)
+        held = sum(row.ok for row in rows)
+        print(f"{held} of {len(rows)} hold, {sum(row.seconds for row in rows):.0f} s")
+    return 0 if all(row.ok for row in rows) else 1
+
+
+def _run_all(cases: Sequence[Case], show: Callable[[Row], None]) -> list[Row]:
+    """Every row; which case is running is told on a terminal."""
+    rows = []
+    for number, case in enumerate(cases, 1):
+        if sys.stderr.isatty():
+            words = f"{number} of {len(cases)}: {case.id}, about {case.seconds:.0f} s"
+            print(f"\r\033[K{words}", end="", file=sys.stderr, flush=True)
+        rows.append(run_case(case))
+        if sys.stderr.isatty():
+            print("\r\033[K", end="", file=sys.stderr, flush=True)
+        show(rows[-1])
+    return rows
+
+
+def _width() -> int:
+    return max(len(case.id) for case in CASES)
+
+
+def _print_row(row: Row) -> None:
+    worst = row.worst
+    print(
+        f"{row.case.id:<{_width()}}  {'yes' if row.ok else 'NO':<5}  {_figure(worst):>12}  "
+        f"{_limit(worst):>12}  {worst.what}",
+        flush=True,
+    )
+    for check in row.checks:
+        if not check.ok and check is not worst:
+            print(
+                f"{'':<{_width()}}         {_figure(check):>12}  {_limit(check):>12}  {check.what}"
+            )
+
+
+def _figure(check: Check) -> str:
+    return "-" if math.isnan(check.figure) else f"{check.figure:.3g} {check.unit}".strip()
+
+
+def _limit(check: Check) -> str:
+    return f"{check.limit:.3g} {check.unit}".strip()
+
+
+def _as_markdown(row: Row) -> str:
+    case, worst = row.case, row.worst
+    cells = (f"`{case.id}`", case.about, case.reference, worst.what, _figure(worst), _limit(worst))
+    return f"| {' | '.join(cells)} | {'yes' if row.ok else 'NO'} |"
+
+
+def _as_json(row: Row) -> dict[str, Any]:
+    checks = [_check_as_json(check) for check in row.checks]
+    return {
+        "id": row.case.id, **_check_as_json(row.worst), "ok": row.ok, "about": row.case.about,
+        "reference": row.case.reference, "seconds": round(row.seconds, 2), "checks": checks,
+    }  # fmt: skip
+
+
+def _check_as_json(check: Check) -> dict[str, Any]:
+    figure = float(check.figure) if math.isfinite(check.figure) else None
+    return {
+        "ok": check.ok, "figure": figure, "limit": float(check.limit), "unit": check.unit,
+        "what": check.what,
+    }  # fmt: skip
