@@ -14,7 +14,7 @@ import numpy as np
 
 from rope_twin.studies.stability_rigs import Motion, Rig, Vector
 
-SHARE = 0.5  # of the largest stable step
+SHARE = 0.25  # of the largest stable step
 
 
 def explicit_top_tension(rig: Rig, heave: Motion, seconds: float) -> Vector:

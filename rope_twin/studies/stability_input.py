@@ -29,7 +29,9 @@ from rope_twin.twin.snapshot import Snapshot
 MARCH_S = 1e-3
 SAMPLE_NS = 50_000_000  # heave at 20 Hz
 AHEAD_NS = 150_000_000
-GENTLE = 2.5  # m/s², what leads over 1 m within 2 s beside the heave's own 0.9 m/s²
+# A cubic over 2 s leads over 1 m with 1.5 m/s²; the heave itself has 0.9, and the speed assumed in
+# the gap differs from the one measured after it.
+GENTLE = 3.0  # m/s²
 
 
 def step_of_100_ms() -> list[Check]:
@@ -146,6 +148,6 @@ CASES = (
     Case("current_step", "a current that steps from 0 to 2 m/s and back",
          "critical angle w·sin a = ½ρ·d·Cdn·U²·cos² a; skin drag; W + w·L", current_step, 12.0),
     Case("heave_jump", "heave that jumps 1 m after a gap of 2 s",
-         "exact travelling waves for the motion made; 2.5 m/s²; back on the track in 2.5 s",
+         "exact travelling waves for the motion made; 3 m/s²; back on the track in 2.5 s",
          heave_jump, 1.0, True),
 )  # fmt: skip

@@ -175,5 +175,5 @@ CASES = (
     Case("emergency_stop", "20 t at 2 m/s stopped in 0.2 s, lowering and hauling",
          "exact travelling waves with a moving boundary", emergency_stop, 3.0, True),
     Case("mixed_elements", "elements of 0.2 m beside 50 m, smooth and in snap",
-         "exact travelling waves; explicit peak 172.36 kN", mixed_elements, 1.0, True),
+         "exact travelling waves; explicit peak 172.36 kN", mixed_elements, 1.0, False),
 )  # fmt: skip

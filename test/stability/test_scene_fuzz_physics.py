@@ -1,0 +1,157 @@
+"""Scenes at large: whatever a scene's numbers are, the rope stays a rope.
+
+Every scene is drawn from ranges as wide as users may write them. Held: every number is
+finite, no element pushes, rope is neither made nor lost, nothing is farther away than the rope
+reaches, and with the ship at rest energy never appears from nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import strategies as st
+from small_scene import not_finite
+
+from rope_twin import Snapshot, Twin
+from rope_twin.errors import SceneError
+from rope_twin.scene.schema import Winch
+from rope_twin.studies.stability_rigs import WATER, Arrays, Rig, march, sine
+
+UNHURRIED = {
+    "deadline": None,
+    "suppress_health_check": [HealthCheck.too_slow, HealthCheck.filter_too_much],
+}
+
+
+def spread(low: float, high: float) -> st.SearchStrategy[float]:
+    """Numbers between, evenly over the orders of magnitude."""
+    return st.floats(math.log(low), math.log(high)).map(math.exp)
+
+
+@st.composite
+def rigs(draw: st.DrawFn) -> Rig:
+    """A rope and a payload that need not go together.
+
+    Elements of 0.5 to 50 m, axial waves of 1 to 10 km/s (steel 5, HMPE 8), payloads up to 500 t.
+    """
+    mass = draw(spread(0.05, 50.0))
+    diameter = math.sqrt(4.0 * mass * draw(st.floats(0.1, 1.1)) / (math.pi * WATER))
+    load = draw(st.sampled_from([0.0, 1.0])) * draw(spread(1.0, 5e5))
+    EA = mass * draw(spread(1e3, 1e4)) ** 2
+    volume = load * draw(st.floats(0.0, 0.9)) / WATER
+    elements = draw(st.integers(3, 120))
+    return Rig(
+        length=elements * draw(spread(0.5, 50.0)),
+        elements=elements,
+        mass=mass,
+        EA=EA,
+        diameter=diameter,
+        damping=EA * draw(spread(1e-3, 0.1)),
+        load=load,
+        volume=volume,
+        added=WATER * volume * draw(st.floats(0.0, 3.0)),
+        area=draw(st.floats(0.0, 5.0)) * volume ** (2.0 / 3.0),
+        density=WATER,
+        drag=(draw(st.floats(0.0, 2.0)), draw(st.floats(0.0, 0.05))),
+        added_mass=draw(st.floats(0.0, 3.0)),
+        step=draw(st.sampled_from([5e-3, 0.01, 0.02])),
+    )
+
+
+@dataclass(frozen=True)
+class Sea:
+    """What happens to the rig."""
+
+    amplitude: float
+    period: float
+    payout: float
+    current: tuple[float, float]
+
+
+seas = st.builds(
+    Sea,
+    st.floats(0.0, 6.0),
+    st.floats(4.0, 20.0),
+    st.floats(-2.0, 2.0),
+    st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0)),
+)
+
+
+def started(rig: Rig, sea: Sea) -> Twin:
+    """The twin, if the scene has an equilibrium that does not float."""
+    winch = Winch(
+        speed_limit_m_per_s=2.0,
+        acceleration_limit_m_per_s2=1.0,
+        least_line_out_m=min(2.0, rig.length),
+        most_line_out_m=rig.length + 100.0,
+    )
+    profile = ((0.0, sea.current), (-rig.length, (0.0, 0.0)))
+    try:
+        return replace(rig, winch=winch, current=profile).twin()
+    except SceneError:
+        assume(False)
+        raise
+
+
+def reach(shot: Snapshot, rig: Rig) -> float:
+    """Largest distance of a node from the hang-off over the stretched rope between them."""
+    rest = np.diff(shot.arc_length_m)
+    stretched = np.concatenate([[0.0], np.cumsum(rest * (1.0 + shot.element_tension_n / rig.EA))])
+    away = np.linalg.norm(shot.node_position_m - shot.hang_off_position_m, axis=1)
+    # the damper may hold an element short of what its tension alone would stretch it to
+    return float((away - 1.01 * stretched).max() / rig.length)
+
+
+@settings(max_examples=15, **UNHURRIED)
+@given(rig=rigs(), sea=seas)
+def test_a_rope_stays_a_rope(rig: Rig, sea: Sea) -> None:
+    """20 s of heave, payout and current; a look each half second."""
+    assume(rig.top_weight > 0.0 and rig.load_weight >= 0.0)
+    twin = started(rig, sea)
+    speeds = [(1.0, sea.payout), (12.0, -sea.payout)]
+    heave = sine(sea.amplitude, sea.period)
+    every = round(0.5 / rig.step)
+    for shot in march(twin, heave, 20.0, every, speeds):
+        assert not not_finite(shot)
+        assert shot.element_tension_n.min() >= 0.0
+        assert shot.tension_top_min_n >= 0.0
+        rest = np.diff(shot.arc_length_m)
+        assert rest.min() > 0.0
+        assert abs(rest.sum() / shot.line_out_m - 1.0) < 1e-12
+        assert reach(shot, rig) < 0.01
+
+
+@settings(max_examples=60, **UNHURRIED)
+@given(rig=rigs(), seed=st.integers(0, 2**32 - 1), size=st.floats(0.05, 1.0))
+def test_energy_never_appears_from_nothing(rig: Rig, seed: int, size: float) -> None:
+    """Thrown into any shape at any speed, ship and water at rest: at no look has energy risen."""
+    rig = replace(rig, added_mass=0.0)  # its energy is no function of the state alone
+    arrays = Arrays(rig)
+    random = np.random.default_rng(seed)
+    links = random.normal(size=(3, rig.elements))
+    links *= size * rig.length / rig.elements / np.linalg.norm(links, axis=0)
+    arrays.position[:] = 0.0
+    arrays.position[:, :-1] = np.cumsum(links[:, ::-1], axis=1)[:, ::-1]
+    arrays.find_acceleration()  # of rest: that of a stiff damper would be no state of a run
+    arrays.velocity[:, :-1] = random.normal(scale=2.0, size=(3, rig.elements))
+    start = arrays.energy()
+    scale = motion_energy(arrays) + (rig.load_weight + abs(rig.weight) * rig.length) * rig.length
+    highest = start
+    for _ in range(40):
+        pull = arrays.hold(5)
+        assert np.isfinite(pull).all()
+        assert pull.min() >= 0.0
+        highest = max(highest, arrays.energy())
+    assert highest - start <= 1e-9 * scale
+    assert arrays.unconverged == 0
+
+
+def motion_energy(arrays: Arrays) -> float:
+    """½·m·v² of the rope and its payload [J]."""
+    rest = arrays.rig.length / arrays.rig.elements
+    mass = np.full(arrays.n + 1, arrays.rig.mass * rest)
+    mass[0] += arrays.rig.load + arrays.rig.added
+    return 0.5 * float((mass * (arrays.velocity**2).sum(axis=0)).sum())
