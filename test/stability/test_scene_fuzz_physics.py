@@ -20,6 +20,7 @@ from rope_twin.errors import SceneError
 from rope_twin.scene.schema import Winch
 from rope_twin.studies.stability_rigs import WATER, Arrays, Rig, march, sine
 
+WATER_DRAG = st.tuples(st.floats(0.5, 2.0), st.floats(0.005, 0.05))  # normal, tangential
 UNHURRIED = {
     "deadline": None,
     "suppress_health_check": [HealthCheck.too_slow, HealthCheck.filter_too_much],
@@ -125,10 +126,16 @@ def test_a_rope_stays_a_rope(rig: Rig, sea: Sea) -> None:
 
 
 @settings(max_examples=60, **UNHURRIED)
-@given(rig=rigs(), seed=st.integers(0, 2**32 - 1), size=st.floats(0.05, 1.0))
-def test_energy_never_appears_from_nothing(rig: Rig, seed: int, size: float) -> None:
-    """Thrown into any shape at any speed, ship and water at rest: at no look has energy risen."""
-    rig = replace(rig, added_mass=0.0)  # its energy is no function of the state alone
+@given(rig=rigs(), drag=WATER_DRAG, seed=st.integers(0, 2**32 - 1), size=st.floats(0.05, 1.0))
+def test_energy_never_appears_from_nothing(
+    rig: Rig, drag: tuple[float, float], seed: int, size: float
+) -> None:
+    """Thrown into any shape at any speed, ship and water at rest: at no look has energy risen.
+
+    With the drag of water; docs/stability.md says what a rope without any can gain.
+    """
+    # the energy of added mass is no function of the state; nor may the tolerance do work
+    rig = replace(rig, drag=drag, added_mass=0.0, tolerance=1e-3)
     arrays = Arrays(rig)
     random = np.random.default_rng(seed)
     links = random.normal(size=(3, rig.elements))
