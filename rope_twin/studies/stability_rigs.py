@@ -102,12 +102,9 @@ class Rig:
 
     def _line(self) -> RopeLine:
         rope = Rope(
-            diameter_m=self.diameter,
-            mass_kg_per_m=self.mass,
-            hydrodynamic_diameter_m=self.diameter,
-            axial_stiffness_n=self.EA,
-            breaking_load_n=1e6,
-        )
+            diameter_m=self.diameter, hydrodynamic_diameter_m=self.diameter,
+            mass_kg_per_m=self.mass, axial_stiffness_n=self.EA, breaking_load_n=1e6,
+        )  # fmt: skip
         return RopeLine(
             name="rope",
             rope=rope,
@@ -120,12 +117,9 @@ class Rig:
 
     def _payload(self) -> Payload:
         return Payload(
-            name="load",
-            mass_kg=self.load,
-            displaced_volume_m3=self.volume,
-            added_mass_kg=(self.added,) * 3,
-            drag_area_m2=(self.area,) * 3,
-        )
+            name="load", mass_kg=self.load, displaced_volume_m3=self.volume,
+            added_mass_kg=(self.added,) * 3, drag_area_m2=(self.area,) * 3,
+        )  # fmt: skip
 
     def twin(self) -> Twin:
         """The running twin, at rest."""
