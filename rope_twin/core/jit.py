@@ -143,3 +143,15 @@ def jit_entry(function: Any) -> Any:
 def jit_within(function: Any) -> Any:
     """Compile a small function of numbers that LLVM puts into its callers' loops."""
     return numba.njit(forceinline=True, **LINKED)(function)
+
+
+def compiled(entry: Any, arguments: tuple[Any, ...]) -> Any:
+    """The machine code of an entry for arguments of these types, called without numba's dispatch.
+
+    The caller sees to it that the arguments are of these types. Plain Python: the entry itself.
+    """
+    if config.DISABLE_JIT:
+        return entry
+    signature = tuple(numba.typeof(argument) for argument in arguments)
+    entry.compile(signature)
+    return entry.overloads[signature].entry_point

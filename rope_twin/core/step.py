@@ -11,7 +11,7 @@ from math import exp, isfinite, sqrt
 from typing import Any
 
 from rope_twin.core.elastic import stretch_all
-from rope_twin.core.jit import jit, jit_entry
+from rope_twin.core.jit import compiled, jit, jit_entry
 from rope_twin.core.motion import place_hang_off, prescribed
 from rope_twin.core.payout import change_elements, split_length
 from rope_twin.core.prediction import GAMMA
@@ -38,6 +38,9 @@ from rope_twin.core.state import (
     SUBSTEPS_MAX,
     SUBSTEPS_UNCONVERGED,
     TENSION,
+    Boundary,
+    Floats,
+    Rope,
     Stage,
 )
 from rope_twin.core.trial import HIGH, load_trials
@@ -176,13 +179,8 @@ def _recall_tension(rope: Any, boundary: Any, row: int, time: float) -> None:
 
 
 @jit_entry
-def advance(rope: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
-    """Advance by `steps` steps from `time`; returns how many were done.
-
-    boundary: the prescribed motion at the steps' borders; pull: (steps, PULL_COLUMNS), the rope's
-    pull on the hang-off after each step [N], a result. Fewer than `steps`: the next state would not
-    be finite; the state is as it was before that step.
-    """
+def advance_steps(rope: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
+    """What `advance` compiles."""
     state, work = rope.state, rope.work
     n = state.counts[ELEMENTS]
     copy(state.nodes, POSITION, work, POSITION, NODE_ROWS, n + 1)
@@ -194,3 +192,28 @@ def advance(rope: Any, boundary: Any, pull: Any, time: float, steps: int) -> int
             return row
         _finish(rope, boundary, pull, row, now + rope.model.step)
     return steps
+
+
+_COMPILED: dict[tuple[type, ...], Any] = {}
+
+
+def advance(rope: Rope, boundary: Boundary, pull: Floats, time: float, steps: int) -> int:
+    """Advance by `steps` steps from `time`; returns how many were done.
+
+    boundary: the prescribed motion at the steps' borders; pull: (steps, PULL_COLUMNS), the rope's
+    pull on the hang-off after each step [N], a result. Fewer than `steps`: the next state would not
+    be finite; the state is as it was before that step.
+
+    The compiled code is looked up by the types of the rope's parts: numba's own dispatch, which
+    looks into every array, takes as long as the step of a hundred elements.
+
+    Raises:
+        ValueError: a table is not contiguous in memory.
+    """
+    kinds = (*map(type, rope), *map(type, rope.effects))
+    found = _COMPILED.get(kinds)
+    if found is None:
+        found = _COMPILED[kinds] = compiled(advance_steps, (rope, boundary, pull, time, steps))
+    if not all(table.flags.c_contiguous for table in (*boundary, pull)):
+        raise ValueError("advance: boundary and pull must be contiguous; give copies")
+    return int(found(rope, boundary, pull, time, steps))

@@ -222,9 +222,9 @@ class Twin:
 
     def _forget_borders(self, done: int) -> None:
         """Make the border after `done` steps the first row; what lies after it is still to come."""
-        for table in self._boundary:
-            table[: self._prescribed - done + 1] = table[done : self._prescribed + 1]
         self._prescribed -= done
+        for table in self._boundary:
+            table[: self._prescribed + 1] = table[done : done + self._prescribed + 1]
 
     def _prescribe(self, steps: int) -> None:
         """Hang-off motion and line out at the borders of the next steps, from the inputs.

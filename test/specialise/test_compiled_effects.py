@@ -15,7 +15,7 @@ import pytest
 from rope_twin import load_scene
 from rope_twin.core.jit import OPTIONS
 from rope_twin.core.state import MOTIONS, PULL_COLUMNS, Boundary
-from rope_twin.core.step import advance
+from rope_twin.core.step import advance_steps
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.weight import WeightParams
@@ -42,7 +42,7 @@ def assembly(scene: Scene) -> str:
     """Assembly of the step for the scene's types."""
     border = np.zeros((2, MOTIONS))
     arguments = (build(scene).rope, Boundary(border, border), np.zeros((1, PULL_COLUMNS)), 0.0, 1)
-    compiled = numba.njit(**OPTIONS)(advance.py_func)
+    compiled = numba.njit(**OPTIONS)(advance_steps.py_func)
     compiled.compile(tuple(numba.typeof(argument) for argument in arguments))
     (signature,) = compiled.signatures
     return str(compiled.inspect_asm(signature))
