@@ -28,6 +28,9 @@ from rope_twin.core.prediction import predict_bdf2, predict_trapezoid
 from rope_twin.core.state import ELEMENTS, SOLVES, SOLVES_MAX
 
 CAP = 12  # corrections before the step is halved instead
+# A row of slack elements is pulled taut one by one, a correction each: where the step is as short
+# as it gets, Newton may walk that far (the energy is convex, so it arrives).
+LAST_CAP = 200
 SEARCH_FROM = 4  # the first correction that is searched along
 SEARCH_EVALUATIONS = 8
 NOT_FINITE, UNCONVERGED, CONVERGED = -1, 0, 1  # the worse, the smaller
@@ -37,18 +40,19 @@ CHUNK = 64  # nodes that all passes take at a time: their rows fit into the near
 
 
 @jit
-def solve_stage(rope: Any, stage: Any, kind: int, tolerance: float) -> int:
+def solve_stage(rope: Any, stage: Any, kind: int, cap: int) -> int:
     """Find the acceleration; motion and tension then belong to the stage's time.
 
-    kind: TRAPEZOID or BDF2. Returns CONVERGED, UNCONVERGED, or NOT_FINITE if a force is not.
+    kind: TRAPEZOID or BDF2; cap: most corrections. Returns CONVERGED, UNCONVERGED, or NOT_FINITE
+    if a force is not.
     """
     state, work = rope.state, rope.work
     n, first = state.counts[ELEMENTS], rope.model.first_free
     _evaluate(rope, stage, kind, 0.0)
-    for correction in range(1, CAP + 1):
+    for correction in range(1, cap + 1):
         eliminate(work, first, n)
         state.health[SOLVES] += 1
-        before, unexpected = _correct(rope, stage, tolerance)
+        before, unexpected = _correct(rope, stage, rope.model.tolerance)
         state.health[SOLVES_MAX] = max(state.health[SOLVES_MAX], correction)
         if not isfinite(before):
             return NOT_FINITE

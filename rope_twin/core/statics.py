@@ -108,9 +108,12 @@ def _settle_forces(still: StillRope) -> Equilibrium:
         following, share = _search(still, law, hold, shape, change)
         better = following.size < shape.size
         quick = following.size < FAST * shape.size
+        moved = largest(following.place - shape.place)
         if better:
-            move = largest(following.place - shape.place) * following.size / shape.size
+            move = moved * following.size / shape.size
             shape = following
+        elif not np.isfinite(move):  # the first shape was right but for round-off
+            move = moved
         tension = float(shape.forces.tension.max())
         found = shape.residual <= max(TOLERANCE_N, round_off, ENOUGH * tension)
         if found and not (quick and shape.size > DEEP * tension):

@@ -17,7 +17,16 @@ from rope_twin.core.payout import change_elements, split_length
 from rope_twin.core.prediction import GAMMA
 from rope_twin.core.rows import copy
 from rope_twin.core.sections import set_lengths, set_top_length
-from rope_twin.core.stage import BDF2, CONVERGED, NOT_FINITE, TRAPEZOID, UNCONVERGED, solve_stage
+from rope_twin.core.stage import (
+    BDF2,
+    CAP,
+    CONVERGED,
+    LAST_CAP,
+    NOT_FINITE,
+    TRAPEZOID,
+    UNCONVERGED,
+    solve_stage,
+)
 from rope_twin.core.state import (
     DIRECTION,
     ELEMENTS,
@@ -59,17 +68,21 @@ def _stage_at(rope: Any, boundary: Any, row: int, part: float, time: float, c: f
 
 
 @jit
-def _substep(rope: Any, boundary: Any, row: int, time: float, start: float, share: float) -> int:
-    """Both stages over `share` of the step from `start`; the result is in work.
+def _substep(rope: Any, boundary: Any, row: int, time: float, level: int, done: int) -> int:
+    """Both stages over 1/2^level of the step, from done/2^HALVINGS; the result is in work.
 
     Returns the worse of what the stages returned.
     """
+    start, share = done / (1 << HALVINGS), 1.0 / (1 << level)
+    cap = CAP if level < HALVINGS else LAST_CAP
     c = 0.5 * GAMMA * share * rope.model.step
     outcome = CONVERGED
     for kind in (TRAPEZOID, BDF2):
         part = GAMMA if kind == TRAPEZOID else 1.0
         stage = _stage_at(rope, boundary, row, start + part * share, time, c)
-        outcome = min(outcome, solve_stage(rope, stage, kind, rope.model.tolerance))
+        outcome = min(outcome, solve_stage(rope, stage, kind, cap))
+        if outcome < CONVERGED and level < HALVINGS:
+            break  # it will be halved
     return int(outcome)
 
 
@@ -96,7 +109,7 @@ def _advance_halving(rope: Any, boundary: Any, row: int, time: float) -> bool:
     n = state.counts[ELEMENTS]
     while done < full:
         part = full >> level
-        outcome = _substep(rope, boundary, row, time, done / full, part / full)
+        outcome = _substep(rope, boundary, row, time, level, done)
         if outcome < CONVERGED and level < HALVINGS:
             level += 1
             health[REJECTED] += 1
