@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any
 
 from rope_twin.core.jit import jit
-from rope_twin.core.state import ACCELERATION, LINE, POSITION, VELOCITY
+from rope_twin.core.state import ACCELERATION, LINE_COLUMN, POSITION, VELOCITY
 
 
 @jit
@@ -35,4 +35,4 @@ def place_hang_off(work: Any, boundary: Any, row: int, part: float, h: float, n:
         work[POSITION + k, n] = value
         work[VELOCITY + k, n] = first
         work[ACCELERATION + k, n] = second
-    return prescribed(boundary, row, LINE, part, h)
+    return prescribed(boundary, row, LINE_COLUMN, part, h)

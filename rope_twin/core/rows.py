@@ -177,9 +177,9 @@ else:
 
 
 @jit
-def copy(source: Any, first: int, target: Any, first_target: int, count: int, n: int) -> None:
-    """Copy `count` rows for the nodes 0 <= i < n."""
-    for k in range(count):
+def copy(source: Any, first: int, target: Any, first_target: int, n: int) -> None:
+    """Copy position, velocity and acceleration of the nodes 0 <= i < n."""
+    for k in range(NODE_ROWS):
         a, b = source[first + k], target[first_target + k]
         for i in range(n):
             b[i] = a[i]

@@ -61,6 +61,8 @@ ELEMENTS, LOWEST_OFFSET, COUNTS = 0, 1, 2
 PULL, PULL_X, PULL_Y, PULL_Z, PULL_COLUMNS = range(5)
 # columns of the prescribed motion: hang-off x, y, z and the line out L
 X, Y, Z, LINE, MOTIONS = range(5)
+# For arguments of kernels: numba compiles a kernel once more for every literal that it is given.
+ZERO, KEPT_ROWS, LINE_COLUMN = np.int64(0), np.int64(KEPT), np.int64(LINE)
 
 
 class Model(NamedTuple):

@@ -30,11 +30,11 @@ from rope_twin.core.stage import (
 from rope_twin.core.state import (
     DIRECTION,
     ELEMENTS,
-    KEPT,
+    KEPT_ROWS,
     LINE,
+    LINE_COLUMN,
     LOWEST_OFFSET,
     NODE_ROWS,
-    POSITION,
     PULL,
     PULL_X,
     PULL_Y,
@@ -47,6 +47,7 @@ from rope_twin.core.state import (
     SUBSTEPS_MAX,
     SUBSTEPS_UNCONVERGED,
     TENSION,
+    ZERO,
     Boundary,
     Floats,
     Rope,
@@ -104,7 +105,7 @@ def _advance_halving(rope: Any, boundary: Any, row: int, time: float) -> bool:
     False: not finite; the state is as it was.
     """
     full = 1 << HALVINGS
-    done, level, substeps = 0, 0, 0
+    done, level, substeps = ZERO, ZERO, 0
     state, work, health = rope.state, rope.work, rope.state.health
     n = state.counts[ELEMENTS]
     while done < full:
@@ -116,13 +117,13 @@ def _advance_halving(rope: Any, boundary: Any, row: int, time: float) -> bool:
             continue
         if outcome == NOT_FINITE or (outcome == UNCONVERGED and not _is_finite(work, n)):
             if done > 0:
-                copy(work, KEPT, state.nodes, POSITION, NODE_ROWS, n + 1)
+                copy(work, KEPT_ROWS, state.nodes, ZERO, n + 1)
             return False
         if outcome == UNCONVERGED:
             health[SUBSTEPS_UNCONVERGED] += 1
         if done == 0 and part < full:  # the step's start, should a later part fail
-            copy(state.nodes, POSITION, work, KEPT, NODE_ROWS, n + 1)
-        copy(work, POSITION, state.nodes, POSITION, NODE_ROWS, n + 1)
+            copy(state.nodes, ZERO, work, KEPT_ROWS, n + 1)
+        copy(work, ZERO, state.nodes, ZERO, n + 1)
         done += part
         substeps += 1
         while level > 0 and done % (full >> (level - 1)) == 0:
@@ -170,7 +171,7 @@ def _report(rope: Any, pull: Any, row: int) -> None:
 def _finish(rope: Any, boundary: Any, pull: Any, row: int, time: float) -> None:
     """After step `row` to `time`: report, and let the top element split or merge."""
     state, h = rope.state, rope.model.step
-    L, V, A = prescribed(boundary, row, LINE, 1.0, h)
+    L, V, A = prescribed(boundary, row, LINE_COLUMN, 1.0, h)
     stage = Stage(time, 1.0, 0.0, V)
     state.s[state.counts[ELEMENTS]] = L
     _fade_offsets(rope.model, state, state.counts[ELEMENTS])
@@ -185,7 +186,7 @@ def _recall_tension(rope: Any, boundary: Any, row: int, time: float) -> None:
     """Element tensions of the state at the start of step `row`, after a failed attempt at it."""
     state, work = rope.state, rope.work
     n = state.counts[ELEMENTS]
-    copy(state.nodes, POSITION, work, POSITION, NODE_ROWS, n + 1)
+    copy(state.nodes, ZERO, work, ZERO, n + 1)
     L, V, _ = place_hang_off(work, boundary, row, 0.0, rope.model.step, n)
     set_top_length(work, state.s, rope.sections, n, L)
     stretch_all(rope, Stage(time, 1.0, 0.0, V))
@@ -196,7 +197,7 @@ def advance_steps(rope: Any, boundary: Any, pull: Any, time: float, steps: int) 
     """What `advance` compiles."""
     state, work = rope.state, rope.work
     n = state.counts[ELEMENTS]
-    copy(state.nodes, POSITION, work, POSITION, NODE_ROWS, n + 1)
+    copy(state.nodes, ZERO, work, ZERO, n + 1)
     set_lengths(work, state.s, rope.sections, n, boundary.value[0, LINE])
     for row in range(steps):
         now = time + row * rope.model.step
