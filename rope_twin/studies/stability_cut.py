@@ -12,13 +12,14 @@ from dataclasses import replace
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.studies.rigs import NOTHING, WATER, Rig
 from rope_twin.studies.stability_check import Case, Check, all_converged, off
-from rope_twin.studies.stability_rigs import WATER, Arrays, Rig
+from rope_twin.studies.stability_rigs import Arrays
 
 WIRE = Rig(length=1000.0, elements=500, step=1e-3, tolerance=1.0)
 WET_WIRE = replace(
-    WIRE, elements=100, step=0.01, tolerance=None, density=WATER, volume=2.0, added=2050.0,
-    area=4.0, drag=(1.2, 0.02), added_mass=1.0, damping=65e4,
+    WIRE, elements=100, step=0.01, tolerance=None, density=WATER, volume=2.0, added=(2050.0,) * 3,
+    area=(4.0,) * 3, drag=(1.2, 0.02), added_mass=1.0, damping=65e4,
     current=((0.0, (0.5, 0.0)), (-1000.0, (0.1, 0.0))),
 )  # fmt: skip
 SETTLE_S = 900.0
@@ -28,7 +29,7 @@ def cut(whole: Arrays, below: int) -> Arrays:
     """The rope above its first `below` elements, with nothing on it, moving as it did."""
     rig = replace(
         whole.rig, length=float(whole.s[-1] - whole.s[below]), elements=whole.n - below, load=0.0,
-        volume=0.0, added=0.0, area=0.0,
+        volume=0.0, added=NOTHING, area=NOTHING,
     )  # fmt: skip
     left = Arrays(rig)
     n = left.n + 1

@@ -12,7 +12,8 @@ import math
 
 import numpy as np
 
-from rope_twin.studies.stability_rigs import Motion, Rig, Vector
+from rope_twin.studies.rigs import Motion, Rig
+from rope_twin.studies.stability_rigs import Vector
 
 SHARE = 0.25  # of the largest stable step
 
@@ -53,11 +54,11 @@ class _Line:
         self.weight = rig.weight * self.lump
         self.weight[0] += rig.load_weight
         self.mass = rig.mass * self.lump
-        self.mass[0] += rig.load + rig.added
+        self.mass[0] += rig.load + rig.added[2]
         pressure = 0.5 * rig.density * rig.diameter
         self.along = pressure * math.pi * rig.drag[1] * self.lump
         self.across = pressure * rig.drag[0] * self.lump
-        self.payload = 0.5 * rig.density * rig.area
+        self.payload = 0.5 * rig.density * rig.area[2]
         area = 0.25 * math.pi * rig.diameter**2
         self.added = rig.added_mass * rig.density * area * self.lump
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from rope_twin.studies.rigs import WATER, Motion, Rig, march, still
 from rope_twin.studies.stability_check import (
     Case,
     Check,
@@ -15,7 +16,7 @@ from rope_twin.studies.stability_check import (
     off,
     rms_off,
 )
-from rope_twin.studies.stability_rigs import WATER, Motion, Rig, Vector, march, sine, still
+from rope_twin.studies.stability_rigs import Vector, sine
 from rope_twin.studies.stability_snap import (
     HEAVE_4M,
     SMOOTH_2KM,

@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.studies.rigs import Rig
 from rope_twin.studies.stability_check import Case, Check, all_converged, off
-from rope_twin.studies.stability_rigs import Arrays, Rig, Vector, sine
+from rope_twin.studies.stability_rigs import Arrays, Vector, sine
 from rope_twin.studies.stability_snap import SMOOTH_2KM, run_at_rest_in_heave
 
 DAY_S = 86400.0
@@ -99,7 +100,15 @@ def lagged_error(m: float, added: float, h: float, x0: float) -> float:
 def our_error(m: float, added: float, h: float, x0: float) -> float:
     """The same of a payload on a rope without mass, k = EA/L, about its own equilibrium [m]."""
     arrays = Arrays(
-        Rig(length=100.0, elements=3, mass=1e-6, EA=100.0 * STIFFNESS, load=m, added=added, step=h)
+        Rig(
+            length=100.0,
+            elements=3,
+            mass=1e-6,
+            EA=100.0 * STIFFNESS,
+            load=m,
+            added=(added,) * 3,
+            step=h,
+        )
     )
     arrays.settle()
     omega = math.sqrt(STIFFNESS / (m + added))

@@ -7,17 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from rope_twin.studies.rigs import NOTHING, WATER, Motion, Rig, faded
 from rope_twin.studies.stability_check import Case, Check, all_converged, off, rms_off
 from rope_twin.studies.stability_explicit import explicit_top_tension
-from rope_twin.studies.stability_rigs import (
-    WATER,
-    Arrays,
-    Motion,
-    Rig,
-    Vector,
-    faded,
-    sine,
-)
+from rope_twin.studies.stability_rigs import Arrays, Vector, sine
 from rope_twin.studies.stability_waves import HangingBar
 from rope_twin.studies.stability_waves import top_tension as exact_top_tension
 
@@ -40,22 +33,23 @@ def study_rope(displaced: float, nominal: float) -> Rig:
 
 SMOOTH_2KM = replace(
     study_rope(displaced=3.6 - 0.04, nominal=0.076), length=2000.0, damping=5e5, load=20e3,
-    volume=2.927, added=WATER * 2.927, area=6.0,
+    volume=2.927, added=(WATER * 2.927,) * 3, area=(6.0,) * 3,
     current=((0.0, (0.5, 0.0)), (-2000.0, (0.0, 0.0))),
 )  # fmt: skip
 SNAP_VERTICAL = replace(
-    SMOOTH_2KM, elements=250, load=2e3, volume=0.5, added=WATER * 0.5, area=8.0,
+    SMOOTH_2KM, elements=250, load=2e3, volume=0.5, added=(WATER * 0.5,) * 3, area=(8.0,) * 3,
     current=((0.0, (0.0, 0.0)),),
 )  # fmt: skip
 SNAP_2KM = replace(SNAP_VERTICAL, elements=1000, current=((0.0, (0.2, 0.0)),))
 SLACK_5KM = replace(
     study_rope(displaced=3.6 * WATER / 975.0, nominal=0.08), length=5000.0, elements=1000,
-    load=20e3, volume=4.0, added=8e3, area=8.0, step=0.02,
+    load=20e3, volume=4.0, added=(8e3,) * 3, area=(8.0,) * 3, step=0.02,
     current=((0.0, (1.0, 0.0)), (-5000.0, (0.2, 0.0))),
 )  # fmt: skip
 HMPE_3IN = Rig(
     length=3000.0, elements=100, mass=2.88, EA=206e6, diameter=0.8 * 0.0762, density=WATER,
-    drag=(1.2, 0.01), added_mass=1.0, load=2e3, volume=0.5, added=512.5, area=4.0, damping=5e5,
+    drag=(1.2, 0.01), added_mass=1.0, load=2e3, volume=0.5, damping=5e5,
+    added=(512.5,) * 3, area=(4.0,) * 3,
 )  # fmt: skip
 PERIOD_S = 8.0
 REST_S = 600.0
@@ -105,13 +99,15 @@ def light_payload() -> list[Check]:
 
 def payload_of_200_kg() -> list[Check]:
     """200 kg on 2 km of rope, heave 4 m / 8 s."""
-    rig = replace(SNAP_VERTICAL, elements=100, load=200.0, volume=0.05, added=51.25, area=1.0)
+    rig = replace(
+        SNAP_VERTICAL, elements=100, load=200.0, volume=0.05, added=(51.25,) * 3, area=(1.0,) * 3
+    )
     return against_explicit(rig, HEAVE_4M)
 
 
 def no_payload() -> list[Check]:
     """The bare end, heave 4 m / 8 s."""
-    rig = replace(SNAP_VERTICAL, elements=100, load=0.0, volume=0.0, added=0.0, area=0.0)
+    rig = replace(SNAP_VERTICAL, elements=100, load=0.0, volume=0.0, added=NOTHING, area=NOTHING)
     return against_explicit(rig, HEAVE_4M)
 
 
@@ -158,9 +154,9 @@ def stiff_rope() -> list[Check]:
     t = rig.step * np.arange(1, len(pull) + 1)
     v = np.array([heave(float(x))[1] for x in t])
     a = np.array([heave(float(x) + 1e-4)[1] - heave(float(x) - 1e-4)[1] for x in t]) / 2e-4
-    moving = rig.load + rig.added + rig.mass * rig.length
+    moving = rig.load + rig.added[2] + rig.mass * rig.length
     skin = math.pi * rig.diameter * rig.drag[1] * rig.length
-    drag = 0.5 * rig.density * (rig.area + skin) * np.abs(v) * v
+    drag = 0.5 * rig.density * (rig.area[2] + skin) * np.abs(v) * v
     rigid = rig.top_weight + moving * a + drag
     return [
         rms_off("top tension against a rigid rod", pull, rigid, 0.1),

@@ -7,11 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from rope_twin.studies.rigs import WATER, Rig
 from rope_twin.studies.stability_check import Case, Check, all_converged, off
-from rope_twin.studies.stability_rigs import WATER, Arrays, Rig, Vector
+from rope_twin.studies.stability_rigs import Arrays, Vector
 
 HEAVY = Rig(length=200.0, elements=50, density=WATER, volume=2.0)
-WET = replace(HEAVY, added=2050.0, area=4.0, drag=(1.2, 0.02), damping=65e4)
+WET = replace(HEAVY, added=(2050.0,) * 3, area=(4.0,) * 3, drag=(1.2, 0.02), damping=65e4)
 LIGHT = Rig(
     length=100.0, elements=20, mass=1e-2, EA=6.9e6, diameter=1e-3, load=5e3, step=5e-3,
     damping=1e4,

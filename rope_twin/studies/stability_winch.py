@@ -9,6 +9,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.scene.schema import Winch
+from rope_twin.studies.rigs import Rig, march, still
 from rope_twin.studies.stability_check import (
     Case,
     Check,
@@ -17,7 +18,7 @@ from rope_twin.studies.stability_check import (
     off,
     rms_off,
 )
-from rope_twin.studies.stability_rigs import Arrays, Rig, Vector, march, sine, still
+from rope_twin.studies.stability_rigs import Arrays, Vector, sine
 from rope_twin.studies.stability_snap import HEAVE_4M, SNAP_VERTICAL
 from rope_twin.studies.stability_waves import HangingBar, ramped_speed
 from rope_twin.studies.stability_waves import top_tension as exact_top_tension

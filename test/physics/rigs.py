@@ -1,154 +1,25 @@
-"""Small cases for the physics tests: one rope with all effects, whose coefficients a test sets.
-
-Every case lists the same effects and switches physics off by a coefficient of zero, so that all
-tests share two compiled binaries: with a payload, and with a fixed lower end.
-"""
+"""What the physics tests are built from: rigs, and the core's arrays at rest."""
 
 from __future__ import annotations
-
-import math
-from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin import Snapshot, Twin
+from rope_twin import Twin
 from rope_twin.core import state as rows
 from rope_twin.core.statics import find_equilibrium
 from rope_twin.core.step import advance
-from rope_twin.effects.added_mass import AddedMassParams
-from rope_twin.effects.current import CurrentParams
-from rope_twin.effects.drag import DragParams
-from rope_twin.effects.payload import PayloadParams
-from rope_twin.effects.weight import WeightParams
 from rope_twin.scene.build import build
-from rope_twin.scene.schema import (
-    Damping,
-    Environment,
-    Payload,
-    Rope,
-    RopeLine,
-    Scene,
-    Ship,
-    Time,
-    Winch,
-)
+from rope_twin.scene.schema import Scene
+from rope_twin.studies.rigs import NOTHING, STILL_WATER, Motion, Rig, Speeds, march, sine, still
+
+__all__ = [
+    "NOTHING", "STILL_WATER", "Bench", "Motion", "Rig", "Speeds", "frequency", "lift", "march",
+    "sine", "still", "top_tension",
+]  # fmt: skip
 
 Vector = NDArray[np.float64]
-Triple = tuple[float, float, float]
-Heave = Callable[[float], tuple[float, float]]  # time [s] to position [m] and velocity [m/s]
-NOTHING: Triple = (0.0, 0.0, 0.0)
-STILL_WATER = ((0.0, (0.0, 0.0)),)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Rig:
-    """One rope below a hang-off at the origin; what is not given is absent. SI units."""
-
-    length: float = 1000.0
-    elements: int = 100
-    mass: float = 6.4  # per metre
-    EA: float = 65e6
-    diameter: float = 0.04
-    damping: float = 0.0  # N·s
-    load: float = 20e3  # payload's mass
-    volume: float = 0.0
-    added: Triple = NOTHING  # payload's added mass along x, y, z
-    area: Triple = NOTHING  # payload's drag area along x, y, z
-    fixed_at: Triple | None = None  # a lower end held there instead of a payload
-    hang_off: Triple = NOTHING
-    density: float = 0.0  # vacuum
-    gravity: float = 9.80665
-    current: tuple[tuple[float, tuple[float, float]], ...] = STILL_WATER
-    drag: tuple[float, float] = (0.0, 0.0)  # normal on d, tangential on pi·d
-    added_mass: float = 0.0  # coefficient across the rope
-    step: float = 0.01
-    tolerance: float | None = None
-    ramp: float = 0.0
-    winch: Winch | None = None
-
-    def scene(self) -> Scene:
-        """The scene, as a file would have given it."""
-        rope = Rope(
-            diameter_m=self.diameter,
-            mass_kg_per_m=self.mass,
-            hydrodynamic_diameter_m=self.diameter,
-            axial_stiffness_n=self.EA,
-            breaking_load_n=1e6,
-        )
-        free = self.fixed_at is None
-        payload = Payload(
-            name="load",
-            mass_kg=self.load,
-            displaced_volume_m3=self.volume,
-            added_mass_kg=self.added,
-            drag_area_m2=self.area,
-        )
-        return Scene(
-            name="rig",
-            path=Path("rig.yaml"),
-            digest="",
-            about="a rig of the physics tests",
-            ropes=(
-                RopeLine(
-                    name="rope",
-                    rope=rope,
-                    length_m=self.length,
-                    elements=self.elements,
-                    damping=Damping(newton_seconds=self.damping),
-                    to="load" if free else "",
-                    fixed_at_m=self.fixed_at,
-                ),
-            ),
-            payloads=(payload,) if free else (),
-            winch=self.winch,
-            ship=Ship(hang_off_m=self.hang_off, motion_ramp_s=self.ramp),
-            environment=Environment(
-                water_density_kg_per_m3=self.density, gravity_m_per_s2=self.gravity
-            ),
-            effects=(
-                CurrentParams(profile=self.current),
-                WeightParams(),
-                DragParams(normal=self.drag[0], tangential=self.drag[1]),
-                AddedMassParams(normal=self.added_mass),
-                *([PayloadParams()] if free else []),
-            ),
-            time=Time(step_s=self.step, newton_tolerance_n=self.tolerance),
-        )
-
-    def twin(self) -> Twin:
-        """The running twin, at rest."""
-        return Twin(self.scene())
-
-    @property
-    def weight(self) -> float:
-        """The rope's weight in water per metre [N/m]."""
-        area = 0.25 * math.pi * self.diameter**2
-        return (self.mass - self.density * area) * self.gravity
-
-    @property
-    def load_weight(self) -> float:
-        """The payload's weight in water [N]."""
-        return (self.load - self.density * self.volume) * self.gravity
-
-
-def sine(amplitude: float, period: float) -> Heave:
-    """Heave a·sin(2·pi·t/T) and its velocity; the ship's ramp fades it in."""
-    omega = 2.0 * math.pi / period
-
-    def at(time: float) -> tuple[float, float]:
-        angle = omega * time
-        return amplitude * math.sin(angle), amplitude * omega * math.cos(angle)
-
-    return at
-
-
-def still(time: float) -> tuple[float, float]:
-    """No heave."""
-    return 0.0, 0.0
+Heave = Motion
 
 
 def lift(height: float, duration: float) -> Heave:
@@ -162,30 +33,6 @@ def lift(height: float, duration: float) -> Heave:
         return height * u**3 * (10.0 - 15.0 * u + 6.0 * u * u), height * rate
 
     return at
-
-
-Speeds = Sequence[tuple[float, float]]  # at [s], winch speed from then on [m/s]
-
-
-def march(
-    twin: Twin, heave: Heave, seconds: float, every: int = 1, speeds: Speeds = ()
-) -> Iterator[Snapshot]:
-    """Advance with exact heave samples on every border; a snapshot after each `every` steps.
-
-    Winch commands are offered up to five seconds ahead.
-    """
-    if twin.steps == 0:
-        assert twin.offer_heave(0, *heave(0.0)) == ""
-    waiting = deque(speeds)
-    for _ in range(round(seconds / (every * twin.step_s))):
-        last = twin.steps + every
-        while waiting and waiting[0][0] <= last * twin.step_s + 5.0:
-            at, speed = waiting.popleft()
-            assert twin.offer_speed(round(at * 1e9), speed) == ""
-        for k in range(twin.steps + 1, last + 1):
-            assert twin.offer_heave(k * twin.step_ns, *heave(k * twin.step_s)) == ""
-        twin.advance(every)
-        yield twin.snapshot()
 
 
 def top_tension(twin: Twin, heave: Heave, seconds: float, every: int = 1) -> Vector:

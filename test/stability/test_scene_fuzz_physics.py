@@ -18,7 +18,8 @@ from small_scene import not_finite
 from rope_twin import Snapshot, Twin
 from rope_twin.errors import SceneError
 from rope_twin.scene.schema import Winch
-from rope_twin.studies.stability_rigs import WATER, Arrays, Rig, march, sine
+from rope_twin.studies.rigs import WATER, Rig, march
+from rope_twin.studies.stability_rigs import Arrays, sine
 
 WATER_DRAG = st.tuples(st.floats(0.5, 2.0), st.floats(0.005, 0.05))  # normal, tangential
 UNHURRIED = {
@@ -53,8 +54,8 @@ def rigs(draw: st.DrawFn) -> Rig:
         damping=EA * draw(spread(1e-3, 0.1)),
         load=load,
         volume=volume,
-        added=WATER * volume * draw(st.floats(0.0, 3.0)),
-        area=draw(st.floats(0.0, 5.0)) * volume ** (2.0 / 3.0),
+        added=(WATER * volume * draw(st.floats(0.0, 3.0)),) * 3,
+        area=(draw(st.floats(0.0, 5.0)) * volume ** (2.0 / 3.0),) * 3,
         density=WATER,
         drag=(draw(st.floats(0.0, 2.0)), draw(st.floats(0.0, 0.05))),
         added_mass=draw(st.floats(0.0, 3.0)),
@@ -160,5 +161,5 @@ def motion_energy(arrays: Arrays) -> float:
     """½·m·v² of the rope and its payload [J]."""
     rest = arrays.rig.length / arrays.rig.elements
     mass = np.full(arrays.n + 1, arrays.rig.mass * rest)
-    mass[0] += arrays.rig.load + arrays.rig.added
+    mass[0] += arrays.rig.load + arrays.rig.added[2]
     return 0.5 * float((mass * (arrays.velocity**2).sum(axis=0)).sum())
