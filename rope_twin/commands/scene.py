@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
@@ -14,7 +15,7 @@ from rope_twin.errors import SceneError
 from rope_twin.scene.checks import sense_checks
 from rope_twin.scene.figures import LiftFigures, lift_figures, listed_effects, stretch_m
 from rope_twin.scene.load import load_scene, scene_names
-from rope_twin.scene.schema import Scene, SeaState, Winch
+from rope_twin.scene.schema import RopeLine, Scene, SeaState, Winch
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
@@ -65,26 +66,21 @@ def _show(scene: Scene) -> int:
             print(f"{name}: {words}")
     figures = lift_figures(scene)
     print()
-    for name, value in (*_parts(scene), *_derived(scene, figures)):
+    for name, value in (*_parts(scene, figures), *_derived(scene, figures)):
         print(f"{name:20} {value}")
     for warning in sense_checks(scene):
         print(f"warning: {warning}")
     return 0
 
 
-def _parts(scene: Scene) -> list[tuple[str, str]]:
+def _parts(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
     """What the scene says, a line per part."""
     line = scene.ropes[0]
-    rope = line.rope
     end = f"to payload '{line.to}'" if line.to else f"to the fixed point {line.fixed_at_m} m"
     rows = [
         ("file", str(scene.path)),
-        ("rope", f"'{line.name}', {rope.about or f'{1e3 * rope.diameter_m:g} mm'}, {end}"),
-        (
-            "",
-            f"{rope.mass_kg_per_m:.3f} kg/m, EA {rope.axial_stiffness_n / 1e6:.2f} MN, breaking "
-            f"load {rope.breaking_load_n / 1e3:.0f} kN",
-        ),
+        ("rope", f"'{line.name}', {_made_of(line)}, {end}"),
+        *(("", words) for words in _sections(line, figures)),
         ("line out", f"{line.length_m:g} m in {line.elements} elements"),
         *(("payload", f"'{payload.name}', {payload.mass_kg:g} kg") for payload in scene.payloads),
         ("winch", _winch(scene.winch)),
@@ -93,6 +89,28 @@ def _parts(scene: Scene) -> list[tuple[str, str]]:
     effects = [f"{name} {_words(params)}".strip() for name, params in listed_effects(scene).items()]
     rows += [("effects" if row == 0 else "", words) for row, words in enumerate(effects)]
     return [*rows, ("step", f"{scene.time.step_s:g} s")]
+
+
+def _made_of(line: RopeLine) -> str:
+    """The rope, or how many ropes it is joined from."""
+    rope = line.rope
+    if rope is None:
+        return f"{len(line.sections)} sections from the lower end up"
+    return rope.about or f"{1e3 * rope.diameter_m:g} mm"
+
+
+def _sections(line: RopeLine, figures: LiftFigures) -> Iterator[str]:
+    """The figures of each section."""
+    for section, bar in zip(line.made_of, figures.bars, strict=True):
+        rope, words = bar.rope, ""
+        if line.rope is None:
+            words = f"{section.length_m:g} m" if section.length_m else "all above"
+            words += f" {rope.about or f'{1e3 * rope.diameter_m:g} mm'}: "
+        table = " at its mean load, by a table" if rope.axial_stiffness else ""
+        yield (
+            f"{words}{rope.mass_kg_per_m:.3f} kg/m, EA {bar.stiffness_n / 1e6:.2f} MN{table}, "
+            f"breaking load {rope.breaking_load_n / 1e3:.0f} kN"
+        )
 
 
 def _sea(sea: SeaState) -> str:
@@ -128,7 +146,8 @@ def _derived(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
     rows = [("rope in water", f"{figures.rope_weight_n_per_m:.2f} N/m")]
     if figures.payload is not None:
         top = figures.top_tension_n(line.length_m)
-        factor = f", safety factor {line.rope.breaking_load_n / top:.2f}" if top > 0.0 else ""
+        rope, most = figures.weakest(line.length_m)
+        factor = f", safety factor {rope.breaking_load_n / most:.2f}" if most > 0.0 else ""
         added, drag = figures.payload.added_mass_kg, figures.payload.drag_area_m2
         rows += [
             ("payload in water", f"{figures.payload_weight_n / 1e3:.1f} kN"),
@@ -136,7 +155,7 @@ def _derived(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
             ("payload drag area", " / ".join(f"{area:.2f}" for area in drag) + " m² (x / y / z)"),
             ("payload sinks at", f"{figures.sinking_speed_m_per_s(density):.2f} m/s, rope slack"),
             ("static top tension", f"{top / 1e3:.1f} kN{factor}"),
-            ("static stretch", f"{stretch_m(figures, line):.2f} m"),
+            ("static stretch", f"{stretch_m(figures):.2f} m"),
         ]
     return [
         *rows,
@@ -144,7 +163,8 @@ def _derived(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
         ("first axial period", f"{figures.first_axial_period_s:.2f} s"),
         (
             "damping",
-            f"{figures.damping_newton_seconds:.4g} N·s, {100 * figures.damping_fraction:.2g} % of "
+            " / ".join(f"{c:.4g}" for c in dict.fromkeys(figures.damping_newton_seconds))
+            + f" N·s, {100 * figures.damping_fraction:.2g} % of "
             "critical on the first axial mode",
         ),
     ]

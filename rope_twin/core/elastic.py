@@ -1,4 +1,6 @@
-"""Elements that only pull: T = max(0, EA·strain + c·strain rate), and their stiffness blocks.
+"""Elements that only pull: T = max(0, E(strain) + c·strain rate), and their stiffness blocks.
+
+E is EA·strain, or a table where the rope has one (core/law.py).
 
 One max() over the sum keeps the law continuous and convex: a damper never pushes and there is no
 jump c·rate at first contact. Discretisation and guard: lumped mass rope with element directions
@@ -11,6 +13,7 @@ from math import sqrt
 from typing import Any
 
 from rope_twin.core.jit import jit
+from rope_twin.core.law import pull_of
 from rope_twin.core.rows import offset_row, row, rows
 from rope_twin.core.state import (
     AXIAL,
@@ -22,6 +25,7 @@ from rope_twin.core.state import (
     GEOMETRIC,
     POSITION,
     REST,
+    SECTION,
     STIFFNESS,
     TENSION,
     VELOCITY,
@@ -29,15 +33,16 @@ from rope_twin.core.state import (
 
 
 @jit
-def stretch(work: Any, offset: Any, p: float, q: float, growth: float, low: int, high: int) -> None:
+def stretch(rope: Any, p: float, q: float, growth: float, low: int, high: int) -> None:
     """Direction, tension and stiffness blocks of the elements low <= e < high.
 
-    T = STIFFNESS·(l + offset - rest) + DAMPING·(t·Δv - growth·l), where growth [1/s] is the rate of
-    the rest length over that length. The block of an element is AXIAL·t·tᵀ + GEOMETRIC·I with
-    GEOMETRIC = p·T/l and AXIAL = p·(STIFFNESS - growth·DAMPING) + q·DAMPING - GEOMETRIC, both 0
-    when slack. The derivative of the direction inside the strain rate is dropped, which keeps the
-    block symmetric; Newton then needs no more solves (measured).
+    T = E((l + offset - rest)/rest) + DAMPING·(t·Δv - growth·l), where growth [1/s] is the rate of
+    the rest length over that length; STIFFNESS is E's tangent over rest. The block of an element is
+    AXIAL·t·tᵀ + GEOMETRIC·I with GEOMETRIC = p·T/l and AXIAL = p·(STIFFNESS - growth·DAMPING) +
+    q·DAMPING - GEOMETRIC, both 0 when slack. The derivative of the direction inside the strain rate
+    is dropped, which keeps the block symmetric; Newton then needs no more solves (measured).
     """
+    work, law, offset = rope.work, rope.law, rope.state.offset
     px, py, pz = rows(work, POSITION, low)
     nx, ny, nz = rows(work, POSITION, low + 1)
     vx, vy, vz = rows(work, VELOCITY, low)
@@ -46,6 +51,7 @@ def stretch(work: Any, offset: Any, p: float, q: float, growth: float, low: int,
     T, axial, geometric = row(work, TENSION, low), row(work, AXIAL, low), row(work, GEOMETRIC, low)
     stiffness, damping = row(work, STIFFNESS, low), row(work, DAMPING, low)
     rest, slack = row(work, REST, low), offset_row(offset, low)
+    section = row(work, SECTION, low)
     for e in range(high - low):
         dx, dy, dz = nx[e] - px[e], ny[e] - py[e], nz[e] - pz[e]
         l0 = rest[e]
@@ -55,11 +61,12 @@ def stretch(work: Any, offset: Any, p: float, q: float, growth: float, low: int,
         dy *= inverse
         dz *= inverse
         closing = dx * (wx[e] - vx[e]) + dy * (wy[e] - vy[e]) + dz * (wz[e] - vz[e])
-        pull = stiffness[e] * (length + slack[e] - l0) + damping[e] * (closing - growth * length)
+        elastic, k = pull_of(law, section, stiffness, e, length + slack[e] - l0, l0)
+        pull = elastic + damping[e] * (closing - growth * length)
         taut = pull > 0.0
         pull = pull if taut else 0.0
         across = p * pull * inverse
-        along = p * (stiffness[e] - growth * damping[e]) + q * damping[e] - across
+        along = p * (k - growth * damping[e]) + q * damping[e] - across
         tx[e] = dx
         ty[e] = dy
         tz[e] = dz
@@ -71,16 +78,15 @@ def stretch(work: Any, offset: Any, p: float, q: float, growth: float, low: int,
 @jit
 def stretch_top(rope: Any, stage: Any) -> None:
     """The top element, which grows at the payout speed V."""
-    work, top = rope.work, rope.state.counts[ELEMENTS] - 1
-    growth = stage.V / work[REST, top]
-    stretch(work, rope.state.offset, stage.p, stage.q, growth, top, top + 1)
+    top = rope.state.counts[ELEMENTS] - 1
+    stretch(rope, stage.p, stage.q, stage.V / rope.work[REST, top], top, top + 1)
 
 
 @jit
 def stretch_all(rope: Any, stage: Any) -> None:
     """All elements."""
     top = rope.state.counts[ELEMENTS] - 1
-    stretch(rope.work, rope.state.offset, stage.p, stage.q, 0.0, top - top, top)
+    stretch(rope, stage.p, stage.q, 0.0, top - top, top)
     stretch_top(rope, stage)
 
 

@@ -31,7 +31,7 @@ from rope_twin.core.state import (
     TENSION,
     VELOCITY,
 )
-from rope_twin.core.trial import HIGH, LOW, MERGED, MIDDLE, TRIALS, along
+from rope_twin.core.trial import AFTER, HIGH, LOW, MIDDLE, TRIALS, along
 
 FORCED_SPLIT = 4.0  # times split_above: an element this long splits even when slack
 SAG_LIMIT = 0.05  # a new node farther off the chord than this part of it stays on the chord
@@ -82,12 +82,16 @@ def split_length(rope: Any, V: float) -> Any:
 
 @jit
 def _merge_length(rope: Any, V: float) -> Any:
-    """Rest length below which the top element merges; a section's end is kept as long as can be."""
-    s, least = rope.state.s[rope.state.counts[ELEMENTS] - 1], _least_length(rope, V)
+    """Rest length below which the top element merges; a section's end is kept as long as can be.
+
+    Beside an element shorter than those that the sheave makes it may get as short as that allows.
+    """
+    top, least = rope.state.counts[ELEMENTS] - 1, _least_length(rope, V)
+    s, below = rope.state.s[top], rope.work[REST, top - 1] / rope.model.element_length
     for k in range(rope.sections.shape[1]):
         if abs(rope.sections[END, k] - s) <= SAME_PLACE:
             return least
-    return max(rope.model.merge_below, least)
+    return max(rope.model.merge_below * min(below, 1.0), least)
 
 
 @jit
@@ -103,11 +107,10 @@ def _find_equilibrium(rope: Any, growth: float, middle: int) -> bool:
     goes slack or Newton does not converge; the caller then takes the point on the chord.
     """
     work, low = rope.work, middle - 1
-    offset = rope.state.offset
     half = 0.5 * (work[REST, low] + work[REST, middle])
     for _ in range(NEWTON):
-        stretch(work, offset, 1.0, 0.0, 0.0, low, middle)
-        stretch(work, offset, 1.0, 0.0, growth, middle, middle + 1)
+        stretch(rope, 1.0, 0.0, 0.0, low, middle)
+        stretch(rope, 1.0, 0.0, growth, middle, middle + 1)
         T_low, T_up = work[TENSION, low], work[TENSION, middle]
         if T_low <= 0.0 or T_up <= 0.0:
             return False
@@ -134,19 +137,21 @@ def _split(rope: Any, stage: Any, lower: float) -> None:
     state, work, sections = rope.state, rope.work, rope.sections
     n, V = state.counts[ELEMENTS], stage.V
     e, slots = n - 1, state.s.shape[0]
-    low, middle, high = slots + LOW, slots + MIDDLE, slots + HIGH
+    low, middle, high, after = slots + LOW, slots + MIDDLE, slots + HIGH, slots + AFTER
     rest, T = work[REST, e], work[TENSION, e]
     upper = rest - lower
     xi = lower / rest
     share_low, share_up = xi * state.offset[e], (1.0 - xi) * state.offset[e]
     cx, cy, cz = work[POSITION, middle], work[POSITION + 1, middle], work[POSITION + 2, middle]
     if T > 0.0:
-        # tensions that keep the acceleration below and the pull on the hang-off as they are
+        # tensions that keep the acceleration below and the pull on the hang-off as they are;
+        # a section that begins at the new node brings its own weight for the rope above it
         T_low = T + 0.5 * upper * along(work, low, e)
-        T_up = T - 0.5 * lower * along(work, high, e)
+        T_up = T - 0.5 * (rest * along(work, high, e) - upper * along(work, after, e))
         below = section_above(sections, state.s[e])
+        above = section_above(sections, state.s[e] + lower)
         set_element(work, sections, below, low, lower)
-        set_element(work, sections, section_above(sections, state.s[e] + lower), middle, upper)
+        set_element(work, sections, above, middle, upper)
         state.offset[low], state.offset[middle] = share_low, share_up
         for k in range(3):  # the element to the hang-off sees its geometric velocity
             work[VELOCITY + k, high] = state.nodes[VELOCITY + k, n]
@@ -163,8 +168,10 @@ def _split(rope: Any, stage: Any, lower: float) -> None:
                 cy,
                 cz,
             )
-        stretch(work, state.offset, 1.0, 0.0, 0.0, low, middle)
-        stretch(work, state.offset, 1.0, 0.0, growth, middle, high)
+        if above != below:
+            _keep_strain_rate(rope, V, rest, upper)
+        stretch(rope, 1.0, 0.0, 0.0, low, middle)
+        stretch(rope, 1.0, 0.0, growth, middle, high)
         if work[TENSION, low] > 0.0 and T_low > 0.0:
             share_low += (T_low - work[TENSION, low]) / work[STIFFNESS, low]
         if work[TENSION, middle] > 0.0 and T_up > 0.0:
@@ -182,11 +189,26 @@ def _split(rope: Any, stage: Any, lower: float) -> None:
 
 
 @jit
+def _keep_strain_rate(rope: Any, V: float, rest: float, upper: float) -> None:
+    """Give the trial node the velocity at which the rope above it strains as the top element did.
+
+    A section with another stiffness leaves the sheave at another speed V·(1 + strain); its damper
+    must not take that for a rate of strain.
+    """
+    nodes, work, n = rope.state.nodes, rope.work, rope.state.counts[ELEMENTS]
+    middle = rope.state.s.shape[0] + MIDDLE
+    for k in range(3):
+        q = (nodes[POSITION + k, n] - nodes[POSITION + k, n - 1]) / rest
+        q_above = (nodes[POSITION + k, n] - work[POSITION + k, middle]) / upper
+        work[VELOCITY + k, middle] += V * (q - q_above)
+
+
+@jit
 def _merge(rope: Any, stage: Any) -> None:
     """Drop the node below the hang-off; nothing else moves."""
     state, work, sections = rope.state, rope.work, rope.sections
     n, slots = state.counts[ELEMENTS], state.s.shape[0]
-    low, middle, high, merged = slots + LOW, slots + MIDDLE, slots + HIGH, slots + MERGED
+    low, middle, high, after = slots + LOW, slots + MIDDLE, slots + HIGH, slots + AFTER
     upper, rest = work[REST, n - 1], work[REST, n - 2] + work[REST, n - 1]
     offset = state.offset[n - 2] + state.offset[n - 1]
     T = work[TENSION, n - 1]
@@ -196,10 +218,10 @@ def _merge(rope: Any, stage: Any) -> None:
         work[k, low], work[k, middle] = state.nodes[k, n - 2], state.nodes[k, n]
     set_element(work, sections, section_above(sections, state.s[n - 2]), low, rest)
     state.offset[low] = offset
-    stretch(work, state.offset, 1.0, 0.0, stage.V / rest, low, middle)
+    stretch(rope, 1.0, 0.0, stage.V / rest, low, middle)
     state.offset[low] = 0.0
     if T > 0.0 and work[TENSION, low] > 0.0:
-        pull_after = work[TENSION, low] - 0.5 * rest * along(work, merged, low)
+        pull_after = work[TENSION, low] - 0.5 * rest * along(work, after, low)
         offset += (pull_before - pull_after) / work[STIFFNESS, low]
     for k in range(NODE_ROWS):
         state.nodes[k, n - 1] = state.nodes[k, n]

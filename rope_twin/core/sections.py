@@ -17,6 +17,7 @@ from rope_twin.core.state import (
     MASS,
     PER_METRE,
     REST,
+    SECTION,
     SKIN,
     STIFFNESS,
     C,
@@ -38,6 +39,7 @@ def section_above(sections: Any, s: float) -> int:
 def set_element(work: Any, sections: Any, k: int, e: int, rest: float) -> None:
     """Rest length and stiffness of element e, of section k."""
     work[REST, e] = rest
+    work[SECTION, e] = k
     work[STIFFNESS, e] = sections[EA, k] / rest
     work[DAMPING, e] = sections[C, k] / rest
 

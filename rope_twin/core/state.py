@@ -43,12 +43,13 @@ GEOMETRIC = 57  # T/l times p [kg]
 # scalars at nodes, of the half elements beside it:
 MASS, VOLUME = 58, 59  # [kg], [m³] of displaced water
 FRONTAL, SKIN = 60, 61  # areas that the drag coefficients across and along refer to [m²]
-KEPT = 62  # NODE_ROWS of the state at the start of the step, for a restore
+SECTION = 62  # of an element: which of the rope's sections it is of
+KEPT = 63  # NODE_ROWS of the state at the start of the step, for a restore
 WORK_ROWS = KEPT + NODE_ROWS
 
 # Rows of `sections`, a column each section of the rope from the lower end up:
 END = 0  # material coordinate of its upper end [m]; that of the last one is infinite
-EA, C = 1, 2  # of T = EA·strain + C·strain rate [N], [N·s]
+EA, C = 1, 2  # of T = EA·strain + C·strain rate [N], [N·s]; with a table EA is unused
 PER_METRE = 3  # MASS, VOLUME, FRONTAL and SKIN per unstretched metre
 SECTION_ROWS = 7
 
@@ -94,6 +95,19 @@ class State(NamedTuple):
         )  # fmt: skip
 
 
+class Table(NamedTuple):
+    """Elastic tension over strain, T = EA(strain)·strain: cubics between knots, a row a section.
+
+    Beyond knot j: T = tension + slope·u + v²·(curve + bend·v) u = strain - knot, v = max(u, 0).
+    """
+
+    knot: Floats  # strain, rising; the first 0, unused ones infinite, (sections, knots)
+    tension: Floats  # at the knot [N]
+    slope: Floats  # dT/dstrain there [N]
+    curve: Floats  # [N]
+    bend: Floats  # [N]
+
+
 class Rope(NamedTuple):
     """What every kernel of the step works on."""
 
@@ -102,6 +116,7 @@ class Rope(NamedTuple):
     work: Floats  # scratch, (WORK_ROWS, capacity)
     sections: Floats  # what the rope is made of, (SECTION_ROWS, sections)
     effects: tuple[Any, ...]  # their types pick the compiled code
+    law: Table | None = None  # None: tension is EA·strain; its type picks the compiled code
 
 
 class Boundary(NamedTuple):

@@ -1,7 +1,8 @@
 """Trial nodes at the end of the arrays: places on the rope at which a force per metre is wanted.
 
 LOW is the node below the top element, HIGH the rope that passes the hang-off, MIDDLE the node that
-a split would make between them, MERGED the rope at the hang-off if the node below were dropped.
+a split would make between them. AFTER is the rope at the hang-off as the next event would leave it:
+of the section above a new node, or, without a split, with the node below dropped.
 They are loaded after every step, in one go: HIGH gives the pull on the hang-off, and the others let
 a split or a merge balance its forces without evaluating an effect again.
 """
@@ -30,7 +31,7 @@ from rope_twin.core.state import (
     VELOCITY,
 )
 
-LOW, MIDDLE, HIGH, MERGED = -4, -3, -2, -1  # from the end of the arrays
+LOW, MIDDLE, HIGH, AFTER = -4, -3, -2, -1  # from the end of the arrays
 TRIALS = 4
 
 
@@ -66,20 +67,29 @@ def load_trials(rope: Any, stage: Any, A: float, lower: float) -> None:
     """
     state, work, sections = rope.state, rope.work, rope.sections
     n, slots = state.counts[ELEMENTS], state.s.shape[0]
-    low, middle, high, merged = slots + LOW, slots + MIDDLE, slots + HIGH, slots + MERGED
+    low, middle, high, after = slots + LOW, slots + MIDDLE, slots + HIGH, slots + AFTER
     rest = work[REST, n - 1]
     xi = min(lower / rest, 1.0)
     _set_material(rope, n - 1, rest, stage.V, A, high)
-    _set_material(rope, n - 2, rest + work[REST, n - 2], stage.V, A, merged)
+    if lower > 0.0:
+        _set_material(rope, n - 1, rest, stage.V, A, after)
+    else:
+        _set_material(rope, n - 2, rest + work[REST, n - 2], stage.V, A, after)
     for k in range(NODE_ROWS):
         work[k, low] = state.nodes[k, n - 1]
         work[k, middle] = (1.0 - xi) * work[k, low] + xi * work[k, high]
     for k in range(TANGENT, TANGENT + 3):
         work[k, low] = work[k, middle] = work[k, high]
-    below = section_above(sections, state.s[n - 1])
+    here = section_above(sections, state.s[n - 1])
+    other = section_above(sections, state.s[n - 1] + lower if lower > 0.0 else state.s[n - 2])
+    for row in range(MASS, SKIN + 1):
+        own, others = (
+            sections[row - MASS + PER_METRE, here],
+            sections[row - MASS + PER_METRE, other],
+        )
+        work[row, low], work[row, high], work[row, after] = own, own, others
+        work[row, middle] = xi * own + (1.0 - xi) * others
     for slot in range(low, slots):
-        for row in range(MASS, SKIN + 1):
-            work[row, slot] = sections[row - MASS + PER_METRE, below]
         for k in range(3):
             work[RESIDUAL + k, slot] = 0.0
     set_flow(rope.effects, work, stage, low, slots)

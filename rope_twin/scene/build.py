@@ -3,22 +3,42 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import atan, pi, sqrt
+from math import ceil, pi
 from typing import Any
 
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.state import ELEMENTS, POSITION, Floats, Model, State, new_state, new_work
+from rope_twin.core.sections import SAME_PLACE
+from rope_twin.core.state import (
+    ELEMENTS,
+    POSITION,
+    Floats,
+    Model,
+    State,
+    Table,
+    new_state,
+    new_work,
+)
 from rope_twin.core.state import Rope as CoreRope
 from rope_twin.core.terms import hooks_of
 from rope_twin.core.trial import TRIALS
 from rope_twin.effects import EFFECTS
+from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import Payload as PayloadEffect
 from rope_twin.effects.weight import Weight
 from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.composite import (
+    Bar,
+    bars_of,
+    damping_newton_seconds,
+    end_mass_kg,
+    ends_m,
+)
+from rope_twin.scene.grid import least_line_out_m, node_coordinates
 from rope_twin.scene.schema import Payload, RopeLine, Scene
 from rope_twin.scene.shapes import PayloadFigures, payload_figures
+from rope_twin.scene.stiffness import cubics
 
 SPLIT_ABOVE, MERGE_BELOW = 1.5, 0.4  # times the element length; leaves a hysteresis of 0.1
 ABSORB_S = 1.0
@@ -45,10 +65,11 @@ def build(scene: Scene) -> Built:
     density = scene.environment.water_density_kg_per_m3
     figures = payload_figures(payload, density) if payload else None
     effects = build_effects(scene, figures)
-    sections = _sections(line, figures)
-    load = _loads(effects, sections)
-    top = load.end + load.per_metre * line.length_m
-    length = line.length_m / line.elements
+    sections = _sections(scene, line, figures)
+    s = node_coordinates(line, least_line_out_m(scene))
+    tension = _static_tension(effects, sections, s)
+    top = float(tension[-1])
+    length = float(s[-1] - s[-2])
     model = Model(
         element_length=length,
         split_above=SPLIT_ABOVE * length,
@@ -59,12 +80,14 @@ def build(scene: Scene) -> Built:
         tolerance=scene.time.newton_tolerance_n or _tolerance(top),
     )
     most = scene.winch.most_line_out_m if scene.winch else line.length_m
-    elements = max(int(np.ceil(most / length)), line.elements)
-    state = new_state(elements + SPARE_NODES + TRIALS)
-    state.counts[ELEMENTS] = line.elements
-    state.s[: line.elements + 1] = np.linspace(0.0, line.length_m, line.elements + 1)
-    _place(state, scene, line, load)
-    return Built(CoreRope(model, state, new_work(state.s.shape[0]), sections, effects), top)
+    to_come = ceil((most - line.length_m) / length) + sections.shape[1]
+    elements = len(s) - 1
+    state = new_state(elements + to_come + SPARE_NODES + TRIALS)
+    state.counts[ELEMENTS] = elements
+    state.s[: elements + 1] = s
+    _place(state, scene, line, tension)
+    work = new_work(state.s.shape[0])
+    return Built(CoreRope(model, state, work, sections, effects, _law(line)), top)
 
 
 def find_payload(scene: Scene, line: RopeLine) -> Payload | None:
@@ -86,67 +109,70 @@ def build_effects(scene: Scene, figures: PayloadFigures | None) -> tuple[Any, ..
     return tuple(built)
 
 
-def damping_newton_seconds(line: RopeLine, figures: PayloadFigures | None) -> float:
-    """c of T = EA·strain + c·strain rate [N·s], independent of the elements.
-
-    From a fraction ζ of critical on the first axial mode: c = 2·ζ·EA/ω, since the mode's damping
-    is c/EA of its stiffness.
-    """
-    if line.damping.newton_seconds is not None:
-        return line.damping.newton_seconds
-    fraction = line.damping.fraction_of_first_axial_mode or 0.0
-    mass = figures.mass_kg + float(figures.added_mass_kg[2]) if figures else np.inf
-    return 2.0 * fraction * line.rope.axial_stiffness_n / first_axial_frequency(line, mass)
+def section_damping(scene: Scene, line: RopeLine, figures: PayloadFigures | None) -> list[float]:
+    """c of T = E(strain) + c·strain rate [N·s] of each section, independent of the elements."""
+    bars = hanging_bars(scene, line, figures, line.length_m)
+    return damping_newton_seconds(line.damping, bars, end_mass_kg(figures), line.elements)
 
 
-def first_axial_frequency(line: RopeLine, mass_kg: float) -> float:
-    """ω [rad/s] of the first axial mode of rope and end mass: x·tan x = m·L/M, ω = x·c/L.
-
-    A fixed end (infinite mass) gives x = π. Closed form of the longitudinal bar with an end mass.
-    """
-    rope, length = line.rope, line.length_m
-    speed = sqrt(rope.axial_stiffness_n / rope.mass_kg_per_m)
-    if np.isinf(mass_kg):
-        return pi * speed / length
-    if mass_kg <= 0.0:
-        return 0.5 * pi * speed / length
-    ratio = rope.mass_kg_per_m * length / mass_kg
-    low, high = 0.0, 0.5 * pi
-    for _ in range(200):
-        x = 0.5 * (low + high)
-        low, high = (x, high) if x < atan(ratio / x) else (low, x)
-    return 0.5 * (low + high) * speed / length
+def hanging_bars(
+    scene: Scene, line: RopeLine, figures: PayloadFigures | None, line_out_m: float
+) -> list[Bar]:
+    """The sections of the rope as it hangs at rest in still water with so much line out."""
+    water = scene.environment
+    load = 0.0
+    if figures is not None:
+        submerged = figures.mass_kg - water.water_density_kg_per_m3 * figures.volume_m3
+        load = submerged * water.gravity_m_per_s2
+    return bars_of(line, line_out_m, load, water)
 
 
-@dataclass(frozen=True)
-class _Loads:
-    per_metre: float  # weight in water of the rope [N/m]
-    end: float  # weight in water of the payload [N]
-
-
-def _sections(line: RopeLine, figures: PayloadFigures | None) -> Floats:
+def _sections(scene: Scene, line: RopeLine, figures: PayloadFigures | None) -> Floats:
     """The rope's figures per metre, (rows.SECTION_ROWS, sections)."""
-    rope, diameter = line.rope, line.rope.hydrodynamic_diameter_m
-    column = np.zeros(rows.SECTION_ROWS)
-    column[rows.END] = np.inf
-    column[rows.EA] = rope.axial_stiffness_n
-    column[rows.C] = damping_newton_seconds(line, figures)
-    column[rows.PER_METRE :] = (
-        rope.mass_kg_per_m, 0.25 * pi * diameter**2, diameter, pi * diameter,
-    )  # fmt: skip
-    return column[:, None].copy()
+    columns = np.zeros((rows.SECTION_ROWS, len(line.made_of)))
+    columns[rows.END] = ends_m(line)
+    columns[rows.C] = section_damping(scene, line, figures)
+    drag = next((params for params in scene.effects if isinstance(params, DragParams)), None)
+    for column, section in zip(columns.T, line.made_of, strict=True):
+        rope = section.rope
+        d = rope.hydrodynamic_diameter_m
+        frontal, skin = d, pi * d
+        if drag is not None and rope.drag_normal is not None:
+            frontal = rope.diameter_m * rope.drag_normal / drag.normal
+        if drag is not None and rope.drag_tangential is not None:
+            skin = pi * rope.diameter_m * rope.drag_tangential / drag.tangential
+        column[rows.EA] = rope.tangent_n(0.0)
+        column[rows.PER_METRE :] = rope.mass_kg_per_m, 0.25 * pi * d**2, frontal, skin
+    return columns
 
 
-def _loads(effects: tuple[Any, ...], sections: Floats) -> _Loads:
-    """Vertical loads that the scene's effects bring, for the first guess."""
-    mass, volume = sections[rows.PER_METRE : rows.PER_METRE + 2, 0]
-    per_metre = sum(
-        effect.g * (mass - effect.density * volume)
-        for effect in effects
-        if isinstance(effect, Weight)
+def _law(line: RopeLine) -> Table | None:
+    """The table of all sections if one of them has one: else none."""
+    ropes = [section.rope for section in line.made_of]
+    if not any(rope.axial_stiffness for rope in ropes):
+        return None
+    return cubics(
+        [
+            rope.axial_stiffness.table
+            if rope.axial_stiffness
+            else ((0.0, 0.0), (1.0, rope.tangent_n(0.0)))
+            for rope in ropes
+        ]
     )
-    end = sum(effect.W for effect in effects if isinstance(effect, PayloadEffect))
-    return _Loads(float(per_metre), float(end))
+
+
+def _static_tension(effects: tuple[Any, ...], sections: Floats, s: Floats) -> Floats:
+    """Tension [N] at these places of a rope that hangs straight, by the scene's effects."""
+    tension = np.full(len(s), sum(e.W for e in effects if isinstance(e, PayloadEffect)), float)
+    for effect in effects:
+        if not isinstance(effect, Weight):
+            continue
+        low = 0.0
+        for end, mass, volume in sections[[rows.END, rows.PER_METRE, rows.PER_METRE + 1]].T:
+            weight = effect.g * (mass - effect.density * volume)
+            tension += weight * np.clip(s - low, 0.0, end - low)
+            low = end
+    return tension
 
 
 def _tolerance(top_tension: float) -> float:
@@ -155,9 +181,9 @@ def _tolerance(top_tension: float) -> float:
     return min(max(share, TOLERANCE_LEAST_N), TOLERANCE_MOST_N)
 
 
-def _place(state: State, scene: Scene, line: RopeLine, load: _Loads) -> None:
+def _place(state: State, scene: Scene, line: RopeLine, tension: Floats) -> None:
     """First guess: hanging straight and stretched, or straight to the fixed end."""
-    n = line.elements
+    n = int(state.counts[ELEMENTS])
     top = np.array(scene.ship.hang_off_m)
     s = state.s[: n + 1]
     if line.fixed_at_m is not None:
@@ -166,11 +192,13 @@ def _place(state: State, scene: Scene, line: RopeLine, load: _Loads) -> None:
             s / s[-1]
         )
         return
-    tension = np.maximum(load.end + load.per_metre * s, 0.0)
-    stretched = np.diff(s) * (
-        1.0 + 0.5 * (tension[:-1] + tension[1:]) / line.rope.axial_stiffness_n
-    )
-    depth: Floats = np.concatenate([[0.0], np.cumsum(stretched)])
+    strain = np.zeros(n)
+    for section, end in zip(
+        reversed(line.made_of), reversed([0.0, *ends_m(line)[:-1]]), strict=True
+    ):
+        for e in np.flatnonzero((s[:-1] >= end - SAME_PLACE) & (strain == 0.0)):
+            strain[e] = section.rope.strain_at(0.5 * float(tension[e] + tension[e + 1]))
+    depth: Floats = np.concatenate([[0.0], np.cumsum(np.diff(s) * (1.0 + strain))])
     state.nodes[POSITION, : n + 1] = top[0]
     state.nodes[POSITION + 1, : n + 1] = top[1]
     state.nodes[POSITION + 2, : n + 1] = top[2] - depth[-1] + depth

@@ -6,16 +6,17 @@ A check never stops anything and changes nothing. Each yields sentences `where: 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from math import ceil, floor, hypot
+from math import ceil, floor, hypot, sqrt
 
 from rope_twin.errors import phrase
+from rope_twin.scene.composite import Bar, tension_at_length
 from rope_twin.scene.figures import (
     LiftFigures,
     lift_figures,
     listed_effects,
     schedule_meets_limit,
 )
-from rope_twin.scene.schema import Scene
+from rope_twin.scene.schema import Rope, Scene
 
 SAFETY_FACTOR = 3.0  # of breaking load over static load, common for lifting wire
 LONGEST_ELEMENT_M, SHORTEST_ELEMENT_M = 50.0, 0.5
@@ -44,17 +45,18 @@ def sense_checks(scene: Scene) -> list[str]:
 
 def _load(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     line = scene.ropes[0]
-    breaking = line.rope.breaking_load_n
     lengths = {"ropes[0]": (line.length_m, "")}
     if scene.winch:
         most = scene.winch.most_line_out_m
         lengths["winch.most_line_out_m"] = (most, f" with {most:g} m out")
     for path, (length, when) in lengths.items():
-        tension = figures.top_tension_n(length)
+        rope, tension = figures.weakest(length)
+        breaking = rope.breaking_load_n
         if line.fixed_at_m or tension <= breaking / SAFETY_FACTOR:
             continue
+        top = "top tension" if len(figures.bars) == 1 else f"tension of {_called(rope)}"
         what = (
-            f"static top tension {tension / 1e3:.0f} kN{when} against a breaking load of "
+            f"static {top} {tension / 1e3:.0f} kN{when} against a breaking load of "
             f"{breaking / 1e3:.0f} kN"
         )
         if tension >= breaking:
@@ -69,8 +71,9 @@ def _fixed_end(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     line = scene.ropes[0]
     if not line.fixed_at_m:
         return
-    tension = line.rope.axial_stiffness_n * (figures.chord_m / line.length_m - 1.0)
-    if tension > line.rope.breaking_load_n / SAFETY_FACTOR:
+    weakest = min(bar.rope.breaking_load_n for bar in figures.bars)
+    tension = tension_at_length(figures.bars, figures.chord_m)
+    if tension > weakest / SAFETY_FACTOR:
         what = (
             f"the fixed end is {figures.chord_m:.1f} m from the hang-off, which stretches "
             f"{line.length_m:g} m of rope to {tension / 1e3:.0f} kN"
@@ -79,28 +82,39 @@ def _fixed_end(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 
 
 def _elements(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    line, length = scene.ropes[0], figures.element_length_m
+    line, length = scene.ropes[0], figures.longest_element_m
     if length > LONGEST_ELEMENT_M:
         what = f"elements of {length:.1f} m are coarse for waves and bends of the rope"
         right = f"give at least {ceil(line.length_m / LONGEST_ELEMENT_M)} (4 m where slack matters)"
         yield phrase("ropes[0].elements", what, right)
-    if length < SHORTEST_ELEMENT_M:
+    length = figures.shortest_element_m
+    if length < SHORTEST_ELEMENT_M and line.grading is None:
         what = f"elements of {length:.2f} m cost time and bring no accuracy"
         right = f"{max(3, floor(line.length_m / SHORTEST_ELEMENT_M))} elements are plenty"
         yield phrase("ropes[0].elements", what, right)
 
 
 def _rope_figures(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    rope, speed = scene.ropes[0].rope, figures.axial_wave_speed_m_per_s
+    for number, bar in enumerate(figures.bars):
+        path = "ropes[0].rope" if len(figures.bars) == 1 else f"ropes[0].sections[{number}].rope"
+        yield from _one_rope(path, bar)
+
+
+def _one_rope(path: str, bar: Bar) -> Iterator[str]:
+    rope, speed = bar.rope, sqrt(bar.stiffness_n / bar.rope.mass_kg_per_m)
     low, high = WAVE_SPEEDS_M_PER_S
     if not low <= speed <= high:
         what = f"axial waves run at {speed:.0f} m/s (steel wire 3200, polyester 2500, HMPE 8500)"
-        yield phrase("ropes[0].rope", what, "check axial_stiffness_n [N] and mass_kg_per_m")
+        yield phrase(path, what, "check axial_stiffness_n [N] and mass_kg_per_m")
     density = rope.mass_kg_per_m / (0.785398 * rope.hydrodynamic_diameter_m**2)
     low, high = ROPE_DENSITIES_KG_PER_M3
     if not low <= density <= high:
         what = f"its mass over its volume is {density:.0f} kg/m³ (steel wire 7900, HMPE 975)"
-        yield phrase("ropes[0].rope", what, "check mass_kg_per_m and hydrodynamic_diameter_m")
+        yield phrase(path, what, "check mass_kg_per_m and hydrodynamic_diameter_m")
+
+
+def _called(rope: Rope) -> str:
+    return rope.about or f"the {1e3 * rope.diameter_m:g} mm rope"
 
 
 def _payload_floats(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -162,6 +176,15 @@ def _step(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 
 def _damping(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     path, fraction = "ropes[0].damping", figures.damping_fraction
+    line = scene.ropes[0]
+    if line.damping.fraction_of_one_element is not None:
+        c = max(figures.damping_newton_seconds)
+        what = (
+            f"given per element: {line.elements} elements make {c:.3g} N·s of it, "
+            f"{100.0 * fraction:.2g} % of critical on the first axial mode, twice as many half that"
+        )
+        right = f"give `fraction_of_first_axial_mode: {fraction:.3g}`, so that it stays as it is"
+        yield phrase(path, what, right)
     if fraction > LARGEST_DAMPING:
         what = f"{100.0 * fraction:.0f} % of critical on the first axial mode"
         yield phrase(path, what, "steel wire has 1 to 2 %, HMPE 3 to 5 %")

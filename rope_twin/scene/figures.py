@@ -10,9 +10,18 @@ from dataclasses import dataclass
 from math import ceil, dist, inf, pi, sqrt
 from typing import Any
 
+import numpy as np
+
 from rope_twin.effects import EFFECTS
-from rope_twin.scene.build import damping_newton_seconds, find_payload, first_axial_frequency
-from rope_twin.scene.schema import RopeLine, Scene, Winch
+from rope_twin.scene.build import find_payload, hanging_bars, section_damping
+from rope_twin.scene.composite import (
+    Bar,
+    damping_fraction,
+    end_mass_kg,
+    first_axial_frequency,
+)
+from rope_twin.scene.grid import least_line_out_m, node_coordinates
+from rope_twin.scene.schema import Rope, RopeLine, Scene, Winch
 from rope_twin.scene.shapes import PayloadFigures, payload_figures
 
 SCHEDULE_HORIZON_S = 86400.0  # how far ahead a winch schedule is followed
@@ -22,19 +31,36 @@ SCHEDULE_HORIZON_S = 86400.0  # how far ahead a winch schedule is followed
 class LiftFigures:
     """Figures of one rope and what it carries; a fixed lower end has no payload and no weight."""
 
+    line: RopeLine
     payload: PayloadFigures | None
-    rope_weight_n_per_m: float  # in water, negative: it floats
+    bars: tuple[Bar, ...]  # the sections as they hang at the start, from the lower end up
+    rope_weight_n_per_m: float  # in water, mean of what is out; negative: it floats
     payload_weight_n: float  # in water, 0 at a fixed end
-    element_length_m: float
-    axial_wave_speed_m_per_s: float  # √(EA/m)
+    longest_element_m: float
+    shortest_element_m: float
+    axial_wave_speed_m_per_s: float  # √(EA/m); of several sections the length over the travel time
     first_axial_period_s: float  # x·tan x = m·L/M', T = 2π·L/(c·x)
-    damping_newton_seconds: float
+    damping_newton_seconds: tuple[float, ...]  # of each section
     damping_fraction: float  # of critical on the first axial mode
     chord_m: float  # hang-off to a fixed lower end; 0 with a payload
 
     def top_tension_n(self, line_out_m: float) -> float:
         """Static tension at the hang-off with so much rope out: W + w·L [N]."""
-        return self.payload_weight_n + self.rope_weight_n_per_m * line_out_m
+        return self.upper_ends(line_out_m)[-1][1]
+
+    def upper_ends(self, line_out_m: float) -> list[tuple[Rope, float]]:
+        """Each section that is out, and the static tension at its upper end [N]."""
+        ends, tension = [], self.payload_weight_n
+        for bar, length in zip(self.bars, self.line.lengths_m(line_out_m), strict=True):
+            tension += bar.weight_n_per_m * length
+            if length > 0.0:
+                ends.append((bar.rope, tension))
+        return ends
+
+    def weakest(self, line_out_m: float) -> tuple[Rope, float]:
+        """The section with the least safety factor, and the static tension at its upper end [N]."""
+        ends = self.upper_ends(line_out_m)
+        return max(ends, key=lambda end: end[1] / end[0].breaking_load_n)
 
     def sinking_speed_m_per_s(self, water_density_kg_per_m3: float) -> float:
         """Steady speed of the payload on a slack rope: √(2·W/(ρ·CdA)) [m/s]; 0 if it floats."""
@@ -51,30 +77,32 @@ def lift_figures(scene: Scene) -> LiftFigures:
         SceneError: if the payload's figures cannot be known.
     """
     line, water = scene.ropes[0], scene.environment
-    rope, density = line.rope, water.water_density_kg_per_m3
+    density = water.water_density_kg_per_m3
     payload = find_payload(scene, line)
     known = payload_figures(payload, density) if payload else None
-    area = 0.25 * pi * rope.hydrodynamic_diameter_m**2
     submerged = known.mass_kg - density * known.volume_m3 if known else 0.0
-    omega = first_axial_frequency(line, known.mass_kg + known.added_mass_kg[2] if known else inf)
-    damping = damping_newton_seconds(line, known)
+    mass, bars = end_mass_kg(known), hanging_bars(scene, line, known, line.length_m)
+    damping = section_damping(scene, line, known)
+    elements = np.diff(node_coordinates(line, least_line_out_m(scene)))
     return LiftFigures(
+        line=line,
         payload=known,
-        rope_weight_n_per_m=(rope.mass_kg_per_m - density * area) * water.gravity_m_per_s2,
+        bars=tuple(bars),
+        rope_weight_n_per_m=sum(b.weight_n_per_m * b.length_m for b in bars) / line.length_m,
         payload_weight_n=submerged * water.gravity_m_per_s2,
-        element_length_m=line.length_m / line.elements,
-        axial_wave_speed_m_per_s=sqrt(rope.axial_stiffness_n / rope.mass_kg_per_m),
-        first_axial_period_s=2.0 * pi / omega,
-        damping_newton_seconds=damping,
-        damping_fraction=0.5 * damping * omega / rope.axial_stiffness_n,
+        longest_element_m=float(elements.max()),
+        shortest_element_m=float(elements.min()),
+        axial_wave_speed_m_per_s=line.length_m / sum(bar.travel_s for bar in bars),
+        first_axial_period_s=2.0 * pi / first_axial_frequency(bars, mass),
+        damping_newton_seconds=tuple(damping),
+        damping_fraction=damping_fraction(bars, damping, mass),
         chord_m=dist(line.fixed_at_m, scene.ship.hang_off_m) if line.fixed_at_m else 0.0,
     )
 
 
-def stretch_m(figures: LiftFigures, line: RopeLine) -> float:
-    """Static stretch of the hanging rope: (W + w·L/2)·L/EA [m]."""
-    mean = figures.top_tension_n(0.5 * line.length_m)
-    return mean * line.length_m / line.rope.axial_stiffness_n
+def stretch_m(figures: LiftFigures) -> float:
+    """Static stretch of the hanging rope: (W + w·L/2)·L/EA of each section [m]."""
+    return sum(bar.stretch_m for bar in figures.bars)
 
 
 def listed_effects(scene: Scene) -> dict[str, Any]:

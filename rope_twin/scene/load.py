@@ -33,7 +33,12 @@ def load_scene(name_or_path: str | Path) -> Scene:
         Scene,
         tree,
         place,
-        {"RopeLine.rope": _read_rope, "Payload.shape": _read_shape, "Scene.effects": _read_effects},
+        {
+            "RopeLine.rope": _read_rope,
+            "RopeSection.rope": _read_rope,
+            "Payload.shape": _read_shape,
+            "Scene.effects": _read_effects,
+        },
         name=path.stem,
         path=path,
         digest=hashlib.sha256(data).hexdigest(),

@@ -25,6 +25,12 @@ class Construction:
     breaking_load_per_d3: float = quantity(
         "breaking load over d³, added to that over d²", "N/m³", -1e10, 1e10, default=0.0
     )
+    drag_normal: float | None = quantity(
+        "drag coefficient across it on d, in place of the scene's", "", 0.0, 10.0, default=None
+    )
+    drag_tangential: float | None = quantity(
+        "drag coefficient along it on π·d, in place of the scene's", "", 0.0, 1.0, default=None
+    )
     stiffness_per_d2: float | None = quantity("EA over d²", "N/m²", 1e6, 1e12, default=None)
     stiffness_over_breaking_load: float | None = quantity(
         "EA over breaking load", "", 1.0, 200.0, default=None
@@ -53,6 +59,8 @@ class Construction:
             hydrodynamic_diameter_m=self.hydrodynamic_over_nominal * d,
             axial_stiffness_n=stiffness,
             breaking_load_n=breaking_load,
+            drag_normal=self.drag_normal,
+            drag_tangential=self.drag_tangential,
             about=f"{1e3 * d:g} mm {self.about}",
             source=self.source,
         )

@@ -6,6 +6,7 @@ has already checked every value by itself.
 
 from __future__ import annotations
 
+import dataclasses
 from collections import Counter
 from collections.abc import Callable, Iterator
 from itertools import pairwise
@@ -13,7 +14,10 @@ from math import pi
 from pathlib import Path
 
 from rope_twin.effects import EFFECTS
+from rope_twin.effects.drag import DragParams
 from rope_twin.errors import did_you_mean
+from rope_twin.scene.composite import ends_m
+from rope_twin.scene.grid import grading_faults, least_line_out_m
 from rope_twin.scene.schema import Scene
 from rope_twin.share import share_dir
 
@@ -97,13 +101,72 @@ def _payload_figures(scene: Scene) -> Iterator[Fault]:
             yield f"payloads[{number}]", what, "add a shape, or these keys"
 
 
+def _one_of_rope_and_sections(scene: Scene) -> Iterator[Fault]:
+    for number, line in enumerate(scene.ropes):
+        path = f"ropes[{number}]"
+        if line.rope is not None and line.sections:
+            right = "keep `rope` (all of one kind) or `sections` (several, from the lower end up)"
+            yield path, "both `rope` and `sections` are given", right
+        elif line.rope is None and not line.sections:
+            right = "add `rope` (a preset's name or figures), or `sections`"
+            yield path, "it is not said what it is made of", right
+
+
+def _section_lengths(scene: Scene) -> Iterator[Fault]:
+    for number, line in enumerate(scene.ropes):
+        path = f"ropes[{number}].sections"
+        for k, section in enumerate(line.sections[:-1]):
+            if section.length_m is None:
+                what = "only the topmost section may do without a length"
+                yield f"{path}[{k}]", what, "add length_m"
+                return
+        lengths = [section.length_m for section in line.sections]
+        needed = scene.winch.most_line_out_m if scene.winch else line.length_m
+        if lengths and lengths[-1] is not None:
+            total = sum(length or 0.0 for length in lengths)
+            if total < needed:
+                what = f"the sections are {total:g} m long together, of {needed:g} m of rope"
+                right = "lengthen one, or leave the topmost one's length_m out: it then has no end"
+                yield path, what, right
+        out = sum(end < line.length_m for end in ends_m(line)) + 1
+        if out > line.elements:
+            what = f"{line.elements} elements for {out} sections that are out"
+            yield f"ropes[{number}].elements", what, f"give at least {out}"
+
+
+def _own_drag(scene: Scene) -> Iterator[Fault]:
+    drag = next((params for params in scene.effects if isinstance(params, DragParams)), None)
+    for number, line in enumerate(scene.ropes):
+        for section in line.made_of if drag is not None else ():
+            for name in ("normal", "tangential"):
+                own = getattr(section.rope, f"drag_{name}", None)
+                if own is not None and getattr(drag, name) == 0.0:
+                    what = (
+                        f"drag.{name} is 0 but {section.rope.about or 'a rope'} has its own {own:g}"
+                    )
+                    right = "give the scene's coefficient a value, or leave the rope's own out"
+                    yield f"ropes[{number}]", what, right
+
+
+def _grading(scene: Scene) -> Iterator[Fault]:
+    least = least_line_out_m(scene)
+    for number, line in enumerate(scene.ropes):
+        if line.grading is not None:
+            path = f"ropes[{number}].grading"
+            yield from ((path, *words) for words in grading_faults(line, line.grading))
+            lowest = line.grading.lowest_m or (line.grading.nodes_m or (0.0,))[0]
+            if least is not None and lowest >= least:
+                what = f"the lowest element is {lowest:g} m, the winch hauls in to {least:g} m"
+                yield path, what, "shorten it, or raise least_line_out_m"
+
+
 def _damping(scene: Scene) -> Iterator[Fault]:
     for number, line in enumerate(scene.ropes):
-        given = (line.damping.newton_seconds, line.damping.fraction_of_first_axial_mode)
-        if given.count(None) != 1:
-            what = "no damping is given" if given.count(None) == 2 else "two dampings are given"
+        given = [value for value in dataclasses.astuple(line.damping) if value is not None]
+        if len(given) != 1:
+            what = ("no damping is", "", "two dampings are", "three dampings are")[len(given)]
             right = "give exactly one of newton_seconds and fraction_of_first_axial_mode"
-            yield f"ropes[{number}].damping", what, right
+            yield f"ropes[{number}].damping", f"{what} given", right
 
 
 def _line_out(scene: Scene) -> Iterator[Fault]:
@@ -189,6 +252,10 @@ RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _lower_ends,
     _held_payloads,
     _payload_figures,
+    _one_of_rope_and_sections,
+    _section_lengths,
+    _own_drag,
+    _grading,
     _damping,
     _line_out,
     _schedule,

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rope_twin.quantity import quantity, text
+from rope_twin.scene.stiffness import StiffnessTable
 
 Triple = tuple[float, float, float]
 
@@ -22,21 +23,82 @@ class Rope:
     diameter_m: float = quantity("nominal diameter", "m", 1e-3, 0.5)
     mass_kg_per_m: float = quantity("mass in air", "kg/m", 1e-3, 1e3)
     hydrodynamic_diameter_m: float = quantity("diameter for drag and volume", "m", 1e-3, 0.5)
-    axial_stiffness_n: float = quantity("axial stiffness EA", "N", 1e3, 1e12)
+    axial_stiffness_n: float | None = quantity("axial stiffness EA", "N", 1e3, 1e12, default=None)
+    axial_stiffness: StiffnessTable | None = text("a table in its place", None)
     breaking_load_n: float = quantity("minimum breaking load", "N", 1e2, 1e9)
+    drag_normal: float | None = quantity(
+        "drag coefficient across it on its nominal diameter, in place of the scene's",
+        "", 0.0, 10.0, default=None,
+    )  # fmt: skip
+    drag_tangential: float | None = quantity(
+        "drag coefficient along it on π times its nominal diameter, in place of the scene's",
+        "", 0.0, 1.0, default=None,
+    )  # fmt: skip
     about: str = text("what it is", "")
     source: str = text("where the figures come from", "")
+
+    def check(self) -> str | None:
+        """Exactly one of the two stiffnesses."""
+        if (self.axial_stiffness_n is None) != (self.axial_stiffness is None):
+            return None
+        given = "no" if self.axial_stiffness is None else "a second"
+        return (
+            f"{given} axial stiffness is given; "
+            "give axial_stiffness_n (EA) or axial_stiffness (a table), not both"
+        )
+
+    def strain_at(self, tension_n: float) -> float:
+        """Strain under a static tension [N]; 0 where there is none."""
+        if self.axial_stiffness is not None:
+            return self.axial_stiffness.strain_at(tension_n)
+        return max(tension_n, 0.0) / self.tangent_n(tension_n)
+
+    def tangent_n(self, tension_n: float) -> float:
+        """EA for small changes about a static tension [N]."""
+        if self.axial_stiffness is not None:
+            return self.axial_stiffness.tangent_n(tension_n)
+        assert self.axial_stiffness_n is not None, "checked when it was read"
+        return self.axial_stiffness_n
+
+
+@dataclass(frozen=True, kw_only=True)
+class RopeSection:
+    """One of several ropes that are joined into one."""
+
+    rope: Rope = text("preset name, or the figures themselves")
+    length_m: float | None = quantity(
+        "its unstretched length; the topmost may leave it out", "m", 0.5, 2e4, default=None
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grading:
+    """Elements of other than equal length near the lower end; exactly one of the first two."""
+
+    lowest_m: float | None = quantity("length of the lowest element", "m", 0.05, 1e3, default=None)
+    nodes_m: tuple[float, ...] | None = quantity(
+        "unstretched lengths from the lower end up to the first nodes above it", "m", 0.01, 2e4,
+        default=None,
+    )  # fmt: skip
+    growth: float = quantity(
+        "each element above the lowest is so many times the one below, up to the equal ones", "",
+        1.01, 10.0, default=1.3,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
 class Damping:
-    """Structural damping; exactly one of the two."""
+    """Structural damping; exactly one of the three."""
 
     newton_seconds: float | None = quantity(
         "c in T = EA·strain + c·strain rate", "N·s", 0.0, 1e10, default=None
     )
     fraction_of_first_axial_mode: float | None = quantity(
         "fraction of critical on the first axial mode of rope and payload", "", 0.0, 0.5,
+        default=None,
+    )  # fmt: skip
+    fraction_of_one_element: float | None = quantity(
+        "fraction of critical of a single element: changes with their number", "", 0.0, 2.0,
         default=None,
     )  # fmt: skip
 
@@ -46,7 +108,10 @@ class RopeLine:
     """One rope of the scene, from the winch to a payload or to a fixed point."""
 
     name: str = text("its name")
-    rope: Rope = text("preset name, or the figures themselves")
+    rope: Rope | None = text("preset name, or the figures themselves", None)
+    sections: tuple[RopeSection, ...] = text(
+        "in place of `rope`: the ropes it is joined from, from the lower end up", ()
+    )
     length_m: float = quantity("line out at the start, unstretched", "m", 1.0, 2e4)
     elements: int = quantity("number of elements at the start", "", 3, 20000)
     damping: Damping = text("structural damping")
@@ -54,6 +119,26 @@ class RopeLine:
     fixed_at_m: Triple | None = quantity(
         "lower end held at x, y, z instead of a payload", "m", -2e4, 2e4, default=None
     )
+    grading: Grading | None = text("shorter elements near the lower end; absent: equal", None)
+
+    @property
+    def made_of(self) -> tuple[RopeSection, ...]:
+        """Its sections from the lower end up; one without a length if it is all of one rope."""
+        return (RopeSection(rope=self.rope),) if self.rope is not None else self.sections
+
+    @property
+    def thinnest_m(self) -> float:
+        """Hydrodynamic diameter of the thinnest section."""
+        return min(section.rope.hydrodynamic_diameter_m for section in self.made_of)
+
+    def lengths_m(self, line_out_m: float) -> list[float]:
+        """How much of each section is out; the topmost goes on as far as the line out does."""
+        lengths, left = [], line_out_m
+        for number, section in enumerate(self.made_of, start=1):
+            last = number == len(self.made_of) or section.length_m is None
+            lengths.append(left if last else min(section.length_m or 0.0, left))
+            left -= lengths[-1]
+        return lengths
 
 
 class Shape(Protocol):

@@ -11,6 +11,7 @@ import numpy as np
 from rope_twin.commands.run.inputs import FIRST_NS, open_sea
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.change import Change, change_scene
+from rope_twin.scene.figures import lift_figures
 from rope_twin.scene.schema import Scene, SeaState
 from rope_twin.studies.plan import Plan
 from rope_twin.twin.ensemble import BATCH_S, Ensemble, Variation, whole_steps
@@ -96,7 +97,8 @@ def run_study(
         plan=plan,
         figures=ensemble.figures(),
         breaking_loads_n=[
-            ensemble.scene_of(k).ropes[0].rope.breaking_load_n for k in range(len(ensemble))
+            min(bar.rope.breaking_load_n for bar in lift_figures(ensemble.scene_of(k)).bars)
+            for k in range(len(ensemble))
         ],
         time_s=seconds,
         step_s=scene.time.step_s,

@@ -92,7 +92,7 @@ def find_modes(scene: Scene, count: int) -> Modes:
         near = _modes(rest, *_solve(K, M, NEAR, omega * omega))
         axial.append(max(near, key=lambda mode: mode.axial_share))
     speed = _speed_across(rest)
-    diameter = scene.ropes[0].rope.hydrodynamic_diameter_m
+    diameter = scene.ropes[0].thinnest_m
     place = np.ascontiguousarray(rest.place[:, ::-1].T)
     return Modes(tuple(lowest), tuple(axial), place, float(STROUHAL * speed.max() / diameter))
 
@@ -191,7 +191,7 @@ def _modes(rest: _AtRest, omega: Floats, vectors: Floats) -> Iterator[Mode]:
     normal = _normal(rest)
     vectors = _separate(rest, omega, vectors, normal)
     speed = _speed_across(rest)
-    diameter = rest.scene.ropes[0].rope.hydrodynamic_diameter_m
+    diameter = rest.scene.ropes[0].thinnest_m
     for w, vector in zip(omega, vectors.T, strict=True):
         motion = vector.reshape(-1, 3).T
         energy = (motion * np.einsum("kcn,cn->kn", rest.mass, motion)).sum()

@@ -16,7 +16,7 @@ from test_natural_frequencies import SWUNG, HangingRope
 
 from rope_twin.cli import main
 from rope_twin.errors import InputError, SceneError
-from rope_twin.scene.build import first_axial_frequency
+from rope_twin.scene.composite import Bar, first_axial_frequency
 from rope_twin.studies.modes import find_modes
 
 # Taut in water, without weight: strings in both directions.
@@ -52,7 +52,10 @@ def test_bar_with_end_mass() -> None:
     )  # fmt: skip
     scene = rig.scene()
     modes = find_modes(scene, 1).axial
-    first = first_axial_frequency(scene.ropes[0], 150e3) / (2.0 * math.pi)
+    line = scene.ropes[0]
+    assert line.rope is not None
+    bar = Bar(line.rope, line.length_m, 0.0, 0.0)
+    first = first_axial_frequency([bar], 150e3) / (2.0 * math.pi)
     assert modes[0].frequency_hz == pytest.approx(first, rel=1e-3)
     ratio, speed = rig.mass * rig.length / 150e3, math.sqrt(rig.EA / rig.mass)
     for k in (1, 2):

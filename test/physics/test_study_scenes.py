@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import pytest
 
 from rope_twin import load_scene
-from rope_twin.scene.build import damping_newton_seconds
 from rope_twin.scene.figures import lift_figures, listed_effects
 from rope_twin.scene.shapes import payload_figures
 
@@ -53,7 +52,7 @@ def test_figures(name: str) -> None:
     assert (line.length_m, line.rope.mass_kg_per_m, line.rope.axial_stiffness_n) == (
         row.length, 3.6, 1.5e8,
     )  # fmt: skip
-    assert damping_newton_seconds(line, payload) == row.damping
+    assert lift_figures(scene).damping_newton_seconds == (row.damping,)
     assert lift_figures(scene).rope_weight_n_per_m == pytest.approx(row.net, rel=1e-5)
     assert (payload.mass_kg, payload.volume_m3) == (row.load, row.volume)
     assert payload.added_mass_kg == pytest.approx((row.added,) * 3)

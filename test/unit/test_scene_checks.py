@@ -258,7 +258,7 @@ def test_static_figures_by_hand(tmp_path: Path) -> None:
     assert figures.rope_weight_n_per_m == pytest.approx(per_metre)
     assert figures.top_tension_n(500.0) == pytest.approx(weight + 500.0 * per_metre)
     by_hand = (weight + 0.5 * per_metre * 500.0) * 500.0 / 64.64e6
-    assert stretch_m(figures, scene.ropes[0]) == pytest.approx(by_hand)
+    assert stretch_m(figures) == pytest.approx(by_hand)
     assert figures.damping_fraction == pytest.approx(0.02)
 
 

@@ -26,7 +26,7 @@ BAD: list[Row] = [
     ("rope as a number", spoilt(ROPE, "rope: 40"), "ropes[0].rope", ("is no rope", "preset")),
     ("rope with a figure missing",
      spoilt(ROPE, "rope: {diameter_m: 0.04, mass_kg_per_m: 6.4}"),
-     "ropes[0].rope", ("hydrodynamic_diameter_m, axial_stiffness_n, breaking_load_n missing",)),
+     "ropes[0].rope", ("hydrodynamic_diameter_m, breaking_load_n missing",)),
     ("payload that is not there",
      spoilt("to: tool", "to: tol"), "ropes[0].to", ("no payload 'tol'", "did you mean 'tool'?")),
     ("lower end left open", spoilt(TO, ""), "ropes[0]", ("neither", "`to`", "`fixed_at_m`")),

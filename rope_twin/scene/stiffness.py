@@ -1,0 +1,116 @@
+"""Axial stiffness by a table: tension over strain, with a monotone cubic between its points."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from rope_twin.core.state import Floats, Table
+from rope_twin.quantity import quantity
+
+MOST_STRAIN = 1.0
+MOST_STIFFNESS_N = 1e12
+SAME = 1e-12  # of the strain: an inverse this exact ends the search
+
+
+@dataclass(frozen=True, kw_only=True)
+class StiffnessTable:
+    """Points of strain and elastic tension; beyond the last one straight on."""
+
+    table: tuple[tuple[float, float], ...] = quantity("rows of strain and tension [N]", "")
+
+    def check(self) -> str | None:
+        """What is wrong with the points and what would be right, or None."""
+        if len(self.table) < 2:
+            return "it has fewer than two rows; give at least [0, 0] and one [strain, tension]"
+        if self.table[0] != (0.0, 0.0):
+            return "its first row is not [0, 0]; a rope without strain has no tension, begin there"
+        for (low, less), (high, more) in pairwise(self.table):
+            if not (high > low and more > less):
+                return (
+                    f"[{high:g}, {more:g}] follows [{low:g}, {less:g}]; "
+                    "let strain and tension rise from row to row"
+                )
+            if (more - less) / (high - low) > MOST_STIFFNESS_N:
+                return f"from strain {low:g} to {high:g} its slope is over 1e12 N; check the units"
+        if self.table[-1][0] > MOST_STRAIN:
+            return f"a strain of {self.table[-1][0]:g} is given; 1 % is 0.01, give at most 1"
+        return None
+
+    def cubics(self) -> Table:
+        """The cubics between its points, of one section."""
+        return cubics([self.table])
+
+    def tension_n(self, strain: float) -> float:
+        """Elastic tension [N] at a strain, negative below 0."""
+        return self._at(strain)[0]
+
+    def tangent_n(self, tension_n: float) -> float:
+        """dT/dstrain [N] at a tension."""
+        return self._at(self.strain_at(tension_n))[1]
+
+    def strain_at(self, tension_n: float) -> float:
+        """The strain that goes with a tension [N]; 0 where there is none."""
+        strain, tension = self.table[-1]
+        if tension_n <= 0.0:
+            return 0.0
+        if tension_n >= tension:
+            return strain + (tension_n - tension) / self._at(strain)[1]
+        low, high = 0.0, strain
+        while high - low > SAME * high:
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if self._at(middle)[0] < tension_n else (low, middle)
+        return 0.5 * (low + high)
+
+    def _at(self, strain: float) -> tuple[float, float]:
+        """Tension and tangent [N]."""
+        law = self.cubics()
+        j = max(int(np.searchsorted(law.knot[0], strain, side="right")) - 1, 0)
+        u = strain - law.knot[0, j]
+        v = max(u, 0.0)
+        slope, curve, bend = law.slope[0, j], law.curve[0, j], law.bend[0, j]
+        tension = law.tension[0, j] + slope * u + v * v * (curve + bend * v)
+        return float(tension), float(slope + v * (2.0 * curve + 3.0 * bend * v))
+
+
+def cubics(tables: list[tuple[tuple[float, float], ...]]) -> Table:
+    """The core's table of several sections, each with its own points."""
+    width = max(len(table) for table in tables)
+    law = Table(*(np.zeros((len(tables), width)) for _ in Table._fields))
+    law.knot[:] = np.inf
+    for k, table in enumerate(tables):
+        points = np.array(table)
+        strain, tension = points.T
+        count, rise = len(table), np.diff(strain)
+        secant = np.diff(tension) / rise
+        slope = _slopes(rise, secant)
+        law.knot[k, :count], law.tension[k, :count], law.slope[k, :count] = strain, tension, slope
+        law.curve[k, : count - 1] = (3.0 * secant - 2.0 * slope[:-1] - slope[1:]) / rise
+        law.bend[k, : count - 1] = (slope[:-1] + slope[1:] - 2.0 * secant) / rise**2
+    return law
+
+
+def _slopes(rise: Floats, secant: Floats) -> Floats:
+    """dT/dstrain at the points: a monotone cubic (Fritsch and Butland 1984, eq. 4).
+
+    At the ends the slope of the parabola through three points, within a third and three times the
+    secant there (above three times a cubic would turn back; a third keeps the rope from starting
+    without stiffness).
+    """
+    if len(secant) == 1:
+        return np.repeat(secant, 2)
+    before, after = rise[:-1], rise[1:]
+    share = (before + 2.0 * after) / (3.0 * (before + after))
+    inner = secant[:-1] * secant[1:] / (share * secant[1:] + (1.0 - share) * secant[:-1])
+    first = _end(rise[0], rise[1], secant[0], secant[1])
+    last = _end(rise[-1], rise[-2], secant[-1], secant[-2])
+    slopes: Floats = np.concatenate([[first], inner, [last]])
+    return slopes
+
+
+def _end(near: float, next_to: float, secant: float, beyond: float) -> float:
+    """Slope at an end, from the two intervals beside it."""
+    slope = ((2.0 * near + next_to) * secant - near * beyond) / (near + next_to)
+    return float(min(max(slope, secant / 3.0), 3.0 * secant))
