@@ -71,7 +71,9 @@ def _eliminate_node(S: Any, f: Any, root: Any, b: Any) -> Any:
     uy = (cxy * x + cyy * y) + cyz * z
     uz = (cxz * x + cyz * y) + czz * z
     det = (sxx * cxx + sxy * cxy) + sxz * cxz
-    inverse = 1.0 / ((det + ux * x) + (uy * y + uz * z))
+    # root·u from the products of root, which are ready before C: the division waits for it
+    diagonal = (cxx * pxx + cyy * pyy) + (det + czz * pzz)
+    inverse = 1.0 / (diagonal + ((cxy * (pxy + pxy) + cxz * (pxz + pxz)) + cyz * (pyz + pyz)))
     qxx = (cxx + pzz * syy) + (pyy * szz - (pyz + pyz) * syz)
     qyy = (cyy + pzz * sxx) + (pxx * szz - (pxz + pxz) * sxz)
     qzz = (czz + pyy * sxx) + (pxx * syy - (pxy + pxy) * sxy)
@@ -173,8 +175,12 @@ def _hold_ends(work: Any, first: int, n: int) -> None:
 
 
 @jit_within
-def _paired_node(work: Any, i: int, j: int, Z: Any, f: Any) -> Any:
-    """Eliminate node i through the element above it and node j through the one below."""
+def _paired_node(work: Any, i: int, j: int, at: int, Z: Any, f: Any) -> Any:
+    """Eliminate node i through the element above it and node j through the one below.
+
+    What the substitution wants of them goes to columns at, at + 1 of ELIMINATED; Z and force for
+    the neighbours are returned.
+    """
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     x, y, z = rows(work, ROOT, 0)
@@ -185,7 +191,22 @@ def _paired_node(work: Any, i: int, j: int, Z: Any, f: Any) -> Any:
         Z[3] + (gather(Ayy, i, j) + b), Z[4] + gather(Ayz, i, j), Z[5] + (gather(Azz, i, j) + b),
     )  # fmt: skip
     force = (f[0] + gather(Rx, i, j), f[1] + gather(Ry, i, j), f[2] + gather(Rz, i, j))
-    return _eliminate_node(S, force, (gather(x, i, e), gather(y, i, e), gather(z, i, e)), b)
+    root = (gather(x, i, e), gather(y, i, e), gather(z, i, e))
+    gain, own, left, pushed = _eliminate_node(S, force, root, b)
+    gxx, gxy, gxz, gyx, gyy, gyz, gzx, gzy, gzz, px, py, pz = span(work, ELIMINATED, 12, at)
+    store(gxx, 0, gain[0])
+    store(gxy, 0, gain[1])
+    store(gxz, 0, gain[2])
+    store(gyx, 0, gain[3])
+    store(gyy, 0, gain[4])
+    store(gyz, 0, gain[5])
+    store(gzx, 0, gain[6])
+    store(gzy, 0, gain[7])
+    store(gzz, 0, gain[8])
+    store(px, 0, own[0])
+    store(py, 0, own[1])
+    store(pz, 0, own[2])
+    return left, pushed
 
 
 @jit_ordered
@@ -250,7 +271,6 @@ def _eliminate_folded(work: Any, first: int, n: int) -> None:
     of nodes the upper of the two there is eliminated onto the lower, in a round of its own whose
     first lane is not used.
     """
-    xx, xy, xz, yx, yy, yz, zx, zy, zz, x, y, z = span(work, ELIMINATED, 12, 0)
     dx, dy, dz = rows(work, CORRECTION, 0)
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2
     middle = first + pairs
@@ -260,24 +280,11 @@ def _eliminate_folded(work: Any, first: int, n: int) -> None:
         pair(below[3], above[3]), pair(below[4], above[4]), pair(below[5], above[5]),
     )  # fmt: skip
     f = (pair(0.0, 0.0), pair(0.0, 0.0), pair(0.0, 0.0))
+    for k in range(pairs):
+        Z, f = _paired_node(work, first + k, n - 1 - k, 2 * k, Z, f)
     Z_below, f_below = Z, f
-    for k in range(rounds):
-        gain, own, Z, f = _paired_node(work, first + k, n - 1 - k, Z, f)
-        if k < pairs:
-            Z_below, f_below = Z, f
-        at = 2 * k
-        store(xx, at, gain[0])
-        store(xy, at, gain[1])
-        store(xz, at, gain[2])
-        store(yx, at, gain[3])
-        store(yy, at, gain[4])
-        store(yz, at, gain[5])
-        store(zx, at, gain[6])
-        store(zy, at, gain[7])
-        store(zz, at, gain[8])
-        store(x, at, own[0])
-        store(y, at, own[1])
-        store(z, at, own[2])
+    if rounds > pairs:
+        Z, f = _paired_node(work, middle, middle + 1, 2 * pairs, Z, f)
     S = add_six(add_six(_six_lanes(Z_below, 0), _six_lanes(Z, 1)), _six(work, BLOCK, middle))
     low, high = _lanes(f_below, 0), _lanes(f, 1)
     force = (

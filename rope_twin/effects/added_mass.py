@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from rope_twin.core.energy import account
 from rope_twin.core.terms import Load, kernel
 from rope_twin.quantity import quantity
 
@@ -48,3 +49,21 @@ def load(added: Any, node: Any, stage: Any) -> Any:
         -m * y * z,
         m * (1.0 - z * z),
     )
+
+
+@account("kinetic", AddedMass)
+def kinetic(added: Any, place: Any) -> Any:
+    """½·m·|v across|² [J]."""
+    v, along = place.velocity, (place.velocity * place.tangent).sum(axis=0)
+    return 0.5 * added.density * place.volume * ((v * v).sum(axis=0) - along * along)
+
+
+@account("power", AddedMass)
+def power(added: Any, place: Any) -> Any:
+    """What the force brings beyond the change of ½·m·|v across|²: -m·(v·τ)·(v·dτ/dt) [W].
+
+    The force has m·(acceleration across) only; as the rope turns, its energy changes by more.
+    """
+    along = (place.velocity * place.tangent).sum(axis=0)
+    turned = (place.velocity * place.turning).sum(axis=0)
+    return -added.density * place.volume * along * turned

@@ -11,6 +11,9 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from rope_twin.core.energy import account
 from rope_twin.core.terms import Load, kernel
 from rope_twin.quantity import quantity
 
@@ -66,3 +69,15 @@ def load(drag: Any, node: Any, stage: Any) -> Any:
         beta * y * z + g * ny * nz,
         diagonal + beta * z * z + g * nz * nz,
     )
+
+
+@account("power", Drag)
+def power(drag: Any, place: Any) -> Any:
+    """Force times velocity [W]; against the current's push it may be positive."""
+    u = place.velocity - place.flow
+    s = (u * place.tangent).sum(axis=0)
+    along = s * place.tangent
+    across = u - along
+    cn = drag.kn * place.frontal * np.sqrt((across * across).sum(axis=0))
+    ct = drag.kt * place.skin * np.abs(s)
+    return -((cn * across + ct * along) * place.velocity).sum(axis=0)

@@ -10,6 +10,9 @@ from dataclasses import dataclass
 from math import sqrt
 from typing import Any, NamedTuple
 
+import numpy as np
+
+from rope_twin.core.energy import account
 from rope_twin.core.rows import rows, span
 from rope_twin.core.state import ACCELERATION, BLOCK, FLOW, RESIDUAL, VELOCITY
 from rope_twin.core.terms import kernel
@@ -66,3 +69,24 @@ def load_end(load: Any, work: Any, stage: Any) -> None:
     Axy[0] += 0.5 * g * (load.kx + load.ky) * x * y
     Axz[0] += 0.5 * g * (load.kx + load.kz) * x * z
     Ayz[0] += 0.5 * g * (load.ky + load.kz) * y * z
+
+
+@account("kinetic_end", Payload)
+def kinetic(load: Any, place: Any) -> Any:
+    """½·v·M·v with the added mass [J]."""
+    mass = np.array([[load.Mx], [load.My], [load.Mz]])
+    return 0.5 * (mass * place.velocity**2).sum(axis=0)
+
+
+@account("potential_end", Payload)
+def potential(load: Any, place: Any) -> Any:
+    """Weight in water times height [J]."""
+    return load.W * place.position[2]
+
+
+@account("power_end", Payload)
+def power(load: Any, place: Any) -> Any:
+    """Drag times velocity [W]."""
+    u = place.velocity - place.flow
+    k = np.array([[load.kx], [load.ky], [load.kz]])
+    return -(k * np.sqrt((u * u).sum(axis=0)) * u * place.velocity).sum(axis=0)

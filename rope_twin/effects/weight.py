@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from rope_twin.core.energy import account
 from rope_twin.core.terms import Load, kernel
 
 
@@ -33,3 +34,9 @@ def load(weight: Any, node: Any, stage: Any) -> Any:
     """F_z = -(m - ρ·volume)·g."""
     down = weight.g * (node.mass - weight.density * node.volume)
     return Load(0.0, 0.0, -down, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+@account("potential", Weight)
+def potential(weight: Any, place: Any) -> Any:
+    """(m - ρ·volume)·g·z [J]."""
+    return weight.g * (place.mass - weight.density * place.volume) * place.position[2]

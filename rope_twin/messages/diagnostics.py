@@ -13,9 +13,10 @@ from enum import IntEnum
 from rope_twin.messages import forms
 from rope_twin.messages.cdr import new, serialise
 from rope_twin.twin.pacing import PacingHealth
-from rope_twin.twin.snapshot import InputHealth, Snapshot
+from rope_twin.twin.snapshot import EnergyBalance, InputHealth, Snapshot
 
 HARDWARE_ID = "rope_twin"
+GAIN_PCT = 0.1  # of the energy exchanged: what integrating the work may be wrong by
 BEHIND_S = 0.5  # further behind than this, what is published is no longer the present
 
 
@@ -38,10 +39,15 @@ class Status:
 
 
 def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
-    """The state of solver, pacing (None: not paced), winch, start-up and every input."""
+    """The state of solver, pacing (None: not paced), winch, start-up and every input.
+
+    And the energy balance, if the run keeps one.
+    """
     rows = [_solver(snapshot), _winch(snapshot), _start_up(snapshot)]
     if pacing is not None:
         rows.append(_pacing(pacing))
+    if snapshot.energy is not None:
+        rows.append(_energy(snapshot.energy))
     rows += [_input(name, health) for name, health in snapshot.inputs.items()]
     return rows
 
@@ -122,6 +128,30 @@ def _start_up(snapshot: Snapshot) -> Status:
             values,
         )
     return Status("simulation: start-up", Level.OK, "the ship's full motion is felt", values)
+
+
+def _energy(balance: EnergyBalance) -> Status:
+    values = {
+        "counted since [s]": f"{balance.since_s:.2f}",
+        "kinetic [J]": f"{balance.kinetic_j:.6g}",
+        "elastic [J]": f"{balance.elastic_j:.6g}",
+        "potential [J]": f"{balance.potential_j:.6g}",
+        "change of the three [J]": f"{balance.change_j:.6g}",
+        "work of ship and winch [J]": f"{balance.hang_off_j:.6g}",
+        "brought by rope paid out [J]": f"{balance.passing_j:.6g}",
+        "work of the water [J]": f"{balance.water_j:.6g}",
+        "dissipated by the axial damper [J]": f"{balance.damped_j:.6g}",
+        "residual, dissipated numerically [J]": f"{balance.residual_j:.6g}",
+        "exchanged [J]": f"{balance.exchanged_j:.6g}",
+        "residual [% of exchanged]": f"{balance.residual_pct:.3g}",
+    }
+    share = f"{abs(balance.residual_pct):.2g} % of the energy exchanged"
+    if balance.residual_pct < -GAIN_PCT:
+        return Status(
+            "simulation: energy", Level.WARN, f"{share} appeared from nothing: shorten the step",
+            values,
+        )  # fmt: skip
+    return Status("simulation: energy", Level.OK, f"residual {share}", values)
 
 
 def _pacing(pacing: PacingHealth) -> Status:

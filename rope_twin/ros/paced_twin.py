@@ -21,6 +21,7 @@ from rope_twin.ros.inputs import read_current, read_heave, read_speed
 from rope_twin.ros.params import SimulationParams
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.keeper import Keeper, SavingHealth
+from rope_twin.twin.ledger import AccountedTwin
 from rope_twin.twin.pacing import Handover, Pacer, PacingHealth, handover_depth, steps_in_slot
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
@@ -208,12 +209,13 @@ class PacedTwin:
 
 def _begin(scene: Scene, params: SimulationParams) -> tuple[Twin, str]:
     """The twin at rest or at the state to go on from, and which it is, in words."""
+    kind = AccountedTwin if params.energy else Twin
     if not params.start_from:
-        return Twin(scene), "beginning at rest"
+        return kind(scene), "beginning at rest"
     path = Path(params.start_from).resolve()
     if params.start_from == params.save_to and not path.exists():
-        return Twin(scene), f"beginning at rest: there is no saved state {path} yet"
-    twin = Twin.restore(path, scene)
+        return kind(scene), f"beginning at rest: there is no saved state {path} yet"
+    twin = kind.restore(path, scene)
     return twin, f"going on from {path} at {twin.time_ns * 1e-9:.2f} s"
 
 

@@ -56,6 +56,7 @@ class SimulationParams:
     failure_directory: str = text(
         "folder for the state at which the solver gave up; empty: the working directory", "",
     )  # fmt: skip
+    energy: bool = text("keep the energy balance and tell it in the diagnostics; slower", False)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

@@ -50,6 +50,7 @@ def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
         "save_to": str(options.save or ""),
         "start_from": str(options.start_from or ""),
         "failure_directory": str(options.failure_folder),
+        "energy": options.energy,
         **speed,
     }
     return nodes

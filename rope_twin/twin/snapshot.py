@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
+LITTLE = 1e-4
 
 
 @dataclass(frozen=True)
@@ -46,6 +47,41 @@ class InputHealth:
 
 
 @dataclass(frozen=True)
+class EnergyBalance:
+    """Energy of rope and payload, and where it came from and went to since the count began [J].
+
+    change = hang_off + passing + water - damped - residual.
+    """
+
+    since_s: float  # twin time at which the count began
+    kinetic_j: float  # now, with the added mass
+    elastic_j: float
+    potential_j: float  # weight less buoyancy, 0 at the mean water level
+    change_j: float  # of the sum of these three
+    hang_off_j: float  # work of ship and winch: force times the material's velocity
+    passing_j: float  # brought by rope that was paid out, less what hauled rope took away
+    water_j: float  # work of the water: drag, mostly negative
+    damped_j: float  # dissipated by the axial damper
+    residual_j: float  # the rest: dissipated numerically if positive
+    exchanged_j: float  # energy that went from any one of these accounts to another
+
+    @property
+    def residual_pct(self) -> float:
+        """The residual in per cent of the energy exchanged.
+
+        While little was (a rope at rest, or just set in motion), of a ten-thousandth of what is
+        there: a residual is then round-off of that, or of how the work of few steps is summed.
+        """
+        there = abs(self.kinetic_j) + abs(self.elastic_j) + abs(self.potential_j)
+        beside = max(self.exchanged_j, LITTLE * there)
+        return 100.0 * self.residual_j / beside if beside > 0.0 else 0.0
+
+    def figures(self) -> dict[str, float]:
+        """All of it by name, with the residual in per cent."""
+        return {**asdict(self), "residual_pct": self.residual_pct}
+
+
+@dataclass(frozen=True)
 class Snapshot:
     """One instant of the twin. Rows run from the hang-off (row 0) down to the payload.
 
@@ -76,6 +112,7 @@ class Snapshot:
     doubtful: bool = False  # a step since the previous snapshot did not converge
     solver: SolverHealth = field(default_factory=SolverHealth)
     inputs: dict[str, InputHealth] = field(default_factory=dict)  # heave, winch_command, current
+    energy: EnergyBalance | None = None  # only of a run that keeps a ledger
 
     @property
     def time_s(self) -> float:

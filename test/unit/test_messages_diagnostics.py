@@ -10,7 +10,7 @@ from sample_snapshot import hanging_rope
 from rope_twin import messages
 from rope_twin.messages import Level, Status, statuses
 from rope_twin.twin.pacing import PacingHealth
-from rope_twin.twin.snapshot import InputHealth, Snapshot, SolverHealth
+from rope_twin.twin.snapshot import EnergyBalance, InputHealth, Snapshot, SolverHealth
 
 GOOD = PacingHealth(running=True, steps=100, real_time_factor=420.0)
 
@@ -66,6 +66,35 @@ def test_pacing(health: PacingHealth, level: Level, words: str) -> None:
 
 def test_an_unpaced_run_has_no_pacing_row() -> None:
     assert not [r for r in statuses(hanging_rope(), None) if "pacing" in r.name]
+
+
+def test_the_energy_balance_is_told_where_there_is_one() -> None:
+    """Each term in joules, the residual in per cent; energy from nothing is a warning."""
+    assert not [r for r in statuses(hanging_rope(), GOOD) if "energy" in r.name]
+    balance = EnergyBalance(
+        since_s=1.0, kinetic_j=2e4, elastic_j=3e5, potential_j=-4e6, change_j=-9e4, hang_off_j=-8e4,
+        passing_j=1e3, water_j=-9e3, damped_j=1.5e3, residual_j=500.0, exchanged_j=1e6,
+    )  # fmt: skip
+    told = row("energy", replace(hanging_rope(), energy=balance))
+    assert told.level is Level.OK
+    assert told.message == "residual 0.05 % of the energy exchanged"
+    assert told.values["work of the water [J]"] == "-9000"
+    assert told.values["residual [% of exchanged]"] == "0.05"
+    assert len(told.values) == 12
+    gained = row("energy", replace(hanging_rope(), energy=replace(balance, residual_j=-2e3)))
+    assert gained.level is Level.WARN
+    assert gained.message.startswith("0.2 % of the energy exchanged appeared from nothing")
+
+
+def test_a_residual_beside_nothing_is_round_off() -> None:
+    """A rope at rest exchanges nothing: its residual is beside 1e-4 of what is there."""
+    rest = EnergyBalance(
+        since_s=0.0, kinetic_j=0.0, elastic_j=1e5, potential_j=-3e6, change_j=1e-9, hang_off_j=0.0,
+        passing_j=0.0, water_j=0.0, damped_j=0.0, residual_j=-1e-9, exchanged_j=1e-9,
+    )  # fmt: skip
+    assert rest.residual_pct == pytest.approx(-1e-9 / 310.0 * 100.0)
+    assert row("energy", replace(hanging_rope(), energy=rest)).level is Level.OK
+    assert replace(rest, elastic_j=0.0, potential_j=0.0, exchanged_j=0.0).residual_pct == 0.0
 
 
 @pytest.mark.parametrize(

@@ -33,6 +33,7 @@ class RunOptions:
     save: Path | None = None  # file that the state is saved to
     start_from: Path | None = None  # saved state to go on from; None: from rest
     begins_s: float = 0.0  # its twin time
+    energy: bool = False  # keep the energy balance
 
     @property
     def failure_folder(self) -> Path:
@@ -120,6 +121,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="go on from a saved state (default: begin at rest)",
     )
+    add(
+        "--energy",
+        action="store_true",
+        help="keep the energy balance and tell its residual (steps one by one, slower)",
+    )
     add("--processes", action="store_true", help="each node as a process of its own")
     add("--json", action="store_true", help="last line of the output: one JSON object")  # fmt: skip
 
@@ -159,6 +165,7 @@ def read_options(args: argparse.Namespace) -> RunOptions:
         save=args.save and Path(args.save).resolve(),
         start_from=args.start_from and Path(args.start_from).resolve(),
         begins_s=begin.time_s if begin else 0.0,
+        energy=args.energy,
     )
 
 

@@ -44,6 +44,7 @@ class RunSummary:
     bag: str | None = None
     view: str | None = None
     state: str | None = None  # file with the saved state
+    energy: dict[str, float] | None = None  # EnergyBalance.figures; None: not asked for
 
     def as_json(self) -> str:
         """One line."""
@@ -76,6 +77,12 @@ class RunSummary:
             f"{self.late_steps} steps late"
             + (f" (worst {self.worst_lateness_s * 1e3:.1f} ms)" if self.late_steps else ""),
         ]
+        if self.energy is not None:
+            numerical, part = self.energy["residual_j"], self.energy["residual_pct"]
+            lines.append(
+                f"energy: {self.energy['exchanged_j']:.4g} J exchanged, residual "
+                f"{numerical:.3g} J ({part:.2g} %; dissipated numerically if positive)"
+            )
         lines += [f"bag {self.bag}"] if self.bag else []
         lines += [f"view {self.view}"] if self.view else []
         lines += [f"state {self.state}"] if self.state else []
@@ -123,6 +130,7 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         commands_refused=command.refused if command else 0,
         speed=pacing.speed if pacing else 0.0,
         error=pacing.error if pacing else "",
+        energy=snapshot.energy.figures() if snapshot.energy else None,
     )
 
 

@@ -33,6 +33,7 @@ from rope_twin.messages import (
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.scene.load import load_scene
 from rope_twin.topics import TOPICS
+from rope_twin.twin.ledger import AccountedTwin
 from rope_twin.twin.pacing import keep_pauses_short, steps_in_slot
 from rope_twin.twin.schedule import schedule_samples
 from rope_twin.twin.snapshot import Snapshot
@@ -58,7 +59,8 @@ class UnpacedRun:
         self._sea = open_sea(scene, options.bag, options.topic, options.bag_start_s)
         self._options = options
         start = options.start_from
-        self.twin = Twin(scene) if start is None else Twin.restore(start, scene)
+        kind = AccountedTwin if options.energy else Twin
+        self.twin = kind(scene) if start is None else kind.restore(start, scene)
         self.twin.failure_folder = options.failure_folder
         self.epoch_ns = time.time_ns() - self.twin.time_ns if epoch_ns is None else epoch_ns
         keep_pauses_short()
@@ -155,7 +157,7 @@ def measure_alone(options: RunOptions, time_s: float) -> float:
     In a paced run every slot begins with what other programs left in the processor's caches, which
     costs a short step several times its own work; `RunSummary.paced_real_time_factor` has that.
     """
-    run = UnpacedRun(replace(options, record=None))
+    run = UnpacedRun(replace(options, record=None, energy=False))
     run.twin.failure_folder = None
     end_ns = run.twin.time_ns + time_s * 1e9
     factors = []

@@ -1,0 +1,260 @@
+"""Energy of the rope and what changes it, from the state at a step's border.
+
+In numpy and apart from the step: what does not ask for it does not pay for it. An effect says what
+it stores and what it brings by functions beside its kernels, `@account(kind, Type)`; nothing here
+knows an effect by name.
+
+The sums are those of the lumped rope itself, so that nothing but time stepping is left over:
+with w the material velocity at the hang-off and F the force there, M·a = T_i·t_i - T_{i-1}·t_{i-1}
++ f times v, summed, gives d(energy)/dt = F·w + V·(energy per metre there) + water - damper, where
+the top element may grow at V. Three terms are dropped, all of them of the mesh and small:
+mass·V·|w - v_{n-1}|²/4, the work of fading length offsets, and the change at a split or merge.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core.assembly import set_flow
+from rope_twin.core.jit import jit_entry
+from rope_twin.core.sections import SAME_PLACE
+from rope_twin.core.state import (
+    EA,
+    ELEMENTS,
+    END,
+    FLOW,
+    NODE_ROWS,
+    PER_METRE,
+    POSITION,
+    VELOCITY,
+    C,
+    Floats,
+    Rope,
+    Stage,
+    new_work,
+)
+
+# What an effect may say: of nodes along the rope (a Place; one value each), or of the lower end.
+ALONG = ("kinetic", "potential", "power")  # [J], [J], [W] brought to the rope
+AT_END = ("kinetic_end", "potential_end", "power_end")
+_ACCOUNTS: dict[str, dict[type, Any]] = {kind: {} for kind in (*ALONG, *AT_END)}
+
+
+class Place(NamedTuple):
+    """Nodes as an account sees them; vectors (3, nodes), scalars (nodes,)."""
+
+    arc: Floats  # unstretched, from the lower end [m]
+    position: Floats  # [m]
+    velocity: Floats  # of the material [m/s]
+    tangent: Floats  # unit vector, upward
+    turning: Floats  # rate of the tangent [1/s]
+    flow: Floats  # water velocity [m/s]
+    mass: Floats  # of the rope [kg]
+    volume: Floats  # of displaced water [m³]
+    frontal: Floats  # area that drag across the rope refers to [m²]
+    skin: Floats  # area that drag along it refers to [m²]
+
+
+class Elements(NamedTuple):
+    """Elements from the lower end up; vectors (3, n), scalars (n,)."""
+
+    direction: Floats
+    turning: Floats  # rate of the direction [1/s]
+    stored: Floats  # elastic energy [J]
+    damping: Floats  # what the axial damper adds to the tension [N]
+    rate: Floats  # strain rate times rest length [m/s]
+    stretch: Floats  # length over rest length
+    rest: Floats  # [m]
+    section: Any  # column in `sections`
+
+
+class Store(NamedTuple):
+    """Energy in rope and payload [J]."""
+
+    kinetic: float  # added mass included
+    elastic: float
+    potential: float  # weight less buoyancy, 0 at the mean water level
+
+    @property
+    def total(self) -> float:
+        """All of it."""
+        return self.kinetic + self.elastic + self.potential
+
+
+class Power(NamedTuple):
+    """What brings energy to the rope, or takes it if negative [W]."""
+
+    hang_off: float  # force times material velocity there
+    passing: float  # energy of the rope that enters over the sheave
+    water: float
+
+
+class Border(NamedTuple):
+    """A state at a step's border."""
+
+    store: Store
+    power: Power
+    elements: Elements
+
+
+def account(kind: str, effect: type) -> Callable[[Any], Any]:
+    """Register what an effect of this type says of its energy: f(effect, place) -> (nodes,).
+
+    `place` holds all nodes, or only the lower end for a kind of AT_END.
+
+    Raises:
+        ValueError: unknown kind, or a second account of this kind.
+    """
+    if kind not in _ACCOUNTS:
+        raise ValueError(f"unknown account '{kind}'; known: {', '.join(_ACCOUNTS)}")
+    if effect in _ACCOUNTS[kind]:
+        raise ValueError(f"{effect.__name__} has said its '{kind}' already")
+
+    def register(function: Any) -> Any:
+        _ACCOUNTS[kind][effect] = function
+        return function
+
+    return register
+
+
+def accounts_of(effect: type) -> tuple[str, ...]:
+    """The kinds of account that an effect's type gives."""
+    return tuple(kind for kind, known in _ACCOUNTS.items() if effect in known)
+
+
+def said(kind: str, effects: tuple[Any, ...], place: Place) -> float:
+    """Sum of what the effects say of a place."""
+    known = _ACCOUNTS[kind]
+    return sum(
+        float(np.sum(known[type(effect)](effect, place)))
+        for effect in effects
+        if type(effect) in known
+    )
+
+
+def measure(rope: Rope, pull: Floats, time: float, V: float) -> Border:
+    """Energy and power of the state at a step's border.
+
+    pull: the rope's on the hang-off, x, y, z [N]; time [s]; V: payout speed [m/s].
+    """
+    elements = _elements(rope, V)
+    place = _place(rope, elements, time, V)
+    end = Place(*(row[..., :1] for row in place))
+    sheave = _metre_at_sheave(rope, elements, place)
+    store = Store(
+        kinetic=_motion(rope.effects, place) + said("kinetic_end", rope.effects, end),
+        elastic=float(elements.stored.sum()),
+        potential=said("potential", rope.effects, place) + said("potential_end", rope.effects, end),
+    )
+    per_metre = elements.stored[-1] / elements.rest[-1]
+    per_metre += _motion(rope.effects, sheave) + said("potential", rope.effects, sheave)
+    power = Power(
+        hang_off=-float(pull @ place.velocity[:, -1]),
+        passing=float(V * per_metre),
+        water=said("power", rope.effects, place) + said("power_end", rope.effects, end),
+    )
+    return Border(store, power, elements)
+
+
+def damped(before: Elements, after: Elements, step: float) -> float:
+    """Energy that the axial damper dissipates over a step [J].
+
+    Its force times how far it moved: a stiff damper ends a motion within less than a step, and
+    force times rate at the borders would count that many times over. Where a split or merge has
+    just changed the elements there is only force times rate.
+    """
+    n = min(len(before.rest), len(after.rest))
+    same = n if len(before.rest) == len(after.rest) else n - 1
+    moved = 0.5 * (before.rest[:same] + after.rest[:same])
+    moved *= after.stretch[:same] - before.stretch[:same]
+    work = 0.5 * (before.damping[:same] + after.damping[:same]) @ moved
+    for some in (before, after):
+        work += 0.5 * step * (some.damping[same:] @ some.rate[same:])
+    return float(work)
+
+
+def _motion(effects: tuple[Any, ...], place: Place) -> float:
+    """Kinetic energy of the rope with what the effects add [J]."""
+    own = 0.5 * float(place.mass @ (place.velocity**2).sum(axis=0))
+    return own + said("kinetic", effects, place)
+
+
+def _elements(rope: Rope, V: float) -> Elements:
+    """Stored and damped as `elastic.stretch` pulls: T = max(0, EA·strain + c·strain rate)."""
+    n, sections = int(rope.state.counts[ELEMENTS]), rope.sections
+    s, offset = rope.state.s[: n + 1], rope.state.offset[:n]
+    x = rope.state.nodes[POSITION : POSITION + 3, : n + 1]
+    v = rope.state.nodes[VELOCITY : VELOCITY + 3, : n + 1]
+    rest, dx, dv = np.diff(s), np.diff(x), np.diff(v)
+    length = np.sqrt((dx * dx).sum(axis=0) + 1e-16 * rest * rest)
+    direction = dx / length
+    closing = (direction * dv).sum(axis=0)
+    section = np.searchsorted(sections[END], s[:-1] + SAME_PLACE, side="right")
+    rate = closing.copy()  # of the length, less that of the rest length: l_rest·strain rate
+    rate[-1] -= V / rest[-1] * length[-1]
+    spring = sections[EA, section] / rest * (length + offset - rest)
+    pull = np.maximum(spring + sections[C, section] / rest * rate, 0.0)
+    stretched = np.maximum(length + offset - rest, 0.0)
+    return Elements(
+        direction=direction,
+        turning=(dv - closing * direction) / length,
+        stored=0.5 * np.maximum(spring, 0.0) * stretched,
+        damping=pull - np.maximum(spring, 0.0),
+        rate=rate,
+        stretch=length / rest,
+        rest=rest,
+        section=section,
+    )
+
+
+def _place(rope: Rope, elements: Elements, time: float, V: float) -> Place:
+    """All nodes; at the hang-off the rope that passes it, with v - V·(its vector over l_rest)."""
+    n = len(elements.rest)
+    x = rope.state.nodes[POSITION : POSITION + 3, : n + 1]
+    v = rope.state.nodes[VELOCITY : VELOCITY + 3, : n + 1].copy()
+    v[:, -1] -= V / elements.rest[-1] * (x[:, -1] - x[:, -2])
+    along, turn = _at_nodes(elements.direction), _at_nodes(elements.turning)
+    size = np.sqrt((along * along).sum(axis=0) + 1e-12)
+    tangent = along / size
+    half = 0.5 * elements.rest * rope.sections[PER_METRE:, elements.section]
+    lumps = np.zeros((len(half), n + 1))
+    lumps[:, :-1] += half
+    lumps[:, 1:] += half
+    return Place(
+        arc=rope.state.s[: n + 1],
+        position=x,
+        velocity=v,
+        tangent=tangent,
+        turning=(turn - (turn * tangent).sum(axis=0) * tangent) / size,
+        flow=_flow(rope, n + 1, time, V),
+        **dict(zip(("mass", "volume", "frontal", "skin"), lumps, strict=True)),
+    )
+
+
+def _at_nodes(rows: Floats) -> Floats:
+    """Sums of what the elements beside each node have; the one there is at the ends."""
+    return np.concatenate([rows[:, :1], rows[:, :-1] + rows[:, 1:], rows[:, -1:]], axis=1)
+
+
+def _metre_at_sheave(rope: Rope, elements: Elements, place: Place) -> Place:
+    """A metre of the rope that passes the hang-off."""
+    end = Place(*(row[..., -1:] for row in place))
+    mass, volume, frontal, skin = rope.sections[PER_METRE:, elements.section[-1:]]
+    return end._replace(mass=mass, volume=volume, frontal=frontal, skin=skin)
+
+
+def _flow(rope: Rope, nodes: int, time: float, V: float) -> Floats:
+    """Water velocity at the nodes [m/s], (3, nodes)."""
+    work = new_work(nodes)
+    work[:NODE_ROWS] = rope.state.nodes[:, :nodes]
+    _find_flow(rope.effects, work, Stage(time, 1.0, 0.0, V), 0, nodes)
+    return work[FLOW : FLOW + 3]
+
+
+@jit_entry
+def _find_flow(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """`set_flow`, for Python."""
+    set_flow(effects, work, stage, low, high)

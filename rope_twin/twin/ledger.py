@@ -1,0 +1,139 @@
+"""The energy balance of a run, for runs that ask for it: a twin that keeps books on itself.
+
+Energy is counted at every step's border, and what flows in and out is integrated from its values
+there by the trapezoidal rule with Gregory's end correction, a twelfth of the last and first rise.
+What then is missing was dissipated numerically. In a snap that begins and ends within a step the
+work of the hang-off is only known from the force at the step's borders: with 20 ms the residual
+may be 0.3 % of the exchanged energy too low, with 50 ms and a stiff damper some per cent.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.energy import Border, Power, accounts_of, damped, measure
+from rope_twin.core.state import Floats, Rope
+from rope_twin.core.terms import hooks_of
+from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.saved_state import SavedState
+from rope_twin.twin.snapshot import EnergyBalance, Snapshot
+from rope_twin.twin.twin import Twin
+
+
+class Ledger:
+    """Sums over the steps; opened at a state, then told each next one."""
+
+    def __init__(self, time_s: float, border: Border) -> None:
+        self._since_s = time_s
+        self._first = self._now = border
+        self._work = np.zeros(len(Power._fields))  # by the trapezoidal rule
+        # of power over the first two and the last two steps, times step/12
+        self._first_rises: list[Floats] = []
+        self._last_rises: deque[Floats] = deque(maxlen=2)
+        self._damped = self._exchanged = 0.0
+
+    def take(self, step_s: float, border: Border) -> None:
+        """Add a step that led to this state."""
+        before, after = np.array(self._now.power), np.array(border.power)
+        work = 0.5 * step_s * (before + after)
+        loss = damped(self._now.elements, border.elements, step_s)
+        changes = np.array(border.store) - np.array(self._now.store)
+        moved = np.abs(changes).sum() + np.abs(work).sum() + abs(loss)
+        self._last_rises.append(step_s / 12.0 * (after - before))
+        if len(self._first_rises) < 2:
+            self._first_rises.append(self._last_rises[-1])
+        self._work = self._work + work
+        self._damped += loss
+        self._exchanged += 0.5 * float(moved)
+        self._now = border
+
+    def balance(self) -> EnergyBalance:
+        """The sums so far, with Gregory's corrections at their ends."""
+        now, work = self._now.store, self._work
+        if len(self._first_rises) == 2:
+            work = work - _steady(*self._last_rises) + _steady(*self._first_rises)
+        hang_off, passing, water = work.tolist()
+        change = now.total - self._first.store.total
+        return EnergyBalance(
+            since_s=self._since_s,
+            kinetic_j=now.kinetic,
+            elastic_j=now.elastic,
+            potential_j=now.potential,
+            change_j=change,
+            hang_off_j=hang_off,
+            passing_j=passing,
+            water_j=water,
+            damped_j=self._damped,
+            residual_j=hang_off + passing + water - self._damped - change,
+            exchanged_j=self._exchanged,
+        )
+
+
+class AccountedTwin(Twin):
+    """A twin with a ledger: the same run to the bit, stepped one by one, slower.
+
+    A saved state does not hold the ledger; a restored twin opens a new one.
+
+    Raises:
+        SceneError: as for a twin, or an effect does not say its energy.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(scene)
+        _check_effects(scene, self._rope)
+        self._ledger = self._opened()
+
+    @classmethod
+    def restore(cls, saved: str | Path | SavedState, scene: Scene) -> AccountedTwin:
+        """As for a twin."""
+        twin = super().restore(saved, scene)
+        assert isinstance(twin, AccountedTwin)
+        twin._ledger = twin._opened()
+        return twin
+
+    def snapshot(self) -> Snapshot:
+        """A frozen copy of the present with the energy balance."""
+        return replace(super().snapshot(), energy=self._ledger.balance())
+
+    def _changing(self) -> dict[str, Any]:
+        changing = super()._changing()
+        changing.pop("_ledger", None)
+        return changing
+
+    def _advance_some(self, steps: int) -> None:
+        for _ in range(steps):
+            super()._advance_some(1)
+            self._ledger.take(self.step_s, self._measured())
+
+    def _opened(self) -> Ledger:
+        return Ledger(self.time_ns * 1e-9, self._measured())
+
+    def _measured(self) -> Border:
+        """Energy and power of the present."""
+        rope = self._rope._replace(effects=self._current.effects)
+        pull = self._pull[rows.PULL_X : rows.PULL_Z + 1]
+        V = float(self._boundary.rate[0, rows.LINE])
+        return measure(rope, pull, self.time_ns * 1e-9, V)
+
+
+def _steady(one: Floats, other: Floats) -> Floats:
+    """Of two rises the smaller if they agree in sign, else 0: at a kink there is no correction."""
+    same = np.sign(one) == np.sign(other)
+    return np.where(same, np.sign(one) * np.minimum(np.abs(one), np.abs(other)), 0.0)
+
+
+def _check_effects(scene: Scene, rope: Rope) -> None:
+    """Refuse a balance that would call an effect's work a numerical loss."""
+    for effect in rope.effects:
+        kind = type(effect)
+        if {"load", "load_end"}.intersection(hooks_of(kind)) and not accounts_of(kind):
+            what = f"effect {kind.__name__} does not say what energy it stores or brings"
+            right = "run it without the energy balance"
+            raise SceneError(phrase(f"{scene.path}", what, right))

@@ -1,0 +1,141 @@
+"""The energy balance against closed forms, and what it says of the scheme."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from payout_rigs import STEEL
+from rigs import Bench, Heave, Rig, Speeds, lift, march, sine, still
+
+from rope_twin.core.energy import measure
+from rope_twin.core.prediction import GAMMA, K1, K2
+from rope_twin.twin.ledger import AccountedTwin
+from rope_twin.twin.snapshot import EnergyBalance
+
+SPRING = Rig(
+    length=100.0, elements=3, mass=1e-2, EA=6.9e6, diameter=1e-3, load=5e3, volume=1.0,
+    added=(2e3, 2e3, 2e3), density=1025.0,
+)  # fmt: skip
+SNAP = replace(
+    SPRING, length=500.0, elements=50, mass=2.9, EA=206e6, diameter=0.06, load=20e3, volume=3.0,
+    added=(7e3, 7e3, 7e3),
+)  # fmt: skip
+FREE = replace(STEEL, elements=50, tolerance=1e-2, ramp=4.0)
+
+
+def balances(
+    rig: Rig, heave: Heave, seconds: float, every: int = 10, speeds: Speeds = ()
+) -> list[EnergyBalance]:
+    """The balance of a run after each `every` steps."""
+    shots = march(AccountedTwin(rig.scene()), heave, seconds, every, speeds)
+    found = [shot.energy for shot in shots]
+    return [balance for balance in found if balance is not None]
+
+
+def damping(z: complex) -> float:
+    """|R(z)| of TR-BDF2 (Bank et al. 1985) for y' = z/h·y: what is left of it after a step."""
+    c = 0.5 * GAMMA * z
+    middle = (1.0 + c) / (1.0 - c)
+    return float(abs((K1 * middle - K2) / (1.0 - c)))
+
+
+@pytest.mark.parametrize("step", [0.01, 0.02, 0.04])
+def test_a_mass_on_a_spring_loses_what_the_scheme_takes(step: float) -> None:
+    """E/E_0 = |R(i·ω·h)|^(2N), ω² = EA/(L·M'): energy is constant to second order and better."""
+    bench = Bench(replace(SPRING, step=step, tolerance=1e-4).scene())
+    hanging = measure(bench.rope, np.zeros(3), 0.0, 0.0).store.total
+    share = np.linspace(1.0, 0.0, 4)
+    bench.position[2] -= 0.05 * share
+    omega = math.sqrt(SPRING.EA / SPRING.length / (SPRING.load + SPRING.added[2]))
+    bench.acceleration[2] = 0.05 * omega**2 * share
+    start = measure(bench.rope, np.zeros(3), 0.0, 0.0).store.total - hanging
+    assert start == pytest.approx(0.5 * SPRING.EA / SPRING.length * 0.05**2, rel=1e-4)
+    steps = round(20.0 / step)
+    bench.hold(steps)
+    left = measure(bench.rope, np.zeros(3), 0.0, 0.0).store.total - hanging
+    lost = 1.0 - damping(1j * omega * step) ** (2 * steps)
+    assert 1.0 - left / start == pytest.approx(lost, rel=0.02, abs=1e-6)
+
+
+def test_drag_takes_the_weight_times_the_terminal_speed() -> None:
+    """A payload under a slack rope falls at v = √(2·W/(ρ·CdA)); the water takes W·v."""
+    rig = replace(SPRING, area=(0.0, 0.0, 76.0))
+    shots = list(march(AccountedTwin(rig.scene()), lift(-8.0, 3.0), 2.8, every=20))
+    at_2_s, end = shots[9], shots[13]
+    assert end.element_tension_n.max() < 1e-2 * rig.load_weight
+    speed = math.sqrt(2.0 * rig.load_weight / (rig.density * 76.0))
+    assert end.payload_velocity_m_per_s[2] == pytest.approx(-speed, rel=1e-3)
+    assert at_2_s.energy is not None
+    assert end.energy is not None
+    power = (end.energy.water_j - at_2_s.energy.water_j) / (end.time_s - at_2_s.time_s)
+    assert power == pytest.approx(-rig.load_weight * speed, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("heave", "speeds"),
+    [(sine(1.5, 8.0), ()), (still, [(0.5, 2.0)]), (sine(1.5, 8.0), [(0.5, 1.0), (6.0, -1.0)])],
+    ids=["heave", "payout", "both"],
+)
+def test_the_residual_falls_at_second_order(heave: Heave, speeds: Speeds) -> None:
+    """Without drag and damper, at 20, 10 and 5 ms; heave alone is better (third order).
+
+    The study of payout (generalised-alpha) had 1.6e-4, 7.8e-5 and 3.7e-5 of T·dL.
+    """
+    steps = np.array([0.02, 0.01, 0.005])
+    ends = [balances(replace(FREE, step=h), heave, 12.0, round(4.0 / h), speeds)[-1] for h in steps]
+    residual = np.array([end.residual_j for end in ends])
+    exchanged = np.array([end.exchanged_j for end in ends])
+    assert np.all(exchanged > 1e6)
+    assert np.all(np.abs(residual) / exchanged < 5e-6 * (steps / 0.02) ** 1.5)
+    orders = np.log2(np.abs(residual[:-1] / residual[1:]))
+    assert np.all(orders > 1.8), (residual, exchanged)
+
+
+def test_payout_at_constant_speed_is_supplied_by_the_sheave() -> None:
+    """Vertical, vacuum: the hang-off takes T·V(1 + T/EA), the rope brings m·w²/2 + T²/(2·EA).
+
+    What it brings is that of the top element, whose middle is half of it further down.
+    """
+    rig = replace(FREE, length=200.0, elements=20, winch=STEEL.winch)
+    shots = list(march(AccountedTwin(rig.scene()), still, 20.0, 1000, [(0.0, 1.0)]))
+    a, b = (shot.energy for shot in shots)
+    assert a is not None
+    assert b is not None
+    out = shots[1].line_out_m - shots[0].line_out_m
+    T = rig.load_weight + rig.weight * 0.5 * (shots[0].line_out_m + shots[1].line_out_m)
+    w = 1.0 + T / rig.EA
+    assert (b.hang_off_j - a.hang_off_j) == pytest.approx(-T * w * out, rel=2e-3)
+    brought = (0.5 * rig.mass * w**2 + 0.5 * T**2 / rig.EA) * out
+    assert (b.passing_j - a.passing_j) == pytest.approx(brought, rel=5e-3)
+    assert shots[1].solver.splits > 0
+
+
+@pytest.mark.parametrize("damper", [0.0, 5e5])
+@pytest.mark.parametrize("step", [0.02, 0.01])
+def test_a_snap_is_dissipated_numerically(damper: float, step: float) -> None:
+    """Positive in sum, never more than a trace below zero, and small beside what is exchanged."""
+    found = balances(replace(SNAP, damping=damper, step=step), lift(-3.0, 1.0), 5.0)
+    exchanged = found[-1].exchanged_j
+    residual = np.array([balance.residual_j for balance in found])
+    assert found[-1].residual_j > 2e-4 * exchanged
+    assert residual.min() > -1e-4 * exchanged
+    assert residual.max() < 1e-2 * exchanged
+    assert (found[-1].damped_j > 5e-3 * exchanged) == (damper > 0.0)
+
+
+def test_the_axial_damper_takes_what_its_mode_loses() -> None:
+    """The swing's energy falls as exp(-c/EA·ω²·t), and the damper accounts for all of it."""
+    rig = replace(SPRING, damping=2e5, step=0.005, tolerance=1e-3)
+    omega = math.sqrt(rig.EA / rig.length / (rig.load + rig.added[2]))
+    periods = 4.0 * math.pi / omega
+    every = round(periods / 8 / rig.step)
+    found = balances(rig, lift(-0.02, 0.2), 2.0 * periods, every)
+    one, other = found[3], found[11]  # two periods apart, the ship long at rest
+    hanging = -0.02 * (rig.load_weight + rig.weight * rig.length)
+    left = (other.change_j - hanging) / (one.change_j - hanging)
+    assert left == pytest.approx(math.exp(-rig.damping / rig.EA * omega**2 * periods), rel=2e-2)
+    taken = one.change_j - other.change_j
+    assert other.damped_j - one.damped_j == pytest.approx(taken, rel=1e-3)

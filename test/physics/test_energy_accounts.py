@@ -1,0 +1,86 @@
+"""What every effect says of its energy agrees with the force of its kernels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from effect_cases import NODES, data_of, loads, some_work
+
+from rope_twin.core import state as rows
+from rope_twin.core.energy import Place, account, accounts_of, said
+from rope_twin.core.state import Floats
+from rope_twin.core.terms import hooks_of
+from rope_twin.effects import EFFECTS
+from rope_twin.effects.weight import Weight
+
+NAMES = [effect.name for effect in EFFECTS]
+DT = 1e-5
+FORCE = slice(3, 6)  # of what `loads` returns
+
+
+def three(work: Floats, row: int) -> Floats:
+    return work[row : row + 3]
+
+
+def seen(work: Floats, turning: Floats, dt: float) -> Place:
+    """The nodes of `work` a moment later, as an account sees them."""
+    v, a = three(work, rows.VELOCITY), three(work, rows.ACCELERATION)
+    tangent = three(work, rows.TANGENT) + dt * turning
+    return Place(
+        arc=np.arange(float(NODES)),
+        position=three(work, rows.POSITION) + dt * v + 0.5 * dt * dt * a,
+        velocity=v + dt * a,
+        tangent=tangent / np.linalg.norm(tangent, axis=0),
+        turning=turning,
+        flow=three(work, rows.FLOW),
+        mass=work[rows.MASS],
+        volume=work[rows.VOLUME],
+        frontal=work[rows.FRONTAL],
+        skin=work[rows.SKIN],
+    )
+
+
+def stored(effects: tuple[Any, ...], place: Place) -> float:
+    end = Place(*(row[..., :1] for row in place))
+    along = said("kinetic", effects, place) + said("potential", effects, place)
+    return along + said("kinetic_end", effects, end) + said("potential_end", effects, end)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("seed", [1, 2])
+def test_force_times_velocity_is_power_less_what_is_stored(name: str, seed: int) -> None:
+    """F·v = power - d(kinetic + potential)/dt over all nodes, however they move and turn."""
+    effects, work = data_of(name), some_work(seed)
+    random = np.random.default_rng(seed)
+    work[rows.FLOW : rows.FLOW + 2] = random.normal(0.0, 0.6, (2, NODES))
+    tangent = three(work, rows.TANGENT)
+    turning = random.normal(0.0, 0.2, (3, NODES))
+    turning -= (turning * tangent).sum(axis=0) * tangent
+    force = (loads(effects, work) - loads((), work))[FORCE]
+    done = float((force * three(work, rows.VELOCITY)).sum())
+    place = seen(work, turning, 0.0)
+    end = Place(*(row[..., :1] for row in place))
+    power = said("power", effects, place) + said("power_end", effects, end)
+    later, before = (stored(effects, seen(work, turning, dt)) for dt in (DT, -DT))
+    rate = (later - before) / (2.0 * DT)
+    assert done == pytest.approx(power - rate, rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_an_effect_that_loads_the_rope_says_its_energy(name: str) -> None:
+    """Else its work would be called a numerical loss (`twin.ledger` refuses such a run)."""
+    kind = type(data_of(name)[0])
+    loading = bool({"load", "load_end"}.intersection(hooks_of(kind)))
+    assert loading == bool(accounts_of(kind)), (
+        f"effect '{name}' loads the rope: say what it stores or brings by functions beside its"
+        " kernels, @account(kind, Type) of rope_twin.core.energy"
+    )
+
+
+def test_an_account_is_given_once_and_of_a_known_kind() -> None:
+    with pytest.raises(ValueError, match="unknown account 'heat'"):
+        account("heat", Weight)
+    with pytest.raises(ValueError, match="Weight has said its 'potential' already"):
+        account("potential", Weight)
