@@ -20,6 +20,7 @@ import numpy as np
 
 from rope_twin.core.assembly import set_flow
 from rope_twin.core.jit import jit_entry
+from rope_twin.core.law import hold
 from rope_twin.core.sections import SAME_PLACE
 from rope_twin.core.state import (
     EA,
@@ -183,7 +184,7 @@ def _motion(effects: tuple[Any, ...], place: Place) -> float:
 
 
 def _elements(rope: Rope, V: float) -> Elements:
-    """Stored and damped as `elastic.stretch` pulls: T = max(0, EA·strain + c·strain rate)."""
+    """Stored and damped as `elastic.stretch` pulls: T = max(0, E(strain) + c·strain rate)."""
     n, sections = int(rope.state.counts[ELEMENTS]), rope.sections
     s, offset = rope.state.s[: n + 1], rope.state.offset[:n]
     x = rope.state.nodes[POSITION : POSITION + 3, : n + 1]
@@ -195,14 +196,15 @@ def _elements(rope: Rope, V: float) -> Elements:
     section = np.searchsorted(sections[END], s[:-1] + SAME_PLACE, side="right")
     rate = closing.copy()  # of the length, less that of the rest length: l_rest·strain rate
     rate[-1] -= V / rest[-1] * length[-1]
-    spring = sections[EA, section] / rest * (length + offset - rest)
-    pull = np.maximum(spring + sections[C, section] / rest * rate, 0.0)
-    stretched = np.maximum(length + offset - rest, 0.0)
+    strain = (length + offset - rest) / rest
+    spring, stored = hold(rope.law, sections[EA, section], section, strain)
+    slack = sections[EA, section] * np.minimum(strain, 0.0)  # a table begins with EA
+    pull = np.maximum(spring + slack + sections[C, section] / rest * rate, 0.0)
     return Elements(
         direction=direction,
         turning=(dv - closing * direction) / length,
-        stored=0.5 * np.maximum(spring, 0.0) * stretched,
-        damping=pull - np.maximum(spring, 0.0),
+        stored=stored * rest,
+        damping=pull - spring,
         rate=rate,
         stretch=length / rest,
         rest=rest,

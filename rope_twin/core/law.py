@@ -9,10 +9,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 from numba.core.types import containers
 from numba.extending import overload
 
 from rope_twin.core.jit import LINKED, jit_within
+from rope_twin.core.state import Floats, Table
 
 
 def pull_of(law: Any, section: Any, stiffness: Any, e: int, extension: float, rest: float) -> Any:
@@ -37,6 +39,26 @@ def tension_at(law: Any, section: int, strain: float) -> Any:
         law.tension[section, j] + slope * u + v * v * (curve + bend * v),
         slope + v * (2.0 * curve + 3.0 * bend * v),
     )
+
+
+def hold(law: Table | None, stiffness: Floats, section: Any, strain: Floats) -> Any:
+    """Elastic tension [N] and stored energy per unstretched metre [J/m] of elements; 0 when slack.
+
+    In numpy, for accounts beside the step. stiffness: EA [N] of each, where there is no table.
+    """
+    strain = np.maximum(strain, 0.0)
+    if law is None:
+        return stiffness * strain, 0.5 * stiffness * strain**2
+    tension, stored = np.zeros_like(strain), np.zeros_like(strain)
+    for j in range(law.knot.shape[1]):
+        low, t, slope, curve, bend = (row[section, j] for row in law)
+        end = law.knot[section, j + 1] if j + 1 < law.knot.shape[1] else np.inf
+        here = strain >= low
+        u = np.where(here, np.minimum(strain, end) - np.where(here, low, 0.0), 0.0)
+        inside = t + u * (slope + u * (curve + u * bend))
+        tension = np.where(here, inside, tension)
+        stored += u * (t + u * (slope / 2.0 + u * (curve / 3.0 + u * bend / 4.0)))
+    return tension, stored
 
 
 @jit_within

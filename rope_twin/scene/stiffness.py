@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -39,6 +40,7 @@ class StiffnessTable:
             return f"a strain of {self.table[-1][0]:g} is given; 1 % is 0.01, give at most 1"
         return None
 
+    @cached_property
     def cubics(self) -> Table:
         """The cubics between its points, of one section."""
         return cubics([self.table])
@@ -66,7 +68,7 @@ class StiffnessTable:
 
     def _at(self, strain: float) -> tuple[float, float]:
         """Tension and tangent [N]."""
-        law = self.cubics()
+        law = self.cubics
         j = max(int(np.searchsorted(law.knot[0], strain, side="right")) - 1, 0)
         u = strain - law.knot[0, j]
         v = max(u, 0.0)

@@ -11,7 +11,7 @@ from payout_rigs import WINCH
 from rigs import Bench, Rig, frequency, march, sine, still, top_tension
 
 from rope_twin import Twin
-from rope_twin.core.law import tension_at
+from rope_twin.core.law import hold, tension_at
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.stiffness import StiffnessTable
 
@@ -32,7 +32,7 @@ def tabled(rig: Rig, table: StiffnessTable) -> Scene:
 
 def test_it_rises_through_its_points() -> None:
     """Points are met, tension and tangent rise steadily between them, both without a jump."""
-    law = HMPE.cubics()
+    law = HMPE.cubics
     strain = np.linspace(-0.002, 0.010, 240001)
     curve = np.array([tension_at.py_func(law, 0, e) for e in strain[::100]])
     for point, tension in HMPE.table:
@@ -78,8 +78,8 @@ def test_small_waves_follow_the_tangent(load: float) -> None:
 
 
 def stored(table: StiffnessTable, strain: float) -> float:
-    """∫T dstrain, by Gauss in 400 parts."""
-    edges = np.linspace(0.0, strain, 401)
+    """∫T dstrain, by Gauss between points of the table and beyond."""
+    edges = np.array([*(point for point, _ in table.table if point < strain), strain])
     x, w = np.polynomial.legendre.leggauss(4)
     half, middle = 0.5 * np.diff(edges), 0.5 * (edges[1:] + edges[:-1])
     return float(
@@ -106,6 +106,15 @@ def test_energy_of_a_bounce_is_kept() -> None:
     swing = 0.5 * HMPE.tangent_n(20e3 * 9.80665) / 100.0 * 0.1**2
     assert np.ptp(energy) < 0.01 * swing
     assert energy[-1] < energy[0] + 1e-4 * swing
+
+
+def test_the_energy_balance_knows_the_table() -> None:
+    """Tension and stored energy of its account against the kernel's law and the integral."""
+    strain = np.array([-0.001, 0.0, 0.0005, 0.0015, 0.006, 0.012])
+    law, section = HMPE.cubics, np.zeros(6, dtype=int)
+    tension, energy = hold(law, np.ones(6), section, strain)
+    assert tension == pytest.approx([max(HMPE.tension_n(float(e)), 0.0) for e in strain], rel=1e-12)
+    assert energy == pytest.approx([stored(HMPE, max(float(e), 0.0)) for e in strain], rel=1e-12)
 
 
 def test_a_straight_table_is_the_stiffness_itself() -> None:
