@@ -162,11 +162,11 @@ def eliminate_plainly(work: Any, first: int, n: int) -> None:
             G[11, i] + G[6, i] * dx + G[7, i] * dy + G[8, i] * dz,
         )
         work[CORRECTION, i], work[CORRECTION + 1, i], work[CORRECTION + 2, i] = dx, dy, dz
-    _hold_ends(work, first, n)
+    hold_ends(work, first, n)
 
 
 @jit_within
-def _hold_ends(work: Any, first: int, n: int) -> None:
+def hold_ends(work: Any, first: int, n: int) -> None:
     """No correction where motion is prescribed."""
     for k in range(3):
         work[CORRECTION + k, n] = 0.0
@@ -306,7 +306,7 @@ def _eliminate_folded(work: Any, first: int, n: int) -> None:
         dx[i], dx[j] = lane(px, 0), lane(px, 1)
         dy[i], dy[j] = lane(py, 0), lane(py, 1)
         dz[i], dz[j] = lane(pz, 0), lane(pz, 1)
-    _hold_ends(work, first, n)
+    hold_ends(work, first, n)
 
 
 eliminate = eliminate_plainly if config.DISABLE_JIT else _eliminate_folded

@@ -11,6 +11,7 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
+from numba.extending import overload
 
 from rope_twin.core import terms
 from rope_twin.core.assembly import (
@@ -21,9 +22,10 @@ from rope_twin.core.assembly import (
     set_tangents,
     slope,
 )
+from rope_twin.core.coupled_elimination import eliminate_coupled
 from rope_twin.core.elastic import count_unexpected, expect_tension, stretch, stretch_top
 from rope_twin.core.elimination import eliminate, root_stiffness
-from rope_twin.core.jit import jit
+from rope_twin.core.jit import LINKED, jit
 from rope_twin.core.prediction import predict_bdf2, predict_trapezoid
 from rope_twin.core.state import ELEMENTS, SOLVES, SOLVES_MAX
 
@@ -39,6 +41,23 @@ TRAPEZOID, BDF2, SEARCH = np.int64(0), np.int64(1), np.int64(2)
 CHUNK = 64  # nodes that all passes take at a time: their rows fit into the nearest cache
 
 
+def _eliminate(effects: Any, work: Any, first: Any, n: Any) -> Any:
+    """The corrections, by the elimination that the effects' types ask for."""
+    solve = eliminate_coupled if terms.couples(map(type, effects)) else eliminate
+    solve(work, first, n)
+
+
+@overload(_eliminate, jit_options=LINKED, strict=False)
+def _choose_elimination(effects: Any, work: Any, first: Any, n: Any) -> Any:
+    coupled = terms.couples(effect.instance_class for effect in effects)
+    solve = eliminate_coupled if coupled else eliminate
+
+    def call(effects: Any, work: Any, first: Any, n: Any) -> None:
+        solve(work, first, n)
+
+    return call
+
+
 @jit
 def solve_stage(rope: Any, stage: Any, kind: int, cap: int) -> int:
     """Find the acceleration; motion and tension then belong to the stage's time.
@@ -50,7 +69,7 @@ def solve_stage(rope: Any, stage: Any, kind: int, cap: int) -> int:
     n, first = state.counts[ELEMENTS], rope.model.first_free
     _evaluate(rope, stage, kind, 0.0)
     for correction in range(1, cap + 1):
-        eliminate(work, first, n)
+        _eliminate(rope.effects, work, first, n)
         state.health[SOLVES] += 1
         before, unexpected = _correct(rope, stage, rope.model.tolerance)
         state.health[SOLVES_MAX] = max(state.health[SOLVES_MAX], correction)
@@ -102,6 +121,7 @@ def _evaluate(rope: Any, stage: Any, kind: int, factor: float) -> None:
             set_flow(rope.effects, work, stage, done, last)
         _load_nodes(rope, stage, done, last)
     terms.add_end(rope.effects, work, stage)
+    terms.add_couplings(rope.effects, work, stage, n)
 
 
 @jit
@@ -131,6 +151,7 @@ def _reload(rope: Any, stage: Any) -> None:
     for start in range(0, n, CHUNK):
         _load_nodes(rope, stage, start, min(start + CHUNK, n))
     terms.add_end(rope.effects, rope.work, stage)
+    terms.add_couplings(rope.effects, rope.work, stage, n)
 
 
 @jit

@@ -46,6 +46,10 @@ FRONTAL, SKIN = 60, 61  # areas that the drag coefficients across and along refe
 SECTION = 62  # of an element: which of the rope's sections it is of
 KEPT = 63  # NODE_ROWS of the state at the start of the step, for a restore
 WORK_ROWS = KEPT + NODE_ROWS
+# and, only where an effect couples nodes beyond their neighbours:
+LINK = WORK_ROWS  # c of the blocks c·I that it adds between node i and i + 1, and i and i + 2 [kg]
+FACTOR = LINK + 2  # of the elimination: three below the diagonal, three inverse pivots
+COUPLED_ROWS = FACTOR + 6
 
 # Rows of `sections`, a column each section of the rope from the lower end up:
 END = 0  # material coordinate of its upper end [m]; that of the last one is infinite
@@ -113,7 +117,7 @@ class Rope(NamedTuple):
 
     model: Model
     state: State
-    work: Floats  # scratch, (WORK_ROWS, capacity)
+    work: Floats  # scratch, (WORK_ROWS or COUPLED_ROWS, capacity)
     sections: Floats  # what the rope is made of, (SECTION_ROWS, sections)
     effects: tuple[Any, ...]  # their types pick the compiled code
     law: Table | None = None  # None: tension is EA·strain; its type picks the compiled code
@@ -146,6 +150,6 @@ def new_state(capacity: int) -> State:
     )
 
 
-def new_work(capacity: int) -> Floats:
-    """Scratch for `capacity` nodes, (WORK_ROWS, capacity)."""
-    return np.zeros((WORK_ROWS, capacity))
+def new_work(capacity: int, count: int = WORK_ROWS) -> Floats:
+    """Scratch for `capacity` nodes, (count, capacity); `terms.work_rows` tells the count."""
+    return np.zeros((count, capacity))

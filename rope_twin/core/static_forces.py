@@ -8,27 +8,32 @@ anyway. Damping and stiffness enter A with the step and its square: at 1e-15 s t
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from rope_twin.core.jit import jit_entry
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
     DIRECTION,
     ELEMENTS,
     LINE,
+    LINK,
     MOTIONS,
     NODE_ROWS,
     POSITION,
     PULL_COLUMNS,
+    REST,
     TENSION,
     VELOCITY,
     Boundary,
     Floats,
     Rope,
+    Stage,
 )
 from rope_twin.core.step import advance
+from rope_twin.core.terms import add_couplings, couples
 
 INSTANT = 1e-15  # s
 PROBED_STRAIN = 1e-3
@@ -53,6 +58,19 @@ class Elastic(NamedTuple):
     stiffness: Floats  # [N/m]
 
 
+class Couplings(NamedTuple):
+    """Stiffness that effects bring between nodes beyond their neighbours [N/m]."""
+
+    own: Floats  # of a node, xx, xy, xz, yy, yz, zz; (6, n)
+    near: Floats  # c of the blocks c·I between node i and i + 1, (n,)
+    far: Floats  # and between i and i + 2
+
+
+@jit_entry
+def _couple(effects: Any, work: Any, stage: Any, n: int) -> None:
+    add_couplings(effects, work, stage, n)
+
+
 class StillRope:
     """A rope whose nodes can be put anywhere, to ask what would act on them."""
 
@@ -65,6 +83,8 @@ class StillRope:
         self._rope = rope._replace(model=model)
         self._pull = np.zeros((1, PULL_COLUMNS))
         self.first = int(rope.model.first_free)
+        # nodes on either side that a node's load depends on
+        self.reach = 2 if couples(map(type, rope.effects)) else 1
         self.n = int(rope.state.counts[ELEMENTS])
         s = rope.state.s[: self.n + 1].copy()
         s[-1] = L
@@ -101,6 +121,15 @@ class StillRope:
             for result in (total, load, tension):
                 result[:] = np.nan
         return Forces(total, load, tension, mass)
+
+    def couplings(self) -> Couplings:
+        """Of the shape that the nodes are in; only for a rope whose `reach` is two nodes."""
+        work, n = self._rope.work.copy(), self.n
+        work[POSITION : POSITION + 3, : n + 1] = self.place
+        work[REST, :n] = self.rest
+        work[BLOCK : BLOCK + 6] = 0.0
+        _couple(self._rope.effects, work, Stage(0.0, 1.0, 0.0, 0.0), n)  # p = 1: stiffness itself
+        return Couplings(work[BLOCK : BLOCK + 6, :n], work[LINK, :n], work[LINK + 1, :n])
 
     def elastic(self, length: Floats | None = None) -> Elastic:
         """The elements' law about these lengths [m]; by default somewhat above the rest length.

@@ -17,7 +17,6 @@ from rope_twin.core.static_forces import Elastic, Forces, StillRope
 CLOSING, BLUNTER = 50, 10
 CLOSED = 4.0 * float(np.finfo(float).eps)
 STUCK = 1e-3  # share of a correction below which it leads nowhere
-BAND = 5  # diagonals beside the main one: 3×3 blocks and their neighbours
 PERTURBATION = 1e-7  # of an element's length: a node's move that shows how the loads change
 SMALL_PULL_N = 1e-6
 TINY = float(np.finfo(float).tiny)
@@ -148,47 +147,52 @@ def newton_change(still: StillRope, law: Elastic, shape: Shape) -> Floats:
     lateral = size / np.maximum(law.slack + size / law.stiffness, TINY)
     K = (law.stiffness - lateral) * t[:, None] * t[None, :]
     K[range(3), range(3)] += lateral
-    blocks = -_load_change(still, shape)
-    blocks[1] += K
-    blocks[1, :, :, 1:] += K[:, :, :-1]
-    blocks[2] -= K
-    blocks[0, :, :, 1:] -= K[:, :, :-1]
-    if still.first:
+    blocks, own = -_load_change(still, shape), still.reach
+    blocks[own] += K
+    blocks[own, :, :, 1:] += K[:, :, :-1]
+    blocks[own + 1] -= K
+    blocks[own - 1, :, :, 1:] -= K[:, :, :-1]
+    if still.first:  # node 0 stays, whatever its column says
         blocks[:, :, :, 0] = 0.0
-        blocks[0, :, :, 1] = 0.0
-        blocks[1, range(3), range(3), 0] = 1.0
-    solved = solve_banded((BAND, BAND), banded(blocks), shape.miss.T.ravel())
+        blocks[own, range(3), range(3), 0] = 1.0
+    band = 3 * own + 2
+    solved = solve_banded((band, band), banded(blocks), shape.miss.T.ravel())
     move = np.zeros((3, still.n + 1))
     move[:, :-1] = solved.reshape(still.n, 3).T
     return np.asarray(np.einsum("kce,ce->ke", K, np.diff(move, axis=1)))
 
 
 def banded(blocks: Floats) -> Floats:
-    """Diagonals of a block-tridiagonal matrix, as LAPACK's banded solvers take them.
+    """Diagonals of a matrix of 3×3 blocks, as LAPACK's banded solvers take them.
 
-    blocks[d, k, c, i]: row 3·i + k, column 3·(i + d - 1) + c; (3, 3, 3, n). Blocks that reach
-    beyond either end are left out. Returns (2·BAND + 1, 3·n).
+    blocks[d, k, c, i]: row 3·i + k, column 3·(i + d - reach) + c; (2·reach + 1, 3, 3, n). Blocks
+    beyond either end are left out. Returns (2·band + 1, 3·n) with band = 3·reach + 2.
     """
-    n = blocks.shape[3]
-    diagonals = np.zeros((2 * BAND + 1, 3 * n))
-    for d in range(3):
-        low, high = max(0, 1 - d), n - max(0, d - 1)
+    reach, n = len(blocks) // 2, blocks.shape[3]
+    band = 3 * reach + 2
+    diagonals = np.zeros((2 * band + 1, 3 * n))
+    for d in range(len(blocks)):
+        low, high = max(0, reach - d), n - max(0, d - reach)
         for k in range(3):
             for c in range(3):
-                row = BAND + k - c - 3 * (d - 1)
-                diagonals[row, c::3][low + d - 1 : high + d - 1] = blocks[d, k, c, low:high]
+                row = band + k - c - 3 * (d - reach)
+                diagonals[row, c::3][low + d - reach : high + d - reach] = blocks[d, k, c, low:high]
     return diagonals
 
 
 def _load_change(still: StillRope, shape: Shape) -> Floats:
-    """df_i/dx_j for j = i - 1, i, i + 1 by moving every third node at once; (3, 3, 3, n)."""
-    change = np.zeros((3, 3, 3, still.n))
+    """df_i/dx_j for j from i - reach to i + reach, (2·reach + 1, 3, 3, n).
+
+    By moving every third node at once, or every fifth where effects reach two nodes far.
+    """
+    count = 2 * still.reach + 1
+    change = np.zeros((count, 3, 3, still.n))
     i = np.arange(still.n)
     move = PERTURBATION * np.append(still.rest, still.rest[-1])
-    for start in range(3):
-        moved = slice(start, still.n, 3)
-        d = (start - i + 1) % 3  # node i's neighbour that moves is i + d - 1
-        at = np.clip(i + d - 1, 0, still.n)
+    for start in range(count):
+        moved = slice(start, still.n, count)
+        d = (start - i + still.reach) % count  # node i's neighbour that moves is i + d - reach
+        at = np.clip(i + d - still.reach, 0, still.n)
         for c in range(3):
             place = shape.place.copy()
             place[c, moved] += move[moved]

@@ -173,7 +173,7 @@ def _relax(rope: Rope, still: StillRope) -> Equilibrium:
     )
     pull = np.zeros((1, PULL_COLUMNS))
     nodes, health, step = rope.state.nodes, rope.state.health, STEP_FIRST
-    end = Equilibrium(False, np.inf, 0.0, np.inf, 0)
+    end, last = Equilibrium(False, np.inf, 0.0, np.inf, 0), np.inf
     for rounds in range(RELAXATIONS):
         before = still.place.copy()
         nodes[VELOCITY:NODE_ROWS] = 0.0
@@ -187,8 +187,9 @@ def _relax(rope: Rope, still: StillRope) -> Equilibrium:
             continue
         place = still.place.copy()
         end = _rest_at(still, place, largest(place - before), rounds, round_off)
-        if end.found:
+        if end.found and not end.left_m < FAST * last:  # no nearer: round-off
             break
+        last = end.left_m if end.found else np.inf
         step = min(step * GROWTH, STEP_LAST)
     return end
 

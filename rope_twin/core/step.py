@@ -10,6 +10,7 @@ from __future__ import annotations
 from math import exp, isfinite, sqrt
 from typing import Any
 
+from rope_twin.core import terms
 from rope_twin.core.elastic import stretch_all
 from rope_twin.core.jit import compiled, jit, jit_entry
 from rope_twin.core.motion import place_hang_off, prescribed
@@ -178,6 +179,7 @@ def _finish(rope: Any, boundary: Any, pull: Any, row: int, time: float) -> None:
     lower = split_length(rope, V)
     load_trials(rope, stage, A, lower)
     _report(rope, pull, row)
+    terms.add_pull(rope.effects, rope.work, state.counts[ELEMENTS], pull, row)
     change_elements(rope, stage, L, lower)
 
 

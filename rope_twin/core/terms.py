@@ -10,11 +10,16 @@ Plain Python (NUMBA_DISABLE_JIT=1) walks the same tuple with a loop.
 - `load(effect, node, stage)` returns a Load: what the effect adds to one node. All effects' loads
   are summed in one loop over the nodes, in registers: one pass over memory however many there are.
 - `load_end(effect, work, stage)` adds to the residual and block of node 0, the lower end.
+- `couple(effect, work, stage, n)` adds forces between a node and the next two on either side: to
+  the residuals and blocks, and to the rows LINK what the blocks c·I between the nodes have. The
+  step then takes an elimination that knows of them.
+- `pull(effect, work, n)` returns what such an effect adds to the rope's pull on the hang-off.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from math import sqrt
 from typing import Any, NamedTuple
 
 from numba.extending import overload
@@ -24,18 +29,23 @@ from rope_twin.core.rows import row, rows, span
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
+    COUPLED_ROWS,
     FLOW,
     FRONTAL,
+    LINK,
     MASS,
     POSITION,
+    PULL,
+    PULL_X,
     RESIDUAL,
     SKIN,
     TANGENT,
     VELOCITY,
     VOLUME,
+    WORK_ROWS,
 )
 
-HOOKS = ("flow", "load", "load_end")
+HOOKS = ("flow", "load", "load_end", "couple", "pull")
 _KERNELS: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}
 
 
@@ -104,6 +114,16 @@ def hooks_of(effect: type) -> tuple[str, ...]:
     return tuple(hook for hook in HOOKS if effect in _KERNELS[hook])
 
 
+def couples(kinds: Iterable[type]) -> bool:
+    """Whether one of these types of effects couples nodes beyond their neighbours."""
+    return any(kind in _KERNELS["couple"] for kind in kinds)
+
+
+def work_rows(effects: tuple[Any, ...]) -> int:
+    """How many rows of scratch the step needs for these effects."""
+    return COUPLED_ROWS if couples(map(type, effects)) else WORK_ROWS
+
+
 def _kernels(hook: str, effects: Any) -> dict[int, Any]:
     """The kernels of a hook by the effect's place in the tuple (of numba's types)."""
     found = {i: _KERNELS[hook].get(effect.instance_class) for i, effect in enumerate(effects)}
@@ -147,6 +167,61 @@ def _compose_end(effects: Any, work: Any, stage: Any) -> Any:
     calls = _kernels("load_end", effects)
     lines = [f"kernel_{i}(effects[{i}], work, stage)" for i in calls]
     return _written_out("effects, work, stage", [*lines, "return None"], calls)
+
+
+@jit
+def _clear_links(work: Any, n: int) -> None:
+    """No couplings yet, and nothing at the hang-off's node, which the loads leave out."""
+    for i in range(n + 1):
+        work[LINK, i] = work[LINK + 1, i] = 0.0
+    for k in range(3):
+        work[RESIDUAL + k, n] = 0.0
+    for k in range(6):
+        work[BLOCK + k, n] = 0.0
+
+
+def add_couplings(effects: Any, work: Any, stage: Any, n: Any) -> Any:
+    """Add every effect's forces between nodes that are not neighbours."""
+    if couples(map(type, effects)):
+        _clear_links(work, n)
+    for effect in effects:
+        if type(effect) in _KERNELS["couple"]:
+            _KERNELS["couple"][type(effect)](effect, work, stage, n)
+
+
+@overload(add_couplings, jit_options=LINKED, strict=False)
+def _compose_couplings(effects: Any, work: Any, stage: Any, n: Any) -> Any:
+    calls = _kernels("couple", effects)
+    lines = [f"kernel_{i}(effects[{i}], work, stage, n)" for i in calls]
+    lines = ["clear(work, n)", *lines] if calls else []
+    return _written_out(
+        "effects, work, stage, n", [*lines, "return None"], calls, clear=_clear_links
+    )
+
+
+@jit
+def _add_to_pull(force: Any, pull: Any, row: int) -> None:
+    """A force on the hang-off joins the pull of step `row`."""
+    square = 0.0
+    for k in range(3):
+        pull[row, PULL_X + k] += force[k]
+        square += pull[row, PULL_X + k] ** 2
+    pull[row, PULL] = sqrt(square)
+
+
+def add_pull(effects: Any, work: Any, n: Any, pull: Any, row: Any) -> Any:
+    """Add what effects that couple nodes bring to the rope's pull on the hang-off."""
+    for effect in effects:
+        if type(effect) in _KERNELS["pull"]:
+            _add_to_pull(_KERNELS["pull"][type(effect)](effect, work, n), pull, row)
+
+
+@overload(add_pull, jit_options=LINKED, strict=False)
+def _compose_pull(effects: Any, work: Any, n: Any, pull: Any, row: Any) -> Any:
+    calls = _kernels("pull", effects)
+    lines = [f"add(kernel_{i}(effects[{i}], work, n), pull, row)" for i in calls]
+    lines.append("return None")
+    return _written_out("effects, work, n, pull, row", lines, calls, add=_add_to_pull)
 
 
 def _sum_loads(effects: Any, node: Any, stage: Any) -> Any:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from rope_twin.effects import added_mass, current, drag, payload, weight
+from rope_twin.effects import added_mass, bending, current, drag, payload, weight
 
 
 @dataclass(frozen=True)
@@ -27,5 +27,6 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("weight", weight.WeightParams, weight.build),
     Effect("drag", drag.DragParams, drag.build),
     Effect("added_mass", added_mass.AddedMassParams, added_mass.build),
+    Effect("bending", bending.BendingParams, bending.build),
     Effect("payload", payload.PayloadParams, payload.build),
 )

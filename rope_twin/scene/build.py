@@ -21,7 +21,7 @@ from rope_twin.core.state import (
     new_work,
 )
 from rope_twin.core.state import Rope as CoreRope
-from rope_twin.core.terms import hooks_of
+from rope_twin.core.terms import hooks_of, work_rows
 from rope_twin.core.trial import TRIALS
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.drag import DragParams
@@ -86,7 +86,7 @@ def build(scene: Scene) -> Built:
     state.counts[ELEMENTS] = elements
     state.s[: elements + 1] = s
     _place(state, scene, line, tension)
-    work = new_work(state.s.shape[0])
+    work = new_work(state.s.shape[0], work_rows(effects))
     return Built(CoreRope(model, state, work, sections, effects, _law(line)), top)
 
 

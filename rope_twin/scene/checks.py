@@ -158,6 +158,13 @@ def _effects(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         yield phrase("effects", what, "add `- drag: {normal: ..., tangential: ...}`")
 
 
+def _bending(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    bending = listed_effects(scene).get("bending")
+    if scene.winch and bending and bending.clamped_along is not None:
+        what = "rope from a winch is held in one direction (it jerks where elements split)"
+        yield phrase("effects bending.clamped_along", what, "leave it out, or the winch")
+
+
 def _step(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     step = scene.time.step_s
     rope_wave = 2.0 * scene.ropes[0].length_m / figures.axial_wave_speed_m_per_s
@@ -265,6 +272,7 @@ CHECKS: tuple[Check, ...] = (
     _payload_floats,
     _rope_floats,
     _effects,
+    _bending,
     _step,
     _damping,
     _schedule,

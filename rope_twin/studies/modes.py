@@ -1,9 +1,10 @@
 """Natural frequencies and modes of a scene's rope about its static shape.
 
 Small undamped motion u of the nodes about rest: M·ü + K·u = 0. K holds each element's stiffness
-k·t·tᵀ + (T/l)·(I - t·tᵀ), axial and by tension (Irvine 1981, Cable Structures, ch. 3); M what every
-effect says that it weighs or drags along: rope, added mass across it, payload with its added mass.
-Both ends are the scene's. Left out are damping and how the water's loads change with the shape.
+k·t·tᵀ + (T/l)·(I - t·tᵀ), axial and by tension (Irvine 1981, Cable Structures, ch. 3), and bending
+where the scene lists it; M what every effect says that it weighs or drags along: rope, added mass
+across it, payload with its added mass. Both ends are the scene's. Left out are damping and how the
+water's loads change with the shape.
 
 The smallest of K·φ = ω²·M·φ are found by shift and invert (Ericsson and Ruhe 1980, ARPACK's way).
 """
@@ -18,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core.state import Floats
-from rope_twin.core.static_forces import SYMMETRIC, Elastic, StillRope
+from rope_twin.core.static_forces import SYMMETRIC, Couplings, Elastic, StillRope
 from rope_twin.core.statics import settle
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import InputError, SceneError, phrase
@@ -69,6 +70,7 @@ class _AtRest:
     tension: Floats
     stiffness: Floats  # dT/dl of the elements [N/m]
     mass: Floats  # (3, 3, n)
+    couplings: Couplings | None  # of bending, at all nodes but the hang-off's
     tangent: Floats  # at the free nodes, (3, n)
     s: Floats  # unstretched, of the free nodes from the hang-off [m]
 
@@ -122,8 +124,10 @@ def _bring_to_rest(scene: Scene) -> _AtRest:
     tangent = mean / np.sqrt((mean * mean).sum(axis=0))
     s = np.cumsum(still.rest[::-1])[::-1]
     mass = forces.mass[SYMMETRIC]
+    still.rest_at(place)
+    couplings = still.couplings() if still.reach > 1 else None
     return _AtRest(
-        scene, first, place, forces.tension, law.stiffness, mass[:, :, first:],
+        scene, first, place, forces.tension, law.stiffness, mass[:, :, first:], couplings,
         tangent[:, first:], s[first:],
     )  # fmt: skip
 
@@ -150,7 +154,20 @@ def _matrices(rest: _AtRest) -> tuple[Any, Any]:
     starts = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=n))])
     K = bsr_array((data[order], column[order], starts), shape=(3 * n, 3 * n))
     M = bsr_array((np.moveaxis(rest.mass, 2, 0), i, np.arange(n + 1)), shape=(3 * n, 3 * n))
+    if rest.couplings is not None:
+        K = K + _coupled(rest.couplings, first)
     return K.tocsc(), M.tocsc()
+
+
+def _coupled(couplings: Couplings, first: int) -> Any:
+    """Stiffness of effects that reach two nodes far, as a sparse matrix."""
+    from scipy.sparse import block_diag, diags_array, eye_array, kron
+
+    near, far = couplings.near[first:-1], couplings.far[first:-2]
+    n = couplings.own.shape[1] - first
+    between = diags_array([near, near, far, far], offsets=[1, -1, 2, -2], shape=(n, n))
+    own = np.moveaxis(couplings.own[SYMMETRIC], 2, 0)[first:]
+    return kron(between, eye_array(3)) + block_diag(own)
 
 
 def _solve(K: Any, M: Any, count: int, near: float) -> tuple[Floats, Floats]:

@@ -1,7 +1,8 @@
-"""One rope with every effect, whose figures are set: for physics tests and studies of hard cases.
+"""One rope with its effects, whose figures are set: for physics tests and studies of hard cases.
 
 Physics that is not wanted has a coefficient of 0, so that all rigs with a free lower end share one
-compiled step, and all with a held one a second.
+compiled step, and all with a held one a second. Bending, which has a solve of its own, is there
+only where its stiffness is given.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rope_twin.effects.added_mass import AddedMassParams
+from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import PayloadParams
@@ -63,6 +65,8 @@ class Rig:
     current: Profile = STILL_WATER
     drag: tuple[float, float] = (0.0, 0.0)  # normal on d, tangential on pi·d
     added_mass: float = 0.0  # coefficient across the rope
+    EI: float | None = None  # N·m²
+    clamp: Triple | None = None  # direction in which the hang-off holds a rope with EI
     step: float = 0.01
     tolerance: float | None = None
     ramp: float = 0.0
@@ -112,10 +116,14 @@ class Rig:
                 WeightParams(),
                 DragParams(normal=self.drag[0], tangential=self.drag[1]),
                 AddedMassParams(normal=self.added_mass),
+                *([] if self.EI is None else [self._bending(self.EI)]),
                 *([PayloadParams()] if free else []),
             ),
             time=Time(step_s=self.step, newton_tolerance_n=self.tolerance),
         )
+
+    def _bending(self, EI: float) -> BendingParams:
+        return BendingParams(stiffness_n_m2=EI, clamped_along=self.clamp)
 
     def twin(self) -> Twin:
         """The running twin, at rest."""

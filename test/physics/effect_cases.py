@@ -16,9 +16,10 @@ from rigs import Rig, march, sine
 from rope_twin import Twin
 from rope_twin.core import state as rows
 from rope_twin.core.jit import jit_entry
-from rope_twin.core.terms import add_end, add_flow, add_load
+from rope_twin.core.terms import add_couplings, add_end, add_flow, add_load
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.added_mass import AddedMassParams
+from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import PayloadParams
@@ -29,7 +30,10 @@ from rope_twin.scene.shapes import payload_figures
 
 Vector = NDArray[np.float64]
 NODES = 13
-RESULTS = slice(rows.FLOW, rows.FLOW + 6), slice(rows.BLOCK, rows.BLOCK + 6)  # flow, R; blocks
+RESULTS = (  # flow, R; blocks; couplings
+    slice(rows.FLOW, rows.FLOW + 6), slice(rows.BLOCK, rows.BLOCK + 6),
+    slice(rows.LINK, rows.LINK + 2),
+)  # fmt: skip
 
 PARAMS: dict[str, Any] = {
     "current": CurrentParams(
@@ -38,6 +42,7 @@ PARAMS: dict[str, Any] = {
     "weight": WeightParams(),
     "drag": DragParams(normal=1.3, tangential=0.03),
     "added_mass": AddedMassParams(normal=1.4),
+    "bending": BendingParams(stiffness_n_m2=5e3, clamped_along=(0.3, 0.1, -1.0)),
     "payload": PayloadParams(),
 }
 SMALL = Rig(
@@ -68,11 +73,12 @@ def data_of(*names: str) -> tuple[Any, ...]:
 
 @jit_entry
 def apply(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """All hooks of these effects for the nodes low <= i < high, and at the lower end."""
+    """All hooks of these effects for the nodes low <= i < high, and at the ends."""
     add_flow(effects, work, stage, low, high)
     add_load(effects, work, stage, low, high)
     if low == 0:
         add_end(effects, work, stage)
+        add_couplings(effects, work, stage, high - 1)
 
 
 def some_stage() -> rows.Stage:
@@ -84,7 +90,7 @@ def some_stage() -> rows.Stage:
 def some_work(seed: int = 1) -> Vector:
     """Scratch with nodes in motion down to 90 m, tangents of any direction, nothing loaded yet."""
     random = np.random.default_rng(seed)
-    work = rows.new_work(NODES)
+    work = rows.new_work(NODES, rows.COUPLED_ROWS)
     work[rows.POSITION : rows.POSITION + 2] = random.normal(0.0, 5.0, (2, NODES))
     work[rows.POSITION + 2] = np.linspace(-90.0, 0.0, NODES)
     work[rows.VELOCITY : rows.VELOCITY + 3] = random.normal(0.0, 1.5, (3, NODES))
@@ -92,6 +98,7 @@ def some_work(seed: int = 1) -> Vector:
     tangent = random.normal(0.0, 1.0, (3, NODES))
     work[rows.TANGENT : rows.TANGENT + 3] = tangent / np.linalg.norm(tangent, axis=0)
     length, diameter = random.uniform(1.0, 6.0, NODES), SMALL.diameter
+    work[rows.REST] = 0.7 * length
     work[rows.MASS] = SMALL.mass * length
     work[rows.VOLUME] = 0.25 * math.pi * diameter**2 * length
     work[rows.FRONTAL], work[rows.SKIN] = diameter * length, math.pi * diameter * length
@@ -99,14 +106,14 @@ def some_work(seed: int = 1) -> Vector:
 
 
 def loads(effects: tuple[Any, ...], work: Vector, low: int = 0, high: int = NODES) -> Vector:
-    """Flow, residual and blocks that the hooks leave on a copy, (12, NODES)."""
+    """Flow, residual, blocks and couplings that the hooks leave on a copy, (14, NODES)."""
     work = work.copy()
     apply(effects, work, some_stage(), low, high)
     return np.concatenate([work[part] for part in RESULTS])
 
 
 def alone(name: str) -> Vector:
-    """The hooks of one effect over all nodes, and over one spare slot, (2, 12, NODES)."""
+    """The hooks of one effect over all nodes, and over one spare slot, (2, 14, NODES)."""
     effects, work = data_of(name), some_work()
     return np.stack([loads(effects, work), loads(effects, work, NODES - 1, NODES)])
 

@@ -85,6 +85,7 @@ def jacobian(effects: tuple[Any, ...], work: Vector, node: int) -> Vector:
             moved = work.copy()
             moved[rows.ACCELERATION + k, node] += sign * step
             moved[rows.VELOCITY + k, node] += sign * step * stage.q
+            moved[rows.POSITION + k, node] += sign * step * stage.p
             ends.append(loads(effects, moved)[R, node])
         columns.append((ends[1] - ends[0]) / (2.0 * step))
     return np.array(columns).T

@@ -29,7 +29,7 @@ def seen(work: Floats, turning: Floats, dt: float) -> Place:
     v, a = three(work, rows.VELOCITY), three(work, rows.ACCELERATION)
     tangent = three(work, rows.TANGENT) + dt * turning
     return Place(
-        arc=np.arange(float(NODES)),
+        arc=np.append(0.0, np.cumsum(work[rows.REST, :-1])),
         position=three(work, rows.POSITION) + dt * v + 0.5 * dt * dt * a,
         velocity=v + dt * a,
         tangent=tangent / np.linalg.norm(tangent, axis=0),
@@ -55,6 +55,7 @@ def test_force_times_velocity_is_power_less_what_is_stored(name: str, seed: int)
     effects, work = data_of(name), some_work(seed)
     random = np.random.default_rng(seed)
     work[rows.FLOW : rows.FLOW + 2] = random.normal(0.0, 0.6, (2, NODES))
+    three(work, rows.ACCELERATION)[:, -1] = 0.0  # couplings clear the inertia at the hang-off
     tangent = three(work, rows.TANGENT)
     turning = random.normal(0.0, 0.2, (3, NODES))
     turning -= (turning * tangent).sum(axis=0) * tangent
@@ -72,7 +73,7 @@ def test_force_times_velocity_is_power_less_what_is_stored(name: str, seed: int)
 def test_an_effect_that_loads_the_rope_says_its_energy(name: str) -> None:
     """Else its work would be called a numerical loss (`twin.ledger` refuses such a run)."""
     kind = type(data_of(name)[0])
-    loading = bool({"load", "load_end"}.intersection(hooks_of(kind)))
+    loading = bool({"load", "load_end", "couple"}.intersection(hooks_of(kind)))
     assert loading == bool(accounts_of(kind)), (
         f"effect '{name}' loads the rope: say what it stores or brings by functions beside its"
         " kernels, @account(kind, Type) of rope_twin.core.energy"

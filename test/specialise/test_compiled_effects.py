@@ -81,6 +81,7 @@ def test_an_absent_effect_leaves_no_trace(whole: str, bare: str) -> None:
     assert not [name for name in names if not traces(bare, name)]
     assert not [name for name in NAMES - names if traces(bare, name)]
     assert not [name for name in NAMES - listed(main_job()) if traces(whole, name)]
+    assert "eliminate_coupled" not in whole
     assert len(bare.splitlines()) < 0.9 * len(whole.splitlines())
 
 

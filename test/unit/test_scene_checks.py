@@ -163,6 +163,15 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
         "effects current.profile: ",
         ("above", "z = -50 m"),
     ),
+    "a winch through a clamp": (
+        spoilt(
+            "  - payload: {}\n",
+            "  - payload: {}\n"
+            "  - bending: {stiffness_n_m2: 1.0e+3, clamped_along: [0.0, 0.0, -1.0]}\n",
+        ),
+        "effects bending.clamped_along: ",
+        ("held in one direction", "leave it out"),
+    ),
     "thin water": (
         spoilt("water_density_kg_per_m3: 1025.0", "water_density_kg_per_m3: 1.2"),
         "environment.water_density_kg_per_m3: ",

@@ -1,0 +1,179 @@
+"""Bending stiffness: a rope, pipe or cable that resists curvature.
+
+Energy ½·EI·∫|r''|² ds with r' = dr/ds on the unstretched length s, the slender rod without twist of
+Nordgren (1974) and Garrett (1982, eqs 1 to 9): force per metre -(EI·r'')'' besides (λ·r')', where
+λ = T - EI·κ². At node j the curvature vector is r'' = (q_j - q_{j-1})/l, q_e = Δx_e/l_e, with l the
+mean of the rest lengths l_e beside it, so E_j = ½·(EI/l)·|q_j - q_{j-1}|². For small angles it is
+the discrete rod of Bergou et al. (2008, section 4.2).
+
+The energy is quadratic in the places: its forces are linear, the couplings are multiples of the
+unit matrix, the solve has the exact derivative and stays convex, and an element whose length
+vanishes divides nothing by it. Price: the element's law holds for λ. It differs from the tension
+by EI·κ², which matters only where that exceeds the tension: there, in loops tighter than
+√(EI/T), an element shortens instead of carrying compression.
+
+Ends are hinged. The hang-off may hold the rope's direction instead (half an element of curvature:
+2·EI/l_top times what q of the top element lacks of it, across).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core.energy import account
+from rope_twin.core.jit import jit, jit_within
+from rope_twin.core.rows import row, rows, span
+from rope_twin.core.state import BLOCK, LINK, POSITION, RESIDUAL, REST
+from rope_twin.core.terms import kernel
+from rope_twin.quantity import quantity
+
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class BendingParams:
+    """Stiffness of the whole rope, and how the hang-off holds it."""
+
+    stiffness_n_m2: float = quantity("bending stiffness EI", "N·m²", 0.0, 1e10)
+    clamped_along: Triple | None = quantity(
+        "x, y, z: direction in which the rope leaves the hang-off; hinged there without it", "",
+        -1e3, 1e3, default=None,
+    )  # fmt: skip
+
+    def check(self) -> str | None:
+        """What is wrong and what would be right, or None."""
+        if self.clamped_along is not None and not any(self.clamped_along):
+            return "clamped_along has no direction; give for example [0, 0, -1] for straight down"
+        return None
+
+
+class Bending(NamedTuple):
+    """What the kernels see."""
+
+    EI: float  # [N·m²]
+    clamp: float  # 2·EI where the hang-off holds the direction, else 0 [N·m²]
+    x: float  # that direction, a unit vector, upward along the rope
+    y: float
+    z: float
+
+
+def build(params: BendingParams, payload: Any, environment: Any) -> Bending:
+    """From the stiffness and the direction at the hang-off."""
+    EI = float(params.stiffness_n_m2)
+    if params.clamped_along is None:
+        return Bending(EI, 0.0, 0.0, 0.0, 0.0)
+    x, y, z = params.clamped_along
+    size = sqrt(x * x + y * y + z * z)
+    return Bending(EI, 2.0 * EI, -x / size, -y / size, -z / size)
+
+
+@jit_within
+def _lack(bending: Any, work: Any, n: int) -> Any:
+    """2·EI/l² times what the top element lacks of the held direction, across it [N]."""
+    inverse = 1.0 / work[REST, n - 1]
+    gx = bending.x - inverse * (work[POSITION, n] - work[POSITION, n - 1])
+    gy = bending.y - inverse * (work[POSITION + 1, n] - work[POSITION + 1, n - 1])
+    gz = bending.z - inverse * (work[POSITION + 2, n] - work[POSITION + 2, n - 1])
+    along = gx * bending.x + gy * bending.y + gz * bending.z
+    k = bending.clamp * inverse * inverse
+    return k * (gx - along * bending.x), k * (gy - along * bending.y), k * (gz - along * bending.z)
+
+
+@jit
+def _hold(bending: Any, work: Any, p: float, n: int) -> None:
+    """The hang-off turns the top element towards the direction that it holds."""
+    x, y, z = bending.x, bending.y, bending.z
+    fx, fy, fz = _lack(bending, work, n)
+    k = p * bending.clamp / work[REST, n - 1] ** 3
+    for i in range(n - 1, n + 1):
+        sign = 1.0 if i == n else -1.0
+        work[RESIDUAL, i] += sign * fx
+        work[RESIDUAL + 1, i] += sign * fy
+        work[RESIDUAL + 2, i] += sign * fz
+        work[BLOCK, i] += k * (1.0 - x * x)
+        work[BLOCK + 1, i] -= k * x * y
+        work[BLOCK + 2, i] -= k * x * z
+        work[BLOCK + 3, i] += k * (1.0 - y * y)
+        work[BLOCK + 4, i] -= k * y * z
+        work[BLOCK + 5, i] += k * (1.0 - z * z)
+
+
+@kernel("pull", Bending)
+def pull(bending: Any, work: Any, n: int) -> Any:
+    """Force on the hang-off by the moment one node below, and by the one that holds a direction.
+
+    Its part along the rope is the EI·κ² by which the tension there exceeds λ.
+    """
+    low, top = work[REST, n - 2], work[REST, n - 1]
+    fx, fy, fz = _lack(bending, work, n)
+    EI = 2.0 * bending.EI / (low + top)
+    mx = EI * (_slope(work, POSITION, n - 1) - _slope(work, POSITION, n - 2))
+    my = EI * (_slope(work, POSITION + 1, n - 1) - _slope(work, POSITION + 1, n - 2))
+    mz = EI * (_slope(work, POSITION + 2, n - 1) - _slope(work, POSITION + 2, n - 2))
+    return fx - mx / top, fy - my / top, fz - mz / top
+
+
+@jit_within
+def _slope(work: Any, row: int, e: int) -> float:
+    """One component of q of element e."""
+    return float((work[row, e + 1] - work[row, e]) / work[REST, e])
+
+
+@kernel("couple", Bending)
+def couple(bending: Any, work: Any, stage: Any, n: int) -> None:
+    """Each inner node's moment EI·r'' pulls at it and its neighbours; p times its stiffness."""
+    x, y, z = rows(work, POSITION, 0)
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    Axx, _, _, Ayy, _, Azz = span(work, BLOCK, 6, 0)
+    rest = row(work, REST, 0)
+    above = 1.0 / rest[0]
+    qx, qy, qz = above * (x[1] - x[0]), above * (y[1] - y[0]), above * (z[1] - z[0])
+    for j in range(1, n):
+        below, above = above, 1.0 / rest[j]
+        both = below + above
+        EI = 2.0 * bending.EI / (rest[j - 1] + rest[j])
+        px, py, pz = qx, qy, qz
+        qx, qy, qz = above * (x[j + 1] - x[j]), above * (y[j + 1] - y[j]), above * (z[j + 1] - z[j])
+        mx, my, mz = EI * (qx - px), EI * (qy - py), EI * (qz - pz)
+        Rx[j - 1] -= below * mx
+        Ry[j - 1] -= below * my
+        Rz[j - 1] -= below * mz
+        Rx[j] += both * mx
+        Ry[j] += both * my
+        Rz[j] += both * mz
+        Rx[j + 1] -= above * mx
+        Ry[j + 1] -= above * my
+        Rz[j + 1] -= above * mz
+        k = stage.p * EI
+        low, middle, high = k * below * below, k * both * both, k * above * above
+        Axx[j - 1] += low
+        Ayy[j - 1] += low
+        Azz[j - 1] += low
+        Axx[j] += middle
+        Ayy[j] += middle
+        Azz[j] += middle
+        Axx[j + 1] += high
+        Ayy[j + 1] += high
+        Azz[j + 1] += high
+        work[LINK, j - 1] -= k * below * both
+        work[LINK, j] -= k * both * above
+        work[LINK + 1, j - 1] += k * below * above
+    _hold(bending, work, stage.p, n)
+
+
+@account("potential", Bending)
+def potential(bending: Any, place: Any) -> Any:
+    """½·EI·∫κ² about each node [J]; that of the clamp at the hang-off."""
+    energy, rest = np.zeros(place.arc.shape), np.diff(place.arc)
+    if len(rest) > 1:
+        q = np.diff(place.position) / rest
+        energy[1:-1] = bending.EI * (np.diff(q) ** 2).sum(axis=0) / (rest[1:] + rest[:-1])
+        held = np.array([bending.x, bending.y, bending.z])
+        lack = held - q[:, -1]
+        across = lack - held * (held @ lack)
+        energy[-1] = 0.5 * bending.clamp * float(across @ across) / rest[-1]
+    return energy

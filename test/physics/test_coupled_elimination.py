@@ -1,0 +1,86 @@
+"""The solve where nodes reach two neighbours: against a dense solve, and the plain one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from test_elimination import Vector, chain, solve
+
+from rope_twin.core import state as rows
+from rope_twin.core.coupled_elimination import eliminate_coupled
+from rope_twin.core.elimination import root_stiffness
+from rope_twin.core.jit import jit_entry
+
+
+@jit_entry
+def solve_coupled(work: Any, first: int, n: int) -> None:
+    """(A + K + couplings)·delta = R."""
+    root_stiffness(work, 0, n)
+    eliminate_coupled(work, first, n)
+
+
+def bent_chain(n: int, stiffness: float, seed: int) -> Vector:
+    """A chain with random bending springs k·(Δ²x)² at its inner nodes, as stiff as its elements."""
+    random = np.random.default_rng(seed)
+    work = rows.new_work(n + 1, rows.COUPLED_ROWS)
+    work[: rows.WORK_ROWS] = chain(n, stiffness, seed)
+    diagonals = [rows.BLOCK, rows.BLOCK + 3, rows.BLOCK + 5]
+    for j in range(1, n):
+        low, up = random.uniform(0.3, 3.0, 2)
+        k = stiffness * random.uniform(0.5, 2.0)
+        for i, weight in ((j - 1, low), (j, -low - up), (j + 1, up)):
+            work[diagonals, i] += k * weight**2
+        work[rows.LINK, j - 1] -= k * low * (low + up)
+        work[rows.LINK, j] -= k * up * (low + up)
+        work[rows.LINK + 1, j - 1] += k * low * up
+    return work
+
+
+def matrix(work: Vector, n: int) -> Vector:
+    """The whole matrix of the nodes 0 <= i < n."""
+    full = np.zeros((3 * (n + 2), 3 * (n + 2)))
+    for i in range(n):
+        block = np.zeros((3, 3))
+        block[np.triu_indices(3)] = work[rows.BLOCK : rows.BLOCK + 6, i]
+        full[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] += block + np.triu(block, 1).T
+        t = work[rows.DIRECTION : rows.DIRECTION + 3, i]
+        K = work[rows.AXIAL, i] * np.outer(t, t) + work[rows.GEOMETRIC, i] * np.eye(3)
+        both = slice(3 * i, 3 * i + 6)
+        full[both, both] += np.block([[K, -K], [-K, K]])
+        for reach in (1, 2):
+            here, there = slice(3 * i, 3 * i + 3), slice(3 * (i + reach), 3 * (i + reach) + 3)
+            link = work[rows.LINK + reach - 1, i] * np.eye(3)
+            full[here, there] += link
+            full[there, here] += link
+    return full[: 3 * n, : 3 * n]
+
+
+@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize("n", [3, 4, 7, 60])
+@pytest.mark.parametrize("stiffness", [1e-2, 1.0, 1e3, 1e6])
+def test_equals_the_dense_solve(first: int, n: int, stiffness: float) -> None:
+    """Free and fixed lower end; stiffness over mass up to 1e6, slack elements between."""
+    for seed in range(5):
+        work = bent_chain(n, stiffness, seed)
+        free = slice(3 * first, 3 * n)
+        right = work[rows.RESIDUAL : rows.RESIDUAL + 3, first:n].T.ravel()
+        expected = np.linalg.solve(matrix(work, n)[free, free], right).reshape(-1, 3).T
+        solve_coupled(work, first, n)
+        found = work[rows.CORRECTION : rows.CORRECTION + 3, first:n]
+        assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
+        held = work[rows.CORRECTION : rows.CORRECTION + 3, [n, *range(first)]]
+        assert (held == 0.0).all(), "hang-off and fixed end do not move"
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_equals_the_plain_elimination_without_couplings(first: int) -> None:
+    """A chain that nothing couples gives what `eliminate` gives."""
+    work = rows.new_work(61, rows.COUPLED_ROWS)
+    work[: rows.WORK_ROWS] = chain(60, 1e3, 3)
+    plain = work[: rows.WORK_ROWS].copy()
+    solve(plain, first, 60)
+    solve_coupled(work, first, 60)
+    place = slice(rows.CORRECTION, rows.CORRECTION + 3)
+    assert np.abs(work[place] - plain[place]).max() < 1e-11 * np.abs(plain[place]).max()
