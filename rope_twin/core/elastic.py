@@ -33,7 +33,9 @@ from rope_twin.core.state import (
 
 
 @jit
-def stretch(rope: Any, p: float, q: float, growth: float, low: int, high: int) -> None:
+def stretch(
+    law: Any, work: Any, offset: Any, p: float, q: float, growth: float, low: int, high: int
+) -> None:
     """Direction, tension and stiffness blocks of the elements low <= e < high.
 
     T = E((l + offset - rest)/rest) + DAMPING·(t·Δv - growth·l), where growth [1/s] is the rate of
@@ -42,7 +44,6 @@ def stretch(rope: Any, p: float, q: float, growth: float, low: int, high: int) -
     q·DAMPING - GEOMETRIC, both 0 when slack. The derivative of the direction inside the strain rate
     is dropped, which keeps the block symmetric; Newton then needs no more solves (measured).
     """
-    work, law, offset = rope.work, rope.law, rope.state.offset
     px, py, pz = rows(work, POSITION, low)
     nx, ny, nz = rows(work, POSITION, low + 1)
     vx, vy, vz = rows(work, VELOCITY, low)
@@ -79,14 +80,23 @@ def stretch(rope: Any, p: float, q: float, growth: float, low: int, high: int) -
 def stretch_top(rope: Any, stage: Any) -> None:
     """The top element, which grows at the payout speed V."""
     top = rope.state.counts[ELEMENTS] - 1
-    stretch(rope, stage.p, stage.q, stage.V / rope.work[REST, top], top, top + 1)
+    stretch(
+        rope.law,
+        rope.work,
+        rope.state.offset,
+        stage.p,
+        stage.q,
+        stage.V / rope.work[REST, top],
+        top,
+        top + 1,
+    )
 
 
 @jit
 def stretch_all(rope: Any, stage: Any) -> None:
     """All elements."""
     top = rope.state.counts[ELEMENTS] - 1
-    stretch(rope, stage.p, stage.q, 0.0, top - top, top)
+    stretch(rope.law, rope.work, rope.state.offset, stage.p, stage.q, 0.0, top - top, top)
     stretch_top(rope, stage)
 
 

@@ -109,8 +109,8 @@ def _find_equilibrium(rope: Any, growth: float, middle: int) -> bool:
     work, low = rope.work, middle - 1
     half = 0.5 * (work[REST, low] + work[REST, middle])
     for _ in range(NEWTON):
-        stretch(rope, 1.0, 0.0, 0.0, low, middle)
-        stretch(rope, 1.0, 0.0, growth, middle, middle + 1)
+        stretch(rope.law, rope.work, rope.state.offset, 1.0, 0.0, 0.0, low, middle)
+        stretch(rope.law, rope.work, rope.state.offset, 1.0, 0.0, growth, middle, middle + 1)
         T_low, T_up = work[TENSION, low], work[TENSION, middle]
         if T_low <= 0.0 or T_up <= 0.0:
             return False
@@ -170,8 +170,8 @@ def _split(rope: Any, stage: Any, lower: float) -> None:
             )
         if above != below:
             _keep_strain_rate(rope, V, rest, upper)
-        stretch(rope, 1.0, 0.0, 0.0, low, middle)
-        stretch(rope, 1.0, 0.0, growth, middle, high)
+        stretch(rope.law, rope.work, rope.state.offset, 1.0, 0.0, 0.0, low, middle)
+        stretch(rope.law, rope.work, rope.state.offset, 1.0, 0.0, growth, middle, high)
         if work[TENSION, low] > 0.0 and T_low > 0.0:
             share_low += (T_low - work[TENSION, low]) / work[STIFFNESS, low]
         if work[TENSION, middle] > 0.0 and T_up > 0.0:
@@ -218,7 +218,7 @@ def _merge(rope: Any, stage: Any) -> None:
         work[k, low], work[k, middle] = state.nodes[k, n - 2], state.nodes[k, n]
     set_element(work, sections, section_above(sections, state.s[n - 2]), low, rest)
     state.offset[low] = offset
-    stretch(rope, 1.0, 0.0, stage.V / rest, low, middle)
+    stretch(rope.law, rope.work, rope.state.offset, 1.0, 0.0, stage.V / rest, low, middle)
     state.offset[low] = 0.0
     if T > 0.0 and work[TENSION, low] > 0.0:
         pull_after = work[TENSION, low] - 0.5 * rest * along(work, after, low)

@@ -116,7 +116,7 @@ def _evaluate(rope: Any, stage: Any, kind: int, factor: float) -> None:
         if high == n:
             last = n
             stretch_top(rope, stage)
-        stretch(rope, p, q, 0.0, done, high - 1)
+        stretch(rope.law, rope.work, rope.state.offset, p, q, 0.0, done, high - 1)
         if kind != SEARCH:
             set_flow(rope.effects, work, stage, done, last)
         _load_nodes(rope, stage, done, last)
@@ -137,7 +137,7 @@ def _correct(rope: Any, stage: Any, tolerance: float) -> Any:
         expect_tension(work, start, high)
         add_correction(work, 1.0, low, high)
         move(work, p, q, low, high)
-        stretch(rope, p, q, 0.0, done, high - 1)
+        stretch(rope.law, rope.work, rope.state.offset, p, q, 0.0, done, high - 1)
         unexpected += count_unexpected(work, tolerance, done, high - 1)
     stretch_top(rope, stage)
     unexpected += count_unexpected(work, tolerance, n - 1, n)

@@ -71,10 +71,10 @@ def load_trials(rope: Any, stage: Any, A: float, lower: float) -> None:
     rest = work[REST, n - 1]
     xi = min(lower / rest, 1.0)
     _set_material(rope, n - 1, rest, stage.V, A, high)
-    if lower > 0.0:
-        _set_material(rope, n - 1, rest, stage.V, A, after)
-    else:
-        _set_material(rope, n - 2, rest + work[REST, n - 2], stage.V, A, after)
+    below, length = n - 1, rest
+    if not lower > 0.0:
+        below, length = n - 2, rest + work[REST, n - 2]
+    _set_material(rope, below, length, stage.V, A, after)
     for k in range(NODE_ROWS):
         work[k, low] = state.nodes[k, n - 1]
         work[k, middle] = (1.0 - xi) * work[k, low] + xi * work[k, high]

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rigs import Rig, march, sine
+from table_rigs import HMPE, tabled
 
 from rope_twin import Twin
 from rope_twin.core import state as rows
@@ -25,7 +26,7 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.weight import WeightParams
 from rope_twin.scene.build import build_effects
-from rope_twin.scene.schema import Winch
+from rope_twin.scene.schema import Scene, Winch
 from rope_twin.scene.shapes import payload_figures
 
 Vector = NDArray[np.float64]
@@ -124,9 +125,19 @@ def together() -> Vector:
     Columns: top tension, its extremes in element tension, payload position, number of elements.
     """
     effects = tuple(params_of(effect.name) for effect in EFFECTS)
-    twin = Twin(replace(SMALL.scene(), effects=effects))
+    return steps(replace(SMALL.scene(), effects=effects), 8.0)
+
+
+def by_table() -> Vector:
+    """A rope whose stiffness is a table, undamped: round-off doubles within a step of its slack."""
+    return steps(tabled(replace(SMALL, tolerance=1e-3), HMPE), 0.8)
+
+
+def steps(scene: Scene, seconds: float) -> Vector:
+    """Step under heave and payout; the columns of `together`."""
+    twin = Twin(scene)
     seen = []
-    for shot in march(twin, sine(2.0, 4.0), 8.0, speeds=[(0.0, 3.0), (3.0, -3.0)]):
+    for shot in march(twin, sine(2.0, 4.0), seconds, speeds=[(0.0, 3.0), (3.0, -3.0)]):
         tension, x = shot.element_tension_n, shot.payload_position_m
         seen.append([shot.tension_top_n, tension.min(), tension.max(), *x, len(tension)])
     return np.array(seen)
@@ -134,4 +145,5 @@ def together() -> Vector:
 
 def everything() -> dict[str, Vector]:
     """All results by name."""
-    return {**{effect.name: alone(effect.name) for effect in EFFECTS}, "together": together()}
+    cases = {effect.name: alone(effect.name) for effect in EFFECTS}
+    return {**cases, "together": together(), "by_table": by_table()}

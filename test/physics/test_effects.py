@@ -66,6 +66,13 @@ def test_plain_python_equals_compiled_steps(plain: Mapping[str, Vector]) -> None
     assert_equal(plain["together"].T, compiled.T, 1e-9)
 
 
+def test_plain_python_equals_compiled_table(plain: Mapping[str, Vector]) -> None:
+    """A rope whose stiffness is a table, 16 steps into slack, 1e-9."""
+    compiled = effect_cases.by_table()
+    assert compiled[:, 1].min() == 0.0, "the case must go slack"
+    assert_equal(plain["by_table"].T, compiled.T, 1e-9)
+
+
 def matrix(blocks: Vector) -> Vector:
     """The symmetric 3×3 block of six rows."""
     b = blocks

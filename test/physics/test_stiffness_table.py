@@ -9,25 +9,13 @@ import numpy as np
 import pytest
 from payout_rigs import WINCH
 from rigs import Bench, Rig, frequency, march, sine, still, top_tension
+from table_rigs import HMPE, tabled
 
 from rope_twin import Twin
 from rope_twin.core.law import hold, tension_at
-from rope_twin.scene.schema import Scene
 from rope_twin.scene.stiffness import StiffnessTable
 
-HMPE = StiffnessTable(
-    table=((0.0, 0.0), (0.001, 0.06e6), (0.002, 0.17e6), (0.004, 0.5e6), (0.008, 1.3e6))
-)
 RIG = Rig(length=1000.0, elements=100, mass=2.9, load=20e3, EA=206e6, damping=1e6)
-
-
-def tabled(rig: Rig, table: StiffnessTable) -> Scene:
-    """The scene of a rig with a table in place of EA."""
-    scene = rig.scene()
-    line = scene.ropes[0]
-    assert line.rope is not None
-    rope = replace(line.rope, axial_stiffness_n=None, axial_stiffness=table)
-    return replace(scene, ropes=(replace(line, rope=rope),))
 
 
 def test_it_rises_through_its_points() -> None:

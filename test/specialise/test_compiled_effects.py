@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from rope_twin import load_scene
+from rope_twin.core.elastic import stretch
 from rope_twin.core.jit import OPTIONS
 from rope_twin.core.state import MOTIONS, PULL_COLUMNS, Boundary
 from rope_twin.core.step import advance_steps
@@ -83,6 +84,19 @@ def test_an_absent_effect_leaves_no_trace(whole: str, bare: str) -> None:
     assert not [name for name in NAMES - listed(main_job()) if traces(whole, name)]
     assert "eliminate_coupled" not in whole
     assert len(bare.splitlines()) < 0.9 * len(whole.splitlines())
+
+
+def test_a_table_of_stiffness_leaves_no_trace_where_there_is_none(whole: str) -> None:
+    """Its law is in the elements' loop of a rope that has one, and nowhere in the main job."""
+    law = "by_table"
+    compiled = numba.njit(**OPTIONS)(stretch.py_func)
+    rope = build(load_scene("hybrid_lift")).rope
+    arguments = (rope.law, rope.work, rope.state.offset, 1.0, 0.0, 0.0, 0, 1)
+    compiled.compile(tuple(numba.typeof(argument) for argument in arguments))
+    (signature,) = compiled.signatures
+    assert law in compiled.inspect_asm(signature)
+    assert law not in whole
+    assert "by_stiffness" in whole
 
 
 def test_the_node_loop_of_drag_is_vectorised(whole: str, bare: str) -> None:
