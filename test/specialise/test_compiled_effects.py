@@ -26,6 +26,7 @@ from rope_twin.scene.schema import Scene
 # a square root of several doubles at once: x86-64 and aarch64
 PACKED_ROOT = re.compile(r"\bv?sqrtpd\b|\bfsqrt\s+v\d+\.2d")
 BARE = (WeightParams, PayloadParams)
+LEAST_LINES = 1500  # of assembly that current, drag and added mass are: 2,294 when written
 NAMES = {effect.name for effect in EFFECTS}
 
 
@@ -83,7 +84,7 @@ def test_an_absent_effect_leaves_no_trace(whole: str, bare: str) -> None:
     assert not [name for name in NAMES - names if traces(bare, name)]
     assert not [name for name in NAMES - listed(main_job()) if traces(whole, name)]
     assert "eliminate_coupled" not in whole
-    assert len(bare.splitlines()) < 0.9 * len(whole.splitlines())
+    assert len(whole.splitlines()) - len(bare.splitlines()) > LEAST_LINES
 
 
 def test_a_table_of_stiffness_leaves_no_trace_where_there_is_none(whole: str) -> None:
