@@ -112,7 +112,8 @@ class _LinkedCompiler(Compiler):  # type: ignore[misc]
 
     def define_pipelines(self) -> Any:
         state = self.state
-        state.library = _LinkedLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        name = state.func_id.func_qualname
+        state["library"] = _LinkedLibrary(state.targetctx.codegen(), name)
         return super().define_pipelines()
 
 
