@@ -10,7 +10,7 @@ HERE = Path(__file__).resolve().parent
 
 REQUIRES = [
     "numpy>=2.0",
-    "numba>=0.61",
+    "numba>=0.68,<0.69",  # core/jit.py and rows.py use parts of it that may change
     "scipy>=1.11",
     "pyyaml>=6.0",
     "mcap>=1.6",
