@@ -17,23 +17,15 @@ Vector = NDArray[np.float64]
 STILL = 1e-9  # of the line out: a smaller last move is equilibrium
 
 
-class Arrays:
-    """The core's arrays of a rig, for cases that set the state itself."""
+class Nodes:
+    """What the core's arrays of a rope hold now."""
 
-    def __init__(self, rig: Rig) -> None:
-        self.rig = rig
-        self.rope = build(rig.scene()).rope
-        self.length = rig.length
+    rope: rows.Rope
 
     @property
     def n(self) -> int:
         """Elements in use."""
         return int(self.rope.state.counts[rows.ELEMENTS])
-
-    @property
-    def s(self) -> Vector:
-        """View of the material coordinates from the lower end [m], (nodes,)."""
-        return self.rope.state.s[: self.n + 1]
 
     @property
     def position(self) -> Vector:
@@ -44,6 +36,20 @@ class Arrays:
     def velocity(self) -> Vector:
         """View of the node velocities, lower end first, (3, nodes)."""
         return self.rope.state.nodes[rows.VELOCITY : rows.VELOCITY + 3, : self.n + 1]
+
+
+class Arrays(Nodes):
+    """The core's arrays of a rig, for cases that set the state itself."""
+
+    def __init__(self, rig: Rig) -> None:
+        self.rig = rig
+        self.rope = build(rig.scene()).rope
+        self.length = rig.length
+
+    @property
+    def s(self) -> Vector:
+        """View of the material coordinates from the lower end [m], (nodes,)."""
+        return self.rope.state.s[: self.n + 1]
 
     @property
     def unconverged(self) -> int:

@@ -12,6 +12,7 @@ from rope_twin.core.step import advance
 from rope_twin.scene.build import build
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.rigs import NOTHING, STILL_WATER, Motion, Rig, Speeds, march, sine, still
+from rope_twin.studies.stability_rigs import Nodes
 
 __all__ = [
     "NOTHING", "STILL_WATER", "Bench", "Motion", "Rig", "Speeds", "frequency", "lift", "march",
@@ -40,7 +41,7 @@ def top_tension(twin: Twin, heave: Heave, seconds: float, every: int = 1) -> Vec
     return np.array([shot.tension_top_n for shot in march(twin, heave, seconds, every)])
 
 
-class Bench:
+class Bench(Nodes):
     """The core's arrays of a scene in static equilibrium, for tests that set the state itself."""
 
     def __init__(self, scene: Scene) -> None:
@@ -49,21 +50,6 @@ class Bench:
         self.hang_off = scene.ship.hang_off_m
         self.time = 0.0
         assert find_equilibrium(self.rope, self.length) <= 1e-9 * self.length
-
-    @property
-    def n(self) -> int:
-        """Elements in use."""
-        return int(self.rope.state.counts[rows.ELEMENTS])
-
-    @property
-    def position(self) -> Vector:
-        """View of the node positions, payload first, (3, nodes)."""
-        return self.rope.state.nodes[rows.POSITION : rows.POSITION + 3, : self.n + 1]
-
-    @property
-    def velocity(self) -> Vector:
-        """View of the node velocities, payload first, (3, nodes)."""
-        return self.rope.state.nodes[rows.VELOCITY : rows.VELOCITY + 3, : self.n + 1]
 
     @property
     def acceleration(self) -> Vector:
