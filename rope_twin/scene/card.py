@@ -1,0 +1,243 @@
+"""The accuracy card of a scene: how far its tension can be trusted, by elements and step.
+
+`rope_twin accuracy SCENE` writes it to the folder `cards` beside the scene's file; here it is read.
+A card knows the digest of the scene's figures and of the solver that it was made with. When either
+changed it is old, and no error is known until it is made again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import sys
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from rope_twin.core import jit
+from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.schema import Rope, RopeLine, Scene
+
+FORMAT = 1
+FOLDER = "cards"
+RMS, PEAK = "tension_rms", "tension_peak"  # quantities that every card has
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One quantity at one setting, in the quantity's unit."""
+
+    error: float | None  # against the reference, with its sign; None: nothing to compare
+    at_most: float | None  # its magnitude and the reference's uncertainty; None: not converged
+
+    @property
+    def known(self) -> float:
+        """The bound; NaN where there is none."""
+        return math.nan if self.at_most is None else self.at_most
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One setting of the ladder; errors are of the card's run."""
+
+    elements: int
+    step_s: float
+    newton_tolerance_n: float | None  # None: the scene's own
+    real_time_factor: float  # of the step alone, on the card's machine
+    solves_per_step: float
+    memory_mb: float  # of the rope's arrays
+    figures: dict[str, Figure]  # by quantity
+
+    @property
+    def error_rms_pct(self) -> float:
+        """Bound on the rms error of the top tension [% of its standard deviation]; NaN: unknown."""
+        return self.figures[RMS].known
+
+    @property
+    def error_peak_pct(self) -> float:
+        """Bound on the error of its highest value [%]; NaN: unknown."""
+        return self.figures[PEAK].known
+
+
+@dataclass(frozen=True)
+class Card:
+    """A card as it was written."""
+
+    scene: str
+    seconds: float  # twin time of the run that was studied
+    scene_digest: str
+    solver_digest: str
+    machine: str
+    rungs: tuple[Rung, ...]
+
+    @property
+    def ladder(self) -> tuple[Rung, ...]:
+        """The rungs with the scene's own tolerance, by elements and then by step."""
+        own = (rung for rung in self.rungs if rung.newton_tolerance_n is None)
+        return tuple(sorted(own, key=lambda rung: (rung.elements, rung.step_s)))
+
+    def age(self, scene: Scene) -> str:
+        """Why it says nothing about the scene any more; "" if it does."""
+        if self.scene_digest != scene_digest(scene):
+            return "the scene was changed since its card was made"
+        if self.solver_digest != solver_digest(scene):
+            return "the card is old: the solver was changed since it was made"
+        return ""
+
+    def at(self, elements: int, step_s: float) -> tuple[Rung, ...]:
+        """The rung of a setting, or those around it if it lies between rungs; none: outside."""
+        rungs = self.ladder
+        counts = _around(elements, sorted({rung.elements for rung in rungs}))
+        steps = _around(step_s, sorted({rung.step_s for rung in rungs}))
+        return tuple(one for one in rungs if one.elements in counts and one.step_s in steps)
+
+
+@dataclass(frozen=True)
+class KnownError:
+    """What is known of the error of a scene's top tension at its own setting."""
+
+    rms_pct: float = math.nan  # at most so much of the standard deviation; NaN: unknown
+    peak_pct: float = math.nan  # the same for the highest value
+    words: str = "unknown: no card"  # what it is, or why it is unknown
+
+
+def card_path(scene: Scene) -> Path:
+    """Where the scene's card is, if it has one."""
+    return scene.path.parent / FOLDER / f"{scene.path.stem}.json"
+
+
+def read_card(scene: Scene) -> Card | None:
+    """The scene's card, which may be old; None if there is none.
+
+    Raises:
+        SceneError: the file is no card; one sentence.
+    """
+    path = card_path(scene)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return None
+    except (OSError, UnicodeDecodeError) as error:
+        raise SceneError(phrase(str(path), f"it cannot be read ({error})", _REMAKE)) from error
+    try:
+        found = json.loads(text)
+        if found["format"] != FORMAT:
+            what = f"a card of format {found['format']}, this version reads {FORMAT}"
+            raise SceneError(phrase(str(path), what, _REMAKE))
+        return _card(found)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise SceneError(
+            phrase(str(path), f"it is no accuracy card ({error!r})", _REMAKE)
+        ) from error
+
+
+def known_error(scene: Scene) -> KnownError:
+    """The error of the scene at its own elements and step, from its card.
+
+    Between rungs the largest error of the rungs around holds; beyond the ladder it is unknown, and
+    so it is with an old card.
+    """
+    try:
+        card = read_card(scene)
+    except SceneError as error:
+        return KnownError(words=f"unknown: {error}")
+    if card is None:
+        return KnownError()
+    why = card.age(scene)
+    around = () if why else card.at(scene.ropes[0].elements, scene.time.step_s)
+    rms = max((rung.error_rms_pct for rung in around), default=math.nan)
+    peak = max((rung.error_peak_pct for rung in around), default=math.nan)
+    if why or not around:
+        return KnownError(
+            words=f"unknown: {why or 'this setting is not on the ladder of the card'}"
+        )
+    if any(math.isnan(rung.error_rms_pct) for rung in around):
+        return KnownError(peak_pct=peak, words="unknown: the run does not converge (see its card)")
+    run = f"of the card's run of {card.seconds:g} s"
+    return KnownError(rms, peak, f"at most, {run}")
+
+
+def scene_digest(scene: Scene) -> str:
+    """Of all figures of a scene but its elements and step, which a card's ladder varies."""
+    ropes = tuple(_bare_line(line) for line in scene.ropes)
+    sea = replace(scene.sea_state, bag=Path(scene.sea_state.bag).name)
+    parts = (ropes, scene.payloads, scene.winch, scene.ship, sea, scene.environment, scene.effects)
+    told = repr((*parts, scene.time.newton_tolerance_n))
+    return hashlib.sha256(told.encode()).hexdigest()[:16]
+
+
+def solver_digest(scene: Scene) -> str:
+    """Of the sources of the solver's core and of the effects that the scene lists, no others."""
+    return _digest_of(tuple(sorted({type(params).__module__ for params in scene.effects})))
+
+
+@lru_cache(maxsize=64)
+def _digest_of(modules: tuple[str, ...]) -> str:
+    core = sorted(Path(jit.__file__).parent.glob("*.py"))
+    effects = [Path(str(sys.modules[name].__file__)) for name in modules]
+    digest = hashlib.sha256()
+    for path in (*core, *effects):
+        digest.update(path.name.encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+_REMAKE = "make it again with `rope_twin accuracy SCENE`"
+
+
+def _bare_line(line: RopeLine) -> RopeLine:
+    """The line without words and without the number of elements."""
+    sections = tuple(replace(one, rope=_bare(one.rope)) for one in line.sections)
+    rope = None if line.rope is None else _bare(line.rope)
+    return replace(line, rope=rope, sections=sections, elements=0)
+
+
+def _bare(rope: Rope) -> Rope:
+    return replace(rope, about="", source="")
+
+
+def _around(value: float, sizes: list[Any]) -> list[Any]:
+    """The size that is the value, else the two on either side; none if it lies outside."""
+    if value in sizes:
+        return [value]
+    below, above = (
+        [size for size in sizes if size < value],
+        [size for size in sizes if size > value],
+    )
+    return [below[-1], above[0]] if below and above else []
+
+
+def _card(found: dict[str, Any]) -> Card:
+    return Card(
+        scene=str(found["scene"]),
+        seconds=float(found["seconds"]),
+        scene_digest=str(found["scene_digest"]),
+        solver_digest=str(found["solver_digest"]),
+        machine=str(found["machine"]),
+        rungs=tuple(_rung(row) for row in found["rows"]),
+    )
+
+
+def _rung(row: dict[str, Any]) -> Rung:
+    tolerance = row["newton_tolerance_n"]
+    figures = {
+        name: Figure(_number(figure["error"]), _number(figure["at_most"]))
+        for name, figure in row["figures"].items()
+    }
+    if not {RMS, PEAK} <= set(figures):
+        raise KeyError(RMS)
+    return Rung(
+        elements=int(row["elements"]),
+        step_s=float(row["step_s"]),
+        newton_tolerance_n=_number(tolerance),
+        real_time_factor=float(row["real_time_factor"]),
+        solves_per_step=float(row["solves_per_step"]),
+        memory_mb=float(row["memory_mb"]),
+        figures=figures,
+    )
+
+
+def _number(value: Any) -> float | None:
+    return None if value is None else float(value)

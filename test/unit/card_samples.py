@@ -1,0 +1,67 @@
+"""A card for tests: errors that fall as the square of element length and step, speeds that cost."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from rope_twin.scene import card
+from rope_twin.scene.load import load_scene
+from rope_twin.scene.schema import Scene
+
+ELEMENTS, STEPS_S = (10, 20, 40), (0.005, 0.01, 0.02)
+UNCERTAINTY_PCT = 0.01
+
+
+def error_pct(elements: int, step_s: float) -> float:
+    """What the sample card says of a setting's rms, the reference's uncertainty left out."""
+    return 40.0 / elements**2 + 1000.0 * step_s**2
+
+
+def sample_row(elements: int, step_s: float) -> dict[str, Any]:
+    """A rung; 100 ns a node and step."""
+    error = error_pct(elements, step_s)
+    figures = {
+        name: {"error": scale * error, "at_most": scale * error + UNCERTAINTY_PCT}
+        for name, scale in ((card.RMS, 1.0), (card.PEAK, 0.5))
+    }
+    return {
+        "elements": elements,
+        "step_s": step_s,
+        "newton_tolerance_n": None,
+        "real_time_factor": step_s / (elements * 100e-9),
+        "solves_per_step": 2.0,
+        "memory_mb": 0.1,
+        "figures": figures,
+    }
+
+
+def sample_card(scene: Scene) -> dict[str, Any]:
+    """A card of the scene, as its file has it."""
+    return {
+        "format": card.FORMAT,
+        "scene": scene.name,
+        "seconds": 30.0,
+        "scene_digest": card.scene_digest(scene),
+        "solver_digest": card.solver_digest(scene),
+        "machine": "a drawing board",
+        "rows": [sample_row(elements, step_s) for elements in ELEMENTS for step_s in STEPS_S],
+    }
+
+
+def carded_scene(folder: Path, elements: int = 20, name: str = "small") -> Scene:
+    """still_water with so many elements under a name of its own, with the sample card."""
+    text = load_scene("still_water").path.read_text(encoding="utf-8")
+    path = folder / f"{name}.yaml"
+    path.write_text(text.replace("elements: 50", f"elements: {elements}"), encoding="utf-8")
+    scene = load_scene(path)
+    write_card(scene, sample_card(scene))
+    return scene
+
+
+def write_card(scene: Scene, content: dict[str, Any]) -> None:
+    """Put a card beside the scene."""
+    path = card.card_path(scene)
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(json.dumps(content), encoding="utf-8")

@@ -1,0 +1,108 @@
+"""Reading an accuracy card: what it says of a setting, and when it says nothing."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import pytest
+from card_samples import UNCERTAINTY_PCT, carded_scene, error_pct, sample_card, write_card
+
+from rope_twin.errors import SceneError
+from rope_twin.scene import card
+from rope_twin.scene.card import known_error, read_card
+from rope_twin.scene.change import Change, change_scene
+from rope_twin.scene.load import load_scene
+from rope_twin.studies.variants import variant
+
+
+def test_a_rung_has_the_error_of_its_row(tmp_path: Path) -> None:
+    scene = carded_scene(tmp_path)
+    found = known_error(scene)
+    assert found.rms_pct == pytest.approx(error_pct(20, 0.01) + UNCERTAINTY_PCT)
+    assert found.peak_pct == pytest.approx(0.5 * error_pct(20, 0.01) + UNCERTAINTY_PCT)
+    assert found.words == "at most, of the card's run of 30 s"
+
+
+@pytest.mark.parametrize(
+    ("elements", "step_s", "worst"),
+    [(30, 0.01, (20, 0.01)), (20, 0.015, (20, 0.02)), (11, 0.006, (10, 0.01))],
+)
+def test_between_rungs_the_worst_around_holds(
+    tmp_path: Path, elements: int, step_s: float, worst: tuple[int, float]
+) -> None:
+    """Of a card whose errors fall as squares, the true error lies below."""
+    scene = variant(carded_scene(tmp_path), elements, step_s)
+    found = known_error(scene).rms_pct
+    assert found == pytest.approx(error_pct(*worst) + UNCERTAINTY_PCT)
+    assert found > error_pct(elements, step_s)
+
+
+@pytest.mark.parametrize(("elements", "step_s"), [(9, 0.01), (41, 0.01), (20, 0.004), (20, 0.05)])
+def test_beyond_the_ladder_nothing_is_known(tmp_path: Path, elements: int, step_s: float) -> None:
+    found = known_error(variant(carded_scene(tmp_path), elements, step_s))
+    assert math.isnan(found.rms_pct)
+    assert found.words == "unknown: this setting is not on the ladder of the card"
+
+
+def test_without_a_card_nothing_is_known(tmp_path: Path) -> None:
+    scene = carded_scene(tmp_path)
+    card.card_path(scene).unlink()
+    assert read_card(scene) is None
+    assert known_error(scene).words == "unknown: no card"
+    assert math.isnan(known_error(scene).rms_pct)
+
+
+def test_a_changed_scene_has_no_error(tmp_path: Path) -> None:
+    """Neither in its file nor by a change in memory; words, elements and step do not count."""
+    scene = carded_scene(tmp_path)
+    heavier = change_scene(scene, [Change("payloads[0].mass_kg", 1.01, multiply=True)])
+    assert known_error(heavier).words.startswith("unknown: the scene was changed")
+    text = scene.path.read_text(encoding="utf-8")
+    scene.path.write_text(text.replace("tangential: 0.03", "tangential: 0.04"), encoding="utf-8")
+    assert math.isnan(known_error(load_scene(scene.path)).rms_pct)
+    said = text.replace("about: 20 t", "about: some 20 t").replace("elements: 20", "elements: 40")
+    scene.path.write_text(said, encoding="utf-8")
+    assert known_error(load_scene(scene.path)).rms_pct < error_pct(20, 0.01)
+
+
+def test_a_changed_solver_makes_it_old(tmp_path: Path) -> None:
+    scene = carded_scene(tmp_path)
+    write_card(scene, sample_card(scene) | {"solver_digest": "0123456789abcdef"})
+    found = read_card(scene)
+    assert found is not None
+    assert found.age(scene) == "the card is old: the solver was changed since it was made"
+    assert known_error(scene).words.startswith("unknown: the card is old")
+
+
+def test_only_what_a_scene_lists_ages_its_card() -> None:
+    """Bending is no effect of still_water's: its file does not enter the digest."""
+    still = load_scene("still_water")
+    less = dataclasses.replace(still, effects=still.effects[:-1])
+    assert card.solver_digest(less) != card.solver_digest(still)
+    assert card.solver_digest(still) == card.solver_digest(load_scene("snap_vertical"))
+    assert card.solver_digest(load_scene("riser_300m")) != card.solver_digest(still)
+
+
+def test_what_does_not_converge_is_unknown(tmp_path: Path) -> None:
+    scene = carded_scene(tmp_path)
+    content = sample_card(scene)
+    for row in content["rows"]:
+        row["figures"][card.RMS]["at_most"] = None
+    write_card(scene, content)
+    found = known_error(scene)
+    assert math.isnan(found.rms_pct)
+    assert found.peak_pct > 0.0
+    assert "does not converge" in found.words
+
+
+@pytest.mark.parametrize(
+    "text", ["", "{", "[1, 2]", '{"format": 1}', '{"format": 99}', "\udcff"], ids=range(6)
+)
+def test_a_damaged_card_is_one_sentence(tmp_path: Path, text: str) -> None:
+    scene = carded_scene(tmp_path)
+    card.card_path(scene).write_bytes(text.encode("utf-8", "surrogateescape"))
+    with pytest.raises(SceneError, match=r"small\.json: .*; make it again with `rope_twin acc"):
+        read_card(scene)
+    assert known_error(scene).words.startswith("unknown: ")
