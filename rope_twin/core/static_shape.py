@@ -58,6 +58,13 @@ def first_forces(still: StillRope, hold: Floats | None, load: Floats) -> Floats:
     return (0.5 * below[:, -1] + pull * chord / span)[:, None] - below
 
 
+def element_forces(place: Floats, forces: Forces) -> Floats:
+    """What the elements of a shape pass on as they are: their tension along them."""
+    span = np.diff(place, axis=1)
+    length: Floats = np.sqrt((span * span).sum(axis=0)) + TINY
+    return forces.tension / length * span
+
+
 def _laid(still: StillRope, law: Elastic, S: Floats) -> Floats:
     """Nodes where the elements lie along their forces."""
     size = np.sqrt((S * S).sum(axis=0)) + TINY

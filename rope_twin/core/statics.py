@@ -29,6 +29,7 @@ from rope_twin.core.static_forces import Elastic, StillRope
 from rope_twin.core.static_shape import (
     STUCK,
     Shape,
+    element_forces,
     first_forces,
     largest,
     newton_change,
@@ -44,7 +45,8 @@ OFF = 1e-6  # of it: a tension this far from the tangent asks for a new one
 SURE = 2  # rounds that ask anyway: nearer to the tension in question it is more exact
 DEEP = 1e-11  # of it: what is missed by the balance when rounds end; round-off leaves 1e-14
 FAST = 0.3  # loads of the last shape serve while each round leaves less than this part
-RELAXATIONS, STEP_FIRST, STEP_LAST, STEP_LEAST, GROWTH, SHRINK = 150, 1.0, 3e3, 1e-4, 4.0, 0.1
+RELAXATIONS, STEP_FIRST, STEP_LAST, STEP_LEAST, GROWTH, SHRINK = 30, 1.0, 3e3, 1e-4, 4.0, 0.1
+ATTEMPTS = 5  # of relaxing and Newton in turns
 
 
 class Equilibrium(NamedTuple):
@@ -75,18 +77,34 @@ def settle(rope: Rope, L: float) -> Equilibrium:
     rope.state.offset[:] = 0.0
     still = StillRope(rope, L)
     with np.errstate(all="ignore"):  # a shape that overflows is one that is no better
-        end = _settle_forces(still)
-        if not end.found:
-            best = still.place.copy()
-            again = _relax(rope, still)
-            if again.found or again.residual_n < end.residual_n:
-                return again
-            still.rest_at(best)
-    return end
+        best, place = _settle_forces(still), still.place.copy()
+        for attempt in range(ATTEMPTS):
+            if best.found or not np.isfinite(best.residual_n):
+                break
+            end = _relax(rope, still, STEP_LAST * SHRINK**attempt)
+            near = still.place.copy()
+            best, place = _better(still, end, best, place)
+            if not end.found:
+                best, place = _better(still, _settle_forces(still, near=True), best, place)
+                still.rest_at(near)
+        still.rest_at(place)
+    return best
 
 
-def _settle_forces(still: StillRope) -> Equilibrium:
-    """From the shape that the nodes are in; leaves them in the best one."""
+def _better(
+    still: StillRope, end: Equilibrium, best: Equilibrium, place: Floats
+) -> tuple[Equilibrium, Floats]:
+    """The search that just ended, with its shape, or the best one before it."""
+    if end.found or end.residual_n < best.residual_n:
+        return end, still.place.copy()
+    return best, place
+
+
+def _settle_forces(still: StillRope, near: bool = False) -> Equilibrium:
+    """From the shape that the nodes are in; leaves them in the best one.
+
+    `near`: the elements already pull about as they will, so Newton can begin with their forces.
+    """
     place = still.place.copy()
     law = still.elastic()
     forces = still.forces(place)
@@ -98,8 +116,9 @@ def _settle_forces(still: StillRope) -> Equilibrium:
     if not np.isfinite(residual):
         return Equilibrium(False, residual, tension, np.inf, 0)
     hold = place[:, 0].copy() if still.first else None
-    shape = shape_of(still, law, hold, first_forces(still, hold, forces.load))
-    move, newton, rounds, found = np.inf, False, 0, False
+    S = element_forces(place, forces) if near else first_forces(still, hold, forces.load)
+    shape = shape_of(still, law, hold, S)
+    move, newton, rounds, found = np.inf, near, 0, False
     while rounds < ROUNDS and np.isfinite(shape.size):
         rounds += 1
         if rounds <= SURE or _is_off(law, shape):
@@ -159,8 +178,8 @@ def _search(
         share *= 0.5
 
 
-def _relax(rope: Rope, still: StillRope) -> Equilibrium:
-    """Rest by dynamic steps that grow, with the velocity set to zero after each.
+def _relax(rope: Rope, still: StillRope, longest: float) -> Equilibrium:
+    """Rest by dynamic steps that grow up to the longest [s], with zero velocity after each.
 
     Each is a Newton solve of the convex energy with the mass over the step squared as a
     regulariser: slow, but slack elements, which carry no force and so have no direction, are no
@@ -190,7 +209,7 @@ def _relax(rope: Rope, still: StillRope) -> Equilibrium:
         if end.found and not end.left_m < FAST * last:  # no nearer: round-off
             break
         last = end.left_m if end.found else np.inf
-        step = min(step * GROWTH, STEP_LAST)
+        step = min(step * GROWTH, longest)
     return end
 
 

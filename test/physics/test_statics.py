@@ -26,10 +26,13 @@ ROUND_OFF = 8.0 * float(np.finfo(float).eps)  # of a place in the water, in an e
 
 
 def drag_forces(rig: Rig, place: Vector, along: Vector, rest: Vector) -> Vector:
-    """Morison's cross-flow drag of still nodes, tangents the mean of their elements'; (3, n)."""
+    """Morison's cross-flow drag of still nodes, tangents the mean of their elements'; (3, n).
+
+    A rope folded back on itself has no tangent: 1e-12 keeps the mean off 0/0, as in the step.
+    """
     mean = along.copy()
     mean[:, 1:] += along[:, :-1]
-    tangent = mean / np.linalg.norm(mean, axis=0)
+    tangent = mean / np.sqrt((mean * mean).sum(axis=0) + 1e-12)
     heights = [z for z, _ in reversed(rig.current)]
     water = np.zeros_like(tangent)
     for k in (0, 1):
