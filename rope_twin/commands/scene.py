@@ -116,6 +116,8 @@ def _sections(line: RopeLine, figures: LiftFigures) -> Iterator[str]:
 def _sea(sea: SeaState) -> str:
     if sea.heave is not None:
         return f"regular heave, ±{sea.heave.amplitude_m:g} m every {sea.heave.period_s:g} s"
+    if sea.on_waves is not None:
+        return "the ship rides on the scene's waves"
     return f"bag {sea.bag}" if sea.bag else "still"
 
 
@@ -123,9 +125,21 @@ def _words(params: Any) -> str:
     """An effect's parameters in a few words."""
     words = []
     for key, value in asdict(params).items():
-        rows = f"{len(value)} rows" if isinstance(value, tuple) else f"{value:g}"
-        words.append(f"{key} {rows}")
+        if isinstance(value, dict):
+            inner = ", ".join(
+                f"{name} {_word(part)}" for name, part in value.items() if part is not None
+            )
+            words.append(f"{key} ({inner})")
+        elif value is not None:
+            words.append(f"{key} {_word(value)}")
     return ", ".join(words)
+
+
+def _word(value: Any) -> str:
+    """A value in short."""
+    if isinstance(value, tuple):
+        return f"{len(value)} rows"
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _winch(winch: Winch | None) -> str:

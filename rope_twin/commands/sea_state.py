@@ -13,15 +13,15 @@ from rope_twin.recording.bag_reader import BagReader, find_bag
 from rope_twin.recording.heave_record import HeaveRecord, read_heave
 from rope_twin.recording.heave_replay import HeaveReplay
 from rope_twin.recording.sea_bag import write_sea_bag
-from rope_twin.twin.heave_response import BoxHull
-from rope_twin.twin.irregular_sea import synthesise
-from rope_twin.twin.spectrum import (
+from rope_twin.sea.heave_response import BoxHull
+from rope_twin.sea.spectrum import (
     WaveSpectrum,
     band_spectrum,
     find_spectra,
     jonswap,
     read_spectrum,
 )
+from rope_twin.twin.irregular_sea import synthesise
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -27,6 +27,7 @@ from rope_twin.core.state import (
     ELEMENTS,
     END,
     FLOW,
+    FLOW_RATE,
     NODE_ROWS,
     PER_METRE,
     POSITION,
@@ -53,6 +54,7 @@ class Place(NamedTuple):
     tangent: Floats  # unit vector, upward
     turning: Floats  # rate of the tangent [1/s]
     flow: Floats  # water velocity [m/s]
+    flow_rate: Floats  # and acceleration [m/s²]
     mass: Floats  # of the rope [kg]
     volume: Floats  # of displaced water [m³]
     frontal: Floats  # area that drag across the rope refers to [m²]
@@ -225,13 +227,15 @@ def _place(rope: Rope, elements: Elements, time: float, V: float) -> Place:
     lumps = np.zeros((len(half), n + 1))
     lumps[:, :-1] += half
     lumps[:, 1:] += half
+    water = _flow(rope, n + 1, time, V)
     return Place(
         arc=rope.state.s[: n + 1],
         position=x,
         velocity=v,
         tangent=tangent,
         turning=(turn - (turn * tangent).sum(axis=0) * tangent) / size,
-        flow=_flow(rope, n + 1, time, V),
+        flow=water[FLOW : FLOW + 3],
+        flow_rate=water[FLOW_RATE : FLOW_RATE + 3],
         **dict(zip(("mass", "volume", "frontal", "skin"), lumps, strict=True)),
     )
 
@@ -249,11 +253,11 @@ def _metre_at_sheave(rope: Rope, elements: Elements, place: Place) -> Place:
 
 
 def _flow(rope: Rope, nodes: int, time: float, V: float) -> Floats:
-    """Water velocity at the nodes [m/s], (3, nodes)."""
+    """Scratch whose rows FLOW and FLOW_RATE are those of the nodes."""
     work = new_work(nodes)
     work[:NODE_ROWS] = rope.state.nodes[:, :nodes]
     _find_flow(rope.effects, work, Stage(time, 1.0, 0.0, V), 0, nodes)
-    return work[FLOW : FLOW + 3]
+    return work
 
 
 @jit_entry

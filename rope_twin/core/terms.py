@@ -6,7 +6,7 @@ tuple is written out while numba compiles, so an absent effect leaves no code an
 Plain Python (NUMBA_DISABLE_JIT=1) walks the same tuple with a loop.
 
 - `flow(effect, work, stage, low, high)` adds water velocity to the rows FLOW of the nodes
-  low <= i < high, at the stage's predicted positions.
+  low <= i < high, at the stage's predicted positions; one of them may set FLOW_RATE.
 - `load(effect, node, stage)` returns a Load: what the effect adds to one node. All effects' loads
   are summed in one loop over the nodes, in registers: one pass over memory however many there are.
 - `load_end(effect, work, stage)` adds to the residual and block of node 0, the lower end.
@@ -31,6 +31,7 @@ from rope_twin.core.state import (
     BLOCK,
     COUPLED_ROWS,
     FLOW,
+    FLOW_RATE,
     FRONTAL,
     LINK,
     MASS,
@@ -67,6 +68,9 @@ class Node(NamedTuple):
     ux: float  # water velocity [m/s]
     uy: float
     uz: float
+    wx: float  # acceleration of the water [m/s²], where an effect sets it
+    wy: float
+    wz: float
     mass: float  # of the rope [kg]
     volume: float  # of displaced water [m³]
     frontal: float  # area that drag across the rope refers to [m²]
@@ -263,6 +267,7 @@ def add_load(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
     ax, ay, az = rows(work, ACCELERATION, low)
     tx, ty, tz = rows(work, TANGENT, low)
     ux, uy, uz = rows(work, FLOW, low)
+    wx, wy, wz = rows(work, FLOW_RATE, low)
     mass, volume = row(work, MASS, low), row(work, VOLUME, low)
     frontal, skin = row(work, FRONTAL, low), row(work, SKIN, low)
     Rx, Ry, Rz = rows(work, RESIDUAL, low)
@@ -270,7 +275,7 @@ def add_load(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
     for i in range(high - low):
         node = Node(
             x[i], y[i], z[i], vx[i], vy[i], vz[i], ax[i], ay[i], az[i], tx[i], ty[i], tz[i],
-            ux[i], uy[i], uz[i], mass[i], volume[i], frontal[i], skin[i],
+            ux[i], uy[i], uz[i], wx[i], wy[i], wz[i], mass[i], volume[i], frontal[i], skin[i],
         )  # fmt: skip
         load = _sum_loads(effects, node, stage)
         Rx[i] += load.x

@@ -8,9 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
-from rope_twin.effects import added_mass, bending, current, drag, payload, weight
+from rope_twin.effects import added_mass, bending, current, drag, payload, waves, weight
+
+
+class Surroundings(NamedTuple):
+    """What an effect may ask for while it is built."""
+
+    water_density_kg_per_m3: float
+    gravity_m_per_s2: float
+    added_mass: float  # coefficient of the rope's, 0 where the scene lists none
 
 
 @dataclass(frozen=True)
@@ -19,11 +27,12 @@ class Effect:
 
     name: str
     params: type
-    build: Callable[[Any, Any, Any], Any]  # params, payload figures, environment
+    build: Callable[[Any, Any, Any], Any]  # params, payload figures, surroundings
 
 
 EFFECTS: tuple[Effect, ...] = (
     Effect("current", current.CurrentParams, current.build),
+    Effect("waves", waves.WavesParams, waves.build),
     Effect("weight", weight.WeightParams, weight.build),
     Effect("drag", drag.DragParams, drag.build),
     Effect("added_mass", added_mass.AddedMassParams, added_mass.build),

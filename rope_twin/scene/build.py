@@ -23,7 +23,8 @@ from rope_twin.core.state import (
 from rope_twin.core.state import Rope as CoreRope
 from rope_twin.core.terms import hooks_of, work_rows
 from rope_twin.core.trial import TRIALS
-from rope_twin.effects import EFFECTS
+from rope_twin.effects import EFFECTS, Surroundings
+from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import Payload as PayloadEffect
 from rope_twin.effects.weight import Weight
@@ -97,11 +98,14 @@ def find_payload(scene: Scene, line: RopeLine) -> Payload | None:
 
 def build_effects(scene: Scene, figures: PayloadFigures | None) -> tuple[Any, ...]:
     """The kernels' data of the effects that the scene lists, in the order of EFFECTS."""
+    water = scene.environment
+    Ca = sum(own.normal for own in scene.effects if isinstance(own, AddedMassParams))
+    around = Surroundings(water.water_density_kg_per_m3, water.gravity_m_per_s2, Ca)
     built = []
     for effect in EFFECTS:
         for params in scene.effects:
             if type(params) is effect.params:
-                built.append(effect.build(params, figures, scene.environment))
+                built.append(effect.build(params, figures, around))
                 if not hooks_of(type(built[-1])):
                     raise SceneError(
                         phrase(f"effect '{effect.name}'", "it has no kernel", "mend its file")

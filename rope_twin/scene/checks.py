@@ -153,6 +153,9 @@ def _effects(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if scene.payloads and "payload" not in listed:
         what = f"`payload` is not listed: '{scene.payloads[0].name}' has no mass, weight or drag"
         yield phrase("effects", what, "add `- payload: {}`")
+    if "waves" in listed and "drag" not in listed:
+        what = "`waves` is listed without `drag`: the rope feels its acceleration alone"
+        yield phrase("effects", what, "add `- drag: {normal: ..., tangential: ...}`")
     if "current" in listed and "drag" not in listed:
         what = "`current` is listed without `drag`: the rope does not feel it"
         yield phrase("effects", what, "add `- drag: {normal: ..., tangential: ...}`")

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.drag import DragParams
+from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import did_you_mean
 from rope_twin.scene.composite import ends_m
 from rope_twin.scene.grid import grading_faults, least_line_out_m
@@ -246,6 +247,26 @@ def _regular_heave(scene: Scene) -> Iterator[Fault]:
         yield "sea_state.heave", what, right
 
 
+def _on_waves(scene: Scene) -> Iterator[Fault]:
+    sea = scene.sea_state
+    if sea.on_waves is None:
+        return
+    waves = next((own for own in scene.effects if isinstance(own, WavesParams)), None)
+    if waves is None:
+        yield "sea_state.on_waves", "`waves` is not listed", "add the effect `waves`"
+        return
+    if sea.bag or sea.heave is not None:
+        yield "sea_state", "the ship rides on the waves and on a record", "keep one of them"
+    if sea.start_s != 0.0 or not sea.loop:
+        right = "leave `start_s` and `loop` out, they are for records"
+        yield "sea_state", "waves begin with the scene and have no end", right
+    if waves.ramp_s != scene.ship.motion_ramp_s:
+        what = (
+            f"the sea rises over {waves.ramp_s:g} s, the ship over {scene.ship.motion_ramp_s:g} s"
+        )
+        yield "ship.motion_ramp_s", what, "give `ramp_s` of `waves` and this one alike"
+
+
 RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _names,
     _one_rope,
@@ -262,4 +283,5 @@ RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _effects,
     _bag,
     _regular_heave,
+    _on_waves,
 )

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 from rope_twin.quantity import quantity, text
 from rope_twin.scene.stiffness import StiffnessTable
+from rope_twin.sea.heave_response import BoxHull
 
 Triple = tuple[float, float, float]
 
@@ -213,21 +214,31 @@ class RegularHeave:
 
 
 @dataclass(frozen=True, kw_only=True)
+class OnWaves:
+    """The ship rides on the waves of the effect `waves`: same components, same phases."""
+
+    hull: BoxHull = text("a box-like hull in head seas", BoxHull())
+
+
+@dataclass(frozen=True, kw_only=True)
 class SeaState:
-    """What moves the ship when no topic does: a bag or a regular heave; with neither it lies still.
+    """What moves the ship when no topic does: a bag, a regular heave or the scene's own waves.
+
+    With none of them it lies still.
 
     `bag` is a name in bags/ or a path; a path in a scene is relative to the scene's file.
     """
 
     bag: str = text("recorded heave to replay", "")
     heave: RegularHeave | None = text("a sine in place of a record", None)
+    on_waves: OnWaves | None = text("ride on the scene's waves", None)
     start_s: float = quantity("offset into the bag or the sine", "s", 0.0, 1e6, default=0.0)
     loop: bool = text("start again at the end of the bag", True)
 
     @property
     def moves(self) -> bool:
         """Whether there is anything that moves the ship."""
-        return bool(self.bag) or self.heave is not None
+        return bool(self.bag) or self.heave is not None or self.on_waves is not None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.twin.heave_response import BoxHull, heave_response
-from rope_twin.twin.spectrum import Vector, WaveSpectrum
+from rope_twin.sea.heave_response import BoxHull, heave_response
+from rope_twin.sea.phases import random_phases
+from rope_twin.sea.spectrum import Vector, WaveSpectrum
 
 
 @dataclass(frozen=True)
@@ -31,21 +32,6 @@ class SeaRecord:
     def duration_s(self) -> float:
         """Length of the period."""
         return len(self.heave_m) / self.rate_hz
-
-
-def random_phases(seed: int, count: int) -> Vector:
-    """Phases [rad], (count,), even over a turn.
-
-    Made from the raw words of PCG64, which numpy promises never to change, so that a seed means
-    the same sea with every version of numpy.
-
-    Raises:
-        InputError: a negative seed.
-    """
-    if seed < 0:
-        raise InputError(phrase("seed", f"it is {seed}", "right is a whole number from 0"))
-    words = np.random.PCG64(seed).random_raw(count)
-    return 2.0 * np.pi * (words >> np.uint64(11)).astype(np.float64) * 2.0**-53
 
 
 def synthesise(

@@ -24,6 +24,7 @@ from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.waves import Jonswap, WavesParams
 from rope_twin.effects.weight import WeightParams
 from rope_twin.scene.build import build_effects
 from rope_twin.scene.schema import Scene, Winch
@@ -39,6 +40,15 @@ RESULTS = (  # flow, R; blocks; couplings
 PARAMS: dict[str, Any] = {
     "current": CurrentParams(
         profile=((0.0, (0.8, 0.1)), (-30.0, (0.3, 0.5)), (-70.0, (-0.2, 0.4)))
+    ),
+    "waves": WavesParams(
+        jonswap=Jonswap(significant_height_m=2.5, peak_period_s=7.0),
+        components=12,
+        seed=3,
+        heading_deg=30.0,
+        spreading=4.0,
+        depth_m=95.0,
+        ramp_s=4.0,
     ),
     "weight": WeightParams(),
     "drag": DragParams(normal=1.3, tangential=0.03),

@@ -15,10 +15,10 @@ from rope_twin.messages.cdr import typestore
 from rope_twin.recording.bag_reader import list_bags
 from rope_twin.recording.heave_record import HeaveRecord, read_heave
 from rope_twin.recording.heave_replay import HeaveReplay, open_heave, replay_sea
+from rope_twin.sea.heave_response import BoxHull
+from rope_twin.sea.spectrum import find_spectra, jonswap, read_spectrum
 from rope_twin.share import share_dir
-from rope_twin.twin.heave_response import BoxHull
 from rope_twin.twin.irregular_sea import synthesise
-from rope_twin.twin.spectrum import find_spectra, jonswap, read_spectrum
 
 SECOND = 1_000_000_000
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rope_twin.errors import InputError
-from rope_twin.twin.spectrum import band_spectrum, find_spectra, jonswap, read_spectrum
+from rope_twin.sea.spectrum import band_spectrum, find_spectra, jonswap, read_spectrum
 
 
 @pytest.mark.parametrize(

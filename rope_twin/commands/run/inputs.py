@@ -11,6 +11,7 @@ from typing import Protocol
 from rope_twin.errors import InputError, phrase
 from rope_twin.recording.heave_replay import HeaveSample, open_heave
 from rope_twin.recording.regular_heave import RegularSea
+from rope_twin.recording.wave_sea import sea_of_waves
 from rope_twin.scene.schema import Scene
 
 FIRST_NS = -100_000_000  # samples begin this early, so that t = 0 lies between two of them
@@ -50,4 +51,6 @@ def open_sea(
     if topic:
         what = f"scene {scene.name} has no bag to look for it in"
         raise InputError(phrase(f"topic '{topic}'", what, "name a bag too, or leave the topic out"))
-    return None if sea.heave is None else RegularSea(sea.heave, sea.start_s + start_s)
+    if sea.heave is not None:
+        return RegularSea(sea.heave, sea.start_s + start_s)
+    return sea_of_waves(scene)

@@ -1,0 +1,347 @@
+"""Waves: Airy's kinematics at rope and payload, stretched to the surface (Wheeler 1970).
+
+A component with surface a·cos θ, θ = k·(x·cos β + y·sin β) - ω·t + φ, moves the water at z by
+
+    u = a·ω·C·cos θ along its heading, w = a·ω·S·sin θ upward,
+    C = cosh(k·(z + h))/sinh(k·h), S = sinh(k·(z + h))/sinh(k·h), both e^{k·z} in deep water
+
+(DNV-RP-C205, 3.2.2), with accelerations a·ω²·C·sin θ and -a·ω²·S·cos θ. With [LCD] eqs 21 and 22,
+u = π·H·f·e^{k·z}·cos 2πft and k = 4π²f²/g, for one deep wave. z is Wheeler's h·(z - η)/(h + η), at
+most 0: what is above the surface feels the water at the surface.
+
+Rope and payload feel the acceleration: the rope by ρ·A·(a + Ca·a_n) per metre, the payload by
+(ρ·V + added mass)·a on each axis (Froude and Krylov; Morison et al. 1950).
+
+Short cut: components are sorted from long to short, and a node takes only so many that the rest of
+them together, Σ a·ω·e^{k·z}, stays under `neglected_m_per_s` there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core.energy import account
+from rope_twin.core.jit import jit, jit_within
+from rope_twin.core.rows import rows
+from rope_twin.core.state import FLOW, FLOW_RATE, POSITION, RESIDUAL, Floats
+from rope_twin.core.terms import Load, kernel
+from rope_twin.errors import InputError
+from rope_twin.quantity import quantity, text
+from rope_twin.sea.components import DEEP, irregular_waves, regular_wave, spread
+from rope_twin.sea.components import Waves as Components
+from rope_twin.sea.spectrum import WaveSpectrum, find_spectra, jonswap, read_spectrum
+
+LOWEST = 60.0  # e^-60 stands for less
+REACH = 60  # halvings that find how deep a component reaches
+
+
+@dataclass(frozen=True, kw_only=True)
+class RegularWave:
+    """One wave; its crest passes the origin at t = 0."""
+
+    height_m: float = quantity("from trough to crest", "m", 0.0, 40.0)
+    period_s: float = quantity("period", "s", 1.0, 40.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Jonswap:
+    """A sea by height and period; gamma 1 is Pierson and Moskowitz."""
+
+    significant_height_m: float = quantity("significant height Hs", "m", 0.01, 30.0)
+    peak_period_s: float = quantity("peak period Tp", "s", 1.0, 40.0)
+    gamma: float | None = quantity("peakedness; absent: from Tp/√Hs", "", 1.0, 10.0, default=None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measured:
+    """A measured spectrum."""
+
+    file: str = text("name in config/sea_states or path of a table of spectra")
+    column: str = text("which of its spectra: a column's heading, or the hour in it")
+
+    def spectrum(self) -> WaveSpectrum:
+        """The spectrum.
+
+        Raises:
+            InputError: there is no such file or column.
+        """
+        return read_spectrum(find_spectra(self.file), self.column)
+
+    def check(self) -> str | None:
+        """That it can be read."""
+        try:
+            self.spectrum()
+        except InputError as error:
+            return str(error)
+        return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class WavesParams:
+    """The sea; exactly one of `regular`, `jonswap` and `measured`."""
+
+    regular: RegularWave | None = text("one wave", None)
+    jonswap: Jonswap | None = text("a sea by height and period", None)
+    measured: Measured | None = text("a measured spectrum", None)
+    components: int = quantity("into how many waves a spectrum is taken apart", "", 2, 2000, 200)
+    seed: int = quantity("picks their phases", "", 0, 2**31, 1)
+    heading_deg: float = quantity(
+        "where waves travel to: 0 east, 90 north", "°", -360.0, 360.0, 0.0
+    )
+    spreading: float | None = quantity(
+        "s of cos^2s((β - β0)/2) about the heading; absent: long-crested", "", 1.0, 100.0,
+        default=None,
+    )  # fmt: skip
+    depth_m: float | None = quantity("of the water; absent: deep", "m", 1.0, 12e3, default=None)
+    ramp_s: float = quantity("the sea rises from flat over this time", "s", 0.0, 600.0, 8.0)
+    neglected_m_per_s: float = quantity(
+        "velocity of all the components together that a node leaves out", "m/s", 0.0, 0.1, 1e-4
+    )
+
+    def check(self) -> str | None:
+        """Exactly one sea."""
+        given = [sea for sea in (self.regular, self.jonswap, self.measured) if sea is not None]
+        if len(given) != 1:
+            return f"{len(given)} seas; give one of regular, jonswap and measured"
+        return None
+
+
+class Waves(NamedTuple):
+    """What the kernels see: components from long to short, (n,) each."""
+
+    kx: Floats  # wave number east [1/m]
+    ky: Floats  # and north
+    k: Floats  # [1/m]
+    omega: Floats  # [rad/s]
+    phase: Floats  # [rad]
+    amplitude: Floats  # [m]
+    east: Floats  # a·ω·cos β/(1 - e^{-2kh}) [m/s]
+    north: Floats  # a·ω·sin β/(1 - e^{-2kh})
+    up: Floats  # a·ω/(1 - e^{-2kh})
+    echo: Floats  # e^{-2kh}: what the bottom throws back
+    reach: Floats  # below this z [m] the components from here on are left out
+    depth: float  # [m]
+    ramp: float  # [s]
+    density: float  # of the water [kg/m³]
+    Ca: float  # added mass coefficient of the rope
+    Mx: float  # payload's ρ·V + added mass [kg]
+    My: float
+    Mz: float
+
+
+def components_of(params: WavesParams, gravity: float) -> Components:
+    """The sea of a scene, taken apart.
+
+    Raises:
+        InputError: there is no such spectrum.
+    """
+    depth, heading = params.depth_m or DEEP, math.radians(params.heading_deg)
+    if params.regular is not None:
+        wave = params.regular
+        return regular_wave(wave.height_m, wave.period_s, heading, depth, gravity)
+    if params.jonswap is not None:
+        sea = params.jonswap
+        spectrum = jonswap(sea.significant_height_m, sea.peak_period_s, sea.gamma)
+    else:
+        assert params.measured is not None, "checked when it was read"
+        spectrum = params.measured.spectrum()
+    found = irregular_waves(spectrum, params.components, params.seed, depth, gravity)
+    return spread(found, heading, params.spreading, params.seed)
+
+
+def build(params: WavesParams, payload: Any, around: Any) -> Waves:
+    """From the sea, the payload's volume and added mass, and the rope's added mass."""
+    density = around.water_density_kg_per_m3
+    sea = components_of(params, around.gravity_m_per_s2)
+    echo = np.exp(-2.0 * sea.wave_number * sea.depth_m)
+    speed = sea.amplitude_m * sea.omega / (1.0 - echo)
+    inertia = [0.0] * 3
+    if payload is not None:
+        inertia = [density * payload.volume_m3 + added for added in payload.added_mass_kg]
+    return Waves(
+        kx=sea.wave_number * np.cos(sea.heading),
+        ky=sea.wave_number * np.sin(sea.heading),
+        k=sea.wave_number,
+        omega=sea.omega,
+        phase=sea.phase,
+        amplitude=sea.amplitude_m,
+        east=speed * np.cos(sea.heading),
+        north=speed * np.sin(sea.heading),
+        up=speed,
+        echo=echo,
+        reach=_reach(sea.wave_number, speed, sea.depth_m, params.neglected_m_per_s),
+        depth=sea.depth_m,
+        ramp=params.ramp_s,
+        density=density,
+        Ca=around.added_mass,
+        Mx=inertia[0],
+        My=inertia[1],
+        Mz=inertia[2],
+    )
+
+
+def _reach(k: Floats, speed: Floats, depth: float, neglected: float) -> Floats:
+    """For each component the z below which it and all shorter ones bring less than `neglected`.
+
+    z is Wheeler's. The bound counts each at its largest, Σ a·ω·(e^{kz} + e^{-k(z+2h)}), by halves.
+    """
+    deepest = max(-LOWEST / float(k[0]), -depth)
+    reach = np.full(len(k), deepest)
+    for j in range(len(k)):
+        low, high = deepest, 0.0
+        for _ in range(REACH):
+            middle = 0.5 * (low + high)
+            both = np.exp(k[j:] * middle) + np.exp(-k[j:] * (middle + 2.0 * depth))
+            if float(speed[j:] @ both) > neglected:
+                high = middle
+            else:
+                low = middle
+        reach[j] = low if low > deepest else -math.inf
+    return reach
+
+
+@jit_within
+def _ramp(waves: Any, time: float) -> Any:
+    """How much of the sea there is, u³·(10 - 15u + 6u²), and its rate [1/s]."""
+    if time >= waves.ramp:
+        return 1.0, 0.0
+    u = max(time / waves.ramp, 0.0)
+    return u**3 * (10.0 - 15.0 * u + 6.0 * u * u), 30.0 * u * u * (1.0 - u) ** 2 / waves.ramp
+
+
+@jit_within
+def cos_sin(angle: float) -> Any:
+    """Cosine and sine to 1e-11, in arithmetic that runs on several angles at once.
+
+    By Taylor's series of half the angle, taken to within a quarter turn.
+    """
+    turns = angle * (0.5 / math.pi)
+    x = math.pi * (turns - math.floor(turns + 0.5))
+    y = x * x
+    s = x * (1.0 + y * (-1.0 / 6.0 + y * (1.0 / 120.0 + y * (-1.0 / 5040.0 + y * (
+        1.0 / 362880.0 + y * (-1.0 / 39916800.0 + y * (1.0 / 6227020800.0 + y * (
+            -1.0 / 1307674368000.0))))))))  # fmt: skip
+    c = 1.0 + y * (-0.5 + y * (1.0 / 24.0 + y * (-1.0 / 720.0 + y * (1.0 / 40320.0 + y * (
+        -1.0 / 3628800.0 + y * (1.0 / 479001600.0 + y * (-1.0 / 87178291200.0 + y * (
+            1.0 / 20922789888000.0))))))))  # fmt: skip
+    return 1.0 - 2.0 * s * s, 2.0 * s * c
+
+
+@jit_within
+def decay(x: float) -> float:
+    """e^x for -60 < x <= 0 to 1e-11, likewise: (e^{x/64})^64 by Taylor's series about -1/2."""
+    y = x * (1.0 / 64.0) + 0.5
+    e = math.exp(-0.5) * (1.0 + y * (1.0 + y * (0.5 + y * (1.0 / 6.0 + y * (1.0 / 24.0 + y * (
+        1.0 / 120.0 + y * (1.0 / 720.0 + y * (1.0 / 5040.0 + y * (1.0 / 40320.0 + y * (
+            1.0 / 362880.0 + y * (1.0 / 3628800.0 + y / 39916800.0)))))))))))  # fmt: skip
+    e = e * e
+    e = e * e
+    e = e * e
+    e = e * e
+    e = e * e
+    return e * e
+
+
+@jit
+def surface(waves: Any, x: float, y: float, time: float) -> float:
+    """η of the full sea at a place [m]."""
+    eta = 0.0
+    for j in range(waves.k.shape[0]):
+        angle = waves.kx[j] * x + waves.ky[j] * y - waves.omega[j] * time + waves.phase[j]
+        c, _ = cos_sin(angle)
+        eta += waves.amplitude[j] * c
+    return eta
+
+
+@jit
+def water(waves: Any, count: int, x: float, y: float, z: float, time: float) -> Any:
+    """Velocity and acceleration of the water from the `count` longest components at Wheeler's z."""
+    u, v, w, du, dv, dw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(count):
+        angle = waves.kx[j] * x + waves.ky[j] * y - waves.omega[j] * time + waves.phase[j]
+        c, s = cos_sin(angle)
+        far = decay(max(waves.k[j] * z, -LOWEST))
+        echo = waves.echo[j] / far
+        level, rise = far + echo, waves.up[j] * (far - echo)
+        omega = waves.omega[j]
+        u += waves.east[j] * level * c
+        v += waves.north[j] * level * c
+        w += rise * s
+        du += waves.east[j] * level * omega * s
+        dv += waves.north[j] * level * omega * s
+        dw -= rise * omega * c
+    return u, v, w, du, dv, dw
+
+
+@kernel("flow", Waves)
+def flow(waves: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """Flow += velocity; flow's rate = acceleration, 0 where no component reaches."""
+    x, y, z = rows(work, POSITION, low)
+    u, v, w = rows(work, FLOW, low)
+    du, dv, dw = rows(work, FLOW_RATE, low)
+    share, rate = _ramp(waves, stage.time)
+    last = waves.k.shape[0]
+    height = 0.0
+    for j in range(last):
+        height += waves.amplitude[j]
+    for i in range(high - low):
+        du[i] = 0.0
+        dv[i] = 0.0
+        dw[i] = 0.0
+        if share == 0.0 or z[i] - height < waves.reach[0] * (1.0 - height / waves.depth):
+            continue
+        eta = share * surface(waves, x[i], y[i], stage.time)
+        level = max(min((z[i] - eta) / (1.0 + eta / waves.depth), 0.0), -waves.depth)
+        count = last
+        while count > 0 and waves.reach[count - 1] > level:
+            count -= 1
+        uu, vv, ww, duu, dvv, dww = water(waves, count, x[i], y[i], level, stage.time)
+        u[i] += share * uu
+        v[i] += share * vv
+        w[i] += share * ww
+        du[i] = share * duu + rate * uu
+        dv[i] = share * dvv + rate * vv
+        dw[i] = share * dww + rate * ww
+
+
+@kernel("load", Waves)
+def load(waves: Any, node: Any, stage: Any) -> Any:
+    """F = ρ·volume·(a + Ca·(a - (a·τ)·τ)) with the water's acceleration a."""
+    x, y, z = node.tx, node.ty, node.tz
+    along = node.wx * x + node.wy * y + node.wz * z
+    m = waves.density * node.volume
+    own, across = m * (1.0 + waves.Ca), m * waves.Ca * along
+    return Load(
+        own * node.wx - across * x, own * node.wy - across * y, own * node.wz - across * z,
+        0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
+    )  # fmt: skip
+
+
+@kernel("load_end", Waves)
+def load_end(waves: Any, work: Any, stage: Any) -> None:
+    """R_0 += (ρ·V + added mass)·a on each axis."""
+    ax, ay, az = rows(work, FLOW_RATE, 0)
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    Rx[0] += waves.Mx * ax[0]
+    Ry[0] += waves.My * ay[0]
+    Rz[0] += waves.Mz * az[0]
+
+
+@account("power", Waves)
+def power(waves: Any, place: Any) -> Any:
+    """Inertia force times velocity [W]."""
+    a, t = place.flow_rate, place.tangent
+    across = a - (a * t).sum(axis=0) * t
+    force = waves.density * place.volume * (a + waves.Ca * across)
+    return (force * place.velocity).sum(axis=0)
+
+
+@account("power_end", Waves)
+def power_end(waves: Any, place: Any) -> Any:
+    """The same of the payload [W]."""
+    mass = np.array([[waves.Mx], [waves.My], [waves.Mz]])
+    return (mass * place.flow_rate * place.velocity).sum(axis=0)

@@ -1,0 +1,61 @@
+"""The heave of a ship on the waves that rope and payload feel: same components, same phases."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rope_twin.effects.waves import WavesParams, components_of
+from rope_twin.recording.heave_replay import HeaveSample
+from rope_twin.recording.regular_heave import SAMPLE_PERIOD_NS
+from rope_twin.scene.schema import Scene
+from rope_twin.sea.components import Waves
+from rope_twin.sea.heave_response import BoxHull, heave_response
+from rope_twin.sea.spectrum import Vector
+
+
+class WaveSea:
+    """Samples of heave and of the surface at the hang-off by twin time.
+
+    A component a·cos(k·x - ω·t + φ) is the real part of a·exp(i(ω·t - k·x - φ)); the ship answers
+    with its response times that. The sea itself rises from flat as the ship's ramp says.
+    """
+
+    note = ""
+
+    def __init__(self, waves: Waves, hull: BoxHull, x: float, y: float) -> None:
+        self.source = f"waves of Hs {waves.significant_height_m:.3g} m; {hull.describe()}"
+        along = waves.wave_number * (x * np.cos(waves.heading) + y * np.sin(waves.heading))
+        self._wave = waves.amplitude_m * np.exp(-1j * (along + waves.phase))
+        self._heave = self._wave * heave_response(hull, waves.omega / (2.0 * np.pi))
+        self._omega = waves.omega
+
+    def at(self, time_s: Vector) -> tuple[Vector, Vector, Vector]:
+        """Position [m], velocity [m/s] and surface [m] at times (n,), exact."""
+        turn = np.exp(1j * np.outer(time_s, self._omega))
+        moved = turn @ np.stack([self._heave, 1j * self._omega * self._heave, self._wave], axis=1)
+        position, velocity, surface = moved.real.T
+        return position, velocity, surface
+
+    def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
+        """Samples with from_ns <= stamp_ns < to_ns in twin time, in order."""
+        first, end = -(-from_ns // SAMPLE_PERIOD_NS), -(-to_ns // SAMPLE_PERIOD_NS)
+        stamps = np.arange(first, end, dtype=np.int64) * SAMPLE_PERIOD_NS
+        times = np.asarray(stamps * 1e-9, dtype=np.float64)
+        samples = zip(stamps, *self.at(times), strict=True)
+        return [HeaveSample(int(stamp), float(z), float(v), float(eta))
+                for stamp, z, v, eta in samples]  # fmt: skip
+
+    def is_over(self, from_ns: int) -> bool:
+        """Never: the components go on."""
+        return False
+
+
+def sea_of_waves(scene: Scene) -> WaveSea | None:
+    """The ship's motion on the scene's waves, or None if it does not ride on them."""
+    riding = scene.sea_state.on_waves
+    if riding is None:
+        return None
+    params = next(own for own in scene.effects if isinstance(own, WavesParams))
+    waves = components_of(params, scene.environment.gravity_m_per_s2)
+    x, y, _ = scene.ship.hang_off_m
+    return WaveSea(waves, riding.hull, x, y)

@@ -1,0 +1,110 @@
+"""A sea as a sum of Airy's waves (Airy 1845): one regular wave, or a spectrum taken apart.
+
+Each component has the surface a·cos θ with θ = k·(x·cos β + y·sin β) - ω·t + φ, where
+ω² = g·k·tanh(k·h) (DNV-RP-C205, 3.2.2). β is where it travels to, from east to north.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from rope_twin.sea.phases import random_shares
+from rope_twin.sea.spectrum import Vector, WaveSpectrum
+
+DEEP = math.inf  # m
+TAIL = 1e-3  # of the variance, at each end of a spectrum, goes to the outermost components
+NEWTON = 30
+LEAST_TURN = 1e-12
+
+
+@dataclass(frozen=True)
+class Waves:
+    """Components from the longest to the shortest, (n,) each."""
+
+    amplitude_m: Vector
+    omega: Vector  # ω [rad/s]
+    wave_number: Vector  # k [1/m]
+    heading: Vector  # β [rad], where it travels to
+    phase: Vector  # φ [rad]
+    depth_m: float  # DEEP where there is no bottom
+
+    @property
+    def significant_height_m(self) -> float:
+        """Hs = 4·√(Σ a²/2)."""
+        return 4.0 * math.sqrt(0.5 * float(self.amplitude_m @ self.amplitude_m))
+
+    def elevation_m(self, x: float, y: float, time: Vector) -> Vector:
+        """The surface above the mean water level at times [s], (any,)."""
+        along = self.wave_number * (x * np.cos(self.heading) + y * np.sin(self.heading))
+        angle = (along + self.phase)[:, None] - self.omega[:, None] * time
+        return np.asarray((self.amplitude_m[:, None] * np.cos(angle)).sum(axis=0))
+
+
+def wave_numbers(omega: Vector, depth_m: float, gravity: float) -> Vector:
+    """k of ω² = g·k·tanh(k·h) [1/m], (n,), by Newton from Guo's (2002) approximation."""
+    if math.isinf(depth_m):
+        return omega**2 / gravity
+    x = omega * math.sqrt(depth_m / gravity)
+    kh = x * x * (1.0 - np.exp(-(x**2.4908))) ** (-1.0 / 2.4908)
+    for _ in range(NEWTON):
+        tanh = np.tanh(kh)
+        change = (kh * tanh - x * x) / (tanh + kh * (1.0 - tanh * tanh))
+        kh = kh - change
+        if np.all(np.abs(change) <= LEAST_TURN * kh):
+            break
+    return np.asarray(kh / depth_m)
+
+
+def regular_wave(
+    height_m: float, period_s: float, heading: float, depth_m: float, gravity: float
+) -> Waves:
+    """One wave whose crest is at the origin at t = 0."""
+    omega = np.array([2.0 * math.pi / period_s])
+    k = wave_numbers(omega, depth_m, gravity)
+    return Waves(np.array([0.5 * height_m]), omega, k, np.array([heading]), np.zeros(1), depth_m)
+
+
+def irregular_waves(
+    spectrum: WaveSpectrum, count: int, seed: int, depth_m: float, gravity: float
+) -> Waves:
+    """A spectrum as `count` components that all travel east; `spread` turns them.
+
+    Bands of equal width, a frequency at random in each, so that the sea does not repeat; the
+    amplitude is that of the band's variance, so Hs is the spectrum's own.
+    """
+    f, S = spectrum.frequency_hz, spectrum.density_m2_per_hz
+    variance = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(f) * (S[1:] + S[:-1]))])
+    total = float(variance[-1])
+    low = f[max(int(np.searchsorted(variance, TAIL * total)) - 1, 0)]
+    high = f[min(int(np.searchsorted(variance, (1.0 - TAIL) * total)), len(f) - 1)]
+    edges = np.linspace(low, high, count + 1)
+    below = np.interp(edges, f, variance)
+    below[0], below[-1] = 0.0, total
+    amplitude = np.sqrt(2.0 * np.diff(below))
+    frequency = edges[:-1] + random_shares(seed, 2 * count)[count:] * np.diff(edges)
+    omega = 2.0 * np.pi * frequency
+    phase = 2.0 * np.pi * random_shares(seed, count)
+    k = wave_numbers(omega, depth_m, gravity)
+    return Waves(amplitude, omega, k, np.zeros(count), phase, depth_m)
+
+
+def spread(waves: Waves, heading: float, exponent: float | None, seed: int) -> Waves:
+    """The same waves about a mean heading [rad].
+
+    exponent: s of the directional distribution cos^2s((β - β0)/2) (Longuet-Higgins, Cartwright and
+    Smith 1963); None: long-crested. Each component travels one way, drawn from the distribution.
+    """
+    count = len(waves.omega)
+    turn = np.zeros(count)
+    if exponent is not None:
+        angle = np.linspace(-math.pi, math.pi, 2001)
+        density = np.cos(0.5 * angle) ** (2.0 * exponent)
+        below = np.concatenate([[0.0], np.cumsum(density[1:] + density[:-1])])
+        turn = np.interp(random_shares(seed, 3 * count)[2 * count :], below / below[-1], angle)
+    return Waves(
+        waves.amplitude_m, waves.omega, waves.wave_number, heading + turn, waves.phase,
+        waves.depth_m,
+    )  # fmt: skip

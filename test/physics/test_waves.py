@@ -1,0 +1,206 @@
+"""Waves against Airy's closed forms, written out here in numpy, and what they do to a rope."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from effect_cases import apply
+from hypothesis import given
+from hypothesis import strategies as st
+from rigs import Rig, Vector, march, still
+from scipy.optimize import brentq
+
+from rope_twin.core import state as rows
+from rope_twin.core.jit import jit_entry
+from rope_twin.effects import Surroundings
+from rope_twin.effects.waves import (
+    Jonswap,
+    Measured,
+    RegularWave,
+    WavesParams,
+    build,
+    components_of,
+    cos_sin,
+    decay,
+)
+from rope_twin.sea.components import Waves, wave_numbers
+from rope_twin.twin.twin import Twin
+
+G = 9.80665
+WATER = Surroundings(1025.0, G, 1.0)
+DRY = WavesParams(regular=RegularWave(height_m=3.0, period_s=8.0), ramp_s=0.0)
+SEA = WavesParams(
+    jonswap=Jonswap(significant_height_m=2.5, peak_period_s=8.0),
+    components=200, seed=4, heading_deg=20.0, spreading=6.0, ramp_s=0.0,
+)  # fmt: skip
+
+
+def airy(sea: Waves, place: Vector, time: float) -> tuple[Vector, Vector, Vector]:
+    """Surface (n,), velocity and acceleration (3, n) at places (3, n), all components, no cuts."""
+    h, k = sea.depth_m, sea.wave_number[:, None]
+    cos_b, sin_b = np.cos(sea.heading)[:, None], np.sin(sea.heading)[:, None]
+    omega, a = sea.omega[:, None], sea.amplitude_m[:, None]
+    angle = k * (place[0] * cos_b + place[1] * sin_b) - omega * time + sea.phase[:, None]
+    eta = (a * np.cos(angle)).sum(axis=0)
+    z = np.minimum((place[2] - eta) / (1.0 + eta / h), 0.0)
+    level = np.exp(k * z) * (1.0 + np.exp(-2.0 * k * (z + h))) / (1.0 - np.exp(-2.0 * k * h))
+    rise = np.exp(k * z) * (1.0 - np.exp(-2.0 * k * (z + h))) / (1.0 - np.exp(-2.0 * k * h))
+    across, up = a * omega * level * np.cos(angle), a * omega * rise * np.sin(angle)
+    across_rate, up_rate = (
+        a * omega**2 * level * np.sin(angle),
+        -a * omega**2 * rise * np.cos(angle),
+    )
+    u = np.stack([(across * cos_b).sum(0), (across * sin_b).sum(0), up.sum(0)])
+    w = np.stack([(across_rate * cos_b).sum(0), (across_rate * sin_b).sum(0), up_rate.sum(0)])
+    return eta, u, w
+
+
+def kernel_at(params: WavesParams, place: Vector, time: float) -> tuple[Vector, Vector]:
+    """Velocity and acceleration that the effect's kernel gives, (3, n) each."""
+    work = rows.new_work(place.shape[1])
+    work[:3] = place
+    apply((build(params, None, WATER),), work, rows.Stage(time, 0.0, 0.0, 0.0), 1, place.shape[1])
+    return work[rows.FLOW : rows.FLOW + 3], work[rows.FLOW_RATE : rows.FLOW_RATE + 3]
+
+
+@given(
+    period=st.floats(2.0, 25.0),
+    depth=st.floats(5.0, 5000.0),
+)
+def test_dispersion(period: float, depth: float) -> None:
+    """ω² = g·k·tanh(k·h), against a bracketing solver."""
+    omega = 2.0 * math.pi / period
+    exact = brentq(lambda k: G * k * math.tanh(k * depth) - omega**2, 1e-9, 1e2, xtol=1e-15)
+    assert wave_numbers(np.array([omega]), depth, G)[0] == pytest.approx(exact, rel=1e-9)
+
+
+@jit_entry
+def _functions(x: Vector, out: Vector) -> None:
+    for i in range(x.shape[0]):
+        out[0, i], out[1, i] = cos_sin(x[i])
+        out[2, i] = decay(-abs(x[i]) % 60.0 - 60.0)
+
+
+def test_own_cosine_and_exponential() -> None:
+    """1e-10 of numpy's, over a day of angles."""
+    x = np.linspace(-1e5, 1e5, 20001)
+    out = np.zeros((3, len(x)))
+    _functions(x, out)
+    assert np.abs(out[0] - np.cos(x)).max() < 1e-10
+    assert np.abs(out[1] - np.sin(x)).max() < 1e-10
+    y = -np.abs(x) % 60.0 - 60.0
+    assert np.abs(out[2] / np.exp(y) - 1.0).max() < 1e-10
+
+
+@pytest.mark.parametrize("depth", [None, 40.0])
+def test_one_wave_is_airys(depth: float | None) -> None:
+    """At and below the surface, crest to trough, deep water and 40 m: 1e-9 of a·ω."""
+    params = replace(DRY, depth_m=depth, heading_deg=30.0, neglected_m_per_s=0.0)
+    z = np.linspace(-39.0, 1.0, 30)
+    place = np.stack([np.linspace(-50.0, 50.0, 30), np.linspace(30.0, -10.0, 30), z])
+    sea = components_of(params, G)
+    for time in (0.0, 1.3, 5000.7):
+        _, u, w = airy(sea, place, time)
+        found, found_rate = kernel_at(params, place, time)
+        assert np.abs(found - u)[:, 1:].max() < 1e-9 * 1.5 * sea.omega[0]
+        assert np.abs(found_rate - w)[:, 1:].max() < 1e-9 * 1.5 * sea.omega[0] ** 2
+
+
+def test_published_form_of_a_deep_wave() -> None:
+    """[LCD] eqs 21 and 22: u = π·H·f·e^{kz}·cos 2πft with k = 4π²f²/g."""
+    params = replace(DRY, neglected_m_per_s=0.0)
+    f = 1.0 / 8.0
+    k = 4.0 * math.pi**2 * f**2 / G
+    for time in (0.0, 1.0, 3.5):
+        eta = 1.5 * math.cos(2.0 * math.pi * f * time)
+        place = np.array([[0.0, 0.0], [0.0, 0.0], [0.0, eta - 20.0]])
+        u, _ = kernel_at(params, place, time)
+        expected = math.pi * 3.0 * f * math.exp(-20.0 * k) * math.cos(2.0 * math.pi * f * time)
+        assert u[0, 1] == pytest.approx(expected, abs=1e-9)
+
+
+def test_what_nodes_leave_out_is_bounded() -> None:
+    """200 components: under `neglected_m_per_s` off the full sum, which itself is far larger."""
+    z = np.linspace(-400.0, 0.0, 200)
+    place = np.stack([0.05 * z, -0.02 * z, z])
+    sea = components_of(SEA, G)
+    for neglected in (1e-2, 1e-4):
+        _, u, _ = airy(sea, place, 77.7)
+        found, _ = kernel_at(replace(SEA, neglected_m_per_s=neglected), place, 77.7)
+        off = np.sqrt(((found - u) ** 2).sum(axis=0))[1:]
+        assert off.max() <= neglected
+        assert off.max() > 0.0
+        assert np.abs(u).max() > 0.3
+
+
+def test_a_spectrum_taken_apart_keeps_its_height() -> None:
+    """Hs of the components is the spectrum's, and the surface's over three hours within 3 %."""
+    sea = components_of(SEA, G)
+    assert sea.significant_height_m == pytest.approx(2.5, rel=2e-3)
+    eta = sea.elevation_m(12.0, -7.0, np.arange(0.0, 10800.0, 0.5))
+    assert 4.0 * eta.std() == pytest.approx(2.5, rel=0.03)
+    assert np.all(np.diff(sea.wave_number) > 0.0)
+    mean = math.atan2(np.sin(sea.heading).sum(), np.cos(sea.heading).sum())
+    assert math.degrees(mean) == pytest.approx(20.0, abs=6.0)
+
+
+def test_a_measured_sea() -> None:
+    """The buoy's spectrum: Hs of the components is the file's."""
+    measured = Measured(file="ndbc_46042_1996", column="1996-10-16T00Z")
+    sea = components_of(WavesParams(measured=measured), G)
+    assert sea.significant_height_m == pytest.approx(
+        measured.spectrum().significant_height_m, rel=5e-3
+    )
+
+
+def test_inertia_on_an_upright_rope() -> None:
+    """The sum over a deep upright rope is ρ·A·(1 + Ca)·a·g: ∫ a·ω²·e^{kz} dz = a·ω²/k.
+
+    No drag, still rope; at the zero crossing, when the surface is at rest level and the
+    acceleration at its greatest.
+    """
+    n, length, diameter = 4000, 400.0, 0.06
+    dz = length / n
+    z = np.linspace(-length + 0.5 * dz, -0.5 * dz, n)
+    work = rows.new_work(n + 1)
+    work[2, 1:] = z
+    work[rows.TANGENT + 2] = 1.0
+    work[rows.VOLUME] = 0.25 * math.pi * diameter**2 * dz
+    params = replace(DRY, neglected_m_per_s=0.0)
+    apply((build(params, None, WATER),), work, rows.Stage(2.0, 0.0, 0.0, 0.0), 1, n + 1)
+    expected = -1025.0 * 0.25 * math.pi * diameter**2 * 2.0 * 1.5 * G
+    assert work[rows.RESIDUAL, 1:].sum() == pytest.approx(expected, rel=1e-5)
+
+
+def test_a_weightless_ball_goes_with_the_water() -> None:
+    """(ρV + A)·a of the water over (m + A) with m = ρV is the water's own motion.
+
+    A ball of the water's density on a rope that carries nothing (neutral, soft, slack), 15 m deep
+    in waves of 0.6 m and 8 s: its orbit is that of the water, a·e^{kz} in radius, to 1 %. The mean
+    of (u·∇)u, which the linear acceleration leaves out, makes it drift; that is fitted as well.
+    """
+    rig = Rig(
+        length=60.0, elements=6, mass=1025.0 * 0.25 * math.pi * 0.02**2, EA=1e4, diameter=0.02,
+        load=1025.0 * 30.0, volume=30.0, added=(15e3, 15e3, 15e3), density=1025.0, step=0.02,
+        tolerance=1.0, added_mass=1.0, hang_off=(0.0, 0.0, 0.0),
+    )  # fmt: skip
+    scene = rig.scene()
+    waves = replace(
+        DRY, regular=RegularWave(height_m=0.6, period_s=8.0), ramp_s=24.0, neglected_m_per_s=0.0
+    )
+    scene = replace(scene, effects=(*scene.effects[:1], waves, *scene.effects[1:]))
+    twin = Twin(scene)
+    twin._rope.state.nodes[2, : rig.elements + 1] *= 0.25  # slack, its end 15 m deep
+    seen = np.array(
+        [shot.payload_position_m for shot in march(twin, still, 48.0, every=10)]
+    )  # the last two periods
+    last, time = seen[-80:], np.linspace(0.0, 16.0, 80, endpoint=False)
+    angle = 2.0 * math.pi / 8.0 * time
+    terms = np.stack([np.cos(angle), np.sin(angle), np.ones(80), time, time**2], axis=1)
+    radius = 0.3 * math.exp((2.0 * math.pi / 8.0) ** 2 / G * last[:, 2].mean())
+    fit = np.linalg.lstsq(terms, last[:, [0, 2]], rcond=None)[0]
+    assert np.hypot(fit[0], fit[1]) == pytest.approx(radius, rel=0.01)
+    assert np.abs(last[:, 1]).max() < 1e-9
