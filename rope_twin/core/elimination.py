@@ -51,7 +51,7 @@ def root_stiffness(work: Any, low: int, high: int) -> None:
 
 
 @jit_within
-def _eliminate_node(S: Any, f: Any, root: Any, b: Any) -> Any:
+def eliminate_node(S: Any, f: Any, root: Any, b: Any) -> Any:
     """Eliminate a node through its next element.
 
     S: xx, xy, xz, yy, yz, zz of Ŝ; f: its force. Returns (S + K)⁻¹·K by rows, (S + K)⁻¹·f, and Z
@@ -140,7 +140,7 @@ def _plain_node(work: Any, i: int, e: int, Z: Any, f: Any) -> Any:
         fx + work[RESIDUAL, i], fy + work[RESIDUAL + 1, i], fz + work[RESIDUAL + 2, i],
     )  # fmt: skip
     root = (work[ROOT, e], work[ROOT + 1, e], work[ROOT + 2, e])
-    return _eliminate_node(S, force, root, b)
+    return eliminate_node(S, force, root, b)
 
 
 @jit_ordered
@@ -192,7 +192,7 @@ def _paired_node(work: Any, i: int, j: int, at: int, Z: Any, f: Any) -> Any:
     )  # fmt: skip
     force = (f[0] + gather(Rx, i, j), f[1] + gather(Ry, i, j), f[2] + gather(Rz, i, j))
     root = (gather(x, i, e), gather(y, i, e), gather(z, i, e))
-    gain, own, left, pushed = _eliminate_node(S, force, root, b)
+    gain, own, left, pushed = eliminate_node(S, force, root, b)
     gxx, gxy, gxz, gyx, gyy, gyz, gzx, gzy, gzz, px, py, pz = span(work, ELIMINATED, 12, at)
     store(gxx, 0, gain[0])
     store(gxy, 0, gain[1])

@@ -170,13 +170,13 @@ def _search(rope: Any, stage: Any, before: float) -> None:
             low, slope_low = factor, here
         else:
             return
-        target = _secant(low, slope_low, high, slope_high)
+        target = secant(low, slope_low, high, slope_high)
         _evaluate(rope, stage, SEARCH, target - factor)
         factor, here = target, slope(rope.work, first, n)
 
 
 @jit
-def _secant(low: float, slope_low: float, high: float, slope_high: float) -> float:
+def secant(low: float, slope_low: float, high: float, slope_high: float) -> float:
     """Where the straight line through the bracket's ends crosses 0, inside 5 to 95 % of it."""
     span = high - low
     cross = low + span * slope_low / (slope_low - slope_high)

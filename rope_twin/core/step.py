@@ -61,7 +61,7 @@ OFFSET_GONE = 1e-15  # a fading length offset below this part of its element is 
 
 
 @jit
-def _stage_at(rope: Any, boundary: Any, row: int, part: float, time: float, c: float) -> Any:
+def stage_at(rope: Any, boundary: Any, row: int, part: float, time: float, c: float) -> Any:
     """Set the boundary at `part` of the step and return the stage there."""
     n, h = rope.state.counts[ELEMENTS], rope.model.step
     L, V, _ = place_hang_off(rope.work, boundary, row, part, h, n)
@@ -81,7 +81,7 @@ def _substep(rope: Any, boundary: Any, row: int, time: float, level: int, done: 
     outcome = CONVERGED
     for kind in (TRAPEZOID, BDF2):
         part = GAMMA if kind == TRAPEZOID else 1.0
-        stage = _stage_at(rope, boundary, row, start + part * share, time, c)
+        stage = stage_at(rope, boundary, row, start + part * share, time, c)
         outcome = min(outcome, solve_stage(rope, stage, kind, cap))
         if outcome < CONVERGED and level < HALVINGS:
             break  # it will be halved
@@ -89,7 +89,7 @@ def _substep(rope: Any, boundary: Any, row: int, time: float, level: int, done: 
 
 
 @jit
-def _is_finite(work: Any, n: int) -> bool:
+def is_finite(work: Any, n: int) -> bool:
     """Whether the stage's motion is finite. A converged one is: NaN disagrees with any tension."""
     total = 0.0
     for k in range(NODE_ROWS):
@@ -116,7 +116,7 @@ def _advance_halving(rope: Any, boundary: Any, row: int, time: float) -> bool:
             level += 1
             health[REJECTED] += 1
             continue
-        if outcome == NOT_FINITE or (outcome == UNCONVERGED and not _is_finite(work, n)):
+        if outcome == NOT_FINITE or (outcome == UNCONVERGED and not is_finite(work, n)):
             if done > 0:
                 copy(work, KEPT_ROWS, state.nodes, ZERO, n + 1)
             return False
@@ -169,7 +169,7 @@ def _report(rope: Any, pull: Any, row: int) -> None:
 
 
 @jit
-def _finish(rope: Any, boundary: Any, pull: Any, row: int, time: float) -> None:
+def finish(rope: Any, boundary: Any, pull: Any, row: int, time: float) -> None:
     """After step `row` to `time`: report, and let the top element split or merge."""
     state, h = rope.state, rope.model.step
     L, V, A = prescribed(boundary, row, LINE_COLUMN, 1.0, h)
@@ -184,7 +184,7 @@ def _finish(rope: Any, boundary: Any, pull: Any, row: int, time: float) -> None:
 
 
 @jit
-def _recall_tension(rope: Any, boundary: Any, row: int, time: float) -> None:
+def recall_tension(rope: Any, boundary: Any, row: int, time: float) -> None:
     """Element tensions of the state at the start of step `row`, after a failed attempt at it."""
     state, work = rope.state, rope.work
     n = state.counts[ELEMENTS]
@@ -204,9 +204,9 @@ def advance_steps(rope: Any, boundary: Any, pull: Any, time: float, steps: int) 
     for row in range(steps):
         now = time + row * rope.model.step
         if not _advance_halving(rope, boundary, row, now):
-            _recall_tension(rope, boundary, row, now)
+            recall_tension(rope, boundary, row, now)
             return row
-        _finish(rope, boundary, pull, row, now + rope.model.step)
+        finish(rope, boundary, pull, row, now + rope.model.step)
     return steps
 
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from joint_rigs import triangle
 from numpy.typing import NDArray
 from rigs import Rig, march, sine
 from table_rigs import HMPE, tabled
@@ -156,4 +157,4 @@ def steps(scene: Scene, seconds: float) -> Vector:
 def everything() -> dict[str, Vector]:
     """All results by name."""
     cases = {effect.name: alone(effect.name) for effect in EFFECTS}
-    return {**cases, "together": together(), "by_table": by_table()}
+    return {**cases, "together": together(), "by_table": by_table(), "triangle": triangle()}

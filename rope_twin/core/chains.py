@@ -1,0 +1,163 @@
+"""A chain between joints, eliminated onto the joints at its ends, and back.
+
+The recursion is that of `elimination`, node by node; what remains of the chain is its Schur
+complement on the end nodes. Where both ends are joints the lower one comes along as three more
+columns: node i has (S + K)·delta_i = f + K·delta_{i+1} + P·delta_0, so that with H = (S + K)⁻¹·P
+delta_i = y + G·delta_{i+1} + H·delta_0, and K·H takes the place of P at node i + 1. That is what
+`eliminate_node` says of a force, for each column of P. The lower joint is left with
+D - Σ Pᵀ·H, a difference: its mass is seen to 1e-16·K.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rope_twin.core.elimination import eliminate_node, spring
+from rope_twin.core.jit import jit_ordered, jit_within
+from rope_twin.core.state import BLOCK, CORRECTION, ELIMINATED, GEOMETRIC, RESIDUAL, ROOT, WORK_ROWS
+
+FAR = WORK_ROWS  # 9 rows: H of a node, by rows
+CHAIN_ROWS = FAR + 9
+_NOTHING = (0.0, 0.0, 0.0)
+
+
+@jit_within
+def column(work: Any, first: int, i: int) -> Any:
+    """Column i of three rows."""
+    return work[first, i], work[first + 1, i], work[first + 2, i]
+
+
+@jit_within
+def _dot(a: Any, b: Any) -> Any:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@jit_within
+def _held(work: Any, i: int, e: int, Z: Any) -> Any:
+    """Ŝ of node i with what the eliminated part left on it; it goes on through element e."""
+    b = work[GEOMETRIC, e]
+    return (
+        Z[0] + (work[BLOCK, i] + b), Z[1] + work[BLOCK + 1, i], Z[2] + work[BLOCK + 2, i],
+        Z[3] + (work[BLOCK + 3, i] + b), Z[4] + work[BLOCK + 4, i],
+        Z[5] + (work[BLOCK + 5, i] + b),
+    )  # fmt: skip
+
+
+@jit_within
+def _pushed(work: Any, i: int, f: Any) -> Any:
+    """Force on node i with what the eliminated part left on it."""
+    return f[0] + work[RESIDUAL, i], f[1] + work[RESIDUAL + 1, i], f[2] + work[RESIDUAL + 2, i]
+
+
+@jit_within
+def _keep(work: Any, i: int, gain: Any, own: Any) -> None:
+    for k in range(9):
+        work[ELIMINATED + k, i] = gain[k]
+    for k in range(3):
+        work[ELIMINATED + 9 + k, i] = own[k]
+
+
+@jit_ordered
+def eliminate_upward(work: Any, first: int, n: int) -> Any:
+    """From the lower end, free (first = 0) or held (1), onto node n: the block and force there."""
+    Z, f = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), _NOTHING
+    if first == 1:
+        Z = spring(work, 0)
+    for i in range(first, n):
+        S, force = _held(work, i, i, Z), _pushed(work, i, f)
+        gain, own, Z, f = eliminate_node(S, force, column(work, ROOT, i), work[GEOMETRIC, i])
+        _keep(work, i, gain, own)
+    return Z, f
+
+
+@jit_ordered
+def eliminate_downward(work: Any, n: int) -> Any:
+    """From the hang-off n, whose motion is prescribed, onto node 0: the block and force there."""
+    Z, f = spring(work, n - 1), _NOTHING
+    for i in range(n - 1, 0, -1):
+        e = i - 1
+        S, force = _held(work, i, e, Z), _pushed(work, i, f)
+        gain, own, Z, f = eliminate_node(S, force, column(work, ROOT, e), work[GEOMETRIC, e])
+        _keep(work, i, gain, own)
+    return Z, f
+
+
+@jit_ordered
+def eliminate_between(work: Any, n: int) -> Any:
+    """Onto both ends: block and force at node n, block and force at node 0, and P by columns.
+
+    P couples them: -P is the block of row n and column 0.
+    """
+    xx, xy, xz, yy, yz, zz = D = Z = spring(work, 0)
+    px, py, pz = (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
+    f, g = _NOTHING, _NOTHING
+    for i in range(1, n):
+        S, force = _held(work, i, i, Z), _pushed(work, i, f)
+        root, b = column(work, ROOT, i), work[GEOMETRIC, i]
+        gain, own, Z, f = eliminate_node(S, force, root, b)
+        _keep(work, i, gain, own)
+        _, hx, _, next_x = eliminate_node(S, px, root, b)
+        _, hy, _, next_y = eliminate_node(S, py, root, b)
+        _, hz, _, next_z = eliminate_node(S, pz, root, b)
+        for k in range(3):
+            work[FAR + 3 * k, i], work[FAR + 3 * k + 1, i] = hx[k], hy[k]
+            work[FAR + 3 * k + 2, i] = hz[k]
+        D = (
+            D[0] - _dot(px, hx), D[1] - _dot(px, hy), D[2] - _dot(px, hz),
+            D[3] - _dot(py, hy), D[4] - _dot(py, hz), D[5] - _dot(pz, hz),
+        )  # fmt: skip
+        g = (g[0] + _dot(px, own), g[1] + _dot(py, own), g[2] + _dot(pz, own))
+        px, py, pz = next_x, next_y, next_z
+    return Z, f, D, g, (px, py, pz)
+
+
+@jit_within
+def _moved(work: Any, i: int, d: Any) -> Any:
+    """y + G·delta of the neighbour that node i was eliminated onto."""
+    G = work[ELIMINATED : ELIMINATED + 12]
+    return (
+        G[9, i] + G[0, i] * d[0] + G[1, i] * d[1] + G[2, i] * d[2],
+        G[10, i] + G[3, i] * d[0] + G[4, i] * d[1] + G[5, i] * d[2],
+        G[11, i] + G[6, i] * d[0] + G[7, i] * d[1] + G[8, i] * d[2],
+    )
+
+
+@jit_within
+def set_column(work: Any, first: int, i: int, d: Any) -> None:
+    """Column i of three rows."""
+    work[first, i], work[first + 1, i], work[first + 2, i] = d
+
+
+@jit_ordered
+def substitute_upward(work: Any, first: int, n: int) -> None:
+    """Corrections after `eliminate_upward`, where that of node n is known."""
+    d = column(work, CORRECTION, n)
+    for i in range(n - 1, first - 1, -1):
+        d = _moved(work, i, d)
+        set_column(work, CORRECTION, i, d)
+    if first == 1:
+        set_column(work, CORRECTION, 0, _NOTHING)
+
+
+@jit_ordered
+def substitute_downward(work: Any, n: int) -> None:
+    """Corrections after `eliminate_downward`, where that of node 0 is known."""
+    d = column(work, CORRECTION, 0)
+    for i in range(1, n):
+        d = _moved(work, i, d)
+        set_column(work, CORRECTION, i, d)
+
+
+@jit_ordered
+def substitute_between(work: Any, n: int) -> None:
+    """Corrections after `eliminate_between`, where those of both ends are known."""
+    far, d = column(work, CORRECTION, 0), column(work, CORRECTION, n)
+    for i in range(n - 1, 0, -1):
+        H = work[FAR:CHAIN_ROWS]
+        x, y, z = _moved(work, i, d)
+        d = (
+            x + (H[0, i] * far[0] + H[1, i] * far[1] + H[2, i] * far[2]),
+            y + (H[3, i] * far[0] + H[4, i] * far[1] + H[5, i] * far[2]),
+            z + (H[6, i] * far[0] + H[7, i] * far[1] + H[8, i] * far[2]),
+        )
+        set_column(work, CORRECTION, i, d)

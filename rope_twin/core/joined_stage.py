@@ -1,0 +1,248 @@
+"""One implicit stage of ropes that meet: Newton over all of them at once, as in core/stage.py.
+
+The same passes, acceptance and line search; only the solve goes over the joints. A stage is
+accepted when every tension in the system is what the linearisation expected of it.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any
+
+from rope_twin.core import terms
+from rope_twin.core.assembly import (
+    add_correction,
+    move,
+    set_flow,
+    set_pulls,
+    set_tangents,
+    slope,
+)
+from rope_twin.core.elastic import count_unexpected, expect_tension, stretch, stretch_top
+from rope_twin.core.elimination import root_stiffness
+from rope_twin.core.jit import jit
+from rope_twin.core.joints import (
+    LOOSE,
+    clear,
+    gather_ends,
+    joint_slope,
+    place_ends,
+    solve_system,
+)
+from rope_twin.core.prediction import predict_bdf2, predict_trapezoid
+from rope_twin.core.stage import (
+    BDF2,
+    CHUNK,
+    CONVERGED,
+    NOT_FINITE,
+    SEARCH,
+    SEARCH_EVALUATIONS,
+    SEARCH_FROM,
+    TRAPEZOID,
+    UNCONVERGED,
+    secant,
+)
+from rope_twin.core.state import (
+    AXIAL,
+    DIRECTION,
+    ELEMENTS,
+    SOLVES,
+    SOLVES_MAX,
+    TENSION,
+    Stage,
+)
+from rope_twin.core.ties import add_ties, count_unexpected_ties, expect_pulls, pull_ties
+
+
+@jit
+def solve_joined(system: Any, stage: Any, kind: int, cap: int) -> int:
+    """Find the accelerations; motion and tensions then belong to the stage's time.
+
+    Arguments and result are those of `solve_stage`; `stage` has no payout speed, which the ropes
+    have each. The counts of solves are kept by the first rope.
+    """
+    health = system.ropes[0].state.health
+    _evaluate(system, stage, kind, 0.0)
+    for correction in range(1, cap + 1):
+        solve_system(system)
+        health[SOLVES] += 1
+        before, unexpected = _correct(system, stage)
+        health[SOLVES_MAX] = max(health[SOLVES_MAX], correction)
+        if not isfinite(before):
+            return NOT_FINITE
+        if unexpected == 0:
+            return CONVERGED
+        _reload(system, stage)
+        if correction >= SEARCH_FROM:
+            _search(system, stage, before)
+    return UNCONVERGED
+
+
+@jit
+def load_nodes(rope: Any, stage: Any, low: int, high: int) -> None:
+    """Residual and blocks of the nodes low <= i < high; n is one of them at a joint."""
+    set_tangents(rope.work, low, high)
+    set_pulls(rope.work, low, high)
+    terms.add_load(rope.effects, rope.work, stage, low, high)
+    root_stiffness(rope.work, low, high)
+
+
+@jit
+def end_rope(work: Any, n: int) -> None:
+    """No element above node n: it lies along the one below, which alone pulls at it."""
+    for k in range(DIRECTION, DIRECTION + 3):
+        work[k, n] = work[k, n - 1]
+    work[TENSION, n] = 0.0
+    work[AXIAL, n] = 0.0
+
+
+@jit
+def _stage_of(system: Any, stage: Any, r: int) -> Any:
+    """The stage as rope r sees it, with its own payout speed."""
+    return Stage(stage.time, stage.p, stage.q, system.joints.speed[r])
+
+
+@jit
+def _upto(system: Any, r: int) -> int:
+    """How many nodes of rope r carry loads: all but a hang-off's."""
+    return int(system.ropes[r].state.counts[ELEMENTS] + (system.joints.upper[r] != LOOSE))
+
+
+@jit
+def _move_joints(joints: Any, stage: Any, kind: int, factor: float) -> None:
+    """Motion of the joints: of the prediction, or (SEARCH) of a += factor·delta."""
+    low, count = 0, joints.nodes.shape[1]
+    if kind == TRAPEZOID:
+        predict_trapezoid(joints.nodes, joints.work, stage.q, low, count)
+    elif kind == BDF2:
+        predict_bdf2(joints.nodes, joints.work, stage.q, low, count)
+    else:
+        add_correction(joints.work, factor, low, count)
+    move(joints.work, stage.p, stage.q, low, count)
+
+
+@jit
+def _evaluate_rope(rope: Any, stage: Any, kind: int, factor: float, upto: int) -> None:
+    """What `_evaluate` does for one rope, whose ends stand where they belong."""
+    state, work, p, q = rope.state, rope.work, stage.p, stage.q
+    n = state.counts[ELEMENTS]
+    for start in range(0, n, CHUNK):
+        low, high = max(start, rope.model.first_free), min(start + CHUNK, n)
+        if kind == TRAPEZOID:
+            predict_trapezoid(state.nodes, work, q, low, high)
+        elif kind == BDF2:
+            predict_bdf2(state.nodes, work, q, low, high)
+        else:
+            add_correction(work, factor, low, high)
+        move(work, p, q, low, high)
+        done, last = max(start - 1, 0), high - 1
+        if high == n:
+            last = upto
+            stretch_top(rope, stage)
+            end_rope(work, n)
+        stretch(rope.law, rope.work, rope.state.offset, p, q, 0.0, done, high - 1)
+        if kind != SEARCH:
+            set_flow(rope.effects, work, stage, done, last)
+        load_nodes(rope, stage, done, last)
+    terms.add_end(rope.effects, work, stage)
+
+
+@jit
+def _evaluate(system: Any, stage: Any, kind: int, factor: float) -> None:
+    """Motion, tension, residual and blocks of ropes and joints."""
+    _move_joints(system.joints, stage, kind, factor)
+    place_ends(system)
+    for r in range(len(system.ropes)):
+        own = _stage_of(system, stage, r)
+        _evaluate_rope(system.ropes[r], own, kind, factor, _upto(system, r))
+    pull_ties(system.joints.ties, system.joints.work, stage.p, stage.q)
+    _gather(system)
+
+
+@jit
+def _gather(system: Any) -> None:
+    """Residual and matrix of the joints, but for what the chains leave there."""
+    clear(system.joints)
+    gather_ends(system)
+    add_ties(system.joints.ties, system.joints.work, system.joints.matrix)
+
+
+@jit
+def _correct_rope(rope: Any, stage: Any) -> Any:
+    """What `_correct` does for one rope, whose ends stand where they belong."""
+    state, work, p, q = rope.state, rope.work, stage.p, stage.q
+    n, tolerance = state.counts[ELEMENTS], rope.model.tolerance
+    before, unexpected = 0.0, 0
+    for start in range(0, n, CHUNK):
+        low, high = max(start, rope.model.first_free), min(start + CHUNK, n)
+        done = max(start - 1, 0)
+        before += slope(work, low, high)
+        expect_tension(work, start, high)
+        add_correction(work, 1.0, low, high)
+        move(work, p, q, low, high)
+        stretch(rope.law, rope.work, rope.state.offset, p, q, 0.0, done, high - 1)
+        unexpected += count_unexpected(work, tolerance, done, high - 1)
+    stretch_top(rope, stage)
+    unexpected += count_unexpected(work, tolerance, n - 1, n)
+    return before, unexpected
+
+
+@jit
+def _correct(system: Any, stage: Any) -> Any:
+    """a += delta, with motion and tension; R·delta, and how many tensions were not expected so."""
+    joints = system.joints
+    before = joint_slope(joints)
+    expect_pulls(joints.ties, joints.work)
+    _move_joints(joints, stage, SEARCH, 1.0)
+    place_ends(system)
+    pull_ties(joints.ties, joints.work, stage.p, stage.q)
+    unexpected = count_unexpected_ties(joints.ties, system.ropes[0].model.tolerance)
+    for r in range(len(system.ropes)):
+        more, wrong = _correct_rope(system.ropes[r], _stage_of(system, stage, r))
+        before += more
+        unexpected += wrong
+    return before, unexpected
+
+
+@jit
+def _reload(system: Any, stage: Any) -> None:
+    """Residual and blocks where motion and tension are up to date."""
+    for r in range(len(system.ropes)):
+        rope, own = system.ropes[r], _stage_of(system, stage, r)
+        n, upto = rope.state.counts[ELEMENTS], _upto(system, r)
+        end_rope(rope.work, n)
+        for start in range(0, n, CHUNK):
+            high = start + CHUNK
+            load_nodes(rope, own, start, high if high < n else upto)
+        terms.add_end(rope.effects, rope.work, own)
+    _gather(system)
+
+
+@jit
+def _slope(system: Any) -> Any:
+    """R·delta of all ropes and joints."""
+    total = joint_slope(system.joints)
+    for r in range(len(system.ropes)):
+        rope = system.ropes[r]
+        total += slope(rope.work, rope.model.first_free, rope.state.counts[ELEMENTS])
+    return total
+
+
+@jit
+def _search(system: Any, stage: Any, before: float) -> None:
+    """Where the last correction overshot, go back along it to R·delta = 0, about.
+
+    before: R·delta at the correction's start. Secants in a bracket that opens with (0, 1).
+    """
+    low, slope_low, high, slope_high = 0.0, before, 1.0, 0.0
+    factor, here = 1.0, _slope(system)
+    for evaluation in range(SEARCH_EVALUATIONS):
+        if here < -0.5 * before:
+            high, slope_high = factor, here
+        elif evaluation > 0 and here > 0.5 * before:
+            low, slope_low = factor, here
+        else:
+            return
+        target = secant(low, slope_low, high, slope_high)
+        _evaluate(system, stage, SEARCH, target - factor)
+        factor, here = target, _slope(system)

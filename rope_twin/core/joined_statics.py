@@ -1,0 +1,169 @@
+"""Static equilibrium of ropes that meet, from any guess, with every effect.
+
+Dynamic steps that grow, with the velocity set to zero after each: a step of h is a Newton solve of
+the convex energy with the mass over h² as a regulariser. Slack elements are no harder for it than
+taut ones, and at the longest steps the mass no longer counts, so that the last steps are Newton's
+own for the rope at rest (all but the loads' change with the shape, which the step leaves out).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rope_twin.core.joined_step import advance_joined
+from rope_twin.core.joints import LOOSE, System
+from rope_twin.core.state import (
+    ACCELERATION,
+    BLOCK,
+    EA,
+    ELEMENTS,
+    LINE,
+    NODE_ROWS,
+    POSITION,
+    PULL_COLUMNS,
+    SUBSTEPS_UNCONVERGED,
+    TENSION,
+    VELOCITY,
+    Boundary,
+    Floats,
+)
+from rope_twin.core.static_forces import INSTANT, SYMMETRIC
+from rope_twin.core.static_shape import largest
+from rope_twin.core.statics import ENOUGH, FAST, ROUND_OFF, TOLERANCE_N, Equilibrium
+
+ROUNDS, STEP_FIRST, STEP_LAST, STEP_LEAST, GROWTH, SHRINK = 200, 1.0, 3e3, 1e-4, 4.0, 0.1
+
+
+def settle_joined(system: System, place: Floats) -> Equilibrium:
+    """Move ropes and joints to equilibrium.
+
+    place: (ropes, MOTIONS), each rope's hang-off and line out [m]; of a rope whose upper end is a
+    joint nothing is read. Without equilibrium the nodes end at the best shape found. The counts of
+    the solver's health start from zero afterwards, length offsets of events are gone.
+    """
+    for rope in system.ropes:
+        rope.state.offset[:] = 0.0
+    with np.errstate(all="ignore"):  # a shape that overflows is one that is no better
+        end = _relax(system, _boundary(system, place))
+    for rope in system.ropes:
+        rope.state.health[:] = 0
+    return end
+
+
+def _boundary(system: System, place: Floats) -> Boundary:
+    """Hang-offs that stay for one step, and the ropes' upper nodes put there."""
+    value = np.repeat(place[:, None, :], 2, axis=1)
+    for r, rope in enumerate(system.ropes):
+        if system.joints.upper[r] == LOOSE:
+            n = int(rope.state.counts[ELEMENTS])
+            rope.state.nodes[POSITION : POSITION + 3, n] = place[r, :LINE]
+            rope.state.s[n] = place[r, LINE]
+    return Boundary(value, np.zeros_like(value))
+
+
+def _stopped(system: System, step: float, tolerance: float) -> System:
+    """The system with other steps, in which no element splits or merges."""
+    return system._replace(
+        ropes=tuple(
+            rope._replace(
+                model=rope.model._replace(
+                    step=step, tolerance=tolerance, split_above=np.inf, merge_below=0.0
+                )
+            )
+            for rope in system.ropes
+        )
+    )
+
+
+def _tables(system: System) -> list[Floats]:
+    """The nodes of ropes and joints, (NODE_ROWS, any) each; views."""
+    tables = [rope.state.nodes[:, : _count(system, r)] for r, rope in enumerate(system.ropes)]
+    return [*tables, system.joints.nodes]
+
+
+def _count(system: System, r: int) -> int:
+    return int(system.ropes[r].state.counts[ELEMENTS]) + 1
+
+
+def _stop(system: System) -> None:
+    for table in _tables(system):
+        table[VELOCITY:NODE_ROWS] = 0.0
+    for rope in system.ropes:
+        rope.state.health[:] = 0
+
+
+def _places(system: System) -> list[Floats]:
+    return [table[POSITION : POSITION + 3].copy() for table in _tables(system)]
+
+
+def _put(system: System, places: list[Floats]) -> None:
+    for table, place in zip(_tables(system), places, strict=True):
+        table[POSITION : POSITION + 3] = place
+    _stop(system)
+
+
+def _residual(system: System, boundary: Boundary, pull: Floats) -> tuple[float, float]:
+    """Largest force on a node or joint, and largest tension [N]; the nodes stay where they are.
+
+    One step of a femtosecond moves nothing, and finds the acceleration a = A⁻¹·F of every node.
+    """
+    places = _places(system)
+    _stop(system)
+    still = _stopped(system, INSTANT, np.inf)
+    finite = advance_joined(still, boundary, pull, 0.0, 1) == 1
+    residual, tension = 0.0, 0.0
+    at_joints = np.zeros((3, system.joints.nodes.shape[1]))
+    for r, rope in enumerate(system.ropes):
+        n = _count(system, r) - 1
+        a = rope.state.nodes[ACCELERATION : ACCELERATION + 3, : n + 1]
+        mass = rope.work[BLOCK : BLOCK + 6, : n + 1]
+        force = np.einsum("kcn,cn->kn", mass[SYMMETRIC], a)
+        if system.joints.lower[r] != LOOSE:
+            at_joints[:, system.joints.lower[r]] += force[:, 0]
+        if system.joints.upper[r] != LOOSE:
+            at_joints[:, system.joints.upper[r]] += force[:, n]
+        residual = max(residual, largest(force[:, rope.model.first_free : n]))
+        tension = max(tension, float(rope.work[TENSION, :n].max()))
+    if at_joints.size:
+        residual = max(residual, largest(at_joints))
+    _put(system, places)
+    return (residual, tension) if finite else (np.inf, np.inf)
+
+
+def _round_off(system: System) -> float:
+    """Force that round-off of the places makes of an element's length [N]."""
+    most = 0.0
+    for r, rope in enumerate(system.ropes):
+        rest = np.diff(rope.state.s[: _count(system, r)])
+        reach = np.abs(rope.state.nodes[POSITION : POSITION + 3, : len(rest) + 1]).max()
+        stiffness = float(rope.sections[EA].max() / rest.min())
+        most = max(most, ROUND_OFF * stiffness * float(reach + rest.sum()))
+    return most
+
+
+def _relax(system: System, boundary: Boundary) -> Equilibrium:
+    round_off = _round_off(system)
+    tolerance = max(TOLERANCE_N, round_off)
+    pull = np.zeros((len(system.ropes), 1, PULL_COLUMNS))
+    health, step = system.ropes[0].state.health, STEP_FIRST
+    end, last = Equilibrium(False, np.inf, 0.0, np.inf, 0), np.inf
+    for rounds in range(ROUNDS):
+        before = _places(system)
+        _stop(system)
+        done = advance_joined(_stopped(system, step, tolerance), boundary, pull, 0.0, 1)
+        if done < 1 or health[SUBSTEPS_UNCONVERGED] > 0:
+            _put(system, before)
+            step *= SHRINK
+            if step < STEP_LEAST:
+                break
+            continue
+        after = _places(system)
+        move = max(largest(b - a) for a, b in zip(before, after, strict=True) if a.size)
+        residual, tension = _residual(system, boundary, pull)
+        found = residual <= max(TOLERANCE_N, round_off, ENOUGH * tension)
+        end = Equilibrium(found, residual, tension, move, rounds)
+        if found and not move < FAST * last:  # no nearer: round-off
+            break
+        last = move if found else np.inf
+        step = min(step * GROWTH, STEP_LAST)
+    return end

@@ -1,0 +1,230 @@
+"""One time step of ropes that meet: TR-BDF2, halved over the whole system, as in core/step.py."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rope_twin.core.elastic import stretch_all
+from rope_twin.core.jit import compiled, jit, jit_entry
+from rope_twin.core.joined_stage import end_rope, load_nodes, solve_joined
+from rope_twin.core.joints import LOOSE, System, place_ends
+from rope_twin.core.prediction import GAMMA
+from rope_twin.core.rows import copy
+from rope_twin.core.sections import set_lengths
+from rope_twin.core.stage import (
+    BDF2,
+    CAP,
+    CONVERGED,
+    LAST_CAP,
+    NOT_FINITE,
+    TRAPEZOID,
+    UNCONVERGED,
+)
+from rope_twin.core.state import (
+    ELEMENTS,
+    KEPT_ROWS,
+    LINE,
+    PULL,
+    PULL_X,
+    REJECTED,
+    RESIDUAL,
+    STEPS,
+    SUBSTEPS,
+    SUBSTEPS_MAX,
+    SUBSTEPS_UNCONVERGED,
+    ZERO,
+    Boundary,
+    Floats,
+    Stage,
+)
+from rope_twin.core.step import HALVINGS, finish, is_finite, recall_tension, stage_at
+
+
+@jit
+def _boundary_of(boundary: Any, r: int) -> Any:
+    """The prescribed motion of rope r."""
+    return Boundary(boundary.value[r], boundary.rate[r])
+
+
+@jit
+def _substep(system: Any, boundary: Any, row: int, time: float, level: int, done: int) -> int:
+    """Both stages over 1/2^level of the step, from done/2^HALVINGS; the result is in work.
+
+    Returns the worse of what the stages returned.
+    """
+    h = system.ropes[0].model.step
+    start, share = done / (1 << HALVINGS), 1.0 / (1 << level)
+    cap = CAP if level < HALVINGS else LAST_CAP
+    c = 0.5 * GAMMA * share * h
+    outcome = CONVERGED
+    for kind in (TRAPEZOID, BDF2):
+        part = start + (GAMMA if kind == TRAPEZOID else 1.0) * share
+        for r in range(len(system.ropes)):
+            if system.joints.upper[r] == LOOSE:
+                own = stage_at(system.ropes[r], _boundary_of(boundary, r), row, part, time, c)
+                system.joints.speed[r] = own.V
+        stage = Stage(time + part * h, c * c, c, 0.0)
+        outcome = min(outcome, solve_joined(system, stage, kind, cap))
+        if outcome < CONVERGED and level < HALVINGS:
+            break  # it will be halved
+    return int(outcome)
+
+
+@jit
+def _all_finite(system: Any) -> bool:
+    """Whether the stage's motion is finite, of ropes and so of joints."""
+    finite = True
+    for r in range(len(system.ropes)):
+        rope = system.ropes[r]
+        finite = finite and is_finite(rope.work, rope.state.counts[ELEMENTS])
+    return finite and is_finite(system.joints.work, system.joints.nodes.shape[1])
+
+
+@jit
+def _accept(system: Any) -> None:
+    """The stage's motion becomes the state."""
+    for r in range(len(system.ropes)):
+        rope = system.ropes[r]
+        copy(rope.work, ZERO, rope.state.nodes, ZERO, rope.state.counts[ELEMENTS] + 1)
+    copy(system.joints.work, ZERO, system.joints.nodes, ZERO, system.joints.nodes.shape[1])
+
+
+@jit
+def _keep(system: Any) -> None:
+    """Remember the state at the start of the step."""
+    for r in range(len(system.ropes)):
+        rope = system.ropes[r]
+        copy(rope.state.nodes, ZERO, rope.work, KEPT_ROWS, rope.state.counts[ELEMENTS] + 1)
+    copy(system.joints.nodes, ZERO, system.joints.work, KEPT_ROWS, system.joints.nodes.shape[1])
+
+
+@jit
+def _restore(system: Any) -> None:
+    """Back to what `_keep` remembered."""
+    for r in range(len(system.ropes)):
+        rope = system.ropes[r]
+        copy(rope.work, KEPT_ROWS, rope.state.nodes, ZERO, rope.state.counts[ELEMENTS] + 1)
+    copy(system.joints.work, KEPT_ROWS, system.joints.nodes, ZERO, system.joints.nodes.shape[1])
+
+
+@jit
+def _advance_halving(system: Any, boundary: Any, row: int, time: float) -> bool:
+    """One step, in halves of halves where Newton does not converge.
+
+    False: not finite; the state is as it was. Counts are kept by the first rope.
+    """
+    full = 1 << HALVINGS
+    done, level, substeps = ZERO, ZERO, 0
+    health = system.ropes[0].state.health
+    while done < full:
+        part = full >> level
+        outcome = _substep(system, boundary, row, time, level, done)
+        if outcome < CONVERGED and level < HALVINGS:
+            level += 1
+            health[REJECTED] += 1
+            continue
+        if outcome == NOT_FINITE or (outcome == UNCONVERGED and not _all_finite(system)):
+            if done > 0:
+                _restore(system)
+            return False
+        if outcome == UNCONVERGED:
+            health[SUBSTEPS_UNCONVERGED] += 1
+        if done == 0 and part < full:  # the step's start, should a later part fail
+            _keep(system)
+        _accept(system)
+        done += part
+        substeps += 1
+        while level > 0 and done % (full >> (level - 1)) == 0:
+            level -= 1
+    health[STEPS] += 1
+    health[SUBSTEPS] += substeps
+    health[SUBSTEPS_MAX] = max(health[SUBSTEPS_MAX], substeps)
+    return True
+
+
+@jit
+def _report_joined(rope: Any, pull: Any, row: int, time: float) -> None:
+    """The rope's pull on the joint at its upper end: the balance of the half element there."""
+    work, n = rope.work, rope.state.counts[ELEMENTS]
+    end_rope(work, n)
+    load_nodes(rope, Stage(time, 1.0, 0.0, 0.0), n, n + 1)
+    square = 0.0
+    for k in range(3):
+        pull[row, PULL_X + k] = work[RESIDUAL + k, n]
+        square += work[RESIDUAL + k, n] ** 2
+    pull[row, PULL] = square**0.5
+
+
+@jit
+def _start(system: Any, boundary: Any) -> None:
+    """Scratch from the states; ends take the motion of their joints."""
+    joints = system.joints
+    copy(joints.nodes, ZERO, joints.work, ZERO, joints.nodes.shape[1])
+    for r in range(len(system.ropes)):
+        rope = system.ropes[r]
+        n = rope.state.counts[ELEMENTS]
+        copy(rope.state.nodes, ZERO, rope.work, ZERO, n + 1)
+        joined = joints.upper[r] != LOOSE
+        L = rope.state.s[n] if joined else boundary.value[r, 0, LINE]
+        set_lengths(rope.work, rope.state.s, rope.sections, n, L)
+        joints.speed[r] = 0.0
+    place_ends(system)
+    _accept(system)
+
+
+@jit
+def _recall(system: Any, boundary: Any, row: int, time: float) -> None:
+    """Tensions of the state at the start of step `row`, after a failed attempt at it."""
+    _start(system, boundary)
+    for r in range(len(system.ropes)):
+        rope = system.ropes[r]
+        if system.joints.upper[r] == LOOSE:
+            recall_tension(rope, _boundary_of(boundary, r), row, time)
+        else:
+            stretch_all(rope, Stage(time, 1.0, 0.0, 0.0))
+
+
+@jit_entry
+def advance_joined_steps(system: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
+    """What `advance_joined` compiles."""
+    _start(system, boundary)
+    h = system.ropes[0].model.step
+    for row in range(steps):
+        now = time + row * h
+        if not _advance_halving(system, boundary, row, now):
+            _recall(system, boundary, row, now)
+            return row
+        for r in range(len(system.ropes)):
+            rope = system.ropes[r]
+            if system.joints.upper[r] == LOOSE:
+                finish(rope, _boundary_of(boundary, r), pull[r], row, now + h)
+            else:
+                _report_joined(rope, pull[r], row, now + h)
+    return steps
+
+
+_COMPILED: dict[tuple[type, ...], Any] = {}
+
+
+def advance_joined(
+    system: System, boundary: Boundary, pull: Floats, time: float, steps: int
+) -> int:
+    """Advance ropes that meet by `steps` steps from `time`; returns how many were done.
+
+    boundary: (ropes, steps + 1, MOTIONS), the motion of hang-offs and their line out at the steps'
+    borders; rows of ropes whose upper end is a joint are not read. pull: (ropes, steps,
+    PULL_COLUMNS), each rope's pull on its hang-off or upper joint after each step [N], a result.
+    Fewer than `steps`: the next state would not be finite; it is as it was before that step.
+
+    Raises:
+        ValueError: a table is not contiguous in memory.
+    """
+    first = system.ropes[0]
+    kinds = (*map(type, first), *map(type, first.effects), *(type(system) for _ in system.ropes))
+    found = _COMPILED.get(kinds)
+    if found is None:
+        arguments = (system, boundary, pull, time, steps)
+        found = _COMPILED[kinds] = compiled(advance_joined_steps, arguments)
+    if not all(table.flags.c_contiguous for table in (*boundary, pull)):
+        raise ValueError("advance_joined: boundary and pull must be contiguous; give copies")
+    return int(found(system, boundary, pull, time, steps))

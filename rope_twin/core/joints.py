@@ -1,0 +1,255 @@
+"""Ropes that meet: which ends meet where, and the few equations of the joints themselves.
+
+A joint is a point with three unknowns. Its mass and loads are those of the half elements of the
+ropes that meet there, of a payload (the `load_end` of the one rope that owns it) and of ties. Each
+rope is eliminated onto its joints (core/chains.py); the joints are then one small dense system,
+solved by LDLᵀ, and the ropes' nodes follow. All of it is O(nodes), and a single rope has no part
+in it.
+
+Where ends meet, the joint's motion is the one truth: it is copied to the nodes of the ends, so
+that they coincide to the bit.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core.chains import (
+    CHAIN_ROWS,
+    column,
+    eliminate_between,
+    eliminate_downward,
+    eliminate_upward,
+    substitute_between,
+    substitute_downward,
+    substitute_upward,
+)
+from rope_twin.core.jit import jit, jit_ordered
+from rope_twin.core.state import (
+    BLOCK,
+    CORRECTION,
+    ELEMENTS,
+    NODE_ROWS,
+    POSITION,
+    RESIDUAL,
+    WORK_ROWS,
+    Floats,
+    Ints,
+    Rope,
+    new_work,
+)
+from rope_twin.core.ties import TIE_ROWS
+
+LOOSE = -1  # an end at no joint: an upper one is a hang-off, a lower one is free or fixed
+
+
+class Joints(NamedTuple):
+    """Where ropes meet, and how the joints move."""
+
+    lower: Ints  # joint at the lower end of each rope, or LOOSE
+    upper: Ints  # joint at its upper end, or LOOSE: a hang-off with prescribed motion and line out
+    nodes: Floats  # position, velocity, acceleration, (NODE_ROWS, joints); with the ropes' states
+    # it is all that a restart needs
+    ties: Floats  # tethers and struts, (TIE_ROWS, ties); see core/ties.py
+    work: Floats  # scratch, (WORK_ROWS, joints)
+    matrix: Floats  # scratch, (3·joints, 3·joints)
+    speed: Floats  # scratch: payout speed of each rope in this stage [m/s]
+
+
+class System(NamedTuple):
+    """Ropes that move together."""
+
+    ropes: tuple[Rope, ...]  # all of the same types, each with at least two elements
+    joints: Joints
+
+
+def new_system(
+    ropes: tuple[Rope, ...], lower: list[int], upper: list[int], ties: Floats | None = None
+) -> System:
+    """Join ropes; the joints stand where the last rope that reaches them ends.
+
+    lower, upper: the joint at each rope's ends, or LOOSE. The ropes' scratch is made anew, with the
+    rows that joints need; a rope whose lower end is at a joint holds its node 0 there.
+    """
+    count = 1 + max([*lower, *upper, LOOSE])
+    nodes = np.zeros((NODE_ROWS, count))
+    joined = []
+    for rope, low, high in zip(ropes, lower, upper, strict=True):
+        n = int(rope.state.counts[ELEMENTS])
+        if low != LOOSE:
+            rope = rope._replace(model=rope.model._replace(first_free=1))
+            nodes[:, low] = rope.state.nodes[:, 0]
+        if high != LOOSE:
+            nodes[:, high] = rope.state.nodes[:, n]
+        joined.append(rope._replace(work=new_work(rope.state.s.shape[0], CHAIN_ROWS)))
+    return System(
+        tuple(joined),
+        Joints(
+            lower=np.array(lower),
+            upper=np.array(upper),
+            nodes=nodes,
+            ties=np.zeros((TIE_ROWS, 0)) if ties is None else ties,
+            work=np.zeros((WORK_ROWS, count)),
+            matrix=np.zeros((3 * count, 3 * count)),
+            speed=np.zeros(len(ropes)),
+        ),
+    )
+
+
+@jit
+def place_ends(system: Any) -> None:
+    """Give the ropes' ends the motion of their joints."""
+    for r in range(len(system.ropes)):
+        rope, joints = system.ropes[r], system.joints
+        low, high, n = joints.lower[r], joints.upper[r], rope.state.counts[ELEMENTS]
+        for k in range(NODE_ROWS):
+            if low != LOOSE:
+                rope.work[POSITION + k, 0] = joints.work[POSITION + k, low]
+            if high != LOOSE:
+                rope.work[POSITION + k, n] = joints.work[POSITION + k, high]
+
+
+@jit
+def _add_end(joints: Any, work: Any, i: int, joint: int) -> None:
+    """Residual and block of a rope's end node join those of its joint."""
+    S, R = work[BLOCK : BLOCK + 6], work[RESIDUAL : RESIDUAL + 3]
+    for k in range(3):
+        joints.work[RESIDUAL + k, joint] += R[k, i]
+    add_block(joints.matrix, joint, (S[0, i], S[1, i], S[2, i], S[3, i], S[4, i], S[5, i]))
+
+
+@jit
+def add_block(matrix: Any, joint: int, S: Any) -> None:
+    """A symmetric block (xx, xy, xz, yy, yz, zz) joins a joint's own."""
+    i = 3 * joint
+    matrix[i, i] += S[0]
+    matrix[i + 1, i] += S[1]
+    matrix[i + 2, i] += S[2]
+    matrix[i + 1, i + 1] += S[3]
+    matrix[i + 2, i + 1] += S[4]
+    matrix[i + 2, i + 2] += S[5]
+
+
+@jit
+def clear(joints: Any) -> None:
+    """No forces and no matrix yet."""
+    joints.work[RESIDUAL : RESIDUAL + 3, :] = 0.0
+    joints.matrix[:, :] = 0.0
+
+
+@jit
+def gather_ends(system: Any) -> None:
+    """Residuals and blocks of all ends join those of their joints."""
+    for r in range(len(system.ropes)):
+        rope, joints = system.ropes[r], system.joints
+        if joints.lower[r] != LOOSE:
+            _add_end(joints, rope.work, 0, joints.lower[r])
+        if joints.upper[r] != LOOSE:
+            _add_end(joints, rope.work, rope.state.counts[ELEMENTS], joints.upper[r])
+
+
+@jit
+def _push(joints: Any, joint: int, f: Any) -> None:
+    """What a chain leaves on a joint joins the right-hand side, which CORRECTION holds."""
+    for k in range(3):
+        joints.work[CORRECTION + k, joint] += f[k]
+
+
+@jit
+def _couple(matrix: Any, upper: int, lower: int, P: Any) -> None:
+    """-P between two joints, in the lower triangle; on the diagonal if they are the same."""
+    for k in range(3):
+        for c in range(3):
+            i, j = 3 * upper + k, 3 * lower + c
+            if i >= j:
+                matrix[i, j] -= P[c][k]
+            if j >= i:
+                matrix[j, i] -= P[c][k]
+
+
+@jit
+def _condense(joints: Any, work: Any, first: int, n: int, r: int) -> None:
+    """Eliminate rope r onto its joints."""
+    low, high = joints.lower[r], joints.upper[r]
+    if low == LOOSE:
+        Z, f = eliminate_upward(work, first, n)
+        if high != LOOSE:
+            add_block(joints.matrix, high, Z)
+            _push(joints, high, f)
+    elif high == LOOSE:
+        Z, f = eliminate_downward(work, n)
+        add_block(joints.matrix, low, Z)
+        _push(joints, low, f)
+    else:
+        Z, f, D, g, P = eliminate_between(work, n)
+        add_block(joints.matrix, high, Z)
+        _push(joints, high, f)
+        add_block(joints.matrix, low, D)
+        _push(joints, low, g)
+        _couple(joints.matrix, high, low, P)
+
+
+@jit
+def _substitute(joints: Any, work: Any, first: int, n: int, r: int) -> None:
+    """Corrections of rope r from those of its joints."""
+    low, high = joints.lower[r], joints.upper[r]
+    for k in range(CORRECTION, CORRECTION + 3):
+        if low != LOOSE:
+            work[k, 0] = joints.work[k, low]
+        work[k, n] = joints.work[k, high] if high != LOOSE else 0.0
+    if low == LOOSE:
+        substitute_upward(work, first, n)
+    elif high == LOOSE:
+        substitute_downward(work, n)
+    else:
+        substitute_between(work, n)
+
+
+@jit_ordered
+def _solve_joints(M: Any, b: Any) -> None:
+    """M·x = b for a symmetric positive definite M (its lower triangle), by LDLᵀ in place.
+
+    b: (3, joints), of which x takes the place.
+    """
+    size = M.shape[0]
+    for j in range(size):
+        for i in range(j, size):
+            total = M[i, j]
+            for k in range(j):
+                total -= M[i, k] * M[j, k] * M[k, k]
+            M[i, j] = total if i == j else total / M[j, j]
+    for i in range(size):
+        for k in range(i):
+            b[i % 3, i // 3] -= M[i, k] * b[k % 3, k // 3]
+    for i in range(size - 1, -1, -1):
+        b[i % 3, i // 3] /= M[i, i]
+        for k in range(i + 1, size):
+            b[i % 3, i // 3] -= M[k, i] * b[k % 3, k // 3]
+
+
+@jit
+def solve_system(system: Any) -> None:
+    """Corrections of all nodes, where residuals and blocks of ropes and joints are known."""
+    joints = system.joints
+    for k in range(3):
+        for j in range(joints.nodes.shape[1]):
+            joints.work[CORRECTION + k, j] = joints.work[RESIDUAL + k, j]
+    for r in range(len(system.ropes)):
+        rope = system.ropes[r]
+        _condense(joints, rope.work, rope.model.first_free, rope.state.counts[ELEMENTS], r)
+    _solve_joints(joints.matrix, joints.work[CORRECTION : CORRECTION + 3])
+    for r in range(len(system.ropes)):
+        rope = system.ropes[r]
+        _substitute(joints, rope.work, rope.model.first_free, rope.state.counts[ELEMENTS], r)
+
+
+@jit
+def joint_slope(joints: Any) -> float:
+    """R·delta of the joints."""
+    total = 0.0
+    for j in range(joints.nodes.shape[1]):
+        R, d = column(joints.work, RESIDUAL, j), column(joints.work, CORRECTION, j)
+        total += R[0] * d[0] + R[1] * d[1] + R[2] * d[2]
+    return total

@@ -1,0 +1,196 @@
+"""Ropes that meet, built by hand from rigs, with their ends where the test wants them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from rigs import Rig
+
+from rope_twin.core import state as rows
+from rope_twin.core import ties
+from rope_twin.core.joined_statics import settle_joined
+from rope_twin.core.joined_step import advance_joined
+from rope_twin.core.joints import LOOSE, System, new_system
+from rope_twin.core.state import Floats
+from rope_twin.scene.build import build
+
+Vector = NDArray[np.float64]
+Point = tuple[float, float, float]
+STIFF = Rig(length=20.0, elements=10, mass=1.0, EA=1e8, diameter=0.03, damping=1e4, load=0.0)
+LIGHT = replace(STIFF, mass=1e-3, EA=1e10)  # so that closed forms of weightless legs hold
+HEAVY = 1e4  # kg
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """A rope between two points, straight at first, and the joints at its ends."""
+
+    rig: Rig
+    low: Point
+    high: Point
+    lower: int = LOOSE
+    upper: int = LOOSE
+    held: bool = False  # a loose lower end that is fixed
+
+    def rope(self) -> rows.Rope:
+        """Its arrays; the payload at its lower end is the rig's."""
+        rope = build(self.rig.scene()).rope
+        n = int(rope.state.counts[rows.ELEMENTS])
+        share = rope.state.s[: n + 1] / rope.state.s[n]
+        low, high = np.array([self.low, self.high])
+        rope.state.nodes[:3, : n + 1] = low[:, None] + (high - low)[:, None] * share
+        first = 1 if self.held else 0
+        return rope._replace(model=rope.model._replace(first_free=first))
+
+
+class JointBench:
+    """A system that steps; hang-offs stay where they are unless a motion is given."""
+
+    def __init__(self, lines: Sequence[Line], tied: Floats | None = None) -> None:
+        ropes = tuple(line.rope() for line in lines)
+        lower, upper = [line.lower for line in lines], [line.upper for line in lines]
+        self.system: System = new_system(ropes, lower, upper, tied)
+        self.lines = lines
+        self.line_out = np.array([line.rig.length for line in lines])
+        self.step = lines[0].rig.step
+        self.time = 0.0
+
+    def nodes(self, r: int, first: int = rows.POSITION) -> Vector:
+        """View of three rows of rope r's nodes, lower end first."""
+        state = self.system.ropes[r].state
+        return state.nodes[first : first + 3, : int(state.counts[rows.ELEMENTS]) + 1]
+
+    def tension(self, r: int) -> Vector:
+        """Of rope r's elements after the last step [N]."""
+        rope = self.system.ropes[r]
+        return rope.work[rows.TENSION, : int(rope.state.counts[rows.ELEMENTS])]
+
+    @property
+    def joints(self) -> Vector:
+        """View of the joints' positions, (3, joints)."""
+        return self.system.joints.nodes[:3]
+
+    def still(self, steps: int) -> rows.Boundary:
+        """Hang-offs at rest."""
+        value = np.zeros((len(self.lines), steps + 1, rows.MOTIONS))
+        for r, line in enumerate(self.lines):
+            value[r, :, :3], value[r, :, rows.LINE] = line.high, self.line_out[r]
+        return rows.Boundary(value, np.zeros_like(value))
+
+    def follow(self, boundary: rows.Boundary) -> Vector:
+        """Advance with prescribed motion; the ropes' pulls, (ropes, steps, PULL_COLUMNS)."""
+        steps = boundary.value.shape[1] - 1
+        pull = np.zeros((len(self.lines), steps, rows.PULL_COLUMNS))
+        done = advance_joined(self.system, boundary, pull, self.time, steps)
+        assert done == steps, f"step {done + 1} was not finite"
+        self.time += steps * self.step
+        self.line_out = boundary.value[:, -1, rows.LINE].copy()
+        return pull
+
+    def hold(self, steps: int) -> Vector:
+        """Advance with hang-offs at rest."""
+        return self.follow(self.still(steps))
+
+    @property
+    def health(self) -> rows.Ints:
+        """The solver's counts."""
+        return self.system.ropes[0].state.health
+
+    def pull_of_tie(self, k: int) -> float:
+        """Of tie k at the end of the last step [N]; a push is negative."""
+        return float(self.system.joints.ties[ties.PULL, k])
+
+
+def legs(a: Rig, b: Rig, left: Point, right: Point, **below: Any) -> list[Line]:
+    """Two ropes from hang-offs to joint 0, from which a third hangs 5 m with the load."""
+    meet = (0.5 * (left[0] + right[0]), 0.0, -5.0)
+    under = (meet[0], meet[1], meet[2] - 5.0)
+    sling = replace(STIFF, length=5.0, elements=3, load=HEAVY, **below)
+    return [
+        Line(rig=a, low=meet, high=left, lower=0),
+        Line(rig=b, low=meet, high=right, lower=0),
+        Line(rig=sling, low=under, high=meet, upper=0),
+    ]
+
+
+def rest(bench: JointBench) -> None:
+    """Bring a bench to static equilibrium."""
+    end = settle_joined(bench.system, bench.still(0).value[:, 0])
+    assert end.found
+    assert end.left_m < 1e-9
+    bench.hold(1)
+
+
+def tie(
+    first: int, *, second: int = ties.ANCHORED, anchor: Point = (0.0, 0.0, 0.0),
+    force: float = 0.0, length: float = 0.0, stiffness: float = 0.0, damping: float = 0.0,
+    pushes: bool = False,
+) -> Floats:  # fmt: skip
+    """One tie, (TIE_ROWS, 1)."""
+    column = np.zeros((ties.TIE_ROWS, 1))
+    column[: ties.TOWARDS, 0] = (
+        first, second, *anchor, force, length, stiffness, damping, -np.inf if pushes else 0.0,
+    )  # fmt: skip
+    return column
+
+
+def cut(rig: Rig, at: tuple[int, int], top: Point) -> list[Line]:
+    """A hanging rope of equal elements in three parts, with joints at the nodes `at`."""
+    h = rig.length / rig.elements
+    x, y, z = top
+    borders = (0, *at, rig.elements)
+    place = [(x, y, z - rig.length + k * h) for k in borders]
+    lines = []
+    for part in (2, 1, 0):
+        count = borders[part + 1] - borders[part]
+        own = replace(rig, length=count * h, elements=count, load=rig.load if part == 0 else 0.0)
+        lines.append(
+            Line(
+                rig=own,
+                low=place[part],
+                high=place[part + 1],
+                lower=2 - part if part else LOOSE,
+                upper=1 - part if part < 2 else LOOSE,
+            )
+        )
+    return lines
+
+
+def triangle() -> Vector:
+    """Two hang-offs, one paying out, a load below their joint, a tether: columns step by step.
+
+    Pulls of the three ropes, place of the joint and of the load, elements of the second rope.
+    """
+    leg = Rig(
+        length=12.0, elements=4, mass=2.9, EA=2e6, diameter=0.06, damping=2e4, load=0.0,
+        added_mass=1.0, density=1025.0, drag=(1.2, 0.02), step=0.05, tolerance=1e-3,
+        current=((0.0, (0.8, 0.1)), (-30.0, (0.3, 0.5))),
+    )  # fmt: skip
+    load = replace(leg, length=9.0, elements=3, load=600.0, volume=0.1, added=(150.0, 200.0, 260.0))
+    meet = (0.0, 1.0, -10.0)
+    lines = [
+        Line(rig=leg, low=meet, high=(-6.0, 0.0, 0.0), lower=0),
+        Line(rig=leg, low=meet, high=(6.0, 0.0, 0.0), lower=0),
+        Line(rig=load, low=(0.0, 1.0, -19.0), high=meet, upper=0),
+    ]
+    bench = JointBench(
+        lines, tie(0, anchor=(0.0, 40.0, -5.0), force=300.0, stiffness=10.0, damping=50.0)
+    )
+    motion = bench.still(80)
+    t = bench.step * np.arange(81)
+    motion.value[0, :, 2] += 1.5 * np.sin(t) ** 2
+    motion.rate[0, :, 2] = 1.5 * np.sin(2.0 * t)
+    motion.value[1, :, rows.LINE] += 0.15 * t * t
+    motion.rate[1, :, rows.LINE] = 0.3 * t
+    seen = []
+    for k in range(80):
+        pulls = bench.follow(
+            rows.Boundary(*(np.ascontiguousarray(table[:, k : k + 2]) for table in motion))
+        )
+        place = [*bench.joints[:, 0], *bench.nodes(2)[:, 0]]
+        seen.append([*pulls[:, 0, rows.PULL], *place, bench.nodes(1).shape[1] - 1])
+    return np.array(seen)
