@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from effect_cases import NODES, data_of, loads, some_work
+from effect_cases import NODES, apply, data_of, loads, some_stage, some_work
 
 from rope_twin.core import state as rows
 from rope_twin.core.energy import Place, account, accounts_of, said
@@ -35,6 +35,7 @@ def seen(work: Floats, turning: Floats, dt: float) -> Place:
         tangent=tangent / np.linalg.norm(tangent, axis=0),
         turning=turning,
         flow=three(work, rows.FLOW),
+        flow_rate=three(work, rows.FLOW_RATE),
         mass=work[rows.MASS],
         volume=work[rows.VOLUME],
         frontal=work[rows.FRONTAL],
@@ -60,6 +61,9 @@ def test_force_times_velocity_is_power_less_what_is_stored(name: str, seed: int)
     turning = random.normal(0.0, 0.2, (3, NODES))
     turning -= (turning * tangent).sum(axis=0) * tangent
     force = (loads(effects, work) - loads((), work))[FORCE]
+    moved = work.copy()
+    apply(effects, moved, some_stage(), 0, NODES)
+    work[rows.FLOW_RATE : rows.FLOW_RATE + 3] = moved[rows.FLOW_RATE : rows.FLOW_RATE + 3]
     done = float((force * three(work, rows.VELOCITY)).sum())
     place = seen(work, turning, 0.0)
     end = Place(*(row[..., :1] for row in place))
