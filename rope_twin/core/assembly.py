@@ -10,49 +10,21 @@ from math import sqrt
 from typing import Any
 
 from rope_twin.core import terms
+from rope_twin.core.elimination import root_stiffness
 from rope_twin.core.jit import jit
-from rope_twin.core.rows import row, rows
+from rope_twin.core.rows import row, rows, span
 from rope_twin.core.state import (
-    ACCELERATION,
+    AXIAL,
+    BLOCK,
     CORRECTION,
     DIRECTION,
     FLOW,
-    POSITION,
-    POSITION_HAT,
     RESIDUAL,
+    ROOT,
     TANGENT,
     TENSION,
-    VELOCITY,
-    VELOCITY_HAT,
+    ZERO,
 )
-
-
-@jit
-def move(work: Any, p: float, q: float, low: int, high: int) -> None:
-    """x = x_hat + p·a and v = v_hat + q·a."""
-    x, y, z = rows(work, POSITION, low)
-    vx, vy, vz = rows(work, VELOCITY, low)
-    ax, ay, az = rows(work, ACCELERATION, low)
-    x_hat, y_hat, z_hat = rows(work, POSITION_HAT, low)
-    vx_hat, vy_hat, vz_hat = rows(work, VELOCITY_HAT, low)
-    for i in range(high - low):
-        x[i] = x_hat[i] + p * ax[i]
-        y[i] = y_hat[i] + p * ay[i]
-        z[i] = z_hat[i] + p * az[i]
-        vx[i] = vx_hat[i] + q * ax[i]
-        vy[i] = vy_hat[i] + q * ay[i]
-        vz[i] = vz_hat[i] + q * az[i]
-
-
-@jit
-def add_correction(work: Any, factor: float, low: int, high: int) -> None:
-    """a += factor·delta."""
-    ax, ay, az = rows(work, ACCELERATION, low)
-    dx, dy, dz = rows(work, CORRECTION, low)
-    for i in range(high - low):
-        ax[i] += factor * dx[i]
-        ay[i] += factor * dy[i]
-        az[i] += factor * dz[i]
 
 
 @jit
@@ -81,35 +53,44 @@ def set_flow(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
 
 
 @jit
-def set_tangents(work: Any, low: int, high: int) -> None:
-    """Mean direction of the neighbouring elements; 1e-12 keeps a folded rope off 0/0."""
-    first = max(low, 1)
-    ax, ay, az = rows(work, DIRECTION, first - 1)
-    bx, by, bz = rows(work, DIRECTION, first)
-    tx, ty, tz = rows(work, TANGENT, first)
-    for i in range(high - first):
-        x, y, z = ax[i] + bx[i], ay[i] + by[i], az[i] + bz[i]
+def load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """Residual R, block A and root = √AXIAL·t of the element above, for 1 <= low <= i < high.
+
+    R_i = T_i·t_i - T_{i-1}·t_{i-1} - MASS·a + loads; A_i = MASS·I + what the effects add. The
+    tangent is the mean direction of both elements; 1e-12 keeps a folded rope off 0/0.
+    """
+    nodes = terms.seen(work, low)
+    T, T_below = row(work, TENSION, low), row(work, TENSION, low - 1)
+    tx, ty, tz = rows(work, DIRECTION, low)
+    bx, by, bz = rows(work, DIRECTION, low - 1)
+    axial, (rx, ry, rz) = row(work, AXIAL, low), rows(work, ROOT, low)
+    Rx, Ry, Rz = rows(work, RESIDUAL, low)
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
+    for i in range(high - low):
+        x, y, z = bx[i] + tx[i], by[i] + ty[i], bz[i] + tz[i]
         inverse = 1.0 / sqrt(x * x + y * y + z * z + 1e-12)
-        tx[i] = x * inverse
-        ty[i] = y * inverse
-        tz[i] = z * inverse
-    if low == 0:
-        for k in range(3):
-            work[TANGENT + k, 0] = work[DIRECTION + k, 0]
+        load = terms.load_of(effects, stage, nodes, (x * inverse, y * inverse, z * inverse), i)
+        Rx[i] = T[i] * tx[i] - T_below[i] * bx[i] + load.x
+        Ry[i] = T[i] * ty[i] - T_below[i] * by[i] + load.y
+        Rz[i] = T[i] * tz[i] - T_below[i] * bz[i] + load.z
+        Axx[i] = load.xx
+        Axy[i] = load.xy
+        Axz[i] = load.xz
+        Ayy[i] = load.yy
+        Ayz[i] = load.yz
+        Azz[i] = load.zz
+        size = sqrt(axial[i])
+        rx[i] = size * tx[i]
+        ry[i] = size * ty[i]
+        rz[i] = size * tz[i]
 
 
 @jit
-def set_pulls(work: Any, low: int, high: int) -> None:
-    """R_i = T_i·t_i - T_{i-1}·t_{i-1}."""
-    first = max(low, 1)
-    Rx, Ry, Rz = rows(work, RESIDUAL, first)
-    T, T_below = row(work, TENSION, first), row(work, TENSION, first - 1)
-    tx, ty, tz = rows(work, DIRECTION, first)
-    bx, by, bz = rows(work, DIRECTION, first - 1)
-    for i in range(high - first):
-        Rx[i] = T[i] * tx[i] - T_below[i] * bx[i]
-        Ry[i] = T[i] * ty[i] - T_below[i] * by[i]
-        Rz[i] = T[i] * tz[i] - T_below[i] * bz[i]
-    if low == 0:
-        for k in range(3):
-            work[RESIDUAL + k, 0] = work[TENSION, 0] * work[DIRECTION + k, 0]
+def load_lowest(effects: Any, work: Any, stage: Any) -> None:
+    """The same for node 0, which has no element below it."""
+    root_stiffness(work, ZERO, ZERO + 1)
+    for k in range(3):
+        work[TANGENT + k, 0] = work[DIRECTION + k, 0]
+        work[RESIDUAL + k, 0] = work[TENSION, 0] * work[DIRECTION + k, 0]
+    terms.add_load(effects, work, stage, ZERO, ZERO + 1)
+    terms.add_end(effects, work, stage)

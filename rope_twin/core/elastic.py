@@ -12,7 +12,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from rope_twin.core.jit import jit
+from rope_twin.core.jit import jit, jit_within
 from rope_twin.core.law import pull_of
 from rope_twin.core.rows import offset_row, row, rows
 from rope_twin.core.state import (
@@ -21,7 +21,6 @@ from rope_twin.core.state import (
     DAMPING,
     DIRECTION,
     ELEMENTS,
-    EXPECTED,
     GEOMETRIC,
     POSITION,
     REST,
@@ -30,6 +29,49 @@ from rope_twin.core.state import (
     TENSION,
     VELOCITY,
 )
+
+
+@jit_within
+def _stretched(part: Any, motion: Any, weights: Any, e: int) -> Any:
+    """Direction, tension, AXIAL and GEOMETRIC of element e, as `stretch` says."""
+    law, rest, slack, section, stiffness, damping = part
+    px, py, pz, nx, ny, nz, vx, vy, vz, wx, wy, wz = motion
+    p, q, growth = weights
+    dx, dy, dz = nx[e] - px[e], ny[e] - py[e], nz[e] - pz[e]
+    l0 = rest[e]
+    length = sqrt(dx * dx + dy * dy + dz * dz + 1e-16 * l0 * l0)
+    inverse = 1.0 / length
+    dx *= inverse
+    dy *= inverse
+    dz *= inverse
+    closing = dx * (wx[e] - vx[e]) + dy * (wy[e] - vy[e]) + dz * (wz[e] - vz[e])
+    elastic, k = pull_of(law, section, stiffness, e, length + slack[e] - l0, l0)
+    pull = elastic + damping[e] * (closing - growth * length)
+    taut = pull > 0.0
+    pull = pull if taut else 0.0
+    across = p * pull * inverse
+    along = p * (k - growth * damping[e]) + q * damping[e] - across
+    return dx, dy, dz, pull, max(along, 0.0) if taut else 0.0, across
+
+
+@jit_within
+def _part(law: Any, work: Any, offset: Any, low: int) -> Any:
+    """The law and rows of the elements from `low` on."""
+    stiffness, damping = row(work, STIFFNESS, low), row(work, DAMPING, low)
+    return (
+        law, row(work, REST, low), offset_row(offset, low), row(work, SECTION, low), stiffness,
+        damping,
+    )  # fmt: skip
+
+
+@jit_within
+def _motion(work: Any, low: int) -> Any:
+    """Position and velocity of the elements' lower and upper nodes: rows."""
+    px, py, pz = rows(work, POSITION, low)
+    nx, ny, nz = rows(work, POSITION, low + 1)
+    vx, vy, vz = rows(work, VELOCITY, low)
+    wx, wy, wz = rows(work, VELOCITY, low + 1)
+    return px, py, pz, nx, ny, nz, vx, vy, vz, wx, wy, wz
 
 
 @jit
@@ -44,52 +86,58 @@ def stretch(
     q·DAMPING - GEOMETRIC, both 0 when slack. The derivative of the direction inside the strain rate
     is dropped, which keeps the block symmetric; Newton then needs no more solves (measured).
     """
-    px, py, pz = rows(work, POSITION, low)
-    nx, ny, nz = rows(work, POSITION, low + 1)
-    vx, vy, vz = rows(work, VELOCITY, low)
-    wx, wy, wz = rows(work, VELOCITY, low + 1)
+    part, motion = _part(law, work, offset, low), _motion(work, low)
     tx, ty, tz = rows(work, DIRECTION, low)
     T, axial, geometric = row(work, TENSION, low), row(work, AXIAL, low), row(work, GEOMETRIC, low)
-    stiffness, damping = row(work, STIFFNESS, low), row(work, DAMPING, low)
-    rest, slack = row(work, REST, low), offset_row(offset, low)
-    section = row(work, SECTION, low)
     for e in range(high - low):
-        dx, dy, dz = nx[e] - px[e], ny[e] - py[e], nz[e] - pz[e]
-        l0 = rest[e]
-        length = sqrt(dx * dx + dy * dy + dz * dz + 1e-16 * l0 * l0)
-        inverse = 1.0 / length
-        dx *= inverse
-        dy *= inverse
-        dz *= inverse
-        closing = dx * (wx[e] - vx[e]) + dy * (wy[e] - vy[e]) + dz * (wz[e] - vz[e])
-        elastic, k = pull_of(law, section, stiffness, e, length + slack[e] - l0, l0)
-        pull = elastic + damping[e] * (closing - growth * length)
-        taut = pull > 0.0
-        pull = pull if taut else 0.0
-        across = p * pull * inverse
-        along = p * (k - growth * damping[e]) + q * damping[e] - across
-        tx[e] = dx
-        ty[e] = dy
-        tz[e] = dz
+        x, y, z, pull, along, across = _stretched(part, motion, (p, q, growth), e)
+        tx[e] = x
+        ty[e] = y
+        tz[e] = z
         T[e] = pull
-        axial[e] = max(along, 0.0) if taut else 0.0
+        axial[e] = along
         geometric[e] = across
+
+
+@jit
+def stretch_corrected(rope: Any, stage: Any, growth: float, low: int, high: int) -> int:
+    """`stretch` after a correction; how many tensions are not what the linearisation expected.
+
+    It expected T + (AXIAL + GEOMETRIC)·t·Δdelta, T itself where slack. NaN is never expected.
+    """
+    work, tolerance = rope.work, rope.model.tolerance
+    part = _part(rope.law, work, rope.state.offset, low)
+    motion, weights = _motion(work, low), (stage.p, stage.q, growth)
+    dx, dy, dz = rows(work, CORRECTION, low)
+    nx, ny, nz = rows(work, CORRECTION, low + 1)
+    tx, ty, tz = rows(work, DIRECTION, low)
+    T, axial, geometric = row(work, TENSION, low), row(work, AXIAL, low), row(work, GEOMETRIC, low)
+    wrong = 0
+    for e in range(high - low):
+        more = tx[e] * (nx[e] - dx[e]) + ty[e] * (ny[e] - dy[e]) + tz[e] * (nz[e] - dz[e])
+        expected = T[e] + (axial[e] + geometric[e]) * more
+        x, y, z, pull, along, across = _stretched(part, motion, weights, e)
+        wrong += not (abs(pull - expected) <= tolerance)
+        tx[e] = x
+        ty[e] = y
+        tz[e] = z
+        T[e] = pull
+        axial[e] = along
+        geometric[e] = across
+    return wrong
+
+
+@jit_within
+def growth_of(rope: Any, stage: Any) -> float:
+    """Rate of the top element's rest length over that length [1/s]."""
+    return float(stage.V / rope.work[REST, rope.state.counts[ELEMENTS] - 1])
 
 
 @jit
 def stretch_top(rope: Any, stage: Any) -> None:
     """The top element, which grows at the payout speed V."""
-    top = rope.state.counts[ELEMENTS] - 1
-    stretch(
-        rope.law,
-        rope.work,
-        rope.state.offset,
-        stage.p,
-        stage.q,
-        stage.V / rope.work[REST, top],
-        top,
-        top + 1,
-    )
+    top, growth = rope.state.counts[ELEMENTS] - 1, growth_of(rope, stage)
+    stretch(rope.law, rope.work, rope.state.offset, stage.p, stage.q, growth, top, top + 1)
 
 
 @jit
@@ -98,26 +146,3 @@ def stretch_all(rope: Any, stage: Any) -> None:
     top = rope.state.counts[ELEMENTS] - 1
     stretch(rope.law, rope.work, rope.state.offset, stage.p, stage.q, 0.0, top - top, top)
     stretch_top(rope, stage)
-
-
-@jit
-def expect_tension(work: Any, low: int, high: int) -> None:
-    """T that the linearisation expects after the correction; T itself where slack."""
-    dx, dy, dz = rows(work, CORRECTION, low)
-    nx, ny, nz = rows(work, CORRECTION, low + 1)
-    tx, ty, tz = rows(work, DIRECTION, low)
-    T, axial, geometric = row(work, TENSION, low), row(work, AXIAL, low), row(work, GEOMETRIC, low)
-    expected = row(work, EXPECTED, low)
-    for e in range(high - low):
-        stretching = tx[e] * (nx[e] - dx[e]) + ty[e] * (ny[e] - dy[e]) + tz[e] * (nz[e] - dz[e])
-        expected[e] = T[e] + (axial[e] + geometric[e]) * stretching
-
-
-@jit
-def count_unexpected(work: Any, tolerance: float, low: int, high: int) -> int:
-    """Elements whose tension is not what the linearisation expected; NaN counts as one."""
-    T, expected = row(work, TENSION, low), row(work, EXPECTED, low)
-    wrong = 0
-    for e in range(high - low):
-        wrong += not (abs(T[e] - expected[e]) <= tolerance)
-    return wrong

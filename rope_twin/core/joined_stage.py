@@ -9,17 +9,8 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-from rope_twin.core import terms
-from rope_twin.core.assembly import (
-    add_correction,
-    move,
-    set_flow,
-    set_pulls,
-    set_tangents,
-    slope,
-)
-from rope_twin.core.elastic import count_unexpected, expect_tension, stretch, stretch_top
-from rope_twin.core.elimination import root_stiffness
+from rope_twin.core.assembly import load_lowest, load_nodes, set_flow, slope
+from rope_twin.core.elastic import growth_of, stretch, stretch_corrected, stretch_top
 from rope_twin.core.jit import jit
 from rope_twin.core.joints import (
     LOOSE,
@@ -29,7 +20,7 @@ from rope_twin.core.joints import (
     place_ends,
     solve_system,
 )
-from rope_twin.core.prediction import predict_bdf2, predict_trapezoid
+from rope_twin.core.prediction import correct, predict_bdf2, predict_trapezoid
 from rope_twin.core.stage import (
     BDF2,
     CHUNK,
@@ -79,15 +70,6 @@ def solve_joined(system: Any, stage: Any, kind: int, cap: int) -> int:
 
 
 @jit
-def load_nodes(rope: Any, stage: Any, low: int, high: int) -> None:
-    """Residual and blocks of the nodes low <= i < high; n is one of them at a joint."""
-    set_tangents(rope.work, low, high)
-    set_pulls(rope.work, low, high)
-    terms.add_load(rope.effects, rope.work, stage, low, high)
-    root_stiffness(rope.work, low, high)
-
-
-@jit
 def end_rope(work: Any, n: int) -> None:
     """No element above node n: it lies along the one below, which alone pulls at it."""
     for k in range(DIRECTION, DIRECTION + 3):
@@ -113,12 +95,11 @@ def _move_joints(joints: Any, stage: Any, kind: int, factor: float) -> None:
     """Motion of the joints: of the prediction, or (SEARCH) of a += factor·delta."""
     low, count = 0, joints.nodes.shape[1]
     if kind == TRAPEZOID:
-        predict_trapezoid(joints.nodes, joints.work, stage.q, low, count)
+        predict_trapezoid(joints.nodes, joints.work, stage.p, stage.q, low, count)
     elif kind == BDF2:
-        predict_bdf2(joints.nodes, joints.work, stage.q, low, count)
+        predict_bdf2(joints.nodes, joints.work, stage.p, stage.q, low, count)
     else:
-        add_correction(joints.work, factor, low, count)
-    move(joints.work, stage.p, stage.q, low, count)
+        correct(joints.work, stage.p, stage.q, factor, low, count)
 
 
 @jit
@@ -129,12 +110,11 @@ def _evaluate_rope(rope: Any, stage: Any, kind: int, factor: float, upto: int) -
     for start in range(0, n, CHUNK):
         low, high = max(start, rope.model.first_free), min(start + CHUNK, n)
         if kind == TRAPEZOID:
-            predict_trapezoid(state.nodes, work, q, low, high)
+            predict_trapezoid(state.nodes, work, p, q, low, high)
         elif kind == BDF2:
-            predict_bdf2(state.nodes, work, q, low, high)
+            predict_bdf2(state.nodes, work, p, q, low, high)
         else:
-            add_correction(work, factor, low, high)
-        move(work, p, q, low, high)
+            correct(work, p, q, factor, low, high)
         done, last = max(start - 1, 0), high - 1
         if high == n:
             last = upto
@@ -143,8 +123,8 @@ def _evaluate_rope(rope: Any, stage: Any, kind: int, factor: float, upto: int) -
         stretch(rope.law, rope.work, rope.state.offset, p, q, 0.0, done, high - 1)
         if kind != SEARCH:
             set_flow(rope.effects, work, stage, done, last)
-        load_nodes(rope, stage, done, last)
-    terms.add_end(rope.effects, work, stage)
+        load_nodes(rope.effects, work, stage, max(done, 1), last)
+    load_lowest(rope.effects, work, stage)
 
 
 @jit
@@ -170,21 +150,14 @@ def _gather(system: Any) -> None:
 @jit
 def _correct_rope(rope: Any, stage: Any) -> Any:
     """What `_correct` does for one rope, whose ends stand where they belong."""
-    state, work, p, q = rope.state, rope.work, stage.p, stage.q
-    n, tolerance = state.counts[ELEMENTS], rope.model.tolerance
+    work, n = rope.work, rope.state.counts[ELEMENTS]
     before, unexpected = 0.0, 0
     for start in range(0, n, CHUNK):
         low, high = max(start, rope.model.first_free), min(start + CHUNK, n)
-        done = max(start - 1, 0)
         before += slope(work, low, high)
-        expect_tension(work, start, high)
-        add_correction(work, 1.0, low, high)
-        move(work, p, q, low, high)
-        stretch(rope.law, rope.work, rope.state.offset, p, q, 0.0, done, high - 1)
-        unexpected += count_unexpected(work, tolerance, done, high - 1)
-    stretch_top(rope, stage)
-    unexpected += count_unexpected(work, tolerance, n - 1, n)
-    return before, unexpected
+        correct(work, stage.p, stage.q, 1.0, low, high)
+        unexpected += stretch_corrected(rope, stage, 0.0, max(start - 1, 0), high - 1)
+    return before, unexpected + stretch_corrected(rope, stage, growth_of(rope, stage), n - 1, n)
 
 
 @jit
@@ -213,8 +186,8 @@ def _reload(system: Any, stage: Any) -> None:
         end_rope(rope.work, n)
         for start in range(0, n, CHUNK):
             high = start + CHUNK
-            load_nodes(rope, own, start, high if high < n else upto)
-        terms.add_end(rope.effects, rope.work, own)
+            load_nodes(rope.effects, rope.work, own, max(start, 1), high if high < n else upto)
+        load_lowest(rope.effects, rope.work, own)
     _gather(system)
 
 

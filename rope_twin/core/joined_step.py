@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from rope_twin.core.assembly import load_nodes
 from rope_twin.core.elastic import stretch_all
 from rope_twin.core.jit import compiled, jit, jit_entry
-from rope_twin.core.joined_stage import end_rope, load_nodes, solve_joined
+from rope_twin.core.joined_stage import end_rope, solve_joined
 from rope_twin.core.joints import LOOSE, System, place_ends
 from rope_twin.core.prediction import GAMMA
 from rope_twin.core.rows import copy
@@ -147,7 +148,7 @@ def _report_joined(rope: Any, pull: Any, row: int, time: float) -> None:
     """The rope's pull on the joint at its upper end: the balance of the half element there."""
     work, n = rope.work, rope.state.counts[ELEMENTS]
     end_rope(work, n)
-    load_nodes(rope, Stage(time, 1.0, 0.0, 0.0), n, n + 1)
+    load_nodes(rope.effects, work, Stage(time, 1.0, 0.0, 0.0), n, n + 1)
     square = 0.0
     for k in range(3):
         pull[row, PULL_X + k] = work[RESIDUAL + k, n]

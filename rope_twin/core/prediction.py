@@ -1,7 +1,8 @@
-"""Where a stage of TR-BDF2 starts from: x = x_hat + p·a and v = v_hat + q·a with c = q, p = c².
+"""What a stage of TR-BDF2 starts from: x = x_hat + p·a and v = v_hat + q·a with c = q, p = c².
 
 TR-BDF2 (Bank et al. 1985; Hosea and Shampine 1996) with γ = 2 - √2: a trapezoidal stage to
-t + γ·h, then BDF2 to t + h, both with the same weight c = γ·h/2.
+t + γ·h, then BDF2 to t + h, both with the same weight c = γ·h/2. The first guess of a is the last
+one known; x_hat and v_hat are not kept, since a correction of a moves x by p and v by q times it.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from typing import Any
 
 from rope_twin.core.jit import jit
 from rope_twin.core.rows import node_rows, rows
-from rope_twin.core.state import ACCELERATION, POSITION, POSITION_HAT, VELOCITY, VELOCITY_HAT
+from rope_twin.core.state import ACCELERATION, CORRECTION, POSITION, VELOCITY
 
 GAMMA = 2.0 - sqrt(2.0)
 K1 = 1.0 / (GAMMA * (2.0 - GAMMA))  # weight of the middle in the BDF2 stage
@@ -19,43 +20,62 @@ K2 = (1.0 - GAMMA) ** 2 / (GAMMA * (2.0 - GAMMA))  # and of the start
 
 
 @jit
-def predict_trapezoid(nodes: Any, work: Any, c: float, low: int, high: int) -> None:
-    """v_hat = v + c·a, x_hat = x + c·v + c·v_hat, for the nodes low <= i < high."""
-    x, y, z = node_rows(nodes, POSITION, low)
-    vx, vy, vz = node_rows(nodes, VELOCITY, low)
-    ax, ay, az = node_rows(nodes, ACCELERATION, low)
-    x_hat, y_hat, z_hat = rows(work, POSITION_HAT, low)
-    vx_hat, vy_hat, vz_hat = rows(work, VELOCITY_HAT, low)
-    bx, by, bz = rows(work, ACCELERATION, low)
+def predict_trapezoid(nodes: Any, work: Any, p: float, q: float, low: int, high: int) -> None:
+    """v_hat = v + q·a, x_hat = x + q·(v + v_hat), for the nodes low <= i < high."""
+    x0, y0, z0 = node_rows(nodes, POSITION, low)
+    vx0, vy0, vz0 = node_rows(nodes, VELOCITY, low)
+    ax0, ay0, az0 = node_rows(nodes, ACCELERATION, low)
+    x, y, z = rows(work, POSITION, low)
+    vx, vy, vz = rows(work, VELOCITY, low)
+    ax, ay, az = rows(work, ACCELERATION, low)
     for i in range(high - low):
-        px, py, pz = vx[i] + c * ax[i], vy[i] + c * ay[i], vz[i] + c * az[i]
-        x_hat[i] = x[i] + c * (vx[i] + px)
-        y_hat[i] = y[i] + c * (vy[i] + py)
-        z_hat[i] = z[i] + c * (vz[i] + pz)
-        vx_hat[i] = px
-        vy_hat[i] = py
-        vz_hat[i] = pz
-        bx[i] = ax[i]
-        by[i] = ay[i]
-        bz[i] = az[i]
+        ux, uy, uz = vx0[i] + q * ax0[i], vy0[i] + q * ay0[i], vz0[i] + q * az0[i]
+        x[i] = x0[i] + q * (vx0[i] + ux) + p * ax0[i]
+        y[i] = y0[i] + q * (vy0[i] + uy) + p * ay0[i]
+        z[i] = z0[i] + q * (vz0[i] + uz) + p * az0[i]
+        vx[i] = ux + q * ax0[i]
+        vy[i] = uy + q * ay0[i]
+        vz[i] = uz + q * az0[i]
+        ax[i] = ax0[i]
+        ay[i] = ay0[i]
+        az[i] = az0[i]
 
 
 @jit
-def predict_bdf2(nodes: Any, work: Any, c: float, low: int, high: int) -> None:
-    """v_hat = K1·v_middle - K2·v, x_hat = K1·x_middle - K2·x + c·v_hat."""
-    x, y, z = node_rows(nodes, POSITION, low)
-    vx, vy, vz = node_rows(nodes, VELOCITY, low)
-    x_middle, y_middle, z_middle = rows(work, POSITION, low)
-    vx_middle, vy_middle, vz_middle = rows(work, VELOCITY, low)
-    x_hat, y_hat, z_hat = rows(work, POSITION_HAT, low)
-    vx_hat, vy_hat, vz_hat = rows(work, VELOCITY_HAT, low)
+def predict_bdf2(nodes: Any, work: Any, p: float, q: float, low: int, high: int) -> None:
+    """v_hat = K1·v_middle - K2·v, x_hat = K1·x_middle - K2·x + q·v_hat; work holds the middle."""
+    x0, y0, z0 = node_rows(nodes, POSITION, low)
+    vx0, vy0, vz0 = node_rows(nodes, VELOCITY, low)
+    x, y, z = rows(work, POSITION, low)
+    vx, vy, vz = rows(work, VELOCITY, low)
+    ax, ay, az = rows(work, ACCELERATION, low)
     for i in range(high - low):
-        px = K1 * vx_middle[i] - K2 * vx[i]
-        py = K1 * vy_middle[i] - K2 * vy[i]
-        pz = K1 * vz_middle[i] - K2 * vz[i]
-        x_hat[i] = K1 * x_middle[i] - K2 * x[i] + c * px
-        y_hat[i] = K1 * y_middle[i] - K2 * y[i] + c * py
-        z_hat[i] = K1 * z_middle[i] - K2 * z[i] + c * pz
-        vx_hat[i] = px
-        vy_hat[i] = py
-        vz_hat[i] = pz
+        ux = K1 * vx[i] - K2 * vx0[i]
+        uy = K1 * vy[i] - K2 * vy0[i]
+        uz = K1 * vz[i] - K2 * vz0[i]
+        x[i] = K1 * x[i] - K2 * x0[i] + q * ux + p * ax[i]
+        y[i] = K1 * y[i] - K2 * y0[i] + q * uy + p * ay[i]
+        z[i] = K1 * z[i] - K2 * z0[i] + q * uz + p * az[i]
+        vx[i] = ux + q * ax[i]
+        vy[i] = uy + q * ay[i]
+        vz[i] = uz + q * az[i]
+
+
+@jit
+def correct(work: Any, p: float, q: float, factor: float, low: int, high: int) -> None:
+    """a += factor·delta, and x and v with it."""
+    x, y, z = rows(work, POSITION, low)
+    vx, vy, vz = rows(work, VELOCITY, low)
+    ax, ay, az = rows(work, ACCELERATION, low)
+    dx, dy, dz = rows(work, CORRECTION, low)
+    for i in range(high - low):
+        bx, by, bz = factor * dx[i], factor * dy[i], factor * dz[i]
+        x[i] += p * bx
+        y[i] += p * by
+        z[i] += p * bz
+        vx[i] += q * bx
+        vy[i] += q * by
+        vz[i] += q * bz
+        ax[i] += bx
+        ay[i] += by
+        az[i] += bz

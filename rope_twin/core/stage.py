@@ -14,19 +14,12 @@ import numpy as np
 from numba.extending import overload
 
 from rope_twin.core import terms
-from rope_twin.core.assembly import (
-    add_correction,
-    move,
-    set_flow,
-    set_pulls,
-    set_tangents,
-    slope,
-)
+from rope_twin.core.assembly import load_lowest, load_nodes, set_flow, slope
 from rope_twin.core.coupled_elimination import eliminate_coupled
-from rope_twin.core.elastic import count_unexpected, expect_tension, stretch, stretch_top
-from rope_twin.core.elimination import eliminate, root_stiffness
+from rope_twin.core.elastic import growth_of, stretch, stretch_corrected, stretch_top
+from rope_twin.core.elimination import eliminate
 from rope_twin.core.jit import LINKED, jit
-from rope_twin.core.prediction import predict_bdf2, predict_trapezoid
+from rope_twin.core.prediction import correct, predict_bdf2, predict_trapezoid
 from rope_twin.core.state import ELEMENTS, SOLVES, SOLVES_MAX
 
 CAP = 12  # corrections before the step is halved instead
@@ -71,7 +64,7 @@ def solve_stage(rope: Any, stage: Any, kind: int, cap: int) -> int:
     for correction in range(1, cap + 1):
         _eliminate(rope.effects, work, first, n)
         state.health[SOLVES] += 1
-        before, unexpected = _correct(rope, stage, rope.model.tolerance)
+        before, unexpected = _correct(rope, stage)
         state.health[SOLVES_MAX] = max(state.health[SOLVES_MAX], correction)
         if not isfinite(before):
             return NOT_FINITE
@@ -81,18 +74,6 @@ def solve_stage(rope: Any, stage: Any, kind: int, cap: int) -> int:
         if correction >= SEARCH_FROM:
             _search(rope, stage, before)
     return UNCONVERGED
-
-
-@jit
-def _load_nodes(rope: Any, stage: Any, low: int, high: int) -> None:
-    """Residual R and blocks A of the nodes, and what the elimination wants of the elements above.
-
-    R_i = T_i·t_i - T_{i-1}·t_{i-1} - MASS·a + loads; A_i = MASS·I + what the effects add.
-    """
-    set_tangents(rope.work, low, high)
-    set_pulls(rope.work, low, high)
-    terms.add_load(rope.effects, rope.work, stage, low, high)
-    root_stiffness(rope.work, low, high)
 
 
 @jit
@@ -106,42 +87,34 @@ def _evaluate(rope: Any, stage: Any, kind: int, factor: float) -> None:
     for start in range(0, n, CHUNK):
         low, high = max(start, rope.model.first_free), min(start + CHUNK, n)
         if kind == TRAPEZOID:
-            predict_trapezoid(state.nodes, work, q, low, high)
+            predict_trapezoid(state.nodes, work, p, q, low, high)
         elif kind == BDF2:
-            predict_bdf2(state.nodes, work, q, low, high)
+            predict_bdf2(state.nodes, work, p, q, low, high)
         else:
-            add_correction(work, factor, low, high)
-        move(work, p, q, low, high)
+            correct(work, p, q, factor, low, high)
         done, last = max(start - 1, 0), high - 1
         if high == n:
             last = n
             stretch_top(rope, stage)
-        stretch(rope.law, rope.work, rope.state.offset, p, q, 0.0, done, high - 1)
+        stretch(rope.law, work, state.offset, p, q, 0.0, done, high - 1)
         if kind != SEARCH:
             set_flow(rope.effects, work, stage, done, last)
-        _load_nodes(rope, stage, done, last)
-    terms.add_end(rope.effects, work, stage)
+        load_nodes(rope.effects, work, stage, max(done, 1), last)
+    load_lowest(rope.effects, work, stage)
     terms.add_couplings(rope.effects, work, stage, n)
 
 
 @jit
-def _correct(rope: Any, stage: Any, tolerance: float) -> Any:
+def _correct(rope: Any, stage: Any) -> Any:
     """a += delta, with motion and tension; R·delta, and how many tensions were not expected so."""
-    state, work, p, q = rope.state, rope.work, stage.p, stage.q
-    n = state.counts[ELEMENTS]
+    work, n = rope.work, rope.state.counts[ELEMENTS]
     before, unexpected = 0.0, 0
     for start in range(0, n, CHUNK):
         low, high = max(start, rope.model.first_free), min(start + CHUNK, n)
-        done = max(start - 1, 0)
         before += slope(work, low, high)
-        expect_tension(work, start, high)
-        add_correction(work, 1.0, low, high)
-        move(work, p, q, low, high)
-        stretch(rope.law, rope.work, rope.state.offset, p, q, 0.0, done, high - 1)
-        unexpected += count_unexpected(work, tolerance, done, high - 1)
-    stretch_top(rope, stage)
-    unexpected += count_unexpected(work, tolerance, n - 1, n)
-    return before, unexpected
+        correct(work, stage.p, stage.q, 1.0, low, high)
+        unexpected += stretch_corrected(rope, stage, 0.0, max(start - 1, 0), high - 1)
+    return before, unexpected + stretch_corrected(rope, stage, growth_of(rope, stage), n - 1, n)
 
 
 @jit
@@ -149,8 +122,8 @@ def _reload(rope: Any, stage: Any) -> None:
     """Residual and blocks where motion and tension are up to date."""
     n = rope.state.counts[ELEMENTS]
     for start in range(0, n, CHUNK):
-        _load_nodes(rope, stage, start, min(start + CHUNK, n))
-    terms.add_end(rope.effects, rope.work, stage)
+        load_nodes(rope.effects, rope.work, stage, max(start, 1), min(start + CHUNK, n))
+    load_lowest(rope.effects, rope.work, stage)
     terms.add_couplings(rope.effects, rope.work, stage, n)
 
 

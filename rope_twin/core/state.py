@@ -11,6 +11,7 @@ array of a struct: as a matrix the step compiles in three quarters of the time.
 
 from __future__ import annotations
 
+from math import ceil
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -22,35 +23,35 @@ Ints = NDArray[np.int64]
 # Rows of state.nodes and, as stage values, of work: position [m], velocity [m/s], acceleration.
 POSITION, VELOCITY, ACCELERATION, NODE_ROWS = 0, 3, 6, 9
 # Further rows of work. Vectors at nodes:
-POSITION_HAT, VELOCITY_HAT = 9, 12  # prediction: x = x_hat + p·a, v = v_hat + q·a
-TANGENT = 15  # unit tangent, upward
-FLOW = 18  # water velocity [m/s]
-RESIDUAL = 21  # R, unbalanced force [N]
-CORRECTION = 24  # Newton's correction of a [m/s²]
+TANGENT = 9  # unit tangent, upward, of trial nodes and of node 0
+FLOW = 12  # water velocity [m/s]
+RESIDUAL = 15  # R, unbalanced force [N]
+CORRECTION = 18  # Newton's correction of a [m/s²]
 # vectors at elements:
-DIRECTION = 27  # unit vector t from node e to e + 1
-ROOT = 30  # t·√AXIAL
+DIRECTION = 21  # unit vector t from node e to e + 1
+ROOT = 24  # t·√AXIAL
 # node blocks and the elimination:
-BLOCK = 33  # symmetric A [kg]: xx, xy, xz, yy, yz, zz
-ELIMINATED = 39  # 9 of the matrix, 3 of the vector
+BLOCK = 27  # symmetric A [kg]: xx, xy, xz, yy, yz, zz
+ELIMINATED = 33  # 9 of the matrix, 3 of the vector
 # scalars at elements:
-REST = 51  # unstretched length [m]
-STIFFNESS, DAMPING = 52, 53  # EA/rest [N/m], c/rest [N·s/m]
-TENSION = 54  # [N]; a result after `advance`
-EXPECTED = 55  # tension that the linearisation predicted [N]
-AXIAL = 56  # stiffness along t times p, plus damping times q, less GEOMETRIC [kg]
-GEOMETRIC = 57  # T/l times p [kg]
+REST = 45  # unstretched length [m]
+STIFFNESS, DAMPING = 46, 47  # EA/rest [N/m], c/rest [N·s/m]
+TENSION = 48  # [N]; a result after `advance`
+AXIAL = 49  # stiffness along t times p, plus damping times q, less GEOMETRIC [kg]
+GEOMETRIC = 50  # T/l times p [kg]
 # scalars at nodes, of the half elements beside it:
-MASS, VOLUME = 58, 59  # [kg], [m³] of displaced water
-FRONTAL, SKIN = 60, 61  # areas that the drag coefficients across and along refer to [m²]
-SECTION = 62  # of an element: which of the rope's sections it is of
-KEPT = 63  # NODE_ROWS of the state at the start of the step, for a restore
+MASS, VOLUME = 51, 52  # [kg], [m³] of displaced water
+FRONTAL, SKIN = 53, 54  # areas that the drag coefficients across and along refer to [m²]
+SECTION = 55  # of an element: which of the rope's sections it is of
+KEPT = 56  # NODE_ROWS of the state at the start of the step, for a restore
 FLOW_RATE = KEPT + NODE_ROWS  # acceleration of the water [m/s²]; only where an effect sets it
 WORK_ROWS = FLOW_RATE + 3
 # and, only where an effect couples nodes beyond their neighbours:
 LINK = WORK_ROWS  # c of the blocks c·I that it adds between node i and i + 1, and i and i + 2 [kg]
 FACTOR = LINK + 2  # of the elimination: three below the diagonal, three inverse pivots
 COUPLED_ROWS = FACTOR + 6
+
+LINE_DOUBLES = 8  # of a cache line
 
 # Rows of `sections`, a column each section of the rope from the lower end up:
 END = 0  # material coordinate of its upper end [m]; that of the last one is infinite
@@ -151,6 +152,17 @@ def new_state(capacity: int) -> State:
     )
 
 
-def new_work(capacity: int, count: int = WORK_ROWS) -> Floats:
-    """Scratch for `capacity` nodes, (count, capacity); `terms.work_rows` tells the count."""
-    return np.zeros((count, capacity))
+def columns_for(capacity: int) -> int:
+    """Columns of scratch for this many nodes: whole cache lines, an odd number of them.
+
+    All rows then begin at a line, so that no vector lies across two, and the rows of a node do not
+    compete for the same place in the nearest cache.
+    """
+    return (ceil(capacity / LINE_DOUBLES) | 1) * LINE_DOUBLES
+
+
+def new_work(columns: int, count: int = WORK_ROWS) -> Floats:
+    """Scratch, (count, columns), beginning at a cache line; `terms.work_rows` tells the count."""
+    space = np.zeros(count * columns + LINE_DOUBLES)
+    start = -(space.ctypes.data // space.itemsize) % LINE_DOUBLES
+    return space[start : start + count * columns].reshape(count, columns)

@@ -25,24 +25,21 @@ from typing import Any, NamedTuple
 from numba.extending import overload
 
 from rope_twin.core.jit import LINKED, jit, jit_within
-from rope_twin.core.rows import row, rows, span
+from rope_twin.core.rows import rows, span
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
     COUPLED_ROWS,
     FLOW,
     FLOW_RATE,
-    FRONTAL,
     LINK,
     MASS,
     POSITION,
     PULL,
     PULL_X,
     RESIDUAL,
-    SKIN,
     TANGENT,
     VELOCITY,
-    VOLUME,
     WORK_ROWS,
 )
 
@@ -259,25 +256,44 @@ def _sum(a: Any, b: Any) -> Any:
     )  # fmt: skip
 
 
-@jit
-def add_load(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Residual += loads and inertia, block = their derivative, for the nodes low <= i < high."""
+@jit_within
+def seen(work: Any, low: int) -> Any:
+    """What loads see of the nodes from `low` on, but for the tangent: rows."""
     x, y, z = rows(work, POSITION, low)
     vx, vy, vz = rows(work, VELOCITY, low)
     ax, ay, az = rows(work, ACCELERATION, low)
-    tx, ty, tz = rows(work, TANGENT, low)
     ux, uy, uz = rows(work, FLOW, low)
     wx, wy, wz = rows(work, FLOW_RATE, low)
-    mass, volume = row(work, MASS, low), row(work, VOLUME, low)
-    frontal, skin = row(work, FRONTAL, low), row(work, SKIN, low)
+    mass, volume, frontal, skin = span(work, MASS, 4, low)
+    return (
+        x, y, z, vx, vy, vz, ax, ay, az, ux, uy, uz, wx, wy, wz, mass, volume, frontal, skin
+    )  # fmt: skip
+
+
+@jit_within
+def load_of(effects: Any, stage: Any, nodes: Any, tangent: Any, i: int) -> Any:
+    """Inertia and the loads of all effects on node i of what is `seen`."""
+    x, y, z, vx, vy, vz, ax, ay, az, ux, uy, uz, wx, wy, wz, mass, volume, frontal, skin = nodes
+    tx, ty, tz = tangent
+    node = Node(
+        x[i], y[i], z[i], vx[i], vy[i], vz[i], ax[i], ay[i], az[i], tx, ty, tz,
+        ux[i], uy[i], uz[i], wx[i], wy[i], wz[i], mass[i], volume[i], frontal[i], skin[i],
+    )  # fmt: skip
+    return _sum_loads(effects, node, stage)
+
+
+@jit
+def add_load(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """Residual += loads and inertia, block = their derivative, for the nodes low <= i < high.
+
+    For nodes whose TANGENT is given; `assembly.load_nodes` finds it from the elements.
+    """
+    nodes = seen(work, low)
+    tx, ty, tz = rows(work, TANGENT, low)
     Rx, Ry, Rz = rows(work, RESIDUAL, low)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
     for i in range(high - low):
-        node = Node(
-            x[i], y[i], z[i], vx[i], vy[i], vz[i], ax[i], ay[i], az[i], tx[i], ty[i], tz[i],
-            ux[i], uy[i], uz[i], wx[i], wy[i], wz[i], mass[i], volume[i], frontal[i], skin[i],
-        )  # fmt: skip
-        load = _sum_loads(effects, node, stage)
+        load = load_of(effects, stage, nodes, (tx[i], ty[i], tz[i]), i)
         Rx[i] += load.x
         Ry[i] += load.y
         Rz[i] += load.z

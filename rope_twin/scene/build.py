@@ -17,6 +17,7 @@ from rope_twin.core.state import (
     Model,
     State,
     Table,
+    columns_for,
     new_state,
     new_work,
 )
@@ -87,7 +88,7 @@ def build(scene: Scene) -> Built:
     state.counts[ELEMENTS] = elements
     state.s[: elements + 1] = s
     _place(state, scene, line, tension)
-    work = new_work(state.s.shape[0], work_rows(effects))
+    work = new_work(columns_for(state.s.shape[0]), work_rows(effects))
     return Built(CoreRope(model, state, work, sections, effects, _law(line)), top)
 
 
