@@ -45,6 +45,9 @@ TOPICS: tuple[Topic, ...] = (
     # what the twin says
     Topic("tension_top", "std_msgs/msg/Float64", Qos.STREAM, 50.0, "simulation",
           "magnitude of the rope's pull on the hang-off [N]"),
+    Topic("tension_top_error_pct", "std_msgs/msg/Float64", Qos.STREAM, 50.0, "simulation",
+          "what its rms error is at most, by the scene's card [% of its standard deviation]; NaN: "
+          "unknown"),
     Topic("tension_payload", "std_msgs/msg/Float64", Qos.STREAM, 50.0, "simulation",
           "tension at the payload [N]"),
     Topic("hang_off/wrench", "geometry_msgs/msg/WrenchStamped", Qos.STREAM, 50.0, "simulation",

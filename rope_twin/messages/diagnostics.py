@@ -12,6 +12,7 @@ from enum import IntEnum
 
 from rope_twin.messages import forms
 from rope_twin.messages.cdr import new, serialise
+from rope_twin.scene.card import KnownError
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import EnergyBalance, InputHealth, Snapshot
 
@@ -39,11 +40,16 @@ class Status:
 
 
 def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
-    """The state of solver, pacing (None: not paced), winch, start-up and every input.
+    """The state of solver, accuracy, pacing (None: not paced), winch, start-up and every input.
 
     And the energy balance, if the run keeps one.
     """
-    rows = [_solver(snapshot), _winch(snapshot), _start_up(snapshot)]
+    rows = [
+        _solver(snapshot),
+        _accuracy(snapshot.card_error),
+        _winch(snapshot),
+        _start_up(snapshot),
+    ]
     if pacing is not None:
         rows.append(_pacing(pacing))
     if snapshot.energy is not None:
@@ -101,6 +107,25 @@ def _solver(snapshot: Snapshot) -> Status:
             values,
         )
     return Status("simulation: solver", Level.OK, "every step converged", values)
+
+
+def _accuracy(error: KnownError) -> Status:
+    """What the card says; that it says nothing is no fault of the run's."""
+    values = {
+        "rms error at most [% of the standard deviation]": known(error.rms_pct),
+        "error of the highest at most [%]": known(error.peak_pct),
+        "by": error.words,
+    }
+    if math.isnan(error.rms_pct):
+        return Status("simulation: accuracy", Level.OK, f"error of the top tension {error.words}",
+                      values)  # fmt: skip
+    words = f"rms error of the top tension {error.rms_pct:.2g} % {error.words}"
+    return Status("simulation: accuracy", Level.OK, words, values)
+
+
+def known(error_pct: float) -> str:
+    """An error for people: two digits, or unknown."""
+    return "unknown" if math.isnan(error_pct) else f"{error_pct:.2g}"
 
 
 def _winch(snapshot: Snapshot) -> Status:

@@ -35,6 +35,7 @@ class Encoder:
         self._scale_n = 0.0
         self._encoders: dict[str, Callable[[Snapshot], bytes]] = {
             "tension_top": self._tension_top,
+            "tension_top_error_pct": self._tension_top_error,
             "tension_payload": self._tension_payload,
             "hang_off/wrench": self._hang_off_wrench,
             "tension": self._tension,
@@ -80,6 +81,9 @@ class Encoder:
 
     def _tension_top(self, snapshot: Snapshot) -> bytes:
         return self._number.fill({"data": snapshot.tension_top_n})
+
+    def _tension_top_error(self, snapshot: Snapshot) -> bytes:
+        return self._number.fill({"data": snapshot.card_error.rms_pct})
 
     def _tension_payload(self, snapshot: Snapshot) -> bytes:
         return self._number.fill({"data": snapshot.tension_payload_n})

@@ -56,6 +56,10 @@ class SimulationParams:
     failure_directory: str = text(
         "folder for the state at which the solver gave up; empty: the working directory", "",
     )  # fmt: skip
+    elements: int = quantity("elements in place of the scene's; 0: the scene's", "", 0, 20000,
+                             default=0)  # fmt: skip
+    step_s: float = quantity("step in place of the scene's; 0: the scene's", "s", 0.0, 0.2,
+                             default=0.0)  # fmt: skip
     energy: bool = text("keep the energy balance and tell it in the diagnostics; slower", False)
 
 

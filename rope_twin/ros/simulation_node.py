@@ -22,6 +22,7 @@ from rope_twin.ros.entry import run_node
 from rope_twin.ros.paced_twin import PacedTwin
 from rope_twin.ros.params import SimulationParams, declare, read
 from rope_twin.ros.qos import message_type, profile
+from rope_twin.scene.change import at_setting
 from rope_twin.scene.checks import sense_checks
 from rope_twin.scene.load import load_scene
 from rope_twin.topics import BY_NAME, TOPICS
@@ -96,6 +97,7 @@ class SimulationNode(LifecycleNode):
                 where = "node simulation, parameter wait_for"
                 raise InputError(phrase(where, f"'{unknown[0]}'", did_you_mean(unknown[0], known)))
             scene = load_scene(self._params.scene)
+            scene = at_setting(scene, self._params.elements or None, self._params.step_s or None)
             for warning in sense_checks(scene):
                 self.get_logger().warning(warning)
             self.paced = PacedTwin(scene, self._params, self._publish)

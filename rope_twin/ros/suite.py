@@ -51,6 +51,8 @@ def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
         "start_from": str(options.start_from or ""),
         "failure_directory": str(options.failure_folder),
         "energy": options.energy,
+        "elements": options.elements or 0,
+        "step_s": options.step_s or 0.0,
         **speed,
     }
     return nodes

@@ -50,6 +50,14 @@ class Rung:
     memory_mb: float  # of the rope's arrays
     figures: dict[str, Figure]  # by quantity
 
+    def place(self) -> tuple[int, float, float | None]:
+        """Elements, step [s] and tolerance [N] (None: the scene's own)."""
+        return self.elements, self.step_s, self.newton_tolerance_n
+
+    def bound(self, name: str) -> float:
+        """What a quantity's error is at most, in its unit; NaN where it is unknown."""
+        return self.figures[name].known if name in self.figures else math.nan
+
     @property
     def error_rms_pct(self) -> float:
         """Bound on the rms error of the top tension [% of its standard deviation]; NaN: unknown."""
@@ -100,7 +108,7 @@ class KnownError:
 
     rms_pct: float = math.nan  # at most so much of the standard deviation; NaN: unknown
     peak_pct: float = math.nan  # the same for the highest value
-    words: str = "unknown: no card"  # what it is, or why it is unknown
+    words: str = "unknown"  # what it is, or why it is unknown
 
 
 def card_path(scene: Scene) -> Path:
@@ -144,7 +152,7 @@ def known_error(scene: Scene) -> KnownError:
     except SceneError as error:
         return KnownError(words=f"unknown: {error}")
     if card is None:
-        return KnownError()
+        return KnownError(words="unknown: no card")
     why = card.age(scene)
     around = () if why else card.at(scene.ropes[0].elements, scene.time.step_s)
     rms = max((rung.error_rms_pct for rung in around), default=math.nan)
@@ -155,8 +163,7 @@ def known_error(scene: Scene) -> KnownError:
         )
     if any(math.isnan(rung.error_rms_pct) for rung in around):
         return KnownError(peak_pct=peak, words="unknown: the run does not converge (see its card)")
-    run = f"of the card's run of {card.seconds:g} s"
-    return KnownError(rms, peak, f"at most, {run}")
+    return KnownError(rms, peak, f"at most, in the card's run of {card.seconds:g} s")
 
 
 def scene_digest(scene: Scene) -> str:

@@ -59,6 +59,18 @@ def change_scene(scene: Scene, changes: Sequence[Change]) -> Scene:
     return dataclasses.replace(scene, digest=hashlib.sha256(told.encode()).hexdigest())
 
 
+def at_setting(scene: Scene, elements: int | None = None, step_s: float | None = None) -> Scene:
+    """The scene with these elements and this step; None leaves what it says.
+
+    Raises:
+        SceneError: they are out of range.
+    """
+    given = {"ropes[0].elements": elements, "time.step_s": step_s}
+    return change_scene(
+        scene, [Change(path, value) for path, value in given.items() if value is not None]
+    )
+
+
 def _steps(change: Change, place: Place) -> list[str | int | None]:
     """The steps of a path: names, indices, None for every one of a list."""
     steps: list[str | int | None] = []

@@ -11,6 +11,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance
 from rope_twin.errors import phrase
+from rope_twin.scene.card import KnownError
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.borders import Borders
 from rope_twin.twin.observe import Extremes, Observation, observe
@@ -155,6 +156,7 @@ class Member:
                 doubtful=unconverged > self._unconverged,
                 computing_s=0.0,
                 inputs={},
+                card_error=KnownError(),
             ),
         )
         self._unconverged, self._recent = unconverged, Extremes()

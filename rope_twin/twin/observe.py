@@ -8,6 +8,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Ints, State
+from rope_twin.scene.card import KnownError
 from rope_twin.twin.snapshot import InputHealth, Snapshot, SolverHealth, Vector
 from rope_twin.twin.winch import LineOut
 
@@ -67,6 +68,7 @@ class Observation:
     doubtful: bool
     computing_s: float
     inputs: dict[str, InputHealth]
+    card_error: KnownError
 
 
 def observe(state: State, work: Floats, seen: Observation) -> Snapshot:
@@ -105,6 +107,7 @@ def observe(state: State, work: Floats, seen: Observation) -> Snapshot:
         doubtful=seen.doubtful,
         solver=_solver_health(state.health, seen.computing_s),
         inputs=seen.inputs,
+        card_error=seen.card_error,
     )
 
 

@@ -7,6 +7,8 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from rope_twin.scene.card import KnownError
+
 Vector = NDArray[np.float64]
 LITTLE = 1e-4
 
@@ -112,6 +114,7 @@ class Snapshot:
     doubtful: bool = False  # a step since the previous snapshot did not converge
     solver: SolverHealth = field(default_factory=SolverHealth)
     inputs: dict[str, InputHealth] = field(default_factory=dict)  # heave, winch_command, current
+    card_error: KnownError = field(default_factory=KnownError)  # of the top tension
     energy: EnergyBalance | None = None  # only of a run that keeps a ledger
 
     @property

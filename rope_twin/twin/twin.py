@@ -20,6 +20,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.step import advance
 from rope_twin.errors import SolverError, StateError, phrase
 from rope_twin.scene.build import build
+from rope_twin.scene.card import known_error
 from rope_twin.scene.schema import Scene
 from rope_twin.twin import saved_state
 from rope_twin.twin.observe import Extremes, Observation, RunStatistics, observe
@@ -32,7 +33,10 @@ from rope_twin.twin.winch import LineOut, Winch
 
 STEPS_PER_CALL = 256
 # What the scene or the caller gives; everything else changes and belongs to a saved state.
-_GIVEN = ("scene", "step_s", "step_ns", "failure_folder", "_rest", "_lock", "_pulls", "_rope")
+_GIVEN = (
+    "scene", "step_s", "step_ns", "failure_folder", "_card_error", "_rest", "_lock", "_pulls",
+    "_rope",
+)  # fmt: skip
 
 
 class Twin:
@@ -47,6 +51,7 @@ class Twin:
         self.step_s = scene.time.step_s
         self.step_ns = round(scene.time.step_s * 1e9)
         self.failure_folder: Path | None = None  # takes the state that the solver cannot leave
+        self._card_error = known_error(scene)
         self._rope = build(scene).rope
         self._lock = threading.Lock()
         self._heave = HeaveTrack()
@@ -274,6 +279,7 @@ class Twin:
                 doubtful=unconverged > self._unconverged,
                 computing_s=self._computing_s,
                 inputs=inputs,
+                card_error=self._card_error,
             ),
         )
         self._unconverged = unconverged

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rope_twin.scene.card import KnownError
 from rope_twin.twin.snapshot import InputHealth, Snapshot, SolverHealth
 
 
@@ -42,5 +43,6 @@ def hanging_rope(
         payout_speed_m_per_s=0.5,
         motion_ramp=1.0,
         solver=SolverHealth(steps=250, solves=500),
+        card_error=KnownError(0.5, 0.1, "at most, in a run on paper"),
         inputs={"heave": InputHealth(accepted=50, age_s=0.02)},
     )

@@ -22,7 +22,7 @@ def test_a_rung_has_the_error_of_its_row(tmp_path: Path) -> None:
     found = known_error(scene)
     assert found.rms_pct == pytest.approx(error_pct(20, 0.01) + UNCERTAINTY_PCT)
     assert found.peak_pct == pytest.approx(0.5 * error_pct(20, 0.01) + UNCERTAINTY_PCT)
-    assert found.words == "at most, of the card's run of 30 s"
+    assert found.words == "at most, in the card's run of 30 s"
 
 
 @pytest.mark.parametrize(

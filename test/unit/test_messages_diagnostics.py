@@ -9,6 +9,7 @@ from sample_snapshot import hanging_rope
 
 from rope_twin import messages
 from rope_twin.messages import Level, Status, statuses
+from rope_twin.scene.card import KnownError
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import EnergyBalance, InputHealth, Snapshot, SolverHealth
 
@@ -23,7 +24,7 @@ def row(part: str, snapshot: Snapshot, pacing: PacingHealth | None = GOOD) -> St
 def test_all_is_well_when_all_is_well() -> None:
     rows = statuses(hanging_rope(), GOOD)
     assert {r.level for r in rows} == {Level.OK}
-    assert len({r.name for r in rows}) == len(rows) == 5
+    assert len({r.name for r in rows}) == len(rows) == 6
 
 
 def test_a_doubtful_step_is_an_error_and_a_past_one_a_warning() -> None:
@@ -41,6 +42,18 @@ def test_the_winch_says_why_it_is_held_back() -> None:
     assert row("winch", held).message == held.winch_at_limit
     hauling = replace(hanging_rope(), payout_speed_m_per_s=-0.5)
     assert row("winch", hauling).message.startswith("hauls in")
+
+
+def test_the_tension_never_goes_without_its_error() -> None:
+    """By the card, or the reason why there is none; that is no fault of the run's."""
+    told = row("accuracy", hanging_rope())
+    assert told.message == "rms error of the top tension 0.5 % at most, in a run on paper"
+    assert told.values["error of the highest at most [%]"] == "0.1"
+    nothing = KnownError(words="unknown: no card")
+    told = row("accuracy", replace(hanging_rope(), card_error=nothing))
+    assert told.level is Level.OK
+    assert told.message == "error of the top tension unknown: no card"
+    assert told.values["rms error at most [% of the standard deviation]"] == "unknown"
 
 
 def test_start_up_is_told_until_the_motion_is_all_there() -> None:

@@ -37,18 +37,36 @@ def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
     from rope_twin.commands.run.summary import Progress
 
     progress = Progress()
+    if any(given is not None for given in (args.within, args.budget, args.of)):
+        from rope_twin.commands.run.choice import choose
+
+        options = choose(args, options)
+        progress.say(options.chosen)
     if options.speed == 0.0:
         summary = _unpaced(options, progress)
     elif paced is None:
         raise RuntimeError("a paced run needs the ROS suite")
     else:
         summary = _with_speed_alone(paced(options, progress), options)
+    summary = replace(_of_its_sea(summary, options), chosen=options.chosen)
     progress.finish()
     if summary.error:
         progress.say(summary.error)
     sys.stdout.write((summary.as_json() if options.json else summary.as_text()) + "\n")
     sys.stdout.flush()
     return 1 if summary.error else 0
+
+
+def _of_its_sea(summary: RunSummary, options: RunOptions) -> RunSummary:
+    """The summary without the card's error if --bag moved the ship otherwise than in its run."""
+    if not options.bag or isinstance(summary.tension_top_error_pct, str):
+        return summary
+    return replace(
+        summary,
+        tension_top_error_pct="unknown",
+        tension_top_peak_error_pct="unknown",
+        tension_top_error_by="unknown: the card's run has another sea",
+    )
 
 
 def _with_speed_alone(summary: RunSummary, options: RunOptions) -> RunSummary:

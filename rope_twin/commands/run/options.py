@@ -34,6 +34,9 @@ class RunOptions:
     start_from: Path | None = None  # saved state to go on from; None: from rest
     begins_s: float = 0.0  # its twin time
     energy: bool = False  # keep the energy balance
+    elements: int | None = None  # in place of the scene's; None: the scene's
+    step_s: float | None = None  # likewise
+    chosen: str = ""  # why these, in one sentence
 
     @property
     def failure_folder(self) -> Path:
@@ -126,6 +129,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="keep the energy balance and tell its residual (steps one by one, slower)",
     )
+    bought = parser.add_mutually_exclusive_group()
+    bought.add_argument(
+        "--within",
+        metavar="ERROR",
+        help="take the cheapest elements and step that keep the error within this, like 1%%, by "
+        "the scene's accuracy card",
+    )
+    bought.add_argument(
+        "--budget",
+        metavar="SHARE",
+        help="take the most accurate ones that need this share of one core here, like 30%%",
+    )
+    add("--of", metavar="QUANTITY", help="whose error that is (default: tension_rms)")
     add("--processes", action="store_true", help="each node as a process of its own")
     add("--json", action="store_true", help="last line of the output: one JSON object")  # fmt: skip
 

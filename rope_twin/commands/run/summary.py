@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 import sys
 import time
 from dataclasses import dataclass
@@ -33,6 +34,9 @@ class RunSummary:
     tension_top_max_n: float
     tension_top_mean_n: float
     tension_top_min_n: float
+    tension_top_error_pct: float | str  # rms, at most, of its standard deviation; or "unknown"
+    tension_top_peak_error_pct: float | str  # of the highest, at most; or "unknown"
+    tension_top_error_by: str  # whose run that is, or why it is unknown
     line_out_m: float
     payload_depth_m: float
     heave_accepted: int
@@ -40,6 +44,7 @@ class RunSummary:
     commands_accepted: int
     commands_refused: int
     speed: float = 1.0  # 0: as fast as possible
+    chosen: str = ""  # why these elements and this step, if --within or --budget asked
     error: str = ""  # the sentence with which the run ended early
     bag: str | None = None
     view: str | None = None
@@ -67,6 +72,7 @@ class RunSummary:
             f"elements with {', '.join(self.effects)}",
             f"top tension {_kn(self.tension_top_min_n)} to {_kn(self.tension_top_max_n)}, "
             f"mean {_kn(self.tension_top_mean_n)}",
+            self._error_words(),
             f"line out {self.line_out_m:.1f} m, payload at {self.payload_depth_m:.1f} m depth",
             f"the model alone runs {self.real_time_factor:.0f} times real time"
             + (
@@ -88,13 +94,33 @@ class RunSummary:
         lines += [f"state {self.state}"] if self.state else []
         return "\n".join(lines)
 
+    def _error_words(self) -> str:
+        by = self.tension_top_error_by
+        if isinstance(self.tension_top_error_pct, str):
+            return f"error of the tension {by}"
+        peak = self.tension_top_peak_error_pct
+        highest = f"{peak:.2g} %" if isinstance(peak, float) else peak
+        return (
+            f"error of the tension {self.tension_top_error_pct:.2g} % rms, {highest} of its "
+            f"highest, {by}"
+        )
+
     def as_progress(self) -> str:
         """One line for people, while it runs."""
         return (
             f"{self.time_s:8.1f} s  line out {self.line_out_m:7.1f} m  "
-            f"top tension {_kn(self.tension_top_now_n)}, max {_kn(self.tension_top_max_n)}  "
+            f"top tension {_kn(self.tension_top_now_n)}, max {_kn(self.tension_top_max_n)}, "
+            f"error {_at_most(self.tension_top_error_pct)}  "
             f"{self.real_time_factor:5.0f} × real time  {self.late_steps} late"
         )
+
+
+def _at_most(error_pct: float | str) -> str:
+    return error_pct if isinstance(error_pct, str) else f"≤ {error_pct:.2g} %"
+
+
+def _or_unknown(error_pct: float) -> float | str:
+    return "unknown" if math.isnan(error_pct) else error_pct
 
 
 def _kn(newtons: float) -> str:
@@ -122,6 +148,9 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         tension_top_max_n=statistics.tension_top_max_n if stepped else now_n,
         tension_top_mean_n=statistics.tension_top_mean_n if stepped else now_n,
         tension_top_min_n=statistics.tension_top_min_n if stepped else now_n,
+        tension_top_error_pct=_or_unknown(snapshot.card_error.rms_pct),
+        tension_top_peak_error_pct=_or_unknown(snapshot.card_error.peak_pct),
+        tension_top_error_by=snapshot.card_error.words,
         line_out_m=snapshot.line_out_m,
         payload_depth_m=-float(snapshot.payload_position_m[2]),
         heave_accepted=heave.accepted if heave else 0,

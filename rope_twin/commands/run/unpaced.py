@@ -31,6 +31,7 @@ from rope_twin.messages import (
     statuses,
 )
 from rope_twin.recording.bag_writer import BagWriter
+from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
 from rope_twin.topics import TOPICS
 from rope_twin.twin.ledger import AccountedTwin
@@ -55,7 +56,7 @@ class UnpacedRun:
         Raises:
             RopeTwinError: scene, bag or directory are wrong; one sentence.
         """
-        scene = load_scene(options.scene)
+        scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
         self._sea = open_sea(scene, options.bag, options.topic, options.bag_start_s)
         self._options = options
         start = options.start_from

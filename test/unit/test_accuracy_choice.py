@@ -1,0 +1,205 @@
+"""`run --within` and `--budget`: what is bought from a card, what is said, what is refused."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from card_samples import (
+    ELEMENTS,
+    STEPS_S,
+    UNCERTAINTY_PCT,
+    carded_scene,
+    error_pct,
+    sample_card,
+    write_card,
+)
+
+from rope_twin.cli import main
+from rope_twin.commands.run import choice
+from rope_twin.scene import card
+from rope_twin.scene.card import Rung, read_card
+from rope_twin.scene.schema import Scene
+from rope_twin.studies.accuracy_choice import cheapest_within, most_accurate, sure_bound
+from rope_twin.studies.variants import variant
+from rope_twin.twin.twin import Twin
+
+
+def rungs_of(scene: Scene) -> tuple[Rung, ...]:
+    found = read_card(scene)
+    assert found is not None
+    return found.ladder
+
+
+def unpaced(scene: Scene, *words: str) -> list[str]:
+    """A command line that runs 0.2 s of twin time."""
+    return ["run", str(scene.path), "--speed", "0", "--for", "0.2", "--no-record", *words]
+
+
+@pytest.mark.parametrize("target", [0.08, 0.15, 0.3, 0.6, 5.0])
+def test_the_cheapest_within_is_that_of_all_that_serve(tmp_path: Path, target: float) -> None:
+    """By hand: of all pairs whose error is within the target the one with the least work."""
+    rung = cheapest_within(rungs_of(carded_scene(tmp_path)), card.RMS, target)
+    pairs = [(n / h, n, h) for n in ELEMENTS for h in STEPS_S]
+    good = [pair for pair in pairs if error_pct(*pair[1:]) + UNCERTAINTY_PCT <= target]
+    if not good:
+        assert rung is None
+    else:
+        assert rung is not None
+        assert (rung.elements, rung.step_s) == min(good)[1:]
+
+
+def test_luck_is_not_bought(tmp_path: Path) -> None:
+    """A coarse rung that hits the reference counts with the error of the finer ones."""
+    scene = carded_scene(tmp_path)
+    content = sample_card(scene)
+    content["rows"][2]["figures"][card.RMS] = {"error": 0.0, "at_most": 1e-3}  # 10 at 20 ms
+    write_card(scene, content)
+    rungs = rungs_of(scene)
+    lucky = rungs[2]
+    assert lucky.error_rms_pct == 1e-3
+    assert sure_bound(lucky, rungs, card.RMS) == pytest.approx(
+        error_pct(10, 0.01) + UNCERTAINTY_PCT
+    )
+    assert cheapest_within(rungs, card.RMS, 0.04) is None
+
+
+def test_a_budget_buys_the_most_accurate_that_fits(tmp_path: Path) -> None:
+    rungs = rungs_of(carded_scene(tmp_path))
+    costs = [1.0 / rung.real_time_factor for rung in rungs]
+    dear = most_accurate(rungs, card.RMS, costs, math.inf)
+    assert dear is not None
+    assert (dear.elements, dear.step_s) == (40, 0.005)
+    cheap = most_accurate(rungs, card.RMS, costs, min(costs))
+    assert cheap is not None
+    assert (cheap.elements, cheap.step_s) == (10, 0.02)
+    assert most_accurate(rungs, card.RMS, costs, 0.5 * min(costs)) is None
+    for budget in sorted(costs):
+        rung = most_accurate(rungs, card.RMS, costs, budget)
+        assert rung is not None
+        assert costs[rungs.index(rung)] <= budget
+
+
+def test_of_equals_the_cheapest_is_taken(tmp_path: Path) -> None:
+    """Errors below what the reference can tell apart are no reason to pay."""
+    rungs = rungs_of(carded_scene(tmp_path))
+    alike = {name: card.Figure(0.0, UNCERTAINTY_PCT) for name in (card.RMS, card.PEAK)}
+    same = [replace(rung, figures=alike) for rung in rungs]
+    costs = [1.0 / rung.real_time_factor for rung in rungs]
+    rung = most_accurate(same, card.RMS, costs, math.inf)
+    assert rung is not None
+    assert (rung.elements, rung.step_s) == (10, 0.02)
+
+
+def test_a_run_within_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It runs what it says, and the last line has the error of the setting that ran."""
+    scene = carded_scene(tmp_path)
+    assert main(unpaced(scene, "--within", "0.6%", "--json")) == 0
+    out, said = capsys.readouterr()
+    told: dict[str, Any] = json.loads(out)
+    assert told["step_s"] == 0.01
+    assert told["tension_top_error_pct"] == pytest.approx(error_pct(10, 0.01) + UNCERTAINTY_PCT)
+    assert told["tension_top_peak_error_pct"] == pytest.approx(
+        0.5 * error_pct(10, 0.01) + UNCERTAINTY_PCT
+    )
+    assert told["chosen"] in said
+    assert told["chosen"].startswith(
+        "--within 0.6 %: 10 elements at 10 ms, the cheapest that keeps tension_rms within 0.51 % "
+        "in the card's run of 30 s; next better, 10 elements at 5 ms (within 0.44 %), costs 2 "
+    )
+    assert "error ≤ 0.51 %" in said
+
+
+def test_a_run_says_its_error_or_that_it_is_unknown(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = carded_scene(tmp_path)
+    assert main(unpaced(scene)) == 0
+    out, said = capsys.readouterr()
+    assert "error of the tension 0.21 % rms, 0.11 % of its highest, at most, in the card's" in out
+    assert main(unpaced(scene, "--json", "--bag", "sea_1p2m")) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["tension_top_error_pct"] == told["tension_top_peak_error_pct"] == "unknown"
+    assert told["tension_top_error_by"] == "unknown: the card's run has another sea"
+    card.card_path(scene).unlink()
+    assert main(unpaced(scene)) == 0
+    out, said = capsys.readouterr()
+    assert "error of the tension unknown: no card" in out
+    assert "error unknown" in said
+
+
+def test_a_snapshot_has_its_error(tmp_path: Path) -> None:
+    scene = carded_scene(tmp_path)
+    assert Twin(scene).snapshot().card_error.rms_pct == pytest.approx(
+        error_pct(20, 0.01) + UNCERTAINTY_PCT
+    )
+    finer = Twin(variant(scene, 500))
+    assert math.isnan(finer.snapshot().card_error.rms_pct)
+    assert math.isnan(finer.branch().snapshot().card_error.rms_pct)
+
+
+NO_AMOUNT = "it is not possible; write a number above 0 and its unit, like 1%."
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--within", "1"], f"--within 1: {NO_AMOUNT}"),
+        (["--within=-1%"], f"--within -1%: {NO_AMOUNT}"),
+        (["--within", "nan%"], f"--within nan%: {NO_AMOUNT}"),
+        (["--within", ""], f"--within : {NO_AMOUNT}"),
+        (["--within", "1m"], f"--within 1m: {NO_AMOUNT}"),
+        (["--within", "0.01%"], "no setting of the card is so accurate, the best is 0.06 %"),
+        (["--within", "1%", "--of", "tension_rsm"], "'tension_rsm'; did you mean 'tension_rms'?"),
+        (
+            ["--within", "1m", "--of", "payload_depth"],
+            "its card knows no error of payload_depth; say --of with one of tension_peak, tens",
+        ),
+        (["--of", "tension_rms"], "--of: there is nothing to choose; say --within 1% too."),
+        (["--budget", "30%"], "--budget: --speed 0 takes a whole core; give up to 100 %"),
+    ],
+)
+def test_what_cannot_be_is_one_sentence(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], sentence: str
+) -> None:
+    assert main(unpaced(carded_scene(tmp_path), *words)) == 1
+    said = capsys.readouterr().err
+    assert sentence in said
+    assert said.count("\n") == 1
+
+
+def test_without_a_valid_card_nothing_is_bought(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = carded_scene(tmp_path)
+    write_card(scene, sample_card(scene) | {"solver_digest": "old"})
+    assert main(unpaced(scene, "--within", "1%")) == 1
+    assert "small: the card is old: the solver was changed" in capsys.readouterr().err
+    card.card_path(scene).unlink()
+    assert main(unpaced(scene, "--within", "1%")) == 1
+    said = capsys.readouterr().err
+    assert "it has no accuracy card; make it with `rope_twin accuracy small`." in said
+
+
+def test_shares_are_measured_on_this_machine(tmp_path: Path) -> None:
+    """Whatever speed the card's machine had."""
+    scene = carded_scene(tmp_path)
+    slow = [replace(rung, real_time_factor=1e-3) for rung in rungs_of(scene)]
+    assert all(0.0 < share < 100.0 for share in choice.measure_shares(scene, slow, 1.0))
+
+
+def test_a_share_is_what_a_slot_and_its_steps_cost(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A slot of 20 ms costs 100 µs and 10 µs for each step of two solves."""
+    scene = carded_scene(tmp_path)
+    monkeypatch.setattr(choice, "_slot_costs", lambda twin: (100e-6, 10e-6))
+    rungs = rungs_of(scene)[:3]  # 5, 10 and 20 ms
+    assert choice.measure_shares(scene, rungs, 1.0) == pytest.approx([0.7, 0.6, 0.55])
+    assert choice.measure_shares(scene, rungs, 2.0) == pytest.approx([1.4, 1.2, 1.1])
+    busy = [replace(rung, solves_per_step=4.0) for rung in rungs]
+    assert choice.measure_shares(scene, busy, 1.0) == pytest.approx([0.9, 0.7, 0.6])

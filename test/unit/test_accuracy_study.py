@@ -1,0 +1,260 @@
+"""The study of accuracy: Richardson on made-up errors, quantities in closed form, small ladders."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rope_twin.cli import main
+from rope_twin.commands.run.options import RunOptions
+from rope_twin.commands.run.unpaced import UnpacedRun
+from rope_twin.errors import InputError
+from rope_twin.scene import card
+from rope_twin.scene.card import known_error
+from rope_twin.scene.change import Change, change_scene
+from rope_twin.scene.load import load_scene
+from rope_twin.studies import accuracy
+from rope_twin.studies.accuracy_figures import differences, snap_peak_n, values
+from rope_twin.studies.accuracy_reference import SAFETY, judge, uncertainty
+from rope_twin.studies.accuracy_run import Course, Series, Setting, Trial
+from rope_twin.studies.accuracy_witness import call_witness
+from rope_twin.studies.variants import variant
+
+LOOK_S = 0.2
+
+
+def series(tension_n: np.ndarray, step_s: float = 0.01, slack: Any = False) -> Series:
+    """A run of these top tensions; the depth follows them."""
+    every = round(LOOK_S / step_s)
+    looks = len(tension_n) // every
+    return Series(
+        step_s,
+        tension_n,
+        LOOK_S,
+        tension_n[every - 1 :: every] * 1e-5,
+        np.broadcast_to(slack, looks).copy(),
+        2.0,
+        0,
+        0.1,
+    )
+
+
+def cosine(step_s: float = 0.01, error_n: float = 0.0) -> Series:
+    """10 s of 100 kN ± 10 kN every second, all too high by an error."""
+    time = np.arange(1, round(10.0 / step_s) + 1) * step_s
+    return series(1e5 + 1e4 * np.cos(2.0 * np.pi * time) + error_n, step_s)
+
+
+def test_differences_in_closed_form() -> None:
+    """100 N too high: of the mean 0.1, of the deviation 100·√2/1e4, of the peak 100/110e3."""
+    found = differences(cosine(0.02, 100.0), cosine(0.01))
+    of_std = 100.0 * 100.0 * math.sqrt(2.0) / 1e4
+    assert found["tension_rms"] == pytest.approx(of_std)
+    assert found["tension_mean"] == pytest.approx(0.1)
+    assert found["tension_std"] == pytest.approx(0.0, abs=1e-9)
+    assert found["tension_peak"] == pytest.approx(100.0 * 100.0 / 110e3)
+    assert found["tension_trough"] == pytest.approx(of_std)
+    assert found["slack_share"] == 0.0
+    assert found["snap_peak"] is None
+    same = differences(cosine(), cosine())
+    assert all(not value for value in same.values())
+
+
+def test_a_still_tension_is_told_beside_its_mean() -> None:
+    still = series(np.full(1000, 1e5))
+    higher = series(np.full(1000, 1e5 + 50.0))
+    assert differences(higher, still)["tension_rms"] == pytest.approx(0.05)
+
+
+def test_snaps_are_the_taut_spells_after_slack() -> None:
+    """Slack from 2 to 3 and 6 to 7 s, peaks of 20 and 30 kN after it; the first 2 s are no snap."""
+    tension = np.full(1000, 1e4)
+    tension[100], tension[320], tension[380], tension[800] = 9e4, 8e4, 2e4, 3e4
+    slack = np.zeros(50, bool)
+    slack[10:15] = slack[30:35] = True
+    slack[17] = True  # taut for 0.4 s only before it: no spell
+    assert snap_peak_n(series(tension, slack=slack)) == pytest.approx(2.5e4)
+    assert values(series(tension, slack=slack))["slack_share"] == pytest.approx(0.22)
+    assert snap_peak_n(series(tension)) is None
+
+
+@pytest.mark.parametrize("order", [0.5, 1.0, 2.0])
+def test_the_uncertainty_is_that_of_a_power(order: float) -> None:
+    """Errors C·lᵖ on l = 4, 2, 1: the finest has C, and 1.25·C is told."""
+    C = 0.7
+    errors = [C * length**order for length in (4.0, 2.0, 1.0)]
+    bound, found = uncertainty(errors[0] - errors[1], errors[1] - errors[2], "%")
+    assert found == pytest.approx(order)
+    assert bound == pytest.approx(SAFETY * C)
+
+
+def test_an_order_by_chance_is_not_believed() -> None:
+    """Differences of 1 and 1e-9 would be order 30: the bound stays that of second order."""
+    bound, order = uncertainty(1.0, 1e-9, "%")
+    assert order is not None
+    assert order > 20.0
+    assert bound == pytest.approx(SAFETY * 0.25 / 3.0)
+
+
+@pytest.mark.parametrize(("coarse", "middle"), [(1.0, 1.0), (1.0, 2.0), (0.0, 1.0), (1.0, None)])
+def test_what_does_not_fall_has_no_uncertainty(coarse: float, middle: float | None) -> None:
+    assert uncertainty(coarse, middle, "%") == (None, None)
+
+
+def test_what_does_not_fall_but_is_small_is_bounded() -> None:
+    assert uncertainty(0.01, 0.02, "%") == (pytest.approx(0.06), None)
+    assert uncertainty(None, None, "%") == (0.0, None)
+
+
+def test_spread_in_place_of_an_error() -> None:
+    """Grids that do not come together: no uncertainty, but their least and largest."""
+    rising = [cosine(error_n=error) for error in (2e3, 1e3, 5e2)]
+    found = judge(Setting(8, 0.01), [*rising, cosine(0.02, 2e3), cosine(0.04, 2e3)])
+    doubt = found.doubts["tension_mean"]
+    assert doubt.uncertainty is None
+    assert doubt.spread == (pytest.approx(100.5e3), pytest.approx(102e3))
+    assert found.doubts["slack_share"].uncertainty == 0.0
+
+
+def test_the_run_is_that_of_the_command(tmp_path: Path) -> None:
+    """Sea, winch and ramp of deep_lift: the same top tension, to the bit, as --speed 0."""
+    scene = load_scene("deep_lift")
+    course = Course(scene, 12.0, 0.1)
+    seen = Trial(course, Setting(25, 0.02)).look()
+    run = UnpacedRun(RunOptions(scene="deep_lift", speed=0.0, elements=25, step_s=0.02))
+    for _ in range(600):
+        run.advance_slot()
+    assert run.last.time_s == pytest.approx(12.0)
+    assert run.last.tension_top_n == seen.tension_n[-1]
+    assert run.summary().tension_top_max_n == seen.tension_n.max()
+    assert -run.last.payload_position_m[2] == seen.depth_m[-1]
+
+
+def test_the_ladder_holds_the_scene_and_its_neighbours() -> None:
+    plan = accuracy.make_plan(load_scene("deep_lift"))
+    assert plan.seconds == 80.0  # a round of the winch schedule
+    assert plan.own == Setting(100, 0.01)
+    assert {one.elements for one in plan.settings} == {12, 25, 50, 100, 200, 400}
+    assert {one.step_s for one in plan.settings} == {0.005, 0.01, 0.02, 0.05}
+    assert [one.tolerance_n for one in plan.settings if one.tolerance_n] == [50.0, 5000.0]
+    assert plan.reference.elements == 1600
+    assert plan.reference.step_s == 0.0025
+    assert all(round(plan.look_s / one.step_s, 6).is_integer() for one in plan.settings)
+    with pytest.raises(InputError, match=r"--for: 0.5 s is too short; give 1 or more"):
+        accuracy.make_plan(load_scene("deep_lift"), 0.5)
+
+
+def test_the_witness_agrees() -> None:
+    """An explicit code of its own finds the same tension, in a snap too."""
+    snap = call_witness(load_scene("snap_2km"), 0.0025)
+    assert not isinstance(snap, str)
+    assert snap.rms_pct < 0.1
+    assert abs(snap.peak_pct) < 0.01
+    assert "explicit leapfrog" in str(snap)
+    stiff = call_witness(load_scene("riser_300m"), 0.0025)
+    assert stiff == "none: the explicit code does not know the effect of Bending"
+
+
+def test_the_witness_can_object() -> None:
+    """With a payload 1 % heavier in one of the two they would not agree."""
+    light = load_scene("snap_2km")
+    heavy = change_scene(light, [Change("payloads[0].mass_kg", 1.01, multiply=True)])
+    found, other = call_witness(light, 0.0025), call_witness(heavy, 0.0025)
+    assert not isinstance(found, str)
+    assert not isinstance(other, str)
+    course = [Course(replace(one, winch=None), 20.0, 0.0025) for one in (light, heavy)]
+    seen = [Trial(one, Setting(found.elements, 0.0025)).look() for one in course]
+    apart = differences(*seen)["tension_rms"]
+    assert apart is not None
+    assert apart > 20.0 * max(found.rms_pct, other.rms_pct)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A scene of few elements with its card, made by the command."""
+    folder = tmp_path_factory.mktemp("scenes")
+    text = load_scene("shallow_lift").path.read_text(encoding="utf-8")
+    path = folder / "small.yaml"
+    path.write_text(text.replace("elements: 40", "elements: 20"), encoding="utf-8")
+    assert main(["accuracy", str(path), "--for", "6"]) == 0
+    return path
+
+
+def test_a_card_is_made_and_read(made: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """By the command, beside the scene, as text, picture and page; the run then knows its error."""
+    folder = made.parent / "cards"
+    assert sorted(path.name for path in folder.iterdir()) == ["small.json", "small.md", "small.png"]
+    picture = (folder / "small.png").read_bytes()
+    assert picture.startswith(b"\x89PNG")
+    assert 10_000 < len(picture) < 100_000
+    page = (folder / "small.md").read_text(encoding="utf-8")
+    assert "# small: what accuracy costs" in page
+    assert "| 20 * | 10 |" in page
+    assert "Witness: explicit leapfrog" in page
+    scene = load_scene(made)
+    found = known_error(scene)
+    assert 0.0 < found.rms_pct < 0.5
+    content = json.loads((folder / "small.json").read_text(encoding="utf-8"))
+    row = next(r for r in content["rows"] if (r["elements"], r["step_s"]) == (20, 0.01))
+    assert row["error_rms_pct"] == found.rms_pct
+    assert row["real_time_factor"] > 0.0
+    assert row["memory_mb"] > 0.0
+    assert {"elements", "step_s", "real_time_factor", "error_rms_pct", "error_peak_pct"} <= set(row)
+
+
+def test_within_holds_when_measured_afterwards(made: Path) -> None:
+    """The rung that is bought, run again against a reference of its own, keeps its error."""
+    scene = load_scene(made)
+    options = ["run", str(made), "--speed", "0", "--for", "6", "--no-record", "--within", "0.3%"]
+    assert main(options) == 0
+    content = json.loads(card.card_path(scene).read_text(encoding="utf-8"))
+    good = [row for row in content["rows"] if row["error_rms_pct"] <= 0.3]
+    course = Course(scene, 6.0, 0.1)
+    truth = Trial(course, Setting(400, 0.00125)).look()
+    for row in good:
+        seen = Trial(course, Setting(row["elements"], row["step_s"])).look()
+        error = differences(seen, truth)["tension_rms"]
+        assert error is not None
+        assert error < 0.3
+
+
+def test_old_cards_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+    """One line a scene; exit code 0 only if all are current."""
+    code = main(["accuracy", "--status", "--json"])
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert {row["scene"] for row in rows} >= {"deep_lift", "snap_2km"}
+    assert code == int(any(row["card"] != "current" for row in rows))
+    assert all((row["error_rms_pct"] is None) or row["card"] == "current" for row in rows)
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["deep_lift", "--for", "nan"], "--for: nan s is not possible; give a time above 0 s"),
+        (["deep_lift", "--into", "/proc/nowhere"], "the card cannot be written"),
+        (["deap_lift"], "did you mean 'deep_lift'?"),
+    ],
+)
+def test_refusals(words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["accuracy", *words]) == 1
+    assert sentence in capsys.readouterr().err
+
+
+def test_grids_that_cannot_be_varied_are_refused(tmp_path: Path) -> None:
+    line = load_scene("still_water")
+    graded = variant(line, 50)
+    path = tmp_path / "graded.yaml"
+    text = line.path.read_text(encoding="utf-8")
+    path.write_text(
+        text.replace("    elements: 50", "    elements: 50\n    grading: {nodes_m: [1.0, 2.0]}"),
+        encoding="utf-8",
+    )
+    assert graded.ropes[0].grading is None
+    with pytest.raises(InputError, match="nodes_m holds the elements fixed"):
+        accuracy.make_plan(load_scene(path))
