@@ -1,7 +1,8 @@
 """One implicit stage: x = x_hat + p·a, v = v_hat + q·a, solved for a by semismooth Newton.
 
 The tension-only energy is convex in a, so there is one minimum. A stage is accepted when every
-tension is what the linearisation expected of it; from the fourth correction on a secant line
+tension is what the linearisation expected of it and, where an effect's loads come and go, every
+node is in balance; from the fourth correction on a secant line
 search keeps Newton from overshooting between slack and taut (plain steps suffice before).
 """
 
@@ -20,7 +21,8 @@ from rope_twin.core.elastic import growth_of, stretch, stretch_corrected, stretc
 from rope_twin.core.elimination import eliminate
 from rope_twin.core.jit import LINKED, jit
 from rope_twin.core.prediction import correct, predict_bdf2, predict_trapezoid
-from rope_twin.core.state import ELEMENTS, SOLVES, SOLVES_MAX
+from rope_twin.core.rows import rows
+from rope_twin.core.state import ELEMENTS, RESIDUAL, SOLVES, SOLVES_MAX
 
 CAP = 12  # corrections before the step is halved instead
 # A row of slack elements is pulled taut one by one, a correction each: where the step is as short
@@ -52,6 +54,29 @@ def _choose_elimination(effects: Any, work: Any, first: Any, n: Any) -> Any:
 
 
 @jit
+def _is_balanced(rope: Any, stage: Any) -> bool:
+    """Whether no node is left with a force above the tolerance, all loads taken anew."""
+    _reload(rope, stage)
+    Rx, Ry, Rz = rows(rope.work, RESIDUAL, 0)
+    most = 0.0
+    for i in range(rope.model.first_free, rope.state.counts[ELEMENTS]):
+        most = max(most, Rx[i] * Rx[i] + Ry[i] * Ry[i] + Rz[i] * Rz[i])
+    return bool(most <= rope.model.tolerance * rope.model.tolerance)
+
+
+def _balances(effects: Any, rope: Any, stage: Any) -> Any:
+    """Whether the stage is solved as far as loads that come and go are concerned."""
+    return not terms.switches(map(type, effects)) or _is_balanced(rope, stage)
+
+
+@overload(_balances, jit_options=LINKED, strict=False)
+def _choose_balance(effects: Any, rope: Any, stage: Any) -> Any:
+    if terms.switches(effect.instance_class for effect in effects):
+        return lambda effects, rope, stage: _is_balanced(rope, stage)
+    return lambda effects, rope, stage: True
+
+
+@jit
 def solve_stage(rope: Any, stage: Any, kind: int, cap: int) -> int:
     """Find the acceleration; motion and tension then belong to the stage's time.
 
@@ -68,7 +93,7 @@ def solve_stage(rope: Any, stage: Any, kind: int, cap: int) -> int:
         state.health[SOLVES_MAX] = max(state.health[SOLVES_MAX], correction)
         if not isfinite(before):
             return NOT_FINITE
-        if unexpected == 0:
+        if unexpected == 0 and _balances(rope.effects, rope, stage):
             return CONVERGED
         _reload(rope, stage)
         if correction >= SEARCH_FROM:

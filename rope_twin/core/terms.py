@@ -45,6 +45,7 @@ from rope_twin.core.state import (
 
 HOOKS = ("flow", "load", "load_end", "couple", "pull")
 _KERNELS: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}
+_SWITCHING: set[type] = set()
 
 
 class Node(NamedTuple):
@@ -108,6 +109,16 @@ def kernel(hook: str, effect: type) -> Callable[[Any], Any]:
         return compiled
 
     return register
+
+
+def switching(effect: type) -> None:
+    """Say that an effect's loads come and go: tensions alone do not tell convergence."""
+    _SWITCHING.add(effect)
+
+
+def switches(kinds: Iterable[type]) -> bool:
+    """Whether one of these types of effects has loads that come and go."""
+    return any(kind in _SWITCHING for kind in kinds)
 
 
 def hooks_of(effect: type) -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from rope_twin.effects import added_mass, bending, current, drag, payload, waves, weight
+from rope_twin.effects import added_mass, bending, current, drag, payload, seabed, waves, weight
 
 
 class Surroundings(NamedTuple):
@@ -37,5 +37,6 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("drag", drag.DragParams, drag.build),
     Effect("added_mass", added_mass.AddedMassParams, added_mass.build),
     Effect("bending", bending.BendingParams, bending.build),
+    Effect("seabed", seabed.SeabedParams, seabed.build),
     Effect("payload", payload.PayloadParams, payload.build),
 )

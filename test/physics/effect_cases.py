@@ -25,6 +25,7 @@ from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import Jonswap, WavesParams
 from rope_twin.effects.weight import WeightParams
 from rope_twin.scene.build import build_effects
@@ -55,6 +56,9 @@ PARAMS: dict[str, Any] = {
     "drag": DragParams(normal=1.3, tangential=0.03),
     "added_mass": AddedMassParams(normal=1.4),
     "bending": BendingParams(stiffness_n_m2=5e3, clamped_along=(0.3, 0.1, -1.0)),
+    "seabed": SeabedParams(
+        depth_m=50.0, slope=(0.1, -0.05), stiffness_n_per_m3=1e4, damping_s_per_m=0.2, friction=0.0
+    ),
     "payload": PayloadParams(),
 }
 SMALL = Rig(

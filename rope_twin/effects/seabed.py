@@ -1,0 +1,290 @@
+"""The seabed: rope and payload rest on it, slide with friction, and lift off; it never pulls.
+
+Hunt and Crossley (1975): at the penetration d [m], normal to the bed, and the speed v_n away from
+it, N = k·d·(1 - χ·v_n), at least 0: continuous at touchdown and at lift-off, dissipative in
+between. k is the modulus of subgrade reaction [N/m³] times the rope's projected area d·l, or the
+payload's own stiffness. Friction is Coulomb's, μ·N against the sliding velocity v_t, regularised:
+μ·N·v_t/√(|v_t|² + v_0²) (Oden and Martins 1985).
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core.energy import account
+from rope_twin.core.jit import jit_entry, jit_within
+from rope_twin.core.rows import rows, span
+from rope_twin.core.state import BLOCK, POSITION, RESIDUAL, VELOCITY, Floats
+from rope_twin.core.terms import Load, kernel, switching
+from rope_twin.quantity import quantity, text
+
+CREEP = 0.01  # v_0: friction is within 0.5 % of μ·N from ten times this on [m/s]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Soundings:
+    """Depths on a grid, linear in between and level beyond it."""
+
+    x_m: tuple[float, ...] = quantity("east, rising", "m", -1e6, 1e6)
+    y_m: tuple[float, ...] = quantity("north, rising", "m", -1e6, 1e6)
+    depth_m: tuple[tuple[float, ...], ...] = quantity(
+        "a row for each y, a depth for each x", "m", 1.0, 12e3
+    )
+
+    def check(self) -> str | None:
+        """Order and shape."""
+        for name, axis in (("x_m", self.x_m), ("y_m", self.y_m)):
+            if len(axis) < 2:
+                return f"{name} has {len(axis)} values; give at least 2"
+            if any(b <= a for a, b in itertools.pairwise(axis)):
+                return f"{name} does not rise; order it"
+        sizes = {len(row) for row in self.depth_m}
+        if len(self.depth_m) != len(self.y_m) or sizes != {len(self.x_m)}:
+            return (
+                f"depth_m is {len(self.depth_m)} rows of {sorted(sizes)}; give {len(self.y_m)} rows"
+                f" of {len(self.x_m)}"
+            )
+        return None
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeabedParams:
+    """Where the bed is, exactly one of `depth_m` and `soundings`, and what it is like."""
+
+    depth_m: float | None = quantity("below the origin", "m", 1.0, 12e3, default=None)
+    slope: tuple[float, float] = quantity(
+        "rise of the bed per metre east, north", "", -1.0, 1.0, default=(0.0, 0.0)
+    )
+    soundings: Soundings | None = text("depths on a grid", None)
+    stiffness_n_per_m3: float = quantity(
+        "modulus of subgrade reaction: pressure under the rope over penetration", "N/m³", 1e2, 1e9,
+        default=1e5,
+    )  # fmt: skip
+    payload_penetration_m: float = quantity(
+        "how far the payload's weight in water sinks into it", "m", 1e-4, 5.0, default=0.05
+    )
+    damping_s_per_m: float = quantity("χ of N = k·d·(1 - χ·v)", "s/m", 0.0, 10.0, default=1.0)
+    friction: float = quantity("coefficient μ", "", 0.0, 2.0, default=0.5)
+
+    def check(self) -> str | None:
+        """One bed; slope belongs to a plane."""
+        if (self.depth_m is None) == (self.soundings is None):
+            given = "no depth" if self.depth_m is None else "two beds"
+            return f"{given}; give depth_m (with a slope, if any) or soundings"
+        if self.soundings is not None and self.slope != (0.0, 0.0):
+            return "soundings have their own slope; leave slope out"
+        return None
+
+
+class Soil(NamedTuple):
+    """What the bed is like."""
+
+    k: float  # [N/m³]
+    k_payload: float  # [N/m]
+    chi: float  # [s/m]
+    mu: float
+
+
+class Plane(NamedTuple):
+    """A plane bed z = height + east·x + north·y."""
+
+    height: float  # at the origin [m]
+    east: float
+    north: float
+    soil: Soil
+
+
+class Grid(NamedTuple):
+    """A bed of soundings."""
+
+    x: Floats  # (columns,)
+    y: Floats  # (rows,)
+    height: Floats  # z of the bed [m], (rows, columns)
+    soil: Soil
+
+
+def build(params: SeabedParams, payload: Any, around: Any) -> Plane | Grid:
+    """From the bed and the payload's weight in water."""
+    weight = 0.0
+    if payload is not None:
+        density, g = around.water_density_kg_per_m3, around.gravity_m_per_s2
+        weight = max((payload.mass_kg - density * payload.volume_m3) * g, 0.1 * payload.mass_kg * g)
+    soil = Soil(
+        params.stiffness_n_per_m3,
+        weight / params.payload_penetration_m,
+        params.damping_s_per_m,
+        params.friction,
+    )
+    if params.soundings is not None:
+        bed = params.soundings
+        return Grid(np.array(bed.x_m), np.array(bed.y_m), -np.array(bed.depth_m, dtype=float), soil)
+    assert params.depth_m is not None, "checked when it was read"
+    return Plane(-params.depth_m, params.slope[0], params.slope[1], soil)
+
+
+@jit_within
+def _plane_bed(bed: Any, x: float, y: float) -> Any:
+    """Height of the bed and its slopes, east and north."""
+    return bed.height + bed.east * x + bed.north * y, bed.east, bed.north
+
+
+@jit_within
+def _cell(axis: Any, at: float) -> Any:
+    """The cell that `at` lies in, and the share of it; both held at the ends."""
+    last = axis.shape[0] - 2
+    i = 0
+    while i < last and axis[i + 1] <= at:
+        i += 1
+    return i, min(max((at - axis[i]) / (axis[i + 1] - axis[i]), 0.0), 1.0)
+
+
+@jit_within
+def _grid_bed(bed: Any, x: float, y: float) -> Any:
+    """The same of a grid, bilinear within a cell."""
+    i, a = _cell(bed.x, x)
+    j, b = _cell(bed.y, y)
+    z00, z10 = bed.height[j, i], bed.height[j, i + 1]
+    z01, z11 = bed.height[j + 1, i], bed.height[j + 1, i + 1]
+    low, high = z00 + a * (z10 - z00), z01 + a * (z11 - z01)
+    inside_x = 1.0 if bed.x[0] < x < bed.x[-1] else 0.0
+    inside_y = 1.0 if bed.y[0] < y < bed.y[-1] else 0.0
+    east = ((1.0 - b) * (z10 - z00) + b * (z11 - z01)) / (bed.x[i + 1] - bed.x[i])
+    north = (high - low) / (bed.y[j + 1] - bed.y[j])
+    return low + b * (high - low), inside_x * east, inside_y * north
+
+
+@jit_within
+def _contact(soil: Any, k: float, place: Any, v: Any, stage: Any) -> Any:
+    """The bed's push on a node at height `above` it, as a Load.
+
+    place: (above, slope east, slope north). The block is p·k·(1 - χ·v_n) + q·χ·k·d along the normal
+    and q·μ·N/√(|v_t|² + v_0²) across it; dropped: the change of friction with N and of the root.
+    """
+    above, east, north = place
+    vx, vy, vz = v
+    nz = 1.0 / sqrt(1.0 + east * east + north * north)
+    nx, ny = -east * nz, -north * nz
+    d = max(-above * nz, 0.0)
+    away = vx * nx + vy * ny + vz * nz
+    gain = max(1.0 - soil.chi * away, 0.0)
+    push = k * d * gain
+    tx, ty, tz = vx - away * nx, vy - away * ny, vz - away * nz
+    rub = soil.mu * push / sqrt(tx * tx + ty * ty + tz * tz + CREEP * CREEP)
+    touches = 1.0 if push > 0.0 else 0.0
+    across = stage.q * rub
+    along = touches * (stage.p * k * gain + stage.q * soil.chi * k * d) - across
+    return Load(
+        push * nx - rub * tx, push * ny - rub * ty, push * nz - rub * tz,
+        across + along * nx * nx, along * nx * ny, along * nx * nz,
+        across + along * ny * ny, along * ny * nz, across + along * nz * nz,
+    )  # fmt: skip
+
+
+@jit_within
+def _at_node(soil: Any, place: Any, node: Any, stage: Any) -> Any:
+    k = soil.k * node.frontal
+    return _contact(soil, k, place, (node.vx, node.vy, node.vz), stage)
+
+
+@kernel("load", Plane)
+def plane_load(bed: Any, node: Any, stage: Any) -> Any:
+    """The push on a node of the rope."""
+    z, east, north = _plane_bed(bed, node.x, node.y)
+    return _at_node(bed.soil, (node.z - z, east, north), node, stage)
+
+
+@kernel("load", Grid)
+def grid_load(bed: Any, node: Any, stage: Any) -> Any:
+    """The push on a node of the rope."""
+    z, east, north = _grid_bed(bed, node.x, node.y)
+    return _at_node(bed.soil, (node.z - z, east, north), node, stage)
+
+
+@jit_within
+def _at_end(soil: Any, bed: Any, work: Any, stage: Any) -> None:
+    """The push on the payload."""
+    _, _, z = rows(work, POSITION, 0)
+    vx, vy, vz = rows(work, VELOCITY, 0)
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
+    height, east, north = bed
+    push = _contact(
+        soil, soil.k_payload, (z[0] - height, east, north), (vx[0], vy[0], vz[0]), stage
+    )
+    Rx[0] += push.x
+    Ry[0] += push.y
+    Rz[0] += push.z
+    Axx[0] += push.xx
+    Axy[0] += push.xy
+    Axz[0] += push.xz
+    Ayy[0] += push.yy
+    Ayz[0] += push.yz
+    Azz[0] += push.zz
+
+
+@kernel("load_end", Plane)
+def plane_load_end(bed: Any, work: Any, stage: Any) -> None:
+    """The push on the payload."""
+    x, y, _ = rows(work, POSITION, 0)
+    _at_end(bed.soil, _plane_bed(bed, x[0], y[0]), work, stage)
+
+
+@kernel("load_end", Grid)
+def grid_load_end(bed: Any, work: Any, stage: Any) -> None:
+    """The push on the payload."""
+    x, y, _ = rows(work, POSITION, 0)
+    _at_end(bed.soil, _grid_bed(bed, x[0], y[0]), work, stage)
+
+
+def _pushed(bed: Any, k: Any, place: Any) -> Any:
+    """Push and friction on nodes, (3, nodes), for stiffnesses k (nodes,) [N/m]."""
+    z, v = place.position[2], place.velocity
+    found = [_bed_at(bed, float(x), float(y)) for x, y in place.position[:2].T]
+    height, east, north = np.array(found).T
+    nz = 1.0 / np.sqrt(1.0 + east * east + north * north)
+    normal = np.stack([-east * nz, -north * nz, nz])
+    away = (v * normal).sum(axis=0)
+    soil = bed.soil
+    push = k * np.maximum((height - z) * nz, 0.0) * np.maximum(1.0 - soil.chi * away, 0.0)
+    sliding = v - away * normal
+    speed = np.sqrt((sliding * sliding).sum(axis=0) + CREEP * CREEP)
+    return push * normal - soil.mu * push / speed * sliding
+
+
+def _bed_at(bed: Plane | Grid, x: float, y: float) -> tuple[float, float, float]:
+    """Height of the bed [m] and its slopes, for Python."""
+    if isinstance(bed, Plane):
+        return bed.height + bed.east * x + bed.north * y, bed.east, bed.north
+    found = _find_grid_bed(bed, x, y)
+    return found[0], found[1], found[2]
+
+
+@jit_entry
+def _find_grid_bed(bed: Any, x: float, y: float) -> Any:
+    return _grid_bed(bed, x, y)
+
+
+def clearance(bed: Plane | Grid, position: Floats) -> Floats:
+    """Height above the bed [m], (n,), of positions (3, n); negative where they sink in."""
+    return np.array([z - _bed_at(bed, x, y)[0] for x, y, z in position.T.tolist()])
+
+
+def power(bed: Any, place: Any) -> Any:
+    """Push and friction times velocity [W]; what the soil stores is given back to the rope."""
+    return (_pushed(bed, bed.soil.k * place.frontal, place) * place.velocity).sum(axis=0)
+
+
+def power_end(bed: Any, place: Any) -> Any:
+    """The same of the payload [W]."""
+    return (_pushed(bed, bed.soil.k_payload, place) * place.velocity).sum(axis=0)
+
+
+for _kind in (Plane, Grid):
+    switching(_kind)
+    account("power", _kind)(power)
+    account("power_end", _kind)(power_end)
