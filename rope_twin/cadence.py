@@ -7,10 +7,13 @@ n-th, n chosen so that the topic is never slower than the table says (if slots a
 from __future__ import annotations
 
 from rope_twin.topics import TOPICS
+from rope_twin.twin.snapshot import Snapshot
 
-SNAPSHOT_TOPICS = tuple(
+_FROM_SNAPSHOT = tuple(
     topic for topic in TOPICS if topic.publisher == "simulation" and topic.rate_hz >= 5.0
 )
+SNAPSHOT_TOPICS = tuple(topic for topic in _FROM_SNAPSHOT if not topic.only_with)
+EXTRA_TOPICS = tuple(topic for topic in _FROM_SNAPSHOT if topic.only_with)
 DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 
 
@@ -19,6 +22,13 @@ def every(rate_hz: float, slot_ns: int) -> int:
     return max(1, int(1e9 / (rate_hz * slot_ns) + 1e-9))
 
 
-def due_topics(slot: int, slot_ns: int) -> list[str]:
-    """Names of the topics made from the snapshot at the end of a slot (the first is slot 1)."""
-    return [topic.name for topic in SNAPSHOT_TOPICS if slot % every(topic.rate_hz, slot_ns) == 0]
+def due_topics(slot: int, slot_ns: int, snapshot: Snapshot | None = None) -> list[str]:
+    """Names of the topics made from the snapshot at the end of a slot (the first is slot 1).
+
+    Without the snapshot: those that every one has.
+    """
+    topics = SNAPSHOT_TOPICS
+    if snapshot is not None:
+        given = (t for t in EXTRA_TOPICS if getattr(snapshot, t.only_with) is not None)
+        topics = (*SNAPSHOT_TOPICS, *given)
+    return [topic.name for topic in topics if slot % every(topic.rate_hz, slot_ns) == 0]

@@ -29,6 +29,7 @@ class Topic:
     rate_hz: float  # nominal; 0: on change
     publisher: str  # node that publishes it in the suite
     about: str
+    only_with: str = ""  # field of a Snapshot without which there is nothing to publish
 
 
 TOPICS: tuple[Topic, ...] = (
@@ -48,6 +49,9 @@ TOPICS: tuple[Topic, ...] = (
     Topic("tension_top_error_pct", "std_msgs/msg/Float64", Qos.STREAM, 50.0, "simulation",
           "what its rms error is at most, by the scene's card [% of its standard deviation]; NaN: "
           "unknown"),
+    Topic("tension_top/band", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
+          "where the converged top tension lies: effort low, high [N]; with an error band only",
+          only_with="band"),
     Topic("tension_payload", "std_msgs/msg/Float64", Qos.STREAM, 50.0, "simulation",
           "tension at the payload [N]"),
     Topic("hang_off/wrench", "geometry_msgs/msg/WrenchStamped", Qos.STREAM, 50.0, "simulation",

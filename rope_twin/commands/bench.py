@@ -1,4 +1,4 @@
-"""`rope_twin bench speed | order | ensemble | statics | report`: how fast, how right, and why.
+"""`rope_twin bench speed | order | ensemble | statics | band | report`: how fast, how right.
 
 A speed is never told without its error. `report` writes docs/performance.md from both.
 """
@@ -13,14 +13,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TextIO
 
-from rope_twin.studies import ensemble_speed, orders, performance_page, speed, statics_speed
+from rope_twin.studies import band, ensemble_speed, orders, performance_page, speed, statics_speed
 from rope_twin.studies.order_picture import check_picture, draw_orders
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add `bench` with its five actions."""
+    """Add `bench` with its actions."""
     parser = subparsers.add_parser("bench", help="how fast the solver is, and how right")
-    names = "speed | order | ensemble | statics | report"
+    names = "speed | order | ensemble | statics | band | report"
     actions = parser.add_subparsers(dest="action", required=True, metavar=names)
     fast = actions.add_parser(
         "speed",
@@ -35,11 +35,17 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         help="a thousand ropes together, beside one alone; some run again alone for equality",
     )
     rest = actions.add_parser("statics", help="time to come to rest, from good and bad guesses")
-    for action in (fast, right, many, rest):
+    live = actions.add_parser(
+        "band",
+        help="whether the live error band holds, and what it costs, in every scene",
+        description="Runs the scenes with an error band and beside them references on four times "
+        "the elements with a quarter of the step (some five minutes).",
+    )
+    for action in (fast, right, many, rest, live):
         action.add_argument("--json", action="store_true", help="one JSON object instead of tables")
     page = actions.add_parser("report", help="both, as performance.md and its picture")
     page.add_argument("--into", type=Path, default=Path("docs"), metavar="DIR", help="where to")
-    for action in (fast, right, many, rest, page):
+    for action in (fast, right, many, rest, live, page):
         action.add_argument("--quick", action="store_true", help="a few small cases, for a test")
     parser.set_defaults(run=run)
 
@@ -55,6 +61,8 @@ def run(args: argparse.Namespace) -> int:
         return _ensemble(args, progress)
     if args.action == "statics":
         return _statics(args)
+    if args.action == "band":
+        return _band(args, progress)
     check_picture(args.into / performance_page.PICTURE)
     fast = speed.measure_speed(speed.QUICK if args.quick else speed.FULL, progress.show)
     curves = orders.measure_orders(orders.QUICK if args.quick else orders.FULL, progress.show)
@@ -114,6 +122,16 @@ def _statics(args: argparse.Namespace) -> int:
     else:
         print_table(statics_speed.statics_table(rows))
     return 0 if all(row["found"] for row in rows) else 1
+
+
+def _band(args: argparse.Namespace, progress: Progress) -> int:
+    cases = band.QUICK if args.quick else band.FULL
+    rows = list(band.measure_bands(cases, progress.show))
+    if args.json:
+        print(json.dumps({"rows": [asdict(row) for row in rows]}, allow_nan=False))
+    else:
+        print_table(band.band_table(rows))
+    return 0
 
 
 def print_table(rows: Sequence[Sequence[str]]) -> None:

@@ -14,7 +14,7 @@ from rope_twin.messages import forms
 from rope_twin.messages.cdr import new, serialise
 from rope_twin.scene.card import KnownError
 from rope_twin.twin.pacing import PacingHealth
-from rope_twin.twin.snapshot import EnergyBalance, InputHealth, Snapshot
+from rope_twin.twin.snapshot import EnergyBalance, InputHealth, Snapshot, TensionBand
 
 HARDWARE_ID = "rope_twin"
 GAIN_PCT = 0.1  # of the energy exchanged: what integrating the work may be wrong by
@@ -42,7 +42,7 @@ class Status:
 def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
     """The state of solver, accuracy, pacing (None: not paced), winch, start-up and every input.
 
-    And the energy balance, if the run keeps one.
+    And the energy balance and the error band, if the run keeps them.
     """
     rows = [
         _solver(snapshot),
@@ -54,6 +54,8 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
         rows.append(_pacing(pacing))
     if snapshot.energy is not None:
         rows.append(_energy(snapshot.energy))
+    if snapshot.band is not None:
+        rows.append(_band(snapshot.tension_top_n, snapshot.band))
     rows += [_input(name, health) for name, health in snapshot.inputs.items()]
     return rows
 
@@ -177,6 +179,19 @@ def _energy(balance: EnergyBalance) -> Status:
             values,
         )  # fmt: skip
     return Status("simulation: energy", Level.OK, f"residual {share}", values)
+
+
+def _band(tension_n: float, band: TensionBand) -> Status:
+    values = {
+        "low [N]": f"{band.low_n:.6g}",
+        "high [N]": f"{band.high_n:.6g}",
+        "bound of the error [N]": f"{band.bound_n:.3g}",
+        "more time [%]": f"{band.cost_pct:.0f}",
+    }
+    if tension_n > 0.0:
+        values["bound of the error [% of the tension]"] = f"{100.0 * band.bound_n / tension_n:.3g}"
+    message = f"the top tension is within {band.bound_n:.3g} N of the converged one"
+    return Status("simulation: error band", Level.OK, message, values)
 
 
 def _pacing(pacing: PacingHealth) -> Status:

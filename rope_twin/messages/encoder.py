@@ -30,12 +30,14 @@ class Encoder:
         self._number = Template(forms.number())
         self._wrench = Template(forms.wrench(frame_id))
         self._odometry = Template(forms.odometry(frame_id, "payload"))
+        self._band = Template(forms.range_of("tension_top"))
         self._winch = Template(forms.joint("winch", 1, 1, 1))
         self._sized: dict[str, tuple[object, Template]] = {}
         self._scale_n = 0.0
         self._encoders: dict[str, Callable[[Snapshot], bytes]] = {
             "tension_top": self._tension_top,
             "tension_top_error_pct": self._tension_top_error,
+            "tension_top/band": self._tension_top_band,
             "tension_payload": self._tension_payload,
             "hang_off/wrench": self._hang_off_wrench,
             "tension": self._tension,
@@ -84,6 +86,12 @@ class Encoder:
 
     def _tension_top_error(self, snapshot: Snapshot) -> bytes:
         return self._number.fill({"data": snapshot.card_error.rms_pct})
+
+    def _tension_top_band(self, snapshot: Snapshot) -> bytes:
+        band = snapshot.band
+        if band is None:
+            raise InputError(phrase("encode", "the snapshot has no error band", "ask for one"))
+        return self._band.fill({**self._stamp(snapshot), "effort": [band.low_n, band.high_n]})
 
     def _tension_payload(self, snapshot: Snapshot) -> bytes:
         return self._number.fill({"data": snapshot.tension_payload_n})

@@ -91,6 +91,18 @@ def joint(name: str, position: int, velocity: int, effort: int) -> Any:
     )
 
 
+def range_of(quantity: str) -> Any:
+    """Low and high of a quantity, as the efforts of a joint state: it has names and a stamp."""
+    return new(
+        "sensor_msgs/msg/JointState",
+        header=header(""),
+        name=[f"{quantity}_low", f"{quantity}_high"],
+        position=np.zeros(0),
+        velocity=np.zeros(0),
+        effort=np.zeros(2),
+    )
+
+
 def row_of_numbers(label: str, count: int) -> Any:
     dimension = new("std_msgs/msg/MultiArrayDimension", label=label, size=count, stride=count)
     layout = new("std_msgs/msg/MultiArrayLayout", dim=[dimension], data_offset=0)

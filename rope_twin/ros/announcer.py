@@ -63,7 +63,7 @@ class Announcer:
                 return
 
     def _announce(self, encoder: Encoder, snapshot: Snapshot) -> None:
-        for name in due_topics(snapshot.step // self._steps_per_slot, self._slot_ns):
+        for name in due_topics(snapshot.step // self._steps_per_slot, self._slot_ns, snapshot):
             try:
                 self._publish(name, encoder.encode(name, snapshot))
             except Exception as error:

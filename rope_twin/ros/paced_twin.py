@@ -21,7 +21,7 @@ from rope_twin.ros.inputs import read_current, read_heave, read_speed
 from rope_twin.ros.params import SimulationParams
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.keeper import Keeper, SavingHealth
-from rope_twin.twin.ledger import AccountedTwin
+from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.pacing import Handover, Pacer, PacingHealth, handover_depth, steps_in_slot
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
@@ -209,7 +209,7 @@ class PacedTwin:
 
 def _begin(scene: Scene, params: SimulationParams) -> tuple[Twin, str]:
     """The twin at rest or at the state to go on from, and which it is, in words."""
-    kind = AccountedTwin if params.energy else Twin
+    kind = twin_kind(params.energy, params.error_band)
     if not params.start_from:
         return kind(scene), "beginning at rest"
     path = Path(params.start_from).resolve()

@@ -53,6 +53,7 @@ def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
         "energy": options.energy,
         "elements": options.elements or 0,
         "step_s": options.step_s or 0.0,
+        "error_band": options.error_band,
         **speed,
     }
     return nodes

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -91,10 +91,9 @@ class AccountedTwin(Twin):
         self._ledger = self._opened()
 
     @classmethod
-    def restore(cls, saved: str | Path | SavedState, scene: Scene) -> AccountedTwin:
+    def restore(cls, saved: str | Path | SavedState, scene: Scene) -> Self:
         """As for a twin."""
         twin = super().restore(saved, scene)
-        assert isinstance(twin, AccountedTwin)
         twin._ledger = twin._opened()
         return twin
 

@@ -84,6 +84,16 @@ class EnergyBalance:
 
 
 @dataclass(frozen=True)
+class TensionBand:
+    """Where the top tension of a converged solution lies, 95 % of the time (twin/error_band.py)."""
+
+    low_n: float
+    high_n: float
+    bound_n: float  # of the error of tension_top_n; low_n is not below 0
+    cost_pct: float  # time that the band has taken, of the time that all else took
+
+
+@dataclass(frozen=True)
 class Snapshot:
     """One instant of the twin. Rows run from the hang-off (row 0) down to the payload.
 
@@ -116,6 +126,7 @@ class Snapshot:
     inputs: dict[str, InputHealth] = field(default_factory=dict)  # heave, winch_command, current
     card_error: KnownError = field(default_factory=KnownError)  # of the top tension
     energy: EnergyBalance | None = None  # only of a run that keeps a ledger
+    band: TensionBand | None = None  # only of a run that asks for it, once it is known
 
     @property
     def time_s(self) -> float:

@@ -11,7 +11,7 @@ import copy
 import threading
 import time
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -144,7 +144,7 @@ class Twin:
         self.capture().write(Path(path))
 
     @classmethod
-    def restore(cls, saved: str | Path | SavedState, scene: Scene) -> Twin:
+    def restore(cls, saved: str | Path | SavedState, scene: Scene) -> Self:
         """A twin that goes on from a saved state (or the file of one) of this scene.
 
         Raises:

@@ -19,6 +19,11 @@ CURVES = (
     ("plots/line_out", "line out", "f2a65a"),
     ("plots/real_time_factor", "real-time factor", "c0c0c8"),
 )
+# edges of the band around the tension at the top, only where a run keeps one
+BAND_CURVES = (
+    ("plots/tension/top/low", "least it may be", "8d8432"),
+    ("plots/tension/top/high", "most it may be", "8d8432"),
+)
 # entities, title and share of the height of each plot
 _PLOTS = (
     ("plots/tension/top", "Tension at the top [kN]", 4),

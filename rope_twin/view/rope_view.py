@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages.colours import scale_above
 from rope_twin.messages.forms import NANOSECONDS, POINT_BYTES
-from rope_twin.view.blueprint import CURVES, LOG, OVERVIEW, PROFILE, SURFACE, layout
+from rope_twin.view.blueprint import BAND_CURVES, CURVES, LOG, OVERVIEW, PROFILE, SURFACE, layout
 from rope_twin.view.overview import Overview
 from rope_twin.view.profile import Profile
 from rope_twin.view.series import FILE_BATCH_NS, LIVE_BATCH_NS, Series
@@ -21,8 +21,8 @@ from rope_twin.view.ticks import decade_range
 from rope_twin.view.timelines import Timelines
 
 SHOWN_TOPICS = (
-    "twin/epoch", "winch/state", "tension", "rope/nodes", "ship/heave", "sea/elevation",
-    "diagnostics",
+    "twin/epoch", "winch/state", "tension_top/band", "tension", "rope/nodes", "ship/heave",
+    "sea/elevation", "diagnostics",
 )  # fmt: skip
 PICTURE_NS = NANOSECONDS // 10  # ropes and sea are drawn at most 10 times a second
 _EPOCH_WITHIN_NS = 2 * NANOSECONDS  # so long the first messages wait for twin/epoch
@@ -51,6 +51,7 @@ class RopeView:
         self._told: dict[str, tuple[int, str]] = {}
         self._show: dict[str, Callable[[Any, int], None]] = {
             "winch/state": self._winch_state,
+            "tension_top/band": self._band,
             "tension": self._tension,
             "rope/nodes": self._rope_nodes,
             "ship/heave": self._heave,
@@ -100,13 +101,17 @@ class RopeView:
 
     def _begin(self, epoch_ns: int) -> None:
         self._timelines = Timelines(self._sink.stream, epoch_ns)
-        batch_ns = LIVE_BATCH_NS if self._sink.live else FILE_BATCH_NS
         for path, name, rgb in CURVES:
-            self._series[path] = Series(self._sink.stream, self._timelines, path, batch_ns)
-            self._series[path].style(name, rgb)
+            self._add_curve(path, name, rgb)
         waiting, self._waiting = self._waiting, []
         for name, message, time_ns in waiting:
             self._show[name](message, time_ns)
+
+    def _add_curve(self, path: str, name: str, rgb: str) -> None:
+        assert self._timelines is not None
+        batch_ns = LIVE_BATCH_NS if self._sink.live else FILE_BATCH_NS
+        self._series[path] = Series(self._sink.stream, self._timelines, path, batch_ns)
+        self._series[path].style(name, rgb)
 
     def _is_time(self, what: str, time_ns: int) -> bool:
         """Whether to draw again; also after a jump back (a bag that starts anew)."""
@@ -123,6 +128,12 @@ class RopeView:
             self._series["plots/line_out"].add(time_ns, float(message.position[0]))
         if len(message.effort):
             self._series["plots/tension/top"].add(time_ns, float(message.effort[0]) / 1000.0)
+
+    def _band(self, message: Any, time_ns: int) -> None:
+        for (path, name, rgb), force in zip(BAND_CURVES, message.effort, strict=True):
+            if path not in self._series:
+                self._add_curve(path, name, rgb)
+            self._series[path].add(time_ns, float(force) / 1000.0)
 
     def _tension(self, message: Any, time_ns: int) -> None:
         self._elements_n = np.asarray(message.data, dtype=np.float64)

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections import Counter
+from types import SimpleNamespace
 
 import pytest
 
-from rope_twin.cadence import SNAPSHOT_TOPICS, due_topics
+from rope_twin.cadence import EXTRA_TOPICS, SNAPSHOT_TOPICS, due_topics
 from rope_twin.messages import Encoder
 from rope_twin.topics import BY_NAME
 
 
 def test_the_topics_made_from_snapshots_are_those_that_the_encoder_knows() -> None:
-    assert {topic.name for topic in SNAPSHOT_TOPICS} == set(Encoder(0).topics)
+    made = {topic.name for topic in (*SNAPSHOT_TOPICS, *EXTRA_TOPICS)}
+    assert made == set(Encoder(0).topics)
 
 
 @pytest.mark.parametrize("slot_ms", [5, 10, 12, 18, 20])
@@ -31,3 +33,8 @@ def test_in_a_slot_of_20_ms_scalars_come_each_time_and_arrays_every_second() -> 
     assert "tension" not in due_topics(1, 20_000_000)
     assert "tension_top" in due_topics(1, 20_000_000)
     assert {topic.name for topic in SNAPSHOT_TOPICS} == set(due_topics(2, 20_000_000))
+
+
+def test_the_error_band_is_published_only_where_there_is_one() -> None:
+    assert "tension_top/band" in due_topics(1, 20_000_000, SimpleNamespace(band=object()))
+    assert due_topics(1, 20_000_000, SimpleNamespace(band=None)) == due_topics(1, 20_000_000)

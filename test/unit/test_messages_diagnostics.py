@@ -24,7 +24,7 @@ def row(part: str, snapshot: Snapshot, pacing: PacingHealth | None = GOOD) -> St
 def test_all_is_well_when_all_is_well() -> None:
     rows = statuses(hanging_rope(), GOOD)
     assert {r.level for r in rows} == {Level.OK}
-    assert len({r.name for r in rows}) == len(rows) == 6
+    assert len({r.name for r in rows}) == len(rows) == 7
 
 
 def test_a_doubtful_step_is_an_error_and_a_past_one_a_warning() -> None:
@@ -79,6 +79,14 @@ def test_pacing(health: PacingHealth, level: Level, words: str) -> None:
 
 def test_an_unpaced_run_has_no_pacing_row() -> None:
     assert not [r for r in statuses(hanging_rope(), None) if "pacing" in r.name]
+
+
+def test_the_error_band_is_told_where_there_is_one() -> None:
+    assert not [r for r in statuses(replace(hanging_rope(), band=None), GOOD) if "band" in r.name]
+    told = row("error band", hanging_rope())
+    assert told.level is Level.OK
+    assert told.message == "the top tension is within 40 N of the converged one"
+    assert told.values["more time [%]"] == "25"
 
 
 def test_the_energy_balance_is_told_where_there_is_one() -> None:

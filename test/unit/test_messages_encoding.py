@@ -92,7 +92,17 @@ def wrench(snapshot: Snapshot) -> object:
     return made("geometry_msgs/msg/WrenchStamped", header=header(snapshot, "sea"), wrench=parts)
 
 
+def band(snapshot: Snapshot) -> object:
+    assert snapshot.band is not None
+    return made(
+        "sensor_msgs/msg/JointState", header=header(snapshot, ""),
+        name=["tension_top_low", "tension_top_high"], position=np.zeros(0), velocity=np.zeros(0),
+        effort=np.array([snapshot.band.low_n, snapshot.band.high_n]),
+    )  # fmt: skip
+
+
 BY_OBJECTS = {
+    "tension_top/band": band,
     "tension_top": lambda s: made("std_msgs/msg/Float64", data=s.tension_top_n),
     "tension_payload": lambda s: made("std_msgs/msg/Float64", data=s.tension_payload_n),
     "hang_off/wrench": wrench,

@@ -128,6 +128,26 @@ def test_every_scalar_is_kept_and_ropes_are_drawn_ten_times_a_second(session: Se
     assert np.diff(drawn).min() > 0.0999
 
 
+def test_a_band_around_the_tension_is_drawn_with_it_where_there_is_one(session: Session) -> None:
+    """Both edges lie below the entity of the top tension, so that one plot shows all three."""
+    session.epoch()
+    session.rope(1.0)
+    shot = hanging_rope(21, time_s=1.0)
+    assert shot.band is not None
+    session.show("tension_top/band", session.encoder.encode("tension_top/band", shot), EPOCH_NS)
+    found = session.finish()
+    for edge, force_n in (("low", shot.band.low_n), ("high", shot.band.high_n)):
+        drawn = found.column(f"plots/tension/top/{edge}", "Scalars:scalars")
+        assert drawn == [[pytest.approx(force_n / 1e3)]]
+        assert found.seconds(f"plots/tension/top/{edge}") == pytest.approx([1.0])
+
+
+def test_without_a_band_nothing_of_it_is_drawn(session: Session) -> None:
+    session.epoch()
+    session.rope(1.0)
+    assert not [name for name in session.finish().entities if name.startswith("plots/tension/top/")]
+
+
 def test_times_are_those_of_the_stamps_since_the_epoch(session: Session) -> None:
     session.epoch()
     for k in range(5):

@@ -37,6 +37,7 @@ class RunOptions:
     elements: int | None = None  # in place of the scene's; None: the scene's
     step_s: float | None = None  # likewise
     chosen: str = ""  # why these, in one sentence
+    error_band: bool = False  # keep a band around the top tension
 
     @property
     def failure_folder(self) -> Path:
@@ -142,6 +143,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="take the most accurate ones that need this share of one core here, like 30%%",
     )
     add("--of", metavar="QUANTITY", help="whose error that is (default: tension_rms)")
+    add(
+        "--error-band",
+        action="store_true",
+        help="keep a band around the top tension in which the converged one lies (half as much "
+        "work again)",
+    )
     add("--processes", action="store_true", help="each node as a process of its own")
     add("--json", action="store_true", help="last line of the output: one JSON object")  # fmt: skip
 
@@ -182,6 +189,7 @@ def read_options(args: argparse.Namespace) -> RunOptions:
         start_from=args.start_from and Path(args.start_from).resolve(),
         begins_s=begin.time_s if begin else 0.0,
         energy=args.energy,
+        error_band=args.error_band,
     )
 
 

@@ -50,6 +50,7 @@ class RunSummary:
     view: str | None = None
     state: str | None = None  # file with the saved state
     energy: dict[str, float] | None = None  # EnergyBalance.figures; None: not asked for
+    error_band: dict[str, float] | None = None  # TensionBand's figures; None: not asked for
 
     def as_json(self) -> str:
         """One line."""
@@ -88,6 +89,12 @@ class RunSummary:
             lines.append(
                 f"energy: {self.energy['exchanged_j']:.4g} J exchanged, residual "
                 f"{numerical:.3g} J ({part:.2g} %; dissipated numerically if positive)"
+            )
+        if self.error_band is not None:
+            lines.append(
+                f"error band: top tension now {_kn(self.error_band['low_n'])} to "
+                f"{_kn(self.error_band['high_n'])} (±{self.error_band['bound_n']:.3g} N); it took "
+                f"{self.error_band['cost_pct']:.0f} % more time"
             )
         lines += [f"bag {self.bag}"] if self.bag else []
         lines += [f"view {self.view}"] if self.view else []
@@ -160,6 +167,7 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         speed=pacing.speed if pacing else 0.0,
         error=pacing.error if pacing else "",
         energy=snapshot.energy.figures() if snapshot.energy else None,
+        error_band=dataclasses.asdict(snapshot.band) if snapshot.band else None,
     )
 
 

@@ -34,11 +34,10 @@ from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
 from rope_twin.topics import TOPICS
-from rope_twin.twin.ledger import AccountedTwin
+from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.pacing import keep_pauses_short, steps_in_slot
 from rope_twin.twin.schedule import schedule_samples
 from rope_twin.twin.snapshot import Snapshot
-from rope_twin.twin.twin import Twin
 
 BLIND_S = 1.0  # steps without a look at the rope, where only the speed is wanted
 
@@ -60,7 +59,7 @@ class UnpacedRun:
         self._sea = open_sea(scene, options.bag, options.topic, options.bag_start_s)
         self._options = options
         start = options.start_from
-        kind = AccountedTwin if options.energy else Twin
+        kind = twin_kind(options.energy, options.error_band)
         self.twin = kind(scene) if start is None else kind.restore(start, scene)
         self.twin.failure_folder = options.failure_folder
         self.epoch_ns = time.time_ns() - self.twin.time_ns if epoch_ns is None else epoch_ns
@@ -87,7 +86,7 @@ class UnpacedRun:
         while self._inputs and self._inputs[0][0] < snapshot.stamp_ns:
             self._record([self._inputs.popleft()])
         if self._bag is not None:
-            for name in due_topics(slot, self._slot_ns):
+            for name in due_topics(slot, self._slot_ns, snapshot):
                 data = self._encoder.encode(name, snapshot)
                 self._record([(snapshot.stamp_ns, name, data)])
         if snapshot.stamp_ns - self._told_ns >= DIAGNOSTICS_PERIOD_NS:
@@ -158,7 +157,7 @@ def measure_alone(options: RunOptions, time_s: float) -> float:
     In a paced run every slot begins with what other programs left in the processor's caches, which
     costs a short step several times its own work; `RunSummary.paced_real_time_factor` has that.
     """
-    run = UnpacedRun(replace(options, record=None, energy=False))
+    run = UnpacedRun(replace(options, record=None, energy=False, error_band=False))
     run.twin.failure_folder = None
     end_ns = run.twin.time_ns + time_s * 1e9
     factors = []

@@ -1,0 +1,81 @@
+"""Tension of a rope's elements in numpy, and the length offsets that make it what it is to be.
+
+The same formulas as `core.elastic.stretch`, for the rare moments between steps in which a state is
+carried over to other elements.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.law import hold
+from rope_twin.core.sections import SAME_PLACE
+from rope_twin.core.state import Floats, Ints, Rope, State, Table
+
+HALVINGS = 60
+
+
+class Elements(NamedTuple):
+    """Elements from the lower end up, (elements,) each."""
+
+    rest: Floats  # unstretched length [m]
+    section: Ints  # which of the rope's sections
+    direction: Floats  # (3, elements), upward
+    length: Floats  # [m]
+    damper: Floats  # what the damper adds to the tension [N]
+
+
+def elements_of(state: State, sections: Floats, payout_m_per_s: float) -> Elements:
+    """The elements of a state; the top one grows at the payout speed."""
+    n = int(state.counts[rows.ELEMENTS])
+    s = state.s[: n + 1]
+    rest = np.diff(s)
+    section = np.searchsorted(sections[rows.END], s[:-1] + SAME_PLACE, side="right")
+    span = np.diff(state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1], axis=1)
+    length = np.sqrt((span * span).sum(axis=0) + 1e-16 * rest * rest)
+    direction = span / length
+    apart = np.diff(state.nodes[rows.VELOCITY : rows.VELOCITY + 3, : n + 1], axis=1)
+    rate = (direction * apart).sum(axis=0)
+    rate[-1] -= payout_m_per_s / rest[-1] * length[-1]
+    return Elements(rest, section, direction, length, sections[rows.C][section] / rest * rate)
+
+
+def tensions(rope: Rope, of: Elements, offset: Floats) -> Floats:
+    """Tension [N] of elements with these length offsets [m]; 0 where slack."""
+    strain = (of.length + offset - of.rest) / of.rest
+    stiffness = rope.sections[rows.EA][of.section]
+    elastic = np.where(strain < 0.0, stiffness * strain, 0.0)
+    elastic += hold(rope.law, stiffness, of.section, strain)[0]
+    pull: Floats = np.maximum(elastic + of.damper, 0.0)
+    return pull
+
+
+def offsets_for(rope: Rope, of: Elements, wanted_n: Floats) -> Floats:
+    """Length offsets [m] with which elements have these tensions; NaN: no offset."""
+    stiffness = rope.sections[rows.EA][of.section]
+    elastic = wanted_n - of.damper
+    strain = elastic / stiffness
+    if rope.law is not None:
+        taut = elastic > 0.0
+        strain = np.where(taut, _strains(rope.law, of.section, np.maximum(elastic, 0.0)), strain)
+    offset = of.rest * (1.0 + strain) - of.length
+    found: Floats = np.where(np.isnan(wanted_n), 0.0, offset)
+    return found
+
+
+def _strains(law: Table, section: Ints, elastic_n: Floats) -> Floats:
+    """Strains at which a table holds these tensions, by halving: it rises everywhere."""
+    high = np.full(len(elastic_n), 1e-3)
+    unused = np.zeros(len(elastic_n))
+    while np.any(short := hold(law, unused, section, high)[0] < elastic_n):
+        high = np.where(short, 2.0 * high, high)
+    low = np.zeros(len(elastic_n))
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        less = hold(law, unused, section, middle)[0] < elastic_n
+        low, high = np.where(less, middle, low), np.where(less, high, middle)
+    strain: Floats = 0.5 * (low + high)
+    return strain

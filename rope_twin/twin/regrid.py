@@ -1,0 +1,270 @@
+"""The same rope on half or twice as many elements: the state is carried over, the physics stays.
+
+Coarser: nodes are dropped in turn, those that stay keep place and mark. A dropped node's mass,
+momentum and inertia go to its neighbours by the lever rule, and a new element pulls with the mean
+of the two that it replaces: so the balance of the nodes that stay is the sum of those before, no
+momentum is lost, and kinetic energy can only fall (the square of a weighted mean is at most the
+mean of the squares). Finer: a node comes back at its old mark, else elements are divided evenly,
+with interpolated velocity; tension then changes along the old element as the loads at its ends say.
+
+Where a bent pair becomes a chord, or a chord a bent pair, the length differs. As at the sheave
+(`core.payout`), a length offset makes an element's tension what it is to be, and fades.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.sections import SAME_PLACE
+from rope_twin.core.state import Floats, Ints, Model, Rope, State, new_state, new_work
+from rope_twin.core.terms import work_rows
+from rope_twin.effects.payload import Payload
+from rope_twin.twin.elements import Elements, elements_of, offsets_for, tensions
+
+SPARE = 12  # nodes of a coarser rope beyond half the room: events, trial nodes, an odd one
+LEAST_PART = 0.25  # of the even share: a mark that is nearer to a node than this is not used again
+LONG = 1.5  # times the length that the sheave makes: such an element without a mark is divided
+SAG_LIMIT = 0.05  # of a part's length; as in payout, a node farther off stays on the chord
+_X, _V, _A = (slice(k, k + 3) for k in (rows.POSITION, rows.VELOCITY, rows.ACCELERATION))
+
+
+@dataclass(frozen=True)
+class HangOff:
+    """What the new elements have to fit at the upper end."""
+
+    pull_n: Floats  # the rope's pull on the hang-off, (3,) x, y, z
+    payout_m_per_s: float
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Which elements a rope is made of: what it takes to come back to them."""
+
+    model: Model
+    room: int  # nodes that the arrays hold
+    marks_m: Floats  # material coordinates of the nodes below the hang-off
+
+
+def grid_of(rope: Rope) -> Grid:
+    """The grid that a rope is on."""
+    n = int(rope.state.counts[rows.ELEMENTS])
+    return Grid(rope.model, rope.state.s.shape[0], rope.state.s[:n].copy())
+
+
+def coarser(rope: Rope, at: HangOff) -> Rope:
+    """The rope on every second node; what the hang-off feels stays the same."""
+    keep, n = _kept_nodes(rope), int(rope.state.counts[rows.ELEMENTS])
+    old = elements_of(rope.state, rope.sections, at.payout_m_per_s)
+    model = rope.model._replace(
+        element_length=2.0 * rope.model.element_length,
+        split_above=2.0 * rope.model.split_above,
+        merge_below=2.0 * rope.model.merge_below,
+    )
+    room = rope.state.s.shape[0] // 2 + rope.sections.shape[1] + SPARE
+    state = _empty(rope, room, rope.state.s[keep])
+    state.nodes[:, : len(keep)] = rope.state.nodes[:, keep]
+    weights = _lever_weights(keep, old.rest)
+    mass = _node_masses(rope, old)
+    lowest = rope.model.first_free
+    for part in (_V, _A):
+        moved = _spread(weights, mass * rope.state.nodes[part, : n + 1]) / _spread(weights, mass)
+        state.nodes[part, lowest : len(keep) - 1] = moved[:, lowest:-1]
+    wanted = _mean_tensions(rope, keep, old)
+    new = elements_of(state, rope.sections, at.payout_m_per_s)
+    wanted_n = np.where(np.isnan(wanted[0]), np.nan, (wanted * new.direction).sum(axis=0))
+    load = _load_at_top(rope, old, at)
+    top = new.direction[:, -1]
+    if wanted_n[-1] > 0.0:
+        wanted_n[-1] = max(float((0.5 * new.rest[-1] * load - at.pull_n) @ top), 0.0)
+    return _filled(rope._replace(model=model), state, new, wanted_n)
+
+
+def finer(rope: Rope, grid: Grid, at: HangOff) -> Rope:
+    """The rope back on a finer grid, as far as it is still out, and divided alike where it is new.
+
+    Tension and motion between the nodes follow from the balance at the old ones.
+    """
+    n = int(rope.state.counts[rows.ELEMENTS])
+    old = elements_of(rope.state, rope.sections, at.payout_m_per_s)
+    parent, share = _parts(rope, old, grid)
+    before = np.concatenate([[0.0], np.cumsum(share)[:-1]])
+    first = np.searchsorted(parent, np.arange(n))
+    low = before - before[first][parent]  # where a part begins in its old element, 0 to 1
+    s = rope.state.s
+    coordinates = np.append(s[:n][parent] + low * old.rest[parent], s[n])
+    state = _empty(rope, grid.room, coordinates)
+    ends = _material_ends(rope, old, at)
+    for at_low, at_high, part in zip(*ends, (_X, _V, _A), strict=True):
+        state.nodes[part, :-1][:, : len(parent)] = (1.0 - low) * at_low[:, parent] + low * at_high[
+            :, parent
+        ]
+    state.nodes[:, len(parent)] = rope.state.nodes[:, n]
+    force = _forces_of_parts(rope, old, at, (parent, low + 0.5 * share))
+    taut = rope.work[rows.TENSION, :n][parent] > 0.0
+    _bend(state, old, (parent, share), np.where(taut, force, 0.0))
+    new = elements_of(state, rope.sections, at.payout_m_per_s)
+    wanted_n = np.where(taut, np.maximum((force * new.direction).sum(axis=0), 0.0), np.nan)
+    return _filled(rope._replace(model=grid.model), state, new, wanted_n)
+
+
+def _kept_nodes(rope: Rope) -> Ints:
+    """Every second node from the hang-off down, the lower end, and the ends of sections."""
+    n = int(rope.state.counts[rows.ELEMENTS])
+    ends = rope.sections[rows.END]
+    apart = np.abs(rope.state.s[: n + 1, None] - ends[None, np.isfinite(ends)])
+    borders = sorted({0, n, *np.flatnonzero((apart <= SAME_PLACE).any(axis=1)).tolist()})
+    keep = [0]
+    for low, high in pairwise(borders):
+        keep += reversed(range(high, low, -2))
+    return np.array(keep)
+
+
+def _empty(rope: Rope, room: int, coordinates: Floats) -> State:
+    """A state with nodes at these material coordinates, and the health that was."""
+    state = new_state(room)
+    state.counts[rows.ELEMENTS] = len(coordinates) - 1
+    state.s[: len(coordinates)] = coordinates
+    state.health[:] = rope.state.health
+    return state
+
+
+def _filled(rope: Rope, state: State, new: Elements, wanted_n: Floats) -> Rope:
+    """The rope with this state, its elements as tense as wanted (NaN: as tense as they are)."""
+    count = len(wanted_n)
+    state.offset[:count] = offsets_for(rope, new, wanted_n)
+    work = new_work(state.s.shape[0], work_rows(rope.effects))
+    work[rows.TENSION, :count] = tensions(rope, new, state.offset[:count])
+    return rope._replace(state=state, work=work)
+
+
+def _lever_weights(keep: Ints, rest: Floats) -> tuple[Ints, Ints, Floats]:
+    """Of each old node: the new node at or below it, the one above, and the share of the latter."""
+    n = len(rest)
+    low = np.searchsorted(keep, np.arange(n + 1), side="right") - 1
+    high = np.minimum(low + 1, len(keep) - 1)
+    s = np.concatenate([[0.0], np.cumsum(rest)])
+    span = s[keep[high]] - s[keep[low]]
+    share = np.where(span > 0.0, (s - s[keep[low]]) / np.where(span > 0.0, span, 1.0), 0.0)
+    return low, high, share
+
+
+def _spread(weights: tuple[Ints, Ints, Floats], values: Floats) -> Floats:
+    """Sums (3, new nodes) of values (3, old nodes) by the lever rule."""
+    low, high, share = weights
+    total = np.zeros((3, int(high.max()) + 1))
+    for k in range(3):
+        np.add.at(total[k], low, (1.0 - share) * values[k])
+        np.add.at(total[k], high, share * values[k])
+    return total
+
+
+def _node_masses(rope: Rope, old: Elements) -> Floats:
+    """Mass of the rope at each node, at the lower end with the payload's [kg], (3, nodes)."""
+    half = 0.5 * old.rest * rope.sections[rows.PER_METRE][old.section]
+    mass = np.zeros((3, len(half) + 1))
+    mass[:, :-1] += half
+    mass[:, 1:] += half
+    for effect in rope.effects:
+        if isinstance(effect, Payload):
+            mass[:, 0] += effect.Mx, effect.My, effect.Mz
+    return mass
+
+
+def _mean_tensions(rope: Rope, keep: Ints, old: Elements) -> Floats:
+    """Mean force (3, new elements) in the old elements of each new one [N]; NaN if one is slack."""
+    tension = rope.work[rows.TENSION, : len(old.rest)]
+    force = np.where(tension > 0.0, tension, np.nan) * old.direction
+    mean: Floats = np.add.reduceat(force * old.rest, keep[:-1], axis=1)
+    return mean / np.add.reduceat(old.rest, keep[:-1])
+
+
+def _load_at_top(rope: Rope, old: Elements, at: HangOff) -> Floats:
+    """Load less inertia per metre of the rope at the hang-off, (3,) [N/m]: what it pulls less T."""
+    tension = rope.work[rows.TENSION, len(old.rest) - 1]
+    load: Floats = (at.pull_n + tension * old.direction[:, -1]) / (0.5 * old.rest[-1])
+    return load
+
+
+def _parts(rope: Rope, old: Elements, grid: Grid) -> tuple[Ints, Floats]:
+    """Parts of the old elements: the element of each, and its share of that one's rest length."""
+    parents: list[int] = []
+    shares: list[float] = []
+    s, length = rope.state.s, grid.model.element_length
+    places = np.searchsorted(grid.marks_m, s[: len(old.rest) + 1], side="right")
+    for e, rest in enumerate(old.rest.tolist()):
+        inside = (grid.marks_m[places[e] : places[e + 1]] - s[e]) / rest
+        cuts = [0.0]
+        for cut in inside.tolist():
+            least = LEAST_PART / (len(inside) + 1)
+            if cut > cuts[-1] + least and cut < 1.0 - least:
+                cuts.append(cut)
+        if len(cuts) == 1 and rest > LONG * length:
+            count = round(rest / length)
+            cuts = [k / count for k in range(count)]
+        parents += [e] * len(cuts)
+        shares += [high - low for low, high in pairwise([*cuts, 1.0])]
+    return np.array(parents), np.array(shares)
+
+
+def _material_ends(
+    rope: Rope, old: Elements, at: HangOff
+) -> tuple[tuple[Floats, ...], tuple[Floats, ...]]:
+    """Position, velocity and acceleration of the rope at the lower and upper end of each element.
+
+    At the hang-off the rope passes: its velocity is v - V·q and its acceleration a - 2·V·dq/dt,
+    with q the element's vector over its rest length. (That of V is left to the next step.)
+    """
+    n, V = len(old.rest), at.payout_m_per_s
+    nodes = rope.state.nodes[:, : n + 1].copy()
+    q = old.length[-1] / old.rest[-1] * old.direction[:, -1]
+    q_rate = (nodes[_V, n] - nodes[_V, n - 1] - V * q) / old.rest[-1]
+    nodes[_V, n] -= V * q
+    nodes[_A, n] -= 2.0 * V * q_rate
+    parts = (_X, _V, _A)
+    return tuple(nodes[part, :-1] for part in parts), tuple(nodes[part, 1:] for part in parts)
+
+
+def _forces_of_parts(rope: Rope, old: Elements, at: HangOff, parts: tuple[Ints, Floats]) -> Floats:
+    """Force (3, parts) in the middle of each part [N]; `parts`: elements, places 0 to 1 in them.
+
+    It is T·t in the middle of the old element and changes by the load less inertia per metre,
+    which is linear between what the balance of the old nodes says; in the top element it is that
+    of its upper end.
+    """
+    parent, place = parts
+    n = len(old.rest)
+    force = rope.work[rows.TENSION, :n] * old.direction
+    load = np.zeros((3, n + 1))
+    load[:, 1:n] = -np.diff(force, axis=1) / (0.5 * (old.rest[1:] + old.rest[:-1]))
+    load[:, n] = _load_at_top(rope, old, at)
+    load[:, 0] = load[:, 1]
+    low, high = load[:, :-1][:, parent], load[:, 1:][:, parent]
+    low = np.where(parent == n - 1, high, low)
+    between = 0.5 * (0.5 + place)  # of the middle of the element and the middle of the part
+    change: Floats = (place - 0.5) * old.rest[parent] * ((1.0 - between) * low + between * high)
+    return force[:, parent] - change
+
+
+def _bend(state: State, old: Elements, parts: tuple[Ints, Floats], force: Floats) -> None:
+    """Move new nodes off the chord of their element so that its parts lie along their forces."""
+    parent, share = parts
+    size = np.sqrt((force * force).sum(axis=0))
+    along = force / np.where(size > 0.0, size, 1.0)
+    step = old.length[parent] * share * along
+    total = np.zeros((3, len(old.rest)))
+    for k in range(3):
+        np.add.at(total[k], parent, step[k])
+    step -= share * total[:, parent]  # closes each element's chain on its chord
+    reached = np.cumsum(step, axis=1)
+    first = np.searchsorted(parent, np.arange(len(old.rest)))
+    off = reached - (reached - step)[:, first][:, parent]  # at the upper end of each part
+    sag = np.sqrt((off * off).sum(axis=0))
+    longest = np.zeros(len(old.rest))
+    np.maximum.at(longest, parent, sag / (old.rest[parent] * share))
+    off = np.where(longest[parent] <= SAG_LIMIT, off, 0.0)
+    inner = np.flatnonzero(parent[1:] == parent[:-1])
+    state.nodes[_X, :][:, inner + 1] += off[:, inner]
