@@ -23,6 +23,7 @@ from rope_twin.core.jit import jit_entry
 from rope_twin.core.law import hold
 from rope_twin.core.sections import SAME_PLACE
 from rope_twin.core.state import (
+    ACCELERATION,
     EA,
     ELEMENTS,
     END,
@@ -31,6 +32,7 @@ from rope_twin.core.state import (
     NODE_ROWS,
     PER_METRE,
     POSITION,
+    SURFACE,
     VELOCITY,
     C,
     Floats,
@@ -51,10 +53,12 @@ class Place(NamedTuple):
     arc: Floats  # unstretched, from the lower end [m]
     position: Floats  # [m]
     velocity: Floats  # of the material [m/s]
+    acceleration: Floats  # of the nodes [m/s²]
     tangent: Floats  # unit vector, upward
     turning: Floats  # rate of the tangent [1/s]
     flow: Floats  # water velocity [m/s]
     flow_rate: Floats  # and acceleration [m/s²]
+    surface: Floats  # of the water, z above the node [m]
     mass: Floats  # of the rope [kg]
     volume: Floats  # of displaced water [m³]
     frontal: Floats  # area that drag across the rope refers to [m²]
@@ -232,10 +236,12 @@ def _place(rope: Rope, elements: Elements, time: float, V: float) -> Place:
         arc=rope.state.s[: n + 1],
         position=x,
         velocity=v,
+        acceleration=rope.state.nodes[ACCELERATION : ACCELERATION + 3, : n + 1],
         tangent=tangent,
         turning=(turn - (turn * tangent).sum(axis=0) * tangent) / size,
         flow=water[FLOW : FLOW + 3],
         flow_rate=water[FLOW_RATE : FLOW_RATE + 3],
+        surface=water[SURFACE],
         **dict(zip(("mass", "volume", "frontal", "skin"), lumps, strict=True)),
     )
 

@@ -45,7 +45,8 @@ FRONTAL, SKIN = 53, 54  # areas that the drag coefficients across and along refe
 SECTION = 55  # of an element: which of the rope's sections it is of
 KEPT = 56  # NODE_ROWS of the state at the start of the step, for a restore
 FLOW_RATE = KEPT + NODE_ROWS  # acceleration of the water [m/s²]; only where an effect sets it
-WORK_ROWS = FLOW_RATE + 3
+SURFACE = FLOW_RATE + 3  # the water's surface above the node [m]; likewise
+WORK_ROWS = SURFACE + 1
 # and, only where an effect couples nodes beyond their neighbours:
 LINK = WORK_ROWS  # c of the blocks c·I that it adds between node i and i + 1, and i and i + 2 [kg]
 FACTOR = LINK + 2  # of the elimination: three below the diagonal, three inverse pivots

@@ -10,7 +10,17 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from rope_twin.effects import added_mass, bending, current, drag, payload, seabed, waves, weight
+from rope_twin.effects import (
+    added_mass,
+    bending,
+    current,
+    drag,
+    payload,
+    seabed,
+    splash_zone,
+    waves,
+    weight,
+)
 
 
 class Surroundings(NamedTuple):
@@ -39,4 +49,5 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("bending", bending.BendingParams, bending.build),
     Effect("seabed", seabed.SeabedParams, seabed.build),
     Effect("payload", payload.PayloadParams, payload.build),
+    Effect("splash_zone", splash_zone.SplashZoneParams, splash_zone.build),
 )

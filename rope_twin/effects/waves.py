@@ -26,8 +26,8 @@ import numpy as np
 
 from rope_twin.core.energy import account
 from rope_twin.core.jit import jit, jit_within
-from rope_twin.core.rows import rows
-from rope_twin.core.state import FLOW, FLOW_RATE, POSITION, RESIDUAL, Floats
+from rope_twin.core.rows import row, rows
+from rope_twin.core.state import FLOW, FLOW_RATE, POSITION, RESIDUAL, SURFACE, Floats
 from rope_twin.core.terms import Load, kernel
 from rope_twin.errors import InputError
 from rope_twin.quantity import quantity, text
@@ -279,10 +279,11 @@ def water(waves: Any, count: int, x: float, y: float, z: float, time: float) -> 
 
 @kernel("flow", Waves)
 def flow(waves: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Flow += velocity; flow's rate = acceleration, 0 where no component reaches."""
+    """Flow += velocity; its rate and the surface = the waves', 0 where no component reaches."""
     x, y, z = rows(work, POSITION, low)
     u, v, w = rows(work, FLOW, low)
     du, dv, dw = rows(work, FLOW_RATE, low)
+    surface_at = row(work, SURFACE, low)
     share, rate = _ramp(waves, stage.time)
     last = waves.k.shape[0]
     height = 0.0
@@ -292,9 +293,11 @@ def flow(waves: Any, work: Any, stage: Any, low: int, high: int) -> None:
         du[i] = 0.0
         dv[i] = 0.0
         dw[i] = 0.0
+        surface_at[i] = 0.0
         if share == 0.0 or z[i] - height < waves.reach[0] * (1.0 - height / waves.depth):
             continue
         eta = share * surface(waves, x[i], y[i], stage.time)
+        surface_at[i] = eta
         level = max(min((z[i] - eta) / (1.0 + eta / waves.depth), 0.0), -waves.depth)
         count = last
         while count > 0 and waves.reach[count - 1] > level:

@@ -214,6 +214,9 @@ def _effects(scene: Scene) -> Iterator[Fault]:
     listed = [names[type(params)] for params in scene.effects]
     if "payload" in listed and not scene.payloads:
         yield "effects", "`payload` is listed but no payload is", "add `payloads`, or leave it out"
+    if "splash_zone" in listed and "payload" not in listed:
+        what = "`splash_zone` takes off what `payload` brings, which is not listed"
+        yield "effects", what, "add `- payload: {}`"
 
 
 def _bag(scene: Scene) -> Iterator[Fault]:

@@ -26,6 +26,7 @@ from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.seabed import SeabedParams
+from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.effects.waves import Jonswap, WavesParams
 from rope_twin.effects.weight import WeightParams
 from rope_twin.scene.build import build_effects
@@ -60,6 +61,7 @@ PARAMS: dict[str, Any] = {
         depth_m=50.0, slope=(0.1, -0.05), stiffness_n_per_m3=1e4, damping_s_per_m=0.2, friction=0.0
     ),
     "payload": PayloadParams(),
+    "splash_zone": SplashZoneParams(height_m=200.0, bottom_area_m2=6.0, slamming=5.0),
 }
 SMALL = Rig(
     length=40.0, elements=8, mass=2.9, EA=2e6, diameter=0.06, damping=2e4, load=600.0, volume=0.1,

@@ -1,0 +1,128 @@
+"""The payload in the splash zone: buoyancy, added mass and drag follow the wetted share of it.
+
+The wetted share is β = (η - z_bottom)/H, from 0 in the air to 1 below the surface η (0 without
+`waves`), for a body of even section over its height H (DNV-RP-N103, 4.2 to 4.4). `payload` and
+`waves` load the whole body; this effect takes off (1 - β) of what they bring. While the body
+enters with the speed v_s against the surface, slamming pushes up with ½·ρ·C_s·A·v_s² over its
+bottom area A (DNV-RP-N103, 4.3.8; C_s at least 5 for other than smooth cylinders).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core.energy import account
+from rope_twin.core.rows import row, rows, span
+from rope_twin.core.state import (
+    ACCELERATION,
+    BLOCK,
+    FLOW,
+    FLOW_RATE,
+    POSITION,
+    RESIDUAL,
+    SURFACE,
+    VELOCITY,
+)
+from rope_twin.core.terms import kernel, switching
+from rope_twin.quantity import quantity
+
+
+@dataclass(frozen=True, kw_only=True)
+class SplashZoneParams:
+    """The payload's size; its node is the middle of its height."""
+
+    height_m: float = quantity("height of the payload", "m", 0.01, 100.0)
+    bottom_area_m2: float = quantity("area that slams on the surface", "m²", 0.0, 1e4, default=0.0)
+    slamming: float = quantity("slamming coefficient C_s on it", "", 0.0, 20.0, default=5.0)
+
+
+class SplashZone(NamedTuple):
+    """What the kernel sees."""
+
+    height: float  # [m]
+    lift: float  # ρ·V·g of the whole body [N]
+    slam: float  # ½·ρ·C_s·A [kg/m]
+    wet: tuple[float, float, float]  # ρ·V + added mass, what waves move [kg]
+    added: tuple[float, float, float]  # added mass [kg]
+    k: tuple[float, float, float]  # ½·ρ·CdA [kg/m]
+
+
+def build(params: SplashZoneParams, payload: Any, around: Any) -> SplashZone:
+    """From the payload's figures and the water."""
+    density = around.water_density_kg_per_m3
+    volume = payload.volume_m3 if payload is not None else 0.0
+    added = payload.added_mass_kg if payload is not None else (0.0, 0.0, 0.0)
+    area = payload.drag_area_m2 if payload is not None else (0.0, 0.0, 0.0)
+    x, y, z = (float(mass) for mass in added)
+    kx, ky, kz = (0.5 * density * float(CdA) for CdA in area)
+    own = density * volume
+    return SplashZone(
+        height=params.height_m,
+        lift=float(own * around.gravity_m_per_s2),
+        slam=0.5 * density * params.slamming * params.bottom_area_m2,
+        wet=(own + x, own + y, own + z),
+        added=(x, y, z),
+        k=(kx, ky, kz),
+    )
+
+
+@kernel("load_end", SplashZone)
+def load_end(zone: Any, work: Any, stage: Any) -> None:
+    """R_0 += (1 - β)·(A·a + k·|u|·u - ρVg·ẑ - (ρV + A)·a_water) + slamming.
+
+    The block takes off the same shares of added mass and drag; while the body is partly wet it has
+    β's change with height, of which the parts off the diagonal are not symmetric (their means are
+    taken), and the slope of slamming.
+    """
+    _, _, z = rows(work, POSITION, 0)
+    vx, vy, vz = rows(work, VELOCITY, 0)
+    ax, ay, az = rows(work, ACCELERATION, 0)
+    ux, uy, uz = rows(work, FLOW, 0)
+    wx, wy, wz = rows(work, FLOW_RATE, 0)
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
+    share = (row(work, SURFACE, 0)[0] - z[0]) / zone.height + 0.5
+    dry = 1.0 - min(max(share, 0.0), 1.0)
+    x, y, w = vx[0] - ux[0], vy[0] - uy[0], vz[0] - uz[0]
+    speed = sqrt(x * x + y * y + w * w + 1e-20)
+    kx, ky, kz = dry * zone.k[0], dry * zone.k[1], dry * zone.k[2]
+    mx, my, mz = dry * zone.added[0], dry * zone.added[1], dry * zone.added[2]
+    partly = 1.0 if 0.0 < share < 1.0 else 0.0
+    entering = partly * max(-w, 0.0)
+    slam = zone.slam * entering
+    fx = zone.added[0] * ax[0] + zone.k[0] * speed * x - zone.wet[0] * wx[0]
+    fy = zone.added[1] * ay[0] + zone.k[1] * speed * y - zone.wet[1] * wy[0]
+    fz = zone.added[2] * az[0] + zone.k[2] * speed * w - zone.wet[2] * wz[0] - zone.lift
+    Rx[0] += dry * fx
+    Ry[0] += dry * fy
+    Rz[0] += dry * fz + slam * entering
+    q, g, rise = stage.q, stage.q / speed, partly * stage.p / zone.height
+    Axx[0] -= mx + q * kx * speed + g * kx * x * x
+    Ayy[0] -= my + q * ky * speed + g * ky * y * y
+    Azz[0] -= mz + q * kz * speed + g * kz * w * w
+    Azz[0] += 2.0 * q * slam - rise * fz
+    Axy[0] -= 0.5 * g * (kx + ky) * x * y
+    Axz[0] -= 0.5 * g * (kx + kz) * x * w + 0.5 * rise * fx
+    Ayz[0] -= 0.5 * g * (ky + kz) * y * w + 0.5 * rise * fy
+
+
+switching(SplashZone)
+
+
+@account("power_end", SplashZone)
+def power(zone: Any, place: Any) -> Any:
+    """All that it takes off, times velocity [W]; what the surface stores is given back."""
+    share = (place.surface - place.position[2]) / zone.height + 0.5
+    dry = 1.0 - np.clip(share, 0.0, 1.0)
+    u = place.velocity - place.flow
+    k, added, wet = (np.array(part)[:, None] for part in (zone.k, zone.added, zone.wet))
+    force = dry * (
+        added * place.acceleration + k * np.sqrt((u * u).sum(axis=0)) * u - wet * place.flow_rate
+    )
+    entering = np.where((share > 0.0) & (share < 1.0), np.maximum(-u[2], 0.0), 0.0)
+    force[2] += zone.slam * entering**2 - dry * zone.lift
+    return (force * place.velocity).sum(axis=0)
