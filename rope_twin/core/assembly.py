@@ -11,7 +11,7 @@ from typing import Any
 
 from rope_twin.core import terms
 from rope_twin.core.elimination import root_stiffness
-from rope_twin.core.jit import jit
+from rope_twin.core.jit import jit, jit_sum
 from rope_twin.core.rows import row, rows, span
 from rope_twin.core.state import (
     AXIAL,
@@ -27,7 +27,7 @@ from rope_twin.core.state import (
 )
 
 
-@jit
+@jit_sum
 def slope(work: Any, low: int, high: int) -> float:
     """R·delta: minus the slope of the stage's energy along the correction."""
     Rx, Ry, Rz = rows(work, RESIDUAL, low)

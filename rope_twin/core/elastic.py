@@ -13,6 +13,7 @@ from math import sqrt
 from typing import Any
 
 from rope_twin.core.jit import jit, jit_within
+from rope_twin.core.lanes.wide import choose, count_beyond
 from rope_twin.core.law import pull_of
 from rope_twin.core.rows import offset_row, row, rows
 from rope_twin.core.state import (
@@ -48,10 +49,10 @@ def _stretched(part: Any, motion: Any, weights: Any, e: int) -> Any:
     elastic, k = pull_of(law, section, stiffness, e, length + slack[e] - l0, l0)
     pull = elastic + damping[e] * (closing - growth * length)
     taut = pull > 0.0
-    pull = pull if taut else 0.0
+    pull = choose(taut, pull, 0.0)
     across = p * pull * inverse
     along = p * (k - growth * damping[e]) + q * damping[e] - across
-    return dx, dy, dz, pull, max(along, 0.0) if taut else 0.0, across
+    return dx, dy, dz, pull, choose(taut, max(along, 0.0), 0.0), across
 
 
 @jit_within
@@ -117,7 +118,7 @@ def stretch_corrected(rope: Any, stage: Any, growth: float, low: int, high: int)
         more = tx[e] * (nx[e] - dx[e]) + ty[e] * (ny[e] - dy[e]) + tz[e] * (nz[e] - dz[e])
         expected = T[e] + (axial[e] + geometric[e]) * more
         x, y, z, pull, along, across = _stretched(part, motion, weights, e)
-        wrong += not (abs(pull - expected) <= tolerance)
+        wrong = count_beyond(wrong, pull, expected, tolerance)
         tx[e] = x
         ty[e] = y
         tz[e] = z
@@ -128,9 +129,9 @@ def stretch_corrected(rope: Any, stage: Any, growth: float, low: int, high: int)
 
 
 @jit_within
-def growth_of(rope: Any, stage: Any) -> float:
+def growth_of(rope: Any, stage: Any) -> Any:
     """Rate of the top element's rest length over that length [1/s]."""
-    return float(stage.V / rope.work[REST, rope.state.counts[ELEMENTS] - 1])
+    return stage.V / rope.work[REST, rope.state.counts[ELEMENTS] - 1]
 
 
 @jit

@@ -57,8 +57,9 @@ from numba.core.compiler import Compiler  # noqa: E402
 
 config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]  # in case numba was imported before us
 
-# No nnan and ninf: with them, tests for NaN and infinity are compiled away.
-_FAST = {"contract", "nsz", "arcp", "reassoc", "afn"}
+# No nnan and ninf: with them, tests for NaN and infinity are compiled away. No reassoc: LLVM orders
+# a sum by what stands around it, and a rope in lanes (core/lanes) would get other bits than alone.
+_FAST = {"contract", "nsz", "arcp", "afn"}
 # The elimination keeps the order of its sums: it stays exact for stiffness over mass up to 1e6.
 _ORDERED = {"contract", "nsz"}
 
@@ -131,6 +132,11 @@ def jit(function: Any) -> Any:
     return numba.njit(**LINKED)(function)
 
 
+def jit_sum(function: Any) -> Any:
+    """Compile a kernel that adds many numbers up, in whatever order is fastest."""
+    return numba.njit(**{**LINKED, "fastmath": _FAST | {"reassoc"}})(function)
+
+
 def jit_ordered(function: Any) -> Any:
     """Compile a kernel whose sums must not be reordered."""
     return numba.njit(**{**LINKED, "fastmath": _ORDERED})(function)
@@ -144,6 +150,12 @@ def jit_entry(function: Any) -> Any:
 def jit_within(function: Any) -> Any:
     """Compile a small function of numbers that LLVM puts into its callers' loops."""
     return numba.njit(forceinline=True, **LINKED)(function)
+
+
+def jit_ordered_within(function: Any) -> Any:
+    """The same for one whose sums must not be reordered; of a kernel, another make of it."""
+    plain = getattr(function, "py_func", function)
+    return numba.njit(forceinline=True, **{**LINKED, "fastmath": _ORDERED})(plain)
 
 
 def compiled(entry: Any, arguments: tuple[Any, ...]) -> Any:

@@ -97,6 +97,9 @@ def _set(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
 def _pointers(name: str, table: Any, first: Any, count: int, low: Any) -> Any:
     """Typing and code of `count` rows from the literal `first`, beginning at column `low`."""
     number = first.literal_value
+    if not isinstance(table, types.Array):  # of wide numbers: it knows where its rows are
+        result, code = table.pointers(name, number, count)
+        return result(table, first, types.intp), code
     kinds = [RowType(f"{name} {number + k}") for k in range(count)]
     result = kinds[0] if count == 1 else containers.BaseTuple.from_types(kinds)
 
@@ -135,6 +138,9 @@ def _node_rows(context: Any, nodes: Any, first: Any, low: Any) -> Any:
 
 @intrinsic
 def _offset_row(context: Any, offset: Any, low: Any) -> Any:
+    if not isinstance(offset, types.Array):
+        row_of, code = offset.row("offset")
+        return row_of(offset, types.intp), code
     kind = RowType("offset")
 
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:

@@ -65,6 +65,12 @@ def set_lengths(work: Any, s: Any, sections: Any, n: int, L: float) -> None:
 def set_top_length(work: Any, s: Any, sections: Any, n: int, L: float) -> None:
     """The same for the only parts that change with the line out: the top element and its nodes."""
     top, below = section_above(sections, s[n - 1]), section_above(sections, s[n - 2])
+    set_top_of(work, s, sections, n, L, top, below)
+
+
+@jit_within
+def set_top_of(work: Any, s: Any, sections: Any, n: int, L: float, top: int, below: int) -> None:
+    """The same where the top element and the one below are of these sections."""
     rest = L - s[n - 1]
     set_element(work, sections, top, n - 1, rest)
     for row in range(MASS, SKIN + 1):

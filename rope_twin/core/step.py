@@ -12,7 +12,7 @@ from typing import Any
 
 from rope_twin.core import terms
 from rope_twin.core.elastic import stretch_all
-from rope_twin.core.jit import compiled, jit, jit_entry
+from rope_twin.core.jit import compiled, jit, jit_entry, jit_sum
 from rope_twin.core.motion import place_hang_off, prescribed
 from rope_twin.core.payout import change_elements, split_length
 from rope_twin.core.prediction import GAMMA
@@ -88,7 +88,7 @@ def _substep(rope: Any, boundary: Any, row: int, time: float, level: int, done: 
     return int(outcome)
 
 
-@jit
+@jit_sum
 def is_finite(work: Any, n: int) -> bool:
     """Whether the stage's motion is finite. A converged one is: NaN disagrees with any tension."""
     total = 0.0

@@ -14,6 +14,10 @@ Plain Python (NUMBA_DISABLE_JIT=1) walks the same tuple with a loop.
   the residuals and blocks, and to the rows LINK what the blocks c·I between the nodes have. The
   step then takes an elimination that knows of them.
 - `pull(effect, work, n)` returns what such an effect adds to the rope's pull on the hang-off.
+
+A kernel whose arithmetic holds for wide numbers too (core/lanes) says so with `wide=True`; a kernel
+that branches on what differs from rope to rope has a wide twin, `@wide_kernel(hook, Type)`. Where
+one of its effects has neither, a scene's rope is stepped by itself.
 """
 
 from __future__ import annotations
@@ -22,6 +26,7 @@ from collections.abc import Callable, Iterable
 from math import sqrt
 from typing import Any, NamedTuple
 
+from numba.core import types
 from numba.extending import overload
 
 from rope_twin.core.jit import LINKED, jit, jit_within
@@ -46,6 +51,7 @@ from rope_twin.core.state import (
 HOOKS = ("flow", "load", "load_end", "couple", "pull")
 _KERNELS: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}
 _SWITCHING: set[type] = set()
+_WIDE: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}
 
 
 class Node(NamedTuple):
@@ -92,8 +98,8 @@ class Load(NamedTuple):
     zz: float
 
 
-def kernel(hook: str, effect: type) -> Callable[[Any], Any]:
-    """Register a kernel of an effect's type for a hook.
+def kernel(hook: str, effect: type, *, wide: bool = False) -> Callable[[Any], Any]:
+    """Register a kernel of an effect's type for a hook; `wide`: it works on wide numbers too.
 
     Raises:
         ValueError: unknown hook, or a second kernel of this type for it.
@@ -106,6 +112,8 @@ def kernel(hook: str, effect: type) -> Callable[[Any], Any]:
     def register(function: Any) -> Any:
         compiled = jit_within(function) if hook == "load" else jit(function)
         _KERNELS[hook][effect] = compiled
+        if wide:
+            _WIDE[hook][effect] = compiled
         return compiled
 
     return register
@@ -119,6 +127,23 @@ def switching(effect: type) -> None:
 def switches(kinds: Iterable[type]) -> bool:
     """Whether one of these types of effects has loads that come and go."""
     return any(kind in _SWITCHING for kind in kinds)
+
+
+def wide_kernel(hook: str, effect: type) -> Callable[[Any], Any]:
+    """Register what takes the place of an effect's kernel where numbers are wide."""
+
+    def register(function: Any) -> Any:
+        _WIDE[hook][effect] = jit(function)
+        return _WIDE[hook][effect]
+
+    return register
+
+
+def all_wide(kinds: Iterable[type]) -> bool:
+    """Whether ropes with effects of these types can be stepped in lanes."""
+    kinds = tuple(kinds)
+    wide = all(kind in _WIDE[hook] for kind in kinds for hook in hooks_of(kind))
+    return wide and not switches(kinds)
 
 
 def hooks_of(effect: type) -> tuple[str, ...]:
@@ -136,9 +161,10 @@ def work_rows(effects: tuple[Any, ...]) -> int:
     return COUPLED_ROWS if couples(map(type, effects)) else WORK_ROWS
 
 
-def _kernels(hook: str, effects: Any) -> dict[int, Any]:
+def _kernels(hook: str, effects: Any, work: Any) -> dict[int, Any]:
     """The kernels of a hook by the effect's place in the tuple (of numba's types)."""
-    found = {i: _KERNELS[hook].get(effect.instance_class) for i, effect in enumerate(effects)}
+    known = (_KERNELS if isinstance(work, types.Array) else _WIDE)[hook]
+    found = {i: known.get(effect.instance_class) for i, effect in enumerate(effects)}
     return {i: call for i, call in found.items() if call is not None}
 
 
@@ -162,7 +188,7 @@ def add_flow(effects: Any, work: Any, stage: Any, low: Any, high: Any) -> Any:
 
 @overload(add_flow, jit_options=LINKED, strict=False)
 def _compose_flow(effects: Any, work: Any, stage: Any, low: Any, high: Any) -> Any:
-    calls = _kernels("flow", effects)
+    calls = _kernels("flow", effects, work)
     lines = [f"kernel_{i}(effects[{i}], work, stage, low, high)" for i in calls]
     return _written_out("effects, work, stage, low, high", [*lines, "return None"], calls)
 
@@ -176,7 +202,7 @@ def add_end(effects: Any, work: Any, stage: Any) -> Any:
 
 @overload(add_end, jit_options=LINKED, strict=False)
 def _compose_end(effects: Any, work: Any, stage: Any) -> Any:
-    calls = _kernels("load_end", effects)
+    calls = _kernels("load_end", effects, work)
     lines = [f"kernel_{i}(effects[{i}], work, stage)" for i in calls]
     return _written_out("effects, work, stage", [*lines, "return None"], calls)
 
@@ -203,7 +229,7 @@ def add_couplings(effects: Any, work: Any, stage: Any, n: Any) -> Any:
 
 @overload(add_couplings, jit_options=LINKED, strict=False)
 def _compose_couplings(effects: Any, work: Any, stage: Any, n: Any) -> Any:
-    calls = _kernels("couple", effects)
+    calls = _kernels("couple", effects, work)
     lines = [f"kernel_{i}(effects[{i}], work, stage, n)" for i in calls]
     lines = ["clear(work, n)", *lines] if calls else []
     return _written_out(
@@ -230,7 +256,7 @@ def add_pull(effects: Any, work: Any, n: Any, pull: Any, row: Any) -> Any:
 
 @overload(add_pull, jit_options=LINKED, strict=False)
 def _compose_pull(effects: Any, work: Any, n: Any, pull: Any, row: Any) -> Any:
-    calls = _kernels("pull", effects)
+    calls = _kernels("pull", effects, work)
     lines = [f"add(kernel_{i}(effects[{i}], work, n), pull, row)" for i in calls]
     lines.append("return None")
     return _written_out("effects, work, n, pull, row", lines, calls, add=_add_to_pull)
@@ -247,7 +273,8 @@ def _sum_loads(effects: Any, node: Any, stage: Any) -> Any:
 
 @overload(_sum_loads, jit_options={**LINKED, "forceinline": True}, strict=False)
 def _compose_load(effects: Any, node: Any, stage: Any) -> Any:
-    calls = _kernels("load", effects)
+    found = {i: _KERNELS["load"].get(effect.instance_class) for i, effect in enumerate(effects)}
+    calls = {i: call for i, call in found.items() if call is not None}
     lines = [f"total = add(total, kernel_{i}(effects[{i}], node, stage))" for i in calls]
     lines = ["total = inertia(node)", *lines, "return total"]
     return _written_out("effects, node, stage", lines, calls, inertia=_inertia, add=_sum)

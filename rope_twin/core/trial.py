@@ -65,6 +65,16 @@ def load_trials(rope: Any, stage: Any, A: float, lower: float) -> None:
     For the state after a step: `work` holds its elements, stage its time and payout speed V, A is
     the rate of V, `lower` the rest length below MIDDLE.
     """
+    s, sections = rope.state.s, rope.sections
+    n = rope.state.counts[ELEMENTS]
+    here = section_above(sections, s[n - 1])
+    other = section_above(sections, s[n - 1] + lower if lower > 0.0 else s[n - 2])
+    load_trials_of(rope, stage, A, lower, here, other)
+
+
+@jit
+def load_trials_of(rope: Any, stage: Any, A: float, lower: float, here: int, other: int) -> None:
+    """The same where `here` is the section at the hang-off, `other` the one that AFTER is of."""
     state, work, sections = rope.state, rope.work, rope.sections
     n, slots = state.counts[ELEMENTS], state.s.shape[0]
     low, middle, high, after = slots + LOW, slots + MIDDLE, slots + HIGH, slots + AFTER
@@ -80,8 +90,6 @@ def load_trials(rope: Any, stage: Any, A: float, lower: float) -> None:
         work[k, middle] = (1.0 - xi) * work[k, low] + xi * work[k, high]
     for k in range(TANGENT, TANGENT + 3):
         work[k, low] = work[k, middle] = work[k, high]
-    here = section_above(sections, state.s[n - 1])
-    other = section_above(sections, state.s[n - 1] + lower if lower > 0.0 else state.s[n - 2])
     for row in range(MASS, SKIN + 1):
         own, others = (
             sections[row - MASS + PER_METRE, here],

@@ -32,7 +32,7 @@ def build(params: AddedMassParams, payload: Any, environment: Any) -> AddedMass:
     return AddedMass(params.normal * environment.water_density_kg_per_m3)
 
 
-@kernel("load", AddedMass)
+@kernel("load", AddedMass, wide=True)
 def load(added: Any, node: Any, stage: Any) -> Any:
     """F = -m·(a - (a·τ)τ); A = m·(I - ττᵀ), with m = Ca·ρ·volume."""
     x, y, z = node.tx, node.ty, node.tz

@@ -12,9 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.jit import jit_within
+from rope_twin.core.lanes.wide import bits, choose
 from rope_twin.core.rows import rows
 from rope_twin.core.state import FLOW, POSITION, Floats
-from rope_twin.core.terms import kernel
+from rope_twin.core.terms import kernel, wide_kernel
 from rope_twin.quantity import quantity
 
 TOGETHER = 32  # nodes
@@ -108,3 +109,33 @@ def flow(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
         while layer < last and (layer == first or current.z[layer] < top):
             _add_layer(current, layer, z, east, north, count)
             layer += 1
+
+
+@wide_kernel("flow", Current)
+def flow_wide(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """The same sums for ropes side by side, each over the layers that its own nodes reach."""
+    last = current.z.shape[0] - 1
+    for start in range(low, high, TOGETHER):
+        count = min(start + TOGETHER, high) - start
+        _, _, z = rows(work, POSITION, start)
+        east, north, _ = rows(work, FLOW, start)
+        bottom, top = z[0], z[0]
+        for i in range(1, count):
+            bottom, top = min(bottom, z[i]), max(top, z[i])
+        base_east, base_north = current.U[0, 0], current.U[1, 0]
+        for layer in range(1, last + 1):
+            reached = current.z[layer] <= bottom
+            base_east = choose(reached, current.U[0, layer], base_east)
+            base_north = choose(reached, current.U[1, layer], base_north)
+        for i in range(count):
+            east[i] += base_east
+            north[i] += base_north
+        for layer in range(last):
+            own = current.z[layer + 1] > bottom  # whose ropes do not begin above the layer
+            if bits(own) != 0 and bits(current.z[layer] < top) != 0:
+                low_face, rise = current.z[layer], choose(own, current.rise[layer], 0.0)
+                slope_east, slope_north = current.slope[0, layer], current.slope[1, layer]
+                for i in range(count):
+                    inside = min(max(z[i] - low_face, 0.0), rise)
+                    east[i] += slope_east * inside
+                    north[i] += slope_north * inside

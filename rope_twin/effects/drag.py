@@ -39,7 +39,7 @@ def build(params: DragParams, payload: Any, environment: Any) -> Drag:
     return Drag(half_density * params.normal, half_density * params.tangential)
 
 
-@kernel("load", Drag)
+@kernel("load", Drag, wide=True)
 def load(drag: Any, node: Any, stage: Any) -> Any:
     """F = -c_n·n - c_t·s·τ; A = q·(c_n·(I - ττᵀ) + 2·c_t·ττᵀ + k_n·nnᵀ/|n|).
 

@@ -44,7 +44,7 @@ def build(params: PayloadParams, payload: Any, environment: Any) -> Payload:
     return Payload(float(weight), *(float(value) for value in (*mass, *k)))
 
 
-@kernel("load_end", Payload)
+@kernel("load_end", Payload, wide=True)
 def load_end(load: Any, work: Any, stage: Any) -> None:
     """R_0 -= M·a + k·|u|·u + W·ẑ; A_0 += M + q·k·(|u|·I + u·uᵀ/|u|).
 

@@ -29,7 +29,7 @@ def build(params: WeightParams, payload: Any, environment: Any) -> Weight:
     return Weight(environment.gravity_m_per_s2, environment.water_density_kg_per_m3)
 
 
-@kernel("load", Weight)
+@kernel("load", Weight, wide=True)
 def load(weight: Any, node: Any, stage: Any) -> Any:
     """F_z = -(m - ρ·volume)·g."""
     down = weight.g * (node.mass - weight.density * node.volume)

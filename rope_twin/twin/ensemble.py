@@ -1,10 +1,10 @@
 """Many ropes of one scene, stepped together: each has its own numbers and inputs.
 
-They share one compiled step, which runs without the GIL, and are spread over the cores that this
-process may use. A member is stepped for seconds at a time before the next one's turn, so its arrays
-stay in the core's cache; the scratch of the step, a hundred times larger than what a rope must
-keep, belongs to the thread. Each member equals a `Twin` of its scene and inputs to the bit,
-whichever thread steps it and however the time is cut up.
+Members of one kind share a step in the lanes of the processor's vectors (twin/lanes.py), groups of
+them are spread over the cores that this process may use. A group is stepped for seconds at a time
+before the next one's turn, so its arrays stay in the core's cache; the scratch of the step, a
+hundred times larger than what a rope must keep, belongs to the thread. Each member equals a `Twin`
+of its scene and inputs to the bit, whoever shares its group and however the time is cut up.
 """
 
 from __future__ import annotations
@@ -19,12 +19,14 @@ from typing import Any, TypeVar
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.lanes.wide import LANES
 from rope_twin.errors import InputError, SceneError, phrase
 from rope_twin.scene.build import build
 from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.borders import Borders, WinchTrack
 from rope_twin.twin.heave_series import HeaveSeries
+from rope_twin.twin.lanes import sort_into_groups, take_turn
 from rope_twin.twin.member import Member, MemberFigures, Scratch, Start
 from rope_twin.twin.schedule import SpeedSample
 from rope_twin.twin.snapshot import Snapshot
@@ -142,13 +144,20 @@ class Ensemble:
             batch = min(steps, max(1, round(BATCH_S / self.step_s)))
             own = _OfThread(batch)
 
-            def take_turn(member: Member, batch: int = batch, own: _OfThread = own) -> None:
-                member.advance(batch, self._look_steps, own.scratch)
+            def turn(some: list[Member], batch: int = batch, own: _OfThread = own) -> None:
+                take_turn(some, batch, self._look_steps, own.scratch)
 
-            self._on_threads(take_turn, [one for one in self._members if not one.failure])
+            self._on_threads(turn, self._groups())
             self.steps += batch
             steps -= batch
         self._interrupted = False
+
+    def _groups(self) -> list[list[Member]]:
+        """Those that can go on, by whom they take their turn with."""
+        going = [one for one in self._members if not one.failure]
+        if len(self) < LANES:
+            return [[one] for one in going]
+        return sort_into_groups(going)
 
     def figures(self) -> list[MemberFigures]:
         """What each member did so far."""

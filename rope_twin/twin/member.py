@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.lanes.group import Group, Kind
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance
 from rope_twin.errors import phrase
@@ -27,12 +28,27 @@ class Scratch:
         """Room for the pull of so many steps."""
         self.pulls = np.zeros((steps, rows.PULL_COLUMNS))
         self._work: dict[tuple[int, int], Floats] = {}
+        self._groups: dict[Kind, Group] = {}
 
     def work(self, shape: tuple[int, int]) -> Floats:
         """Scratch of the step, for ropes that want it of this shape."""
         if shape not in self._work:
             self._work[shape] = np.zeros(shape)
         return self._work[shape]
+
+    def group(self, kind: Kind) -> Group:
+        """Arrays for ropes of this kind, stepped in lanes."""
+        if kind not in self._groups:
+            self._groups[kind] = Group(kind, len(self.pulls))
+        return self._groups[kind]
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Steps in a row: what is prescribed, and what comes out."""
+
+    boundary: Boundary  # (steps + 1, rows.MOTIONS) each
+    pulls: Floats  # on the hang-off, a result, (steps, rows.PULL_COLUMNS)
 
 
 @dataclass(frozen=True)
@@ -80,31 +96,58 @@ class Member:
         self._looks = self._slack_looks = 0
         self._unconverged = 0
 
+    @property
+    def rope(self) -> Rope:
+        """The rope, without scratch."""
+        return self._rope
+
+    @property
+    def work_shape(self) -> tuple[int, int]:
+        """Of the scratch that its steps want."""
+        return self._work_shape
+
     def advance(self, steps: int, look_steps: int, scratch: Scratch) -> None:
         """Step on, with a look along the rope whenever `look_steps` are done; may fail."""
         boundary = self.borders.through(self.steps, steps)
-        state = self._rope.state
+        self.go_on(Batch(boundary, scratch.pulls[:steps]), 0, look_steps, scratch)
+
+    def go_on(self, batch: Batch, done: int, look_steps: int, scratch: Scratch) -> None:
+        """Do what is left of a batch of which `done` steps are done, and close it; may fail."""
+        steps = len(batch.pulls)
         work = scratch.work(self._work_shape)
-        rope = self._rope._replace(work=work)
-        done = 0
         while done < steps and not self.failure:
             some = min(steps - done, look_steps - self.steps % look_steps)
-            ahead = Boundary(*(table[done : done + some + 1] for table in boundary))
-            pulls = scratch.pulls[done : done + some]
-            stepped = advance(rope, ahead, pulls, self.steps * self._step_ns * 1e-9, some)
-            self.steps += stepped
-            done += stepped
-            if stepped < some:
-                self.failure = self._failure()
-            elif self.steps % look_steps == 0:
-                self._look(work)
-        self._tension = work[rows.TENSION, : state.counts[rows.ELEMENTS]].copy()
-        self._value, self._rate = (table[done] for table in boundary)
+            done += self.step(batch, done, some, look_steps, work)
+        elements = self._rope.state.counts[rows.ELEMENTS]
+        self.close(batch, done, work[rows.TENSION, :elements].copy())
+
+    def step(self, batch: Batch, done: int, some: int, look_steps: int, work: Floats) -> int:
+        """Do so many steps of a batch after `done`; returns how many, fewer if it failed."""
+        rope = self._rope._replace(work=work)
+        ahead = Boundary(*(table[done : done + some + 1] for table in batch.boundary))
+        pulls = batch.pulls[done : done + some]
+        stepped = advance(rope, ahead, pulls, self.steps * self._step_ns * 1e-9, some)
+        self.steps += stepped
+        if stepped < some:
+            self.failure = self._failure()
+        elif self.steps % look_steps == 0:
+            self._look(work)
+        return stepped
+
+    def close(self, batch: Batch, done: int, tension: Floats) -> None:
+        """Take down what the steps of a batch brought; tension: of the elements after the last."""
+        self._tension = tension
+        self._value, self._rate = (table[done] for table in batch.boundary)
         if done:
-            self._pull = scratch.pulls[done - 1].copy()
-            tensions = scratch.pulls[:done, rows.PULL].tolist()
+            self._pull = batch.pulls[done - 1].copy()
+            tensions = batch.pulls[:done, rows.PULL].tolist()
             self._seen.take(tensions)
             self._recent.take(tensions)
+
+    def count_looks(self, looks: int, slack: int) -> None:
+        """So many looks were taken elsewhere, of which so many found it slack."""
+        self._looks += looks
+        self._slack_looks += slack
 
     def _look(self, work: Floats) -> None:
         self._looks += 1

@@ -11,79 +11,19 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from small_scene import figures, small_scene
+from lone_twins import SECOND_NS, alone, differing, sea, variations
+from small_scene import small_scene
 
 import rope_twin.twin.member as member_module
-from rope_twin import Snapshot, Twin
+from rope_twin import Twin
 from rope_twin.core.step import advance
 from rope_twin.errors import InputError, SceneError
-from rope_twin.scene.change import Change, change_scene
+from rope_twin.scene.change import Change
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble import Ensemble, Variation
 from rope_twin.twin.heave_series import HeaveSeries
 from rope_twin.twin.member import Scratch
 from rope_twin.twin.schedule import SpeedSample
-
-SAMPLE_NS = 50_000_000
-SECOND_NS = 1_000_000_000
-
-
-def sea(height_m: float, period_s: float, seconds: float) -> list[tuple[int, float, float]]:
-    """Samples of a heave that grows on two waves, from before the start to beyond the end."""
-    w, samples = 2.0 * math.pi / period_s, []
-    for k in range(-2, round(seconds * SECOND_NS / SAMPLE_NS) + 6):
-        t = k * SAMPLE_NS * 1e-9
-        z = height_m * (math.sin(w * t) + 0.3 * math.sin(2.3 * w * t))
-        v = height_m * w * (math.cos(w * t) + 0.69 * math.cos(2.3 * w * t))
-        samples.append((k * SAMPLE_NS, z, v))
-    return samples
-
-
-def alone(scene: Scene, own: Variation, seconds: int) -> Snapshot:
-    """What a twin of the member's scene and inputs comes to, a second at a time."""
-    twin = Twin(change_scene(scene, own.changes))
-    if own.heave is not None:
-        columns = (own.heave.stamp_ns, own.heave.position_m, own.heave.velocity_m_per_s)
-        for stamp, z, v in zip(*(column.tolist() for column in columns), strict=True):
-            at_ns = stamp - own.heave.start_ns
-            if at_ns > -SECOND_NS:
-                assert not twin.offer_heave(at_ns, z, v)
-            if at_ns > (seconds + 1) * SECOND_NS:
-                break
-    for second in range(seconds):
-        for command in own.commands or ():
-            if second <= command.stamp_ns / SECOND_NS < second + 1:
-                assert not twin.offer_speed(command.stamp_ns, command.speed_m_per_s)
-        twin.advance(round(1.0 / twin.step_s))
-    return twin.snapshot()
-
-
-def differing(found: Snapshot, expected: Snapshot) -> list[str]:
-    """The figures of which a bit differs; the tensions since the last snapshot too."""
-    a, b = figures(found), figures(expected)
-    names = [name for name in b if a[name].tobytes() != b[name].tobytes()]
-    for name in ("solves", "substeps", "splits", "merges"):
-        if getattr(found.solver, name) != getattr(expected.solver, name):
-            names.append(name)
-    return names
-
-
-@st.composite
-def variations(draw: st.DrawFn) -> Variation:
-    """A load from light to heavy, another rope, current and drag, a sea, a winch that runs."""
-    number = st.floats
-    changes = (
-        Change("payloads[0].mass_kg", draw(st.sampled_from([1700.0, 4000.0, 8000.0, 20000.0]))),
-        Change("ropes[0].rope.axial_stiffness_n", draw(number(0.3, 3.0)), multiply=True),
-        Change("ropes[0].damping.fraction_of_first_axial_mode", draw(number(0.0, 0.1))),
-        Change("effects.current.profile[*][1][*]", draw(number(0.0, 2.0)), multiply=True),
-        Change("effects.drag.normal", draw(number(0.5, 2.5))),
-        Change("ropes[0].elements", draw(st.sampled_from([10, 20, 33]))),
-    )
-    heave = HeaveSeries.of(sea(draw(number(0.0, 4.0)), draw(number(4.0, 10.0)), 60.0))
-    speeds = draw(st.lists(number(-1.5, 1.5), max_size=3))
-    commands = tuple(SpeedSample(2 * k * SECOND_NS, v) for k, v in enumerate(speeds))
-    return Variation(changes, heave.starting_at(draw(st.integers(0, 20 * SECOND_NS))), commands)
 
 
 @settings(max_examples=8, deadline=None)

@@ -1,0 +1,102 @@
+"""The direct solve of `core/elimination` for ropes in lanes, in the same order of operations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rope_twin.core.elimination import (
+    _ground,
+    add_six,
+    eliminate_node,
+    hold_ends,
+    solve_symmetric,
+    spring,
+)
+from rope_twin.core.jit import jit_ordered, jit_ordered_within
+from rope_twin.core.rows import row, rows, span
+from rope_twin.core.state import BLOCK, CORRECTION, ELIMINATED, GEOMETRIC, RESIDUAL, ROOT
+
+_eliminate_in_order = jit_ordered_within(eliminate_node)
+
+
+@jit_ordered_within
+def _eliminate(work: Any, i: int, e: int, Z: Any, f: Any) -> Any:
+    """Eliminate node i through element e; Z and force for the neighbour are returned."""
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    x, y, z = rows(work, ROOT, 0)
+    geometric = row(work, GEOMETRIC, 0)
+    b = geometric[e]
+    S = (
+        Z[0] + (Axx[i] + b), Z[1] + Axy[i], Z[2] + Axz[i],
+        Z[3] + (Ayy[i] + b), Z[4] + Ayz[i], Z[5] + (Azz[i] + b),
+    )  # fmt: skip
+    force = (f[0] + Rx[i], f[1] + Ry[i], f[2] + Rz[i])
+    root = (x[e], y[e], z[e])
+    gain, own, left, pushed = _eliminate_in_order(S, force, root, b)
+    gxx, gxy, gxz, gyx, gyy, gyz, gzx, gzy, gzz, px, py, pz = span(work, ELIMINATED, 12, 0)
+    gxx[i] = gain[0]
+    gxy[i] = gain[1]
+    gxz[i] = gain[2]
+    gyx[i] = gain[3]
+    gyy[i] = gain[4]
+    gyz[i] = gain[5]
+    gzx[i] = gain[6]
+    gzy[i] = gain[7]
+    gzz[i] = gain[8]
+    px[i] = own[0]
+    py[i] = own[1]
+    pz[i] = own[2]
+    return left, pushed
+
+
+@jit_ordered_within
+def _substitute(work: Any, i: int, d: Any) -> Any:
+    """delta of node i from that of its neighbour nearer the middle, kept and returned."""
+    xx, xy, xz, yx, yy, yz, zx, zy, zz, x, y, z = span(work, ELIMINATED, 12, 0)
+    dx, dy, dz = rows(work, CORRECTION, 0)
+    px, py, pz = d
+    qx = (x[i] + xx[i] * px) + (xy[i] * py + xz[i] * pz)
+    qy = (y[i] + yx[i] * px) + (yy[i] * py + yz[i] * pz)
+    qz = (z[i] + zx[i] * px) + (zy[i] * py + zz[i] * pz)
+    dx[i] = qx
+    dy[i] = qy
+    dz[i] = qz
+    return qx, qy, qz
+
+
+@jit_ordered
+def eliminate_wide(work: Any, first: int, n: int) -> None:
+    """Corrections of the nodes first <= i < n, from both ends at once."""
+    pairs, rounds = (n - first - 1) // 2, (n - first) // 2
+    middle = first + pairs
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    Z_low, Z_high = _ground(work, first), spring(work, n - 1)
+    zero = Rx[middle] * 0.0
+    f_low, f_high = (zero, zero, zero), (zero, zero, zero)
+    for k in range(pairs):
+        i, j = first + k, n - 1 - k
+        Z_low, f_low = _eliminate(work, i, i, Z_low, f_low)
+        Z_high, f_high = _eliminate(work, j, j - 1, Z_high, f_high)
+    if rounds > pairs:
+        Z_high, f_high = _eliminate(work, middle + 1, middle, Z_high, f_high)
+    A = (Axx[middle], Axy[middle], Axz[middle], Ayy[middle], Ayz[middle], Azz[middle])
+    S = add_six(add_six(Z_low, Z_high), A)
+    force = (
+        f_low[0] + f_high[0] + Rx[middle],
+        f_low[1] + f_high[1] + Ry[middle],
+        f_low[2] + f_high[2] + Rz[middle],
+    )
+    d = solve_symmetric(S, force)
+    dx, dy, dz = rows(work, CORRECTION, middle)
+    dx[0] = d[0]
+    dy[0] = d[1]
+    dz[0] = d[2]
+    low, high = d, d
+    if rounds > pairs:
+        high = _substitute(work, middle + 1, d)
+    for k in range(pairs - 1, -1, -1):
+        low = _substitute(work, first + k, low)
+        high = _substitute(work, n - 1 - k, high)
+    hold_ends(work, first, n)

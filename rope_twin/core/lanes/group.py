@@ -1,0 +1,197 @@
+"""The arrays of a few ropes that are stepped in lanes, and the way in and out of them."""
+
+from __future__ import annotations
+
+from math import prod
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.core import config
+
+from rope_twin.core import terms
+from rope_twin.core.jit import compiled
+from rope_twin.core.lanes.step import Run, advance_lanes_steps
+from rope_twin.core.lanes.wide import ALIGNMENT, ALL, LANES
+from rope_twin.core.sections import SAME_PLACE
+from rope_twin.core.state import (
+    COUNTS,
+    ELEMENTS,
+    END,
+    HEALTH,
+    LOWEST_OFFSET,
+    MOTIONS,
+    NODE_ROWS,
+    PULL_COLUMNS,
+    SECTION_ROWS,
+    SOLVES,
+    SOLVES_MAX,
+    STEPS,
+    SUBSTEPS,
+    SUBSTEPS_MAX,
+    TENSION,
+    WORK_ROWS,
+    Boundary,
+    Floats,
+    Ints,
+    Model,
+    Rope,
+    State,
+)
+from rope_twin.core.trial import TRIALS
+
+SOLVES_DONE, SOLVES_MOST, STEPS_DONE, SLACK_LOOKS, TALLIES = range(5)
+
+_OWN_FIGURES = ("element_length", "split_above", "merge_below", "tolerance")  # of the Model
+
+
+class Kind(NamedTuple):
+    """What ropes must have in common to be stepped in lanes together."""
+
+    elements: int
+    place: tuple[int, ...]  # each element's section; empty if there is one section only
+    sections: int
+    first_free: int
+    step: float
+    absorb: float
+    effects: tuple[Any, ...]  # types, and shapes of their fields
+
+
+def kind_of(rope: Rope) -> Kind | None:
+    """What the rope has in common with those beside which it can be stepped; None: it cannot."""
+    if (
+        config.DISABLE_JIT
+        or type(rope) is not Rope
+        or rope.law is not None
+        or not terms.all_wide(map(type, rope.effects))
+    ):
+        return None
+    elements, sections = int(rope.state.counts[ELEMENTS]), rope.sections.shape[1]
+    if elements < 2:
+        return None
+    place: tuple[int, ...] = ()
+    if sections > 1:
+        lower_ends = rope.state.s[:elements] + SAME_PLACE
+        place = tuple(np.searchsorted(rope.sections[END], lower_ends, side="right").tolist())
+    effects = tuple(
+        (type(effect), *(np.shape(field) for field in effect)) for effect in rope.effects
+    )
+    model = rope.model
+    return Kind(elements, place, sections, model.first_free, model.step, model.absorb, effects)
+
+
+def aligned(*shape: int) -> Floats:
+    """Zeros of this shape; each wide number in one line of the cache."""
+    size = prod(shape)
+    raw = np.zeros(size + ALIGNMENT // 8)
+    first = -raw.ctypes.data % ALIGNMENT // 8
+    return raw[first : first + size].reshape(shape)
+
+
+class Group:
+    """Up to LANES ropes of one kind."""
+
+    def __init__(self, kind: Kind, steps: int) -> None:
+        """Room for ropes of this kind and for so many steps."""
+        self.kind, self.steps = kind, steps
+        columns = kind.elements + 1 + TRIALS
+        figures: Any = {name: aligned(LANES) for name in _OWN_FIGURES}
+        model = Model(absorb=kind.absorb, first_free=kind.first_free, step=kind.step, **figures)
+        state = State(
+            aligned(columns, NODE_ROWS, LANES),
+            aligned(columns, LANES),
+            aligned(columns, LANES),
+            np.zeros(COUNTS, np.int64),
+            np.zeros(HEALTH, np.int64),
+        )
+        state.counts[ELEMENTS] = kind.elements
+        effects = tuple(
+            effect(*(aligned(*shape, LANES) for shape in shapes))
+            for effect, *shapes in kind.effects
+        )
+        sections = aligned(SECTION_ROWS, kind.sections, LANES)
+        work = aligned(columns, WORK_ROWS, LANES)
+        self._rope = Rope(model, state, work, sections, effects)
+        self._place = np.zeros(kind.elements, np.int64)
+        if kind.place:
+            self._place[:] = kind.place
+        self._lowest: Ints = np.zeros(LANES, np.int64)
+        self._tally = aligned(TALLIES, LANES)
+        borders = steps + 1
+        self.boundary = Boundary(aligned(borders, MOTIONS, LANES), aligned(borders, MOTIONS, LANES))
+        self.pulls = aligned(steps, PULL_COLUMNS, LANES)
+
+    def begin(self, ropes: list[Rope], boundaries: list[Boundary]) -> None:
+        """Take in ropes of the group's kind, and their motion at the borders of the steps.
+
+        Lanes without a rope of their own get one of the others'.
+        """
+        self._tally[:] = 0.0
+        for lane in range(LANES):
+            of = lane if lane < len(ropes) else 0
+            self._put(lane, ropes[of])
+            for table, own in zip(self.boundary, boundaries[of], strict=True):
+                table[: len(own), :, lane] = own
+
+    def _put(self, lane: int, rope: Rope) -> None:
+        """The rope, with all its figures."""
+        own = self._rope
+        for name in _OWN_FIGURES:
+            getattr(own.model, name)[lane] = getattr(rope.model, name)
+        own.sections[..., lane] = rope.sections
+        for effect, theirs in zip(own.effects, rope.effects, strict=True):
+            for field, value in zip(effect, theirs, strict=True):
+                field[..., lane] = value
+        self.put(lane, rope.state)
+
+    def put(self, lane: int, state: State) -> None:
+        """Take a rope's state into a lane."""
+        own, n = self._rope.state, self.kind.elements
+        own.nodes[: n + 1, :, lane] = state.nodes[:, : n + 1].T
+        own.s[: n + 1, lane] = state.s[: n + 1]
+        own.offset[:n, lane] = state.offset[:n]
+        self._lowest[lane] = state.counts[LOWEST_OFFSET]
+
+    def take(self, lane: int, state: State) -> None:
+        """Give a lane's state back to its rope."""
+        own, n = self._rope.state, self.kind.elements
+        state.nodes[:, : n + 1] = own.nodes[: n + 1, :, lane].T
+        state.s[: n + 1] = own.s[: n + 1, lane]
+        state.offset[:n] = own.offset[:n, lane]
+        state.counts[LOWEST_OFFSET] = self._lowest[lane]
+
+    def advance(self, run: Run) -> tuple[int, list[int]]:
+        """Step on; returns the step reached, and the lanes that are left to do the last one.
+
+        Fewer steps than wanted are done if there are such lanes.
+        """
+        code = _advance(
+            self._rope, self._place, self._lowest, self._tally, self.boundary, self.pulls, run
+        )
+        left = code & ALL
+        return code // (ALL + 1), [lane for lane in range(LANES) if left >> lane & 1]
+
+    def tension(self, lane: int) -> Floats:
+        """Tension of a lane's elements after the last step [N]."""
+        return self._rope.work[: self.kind.elements, TENSION, lane].copy()
+
+    def account(self, lane: int, health: Ints) -> int:
+        """Add a lane's steps to its rope's health; returns at how many looks it was slack."""
+        solves, most, steps, slack = (int(value) for value in self._tally[:, lane])
+        health[STEPS] += steps
+        health[SUBSTEPS] += steps
+        health[SUBSTEPS_MAX] = max(health[SUBSTEPS_MAX], min(steps, 1))
+        health[SOLVES] += solves
+        health[SOLVES_MAX] = max(health[SOLVES_MAX], most)
+        return slack
+
+
+_COMPILED: dict[tuple[type, ...], Any] = {}
+
+
+def _advance(*arguments: Any) -> int:
+    """`advance_lanes_steps`, compiled for the types of the rope's effects."""
+    kinds = tuple(map(type, arguments[0].effects))
+    found = _COMPILED.get(kinds)
+    if found is None:
+        found = _COMPILED[kinds] = compiled(advance_lanes_steps, arguments)
+    return int(found(*arguments))

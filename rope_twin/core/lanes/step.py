@@ -1,0 +1,261 @@
+"""Time steps of ropes in lanes: TR-BDF2 as in `core/step`, without what is rare.
+
+A rope whose step would be halved, or searched along, or whose top element splits or merges, takes
+that step by itself: `advance_lanes` does the step for the other lanes and tells whose is left.
+"""
+
+from __future__ import annotations
+
+from math import exp
+from typing import Any, NamedTuple
+
+from numba.extending import overload
+
+from rope_twin.core.jit import LINKED, jit, jit_entry
+from rope_twin.core.lanes.stage import solve_stage
+from rope_twin.core.lanes.tables import table, tiles, wide
+from rope_twin.core.lanes.wide import ALL, LANES, bits, choose, mask_of
+from rope_twin.core.motion import place_hang_off, prescribed
+from rope_twin.core.payout import SMALLEST_REST, SMALLEST_STEPS
+from rope_twin.core.prediction import GAMMA
+from rope_twin.core.rows import node_rows, row, rows
+from rope_twin.core.sections import SAME_PLACE, set_element, set_top_of
+from rope_twin.core.stage import BDF2, TRAPEZOID
+from rope_twin.core.state import (
+    ACCELERATION,
+    ELEMENTS,
+    END,
+    LINE,
+    LINE_COLUMN,
+    MASS,
+    NODE_ROWS,
+    PER_METRE,
+    POSITION,
+    REST,
+    SKIN,
+    TENSION,
+    VELOCITY,
+    WORK_ROWS,
+    Boundary,
+    Model,
+    Rope,
+    Stage,
+    State,
+)
+from rope_twin.core.step import OFFSET_GONE, _report
+from rope_twin.core.trial import load_trials_of
+
+
+class Run(NamedTuple):
+    """Which steps to do, of a batch."""
+
+    time: float  # at the batch's begin [s]
+    first: int  # the step that comes next
+    steps: int  # of the batch
+    wanted: int  # lanes that matter, as bits
+    before: int  # steps since the start, at the batch's begin
+    look: int  # the ropes are looked along whenever so many steps are done
+
+
+def _wide_effects(effects: Any) -> Any:
+    """Effects whose fields are arrays with a last axis of LANES, with wide numbers and tables."""
+    raise NotImplementedError("compiled code only")
+
+
+@overload(_wide_effects, jit_options=LINKED, strict=False)
+def _compose_effects(effects: Any) -> Any:
+    scope: dict[str, Any] = {"wide": wide, "table": table}
+    made = []
+    for i, effect in enumerate(effects):
+        scope[f"Effect_{i}"] = effect.instance_class
+        fields = [
+            f"{'wide' if kind.ndim == 1 else 'table'}(effects[{i}].{name})"
+            for name, kind in zip(effect.fields, effect.types, strict=True)
+        ]
+        made.append(f"Effect_{i}({', '.join(fields)}),")
+    exec(f"def written_out(effects):\n    return ({' '.join(made)})", scope)
+    return scope["written_out"]
+
+
+@jit
+def _wide_rope(rope: Any) -> Any:
+    """The rope with wide numbers instead of arrays."""
+    model, state = rope.model, rope.state
+    return Rope(
+        Model(
+            wide(model.element_length),
+            wide(model.split_above),
+            wide(model.merge_below),
+            model.absorb,
+            model.first_free,
+            model.step,
+            wide(model.tolerance),
+        ),
+        State(
+            tiles(state.nodes, NODE_ROWS),
+            table(state.s),
+            table(state.offset),
+            state.counts,
+            state.health,
+        ),
+        tiles(rope.work, WORK_ROWS),
+        table(rope.sections),
+        _wide_effects(rope.effects),
+        None,
+    )
+
+
+@jit
+def _set_lengths(rope: Any, place: Any, L: Any) -> None:
+    """All elements and nodes, with line out L; place: each element's section."""
+    work, s, sections = rope.work, rope.state.s, rope.sections
+    n = rope.state.counts[ELEMENTS]
+    for k in range(MASS, SKIN + 1):
+        work[k, 0] = 0.0
+    for e in range(n):
+        above = L if e == n - 1 else s[e + 1]
+        rest = above - s[e]
+        set_element(work, sections, place[e], e, rest)
+        for k in range(MASS, SKIN + 1):
+            half = 0.5 * rest * sections[k - MASS + PER_METRE, place[e]]
+            work[k, e] += half
+            work[k, e + 1] = half
+
+
+@jit
+def _eventful(rope: Any, place: Any, sections: int, L: Any, V: Any) -> Any:
+    """Lanes whose top element may split or merge after a step that ends with line out L."""
+    model, s, ends = rope.model, rope.state.s, rope.sections
+    n = rope.state.counts[ELEMENTS]
+    top = n - 1
+    rest = L - s[top]
+    least = max(SMALLEST_STEPS * abs(V) * model.step, SMALLEST_REST)
+    beyond = s[top] + rest - ends[END, place[top]]
+    splits = bits(beyond > 2.0 * least) | bits(rest > model.split_above)
+    if n <= 2:
+        return splits
+    below = rope.work[REST, top - 1] / model.element_length
+    merge = max(model.merge_below * min(below, 1.0), least)
+    for k in range(sections):
+        merge = choose(abs(ends[END, k] - s[top]) <= SAME_PLACE, least, merge)
+    return splits | bits(rest < merge)
+
+
+@jit
+def _keep(rope: Any, kept: Any) -> None:
+    """The stage's motion becomes the state's, in lanes that are kept."""
+    nodes, work = rope.state.nodes, rope.work
+    x, y, z = node_rows(nodes, POSITION, 0)
+    vx, vy, vz = node_rows(nodes, VELOCITY, 0)
+    ax, ay, az = node_rows(nodes, ACCELERATION, 0)
+    x_new, y_new, z_new = rows(work, POSITION, 0)
+    vx_new, vy_new, vz_new = rows(work, VELOCITY, 0)
+    ax_new, ay_new, az_new = rows(work, ACCELERATION, 0)
+    n = rope.state.counts[ELEMENTS]
+    if bits(kept) == ALL:
+        for i in range(n + 1):
+            x[i], y[i], z[i] = x_new[i], y_new[i], z_new[i]
+            vx[i], vy[i], vz[i] = vx_new[i], vy_new[i], vz_new[i]
+            ax[i], ay[i], az[i] = ax_new[i], ay_new[i], az_new[i]
+        return
+    for i in range(n + 1):
+        x[i] = choose(kept, x_new[i], x[i])
+        y[i] = choose(kept, y_new[i], y[i])
+        z[i] = choose(kept, z_new[i], z[i])
+        vx[i] = choose(kept, vx_new[i], vx[i])
+        vy[i] = choose(kept, vy_new[i], vy[i])
+        vz[i] = choose(kept, vz_new[i], vz[i])
+        ax[i] = choose(kept, ax_new[i], ax[i])
+        ay[i] = choose(kept, ay_new[i], ay[i])
+        az[i] = choose(kept, az_new[i], az[i])
+
+
+@jit
+def _fade_offsets(rope: Any, state: Any, lowest: Any, kept: int) -> None:
+    """As in `core/step`; state: the arrays, lowest: each lane's lowest element with an offset."""
+    n, low = rope.state.counts[ELEMENTS], lowest[0]
+    for lane in range(1, LANES):
+        low = min(low, lowest[lane])
+    if low == n:
+        return
+    keep = choose(mask_of(kept), exp(-rope.model.step / rope.model.absorb), 1.0)
+    for e in range(low, n):
+        rope.state.offset[e] = rope.state.offset[e] * keep
+    for lane in range(LANES):
+        low = lowest[lane] if kept >> lane & 1 else n
+        while low < n:
+            if not abs(state.offset[low, lane]) < OFFSET_GONE * (
+                state.s[low + 1, lane] - state.s[low, lane]
+            ):
+                break
+            state.offset[low, lane] = 0.0
+            low += 1
+        if kept >> lane & 1:
+            lowest[lane] = low
+
+
+@jit
+def _stage_at(rope: Any, place: Any, boundary: Any, step: int, kind: int, time: float) -> Any:
+    """Set the boundary at the stage's part of the step and return the stage."""
+    n, h = rope.state.counts[ELEMENTS], rope.model.step
+    part = GAMMA if kind == TRAPEZOID else 1.0
+    c = 0.5 * GAMMA * h
+    L, V, _ = place_hang_off(rope.work, boundary, step, part, h, n)
+    set_top_of(rope.work, rope.state.s, rope.sections, n, L, place[n - 1], place[n - 2])
+    return Stage(time + part * h, c * c, c, V)
+
+
+@jit
+def _finish(rope: Any, place: Any, boundary: Any, pull: Any, step: int, time: float) -> None:
+    """After step `step` to `time`: the pull on the hang-off."""
+    L, V, A = prescribed(boundary, step, LINE_COLUMN, 1.0, rope.model.step)
+    n = rope.state.counts[ELEMENTS]
+    rope.state.s[n] = L
+    load_trials_of(rope, Stage(time, 1.0, 0.0, V), A, 0.0, place[n - 1], place[n - 2])
+    _report(rope, pull, step)
+
+
+@jit
+def _slack(rope: Any) -> Any:
+    """Lanes with an element without tension."""
+    tension, slack = row(rope.work, TENSION, 0), 0
+    for e in range(rope.state.counts[ELEMENTS]):
+        slack |= bits(tension[e] <= 0.0)
+    return slack
+
+
+@jit_entry
+def advance_lanes_steps(
+    arrays: Any, place: Any, lowest: Any, tally: Any, boundary: Any, pull: Any, run: Any
+) -> int:
+    """What `advance_lanes` compiles."""
+    rope = _wide_rope(arrays)
+    borders = Boundary(table(boundary.value), table(boundary.rate))
+    pulls, tallies = table(pull), table(tally)
+    first, steps, wanted, time, h = run.first, run.steps, run.wanted, run.time, rope.model.step
+    sections = arrays.sections.shape[1]
+    _set_lengths(rope, place, borders.value[first, LINE])
+    for step in range(first, steps):
+        now = time + step * h
+        L, V, _ = prescribed(borders, step, LINE_COLUMN, 1.0, h)
+        kept = wanted & (ALL - _eventful(rope, place, sections, L, V))
+        solves, most = 0.0 * L, 0.0 * L
+        for kind in (TRAPEZOID, BDF2):
+            stage = _stage_at(rope, place, borders, step, kind, now)
+            left, count = solve_stage(rope, stage, kind, kept)
+            kept &= ALL - left
+            solves += count
+            most = max(most, count)
+        mask = mask_of(kept)
+        _keep(rope, mask)
+        _finish(rope, place, borders, pulls, step, now + h)
+        _fade_offsets(rope, arrays.state, lowest, kept)
+        tallies[0] = tallies[0] + choose(mask, solves, 0.0)
+        tallies[1] = max(tallies[1], choose(mask, most, 0.0))
+        tallies[2] = tallies[2] + choose(mask, 1.0, 0.0)
+        if (run.before + step + 1) % run.look == 0:
+            slack = mask_of(_slack(rope) & kept)
+            tallies[3] = tallies[3] + choose(slack, 1.0, 0.0)
+        if kept != wanted:
+            return int((step + 1) * (ALL + 1) + (wanted - kept))
+    return int(steps * (ALL + 1))

@@ -1,0 +1,235 @@
+"""Members whose ropes share SIMD lanes, against twins of their own: equal to the bit.
+
+However many there are, whatever each has of its own, and whatever happens to those beside it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numba
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from lone_twins import SECOND_NS, alone, differing, sea, variations
+from numba.core.errors import NumbaError
+from small_scene import SMALL_SCENE, small_scene
+
+import rope_twin.twin.ensemble as ensemble_module
+import rope_twin.twin.lanes as lanes_module
+from rope_twin import load_scene
+from rope_twin.core.elimination import eliminate
+from rope_twin.core.jit import OPTIONS, jit_entry
+from rope_twin.core.lanes.elimination import eliminate_wide
+from rope_twin.core.lanes.group import Group, aligned, kind_of
+from rope_twin.core.lanes.tables import tiles, wide
+from rope_twin.core.lanes.wide import LANES
+from rope_twin.core.state import (
+    BLOCK,
+    CORRECTION,
+    GEOMETRIC,
+    RESIDUAL,
+    ROOT,
+    VELOCITY,
+    WORK_ROWS,
+)
+from rope_twin.scene.build import build
+from rope_twin.scene.change import Change
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.ensemble import Ensemble, Variation
+from rope_twin.twin.heave_series import HeaveSeries
+from rope_twin.twin.schedule import SpeedSample
+
+TWO_SECTIONS = """\
+    sections:
+      - {rope: steel_wire_40mm, length_m: 93.0}
+      - {rope: {diameter_m: 0.05, mass_kg_per_m: 9.0, hydrodynamic_diameter_m: 0.05,
+         axial_stiffness_n: 80000000.0, breaking_load_n: 1500000.0}}
+"""
+
+
+def calm(number: int) -> Variation:
+    """A member that stays in its lane: its load, rope, water, drag and sea are its own."""
+    changes = (
+        Change("payloads[0].mass_kg", 8000.0 + 300.0 * number),
+        Change("ropes[0].rope.axial_stiffness_n", 1.0 + 0.05 * number, multiply=True),
+        Change("ropes[0].damping.fraction_of_first_axial_mode", 0.01 * number),
+        Change("effects.current.profile[*][1][*]", 0.2 * number, multiply=True),
+        Change("effects.current.profile[1][0]", -150.0 - 3.0 * number),
+        Change("effects.drag.normal", 1.0 + 0.1 * number),
+        Change("effects.added_mass.normal", 1.0 - 0.03 * number),
+    )
+    heave = HeaveSeries.of(sea(0.8, 6.0 + 0.3 * number, 30.0))
+    return Variation(changes, heave.starting_at(number * SECOND_NS // 3))
+
+
+def paying(number: int) -> Variation:
+    """One whose winch runs at a speed of its own, out and in again: splits and merges."""
+    speed = 1.5 - 0.1 * (number % 3)
+    commands = tuple(SpeedSample(k * SECOND_NS, v) for k, v in ((0, speed), (9, -speed)))
+    return Variation(heave=HeaveSeries.of(sea(1.0, 8.0, 40.0)), commands=commands)
+
+
+def snapping(number: int) -> Variation:
+    """One with a light load in high waves: slack and snap, line searches and halved steps."""
+    light = Change("payloads[0].mass_kg", 1700.0 + 100.0 * number)
+    return Variation((light,), HeaveSeries.of(sea(4.0, 4.5 + 0.2 * number, 30.0)))
+
+
+def unequal(scene: Scene, ensemble: Ensemble, own: list[Variation], seconds: int) -> list[str]:
+    """What differs from lone twins, and in which member."""
+    return [
+        f"member {number}: {name}"
+        for number, variation in enumerate(own)
+        for name in differing(ensemble.snapshot(number), alone(scene, variation, seconds))
+    ]
+
+
+@pytest.mark.parametrize("members", [1, LANES - 1, LANES, LANES + 1, 2 * LANES + 5])
+def test_any_number_of_members(
+    tmp_path: Path, members: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Groups that are full, groups with lanes to spare, and what is too few for a group."""
+    groups: list[int] = []
+    begin = Group.begin
+
+    def counted(self: Group, ropes: list, boundaries: list) -> None:
+        groups.append(len(ropes))
+        begin(self, ropes, boundaries)
+
+    monkeypatch.setattr(Group, "begin", counted)
+    scene = small_scene(tmp_path)
+    own = [calm(number) for number in range(members)]
+    ensemble = Ensemble(scene, own, threads=1)
+    ensemble.advance(4)
+    assert not unequal(scene, ensemble, own, 4)
+    rest = members % LANES
+    expected = [LANES] * (members // LANES) + [rest] * (rest >= lanes_module.LEAST)
+    assert groups == (expected if members >= LANES else [])
+
+
+def test_splits_slack_and_calm_side_by_side(tmp_path: Path) -> None:
+    """Each kind of trouble in lanes beside all others; the cuts of time do not matter."""
+    scene = small_scene(tmp_path)
+    kinds = (calm, paying, snapping)
+    own = [kinds[number % 3](number) for number in range(2 * LANES)]
+    ensemble = Ensemble(scene, own, look_s=0.07)
+    for seconds in (1, 15, 8):
+        ensemble.advance(seconds)
+    assert not unequal(scene, ensemble, own, 24)
+    shots = [ensemble.snapshot(number).solver for number in range(len(own))]
+    assert shots[1].splits > 0
+    assert shots[1].merges > 0
+    assert shots[2].solves > 1.1 * shots[0].solves
+    assert any(shot.solves_max_per_stage > 4 for shot in shots[2::3])
+
+
+def test_figures_do_not_depend_on_lanes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Extremes, means, looks along the rope: the same as when each member steps alone."""
+    scene = small_scene(tmp_path)
+    own = [snapping(number) for number in range(LANES)] + [paying(1)]
+    together = Ensemble(scene, own, look_s=0.07)
+    together.advance(6)
+    monkeypatch.setattr(lanes_module, "LEAST", LANES + 1)
+    lone = Ensemble(scene, own, look_s=0.07)
+    lone.advance(6)
+    assert together.figures() == lone.figures()
+    assert any(0.0 < figures.slack_share < 1.0 for figures in together.figures())
+
+
+@settings(max_examples=6, deadline=None)
+@given(own=st.lists(variations(), min_size=2, max_size=5), cut=st.integers(1, 9))
+def test_members_at_random(
+    tmp_path_factory: pytest.TempPathFactory, own: list[Variation], cut: int
+) -> None:
+    """All in lanes, even a group of one."""
+    scene = small_scene(tmp_path_factory.mktemp("scene"))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ensemble_module, "LANES", 1)
+        patch.setattr(lanes_module, "LEAST", 1)
+        ensemble = Ensemble(scene, own, look_s=0.07, threads=2)
+        ensemble.advance(cut)
+        ensemble.advance(10 - cut)
+    assert not unequal(scene, ensemble, own, 10)
+
+
+def test_one_that_fails_leaves_its_neighbours_alone(tmp_path: Path) -> None:
+    """Its state is kept, it says when it stopped, and the others get the same bits."""
+    scene = small_scene(tmp_path)
+    own = [calm(number) for number in range(LANES)]
+    ensemble = Ensemble(scene, own, threads=1)
+    ensemble.advance(1)
+    ensemble._members[3].rope.state.nodes[VELOCITY, 5] = np.inf
+    ensemble.advance(2)
+    told = [figures.failure for figures in ensemble.figures()]
+    assert told[3].startswith("step 101 at 1.00 s: the rope's next state is not finite")
+    assert ensemble.snapshot(3).step == 100
+    for number in set(range(LANES)) - {3}:
+        assert not told[number]
+        found, expected = ensemble.snapshot(number), alone(scene, own[number], 3)
+        assert not differing(found, expected)
+
+
+def test_sections_of_one_rope(tmp_path: Path) -> None:
+    """A boundary between sections passes the sheave in some members and not in others."""
+    path = tmp_path / "two.yaml"
+    text = SMALL_SCENE.replace("    rope: steel_wire_40mm\n", TWO_SECTIONS)
+    path.write_text(text.replace("length_m: 200.0", "length_m: 95.0"))
+    scene = load_scene(path)
+    own = [(paying if number % 2 else calm)(number) for number in range(LANES)]
+    own = [Variation((), one.heave, one.commands) for one in own]
+    ensemble = Ensemble(scene, own)
+    for seconds in (1, 15, 8):
+        ensemble.advance(seconds)
+    assert not unequal(scene, ensemble, own, 24)
+    assert all(ensemble.snapshot(number).solver.splits for number in range(1, LANES, 2))
+
+
+def test_what_is_not_stepped_in_lanes() -> None:
+    """Ropes with a table of stiffness, effects that couple nodes, effects that branch."""
+    assert kind_of(build(load_scene("deep_lift")).rope) is not None
+    assert kind_of(build(load_scene("hybrid_lift")).rope) is None
+
+
+def test_a_branch_on_a_wide_number_does_not_compile() -> None:
+    """So that an effect that branches cannot be taken for one that works in lanes."""
+
+    @numba.njit(**OPTIONS)
+    def branching(array: np.ndarray) -> float:
+        return 1.0 if wide(array) > 0.0 else 2.0
+
+    with pytest.raises((NumbaError, NotImplementedError)):
+        branching(np.ones(LANES))
+
+
+@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize("n", [7, 8])
+def test_the_elimination_is_that_of_one_rope(first: int, n: int) -> None:
+    """With a free and with a fixed lower end, an odd and an even number of nodes, in every lane."""
+    random = np.random.default_rng(n)
+    work = aligned(n + 1, WORK_ROWS, LANES)
+    work[:, ROOT : ROOT + 3] = random.normal(size=(n + 1, 3, LANES)) * 30.0
+    work[:, GEOMETRIC] = random.random((n + 1, LANES))
+    work[:, BLOCK : BLOCK + 6] = random.normal(size=(n + 1, 6, LANES))
+    work[:, [BLOCK, BLOCK + 3, BLOCK + 5]] += 130.0
+    work[:, RESIDUAL : RESIDUAL + 3] = random.normal(size=(n + 1, 3, LANES))
+    lone = np.ascontiguousarray(work.transpose(2, 1, 0))
+    eliminate_many(work, first, n)
+    for lane in range(LANES):
+        eliminate_one(lone[lane], first, n)
+        corrections = slice(CORRECTION, CORRECTION + 3)
+        assert np.array_equal(work[:, corrections, lane].T, lone[lane, corrections])
+
+
+@jit_entry
+def eliminate_many(work: Any, first: int, n: int) -> None:
+    """The solve of all lanes."""
+    eliminate_wide(tiles(work, WORK_ROWS), first, n)
+
+
+@jit_entry
+def eliminate_one(work: Any, first: int, n: int) -> None:
+    """That of one rope."""
+    eliminate(work, first, n)
