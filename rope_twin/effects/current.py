@@ -1,6 +1,7 @@
-"""Steady current: a profile over depth that turns, linear between its points.
+"""Current: a profile over depth that turns, linear between its points, or two layers.
 
-Above the first and below the last point the end values hold. U is horizontal.
+Above the first and below the last point the end values hold. U is horizontal. It may come and go
+in time, all depths alike.
 """
 
 from __future__ import annotations
@@ -16,22 +17,67 @@ from rope_twin.core.lanes.wide import bits, choose
 from rope_twin.core.rows import rows
 from rope_twin.core.state import FLOW, POSITION, Floats
 from rope_twin.core.terms import kernel, wide_kernel
-from rope_twin.quantity import quantity
+from rope_twin.quantity import quantity, text
 
 TOGETHER = 32  # nodes
+STEP = 1e-3  # m, of the profile between two layers
 
 Point = tuple[float, tuple[float, float]]
 
 
 @dataclass(frozen=True, kw_only=True)
-class CurrentParams:
-    """Rows of height z (from the surface down) and velocity east, north."""
+class Layers:
+    """One velocity from the surface to the split, another down to the bottom, none below.
 
-    profile: tuple[Point, ...] = quantity("rows of z [m] and [east, north] [m/s]", "")
+    As Laird, Fraser and Marsh (2016) have it.
+    """
+
+    upper: tuple[float, float] = quantity("velocity east, north", "m/s", -10.0, 10.0)
+    lower: tuple[float, float] = quantity("velocity east, north", "m/s", -10.0, 10.0)
+    split_z_m: float = quantity("height of the split", "m", -12e3, 0.0)
+    bottom_z_m: float = quantity("height of the lower layer's end", "m", -12e3, 0.0)
+
+    def check(self) -> str | None:
+        """The split lies above the bottom."""
+        if not self.bottom_z_m < self.split_z_m - STEP:
+            return (
+                f"the split at {self.split_z_m:g} m lies not above the bottom at "
+                f"{self.bottom_z_m:g} m; order them downward"
+            )
+        return None
+
+    def points(self) -> tuple[Point, ...]:
+        """The profile, whose steps are a millimetre high."""
+        split, bottom, half = self.split_z_m, self.bottom_z_m, 0.5 * STEP
+        return (
+            (split + half, self.upper), (split - half, self.lower),
+            (bottom + half, self.lower), (bottom - half, (0.0, 0.0)),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class CurrentParams:
+    """Rows of height z (from the surface down) and velocity east, north; or two layers."""
+
+    profile: tuple[Point, ...] = quantity("rows of z [m] and [east, north] [m/s]", "", default=())
+    layers: Layers | None = text("two layers in place of a profile", None)
+    over_time: tuple[tuple[float, float], ...] = quantity(
+        "rows of time [s] and what multiplies the velocity, linear between them", "", -1e7, 1e7,
+        default=(),
+    )  # fmt: skip
+
+    @property
+    def points(self) -> tuple[Point, ...]:
+        """The profile, of the layers too."""
+        return self.layers.points() if self.layers is not None else self.profile
 
     def check(self) -> str | None:
         """What is wrong with the profile and what would be right, or None."""
-        heights = [z for z, _ in self.profile]
+        if self.layers is not None and self.profile:
+            return "both profile and layers; keep one of them"
+        if any(b[0] <= a[0] for a, b in itertools.pairwise(self.over_time)):
+            return "times of over_time do not rise; order the rows"
+        heights = [z for z, _ in self.points]
         if len(heights) < 1:
             return "it has no row; give at least one [z, [east, north]]"
         for above, below in itertools.pairwise(heights):
@@ -39,7 +85,7 @@ class CurrentParams:
                 return f"z = {below:g} m follows z = {above:g} m; order rows from the surface down"
         if max(heights) > 0.0 or min(heights) < -12e3:
             return "a row lies outside the water; give z from 0 down to -12000 m"
-        speeds = [abs(u) for _, velocity in self.profile for u in velocity]
+        speeds = [abs(u) for _, velocity in self.points for u in velocity]
         if max(speeds) > 10.0:
             return f"{max(speeds):g} m/s is no sea current; give at most 10 m/s"
         return None
@@ -54,10 +100,22 @@ class Current(NamedTuple):
     slope: Floats  # its derivative over z between the rows [1/s], (2, rows)
 
 
-def build(params: CurrentParams, payload: Any, environment: Any) -> Current:
+class CurrentInTime(NamedTuple):
+    """A current that comes and goes."""
+
+    current: Current
+    time: Floats  # [s], rising, (rows,)
+    share: Floats  # of the current then
+
+
+def build(params: CurrentParams, payload: Any, environment: Any) -> Current | CurrentInTime:
     """From the scene's profile."""
-    rows = np.array([[z, *velocity] for z, velocity in params.profile], dtype=float)
-    return from_rows(rows)
+    rows = np.array([[z, *velocity] for z, velocity in params.points], dtype=float)
+    current = from_rows(rows)
+    if not params.over_time:
+        return current
+    time, share = np.array(params.over_time, dtype=float).T
+    return CurrentInTime(current, np.ascontiguousarray(time), np.ascontiguousarray(share))
 
 
 def from_rows(rows: Floats) -> Current:
@@ -72,19 +130,20 @@ def from_rows(rows: Floats) -> Current:
 
 
 @jit_within
-def _add_layer(current: Any, layer: int, z: Any, east: Any, north: Any, count: int) -> None:
+def _add_layer(current: Any, share: Any, layer: int, z: Any, flow: Any, count: int) -> None:
     """flow += slope·(what a node is above the layer's lower face, at most its rise)."""
+    east, north = flow
     low, rise = current.z[layer], current.rise[layer]
-    slope_east, slope_north = current.slope[0, layer], current.slope[1, layer]
+    slope_east, slope_north = share * current.slope[0, layer], share * current.slope[1, layer]
     for i in range(count):
         inside = min(max(z[i] - low, 0.0), rise)
         east[i] += slope_east * inside
         north[i] += slope_north * inside
 
 
-@kernel("flow", Current)
-def flow(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """flow += U(z), a sum over the layers between rows, for a few nodes at a time.
+@jit_within
+def _flow(current: Any, share: Any, work: Any, low: int, high: int) -> None:
+    """flow += share·U(z), a sum over the layers between rows, for a few nodes at a time.
 
     Only the layers that these nodes reach are summed; each sum runs over neighbours in memory.
     """
@@ -101,13 +160,13 @@ def flow(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
             first += 1
         while first > 0 and current.z[first] > bottom:
             first -= 1
-        base_east, base_north = current.U[0, first], current.U[1, first]
+        base_east, base_north = share * current.U[0, first], share * current.U[1, first]
         for i in range(count):
             east[i] += base_east
             north[i] += base_north
         layer = first
         while layer < last and (layer == first or current.z[layer] < top):
-            _add_layer(current, layer, z, east, north, count)
+            _add_layer(current, share, layer, z, (east, north), count)
             layer += 1
 
 
@@ -139,3 +198,23 @@ def flow_wide(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
                     inside = min(max(z[i] - low_face, 0.0), rise)
                     east[i] += slope_east * inside
                     north[i] += slope_north * inside
+
+
+@kernel("flow", Current)
+def flow(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """flow += U(z)."""
+    _flow(current, 1.0, work, low, high)
+
+
+@kernel("flow", CurrentInTime)
+def flow_in_time(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
+    """flow += share(t)·U(z); before the first and after the last row its value holds."""
+    last = current.time.shape[0] - 1
+    i = 0
+    while i < last - 1 and current.time[i + 1] <= stage.time:
+        i += 1
+    share = current.share[i]
+    if last > 0:
+        part = (stage.time - current.time[i]) / (current.time[i + 1] - current.time[i])
+        share += min(max(part, 0.0), 1.0) * (current.share[i + 1] - current.share[i])
+    _flow(current.current, share, work, low, high)

@@ -238,7 +238,7 @@ def _current_profile(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     length = scene.winch.most_line_out_m if scene.winch else scene.ropes[0].length_m
     top = scene.ship.hang_off_m[2]
     bottom = scene.ropes[0].fixed_at_m[2] if scene.ropes[0].fixed_at_m else top - length
-    (first, first_velocity), (last, last_velocity) = current.profile[0], current.profile[-1]
+    (first, first_velocity), (last, last_velocity) = current.points[0], current.points[-1]
     if first < min(top, 0.0) and hypot(*first_velocity) > 0.0:
         yield _held(first, first_velocity, "above", f"{min(top, 0.0):g} m")
     if last > bottom and hypot(*last_velocity) > 0.0:

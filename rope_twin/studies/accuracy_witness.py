@@ -95,6 +95,11 @@ def _beyond(scene: Scene) -> str:
         return "ropes of several sections or with a table of stiffness"
     if line.grading is not None or line.fixed_at_m is not None:
         return "graded elements and fixed lower ends"
+    for one in scene.effects:
+        if isinstance(one, DragParams) and (one.over_reynolds or not one.relative):
+            return "drag by a table or by the current alone"
+        if isinstance(one, CurrentParams) and one.over_time:
+            return "a current that changes in time"
     strange = [one for one in scene.effects if not isinstance(one, KNOWN)]
     return f"the effect of {type(strange[0]).__name__.removesuffix('Params')}" if strange else ""
 
@@ -136,7 +141,7 @@ class _Rope:
         self.weight[0] += (load.mass_kg - density * load.volume_m3) * gravity
         self.payload_mass = load.mass_kg + np.array(load.added_mass_kg)
         self.payload_drag = 0.5 * density * np.array(load.drag_area_m2)
-        profile = has[CurrentParams].profile if CurrentParams in has else ((0.0, (0.0, 0.0)),)
+        profile = has[CurrentParams].points if CurrentParams in has else ((0.0, (0.0, 0.0)),)
         upward = sorted(profile)
         self.height = np.array([z for z, _ in upward])
         self.flow = np.array([velocity for _, velocity in upward]).T

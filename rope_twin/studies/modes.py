@@ -276,7 +276,7 @@ def _water(rest: _AtRest) -> Floats:
     water = np.zeros((3, len(rest.s)))
     for params in rest.scene.effects:
         if isinstance(params, CurrentParams):
-            rows = np.array([[z, *velocity] for z, velocity in params.profile])[::-1]
+            rows = np.array([[z, *velocity] for z, velocity in params.points])[::-1]
             z = rest.place[2, rest.first : -1]
             for k in (0, 1):
                 water[k] += np.interp(z, rows[:, 0], rows[:, 1 + k])

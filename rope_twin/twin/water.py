@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.effects.current import Current, from_rows
+from rope_twin.effects.current import Current, CurrentInTime, from_rows
 from rope_twin.errors import phrase
 from rope_twin.twin.health import InputCounter
 
@@ -27,16 +27,14 @@ class CurrentInput:
         if fault:
             return fault
         new = from_rows(np.array(profile, dtype=float))
-        self.effects = tuple(
-            new if isinstance(effect, Current) else effect for effect in self.effects
-        )
+        self.effects = tuple(_with_profile(effect, new) for effect in self.effects)
         self.counter.accept(now_ns)
         return ""
 
     def _fault(self, profile: NDArray[np.float64]) -> str:
         """Why a profile is refused, counted; or ""."""
         impossible = ""
-        if not any(isinstance(effect, Current) for effect in self.effects):
+        if not any(isinstance(effect, Current | CurrentInTime) for effect in self.effects):
             impossible = phrase(
                 "current", "the scene lists no current", "add the effect 'current' to the scene"
             )
@@ -60,3 +58,10 @@ class CurrentInput:
                 f"give at most {LIMIT_M_PER_S:g} m/s",
             )
         return self.counter.refuse("impossible", impossible) if impossible else ""
+
+
+def _with_profile(effect: Any, new: Current) -> Any:
+    """The effect with another profile, if it is a current."""
+    if isinstance(effect, CurrentInTime):
+        return effect._replace(current=new)
+    return new if isinstance(effect, Current) else effect

@@ -1,0 +1,131 @@
+"""Currents in layers and in time, drag over the Reynolds number and by the current alone."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from effect_cases import NODES, apply, some_work
+from rigs import Rig, Vector, march, still
+
+from rope_twin.core import state as rows
+from rope_twin.effects import Surroundings
+from rope_twin.effects.current import CurrentParams, Layers
+from rope_twin.effects.current import build as build_current
+from rope_twin.effects.drag import DragParams, ReynoldsDrag
+from rope_twin.effects.drag import build as build_drag
+from rope_twin.twin.twin import Twin
+
+WATER = Surroundings(1025.0, 9.80665, 0.0)
+LAYERS = Layers(upper=(0.8, 0.2), lower=(-0.3, 0.1), split_z_m=-40.0, bottom_z_m=-70.0)
+BOTH = CurrentParams(layers=LAYERS)
+
+
+def found(effects: tuple[Any, ...], work: Vector, time: float = 3.0) -> Vector:
+    """Scratch after the hooks of these effects."""
+    work = work.copy()
+    apply(effects, work, rows.Stage(time, 1e-4, 1e-2, 0.0), 0, NODES)
+    return work
+
+
+def flow(params: CurrentParams, time: float = 3.0) -> Vector:
+    """Water velocity at the sample nodes, (3, NODES)."""
+    return found((build_current(params, None, WATER),), some_work(), time)[
+        rows.FLOW : rows.FLOW + 3
+    ]
+
+
+def test_two_layers() -> None:
+    """The published form: one velocity above the split, another to the bottom, none below."""
+    z = some_work()[2]
+    seen = flow(BOTH)
+    for east, north, part in ((0.8, 0.2, z > -39.9), (-0.3, 0.1, (z < -40.1) & (z > -69.9)),
+                              (0.0, 0.0, z < -70.1)):  # fmt: skip
+        assert part.any()
+        assert seen[0, part] == pytest.approx(east, abs=1e-12)
+        assert seen[1, part] == pytest.approx(north, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("time", "share"), [(-5.0, 0.0), (0.0, 0.0), (5.0, 0.5), (10.0, 1.0), (15.0, 0.75), (99.0, 0.5)]
+)
+def test_a_current_that_comes_and_goes(time: float, share: float) -> None:
+    """Ramps are linear between the rows and held beyond them."""
+    params = replace(BOTH, over_time=((0.0, 0.0), (10.0, 1.0), (20.0, 0.5)))
+    assert flow(params, time) == pytest.approx(share * flow(BOTH), abs=1e-12)
+
+
+def test_a_ramp_starts_from_rest_and_ends_in_the_tow() -> None:
+    """Hanging straight at t = 0; at the end the offset is that of the steady current, 0.5 %."""
+    rig = Rig(
+        length=100.0, elements=20, mass=6.4, load=3e3, volume=0.3, density=1025.0, drag=(1.2, 0.01),
+        area=(4.0,) * 3, added_mass=1.0, damping=1e5, step=0.05,
+        current=((0.0, (0.6, 0.0)), (-100.0, (0.2, 0.1))),
+    )  # fmt: skip
+    steady = Twin(rig.scene()).snapshot().payload_position_m
+    scene = rig.scene()
+    current = replace(scene.effects[0], over_time=((0.0, 0.0), (60.0, 1.0)))
+    twin = Twin(replace(scene, effects=(current, *scene.effects[1:])))
+    assert np.abs(twin.snapshot().payload_position_m[:2]).max() < 1e-9
+    for shot in march(twin, still, 400.0, every=400):
+        last = shot.payload_position_m
+    assert last[:2] == pytest.approx(steady[:2], rel=5e-3)
+    assert np.hypot(*steady[:2]) > 1.0
+
+
+def test_drag_follows_the_reynolds_number() -> None:
+    """Factor by ln Re between rows, held beyond; the same factor on the whole of `normal`."""
+    base = DragParams(normal=1.2, tangential=0.0)
+    table = replace(base, over_reynolds=((1e3, 2.0), (1e5, 1.0), (1e6, 0.5)))
+    built = build_drag(table, None, WATER)
+    assert isinstance(built, ReynoldsDrag)
+    work = some_work()
+    plain, other = (found((build_drag(p, None, WATER),), work) for p in (base, table))
+    bare = found((), work)
+    v, t = work[rows.VELOCITY : rows.VELOCITY + 3], work[rows.TANGENT : rows.TANGENT + 3]
+    speed = np.linalg.norm(v - (v * t).sum(axis=0) * t, axis=0)
+    diameter = 4.0 / math.pi * work[rows.VOLUME] / work[rows.FRONTAL]
+    factor = np.interp(np.log(speed * diameter / 1.3e-6), np.log([1e3, 1e5, 1e6]), [2.0, 1.0, 0.5])
+    force = slice(rows.RESIDUAL, rows.RESIDUAL + 3)
+    expected = factor * (plain[force] - bare[force])
+    assert other[force] - bare[force] == pytest.approx(expected, rel=1e-9, abs=1e-12)
+    assert np.ptp(factor) > 0.1
+
+
+def test_drag_by_the_current_alone_does_not_damp() -> None:
+    """Method 1: the force of the current on a rope at rest, however it moves, and no block."""
+    params = DragParams(normal=1.2, tangential=0.02, relative=False)
+    effects = (build_current(BOTH, None, WATER), build_drag(params, None, WATER))
+    work = some_work()
+    resting = work.copy()
+    resting[rows.VELOCITY : rows.VELOCITY + 3] = 0.0
+    full = (effects[0], build_drag(replace(params, relative=True), None, WATER))
+    seen, expected = found(effects, work), found(full, resting)
+    force = slice(rows.RESIDUAL, rows.RESIDUAL + 3)
+    assert seen[force] == pytest.approx(expected[force], rel=1e-12, abs=1e-12)
+    blocks = slice(rows.BLOCK, rows.BLOCK + 6)
+    assert seen[blocks] == pytest.approx(found((), work)[blocks], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("params", "words"),
+    [
+        (CurrentParams(profile=((0.0, (1.0, 0.0)),), layers=LAYERS), "keep one"),
+        (CurrentParams(), "no row"),
+        (replace(BOTH, over_time=((3.0, 1.0), (3.0, 0.0))), "order the rows"),
+        (CurrentParams(layers=replace(LAYERS, upper=(11.0, 0.0))), "no sea current"),
+    ],
+)
+def test_what_a_current_may_not_be(params: CurrentParams, words: str) -> None:
+    assert words in (params.check() or "")
+
+
+def test_what_drag_and_layers_may_not_be() -> None:
+    assert "order" in (replace(LAYERS, bottom_z_m=-30.0).check() or "")
+    rows_back = DragParams(normal=1.0, tangential=0.0, over_reynolds=((1e5, 1.0), (1e4, 1.0)))
+    assert "order the rows" in (rows_back.check() or "")
+    both = replace(rows_back, over_reynolds=((1e4, 1.0),), relative=False)
+    assert "leave one" in (both.check() or "")
