@@ -73,7 +73,7 @@ def test_a_ramp_starts_from_rest_and_ends_in_the_tow() -> None:
     for shot in march(twin, still, 400.0, every=400):
         last = shot.payload_position_m
     assert last[:2] == pytest.approx(steady[:2], rel=5e-3)
-    assert np.hypot(*steady[:2]) > 1.0
+    assert np.hypot(*steady[:2]) > 0.5
 
 
 def test_drag_follows_the_reynolds_number() -> None:

@@ -55,7 +55,7 @@ def figures(shot: Snapshot) -> dict[str, np.ndarray]:
     return {
         field.name: np.asarray(getattr(shot, field.name), dtype=float)
         for field in dataclasses.fields(shot)
-        if field.name not in ("solver", "inputs", "winch_at_limit", "card_error", "energy")
+        if field.name not in ("solver", "inputs", "winch_at_limit", "card_error", "energy", "band")
     }
 
 
