@@ -1,14 +1,17 @@
 """Payload shapes against tables, limits and symmetries; explicit keys before the shape."""
 
-from math import pi
+import itertools
+from math import exp, pi
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from rope_twin.errors import SceneError
+from rope_twin.scene.flooded_shapes import Skip, SuctionAnchor, Template, perforation_factor
+from rope_twin.scene.outline_shapes import Box, Cylinder, Sphere, depth_factor
 from rope_twin.scene.schema import Payload
-from rope_twin.scene.shapes import Box, Cylinder, Sphere, depth_factor, payload_figures
+from rope_twin.scene.shapes import SHAPES, payload_figures
 
 sizes = st.floats(0.05, 50.0)
 
@@ -131,3 +134,59 @@ def test_all_keys_need_no_shape_but_some_do() -> None:
     assert payload_figures(whole, 1025.0).volume_m3 == 0.0
     with pytest.raises(SceneError, match="payload 'q': without a shape"):
         payload_figures(Payload(name="q", mass_kg=1.0, displaced_volume_m3=0.0), 1025.0)
+
+
+def test_perforation_joins_and_falls() -> None:
+    """DNV-RP-N103's three pieces: 1 up to 5 %, continuous at 34 % within its rounding, falling."""
+    assert perforation_factor(0.0) == perforation_factor(5.0) == 1.0
+    assert perforation_factor(34.0) == pytest.approx(perforation_factor(33.999), abs=0.02)
+    values = [perforation_factor(p) for p in range(5, 51)]
+    assert all(b < a for a, b in itertools.pairwise(values))
+    assert values[-1] == pytest.approx(exp(-40.0 / 28.0))
+
+
+def test_a_suction_anchor_carries_its_water() -> None:
+    """5 m by 10 m in 30 mm: 5 m³ of steel, 190 m³ of water, which hatches let pass."""
+    can = SuctionAnchor(diameter_m=5.0, height_m=10.0, wall_m=0.03)
+    steel = pi * 4.97 * 0.03 * 9.97 + 0.25 * pi * 25.0 * 0.03
+    assert can.volume_m3() == pytest.approx(steel, rel=1e-9)
+    whole = Cylinder(diameter_m=5.0, height_m=10.0)
+    for own, closed in zip(can.added_mass_m3(), whole.added_mass_m3(), strict=True):
+        assert own == pytest.approx(closed + can.inside_m3())
+    hatched = SuctionAnchor(diameter_m=5.0, height_m=10.0, wall_m=0.03, hatch_percent=20.0)
+    assert hatched.added_mass_m3()[2] < 0.95 * can.added_mass_m3()[2]
+    assert hatched.added_mass_m3()[0] == can.added_mass_m3()[0]
+
+
+def test_a_skip_with_a_fairing() -> None:
+    """The fairing's coefficient stands on the floor; sides stay the box's."""
+    bare = Skip(length_m=6.0, width_m=2.5, height_m=2.0, wall_m=0.01)
+    faired = Skip(length_m=6.0, width_m=2.5, height_m=2.0, wall_m=0.01, fairing_drag=0.4)
+    assert faired.drag_area_m2()[2] == pytest.approx(0.4 * 15.0)
+    assert faired.drag_area_m2()[:2] == bare.drag_area_m2()[:2]
+    assert bare.volume_m3() + bare.inside_m3() == pytest.approx(30.0)
+
+
+def test_a_template_lets_water_through() -> None:
+    shut = Template(length_m=10.0, width_m=8.0, height_m=3.0, open_percent=0.0, steel_m3=9.0)
+    half = Template(length_m=10.0, width_m=8.0, height_m=3.0, open_percent=50.0, steel_m3=9.0)
+    box = Box(length_m=10.0, width_m=8.0, height_m=3.0)
+    assert shut.added_mass_m3() == box.added_mass_m3()
+    assert half.added_mass_m3()[2] == pytest.approx(exp(-40.0 / 28.0) * box.added_mass_m3()[2])
+    assert half.drag_area_m2()[2] == pytest.approx(0.5 * box.drag_area_m2()[2])
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        SuctionAnchor(diameter_m=1.0, height_m=2.0, wall_m=0.5),
+        Skip(length_m=1.0, width_m=1.0, height_m=1.0, wall_m=0.5),
+        Template(length_m=1.0, width_m=1.0, height_m=1.0, open_percent=10.0, steel_m3=2.0),
+    ],
+)
+def test_what_does_not_fit_is_told(shape: SuctionAnchor | Skip | Template) -> None:
+    assert "give less" in (shape.check() or "")
+
+
+def test_every_shape_has_a_name() -> None:
+    assert set(SHAPES) == {"box", "cylinder", "sphere", "suction_anchor", "skip", "template"}
