@@ -29,6 +29,6 @@ def due_topics(slot: int, slot_ns: int, snapshot: Snapshot | None = None) -> lis
     """
     topics = SNAPSHOT_TOPICS
     if snapshot is not None:
-        given = (t for t in EXTRA_TOPICS if getattr(snapshot, t.only_with) is not None)
+        given = (t for t in EXTRA_TOPICS if getattr(snapshot, t.only_with))
         topics = (*SNAPSHOT_TOPICS, *given)
     return [topic.name for topic in topics if slot % every(topic.rate_hz, slot_ns) == 0]

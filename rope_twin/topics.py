@@ -37,7 +37,8 @@ TOPICS: tuple[Topic, ...] = (
     Topic("ship/heave", "nav_msgs/msg/Odometry", Qos.SENSOR, 20.0, "sea_state",
           "heave of the hang-off: pose.position.z [m, up], twist.linear.z [m/s]"),
     Topic("winch/speed_command", "sensor_msgs/msg/JointState", Qos.COMMAND, 10.0,
-          "winch_schedule", "velocity[0] [m/s], + pays out; stamp 0 means at once"),
+          "winch_schedule", "velocity[0] [m/s], + pays out; stamp 0 means at once; "
+          "name[0] tells one of several winches"),
     Topic("current", "std_msgs/msg/Float64MultiArray", Qos.COMMAND, 0.0, "",
           "current profile, rows of z [m], east, north [m/s], from the surface down"),
     # what the sea is doing (for the eye, not used by the rope)
@@ -66,6 +67,15 @@ TOPICS: tuple[Topic, ...] = (
           "x, y, z [m] and tension [N] of each node, from the hang-off down"),
     Topic("rope/markers", "visualization_msgs/msg/MarkerArray", Qos.STREAM, 25.0, "simulation",
           "rope coloured by tension, payload, hang-off"),
+    Topic("ropes/state", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
+          "where ropes meet, of each rope by name: position length [m], velocity payout [m/s], "
+          "effort tension at its upper end [N]; of each bar: length, 0, pull", only_with="ropes"),
+    Topic("ropes/nodes", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 25.0, "simulation",
+          "where ropes meet: x, y, z [m], tension [N] and number of the rope of each node, rope "
+          "after rope, from its upper end down", only_with="ropes"),
+    Topic("payloads/state", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
+          "where ropes meet: position [m] and velocity [m/s] of each payload, names like tool/x",
+          only_with="ropes"),
     Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", Qos.COMMAND, 1.0, "simulation",
           "pacing, solver, inputs: OK, WARN, ERROR with the reason"),
     Topic("twin/epoch", "builtin_interfaces/msg/Time", Qos.LATCHED, 0.0, "simulation",

@@ -76,12 +76,12 @@ def _show(scene: Scene) -> int:
 def _parts(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
     """What the scene says, a line per part."""
     line = scene.ropes[0]
-    end = f"to payload '{line.to}'" if line.to else f"to the fixed point {line.fixed_at_m} m"
     rows = [
         ("file", str(scene.path)),
-        ("rope", f"'{line.name}', {_made_of(line)}, {end}"),
+        ("rope", f"'{line.name}', {_made_of(line)}, {_end(line)}"),
         *(("", words) for words in _sections(line, figures)),
         ("line out", f"{line.length_m:g} m in {line.elements} elements"),
+        *_rigging(scene),
         *(("payload", f"'{payload.name}', {payload.mass_kg:g} kg") for payload in scene.payloads),
         ("winch", _winch(scene.winch)),
         ("sea", _sea(scene.sea_state)),
@@ -89,6 +89,25 @@ def _parts(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
     effects = [f"{name} {_words(params)}".strip() for name, params in listed_effects(scene).items()]
     rows += [("effects" if row == 0 else "", words) for row, words in enumerate(effects)]
     return [*rows, ("step", f"{scene.time.step_s:g} s")]
+
+
+def _end(line: RopeLine) -> str:
+    return f"to '{line.to}'" if line.to else f"to the fixed point {line.fixed_at_m} m"
+
+
+def _rigging(scene: Scene) -> Iterator[tuple[str, str]]:
+    """Further ropes, and what they meet at."""
+    for line in scene.ropes[1:]:
+        length = f"{line.length_m:g} m in {line.elements} elements"
+        yield "rope", f"'{line.name}', {_made_of(line)}, {length}, from '{line.from_}' {_end(line)}"
+    for joint in scene.joints:
+        yield "joint", f"'{joint.name}', {joint.mass_kg:g} kg"
+    for strut in scene.struts:
+        one, other = strut.between
+        words = f"{strut.length_m:g} m, {strut.mass_kg:g} kg"
+        yield "bar", f"'{strut.name}', {words}, between '{one}' and '{other}'"
+    for place in scene.hang_offs:
+        yield "hang-off", f"'{place.name}' at {place.at_m} m, winch {_winch(place.winch)}"
 
 
 def _made_of(line: RopeLine) -> str:

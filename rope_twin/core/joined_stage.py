@@ -21,6 +21,7 @@ from rope_twin.core.joints import (
     solve_system,
 )
 from rope_twin.core.prediction import correct, predict_bdf2, predict_trapezoid
+from rope_twin.core.stack import rope_of
 from rope_twin.core.stage import (
     BDF2,
     CHUNK,
@@ -40,6 +41,7 @@ from rope_twin.core.state import (
     SOLVES,
     SOLVES_MAX,
     TENSION,
+    ZERO,
     Stage,
 )
 from rope_twin.core.ties import add_ties, count_unexpected_ties, expect_pulls, pull_ties
@@ -52,7 +54,7 @@ def solve_joined(system: Any, stage: Any, kind: int, cap: int) -> int:
     Arguments and result are those of `solve_stage`; `stage` has no payout speed, which the ropes
     have each. The counts of solves are kept by the first rope.
     """
-    health = system.ropes[0].state.health
+    health = system.stack.health[0]
     _evaluate(system, stage, kind, 0.0)
     for correction in range(1, cap + 1):
         solve_system(system)
@@ -87,13 +89,13 @@ def _stage_of(system: Any, stage: Any, r: int) -> Any:
 @jit
 def _upto(system: Any, r: int) -> int:
     """How many nodes of rope r carry loads: all but a hang-off's."""
-    return int(system.ropes[r].state.counts[ELEMENTS] + (system.joints.upper[r] != LOOSE))
+    return int(system.stack.counts[r, ELEMENTS] + (system.joints.upper[r] != LOOSE))
 
 
 @jit
 def _move_joints(joints: Any, stage: Any, kind: int, factor: float) -> None:
     """Motion of the joints: of the prediction, or (SEARCH) of a += factor·delta."""
-    low, count = 0, joints.nodes.shape[1]
+    low, count = ZERO, joints.nodes.shape[1]
     if kind == TRAPEZOID:
         predict_trapezoid(joints.nodes, joints.work, stage.p, stage.q, low, count)
     elif kind == BDF2:
@@ -132,9 +134,9 @@ def _evaluate(system: Any, stage: Any, kind: int, factor: float) -> None:
     """Motion, tension, residual and blocks of ropes and joints."""
     _move_joints(system.joints, stage, kind, factor)
     place_ends(system)
-    for r in range(len(system.ropes)):
+    for r in range(system.stack.counts.shape[0]):
         own = _stage_of(system, stage, r)
-        _evaluate_rope(system.ropes[r], own, kind, factor, _upto(system, r))
+        _evaluate_rope(rope_of(system.stack, r), own, kind, factor, _upto(system, r))
     pull_ties(system.joints.ties, system.joints.work, stage.p, stage.q)
     _gather(system)
 
@@ -169,9 +171,9 @@ def _correct(system: Any, stage: Any) -> Any:
     _move_joints(joints, stage, SEARCH, 1.0)
     place_ends(system)
     pull_ties(joints.ties, joints.work, stage.p, stage.q)
-    unexpected = count_unexpected_ties(joints.ties, system.ropes[0].model.tolerance)
-    for r in range(len(system.ropes)):
-        more, wrong = _correct_rope(system.ropes[r], _stage_of(system, stage, r))
+    unexpected = count_unexpected_ties(joints.ties, rope_of(system.stack, ZERO).model.tolerance)
+    for r in range(system.stack.counts.shape[0]):
+        more, wrong = _correct_rope(rope_of(system.stack, r), _stage_of(system, stage, r))
         before += more
         unexpected += wrong
     return before, unexpected
@@ -180,8 +182,8 @@ def _correct(system: Any, stage: Any) -> Any:
 @jit
 def _reload(system: Any, stage: Any) -> None:
     """Residual and blocks where motion and tension are up to date."""
-    for r in range(len(system.ropes)):
-        rope, own = system.ropes[r], _stage_of(system, stage, r)
+    for r in range(system.stack.counts.shape[0]):
+        rope, own = rope_of(system.stack, r), _stage_of(system, stage, r)
         n, upto = rope.state.counts[ELEMENTS], _upto(system, r)
         end_rope(rope.work, n)
         for start in range(0, n, CHUNK):
@@ -195,8 +197,8 @@ def _reload(system: Any, stage: Any) -> None:
 def _slope(system: Any) -> Any:
     """R·delta of all ropes and joints."""
     total = joint_slope(system.joints)
-    for r in range(len(system.ropes)):
-        rope = system.ropes[r]
+    for r in range(system.stack.counts.shape[0]):
+        rope = rope_of(system.stack, r)
         total += slope(rope.work, rope.model.first_free, rope.state.counts[ELEMENTS])
     return total
 

@@ -8,10 +8,11 @@ from rope_twin.core.assembly import load_nodes
 from rope_twin.core.elastic import stretch_all
 from rope_twin.core.jit import compiled, jit, jit_entry
 from rope_twin.core.joined_stage import end_rope, solve_joined
-from rope_twin.core.joints import LOOSE, System, place_ends
+from rope_twin.core.joints import LOOSE, Joined, System, place_ends
 from rope_twin.core.prediction import GAMMA
 from rope_twin.core.rows import copy
 from rope_twin.core.sections import set_lengths
+from rope_twin.core.stack import load, rope_of, stacked_effects, store
 from rope_twin.core.stage import (
     BDF2,
     CAP,
@@ -53,16 +54,18 @@ def _substep(system: Any, boundary: Any, row: int, time: float, level: int, done
 
     Returns the worse of what the stages returned.
     """
-    h = system.ropes[0].model.step
+    h = rope_of(system.stack, ZERO).model.step
     start, share = done / (1 << HALVINGS), 1.0 / (1 << level)
     cap = CAP if level < HALVINGS else LAST_CAP
     c = 0.5 * GAMMA * share * h
     outcome = CONVERGED
     for kind in (TRAPEZOID, BDF2):
         part = start + (GAMMA if kind == TRAPEZOID else 1.0) * share
-        for r in range(len(system.ropes)):
+        for r in range(system.stack.counts.shape[0]):
             if system.joints.upper[r] == LOOSE:
-                own = stage_at(system.ropes[r], _boundary_of(boundary, r), row, part, time, c)
+                own = stage_at(
+                    rope_of(system.stack, r), _boundary_of(boundary, r), row, part, time, c
+                )
                 system.joints.speed[r] = own.V
         stage = Stage(time + part * h, c * c, c, 0.0)
         outcome = min(outcome, solve_joined(system, stage, kind, cap))
@@ -75,8 +78,8 @@ def _substep(system: Any, boundary: Any, row: int, time: float, level: int, done
 def _all_finite(system: Any) -> bool:
     """Whether the stage's motion is finite, of ropes and so of joints."""
     finite = True
-    for r in range(len(system.ropes)):
-        rope = system.ropes[r]
+    for r in range(system.stack.counts.shape[0]):
+        rope = rope_of(system.stack, r)
         finite = finite and is_finite(rope.work, rope.state.counts[ELEMENTS])
     return finite and is_finite(system.joints.work, system.joints.nodes.shape[1])
 
@@ -84,8 +87,8 @@ def _all_finite(system: Any) -> bool:
 @jit
 def _accept(system: Any) -> None:
     """The stage's motion becomes the state."""
-    for r in range(len(system.ropes)):
-        rope = system.ropes[r]
+    for r in range(system.stack.counts.shape[0]):
+        rope = rope_of(system.stack, r)
         copy(rope.work, ZERO, rope.state.nodes, ZERO, rope.state.counts[ELEMENTS] + 1)
     copy(system.joints.work, ZERO, system.joints.nodes, ZERO, system.joints.nodes.shape[1])
 
@@ -93,8 +96,8 @@ def _accept(system: Any) -> None:
 @jit
 def _keep(system: Any) -> None:
     """Remember the state at the start of the step."""
-    for r in range(len(system.ropes)):
-        rope = system.ropes[r]
+    for r in range(system.stack.counts.shape[0]):
+        rope = rope_of(system.stack, r)
         copy(rope.state.nodes, ZERO, rope.work, KEPT_ROWS, rope.state.counts[ELEMENTS] + 1)
     copy(system.joints.nodes, ZERO, system.joints.work, KEPT_ROWS, system.joints.nodes.shape[1])
 
@@ -102,8 +105,8 @@ def _keep(system: Any) -> None:
 @jit
 def _restore(system: Any) -> None:
     """Back to what `_keep` remembered."""
-    for r in range(len(system.ropes)):
-        rope = system.ropes[r]
+    for r in range(system.stack.counts.shape[0]):
+        rope = rope_of(system.stack, r)
         copy(rope.work, KEPT_ROWS, rope.state.nodes, ZERO, rope.state.counts[ELEMENTS] + 1)
     copy(system.joints.work, KEPT_ROWS, system.joints.nodes, ZERO, system.joints.nodes.shape[1])
 
@@ -116,7 +119,7 @@ def _advance_halving(system: Any, boundary: Any, row: int, time: float) -> bool:
     """
     full = 1 << HALVINGS
     done, level, substeps = ZERO, ZERO, 0
-    health = system.ropes[0].state.health
+    health = system.stack.health[0]
     while done < full:
         part = full >> level
         outcome = _substep(system, boundary, row, time, level, done)
@@ -161,8 +164,8 @@ def _start(system: Any, boundary: Any) -> None:
     """Scratch from the states; ends take the motion of their joints."""
     joints = system.joints
     copy(joints.nodes, ZERO, joints.work, ZERO, joints.nodes.shape[1])
-    for r in range(len(system.ropes)):
-        rope = system.ropes[r]
+    for r in range(system.stack.counts.shape[0]):
+        rope = rope_of(system.stack, r)
         n = rope.state.counts[ELEMENTS]
         copy(rope.state.nodes, ZERO, rope.work, ZERO, n + 1)
         joined = joints.upper[r] != LOOSE
@@ -177,8 +180,8 @@ def _start(system: Any, boundary: Any) -> None:
 def _recall(system: Any, boundary: Any, row: int, time: float) -> None:
     """Tensions of the state at the start of step `row`, after a failed attempt at it."""
     _start(system, boundary)
-    for r in range(len(system.ropes)):
-        rope = system.ropes[r]
+    for r in range(system.stack.counts.shape[0]):
+        rope = rope_of(system.stack, r)
         if system.joints.upper[r] == LOOSE:
             recall_tension(rope, _boundary_of(boundary, r), row, time)
         else:
@@ -189,14 +192,14 @@ def _recall(system: Any, boundary: Any, row: int, time: float) -> None:
 def advance_joined_steps(system: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
     """What `advance_joined` compiles."""
     _start(system, boundary)
-    h = system.ropes[0].model.step
+    h = rope_of(system.stack, ZERO).model.step
     for row in range(steps):
         now = time + row * h
         if not _advance_halving(system, boundary, row, now):
             _recall(system, boundary, row, now)
             return row
-        for r in range(len(system.ropes)):
-            rope = system.ropes[r]
+        for r in range(system.stack.counts.shape[0]):
+            rope = rope_of(system.stack, r)
             if system.joints.upper[r] == LOOSE:
                 finish(rope, _boundary_of(boundary, r), pull[r], row, now + h)
             else:
@@ -220,12 +223,18 @@ def advance_joined(
     Raises:
         ValueError: a table is not contiguous in memory.
     """
-    first = system.ropes[0]
-    kinds = (*map(type, first), *map(type, first.effects), *(type(system) for _ in system.ropes))
-    found = _COMPILED.get(kinds)
-    if found is None:
-        arguments = (system, boundary, pull, time, steps)
-        found = _COMPILED[kinds] = compiled(advance_joined_steps, arguments)
     if not all(table.flags.c_contiguous for table in (*boundary, pull)):
         raise ValueError("advance_joined: boundary and pull must be contiguous; give copies")
-    return int(found(system, boundary, pull, time, steps))
+    effects = stacked_effects(system.ropes)
+    for r, rope in enumerate(system.ropes):
+        load(system.stack, r, rope)
+    joined = Joined(system.stack._replace(effects=effects), system.joints)
+    kinds = (type(system.stack.law), *map(type, effects))
+    arguments = (joined, boundary, pull, time, steps)
+    found = _COMPILED.get(kinds)
+    if found is None:
+        found = _COMPILED[kinds] = compiled(advance_joined_steps, arguments)
+    done = int(found(*arguments))
+    for r, rope in enumerate(system.ropes):
+        store(system.stack, r, rope)
+    return done

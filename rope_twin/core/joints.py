@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.chains import (
-    CHAIN_ROWS,
     column,
     eliminate_between,
     eliminate_downward,
@@ -27,6 +26,7 @@ from rope_twin.core.chains import (
     substitute_upward,
 )
 from rope_twin.core.jit import jit, jit_ordered
+from rope_twin.core.stack import Stack, load, new_stack, rope_of, view_of
 from rope_twin.core.state import (
     BLOCK,
     CORRECTION,
@@ -38,7 +38,6 @@ from rope_twin.core.state import (
     Floats,
     Ints,
     Rope,
-    new_work,
 )
 from rope_twin.core.ties import TIE_ROWS
 
@@ -61,7 +60,15 @@ class Joints(NamedTuple):
 class System(NamedTuple):
     """Ropes that move together."""
 
-    ropes: tuple[Rope, ...]  # all of the same types, each with at least two elements
+    ropes: tuple[Rope, ...]  # with the same effects, each with at least two elements
+    joints: Joints
+    stack: Stack  # of which the ropes are views, unless they were given other arrays
+
+
+class Joined(NamedTuple):
+    """What the kernels see of a system."""
+
+    stack: Stack
     joints: Joints
 
 
@@ -70,39 +77,39 @@ def new_system(
 ) -> System:
     """Join ropes; the joints stand where the last rope that reaches them ends.
 
-    lower, upper: the joint at each rope's ends, or LOOSE. The ropes' scratch is made anew, with the
-    rows that joints need; a rope whose lower end is at a joint holds its node 0 there.
+    lower, upper: the joint at each rope's ends, or LOOSE. The ropes move into one stack; a rope
+    whose lower end is at a joint holds its node 0 there.
     """
     count = 1 + max([*lower, *upper, LOOSE])
     nodes = np.zeros((NODE_ROWS, count))
+    stack = new_stack(ropes)
     joined = []
-    for rope, low, high in zip(ropes, lower, upper, strict=True):
+    for r, (rope, low, high) in enumerate(zip(ropes, lower, upper, strict=True)):
         n = int(rope.state.counts[ELEMENTS])
         if low != LOOSE:
             rope = rope._replace(model=rope.model._replace(first_free=1))
             nodes[:, low] = rope.state.nodes[:, 0]
         if high != LOOSE:
             nodes[:, high] = rope.state.nodes[:, n]
-        joined.append(rope._replace(work=new_work(rope.state.s.shape[0], CHAIN_ROWS)))
-    return System(
-        tuple(joined),
-        Joints(
-            lower=np.array(lower),
-            upper=np.array(upper),
-            nodes=nodes,
-            ties=np.zeros((TIE_ROWS, 0)) if ties is None else ties,
-            work=np.zeros((WORK_ROWS, count)),
-            matrix=np.zeros((3 * count, 3 * count)),
-            speed=np.zeros(len(ropes)),
-        ),
+        load(stack, r, rope)
+        joined.append(view_of(stack, r, rope))
+    joints = Joints(
+        lower=np.array(lower),
+        upper=np.array(upper),
+        nodes=nodes,
+        ties=np.zeros((TIE_ROWS, 0)) if ties is None else ties,
+        work=np.zeros((WORK_ROWS, count)),
+        matrix=np.zeros((3 * count, 3 * count)),
+        speed=np.zeros(len(ropes)),
     )
+    return System(tuple(joined), joints, stack)
 
 
 @jit
 def place_ends(system: Any) -> None:
     """Give the ropes' ends the motion of their joints."""
-    for r in range(len(system.ropes)):
-        rope, joints = system.ropes[r], system.joints
+    for r in range(system.stack.counts.shape[0]):
+        rope, joints = rope_of(system.stack, r), system.joints
         low, high, n = joints.lower[r], joints.upper[r], rope.state.counts[ELEMENTS]
         for k in range(NODE_ROWS):
             if low != LOOSE:
@@ -142,8 +149,8 @@ def clear(joints: Any) -> None:
 @jit
 def gather_ends(system: Any) -> None:
     """Residuals and blocks of all ends join those of their joints."""
-    for r in range(len(system.ropes)):
-        rope, joints = system.ropes[r], system.joints
+    for r in range(system.stack.counts.shape[0]):
+        rope, joints = rope_of(system.stack, r), system.joints
         if joints.lower[r] != LOOSE:
             _add_end(joints, rope.work, 0, joints.lower[r])
         if joints.upper[r] != LOOSE:
@@ -236,12 +243,12 @@ def solve_system(system: Any) -> None:
     for k in range(3):
         for j in range(joints.nodes.shape[1]):
             joints.work[CORRECTION + k, j] = joints.work[RESIDUAL + k, j]
-    for r in range(len(system.ropes)):
-        rope = system.ropes[r]
+    for r in range(system.stack.counts.shape[0]):
+        rope = rope_of(system.stack, r)
         _condense(joints, rope.work, rope.model.first_free, rope.state.counts[ELEMENTS], r)
     _solve_joints(joints.matrix, joints.work[CORRECTION : CORRECTION + 3])
-    for r in range(len(system.ropes)):
-        rope = system.ropes[r]
+    for r in range(system.stack.counts.shape[0]):
+        rope = rope_of(system.stack, r)
         _substitute(joints, rope.work, rope.model.first_free, rope.state.counts[ELEMENTS], r)
 
 

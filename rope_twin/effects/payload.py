@@ -14,7 +14,8 @@ import numpy as np
 
 from rope_twin.core.energy import account
 from rope_twin.core.rows import rows, span
-from rope_twin.core.state import ACCELERATION, BLOCK, FLOW, RESIDUAL, VELOCITY
+from rope_twin.core.stack import stacks
+from rope_twin.core.state import ACCELERATION, BLOCK, FLOW, RESIDUAL, VELOCITY, Floats
 from rope_twin.core.terms import kernel
 
 
@@ -33,6 +34,23 @@ class Payload(NamedTuple):
     kx: float  # ½·ρ·CdA [kg/m]
     ky: float
     kz: float
+
+
+class Payloads(NamedTuple):
+    """The payloads of ropes that meet."""
+
+    figures: Floats  # a Payload's, (ropes, 7)
+
+
+def _pick(payloads: Any, r: int) -> Any:
+    f = payloads.figures[r]
+    return Payload(f[0], f[1], f[2], f[3], f[4], f[5], f[6])
+
+
+@stacks(Payload, Payloads, _pick)
+def stack(payloads: Any) -> Payloads:
+    """One after the other."""
+    return Payloads(np.array(payloads, dtype=float))
 
 
 def build(params: PayloadParams, payload: Any, environment: Any) -> Payload:

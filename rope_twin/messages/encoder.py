@@ -14,6 +14,7 @@ from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.messages import forms
 from rope_twin.messages.cdr import Template
 from rope_twin.messages.colours import scale_above, tension_colours
+from rope_twin.messages.joined import JoinedForms, all_elements
 from rope_twin.twin.snapshot import Snapshot
 
 # Marker sizes: a 40 mm rope on 3,000 m cannot be seen, so symbols grow with the line out.
@@ -34,6 +35,7 @@ class Encoder:
         self._winch = Template(forms.joint("winch", 1, 1, 1))
         self._sized: dict[str, tuple[object, Template]] = {}
         self._scale_n = 0.0
+        joined = JoinedForms(frame_id)
         self._encoders: dict[str, Callable[[Snapshot], bytes]] = {
             "tension_top": self._tension_top,
             "tension_top_error_pct": self._tension_top_error,
@@ -45,6 +47,9 @@ class Encoder:
             "winch/state": self._winch_state,
             "rope/nodes": self._rope_nodes,
             "rope/markers": self._rope_markers,
+            "ropes/state": lambda shot: joined.ropes_state(shot, self._stamp(shot)),
+            "ropes/nodes": lambda shot: joined.ropes_nodes(shot, self._stamp(shot)),
+            "payloads/state": lambda shot: joined.payloads_state(shot, self._stamp(shot)),
         }
 
     @property
@@ -136,17 +141,17 @@ class Encoder:
         return template.fill({**self._stamp(snapshot), "data": points.view(np.uint8).ravel()})
 
     def _rope_markers(self, snapshot: Snapshot) -> bytes:
-        tension = snapshot.element_tension_n
+        ends, tension = all_elements(snapshot)
         peak_n = float(tension.max())
         if peak_n > self._scale_n:
             self._scale_n = scale_above(peak_n)
-        count, scale_n = len(tension), self._scale_n
+        count, scale_n, words = len(tension), self._scale_n, scale_words(self._scale_n)
+        further, bars = tuple(one.name for one in snapshot.payloads), len(snapshot.struts)
         template = self._template(
             "rope/markers",
-            (count, scale_n),
-            lambda: forms.rope_markers(self._frame_id, count, scale_words(scale_n)),
+            (count, scale_n, further, bars),
+            lambda: forms.rope_markers(self._frame_id, count, words, further, bars),
         )
-        ends = np.repeat(snapshot.node_position_m, 2, axis=0)[1:-1]  # 0 1, 1 2, 2 3, ...
         colours = np.repeat(tension_colours(tension, scale_n), 2, axis=0)
         line_m = max(snapshot.line_out_m, _LEAST_LINE_M)
         above = snapshot.hang_off_position_m + np.array([0.0, 0.0, 2.0 * _SYMBOL_SIZE * line_m])
@@ -161,7 +166,14 @@ class Encoder:
             "markers.3.pose.position": above,
             "markers.3.scale": (0.0, 0.0, _TEXT_HEIGHT * line_m),
         }
-        for index in range(4):
+        for index, payload in enumerate(snapshot.payloads, start=4):
+            values[f"markers.{index}.pose.position"] = payload.position_m
+            values[f"markers.{index}.scale"] = (_SYMBOL_SIZE * line_m,) * 3
+        last = 4 + len(further)
+        if bars:
+            values[f"markers.{last}.points"] = np.concatenate([s.ends_m for s in snapshot.struts])
+            values[f"markers.{last}.scale"] = (2.0 * _LINE_WIDTH * line_m, 0.0, 0.0)
+        for index in range(last + (bars > 0)):
             values |= self._stamp(snapshot, f"markers.{index}.header.stamp")
         return template.fill(values)
 

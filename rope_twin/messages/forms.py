@@ -14,7 +14,7 @@ import numpy as np
 from rope_twin.messages.cdr import new
 
 NANOSECONDS = 1_000_000_000
-POINT_BYTES = 16  # x, y, z, tension as float32
+FLOAT32_BYTES = 4
 MARKER_LIFETIME_S = 1  # a rope that is no longer told about disappears
 _FLOAT32 = 7  # sensor_msgs/PointField.FLOAT32
 _CUBE, _SPHERE, _LINE_LIST, _TEXT = 1, 2, 5, 9  # visualization_msgs/Marker.type
@@ -103,6 +103,19 @@ def range_of(quantity: str) -> Any:
     )
 
 
+def joints(names: tuple[str, ...], *, effort: bool) -> Any:
+    """Several joints with a position and a velocity each, and an effort."""
+    count = len(names)
+    return new(
+        "sensor_msgs/msg/JointState",
+        header=header(""),
+        name=list(names),
+        position=np.zeros(count),
+        velocity=np.zeros(count),
+        effort=np.zeros(count if effort else 0),
+    )
+
+
 def row_of_numbers(label: str, count: int) -> Any:
     dimension = new("std_msgs/msg/MultiArrayDimension", label=label, size=count, stride=count)
     layout = new("std_msgs/msg/MultiArrayLayout", dim=[dimension], data_offset=0)
@@ -110,10 +123,26 @@ def row_of_numbers(label: str, count: int) -> Any:
 
 
 def point_cloud(frame_id: str, count: int) -> Any:
+    return _cloud(frame_id, count, ("x", "y", "z", "tension"))
+
+
+def ropes_cloud(frame_id: str, count: int) -> Any:
+    return _cloud(frame_id, count, ("x", "y", "z", "tension", "rope"))
+
+
+def _cloud(frame_id: str, count: int, names: tuple[str, ...]) -> Any:
+    """Points of so many float32 numbers."""
     fields = [
-        new("sensor_msgs/msg/PointField", name=name, offset=4 * k, datatype=_FLOAT32, count=1)
-        for k, name in enumerate(("x", "y", "z", "tension"))
+        new(
+            "sensor_msgs/msg/PointField",
+            name=name,
+            offset=FLOAT32_BYTES * k,
+            datatype=_FLOAT32,
+            count=1,
+        )
+        for k, name in enumerate(names)
     ]
+    size = FLOAT32_BYTES * len(names)
     return new(
         "sensor_msgs/msg/PointCloud2",
         header=header(frame_id),
@@ -121,15 +150,20 @@ def point_cloud(frame_id: str, count: int) -> Any:
         width=count,
         fields=fields,
         is_bigendian=False,
-        point_step=POINT_BYTES,
-        row_step=POINT_BYTES * count,
-        data=np.zeros(POINT_BYTES * count, dtype=np.uint8),
+        point_step=size,
+        row_step=size * count,
+        data=np.zeros(size * count, dtype=np.uint8),
         is_dense=True,
     )
 
 
-def rope_markers(frame_id: str, elements: int, scale_text: str) -> Any:
-    """The rope (a segment an element, coloured at both ends alike), payload, hang-off, scale."""
+def rope_markers(
+    frame_id: str, elements: int, scale_text: str, further: tuple[str, ...] = (), bars: int = 0
+) -> Any:
+    """The rope (a segment an element, coloured at both ends alike), payload, hang-off, scale.
+
+    further: names of the payloads of ropes that meet; bars: how many there are between them.
+    """
     rope = _marker(frame_id, "rope", _LINE_LIST, colour())
     rope.points = [point() for _ in range(2 * elements)]
     rope.colors = [colour() for _ in range(2 * elements)]
@@ -141,6 +175,12 @@ def rope_markers(frame_id: str, elements: int, scale_text: str) -> Any:
         _marker(frame_id, "hang_off", _SPHERE, colour(HANG_OFF_RGB)),
         text,
     ]
+    markers += [
+        _marker(frame_id, f"payload {name}", _CUBE, colour(PAYLOAD_RGB)) for name in further
+    ]
+    if bars:
+        markers.append(_marker(frame_id, "bars", _LINE_LIST, colour(HANG_OFF_RGB)))
+        markers[-1].points = [point() for _ in range(2 * bars)]
     return new("visualization_msgs/msg/MarkerArray", markers=markers)
 
 

@@ -24,9 +24,9 @@ def encode_elevation(stamp_ns: int, elevation_m: float) -> bytes:
     return _elevation().fill({**_stamp(stamp_ns), "point": (0.0, 0.0, elevation_m)})
 
 
-def encode_speed(stamp_ns: int, speed_m_per_s: float) -> bytes:
-    """winch/speed_command: + pays out; a stamp of 0 means at once."""
-    return _speed().fill({**_stamp(stamp_ns), "velocity": (speed_m_per_s,)})
+def encode_speed(stamp_ns: int, speed_m_per_s: float, winch: str = "winch") -> bytes:
+    """winch/speed_command: + pays out; a stamp of 0 means at once; winch: its name."""
+    return _speed(winch).fill({**_stamp(stamp_ns), "velocity": (speed_m_per_s,)})
 
 
 def encode_epoch(epoch_ns: int) -> bytes:
@@ -50,5 +50,5 @@ def _elevation() -> Template:
 
 
 @cache
-def _speed() -> Template:
-    return Template(forms.joint("winch", 0, 1, 0))
+def _speed(winch: str) -> Template:
+    return Template(forms.joint(winch, 0, 1, 0))

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import decode
+from rope_twin.scene.rigging import WINCH
 
 _NANOSECONDS = 1_000_000_000
 
@@ -28,8 +29,8 @@ def read_heave(data: bytes) -> tuple[int, float, float]:
     return stamp_ns, message.pose.pose.position.z, message.twist.twist.linear.z
 
 
-def read_speed(data: bytes) -> tuple[int | None, float]:
-    """ROS stamp [ns] (None: at once) and speed [m/s, + pays out] of a winch/speed_command.
+def read_speed(data: bytes) -> tuple[int | None, float, str]:
+    """ROS stamp [ns] (None: at once), speed [m/s, + pays out] and winch of a winch/speed_command.
 
     Raises:
         InputError: if the bytes are no such message, its stamp is no time, or it does not carry
@@ -45,7 +46,8 @@ def read_speed(data: bytes) -> tuple[int | None, float]:
                 "there must be exactly one, the winch's, + pays out",
             )
         )
-    return stamp_ns or None, float(message.velocity[0])
+    name = str(message.name[0]) if len(message.name) else WINCH
+    return stamp_ns or None, float(message.velocity[0]), name
 
 
 def read_current(data: bytes) -> NDArray[np.float64]:

@@ -19,6 +19,8 @@ from rope_twin.messages import Level, Status, statuses
 from rope_twin.ros.announcer import Announcer
 from rope_twin.ros.inputs import read_current, read_heave, read_speed
 from rope_twin.ros.params import SimulationParams
+from rope_twin.scene.rigging import WINCH
+from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.keeper import Keeper, SavingHealth
 from rope_twin.twin.kinds import twin_kind
@@ -134,7 +136,7 @@ class PacedTwin:
     def offer_speed(self, data: bytes) -> None:
         """A winch/speed_command message; as offer_heave."""
         try:
-            stamp_ns, speed_m_per_s = read_speed(data)
+            stamp_ns, speed_m_per_s, name = read_speed(data)
         except InputError as error:
             self._refuse("winch/speed_command", error)
             return
@@ -143,7 +145,9 @@ class PacedTwin:
             self._ignored += 1
         else:
             at_ns = None if stamp_ns is None else stamp_ns - epoch_ns
-            self.twin.offer_speed(at_ns, speed_m_per_s)
+            # a scene of one rope has one winch, whatever a console calls it
+            winch = name if is_joined(self.twin.scene) else WINCH
+            self.twin.offer_speed(at_ns, speed_m_per_s, winch)
 
     def offer_current(self, data: bytes) -> None:
         """A `current` message (it has no stamp and holds from now on); as offer_heave."""

@@ -25,6 +25,7 @@ from rope_twin.ros.paced_twin import RUN_ROW
 from rope_twin.ros.qos import message_type, profile
 from rope_twin.ros.suite import END_ORDER, node_parameters, where
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.rigging_rules import winches_by_name
 from rope_twin.topics import BY_NAME
 
 _WAIT_S = 0.1
@@ -104,7 +105,8 @@ def _awaited(options: RunOptions) -> str:
     """What the twin is to await: the inputs that will come, and the recorder on every topic."""
     scene = load_scene(options.scene)
     topics = ["ship/heave"] if options.bag or scene.sea_state.moves else []
-    topics += ["winch/speed_command"] if scene.winch and scene.winch.schedule else []
+    scheduled = any(winch.schedule for winch in winches_by_name(scene).values())
+    topics += ["winch/speed_command"] if scheduled else []
     if options.record is not None:
         topics += [topic.name for topic in SNAPSHOT_TOPICS]
     return " ".join(topics)

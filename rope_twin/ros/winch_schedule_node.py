@@ -16,6 +16,7 @@ from rope_twin.ros.entry import run_node
 from rope_twin.ros.feeding import FeedingNode
 from rope_twin.ros.params import WinchScheduleParams, declare
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.rigging_rules import winches_by_name
 from rope_twin.scene.schema import Winch
 from rope_twin.twin.schedule import schedule_samples
 
@@ -28,14 +29,14 @@ class WinchScheduleNode(FeedingNode):
     def __init__(self, **node_options: Any) -> None:
         super().__init__("winch_schedule", **node_options)
         self._params = declare(self, WinchScheduleParams)
-        self._winch: Winch | None = None
+        self._winches: dict[str, Winch] = {}
         self.yielded = False
 
     def begin(self) -> None:
         """Read the scene and wait for the twin's epoch."""
         scene = load_scene(self._params.scene)
-        self._winch = scene.winch
-        if self._winch is None or not self._winch.schedule:
+        self._winches = {n: w for n, w in winches_by_name(scene).items() if w.schedule}
+        if not self._winches:
             self.get_logger().warning(
                 f"scene {scene.name} has no winch schedule: the winch is left alone"
             )
@@ -53,8 +54,10 @@ class WinchScheduleNode(FeedingNode):
             )
         if self.yielded:
             return
-        for sample in schedule_samples(self._winch, from_ns, to_ns):
-            self.send(TOPIC, encode_speed(epoch_ns + sample.stamp_ns, sample.speed_m_per_s))
+        for name, winch in self._winches.items():
+            for sample in schedule_samples(winch, from_ns, to_ns):
+                at_ns = epoch_ns + sample.stamp_ns
+                self.send(TOPIC, encode_speed(at_ns, sample.speed_m_per_s, name))
 
     def _other_commanders(self) -> list[str]:
         """Names of other nodes that publish the command."""

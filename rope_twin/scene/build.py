@@ -38,6 +38,7 @@ from rope_twin.scene.composite import (
     ends_m,
 )
 from rope_twin.scene.grid import least_line_out_m, node_coordinates
+from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Payload, RopeLine, Scene
 from rope_twin.scene.shapes import PayloadFigures, payload_figures
 from rope_twin.scene.stiffness import cubics
@@ -60,8 +61,9 @@ def build(scene: Scene) -> Built:
     """Arrays for the scene's rope with a straight, stretched first guess of its shape.
 
     Raises:
-        SceneError: an effect without a kernel, or figures that a payload does not give.
+        SceneError: ropes meet, an effect has no kernel, or a payload does not give its figures.
     """
+    refuse_joined(scene)
     line = scene.ropes[0]
     payload = find_payload(scene, line)
     density = scene.environment.water_density_kg_per_m3
@@ -153,9 +155,14 @@ def _sections(scene: Scene, line: RopeLine, figures: PayloadFigures | None) -> F
 
 def _law(line: RopeLine) -> Table | None:
     """The table of all sections if one of them has one: else none."""
-    ropes = [section.rope for section in line.made_of]
-    if not any(rope.axial_stiffness for rope in ropes):
+    if not any(section.rope.axial_stiffness for section in line.made_of):
         return None
+    return tables_of(line)
+
+
+def tables_of(line: RopeLine) -> Table:
+    """Tension over strain of each section; a straight line where it has no table."""
+    ropes = [section.rope for section in line.made_of]
     return cubics(
         [
             rope.axial_stiffness.table

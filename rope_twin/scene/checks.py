@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from math import ceil, floor, hypot, sqrt
 
 from rope_twin.errors import phrase
+from rope_twin.scene.build_joined import alone
 from rope_twin.scene.composite import Bar, tension_at_length
 from rope_twin.scene.figures import (
     LiftFigures,
@@ -16,6 +17,7 @@ from rope_twin.scene.figures import (
     listed_effects,
     schedule_meets_limit,
 )
+from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Rope, Scene
 
 SAFETY_FACTOR = 3.0  # of breaking load over static load, common for lifting wire
@@ -39,8 +41,21 @@ def sense_checks(scene: Scene) -> list[str]:
     Raises:
         SceneError: if the payload's figures cannot be known.
     """
+    if is_joined(scene):
+        return list(_joined(scene))
     figures = lift_figures(scene)
     return [warning for check in CHECKS for warning in check(scene, figures)]
+
+
+def _joined(scene: Scene) -> Iterator[str]:
+    """Of the first rope with all that hangs on it, and the elements and figures of the others."""
+    yield from sense_checks(alone(scene, 0))
+    for number in range(1, len(scene.ropes)):
+        own = alone(scene, number)
+        figures = lift_figures(own)
+        for check in (_elements, _rope_figures, _damping):
+            for warning in check(own, figures):
+                yield warning.replace("ropes[0]", f"ropes[{number}]", 1)
 
 
 def _load(scene: Scene, figures: LiftFigures) -> Iterator[str]:

@@ -14,6 +14,7 @@ import numpy as np
 
 from rope_twin.effects import EFFECTS
 from rope_twin.scene.build import find_payload, hanging_bars, section_damping
+from rope_twin.scene.build_joined import alone
 from rope_twin.scene.composite import (
     Bar,
     damping_fraction,
@@ -21,6 +22,7 @@ from rope_twin.scene.composite import (
     first_axial_frequency,
 )
 from rope_twin.scene.grid import least_line_out_m, node_coordinates
+from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Rope, RopeLine, Scene, Winch
 from rope_twin.scene.shapes import PayloadFigures, payload_figures
 
@@ -71,11 +73,13 @@ class LiftFigures:
 
 
 def lift_figures(scene: Scene) -> LiftFigures:
-    """The figures of the scene's rope.
+    """The figures of the scene's rope; of the first one with all that hangs, where ropes meet.
 
     Raises:
         SceneError: if the payload's figures cannot be known.
     """
+    if is_joined(scene):
+        scene = alone(scene, 0)
     line, water = scene.ropes[0], scene.environment
     density = water.water_density_kg_per_m3
     payload = find_payload(scene, line)

@@ -28,7 +28,7 @@ def read_object(
     Raises:
         SceneError: at the first key that is unknown, missing or has a value that cannot be.
     """
-    fields = {field.name: field for field in dataclasses.fields(cls) if field.name not in given}
+    fields = {key_of(field): field for field in dataclasses.fields(cls) if field.name not in given}
     mapping = read_mapping(item, place, fields)
     missing = [field for name, field in fields.items() if _needed(field) and name not in mapping]
     if missing:
@@ -39,8 +39,9 @@ def read_object(
     for name, child in mapping.items():
         at = place.key(name, child.line)
         own = readers.get(f"{cls.__name__}.{name}")
-        values[name] = (
-            own(child, at) if own else _read(hints[name], child, at, fields[name], readers)
+        field = fields[name]
+        values[field.name] = (
+            own(child, at) if own else _read(hints[field.name], child, at, field, readers)
         )
     made = cls(**values)
     complaint = made.check() if hasattr(made, "check") else None
@@ -76,6 +77,11 @@ def read_choice(item: Item, place: Place, choices: Mapping[str, Any]) -> tuple[s
     if name not in choices:
         raise at.refuse("unknown", did_you_mean(name, choices))
     return name, child, at
+
+
+def key_of(field: dataclasses.Field[Any]) -> str:
+    """The key of a field: its name, less the underscore that keeps it off Python's own words."""
+    return field.name.rstrip("_")
 
 
 def _needed(field: dataclasses.Field[Any]) -> bool:

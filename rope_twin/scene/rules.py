@@ -18,8 +18,9 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import did_you_mean
 from rope_twin.scene.composite import ends_m
-from rope_twin.scene.grid import grading_faults, least_line_out_m
-from rope_twin.scene.schema import Scene
+from rope_twin.scene.grid import grading_faults
+from rope_twin.scene.rigging_rules import RIGGING_RULES, winch_of, winches
+from rope_twin.scene.schema import Scene, Winch
 from rope_twin.share import share_dir
 
 Fault = tuple[str, str, str]
@@ -60,35 +61,6 @@ def _names(scene: Scene) -> Iterator[Fault]:
                 yield f"{key}[{number}].name", what, "give each its own name"
 
 
-def _one_rope(scene: Scene) -> Iterator[Fault]:
-    if len(scene.ropes) != 1:
-        what = f"{len(scene.ropes)} ropes are given"
-        yield "ropes", what, "give exactly one: this version steps one rope"
-
-
-def _lower_ends(scene: Scene) -> Iterator[Fault]:
-    names = [payload.name for payload in scene.payloads]
-    for number, line in enumerate(scene.ropes):
-        path = f"ropes[{number}]"
-        if line.to and line.fixed_at_m:
-            right = "keep `to` (a payload) or `fixed_at_m` (a fixed point)"
-            yield path, "both `to` and `fixed_at_m` are given", right
-        elif not line.to and not line.fixed_at_m:
-            right = "add `to` (a payload's name) or `fixed_at_m` (a fixed point)"
-            yield path, "its lower end is neither held nor loaded", right
-        elif line.to and line.to not in names:
-            right = did_you_mean(line.to, names) if names else "add it under `payloads`"
-            yield f"{path}.to", f"there is no payload '{line.to}'", right
-
-
-def _held_payloads(scene: Scene) -> Iterator[Fault]:
-    held = {line.to for line in scene.ropes}
-    for number, payload in enumerate(scene.payloads):
-        if payload.name not in held:
-            right = f"give `to: {payload.name}` to a rope, or leave the payload out"
-            yield f"payloads[{number}]", f"no rope holds '{payload.name}'", right
-
-
 def _payload_figures(scene: Scene) -> Iterator[Fault]:
     for number, payload in enumerate(scene.payloads):
         given = {
@@ -122,7 +94,8 @@ def _section_lengths(scene: Scene) -> Iterator[Fault]:
                 yield f"{path}[{k}]", what, "add length_m"
                 return
         lengths = [section.length_m for section in line.sections]
-        needed = scene.winch.most_line_out_m if scene.winch else line.length_m
+        winch = winch_of(scene, line)
+        needed = winch.most_line_out_m if winch else line.length_m
         if lengths and lengths[-1] is not None:
             total = sum(length or 0.0 for length in lengths)
             if total < needed:
@@ -150,9 +123,10 @@ def _own_drag(scene: Scene) -> Iterator[Fault]:
 
 
 def _grading(scene: Scene) -> Iterator[Fault]:
-    least = least_line_out_m(scene)
     for number, line in enumerate(scene.ropes):
         if line.grading is not None:
+            winch = winch_of(scene, line)
+            least = winch.least_line_out_m if winch else None
             path = f"ropes[{number}].grading"
             yield from ((path, *words) for words in grading_faults(line, line.grading))
             lowest = line.grading.lowest_m or (line.grading.nodes_m or (0.0,))[0]
@@ -171,48 +145,50 @@ def _damping(scene: Scene) -> Iterator[Fault]:
 
 
 def _line_out(scene: Scene) -> Iterator[Fault]:
-    winch = scene.winch
-    if winch is None:
-        return
-    least, most = winch.least_line_out_m, winch.most_line_out_m
-    if least >= most:
-        what = f"{least:g} m is not below most_line_out_m ({most:g} m)"
-        yield "winch.least_line_out_m", what, "give a smaller one"
-        return
+    for path, winch in winches(scene):
+        least, most = winch.least_line_out_m, winch.most_line_out_m
+        if least >= most:
+            what = f"{least:g} m is not below most_line_out_m ({most:g} m)"
+            yield f"{path}.least_line_out_m", what, "give a smaller one"
+            return
     for number, line in enumerate(scene.ropes):
-        if not least <= line.length_m <= most:
-            what = f"{line.length_m:g} m lies outside the winch's {least:g} to {most:g} m"
+        own = winch_of(scene, line)
+        if own and not own.least_line_out_m <= line.length_m <= own.most_line_out_m:
+            reach = f"{own.least_line_out_m:g} to {own.most_line_out_m:g} m"
+            what = f"{line.length_m:g} m lies outside the winch's {reach}"
             right = "change it, or least_line_out_m or most_line_out_m of the winch"
             yield f"ropes[{number}].length_m", what, right
 
 
 def _schedule(scene: Scene) -> Iterator[Fault]:
-    winch = scene.winch
-    if winch is None:
-        return
+    for path, winch in winches(scene):
+        yield from _one_schedule(path, winch)
+
+
+def _one_schedule(path: str, winch: Winch) -> Iterator[Fault]:
     for number, row in enumerate(winch.schedule):
         if abs(row.speed_m_per_s) > winch.speed_limit_m_per_s:
             what = f"{row.speed_m_per_s:g} m/s is over the winch's {winch.speed_limit_m_per_s:g}"
             right = "slow it down, or raise speed_limit_m_per_s"
-            yield f"winch.schedule[{number}].speed_m_per_s", what, right
+            yield f"{path}.schedule[{number}].speed_m_per_s", what, right
     for number, (before, after) in enumerate(pairwise(winch.schedule), start=1):
         if after.at_s <= before.at_s:
             what = f"{after.at_s:g} s comes after {before.at_s:g} s in the list"
-            yield f"winch.schedule[{number}].at_s", what, "order the rows by time, each time once"
-    repeat, path = winch.schedule_repeats_every_s, "winch.schedule_repeats_every_s"
+            yield f"{path}.schedule[{number}].at_s", what, "order the rows by time, each time once"
+    repeat, where = winch.schedule_repeats_every_s, f"{path}.schedule_repeats_every_s"
     if repeat is None:
         return
     if not winch.schedule:
-        yield path, "there is no schedule to repeat", "add `schedule`, or leave this out"
+        yield where, "there is no schedule to repeat", "add `schedule`, or leave this out"
     elif repeat <= winch.schedule[-1].at_s:
         what = f"{repeat:g} s cuts off the row at {winch.schedule[-1].at_s:g} s"
-        yield path, what, "give more than the time of the last row"
+        yield where, what, "give more than the time of the last row"
 
 
 def _effects(scene: Scene) -> Iterator[Fault]:
     names = {effect.params: effect.name for effect in EFFECTS}
     listed = [names[type(params)] for params in scene.effects]
-    if "payload" in listed and not scene.payloads:
+    if "payload" in listed and not (scene.payloads or scene.joints):
         yield "effects", "`payload` is listed but no payload is", "add `payloads`, or leave it out"
     if "splash_zone" in listed and "payload" not in listed:
         what = "`splash_zone` takes off what `payload` brings, which is not listed"
@@ -272,9 +248,7 @@ def _on_waves(scene: Scene) -> Iterator[Fault]:
 
 RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _names,
-    _one_rope,
-    _lower_ends,
-    _held_payloads,
+    *RIGGING_RULES,
     _payload_figures,
     _one_of_rope_and_sections,
     _section_lengths,

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rope_twin.quantity import quantity, text
+from rope_twin.scene.rigging import WINCH, Joint, Strut
 from rope_twin.scene.stiffness import StiffnessTable
 from rope_twin.sea.heave_response import BoxHull
 
@@ -106,9 +107,10 @@ class Damping:
 
 @dataclass(frozen=True, kw_only=True)
 class RopeLine:
-    """One rope of the scene, from the winch to a payload or to a fixed point."""
+    """One rope of the scene, from the winch to a payload or to a fixed point, or between others."""
 
     name: str = text("its name")
+    from_: str = text("where its upper end is: the winch, a hang-off, a joint or payload", WINCH)
     rope: Rope | None = text("preset name, or the figures themselves", None)
     sections: tuple[RopeSection, ...] = text(
         "in place of `rope`: the ropes it is joined from, from the lower end up", ()
@@ -116,7 +118,7 @@ class RopeLine:
     length_m: float = quantity("line out at the start, unstretched", "m", 1.0, 2e4)
     elements: int = quantity("number of elements at the start", "", 3, 20000)
     damping: Damping = text("structural damping")
-    to: str = text("name of the payload at its lower end; empty if fixed", "")
+    to: str = text("payload or joint at its lower end; empty if fixed", "")
     fixed_at_m: Triple | None = quantity(
         "lower end held at x, y, z instead of a payload", "m", -2e4, 2e4, default=None
     )
@@ -191,6 +193,15 @@ class Winch:
     schedule_repeats_every_s: float | None = quantity(
         "the schedule starts again after this", "s", 1.0, 1e6, default=None
     )
+
+
+@dataclass(frozen=True, kw_only=True)
+class HangOff:
+    """Another place where a rope leaves the ship; it heaves with the ship."""
+
+    name: str = text("its name")
+    at_m: Triple = quantity("at rest: x, y, z", "m", -1e4, 1e4)
+    winch: Winch | None = text("its winch; absent: the line out never changes", None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -273,6 +284,9 @@ class Scene:
     look_at: str = text("what to look at", "")
     ropes: tuple[RopeLine, ...] = text("the ropes")
     payloads: tuple[Payload, ...] = text("the payloads", ())
+    joints: tuple[Joint, ...] = text("where ropes meet without a payload", ())
+    struts: tuple[Strut, ...] = text("bars between payloads or joints", ())
+    hang_offs: tuple[HangOff, ...] = text("where further ropes leave the ship", ())
     winch: Winch | None = text("the winch; absent: the line out never changes", None)
     ship: Ship = text("the ship", Ship())
     sea_state: SeaState = text("the sea that moves the ship", SeaState())

@@ -32,6 +32,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.statics import settle
 from rope_twin.core.step import advance
+from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.regrid import HangOff, coarser
 from rope_twin.twin.saved_state import SavedState
@@ -163,6 +164,7 @@ class BandedTwin(Twin):
     """
 
     def __init__(self, scene: Scene) -> None:
+        refuse_joined(scene)
         super().__init__(scene)
         self._rest_n = float(self._pull[rows.PULL])
         self._band_s = 0.0  # time spent on it

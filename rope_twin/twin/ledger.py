@@ -21,6 +21,7 @@ from rope_twin.core.energy import Border, Power, accounts_of, damped, measure
 from rope_twin.core.state import Floats, Rope
 from rope_twin.core.terms import hooks_of
 from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.saved_state import SavedState
 from rope_twin.twin.snapshot import EnergyBalance, Snapshot
@@ -82,10 +83,11 @@ class AccountedTwin(Twin):
     A saved state does not hold the ledger; a restored twin opens a new one.
 
     Raises:
-        SceneError: as for a twin, or an effect does not say its energy.
+        SceneError: as for a twin, ropes meet, or an effect does not say its energy.
     """
 
     def __init__(self, scene: Scene) -> None:
+        refuse_joined(scene)
         super().__init__(scene)
         _check_effects(scene, self._rope)
         self._ledger = self._opened()

@@ -94,8 +94,41 @@ class TensionBand:
 
 
 @dataclass(frozen=True)
+class RopeShot:
+    """One of several ropes. Rows run from its upper end (row 0) down."""
+
+    name: str
+    node_position_m: Vector  # (nodes, 3)
+    node_tension_n: Vector  # (nodes,) mean of the neighbouring elements; ends as measured there
+    element_tension_n: Vector  # (nodes - 1,)
+    tension_top_n: float  # magnitude of its pull on the hang-off or joint at its upper end
+    line_out_m: float  # its unstretched length
+    payout_speed_m_per_s: float  # + paying out
+
+
+@dataclass(frozen=True)
+class PayloadShot:
+    """One of several payloads."""
+
+    name: str
+    position_m: Vector  # (3,)
+    velocity_m_per_s: Vector  # (3,)
+
+
+@dataclass(frozen=True)
+class StrutShot:
+    """A bar between two payloads or joints."""
+
+    name: str
+    ends_m: Vector  # (2, 3)
+    pull_n: float  # negative: it is pushed
+
+
+@dataclass(frozen=True)
 class Snapshot:
     """One instant of the twin. Rows run from the hang-off (row 0) down to the payload.
+
+    Where ropes meet these are of the first rope, and its lower end stands for the payload.
 
     Frame `sea` (east, north, up; z = 0 at mean water level).
     """
@@ -127,6 +160,9 @@ class Snapshot:
     card_error: KnownError = field(default_factory=KnownError)  # of the top tension
     energy: EnergyBalance | None = None  # only of a run that keeps a ledger
     band: TensionBand | None = None  # only of a run that asks for it, once it is known
+    ropes: tuple[RopeShot, ...] = ()  # all of them, in a scene whose ropes meet; else none
+    payloads: tuple[PayloadShot, ...] = ()  # likewise
+    struts: tuple[StrutShot, ...] = ()  # likewise
 
     @property
     def time_s(self) -> float:

@@ -11,7 +11,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Boundary, Floats, Rope
-from rope_twin.core.statics import settle
+from rope_twin.core.statics import Equilibrium, settle
 from rope_twin.core.step import advance
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.schema import Scene
@@ -20,7 +20,7 @@ AFLOAT_M = 1.0
 
 
 @contextmanager
-def _no_garbage_collection() -> Iterator[None]:
+def no_garbage_collection() -> Iterator[None]:
     """Compiling makes millions of objects that live: scanning them costs a tenth of its time."""
     enabled = gc.isenabled()
     gc.disable()
@@ -41,8 +41,26 @@ def find_start(scene: Scene, rope: Rope) -> Floats:
     """
     line = scene.ropes[0]
     nodes = rope.state.nodes
-    with _no_garbage_collection():
+    with no_garbage_collection():
         end = settle(rope, line.length_m)
+    judge_start(
+        scene, end, float(nodes[rows.POSITION + 2, : rope.state.counts[rows.ELEMENTS]].max())
+    )
+    # One step at rest on a copy gives the static pull on the hang-off.
+    spare = rope._replace(state=rope.state.copy())
+    boundary = Boundary(np.zeros((2, rows.MOTIONS)), np.zeros((2, rows.MOTIONS)))
+    boundary.value[:] = [*scene.ship.hang_off_m, line.length_m]
+    pull: Floats = np.zeros((1, rows.PULL_COLUMNS))
+    advance(spare, boundary, pull, 0.0, 1)
+    return pull.reshape(rows.PULL_COLUMNS)
+
+
+def judge_start(scene: Scene, end: Equilibrium, highest_m: float) -> None:
+    """Whether ropes can start from the rest that was found; highest_m: of their nodes.
+
+    Raises:
+        SceneError: there is no equilibrium, or the ropes float.
+    """
     where = f"{scene.path}: ropes[0]"
     if not end.found:
         left = f"{end.residual_n:.3g} N pull at a node of the best shape found"
@@ -55,19 +73,11 @@ def find_start(scene: Scene, rope: Rope) -> Floats:
                 "check that rope and payload sink, or fix the lower end",
             )
         )
-    highest = float(nodes[rows.POSITION + 2, : rope.state.counts[rows.ELEMENTS]].max())
-    if highest > max(scene.ship.hang_off_m[2], 0.0) + AFLOAT_M:
+    if highest_m > max(scene.ship.hang_off_m[2], 0.0) + AFLOAT_M:
         raise SceneError(
             phrase(
                 where,
-                f"at rest it floats up to z = {highest:.1f} m",
+                f"at rest it floats up to z = {highest_m:.1f} m",
                 "give the payload more weight in water or take a heavier rope",
             )
         )
-    # One step at rest on a copy gives the static pull on the hang-off.
-    spare = rope._replace(state=rope.state.copy())
-    boundary = Boundary(np.zeros((2, rows.MOTIONS)), np.zeros((2, rows.MOTIONS)))
-    boundary.value[:] = [*scene.ship.hang_off_m, line.length_m]
-    pull: Floats = np.zeros((1, rows.PULL_COLUMNS))
-    advance(spare, boundary, pull, 0.0, 1)
-    return pull.reshape(rows.PULL_COLUMNS)

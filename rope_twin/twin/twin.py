@@ -17,17 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.core import state as rows
-from rope_twin.core.step import advance
 from rope_twin.errors import SolverError, StateError, phrase
-from rope_twin.scene.build import build
 from rope_twin.scene.card import known_error
+from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.schema import Scene
 from rope_twin.twin import saved_state
 from rope_twin.twin.observe import Extremes, Observation, RunStatistics, observe
+from rope_twin.twin.ropes import ropes_of
 from rope_twin.twin.saved_state import About, SavedState
 from rope_twin.twin.ship import HeaveTrack, ramp
 from rope_twin.twin.snapshot import InputHealth, Snapshot
-from rope_twin.twin.start import find_start
 from rope_twin.twin.water import CurrentInput
 from rope_twin.twin.winch import LineOut, Winch
 
@@ -35,7 +34,7 @@ STEPS_PER_CALL = 256
 # What the scene or the caller gives; everything else changes and belongs to a saved state.
 _GIVEN = (
     "scene", "step_s", "step_ns", "failure_folder", "_card_error", "_rest", "_lock", "_pulls",
-    "_rope",
+    "_rope", "_ropes",
 )  # fmt: skip
 
 
@@ -52,7 +51,8 @@ class Twin:
         self.step_ns = round(scene.time.step_s * 1e9)
         self.failure_folder: Path | None = None  # takes the state that the solver cannot leave
         self._card_error = known_error(scene)
-        self._rope = build(scene).rope
+        self._ropes = ropes_of(scene, STEPS_PER_CALL)
+        self._rope = self._ropes.first
         self._lock = threading.Lock()
         self._heave = HeaveTrack()
         self._winch = Winch(scene.winch, scene.ropes[0].length_m)
@@ -63,12 +63,10 @@ class Twin:
         self._pulls = np.zeros((STEPS_PER_CALL, rows.PULL_COLUMNS))
         self._boundary.value[:] = [*self._rest, self._winch.line.length_m]
         self._prescribed = 0  # steps ahead whose borders are filled in
-        self._steps = 0
+        self._steps = self._unconverged = 0
         self._computing_s = 0.0
-        self._run = Extremes()
-        self._recent = Extremes()
-        self._unconverged = 0
-        self._pull = find_start(scene, self._rope)
+        self._run, self._recent = Extremes(), Extremes()
+        self._pull = self._ropes.find_start()
         self._recent.take([float(self._pull[rows.PULL])])
 
     @property
@@ -86,9 +84,11 @@ class Twin:
         with self._lock:
             return self._heave.offer(stamp_ns, position_m, velocity_m_per_s)
 
-    def offer_speed(self, stamp_ns: int | None, speed_m_per_s: float) -> str:
-        """A winch speed command, + pays out (stamp None: at once); "" or why it was refused."""
+    def offer_speed(self, stamp_ns: int | None, speed_m_per_s: float, winch: str = WINCH) -> str:
+        """Command the winch at a hang-off, + pays out (stamp None: at once); "" or the refusal."""
         with self._lock:
+            if winch != WINCH:
+                return self._ropes.offer(winch, stamp_ns, speed_m_per_s, self.time_ns)
             return self._winch.offer(stamp_ns, speed_m_per_s, self.time_ns)
 
     def offer_current(self, profile: NDArray[np.float64]) -> str:
@@ -99,13 +99,15 @@ class Twin:
     def newest_ns(self) -> dict[str, int]:
         """Stamp of the newest accepted sample of heave and winch_command, where there is one."""
         counters = (self._heave.counter, self._winch.counter)
-        return {c.name: c.newest_ns for c in counters if c.newest_ns is not None}
+        own = {c.name: c.newest_ns for c in counters if c.newest_ns is not None}
+        return own | self._ropes.newest_ns()
 
     def doubt_inputs(self) -> None:
         """After a pause or a restart: inputs known for times to come may no longer hold."""
         with self._lock:
             self._heave.doubt()
             self._winch.doubt()
+            self._ropes.doubt()
 
     def advance(self, steps: int) -> None:
         """Step on.
@@ -161,6 +163,7 @@ class Twin:
             effects=values["_current"].effects,
         )
         twin._tension[:] = values.pop("rope/tension")
+        twin._ropes.take_back(values, twin._rope)
         vars(twin).update(values)
         return twin
 
@@ -194,7 +197,7 @@ class Twin:
         kept = {name: value for name, value in vars(self).items() if name not in _GIVEN}
         parts = saved_state.changing_parts(self._rope)
         rope = {f"rope/{name}": getattr(self._rope, name) for name in parts}
-        return kept | rope | {"rope/tension": self._tension}
+        return kept | rope | {"rope/tension": self._tension} | self._ropes.changing()
 
     @property
     def _tension(self) -> rows.Floats:
@@ -207,12 +210,13 @@ class Twin:
             self._prescribe(steps)
             self._prescribed = max(self._prescribed, steps)
             rope = self._rope._replace(effects=self._current.effects)
-        done = advance(rope, self._boundary, self._pulls, self.time_ns * 1e-9, steps)
+        pulls = self._pulls[:steps]
+        done = self._ropes.advance(rope, self._boundary, self.time_ns * 1e-9, pulls)
         self._steps += done
         self._forget_borders(done)
         if done:
             self._pull = self._pulls[done - 1].copy()
-            tensions = self._pulls[:done, rows.PULL].tolist()
+            tensions = pulls[:done, rows.PULL].tolist()
             self._run.take(tensions)
             self._recent.take(tensions)
         self._computing_s += time.perf_counter() - began
@@ -230,23 +234,24 @@ class Twin:
         self._prescribed -= done
         for table in self._boundary:
             table[: self._prescribed + 1] = table[done : done + self._prescribed + 1]
+        self._ropes.forget(done, self._prescribed)
 
     def _prescribe(self, steps: int) -> None:
         """Hang-off motion and line out at the borders of the next steps, from the inputs.
 
         Steps that an earlier call prescribed and could not do keep what they were given.
         """
-        duration = self.scene.ship.motion_ramp_s
-        rest_z = float(self._rest[2])
+        duration, rest_z = self.scene.ship.motion_ramp_s, float(self._rest[2])
         value, rate = self._boundary
         for row in range(self._prescribed + 1, steps + 1):
             border_ns = (self._steps + row) * self.step_ns
             length, speed = self._winch.step(border_ns - self.step_ns, self.step_s)
             z, v = self._heave.at(border_ns)
             share, share_rate = ramp(border_ns * 1e-9, duration)
-            # x and y are the same in every row
-            value[row, rows.Z], value[row, rows.LINE] = rest_z + share * z, length
-            rate[row, rows.Z], rate[row, rows.LINE] = share * v + share_rate * z, speed
+            heave = (share * z, share * v + share_rate * z)  # x and y are the same in every row
+            value[row, rows.Z], value[row, rows.LINE] = rest_z + heave[0], length
+            rate[row, rows.Z], rate[row, rows.LINE] = heave[1], speed
+            self._ropes.prescribe(row, border_ns - self.step_ns, self.step_s, heave)
 
     def statistics(self) -> RunStatistics:
         """The run so far."""
@@ -284,7 +289,7 @@ class Twin:
         )
         self._unconverged = unconverged
         self._recent = Extremes()
-        return taken
+        return self._ropes.complete(taken, self.time_ns)
 
     def _input_health(self) -> dict[str, InputHealth]:
         now = self.time_ns

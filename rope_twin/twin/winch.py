@@ -12,6 +12,7 @@ from collections import deque
 from typing import NamedTuple
 
 from rope_twin.errors import phrase
+from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.schema import Winch as WinchScene
 from rope_twin.twin.health import InputCounter
 
@@ -20,6 +21,11 @@ STALE_NS = 2_000_000_000
 AHEAD_NS = 10_000_000_000  # a stamp farther in the future is a clock that is wrong
 DONE = 32  # commands that are remembered after they took effect
 CREEP_M_PER_S = 1e-6  # slower than this beside a limit is standstill
+
+
+def command_input(name: str) -> str:
+    """The name of the input that commands the winch of this name, in counts and diagnostics."""
+    return "winch_command" if name == WINCH else f"winch_command {name}"
 
 
 class LineOut(NamedTuple):
@@ -32,8 +38,9 @@ class LineOut(NamedTuple):
 class Winch:
     """One winch; `offer` takes commands, `step` moves on by one time step."""
 
-    def __init__(self, scene: WinchScene | None, length_m: float) -> None:
-        self.counter = InputCounter("winch_command")
+    def __init__(self, scene: WinchScene | None, length_m: float, name: str = WINCH) -> None:
+        """`name`: of the hang-off that it stands at."""
+        self.counter = InputCounter(command_input(name))
         self.at_limit = ""
         self._scene = scene
         self._line = LineOut(length_m, 0.0)

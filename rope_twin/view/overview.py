@@ -102,6 +102,28 @@ class Overview:
         )
         return moved
 
+    def show_further(
+        self,
+        number: int,
+        position_m: NDArray[np.float64],
+        elements_n: NDArray[np.float64],
+        scale_n: float,
+    ) -> None:
+        """One of further ropes that meet the first one, nodes (n, 3), in its picture."""
+        import rerun as rr
+
+        if self.frame is None:
+            return
+        drawn = self.frame.place(position_m)
+        self._stream.log(
+            f"{self._path}/rope/{number}",
+            rr.LineStrips3D(
+                np.stack([drawn[:-1], drawn[1:]], axis=1),
+                colors=tension_colours(elements_n, scale_n),
+                radii=rr.Radius.ui_points(2.5),
+            ),
+        )
+
     def _draw_scales(self, frame: Frame) -> None:
         """A depth scale left of the rope, the sea, and how long a distance sideways looks."""
         import rerun as rr

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages.colours import scale_above
-from rope_twin.messages.forms import NANOSECONDS, POINT_BYTES
+from rope_twin.messages.forms import FLOAT32_BYTES, NANOSECONDS
 from rope_twin.view.blueprint import BAND_CURVES, CURVES, LOG, OVERVIEW, PROFILE, SURFACE, layout
 from rope_twin.view.overview import Overview
 from rope_twin.view.profile import Profile
@@ -21,7 +21,8 @@ from rope_twin.view.ticks import decade_range
 from rope_twin.view.timelines import Timelines
 
 SHOWN_TOPICS = (
-    "twin/epoch", "winch/state", "tension_top/band", "tension", "rope/nodes", "ship/heave",
+    "twin/epoch", "winch/state", "tension_top/band", "tension", "rope/nodes", "ropes/nodes",
+    "ship/heave",
     "sea/elevation", "diagnostics",
 )  # fmt: skip
 PICTURE_NS = NANOSECONDS // 10  # ropes and sea are drawn at most 10 times a second
@@ -54,6 +55,7 @@ class RopeView:
             "tension_top/band": self._band,
             "tension": self._tension,
             "rope/nodes": self._rope_nodes,
+            "ropes/nodes": self._further_ropes,
             "ship/heave": self._heave,
             "sea/elevation": self._elevation,
             "diagnostics": self._diagnostics,
@@ -139,16 +141,7 @@ class RopeView:
         self._elements_n = np.asarray(message.data, dtype=np.float64)
 
     def _rope_nodes(self, message: Any, time_ns: int) -> None:
-        if message.point_step != POINT_BYTES:
-            raise InputError(
-                phrase(
-                    "topic rope/nodes",
-                    f"points of {message.point_step} bytes",
-                    f"right are {POINT_BYTES}: x, y, z, tension as float32",
-                )
-            )
-        rows = np.frombuffer(np.asarray(message.data, dtype=np.uint8).tobytes(), dtype="<f4")
-        rows = rows.reshape(-1, 4).astype(np.float64)
+        rows = _points(message, "rope/nodes", ("x", "y", "z", "tension"))
         if len(rows) < 2:
             return
         self._series["plots/tension/payload"].add(time_ns, float(rows[-1, 3]) / 1000.0)
@@ -164,6 +157,17 @@ class RopeView:
             self._sink.stream.send_blueprint(layout(self._overview.frame, self._sink.live))
         self._surface.show_rope(position, elements_n, self._scale_n)
         self._profile.show(time_ns, -position[:, 2], nodes_n, elements_n, self._scale_n)
+
+    def _further_ropes(self, message: Any, time_ns: int) -> None:
+        """All ropes but the first, which `rope/nodes` tells of."""
+        rows = _points(message, "ropes/nodes", ("x", "y", "z", "tension", "rope"))
+        if self._overview.frame is None or not self._is_time("ropes", time_ns):
+            return
+        for number in range(1, int(rows[:, 4].max(initial=0.0)) + 1):
+            own = rows[rows[:, 4] == number]
+            elements_n = 0.5 * (own[1:, 3] + own[:-1, 3])
+            self._overview.show_further(number, own[:, :3], elements_n, self._scale_n)
+            self._surface.show_further(number, own[:, :3], elements_n, self._scale_n)
 
     def _heave(self, message: Any, time_ns: int) -> None:
         self._series["plots/heave"].add(time_ns, float(message.pose.pose.position.z))
@@ -189,6 +193,17 @@ class RopeView:
                 self._sink.stream.log(
                     LOG, rr.TextLog(f"{status.name}: {status.message}", level=words)
                 )
+
+
+def _points(message: Any, topic: str, fields: tuple[str, ...]) -> NDArray[np.float64]:
+    """The points of a cloud of float32 numbers, (points, fields)."""
+    size = len(fields) * FLOAT32_BYTES
+    if message.point_step != size:
+        what = f"points of {message.point_step} bytes"
+        right = f"right are {size}: {', '.join(fields)} as float32"
+        raise InputError(phrase(f"topic {topic}", what, right))
+    rows = np.frombuffer(np.asarray(message.data, dtype=np.uint8).tobytes(), dtype="<f4")
+    return rows.reshape(-1, len(fields)).astype(np.float64)
 
 
 def _stamp_ns(message: Any, time_ns: int) -> int:

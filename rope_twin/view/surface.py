@@ -56,6 +56,24 @@ class Surface:
                         colors=_WORDS, radii=rr.Radius.ui_points(0.0)),
         )  # fmt: skip
 
+    def show_further(self, number: int, position_m: NDArray[np.float64],
+                     elements_n: NDArray[np.float64], scale_n: float) -> None:  # fmt: skip
+        """The upper end of one of further ropes, if it is near the surface."""
+        import rerun as rr
+
+        if self._at is None or position_m[0, 2] < -SHOWN_M:
+            return
+        count = int(np.searchsorted(position_m[0, 2] - position_m[:, 2], SHOWN_M)) + 1
+        nodes = position_m[: max(count, 2)] - self._at
+        self._stream.log(
+            f"{self._path}/rope/{number}",
+            rr.LineStrips3D(
+                np.stack([nodes[:-1], nodes[1:]], axis=1),
+                colors=tension_colours(elements_n[: len(nodes) - 1], scale_n),
+                radii=rr.Radius.ui_points(3.0),
+            ),
+        )
+
     def show_sea(self, elevation_m: float) -> None:
         """The water surface at the ship."""
         import rerun as rr

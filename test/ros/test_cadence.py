@@ -36,5 +36,7 @@ def test_in_a_slot_of_20_ms_scalars_come_each_time_and_arrays_every_second() -> 
 
 
 def test_the_error_band_is_published_only_where_there_is_one() -> None:
-    assert "tension_top/band" in due_topics(1, 20_000_000, SimpleNamespace(band=object()))
-    assert due_topics(1, 20_000_000, SimpleNamespace(band=None)) == due_topics(1, 20_000_000)
+    assert "tension_top/band" in due_topics(1, 20_000_000, SimpleNamespace(band=object(), ropes=()))
+    assert due_topics(1, 20_000_000, SimpleNamespace(band=None, ropes=())) == due_topics(
+        1, 20_000_000
+    )

@@ -20,8 +20,8 @@ def test_heave_comes_back_as_it_was_sent(stamp_ns: int, z: float, vz: float) -> 
 
 
 def test_speed_comes_back_and_stamp_zero_means_at_once() -> None:
-    assert read_speed(encode_speed(1_234_567_890, -0.25)) == (1_234_567_890, -0.25)
-    assert read_speed(encode_speed(0, 0.5)) == (None, 0.5)
+    assert read_speed(encode_speed(1_234_567_890, -0.25)) == (1_234_567_890, -0.25, "winch")
+    assert read_speed(encode_speed(0, 0.5, "aft")) == (None, 0.5, "aft")
 
 
 @pytest.mark.parametrize("sizes", [[2, 3], [], [6]])

@@ -50,12 +50,19 @@ def small_scene(folder: Path) -> Scene:
     return load_scene(path)
 
 
+# no plain numbers, or there only for who asks or where ropes meet
+NO_FIGURES = {
+    "solver", "inputs", "winch_at_limit", "card_error", "energy", "band", "ropes", "payloads",
+    "struts",
+}  # fmt: skip
+
+
 def figures(shot: Snapshot) -> dict[str, np.ndarray]:
     """Every number of a snapshot that physics decides, by name."""
     return {
         field.name: np.asarray(getattr(shot, field.name), dtype=float)
         for field in dataclasses.fields(shot)
-        if field.name not in ("solver", "inputs", "winch_at_limit", "card_error", "energy", "band")
+        if field.name not in NO_FIGURES
     }
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from small_scene import figures, not_finite, small_scene
 
-import rope_twin.twin.twin as twin_module
+import rope_twin.twin.ropes as twin_module
 from rope_twin import Snapshot, Twin
 from rope_twin.core.state import Boundary
 from rope_twin.core.step import advance

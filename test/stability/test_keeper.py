@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from small_scene import small_scene
 
-import rope_twin.twin.twin as twin_module
+import rope_twin.twin.ropes as twin_module
 from rope_twin import Twin
 from rope_twin.errors import SolverError, StateError
 from rope_twin.twin.keeper import Keeper

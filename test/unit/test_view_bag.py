@@ -54,18 +54,18 @@ def test_a_bag_is_played_in_order(bag: Path) -> None:
     watcher = Watcher()
     played = play(bag, watcher)
     assert watcher.counts == {
-        "twin/epoch": 1, "winch/state": 200, "tension": 200, "rope/nodes": 200,
+        "twin/epoch": 1, "winch/state": 200, "tension": 200, "rope/nodes": 200, "ropes/nodes": 200,
         "tension_top/band": 200,
     }  # fmt: skip
     times = [time_ns for _, time_ns in watcher.seen]
     assert times == sorted(times)
-    assert (played.shown, played.problems) == (801, [])
+    assert (played.shown, played.problems) == (1001, [])
     assert played.duration_s == pytest.approx(19.9)
 
 
 def test_the_mcap_file_alone_will_do(bag: Path) -> None:
     (file,) = bag.glob("*.mcap")
-    assert play(file, Watcher()).shown == 801
+    assert play(file, Watcher()).shown == 1001
 
 
 def test_it_ends_where_it_is_told_to(bag: Path) -> None:

@@ -33,11 +33,13 @@ from rope_twin.messages import (
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.rigging_rules import winches_by_name
 from rope_twin.topics import TOPICS
 from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.pacing import keep_pauses_short, steps_in_slot
 from rope_twin.twin.schedule import schedule_samples
 from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.winch import command_input
 
 BLIND_S = 1.0  # steps without a look at the rope, where only the speed is wanted
 
@@ -129,11 +131,12 @@ class UnpacedRun:
             if heave.elevation_m is not None:
                 data = encode_elevation(self.epoch_ns + at_ns, heave.elevation_m)
                 messages.append((at_ns, "sea/elevation", data))
-        for command in schedule_samples(self.twin.scene.winch, self._offered_ns, until_ns):
-            if command.stamp_ns > self._known_ns.get("winch_command", FIRST_NS - 1):
-                self.twin.offer_speed(command.stamp_ns, command.speed_m_per_s)
-            data = encode_speed(self.epoch_ns + command.stamp_ns, command.speed_m_per_s)
-            messages.append((command.stamp_ns, "winch/speed_command", data))
+        for name, winch in winches_by_name(self.twin.scene).items():
+            for command in schedule_samples(winch, self._offered_ns, until_ns):
+                if command.stamp_ns > self._known_ns.get(command_input(name), FIRST_NS - 1):
+                    self.twin.offer_speed(command.stamp_ns, command.speed_m_per_s, name)
+                data = encode_speed(self.epoch_ns + command.stamp_ns, command.speed_m_per_s, name)
+                messages.append((command.stamp_ns, "winch/speed_command", data))
         self._inputs.extend(sorted(messages, key=lambda message: message[0]))
         self._offered_ns = until_ns
 

@@ -1,0 +1,187 @@
+"""The arrays of all ropes of a system in one piece, so that one binary steps any number of them.
+
+`rope_of(stack, r)` is rope r, made of views; to the kernels of a single rope it is one. What all
+ropes have in common (current, drag, ...) is there once; an effect whose figures differ from rope
+to rope (a payload) says how it is stacked, and how to pick one rope's out of that.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba.core.types import containers
+from numba.extending import overload
+
+from rope_twin.core.chains import CHAIN_ROWS
+from rope_twin.core.jit import LINKED, jit, jit_within
+from rope_twin.core.state import (
+    COUNTS,
+    END,
+    HEALTH,
+    NODE_ROWS,
+    SECTION_ROWS,
+    Floats,
+    Ints,
+    Model,
+    Rope,
+    State,
+    Table,
+    columns_for,
+    new_work,
+)
+
+_STACKERS: dict[type, Callable[[Sequence[Any]], Any]] = {}
+_PICKERS: dict[type, Any] = {}
+
+
+class Stack(NamedTuple):
+    """Rope after rope along the first axis; the other axes are those of a Rope's arrays."""
+
+    model: Floats  # the fields of Model, (ropes, 7)
+    nodes: Floats
+    s: Floats
+    offset: Floats
+    counts: Ints
+    health: Ints
+    work: Floats
+    sections: Floats
+    effects: tuple[Any, ...]
+    law: Table | None
+
+
+def stacks(kind: type, stacked: type, picker: Any) -> Callable[[Any], Any]:
+    """Register how effects of this type are stacked, and the kernel that picks rope r's again.
+
+    picker: f(stacked effect, r), a plain function of numbers and arrays.
+    """
+
+    def register(function: Any) -> Any:
+        _STACKERS[kind] = function
+        _PICKERS[stacked] = jit_within(picker)
+        return function
+
+    return register
+
+
+def stacked_effects(ropes: Sequence[Rope]) -> tuple[Any, ...]:
+    """The effects of all ropes, of the first one where they cannot differ."""
+    made = []
+    for own in zip(*(rope.effects for rope in ropes), strict=True):
+        stacker = _STACKERS.get(type(own[0]))
+        made.append(own[0] if stacker is None else stacker(own))
+    return tuple(made)
+
+
+def new_stack(ropes: Sequence[Rope]) -> Stack:
+    """A stack with room for these ropes, and with what never changes of them."""
+    count, room = len(ropes), max(rope.state.s.shape[0] for rope in ropes)
+    sections = np.zeros((count, SECTION_ROWS, max(rope.sections.shape[1] for rope in ropes)))
+    sections[:, END] = np.inf
+    for r, rope in enumerate(ropes):
+        sections[r, :, : rope.sections.shape[1]] = rope.sections
+    return Stack(
+        model=np.zeros((count, len(Model._fields))),
+        nodes=np.zeros((count, NODE_ROWS, room)),
+        s=np.zeros((count, room)),
+        offset=np.zeros((count, room)),
+        counts=np.zeros((count, COUNTS), np.int64),
+        health=np.zeros((count, HEALTH), np.int64),
+        work=new_work(columns_for(room), count * CHAIN_ROWS).reshape(count, CHAIN_ROWS, -1),
+        sections=sections,
+        effects=stacked_effects(ropes),
+        law=_stacked_law([rope.law for rope in ropes]),
+    )
+
+
+def _stacked_law(laws: Sequence[Table | None]) -> Table | None:
+    """Tables of all ropes, with unused knots at infinity; all ropes have one or none has."""
+    tables = [law for law in laws if law is not None]
+    if not tables:
+        return None
+    size = np.max([table.knot.shape for table in tables], axis=0)
+    rows = []
+    for field in Table._fields:
+        row = np.full((len(tables), *size), np.inf if field == "knot" else 0.0)
+        for own, table in zip(row, tables, strict=True):
+            values = getattr(table, field)
+            own[: values.shape[0], : values.shape[1]] = values
+        rows.append(row)
+    return Table(*rows)
+
+
+def view_of(stack: Stack, r: int, rope: Rope) -> Rope:
+    """Rope r as the stack holds it, for Python: its effects and law stay its own."""
+    state = State(stack.nodes[r], stack.s[r], stack.offset[r], stack.counts[r], stack.health[r])
+    return rope._replace(state=state, work=stack.work[r], sections=stack.sections[r])
+
+
+def load(stack: Stack, r: int, rope: Rope) -> None:
+    """Bring the stack up to date with a rope: its model, and its state if that lies elsewhere."""
+    stack.model[r] = rope.model
+    if rope.state.nodes.base is not stack.nodes:
+        for table, own in zip(_state_of(stack, r), rope.state, strict=True):
+            table[..., : own.shape[-1]] = own
+
+
+def store(stack: Stack, r: int, rope: Rope) -> None:
+    """The other way: state and scratch of a rope that lies elsewhere."""
+    if rope.state.nodes.base is not stack.nodes:
+        for table, own in zip(_state_of(stack, r), rope.state, strict=True):
+            own[...] = table[..., : own.shape[-1]]
+        rope.work[...] = stack.work[r, : rope.work.shape[0], : rope.work.shape[1]]
+
+
+def _state_of(stack: Stack, r: int) -> tuple[Any, ...]:
+    return stack.nodes[r], stack.s[r], stack.offset[r], stack.counts[r], stack.health[r]
+
+
+def _effects_at(effects: Any, r: Any) -> Any:
+    """The effects as rope r has them."""
+    return tuple(
+        _PICKERS[type(effect)](effect, r) if type(effect) in _PICKERS else effect
+        for effect in effects
+    )
+
+
+@overload(_effects_at, jit_options=LINKED, strict=False)
+def _compose_effects(effects: Any, r: Any) -> Any:
+    scope: dict[str, Any] = {}
+    parts = []
+    for i, effect in enumerate(effects):
+        picker = _PICKERS.get(effect.instance_class)
+        parts.append(f"effects[{i}]" if picker is None else f"pick_{i}(effects[{i}], r)")
+        scope[f"pick_{i}"] = picker
+    exec(f"def at(effects, r):\n    return ({' '.join(part + ',' for part in parts)})", scope)
+    return scope["at"]
+
+
+def _law_at(law: Any, r: Any) -> Any:
+    """The law of rope r."""
+    return None if law is None else Table(*(row[r] for row in law))
+
+
+@overload(_law_at, jit_options=LINKED, strict=False)
+def _choose_law(law: Any, r: Any) -> Any:
+    def table(law: Any, r: Any) -> Any:
+        return Table(law.knot[r], law.tension[r], law.slope[r], law.curve[r], law.bend[r])
+
+    def none(law: Any, r: Any) -> Any:
+        return None
+
+    return table if isinstance(law, containers.BaseTuple) else none
+
+
+@jit
+def rope_of(stack: Any, r: int) -> Any:
+    """Rope r."""
+    m = stack.model[r]
+    return Rope(
+        Model(m[0], m[1], m[2], m[3], int(m[4]), m[5], m[6]),
+        State(stack.nodes[r], stack.s[r], stack.offset[r], stack.counts[r], stack.health[r]),
+        stack.work[r],
+        stack.sections[r],
+        _effects_at(stack.effects, r),
+        _law_at(stack.law, r),
+    )

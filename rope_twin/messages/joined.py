@@ -1,0 +1,84 @@
+"""Snapshot -> CDR bytes of the topics of ropes that meet; of one rope they are empty."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from rope_twin.messages import forms
+from rope_twin.messages.cdr import Template
+from rope_twin.twin.snapshot import Snapshot
+
+_AXES = ("x", "y", "z")
+
+
+class JoinedForms:
+    """Holds the templates of these topics; one per encoder."""
+
+    def __init__(self, frame_id: str) -> None:
+        self._frame_id = frame_id
+        self._known: dict[str, tuple[object, Template]] = {}
+
+    def ropes_state(self, snapshot: Snapshot, stamp: dict[str, int]) -> bytes:
+        """Length, payout speed and upper tension of each rope; length and pull of each bar."""
+        ropes, struts = snapshot.ropes, snapshot.struts
+        rows = [(r.name, r.line_out_m, r.payout_speed_m_per_s, r.tension_top_n) for r in ropes]
+        rows += [
+            (s.name, float(np.linalg.norm(s.ends_m[1] - s.ends_m[0])), 0.0, s.pull_n)
+            for s in struts
+        ]
+        names = tuple(row[0] for row in rows)
+        template = self._template("ropes/state", names, lambda: forms.joints(names, effort=True))
+        columns = zip(("position", "velocity", "effort"), (1, 2, 3), strict=True)
+        values = {name: [row[k] for row in rows] for name, k in columns} if rows else {}
+        return template.fill({**stamp, **values})
+
+    def payloads_state(self, snapshot: Snapshot, stamp: dict[str, int]) -> bytes:
+        """Position and velocity of each payload along x, y and z."""
+        payloads = snapshot.payloads
+        names = tuple(f"{one.name}/{axis}" for one in payloads for axis in _AXES)
+        template = self._template(
+            "payloads/state", names, lambda: forms.joints(names, effort=False)
+        )
+        values: dict[str, Any] = {}
+        if payloads:
+            values["position"] = np.concatenate([one.position_m for one in payloads])
+            values["velocity"] = np.concatenate([one.velocity_m_per_s for one in payloads])
+        return template.fill({**stamp, **values})
+
+    def ropes_nodes(self, snapshot: Snapshot, stamp: dict[str, int]) -> bytes:
+        """x, y, z, tension and rope of each node."""
+        counts = [len(rope.node_position_m) for rope in snapshot.ropes]
+        count = sum(counts)
+        template = self._template(
+            "ropes/nodes", count, lambda: forms.ropes_cloud(self._frame_id, count)
+        )
+        if count == 0:
+            return template.fill(stamp)
+        points = np.empty((count, 5), dtype="<f4")
+        points[:, :3] = np.concatenate([rope.node_position_m for rope in snapshot.ropes])
+        points[:, 3] = np.concatenate([rope.node_tension_n for rope in snapshot.ropes])
+        points[:, 4] = np.repeat(np.arange(len(counts)), counts)
+        return template.fill({**stamp, "data": points.view(np.uint8).ravel()})
+
+    def _template(self, topic: str, key: object, build: Callable[[], Any]) -> Template:
+        known = self._known.get(topic)
+        if known is None or known[0] != key:
+            known = self._known[topic] = (key, Template(build()))
+        return known[1]
+
+
+def all_elements(snapshot: Snapshot) -> tuple[Any, Any]:
+    """Ends (2·elements, 3) and tension (elements,) of the elements of all ropes."""
+    if not snapshot.ropes:
+        return _ends(snapshot.node_position_m), snapshot.element_tension_n
+    ropes = snapshot.ropes
+    ends = np.concatenate([_ends(rope.node_position_m) for rope in ropes])
+    return ends, np.concatenate([rope.element_tension_n for rope in ropes])
+
+
+def _ends(nodes: Any) -> Any:
+    """Of the elements: nodes 0 1, 1 2, 2 3, ..."""
+    return np.repeat(nodes, 2, axis=0)[1:-1]

@@ -1,0 +1,157 @@
+"""From a scene whose ropes meet to a core's System.
+
+Each rope is built as if it were alone with all that hangs in the scene at its lower end, which
+gives its elements, its damping (a fraction is of that mode) and its tolerance; then it gets the
+payload that it really has, and its place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core import ties
+from rope_twin.core.joints import LOOSE, System, new_system
+from rope_twin.core.state import ELEMENTS, POSITION, Floats, Rope
+from rope_twin.effects.payload import Payload as PayloadEffect
+from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.payload import build as build_payload
+from rope_twin.scene.build import build, tables_of
+from rope_twin.scene.first_shape import first_places, laid
+from rope_twin.scene.rigging import WINCH
+from rope_twin.scene.rigging_rules import places, winch_of
+from rope_twin.scene.schema import Payload, Scene
+from rope_twin.scene.shapes import PayloadFigures, payload_figures
+
+STEEL_KG_PER_M3 = 7850.0
+NOTHING = PayloadFigures(0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+@dataclass(frozen=True)
+class BuiltSystem:
+    """The arrays of a scene whose ropes meet."""
+
+    system: System
+    owners: dict[str, int]  # the rope at whose lower end each payload or joint is
+    hang_off_m: Floats  # of each rope, (ropes, 3); NaN where the upper end is a joint
+
+
+def alone(scene: Scene, number: int) -> Scene:
+    """One rope of the scene by itself, with all payloads and joints at its lower end."""
+    line = scene.ropes[number]
+    total = NOTHING
+    for figures in point_figures(scene).values():
+        total = _sum(total, figures)
+    load = Payload(
+        name="load",
+        mass_kg=total.mass_kg,
+        displaced_volume_m3=total.volume_m3,
+        added_mass_kg=total.added_mass_kg,
+        drag_area_m2=total.drag_area_m2,
+    )
+    top = places(scene).get(line.from_, scene.ship.hang_off_m)
+    return replace(
+        scene,
+        ropes=(replace(line, from_=WINCH, to="load", fixed_at_m=None),),
+        payloads=(load,),
+        joints=(),
+        struts=(),
+        hang_offs=(),
+        winch=winch_of(scene, line),
+        ship=replace(scene.ship, hang_off_m=top),
+    )
+
+
+def point_figures(scene: Scene) -> dict[str, PayloadFigures]:
+    """Mass, volume, added mass and drag of each payload and joint, with its half of the bars."""
+    density = scene.environment.water_density_kg_per_m3
+    found = {one.name: payload_figures(one, density) for one in scene.payloads}
+    found |= {one.name: _steel(one.mass_kg) for one in scene.joints}
+    for strut in scene.struts:
+        for name in strut.between:
+            found[name] = _sum(found[name], _steel(0.5 * strut.mass_kg))
+    return found
+
+
+def build_joined(scene: Scene) -> BuiltSystem:
+    """Ropes, joints and bars with a first guess of their shape.
+
+    Raises:
+        SceneError: as for a scene of one rope.
+    """
+    owners: dict[str, int] = {}
+    for number, line in enumerate(scene.ropes):
+        if line.to:
+            owners.setdefault(line.to, number)
+    figures, where = point_figures(scene), first_places(scene)
+    tables = any(one.rope.axial_stiffness for line in scene.ropes for one in line.made_of)
+    ropes: list[Rope] = []
+    for number, line in enumerate(scene.ropes):
+        own = figures[line.to] if line.to and owners[line.to] == number else NOTHING
+        rope = _rope(scene, number, own)
+        low = np.array(line.fixed_at_m) if line.fixed_at_m else where[line.to]
+        n = int(rope.state.counts[ELEMENTS])
+        rope.state.nodes[POSITION : POSITION + 3, : n + 1] = laid(
+            low, where[line.from_], rope.state.s[: n + 1]
+        )
+        first_free = 1 if line.fixed_at_m else 0
+        tolerance = ropes[0].model.tolerance if ropes else rope.model.tolerance
+        model = rope.model._replace(first_free=first_free, tolerance=tolerance)
+        law = tables_of(line) if tables else None
+        ropes.append(rope._replace(model=model, law=law))
+    joint_of = {name: number for number, name in enumerate(_meetings(scene))}
+    hang_offs = places(scene)
+    unknown = (np.nan,) * 3
+    return BuiltSystem(
+        new_system(
+            tuple(ropes),
+            [joint_of.get(line.to, LOOSE) for line in scene.ropes],
+            [joint_of.get(line.from_, LOOSE) for line in scene.ropes],
+            _ties(scene, joint_of),
+        ),
+        owners,
+        np.array([hang_offs.get(line.from_, unknown) for line in scene.ropes], dtype=float),
+    )
+
+
+def _rope(scene: Scene, number: int, own: PayloadFigures) -> Rope:
+    """A rope's arrays with the payload that is at its lower end."""
+    rope = build(alone(scene, number)).rope
+    payload = build_payload(PayloadParams(), own, scene.environment)
+    effects = tuple(payload if isinstance(e, PayloadEffect) else e for e in rope.effects)
+    return rope._replace(effects=effects)
+
+
+def _meetings(scene: Scene) -> list[str]:
+    """Payloads and joints that more than one rope or a bar ends at."""
+    ends = [name for line in scene.ropes for name in (line.from_, line.to)]
+    ends += [name for strut in scene.struts for name in strut.between]
+    points: list[Any] = [*scene.payloads, *scene.joints]
+    barred = {name for strut in scene.struts for name in strut.between}
+    return [one.name for one in points if ends.count(one.name) > 1 or one.name in barred]
+
+
+def _ties(scene: Scene, joint_of: dict[str, int]) -> Floats:
+    """The bars as ties that push, (TIE_ROWS, struts)."""
+    made = np.zeros((ties.TIE_ROWS, len(scene.struts)))
+    for column, strut in zip(made.T, scene.struts, strict=True):
+        column[ties.FIRST], column[ties.SECOND] = (joint_of[name] for name in strut.between)
+        column[ties.LENGTH] = strut.length_m
+        column[ties.STIFFNESS] = strut.stiffness_n_per_m
+        column[ties.DAMPING] = strut.damping_newton_seconds_per_m
+        column[ties.LEAST] = -np.inf
+    return made
+
+
+def _steel(mass_kg: float) -> PayloadFigures:
+    return replace(NOTHING, mass_kg=mass_kg, volume_m3=mass_kg / STEEL_KG_PER_M3)
+
+
+def _sum(one: PayloadFigures, other: PayloadFigures) -> PayloadFigures:
+    x, y, z = (a + b for a, b in zip(one.added_mass_kg, other.added_mass_kg, strict=True))
+    u, v, w = (a + b for a, b in zip(one.drag_area_m2, other.drag_area_m2, strict=True))
+    return PayloadFigures(
+        one.mass_kg + other.mass_kg, one.volume_m3 + other.volume_m3, (x, y, z), (u, v, w)
+    )

@@ -1,0 +1,208 @@
+"""What must hold of a scene's topology: where ropes begin and end, and that all of it hangs.
+
+A scene of one rope from the winch to a payload or a fixed point is the plain case; anything else
+is `joined`.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+
+from rope_twin.effects import EFFECTS
+from rope_twin.effects.added_mass import AddedMassParams
+from rope_twin.effects.current import CurrentParams
+from rope_twin.effects.drag import DragParams
+from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.weight import WeightParams
+from rope_twin.errors import SceneError, did_you_mean, phrase
+from rope_twin.scene.rigging import WINCH
+from rope_twin.scene.schema import RopeLine, Scene, Triple, Winch
+
+Fault = tuple[str, str, str]
+# Effects that ropes which meet can have: they see no payload, or one of each rope's own.
+MEETING = (CurrentParams, WeightParams, DragParams, AddedMassParams, PayloadParams)
+
+
+def is_joined(scene: Scene) -> bool:
+    """Whether ropes meet in the scene, or could."""
+    return len(scene.ropes) > 1 or bool(scene.joints or scene.struts or scene.hang_offs)
+
+
+def refuse_joined(scene: Scene) -> None:
+    """For what steps one rope.
+
+    Raises:
+        SceneError: ropes meet in the scene.
+    """
+    if is_joined(scene):
+        right = "`rope_twin run` and the simulation node step them; give a scene of one rope here"
+        what = "ropes meet here, and this steps one rope"
+        raise SceneError(phrase(f"{scene.path}: ropes", what, right))
+
+
+def places(scene: Scene) -> dict[str, Triple]:
+    """Where ropes leave the ship, at rest [m], by name."""
+    return {WINCH: scene.ship.hang_off_m, **{one.name: one.at_m for one in scene.hang_offs}}
+
+
+def winch_of(scene: Scene, line: RopeLine) -> Winch | None:
+    """The winch that a rope comes from, if it does."""
+    if line.from_ == WINCH:
+        return scene.winch
+    return next((one.winch for one in scene.hang_offs if one.name == line.from_), None)
+
+
+def winches(scene: Scene) -> Iterator[tuple[str, Winch]]:
+    """Every winch with its path in the file."""
+    if scene.winch:
+        yield "winch", scene.winch
+    for number, one in enumerate(scene.hang_offs):
+        if one.winch:
+            yield f"hang_offs[{number}].winch", one.winch
+
+
+def winches_by_name(scene: Scene) -> dict[str, Winch]:
+    """Every winch by the name of the hang-off that it stands at."""
+    named = {WINCH: scene.winch, **{one.name: one.winch for one in scene.hang_offs}}
+    return {name: winch for name, winch in named.items() if winch}
+
+
+def meeting_points(scene: Scene) -> list[str]:
+    """The names of payloads and joints."""
+    return [*(one.name for one in scene.payloads), *(one.name for one in scene.joints)]
+
+
+def _given(scene: Scene) -> Iterator[Fault]:
+    if not scene.ropes:
+        yield "ropes", "no rope is given", "give at least one"
+
+
+def _own_names(scene: Scene) -> Iterator[Fault]:
+    """Payloads, joints and hang-offs are called by one name each."""
+    groups = {
+        "payloads": [one.name for one in scene.payloads],
+        "joints": [one.name for one in scene.joints],
+        "hang_offs": [one.name for one in scene.hang_offs],
+        "struts": [one.name for one in scene.struts],
+    }
+    counts = Counter([WINCH, *(name for names in groups.values() for name in names)])
+    for key, names in groups.items():
+        for number, name in enumerate(names):
+            if not name and key != "payloads":
+                yield f"{key}[{number}].name", "the name is empty", "give it a name"
+            if counts[name] > 1:
+                what = f"'{name}' is the name of another payload, joint or hang-off too"
+                right = "two payloads cannot hang at one point: give each a name of its own"
+                yield f"{key}[{number}].name", what, right
+
+
+def _upper_ends(scene: Scene) -> Iterator[Fault]:
+    known = [*places(scene), *meeting_points(scene)]
+    from_winch = Counter(line.from_ for line in scene.ropes)
+    for number, line in enumerate(scene.ropes):
+        path = f"ropes[{number}].from"
+        if line.from_ not in known:
+            yield path, f"nothing is called '{line.from_}'", did_you_mean(line.from_, known)
+        elif line.from_ == line.to:
+            yield path, f"the rope begins and ends at '{line.to}'", "let it end elsewhere"
+        elif number == 0 and line.from_ != WINCH:
+            right = "list the rope from the winch first (`from: winch`, or no `from`)"
+            yield path, f"the first rope comes from '{line.from_}'", right
+        elif winch_of(scene, line) and from_winch[line.from_] > 1:
+            what = f"{from_winch[line.from_]} ropes come from the winch of '{line.from_}'"
+            yield path, what, "give each a winch of its own: add to `hang_offs`"
+    for number, one in enumerate(scene.hang_offs):
+        if not from_winch[one.name]:
+            right = f"give `from: {one.name}` to a rope, or leave the hang-off out"
+            yield f"hang_offs[{number}]", f"no rope comes from '{one.name}'", right
+
+
+def _lower_ends(scene: Scene) -> Iterator[Fault]:
+    names = meeting_points(scene)
+    for number, line in enumerate(scene.ropes):
+        path = f"ropes[{number}]"
+        if line.to and line.fixed_at_m:
+            right = "keep `to` (a payload) or `fixed_at_m` (a fixed point)"
+            yield path, "both `to` and `fixed_at_m` are given", right
+        elif not line.to and not line.fixed_at_m:
+            right = "add `to` (a payload's name) or `fixed_at_m` (a fixed point)"
+            yield path, "its lower end is neither held nor loaded", right
+        elif line.to and line.to not in names:
+            if line.to in places(scene):
+                right = "let it end at a payload or a joint: ropes leave the ship by `from`"
+            else:
+                right = did_you_mean(line.to, names) if names else "add it under `payloads`"
+            yield f"{path}.to", f"there is no payload '{line.to}'", right
+
+
+def _held(scene: Scene) -> Iterator[Fault]:
+    """Every payload and joint hangs on the lower end of a rope, and no joint is a loose end."""
+    held = Counter(line.to for line in scene.ropes)
+    ends = held + Counter(line.from_ for line in scene.ropes)
+    ends += Counter(name for strut in scene.struts for name in strut.between)
+    for number, payload in enumerate(scene.payloads):
+        if not held[payload.name]:
+            right = f"give `to: {payload.name}` to a rope, or leave the payload out"
+            yield f"payloads[{number}]", f"no rope holds '{payload.name}'", right
+    for number, joint in enumerate(scene.joints):
+        path = f"joints[{number}]"
+        if not held[joint.name]:
+            right = f"give `to: {joint.name}` to the rope that holds it"
+            yield path, f"no rope holds '{joint.name}' from above", right
+        elif ends[joint.name] == 1 and joint.mass_kg == 0.0:
+            right = "join another rope there, or hang a payload on it"
+            yield path, f"only one rope ends at '{joint.name}', and it weighs nothing", right
+
+
+def _hanging(scene: Scene) -> Iterator[Fault]:
+    """Every rope hangs on the ship: walk down from the hang-offs, and along the bars."""
+    reached = set(places(scene))
+    links = [(line.from_, line.to) for line in scene.ropes if line.to]
+    links += [strut.between for strut in scene.struts]
+    grown = True
+    while grown:
+        found = {n for link in links if reached.intersection(link) for n in link} - reached
+        grown = bool(found)
+        reached |= found
+    for number, line in enumerate(scene.ropes):
+        if line.from_ not in reached:
+            what = f"'{line.name}' is part of a loop or chain that hangs on no hang-off"
+            yield f"ropes[{number}]", what, "let one of its ropes come from the winch"
+
+
+def _struts(scene: Scene) -> Iterator[Fault]:
+    names = meeting_points(scene)
+    for number, strut in enumerate(scene.struts):
+        path, (one, other) = f"struts[{number}].between", strut.between
+        if one == other:
+            yield path, f"both ends are at '{one}'", "name two payloads or joints"
+        for k, name in enumerate(strut.between):
+            if name not in names:
+                right = did_you_mean(name, names) if names else "add it under `joints`"
+                yield f"{path}[{k}]", f"there is no payload or joint '{name}'", right
+
+
+def _what_joints_need(scene: Scene) -> Iterator[Fault]:
+    if not is_joined(scene):
+        return
+    kinds = [type(params) for params in scene.effects]
+    for effect in EFFECTS:
+        if effect.params in kinds and effect.params not in MEETING:
+            what = f"`{effect.name}` is listed in a scene whose ropes meet"
+            yield "effects", what, "leave it out: it is for a single rope so far"
+    if PayloadParams not in kinds:
+        right = "add `- payload: {}`"
+        yield "effects", "`payload` is not listed: nothing that hangs here has weight", right
+
+
+RIGGING_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
+    _given,
+    _own_names,
+    _upper_ends,
+    _lower_ends,
+    _struts,
+    _held,
+    _hanging,
+    _what_joints_need,
+)

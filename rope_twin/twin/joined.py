@@ -1,0 +1,233 @@
+"""What a twin of ropes that meet has besides its first rope, and that rope's winch and hang-off.
+
+The first rope stays where a twin of one rope has it; here are the others, the joints, further
+winches and hang-offs, and the step of all of them together.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.joined_statics import settle_joined
+from rope_twin.core.joined_step import advance_joined
+from rope_twin.core.joints import LOOSE, System
+from rope_twin.core.state import Boundary, Floats, Rope
+from rope_twin.core.ties import FIRST, PULL, SECOND
+from rope_twin.errors import did_you_mean, phrase
+from rope_twin.scene.build_joined import build_joined
+from rope_twin.scene.rigging import WINCH
+from rope_twin.scene.rigging_rules import winch_of
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.saved_state import changing_parts
+from rope_twin.twin.snapshot import InputHealth, PayloadShot, RopeShot, Snapshot, StrutShot
+from rope_twin.twin.start import judge_start, no_garbage_collection
+from rope_twin.twin.winch import Winch
+
+
+class JoinedRopes:
+    """Everything of several ropes that is not the first one's.
+
+    Raises:
+        SceneError: the scene cannot be built.
+    """
+
+    def __init__(self, scene: Scene, steps: int) -> None:
+        """Room for the borders of so many steps."""
+        built = build_joined(scene)
+        self._scene = scene
+        self._ropes, self._joints = built.system.ropes[1:], built.system.joints
+        self._stack = built.system.stack
+        self._owners, self._hang_offs = built.owners, built.hang_off_m
+        self.first = built.system.ropes[0]
+        self._winches = tuple(
+            Winch(winch_of(scene, line), line.length_m, line.from_) for line in scene.ropes
+        )
+        size = (len(scene.ropes), steps + 1, rows.MOTIONS)
+        self._boundary = Boundary(np.zeros(size), np.zeros(size))
+        self._boundary.value[:, :, : rows.LINE] = np.nan_to_num(self._hang_offs)[:, None]
+        self._boundary.value[:, :, rows.LINE] = [[line.length_m] for line in scene.ropes]
+        self._pull = np.zeros((len(scene.ropes), rows.PULL_COLUMNS))
+
+    def find_start(self) -> Floats:
+        """Bring the ropes to rest, compiling everything on the way; the first one's pull.
+
+        Raises:
+            SceneError: there is no equilibrium, or the ropes float.
+        """
+        with no_garbage_collection():
+            end = settle_joined(self._system(self.first), self._boundary.value[:, 0])
+        highest = max(float(self._nodes(r, rows.POSITION)[2, :-1].max()) for r in self._numbers)
+        judge_start(self._scene, end, highest)
+        system = copy.deepcopy(self._system(self.first))
+        still = Boundary(*(np.ascontiguousarray(table[:, :2]) for table in self._boundary))
+        pull = np.zeros((len(system.ropes), 1, rows.PULL_COLUMNS))
+        advance_joined(system, still, pull, 0.0, 1)
+        self._pull = pull[:, 0].copy()
+        first: Floats = self._pull[0]
+        return first
+
+    def offer(self, name: str, stamp_ns: int | None, speed_m_per_s: float, now_ns: int) -> str:
+        """A speed command for the winch of this name; "" or why it was refused."""
+        names = [line.from_ for line in self._scene.ropes]
+        if name not in names:
+            right = did_you_mean(name, [WINCH, *(one.name for one in self._scene.hang_offs)])
+            return phrase("winch command", f"there is no winch '{name}'", right)
+        return self._winches[names.index(name)].offer(stamp_ns, speed_m_per_s, now_ns)
+
+    def doubt(self) -> None:
+        """Commands known for times to come may no longer hold."""
+        for winch in self._winches[1:]:
+            winch.doubt()
+
+    def newest_ns(self) -> dict[str, int]:
+        """Stamp of the newest accepted command of each winch but the first, where there is one."""
+        counters = (winch.counter for winch in self._winches[1:])
+        return {c.name: c.newest_ns for c in counters if c.newest_ns is not None}
+
+    def prescribe(self, row: int, from_ns: int, step_s: float, heave: tuple[float, float]) -> None:
+        """Hang-offs and line out at border `row`; heave: of the ship, and its rate."""
+        value, rate = self._boundary
+        for r in self._numbers[1:]:
+            if self._joints.upper[r] == LOOSE:
+                line = self._winches[r].step(from_ns, step_s)
+                value[r, row, rows.Z] = self._hang_offs[r, 2] + heave[0]
+                rate[r, row, rows.Z] = heave[1]
+                value[r, row, rows.LINE], rate[r, row, rows.LINE] = line
+
+    def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
+        """`advance` of all ropes; boundary, pulls: of the first one, as there."""
+        steps = len(pulls)
+        own = Boundary(*(table[:, : steps + 1].copy() for table in self._boundary))
+        for table, given in zip(own, boundary, strict=True):
+            table[0] = given[: steps + 1]
+        pull = np.zeros((len(self._numbers), steps, rows.PULL_COLUMNS))
+        done = advance_joined(self._system(first), own, pull, time, steps)
+        pulls[:] = pull[0]
+        if done:
+            self._pull = pull[:, done - 1].copy()
+        self.first = first
+        return done
+
+    def forget(self, done: int, prescribed: int) -> None:
+        """Make the border after `done` steps the first one; so many after it are prescribed."""
+        for table in self._boundary:
+            table[:, : prescribed + 1] = table[:, done : done + prescribed + 1]
+
+    def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
+        """The snapshot of the first rope, with all ropes and payloads."""
+        names = [line.name for line in self._scene.ropes]
+        limits = [shot.winch_at_limit]
+        inputs: dict[str, InputHealth] = dict(shot.inputs)
+        for line, winch in zip(self._scene.ropes[1:], self._winches[1:], strict=True):
+            if winch_of(self._scene, line):
+                stale = winch.stale(now_ns)
+                inputs[winch.counter.name] = winch.counter.health(now_ns, stale)
+                limits += [f"{line.from_}: {winch.at_limit}"] if winch.at_limit else []
+        health = np.sum([rope.state.health for rope in self._ropes], axis=0)
+        solver = replace(
+            shot.solver,
+            splits=shot.solver.splits + int(health[rows.SPLITS]),
+            merges=shot.solver.merges + int(health[rows.MERGES]),
+        )
+        return replace(
+            shot,
+            ropes=tuple(self._shot(r, name, shot) for r, name in enumerate(names)),
+            payloads=tuple(self._payload(one.name) for one in self._scene.payloads),
+            struts=tuple(self._strut(k, one.name) for k, one in enumerate(self._scene.struts)),
+            winch_at_limit="; ".join(words for words in limits if words),
+            inputs=inputs,
+            solver=solver,
+        )
+
+    def changing(self) -> dict[str, Any]:
+        """What a restart needs besides what the twin has itself."""
+        kept: dict[str, Any] = {
+            "joined/nodes": self._joints.nodes,
+            "joined/pulls of struts": self._joints.ties[PULL],
+            "joined/boundary": self._boundary,
+            "joined/pull": self._pull,
+            "joined/winches": self._winches,
+        }
+        for r, rope in enumerate(self._ropes, start=1):
+            parts = {name: getattr(rope, name) for name in changing_parts(rope)}
+            kept |= {f"joined/{r}/{name}": part for name, part in parts.items()}
+            kept[f"joined/{r}/tension"] = self._tension(rope)
+        return kept
+
+    def take_back(self, values: dict[str, Any], first: Rope) -> None:
+        """Take out of the values what `changing` gave; first: the first rope as it is now."""
+        self.first = first
+        self._joints = self._joints._replace(nodes=values.pop("joined/nodes"))
+        self._joints.ties[PULL] = values.pop("joined/pulls of struts")
+        self._boundary = values.pop("joined/boundary")
+        self._pull, self._winches = values.pop("joined/pull"), values.pop("joined/winches")
+        ropes = []
+        for r, rope in enumerate(self._ropes, start=1):
+            parts = {name: values.pop(f"joined/{r}/{name}") for name in changing_parts(rope)}
+            ropes.append(rope._replace(**parts))
+            self._tension(ropes[-1])[:] = values.pop(f"joined/{r}/tension")
+        self._ropes = tuple(ropes)
+
+    @property
+    def _numbers(self) -> range:
+        return range(1 + len(self._ropes))
+
+    def _system(self, first: Rope) -> System:
+        """All ropes; current and the like are those of the first one (see core/stack.py)."""
+        return System((first, *self._ropes), self._joints, self._stack)
+
+    def _rope(self, r: int) -> Rope:
+        return self.first if r == 0 else self._ropes[r - 1]
+
+    @staticmethod
+    def _tension(rope: Rope) -> Floats:
+        """Of the elements [N], a view of the scratch."""
+        return rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]]
+
+    def _nodes(self, r: int, first: int) -> Floats:
+        state = self._rope(r).state
+        return state.nodes[first : first + 3, : state.counts[rows.ELEMENTS] + 1]
+
+    def _payload(self, name: str) -> PayloadShot:
+        r = self._owners[name]
+        return PayloadShot(
+            name=name,
+            position_m=self._nodes(r, rows.POSITION)[:, 0].copy(),
+            velocity_m_per_s=self._nodes(r, rows.VELOCITY)[:, 0].copy(),
+        )
+
+    def _strut(self, k: int, name: str) -> StrutShot:
+        ties = self._joints.ties
+        ends = [self._joints.nodes[: rows.VELOCITY, int(ties[end, k])] for end in (FIRST, SECOND)]
+        return StrutShot(name=name, ends_m=np.array(ends), pull_n=float(ties[PULL, k]))
+
+    def _shot(self, r: int, name: str, first: Snapshot) -> RopeShot:
+        if r == 0:
+            return RopeShot(
+                name=name,
+                node_position_m=first.node_position_m,
+                node_tension_n=first.node_tension_n,
+                element_tension_n=first.element_tension_n,
+                tension_top_n=first.tension_top_n,
+                line_out_m=first.line_out_m,
+                payout_speed_m_per_s=first.payout_speed_m_per_s,
+            )
+        tension = self._tension(self._rope(r))[::-1].copy()
+        top = float(self._pull[r, rows.PULL])
+        value, rate = self._boundary
+        return RopeShot(
+            name=name,
+            node_position_m=np.ascontiguousarray(self._nodes(r, rows.POSITION)[:, ::-1].T),
+            node_tension_n=np.concatenate(
+                ([top], 0.5 * (tension[1:] + tension[:-1]), tension[-1:])
+            ),
+            element_tension_n=tension,
+            tension_top_n=top,
+            line_out_m=float(value[r, 0, rows.LINE]),
+            payout_speed_m_per_s=float(rate[r, 0, rows.LINE]),
+        )

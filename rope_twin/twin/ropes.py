@@ -1,0 +1,105 @@
+"""The ropes that a twin steps: one, or several that meet.
+
+A twin has its first rope with that rope's winch and hang-off by itself; what is asked here is how
+to step, and what there is besides. Of one rope there is nothing besides.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from rope_twin.core.state import Boundary, Floats, Rope
+from rope_twin.core.step import advance
+from rope_twin.errors import phrase
+from rope_twin.scene.build import build
+from rope_twin.scene.rigging_rules import is_joined
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.joined import JoinedRopes
+from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.start import find_start
+
+
+class Ropes(Protocol):
+    """What a twin asks of its ropes."""
+
+    first: Rope
+
+    def find_start(self) -> Floats:
+        """Bring them to rest; the first one's pull on its hang-off. Raises SceneError."""
+
+    def offer(self, name: str, stamp_ns: int | None, speed_m_per_s: float, now_ns: int) -> str:
+        """A speed command for another winch than the first; "" or why it was refused."""
+
+    def doubt(self) -> None:
+        """Commands for those winches that are known for times to come may no longer hold."""
+
+    def newest_ns(self) -> dict[str, int]:
+        """Stamp of the newest accepted command of each of those, where there is one."""
+
+    def prescribe(self, row: int, from_ns: int, step_s: float, heave: tuple[float, float]) -> None:
+        """Other hang-offs and their line out at border `row`; heave: of the ship, and its rate."""
+
+    def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
+        """Step; boundary, pulls: of the first rope. As core's `advance`."""
+
+    def forget(self, done: int, prescribed: int) -> None:
+        """Make the border after `done` steps the first one; so many after it are prescribed."""
+
+    def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
+        """The first rope's snapshot with what there is besides."""
+
+    def changing(self) -> dict[str, Any]:
+        """What a restart needs besides."""
+
+    def take_back(self, values: dict[str, Any], first: Rope) -> None:
+        """Take out of the values what `changing` gave; first: the first rope as it is now."""
+
+
+class OneRope:
+    """One rope: nothing besides."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self.first = build(scene).rope
+
+    def find_start(self) -> Floats:
+        """Bring it to rest; its pull on the hang-off. Raises SceneError."""
+        return find_start(self._scene, self.first)
+
+    def offer(self, name: str, stamp_ns: int | None, speed_m_per_s: float, now_ns: int) -> str:
+        """There is no other winch."""
+        what = f"there is no winch '{name}'"
+        return phrase("winch command", what, "leave the name out: this scene has one at most")
+
+    def doubt(self) -> None:
+        """Nothing."""
+
+    def newest_ns(self) -> dict[str, int]:
+        """None."""
+        return {}
+
+    def prescribe(self, row: int, from_ns: int, step_s: float, heave: tuple[float, float]) -> None:
+        """Nothing."""
+
+    def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
+        """Step it."""
+        return advance(first, boundary, pulls, time, len(pulls))
+
+    def forget(self, done: int, prescribed: int) -> None:
+        """Nothing."""
+
+    def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
+        """As it is."""
+        return shot
+
+    def changing(self) -> dict[str, Any]:
+        """Nothing."""
+        return {}
+
+    def take_back(self, values: dict[str, Any], first: Rope) -> None:
+        """Nothing."""
+
+
+def ropes_of(scene: Scene, steps: int) -> Ropes:
+    """The scene's ropes, with room for the borders of so many steps. Raises SceneError."""
+    return JoinedRopes(scene, steps) if is_joined(scene) else OneRope(scene)

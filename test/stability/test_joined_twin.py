@@ -1,0 +1,138 @@
+"""The shipped scenes whose ropes meet: at rest, under way, commanded, saved and gone on."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_scene import digest
+
+from rope_twin import Snapshot, Twin, load_scene
+from rope_twin.effects.current import CurrentParams
+from rope_twin.errors import SceneError
+from rope_twin.scene.build import build
+from rope_twin.scene.build_joined import point_figures
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.ensemble import Ensemble, Variation
+from rope_twin.twin.ledger import AccountedTwin
+
+SAMPLE_NS, AHEAD_NS = 50_000_000, 200_000_000
+
+
+def heaved(twin: Twin, steps: int, every: int = 10) -> list[Snapshot]:
+    """Go on under a heave of 1 m every 8 s; a snapshot each so many steps."""
+    shots, omega = [], 2.0 * math.pi / 8.0
+    for _ in range(steps):
+        due = twin.time_ns + AHEAD_NS
+        if due % SAMPLE_NS == 0:
+            t = due * 1e-9
+            assert not twin.offer_heave(due, math.sin(omega * t), omega * math.cos(omega * t))
+        twin.advance(1)
+        if twin.steps % every == 0:
+            shots.append(twin.snapshot())
+    return shots
+
+
+@pytest.fixture(scope="module")
+def bridle() -> Scene:
+    return load_scene("bridle_lift")
+
+
+@pytest.fixture(scope="module")
+def two_lines() -> Scene:
+    return load_scene("two_line_lift")
+
+
+def top_tension(shot: Snapshot, name: str) -> float:
+    return next(rope.tension_top_n for rope in shot.ropes if rope.name == name)
+
+
+def test_bridle_carries_what_hangs_below_it(bridle: Scene) -> None:
+    """In still water: legs W/(2·cos α) on the bar, the bar W·tan α, all that hangs at the top."""
+    calm = CurrentParams(profile=((0.0, (0.0, 0.0)),))
+    effects = tuple(calm if isinstance(e, CurrentParams) else e for e in bridle.effects)
+    shot = Twin(replace(bridle, effects=effects)).snapshot()
+    figures = point_figures(bridle)
+    g, rho = bridle.environment.gravity_m_per_s2, bridle.environment.water_density_kg_per_m3
+    weight = {name: (f.mass_kg - rho * f.volume_m3) * g for name, f in figures.items()}
+    rope = bridle.ropes[0].made_of[0].rope
+    per_metre = (rope.mass_kg_per_m - rho * 0.25 * math.pi * rope.hydrodynamic_diameter_m**2) * g
+    half = weight["half_port"] + 6.0 * per_metre + weight["bar_port"]
+    cosine = math.sqrt(3.0) / 2.0
+    assert shot.ropes[1].element_tension_n[-1] == pytest.approx(
+        half / cosine + 0.5 * per_metre, rel=1e-3
+    )
+    push = (half + 4.0 * per_metre) * math.tan(math.radians(30.0))
+    assert shot.struts[0].pull_n == pytest.approx(-push, rel=2e-3)
+    everything = sum(weight.values()) + (1000.0 + 16.0 + 12.0) * per_metre
+    assert shot.tension_top_n == pytest.approx(everything, rel=1e-6)
+    assert shot.ropes[0].tension_top_n == shot.tension_top_n
+    assert len(shot.payloads) == 2
+    assert shot.payloads[0].position_m[2] == pytest.approx(-1013.0 - 2.8, abs=1.0)
+
+
+def test_ropes_stay_joined_under_way(bridle: Scene) -> None:
+    """Twenty seconds of heave and payout: every end where its joint is, each step converged."""
+    twin = Twin(bridle)
+    assert twin.offer_speed(None, 1.0) == ""
+    shots = heaved(twin, 2000, 100)
+    for shot in shots:
+        hoist, port, starboard, low_port, low_starboard = shot.ropes
+        assert (hoist.node_position_m[-1] == port.node_position_m[0]).all()
+        assert (hoist.node_position_m[-1] == starboard.node_position_m[0]).all()
+        assert (port.node_position_m[-1] == low_port.node_position_m[0]).all()
+        assert (starboard.node_position_m[-1] == low_starboard.node_position_m[0]).all()
+        assert not shot.doubtful
+        bar = shot.struts[0].ends_m
+        assert np.linalg.norm(bar[1] - bar[0]) == pytest.approx(8.0, abs=5e-3)
+    assert shots[-1].line_out_m > 1015.0
+    assert shots[-1].solver.splits > 0
+    assert np.ptp([shot.tension_top_n for shot in shots]) > 5e3
+
+
+def test_each_winch_is_commanded_by_its_name(two_lines: Scene) -> None:
+    """Paying out one of two winches moves the load over to the other line."""
+    twin = Twin(two_lines)
+    before = twin.snapshot()
+    refusal = twin.offer_speed(None, 0.1, "aft_sheaf")
+    assert "there is no winch 'aft_sheaf'; did you mean 'aft_sheave'?" in refusal
+    assert twin.offer_speed(None, 0.1, "aft_sheave") == ""
+    for _ in range(20):
+        twin.advance(100)
+    after = twin.snapshot()
+    assert after.line_out_m == before.line_out_m
+    assert after.ropes[1].line_out_m == pytest.approx(602.0, abs=0.1)
+    assert after.ropes[1].payout_speed_m_per_s == pytest.approx(0.1)
+    assert top_tension(after, "fore") > top_tension(before, "fore") + 20e3
+    assert top_tension(after, "aft") < top_tension(before, "aft") - 20e3
+    assert after.inputs["winch_command aft_sheave"].accepted == 1
+
+
+def test_a_restored_run_and_a_branch_are_the_run(two_lines: Scene, tmp_path: Path) -> None:
+    """To the bit, with splits at both winches on the way."""
+    twin = Twin(two_lines)
+    for winch in ("winch", "aft_sheave"):
+        assert twin.offer_speed(None, 0.5, winch) == ""
+    heaved(twin, 300)
+    twin.save(tmp_path / "saved")
+    branch, restored = twin.branch(), Twin.restore(tmp_path / "saved", two_lines)
+    expected = heaved(twin, 900)
+    for other in (branch, restored):
+        shots = heaved(other, 900)
+        assert digest(shots) == digest(expected)
+        for shot, wanted in zip(shots, expected, strict=True):
+            for rope, same in zip(shot.ropes, wanted.ropes, strict=True):
+                assert rope.node_position_m.tobytes() == same.node_position_m.tobytes()
+                assert rope.element_tension_n.tobytes() == same.element_tension_n.tobytes()
+                assert rope.tension_top_n == same.tension_top_n
+    assert expected[-1].solver.splits >= 2
+
+
+def test_what_steps_one_rope_says_so(bridle: Scene) -> None:
+    """Energy balance, ensembles and studies refuse in one sentence."""
+    for refused in (build, AccountedTwin, lambda scene: Ensemble(scene, [Variation()])):
+        with pytest.raises(SceneError, match="ropes meet here, and this steps one rope"):
+            refused(bridle)

@@ -1,0 +1,130 @@
+"""Scenes whose ropes meet: what is refused, in one sentence, and how the rest is built."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scene_text import GOOD, assert_refused, written
+
+from rope_twin import load_scene
+from rope_twin.core.joints import LOOSE
+from rope_twin.scene.build_joined import alone, build_joined
+from rope_twin.scene.checks import sense_checks
+from rope_twin.scene.first_shape import first_places
+
+DAMPING = "damping: {newton_seconds: 100000.0}"
+LEG = "rope: steel_wire_40mm, length_m: 10.0, elements: 5, " + DAMPING
+MEETING = (
+    GOOD.replace("    to: tool\n", "    to: hook\n")
+    .replace(
+        "payloads:\n",
+        f"  - {{name: leg, {LEG}, from: hook, to: tool}}\n"
+        f"  - {{name: tug, {LEG}, from: hook, fixed_at_m: [9.0, 0.0, -500.0]}}\n"
+        f"  - {{name: aft, {LEG}, from: stern, to: hook}}\n"
+        "joints:\n  - {name: hook, mass_kg: 100.0}\n"
+        "struts:\n  - {name: bar, between: [hook, tool], length_m: 9.0}\n"
+        "hang_offs:\n  - {name: stern, at_m: [-9.0, 0.0, 0.0]}\n"
+        "payloads:\n",
+        1,
+    )
+    .replace("length_m: 10.0, elements: 5, " + DAMPING + ", from: stern",
+             "length_m: 501.0, elements: 50, " + DAMPING + ", from: stern")
+)  # fmt: skip
+
+
+def spoilt(old: str, new: str) -> str:
+    """MEETING with its one occurrence of `old` replaced."""
+    assert MEETING.count(old) == 1, f"'{old}' occurs {MEETING.count(old)} times"
+    return MEETING.replace(old, new)
+
+
+BAD: list[tuple[str, str, str, tuple[str, ...]]] = [
+    ("unknown upper end", spoilt("from: stern", "from: sterm"),
+     "ropes[3].from", ("nothing is called 'sterm'", "did you mean 'stern'?")),
+    ("unknown lower end", spoilt("to: tool}", "to: tol}"),
+     "ropes[1].to", ("no payload 'tol'", "did you mean 'tool'?")),
+    ("rope onto itself", spoilt("from: hook, to: tool", "from: tool, to: tool"),
+     "ropes[1].from", ("begins and ends at 'tool'",)),
+    ("rope up to the ship", spoilt("from: stern, to: hook", "from: stern, to: winch"),
+     "ropes[3].to", ("no payload 'winch'", "ropes leave the ship by `from`")),
+    ("two ropes of one winch", spoilt("from: stern", "from: winch"),
+     "ropes[0].from", ("2 ropes come from the winch", "hang_offs")),
+    ("first rope from a joint", spoilt("    to: hook\n", "    from: stern\n    to: hook\n"),
+     "ropes[0].from", ("the first rope comes from 'stern'", "from: winch")),
+    ("loop that hangs on nothing",
+     spoilt("payloads:\n", "  - {name: float, at_m: [0.0, 0.0, 0.0]}\npayloads:\n")
+     .replace("joints:\n", f"  - {{name: x, {LEG}, from: a, to: b}}\n"
+              f"  - {{name: y, {LEG}, from: b, to: a}}\n"
+              "joints:\n  - {name: a, mass_kg: 1.0}\n  - {name: b, mass_kg: 1.0}\n")
+     .replace("  - {name: float, at_m: [0.0, 0.0, 0.0]}\n", ""),
+     "ropes[4]", ("'x' is part of a loop or chain that hangs on no hang-off",)),
+    ("joint without a rope", spoilt("joints:\n", "joints:\n  - {name: ring}\n"),
+     "joints[0]", ("no rope holds 'ring' from above",)),
+    ("unjoined end",
+     spoilt("joints:\n", f"  - {{name: x, {LEG}, from: hook, to: ring}}\n"
+            "joints:\n  - {name: ring}\n"),
+     "joints[0]", ("only one rope ends at 'ring'", "hang a payload on it")),
+    ("two payloads at one point", spoilt("name: hook, mass", "name: tool, mass"),
+     "payloads[0].name", ("'tool' is the name of another", "two payloads cannot hang at one")),
+    ("hang-off without a rope", spoilt("from: stern, to: hook", "from: hook, to: tool"),
+     "hang_offs[0]", ("no rope comes from 'stern'",)),
+    ("bar to nowhere", spoilt("between: [hook, tool]", "between: [hook, tol]"),
+     "struts[0].between[1]", ("no payload or joint 'tol'", "did you mean 'tool'?")),
+    ("bar onto itself", spoilt("between: [hook, tool]", "between: [tool, tool]"),
+     "struts[0].between", ("both ends are at 'tool'",)),
+    ("bar with three ends", spoilt("between: [hook, tool]", "between: [hook, tool, hook]"),
+     "struts[0].between", ("3 values in the list", "give 2")),
+    ("unknown key of a joint", spoilt("mass_kg: 100.0", "mas_kg: 100.0"),
+     "joints[0].mas_kg", ("unknown key", "did you mean 'mass_kg'?")),
+    ("bending", spoilt("  - weight: {}", "  - weight: {}\n  - bending: {stiffness_n_m2: 1.0}"),
+     "effects", ("`bending` is listed in a scene whose ropes meet",)),
+    ("no payload effect", spoilt("  - payload: {}\n", ""),
+     "effects", ("`payload` is not listed", "add `- payload: {}`")),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "words"), [row[1:] for row in BAD], ids=[row[0] for row in BAD]
+)
+def test_impossible_rigging_gets_its_sentence(
+    text: str, place: str, words: tuple[str, ...], tmp_path: Path
+) -> None:
+    assert_refused(text, place, words, tmp_path)
+
+
+def test_ropes_meet_where_the_scene_says(tmp_path: Path) -> None:
+    """Joints, ends, the payload with the first rope that holds it, the bar's weight at its ends."""
+    scene = load_scene(written(tmp_path, MEETING))
+    assert [line.from_ for line in scene.ropes] == ["winch", "hook", "hook", "stern"]
+    built = build_joined(scene)
+    joints = built.system.joints
+    assert joints.lower.tolist() == [1, 0, LOOSE, 1], "payloads are counted before joints"
+    assert joints.upper.tolist() == [LOOSE, 1, 1, LOOSE]
+    assert built.owners == {"hook": 0, "tool": 1}
+    assert joints.ties.shape[1] == 1
+    assert [rope.model.first_free for rope in built.system.ropes] == [1, 1, 1, 1]
+    masses = [rope.effects[-1].Mx for rope in built.system.ropes]
+    assert masses[0] == pytest.approx(100.0)
+    assert masses[1] > 20e3
+    assert masses[2:] == [0.0, 0.0]
+    assert len({rope.model.tolerance for rope in built.system.ropes}) == 1
+    whole = alone(scene, 3)
+    assert whole.ropes[0].length_m == 501.0
+    assert whole.payloads[0].mass_kg == pytest.approx(20100.0)
+    assert not any("ropes[1].damping" in warning for warning in sense_checks(scene))
+
+
+@pytest.mark.parametrize("name", ["bridle_lift", "two_line_lift"])
+def test_first_shape_keeps_every_length(name: str) -> None:
+    """No rope longer than it is by more than 1 %, bars as long as they are by 2 %."""
+    scene = load_scene(name)
+    where = first_places(scene)
+    for line in scene.ropes:
+        distance = float(np.linalg.norm(where[line.from_] - where[line.to]))
+        assert distance < 1.01 * line.length_m
+        assert distance > 0.9 * line.length_m, "it hangs"
+    for strut in scene.struts:
+        one, other = (where[end] for end in strut.between)
+        assert float(np.linalg.norm(one - other)) == pytest.approx(strut.length_m, rel=0.02)
