@@ -138,7 +138,8 @@ class Ensemble:
             what = "it was interrupted while some members had stepped and others had not"
             raise InputError(phrase("ensemble", what, "build it anew"))
         for heave in self._heaves.values():
-            heave.at(np.array([(self.steps + steps) * self._step_ns]))
+            end_ns = (self.steps + steps) * self._step_ns
+            heave.check_reach(end_ns, end_ns)
         self._interrupted = True
         while steps > 0:
             batch = min(steps, max(1, round(BATCH_S / self.step_s)))

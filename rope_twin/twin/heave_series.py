@@ -57,23 +57,31 @@ class HeaveSeries:
         """Twin time of the last sample."""
         return int(self.stamp_ns[-1]) - self.start_ns
 
+    def check_reach(self, first_ns: int, last_ns: int) -> None:
+        """See that it is known from the first to the last twin time.
+
+        Raises:
+            InputError: the samples do not reach so far.
+        """
+        known = self.stamp_ns[0] - self.start_ns, self.stamp_ns[-1] - self.start_ns
+        if first_ns <= known[0] or last_ns > known[1]:
+            raise InputError(
+                phrase(
+                    "heave",
+                    f"samples from {int(known[0]) * 1e-9:g} s to {self.end_ns * 1e-9:g} s, wanted "
+                    f"from {first_ns * 1e-9:g} s to {last_ns * 1e-9:g} s",
+                    "give a longer series",
+                )
+            )
+
     def at(self, time_ns: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Position [m] and velocity [m/s] at rising twin times, shape as given.
 
         Raises:
             InputError: the samples do not reach so far.
         """
+        self.check_reach(int(time_ns[0]), int(time_ns[-1]))
         on = time_ns + self.start_ns
-        if on[0] <= self.stamp_ns[0] or on[-1] > self.stamp_ns[-1]:
-            raise InputError(
-                phrase(
-                    "heave",
-                    f"samples from {(int(self.stamp_ns[0]) - self.start_ns) * 1e-9:g} s to "
-                    f"{self.end_ns * 1e-9:g} s, wanted from {time_ns[0] * 1e-9:g} s to "
-                    f"{time_ns[-1] * 1e-9:g} s",
-                    "give a longer series",
-                )
-            )
         k = np.searchsorted(self.stamp_ns, on, side="left")
         t0, t1 = self.stamp_ns[k - 1], self.stamp_ns[k]
         z0, z1 = self.position_m[k - 1], self.position_m[k]

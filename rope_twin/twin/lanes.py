@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from rope_twin.core.lanes.group import Kind, kind_of
+from rope_twin.core.lanes.group import Kind
 from rope_twin.core.lanes.step import Run
 from rope_twin.core.lanes.wide import LANES
 from rope_twin.core.state import ELEMENTS, PULL_COLUMNS, TENSION, Boundary, Floats
@@ -25,7 +25,7 @@ def sort_into_groups(members: Iterable[Member]) -> list[list[Member]]:
     """Members that can share a group, at most LANES; and those alone that find too few others."""
     kinds: dict[Kind | None, list[Member]] = {}
     for member in members:
-        kinds.setdefault(kind_of(member.rope), []).append(member)
+        kinds.setdefault(member.kind(), []).append(member)
     groups = []
     for kind, alike in kinds.items():
         for first in range(0, len(alike), LANES):
@@ -49,7 +49,7 @@ class _Turn:
     def __init__(
         self, members: Sequence[Member], steps: int, look_steps: int, scratch: Scratch
     ) -> None:
-        kind = kind_of(members[0].rope)
+        kind = members[0].kind()
         assert kind is not None
         self._steps, self._look_steps, self._scratch = steps, look_steps, scratch
         self._before = members[0].steps

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.lanes.group import Group, Kind
+from rope_twin.core.lanes.group import Group, Kind, kind_of
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance
 from rope_twin.errors import phrase
@@ -88,6 +88,7 @@ class Member:
         self._step_ns = round(scene.time.step_s * 1e9)
         self._rope = start.rope._replace(state=start.rope.state.copy())
         self._work_shape = start.work_shape
+        self._kind, self._kind_changes = kind_of(self._rope), 0
         self._tension, self._pull = start.tension, start.pull
         self._value, self._rate = (table[0] for table in borders.boundary)
         self._seen, self._recent = Extremes(), Extremes()
@@ -100,6 +101,14 @@ class Member:
     def rope(self) -> Rope:
         """The rope, without scratch."""
         return self._rope
+
+    def kind(self) -> Kind | None:
+        """What its rope shares with those beside which it can be stepped."""
+        health = self._rope.state.health
+        changes = int(health[rows.SPLITS] + health[rows.MERGES])
+        if changes != self._kind_changes:
+            self._kind, self._kind_changes = kind_of(self._rope), changes
+        return self._kind
 
     @property
     def work_shape(self) -> tuple[int, int]:
@@ -140,9 +149,10 @@ class Member:
         self._value, self._rate = (table[done] for table in batch.boundary)
         if done:
             self._pull = batch.pulls[done - 1].copy()
-            tensions = batch.pulls[:done, rows.PULL].tolist()
-            self._seen.take(tensions)
-            self._recent.take(tensions)
+            some = Extremes()
+            some.take(batch.pulls[:done, rows.PULL].tolist())
+            self._seen.join(some)
+            self._recent.join(some)
 
     def count_looks(self, looks: int, slack: int) -> None:
         """So many looks were taken elsewhere, of which so many found it slack."""

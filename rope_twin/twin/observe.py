@@ -28,6 +28,12 @@ class Extremes:
             self._sum += sum(values)
             self._count += len(values)
 
+    def join(self, other: Extremes) -> None:
+        """Add what another series has taken."""
+        self.high, self.low = max(self.high, other.high), min(self.low, other.low)
+        self._sum += other._sum
+        self._count += other._count
+
     @property
     def mean(self) -> float:
         """Mean of all values; NaN if there was none."""

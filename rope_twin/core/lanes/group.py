@@ -73,7 +73,8 @@ def kind_of(rope: Rope) -> Kind | None:
         lower_ends = rope.state.s[:elements] + SAME_PLACE
         place = tuple(np.searchsorted(rope.sections[END], lower_ends, side="right").tolist())
     effects = tuple(
-        (type(effect), *(np.shape(field) for field in effect)) for effect in rope.effects
+        (type(effect), *(getattr(field, "shape", ()) for field in effect))
+        for effect in rope.effects
     )
     model = rope.model
     return Kind(elements, place, sections, model.first_free, model.step, model.absorb, effects)
