@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.commands.run.summary import Progress
+from rope_twin.core.lanes.wide import LANES
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
@@ -28,7 +29,7 @@ from rope_twin.studies.ensemble_study import (
 )
 from rope_twin.studies.plan import make_plan, read_axis, read_range
 from rope_twin.studies.variants import variant
-from rope_twin.twin.ensemble import LOOK_S, cores
+from rope_twin.twin.ensemble import LOOK_S, Lanes, cores
 
 NAMES = {
     "tension_top_max_n": "highest top tension [kN]",
@@ -181,6 +182,8 @@ def _as_json(scene: Scene, result: StudyResult) -> str:
         "step_s": result.step_s,
         "elements": scene.ropes[0].elements,
         "threads": result.threads,
+        "in_lanes": result.lanes.members,
+        "alone_because": result.lanes.alone,
         "starting_s": result.starting_s,
         "computing_s": result.computing_s,
         "real_time_factor": result.real_time_factor,
@@ -206,8 +209,17 @@ def _as_text(scene: Scene, result: StudyResult) -> str:
         f"{result.failed} stopped early",
         f"{result.real_time_factor:.2f} times real time, all members together, on "
         f"{result.threads} threads ({result.starting_s:.1f} s before the first step)",
+        _lane_words(result.lanes, members),
     ]
     return "\n".join(lines)
+
+
+def _lane_words(lanes: Lanes, members: int) -> str:
+    """How the members were stepped."""
+    line = f"{lanes.members} of {members} stepped in SIMD lanes, {LANES} at a time"
+    for reason, count in lanes.alone.items():
+        line += f"; {count} by themselves ({reason or 'too few of their kind'})"
+    return line
 
 
 def _table(result: StudyResult) -> list[str]:

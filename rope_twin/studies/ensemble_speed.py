@@ -1,4 +1,6 @@
-"""How fast an ensemble is, beside one rope alone in the same minute, and whether it is the same.
+"""How fast an ensemble is, and whether it is the same, beside two others in the same minute.
+
+These are its members on the same threads without SIMD lanes, and one rope alone.
 
 Every member has a load and a part of the sea of its own. A few are run again as twins: what is not
 equal to the bit is counted, so that no speed is told of something else.
@@ -13,6 +15,7 @@ from statistics import median
 
 import numpy as np
 
+from rope_twin.core.lanes.wide import LANES
 from rope_twin.scene.change import change_scene
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
@@ -67,6 +70,9 @@ class EnsembleRow:
     real_time_factor_best: float
     ns_per_node_step: float  # of a thread: real time times threads over node steps of all members
     ns_per_node_step_best: float
+    in_lanes: int  # members that step side by side in SIMD lanes
+    threads_only_ns_per_node_step: float  # the same members without lanes, between the repetitions
+    threads_only_ns_per_node_step_best: float
     single_ns_per_node_step: float  # one rope alone on one thread, between the repetitions
     single_ns_per_node_step_best: float
     processor_share: float  # processor time over real time and threads; far below 1: not alone
@@ -98,7 +104,7 @@ def ensemble_rows(
 
 def _measure(scene: Scene, case: Case) -> EnsembleRow:
     """Repetitions of the ensemble and of a rope alone, one after the other."""
-    length_s = WARM_S + case.repetitions * case.seconds
+    length_s = WARM_S + 2.0 * case.repetitions * case.seconds
     single_s = max(1, round(SINGLE_LEAST * scene.time.step_s / case.seconds)) * case.seconds
     plan = _plan(scene, case.members)
     members = variations(scene, plan, length_s)
@@ -109,12 +115,15 @@ def _measure(scene: Scene, case: Case) -> EnsembleRow:
     starting_s = time.perf_counter() - began
     ensemble.advance(WARM_S)
     alone.advance(WARM_S)
-    together, single, shares = [], [], []
+    together, apart, single, shares = [], [], [], []
     for _ in range(case.repetitions):
         before, busy_s = time.perf_counter(), time.process_time()
         together.append(_ns(ensemble, case.seconds) * ensemble.threads)
         busy_s = time.process_time() - busy_s
         shares.append(busy_s / (ensemble.threads * (time.perf_counter() - before)))
+        ensemble.abreast = 1
+        apart.append(_ns(ensemble, case.seconds) * ensemble.threads)
+        ensemble.abreast = LANES
         single.append(_ns(alone, single_s))
     rate = _node_steps_per_s(scene, case.members) / ensemble.threads
     checked = sorted({0, case.members // 2, case.members - 1})[:CHECKED]
@@ -131,6 +140,9 @@ def _measure(scene: Scene, case: Case) -> EnsembleRow:
         real_time_factor_best=1e9 / (min(together) * rate),
         ns_per_node_step=median(together),
         ns_per_node_step_best=min(together),
+        in_lanes=ensemble.lanes().members,
+        threads_only_ns_per_node_step=median(apart),
+        threads_only_ns_per_node_step_best=min(apart),
         single_ns_per_node_step=median(single),
         single_ns_per_node_step_best=min(single),
         processor_share=median(shares),
@@ -182,8 +194,9 @@ def _same(found: Snapshot, expected: Snapshot) -> bool:
 
 def ensemble_table(rows: Sequence[EnsembleRow]) -> list[list[str]]:
     """The rows as cells, the first row being the heads."""
-    heads = ["members", "elements", "step [s]", "threads", "× real time", "best", "ns/node/step",
-             "best", "one rope alone", "best", "processor", "equal to a twin"]  # fmt: skip
+    heads = ["members", "elements", "step [s]", "threads", "× real time", "best", "in lanes",
+             "ns/node/step", "best", "threads only", "best", "one rope alone", "best", "processor",
+             "equal to a twin"]  # fmt: skip
     cells = [
         [
             f"{row.members}",
@@ -192,8 +205,11 @@ def ensemble_table(rows: Sequence[EnsembleRow]) -> list[list[str]]:
             f"{row.threads}",
             f"{row.real_time_factor:.2f}",
             f"{row.real_time_factor_best:.2f}",
+            f"{row.in_lanes}",
             f"{row.ns_per_node_step:.0f}",
             f"{row.ns_per_node_step_best:.0f}",
+            f"{row.threads_only_ns_per_node_step:.0f}",
+            f"{row.threads_only_ns_per_node_step_best:.0f}",
             f"{row.single_ns_per_node_step:.0f}",
             f"{row.single_ns_per_node_step_best:.0f}",
             f"{100.0 * row.processor_share:.0f} %",

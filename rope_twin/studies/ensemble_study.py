@@ -14,7 +14,7 @@ from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.figures import lift_figures
 from rope_twin.scene.schema import Scene, SeaState
 from rope_twin.studies.plan import Plan
-from rope_twin.twin.ensemble import BATCH_S, Ensemble, Variation, whole_steps
+from rope_twin.twin.ensemble import BATCH_S, Ensemble, Lanes, Variation, whole_steps
 from rope_twin.twin.heave_series import HeaveSeries
 from rope_twin.twin.member import MemberFigures
 
@@ -34,6 +34,7 @@ class StudyResult:
     time_s: float  # twin time of each member
     step_s: float
     threads: int
+    lanes: Lanes
     starting_s: float  # real time spent on building and on finding where each rope starts
     computing_s: float  # real time spent on stepping
 
@@ -88,6 +89,7 @@ def run_study(
     if not scene.sea_state.moves and any(axis.path == SEA_OFFSET for axis in plan.axes):
         raise InputError(phrase("--sea-offset", "the scene's ship lies still", "leave it out"))
     ensemble = Ensemble(scene, variations(scene, plan, seconds), look_s, threads)
+    lanes = ensemble.lanes()
     started = time.perf_counter()
     report(0.0, 0.0)
     while ensemble.time_ns < round(seconds * 1e9):
@@ -103,6 +105,7 @@ def run_study(
         time_s=seconds,
         step_s=scene.time.step_s,
         threads=ensemble.threads,
+        lanes=lanes,
         starting_s=started - began,
         computing_s=time.perf_counter() - started,
     )

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import os
 import threading
+from collections import Counter
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.lanes.group import why_alone
 from rope_twin.core.lanes.wide import LANES
 from rope_twin.errors import InputError, SceneError, phrase
 from rope_twin.scene.build import build
@@ -34,6 +36,7 @@ from rope_twin.twin.start import find_start
 
 BATCH_S = 8.0  # a member's turn; less than the 10 s that commands may be known ahead
 LOOK_S = 0.5
+FEW = LANES  # an ensemble with fewer members is not worth compiling for
 
 Key = TypeVar("Key")
 Made = TypeVar("Made")
@@ -66,6 +69,14 @@ def whole_steps(name: str, seconds: float, step_s: float) -> int:
     return steps
 
 
+@dataclass(frozen=True)
+class Lanes:
+    """Who steps in the lanes of the processor's vectors, and who by itself."""
+
+    members: int  # in lanes
+    alone: dict[str, int]  # how many are not, by the reason: "" if there are just too few alike
+
+
 class _OfThread(threading.local):
     """Scratch that each thread finds made for itself."""
 
@@ -82,6 +93,7 @@ class Ensemble:
         variations: Sequence[Variation],
         look_s: float = LOOK_S,
         threads: int | None = None,
+        abreast: int = LANES,
     ) -> None:
         """Build all members and find where each starts.
 
@@ -90,6 +102,7 @@ class Ensemble:
             variations: one for each member.
             look_s: how often each rope is looked along for slack [s].
             threads: how many step at once; None: as many as there are cores.
+            abreast: most ropes that share a step, each in a lane of its own; 1: all step alone.
 
         A member whose rope has no equilibrium to start from is marked as failed, like one that
         cannot go on later.
@@ -102,10 +115,14 @@ class Ensemble:
         self._step_ns = round(self.step_s * 1e9)
         self._look_steps = whole_steps("look_s", look_s, self.step_s)
         self.threads = cores() if threads is None else threads
+        if not 1 <= abreast <= LANES:
+            right = f"give 1 to {LANES}"
+            raise InputError(phrase("ensemble", f"{abreast} ropes abreast", right))
         if self.threads < 1 or not variations:
             what = f"{self.threads} threads, {len(variations)} members"
             raise InputError(phrase("ensemble", what, "give at least one of each"))
         self.scene = scene
+        self.abreast = abreast
         self.steps = 0
         self._interrupted = False
         scenes = [_member_scene(scene, own, k) for k, own in enumerate(variations)]
@@ -156,9 +173,14 @@ class Ensemble:
     def _groups(self) -> list[list[Member]]:
         """Those that can go on, by whom they take their turn with."""
         going = [one for one in self._members if not one.failure]
-        if len(self) < LANES:
-            return [[one] for one in going]
-        return sort_into_groups(going)
+        return sort_into_groups(going, self.abreast if len(self) >= FEW else 1)
+
+    def lanes(self) -> Lanes:
+        """How many members take their next turn in lanes, and why the others do not."""
+        groups = self._groups()
+        alone = [some[0] for some in groups if len(some) == 1]
+        words = Counter(why_alone(one.rope) for one in alone)
+        return Lanes(sum(len(some) for some in groups if len(some) > 1), dict(words))
 
     def figures(self) -> list[MemberFigures]:
         """What each member did so far."""

@@ -21,15 +21,15 @@ LEAST = 4  # members that are worth a group: all lanes cost what three or four r
 OFTEN, OFTEN_LEAST = 0.2, 10  # steps done alone, of all; and at least so many
 
 
-def sort_into_groups(members: Iterable[Member]) -> list[list[Member]]:
-    """Members that can share a group, at most LANES; and those alone that find too few others."""
+def sort_into_groups(members: Iterable[Member], abreast: int = LANES) -> list[list[Member]]:
+    """Members that can share a group, so many at most; and those alone that find too few others."""
     kinds: dict[Kind | None, list[Member]] = {}
     for member in members:
         kinds.setdefault(member.kind(), []).append(member)
     groups = []
     for kind, alike in kinds.items():
-        for first in range(0, len(alike), LANES):
-            some = alike[first : first + LANES]
+        for first in range(0, len(alike), abreast):
+            some = alike[first : first + abreast]
             whole = kind is not None and len(some) >= LEAST
             groups += [some] if whole else [[member] for member in some]
     return groups

@@ -23,7 +23,7 @@ from rope_twin import load_scene
 from rope_twin.core.elimination import eliminate
 from rope_twin.core.jit import OPTIONS, jit_entry
 from rope_twin.core.lanes.elimination import eliminate_wide
-from rope_twin.core.lanes.group import Group, aligned, kind_of
+from rope_twin.core.lanes.group import Group, aligned, kind_of, why_alone
 from rope_twin.core.lanes.tables import tiles, wide
 from rope_twin.core.lanes.wide import LANES
 from rope_twin.core.state import (
@@ -35,6 +35,7 @@ from rope_twin.core.state import (
     VELOCITY,
     WORK_ROWS,
 )
+from rope_twin.errors import InputError
 from rope_twin.scene.build import build
 from rope_twin.scene.change import Change
 from rope_twin.scene.schema import Scene
@@ -144,12 +145,14 @@ def test_figures_do_not_depend_on_lanes(tmp_path: Path, monkeypatch: pytest.Monk
 def test_members_at_random(
     tmp_path_factory: pytest.TempPathFactory, own: list[Variation], cut: int
 ) -> None:
-    """All in lanes, even a group of one."""
+    """Each beside one like it at least, so that all are in lanes."""
     scene = small_scene(tmp_path_factory.mktemp("scene"))
+    own = [*own, *own]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ensemble_module, "LANES", 1)
+        patch.setattr(ensemble_module, "FEW", 1)
         patch.setattr(lanes_module, "LEAST", 1)
         ensemble = Ensemble(scene, own, look_s=0.07, threads=2)
+        assert ensemble.lanes().members == len(own)
         ensemble.advance(cut)
         ensemble.advance(10 - cut)
     assert not unequal(scene, ensemble, own, 10)
@@ -187,10 +190,32 @@ def test_sections_of_one_rope(tmp_path: Path) -> None:
     assert all(ensemble.snapshot(number).solver.splits for number in range(1, LANES, 2))
 
 
-def test_what_is_not_stepped_in_lanes() -> None:
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("deep_lift", ""),
+        ("hybrid_lift", "a table of stiffness"),
+        ("riser_300m", "bending"),
+        ("wave_zone", "waves"),
+        ("landing", "seabed"),
+    ],
+)
+def test_what_is_not_stepped_in_lanes(name: str, reason: str) -> None:
     """Ropes with a table of stiffness, effects that couple nodes, effects that branch."""
-    assert kind_of(build(load_scene("deep_lift")).rope) is not None
-    assert kind_of(build(load_scene("hybrid_lift")).rope) is None
+    rope = build(load_scene(name)).rope
+    assert why_alone(rope) == reason
+    assert (kind_of(rope) is None) == bool(reason)
+
+
+def test_members_of_two_sizes_are_told_apart(tmp_path: Path) -> None:
+    """Ten of one kind and three of another: two and three of them find too few."""
+    small = (Change("ropes[0].elements", 10),)
+    own = [Variation()] * 10 + [Variation(small)] * 3
+    told = Ensemble(small_scene(tmp_path), own).lanes()
+    assert told.members == LANES
+    assert told.alone == {"": 5}
+    with pytest.raises(InputError, match="ensemble: 9 ropes abreast; give 1 to 8"):
+        Ensemble(small_scene(tmp_path), own, abreast=9)
 
 
 def test_a_branch_on_a_wide_number_does_not_compile() -> None:

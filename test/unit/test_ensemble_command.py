@@ -103,6 +103,7 @@ def test_the_text_has_a_line_for_each_figure_and_point(regular: str, capsys: Pri
     points = [line.split()[0] for line in told.out.split("(median")[1].splitlines()[1:3]]
     assert points == ["1", "2"]
     assert "0 stopped early" in told.out
+    assert "0 of 4 stepped in SIMD lanes, 8 at a time; 4 by themselves (too few" in told.out
     assert "4 ropes are at rest where they start" in told.err
 
 

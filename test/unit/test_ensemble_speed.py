@@ -24,6 +24,8 @@ def test_a_row_is_consistent() -> None:
     )
     assert row.ns_per_node_step_best <= row.ns_per_node_step
     assert row.processor_share > 0.0
+    assert row.in_lanes == case.members
+    assert 0.0 < row.threads_only_ns_per_node_step_best <= row.threads_only_ns_per_node_step
     assert (row.checked, row.unequal, row.failed) == (3, 0, 0)
     assert told == [(0, 1), (1, 1)]
     heads, cells = ensemble_table([row])

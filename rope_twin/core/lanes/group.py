@@ -56,18 +56,26 @@ class Kind(NamedTuple):
     effects: tuple[Any, ...]  # types, and shapes of their fields
 
 
+def why_alone(rope: Rope) -> str:
+    """Why a rope cannot be stepped in lanes; empty if it can.
+
+    Effects are named as scenes do, by their file.
+    """
+    if config.DISABLE_JIT:
+        return "plain Python"
+    if rope.law is not None:
+        return "a table of stiffness"
+    if rope.state.counts[ELEMENTS] < 2:
+        return "a single element"
+    kinds = [type(effect) for effect in rope.effects if not terms.all_wide([type(effect)])]
+    return ", ".join(kind.__module__.rpartition(".")[2] for kind in kinds)
+
+
 def kind_of(rope: Rope) -> Kind | None:
     """What the rope has in common with those beside which it can be stepped; None: it cannot."""
-    if (
-        config.DISABLE_JIT
-        or type(rope) is not Rope
-        or rope.law is not None
-        or not terms.all_wide(map(type, rope.effects))
-    ):
+    if why_alone(rope):
         return None
     elements, sections = int(rope.state.counts[ELEMENTS]), rope.sections.shape[1]
-    if elements < 2:
-        return None
     place: tuple[int, ...] = ()
     if sections > 1:
         lower_ends = rope.state.s[:elements] + SAME_PLACE
