@@ -1,6 +1,7 @@
 """`rope_twin bench speed | order | ensemble | statics | band | report`: how fast, how right.
 
-A speed is never told without its error. `report` writes docs/performance.md from both.
+A speed is never told without its error. `report` writes docs/performance.md
+from speed, order and ensemble.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     )
     for action in (fast, right, many, rest, live):
         action.add_argument("--json", action="store_true", help="one JSON object instead of tables")
-    page = actions.add_parser("report", help="both, as performance.md and its picture")
+    page = actions.add_parser("report", help="speed, order and ensemble as performance.md")
     page.add_argument("--into", type=Path, default=Path("docs"), metavar="DIR", help="where to")
     for action in (fast, right, many, rest, live, page):
         action.add_argument("--quick", action="store_true", help="a few small cases, for a test")
@@ -66,10 +67,12 @@ def run(args: argparse.Namespace) -> int:
     check_picture(args.into / performance_page.PICTURE)
     fast = speed.measure_speed(speed.QUICK if args.quick else speed.FULL, progress.show)
     curves = orders.measure_orders(orders.QUICK if args.quick else orders.FULL, progress.show)
+    cases = ensemble_speed.QUICK if args.quick else ensemble_speed.FULL
+    many = ensemble_speed.ensemble_rows(cases, progress.show)
     args.into.mkdir(parents=True, exist_ok=True)
     draw_orders(curves, args.into / performance_page.PICTURE)
     page = args.into / "performance.md"
-    page.write_text(performance_page.as_markdown(fast, curves), encoding="utf-8")
+    page.write_text(performance_page.as_markdown(fast, curves, many), encoding="utf-8")
     print(page)
     return 0
 

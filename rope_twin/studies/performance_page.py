@@ -5,11 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
+from rope_twin.core.lanes.wide import LANES
+from rope_twin.studies.ensemble_speed import EnsembleRow, ensemble_table
 from rope_twin.studies.orders import Curve
 from rope_twin.studies.speed import FIT_FROM, Basis, Row, Speed
 
 PICTURE = Path("images") / "orders.png"
 Table = list[list[str]]  # the first row is the head
+# Of a node and a smooth step, which is two stages of one correction: to load it (tangent, drag, and
+# the root of a stiffness), to stretch its element before and after, to eliminate it.
+ROOTS, DIVISIONS = 2 * (3 + 2), 2 * (2 + 2 + 1)
 
 _PAGE = """\
 # How fast, how right
@@ -75,10 +80,35 @@ the jump is spread over O(l0): its mean error is O(l0), its rms O(√l0). No ste
 fine. With a current (snap_2km) the slack rope lies in loops, and as long as elements are not
 shorter than these, some 4 m, refining brings little: check two numbers of elements before
 believing a snap's peak.
+
+## Ensembles
+
+`rope_twin bench ensemble`: many ropes of smooth_2km together, each with a load and a part of the
+sea of its own; nanoseconds are those of one thread.
+
+{ensembles}
+
+Up to {lanes} ropes of one kind share a step, each in a lane of the processor's vectors: the kernels
+of one rope run unchanged on numbers {lanes} doubles wide. *Threads only* are the same members on
+the same threads without lanes, *one rope alone* is a single rope on one thread, all in the same
+minute. A lane gets the same operations in the same order as a lone rope, so each member is equal to
+a twin of its own to the bit, whoever shares its group.
+
+Of one kind are ropes with equally many elements, sections at the same ones, the same effects and
+the same end below; their figures, water, loads, motion and winch may all differ. What is rare a
+member does by itself within the group's turn: a step that is halved or searched along, an element
+that splits or merges. By itself throughout steps a rope with a table of stiffness or with an effect
+that branches or couples nodes (waves, seabed, splash_zone, bending): `rope_twin ensemble` says how
+many of the members and why.
+
+What limits it: with 100 elements a third of a step's time is the divider's, which takes the
+{roots} square roots and {divisions} divisions of each node and step no faster in wide registers
+than in narrow ones; next is the way to the second-level cache, which holds a group's arrays
+(0.5 MB). With 1,000 elements it holds them no more, and lanes gain little.
 """
 
 
-def as_markdown(speed: Speed, curves: Sequence[Curve]) -> str:
+def as_markdown(speed: Speed, curves: Sequence[Curve], many: Sequence[EnsembleRow]) -> str:
     """The page."""
     return _PAGE.format(
         machine=speed.machine.as_text() + ".",
@@ -89,6 +119,10 @@ def as_markdown(speed: Speed, curves: Sequence[Curve]) -> str:
         basis=_markdown(basis_table(speed.references)),
         picture=PICTURE.as_posix(),
         orders=_markdown(order_table(curves)),
+        ensembles=_markdown(ensemble_table(many)),
+        lanes=LANES,
+        roots=ROOTS,
+        divisions=DIVISIONS,
     )
 
 

@@ -18,7 +18,8 @@ from rope_twin.commands.run.unpaced import UnpacedRun
 from rope_twin.core.yardstick import chain
 from rope_twin.errors import InputError
 from rope_twin.scene.load import load_scene
-from rope_twin.studies import orders, speed
+from rope_twin.studies import ensemble_speed, orders, speed
+from rope_twin.studies.ensemble_speed import QUICK, EnsembleRow, ensemble_rows
 from rope_twin.studies.machine import this_machine
 from rope_twin.studies.order_picture import draw_orders
 from rope_twin.studies.performance_page import as_markdown
@@ -46,11 +47,20 @@ def curves() -> tuple[orders.Curve, ...]:
     return orders.measure_orders(orders.QUICK, listen)
 
 
+@pytest.fixture(scope="module")
+def many() -> list[EnsembleRow]:
+    return ensemble_rows(QUICK, listen)
+
+
 @pytest.fixture
 def as_measured(
-    measured: speed.Speed, curves: tuple[orders.Curve, ...], monkeypatch: pytest.MonkeyPatch
+    measured: speed.Speed,
+    curves: tuple[orders.Curve, ...],
+    many: list[EnsembleRow],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """The command finds what was measured already."""
+    monkeypatch.setattr(ensemble_speed, "ensemble_rows", lambda cases, report: many)
     monkeypatch.setattr(speed, "measure_speed", lambda plan, report: measured)
     monkeypatch.setattr(orders, "measure_orders", lambda sweeps, report: curves)
 
@@ -182,7 +192,7 @@ def test_the_page_and_its_picture(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 def test_the_page_that_we_ship_is_the_one_that_is_written(
-    measured: speed.Speed, curves: tuple[orders.Curve, ...]
+    measured: speed.Speed, curves: tuple[orders.Curve, ...], many: list[EnsembleRow]
 ) -> None:
     """Its words; its figures are those of a machine."""
 
@@ -191,7 +201,7 @@ def test_the_page_that_we_ship_is_the_one_that_is_written(
         return [line for line in lines if "multiply-add" not in line and "Cost of" not in line]
 
     shipped = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
-    written = as_markdown(replace(measured, seconds=speed.FULL.seconds), curves)
+    written = as_markdown(replace(measured, seconds=speed.FULL.seconds), curves, many)
     assert prose(shipped) == prose(written)
     assert shipped.count("\n| smooth_2km |") == len(speed.FULL.nodes) * len(speed.FULL.steps_s) + 1
 
