@@ -26,6 +26,7 @@ VIZ = ["rerun-sdk==0.41.0", "pillow>=10"]
 PLOT = ["matplotlib>=3.8"]  # of `rope_twin bench order --picture` alone
 TEST = [
     "pytest>=8",
+    "pytest-xdist>=3.6",
     "hypothesis>=6.100",
     "psutil>=5.9",
     "cyclonedds==11.0.1",

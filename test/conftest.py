@@ -1,11 +1,29 @@
-"""Property tests: the same examples in every run; `--hypothesis-profile=search` tries new ones."""
+"""How tests run: side by side on all cores, and property tests with the same examples every time.
+
+`--hypothesis-profile=search` tries new examples; `-n 0` runs one test after the other.
+"""
 
 from __future__ import annotations
 
+from pathlib import Path
+
+import pytest
 from hypothesis import Phase, settings
+
+ROS = Path(__file__).parent / "ros"
 
 # A counterexample is printed as found: shrinking it takes minutes where an example is a simulation.
 PHASES = (Phase.explicit, Phase.reuse, Phase.generate)
 settings.register_profile("repeated", derandomize=True, database=None, deadline=None, phases=PHASES)
 settings.register_profile("search", deadline=None, print_blob=True)
 settings.load_profile("repeated")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """A file's tests share a worker and its fixtures; those over ROS all share one.
+
+    They start processes of their own, whose pace should not depend on each other.
+    """
+    for item in items:
+        group = "ros" if ROS in item.path.parents else str(item.path)
+        item.add_marker(pytest.mark.xdist_group(group))
