@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import json
+import os
+import sys
 from pathlib import Path
 from typing import Any
 
 from rope_twin.commands.bench import Progress, print_table
-from rope_twin.errors import InputError, SceneError, phrase
+from rope_twin.errors import InputError, RopeTwinError, SceneError, phrase
 from rope_twin.scene.card import card_path, known_error, read_card
 from rope_twin.scene.load import load_scene, scene_names
+from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.studies import accuracy, accuracy_page
 from rope_twin.studies.accuracy_picture import draw_accuracy
+from rope_twin.studies.accuracy_plan import make_plan
 from rope_twin.studies.order_picture import check_picture
 
 
@@ -28,14 +33,20 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     )
     which = parser.add_mutually_exclusive_group(required=True)
     which.add_argument("scene", nargs="?", metavar="SCENE", help="name of a scene or path of one")
-    which.add_argument("--all", action="store_true", help="every scene that comes with the package")
+    which.add_argument(
+        "--all", action="store_true", help="every scene of one rope that comes along"
+    )
     which.add_argument("--status", action="store_true", help="only tell which cards are old")
     add = parser.add_argument
     add("--for", dest="for_s", type=float, metavar="SECONDS",
         help="window of the run (default: a minute, or a round of the winch schedule)")  # fmt: skip
     add("--into", type=Path, metavar="DIR", help="write the card there instead")
     add("--no-card", action="store_true", help="write nothing")
-    add("--json", action="store_true", help="one JSON object instead of tables")
+    add(
+        "--json",
+        action="store_true",
+        help="one JSON object instead of tables; a line for each card",
+    )
     parser.set_defaults(run=run)
 
 
@@ -46,26 +57,36 @@ def run(args: argparse.Namespace) -> int:
     if args.for_s is not None and not 0.0 < args.for_s <= 3600.0:
         what = f"{args.for_s:g} s is not possible"
         raise InputError(phrase("--for", what, "give a time above 0 s, at most 3600 s"))
-    scenes = [load_scene(name) for name in (scene_names() if args.all else [args.scene])]
+    if not args.all:
+        return _make(args, load_scene(args.scene))
+    refused = 0
+    for name in scene_names():
+        if is_joined(load_scene(name)):
+            continue  # --status tells
+        try:
+            _make(args, load_scene(name))
+        except RopeTwinError as error:  # the others still get theirs
+            sys.stderr.write(f"{error}\n")
+            refused += 1
+    return 1 if refused else 0
+
+
+def _make(args: argparse.Namespace, scene: Scene) -> int:
+    """One card, told and written as the options say."""
+    path = _place(args, scene)
     if not args.no_card:
-        for scene in scenes:
-            _check_place(_place(args, scene))
-    cards = []
-    for scene in scenes:
-        plan = accuracy.make_plan(scene, args.for_s)
-        study = accuracy.measure_accuracy(scene, plan, Progress().show)
-        card = accuracy.as_card(study)
-        cards.append(card)
-        if not args.json:
-            _tell(study)
-        if not args.no_card:
-            path = _place(args, scene)
-            write_card(study, card, path)
-            if not args.json:
-                print(f"card: {path.with_suffix('.md')}\n")
+        _check_place(path)
+    plan = make_plan(scene, args.for_s)
+    study = accuracy.measure_accuracy(scene, plan, Progress().show)
+    card = accuracy.as_card(study)
     if args.json:
-        told = {"cards": cards} if args.all else cards[0]
-        print(json.dumps(told, ensure_ascii=False, allow_nan=False))
+        print(json.dumps(card, ensure_ascii=False, allow_nan=False))
+    else:
+        _tell(study)
+    if not args.no_card:
+        write_card(study, card, path)
+        if not args.json:
+            print(f"card: {path.with_suffix('.md')}\n")
     return 0
 
 
@@ -79,8 +100,7 @@ def write_card(study: accuracy.Study, card: dict[str, Any], path: Path) -> None:
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         draw_accuracy(study, picture)
-        text = json.dumps(_short(card), ensure_ascii=False, allow_nan=False, indent=1)
-        path.write_text(text + "\n", encoding="utf-8")
+        path.write_text(_as_text(_short(card)), encoding="utf-8")
         page = accuracy_page.as_markdown(study, card, picture.name)
         path.with_suffix(".md").write_text(page, encoding="utf-8")
     except OSError as error:
@@ -97,15 +117,27 @@ def _check_place(path: Path) -> None:
     check_picture(path.with_suffix(".png"))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with path.with_suffix(".md").open("a", encoding="utf-8"):
-            pass
     except OSError as error:
         raise _unwritable(path, error) from error
+    if not os.access(path.parent, os.W_OK):
+        raise _unwritable(path, PermissionError(errno.EACCES, os.strerror(errno.EACCES)))
 
 
 def _unwritable(path: Path, error: OSError) -> InputError:
     what = f"the card cannot be written ({error.strerror})"
     return InputError(phrase(str(path), what, "choose a folder with --into, or say --no-card"))
+
+
+def _as_text(card: dict[str, Any]) -> str:
+    """JSON with a line for each entry, and for each row of the ladder."""
+    lines = []
+    for key, value in card.items():
+        told = json.dumps(value, ensure_ascii=False, allow_nan=False)
+        if key == "rows":
+            rows = [json.dumps(row, ensure_ascii=False, allow_nan=False) for row in value]
+            told = "[\n  " + ",\n  ".join(rows) + "\n ]"
+        lines.append(f" {json.dumps(key)}: {told}")
+    return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
 def _tell(study: accuracy.Study) -> None:
@@ -127,10 +159,11 @@ def _status(as_json: bool) -> int:
         scene = load_scene(name)
         try:
             card = read_card(scene)
-            said = "no card" if card is None else card.age(scene) or "current"
+            none = "none: ropes meet, and cards are of one rope" if is_joined(scene) else "no card"
+            said = none if card is None else card.age(scene) or "current"
         except SceneError as error:
             said = str(error)
-        fine = fine and said == "current"
+        fine = fine and (said == "current" or is_joined(scene))
         error_pct = known_error(scene).rms_pct
         known = error_pct == error_pct
         rows.append({"scene": name, "card": said, "error_rms_pct": error_pct if known else None})

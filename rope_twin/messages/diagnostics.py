@@ -12,7 +12,7 @@ from enum import IntEnum
 
 from rope_twin.messages import forms
 from rope_twin.messages.cdr import new, serialise
-from rope_twin.scene.card import KnownError
+from rope_twin.scene.card import KnownError, told_bound
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import EnergyBalance, InputHealth, Snapshot, TensionBand
 
@@ -114,20 +114,15 @@ def _solver(snapshot: Snapshot) -> Status:
 def _accuracy(error: KnownError) -> Status:
     """What the card says; that it says nothing is no fault of the run's."""
     values = {
-        "rms error at most [% of the standard deviation]": known(error.rms_pct),
-        "error of the highest at most [%]": known(error.peak_pct),
+        "rms error at most [% of the standard deviation]": told_bound(error.rms_pct),
+        "error of the highest at most [%]": told_bound(error.peak_pct),
         "by": error.words,
     }
     if math.isnan(error.rms_pct):
         return Status("simulation: accuracy", Level.OK, f"error of the top tension {error.words}",
                       values)  # fmt: skip
-    words = f"rms error of the top tension {error.rms_pct:.2g} % {error.words}"
+    words = f"rms error of the top tension {told_bound(error.rms_pct)} % {error.words}"
     return Status("simulation: accuracy", Level.OK, words, values)
-
-
-def known(error_pct: float) -> str:
-    """An error for people: two digits, or unknown."""
-    return "unknown" if math.isnan(error_pct) else f"{error_pct:.2g}"
 
 
 def _winch(snapshot: Snapshot) -> Status:

@@ -111,6 +111,14 @@ class KnownError:
     words: str = "unknown"  # what it is, or why it is unknown
 
 
+def told_bound(bound: float) -> str:
+    """A bound for people: two digits, rounded up."""
+    if not 0.0 < bound < math.inf:
+        return "0" if bound == 0.0 else "unknown"
+    place = 10.0 ** (math.floor(math.log10(bound)) - 1)
+    return f"{math.ceil(bound / place - 1e-9) * place:.2g}"
+
+
 def card_path(scene: Scene) -> Path:
     """Where the scene's card is, if it has one."""
     return scene.path.parent / FOLDER / f"{scene.path.stem}.json"
@@ -168,10 +176,12 @@ def known_error(scene: Scene) -> KnownError:
 
 def scene_digest(scene: Scene) -> str:
     """Of all figures of a scene but its elements and step, which a card's ladder varies."""
-    ropes = tuple(_bare_line(line) for line in scene.ropes)
+    first, *others = (_bare_line(line) for line in scene.ropes)
+    ropes = (replace(first, elements=0), *others)
     sea = replace(scene.sea_state, bag=Path(scene.sea_state.bag).name)
     parts = (ropes, scene.payloads, scene.winch, scene.ship, sea, scene.environment, scene.effects)
-    told = repr((*parts, scene.time.newton_tolerance_n))
+    met = (scene.hang_offs, scene.joints, scene.struts)
+    told = repr((*parts, *met, scene.time.newton_tolerance_n))
     return hashlib.sha256(told.encode()).hexdigest()[:16]
 
 
@@ -195,10 +205,10 @@ _REMAKE = "make it again with `rope_twin accuracy SCENE`"
 
 
 def _bare_line(line: RopeLine) -> RopeLine:
-    """The line without words and without the number of elements."""
+    """The line without words."""
     sections = tuple(replace(one, rope=_bare(one.rope)) for one in line.sections)
     rope = None if line.rope is None else _bare(line.rope)
-    return replace(line, rope=rope, sections=sections, elements=0)
+    return replace(line, rope=rope, sections=sections)
 
 
 def _bare(rope: Rope) -> Rope:

@@ -11,42 +11,20 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from rope_twin.errors import InputError, RopeTwinError, phrase
-from rope_twin.scene.build import build
+from rope_twin.errors import RopeTwinError
 from rope_twin.scene.card import FORMAT, scene_digest, solver_digest
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy_figures import BY_NAME, QUANTITIES, Values, differences, values
-from rope_twin.studies.accuracy_reference import REFINED, Reference, find_reference
+from rope_twin.studies.accuracy_plan import Plan
+from rope_twin.studies.accuracy_reference import Reference, find_reference
 from rope_twin.studies.accuracy_run import Course, Setting, Trial
 from rope_twin.studies.accuracy_witness import Witness, call_witness
 from rope_twin.studies.machine import Machine, this_machine
 
 Report = Callable[[int, int, str], None]  # done, of how many, what comes next
 
-STEP_FACTORS = (0.5, 1.0, 2.0, 5.0)  # of the scene's own step
-LONGEST_STEP_S = 0.2  # the longest that a scene may have
-FEWEST, MOST = 10, 1000  # elements of a ladder; at least half and twice the scene's own
-UP = 2  # doublings above the scene's own elements, as long as MOST allows
-TOLERANCES = (0.1, 10.0)  # times the scene's own, at its own elements and step
-REFERENCE_TOLERANCE = 0.1
-REFERENCE_S = 8.0  # about what the finest run may take, at 120 ns a node and step
-FINER_MOST = 8  # times the finest of the ladder, in elements
-NS_PER_NODE_STEP = 120e-9
-WINDOW_S, LONGEST_WINDOW_S, SHORTEST_WINDOW = 60.0, 120.0, 10  # the last: looks
 
-
-@dataclass(frozen=True)
-class Plan:
-    """What is run."""
-
-    seconds: float
-    own: Setting
-    look_s: float  # a whole number of every step
-    settings: tuple[Setting, ...]
-    reference: Setting
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Row:
     """One rung."""
 
@@ -87,48 +65,8 @@ class Study:
         return next((row for row in self.rows if row.setting == self.plan.own), None)
 
 
-def make_plan(scene: Scene, seconds: float | None = None) -> Plan:
-    """The ladder of a scene and its window (None: as the scene's events ask for).
-
-    Raises:
-        SceneError: the scene cannot be built.
-        InputError: the window is too short, or the scene's elements cannot be varied.
-    """
-    line, h = scene.ropes[0], scene.time.step_s
-    if line.grading is not None and line.grading.nodes_m is not None:
-        right = "give the lowest element's length and its growth instead"
-        raise InputError(
-            phrase(f"scene {scene.name}", "grading.nodes_m holds the elements fixed", right)
-        )
-    factors = [one for one in STEP_FACTORS if one * h <= LONGEST_STEP_S]
-    steps = [_whole(one * h) for one in factors]
-    look_s = _whole(math.lcm(*(round(2.0 * one) for one in factors)) * 0.5 * h)
-    span = window_s(scene) if seconds is None else seconds
-    span = _whole(math.floor(span / look_s + 1e-6) * look_s)
-    least = _whole(SHORTEST_WINDOW * look_s)
-    if span < least:
-        raise InputError(phrase("--for", f"{seconds:g} s is too short", f"give {least:g} or more"))
-    own = Setting(line.elements, h)
-    counts = _counts(line.elements)
-    tolerance = build(scene).rope.model.tolerance
-    others = [Setting(*_pair(own), min(part * tolerance, 1e4)) for part in TOLERANCES]
-    ladder = [Setting(count, step_s) for count in counts for step_s in steps]
-    finest = _whole(h / REFINED)
-    most = REFERENCE_S / NS_PER_NODE_STEP / (span / finest)
-    finer = min(max(2 ** math.floor(math.log2(max(most / counts[-1], 1.0))), 2), FINER_MOST)
-    fine = Setting(counts[-1] * finer, finest, REFERENCE_TOLERANCE * tolerance)
-    return Plan(span, own, look_s, (*ladder, *others), fine)
-
-
-def window_s(scene: Scene) -> float:
-    """A minute, or one round of the winch schedule if that is longer (two minutes at most)."""
-    winch = scene.winch
-    scheduled = winch.schedule_repeats_every_s or 0.0 if winch and winch.schedule else 0.0
-    return min(max(WINDOW_S, scheduled), LONGEST_WINDOW_S)
-
-
 def measure_accuracy(scene: Scene, plan: Plan, report: Report, timed: bool = True) -> Study:
-    """Run the reference, its witness and every rung. Untimed, the real-time factors are zero.
+    """Run the reference, its witness and every rung; untimed the errors alone, and no witness.
 
     Raises:
         RopeTwinError: the reference cannot be run. A rung that cannot is one of the failures.
@@ -144,7 +82,9 @@ def measure_accuracy(scene: Scene, plan: Plan, report: Report, timed: bool = Tru
 
     reference = find_reference(course, plan.reference, tell)
     tell("witness")
-    witness = call_witness(scene, plan.reference.step_s, plan.seconds)
+    witness = (
+        "not called" if not timed else call_witness(scene, plan.reference.step_s, plan.seconds)
+    )
     rows, failures = [], []
     for setting in plan.settings:
         tell(str(setting))
@@ -220,24 +160,3 @@ def _row(course: Course, setting: Setting, reference: Reference, timed: bool) ->
         errors,
         at_most,
     )
-
-
-def _counts(own: int) -> list[int]:
-    """Elements of the ladder: the scene's own, halved and doubled."""
-    counts, down = [own], own
-    while round(down / 2) >= FEWEST:
-        down = round(down / 2)
-        counts.insert(0, down)
-    for doubling in range(1, UP + 1):
-        if doubling == 1 or own * 2**doubling <= MOST:
-            counts.append(own * 2**doubling)
-    return counts
-
-
-def _pair(setting: Setting) -> tuple[int, float]:
-    return setting.elements, setting.step_s
-
-
-def _whole(seconds: float) -> float:
-    """Without the last bits, which differ between ways to compute one time."""
-    return round(seconds, 12)

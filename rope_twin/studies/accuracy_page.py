@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rope_twin.scene.card import PEAK, RMS
+from rope_twin.scene.card import PEAK, RMS, told_bound
 from rope_twin.studies.accuracy import Row, Study
 from rope_twin.studies.accuracy_choice import cheapest_within
 from rope_twin.studies.accuracy_figures import QUANTITIES, STILL
@@ -82,15 +82,18 @@ def summary(study: Study) -> list[str]:
             f"{_bound(own, PEAK, study)} at its highest, at {own.real_time_factor:.0f} times real "
             "time."
         )
+    bought: dict[Row, list[str]] = {}
     for target in TARGETS_PCT:
         row = cheapest_within(study.rows, RMS, target)
         if row is not None:
-            lines.append(
-                f"Within {target:g} % rms the cheapest is {row.setting}: "
-                f"{row.real_time_factor:.0f} times real time."
-            )
+            bought.setdefault(row, []).append(f"{target:g} %")
         elif study.reference.doubts[RMS].uncertainty is not None:
             lines.append(f"No setting of the ladder is within {target:g} % rms.")
+    for row, targets in bought.items():
+        lines.append(
+            f"Within {' and '.join(targets)} rms the cheapest is {row.setting}: "
+            f"{row.real_time_factor:.0f} times real time."
+        )
     return lines
 
 
@@ -116,7 +119,7 @@ def row_table(study: Study) -> Table:
     for row in study.rows:
         setting = row.setting
         mark = " *" if setting == study.plan.own else ""
-        tolerance = f", tol. {setting.tolerance_n:.3g} N" if setting.tolerance_n else ""
+        tolerance = f", tol. {_short(setting.tolerance_n)} N" if setting.tolerance_n else ""
         table.append(
             [
                 f"{setting.elements}{mark}",
@@ -153,7 +156,7 @@ def shown(row: Row, name: str) -> str:
     if at_most == 0.0:
         return "0"
     if abs(error) <= at_most - abs(error):
-        return f"≤ {at_most:.1g}"
+        return f"≤ {told_bound(at_most)}"
     sign = "" if name in (RMS, "payload_depth") else "+"
     return f"{error:{sign}.2g}"
 
@@ -162,7 +165,7 @@ def _bound(row: Row, name: str, study: Study) -> str:
     at_most = row.at_most[name]
     if at_most is None:
         return f"does not converge ({_spread(name, study.reference.doubts[name])})"
-    return f"within {at_most:.2g} %"
+    return f"within {told_bound(at_most)} %"
 
 
 def _spread(name: str, doubt: Doubt) -> str:
@@ -176,6 +179,10 @@ def _spread(name: str, doubt: Doubt) -> str:
     if name == "slack_share":
         return f"{100.0 * low:.3g} to {100.0 * high:.3g} % of the time over the reference's grids"
     return f"{1e-3 * low:.4g} to {1e-3 * high:.4g} kN over the reference's grids"
+
+
+def _short(value: float) -> str:
+    return f"{float(f'{value:.3g}'):g}"
 
 
 def _order(order: float | None) -> str:

@@ -19,9 +19,8 @@ from rope_twin.studies.accuracy_run import Course, Series, Setting, Trial
 
 SAFETY, FORMAL_ORDER, LEAST_ORDER = 1.25, 2.0, 0.4
 NO_ORDER = 3.0  # safety where there is no order: the factor for two grids
-LITTLE = {"%": 0.2, "m": 0.01}  # differences that do not matter though they do not fall
+LITTLE = {"%": 1.0, "m": 0.05}  # three times differences that do not matter though they do not fall
 NOTHING = {"%": 1e-6, "m": 1e-8}  # round-off
-REFINED = 4  # reference step: this part of the scene's own
 
 
 @dataclass(frozen=True)

@@ -65,6 +65,20 @@ def test_every_topic_comes_at_its_rate_with_the_state_of_its_stamp(bench: Bench)
     assert pacing.steps == 200
 
 
+def test_a_setting_that_was_bought_runs(bench: Bench) -> None:
+    """Elements and step in place of the scene's; too few are refused in the scene's words."""
+    from rope_twin.commands.run.options import RunOptions
+    from rope_twin.ros.suite import node_parameters
+
+    bought = node_parameters(RunOptions(scene=SCENE, elements=20, step_s=0.02))["simulation"]
+    node = simulation(bench, **{name: bought[name] for name in ("elements", "step_s")})
+    node.trigger_configure()
+    assert node.paced.twin.step_s == 0.02
+    assert node.paced.scene.ropes[0].elements == 20
+    with pytest.raises(InputError, match=r"ropes\[0\].elements: 2 "):
+        simulation(bench, elements=2).begin()
+
+
 def test_a_listener_that_comes_late_still_learns_the_epoch(bench: Bench, running: Any) -> None:
     tension = bench.listen("tension_top")
     bench.until(lambda: tension, "the twin runs")

@@ -85,6 +85,17 @@ def test_only_what_a_scene_lists_ages_its_card() -> None:
     assert card.solver_digest(load_scene("riser_300m")) != card.solver_digest(still)
 
 
+@pytest.mark.parametrize(
+    ("bound", "told"),
+    [
+        (0.0, "0"), (0.01, "0.01"), (0.0101, "0.011"), (9.99, "10"), (0.123, "0.13"), (5.0, "5"),
+        (math.nan, "unknown"), (2.5e-7, "2.5e-07"),
+    ],
+)  # fmt: skip
+def test_a_bound_is_rounded_up(bound: float, told: str) -> None:
+    assert card.told_bound(bound) == told
+
+
 def test_what_does_not_converge_is_unknown(tmp_path: Path) -> None:
     scene = carded_scene(tmp_path)
     content = sample_card(scene)

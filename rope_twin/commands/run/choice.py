@@ -11,7 +11,7 @@ from statistics import median
 
 from rope_twin.commands.run.options import RunOptions
 from rope_twin.errors import InputError, did_you_mean, phrase
-from rope_twin.scene.card import Card, Rung, read_card
+from rope_twin.scene.card import Card, Rung, read_card, told_bound
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy_choice import (
@@ -191,4 +191,4 @@ def _setting(rung: Rung) -> str:
 
 
 def _told(bound: float, quantity: Quantity) -> str:
-    return f"{bound:.2g} {quantity.unit}"
+    return f"{told_bound(bound)} {quantity.unit}"

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Protocol, TextIO
 
 from rope_twin.effects import EFFECTS
+from rope_twin.scene.card import told_bound
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
@@ -105,12 +106,11 @@ class RunSummary:
         by = self.tension_top_error_by
         if isinstance(self.tension_top_error_pct, str):
             return f"error of the tension {by}"
-        peak = self.tension_top_peak_error_pct
-        highest = f"{peak:.2g} %" if isinstance(peak, float) else peak
-        return (
-            f"error of the tension {self.tension_top_error_pct:.2g} % rms, {highest} of its "
-            f"highest, {by}"
+        rms, peak = (
+            one if isinstance(one, str) else f"{told_bound(one)} %"
+            for one in (self.tension_top_error_pct, self.tension_top_peak_error_pct)
         )
+        return f"error of the tension {rms} rms, {peak} of its highest, {by}"
 
     def as_progress(self) -> str:
         """One line for people, while it runs."""
@@ -123,7 +123,7 @@ class RunSummary:
 
 
 def _at_most(error_pct: float | str) -> str:
-    return error_pct if isinstance(error_pct, str) else f"≤ {error_pct:.2g} %"
+    return error_pct if isinstance(error_pct, str) else f"≤ {told_bound(error_pct)} %"
 
 
 def _or_unknown(error_pct: float) -> float | str:
