@@ -7,6 +7,7 @@ n-th, n chosen so that the topic is never slower than the table says (if slots a
 from __future__ import annotations
 
 from rope_twin.topics import TOPICS
+from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.snapshot import Snapshot
 
 _FROM_SNAPSHOT = tuple(
@@ -20,6 +21,12 @@ DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 def every(rate_hz: float, slot_ns: int) -> int:
     """A topic of this rate is due at every n-th slot."""
     return max(1, int(1e9 / (rate_hz * slot_ns) + 1e-9))
+
+
+def slot_of(snapshot: Snapshot) -> tuple[int, int]:
+    """Number and length [ns] of the slot that the snapshot ends; its step tells the length."""
+    slot_ns = steps_in_slot(snapshot.step_s) * round(snapshot.step_s * 1e9)
+    return snapshot.stamp_ns // slot_ns, slot_ns
 
 
 def due_topics(slot: int, slot_ns: int, snapshot: Snapshot | None = None) -> list[str]:

@@ -6,7 +6,7 @@ import logging
 import threading
 from collections.abc import Callable
 
-from rope_twin.cadence import SNAPSHOT_TOPICS, due_topics
+from rope_twin.cadence import SNAPSHOT_TOPICS, due_topics, slot_of
 from rope_twin.messages import Encoder
 from rope_twin.twin.pacing import Handover
 from rope_twin.twin.snapshot import Snapshot
@@ -21,13 +21,9 @@ class Announcer:
         self,
         handover: Handover,
         publish: Callable[[str, bytes], None],
-        steps_per_slot: int,
-        slot_ns: int,
     ) -> None:
         self._handover = handover
         self._publish = publish
-        self._steps_per_slot = steps_per_slot
-        self._slot_ns = slot_ns
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self.error = ""  # newest message that could not be published; empty while all is well
@@ -63,7 +59,7 @@ class Announcer:
                 return
 
     def _announce(self, encoder: Encoder, snapshot: Snapshot) -> None:
-        for name in due_topics(snapshot.step // self._steps_per_slot, self._slot_ns, snapshot):
+        for name in due_topics(*slot_of(snapshot), snapshot):
             try:
                 self._publish(name, encoder.encode(name, snapshot))
             except Exception as error:

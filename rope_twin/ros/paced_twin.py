@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -24,6 +24,7 @@ from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.keeper import Keeper, SavingHealth
 from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.ladder import TwinLadder
 from rope_twin.twin.pacing import Handover, Pacer, PacingHealth, handover_depth, steps_in_slot
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
@@ -64,6 +65,7 @@ class PacedTwin:
         if params.save_to:
             every_s = params.save_every_s * params.speed
             self._keeper = Keeper(self.twin, Path(params.save_to).resolve(), every_s)
+        self.ladder = _ladder(self.twin, params)
         self._first = self.twin.snapshot()
         steps = steps_in_slot(self.twin.step_s)
         self._handover = Handover(handover_depth(steps * self.twin.step_s, params.speed))
@@ -74,7 +76,9 @@ class PacedTwin:
             params.speed,
             last_step=_steps_to_do(self.twin, params.stop_after_s),
         )
-        self._announcer = Announcer(self._handover, publish, steps, self.pacer.slot_ns)
+        if self.ladder is not None:
+            self.pacer.watch(self.ladder.judge)
+        self._announcer = Announcer(self._handover, publish)
         self._malformed = {"ship/heave": Refusals(), "winch/speed_command": Refusals(),
                            "current": Refusals()}  # fmt: skip
         self._ignored = 0  # inputs that came while there was no epoch to place them
@@ -118,7 +122,14 @@ class PacedTwin:
         """The figures of the run so far."""
         kept = self._keeper.health() if self._keeper is not None else None
         state = str(kept.path) if kept is not None and kept.saved_s is not None else None
-        return replace(summarise(self.twin, self.last, self.pacer.health()), state=state)
+        changes = self.ladder.changes if self.ladder is not None else 0
+        summary = summarise(self.twin, self.last, self.pacer.health())
+        return replace(summary, state=state, rung_changes=changes)
+
+    def sayings(self) -> Iterator[str]:
+        """What the ladder has done since it was asked last, a sentence each."""
+        while self.ladder is not None and self.ladder.said:
+            yield self.ladder.said.popleft()
 
     def offer_heave(self, data: bytes) -> None:
         """A ship/heave message; what is wrong with it is counted and told, never raised."""
@@ -162,6 +173,8 @@ class PacedTwin:
         """Diagnostics of solver, pacing, inputs, messages and clocks."""
         health = self.pacer.health()
         rows = [_run_row(self.summary()), *statuses(self.last, health)]
+        if self.ladder is not None:
+            rows.append(_rung_row(self.ladder, self.last))
         rows.append(self._messages_row())
         rows.append(self._publishing_row(health))
         if self._keeper is not None:
@@ -223,11 +236,23 @@ def _begin(scene: Scene, params: SimulationParams) -> tuple[Twin, str]:
     return twin, f"going on from {path} at {twin.time_ns * 1e-9:.2f} s"
 
 
+def _ladder(twin: Twin, params: SimulationParams) -> TwinLadder | None:
+    """The twin's ladder, on a rung on which this machine keeps up; None: there is none."""
+    if not params.ladder:
+        return None
+    ladder = TwinLadder(twin)
+    if ladder.place[1] == 1:
+        return None
+    slot_s = steps_in_slot(twin.step_s) * twin.step_s
+    ladder.start_at(ladder.measure(slot_s, params.speed))
+    return ladder
+
+
 def _steps_to_do(twin: Twin, stop_after_s: float) -> int:
     """How many steps are left until the twin time at which to stop; 0: no end."""
     if stop_after_s == 0.0:
         return 0
-    left = round(stop_after_s / twin.step_s) - twin.steps
+    left = round((stop_after_s - twin.time_ns * 1e-9) / twin.step_s)
     if left <= 0:
         where = f"node simulation, parameter stop_after_s {stop_after_s:g}"
         what = f"the saved state is at {twin.time_ns * 1e-9:g} s already"
@@ -244,6 +269,22 @@ def _saving_row(saving: SavingHealth) -> Status:
     if saving.saved_s is None:
         return Status(name, Level.OK, "no state of this run saved yet", values)
     return Status(name, Level.OK, f"saved at {saved} s", values)
+
+
+def _rung_row(ladder: TwinLadder, last: Snapshot) -> Status:
+    number, count = ladder.place
+    values = {
+        "rung": f"{number} of {count}",
+        "elements": str(len(last.element_tension_n)),
+        "step [s]": f"{ladder.rung.step_s:g}",
+        "changes": str(ladder.changes),
+        "load": f"{ladder.load:.2f}",
+    }
+    name = "simulation: rung"
+    if number == 1:
+        return Status(name, Level.OK, f"on the scene's own rung: {ladder.words()}", values)
+    message = f"on rung {number} of {count}, {ladder.words()}: {ladder.reason}"
+    return Status(name, Level.WARN, message, values)
 
 
 def _run_row(summary: RunSummary) -> Status:

@@ -61,6 +61,9 @@ class SimulationParams:
     step_s: float = quantity("step in place of the scene's; 0: the scene's", "s", 0.0, 0.2,
                              default=0.0)  # fmt: skip
     energy: bool = text("keep the energy balance and tell it in the diagnostics; slower", False)
+    ladder: bool = text(
+        "take larger steps, then fewer elements, while the machine cannot keep up", True
+    )
     error_band: bool = text(
         "keep a band around the top tension in which the converged one lies; slower",
         False,

@@ -155,6 +155,8 @@ class SimulationNode(LifecycleNode):
         """Start when the inputs are there; notice the end."""
         if self.paced is None:
             return
+        for sentence in self.paced.sayings():
+            self.get_logger().warning(sentence)
         if self._state == "waiting for inputs":
             missing = [name for name in self._params.wait_for.split() if not self._is_there(name)]
             if not missing or self._waited_s >= self._params.wait_for_s:

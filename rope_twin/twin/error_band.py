@@ -35,6 +35,7 @@ from rope_twin.core.step import advance
 from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.regrid import HangOff, coarser
+from rope_twin.twin.rung import Rung
 from rope_twin.twin.saved_state import SavedState
 from rope_twin.twin.snapshot import Snapshot, TensionBand
 from rope_twin.twin.twin import STEPS_PER_CALL, Twin
@@ -188,6 +189,11 @@ class BandedTwin(Twin):
         cost = 100.0 * self._band_s / rest if rest > 0.0 else 0.0
         low = max(taken.tension_top_n - bound, 0.0)
         return replace(taken, band=TensionBand(low, taken.tension_top_n + bound, bound, cost))
+
+    def take_rung(self, rung: Rung) -> None:
+        """As for a twin; the companion is made anew, from the rope on its new rung."""
+        super().take_rung(rung)
+        self._open_band(resting=False)
 
     def _open_band(self, resting: bool, border: int = 0) -> None:
         """A new companion of the present, whose prescribed motion is in row `border`."""

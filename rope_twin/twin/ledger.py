@@ -23,6 +23,7 @@ from rope_twin.core.terms import hooks_of
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene
+from rope_twin.twin.rung import Rung
 from rope_twin.twin.saved_state import SavedState
 from rope_twin.twin.snapshot import EnergyBalance, Snapshot
 from rope_twin.twin.twin import Twin
@@ -102,6 +103,11 @@ class AccountedTwin(Twin):
     def snapshot(self) -> Snapshot:
         """A frozen copy of the present with the energy balance."""
         return replace(super().snapshot(), energy=self._ledger.balance())
+
+    def take_rung(self, rung: Rung) -> None:
+        """As for a twin; the count begins anew, for other elements hold other energy."""
+        super().take_rung(rung)
+        self._ledger = self._opened()
 
     def _changing(self) -> dict[str, Any]:
         changing = super()._changing()

@@ -198,6 +198,7 @@ class Member:
             Observation(
                 stamp_ns=time_ns,
                 step=self.steps,
+                step_s=self.scene.time.step_s,
                 hang_off_m=self._value[:3].copy(),
                 hang_off_m_per_s=self._rate[:3].copy(),
                 heave_m=float(self._value[rows.Z] - ship.hang_off_m[2]),

@@ -63,6 +63,7 @@ class Observation:
 
     stamp_ns: int
     step: int
+    step_s: float
     hang_off_m: Vector
     hang_off_m_per_s: Vector
     heave_m: float
@@ -91,6 +92,7 @@ def observe(state: State, work: Floats, seen: Observation) -> Snapshot:
     return Snapshot(
         stamp_ns=seen.stamp_ns,
         step=seen.step,
+        step_s=seen.step_s,
         node_position_m=_downward(state, rows.POSITION, n),
         node_velocity_m_per_s=_downward(state, rows.VELOCITY, n),
         node_tension_n=node_tension,

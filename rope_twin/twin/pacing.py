@@ -19,8 +19,9 @@ import sys
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from rope_twin.errors import SolverError
 from rope_twin.twin.snapshot import Snapshot
@@ -89,6 +90,15 @@ class PacingHealth:
     error: str = ""  # the sentence with which the solver stopped; empty while all is well
 
 
+class SlotTimes(NamedTuple):
+    """What a slot took, on the steady clock."""
+
+    end_ns: int
+    period_ns: float  # what it had
+    computed_ns: int
+    late: bool
+
+
 class Handover:
     """Snapshots from the worker to the publisher: the newest win, the worker never waits."""
 
@@ -132,16 +142,19 @@ class Pacer:
         clock: Clock | None = None,
         last_step: int = 0,
     ) -> None:
-        """`last_step`: stop for good after the slot that reaches it; 0: never."""
+        """`last_step`: stop for good after the slot that reaches it, at this step; 0: never."""
         self._twin = twin
         self._handover = handover
         self._steps = steps_per_slot
         self._slot_ns = steps_per_slot * twin.step_ns
-        self._last_step = last_step
+        self._last_ns = last_step * twin.step_ns
+        self._simulated_ns = 0
+        self._watch: Callable[[SlotTimes], bool] | None = None
         self._clock = clock or SteadyClock()
         self._halt = threading.Event()
         self._thread: threading.Thread | None = None
         self._due_ns = 0
+        self._took_ns = 0
         self._health = PacingHealth(speed=speed)
         self.last: Snapshot | None = None
 
@@ -154,6 +167,10 @@ class Pacer:
     def period_ns(self) -> float:
         """Steady time of a slot [ns]."""
         return self._slot_ns / self._health.speed
+
+    def watch(self, watch: Callable[[SlotTimes], bool]) -> None:
+        """Let `watch` see each slot; True: it has changed the step, and slots are cut anew."""
+        self._watch = watch
 
     def start(self, origin_ns: int) -> None:
         """Begin (or go on after `stop`) with a grid whose first slot begins at `origin_ns`.
@@ -199,10 +216,13 @@ class Pacer:
             if not self._advance():
                 break
             slot += 1
-            self._judge(origin_ns + round(slot * self.period_ns))
-            self._due_ns = origin_ns + round((slot + 1) * self.period_ns)
+            due_ns = origin_ns + round(slot * self.period_ns)
             earliest_ns = began_ns + round(self.period_ns / CATCH_UP)
-            if 0 < self._last_step <= self._health.steps:
+            late = self._judge(due_ns)
+            if self._has_changed(late):
+                origin_ns, slot = due_ns, 0
+            self._due_ns = origin_ns + round((slot + 1) * self.period_ns)
+            if 0 < self._last_ns <= self._simulated_ns:
                 self._health = replace(self._health, finished=True)
                 break
         self._health = replace(self._health, running=False)
@@ -214,6 +234,7 @@ class Pacer:
             self._twin.advance(self._steps)
             computed_ns = self._clock.now_ns() - began_ns
             self.last = self._twin.snapshot()
+            self._took_ns = self._clock.now_ns() - began_ns
         except SolverError as error:
             self._health = replace(self._health, error=str(error))
             return False
@@ -225,16 +246,35 @@ class Pacer:
             )
             return False
         steps = self._health.steps + self._steps
+        self._simulated_ns += self._slot_ns
         computing_s = self._health.computing_s + computed_ns * 1e-9
-        factor = steps * self._twin.step_ns * 1e-9 / computing_s if computing_s > 0.0 else 0.0
+        factor = self._simulated_ns * 1e-9 / computing_s if computing_s > 0.0 else 0.0
         self._health = replace(
             self._health, steps=steps, computing_s=computing_s, real_time_factor=factor
         )
         self._handover.put(self.last)
         return True
 
-    def _judge(self, due_ns: int) -> None:
-        """Count the slot's steps as late if it ended after it was due."""
+    def _has_changed(self, late: bool) -> bool:
+        """Tell who watches about the slot; whether the next ones are of another length."""
+        if self._watch is None:
+            return False
+        now_ns = self._clock.now_ns()
+        try:
+            changed = self._watch(SlotTimes(now_ns, self.period_ns, self._took_ns, late))
+        except Exception:
+            # The twin is as it was before: it goes on, and nobody moves it any more.
+            _log.exception("the ladder failed; the twin stays on its rung")
+            self._watch = None
+            return False
+        if not changed:
+            return False
+        self._steps = steps_in_slot(self._twin.step_ns * 1e-9)
+        self._slot_ns = self._steps * self._twin.step_ns
+        return True
+
+    def _judge(self, due_ns: int) -> bool:
+        """Count the slot's steps as late if it ended after it was due; whether it did."""
         late_s = (self._clock.now_ns() - due_ns) * 1e-9
         if late_s > 0.0:
             self._health = replace(
@@ -242,6 +282,7 @@ class Pacer:
                 late_steps=self._health.late_steps + self._steps,
                 worst_lateness_s=max(self._health.worst_lateness_s, late_s),
             )
+        return late_s > 0.0
 
 
 def handover_depth(slot_s: float, speed: float) -> int:

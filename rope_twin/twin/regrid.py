@@ -27,7 +27,7 @@ from rope_twin.twin.elements import Elements, elements_of, offsets_for, tensions
 
 SPARE = 12  # nodes of a coarser rope beyond half the room: events, trial nodes, an odd one
 LEAST_PART = 0.25  # of the even share: a mark that is nearer to a node than this is not used again
-LONG = 1.5  # times the length that the sheave makes: such an element without a mark is divided
+LONG = 1.5  # times the length that the sheave makes: a longer part is divided evenly
 SAG_LIMIT = 0.05  # of a part's length; as in payout, a node farther off stays on the chord
 _X, _V, _A = (slice(k, k + 3) for k in (rows.POSITION, rows.VELOCITY, rows.ACCELERATION))
 
@@ -49,10 +49,14 @@ class Grid:
     marks_m: Floats  # material coordinates of the nodes below the hang-off
 
 
-def grid_of(rope: Rope) -> Grid:
-    """The grid that a rope is on."""
-    n = int(rope.state.counts[rows.ELEMENTS])
-    return Grid(rope.model, rope.state.s.shape[0], rope.state.s[:n].copy())
+def marks_of(rope: Rope) -> Floats:
+    """Material coordinates of the nodes below the hang-off [m]."""
+    return rope.state.s[: int(rope.state.counts[rows.ELEMENTS])].copy()
+
+
+def coarse_room(room: int, sections: Floats) -> int:
+    """How many nodes the arrays of a coarser rope hold."""
+    return room // 2 + int(sections.shape[1]) + SPARE
 
 
 def coarser(rope: Rope, at: HangOff) -> Rope:
@@ -64,7 +68,7 @@ def coarser(rope: Rope, at: HangOff) -> Rope:
         split_above=2.0 * rope.model.split_above,
         merge_below=2.0 * rope.model.merge_below,
     )
-    room = rope.state.s.shape[0] // 2 + rope.sections.shape[1] + SPARE
+    room = coarse_room(rope.state.s.shape[0], rope.sections)
     state = _empty(rope, room, rope.state.s[keep])
     state.nodes[:, : len(keep)] = rope.state.nodes[:, keep]
     weights = _lever_weights(keep, old.rest)
@@ -96,7 +100,8 @@ def finer(rope: Rope, grid: Grid, at: HangOff) -> Rope:
     low = before - before[first][parent]  # where a part begins in its old element, 0 to 1
     s = rope.state.s
     coordinates = np.append(s[:n][parent] + low * old.rest[parent], s[n])
-    state = _empty(rope, grid.room, coordinates)
+    room = max(grid.room, len(coordinates) + SPARE)
+    state = _empty(rope, room, coordinates)
     ends = _material_ends(rope, old, at)
     for at_low, at_high, part in zip(*ends, (_X, _V, _A), strict=True):
         state.nodes[part, :-1][:, : len(parent)] = (1.0 - low) * at_low[:, parent] + low * at_high[
@@ -202,11 +207,11 @@ def _parts(rope: Rope, old: Elements, grid: Grid) -> tuple[Ints, Floats]:
             least = LEAST_PART / (len(inside) + 1)
             if cut > cuts[-1] + least and cut < 1.0 - least:
                 cuts.append(cut)
-        if len(cuts) == 1 and rest > LONG * length:
-            count = round(rest / length)
-            cuts = [k / count for k in range(count)]
-        parents += [e] * len(cuts)
-        shares += [high - low for low, high in pairwise([*cuts, 1.0])]
+        for low, high in pairwise([*cuts, 1.0]):
+            part = (high - low) * rest
+            count = round(part / length) if part > LONG * length else 1
+            parents += [e] * count
+            shares += [(high - low) / count] * count
     return np.array(parents), np.array(shares)
 
 

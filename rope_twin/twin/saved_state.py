@@ -24,6 +24,7 @@ from rope_twin import __version__
 from rope_twin.errors import StateError, phrase
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.memory import Arrays, recall, remember
+from rope_twin.twin.rung import Rung
 from rope_twin.twin.state_file import read_state, write_state
 
 # Fields of a scene that a state does not depend on: words, and inputs that come from outside.
@@ -51,6 +52,7 @@ class About:
     payout_speed_m_per_s: float
     tension_top_n: float
     payload_position_m: tuple[float, float, float]
+    halvings: int = 0  # how often the scene's elements were halved
     failure: str = ""  # why the solver could not go on from here
 
 
@@ -67,7 +69,12 @@ class SavedState:
     @property
     def time_ns(self) -> int:
         """Twin time [ns]."""
-        return round(self.about.step * self.about.step_s * 1e9)
+        return round(self.about.time_s * 1e9)
+
+    @property
+    def rung(self) -> Rung:
+        """Elements and step that the twin went with."""
+        return Rung(round(self.about.step_s * 1e9), self.about.halvings)
 
     def write(self, path: Path) -> None:
         """Write it to a file, whole or not at all.

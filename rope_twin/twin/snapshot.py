@@ -153,6 +153,7 @@ class Snapshot:
     line_out_m: float  # unstretched rope below the hang-off
     payout_speed_m_per_s: float  # + paying out
     motion_ramp: float  # start-up fade-in of the ship's motion, 0 to 1
+    step_s: float = 0.0  # length of the newest step
     winch_at_limit: str = ""  # one sentence if a limit of the winch holds it back
     doubtful: bool = False  # a step since the previous snapshot did not converge
     solver: SolverHealth = field(default_factory=SolverHealth)

@@ -20,10 +20,14 @@ from rope_twin.core import state as rows
 from rope_twin.errors import SolverError, StateError, phrase
 from rope_twin.scene.card import known_error
 from rope_twin.scene.rigging import WINCH
+from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.twin import saved_state
 from rope_twin.twin.observe import Extremes, Observation, RunStatistics, observe
+from rope_twin.twin.regrid import HangOff
 from rope_twin.twin.ropes import ropes_of
+from rope_twin.twin.rung import Rung
+from rope_twin.twin.rungs import Base, carry_over, error_at, top_rung
 from rope_twin.twin.saved_state import About, SavedState
 from rope_twin.twin.ship import HeaveTrack, ramp
 from rope_twin.twin.snapshot import InputHealth, Snapshot
@@ -34,7 +38,7 @@ STEPS_PER_CALL = 256
 # What the scene or the caller gives; everything else changes and belongs to a saved state.
 _GIVEN = (
     "scene", "step_s", "step_ns", "failure_folder", "_card_error", "_rest", "_lock", "_pulls",
-    "_rope", "_ropes",
+    "_rope", "_ropes", "_base",
 )  # fmt: skip
 
 
@@ -53,6 +57,9 @@ class Twin:
         self._card_error = known_error(scene)
         self._ropes = ropes_of(scene, STEPS_PER_CALL)
         self._rope = self._ropes.first
+        self._base = Base(self._rope.model, self._rope.state.s.shape[0])
+        self._rung = top_rung(scene)
+        self._marks: list[rows.Floats] = []  # of the grids that were left for coarser ones
         self._lock = threading.Lock()
         self._heave = HeaveTrack()
         self._winch = Winch(scene.winch, scene.ropes[0].length_m)
@@ -63,7 +70,7 @@ class Twin:
         self._pulls = np.zeros((STEPS_PER_CALL, rows.PULL_COLUMNS))
         self._boundary.value[:] = [*self._rest, self._winch.line.length_m]
         self._prescribed = 0  # steps ahead whose borders are filled in
-        self._steps = self._unconverged = 0
+        self._steps = self._unconverged = self._time_ns = 0
         self._computing_s = 0.0
         self._run, self._recent = Extremes(), Extremes()
         self._pull = self._ropes.find_start()
@@ -77,7 +84,28 @@ class Twin:
     @property
     def time_ns(self) -> int:
         """Time since the start [ns]."""
-        return self._steps * self.step_ns
+        return self._time_ns
+
+    @property
+    def rung(self) -> Rung:
+        """Elements and step that it goes with at present."""
+        return self._rung
+
+    def take_rung(self, rung: Rung) -> None:
+        """Go on from here with other elements or another step; for the thread that advances.
+
+        Time, line out, payload and the pull on the hang-off stay as they are.
+
+        Raises:
+            SceneError: the scene joins ropes, which cannot be carried over.
+        """
+        refuse_joined(self.scene)
+        V = float(self._boundary.rate[0, rows.LINE])
+        at = HangOff(self._pull[rows.PULL_X : rows.PULL_Z + 1].copy(), V)
+        self._prescribed = 0  # borders ahead of a step that failed were for its length
+        self._rope, self._marks = carry_over(self._rope, self._marks, rung, self._base, at)
+        self._rung, self.step_ns, self.step_s = rung, rung.step_ns, self._rope.model.step
+        self._card_error = error_at(self.scene, rung)
 
     def offer_heave(self, stamp_ns: int, position_m: float, velocity_m_per_s: float) -> str:
         """A heave sample of the hang-off, + up; "" or why it was refused."""
@@ -157,6 +185,8 @@ class Twin:
         state = saved if isinstance(saved, SavedState) else saved_state.load_state(saved)
         saved_state.judge_scene(state, scene)
         twin = cls(scene)
+        if (rung := state.rung) != twin.rung:
+            twin.take_rung(rung)
         values = state.restore_into(twin._changing())
         twin._rope = twin._rope._replace(
             **{name: values.pop(f"rope/{name}") for name in saved_state.changing_parts(twin._rope)},
@@ -183,6 +213,7 @@ class Twin:
             time_s=self.time_ns * 1e-9,
             step=self._steps,
             step_s=self.step_s,
+            halvings=self._rung.halvings,
             elements=int(state.counts[rows.ELEMENTS]),
             line_out_m=float(value[0, rows.LINE]),
             payout_speed_m_per_s=float(rate[0, rows.LINE]),
@@ -213,6 +244,7 @@ class Twin:
         pulls = self._pulls[:steps]
         done = self._ropes.advance(rope, self._boundary, self.time_ns * 1e-9, pulls)
         self._steps += done
+        self._time_ns += done * self.step_ns
         self._forget_borders(done)
         if done:
             self._pull = self._pulls[done - 1].copy()
@@ -244,7 +276,7 @@ class Twin:
         duration, rest_z = self.scene.ship.motion_ramp_s, float(self._rest[2])
         value, rate = self._boundary
         for row in range(self._prescribed + 1, steps + 1):
-            border_ns = (self._steps + row) * self.step_ns
+            border_ns = self._time_ns + row * self.step_ns
             length, speed = self._winch.step(border_ns - self.step_ns, self.step_s)
             z, v = self._heave.at(border_ns)
             share, share_rate = ramp(border_ns * 1e-9, duration)
@@ -255,7 +287,7 @@ class Twin:
 
     def statistics(self) -> RunStatistics:
         """The run so far."""
-        simulated = self._steps * self.step_s
+        simulated = self._time_ns * 1e-9
         factor = simulated / self._computing_s if self._computing_s > 0.0 else 0.0
         run = self._run if self._steps else self._recent
         return RunStatistics(self._steps, self._computing_s, factor, run.high, run.mean, run.low)
@@ -273,6 +305,7 @@ class Twin:
             Observation(
                 stamp_ns=self.time_ns,
                 step=self._steps,
+                step_s=self.step_s,
                 hang_off_m=self._boundary.value[0, :3].copy(),
                 hang_off_m_per_s=self._boundary.rate[0, :3].copy(),
                 heave_m=float(self._boundary.value[0, rows.Z] - self._rest[2]),

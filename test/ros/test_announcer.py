@@ -33,7 +33,7 @@ def test_what_was_computed_before_the_stop_is_published_in_order(
 ) -> None:
     heard: dict[str, list[bytes]] = defaultdict(list)
     handover = Handover(100)
-    announcer = Announcer(handover, lambda name, data: heard[name].append(data), 2, SLOT_NS)
+    announcer = Announcer(handover, lambda name, data: heard[name].append(data))
     for snapshot in snapshots:
         handover.put(snapshot)
     announcer.start(EPOCH_NS, snapshots[0])
@@ -55,7 +55,7 @@ def test_a_topic_that_fails_is_told_and_harms_no_other(snapshots: list[Snapshot]
         heard[name] += 1
 
     handover = Handover(100)
-    announcer = Announcer(handover, publish, 2, SLOT_NS)
+    announcer = Announcer(handover, publish)
     announcer.start(EPOCH_NS, snapshots[0])
     for snapshot in snapshots:
         handover.put(snapshot)

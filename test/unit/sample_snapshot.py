@@ -42,6 +42,7 @@ def hanging_rope(
         line_out_m=length_m,
         payout_speed_m_per_s=0.5,
         motion_ramp=1.0,
+        step_s=0.01,
         solver=SolverHealth(steps=250, solves=500),
         card_error=KnownError(0.5, 0.1, "at most, in a run on paper"),
         inputs={"heave": InputHealth(accepted=50, age_s=0.02)},

@@ -46,6 +46,7 @@ class RunSummary:
     commands_refused: int
     speed: float = 1.0  # 0: as fast as possible
     chosen: str = ""  # why these elements and this step, if --within or --budget asked
+    rung_changes: int = 0  # how often the ladder was stepped down or up
     error: str = ""  # the sentence with which the run ended early
     bag: str | None = None
     view: str | None = None
@@ -85,6 +86,8 @@ class RunSummary:
             f"{self.late_steps} steps late"
             + (f" (worst {self.worst_lateness_s * 1e3:.1f} ms)" if self.late_steps else ""),
         ]
+        if self.rung_changes:
+            lines.append(f"{self.rung_changes} steps down or up the ladder of accuracy")
         if self.energy is not None:
             numerical, part = self.energy["residual_j"], self.energy["residual_pct"]
             lines.append(

@@ -16,7 +16,7 @@ from dataclasses import replace
 from statistics import median
 from types import FrameType
 
-from rope_twin.cadence import DIAGNOSTICS_PERIOD_NS, due_topics
+from rope_twin.cadence import DIAGNOSTICS_PERIOD_NS, due_topics, slot_of
 from rope_twin.commands.run.inputs import FIRST_NS, LEAD_NS, open_sea
 from rope_twin.commands.run.options import RunOptions
 from rope_twin.commands.run.summary import RunSummary, summarise
@@ -84,11 +84,10 @@ class UnpacedRun:
         self._offer(self.twin.time_ns + self._slot_ns + LEAD_NS)
         self.twin.advance(self._steps)
         self.last = snapshot = self.twin.snapshot()
-        slot = snapshot.step // self._steps
         while self._inputs and self._inputs[0][0] < snapshot.stamp_ns:
             self._record([self._inputs.popleft()])
         if self._bag is not None:
-            for name in due_topics(slot, self._slot_ns, snapshot):
+            for name in due_topics(*slot_of(snapshot), snapshot):
                 data = self._encoder.encode(name, snapshot)
                 self._record([(snapshot.stamp_ns, name, data)])
         if snapshot.stamp_ns - self._told_ns >= DIAGNOSTICS_PERIOD_NS:
@@ -188,10 +187,11 @@ def run_unpaced(
     """
     run = UnpacedRun(options, epoch_ns)
     error = ""
-    last_step = round((options.for_s or 0.0) / run.twin.step_s)
+    step_ns = run.twin.step_ns
+    last_ns = round((options.for_s or 0.0) * 1e9 / step_ns) * step_ns
     try:
         with _interrupt_told() as interrupted:
-            while run.twin.steps < last_step and not interrupted.is_set():
+            while run.twin.time_ns < last_ns and not interrupted.is_set():
                 run.advance_slot()
                 report(run)
         run.save()

@@ -1,0 +1,278 @@
+"""The ladder: when a twin steps down and up, what changes with it, and a machine really loaded."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from rope_twin import Twin, load_scene
+from rope_twin.scene.schema import Scene
+from rope_twin.studies.rigs import Rig, march, sine
+from rope_twin.studies.variants import variant
+from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.ladder import FIT, LEAST_SLOTS, WAIT_S, Ladder, TwinLadder
+from rope_twin.twin.pacing import Handover, Pacer, SlotTimes, steps_in_slot
+from rope_twin.twin.rung import Rung
+from rope_twin.twin.rungs import ladder_of
+
+MS = 1_000_000
+RIG = Rig(length=500.0, elements=80, damping=2e5, ramp=2.0, drag=(1.2, 0.01), density=1025.0,
+          current=((0.0, (0.4, 0.1)),))  # fmt: skip
+HEAVE = sine(1.0, 7.0)
+
+
+class Machine:
+    """A ladder on a machine that needs so much of each slot of 20 ms on the best rung."""
+
+    def __init__(self, rungs: tuple[Rung, ...]) -> None:
+        self.rungs, self.now_ns = rungs, 0
+        self.ladder = Ladder(self, rungs, rungs[0])
+        self.taken: list[Rung] = []
+
+    def take_rung(self, rung: Rung) -> None:
+        self.taken.append(rung)
+
+    def slot(self, load: float, late: bool | None = None) -> bool:
+        """A slot; `load` is that of the best rung."""
+        rung = self.ladder.rung
+        load *= self.rungs[0].step_ns / (rung.step_ns * (1 << rung.halvings))
+        self.now_ns += 20 * MS
+        ended_late = load > 1.0 if late is None else late
+        return self.ladder.judge(SlotTimes(self.now_ns, 20 * MS, round(load * 20 * MS), ended_late))
+
+    def run(self, load: float, seconds: float) -> int:
+        """So long at this load; how many moves."""
+        return sum(self.slot(load) for _ in range(round(seconds / 0.02)))
+
+
+@pytest.fixture
+def machine() -> Machine:
+    return Machine(ladder_of(load_scene("deep_lift")))
+
+
+def test_larger_steps_come_first_and_then_fewer_elements() -> None:
+    rungs = [(r.step_ns // MS, r.halvings) for r in ladder_of(load_scene("deep_lift"))]
+    assert rungs == [(10, 0), (20, 0), (50, 0), (50, 1), (50, 2)]  # 100, 50 and 25 elements
+    fine = variant(load_scene("deep_lift"), 100, 0.001)
+    assert [r.step_ns // MS for r in ladder_of(fine)][:6] == [1, 2, 5, 10, 20, 50]
+
+
+@settings(max_examples=30)
+@given(st.lists(st.floats(0.0, 0.7), min_size=50, max_size=100), st.integers(0, 49))
+def test_a_machine_with_room_never_steps_down(loads: list[float], stalled: int) -> None:
+    """Not even when the system stalls once for a second, and slots after that end late."""
+    machine = Machine(ladder_of(load_scene("deep_lift")))
+    for number, load in enumerate(loads):
+        stall = 50.0 if number == stalled else 0.0
+        assert not machine.slot(load + stall, late=stalled <= number < stalled + 20)
+    assert machine.taken == []
+
+
+@settings(max_examples=30)
+@given(st.floats(0.9, 4.0))
+def test_too_much_work_goes_to_the_first_rung_that_fits(load: float) -> None:
+    machine = Machine(ladder_of(load_scene("deep_lift")))
+    slots = 0
+    while not machine.taken:
+        machine.slot(load)
+        slots += 1
+        assert slots <= LEAST_SLOTS
+    work = [10.0 / (r.step_ns / MS * (1 << r.halvings)) for r in machine.rungs]
+    (at,) = (machine.rungs.index(rung) for rung in machine.taken)
+    assert load * work[at] <= FIT + 1e-9 or at == len(work) - 1
+    assert at == 1 or load * work[at - 1] > FIT - 1e-9
+    assert machine.run(load, 12.0) == 0
+
+
+def test_three_slots_in_turn_that_cannot_be_in_time_are_enough(machine: Machine) -> None:
+    machine.run(0.1, 1.0)
+    moved = [machine.slot(3.0) for _ in range(3)]
+    assert moved == [False, False, True]
+
+
+def test_it_comes_back_one_rung_at_a_time_when_there_is_room(machine: Machine) -> None:
+    machine.run(3.0, 0.5)
+    low = machine.rungs.index(machine.taken[-1])
+    assert low > 1
+    machine.run(0.1, (low + 0.5) * WAIT_S)
+    climbed = [machine.rungs.index(rung) for rung in machine.taken[1:]]
+    assert climbed == list(range(low - 1, -1, -1))
+    assert machine.ladder.rung == machine.rungs[0]
+
+
+def test_a_rung_that_must_be_left_again_soon_is_waited_for_longer(machine: Machine) -> None:
+    """A machine that has room only as long as nothing is asked of it."""
+    waits = []
+    machine.run(3.0, 0.5)
+    for _ in range(3):
+        began = machine.now_ns
+        while not machine.slot(0.1):
+            pass
+        waits.append((machine.now_ns - began) * 1e-9)
+        assert machine.run(0.1, 0.5) == 0
+        while not machine.slot(30.0):
+            pass
+    assert waits[0] == pytest.approx(WAIT_S, abs=0.6)
+    assert waits[1] > 1.8 * waits[0]
+    assert waits[2] > 1.8 * waits[1]
+
+
+def test_before_the_start_it_takes_the_rung_that_fits_at_once(machine: Machine) -> None:
+    assert not machine.ladder.start_at(0.5)
+    assert machine.ladder.start_at(1.0)
+    assert machine.taken == [machine.rungs[1]] or machine.ladder.place[0] == 2
+
+
+@pytest.mark.parametrize("energy", [False, True])
+@pytest.mark.parametrize("error_band", [False, True])
+def test_time_line_and_payload_go_on_where_they_were(energy: bool, error_band: bool) -> None:
+    """With a winch that pays out, down two rungs and back; each kind of twin."""
+    twin = twin_kind(energy, error_band)(load_scene("deep_lift"))
+    twin.offer_speed(None, 0.5)
+    twin.advance(200)
+    for rung in (Rung(20 * MS), Rung(50 * MS, 1), Rung(20 * MS), Rung(10 * MS)):
+        before, same = twin.snapshot(), twin.branch()
+        twin.take_rung(rung)
+        after = twin.snapshot()
+        assert (after.stamp_ns, after.line_out_m) == (before.stamp_ns, before.line_out_m)
+        assert np.array_equal(after.payload_position_m, before.payload_position_m)
+        assert after.tension_top_n == before.tension_top_n
+        twin.advance(4)
+        later = twin.snapshot()
+        assert later.stamp_ns - after.stamp_ns == 4 * rung.step_ns
+        V = later.payout_speed_m_per_s
+        assert later.line_out_m - after.line_out_m == pytest.approx(4 * rung.step_s * V, rel=0.05)
+        assert len(later.element_tension_n) == pytest.approx(100 / (1 << rung.halvings), abs=2)
+        same.advance(4 * rung.step_ns // same.step_ns)
+        there = same.snapshot()
+        assert there.stamp_ns <= later.stamp_ns < there.stamp_ns + same.step_ns
+        if there.stamp_ns == later.stamp_ns:
+            assert later.tension_top_n == pytest.approx(there.tension_top_n, rel=5e-4)
+
+
+def test_a_run_that_was_down_for_a_while_is_right_again() -> None:
+    """Against one that never was: within 0.05 % of the tension soon after it is up again."""
+    same, moved = RIG.twin(), RIG.twin()
+    alone = [shot.tension_top_n for shot in march(same, HEAVE, 12.0, 10)]
+    seen = [shot.tension_top_n for shot in march(moved, HEAVE, 3.0, 10)]
+    moved.take_rung(Rung(20 * MS, 1))
+    seen += [offered.tension_top_n for offered in going_on(moved, 3.0, 5)]
+    moved.take_rung(Rung(10 * MS))
+    seen += [offered.tension_top_n for offered in going_on(moved, 6.0, 10)]
+    apart = np.abs(np.array(seen) - alone) / np.mean(alone)
+    assert apart[:30].max() == 0.0
+    assert apart[30:].max() < 2e-3
+    assert apart[-20:].max() < 5e-4
+
+
+def going_on(twin: Twin, seconds: float, every: int) -> list[object]:
+    """As march, for a twin whose step is not what it was."""
+    shots = []
+    end_ns = twin.time_ns + round(seconds * 1e9)
+    while twin.time_ns < end_ns:
+        for k in range(1, every + 1):
+            at_ns = twin.time_ns + k * twin.step_ns
+            twin.offer_heave(at_ns, *HEAVE(at_ns * 1e-9))
+        twin.advance(every)
+        shots.append(twin.snapshot())
+    return shots
+
+
+def test_a_state_that_was_saved_on_a_lower_rung_goes_on_to_the_bit(tmp_path: Path) -> None:
+    twin = RIG.twin()
+    list(march(twin, HEAVE, 1.0, 10))
+    twin.take_rung(Rung(20 * MS, 1))
+    going_on(twin, 1.0, 5)
+    twin.save(tmp_path / "low.state")
+    again = Twin.restore(tmp_path / "low.state", RIG.scene())
+    assert again.rung == twin.rung
+    assert again.time_ns == twin.time_ns
+    for one in (twin, again):
+        going_on(one, 1.0, 5)
+        one.take_rung(Rung(10 * MS))
+        going_on(one, 1.0, 10)
+    assert again.snapshot().tension_top_n == twin.snapshot().tension_top_n
+    assert again.rung == Rung(10 * MS)
+
+
+class Throttled(Twin):
+    """A twin whose step costs as much processor time as a far larger rope's, while told to."""
+
+    burn_s = 0.0  # of a step of the scene's elements
+
+    def advance(self, steps: int) -> None:
+        super().advance(steps)
+        end = time.perf_counter() + steps * self.burn_s / (1 << self.rung.halvings)
+        while time.perf_counter() < end:
+            pass
+
+
+def until(holds: Callable[[], bool], seconds: float = 60.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_under_a_load_that_it_cannot_carry_it_steps_down_and_comes_back_after() -> None:
+    """14 ms of processor time for each step of 10 ms: impossible on the best rung, whatever else
+    the machine does. Nothing is skipped, and the tension stays that of a run without a load."""
+    scene = variant(RIG.scene(), 40)
+    twin = Throttled(scene)
+    for k in range(400):
+        at_ns = k * 25 * MS
+        twin.offer_heave(at_ns, *HEAVE(at_ns * 1e-9))
+    twin.burn_s = 0.014
+    ladder = TwinLadder(twin, wait_s=0.3)
+    handover = Handover(10_000)
+    pacer = Pacer(twin, handover, steps_in_slot(twin.step_s))
+    pacer.watch(ladder.judge)
+    pacer.start(time.monotonic_ns())
+    try:
+        until(lambda: ladder.rung != Rung(10 * MS))
+        low = twin.rung
+        Throttled.burn_s, twin.burn_s = 0.0, 0.0
+        until(lambda: ladder.rung == Rung(10 * MS))
+        until(lambda: pacer.health().behind_s == 0.0)
+    finally:
+        pacer.stop()
+    assert low.step_ns >= 20 * MS
+    assert ladder.changes >= 2
+    assert any(words.startswith("stepping down to rung") for words in ladder.said)
+    assert ladder.said[-1].startswith("stepping up to rung 1 of ")
+    shots = []
+    while (shot := handover.take(0.0)) is not None:
+        shots.append(shot)
+    assert handover.lost == 0
+    gaps = np.diff([0, *(shot.stamp_ns for shot in shots)])
+    assert all(gap in (20 * MS, 50 * MS) for gap in gaps)
+    alone = Twin(scene)
+    for k in range(400):
+        alone.offer_heave(k * 25 * MS, *HEAVE(k * 0.025))
+    for shot in shots:
+        alone.advance((shot.stamp_ns - alone.time_ns) // alone.step_ns)
+        assert shot.tension_top_n == pytest.approx(alone.snapshot().tension_top_n, rel=2e-3)
+
+
+def huge() -> Scene:
+    """7,000 elements in steps of 1 ms."""
+    return variant(RIG.scene(), 7000, 0.001)
+
+
+def test_a_scene_that_is_too_much_for_any_machine_begins_lower() -> None:
+    """Five times real time with 7,000 elements and 1 ms: five million nodes a second and more."""
+    twin = Twin(huge())
+    ladder = TwinLadder(twin)
+    load = ladder.measure(0.02, 50.0)
+    assert load > 1.0
+    assert ladder.start_at(load)
+    assert twin.rung != Rung(MS)
+    assert "it would take" in ladder.reason
+    assert twin.snapshot().stamp_ns == 0
+    assert TwinLadder(RIG.twin()).measure(0.02, 0.01) < 0.6
