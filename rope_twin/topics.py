@@ -76,6 +76,9 @@ TOPICS: tuple[Topic, ...] = (
     Topic("payloads/state", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
           "where ropes meet: position [m] and velocity [m/s] of each payload, names like tool/x",
           only_with="ropes"),
+    Topic("seabed/contact", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
+          "with a seabed, of payload and rope: position height of the payload above it, length of "
+          "rope on it [m]; effort the bed's push on each [N]", only_with="seabed"),
     Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", Qos.COMMAND, 1.0, "simulation",
           "pacing, solver, inputs: OK, WARN, ERROR with the reason"),
     Topic("twin/epoch", "builtin_interfaces/msg/Time", Qos.LATCHED, 0.0, "simulation",

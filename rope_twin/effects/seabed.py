@@ -243,35 +243,45 @@ def grid_load_end(bed: Any, work: Any, stage: Any) -> None:
 
 def _pushed(bed: Any, k: Any, place: Any) -> Any:
     """Push and friction on nodes, (3, nodes), for stiffnesses k (nodes,) [N/m]."""
-    z, v = place.position[2], place.velocity
-    found = [_bed_at(bed, float(x), float(y)) for x, y in place.position[:2].T]
-    height, east, north = np.array(found).T
+    v = place.velocity
+    _, east, north = _beds_at(bed, place.position[0].copy(), place.position[1].copy())
     nz = 1.0 / np.sqrt(1.0 + east * east + north * north)
     normal = np.stack([-east * nz, -north * nz, nz])
-    away = (v * normal).sum(axis=0)
-    soil = bed.soil
-    push = k * np.maximum((height - z) * nz, 0.0) * np.maximum(1.0 - soil.chi * away, 0.0)
-    sliding = v - away * normal
+    push = normal_push(bed, k, place.position, v)
+    sliding = v - (v * normal).sum(axis=0) * normal
     speed = np.sqrt((sliding * sliding).sum(axis=0) + CREEP * CREEP)
-    return push * normal - soil.mu * push / speed * sliding
+    return push * normal - bed.soil.mu * push / speed * sliding
 
 
-def _bed_at(bed: Plane | Grid, x: float, y: float) -> tuple[float, float, float]:
-    """Height of the bed [m] and its slopes, for Python."""
+def _beds_at(bed: Plane | Grid, x: Floats, y: Floats) -> Floats:
+    """Height of the bed [m] and its slopes at places (n,), (3, n), for Python."""
+    found = np.zeros((3, len(x)))
     if isinstance(bed, Plane):
-        return bed.height + bed.east * x + bed.north * y, bed.east, bed.north
-    found = _find_grid_bed(bed, x, y)
-    return found[0], found[1], found[2]
+        found[0] = bed.height + bed.east * x + bed.north * y
+        found[1:] = [[bed.east], [bed.north]]
+    else:
+        _find_grid_bed(bed, x, y, found)
+    return found
 
 
 @jit_entry
-def _find_grid_bed(bed: Any, x: float, y: float) -> Any:
-    return _grid_bed(bed, x, y)
+def _find_grid_bed(bed: Any, x: Any, y: Any, found: Any) -> None:
+    for i in range(x.shape[0]):
+        found[0, i], found[1, i], found[2, i] = _grid_bed(bed, x[i], y[i])
 
 
 def clearance(bed: Plane | Grid, position: Floats) -> Floats:
     """Height above the bed [m], (n,), of positions (3, n); negative where they sink in."""
-    return np.array([z - _bed_at(bed, x, y)[0] for x, y, z in position.T.tolist()])
+    return np.asarray(position[2] - _beds_at(bed, position[0].copy(), position[1].copy())[0])
+
+
+def normal_push(bed: Plane | Grid, k: Any, position: Floats, velocity: Floats) -> Floats:
+    """Push of the bed on places of stiffness k [N/m], (n,): k·d·(1 - χ·v_n) [N]."""
+    height, east, north = _beds_at(bed, position[0].copy(), position[1].copy())
+    nz = 1.0 / np.sqrt(1.0 + east * east + north * north)
+    away = (velocity[2] - east * velocity[0] - north * velocity[1]) * nz
+    sunk = np.maximum((height - position[2]) * nz, 0.0)
+    return np.asarray(k * sunk * np.maximum(1.0 - bed.soil.chi * away, 0.0))
 
 
 def power(bed: Any, place: Any) -> Any:

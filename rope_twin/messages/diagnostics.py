@@ -14,7 +14,7 @@ from rope_twin.messages import forms
 from rope_twin.messages.cdr import new, serialise
 from rope_twin.scene.card import KnownError, told_bound
 from rope_twin.twin.pacing import PacingHealth
-from rope_twin.twin.snapshot import EnergyBalance, InputHealth, Snapshot, TensionBand
+from rope_twin.twin.snapshot import BedContact, EnergyBalance, InputHealth, Snapshot, TensionBand
 
 HARDWARE_ID = "rope_twin"
 GAIN_PCT = 0.1  # of the energy exchanged: what integrating the work may be wrong by
@@ -52,6 +52,8 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
     ]
     if pacing is not None:
         rows.append(_pacing(pacing))
+    if snapshot.seabed is not None:
+        rows.append(_seabed(snapshot.seabed))
     if snapshot.energy is not None:
         rows.append(_energy(snapshot.energy))
     if snapshot.band is not None:
@@ -174,6 +176,21 @@ def _energy(balance: EnergyBalance) -> Status:
             values,
         )  # fmt: skip
     return Status("simulation: energy", Level.OK, f"residual {share}", values)
+
+
+def _seabed(bed: BedContact) -> Status:
+    values = {
+        "payload above the bed [m]": f"{bed.payload_height_m:.3f}",
+        "bed's push on the payload [N]": f"{bed.payload_push_n:.6g}",
+        "rope on the bed [m]": f"{bed.rope_on_bed_m:.6g}",
+        "bed's push on the rope [N]": f"{bed.rope_push_n:.6g}",
+    }
+    message = f"the payload is {bed.payload_height_m:.2f} m above the bed"
+    if bed.payload_landed:
+        message = f"the payload has landed; the bed carries {bed.payload_push_n / 1e3:.1f} kN of it"
+    if bed.rope_on_bed_m > 0.0:
+        message += f", {bed.rope_on_bed_m:.1f} m of rope lie on it"
+    return Status("simulation: seabed", Level.OK, message, values)
 
 
 def _band(tension_n: float, band: TensionBand) -> Status:

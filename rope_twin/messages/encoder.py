@@ -33,6 +33,7 @@ class Encoder:
         self._odometry = Template(forms.odometry(frame_id, "payload"))
         self._band = Template(forms.range_of("tension_top"))
         self._winch = Template(forms.joint("winch", 1, 1, 1))
+        self._contact = Template(forms.contact())
         self._sized: dict[str, tuple[object, Template]] = {}
         self._scale_n = 0.0
         joined = JoinedForms(frame_id)
@@ -45,6 +46,7 @@ class Encoder:
             "tension": self._tension,
             "payload/odometry": self._payload_odometry,
             "winch/state": self._winch_state,
+            "seabed/contact": self._seabed_contact,
             "rope/nodes": self._rope_nodes,
             "rope/markers": self._rope_markers,
             "ropes/state": lambda shot: joined.ropes_state(shot, self._stamp(shot)),
@@ -122,6 +124,18 @@ class Encoder:
                 "position": [snapshot.line_out_m],
                 "velocity": [snapshot.payout_speed_m_per_s],
                 "effort": [snapshot.tension_top_n],
+            }
+        )
+
+    def _seabed_contact(self, snapshot: Snapshot) -> bytes:
+        bed = snapshot.seabed
+        if bed is None:
+            raise InputError(phrase("encode", "the scene has no seabed", "list the effect"))
+        return self._contact.fill(
+            {
+                **self._stamp(snapshot),
+                "position": [bed.payload_height_m, bed.rope_on_bed_m],
+                "effort": [bed.payload_push_n, bed.rope_push_n],
             }
         )
 

@@ -103,6 +103,18 @@ def range_of(quantity: str) -> Any:
     )
 
 
+def contact() -> Any:
+    """Payload and rope on the seabed."""
+    return new(
+        "sensor_msgs/msg/JointState",
+        header=header(""),
+        name=["payload", "rope"],
+        position=np.zeros(2),
+        velocity=np.zeros(0),
+        effort=np.zeros(2),
+    )
+
+
 def joints(names: tuple[str, ...], *, effort: bool) -> Any:
     """Several joints with a position and a velocity each, and an effort."""
     count = len(names)

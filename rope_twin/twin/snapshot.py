@@ -49,6 +49,21 @@ class InputHealth:
 
 
 @dataclass(frozen=True)
+class BedContact:
+    """How payload and rope stand to the seabed."""
+
+    payload_height_m: float  # above the bed; negative by what it sinks in
+    payload_push_n: float  # of the bed, normal to it
+    rope_on_bed_m: float  # unstretched length of rope that lies on it
+    rope_push_n: float
+
+    @property
+    def payload_landed(self) -> bool:
+        """Whether the bed carries any of the payload."""
+        return self.payload_push_n > 0.0
+
+
+@dataclass(frozen=True)
 class EnergyBalance:
     """Energy of rope and payload, and where it came from and went to since the count began [J].
 
@@ -159,6 +174,7 @@ class Snapshot:
     solver: SolverHealth = field(default_factory=SolverHealth)
     inputs: dict[str, InputHealth] = field(default_factory=dict)  # heave, winch_command, current
     card_error: KnownError = field(default_factory=KnownError)  # of the top tension
+    seabed: BedContact | None = None  # only of a scene with a seabed
     energy: EnergyBalance | None = None  # only of a run that keeps a ledger
     band: TensionBand | None = None  # only of a run that asks for it, once it is known
     ropes: tuple[RopeShot, ...] = ()  # all of them, in a scene whose ropes meet; else none

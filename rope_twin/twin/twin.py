@@ -10,6 +10,7 @@ from __future__ import annotations
 import copy
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -23,6 +24,7 @@ from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.twin import saved_state
+from rope_twin.twin.contact import bed_contact
 from rope_twin.twin.observe import Extremes, Observation, RunStatistics, observe
 from rope_twin.twin.regrid import HangOff
 from rope_twin.twin.ropes import ropes_of
@@ -322,6 +324,9 @@ class Twin:
         )
         self._unconverged = unconverged
         self._recent = Extremes()
+        contact = bed_contact(self._rope)
+        if contact is not None:
+            taken = replace(taken, seabed=contact)
         return self._ropes.complete(taken, self.time_ns)
 
     def _input_health(self) -> dict[str, InputHealth]:

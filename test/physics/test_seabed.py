@@ -147,11 +147,16 @@ def test_landing_and_lift_off() -> None:
     )  # fmt: skip
     twin = Twin(on_bed(rig, BED))
     speeds = [(0.0, 0.5), (14.0, 0.0), (24.0, -0.5), (38.0, 0.0)]
-    seen = [
-        (shot.tension_payload_n, shot.payload_position_m[2], shot.tension_top_n)
-        for shot in march(twin, still, 60.0, every=10, speeds=speeds)
-    ]
+    shots = list(march(twin, still, 60.0, every=10, speeds=speeds))
+    seen = [(s.tension_payload_n, s.payload_position_m[2], s.tension_top_n) for s in shots]
     tension, height, top = np.array(seen).T
+    told = [shot.seabed for shot in shots]
+    assert all(told[k] is not None for k in (0, 215, -1))
+    assert told[0].payload_height_m == pytest.approx(100.0 + height[0])
+    assert not told[0].payload_landed
+    assert told[215].payload_landed
+    assert told[215].payload_push_n == pytest.approx(rig.load_weight, rel=0.01)
+    assert told[-1].payload_push_n == told[-1].rope_on_bed_m == 0.0
     assert tension[0] == pytest.approx(rig.load_weight, rel=0.05)
     rest = slice(190, 240)  # set down, before the winch hauls
     assert np.abs(tension[rest]).max() < 1e-2 * rig.load_weight

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rope_twin.scene.card import KnownError
-from rope_twin.twin.snapshot import InputHealth, Snapshot, SolverHealth, TensionBand
+from rope_twin.twin.snapshot import BedContact, InputHealth, Snapshot, SolverHealth, TensionBand
 
 
 def hanging_rope(
@@ -46,5 +46,6 @@ def hanging_rope(
         solver=SolverHealth(steps=250, solves=500),
         card_error=KnownError(0.5, 0.1, "at most, in a run on paper"),
         inputs={"heave": InputHealth(accepted=50, age_s=0.02)},
+        seabed=BedContact(-0.03, 9.5e4, 12.0, 600.0),
         band=TensionBand(float(element[0]) - 40.0, float(element[0]) + 40.0, 40.0, 25.0),
     )

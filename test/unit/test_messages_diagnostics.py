@@ -11,7 +11,7 @@ from rope_twin import messages
 from rope_twin.messages import Level, Status, statuses
 from rope_twin.scene.card import KnownError
 from rope_twin.twin.pacing import PacingHealth
-from rope_twin.twin.snapshot import EnergyBalance, InputHealth, Snapshot, SolverHealth
+from rope_twin.twin.snapshot import BedContact, EnergyBalance, InputHealth, Snapshot, SolverHealth
 
 GOOD = PacingHealth(running=True, steps=100, real_time_factor=420.0)
 
@@ -24,7 +24,7 @@ def row(part: str, snapshot: Snapshot, pacing: PacingHealth | None = GOOD) -> St
 def test_all_is_well_when_all_is_well() -> None:
     rows = statuses(hanging_rope(), GOOD)
     assert {r.level for r in rows} == {Level.OK}
-    assert len({r.name for r in rows}) == len(rows) == 7
+    assert len({r.name for r in rows}) == len(rows) == 8
 
 
 def test_a_doubtful_step_is_an_error_and_a_past_one_a_warning() -> None:
@@ -149,3 +149,15 @@ def test_diagnostics_come_back_as_they_went_in() -> None:
     ]
     assert back == rows
     assert {s.hardware_id for s in decoded.status} == {"rope_twin"}
+
+
+def test_the_seabed_is_told_of() -> None:
+    """Landed and lying; and hanging above it."""
+    row = next(r for r in statuses(hanging_rope(), GOOD) if "seabed" in r.name)
+    assert row.message == (
+        "the payload has landed; the bed carries 95.0 kN of it, 12.0 m of rope lie on it"
+    )
+    above = replace(hanging_rope(), seabed=BedContact(3.21, 0.0, 0.0, 0.0))
+    row = next(r for r in statuses(above, GOOD) if "seabed" in r.name)
+    assert row.message == "the payload is 3.21 m above the bed"
+    assert not [r for r in statuses(replace(above, seabed=None), GOOD) if "seabed" in r.name]

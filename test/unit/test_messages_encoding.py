@@ -101,7 +101,18 @@ def band(snapshot: Snapshot) -> object:
     )  # fmt: skip
 
 
+def contact(snapshot: Snapshot) -> object:
+    bed = snapshot.seabed
+    assert bed is not None
+    return made(
+        "sensor_msgs/msg/JointState", header=header(snapshot, ""), name=["payload", "rope"],
+        position=np.array([bed.payload_height_m, bed.rope_on_bed_m]), velocity=np.zeros(0),
+        effort=np.array([bed.payload_push_n, bed.rope_push_n]),
+    )  # fmt: skip
+
+
 BY_OBJECTS = {
+    "seabed/contact": contact,
     "tension_top/band": band,
     "tension_top": lambda s: made("std_msgs/msg/Float64", data=s.tension_top_n),
     "tension_payload": lambda s: made("std_msgs/msg/Float64", data=s.tension_payload_n),

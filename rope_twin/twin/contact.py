@@ -1,0 +1,33 @@
+"""What a twin tells of the seabed: height above it, what it carries, how much rope lies on it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.state import Rope
+from rope_twin.effects.seabed import Grid, Plane, clearance, normal_push
+from rope_twin.twin.snapshot import BedContact
+
+
+def bed_contact(rope: Rope) -> BedContact | None:
+    """Of the present state; None where no seabed is listed."""
+    bed = next((effect for effect in rope.effects if isinstance(effect, Plane | Grid)), None)
+    if bed is None:
+        return None
+    state, work = rope.state, rope.work
+    n = int(state.counts[rows.ELEMENTS])
+    x = state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1]
+    v = state.nodes[rows.VELOCITY : rows.VELOCITY + 3, : n + 1]
+    height = clearance(bed, x)
+    s = state.s[: n + 1]
+    lump = 0.5 * np.diff(s, prepend=s[0], append=s[-1])
+    lying = (lump[:-1] + lump[1:])[height <= 0.0]
+    end = normal_push(bed, bed.soil.k_payload, x[:, :1], v[:, :1])
+    along = normal_push(bed, bed.soil.k * work[rows.FRONTAL, :n], x[:, :n], v[:, :n])
+    return BedContact(
+        payload_height_m=float(height[0]),
+        payload_push_n=float(end[0]),
+        rope_on_bed_m=float(lying.sum()),
+        rope_push_n=float(along.sum()),
+    )
