@@ -28,7 +28,7 @@ class Scratch:
         """Room for the pull of so many steps."""
         self.pulls = np.zeros((steps, rows.PULL_COLUMNS))
         self._work: dict[tuple[int, int], Floats] = {}
-        self._groups: dict[Kind, Group] = {}
+        self._group: Group | None = None
 
     def work(self, shape: tuple[int, int]) -> Floats:
         """Scratch of the step, for ropes that want it of this shape."""
@@ -37,10 +37,10 @@ class Scratch:
         return self._work[shape]
 
     def group(self, kind: Kind) -> Group:
-        """Arrays for ropes of this kind, stepped in lanes."""
-        if kind not in self._groups:
-            self._groups[kind] = Group(kind, len(self.pulls))
-        return self._groups[kind]
+        """Arrays for ropes of this kind, stepped in lanes; those of the kind before it go."""
+        if self._group is None or self._group.kind != kind:
+            self._group = Group(kind, len(self.pulls))
+        return self._group
 
 
 @dataclass(frozen=True)
