@@ -22,7 +22,7 @@ import rope_twin.twin.lanes as lanes_module
 from rope_twin import load_scene
 from rope_twin.core.elimination import eliminate
 from rope_twin.core.jit import OPTIONS, jit_entry
-from rope_twin.core.lanes.elimination import eliminate_wide
+from rope_twin.core.lanes.elimination import eliminate_wide, substitute_wide
 from rope_twin.core.lanes.group import Group, aligned, kind_of, why_alone
 from rope_twin.core.lanes.tables import tiles, wide
 from rope_twin.core.lanes.wide import LANES
@@ -252,6 +252,9 @@ def test_the_elimination_is_that_of_one_rope(first: int, n: int) -> None:
 def eliminate_many(work: Any, first: int, n: int) -> None:
     """The solve of all lanes."""
     eliminate_wide(tiles(work, WORK_ROWS), first, n)
+    pairs = (n - first - 1) // 2
+    substitute_wide(tiles(work, WORK_ROWS), first, n, pairs // 2, pairs)
+    substitute_wide(tiles(work, WORK_ROWS), first, n, 0, pairs // 2)
 
 
 @jit_entry

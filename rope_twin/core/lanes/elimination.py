@@ -67,7 +67,7 @@ def _substitute(work: Any, i: int, d: Any) -> Any:
 
 @jit_ordered
 def eliminate_wide(work: Any, first: int, n: int) -> None:
-    """Corrections of the nodes first <= i < n, from both ends at once."""
+    """Eliminate from both ends at once; corrections of the one or two nodes in the middle."""
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2
     middle = first + pairs
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
@@ -93,10 +93,20 @@ def eliminate_wide(work: Any, first: int, n: int) -> None:
     dx[0] = d[0]
     dy[0] = d[1]
     dz[0] = d[2]
-    low, high = d, d
     if rounds > pairs:
-        high = _substitute(work, middle + 1, d)
-    for k in range(pairs - 1, -1, -1):
-        low = _substitute(work, first + k, low)
-        high = _substitute(work, n - 1 - k, high)
+        _substitute(work, middle + 1, d)
     hold_ends(work, first, n)
+
+
+@jit_ordered
+def substitute_wide(work: Any, first: int, n: int, low: int, high: int) -> None:
+    """Corrections of the pairs low <= k < high, once those nearer the middle are there.
+
+    Pair k is the nodes first + k and n - 1 - k.
+    """
+    dx, dy, dz = rows(work, CORRECTION, 0)
+    i, j = first + high, n - 1 - high
+    below, above = (dx[i], dy[i], dz[i]), (dx[j], dy[j], dz[j])
+    for k in range(high - 1, low - 1, -1):
+        below = _substitute(work, first + k, below)
+        above = _substitute(work, n - 1 - k, above)

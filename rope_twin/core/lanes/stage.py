@@ -11,7 +11,7 @@ from typing import Any
 from rope_twin.core.assembly import load_lowest, load_nodes, set_flow
 from rope_twin.core.elastic import growth_of, stretch, stretch_corrected
 from rope_twin.core.jit import jit
-from rope_twin.core.lanes.elimination import eliminate_wide
+from rope_twin.core.lanes.elimination import eliminate_wide, substitute_wide
 from rope_twin.core.lanes.wide import ALL, choose, mask_of
 from rope_twin.core.prediction import correct, predict_bdf2, predict_trapezoid
 from rope_twin.core.stage import CHUNK, SEARCH_FROM, TRAPEZOID
@@ -44,24 +44,25 @@ def solve_stage(rope: Any, stage: Any, kind: int, wanted: int) -> Any:
 
 @jit
 def _evaluate(rope: Any, stage: Any, kind: int) -> None:
-    """Motion, tension, residual and blocks of the prediction.
-
-    The water's velocity is taken over the same spans of nodes as for one rope.
-    """
+    """Motion, tension, residual and blocks of the prediction; spans of nodes as for one rope."""
     state, work, p, q = rope.state, rope.work, stage.p, stage.q
     n, first = state.counts[ELEMENTS], rope.model.first_free
-    for start in range(0, n, SPAN):
-        low, high = max(start, first), min(start + SPAN, n)
-        if kind == TRAPEZOID:
-            predict_trapezoid(state.nodes, work, p, q, low, high)
-        else:
-            predict_bdf2(state.nodes, work, p, q, low, high)
-        stretch(rope.law, work, state.offset, p, q, 0.0, max(start - 1, 0), high - 1)
-    stretch(rope.law, work, state.offset, p, q, growth_of(rope, stage), n - 1, n)
-    for start in range(0, n, CHUNK):
-        high = min(start + CHUNK, n)
-        set_flow(rope.effects, work, stage, max(start - 1, 0), n if high == n else high - 1)
-    _reload(rope, stage)
+    for chunk in range(0, n, CHUNK):
+        end = min(chunk + CHUNK, n)
+        for start in range(chunk, end, SPAN):
+            low, high = max(start, first), min(start + SPAN, end)
+            if kind == TRAPEZOID:
+                predict_trapezoid(state.nodes, work, p, q, low, high)
+            else:
+                predict_bdf2(state.nodes, work, p, q, low, high)
+            stretch(rope.law, work, state.offset, p, q, 0.0, max(start - 1, 0), high - 1)
+        done, last = max(chunk - 1, 0), end - 1
+        if end == n:
+            last = n
+            stretch(rope.law, work, state.offset, p, q, growth_of(rope, stage), n - 1, n)
+        set_flow(rope.effects, work, stage, done, last)
+        load_nodes(rope.effects, work, stage, max(done, 1), last)
+    load_lowest(rope.effects, work, stage)
 
 
 @jit
@@ -72,14 +73,27 @@ def _reload(rope: Any, stage: Any) -> None:
 
 
 @jit
+def _correct_span(rope: Any, stage: Any, going: Any, low: int, high: int, done: int) -> int:
+    """a += delta of the nodes low <= i < high, with the elements from `done` to high - 2."""
+    correct(rope.work, stage.p, stage.q, going, low, high)
+    return int(stretch_corrected(rope, stage, 0.0, done, high - 1))
+
+
+@jit
 def _correct(rope: Any, stage: Any, going: Any) -> int:
-    """a += delta where `going` is 1, with motion and tension; lanes whose tensions all agree."""
-    work, p, q = rope.work, stage.p, stage.q
-    n, first = rope.state.counts[ELEMENTS], rope.model.first_free
-    unexpected = 0
-    for start in range(0, n, SPAN):
-        low, high = max(start, first), min(start + SPAN, n)
-        correct(work, p, q, going, low, high)
-        unexpected |= stretch_corrected(rope, stage, 0.0, max(start - 1, 0), high - 1)
+    """a += delta where `going` is 1, with motion and tension; lanes whose tensions all agree.
+
+    From the middle outward, as the substitution finds delta.
+    """
+    work, first, n = rope.work, rope.model.first_free, rope.state.counts[ELEMENTS]
+    pairs = (n - first - 1) // 2
+    unexpected = _correct_span(rope, stage, going, first + pairs, n - pairs, first + pairs)
+    for high in range(pairs, 0, -SPAN):
+        low = max(high - SPAN, 0)
+        substitute_wide(work, first, n, low, high)
+        correct(work, stage.p, stage.q, going, first + low, first + high)
+        unexpected |= stretch_corrected(rope, stage, 0.0, first + low, first + high)
+        unexpected |= _correct_span(rope, stage, going, n - high, n - low, n - high - 1)
+    unexpected |= stretch_corrected(rope, stage, 0.0, 0, first)
     unexpected |= stretch_corrected(rope, stage, growth_of(rope, stage), n - 1, n)
     return int(ALL - unexpected)
