@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from rope_twin.cadence import SNAPSHOT_TOPICS, due_topics, slot_of
 from rope_twin.messages import Encoder
-from rope_twin.twin.pacing import Handover
+from rope_twin.twin.handover import Handover
 from rope_twin.twin.snapshot import Snapshot
 
 _log = logging.getLogger(__name__)

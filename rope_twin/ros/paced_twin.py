@@ -22,10 +22,11 @@ from rope_twin.ros.params import SimulationParams
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
+from rope_twin.twin.handover import Handover, handover_depth
 from rope_twin.twin.keeper import Keeper, SavingHealth
 from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.ladder import TwinLadder
-from rope_twin.twin.pacing import Handover, Pacer, PacingHealth, handover_depth, steps_in_slot
+from rope_twin.twin.pacing import Pacer, PacingHealth, steps_in_slot
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 

@@ -25,7 +25,7 @@ from rope_twin.twin.rungs import error_at, ladder_of
 from rope_twin.twin.twin import Twin
 
 WINDOW_S, LEAST_SLOTS, RUNNING = 0.4, 8, 3
-CLIP = 2.0  # load of a single slot, at most: one long stall is no lack of speed
+CLIP = 1.5  # load of a single slot, at most: one long stall is no lack of speed
 FULL, ROOM, FIT = 0.8, 0.4, 0.6  # of the time there is: too much, enough room to go up, and down to
 WAIT_S, LONGEST_WAIT_S = 5.0, 80.0
 SOON_S = 30.0  # a rung left again within this was taken too early
@@ -107,7 +107,7 @@ class Ladder:
             soon = now_s - self._moved_s < SOON_S
             self._wait_s = min(2.0 * self._wait_s, LONGEST_WAIT_S) if soon else self._least_wait_s
         had_ms = 1e-6 * slot.period_ns
-        words = f"slots of {had_ms:.0f} ms took {load * had_ms:.0f} ms"
+        words = f"slots of {had_ms:.0f} ms took {max(load, self.load) * had_ms:.0f} ms"
         return self._move(target, now_s, words)
 
     def _step_up(self, slot: SlotTimes) -> bool:
@@ -183,11 +183,11 @@ class TwinLadder(Ladder):
         """The present rung."""
         error = self.error()
         known = error.words if isnan(error.rms_pct) else f"at most {error.rms_pct:.2g} %"
-        elements = self._owner.scene.ropes[0].elements
-        return (
-            f"{elements >> self.rung.halvings} elements for {elements} and steps of "
-            f"{1e3 * self.rung.step_s:g} ms, error of the tension {known}"
-        )
+        own = self._owner.scene.ropes[0].elements
+        left = own >> self.rung.halvings
+        elements = f"{own} elements" if left == own else f"{left} elements in place of {own}"
+        step_ms = 1e3 * self.rung.step_s
+        return f"{elements} and steps of {step_ms:g} ms, error of the tension {known}"
 
 
 def _load(slot: SlotTimes) -> float:

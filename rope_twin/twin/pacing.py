@@ -18,18 +18,17 @@ import os
 import sys
 import threading
 import time
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 from rope_twin.errors import SolverError
+from rope_twin.twin.handover import Handover
 from rope_twin.twin.snapshot import Snapshot
 
 CATCH_UP = 4.0  # a twin that is behind runs at most this many times faster than its grid
 PRIORITY = 10  # of 1 to 99: ahead of ordinary threads, behind those of the system
 SLOT_S = 0.02  # the longest publish period of a scalar: 50 Hz
-WAITING_S = 0.5  # snapshots of this much real time may wait for the publisher
 
 _log = logging.getLogger(__name__)
 
@@ -97,37 +96,6 @@ class SlotTimes(NamedTuple):
     period_ns: float  # what it had
     computed_ns: int
     late: bool
-
-
-class Handover:
-    """Snapshots from the worker to the publisher: the newest win, the worker never waits."""
-
-    def __init__(self, depth: int) -> None:
-        self._waiting: deque[Snapshot] = deque()
-        self._depth = depth
-        self._arrived = threading.Condition()
-        self._lost = 0
-
-    @property
-    def lost(self) -> int:
-        """Snapshots that were thrown out because newer ones came first."""
-        return self._lost
-
-    def put(self, snapshot: Snapshot) -> None:
-        """Leave a snapshot; the oldest goes if the publisher is `depth` behind."""
-        with self._arrived:
-            if len(self._waiting) >= self._depth:
-                self._waiting.popleft()
-                self._lost += 1
-            self._waiting.append(snapshot)
-            self._arrived.notify()
-
-    def take(self, timeout_s: float) -> Snapshot | None:
-        """The oldest waiting snapshot, or None when none came within the time."""
-        with self._arrived:
-            if not self._waiting:
-                self._arrived.wait(timeout_s)
-            return self._waiting.popleft() if self._waiting else None
 
 
 class Pacer:
@@ -283,11 +251,6 @@ class Pacer:
                 worst_lateness_s=max(self._health.worst_lateness_s, late_s),
             )
         return late_s > 0.0
-
-
-def handover_depth(slot_s: float, speed: float) -> int:
-    """How many snapshots may wait: those of WAITING_S, and one at least."""
-    return max(1, round(WAITING_S * speed / slot_s))
 
 
 def steps_in_slot(step_s: float, slot_s: float = SLOT_S) -> int:

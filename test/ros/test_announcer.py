@@ -12,7 +12,7 @@ from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.messages import Encoder
 from rope_twin.ros.announcer import Announcer
 from rope_twin.scene.load import load_scene
-from rope_twin.twin.pacing import Handover
+from rope_twin.twin.handover import Handover
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 

@@ -15,12 +15,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rope_twin.errors import SolverError
+from rope_twin.twin.handover import Handover, handover_depth
 from rope_twin.twin.pacing import (
     CATCH_UP,
-    Handover,
     Pacer,
     SteadyClock,
-    handover_depth,
     keep_pauses_short,
     steps_in_slot,
 )

@@ -1,0 +1,46 @@
+"""Snapshots on their way from the thread that steps to the one that publishes."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+
+from rope_twin.twin.snapshot import Snapshot
+
+WAITING_S = 0.5  # snapshots of this much real time may wait for the publisher
+
+
+class Handover:
+    """Snapshots from the worker to the publisher: the newest win, the worker never waits."""
+
+    def __init__(self, depth: int) -> None:
+        self._waiting: deque[Snapshot] = deque()
+        self._depth = depth
+        self._arrived = threading.Condition()
+        self._lost = 0
+
+    @property
+    def lost(self) -> int:
+        """Snapshots that were thrown out because newer ones came first."""
+        return self._lost
+
+    def put(self, snapshot: Snapshot) -> None:
+        """Leave a snapshot; the oldest goes if the publisher is `depth` behind."""
+        with self._arrived:
+            if len(self._waiting) >= self._depth:
+                self._waiting.popleft()
+                self._lost += 1
+            self._waiting.append(snapshot)
+            self._arrived.notify()
+
+    def take(self, timeout_s: float) -> Snapshot | None:
+        """The oldest waiting snapshot, or None when none came within the time."""
+        with self._arrived:
+            if not self._waiting:
+                self._arrived.wait(timeout_s)
+            return self._waiting.popleft() if self._waiting else None
+
+
+def handover_depth(slot_s: float, speed: float) -> int:
+    """How many snapshots may wait: those of WAITING_S, and one at least."""
+    return max(1, round(WAITING_S * speed / slot_s))
