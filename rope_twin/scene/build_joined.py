@@ -19,10 +19,11 @@ from rope_twin.effects.payload import Payload as PayloadEffect
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.payload import build as build_payload
 from rope_twin.scene.build import build, tables_of
+from rope_twin.scene.composite import weight_n_per_m
 from rope_twin.scene.first_shape import first_places, laid
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rigging_rules import places, winch_of
-from rope_twin.scene.schema import Payload, Scene
+from rope_twin.scene.schema import Payload, RopeLine, Scene
 from rope_twin.scene.shapes import PayloadFigures, payload_figures
 
 STEEL_KG_PER_M3 = 7850.0
@@ -94,7 +95,7 @@ def build_joined(scene: Scene) -> BuiltSystem:
         low = np.array(line.fixed_at_m) if line.fixed_at_m else where[line.to]
         n = int(rope.state.counts[ELEMENTS])
         rope.state.nodes[POSITION : POSITION + 3, : n + 1] = laid(
-            low, where[line.from_], rope.state.s[: n + 1]
+            low, where[line.from_], rope.state.s[: n + 1], _floats(scene, line)
         )
         first_free = 1 if line.fixed_at_m else 0
         tolerance = ropes[0].model.tolerance if ropes else rope.model.tolerance
@@ -122,6 +123,13 @@ def _rope(scene: Scene, number: int, own: PayloadFigures) -> Rope:
     payload = build_payload(PayloadParams(), own, scene.environment)
     effects = tuple(payload if isinstance(e, PayloadEffect) else e for e in rope.effects)
     return rope._replace(effects=effects)
+
+
+def _floats(scene: Scene, line: RopeLine) -> bool:
+    """Whether the rope as a whole is lighter than water."""
+    lengths = line.lengths_m(line.length_m)
+    weights = (weight_n_per_m(one.rope, scene.environment) for one in line.made_of)
+    return sum(w * length for w, length in zip(weights, lengths, strict=True)) < 0.0
 
 
 def _meetings(scene: Scene) -> list[str]:

@@ -20,6 +20,7 @@ FALL = 0.05  # of the longest rope: how far points fall in a round at first
 SPREAD = 0.05  # of a rope: how far aside points begin, so that a bar knows where to point
 GOLDEN = 2.399963  # an angle that spreads points evenly
 LITTLE = 1e-9
+TAUT, NARROW = 1e-6, 1e-2  # of a rope's length: less slack, and least span of a slack one
 
 
 def first_places(scene: Scene) -> dict[str, Floats]:
@@ -89,20 +90,43 @@ def _move(
         other -= share * change
 
 
-def laid(low: Floats, high: Floats, s: Floats) -> Floats:
-    """Nodes of a rope between two places [m], (3, nodes): straight, or sagging if it is longer.
+def laid(low: Floats, high: Floats, s: Floats, up: bool) -> Floats:
+    """Nodes of a rope between two places [m], (3, nodes): straight, or a catenary if it is longer.
 
-    s: unstretched distance of the nodes from the lower end [m], (nodes,).
+    s: unstretched distance of the nodes from the lower end [m], (nodes,); up: the rope floats. The
+    catenary of a rope that does not stretch (Irvine 1981, section 1.2): with the span h, the rise v
+    and the length L, sinh(b)/b = √(L² - v²)/h and its lowest point where the two arms say.
     """
     length, chord = float(s[-1]), high - low
-    distance = float(np.sqrt(chord @ chord))
     share = s / length
     straight: Floats = low[:, None] + chord[:, None] * share
-    if distance >= length:
+    if float(np.sqrt(chord @ chord)) >= (1.0 - TAUT) * length:
         return straight
-    along = chord / (distance + LITTLE)
-    down = np.array([0.0, 0.0, -1.0]) + along * along[2]
-    size = float(np.sqrt(down @ down))
-    down = down / size if size > 1e-3 else np.array([1.0, 0.0, 0.0])
-    depth = float(np.sqrt(0.25 * (length**2 - distance**2)))
-    return straight + down[:, None] * (depth * (1.0 - np.abs(2.0 * share - 1.0)))
+    span = max(float(np.hypot(chord[0], chord[1])), NARROW * length)
+    aside = np.array([chord[0], chord[1], 0.0])
+    size = float(np.sqrt(aside @ aside))
+    aside = aside / size if size > LITTLE else np.array([1.0, 0.0, 0.0])
+    rise = -float(chord[2]) if up else float(chord[2])
+    ratio = float(np.sqrt(length**2 - rise**2)) / span
+    if ratio <= 1.0 + TAUT:  # all but vertical and all but taut
+        return straight
+    b = _half_parameter(ratio)
+    a = 0.5 * span / b
+    # arc length from the lowest point to the lower end, by the two heights
+    middle = 0.5 * (length - rise / np.tanh(b))
+    arc = s - middle
+    along = a * (np.arcsinh(arc / a) - np.arcsinh(-middle / a))
+    height = np.hypot(a, arc) - np.hypot(a, middle)
+    along *= size / along[-1]  # a vertical loop has been given a little span
+    nodes: Floats = low[:, None] + aside[:, None] * along
+    nodes[2] += -height if up else height
+    return nodes
+
+
+def _half_parameter(ratio: float) -> float:
+    """b of sinh(b)/b = ratio > 1, by Newton on its logarithm."""
+    b = float(np.sqrt(6.0 * (ratio - 1.0))) if ratio < 3.0 else float(np.log(2.0 * ratio) + 1.0)
+    for _ in range(30):
+        value = np.log(np.sinh(b) / b) - np.log(ratio)
+        b -= float(value / (1.0 / np.tanh(b) - 1.0 / b))
+    return b

@@ -144,3 +144,22 @@ def test_tether_in_constant_tension_pulls_the_load_aside() -> None:
     assert y == pytest.approx(0.0, abs=1e-9)
     assert x / -z == pytest.approx(pull[0] / (W - pull[2]), rel=1e-3)
     assert bench.tension(0)[0] == pytest.approx(math.hypot(pull[0], W - pull[2]), rel=1e-3)
+
+
+def test_rest_is_found_from_a_tangle() -> None:
+    """Ropes thrown about by metres, slack and stretched at random, come to the same rest."""
+    heavy = replace(STIFF, mass=5.0)
+    lines = legs(heavy, replace(heavy, length=26.0), (-8.0, 0.0, 0.0), (8.0, 0.0, 0.0), mass=5.0)
+    good = JointBench(lines)
+    rest(good)
+    random = np.random.default_rng(7)
+    tangled = JointBench(lines)
+    for r in range(3):
+        nodes = tangled.nodes(r)
+        inner = slice(0, nodes.shape[1] - (r < 2))
+        nodes[:, inner] += random.normal(0.0, 3.0, nodes[:, inner].shape)
+    tangled.joints[:] += random.normal(0.0, 3.0, tangled.joints.shape)
+    rest(tangled)
+    assert np.abs(tangled.joints - good.joints).max() < 1e-6
+    for r in range(3):
+        assert np.abs(tangled.nodes(r) - good.nodes(r)).max() < 1e-6

@@ -12,7 +12,9 @@ from rope_twin import load_scene
 from rope_twin.core.joints import LOOSE
 from rope_twin.scene.build_joined import alone, build_joined
 from rope_twin.scene.checks import sense_checks
-from rope_twin.scene.first_shape import first_places
+from rope_twin.scene.first_shape import first_places, laid
+
+Place = tuple[float, float, float]
 
 DAMPING = "damping: {newton_seconds: 100000.0}"
 LEG = "rope: steel_wire_40mm, length_m: 10.0, elements: 5, " + DAMPING
@@ -128,3 +130,25 @@ def test_first_shape_keeps_every_length(name: str) -> None:
     for strut in scene.struts:
         one, other = (where[end] for end in strut.between)
         assert float(np.linalg.norm(one - other)) == pytest.approx(strut.length_m, rel=0.02)
+
+
+@pytest.mark.parametrize("up", [False, True])
+@pytest.mark.parametrize(
+    ("low", "high", "length"),
+    [
+        ((0.0, 0.0, -30.0), (20.0, 10.0, 0.0), 60.0),
+        ((5.0, 0.0, -10.0), (5.0, 0.0, -10.5), 12.0),
+        ((0.0, 0.0, -9.0), (0.0, 0.0, 0.0), 9.2),
+        ((0.0, 0.0, 0.0), (3.0, 4.0, 0.0), 5.001),
+    ],
+)
+def test_slack_rope_is_laid_as_a_catenary(low: Place, high: Place, length: float, up: bool) -> None:
+    """Its ends where they belong, its elements of one length, bending one way only."""
+    nodes = laid(np.array(low), np.array(high), np.linspace(0.0, length, 201), up)
+    assert np.allclose(nodes[:, 0], low, atol=1e-9)
+    assert np.allclose(nodes[:, -1], high, atol=1e-6 * length)
+    elements = np.linalg.norm(np.diff(nodes), axis=0)
+    assert elements.sum() == pytest.approx(length, rel=2e-2)
+    assert elements.max() < 1.001 * length / 200
+    slopes = np.diff(nodes[2])
+    assert ((np.diff(slopes) > -1e-9) != up).all() or ((np.diff(slopes) < 1e-9) == up).all()
