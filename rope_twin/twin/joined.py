@@ -7,6 +7,7 @@ winches and hang-offs, and the step of all of them together.
 from __future__ import annotations
 
 import copy
+import logging
 from dataclasses import replace
 from typing import Any
 
@@ -20,6 +21,7 @@ from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.ties import FIRST, PULL, SECOND
 from rope_twin.errors import did_you_mean, phrase
 from rope_twin.scene.build_joined import build_joined
+from rope_twin.scene.checks import SAFETY_FACTOR
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rigging_rules import winch_of
 from rope_twin.scene.schema import Scene
@@ -27,6 +29,8 @@ from rope_twin.twin.saved_state import changing_parts
 from rope_twin.twin.snapshot import InputHealth, PayloadShot, RopeShot, Snapshot, StrutShot
 from rope_twin.twin.start import judge_start, no_garbage_collection
 from rope_twin.twin.winch import Winch
+
+_log = logging.getLogger(__name__)
 
 
 class JoinedRopes:
@@ -63,6 +67,7 @@ class JoinedRopes:
             end = settle_joined(self._system(self.first), self._boundary.value[:, 0])
         highest = max(float(self._nodes(r, rows.POSITION)[2, :-1].max()) for r in self._numbers)
         judge_start(self._scene, end, highest)
+        self._warn_of_loads()
         system = copy.deepcopy(self._system(self.first))
         still = Boundary(*(np.ascontiguousarray(table[:, :2]) for table in self._boundary))
         pull = np.zeros((len(system.ropes), 1, rows.PULL_COLUMNS))
@@ -70,6 +75,19 @@ class JoinedRopes:
         self._pull = pull[:, 0].copy()
         first: Floats = self._pull[0]
         return first
+
+    def _warn_of_loads(self) -> None:
+        """Tell of ropes that are too weak for what hangs on them; of the first, checks do."""
+        for r, line in enumerate(self._scene.ropes[1:], start=1):
+            breaking = min(one.rope.breaking_load_n for one in line.made_of)
+            tension = float(self._tension(self._rope(r)).max())
+            if tension > breaking / SAFETY_FACTOR:
+                what = (
+                    f"'{line.name}' carries {tension / 1e3:.0f} kN at rest against a breaking load "
+                    f"of {breaking / 1e3:.0f} kN, a safety factor of {breaking / tension:.2f}"
+                )
+                right = f"below {SAFETY_FACTOR:g} take a stronger rope, or a steeper bridle"
+                _log.warning(phrase(f"{self._scene.path}: ropes[{r}]", what, right))
 
     def offer(self, name: str, stamp_ns: int | None, speed_m_per_s: float, now_ns: int) -> str:
         """A speed command for the winch of this name; "" or why it was refused."""

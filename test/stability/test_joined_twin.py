@@ -136,3 +136,16 @@ def test_what_steps_one_rope_says_so(bridle: Scene) -> None:
     for refused in (build, AccountedTwin, lambda scene: Ensemble(scene, [Variation()])):
         with pytest.raises(SceneError, match="ropes meet here, and this steps one rope"):
             refused(bridle)
+
+
+def test_a_sling_that_is_too_weak_is_told(bridle: Scene, caplog: pytest.LogCaptureFixture) -> None:
+    """A flat bridle loads its legs far more than their share of the weight."""
+    Twin(bridle)
+    assert not caplog.messages
+    leg = bridle.ropes[1]
+    assert leg.rope is not None
+    weak = replace(leg, rope=replace(leg.rope, breaking_load_n=200e3))
+    Twin(replace(bridle, ropes=(bridle.ropes[0], weak, *bridle.ropes[2:])))
+    (sentence,) = caplog.messages
+    assert "ropes[1]: 'leg_port' carries 82 kN at rest" in sentence
+    assert "a safety factor of 2.4" in sentence
