@@ -12,6 +12,7 @@ from dataclasses import asdict
 from typing import Any
 
 from rope_twin.errors import SceneError
+from rope_twin.scene.card import known_error, told_bound
 from rope_twin.scene.checks import sense_checks
 from rope_twin.scene.figures import LiftFigures, lift_figures, listed_effects, stretch_m
 from rope_twin.scene.load import load_scene, scene_names
@@ -88,7 +89,16 @@ def _parts(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
     ]
     effects = [f"{name} {_words(params)}".strip() for name, params in listed_effects(scene).items()]
     rows += [("effects" if row == 0 else "", words) for row, words in enumerate(effects)]
-    return [*rows, ("step", f"{scene.time.step_s:g} s")]
+    return [*rows, ("step", f"{scene.time.step_s:g} s"), ("accuracy", _accuracy(scene))]
+
+
+def _accuracy(scene: Scene) -> str:
+    """What the scene's card says of its own elements and step."""
+    known = known_error(scene)
+    if known.words.startswith("unknown"):
+        return known.words
+    rms, peak = told_bound(known.rms_pct), told_bound(known.peak_pct)
+    return f"top tension {rms} % rms, {peak} % at its highest, {known.words}"
 
 
 def _end(line: RopeLine) -> str:

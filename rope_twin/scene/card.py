@@ -192,7 +192,7 @@ def solver_digest(scene: Scene) -> str:
 
 @lru_cache(maxsize=64)
 def _digest_of(modules: tuple[str, ...]) -> str:
-    core = sorted(Path(jit.__file__).parent.glob("*.py"))
+    core = sorted(Path(jit.__file__).parent.glob("*.py"))  # its folder lanes/ steps ensembles
     effects = [Path(str(sys.modules[name].__file__)) for name in modules]
     digest = hashlib.sha256()
     for path in (*core, *effects):

@@ -132,6 +132,17 @@ def test_a_run_says_its_error_or_that_it_is_unknown(
     assert "error unknown" in said
 
 
+def test_a_scene_is_shown_with_its_error(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = carded_scene(tmp_path)
+    assert main(["scene", "show", str(scene.path)]) == 0
+    assert "top tension 0.21 % rms, 0.11 % at its highest, at most" in capsys.readouterr().out
+    card.card_path(scene).unlink()
+    assert main(["scene", "show", str(scene.path)]) == 0
+    assert "accuracy             unknown: no card" in capsys.readouterr().out
+
+
 def test_a_snapshot_has_its_error(tmp_path: Path) -> None:
     scene = carded_scene(tmp_path)
     assert Twin(scene).snapshot().card_error.rms_pct == pytest.approx(
