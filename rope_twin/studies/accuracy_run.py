@@ -29,7 +29,7 @@ Vector = NDArray[np.float64]
 AFTER_NS = 1_000_000_000  # heave goes on so long after the end: the last step looks ahead
 BATCH_S = 8.0  # less than the 10 s that winch commands may be known ahead
 PIECE_NODE_STEPS = 40_000  # a timed piece takes some 4 ms at least
-ENOUGH_S, LONG_S, MOST_RUNS = 0.6, 2.5, 7  # of timing
+ENOUGH_S, FEWEST_RUNS, MOST_RUNS = 0.6, 2, 7  # of timing
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ class Trial:
         while len(runs) < MOST_RUNS:
             runs.append(self._timed(piece))
             spent = float(sum(run.sum() for run in runs))
-            if spent > LONG_S or (len(runs) > 2 and spent > ENOUGH_S):
+            if len(runs) >= FEWEST_RUNS and spent > ENOUGH_S:
                 break
         return self._steps * self.setting.step_s / float(np.min(runs, axis=0).sum())
 
