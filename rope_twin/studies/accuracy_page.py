@@ -89,9 +89,10 @@ def summary(study: Study) -> list[str]:
             bought.setdefault(row, []).append(f"{target:g} %")
         elif study.reference.doubts[RMS].uncertainty is not None:
             lines.append(f"No setting of the ladder is within {target:g} % rms.")
-    for row, targets in bought.items():
+    for row, (*first, last) in bought.items():
+        targets = f"{', '.join(first)} and {last}" if first else last
         lines.append(
-            f"Within {' and '.join(targets)} rms the cheapest is {row.setting}: "
+            f"Within {targets} rms the cheapest is {row.setting}: "
             f"{row.real_time_factor:.0f} times real time."
         )
     return lines
