@@ -10,13 +10,14 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import sys
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from rope_twin.core import jit
+from rope_twin.core import statics
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.schema import Rope, RopeLine, Scene
 
@@ -186,16 +187,41 @@ def scene_digest(scene: Scene) -> str:
 
 
 def solver_digest(scene: Scene) -> str:
-    """Of the sources of the solver's core and of the effects that the scene lists, no others."""
-    return _digest_of(tuple(sorted({type(params).__module__ for params in scene.effects})))
+    """Of the sources of one rope's step and statics and of the effects that the scene lists."""
+    effects = sorted({type(params).__module__ for params in scene.effects})
+    return _digest_of((statics.__name__, *effects))
+
+
+def solver_sources(modules: Sequence[str]) -> list[Path]:
+    """The files of these modules and of all that they import from core, effects and sea."""
+    found: set[str] = set()
+    waiting = list(modules)
+    while waiting:
+        name = waiting.pop()
+        if name not in found:
+            found.add(name)
+            text = _file(name).read_text(encoding="utf-8")
+            for room, module, names in _IMPORT.findall(text):
+                inner = [module] if module else re.findall(r"\w+", names)
+                waiting += [f"rope_twin.{room}.{one}" for one in inner]
+    return [_file(name) for name in sorted(found)]
+
+
+# Lines like `from rope_twin.core.step import ...` and `from rope_twin.core import terms`.
+_IMPORT = re.compile(
+    r"^from rope_twin\.(core|effects|sea)(?:\.(\w+) import|(?: import (.+)))", re.MULTILINE
+)
+_PACKAGE = Path(statics.__file__).parent.parent
+
+
+def _file(module: str) -> Path:
+    return _PACKAGE.joinpath(*module.split(".")[1:]).with_suffix(".py")
 
 
 @lru_cache(maxsize=64)
 def _digest_of(modules: tuple[str, ...]) -> str:
-    core = sorted(Path(jit.__file__).parent.glob("*.py"))  # its folder lanes/ steps ensembles
-    effects = [Path(str(sys.modules[name].__file__)) for name in modules]
     digest = hashlib.sha256()
-    for path in (*core, *effects):
+    for path in solver_sources(modules):
         digest.update(path.name.encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]

@@ -19,7 +19,7 @@ from rope_twin.studies.accuracy_run import Course, Series, Setting, Trial
 
 SAFETY, FORMAL_ORDER, LEAST_ORDER = 1.25, 2.0, 0.4
 NO_ORDER = 3.0  # safety where there is no order: the factor for two grids
-LITTLE = {"%": 1.0, "m": 0.05}  # three times differences that do not matter though they do not fall
+LITTLE = {"%": 5.0, "m": 0.1}  # three times differences that do not matter though they do not fall
 NOTHING = {"%": 1e-6, "m": 1e-8}  # round-off
 
 
