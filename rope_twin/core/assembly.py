@@ -10,17 +10,14 @@ from math import sqrt
 from typing import Any
 
 from rope_twin.core import terms
-from rope_twin.core.elimination import root_stiffness
 from rope_twin.core.jit import jit, jit_sum
 from rope_twin.core.rows import row, rows, span
 from rope_twin.core.state import (
-    AXIAL,
     BLOCK,
     CORRECTION,
     DIRECTION,
     FLOW,
     RESIDUAL,
-    ROOT,
     TANGENT,
     TENSION,
     ZERO,
@@ -54,7 +51,7 @@ def set_flow(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
 
 @jit
 def load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Residual R, block A and root = √AXIAL·t of the element above, for 1 <= low <= i < high.
+    """Residual R and block A of the nodes 1 <= low <= i < high.
 
     R_i = T_i·t_i - T_{i-1}·t_{i-1} - MASS·a + loads; A_i = MASS·I + what the effects add. The
     tangent is the mean direction of both elements; 1e-12 keeps a folded rope off 0/0.
@@ -63,7 +60,6 @@ def load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> None
     T, T_below = row(work, TENSION, low), row(work, TENSION, low - 1)
     tx, ty, tz = rows(work, DIRECTION, low)
     bx, by, bz = rows(work, DIRECTION, low - 1)
-    axial, (rx, ry, rz) = row(work, AXIAL, low), rows(work, ROOT, low)
     Rx, Ry, Rz = rows(work, RESIDUAL, low)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
     for i in range(high - low):
@@ -79,16 +75,11 @@ def load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> None
         Ayy[i] = load.yy
         Ayz[i] = load.yz
         Azz[i] = load.zz
-        size = sqrt(axial[i])
-        rx[i] = size * tx[i]
-        ry[i] = size * ty[i]
-        rz[i] = size * tz[i]
 
 
 @jit
 def load_lowest(effects: Any, work: Any, stage: Any) -> None:
     """The same for node 0, which has no element below it."""
-    root_stiffness(work, ZERO, ZERO + 1)
     for k in range(3):
         work[TANGENT + k, 0] = work[DIRECTION + k, 0]
         work[RESIDUAL + k, 0] = work[TENSION, 0] * work[DIRECTION + k, 0]

@@ -14,7 +14,16 @@ from typing import Any
 
 from rope_twin.core.elimination import eliminate_node, spring
 from rope_twin.core.jit import jit_ordered, jit_within
-from rope_twin.core.state import BLOCK, CORRECTION, ELIMINATED, GEOMETRIC, RESIDUAL, ROOT, WORK_ROWS
+from rope_twin.core.state import (
+    AXIAL,
+    BLOCK,
+    CORRECTION,
+    DIRECTION,
+    ELIMINATED,
+    GEOMETRIC,
+    RESIDUAL,
+    WORK_ROWS,
+)
 
 FAR = WORK_ROWS  # 9 rows: H of a node, by rows
 CHAIN_ROWS = FAR + 9
@@ -25,6 +34,12 @@ _NOTHING = (0.0, 0.0, 0.0)
 def column(work: Any, first: int, i: int) -> Any:
     """Column i of three rows."""
     return work[first, i], work[first + 1, i], work[first + 2, i]
+
+
+@jit_within
+def _element(work: Any, e: int) -> Any:
+    """Direction, AXIAL and GEOMETRIC."""
+    return column(work, DIRECTION, e), work[AXIAL, e], work[GEOMETRIC, e]
 
 
 @jit_within
@@ -65,7 +80,7 @@ def eliminate_upward(work: Any, first: int, n: int) -> Any:
         Z = spring(work, 0)
     for i in range(first, n):
         S, force = _held(work, i, i, Z), _pushed(work, i, f)
-        gain, own, Z, f = eliminate_node(S, force, column(work, ROOT, i), work[GEOMETRIC, i])
+        gain, own, Z, f = eliminate_node(S, force, *_element(work, i))
         _keep(work, i, gain, own)
     return Z, f
 
@@ -77,7 +92,7 @@ def eliminate_downward(work: Any, n: int) -> Any:
     for i in range(n - 1, 0, -1):
         e = i - 1
         S, force = _held(work, i, e, Z), _pushed(work, i, f)
-        gain, own, Z, f = eliminate_node(S, force, column(work, ROOT, e), work[GEOMETRIC, e])
+        gain, own, Z, f = eliminate_node(S, force, *_element(work, e))
         _keep(work, i, gain, own)
     return Z, f
 
@@ -93,12 +108,12 @@ def eliminate_between(work: Any, n: int) -> Any:
     f, g = _NOTHING, _NOTHING
     for i in range(1, n):
         S, force = _held(work, i, i, Z), _pushed(work, i, f)
-        root, b = column(work, ROOT, i), work[GEOMETRIC, i]
-        gain, own, Z, f = eliminate_node(S, force, root, b)
+        t, a, b = _element(work, i)
+        gain, own, Z, f = eliminate_node(S, force, t, a, b)
         _keep(work, i, gain, own)
-        _, hx, _, next_x = eliminate_node(S, px, root, b)
-        _, hy, _, next_y = eliminate_node(S, py, root, b)
-        _, hz, _, next_z = eliminate_node(S, pz, root, b)
+        _, hx, _, next_x = eliminate_node(S, px, t, a, b)
+        _, hy, _, next_y = eliminate_node(S, py, t, a, b)
+        _, hz, _, next_z = eliminate_node(S, pz, t, a, b)
         for k in range(3):
             work[FAR + 3 * k, i], work[FAR + 3 * k + 1, i] = hx[k], hy[k]
             work[FAR + 3 * k + 2, i] = hz[k]

@@ -13,7 +13,7 @@ from math import sqrt
 from typing import Any
 
 from rope_twin.core.elastic import stretch, stretch_all
-from rope_twin.core.elimination import add_six, root_stiffness, solve_symmetric, spring
+from rope_twin.core.elimination import add_six, solve_symmetric, spring
 from rope_twin.core.jit import jit
 from rope_twin.core.sections import SAME_PLACE, section_above, set_element, set_lengths
 from rope_twin.core.state import (
@@ -120,7 +120,6 @@ def _find_equilibrium(rope: Any, growth: float, middle: int) -> bool:
         rx += half * work[RESIDUAL, middle]
         ry += half * work[RESIDUAL + 1, middle]
         rz += half * work[RESIDUAL + 2, middle]
-        root_stiffness(work, low, middle + 1)
         K = add_six(spring(work, low), spring(work, middle))
         dx, dy, dz = solve_symmetric(K, (rx, ry, rz))
         work[POSITION, middle] += dx

@@ -18,7 +18,7 @@ from rope_twin.core import terms
 from rope_twin.core.assembly import load_lowest, load_nodes, set_flow, slope
 from rope_twin.core.coupled_elimination import eliminate_coupled
 from rope_twin.core.elastic import growth_of, stretch, stretch_corrected, stretch_top
-from rope_twin.core.elimination import eliminate
+from rope_twin.core.fold import eliminate
 from rope_twin.core.jit import LINKED, jit
 from rope_twin.core.prediction import correct, predict_bdf2, predict_trapezoid
 from rope_twin.core.rows import rows

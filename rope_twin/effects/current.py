@@ -142,6 +142,15 @@ def _add_layer(current: Any, share: Any, layer: int, z: Any, flow: Any, count: i
 
 
 @jit_within
+def _above(z: Any, level: float, count: int) -> int:
+    """How many nodes are not below a level. Least and greatest z would be found one by one."""
+    found = 0
+    for i in range(count):
+        found += z[i] >= level
+    return found
+
+
+@jit_within
 def _flow(current: Any, share: Any, work: Any, low: int, high: int) -> None:
     """flow += share·U(z), a sum over the layers between rows, for a few nodes at a time.
 
@@ -153,19 +162,16 @@ def _flow(current: Any, share: Any, work: Any, low: int, high: int) -> None:
         count = min(start + TOGETHER, high) - start
         _, _, z = rows(work, POSITION, start)
         east, north, _ = rows(work, FLOW, start)
-        bottom, top = z[0], z[0]
-        for i in range(1, count):
-            bottom, top = min(bottom, z[i]), max(top, z[i])
-        while first < last and current.z[first + 1] <= bottom:
+        while first < last and _above(z, current.z[first + 1], count) == count:
             first += 1
-        while first > 0 and current.z[first] > bottom:
+        while first > 0 and _above(z, current.z[first], count) < count:
             first -= 1
         base_east, base_north = share * current.U[0, first], share * current.U[1, first]
         for i in range(count):
             east[i] += base_east
             north[i] += base_north
         layer = first
-        while layer < last and (layer == first or current.z[layer] < top):
+        while layer < last and (layer == first or _above(z, current.z[layer], count) > 0):
             _add_layer(current, share, layer, z, (east, north), count)
             layer += 1
 

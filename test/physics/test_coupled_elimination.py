@@ -10,14 +10,12 @@ from test_elimination import Vector, chain, solve
 
 from rope_twin.core import state as rows
 from rope_twin.core.coupled_elimination import eliminate_coupled
-from rope_twin.core.elimination import root_stiffness
 from rope_twin.core.jit import jit_entry
 
 
 @jit_entry
 def solve_coupled(work: Any, first: int, n: int) -> None:
     """(A + K + couplings)·delta = R."""
-    root_stiffness(work, 0, n)
     eliminate_coupled(work, first, n)
 
 

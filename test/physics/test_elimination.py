@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from rope_twin.core import state as rows
-from rope_twin.core.elimination import eliminate, root_stiffness
+from rope_twin.core.fold import eliminate
 from rope_twin.core.jit import jit_entry
 
 Vector = NDArray[np.float64]
@@ -18,7 +18,6 @@ Vector = NDArray[np.float64]
 @jit_entry
 def solve(work: Any, first: int, n: int) -> None:
     """(A + K)·delta = R with K from AXIAL, GEOMETRIC and DIRECTION."""
-    root_stiffness(work, 0, n)
     eliminate(work, first, n)
 
 

@@ -20,18 +20,19 @@ from small_scene import SMALL_SCENE, small_scene
 import rope_twin.twin.ensemble as ensemble_module
 import rope_twin.twin.lanes as lanes_module
 from rope_twin import load_scene
-from rope_twin.core.elimination import eliminate
+from rope_twin.core.fold import eliminate
 from rope_twin.core.jit import OPTIONS, jit_entry
 from rope_twin.core.lanes.elimination import eliminate_wide, substitute_wide
 from rope_twin.core.lanes.group import Group, aligned, kind_of, why_alone
 from rope_twin.core.lanes.tables import tiles, wide
 from rope_twin.core.lanes.wide import LANES
 from rope_twin.core.state import (
+    AXIAL,
     BLOCK,
     CORRECTION,
+    DIRECTION,
     GEOMETRIC,
     RESIDUAL,
-    ROOT,
     VELOCITY,
     WORK_ROWS,
 )
@@ -235,7 +236,8 @@ def test_the_elimination_is_that_of_one_rope(first: int, n: int) -> None:
     """With a free and with a fixed lower end, an odd and an even number of nodes, in every lane."""
     random = np.random.default_rng(n)
     work = aligned(n + 1, WORK_ROWS, LANES)
-    work[:, ROOT : ROOT + 3] = random.normal(size=(n + 1, 3, LANES)) * 30.0
+    work[:, DIRECTION : DIRECTION + 3] = random.normal(size=(n + 1, 3, LANES))
+    work[:, AXIAL] = 900.0 * random.random((n + 1, LANES))
     work[:, GEOMETRIC] = random.random((n + 1, LANES))
     work[:, BLOCK : BLOCK + 6] = random.normal(size=(n + 1, 6, LANES))
     work[:, [BLOCK, BLOCK + 3, BLOCK + 5]] += 130.0

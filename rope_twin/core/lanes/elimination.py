@@ -5,18 +5,24 @@ from __future__ import annotations
 from typing import Any
 
 from rope_twin.core.elimination import (
-    _ground,
     add_six,
     eliminate_node,
+    ground,
     hold_ends,
     solve_symmetric,
     spring,
 )
 from rope_twin.core.jit import jit_ordered, jit_ordered_within
 from rope_twin.core.rows import row, rows, span
-from rope_twin.core.state import BLOCK, CORRECTION, ELIMINATED, GEOMETRIC, RESIDUAL, ROOT
-
-_eliminate_in_order = jit_ordered_within(eliminate_node)
+from rope_twin.core.state import (
+    AXIAL,
+    BLOCK,
+    CORRECTION,
+    DIRECTION,
+    ELIMINATED,
+    GEOMETRIC,
+    RESIDUAL,
+)
 
 
 @jit_ordered_within
@@ -24,16 +30,16 @@ def _eliminate(work: Any, i: int, e: int, Z: Any, f: Any) -> Any:
     """Eliminate node i through element e; Z and force for the neighbour are returned."""
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
-    x, y, z = rows(work, ROOT, 0)
-    geometric = row(work, GEOMETRIC, 0)
+    x, y, z = rows(work, DIRECTION, 0)
+    axial, geometric = row(work, AXIAL, 0), row(work, GEOMETRIC, 0)
     b = geometric[e]
     S = (
         Z[0] + (Axx[i] + b), Z[1] + Axy[i], Z[2] + Axz[i],
         Z[3] + (Ayy[i] + b), Z[4] + Ayz[i], Z[5] + (Azz[i] + b),
     )  # fmt: skip
     force = (f[0] + Rx[i], f[1] + Ry[i], f[2] + Rz[i])
-    root = (x[e], y[e], z[e])
-    gain, own, left, pushed = _eliminate_in_order(S, force, root, b)
+    t = (x[e], y[e], z[e])
+    gain, own, left, pushed = eliminate_node(S, force, t, axial[e], b)
     gxx, gxy, gxz, gyx, gyy, gyz, gzx, gzy, gzz, px, py, pz = span(work, ELIMINATED, 12, 0)
     gxx[i] = gain[0]
     gxy[i] = gain[1]
@@ -72,7 +78,7 @@ def eliminate_wide(work: Any, first: int, n: int) -> None:
     middle = first + pairs
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
-    Z_low, Z_high = _ground(work, first), spring(work, n - 1)
+    Z_low, Z_high = ground(work, first), spring(work, n - 1)
     zero = Rx[middle] * 0.0
     f_low, f_high = (zero, zero, zero), (zero, zero, zero)
     for k in range(pairs):
