@@ -178,10 +178,9 @@ def _fall(system: System, boundary: Boundary, pull: Floats) -> None:
 
 def _take_long_steps(system: System, boundary: Boundary, pull: Floats) -> tuple[Equilibrium, bool]:
     """How the search stands, and whether it ended because nothing comes nearer to rest."""
-    round_off = _round_off(system)
-    tolerance = max(TOLERANCE_N, round_off)
+    tolerance = max(TOLERANCE_N, _round_off(system))
     health, step = system.ropes[0].state.health, STEP_FIRST
-    end, last = Equilibrium(False, np.inf, 0.0, np.inf, 0), np.inf
+    last, before = np.inf, _places(system)
     for rounds in range(ROUNDS):
         before = _places(system)
         _stop(system)
@@ -193,16 +192,26 @@ def _take_long_steps(system: System, boundary: Boundary, pull: Floats) -> tuple[
                 break
             continue
         substeps = int(health[SUBSTEPS])
-        after = _places(system)
-        move = max(largest(b - a) for a, b in zip(before, after, strict=True) if a.size)
-        residual, tension = _residual(system, boundary, pull)
-        found = residual <= max(TOLERANCE_N, round_off, ENOUGH * tension)
-        end = Equilibrium(found, residual, tension, move, rounds)
-        if found and step >= STEP_LAST and not move < FAST * last:  # no nearer: round-off
-            return end, True
-        last = move if found else np.inf
+        if step >= STEP_LAST:  # before, a move does not tell how far rest is
+            move = _largest_move(before, _places(system))
+            end = _rest(system, boundary, pull, tolerance)._replace(left_m=move, rounds=rounds)
+            if end.found and not move < FAST * last:  # no nearer: round-off
+                return end, True
+            last = move if end.found else np.inf
         if substeps == 1:
             step = min(step * GROWTH, STEP_LAST)
         elif substeps > FEW:
             step /= GROWTH
-    return end, False
+    end = _rest(system, boundary, pull, tolerance)
+    return end._replace(left_m=_largest_move(before, _places(system)), rounds=ROUNDS), False
+
+
+def _largest_move(before: list[Floats], after: list[Floats]) -> float:
+    return max(largest(b - a) for a, b in zip(before, after, strict=True) if a.size)
+
+
+def _rest(system: System, boundary: Boundary, pull: Floats, tolerance: float) -> Equilibrium:
+    """What is left of forces where the nodes are."""
+    residual, tension = _residual(system, boundary, pull)
+    found = residual <= max(tolerance, ENOUGH * tension)
+    return Equilibrium(found, residual, tension, np.inf, 0)
