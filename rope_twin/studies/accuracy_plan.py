@@ -21,6 +21,7 @@ REFERENCE_TOLERANCE = 0.1
 REFERENCE_WORK = 33e6  # nodes times steps of the finest run, about
 FINER_MOST = 4  # elements of the reference over those of the finest rung
 MOST_WORK = 800e6  # nodes times steps of everything together: about a minute and a half
+DEAR = 2.0  # a scene whose nodes cost more than twice as much has a short ladder
 COMPONENTS = 14.0  # so many waves cost a node as much as all else
 SHORTEST_WINDOW = 10  # looks
 
@@ -72,7 +73,8 @@ def make_plan(scene: Scene, seconds: float | None = None) -> Plan:
         right = "give the lowest element's length and its growth instead"
         raise InputError(phrase(where, "grading.nodes_m holds the elements fixed", right))
     usual = _plan(scene, seconds, USUAL)
-    return usual if usual.work * dearness(scene) <= MOST_WORK else _plan(scene, seconds, SHORT)
+    dear = dearness(scene) > DEAR or usual.work > MOST_WORK
+    return _plan(scene, seconds, SHORT) if dear else usual
 
 
 def dearness(scene: Scene) -> float:
