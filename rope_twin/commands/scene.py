@@ -151,24 +151,23 @@ def _sea(sea: SeaState) -> str:
 
 
 def _words(params: Any) -> str:
-    """An effect's parameters in a few words."""
-    words = []
-    for key, value in asdict(params).items():
-        if isinstance(value, dict):
-            inner = ", ".join(
-                f"{name} {_word(part)}" for name, part in value.items() if part is not None
-            )
-            words.append(f"{key} ({inner})")
-        elif value is not None:
-            words.append(f"{key} {_word(value)}")
-    return ", ".join(words)
+    """What is given of an effect's parameters, in a few words."""
+    given = [(key, value) for key, value in asdict(params).items() if value not in (None, ())]
+    return ", ".join(f"{key} {_word(value)}" for key, value in given)
 
 
 def _word(value: Any) -> str:
     """A value in short."""
-    if isinstance(value, tuple):
-        return f"{len(value)} rows"
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    match value:
+        case dict():
+            inner = [f"{name} {_word(part)}" for name, part in value.items() if part is not None]
+            return f"({', '.join(inner)})"
+        case tuple():
+            return f"{len(value)} rows"
+        case float():
+            return f"{value:g}"
+        case _:
+            return str(value)
 
 
 def _winch(winch: Winch | None) -> str:
