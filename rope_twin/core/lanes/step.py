@@ -59,7 +59,7 @@ class Run(NamedTuple):
 
 def _wide_effects(effects: Any) -> Any:
     """Effects whose fields are arrays with a last axis of LANES, with wide numbers and tables."""
-    raise NotImplementedError("compiled code only")
+    raise TypeError("wide numbers exist in compiled code only; plain Python steps ropes one by one")
 
 
 @overload(_wide_effects, jit_options=LINKED, strict=False)
