@@ -1,0 +1,97 @@
+"""`rope_twin validate [ID...]`: published and closed-form cases, ours beside theirs.
+
+Exit code 0 if every case is met, 1 if one is not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from rope_twin.studies.order_picture import check_picture
+from rope_twin.studies.validation.case import Case, Row
+from rope_twin.studies.validation.page import (
+    PAGE,
+    PICTURES,
+    as_json,
+    keep_results,
+    markdown_table,
+    picture_name,
+    table_rows,
+    write_page,
+)
+from rope_twin.studies.validation.picture import draw_case
+from rope_twin.studies.validation.registry import CASES, choose_cases, run_case
+
+WIDTHS = (4, 52, 16, 22, 16)
+
+
+def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
+    """Add `validate`."""
+    ids = ", ".join(f"{case.id} ({case.seconds:.0f} s)" for case in CASES)
+    parser = subparsers.add_parser(
+        "validate",
+        help="published and closed-form cases: our number beside theirs",
+        epilog=f"cases: {ids}",
+    )
+    parser.add_argument("ids", metavar="ID", nargs="*", help="cases to run (default: all)")
+    form = parser.add_mutually_exclusive_group()
+    form.add_argument("--json", action="store_true", help="one JSON list of cases at the end")
+    form.add_argument("--markdown", action="store_true", help="a table as in docs/validation.md")
+    parser.add_argument(
+        "--into", type=Path, metavar="DIR",
+        help=f"put the results, with a picture per case, into DIR/{PAGE} (other cases' are kept)",
+    )  # fmt: skip
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the cases and print a table as each ends; 1 if one is not met."""
+    cases = choose_cases(args.ids)
+    if args.into is not None:
+        check_picture(args.into / PICTURES / "case.png")
+    rows = []
+    for row in _run_all(cases):
+        rows.append(row)
+        if not (args.json or args.markdown):
+            _print_case(row)
+        if args.into is not None and row.found.panels:
+            draw_case(row, args.into / PICTURES / picture_name(row.case.id))
+    if args.json:
+        print(json.dumps([as_json(row) for row in rows], indent=1, ensure_ascii=False))
+    elif args.markdown:
+        print(markdown_table(as_json(row) for row in rows))
+    else:
+        met, seconds = sum(row.ok for row in rows), sum(row.seconds for row in rows)
+        print(f"{met} of {len(rows)} cases are met, {seconds:.0f} s")
+    if args.into is not None:
+        page = write_page(keep_results(rows, args.into), args.into)
+        print(page, file=sys.stderr)
+    return 0 if all(row.ok for row in rows) else 1
+
+
+def _run_all(cases: Sequence[Case]) -> Iterator[Row]:
+    """Every row; which case is running is told on a terminal."""
+    for number, case in enumerate(cases, 1):
+        if sys.stderr.isatty():
+            words = f"{number} of {len(cases)}: {case.id}, about {case.seconds:.0f} s"
+            print(f"\r\033[K{words}", end="", file=sys.stderr, flush=True)
+        row = run_case(case)
+        if sys.stderr.isatty():
+            print("\r\033[K", end="", file=sys.stderr, flush=True)
+        yield row
+
+
+def _print_case(row: Row) -> None:
+    result = as_json(row)
+    for cells in table_rows(result):
+        *some, met, source = cells
+        words = "  ".join(f"{cell:<{width}}" for cell, width in zip(some, WIDTHS, strict=True))
+        print(f"{words}  {met:<3}  {source}")
+    for note in result["notes"]:
+        print(f"      {note}")
+    sys.stdout.flush()

@@ -1,0 +1,104 @@
+"""A rope whose state is set by hand and stepped by the core alone, and what is read from it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.statics import find_equilibrium
+from rope_twin.core.step import advance
+from rope_twin.errors import SolverError, phrase
+from rope_twin.scene.build import build
+from rope_twin.scene.schema import Scene
+from rope_twin.studies.rigs import Motion
+from rope_twin.studies.stability_rigs import Nodes, Vector
+
+AT_REST = 1e-9  # of the length: what the search for rest may leave
+
+
+class Bench(Nodes):
+    """The core's arrays of a scene in static equilibrium.
+
+    Raises:
+        SolverError: there is none.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.rope = build(scene).rope
+        self.length = scene.ropes[0].length_m
+        self.hang_off = scene.ship.hang_off_m
+        self.time = 0.0
+        if not find_equilibrium(self.rope, self.length) <= AT_REST * self.length:
+            raise SolverError(phrase("bench", "the rope finds no rest", "check what holds it"))
+
+    @property
+    def acceleration(self) -> Vector:
+        """View of the node accelerations, payload first, (3, nodes)."""
+        return self.rope.state.nodes[rows.ACCELERATION : rows.ACCELERATION + 3, : self.n + 1]
+
+    def hold(self, steps: int) -> Vector:
+        """Advance with the hang-off at rest; the magnitude of the pull on it after each step."""
+        value = np.tile([*self.hang_off, self.length], (steps + 1, 1))
+        return self.follow(rows.Boundary(value, np.zeros_like(value)))
+
+    def follow(self, boundary: rows.Boundary) -> Vector:
+        """Advance with prescribed motion; the magnitude of the pull on it after each step.
+
+        Raises:
+            SolverError: a step is not finite.
+        """
+        steps = len(boundary.value) - 1
+        pull = np.zeros((steps, rows.PULL_COLUMNS))
+        done = advance(self.rope, boundary, pull, self.time, steps)
+        if done < steps:
+            raise SolverError(phrase(f"step {done + 1}", "it is not finite", "shorten the step"))
+        self.time += steps * self.rope.model.step
+        return pull[:, rows.PULL]
+
+
+def lift(height: float, duration: float) -> Motion:
+    """From 0 to `height` within `duration`, smooth (quintic), then at rest."""
+
+    def at(time: float) -> tuple[float, float]:
+        if time >= duration:
+            return height, 0.0
+        u = time / duration
+        rate = 30.0 * u * u * (1.0 - u) ** 2 / duration
+        return height * u**3 * (10.0 - 15.0 * u + 6.0 * u * u), height * rate
+
+    return at
+
+
+def pluck(height: float, duration: float) -> Motion:
+    """The end goes to `height` and back within `duration`, then rests."""
+    up = lift(height, 0.5 * duration)
+
+    def at(time: float) -> tuple[float, float]:
+        if time <= 0.5 * duration:
+            return up(time)
+        z, v = up(max(duration - time, 0.0))
+        return z, -v
+
+    return at
+
+
+def frequency(values: Vector, step: float) -> float:
+    """Frequency [Hz] of a nearly pure oscillation about its mean.
+
+    A straight line through the times of its rising zero crossings (cubic in between).
+
+    Raises:
+        SolverError: it crosses its mean too rarely.
+    """
+    x = values - values.mean()
+    k = np.flatnonzero((x[1:-2] < 0.0) & (x[2:-1] >= 0.0)) + 1
+    if len(k) < 3:
+        raise SolverError(phrase("oscillation", f"{len(k)} crossings", "watch it for longer"))
+    times = []
+    for i in k:
+        roots = np.polynomial.polynomial.polyroots(
+            np.polynomial.polynomial.polyfit([-1.0, 0.0, 1.0, 2.0], x[i - 1 : i + 3], 3)
+        )
+        real = roots.real[np.abs(roots.imag) < 1e-9]
+        times.append((i + real[np.argmin(np.abs(real - 0.5))]) * step)
+    return float(1.0 / np.polyfit(np.arange(len(times)), times, 1)[0])

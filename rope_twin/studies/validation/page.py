@@ -1,0 +1,150 @@
+"""The cases as a page: docs/validation.md between its marks, from the results in docs/validation.
+
+A run of some cases replaces their results and keeps the others': cases take minutes.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from rope_twin.errors import InputError, phrase
+from rope_twin.studies.validation.case import Finding, Row
+from rope_twin.studies.validation.registry import CASES
+
+RESULTS, PAGE, PICTURES = "validation", "validation.md", "images"
+BEGIN, END = "<!-- written by rope_twin validate -->", "<!-- end of what is written -->"
+HEAD = ["id", "quantity", "ours", "published", "tolerance", "met", "source"]
+
+
+def as_json(row: Row) -> dict[str, Any]:
+    """What a case found, plain."""
+    return {
+        "id": row.case.id,
+        "about": row.case.about,
+        "source": row.case.source,
+        "met": row.ok,
+        "refusal": row.refusal,
+        "seconds": round(row.seconds, 1),
+        "rows": [_finding_as_json(finding) for finding in row.found.findings],
+        "notes": list(row.found.notes),
+        "picture": bool(row.found.panels),
+    }
+
+
+def _finding_as_json(finding: Finding) -> dict[str, Any]:
+    met = finding.ok if finding.judged else None
+    return {
+        "quantity": finding.quantity,
+        "ours": float(f"{finding.ours:.6g}") if finding.ours == finding.ours else None,
+        "unit": finding.unit,
+        "published": finding.published,
+        "tolerance": finding.tolerance,
+        "met": met,
+    }
+
+
+def table_rows(result: dict[str, Any]) -> list[list[str]]:
+    """Cells of HEAD for a case's plain results."""
+    if result["refusal"]:
+        return [[result["id"], result["refusal"], "", "", "", "NO", result["source"]]]
+    return [
+        [
+            result["id"],
+            row["quantity"],
+            _number(row["ours"], row["unit"]),
+            f"{row['published']} {row['unit']}".strip()
+            if row["published"][-1:].isdigit()
+            else row["published"],
+            row["tolerance"],
+            {True: "yes", False: "NO", None: "-"}[row["met"]],
+            result["source"],
+        ]
+        for row in result["rows"]
+    ]
+
+
+def _number(value: float | None, unit: str) -> str:
+    return "not a number" if value is None else f"{value:.5g} {unit}".strip()
+
+
+def markdown_table(results: Iterable[dict[str, Any]]) -> str:
+    """All rows as one table."""
+    lines = [f"| {' | '.join(HEAD)} |", f"|{' --- |' * len(HEAD)}"]
+    for result in results:
+        lines += [f"| {' | '.join(cells)} |" for cells in table_rows(result)]
+    return "\n".join(lines)
+
+
+def keep_results(rows: Iterable[Row], folder: Path) -> list[dict[str, Any]]:
+    """Put these results among those that the folder holds; all of them, in the cases' order.
+
+    Raises:
+        InputError: what the folder holds cannot be read.
+    """
+    (folder / RESULTS).mkdir(exist_ok=True)
+    for row in rows:
+        text = json.dumps(as_json(row), indent=1, ensure_ascii=False, allow_nan=False)
+        _path(folder, row.case.id).write_text(text + "\n", encoding="utf-8")
+    return read_results(folder)
+
+
+def read_results(folder: Path) -> list[dict[str, Any]]:
+    """The results that a folder holds, in the cases' order.
+
+    Raises:
+        InputError: one of them cannot be read.
+    """
+    results = []
+    for path in (_path(folder, case.id) for case in CASES):
+        try:
+            results += [json.loads(path.read_text("utf-8"))] if path.exists() else []
+        except ValueError as error:
+            what = f"it is no result ({error})"
+            raise InputError(phrase(str(path), what, "delete it and run the case")) from error
+    return results
+
+
+def _path(folder: Path, case: str) -> Path:
+    return folder / RESULTS / f"{case}.json"
+
+
+def write_page(results: list[dict[str, Any]], folder: Path) -> Path:
+    """Replace what lies between the page's marks.
+
+    Raises:
+        InputError: there is no such page, or it has no marks.
+    """
+    path = folder / PAGE
+    text = path.read_text("utf-8") if path.exists() else ""
+    if BEGIN not in text or END not in text:
+        what = f"it has no place for the cases ('{BEGIN}' ... '{END}')"
+        raise InputError(phrase(str(path), what, "give a folder with docs/validation.md"))
+    before, rest = text.split(BEGIN, 1)
+    after = rest.split(END, 1)[1]
+    body = "\n".join(_body(results))
+    path.write_text(f"{before}{BEGIN}\n{body}\n{END}{after}", encoding="utf-8")
+    return path
+
+
+def _body(results: list[dict[str, Any]]) -> Iterable[str]:
+    missed = [result["id"] for result in results if not result["met"]]
+    yield f"{len(results) - len(missed)} of {len(results)} cases are met."
+    if missed:
+        yield f"Not met: {', '.join(missed)}; why stands with each."
+    for result in results:
+        yield f"\n### {result['id']}: {result['about']}\n"
+        yield f"Source: {result['source']}. Takes {result['seconds']:.0f} s.\n"
+        yield "| quantity | ours | published | tolerance | met |\n| --- | --- | --- | --- | --- |"
+        yield from (f"| {' | '.join(cells[1:-1])} |" for cells in table_rows(result))
+        for note in result["notes"]:
+            yield f"\n{note}"
+        if result["picture"]:
+            yield f"\n![{result['id']}]({PICTURES}/{picture_name(result['id'])})"
+
+
+def picture_name(case: str) -> str:
+    """File of a case's picture."""
+    return f"validation_{case.lower()}.png"

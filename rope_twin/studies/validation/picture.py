@@ -1,0 +1,61 @@
+"""A case's panels as one picture (needs matplotlib)."""
+
+from __future__ import annotations
+
+from math import ceil
+from pathlib import Path
+from typing import Any
+
+from rope_twin.errors import InputError, phrase
+from rope_twin.studies.order_picture import check_picture
+from rope_twin.studies.validation.case import Panel, Row
+
+MOST_ACROSS = 3
+
+
+def draw_case(row: Row, path: Path) -> None:
+    """Write the picture of what a case found.
+
+    Raises:
+        InputError: matplotlib is not there, or the picture cannot be written.
+    """
+    check_picture(path)
+    from matplotlib.figure import Figure
+
+    panels = row.found.panels
+    across = min(len(panels), MOST_ACROSS)
+    down = ceil(len(panels) / across)
+    figure = Figure(figsize=(5.0 * across + 0.6, 3.8 * down), layout="constrained")
+    axes = figure.subplots(down, across, squeeze=False).ravel()
+    for panel, own in zip(panels, axes, strict=False):
+        _draw(figure, own, panel)
+    for own in axes[len(panels) :]:
+        own.set_visible(False)
+    figure.suptitle(f"{row.case.id}: {row.case.about}", fontsize=10)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, dpi=90, metadata={"Software": None})
+    except OSError as error:
+        right = "give a place that can be written"
+        raise InputError(phrase(str(path), str(error.strerror), right)) from error
+
+
+def _draw(figure: Any, axes: Any, panel: Panel) -> None:
+    if panel.field is not None:
+        image = axes.imshow(
+            panel.field.values, origin="lower", aspect="auto", cmap="RdBu_r",
+            extent=(*panel.field.x, *panel.field.y),
+        )  # fmt: skip
+        figure.colorbar(image, ax=axes, label=panel.field.label)
+    for line in panel.lines:
+        axes.plot(line.x, line.y, line.style, label=line.label, linewidth=1.2, markersize=4)
+    if panel.log:
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+    if any(line.label for line in panel.lines):
+        axes.legend(fontsize=7)
+    if panel.field is None:
+        axes.grid(True, linewidth=0.3)
+    axes.set_title(panel.title, fontsize=9)
+    axes.set_xlabel(panel.x)
+    axes.set_ylabel(panel.y)

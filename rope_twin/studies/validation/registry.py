@@ -1,0 +1,40 @@
+"""All validation cases, in the order of the page. A file of cases adds its CASES here."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+
+from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
+from rope_twin.studies.validation import statics, stepping, vibration
+from rope_twin.studies.validation.case import Case, Found, Row
+
+CASES: tuple[Case, ...] = (
+    *statics.CASES,
+    *vibration.CASES,
+    *stepping.CASES,
+)
+
+
+def choose_cases(ids: Sequence[str]) -> tuple[Case, ...]:
+    """The cases of these ids in the order of CASES; all if there are none.
+
+    Raises:
+        InputError: an id that no case has.
+    """
+    known = [case.id for case in CASES]
+    for name in ids:
+        if name not in known:
+            what = f"there is no case '{name}'"
+            raise InputError(phrase("validate", what, did_you_mean(name, known)))
+    return tuple(case for case in CASES if not ids or case.id in ids)
+
+
+def run_case(case: Case) -> Row:
+    """Run one in full; a solver that gives up is a row that is not met."""
+    began = time.perf_counter()
+    try:
+        found, refusal = case.run(), ""
+    except RopeTwinError as error:
+        found, refusal = Found(()), str(error)
+    return Row(case, found, refusal, time.perf_counter() - began)
