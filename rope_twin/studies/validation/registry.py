@@ -6,12 +6,13 @@ import time
 from collections.abc import Sequence
 
 from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
-from rope_twin.studies.validation import statics, stepping, vibration
+from rope_twin.studies.validation import modal_lines, statics, stepping, vibration
 from rope_twin.studies.validation.case import Case, Found, Row
 
 CASES: tuple[Case, ...] = (
     *statics.CASES,
     *vibration.CASES,
+    *modal_lines.CASES,
     *stepping.CASES,
 )
 

@@ -1,0 +1,111 @@
+"""What the water does to a rope that its vortices shake: lock-in, lift and damping by amplitude.
+
+[LCD] is Le Cunff and Durand (1999), who take lift and hydrodynamic damping from Venugopal (1996).
+A mode of frequency f is locked in where the reduced velocity U/(f·d) lies in a band; there the
+lift drives it, elsewhere the water damps it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import pi, sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.viv.span import Floats
+
+Mask = NDArray[np.bool_]
+
+STILL, STILL_SQUARE, SLOW, FAST = 0.25, 2.0 * sqrt(2.0), 0.18, 0.2  # Venugopal (1996)
+
+
+@dataclass(frozen=True)
+class Lift:
+    """C_l(A/d) of two parabolas that meet at the largest; beyond `zero` it takes power.
+
+    The shape is Venugopal's (1996), as SHEAR7 has used it: from C_l at rest to the largest and
+    down through zero. His table is not in public material; the corner points here are the ones
+    usually told of it.
+    """
+
+    at_rest: float = 0.3
+    largest: float = 0.7
+    largest_at: float = 0.5  # [d]
+    zero: float = 1.0  # [d]
+
+    def __call__(self, amplitude: Floats) -> Floats:
+        """C_l at an amplitude in diameters."""
+        rise = (amplitude - self.largest_at) / self.largest_at
+        fall = (amplitude - self.largest_at) / (self.zero - self.largest_at)
+        low = self.largest - (self.largest - self.at_rest) * rise * rise
+        return np.where(rise < 0.0, low, self.largest * (1.0 - fall * fall))
+
+
+def nearest_zones(frequency: Floats, shedding: Floats, locked: Mask) -> Mask:
+    """Each place drives the mode nearest to its Strouhal frequency, if that one is locked in."""
+    if not len(frequency):
+        return locked
+    near = np.abs(shedding[:, None] - frequency).argmin(axis=1)
+    zones = np.zeros_like(locked)
+    at = np.arange(len(shedding))
+    zones[at, near] = locked[at, near]
+    return zones
+
+
+def all_zones(frequency: Floats, shedding: Floats, locked: Mask) -> Mask:
+    """Each place drives every mode that is locked in there."""
+    return locked
+
+
+def dominant_zones(frequency: Floats, shedding: Floats, locked: Mask) -> Mask:
+    """The mode with most shedding near it (by f_s³) takes its whole band, the next what is left."""
+    near = nearest_zones(frequency, shedding, locked)
+    power = (shedding[:, None] ** 3 * near).sum(axis=0)
+    zones, taken = np.zeros_like(locked), np.zeros(len(shedding), dtype=bool)
+    for mode in np.argsort(-power, kind="stable"):
+        if power[mode] > 0.0:
+            zones[:, mode] = locked[:, mode] & ~taken
+            taken |= zones[:, mode]
+    return zones
+
+
+Zones = Callable[[Floats, Floats, Mask], Mask]
+
+
+@dataclass(frozen=True)
+class Shedding:
+    """Everything that the water's side of the modal approach needs."""
+
+    strouhal: float = 0.17
+    band: tuple[float, float] = (4.0, 8.0)  # of U/(f·d) in which a mode is locked in
+    density: float = 1025.0  # [kg/m³]
+    viscosity: float = 1.3e-6  # [m²/s]
+    structural: float = 0.015  # of critical, of every mode
+    lift: Callable[[Floats], Floats] = Lift()
+    zones: Zones = nearest_zones
+
+    def still_water(self, omega: Floats, diameter: Floats) -> tuple[Floats, Floats]:
+        """Damping per metre in still water, c0 + c2·(A/d)² [N·s/m²]; (places, modes)."""
+        d = diameter[:, None]
+        own = 0.5 * pi * self.density * omega * d * d
+        return own * STILL_SQUARE / np.sqrt(omega * d * d / self.viscosity), own * STILL
+
+    def damping(self, omega: Floats, diameter: Floats, speed: Floats) -> tuple[Floats, Floats]:
+        """Damping per metre outside the band, c0 + c2·(A/d)² [N·s/m²]; (places, modes).
+
+        Below it still water's and 0.18·ρ·d·U, above it 0.2·ρ·U²/ω (Venugopal 1996).
+        """
+        U, d = speed[:, None], diameter[:, None]
+        reduced = 2.0 * pi * U / (omega * d)
+        below, above = reduced < self.band[0], reduced > self.band[1]
+        c0, c2 = self.still_water(omega, diameter)
+        slow, fast = c0 + SLOW * self.density * d * U, FAST * self.density * U * U / omega
+        return below * slow + above * fast, below * c2
+
+    def locked(self, omega: Floats, diameter: Floats, speed: Floats) -> Mask:
+        """Where each mode is locked in, (places, modes)."""
+        reduced = 2.0 * pi * speed[:, None] / (omega * diameter[:, None])
+        inside: Mask = (reduced >= self.band[0]) & (reduced <= self.band[1])
+        return inside

@@ -1,0 +1,68 @@
+"""A rope as vortices see it: a line under tension that can move across itself."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+class Span(NamedTuple):
+    """Rows from the lower end up; n elements, n + 1 nodes, the last one held by the ship."""
+
+    s: Floats  # along the rope from the lower end [m], rising, (n + 1,)
+    tension: Floats  # of the elements [N], (n,)
+    mass: Floats  # of the elements per metre, added mass included [kg/m], (n,)
+    diameter: Floats  # that the water sees, at the nodes [m], (n + 1,)
+    speed: Floats  # of the water across the rope, at the nodes [m/s], (n + 1,)
+    stiffness: float = 0.0  # bending stiffness EI [N·m²], ends hinged
+    end_mass: float | None = None  # that swings across at the lower end [kg]; None: it is held
+
+    @property
+    def node_mass(self) -> Floats:
+        """Lumped at the nodes, the end's mass included [kg]."""
+        half = 0.5 * self.mass * np.diff(self.s)
+        lumps = np.zeros(len(self.s))
+        lumps[:-1] += half
+        lumps[1:] += half
+        lumps[0] += self.end_mass or 0.0
+        return lumps
+
+    @property
+    def node_length(self) -> Floats:
+        """Of the half elements beside each node [m]."""
+        half = 0.5 * np.diff(self.s)
+        lengths = np.zeros(len(self.s))
+        lengths[:-1] += half
+        lengths[1:] += half
+        return lengths
+
+
+def refined(span: Span, longest_m: float) -> Span:
+    """The same rope in equal elements of at most this length, linear between the given ones."""
+    length = float(span.s[-1] - span.s[0])
+    count = max(len(span.s) - 1, int(np.ceil(length / longest_m)))
+    s = np.linspace(span.s[0], span.s[-1], count + 1)
+    middle, own = 0.5 * (s[1:] + s[:-1]), 0.5 * (span.s[1:] + span.s[:-1])
+    return span._replace(
+        s=s,
+        tension=extended(middle, own, span.tension),
+        mass=np.interp(middle, own, span.mass),
+        diameter=np.interp(s, span.s, span.diameter),
+        speed=np.interp(s, span.s, span.speed),
+    )
+
+
+def extended(at: Floats, s: Floats, values: Floats) -> Floats:
+    """Linear interpolation that goes on in a straight line beyond the first and last value."""
+    if len(s) < 2:
+        return np.full(len(at), values[0])
+    found = np.interp(at, s, values)
+    low, high = at < s[0], at > s[-1]
+    found[low] = values[0] + (at[low] - s[0]) * (values[1] - values[0]) / (s[1] - s[0])
+    last = (values[-1] - values[-2]) / (s[-1] - s[-2])
+    found[high] = values[-1] + (at[high] - s[-1]) * last
+    return found

@@ -1,0 +1,163 @@
+"""Modes and modal response to vortices against closed forms and scipy's integrators."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.special import jn_zeros
+
+from rope_twin.errors import InputError
+from rope_twin.viv.lateral_modes import find_lateral_modes
+from rope_twin.viv.modal_response import ModalResponse
+from rope_twin.viv.shedding import Lift, Shedding, all_zones, dominant_zones, nearest_zones
+from rope_twin.viv.span import Span, refined
+
+L, T, M = 300.0, 100e3, 2.05
+
+
+def string(n: int = 200, speed: float = 0.0, stiffness: float = 0.0) -> Span:
+    s = np.linspace(0.0, L, n + 1)
+    same = np.ones(n + 1)
+    return Span(s, T * same[1:], M * same[1:], 0.02 * same, speed * same, stiffness)
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 5e4])
+def test_string_and_beam(stiffness: float) -> None:
+    """n/(2L)·√(T/m + n²π²EI/(mL²)), second order in the element length."""
+    n = np.arange(1, 9)
+    exact = 0.5 * n / L * np.sqrt(T / M + (n * pi / L) ** 2 * stiffness / M)
+    errors = []
+    for elements in (100, 200):
+        span = string(elements, stiffness=stiffness)
+        found = find_lateral_modes(span, 1.02 * exact[-1])
+        assert len(found.frequency) == 8
+        errors.append(np.abs(found.frequency / exact - 1.0).max())
+        np.testing.assert_allclose(found.mass, 0.5 * M * L, rtol=5e-3)
+    assert errors[0] < 1.5e-2
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
+
+
+def test_hanging_chain() -> None:
+    """A free lower end: ω = j_{0,n}/2·√(g/L), and its end swings most."""
+    n = 2000
+    s = np.linspace(0.0, 100.0, n + 1)
+    tension = 9.81 * M * 0.5 * (s[1:] + s[:-1])
+    span = Span(s, tension, np.full(n, M), np.ones(n + 1), np.zeros(n + 1), end_mass=0.0)
+    exact = 0.5 * jn_zeros(0, 4) * np.sqrt(9.81 / 100.0) / (2.0 * pi)
+    found = find_lateral_modes(span, 1.01 * exact[-1])
+    np.testing.assert_allclose(found.frequency, exact, rtol=2e-3)
+    assert (np.abs(found.shape).argmax(axis=0) == 0).all()
+
+
+def test_refining_keeps_the_rope() -> None:
+    """Weight of a rope whose tension falls linearly, and its ends."""
+    span = string(7)._replace(tension=np.linspace(1e3, 7e3, 7))
+    fine = refined(span, 1.0)
+    assert len(fine.s) == 301
+    assert fine.tension[0] == pytest.approx(500.0 + 1e3 * 0.5 / (L / 7.0), rel=1e-9)
+    assert fine.mass @ np.diff(fine.s) == pytest.approx(span.mass @ np.diff(span.s))
+
+
+def test_recursion_is_the_integral() -> None:
+    """One mode under lift that does not change: as scipy integrates its equation, any step."""
+    shedding = Shedding(lift=lambda amplitude: np.full_like(amplitude, 0.5), zones=dominant_zones)
+    response = ModalResponse(string(speed=0.2), shedding)
+    (mode,) = np.flatnonzero(response.zones.any(axis=0))
+    omega, mass = 2.0 * pi * response.frequency[mode], response.modes.mass[mode]
+    span = response.span
+    force = 0.25 * 1025.0 * 0.02 * 0.04 * np.abs(response.modes.shape[:, mode]) @ span.node_length
+    angle = float(response._angle[mode])
+    damping = 2.0 * 0.015 * omega * mass
+
+    def rate(t: float, y: np.ndarray) -> list[float]:
+        push = force * np.cos(omega * t + angle)
+        return [y[1], (push - damping * y[1]) / mass - omega**2 * y[0]]
+
+    exact = solve_ivp(rate, (0.0, 20.0), [0.0, 0.0], rtol=1e-10, atol=1e-13).y[0, -1]
+    for step in (0.04, 4.0):
+        again = ModalResponse(string(speed=0.2), shedding)
+        for _ in range(round(20.0 / step)):
+            again.advance(step)
+        assert again.coordinate[mode] == pytest.approx(exact, rel=1e-6)
+
+
+def test_amplitude_ends_where_lift_feeds_damping() -> None:
+    """½·∫½ρdU²C_l(A/d)|φ| ds·ω·a = ½·C·(ω·a)²: the first-harmonic balance of power."""
+    response = ModalResponse(string(speed=0.2), Shedding(zones=dominant_zones))
+    response.advance(60.0)
+    (mode,) = np.flatnonzero(response.zones.any(axis=0))
+    omega, mass = 2.0 * pi * response.frequency[mode], response.modes.mass[mode]
+    a: float = response.modal_amplitude[mode]
+    lift = Lift()(a * np.abs(response.modes.shape[:, mode]) / 0.02)
+    fed = 0.5 * 1025.0 * 0.02 * 0.04 * (lift * np.abs(response.modes.shape[:, mode]))
+    damping = 2.0 * 0.015 * omega * mass
+    # driven everywhere: only the structure damps
+    assert fed @ response.span.node_length == pytest.approx(damping * omega * a, rel=0.02)
+
+
+def test_zones() -> None:
+    """Nearest modes share the rope; the dominant one takes its band; all take theirs."""
+    frequency, shedding = np.array([1.0, 2.0]), np.array([0.2, 1.1, 1.4, 2.1, 2.2])
+    locked = np.array([[0, 0], [1, 0], [1, 1], [1, 1], [0, 1]], dtype=bool)
+    near = nearest_zones(frequency, shedding, locked)
+    assert near.tolist() == [[0, 0], [1, 0], [1, 0], [0, 1], [0, 1]]
+    first = dominant_zones(frequency, shedding, locked)
+    assert first.tolist() == [[0, 0], [1, 0], [0, 1], [0, 1], [0, 1]]
+    assert all_zones(frequency, shedding, locked) is locked
+
+
+def test_damping_outside_the_band() -> None:
+    """Venugopal's three parts, typed out for one place and mode."""
+    water, omega, d = Shedding(), np.array([2.0 * pi]), np.array([0.1])
+    low, _ = water.damping(omega, d, np.array([0.1]))
+    high, _ = water.damping(omega, d, np.array([1.0]))
+    inside, growing = water.damping(omega, d, np.array([0.6]))
+    still = 0.5 * pi * 1025.0 * 2.0 * pi * 0.01 * 2.0 * 2.0**0.5 / (2.0 * pi * 0.01 / 1.3e-6) ** 0.5
+    assert low[0, 0] == pytest.approx(still + 0.18 * 1025.0 * 0.1 * 0.1)
+    assert high[0, 0] == pytest.approx(0.2 * 1025.0 / (2.0 * pi))
+    assert inside[0, 0] == growing[0, 0] == 0.0
+
+
+def test_still_water_moves_nothing() -> None:
+    response = ModalResponse(string(), Shedding())
+    response.advance(10.0)
+    assert response.time_s == 10.0
+    assert not response.motion.any()
+
+
+def test_following_the_same_rope_keeps_its_motion() -> None:
+    """Modes found again: same place, same velocity; other tension: same place at that instant."""
+    response = ModalResponse(string(speed=0.2), Shedding())
+    response.advance(30.0)
+    before, amplitude = response.motion, response.amplitude
+    response.follow(string(speed=0.2))
+    np.testing.assert_allclose(response.motion, before, atol=1e-9)
+    np.testing.assert_allclose(response.amplitude, amplitude, atol=1e-9)
+    tighter = string(speed=0.2)
+    response.follow(tighter._replace(tension=1.1 * tighter.tension))
+    assert response.motion @ before / (before @ before) == pytest.approx(1.0, abs=0.02)
+    response.advance(30.0)
+    assert response.amplitude.max() > 0.5
+
+
+def test_amplitudes_limit_themselves() -> None:
+    """Lift vanishes at one diameter and takes power beyond."""
+    lift = Lift()
+    np.testing.assert_allclose(lift(np.array([0.0, 0.5, 1.0])), [0.3, 0.7, 0.0], atol=1e-12)
+    assert lift(np.array([1.2]))[0] < 0.0
+    wild = replace(Shedding(), structural=0.0)
+    response = ModalResponse(string(speed=0.2), wild)
+    response.advance(60.0)
+    assert 0.9 < response.amplitude.max() < 1.5
+
+
+def test_slack_rope_is_refused() -> None:
+    slack = string()._replace(tension=np.full(200, 0.0))
+    with pytest.raises(InputError, match="200 of 200 elements are slack"):
+        find_lateral_modes(slack, 1.0)
+    with pytest.raises(InputError, match="modes lie below"):
+        find_lateral_modes(string(), 1e4)
