@@ -9,12 +9,16 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
+import numpy as np
+
 from rope_twin.core.assembly import load_lowest, load_nodes, set_flow, slope
 from rope_twin.core.elastic import growth_of, stretch, stretch_corrected, stretch_top
 from rope_twin.core.jit import jit
 from rope_twin.core.joints import (
     LOOSE,
+    TOLERANCE,
     clear,
+    first_free,
     gather_ends,
     joint_slope,
     place_ends,
@@ -46,6 +50,8 @@ from rope_twin.core.state import (
 )
 from rope_twin.core.ties import add_ties, count_unexpected_ties, expect_pulls, pull_ties
 
+RELOAD = np.int64(3)  # after TRAPEZOID, BDF2 and SEARCH: motion and tension are up to date
+
 
 @jit
 def solve_joined(system: Any, stage: Any, kind: int, cap: int) -> int:
@@ -65,7 +71,7 @@ def solve_joined(system: Any, stage: Any, kind: int, cap: int) -> int:
             return NOT_FINITE
         if unexpected == 0:
             return CONVERGED
-        _reload(system, stage)
+        _evaluate(system, stage, RELOAD, 0.0)
         if correction >= SEARCH_FROM:
             _search(system, stage, before)
     return UNCONVERGED
@@ -93,37 +99,43 @@ def _upto(system: Any, r: int) -> int:
 
 
 @jit
-def _move_joints(joints: Any, stage: Any, kind: int, factor: float) -> None:
-    """Motion of the joints: of the prediction, or (SEARCH) of a += factor·delta."""
-    low, count = ZERO, joints.nodes.shape[1]
+def _move(motion: Any, stage: Any, kind: int, factor: float, low: int, high: int) -> None:
+    """Motion of the nodes low <= i < high: of the prediction, or (SEARCH) of a += factor·delta.
+
+    motion: the rows of the state and of the scratch.
+    """
+    nodes, work = motion
     if kind == TRAPEZOID:
-        predict_trapezoid(joints.nodes, joints.work, stage.p, stage.q, low, count)
+        predict_trapezoid(nodes, work, stage.p, stage.q, low, high)
     elif kind == BDF2:
-        predict_bdf2(joints.nodes, joints.work, stage.p, stage.q, low, count)
+        predict_bdf2(nodes, work, stage.p, stage.q, low, high)
     else:
-        correct(joints.work, stage.p, stage.q, factor, low, count)
+        correct(work, stage.p, stage.q, factor, low, high)
+
+
+@jit
+def _move_joints(joints: Any, stage: Any, kind: int, factor: float) -> None:
+    """The same for the joints."""
+    _move((joints.nodes, joints.work), stage, kind, factor, ZERO, joints.nodes.shape[1])
 
 
 @jit
 def _evaluate_rope(rope: Any, stage: Any, kind: int, factor: float, upto: int) -> None:
     """What `_evaluate` does for one rope, whose ends stand where they belong."""
-    state, work, p, q = rope.state, rope.work, stage.p, stage.q
-    n = state.counts[ELEMENTS]
+    work, n = rope.work, rope.state.counts[ELEMENTS]
     for start in range(0, n, CHUNK):
         low, high = max(start, rope.model.first_free), min(start + CHUNK, n)
-        if kind == TRAPEZOID:
-            predict_trapezoid(state.nodes, work, p, q, low, high)
-        elif kind == BDF2:
-            predict_bdf2(state.nodes, work, p, q, low, high)
-        else:
-            correct(work, p, q, factor, low, high)
         done, last = max(start - 1, 0), high - 1
         if high == n:
             last = upto
-            stretch_top(rope, stage)
+        if kind != RELOAD:
+            _move((rope.state.nodes, work), stage, kind, factor, low, high)
+            if high == n:
+                stretch_top(rope, stage)
+            stretch(rope.law, work, rope.state.offset, stage.p, stage.q, 0.0, done, high - 1)
+        if high == n:
             end_rope(work, n)
-        stretch(rope.law, rope.work, rope.state.offset, p, q, 0.0, done, high - 1)
-        if kind != SEARCH:
+        if kind < SEARCH:
             set_flow(rope.effects, work, stage, done, last)
         load_nodes(rope.effects, work, stage, max(done, 1), last)
     load_lowest(rope.effects, work, stage)
@@ -131,13 +143,15 @@ def _evaluate_rope(rope: Any, stage: Any, kind: int, factor: float, upto: int) -
 
 @jit
 def _evaluate(system: Any, stage: Any, kind: int, factor: float) -> None:
-    """Motion, tension, residual and blocks of ropes and joints."""
-    _move_joints(system.joints, stage, kind, factor)
-    place_ends(system)
+    """Motion, tension, residual and blocks of ropes and joints; RELOAD: the latter two."""
+    joints = system.joints
+    if kind != RELOAD:
+        _move_joints(joints, stage, kind, factor)
+        place_ends(system)
+        pull_ties(joints.ties, joints.work, stage.p, stage.q)
     for r in range(system.stack.counts.shape[0]):
         own = _stage_of(system, stage, r)
         _evaluate_rope(rope_of(system.stack, r), own, kind, factor, _upto(system, r))
-    pull_ties(system.joints.ties, system.joints.work, stage.p, stage.q)
     _gather(system)
 
 
@@ -171,7 +185,7 @@ def _correct(system: Any, stage: Any) -> Any:
     _move_joints(joints, stage, SEARCH, 1.0)
     place_ends(system)
     pull_ties(joints.ties, joints.work, stage.p, stage.q)
-    unexpected = count_unexpected_ties(joints.ties, rope_of(system.stack, ZERO).model.tolerance)
+    unexpected = count_unexpected_ties(joints.ties, system.stack.model[0, TOLERANCE])
     for r in range(system.stack.counts.shape[0]):
         more, wrong = _correct_rope(rope_of(system.stack, r), _stage_of(system, stage, r))
         before += more
@@ -180,26 +194,11 @@ def _correct(system: Any, stage: Any) -> Any:
 
 
 @jit
-def _reload(system: Any, stage: Any) -> None:
-    """Residual and blocks where motion and tension are up to date."""
-    for r in range(system.stack.counts.shape[0]):
-        rope, own = rope_of(system.stack, r), _stage_of(system, stage, r)
-        n, upto = rope.state.counts[ELEMENTS], _upto(system, r)
-        end_rope(rope.work, n)
-        for start in range(0, n, CHUNK):
-            high = start + CHUNK
-            load_nodes(rope.effects, rope.work, own, max(start, 1), high if high < n else upto)
-        load_lowest(rope.effects, rope.work, own)
-    _gather(system)
-
-
-@jit
 def _slope(system: Any) -> Any:
     """R·delta of all ropes and joints."""
-    total = joint_slope(system.joints)
-    for r in range(system.stack.counts.shape[0]):
-        rope = rope_of(system.stack, r)
-        total += slope(rope.work, rope.model.first_free, rope.state.counts[ELEMENTS])
+    stack, total = system.stack, joint_slope(system.joints)
+    for r in range(stack.counts.shape[0]):
+        total += slope(stack.work[r], first_free(stack, r), stack.counts[r, ELEMENTS])
     return total
 
 

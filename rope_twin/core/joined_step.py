@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import Any
+
+import numpy as np
 
 from rope_twin.core.assembly import load_nodes
 from rope_twin.core.elastic import stretch_all
+from rope_twin.core.held import hold
 from rope_twin.core.jit import compiled, jit, jit_entry
 from rope_twin.core.joined_stage import end_rope, solve_joined
-from rope_twin.core.joints import LOOSE, Joined, System, place_ends
+from rope_twin.core.joints import LOOSE, STEP, Joined, System, place_ends
 from rope_twin.core.prediction import GAMMA
-from rope_twin.core.rows import copy
 from rope_twin.core.sections import set_lengths
 from rope_twin.core.stack import load, rope_of, stacked_effects, store
 from rope_twin.core.stage import (
@@ -39,7 +42,9 @@ from rope_twin.core.state import (
     Floats,
     Stage,
 )
-from rope_twin.core.step import HALVINGS, finish, is_finite, recall_tension, stage_at
+from rope_twin.core.step import HALVINGS, finish, stage_at
+
+OUT, BACK = np.int64(0), np.int64(1)  # ways to copy: from the state to scratch, and back
 
 
 @jit
@@ -54,7 +59,7 @@ def _substep(system: Any, boundary: Any, row: int, time: float, level: int, done
 
     Returns the worse of what the stages returned.
     """
-    h = rope_of(system.stack, ZERO).model.step
+    h = system.stack.model[0, STEP]
     start, share = done / (1 << HALVINGS), 1.0 / (1 << level)
     cap = CAP if level < HALVINGS else LAST_CAP
     c = 0.5 * GAMMA * share * h
@@ -75,40 +80,48 @@ def _substep(system: Any, boundary: Any, row: int, time: float, level: int, done
 
 
 @jit
+def _size(nodes: Any, work: Any, n: int) -> float:
+    """Sum of all numbers of the stage's motion of n nodes: not finite if one of them is not."""
+    total = 0.0
+    for k in range(nodes.shape[0]):
+        for i in range(n):
+            total += abs(work[k, i])
+    return total
+
+
+@jit
 def _all_finite(system: Any) -> bool:
     """Whether the stage's motion is finite, of ropes and so of joints."""
-    finite = True
-    for r in range(system.stack.counts.shape[0]):
-        rope = rope_of(system.stack, r)
-        finite = finite and is_finite(rope.work, rope.state.counts[ELEMENTS])
-    return finite and is_finite(system.joints.work, system.joints.nodes.shape[1])
+    stack, joints = system.stack, system.joints
+    total = _size(joints.nodes, joints.work, joints.nodes.shape[1])
+    for r in range(stack.counts.shape[0]):
+        total += _size(stack.nodes[r], stack.work[r], stack.counts[r, ELEMENTS])
+    return isfinite(total)
 
 
 @jit
-def _accept(system: Any) -> None:
-    """The stage's motion becomes the state."""
-    for r in range(system.stack.counts.shape[0]):
-        rope = rope_of(system.stack, r)
-        copy(rope.work, ZERO, rope.state.nodes, ZERO, rope.state.counts[ELEMENTS] + 1)
-    copy(system.joints.work, ZERO, system.joints.nodes, ZERO, system.joints.nodes.shape[1])
+def _copy(nodes: Any, work: Any, row: int, n: int, way: int) -> None:
+    """The motion of n nodes to (way: OUT) the rows of work from `row` on, or BACK.
+
+    As many rows as nodes has, which is NODE_ROWS: a number that the compiler knew would give a
+    loop for each of them.
+    """
+    for k in range(nodes.shape[0]):
+        a, b = nodes[k], work[row + k]
+        for i in range(n):
+            if way == BACK:
+                a[i] = b[i]
+            else:
+                b[i] = a[i]
 
 
 @jit
-def _keep(system: Any) -> None:
-    """Remember the state at the start of the step."""
-    for r in range(system.stack.counts.shape[0]):
-        rope = rope_of(system.stack, r)
-        copy(rope.state.nodes, ZERO, rope.work, KEPT_ROWS, rope.state.counts[ELEMENTS] + 1)
-    copy(system.joints.nodes, ZERO, system.joints.work, KEPT_ROWS, system.joints.nodes.shape[1])
-
-
-@jit
-def _restore(system: Any) -> None:
-    """Back to what `_keep` remembered."""
-    for r in range(system.stack.counts.shape[0]):
-        rope = rope_of(system.stack, r)
-        copy(rope.work, KEPT_ROWS, rope.state.nodes, ZERO, rope.state.counts[ELEMENTS] + 1)
-    copy(system.joints.work, KEPT_ROWS, system.joints.nodes, ZERO, system.joints.nodes.shape[1])
+def _copy_all(system: Any, row: int, way: int) -> None:
+    """The state to (OUT) work's rows from `row` on, or BACK, of ropes and joints."""
+    stack, joints = system.stack, system.joints
+    for r in range(stack.counts.shape[0]):
+        _copy(stack.nodes[r], stack.work[r], row, stack.counts[r, ELEMENTS] + 1, way)
+    _copy(joints.nodes, joints.work, row, joints.nodes.shape[1], way)
 
 
 @jit
@@ -129,13 +142,13 @@ def _advance_halving(system: Any, boundary: Any, row: int, time: float) -> bool:
             continue
         if outcome == NOT_FINITE or (outcome == UNCONVERGED and not _all_finite(system)):
             if done > 0:
-                _restore(system)
+                _copy_all(system, KEPT_ROWS, BACK)
             return False
         if outcome == UNCONVERGED:
             health[SUBSTEPS_UNCONVERGED] += 1
         if done == 0 and part < full:  # the step's start, should a later part fail
-            _keep(system)
-        _accept(system)
+            _copy_all(system, KEPT_ROWS, OUT)
+        _copy_all(system, ZERO, BACK)
         done += part
         substeps += 1
         while level > 0 and done % (full >> (level - 1)) == 0:
@@ -162,18 +175,16 @@ def _report_joined(rope: Any, pull: Any, row: int, time: float) -> None:
 @jit
 def _start(system: Any, boundary: Any) -> None:
     """Scratch from the states; ends take the motion of their joints."""
-    joints = system.joints
-    copy(joints.nodes, ZERO, joints.work, ZERO, joints.nodes.shape[1])
-    for r in range(system.stack.counts.shape[0]):
-        rope = rope_of(system.stack, r)
-        n = rope.state.counts[ELEMENTS]
-        copy(rope.state.nodes, ZERO, rope.work, ZERO, n + 1)
+    stack, joints = system.stack, system.joints
+    _copy_all(system, ZERO, OUT)
+    for r in range(stack.counts.shape[0]):
+        n = stack.counts[r, ELEMENTS]
         joined = joints.upper[r] != LOOSE
-        L = rope.state.s[n] if joined else boundary.value[r, 0, LINE]
-        set_lengths(rope.work, rope.state.s, rope.sections, n, L)
+        L = stack.s[r, n] if joined else boundary.value[r, 0, LINE]
+        set_lengths(stack.work[r], stack.s[r], stack.sections[r], n, L)
         joints.speed[r] = 0.0
     place_ends(system)
-    _accept(system)
+    _copy_all(system, ZERO, BACK)
 
 
 @jit
@@ -181,18 +192,23 @@ def _recall(system: Any, boundary: Any, row: int, time: float) -> None:
     """Tensions of the state at the start of step `row`, after a failed attempt at it."""
     _start(system, boundary)
     for r in range(system.stack.counts.shape[0]):
-        rope = rope_of(system.stack, r)
+        rope, stage = rope_of(system.stack, r), Stage(time, 1.0, 1.0, 0.0)
         if system.joints.upper[r] == LOOSE:
-            recall_tension(rope, _boundary_of(boundary, r), row, time)
-        else:
-            stretch_all(rope, Stage(time, 1.0, 0.0, 0.0))
+            stage = stage_at(rope, _boundary_of(boundary, r), row, 0.0, time, 1.0)
+        stretch_all(rope, stage)
 
 
 @jit_entry
 def advance_joined_steps(system: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
     """What `advance_joined` compiles."""
+    done = _advance(hold(system), hold(boundary), pull, time, steps)
+    return int(done)
+
+
+@jit
+def _advance(system: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
     _start(system, boundary)
-    h = rope_of(system.stack, ZERO).model.step
+    h = system.stack.model[0, STEP]
     for row in range(steps):
         now = time + row * h
         if not _advance_halving(system, boundary, row, now):

@@ -25,8 +25,8 @@ from rope_twin.core.chains import (
     substitute_downward,
     substitute_upward,
 )
-from rope_twin.core.jit import jit, jit_ordered
-from rope_twin.core.stack import Stack, load, new_stack, rope_of, view_of
+from rope_twin.core.jit import jit, jit_ordered, jit_within
+from rope_twin.core.stack import Stack, load, new_stack, view_of
 from rope_twin.core.state import (
     BLOCK,
     CORRECTION,
@@ -35,12 +35,16 @@ from rope_twin.core.state import (
     POSITION,
     RESIDUAL,
     WORK_ROWS,
+    ZERO,
     Floats,
     Ints,
+    Model,
     Rope,
 )
 from rope_twin.core.ties import TIE_ROWS
 
+# Columns of the stack's model:
+FIRST_FREE, STEP, TOLERANCE = map(Model._fields.index, ("first_free", "step", "tolerance"))
 LOOSE = -1  # an end at no joint: an upper one is a hang-off, a lower one is free or fixed
 
 
@@ -105,17 +109,24 @@ def new_system(
     return System(tuple(joined), joints, stack)
 
 
+@jit_within
+def first_free(stack: Any, r: int) -> int:
+    """Lowest node of rope r that is free."""
+    return int(stack.model[r, FIRST_FREE])
+
+
 @jit
 def place_ends(system: Any) -> None:
     """Give the ropes' ends the motion of their joints."""
-    for r in range(system.stack.counts.shape[0]):
-        rope, joints = rope_of(system.stack, r), system.joints
-        low, high, n = joints.lower[r], joints.upper[r], rope.state.counts[ELEMENTS]
-        for k in range(NODE_ROWS):
+    stack, joints = system.stack, system.joints
+    for r in range(stack.counts.shape[0]):
+        work, low, high = stack.work[r], joints.lower[r], joints.upper[r]
+        n = stack.counts[r, ELEMENTS]
+        for k in range(joints.nodes.shape[0]):
             if low != LOOSE:
-                rope.work[POSITION + k, 0] = joints.work[POSITION + k, low]
+                work[POSITION + k, 0] = joints.work[POSITION + k, low]
             if high != LOOSE:
-                rope.work[POSITION + k, n] = joints.work[POSITION + k, high]
+                work[POSITION + k, n] = joints.work[POSITION + k, high]
 
 
 @jit
@@ -149,12 +160,12 @@ def clear(joints: Any) -> None:
 @jit
 def gather_ends(system: Any) -> None:
     """Residuals and blocks of all ends join those of their joints."""
-    for r in range(system.stack.counts.shape[0]):
-        rope, joints = rope_of(system.stack, r), system.joints
+    stack, joints = system.stack, system.joints
+    for r in range(stack.counts.shape[0]):
         if joints.lower[r] != LOOSE:
-            _add_end(joints, rope.work, 0, joints.lower[r])
+            _add_end(joints, stack.work[r], ZERO, joints.lower[r])
         if joints.upper[r] != LOOSE:
-            _add_end(joints, rope.work, rope.state.counts[ELEMENTS], joints.upper[r])
+            _add_end(joints, stack.work[r], stack.counts[r, ELEMENTS], joints.upper[r])
 
 
 @jit
@@ -239,17 +250,15 @@ def _solve_joints(M: Any, b: Any) -> None:
 @jit
 def solve_system(system: Any) -> None:
     """Corrections of all nodes, where residuals and blocks of ropes and joints are known."""
-    joints = system.joints
+    stack, joints = system.stack, system.joints
     for k in range(3):
         for j in range(joints.nodes.shape[1]):
             joints.work[CORRECTION + k, j] = joints.work[RESIDUAL + k, j]
-    for r in range(system.stack.counts.shape[0]):
-        rope = rope_of(system.stack, r)
-        _condense(joints, rope.work, rope.model.first_free, rope.state.counts[ELEMENTS], r)
+    for r in range(stack.counts.shape[0]):
+        _condense(joints, stack.work[r], first_free(stack, r), stack.counts[r, ELEMENTS], r)
     _solve_joints(joints.matrix, joints.work[CORRECTION : CORRECTION + 3])
-    for r in range(system.stack.counts.shape[0]):
-        rope = rope_of(system.stack, r)
-        _substitute(joints, rope.work, rope.model.first_free, rope.state.counts[ELEMENTS], r)
+    for r in range(stack.counts.shape[0]):
+        _substitute(joints, stack.work[r], first_free(stack, r), stack.counts[r, ELEMENTS], r)
 
 
 @jit
