@@ -2,6 +2,12 @@
 
 Axes are the world's (x, y lateral, z vertical). Drag along axis k: -½·ρ·CdA_k·|u|·u_k with the
 velocity u relative to the water (Morison et al. 1950).
+
+A grab or a skip has another face up than down (Hoerner 1965, 3-17; DNV-RP-N103, table B-2). Its
+figures along z blend with w, the vertical velocity relative to the water, from those of sinking to
+those of rising: c(w) = c_mean + c_half·w/√(w² + δ²) with δ = 0.05 m/s, so that the force has a
+slope where the body turns. Its kinetic energy counts the mean added mass; what the rest takes up
+goes to the water's account.
 """
 
 from __future__ import annotations
@@ -17,6 +23,8 @@ from rope_twin.core.rows import rows, span
 from rope_twin.core.stack import stacks
 from rope_twin.core.state import ACCELERATION, BLOCK, FLOW, RESIDUAL, VELOCITY, Floats
 from rope_twin.core.terms import kernel
+
+TURN2 = 0.05**2  # δ² [m²/s²]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +44,20 @@ class Payload(NamedTuple):
     kz: float
 
 
+class TwoWayPayload(NamedTuple):
+    """What the kernel sees; masses include the added mass."""
+
+    W: float  # weight in water [N]
+    Mx: float  # [kg]
+    My: float
+    Mz: float  # mean of rising and sinking
+    kx: float  # ½·ρ·CdA [kg/m]
+    ky: float
+    kz: float  # mean of rising and sinking
+    dM: float  # half of rising less sinking [kg]
+    dk: float  # the same of drag [kg/m]
+
+
 class Payloads(NamedTuple):
     """The payloads of ropes that meet."""
 
@@ -53,13 +75,19 @@ def stack(payloads: Any) -> Payloads:
     return Payloads(np.array(payloads, dtype=float))
 
 
-def build(params: PayloadParams, payload: Any, environment: Any) -> Payload:
+def build(params: PayloadParams, payload: Any, environment: Any) -> Payload | TwoWayPayload:
     """From the payload's mass, volume, added mass and drag area, and the water."""
     density = environment.water_density_kg_per_m3
     mass = [payload.mass_kg + added for added in payload.added_mass_kg]
     k = [0.5 * density * area for area in payload.drag_area_m2]
     weight = (payload.mass_kg - density * payload.volume_m3) * environment.gravity_m_per_s2
-    return Payload(float(weight), *(float(value) for value in (*mass, *k)))
+    plain = Payload(float(weight), *(float(value) for value in (*mass, *k)))
+    if not payload.differs_rising:
+        return plain
+    dM = 0.5 * float(payload.rising_added_mass_kg - payload.added_mass_kg[2])
+    dk = 0.25 * float(density * (payload.rising_drag_area_m2 - payload.drag_area_m2[2]))
+    mean = plain._replace(Mz=plain.Mz + dM, kz=plain.kz + dk)
+    return TwoWayPayload(*mean, dM=dM, dk=dk)
 
 
 @kernel("load_end", Payload, wide=True)
@@ -90,13 +118,15 @@ def load_end(load: Any, work: Any, stage: Any) -> None:
 
 
 @account("kinetic_end", Payload)
+@account("kinetic_end", TwoWayPayload)
 def kinetic(load: Any, place: Any) -> Any:
-    """½·v·M·v with the added mass [J]."""
+    """½·v·M·v with the added mass, of two the mean [J]."""
     mass = np.array([[load.Mx], [load.My], [load.Mz]])
     return 0.5 * (mass * place.velocity**2).sum(axis=0)
 
 
 @account("potential_end", Payload)
+@account("potential_end", TwoWayPayload)
 def potential(load: Any, place: Any) -> Any:
     """Weight in water times height [J]."""
     return load.W * place.position[2]
@@ -108,3 +138,47 @@ def power(load: Any, place: Any) -> Any:
     u = place.velocity - place.flow
     k = np.array([[load.kx], [load.ky], [load.kz]])
     return -(k * np.sqrt((u * u).sum(axis=0)) * u * place.velocity).sum(axis=0)
+
+
+@kernel("load_end", TwoWayPayload, wide=True)
+def load_end_two_way(load: Any, work: Any, stage: Any) -> None:
+    """R_0 -= M(w)·a + k(w)·|u|·u + W·ẑ; A_0 += its derivative, off the diagonal by means."""
+    vx, vy, vz = rows(work, VELOCITY, 0)
+    ux, uy, uz = rows(work, FLOW, 0)
+    ax, ay, az = rows(work, ACCELERATION, 0)
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
+    x, y, z = vx[0] - ux[0], vy[0] - uy[0], vz[0] - uz[0]
+    speed = sqrt(x * x + y * y + z * z + 1e-20)
+    near = z * z + TURN2
+    root = sqrt(near)
+    Mz, k = load.Mz + load.dM * z / root, load.kz + load.dk * z / root
+    slope = TURN2 / (near * root)
+    kx, ky, kz = load.kx * speed, load.ky * speed, k * speed
+    Rx[0] -= load.Mx * ax[0] + kx * x
+    Ry[0] -= load.My * ay[0] + ky * y
+    Rz[0] -= Mz * az[0] + kz * z + load.W
+    q, g = stage.q, stage.q / speed
+    Axx[0] += load.Mx + q * kx + g * load.kx * x * x
+    Ayy[0] += load.My + q * ky + g * load.ky * y * y
+    Azz[0] += Mz + q * kz + g * k * z * z
+    Azz[0] += q * slope * (load.dM * az[0] + load.dk * speed * z)
+    Axy[0] += 0.5 * g * (load.kx + load.ky) * x * y
+    Axz[0] += 0.5 * g * (load.kx + k) * x * z
+    Ayz[0] += 0.5 * g * (load.ky + k) * y * z
+
+
+def _share(w: Any) -> Any:
+    """-1 sinking, 1 rising."""
+    return w / np.sqrt(w * w + TURN2)
+
+
+@account("power_end", TwoWayPayload)
+def power_two_way(load: Any, place: Any) -> Any:
+    """Drag, and the added mass beside its mean, times velocity [W]."""
+    u = place.velocity - place.flow
+    share = _share(u[2])
+    k = np.stack([load.kx + 0.0 * share, load.ky + 0.0 * share, load.kz + load.dk * share])
+    force = k * np.sqrt((u * u).sum(axis=0)) * u
+    force[2] += load.dM * share * place.acceleration[2]
+    return -(force * place.velocity).sum(axis=0)

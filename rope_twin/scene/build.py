@@ -28,6 +28,7 @@ from rope_twin.effects import EFFECTS, Surroundings
 from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import Payload as PayloadEffect
+from rope_twin.effects.payload import TwoWayPayload
 from rope_twin.effects.weight import Weight
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.composite import (
@@ -175,7 +176,8 @@ def tables_of(line: RopeLine) -> Table:
 
 def _static_tension(effects: tuple[Any, ...], sections: Floats, s: Floats) -> Floats:
     """Tension [N] at these places of a rope that hangs straight, by the scene's effects."""
-    tension = np.full(len(s), sum(e.W for e in effects if isinstance(e, PayloadEffect)), float)
+    ends = (PayloadEffect, TwoWayPayload)
+    tension = np.full(len(s), sum(e.W for e in effects if isinstance(e, ends)), float)
     for effect in effects:
         if not isinstance(effect, Weight):
             continue

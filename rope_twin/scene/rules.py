@@ -15,11 +15,13 @@ from pathlib import Path
 
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.drag import DragParams
+from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import did_you_mean
 from rope_twin.scene.composite import ends_m
 from rope_twin.scene.grid import grading_faults
-from rope_twin.scene.rigging_rules import RIGGING_RULES, winch_of, winches
+from rope_twin.scene.rigging_rules import RIGGING_RULES, is_joined, winch_of, winches
+from rope_twin.scene.rising import TwoWayShape
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.share import share_dir
 
@@ -195,6 +197,21 @@ def _effects(scene: Scene) -> Iterator[Fault]:
         yield "effects", what, "add `- payload: {}`"
 
 
+def _two_ways(scene: Scene) -> Iterator[Fault]:
+    """A payload that rises by other figures than it sinks."""
+    splashes = any(isinstance(own, SplashZoneParams) for own in scene.effects)
+    for number, payload in enumerate(scene.payloads):
+        if payload.rising is None and not isinstance(payload.shape, TwoWayShape):
+            continue
+        what = f"'{payload.name}' rises by other figures than it sinks"
+        if splashes:
+            right = "leave out `splash_zone`, which knows one set, or `rising` (and give a box)"
+            yield f"payloads[{number}]", what, right
+        elif is_joined(scene):
+            right = "where ropes meet give one set: leave out `rising`, or take another shape"
+            yield f"payloads[{number}]", what, right
+
+
 def _bag(scene: Scene) -> Iterator[Fault]:
     path = bag_path(scene)
     if path is None or path.is_dir() or path.is_file():
@@ -258,6 +275,7 @@ RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _line_out,
     _schedule,
     _effects,
+    _two_ways,
     _bag,
     _regular_heave,
     _on_waves,

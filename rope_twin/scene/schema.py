@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 from rope_twin.quantity import quantity, text
 from rope_twin.scene.rigging import WINCH, Joint, Strut
+from rope_twin.scene.rising import Rising
 from rope_twin.scene.stiffness import StiffnessTable
 from rope_twin.sea.heave_response import BoxHull
 
@@ -171,6 +172,7 @@ class Payload:
     drag_area_m2: Triple | None = quantity(
         "drag coefficient times area along x, y, z", "m²", 0.0, 1e5, default=None
     )
+    rising: Rising | None = text("along z while it rises, if other than while it sinks", None)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -189,4 +189,5 @@ def test_what_does_not_fit_is_told(shape: SuctionAnchor | Skip | Template) -> No
 
 
 def test_every_shape_has_a_name() -> None:
-    assert set(SHAPES) == {"box", "cylinder", "sphere", "suction_anchor", "skip", "template"}
+    known = {"box", "cylinder", "sphere", "suction_anchor", "skip", "template", "grab"}
+    assert set(SHAPES) == known

@@ -1,0 +1,175 @@
+"""A payload that rises by other figures than it sinks: its force, its derivative, its speeds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from effect_cases import loads, some_stage, some_work
+from rigs import Rig, Vector, march, still
+
+from rope_twin import load_scene
+from rope_twin.core import state as rows
+from rope_twin.core.energy import Place, said
+from rope_twin.core.lanes.wide import LANES
+from rope_twin.core.terms import all_wide
+from rope_twin.effects import Surroundings
+from rope_twin.effects.payload import Payload, PayloadParams, TwoWayPayload, build
+from rope_twin.scene.grab_shapes import Grab
+from rope_twin.scene.rising import Rising
+from rope_twin.scene.rules import faults
+from rope_twin.scene.schema import Payload as PayloadScene
+from rope_twin.scene.schema import RegularHeave, Scene, ScheduleRow, SeaState, Winch
+from rope_twin.scene.shapes import PayloadFigures, payload_figures
+from rope_twin.studies.ensemble_study import variations
+from rope_twin.studies.plan import make_plan, read_axis
+from rope_twin.twin.ensemble import Ensemble
+from rope_twin.twin.twin import Twin
+
+WATER = Surroundings(1025.0, 9.80665, 0.0)
+SINKING = PayloadFigures(2e3, 0.4, (150.0, 200.0, 900.0), (1.0, 1.2, 3.0))
+BOTH = replace(SINKING, added_mass_rising_kg=300.0, drag_area_rising_m2=1.0)
+RISING = replace(SINKING, added_mass_kg=(150.0, 200.0, 300.0), drag_area_m2=(1.0, 1.2, 1.0))
+
+
+def effect(figures: PayloadFigures) -> Any:
+    return build(PayloadParams(), figures, WATER)
+
+
+def force(figures: PayloadFigures, work: Vector) -> Vector:
+    found = loads((effect(figures),), work) - loads((), work)
+    return found[3:6, 0]
+
+
+def test_what_does_not_differ_is_the_plain_payload() -> None:
+    """So nothing changes for scenes that do not ask; both kinds can be stepped in lanes."""
+    assert type(effect(SINKING)) is Payload
+    same = replace(SINKING, drag_area_rising_m2=SINKING.drag_area_m2[2])
+    assert type(effect(same)) is Payload
+    assert type(effect(BOTH)) is TwoWayPayload
+    assert all_wide([TwoWayPayload])
+
+
+@pytest.mark.parametrize(("w", "other"), [(-3.0, SINKING), (3.0, RISING)])
+def test_each_way_has_its_own_figures(w: float, other: PayloadFigures) -> None:
+    """At 3 m/s the blend has gone but for δ²/(2·w²) = 1.4e-4 of half the difference."""
+    work = some_work()
+    work[rows.VELOCITY + 2, 0] = w
+    assert force(BOTH, work) == pytest.approx(force(other, work), rel=2e-4)
+
+
+@pytest.mark.parametrize("w", [-1.0, -0.06, -0.01, 0.0, 0.02, 0.3])
+def test_blocks_are_the_derivative_of_the_residual(w: float) -> None:
+    """A = -dR/da, its symmetric part, by central differences, turning or not."""
+    work = some_work()
+    work[rows.VELOCITY + 2, 0] = w
+    effects, stage, step = (effect(BOTH),), some_stage(), 1e-3
+    exact = np.zeros((3, 3))
+    for k in range(3):
+        ends = []
+        for sign in (1.0, -1.0):
+            moved = work.copy()
+            moved[rows.ACCELERATION + k, 0] += sign * step
+            moved[rows.VELOCITY + k, 0] += sign * step * stage.q
+            ends.append(loads(effects, moved)[3:6, 0])
+        exact[:, k] = (ends[1] - ends[0]) / (2.0 * step)
+    xx, xy, xz, yy, yz, zz = loads(effects, work)[6:12, 0]
+    block = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    assert block == pytest.approx(0.5 * (exact + exact.T), rel=1e-5, abs=1e-3)
+
+
+@pytest.mark.parametrize("w", [-1.0, -0.03, 0.02, 0.7])
+def test_energy_accounts_close(w: float) -> None:
+    """F·v = power - d(kinetic + potential)/dt."""
+    work, effects = some_work(), (effect(BOTH),)
+    work[rows.VELOCITY + 2, 0] = w
+    v, a = (work[row : row + 3, :1] for row in (rows.VELOCITY, rows.ACCELERATION))
+    done = float(force(BOTH, work) @ v[:, 0])
+
+    def place(dt: float) -> Place:
+        x = work[rows.POSITION : rows.POSITION + 3, :1]
+        nothing = {name: np.zeros(1) for name in Place._fields}
+        return Place(**{**nothing, "position": x + dt * v, "velocity": v + dt * a,
+                        "acceleration": a, "flow": np.zeros((3, 1))})  # fmt: skip
+
+    def stored(at: Place) -> float:
+        return said("kinetic_end", effects, at) + said("potential_end", effects, at)
+
+    rate = (stored(place(1e-5)) - stored(place(-1e-5))) / 2e-5
+    assert done == pytest.approx(said("power_end", effects, place(0.0)) - rate, rel=1e-6)
+
+
+def towed(speed: float) -> float:
+    """Tension at a grab that is lowered (+) or hauled in (-) at a steady speed [N]."""
+    rig = Rig(
+        length=60.0, elements=6, mass=2.0, load=500.0, volume=0.1, density=1025.0, area=(4.0,) * 3,
+        added=(500.0,) * 3, damping=1e5, step=0.02,
+        winch=Winch(speed_limit_m_per_s=1.5, acceleration_limit_m_per_s2=0.5,
+                    least_line_out_m=5.0, most_line_out_m=200.0,
+                    schedule=(ScheduleRow(at_s=0.0, speed_m_per_s=speed),)),
+    )  # fmt: skip
+    scene = rig.scene()
+    payload = replace(scene.payloads[0], rising=Rising(drag_area_m2=1.0, added_mass_kg=100.0))
+    twin = Twin(replace(scene, payloads=(payload,)))
+    for shot in march(twin, still, 20.0, every=1000, speeds=[(0.0, speed)]):
+        last = shot
+    assert last.payload_velocity_m_per_s[2] == pytest.approx(-speed, abs=1e-3)
+    return last.tension_payload_n
+
+
+def test_steady_lowering_and_hauling() -> None:
+    """Beside the tension at rest: ½·ρ·CdA·w² with the area of the way it goes, blended at 1 m/s."""
+    share = 1.0 / math.sqrt(1.0 + 0.05**2)
+    sinking, rising = (0.5 * 1025.0 * (2.5 + sign * 1.5 * share) for sign in (1.0, -1.0))
+    at_rest = towed(0.0)
+    assert at_rest - towed(1.0) == pytest.approx(sinking, rel=2e-3)
+    assert towed(-1.0) - at_rest == pytest.approx(rising, rel=5e-3)
+
+
+@pytest.mark.long
+def test_a_grab_in_lanes_equals_one_alone() -> None:
+    """To the bit; half a minute, nearly all of it to compile: `pytest -m long` on this file."""
+    scene = replace(splashing(), effects=())
+    scene = replace(load_scene("still_water"), payloads=scene.payloads, sea_state=SeaState(
+        heave=RegularHeave(amplitude_m=2.0, period_s=7.0)))  # fmt: skip
+    masses = [read_axis("", f"payloads[0].mass_kg=18e3..22e3:{LANES}")]
+    own = variations(scene, make_plan(masses, None, 1), 20.0)
+    together, alone = Ensemble(scene, own), Ensemble(scene, own, abreast=1)
+    assert together.lanes().members == LANES
+    for ensemble in (together, alone):
+        ensemble.advance(20.0)
+    assert together.figures() == alone.figures()
+
+
+def test_a_grab_by_hoerners_hemispheres() -> None:
+    open_one = Grab(width_m=2.0, length_m=3.0, height_m=1.5, solid_m3=0.8)
+    full = replace(open_one, closed=True, solid_m3=4.0)
+    assert open_one.drag_area_m2()[2] == pytest.approx(1.42 * 6.0)
+    assert open_one.rising_drag_area_m2() == pytest.approx(0.38 * 6.0)
+    assert (full.drag_area_m2()[2], full.rising_drag_area_m2()) == pytest.approx((2.52, 7.02))
+    held = open_one.added_mass_m3()[2] - full.added_mass_m3()[2]
+    assert held == pytest.approx(math.pi / 6.0 * 9.0)
+    assert "more than its outline" in (replace(full, solid_m3=9.5).check() or "")
+    found = payload_figures(PayloadScene(name="grab", mass_kg=6e3, shape=open_one), 1025.0)
+    assert found.differs_rising
+    assert found.rising_added_mass_kg == found.added_mass_kg[2]
+    told = PayloadScene(name="grab", mass_kg=6e3, shape=open_one, drag_area_m2=(1.0, 1.0, 2.0))
+    assert not payload_figures(told, 1025.0).differs_rising
+
+
+def test_what_rising_may_not_be() -> None:
+    assert "nothing differs" in (Rising().check() or "")
+    scene = splashing()
+    ((where, what, right),) = faults(scene)
+    assert where == "payloads[0]"
+    assert what == "'module' rises by other figures than it sinks"
+    assert right.startswith("leave out `splash_zone`")
+
+
+def splashing() -> Scene:
+    scene = load_scene("splash_zone")
+    payload = replace(scene.payloads[0], rising=Rising(drag_area_m2=1.0))
+    return replace(scene, payloads=(payload,))
