@@ -25,6 +25,7 @@ from rope_twin.core.joints import (
     solve_system,
 )
 from rope_twin.core.prediction import correct, predict_bdf2, predict_trapezoid
+from rope_twin.core.sheaves import add_sheaves, pass_end
 from rope_twin.core.stack import rope_of
 from rope_twin.core.stage import (
     BDF2,
@@ -120,8 +121,9 @@ def _move_joints(joints: Any, stage: Any, kind: int, factor: float) -> None:
 
 
 @jit
-def _evaluate_rope(rope: Any, stage: Any, kind: int, factor: float, upto: int) -> None:
-    """What `_evaluate` does for one rope, whose ends stand where they belong."""
+def _evaluate_rope(system: Any, stage: Any, kind: int, factor: float, r: int) -> None:
+    """What `_evaluate` does for rope r, whose ends stand where they belong."""
+    rope, upto = rope_of(system.stack, r), _upto(system, r)
     work, n = rope.work, rope.state.counts[ELEMENTS]
     for start in range(0, n, CHUNK):
         low, high = max(start, rope.model.first_free), min(start + CHUNK, n)
@@ -131,6 +133,7 @@ def _evaluate_rope(rope: Any, stage: Any, kind: int, factor: float, upto: int) -
         if kind != RELOAD:
             _move((rope.state.nodes, work), stage, kind, factor, low, high)
             if high == n:
+                pass_end(system.sheaves, system.joints, rope, r)
                 stretch_top(rope, stage)
             stretch(rope.law, work, rope.state.offset, stage.p, stage.q, 0.0, done, high - 1)
         if high == n:
@@ -150,22 +153,23 @@ def _evaluate(system: Any, stage: Any, kind: int, factor: float) -> None:
         place_ends(system)
         pull_ties(joints.ties, joints.work, stage.p, stage.q)
     for r in range(system.stack.counts.shape[0]):
-        own = _stage_of(system, stage, r)
-        _evaluate_rope(rope_of(system.stack, r), own, kind, factor, _upto(system, r))
-    _gather(system)
+        _evaluate_rope(system, _stage_of(system, stage, r), kind, factor, r)
+    _gather(system, stage)
 
 
 @jit
-def _gather(system: Any) -> None:
+def _gather(system: Any, stage: Any) -> None:
     """Residual and matrix of the joints, but for what the chains leave there."""
     clear(system.joints)
     gather_ends(system)
     add_ties(system.joints.ties, system.joints.work, system.joints.matrix)
+    add_sheaves(system.sheaves, system, stage)
 
 
 @jit
-def _correct_rope(rope: Any, stage: Any) -> Any:
-    """What `_correct` does for one rope, whose ends stand where they belong."""
+def _correct_rope(system: Any, stage: Any, r: int) -> Any:
+    """What `_correct` does for rope r, whose ends stand where they belong."""
+    rope = rope_of(system.stack, r)
     work, n = rope.work, rope.state.counts[ELEMENTS]
     before, unexpected = 0.0, 0
     for start in range(0, n, CHUNK):
@@ -173,6 +177,7 @@ def _correct_rope(rope: Any, stage: Any) -> Any:
         before += slope(work, low, high)
         correct(work, stage.p, stage.q, 1.0, low, high)
         unexpected += stretch_corrected(rope, stage, 0.0, max(start - 1, 0), high - 1)
+    pass_end(system.sheaves, system.joints, rope, r)
     return before, unexpected + stretch_corrected(rope, stage, growth_of(rope, stage), n - 1, n)
 
 
@@ -187,7 +192,7 @@ def _correct(system: Any, stage: Any) -> Any:
     pull_ties(joints.ties, joints.work, stage.p, stage.q)
     unexpected = count_unexpected_ties(joints.ties, system.stack.model[0, TOLERANCE])
     for r in range(system.stack.counts.shape[0]):
-        more, wrong = _correct_rope(rope_of(system.stack, r), _stage_of(system, stage, r))
+        more, wrong = _correct_rope(system, _stage_of(system, stage, r), r)
         before += more
         unexpected += wrong
     return before, unexpected

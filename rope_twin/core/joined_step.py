@@ -15,6 +15,7 @@ from rope_twin.core.joined_stage import end_rope, solve_joined
 from rope_twin.core.joints import LOOSE, STEP, Joined, System, place_ends
 from rope_twin.core.prediction import GAMMA
 from rope_twin.core.sections import set_lengths
+from rope_twin.core.sheaves import finish_at_sheave, is_at_sheave, pass_end
 from rope_twin.core.stack import load, rope_of, stacked_effects, store
 from rope_twin.core.stage import (
     BDF2,
@@ -195,6 +196,7 @@ def _recall(system: Any, boundary: Any, row: int, time: float) -> None:
         rope, stage = rope_of(system.stack, r), Stage(time, 1.0, 1.0, 0.0)
         if system.joints.upper[r] == LOOSE:
             stage = stage_at(rope, _boundary_of(boundary, r), row, 0.0, time, 1.0)
+        pass_end(system.sheaves, system.joints, rope, r)
         stretch_all(rope, stage)
 
 
@@ -218,6 +220,9 @@ def _advance(system: Any, boundary: Any, pull: Any, time: float, steps: int) -> 
             rope = rope_of(system.stack, r)
             if system.joints.upper[r] == LOOSE:
                 finish(rope, _boundary_of(boundary, r), pull[r], row, now + h)
+            elif is_at_sheave(system.sheaves, r):
+                own = pull[r, row : row + 1]
+                finish_at_sheave(system.sheaves, system, r, own, now + h)
             else:
                 _report_joined(rope, pull[r], row, now + h)
     return steps
@@ -244,8 +249,8 @@ def advance_joined(
     effects = stacked_effects(system.ropes)
     for r, rope in enumerate(system.ropes):
         load(system.stack, r, rope)
-    joined = Joined(system.stack._replace(effects=effects), system.joints)
-    kinds = (type(system.stack.law), *map(type, effects))
+    joined = Joined(system.stack._replace(effects=effects), system.joints, system.sheaves)
+    kinds = (type(system.sheaves), type(system.stack.law), *map(type, effects))
     arguments = (joined, boundary, pull, time, steps)
     found = _COMPILED.get(kinds)
     if found is None:

@@ -26,6 +26,7 @@ from rope_twin.core.chains import (
     substitute_upward,
 )
 from rope_twin.core.jit import jit, jit_ordered, jit_within
+from rope_twin.core.sheaves import Sheaves, condense_flow, couple_flow, substitute_flow
 from rope_twin.core.stack import Stack, load, new_stack, view_of
 from rope_twin.core.state import (
     BLOCK,
@@ -67,6 +68,7 @@ class System(NamedTuple):
     ropes: tuple[Rope, ...]  # with the same effects, each with at least two elements
     joints: Joints
     stack: Stack  # of which the ropes are views, unless they were given other arrays
+    sheaves: Sheaves | None = None  # None: rope runs over none; its type picks the compiled code
 
 
 class Joined(NamedTuple):
@@ -74,6 +76,7 @@ class Joined(NamedTuple):
 
     stack: Stack
     joints: Joints
+    sheaves: Sheaves | None
 
 
 def new_system(
@@ -188,14 +191,16 @@ def _couple(matrix: Any, upper: int, lower: int, P: Any) -> None:
 
 
 @jit
-def _condense(joints: Any, work: Any, first: int, n: int, r: int) -> None:
+def _condense(system: Any, work: Any, first: int, n: int, r: int) -> None:
     """Eliminate rope r onto its joints."""
+    joints, sheaves = system.joints, system.sheaves
     low, high = joints.lower[r], joints.upper[r]
     if low == LOOSE:
         Z, f = eliminate_upward(work, first, n)
         if high != LOOSE:
             add_block(joints.matrix, high, Z)
             _push(joints, high, f)
+            condense_flow(sheaves, joints, r, (Z, f))
     elif high == LOOSE:
         Z, f = eliminate_downward(work, n)
         add_block(joints.matrix, low, Z)
@@ -207,16 +212,20 @@ def _condense(joints: Any, work: Any, first: int, n: int, r: int) -> None:
         add_block(joints.matrix, low, D)
         _push(joints, low, g)
         _couple(joints.matrix, high, low, P)
+        condense_flow(sheaves, joints, r, (Z, f))
+        couple_flow(sheaves, joints, r, P)
 
 
 @jit
-def _substitute(joints: Any, work: Any, first: int, n: int, r: int) -> None:
+def _substitute(system: Any, work: Any, first: int, n: int, r: int) -> None:
     """Corrections of rope r from those of its joints."""
+    joints = system.joints
     low, high = joints.lower[r], joints.upper[r]
     for k in range(CORRECTION, CORRECTION + 3):
         if low != LOOSE:
             work[k, 0] = joints.work[k, low]
         work[k, n] = joints.work[k, high] if high != LOOSE else 0.0
+    substitute_flow(system.sheaves, joints, work, r, n)
     if low == LOOSE:
         substitute_upward(work, first, n)
     elif high == LOOSE:
@@ -255,10 +264,10 @@ def solve_system(system: Any) -> None:
         for j in range(joints.nodes.shape[1]):
             joints.work[CORRECTION + k, j] = joints.work[RESIDUAL + k, j]
     for r in range(stack.counts.shape[0]):
-        _condense(joints, stack.work[r], first_free(stack, r), stack.counts[r, ELEMENTS], r)
+        _condense(system, stack.work[r], first_free(stack, r), stack.counts[r, ELEMENTS], r)
     _solve_joints(joints.matrix, joints.work[CORRECTION : CORRECTION + 3])
     for r in range(stack.counts.shape[0]):
-        _substitute(joints, stack.work[r], first_free(stack, r), stack.counts[r, ELEMENTS], r)
+        _substitute(system, stack.work[r], first_free(stack, r), stack.counts[r, ELEMENTS], r)
 
 
 @jit
