@@ -1,4 +1,4 @@
-"""`rope_twin scene list | show NAME | check FILE`: what scenes there are, and whether one is sound.
+"""`rope_twin scene list | show | check | measure`: what scenes there are, what one needs.
 
 Exit code 0, or 1 with one sentence on standard error; warnings alone leave it 0.
 """
@@ -6,28 +6,44 @@ Exit code 0, or 1 with one sentence on standard error; warnings alone leave it 0
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
+from rope_twin.commands.bench import Progress
 from rope_twin.errors import SceneError
 from rope_twin.scene.card import known_error, told_bound
 from rope_twin.scene.checks import sense_checks
 from rope_twin.scene.figures import LiftFigures, lift_figures, listed_effects, stretch_m
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.schema import RopeLine, Scene, SeaState, Winch
+from rope_twin.studies.effect_cost import effect_table, measure_effects
+from rope_twin.twin.ensemble import whole_steps
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Add `scene` with its three actions."""
-    parser = subparsers.add_parser("scene", help="list, show or check scenes")
-    actions = parser.add_subparsers(dest="action", required=True, metavar="list | show | check")
+    """Add `scene` with its actions."""
+    parser = subparsers.add_parser("scene", help="list, show, check or measure scenes")
+    actions = parser.add_subparsers(
+        dest="action", required=True, metavar="list | show | check | measure"
+    )
     actions.add_parser("list", help="the scenes that come with the package")
     show = actions.add_parser("show", help="what a scene holds and what follows from it")
     show.add_argument("scene", metavar="NAME", help="a scene's name, or the path of a YAML file")
     check = actions.add_parser("check", help="read a scene strictly and tell what looks odd")
     check.add_argument("scene", metavar="FILE", help="the path of a YAML file, or a scene's name")
+    measure = actions.add_parser(
+        "measure",
+        help="what each effect costs, and what it changes in the top tension",
+        description="Runs the scene as it is, without each effect that it lists and with each that "
+        "it does not list; the first time each set of effects is compiled, some ten seconds.",
+    )
+    measure.add_argument("scene", metavar="NAME", help="a scene's name, or the path of a YAML file")
+    measure.add_argument("--for", dest="for_s", type=float, default=60.0, metavar="SECONDS",
+                         help="twin time of each run (default: 60)")  # fmt: skip
+    measure.add_argument("--json", action="store_true", help="one JSON object instead of a table")
     parser.set_defaults(run=run)
 
 
@@ -37,10 +53,23 @@ def run(args: argparse.Namespace) -> int:
         if args.action == "list":
             return _list()
         scene = load_scene(args.scene)
+        if args.action == "measure":
+            return _measure(scene, args.for_s, args.json)
         return _show(scene) if args.action == "show" else _check(scene)
     except SceneError as error:
         print(error, file=sys.stderr)
         return 1
+
+
+def _measure(scene: Scene, seconds: float, as_json: bool) -> int:
+    """Raises RopeTwinError."""
+    whole_steps("--for", seconds, scene.time.step_s)
+    study = measure_effects(scene, seconds, Progress().show)
+    if as_json:
+        print(json.dumps(asdict(study), ensure_ascii=False, allow_nan=False))
+    else:
+        print("\n".join(effect_table(study)))
+    return 0
 
 
 def _list() -> int:

@@ -1,0 +1,234 @@
+"""What each effect costs a scene, and what it changes in the top tension.
+
+An effect that the scene lists is taken out, one that it does not list is put in with parameters
+that the scene itself or common practice suggests; everything else stays, the ship's motion too,
+even where the ship rides on the waves that are taken out. Each effect by itself: what two change
+together is not the sum of what each does.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import statistics
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rope_twin.effects import EFFECTS, Effect
+from rope_twin.effects.waves import WavesParams
+from rope_twin.errors import RopeTwinError
+from rope_twin.scene.figures import listed_effects
+from rope_twin.scene.rigging_rules import is_joined
+from rope_twin.scene.rules import faults
+from rope_twin.scene.schema import Scene, SeaState
+from rope_twin.studies.accuracy_run import Course, Setting, Trial
+from rope_twin.studies.band import fed
+from rope_twin.twin.twin import Twin
+
+LOOK_S = 0.5
+TYPICAL: dict[str, dict[str, Any]] = {"drag": {"normal": 1.2, "tangential": 0.02}}
+Listener = Callable[[int, int, str], None]
+
+
+@dataclass(frozen=True)
+class Ran:
+    """One run of a scene."""
+
+    us_per_step: float
+    mean_n: float  # of the top tension
+    max_n: float
+
+
+@dataclass(frozen=True)
+class EffectRow:
+    """One effect; changes are with it less without it."""
+
+    effect: str
+    listed: bool
+    parameters: str  # what it was put in with; of a listed one nothing
+    us_per_step: float | None  # None, like the others: it could not be measured
+    mean_change_n: float | None
+    max_change_n: float | None
+    why_not: str = ""
+
+
+@dataclass(frozen=True)
+class EffectStudy:
+    """A scene and its effects."""
+
+    scene: str
+    seconds: float
+    elements: int
+    step_s: float
+    as_it_is: Ran
+    us_noise: float  # difference of two timings of the scene as it is, before and after all else
+    rows: tuple[EffectRow, ...]
+
+
+def measure_effects(scene: Scene, seconds: float, listen: Listener) -> EffectStudy:
+    """Run the scene, and run it again for each effect there is.
+
+    Raises:
+        RopeTwinError: the scene as it is cannot run so long.
+    """
+    course = None if is_joined(scene) else Course(scene, seconds, LOOK_S)
+    listed = listed_effects(scene)
+    count = len(EFFECTS) + 2
+    listen(0, count, "as it is")
+    whole = _run(scene, course, seconds)
+    rows = []
+    for number, effect in enumerate(EFFECTS, start=1):
+        listen(number, count, effect.name)
+        rows.append(_row(scene, effect, whole, lambda other: _run(other, course, seconds)))
+    listen(len(EFFECTS) + 1, count, "as it is, again")
+    again = _run(scene, course, seconds)
+    listen(count, count, "done")
+    rows.sort(key=lambda row: row.effect not in listed)
+    return EffectStudy(
+        scene=scene.name,
+        seconds=seconds,
+        elements=scene.ropes[0].elements,
+        step_s=scene.time.step_s,
+        as_it_is=whole,
+        us_noise=abs(again.us_per_step - whole.us_per_step),
+        rows=tuple(rows),
+    )
+
+
+def _row(scene: Scene, effect: Effect, whole: Ran, run: Callable[[Scene], Ran]) -> EffectRow:
+    """One effect out of the scene, or in it."""
+    listed = effect.name in listed_effects(scene)
+    words = ""
+    try:
+        if listed:
+            kept = tuple(own for own in scene.effects if type(own) is not effect.params)
+            with_it, without = whole, run(_sound(replace(scene, effects=kept)))
+        else:
+            params = suggested(effect, scene)
+            if isinstance(params, str):
+                return EffectRow(effect.name, False, "", None, None, None, params)
+            words = _words(params)
+            with_it, without = run(_sound(_with(scene, params))), whole
+    except RopeTwinError as error:
+        why = str(error).removesuffix(".")
+        return EffectRow(effect.name, listed, words, None, None, None, why)
+    return EffectRow(
+        effect.name,
+        listed,
+        words,
+        with_it.us_per_step - without.us_per_step,
+        with_it.mean_n - without.mean_n,
+        with_it.max_n - without.max_n,
+    )
+
+
+def suggested(effect: Effect, scene: Scene) -> Any:
+    """Parameters for an effect that the scene does not list; a str: what it would need."""
+    given = {**TYPICAL.get(effect.name, {}), **_known(effect.name, scene)}
+    missing = [
+        field
+        for field in dataclasses.fields(effect.params)
+        if field.default is dataclasses.MISSING
+        and field.default_factory is dataclasses.MISSING
+        and field.name not in given
+    ]
+    if missing:
+        return "it needs " + ", ".join(f"{field.name} ({_about(field)})" for field in missing)
+    params = effect.params(**given)
+    complaint = params.check() if hasattr(params, "check") else None
+    return f"the scene has no data for it: {complaint}" if complaint else params
+
+
+def _known(name: str, scene: Scene) -> dict[str, Any]:
+    """What the scene says that serves an effect which it does not list."""
+    if name == "seabed":
+        waves = next((own for own in scene.effects if isinstance(own, WavesParams)), None)
+        return {"depth_m": waves.depth_m} if waves and waves.depth_m else {}
+    if name == "splash_zone" and scene.payloads:
+        shape = scene.payloads[0].shape
+        height = getattr(shape, "height_m", getattr(shape, "diameter_m", None))
+        if height is not None:
+            sides = [getattr(shape, side, None) for side in ("length_m", "width_m")]
+            flat = sides[0] * sides[1] if sides[0] and sides[1] else 0.0
+            return {"height_m": height, "bottom_area_m2": flat}
+    return {}
+
+
+def _with(scene: Scene, params: Any) -> Scene:
+    """The scene with one effect more, in the order of EFFECTS."""
+    order = [effect.params for effect in EFFECTS]
+    effects = sorted((*scene.effects, params), key=lambda own: order.index(type(own)))
+    return replace(scene, effects=tuple(effects))
+
+
+def _sound(scene: Scene) -> Scene:
+    """The scene, if no rule of scenes is broken; the motion of its ship is given already.
+
+    Raises:
+        RopeTwinError: one is.
+    """
+    still = scene.sea_state if is_joined(scene) else SeaState()
+    for where, what, right in faults(replace(scene, sea_state=still)):
+        raise RopeTwinError(f"{where}: {what}; {right}")
+    return scene
+
+
+def _run(scene: Scene, course: Course | None, seconds: float) -> Ran:
+    if course is None:
+        return _run_joined(scene, seconds)
+    own = copy.copy(course)
+    own.scene = scene
+    trial = Trial(own, Setting(scene.ropes[0].elements, scene.time.step_s))
+    tension = trial.look().tension_n
+    us_per_step = 1e6 * scene.time.step_s / trial.real_time_factor()
+    return Ran(us_per_step, float(np.mean(tension)), float(np.max(tension)))
+
+
+def _run_joined(scene: Scene, seconds: float) -> Ran:
+    """Ropes that meet: by their twin, the median over its publish periods, inputs included."""
+    twin = Twin(scene)
+    took, before = [], twin.statistics()
+    for _ in fed(twin, seconds):
+        after = twin.statistics()
+        took.append((after.computing_s - before.computing_s) / (after.steps - before.steps))
+        before = after
+    return Ran(1e6 * statistics.median(took), before.tension_top_mean_n, before.tension_top_max_n)
+
+
+def _words(params: Any) -> str:
+    """Parameters as a scene would write them, without those that were left alone."""
+    given = {
+        field.name: getattr(params, field.name)
+        for field in dataclasses.fields(params)
+        if getattr(params, field.name) != field.default
+    }
+    return ", ".join(f"{name} {value}" for name, value in given.items())
+
+
+def _about(field: dataclasses.Field[Any]) -> str:
+    quantity = field.metadata.get("quantity")
+    return quantity.about if quantity else str(field.metadata.get("about", ""))
+
+
+def effect_table(study: EffectStudy) -> Iterator[str]:
+    """Lines for people."""
+    base = study.as_it_is
+    yield (
+        f"{study.scene}: {study.seconds:g} s, {study.elements} elements, steps of "
+        f"{1e3 * study.step_s:g} ms; {base.us_per_step:.2f} µs a step "
+        f"(timed again: {study.us_noise:.2f} µs other)"
+    )
+    yield f"top tension: mean {base.mean_n / 1e3:.2f} kN, highest {base.max_n / 1e3:.2f} kN"
+    yield "with an effect less without it:"
+    yield f"{'effect':18}{'listed':>8}{'µs a step':>12}{'mean [kN]':>12}{'highest [kN]':>14}"
+    for row in study.rows:
+        head = f"{row.effect:18}{'yes' if row.listed else 'no':>8}"
+        if row.us_per_step is None or row.mean_change_n is None or row.max_change_n is None:
+            yield f"{head}  {row.why_not}"
+            continue
+        numbers = (row.us_per_step, row.mean_change_n / 1e3, row.max_change_n / 1e3)
+        cells = "".join(f"{n:+{w}.2f}" for n, w in zip(numbers, (12, 12, 14), strict=True))
+        yield f"{head}{cells}" + (f"  with {row.parameters}" if row.parameters else "")

@@ -1,0 +1,84 @@
+"""What an effect costs and changes: a payload's weight, what lacks data, and how it is told."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from rope_twin import load_scene
+from rope_twin.commands import scene as command
+from rope_twin.effects import EFFECTS
+from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.splash_zone import SplashZoneParams
+from rope_twin.effects.waves import RegularWave, WavesParams
+from rope_twin.effects.weight import WeightParams
+from rope_twin.errors import RopeTwinError
+from rope_twin.scene.schema import Scene
+from rope_twin.studies import effect_cost
+from rope_twin.studies.effect_cost import EffectRow, effect_table, measure_effects, suggested
+
+BY_NAME = {effect.name: effect for effect in EFFECTS}
+
+
+def bare(*effects: Any) -> Scene:
+    scene = load_scene("still_water")
+    line = replace(scene.ropes[0], elements=8, length_m=200.0)
+    return replace(scene, ropes=(line,), effects=effects)
+
+
+def test_a_payload_changes_the_tension_by_its_weight(monkeypatch: pytest.MonkeyPatch) -> None:
+    """155.9 kN in still water, mean and maximum; a step costs something."""
+    some = tuple(BY_NAME[name] for name in ("payload", "bending"))
+    monkeypatch.setattr(effect_cost, "EFFECTS", some)
+    said = []
+    study = measure_effects(
+        bare(WeightParams(), PayloadParams()), 2.0, lambda *words: said.append(words)
+    )
+    payload, bending = study.rows
+    weight = (20000.0 - 1025.0 * 4.0) * 9.80665
+    assert study.as_it_is.us_per_step > 0.0
+    assert payload.listed
+    assert payload.mean_change_n == pytest.approx(weight, rel=1e-6)
+    assert payload.max_change_n == pytest.approx(weight, rel=1e-6)
+    assert payload.us_per_step is not None
+    assert bending.why_not == "it needs stiffness_n_m2 (bending stiffness EI)"
+    assert bending.us_per_step is None
+    assert said[-1] == (4, 4, "done")
+    lines = list(effect_table(study))
+    assert lines[4].split()[:2] == ["payload", "yes"]
+    assert lines[4].split()[3:5] == ["+155.93", "+155.93"]
+    assert lines[5].endswith("it needs stiffness_n_m2 (bending stiffness EI)")
+
+
+def test_what_the_scene_knows_is_taken() -> None:
+    scene = bare(WeightParams(), PayloadParams())
+    assert suggested(BY_NAME["splash_zone"], scene).height_m == 2.5
+    assert suggested(BY_NAME["added_mass"], scene).normal == 1.0
+    assert suggested(BY_NAME["drag"], scene).normal == 1.2
+    assert suggested(BY_NAME["current"], scene).startswith("the scene has no data for it: ")
+    assert "depth_m" in suggested(BY_NAME["seabed"], scene)
+    waves = WavesParams(regular=RegularWave(height_m=2.0, period_s=8.0), depth_m=300.0)
+    assert suggested(BY_NAME["seabed"], bare(waves)).depth_m == 300.0
+
+
+def test_what_breaks_a_rule_is_not_run() -> None:
+    with pytest.raises(RopeTwinError, match="takes off what `payload` brings"):
+        effect_cost._sound(bare(SplashZoneParams(height_m=2.5)))
+
+
+def test_the_command_tells_it_as_json(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    row = EffectRow("current", False, "", None, None, None, "no data")
+    study = effect_cost.EffectStudy(
+        "still_water", 2.0, 50, 0.01, effect_cost.Ran(9.0, 2e5, 3e5), 0.1, (row,)
+    )
+    monkeypatch.setattr(command, "measure_effects", lambda *given: study)
+    assert command._measure(load_scene("still_water"), 2.0, True) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["as_it_is"] == {"us_per_step": 9.0, "mean_n": 2e5, "max_n": 3e5}
+    assert told["rows"][0]["why_not"] == "no data"
+    assert told["rows"][0]["us_per_step"] is None
