@@ -82,7 +82,7 @@ def _sparse(span: Span, mass: Floats, first: int, top: float) -> tuple[Floats, F
     from scipy.sparse.linalg import eigsh
 
     root = diags_array(1.0 / np.sqrt(mass))
-    K = (root @ _stiffness(span)[first:-1, first:-1] @ root).tocsc()
+    K = (root @ stiffness(span)[first:-1, first:-1] @ root).tocsc()
     wanted = ceil(modes_below(span, np.sqrt(top) / (2.0 * pi))) + SPARE
     count = min(wanted, len(mass) - 2)
     start = np.random.default_rng(1).standard_normal(len(mass))  # the same digits each time
@@ -92,7 +92,7 @@ def _sparse(span: Span, mass: Floats, first: int, top: float) -> tuple[Floats, F
     return squares[order], vectors[:, order]
 
 
-def _stiffness(span: Span) -> Any:
+def stiffness(span: Span) -> Any:
     """Of tension and bending between all nodes, sparse."""
     from scipy.sparse import csr_array, diags_array
 

@@ -1,0 +1,110 @@
+"""The rope in time under forces taken apart in phase ([GE], [SJTU] ch. 5).
+
+Nodes that drive a mode are pushed by ½·C_Lv·ρ·D·U²·cos(2π·f·t)·sign φ at its true frequency where
+C_Lv > 0; where it is negative they are damped by c = -½·C_Lv·ρ·D·U²/(A·ω). C_Lv and C_a are looked
+up with each node's amplitude and frequency, which are read from its running motion over the last
+periods: ω = rms(ÿ)/rms(ẏ), A = √2·rms(ẏ)/ω, which a slow drift of y does not blur. The structure
+damps 2·m·ω·ζ.
+"""
+
+from __future__ import annotations
+
+from math import exp, pi
+
+import numpy as np
+
+from rope_twin.viv.decomposed import Decomposed, Excitation, analyse, displaced
+from rope_twin.viv.integrators import Integrator, Matrices, Motion, newmark, upper_bands
+from rope_twin.viv.lateral_modes import stiffness
+from rope_twin.viv.span import Floats, Span
+
+PER_PERIOD = 24  # steps per period of the fastest driven mode
+REMEMBERED = 3.0  # periods over which motion is averaged
+LEAST = 0.02  # D: amplitude that the damping is taken of at least
+
+
+class DecomposedResponse:
+    """From rest; span.mass is without added mass.
+
+    Raises:
+        InputError: the rope is slack somewhere.
+    """
+
+    def __init__(self, span: Span, model: Decomposed, integrator: Integrator | None = None) -> None:
+        self.span, self.model = span, model
+        self.excitation: Excitation = analyse(span, model)
+        self.time_s = 0.0
+        self._integrate = integrator or newmark()
+        self._first = 1 if span.end_mass is None else 0
+        free = slice(self._first, -1)
+        driven = self.excitation.driven
+        frequency = float(driven.max())
+        self.step_s = 1.0 / (PER_PERIOD * frequency) if frequency > 0.0 else np.inf
+        self._omega0 = 2.0 * pi * self._first_guess()[free]
+        self._drive = 2.0 * pi * driven[free]
+        self._sign = self._signs()[free]
+        self._push = (0.5 * model.density * span.diameter * span.speed**2 * span.node_length)[
+            free
+        ]  # ½·ρ·D·U² times length [N]
+        self._water, self._dry = displaced(span, model.density)[free], span.node_mass[free]
+        self._diameter, self._speed = span.diameter[free], np.maximum(span.speed[free], 1e-6)
+        self._bands = upper_bands(stiffness(span).tocsr()[free, free], 3)
+        still = np.zeros(len(self._dry))
+        self._motion = Motion(still, still, still)
+        self._squares = np.zeros((2, len(still)))  # running mean of ẏ², ÿ²
+        self.amplitude, self.omega = still, self._omega0.copy()
+
+    def _first_guess(self) -> Floats:
+        """Frequency of each node before it has moved: its own drive, else the dominant mode's."""
+        driven = self.excitation.driven
+        power = self.excitation.power
+        main = float(self.excitation.frequency[power.argmax()]) if power.any() else 1.0
+        return np.where(driven > 0.0, driven, main)
+
+    def _signs(self) -> Floats:
+        """Of the mode that each node drives."""
+        shape = self.excitation.modes.shape
+        return np.asarray(np.sign((self.excitation.zones * shape).sum(axis=1)))
+
+    @property
+    def motion(self) -> Floats:
+        """Across the rope at all nodes [m]."""
+        whole = np.zeros(len(self.span.s))
+        whole[self._first : -1] = self._motion.place
+        return whole
+
+    def advance(self, duration_s: float) -> None:
+        """Go on by a time, in steps of at most `step_s`."""
+        steps = max(1, int(np.ceil(duration_s / self.step_s - 1e-9)))
+        for _ in range(steps):
+            self._advance(duration_s / steps)
+
+    def _advance(self, h: float) -> None:
+        model = self.model
+        reduced = self.omega / (2.0 * pi) * self._diameter / self._speed
+        lift = model.table.lift_at(self.amplitude, reduced)
+        added = np.full(len(lift), model.fixed_added_mass)
+        if model.varying:
+            added = model.table.added_mass_at(self.amplitude, reduced)
+        mass = np.maximum(self._dry + added * self._water, 0.1 * self._dry)
+        against = self._push * np.maximum(-lift, 0.0)
+        size = np.maximum(self.amplitude, LEAST) * self._diameter
+        damping = against / (size * self.omega) + 2.0 * model.structural * self.omega * mass
+        push = self._push * np.maximum(lift, 0.0) * self._sign * (self._drive > 0.0)
+        middle, end = (push * np.cos(self._drive * (self.time_s + part * h)) for part in (0.5, 1.0))
+        parts = Matrices(mass, damping, self._bands)
+        self._motion = self._integrate(self._motion, parts, middle, end, h)
+        self.time_s += h
+        self._read(h)
+
+    def _read(self, h: float) -> None:
+        """Amplitude and frequency of the nodes from their running motion."""
+        own = 2.0 * pi / float(self._omega0.max())
+        # the mean since the start, until the start is forgotten
+        share = max(1.0 - exp(-h / (REMEMBERED * own)), h / self.time_s)
+        now = np.stack([self._motion.speed, self._motion.acceleration]) ** 2
+        self._squares += share * (now - self._squares)
+        rate = np.sqrt(self._squares[1] / np.maximum(self._squares[0], 1e-30))
+        known = np.sqrt(2.0 * self._squares[0]) > LEAST * self._diameter * self._omega0
+        self.omega = np.where(known, rate, self._omega0)
+        self.amplitude = np.sqrt(2.0 * self._squares[0]) / self.omega / self._diameter

@@ -1,0 +1,85 @@
+"""Forces on a cylinder that is moved across a stream, from a table: C_Lv and C_a.
+
+C_Lv is the lift's part in phase with velocity (positive: it feeds the motion), C_a the added mass,
+over amplitude A/D and frequency f·D/U (Gopalkrishnan 1993 measured them first). Which table it is
+and where it comes from stands in the head of its file, config/viv.
+"""
+
+from __future__ import annotations
+
+import csv
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from rope_twin.errors import InputError, phrase
+from rope_twin.share import share_dir
+from rope_twin.viv.span import Floats
+
+COLUMNS = ("frequency", "amplitude", "C_Lv", "C_a")
+
+
+class ForceTable(NamedTuple):
+    """Bilinear between its rows; beyond its ends the last value holds."""
+
+    frequency: Floats  # f·D/U, rising, (n,)
+    amplitude: Floats  # A/D, rising, (m,)
+    lift: Floats  # C_Lv, (n, m)
+    added_mass: Floats  # C_a, (n, m)
+
+    def lift_at(self, amplitude: Floats, frequency: Floats) -> Floats:
+        """C_Lv."""
+        return self._at(self.lift, amplitude, frequency)
+
+    def added_mass_at(self, amplitude: Floats, frequency: Floats) -> Floats:
+        """C_a."""
+        return self._at(self.added_mass, amplitude, frequency)
+
+    def _at(self, values: Floats, amplitude: Floats, frequency: Floats) -> Floats:
+        i, u = _place(self.frequency, frequency)
+        j, v = _place(self.amplitude, amplitude)
+        low = (1.0 - v) * values[i, j] + v * values[i, j + 1]
+        high = (1.0 - v) * values[i + 1, j] + v * values[i + 1, j + 1]
+        return np.asarray((1.0 - u) * low + u * high)
+
+
+def _place(knots: Floats, at: Floats) -> tuple[np.ndarray, Floats]:
+    """Number of the knot below, and how far on from it to the next."""
+    inside = np.clip(at, knots[0], knots[-1])
+    i = np.clip(np.searchsorted(knots, inside, side="right") - 1, 0, len(knots) - 2)
+    return i, (inside - knots[i]) / (knots[i + 1] - knots[i])
+
+
+@lru_cache
+def fitted_forces() -> ForceTable:
+    """The table that comes with the package: a fit, as its head says."""
+    return read_force_table(share_dir() / "config" / "viv" / "fitted_forces.csv")
+
+
+def read_force_table(path: Path) -> ForceTable:
+    """A table with the columns frequency, amplitude, C_Lv and C_a, # before remarks.
+
+    Raises:
+        InputError: it cannot be read, or its rows are not a full grid.
+    """
+    right = f"give rows of {', '.join(COLUMNS)}, every amplitude for every frequency"
+    try:
+        lines = path.read_text("utf-8").splitlines()
+        rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+        figures = np.array([[float(row[name]) for name in COLUMNS] for row in rows])
+        figures = figures.reshape(-1, len(COLUMNS))
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(phrase(str(path), f"it is no table of forces ({error})", right)) from error
+    frequency, amplitude = (np.unique(figures[:, k]) for k in (0, 1))
+    shape = (len(frequency), len(amplitude))
+    if min(shape) < 2 or len(figures) != shape[0] * shape[1]:
+        what = f"{len(figures)} rows are no grid of frequencies and amplitudes"
+        raise InputError(phrase(str(path), what, right))
+    figures = figures[np.lexsort((figures[:, 1], figures[:, 0]))]
+    if not (figures[:, 1].reshape(shape) == amplitude).all() or not np.isfinite(figures).all():
+        raise InputError(phrase(str(path), "an amplitude is missing or not finite", right))
+    return ForceTable(
+        frequency, amplitude, figures[:, 2].reshape(shape), figures[:, 3].reshape(shape)
+    )
