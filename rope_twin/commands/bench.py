@@ -1,7 +1,7 @@
-"""`rope_twin bench speed | order | ensemble | statics | band | report`: how fast, how right.
+"""`rope_twin bench speed | order | ensemble | statics | band | peers | report`: speed and error.
 
 A speed is never told without its error. `report` writes docs/performance.md
-from speed, order and ensemble.
+from speed, order, ensemble and a stored race against the peers.
 """
 
 from __future__ import annotations
@@ -14,14 +14,23 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TextIO
 
-from rope_twin.studies import band, ensemble_speed, orders, performance_page, speed, statics_speed
+from rope_twin.studies import (
+    band,
+    ensemble_speed,
+    orders,
+    peers,
+    peers_page,
+    performance_page,
+    speed,
+    statics_speed,
+)
 from rope_twin.studies.order_picture import check_picture, draw_orders
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     """Add `bench` with its actions."""
     parser = subparsers.add_parser("bench", help="how fast the solver is, and how right")
-    names = "speed | order | ensemble | statics | band | report"
+    names = "speed | order | ensemble | statics | band | peers | report"
     actions = parser.add_subparsers(dest="action", required=True, metavar=names)
     fast = actions.add_parser(
         "speed",
@@ -42,11 +51,24 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         description="Runs the scenes with an error band and beside them references on four times "
         "the elements with a quarter of the step (some five minutes).",
     )
-    for action in (fast, right, many, rest, live):
+    others = actions.add_parser(
+        "peers",
+        help="MoorDyn and CableDyn on the same scenes, and rope_twin at the same error",
+        description="Searches each peer's best setting and races it (some eight minutes). The "
+        "peers are no part of rope_twin; where they are missing it is told how to get them.",
+    )
+    others.add_argument("--picture", type=Path, metavar="PNG", help="draw the race, too")
+    for action in (fast, right, many, rest, live, others):
         action.add_argument("--json", action="store_true", help="one JSON object instead of tables")
-    page = actions.add_parser("report", help="speed, order and ensemble as performance.md")
+    page = actions.add_parser("report", help="speed, order, ensemble and peers as performance.md")
     page.add_argument("--into", type=Path, default=Path("docs"), metavar="DIR", help="where to")
-    for action in (fast, right, many, rest, live, page):
+    page.add_argument(
+        "--peers",
+        type=Path,
+        metavar="JSON",
+        help="a race told by `bench peers --json`; peers.json beside the page, if it is there",
+    )
+    for action in (fast, right, many, rest, live, others, page):
         action.add_argument("--quick", action="store_true", help="a few small cases, for a test")
     parser.set_defaults(run=run)
 
@@ -64,7 +86,15 @@ def run(args: argparse.Namespace) -> int:
         return _statics(args)
     if args.action == "band":
         return _band(args, progress)
+    if args.action == "peers":
+        return _peers(args, progress)
+    return _report(args, progress)
+
+
+def _report(args: argparse.Namespace, progress: Progress) -> int:
     check_picture(args.into / performance_page.PICTURE)
+    stored = args.into / peers_page.STORED if args.peers is None else args.peers
+    raced = peers_page.read_race(stored) if args.peers or stored.exists() else None
     fast = speed.measure_speed(speed.QUICK if args.quick else speed.FULL, progress.show)
     curves = orders.measure_orders(orders.QUICK if args.quick else orders.FULL, progress.show)
     cases = ensemble_speed.QUICK if args.quick else ensemble_speed.FULL
@@ -72,7 +102,11 @@ def run(args: argparse.Namespace) -> int:
     args.into.mkdir(parents=True, exist_ok=True)
     draw_orders(curves, args.into / performance_page.PICTURE)
     page = args.into / "performance.md"
-    page.write_text(performance_page.as_markdown(fast, curves, many), encoding="utf-8")
+    text = performance_page.as_markdown(fast, curves, many)
+    if raced is not None:
+        peers_page.draw_race(raced, args.into / peers_page.PICTURE)
+        text += "\n" + peers_page.as_section(raced)
+    page.write_text(text, encoding="utf-8")
     print(page)
     return 0
 
@@ -134,6 +168,20 @@ def _band(args: argparse.Namespace, progress: Progress) -> int:
         print(json.dumps({"rows": [asdict(row) for row in rows]}, allow_nan=False))
     else:
         print_table(band.band_table(rows))
+    return 0
+
+
+def _peers(args: argparse.Namespace, progress: Progress) -> int:
+    if args.picture is not None:
+        check_picture(args.picture)
+    raced = peers.race(peers.QUICK if args.quick else peers.FULL, progress.show)
+    if args.picture is not None:
+        peers_page.draw_race(raced, args.picture)
+    if args.json:
+        print(json.dumps(raced.as_json(), ensure_ascii=False, allow_nan=False))
+    else:
+        print(raced.machine.as_text() + "\n")
+        print_table(peers_page.peer_table(raced.rows))
     return 0
 
 
