@@ -75,6 +75,7 @@ def load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> None
         Ayy[i] = load.yy
         Ayz[i] = load.yz
         Azz[i] = load.zz
+    terms.load_remembering(effects, work, stage, low, high, True)
 
 
 @jit

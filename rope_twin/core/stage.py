@@ -21,6 +21,7 @@ from rope_twin.core.elastic import growth_of, stretch, stretch_corrected, stretc
 from rope_twin.core.fold import eliminate
 from rope_twin.core.jit import LINKED, jit
 from rope_twin.core.prediction import correct, predict_bdf2, predict_trapezoid
+from rope_twin.core.remembering import predict_memories
 from rope_twin.core.rows import rows
 from rope_twin.core.state import ELEMENTS, RESIDUAL, SOLVES, SOLVES_MAX
 
@@ -124,6 +125,7 @@ def _evaluate(rope: Any, stage: Any, kind: int, factor: float) -> None:
         stretch(rope.law, work, state.offset, p, q, 0.0, done, high - 1)
         if kind != SEARCH:
             set_flow(rope.effects, work, stage, done, last)
+            predict_memories(rope.effects, rope, stage, kind, done, last)
         load_nodes(rope.effects, work, stage, max(done, 1), last)
     load_lowest(rope.effects, work, stage)
     terms.add_couplings(rope.effects, work, stage, n)

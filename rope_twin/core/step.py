@@ -16,6 +16,12 @@ from rope_twin.core.jit import compiled, jit, jit_entry, jit_sum
 from rope_twin.core.motion import place_hang_off, prescribed
 from rope_twin.core.payout import change_elements, split_length
 from rope_twin.core.prediction import GAMMA
+from rope_twin.core.remembering import (
+    accept_memories,
+    begin_step,
+    return_memories,
+    settle_memories,
+)
 from rope_twin.core.rows import copy
 from rope_twin.core.sections import set_lengths, set_top_length
 from rope_twin.core.stage import (
@@ -85,6 +91,7 @@ def _substep(rope: Any, boundary: Any, row: int, time: float, level: int, done: 
         outcome = min(outcome, solve_stage(rope, stage, kind, cap))
         if outcome < CONVERGED and level < HALVINGS:
             break  # it will be halved
+        settle_memories(rope.effects, rope, stage, kind)
     return int(outcome)
 
 
@@ -109,6 +116,7 @@ def _advance_halving(rope: Any, boundary: Any, row: int, time: float) -> bool:
     done, level, substeps = ZERO, ZERO, 0
     state, work, health = rope.state, rope.work, rope.state.health
     n = state.counts[ELEMENTS]
+    begin_step(rope.effects, rope, time)
     while done < full:
         part = full >> level
         outcome = _substep(rope, boundary, row, time, level, done)
@@ -119,12 +127,14 @@ def _advance_halving(rope: Any, boundary: Any, row: int, time: float) -> bool:
         if outcome == NOT_FINITE or (outcome == UNCONVERGED and not is_finite(work, n)):
             if done > 0:
                 copy(work, KEPT_ROWS, state.nodes, ZERO, n + 1)
+                return_memories(rope.effects, state)
             return False
         if outcome == UNCONVERGED:
             health[SUBSTEPS_UNCONVERGED] += 1
         if done == 0 and part < full:  # the step's start, should a later part fail
             copy(state.nodes, ZERO, work, KEPT_ROWS, n + 1)
         copy(work, ZERO, state.nodes, ZERO, n + 1)
+        accept_memories(rope.effects, state)
         done += part
         substeps += 1
         while level > 0 and done % (full >> (level - 1)) == 0:

@@ -14,6 +14,8 @@ Plain Python (NUMBA_DISABLE_JIT=1) walks the same tuple with a loop.
   the residuals and blocks, and to the rows LINK what the blocks c·I between the nodes have. The
   step then takes an elimination that knows of them.
 - `pull(effect, work, n)` returns what such an effect adds to the rope's pull on the hang-off.
+- `start`, `predict`, `load_nodes` and `settle` are those of effects that remember
+  (core/remembering.py).
 
 A kernel whose arithmetic holds for wide numbers too (core/lanes) says so with `wide=True`; a kernel
 that branches on what differs from rope to rope has a wide twin, `@wide_kernel(hook, Type)`. Where
@@ -35,6 +37,7 @@ from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
     COUPLED_ROWS,
+    DIRECTION,
     FLOW,
     FLOW_RATE,
     LINK,
@@ -48,7 +51,9 @@ from rope_twin.core.state import (
     WORK_ROWS,
 )
 
-HOOKS = ("flow", "load", "load_end", "couple", "pull")
+HOOKS = (
+    "flow", "load", "load_end", "couple", "pull", "start", "predict", "load_nodes", "settle",
+)  # fmt: skip
 _KERNELS: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}
 _SWITCHING: set[type] = set()
 _WIDE: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}
@@ -161,6 +166,18 @@ def work_rows(effects: tuple[Any, ...]) -> int:
     return COUPLED_ROWS if couples(map(type, effects)) else WORK_ROWS
 
 
+def kernel_of(hook: str, effect: type) -> Any:
+    """The kernel of an effect's type for a hook, which it has."""
+    return _KERNELS[hook][effect]
+
+
+def kernels_by_place(hook: str, effects: Any) -> dict[int, Any]:
+    """The kernels of a hook by the effect's place in the tuple (of numba's types); "": none."""
+    known = _KERNELS.get(hook, {})
+    found = {i: known.get(effect.instance_class) for i, effect in enumerate(effects)}
+    return {i: call for i, call in found.items() if call is not None}
+
+
 def _kernels(hook: str, effects: Any, work: Any) -> dict[int, Any]:
     """The kernels of a hook by the effect's place in the tuple (of numba's types)."""
     known = (_KERNELS if isinstance(work, types.Array) else _WIDE)[hook]
@@ -168,7 +185,7 @@ def _kernels(hook: str, effects: Any, work: Any) -> dict[int, Any]:
     return {i: call for i, call in found.items() if call is not None}
 
 
-def _written_out(head: str, lines: list[str], calls: dict[int, Any], **names: Any) -> Any:
+def written_out(head: str, lines: list[str], calls: dict[int, Any], **names: Any) -> Any:
     """The function of these lines, in which kernel_0, kernel_1 ... are the calls.
 
     Written as text because numba compiles a recursive walk as one library per effect, each
@@ -190,7 +207,7 @@ def add_flow(effects: Any, work: Any, stage: Any, low: Any, high: Any) -> Any:
 def _compose_flow(effects: Any, work: Any, stage: Any, low: Any, high: Any) -> Any:
     calls = _kernels("flow", effects, work)
     lines = [f"kernel_{i}(effects[{i}], work, stage, low, high)" for i in calls]
-    return _written_out("effects, work, stage, low, high", [*lines, "return None"], calls)
+    return written_out("effects, work, stage, low, high", [*lines, "return None"], calls)
 
 
 def add_end(effects: Any, work: Any, stage: Any) -> Any:
@@ -204,7 +221,7 @@ def add_end(effects: Any, work: Any, stage: Any) -> Any:
 def _compose_end(effects: Any, work: Any, stage: Any) -> Any:
     calls = _kernels("load_end", effects, work)
     lines = [f"kernel_{i}(effects[{i}], work, stage)" for i in calls]
-    return _written_out("effects, work, stage", [*lines, "return None"], calls)
+    return written_out("effects, work, stage", [*lines, "return None"], calls)
 
 
 @jit
@@ -232,7 +249,7 @@ def _compose_couplings(effects: Any, work: Any, stage: Any, n: Any) -> Any:
     calls = _kernels("couple", effects, work)
     lines = [f"kernel_{i}(effects[{i}], work, stage, n)" for i in calls]
     lines = ["clear(work, n)", *lines] if calls else []
-    return _written_out(
+    return written_out(
         "effects, work, stage, n", [*lines, "return None"], calls, clear=_clear_links
     )
 
@@ -259,7 +276,7 @@ def _compose_pull(effects: Any, work: Any, n: Any, pull: Any, row: Any) -> Any:
     calls = _kernels("pull", effects, work)
     lines = [f"add(kernel_{i}(effects[{i}], work, n), pull, row)" for i in calls]
     lines.append("return None")
-    return _written_out("effects, work, n, pull, row", lines, calls, add=_add_to_pull)
+    return written_out("effects, work, n, pull, row", lines, calls, add=_add_to_pull)
 
 
 def _sum_loads(effects: Any, node: Any, stage: Any) -> Any:
@@ -277,7 +294,7 @@ def _compose_load(effects: Any, node: Any, stage: Any) -> Any:
     calls = {i: call for i, call in found.items() if call is not None}
     lines = [f"total = add(total, kernel_{i}(effects[{i}], node, stage))" for i in calls]
     lines = ["total = inertia(node)", *lines, "return total"]
-    return _written_out("effects, node, stage", lines, calls, inertia=_inertia, add=_sum)
+    return written_out("effects, node, stage", lines, calls, inertia=_inertia, add=_sum)
 
 
 @jit_within
@@ -321,6 +338,43 @@ def load_of(effects: Any, stage: Any, nodes: Any, tangent: Any, i: int) -> Any:
 
 
 @jit
+def _set_tangents(work: Any, low: int, high: int) -> None:
+    """TANGENT of the nodes 1 <= low <= i < high: the mean direction of both elements."""
+    tx, ty, tz = rows(work, DIRECTION, low)
+    bx, by, bz = rows(work, DIRECTION, low - 1)
+    mx, my, mz = rows(work, TANGENT, low)
+    for i in range(high - low):
+        x, y, z = bx[i] + tx[i], by[i] + ty[i], bz[i] + tz[i]
+        inverse = 1.0 / sqrt(x * x + y * y + z * z + 1e-12)
+        mx[i] = x * inverse
+        my[i] = y * inverse
+        mz[i] = z * inverse
+
+
+def load_remembering(
+    effects: Any, work: Any, stage: Any, low: Any, high: Any, tangents: Any
+) -> Any:
+    """Add the loads of the effects that remember; `tangents`: they are to be found first."""
+    calls = [(own, _KERNELS["load_nodes"].get(type(own))) for own in effects]
+    if tangents and any(call for _, call in calls):
+        _set_tangents(work, low, high)
+    for effect, call in calls:
+        if call is not None:
+            call(effect, work, stage, low, high)
+
+
+@overload(load_remembering, jit_options=LINKED, strict=False)
+def _compose_remembering(
+    effects: Any, work: Any, stage: Any, low: Any, high: Any, tangents: Any
+) -> Any:
+    calls = _kernels("load_nodes", effects, work)
+    lines = [f"kernel_{i}(effects[{i}], work, stage, low, high)" for i in calls]
+    lines = ["if tangents: set_tangents(work, low, high)", *lines] if calls else []
+    head = "effects, work, stage, low, high, tangents"
+    return written_out(head, [*lines, "return None"], calls, set_tangents=_set_tangents)
+
+
+@jit
 def add_load(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
     """Residual += loads and inertia, block = their derivative, for the nodes low <= i < high.
 
@@ -341,3 +395,4 @@ def add_load(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
         Ayy[i] = load.yy
         Ayz[i] = load.yz
         Azz[i] = load.zz
+    load_remembering(effects, work, stage, low, high, False)

@@ -18,6 +18,7 @@ from rope_twin.effects import (
     payload,
     seabed,
     splash_zone,
+    wake_oscillator,
     waves,
     weight,
 )
@@ -29,6 +30,8 @@ class Surroundings(NamedTuple):
     water_density_kg_per_m3: float
     gravity_m_per_s2: float
     added_mass: float  # coefficient of the rope's, 0 where the scene lists none
+    room: int = 0  # nodes that the rope's arrays hold
+    drag_normal: float = 0.0  # drag coefficient across the rope, 0 where the scene lists none
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,7 @@ class Effect:
     name: str
     params: type
     build: Callable[[Any, Any, Any], Any]  # params, payload figures, surroundings
+    sheds: bool = False  # a model of vortex-induced vibration: a scene has one at most
 
 
 EFFECTS: tuple[Effect, ...] = (
@@ -47,6 +51,12 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("drag", drag.DragParams, drag.build),
     Effect("added_mass", added_mass.AddedMassParams, added_mass.build),
     Effect("bending", bending.BendingParams, bending.build),
+    Effect(
+        "wake_oscillator",
+        wake_oscillator.WakeOscillatorParams,
+        wake_oscillator.build,
+        sheds=True,
+    ),
     Effect("seabed", seabed.SeabedParams, seabed.build),
     Effect("payload", payload.PayloadParams, payload.build),
     Effect("splash_zone", splash_zone.SplashZoneParams, splash_zone.build),

@@ -84,15 +84,20 @@ def build(scene: Scene) -> Built:
         step=scene.time.step_s,
         tolerance=scene.time.newton_tolerance_n or _tolerance(top),
     )
-    most = scene.winch.most_line_out_m if scene.winch else line.length_m
-    to_come = ceil((most - line.length_m) / length) + sections.shape[1]
     elements = len(s) - 1
-    state = new_state(elements + to_come + SPARE_NODES + TRIALS)
+    state = new_state(_room(scene, line, s))
     state.counts[ELEMENTS] = elements
     state.s[: elements + 1] = s
     _place(state, scene, line, tension)
     work = new_work(columns_for(state.s.shape[0]), work_rows(effects))
     return Built(CoreRope(model, state, work, sections, effects, _law(line)), top)
+
+
+def _room(scene: Scene, line: RopeLine, s: Floats) -> int:
+    """Nodes that the arrays of a rope with nodes at these places must hold."""
+    most = scene.winch.most_line_out_m if scene.winch else line.length_m
+    to_come = ceil((most - line.length_m) / float(s[-1] - s[-2])) + len(line.made_of)
+    return len(s) - 1 + to_come + SPARE_NODES + TRIALS
 
 
 def find_payload(scene: Scene, line: RopeLine) -> Payload | None:
@@ -104,7 +109,11 @@ def build_effects(scene: Scene, figures: PayloadFigures | None) -> tuple[Any, ..
     """The kernels' data of the effects that the scene lists, in the order of EFFECTS."""
     water = scene.environment
     Ca = sum(own.normal for own in scene.effects if isinstance(own, AddedMassParams))
-    around = Surroundings(water.water_density_kg_per_m3, water.gravity_m_per_s2, Ca)
+    Cd = sum(own.normal for own in scene.effects if isinstance(own, DragParams))
+    line = scene.ropes[0]
+    room = _room(scene, line, node_coordinates(line, least_line_out_m(scene)))
+    density, gravity = water.water_density_kg_per_m3, water.gravity_m_per_s2
+    around = Surroundings(density, gravity, Ca, room, Cd)
     built = []
     for effect in EFFECTS:
         for params in scene.effects:

@@ -19,6 +19,7 @@ from rope_twin.scene.figures import (
 )
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Rope, Scene
+from rope_twin.scene.shedding import coarse_for_vortices
 
 SAFETY_FACTOR = 3.0  # of breaking load over static load, common for lifting wire
 LONGEST_ELEMENT_M, SHORTEST_ELEMENT_M = 50.0, 0.5
@@ -296,5 +297,6 @@ CHECKS: tuple[Check, ...] = (
     _schedule,
     _ship,
     _current_profile,
+    coarse_for_vortices,
     _environment,
 )

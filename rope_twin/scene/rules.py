@@ -192,6 +192,10 @@ def _effects(scene: Scene) -> Iterator[Fault]:
     listed = [names[type(params)] for params in scene.effects]
     if "payload" in listed and not (scene.payloads or scene.joints):
         yield "effects", "`payload` is listed but no payload is", "add `payloads`, or leave it out"
+    shedding = [effect.name for effect in EFFECTS if effect.sheds and effect.name in listed]
+    if len(shedding) > 1:
+        what = f"{' and '.join(shedding)} are models of the same vortices"
+        yield "effects", what, "keep one of them"
     if "splash_zone" in listed and "payload" not in listed:
         what = "`splash_zone` takes off what `payload` brings, which is not listed"
         yield "effects", what, "add `- payload: {}`"

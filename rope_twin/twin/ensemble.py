@@ -26,6 +26,7 @@ from rope_twin.errors import InputError, SceneError, phrase
 from rope_twin.scene.build import build
 from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.shedding import refuse_shedding
 from rope_twin.twin.borders import Borders, WinchTrack
 from rope_twin.twin.heave_series import HeaveSeries
 from rope_twin.twin.lanes import sort_into_groups, take_turn
@@ -111,6 +112,7 @@ class Ensemble:
             SceneError: a change is not possible; one sentence, with the member's number.
             InputError: a winch command, or a number given here, is not possible.
         """
+        refuse_shedding(scene, "members that start alike would share their wakes")
         self.step_s = scene.time.step_s
         self._step_ns = round(self.step_s * 1e9)
         self._look_steps = whole_steps("look_s", look_s, self.step_s)

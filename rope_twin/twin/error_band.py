@@ -34,6 +34,7 @@ from rope_twin.core.statics import settle
 from rope_twin.core.step import advance
 from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.shedding import refuse_shedding
 from rope_twin.twin.regrid import HangOff, coarser
 from rope_twin.twin.rung import Rung
 from rope_twin.twin.saved_state import SavedState
@@ -166,6 +167,7 @@ class BandedTwin(Twin):
 
     def __init__(self, scene: Scene) -> None:
         refuse_joined(scene)
+        refuse_shedding(scene, "a companion on half the elements cannot tell of vortices")
         super().__init__(scene)
         self._rest_n = float(self._pull[rows.PULL])
         self._band_s = 0.0  # time spent on it

@@ -140,7 +140,9 @@ def _check_effects(scene: Scene, rope: Rope) -> None:
     """Refuse a balance that would call an effect's work a numerical loss."""
     for effect in rope.effects:
         kind = type(effect)
-        if {"load", "load_end", "couple"}.intersection(hooks_of(kind)) and not accounts_of(kind):
+        if {"load", "load_end", "load_nodes", "couple"}.intersection(
+            hooks_of(kind)
+        ) and not accounts_of(kind):
             what = f"effect {kind.__name__} does not say what energy it stores or brings"
             right = "run it without the energy balance"
             raise SceneError(phrase(f"{scene.path}", what, right))

@@ -8,6 +8,7 @@ from rope_twin.core.state import Floats, Model, Rope
 from rope_twin.scene.card import KnownError, known_error
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.shedding import shedding_model
 from rope_twin.twin.regrid import Grid, HangOff, coarse_room, coarser, finer, marks_of
 from rope_twin.twin.rung import Rung
 
@@ -31,9 +32,9 @@ def top_rung(scene: Scene) -> Rung:
 def ladder_of(scene: Scene) -> tuple[Rung, ...]:
     """From the scene's own rung down, each with less work than the one before.
 
-    Ropes that meet cannot be carried over: their scene has one rung.
+    Ropes that meet, and wakes of vortices, cannot be carried over: their scene has one rung.
     """
-    if is_joined(scene):
+    if is_joined(scene) or shedding_model(scene):
         return (top_rung(scene),)
     top, elements = top_rung(scene), scene.ropes[0].elements
     rungs = [top, *(Rung(step_ns) for step_ns in STEPS_NS if step_ns > top.step_ns)]

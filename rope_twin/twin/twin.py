@@ -23,6 +23,7 @@ from rope_twin.scene.card import known_error
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.shedding import refuse_shedding
 from rope_twin.twin import saved_state
 from rope_twin.twin.contact import bed_contact
 from rope_twin.twin.observe import Extremes, Observation, RunStatistics, observe
@@ -99,9 +100,10 @@ class Twin:
         Time, line out, payload and the pull on the hang-off stay as they are.
 
         Raises:
-            SceneError: the scene joins ropes, which cannot be carried over.
+            SceneError: the scene joins ropes, or sheds vortices: neither can be carried over.
         """
         refuse_joined(self.scene)
+        refuse_shedding(self.scene, "wakes of vortices cannot be carried over to another grid")
         V = float(self._boundary.rate[0, rows.LINE])
         at = HangOff(self._pull[rows.PULL_X : rows.PULL_Z + 1].copy(), V)
         self._prescribed = 0  # borders ahead of a step that failed were for its length

@@ -79,7 +79,7 @@ def test_force_times_velocity_is_power_less_what_is_stored(name: str, seed: int)
 def test_an_effect_that_loads_the_rope_says_its_energy(name: str) -> None:
     """Else its work would be called a numerical loss (`twin.ledger` refuses such a run)."""
     kind = type(data_of(name)[0])
-    loading = bool({"load", "load_end", "couple"}.intersection(hooks_of(kind)))
+    loading = bool({"load", "load_end", "load_nodes", "couple"}.intersection(hooks_of(kind)))
     assert loading == bool(accounts_of(kind)), (
         f"effect '{name}' loads the rope: say what it stores or brings by functions beside its"
         " kernels, @account(kind, Type) of rope_twin.core.energy"

@@ -1,0 +1,139 @@
+"""Scenes with a model of vortex-induced vibration: what cannot step them, and what they ask for.
+
+The fastest vortices along the rope set the pace: a wave of that frequency on the rope as it hangs
+must be resolved in place and in time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import floor, hypot, inf, log10, pi, sqrt
+
+import numpy as np
+
+from rope_twin.effects import EFFECTS
+from rope_twin.effects.added_mass import AddedMassParams
+from rope_twin.effects.bending import BendingParams
+from rope_twin.effects.current import CurrentParams
+from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.composite import Bar, tension_at_length
+from rope_twin.scene.figures import LiftFigures
+from rope_twin.scene.schema import Scene
+
+# Linear elements shorten a wave by (π/n)²/6: 0.4 % at 20. TR-BDF2 is 0.01 % off in period and takes
+# next to nothing at 200 steps; the wake, which is damped by 5 % only, wants no more than that.
+ELEMENTS_PER_WAVE, STEPS_PER_PERIOD = 20.0, 200.0
+PLACES = 64  # along the rope that are looked at
+STROUHAL = 0.17  # where the model has no number of its own
+
+
+@dataclass(frozen=True)
+class Pace:
+    """The fastest lock-in to expect, and what resolves it."""
+
+    frequency_hz: float
+    element_m: float  # at most
+    step_s: float  # at most
+
+
+def shedding_model(scene: Scene) -> str:
+    """Name of the scene's model of vortex-induced vibration, or ""."""
+    for effect in EFFECTS:
+        if effect.sheds and any(type(params) is effect.params for params in scene.effects):
+            return effect.name
+    return ""
+
+
+def refuse_shedding(scene: Scene, what: str) -> None:
+    """For what cannot step such a scene; what: why not.
+
+    Raises:
+        SceneError: the scene has a model of vortex-induced vibration.
+    """
+    model = shedding_model(scene)
+    if model:
+        raise SceneError(phrase(f"{scene.path}: effects.{model}", what, "leave the model out here"))
+
+
+def expected_pace(scene: Scene, figures: LiftFigures) -> Pace | None:
+    """Of the scene's model as the rope hangs straight; None: it has none, or nothing flows."""
+    if not shedding_model(scene):
+        return None
+    z, tension, bars = _hanging(scene, figures)
+    speed = _current(scene, z)
+    Ca = sum(own.normal for own in scene.effects if isinstance(own, AddedMassParams))
+    EI = sum(own.stiffness_n_m2 for own in scene.effects if isinstance(own, BendingParams))
+    numbers = (getattr(own, "strouhal_number", None) for own in scene.effects)
+    strouhal = next((number for number in numbers if number is not None), STROUHAL)
+    fastest, shortest = 0.0, inf
+    for u, T, bar in zip(speed, tension, bars, strict=True):
+        d = bar.rope.hydrodynamic_diameter_m
+        frequency = strouhal * u / d
+        if frequency <= 0.0 or T <= 0.0:
+            continue
+        moved = Ca * scene.environment.water_density_kg_per_m3 * 0.25 * pi * d * d
+        inertia = (bar.rope.mass_kg_per_m + moved) * (2.0 * pi * frequency) ** 2
+        # dispersion of a beam under tension, EI·k⁴ + T·k² = m·ω²
+        square = 2.0 * inertia / (T + sqrt(T * T + 4.0 * EI * inertia))
+        fastest = max(fastest, frequency)
+        shortest = min(shortest, 2.0 * pi / sqrt(square))
+    if fastest == 0.0:
+        return None
+    return Pace(fastest, shortest / ELEMENTS_PER_WAVE, 1.0 / (STEPS_PER_PERIOD * fastest))
+
+
+def _hanging(scene: Scene, figures: LiftFigures) -> tuple[list[float], list[float], list[Bar]]:
+    """Height [m], tension [N] and section of places from the lower end up."""
+    line, top = scene.ropes[0], scene.ship.hang_off_m
+    held = tension_at_length(figures.bars, figures.chord_m) if line.fixed_at_m else 0.0
+    low = line.fixed_at_m[2] if line.fixed_at_m else top[2] - line.length_m
+    weight = sum(bar.weight_n_per_m * bar.length_m for bar in figures.bars)
+    rise = (top[2] - low) / line.length_m  # of a straight rope
+    z, tension, bars = [], [], []
+    for s in (np.arange(PLACES) + 0.5) / PLACES * line.length_m:
+        below, at = 0.0, 0.0
+        for bar in figures.bars:
+            inside = min(max(float(s) - at, 0.0), bar.length_m)
+            below += bar.weight_n_per_m * inside
+            at += bar.length_m
+            if inside < bar.length_m or bar is figures.bars[-1]:
+                break
+        z.append(low + rise * float(s))
+        bars.append(bar)
+        tension.append((held - 0.5 * weight if held else figures.payload_weight_n) + below)
+    return z, tension, bars
+
+
+def _current(scene: Scene, z: list[float]) -> list[float]:
+    """Speed of the current at these heights [m/s]."""
+    own = next((one for one in scene.effects if isinstance(one, CurrentParams)), None)
+    if own is None:
+        return [0.0] * len(z)
+    heights = [row[0] for row in reversed(own.points)]
+    parts = [np.interp(z, heights, [row[1][k] for row in reversed(own.points)]) for k in (0, 1)]
+    return [hypot(east, north) for east, north in zip(*parts, strict=True)]
+
+
+def coarse_for_vortices(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """What the fastest lock-in wants of elements and steps, if the scene gives less."""
+    pace = expected_pace(scene, figures)
+    if pace is None:
+        return
+    element, step = figures.longest_element_m, scene.time.step_s
+    cost = max(element / pace.element_m, 1.0) * max(step / pace.step_s, 1.0)
+    if cost <= 1.0:
+        return
+    path = "ropes[0].elements" if element > pace.element_m else "time.step_s"
+    what = (
+        f"elements of {element:.3g} m and steps of {1e3 * step:.3g} ms are coarse for vortices: "
+        f"lock-in at {pace.frequency_hz:.3g} Hz wants elements under {_rounded(pace.element_m):g} "
+        f"m and steps under {_rounded(1e3 * pace.step_s):g} ms"
+    )
+    yield phrase(path, what, f"give these; it is {cost:.2g} times slower than the scene as it is")
+
+
+def _rounded(value: float) -> float:
+    """Two digits, downward."""
+    place = 10.0 ** (floor(log10(value)) - 1)
+    return floor(value / place) * place

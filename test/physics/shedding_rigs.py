@@ -1,0 +1,85 @@
+"""A cylinder on springs in a flow, as a rope of three elements and as a plain set of equations."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from rigs import Bench, Rig, Vector
+
+from rope_twin.scene.schema import Scene
+
+DIAMETER = 0.1
+DENSITY = 1025.0
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """Mass ratio, wet natural frequency [Hz], speed of the flow [m/s], drag coefficient."""
+
+    mass_ratio: float = 2.4
+    frequency: float = 1.0
+    speed: float = 0.6
+    drag: float = 1.2
+    step: float = 0.01
+
+    @property
+    def displaced(self) -> float:
+        """Mass of displaced water per metre."""
+        return DENSITY * 0.25 * math.pi * DIAMETER**2
+
+    @property
+    def moving(self) -> float:
+        """Mass per metre with the water that moves along, Ca = 1."""
+        return (self.mass_ratio + 1.0) * self.displaced
+
+    def scene(self, *effects: Any) -> Scene:
+        """Three elements, stretched thirty times: springs that are the same in all directions.
+
+        Both nodes move alike, each on T/l per third of the rope; slopes stay below 1 %.
+        """
+        third, chord = 1.0 / 3.0, 30.0
+        k = self.moving * third * (2.0 * math.pi * self.frequency) ** 2
+        tension = k * chord / 3.0
+        rig = Rig(
+            length=1.0, elements=3, mass=self.mass_ratio * self.displaced,
+            EA=tension / (chord - 1.0), diameter=DIAMETER, density=DENSITY, gravity=0.0,
+            fixed_at=(0.0, 0.0, -chord), current=((0.0, (self.speed, 0.0)),), drag=(self.drag, 0.0),
+            added_mass=1.0, step=self.step, tolerance=1e-6,
+        )  # fmt: skip
+        scene = rig.scene()
+        return replace(scene, effects=(*scene.effects, *effects))
+
+    def run(self, bench: Bench, seconds: float) -> Vector:
+        """Places in line and across [m] of a node after every step, (steps, 2)."""
+        places = []
+        for _ in range(round(seconds / self.step)):
+            bench.hold(1)
+            places.append(bench.position[:2, 1].copy())
+        return np.array(places)
+
+
+def runge_kutta(
+    slope: Callable[[Vector], Vector], state: Vector, step: float, count: int
+) -> Vector:
+    """The classical method; the state after every step, (count, unknowns)."""
+    states = []
+    for _ in range(count):
+        k1 = slope(state)
+        k2 = slope(state + 0.5 * step * k1)
+        k3 = slope(state + 0.5 * step * k2)
+        k4 = slope(state + step * k3)
+        state = state + step / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        states.append(state)
+    return np.array(states)
+
+
+def amplitude_and_frequency(values: Vector, step: float) -> tuple[float, float]:
+    """Half the range, and the frequency [Hz] by rising crossings of the mean."""
+    x = values - values.mean()
+    at = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))
+    times = at + x[at] / (x[at] - x[at + 1])
+    return 0.5 * float(np.ptp(x)), float((len(at) - 1) / ((times[-1] - times[0]) * step))

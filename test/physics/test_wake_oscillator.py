@@ -1,0 +1,170 @@
+"""The wake oscillator: against Runge and Kutta, in second order, and what its kernels say."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from effect_cases import NODES, data_of, loads, some_work
+from rigs import Bench, Rig, Vector, march, sine
+from shedding_rigs import DENSITY, DIAMETER, Cylinder, runge_kutta
+from test_effects import BLOCKS, R, jacobian, matrix
+from test_energy_accounts import seen, three
+
+from rope_twin import Twin
+from rope_twin.core import state as rows
+from rope_twin.core.energy import said
+from rope_twin.effects import wake_oscillator as wake
+from rope_twin.effects.wake_oscillator import WakeOscillator, WakeOscillatorParams
+from rope_twin.scene.schema import Winch
+
+SET = wake.SETS["qu_metrikine"]
+RATE = 1.0  # of q at the start [1/s]
+
+
+def wake_of(effects: tuple[Any, ...]) -> WakeOscillator:
+    """The one among them."""
+    return next(effect for effect in effects if isinstance(effect, WakeOscillator))
+
+
+def stepped(cylinder: Cylinder, seconds: float) -> Vector:
+    """Places in line and across [m] by the rope's own step; both nodes start alike."""
+    bench = Bench(cylinder.scene(WakeOscillatorParams(shape_over_s=1e4)))
+    memory = wake_of(bench.rope.effects).memory
+    bench.time = 1.0  # at 0 it would start from its own noise
+    memory[:3] = np.array([[0.0], [RATE], [SET.upright[1] * shedding(cylinder) * RATE]])
+    return cylinder.run(bench, seconds)
+
+
+def shedding(cylinder: Cylinder) -> float:
+    """ω_s [rad/s]."""
+    return 2.0 * math.pi * SET.strouhal * cylinder.speed / DIAMETER
+
+
+def integrated(cylinder: Cylinder, seconds: float, step: float) -> Vector:
+    """The same by Runge and Kutta from the equations of [QM], written out."""
+    A, epsilon = SET.upright
+    V, M, omega = cylinder.speed, cylinder.moving, shedding(cylinder)
+    k = M * (2.0 * math.pi * cylinder.frequency) ** 2
+    half = 0.5 * DENSITY * DIAMETER
+
+    def slope(state: Vector) -> Vector:
+        x, y, vx, vy, q, rate = state
+        ux, uy = V - vx, -vy
+        speed = math.hypot(ux, uy)
+        # drag along U, lift along U × t with t upward
+        drag, lift = half * cylinder.drag * speed, half * 0.5 * SET.lift * q * speed
+        ax = (drag * ux + lift * uy - k * x) / M
+        ay = (drag * uy - lift * ux - k * y) / M
+        return np.array(
+            [vx, vy, ax, ay, rate,
+             -epsilon * omega * (q * q - 1.0) * rate - omega**2 * q - A / DIAMETER * ay]
+        )  # fmt: skip
+
+    at_rest = half * cylinder.drag * V * V / k
+    states = runge_kutta(
+        slope, np.array([at_rest, 0.0, 0.0, 0.0, 0.0, RATE]), step, round(seconds / step)
+    )
+    return states[:, :2]
+
+
+def test_it_is_of_second_order_and_what_the_equations_say() -> None:
+    """Twelve periods up to lock-in at one diameter: 0.013 D at 10 ms, a fourth at half the step."""
+    exact = integrated(Cylinder(), 12.0, 1e-3)
+    assert 1.0 < np.abs(exact[:, 1]).max() / DIAMETER < 1.1
+    errors = []
+    for step in (0.04, 0.02, 0.01):
+        found = stepped(Cylinder(step=step), 12.0)
+        every = round(step / 1e-3)
+        errors.append(float(np.abs(found - exact[every - 1 :: every]).max()) / DIAMETER)
+    assert errors[-1] < 0.013
+    assert errors[0] / errors[1] == pytest.approx(4.0, abs=0.3)
+    assert errors[1] / errors[2] == pytest.approx(4.0, abs=0.3)
+
+
+def test_it_starts_anew_at_time_zero_and_brings_no_lift_at_rest() -> None:
+    """Two runs from rest are one; the rope at rest hangs straight down the current."""
+    scene = Cylinder().scene(WakeOscillatorParams())
+    one, two = Twin(scene), Twin(scene)
+    assert abs(one.snapshot().node_position_m[1, 1]) < 1e-12
+    for twin in (one, two):
+        twin.advance(50)
+    assert np.array_equal(one.snapshot().node_position_m, two.snapshot().node_position_m)
+    assert abs(one.snapshot().node_position_m[1, 1]) > 1e-6
+
+
+def with_wake(seed: int, moving: bool) -> tuple[tuple[Any, ...], Vector]:
+    """The effect on scratch in any motion; not `moving`: its q is fixed, as a step's end has it."""
+    effects, work = data_of("wake_oscillator"), some_work(seed)
+    random, memory = np.random.default_rng(seed), wake_of(effects).memory
+    arc = np.append(0.0, np.cumsum(work[rows.REST, :-1]))
+    length = np.zeros(NODES)
+    length[:-1] += 0.5 * np.diff(arc)
+    length[1:] += 0.5 * np.diff(arc)
+    memory[0, :NODES] = random.normal(0.0, 1.5, NODES)
+    memory[0, NODES - 1] = memory[0, NODES - 2]
+    memory[wake.HAT] = memory[0]
+    strength = wake_of(effects).strength
+    memory[wake.STRENGTH, :NODES] = strength * np.sqrt(4.0 / math.pi * work[rows.VOLUME] * length)
+    if moving:
+        memory[wake.OMEGA], memory[wake.DAMPING] = 8.0, 2.4
+        memory[wake.RATE_HAT] = 5.0
+        shape = memory[wake.COUPLING : wake.COUPLING + 3].shape
+        memory[wake.COUPLING : wake.COUPLING + 3] = random.normal(0.0, 60.0, shape)
+    return effects, work
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_its_block_is_the_derivative_of_its_force(seed: int) -> None:
+    """The symmetric part of -dF/da, through q as well, 1e-6."""
+    effects, work = with_wake(seed, True)
+    result = loads(effects, work)
+    for node in range(NODES - 1):
+        exact = jacobian(effects, work, node)
+        symmetric = 0.5 * (exact + exact.T)
+        scale = np.abs(exact).max()
+        assert np.abs(matrix(result[BLOCKS, node]) - symmetric).max() < 1e-6 * scale
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_what_it_says_of_its_energy_is_force_times_velocity(seed: int) -> None:
+    effects, work = with_wake(seed, False)
+    force = (loads(effects, work) - loads((), work))[R]
+    assert np.abs(force).max() > 1.0
+    place = seen(work, np.zeros((3, NODES)), 0.0)
+    done = float((force * three(work, rows.VELOCITY)).sum())
+    assert done == pytest.approx(said("power", effects, place), rel=1e-9)
+
+
+HAULED = Rig(
+    length=30.0, elements=30, mass=2.0, EA=1e6, diameter=0.03, damping=1e3, load=200.0, volume=0.03,
+    density=DENSITY, current=((0.0, (0.5, 0.0)),), drag=(1.2, 0.02), added_mass=1.0, step=0.01,
+)  # fmt: skip
+
+
+def test_wakes_belong_to_the_rope_through_splits_and_merges() -> None:
+    """Paid out and hauled in at 1 m/s the wakes of old nodes are kept, new ones lie between."""
+    winch = Winch(
+        speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, least_line_out_m=5.0,
+        most_line_out_m=60.0,
+    )  # fmt: skip
+    scene = replace(HAULED, winch=winch).scene()
+    twin = Twin(replace(scene, effects=(*scene.effects, WakeOscillatorParams())))
+    memory = wake_of(twin._current.effects).memory
+    counts, odd = [], []
+    q, rate = np.zeros(60), np.zeros(60)
+    for shot in march(twin, sine(0.2, 6.0), 24.0, speeds=[(2.0, 1.0), (12.0, -1.0)]):
+        counts.append(len(shot.element_tension_n))
+        old = min(counts[-2:]) - 2
+        fastest = np.maximum(np.abs(rate[:old]), np.abs(memory[1, :old]))
+        odd.append((np.abs(memory[0, :old] - q[:old]) - 0.0105 * fastest).max())
+        q[: counts[-1]], rate[: counts[-1]] = memory[:2, : counts[-1]]
+    assert max(counts) > 36
+    assert counts[-1] < max(counts) - 6
+    assert np.isfinite(memory).all()
+    assert np.abs(q).max() > 1.0
+    assert max(odd[5:]) < 0.02, "no wake moves by more than its rate times the step"
+    assert twin.snapshot().solver.unconverged_substeps == 0

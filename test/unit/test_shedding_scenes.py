@@ -1,0 +1,72 @@
+"""Scenes with a model of vortex-induced vibration: refusals, and the pace it asks for."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from rope_twin.effects import EFFECTS
+from rope_twin.effects.wake_oscillator import WakeOscillatorParams
+from rope_twin.errors import SceneError
+from rope_twin.scene.checks import sense_checks
+from rope_twin.scene.figures import lift_figures
+from rope_twin.scene.schema import Scene
+from rope_twin.scene.shedding import expected_pace
+from rope_twin.studies.rigs import Rig
+from rope_twin.twin.ensemble import Ensemble, Variation
+from rope_twin.twin.error_band import BandedTwin
+from rope_twin.twin.rungs import ladder_of
+
+CABLE = Rig(
+    length=300.0, elements=400, mass=1.728, EA=5e6, diameter=0.02, density=1025.0, load=10.2e3,
+    volume=0.0, current=((0.0, (1.5, 0.0)), (-300.0, (1.5, 0.0))), drag=(1.2, 0.0), added_mass=1.0,
+    step=0.01,
+)  # fmt: skip
+
+
+def shedding(rig: Rig) -> Scene:
+    scene = rig.scene()
+    return replace(scene, effects=(*scene.effects, WakeOscillatorParams()))
+
+
+def test_the_pace_of_a_cable_that_locks_in_at_13_hz() -> None:
+    """f = St·U/d; the shortest wave is that at the lower end, where tension is least."""
+    scene = shedding(CABLE)
+    pace = expected_pace(scene, lift_figures(scene))
+    assert pace is not None
+    assert pace.frequency_hz == pytest.approx(0.17 * 1.5 / 0.02)
+    per_metre = 1.728 + 1025.0 * 0.25 * math.pi * 0.02**2
+    wave = math.sqrt(10.2e3 * 9.80665 / per_metre) / pace.frequency_hz
+    assert pace.element_m == pytest.approx(wave / 20.0, rel=0.01)
+    assert pace.step_s == pytest.approx(1.0 / (200.0 * pace.frequency_hz))
+
+
+def test_a_scene_too_coarse_is_told_what_it_costs() -> None:
+    (words,) = [words for words in sense_checks(shedding(CABLE)) if "vortices" in words]
+    assert "lock-in at 12.8 Hz wants elements under 0.86 m and steps under 0.39 ms" in words
+    assert "26 times slower than the scene as it is" in words
+    fine = shedding(replace(CABLE, elements=400, step=0.0003))
+    assert not [words for words in sense_checks(fine) if "vortices" in words]
+    still = replace(shedding(CABLE), effects=(WakeOscillatorParams(),))
+    assert expected_pace(still, lift_figures(still)) is None
+    assert expected_pace(CABLE.scene(), lift_figures(CABLE.scene())) is None
+
+
+def test_what_carries_no_wakes_says_so() -> None:
+    """Ensembles, error bands, other grids; a paced twin keeps its step and elements."""
+    scene = shedding(replace(CABLE, elements=40))
+    with pytest.raises(SceneError, match=r"effects.wake_oscillator: .* share their wakes"):
+        Ensemble(scene, [Variation(), Variation()])
+    with pytest.raises(SceneError, match=r"effects.wake_oscillator: a companion on half"):
+        BandedTwin(scene)
+    assert len(ladder_of(scene)) == 1
+    assert len(ladder_of(CABLE.scene())) > 1
+
+
+def test_two_models_in_one_scene_are_an_error(tmp_path: Path) -> None:
+    models = [effect.name for effect in EFFECTS if effect.sheds]
+    if len(models) < 2:
+        models = [*models, models[0]]
