@@ -24,7 +24,7 @@ if "AMENT_PREFIX_PATH" not in os.environ:
     REQUIRES += ROS_WHEELS
 
 VIZ = ["rerun-sdk==0.41.0", "pillow>=10"]
-PLOT = ["matplotlib>=3.8"]  # of `rope_twin bench order --picture` alone
+PLOT = ["matplotlib>=3.8", "pyarrow>=14"]  # pictures, and tables as Parquet
 TEST = [
     "pytest>=8",
     "pytest-xdist>=3.6",

@@ -61,8 +61,8 @@ class Modes:
 
 
 @dataclass(frozen=True)
-class _AtRest:
-    """The rope at rest; n free nodes from the lower end up, in the matrices' order."""
+class AtRest:
+    """A rope at rest; n free nodes from the lower end up, in the matrices' order."""
 
     scene: Scene
     first: int
@@ -73,6 +73,7 @@ class _AtRest:
     couplings: Couplings | None  # of bending, at all nodes but the hang-off's
     tangent: Floats  # at the free nodes, (3, n)
     s: Floats  # unstretched, of the free nodes from the hang-off [m]
+    rest: Floats  # unstretched lengths of the elements [m]
 
 
 def find_modes(scene: Scene, count: int) -> Modes:
@@ -82,7 +83,7 @@ def find_modes(scene: Scene, count: int) -> Modes:
         InputError: a count that the rope's free nodes do not give.
         SceneError: the rope cannot rest, or is slack somewhere: it then has no natural frequency.
     """
-    rest = _bring_to_rest(scene)
+    rest = bring_to_rest(scene)
     most = 3 * len(rest.s) - NEAR
     if not 1 <= count <= most:
         what = f"{count} of a rope with {len(rest.s)} free nodes"
@@ -99,7 +100,12 @@ def find_modes(scene: Scene, count: int) -> Modes:
     return Modes(tuple(lowest), tuple(axial), place, float(STROUHAL * speed.max() / diameter))
 
 
-def _bring_to_rest(scene: Scene) -> _AtRest:
+def bring_to_rest(scene: Scene) -> AtRest:
+    """The scene's rope in its current.
+
+    Raises:
+        SceneError: it cannot rest, or is slack somewhere.
+    """
     rope, line = build(scene).rope, scene.ropes[0]
     end = settle(rope, line.length_m)
     if not end.found:
@@ -126,13 +132,13 @@ def _bring_to_rest(scene: Scene) -> _AtRest:
     mass = forces.mass[SYMMETRIC]
     still.rest_at(place)
     couplings = still.couplings() if still.reach > 1 else None
-    return _AtRest(
+    return AtRest(
         scene, first, place, forces.tension, law.stiffness, mass[:, :, first:], couplings,
-        tangent[:, first:], s[first:],
+        tangent[:, first:], s[first:], still.rest,
     )  # fmt: skip
 
 
-def _matrices(rest: _AtRest) -> tuple[Any, Any]:
+def _matrices(rest: AtRest) -> tuple[Any, Any]:
     """K and M as sparse matrices over 3 numbers per free node."""
     from scipy.sparse import bsr_array
 
@@ -183,7 +189,7 @@ def _solve(K: Any, M: Any, count: int, near: float) -> tuple[Floats, Floats]:
     return np.sqrt(np.maximum(squares[order], 0.0)), modes[:, order]
 
 
-def _axial_guesses(rest: _AtRest) -> Floats:
+def _axial_guesses(rest: AtRest) -> Floats:
     """ω [rad/s] of the first modes if every node could only move along the rope.
 
     Shifted off by a millionth: on a frequency itself the shifted matrix is singular.
@@ -203,7 +209,7 @@ def _axial_guesses(rest: _AtRest) -> Floats:
     return np.asarray(np.sqrt(squares) * (1.0 + 1e-6))
 
 
-def _modes(rest: _AtRest, omega: Floats, vectors: Floats) -> Iterator[Mode]:
+def _modes(rest: AtRest, omega: Floats, vectors: Floats) -> Iterator[Mode]:
     """Each as a Mode; directions of equal frequency are told apart by the rope's plane."""
     normal = _normal(rest)
     vectors = _separate(rest, omega, vectors, normal)
@@ -237,12 +243,12 @@ def _modes(rest: _AtRest, omega: Floats, vectors: Floats) -> Iterator[Mode]:
         )
 
 
-def _energy(rest: _AtRest, motion: Floats) -> float:
+def _energy(rest: AtRest, motion: Floats) -> float:
     """Twice the kinetic energy of a motion at ω = 1."""
     return float((motion * np.einsum("kcn,cn->kn", rest.mass, motion)).sum())
 
 
-def _normal(rest: _AtRest) -> Floats:
+def _normal(rest: AtRest) -> Floats:
     """Of the plane that the rope lies in best; of a straight one, across the current or y."""
     offset = rest.place - rest.place[:, -1:]
     axes, sizes, _ = np.linalg.svd(offset, full_matrices=False)
@@ -254,7 +260,7 @@ def _normal(rest: _AtRest) -> Floats:
     return np.asarray(across / np.linalg.norm(across))
 
 
-def _separate(rest: _AtRest, omega: Floats, vectors: Floats, normal: Floats) -> Floats:
+def _separate(rest: AtRest, omega: Floats, vectors: Floats, normal: Floats) -> Floats:
     """Modes of equal frequency turned into the plane and out of it."""
     turned = vectors.copy()
     start = 0
@@ -271,19 +277,23 @@ def _separate(rest: _AtRest, omega: Floats, vectors: Floats, normal: Floats) -> 
     return turned
 
 
-def _water(rest: _AtRest) -> Floats:
-    """The scene's current at the free nodes [m/s], (3, n)."""
-    water = np.zeros((3, len(rest.s)))
-    for params in rest.scene.effects:
+def water_at(scene: Scene, z: Floats) -> Floats:
+    """The scene's current at these heights [m/s], (3, n)."""
+    water = np.zeros((3, len(z)))
+    for params in scene.effects:
         if isinstance(params, CurrentParams):
-            rows = np.array([[z, *velocity] for z, velocity in params.points])[::-1]
-            z = rest.place[2, rest.first : -1]
+            rows = np.array([[at, *velocity] for at, velocity in params.points])[::-1]
             for k in (0, 1):
                 water[k] += np.interp(z, rows[:, 0], rows[:, 1 + k])
     return water
 
 
-def _speed_across(rest: _AtRest) -> Floats:
+def _water(rest: AtRest) -> Floats:
+    """The same at the free nodes."""
+    return water_at(rest.scene, rest.place[2, rest.first : -1])
+
+
+def _speed_across(rest: AtRest) -> Floats:
     """Of the current across the rope at the free nodes [m/s]."""
     water = _water(rest)
     across = water - (water * rest.tangent).sum(axis=0) * rest.tangent

@@ -1,0 +1,137 @@
+"""`rope_twin viv SCENE`: vortex-induced vibration of the scene's rope in its current."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rope_twin.commands.bench import print_table
+from rope_twin.errors import InputError, phrase
+from rope_twin.scene.load import load_scene
+from rope_twin.studies.fatigue import CURVES, StressCurve, find_curve
+from rope_twin.studies.viv_picture import check_folder, write_all
+from rope_twin.studies.viv_study import Fatigue, VivRun, count_fatigue, run_viv
+from rope_twin.viv.shedding import Shedding
+
+SHOWN = 10  # modes in the table, those that move most
+HEAD = ("mode", "Hz", "driven m", "rms/d")
+
+
+def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
+    """Add `viv`."""
+    parser = subparsers.add_parser(
+        "viv",
+        help="vortex-induced vibration of a scene's rope in its current",
+        description="What the current can lock, what the rope then does and what that costs it: "
+        "response in natural modes across the current, about the rope at rest (Le "
+        "Cunff and Durand 1999). Damage is that of bending alone.",
+    )
+    parser.add_argument("scene", metavar="SCENE", help="a scene's name, or the path of a YAML file")
+    parser.add_argument("--for", dest="duration", type=float, default=300.0, metavar="S",
+                        help="simulated time; its second half counts (default: 300 s)")  # fmt: skip
+    parser.add_argument("--into", type=Path, metavar="DIR", help="pictures and Parquet tables")
+    parser.add_argument("--strouhal", type=float, default=Shedding.strouhal, metavar="ST",
+                        help="Strouhal number (default: %(default)s)")  # fmt: skip
+    parser.add_argument("--structural", type=float, default=Shedding.structural, metavar="ZETA",
+                        help="structural damping of every mode over critical "
+                        "(default: %(default)s, an assumption)")  # fmt: skip
+    curves = ", ".join(name for name, one in CURVES.items() if isinstance(one, StressCurve))
+    parser.add_argument("--curve", default="stranded_wire", help=f"S-N curve of stress: {curves}")
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of words")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run it and show it; raises RopeTwinError."""
+    for name, value, low, high in (
+        ("--for", args.duration, 1.0, 36000.0),
+        ("--strouhal", args.strouhal, 0.05, 0.5),
+        ("--structural", args.structural, 0.0, 0.5),
+    ):
+        if not low <= value <= high:
+            raise InputError(phrase(name, f"{value:g}", f"give {low:g} to {high:g}"))
+    curve = find_curve("--curve", args.curve)
+    if not isinstance(curve, StressCurve):
+        raise InputError(
+            phrase("--curve", f"'{args.curve}' is one of tension", "give one of stress")
+        )
+    if args.into is not None:
+        check_folder(args.into)
+    scene = load_scene(args.scene)
+    density = scene.environment.water_density_kg_per_m3
+    shedding = Shedding(strouhal=args.strouhal, density=density, structural=args.structural)
+    found = run_viv(scene, shedding, args.duration)
+    fatigue = count_fatigue(found, scene, curve)
+    files = write_all(scene.name, found, fatigue, args.into) if args.into is not None else []
+    if args.json:
+        told = {"scene": scene.name, **_summary(found, fatigue), "files": [str(f) for f in files]}
+        print(json.dumps(told, ensure_ascii=False, allow_nan=False))
+    else:
+        _show(found, fatigue, files)
+    return 0
+
+
+def _summary(found: VivRun, fatigue: Fatigue) -> dict[str, Any]:
+    rms, span = found.rms(), found.response.span
+    at = int(rms.argmax())
+    worst = fatigue.damage_per_year
+    steel = bool(np.isfinite(worst).any())
+    fastest = found.response.shedding.strouhal * (span.speed / span.diameter).max()
+    return {
+        "strouhal_max_hz": float(fastest),
+        "modes_known": len(found.response.frequency),
+        "modes": _rows(found),
+        "rms_max_diameters": float(rms[at]),
+        "rms_max_at_m": float(found.from_top_m[at]),
+        "frequency_there_hz": float(found.frequency_hz()[at]),
+        "drag_amplification_max": float(found.drag_amplification().max()),
+        "stress_rms_max_pa": float(np.nanmax(fatigue.stress_rms_pa)) if steel else None,
+        "damage_per_year_max": float(np.nanmax(worst)) if steel else None,
+    }  # fmt: skip
+
+
+def _rows(found: VivRun) -> list[dict[str, Any]]:
+    """The modes that move most, from the lowest up."""
+    most = np.sort(np.argsort(-found.modal_rms, kind="stable")[:SHOWN])
+    driven = found.response.zones.T @ found.response.span.node_length
+    return [
+        {
+            "mode": int(mode) + 1,
+            "frequency_hz": float(found.response.frequency[mode]),
+            "driven_m": float(driven[mode]),
+            "rms_diameters": float(found.modal_rms[mode]),
+        }
+        for mode in most
+    ]
+
+
+def _show(found: VivRun, fatigue: Fatigue, files: list[Path]) -> None:
+    told = _summary(found, fatigue)
+    cells = [
+        (str(row["mode"]), f"{row['frequency_hz']:.4g}", f"{row['driven_m']:.4g}",
+         f"{row['rms_diameters']:.3g}")
+        for row in told["modes"]
+    ]  # fmt: skip
+    print_table([HEAD, *cells])
+    print(
+        f"\n{told['modes_known']} modes can lock or damp; vortices up to "
+        f"{told['strouhal_max_hz']:.3g} Hz\n"
+        f"largest rms A/d {told['rms_max_diameters']:.3g} at {told['rms_max_at_m']:.4g} m below "
+        f"the hang-off, {told['frequency_there_hz']:.3g} Hz\n"
+        f"(published VIV codes differ among each other by a factor of 1.7)\n"
+        f"drag at most {told['drag_amplification_max']:.3g} times that of a rope at rest"
+    )
+    if told["damage_per_year_max"] is None:
+        print("no stress: neither a rope all of steel nor a pipe, with its bending listed")
+    else:
+        print(
+            f"bending stress at most {1e-6 * told['stress_rms_max_pa']:.3g} MPa rms, damage "
+            f"{told['damage_per_year_max']:.3g} per year; of a stranded rope as if it were solid: "
+            "an upper bound"
+        )
+    for path in files:
+        print(path)

@@ -1,0 +1,110 @@
+"""`rope_twin viv`: what it tells of a scene is what its response in modes did."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+
+from rope_twin import load_scene
+from rope_twin.cli import main
+from rope_twin.effects.current import CurrentParams
+from rope_twin.errors import SceneError
+from rope_twin.studies.fatigue import CURVES, StressCurve
+from rope_twin.studies.modes import find_modes
+from rope_twin.studies.viv_scene import span_of
+from rope_twin.studies.viv_study import _pipe_area, chosen_places, count_fatigue, run_viv
+from rope_twin.viv.lateral_modes import find_lateral_modes
+from rope_twin.viv.shedding import Shedding
+
+PICTURES = {"current.png", "modes.png", "along.png", "motion.png", "spectra.png"}
+TABLES = {"along.parquet", "modes.parquet", "motion.parquet"}
+
+
+def test_a_scene_and_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Summary, pictures and tables agree with each other."""
+    folder = tmp_path / "viv"
+    assert main(["viv", "deep_lift", "--for", "40", "--into", str(folder), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert {path.name for path in folder.iterdir()} == PICTURES | TABLES
+    along = pyarrow.parquet.read_table(folder / "along.parquet").to_pydict()
+    modes = pyarrow.parquet.read_table(folder / "modes.parquet").to_pydict()
+    motion = pyarrow.parquet.read_table(folder / "motion.parquet").to_pydict()
+    assert max(along["rms_diameters"]) == pytest.approx(told["rms_max_diameters"])
+    assert max(along["strouhal_hz"]) == pytest.approx(told["strouhal_max_hz"])
+    assert told["modes_known"] == len(modes["mode"])
+    by_rms = [modes["rms_diameters"][row["mode"] - 1] for row in told["modes"]]
+    assert by_rms == [row["rms_diameters"] for row in told["modes"]]
+    names = [name for name in motion if name != "time_s"]
+    assert np.all(np.array([motion[name] for name in names]).std(axis=1) <= max(
+        along["rms_diameters"]) * 1.0001)  # fmt: skip
+    assert motion["time_s"][-1] == pytest.approx(40.0, abs=0.1)
+    # a rope in at most 0.5 m/s: the top of the current's Strouhal frequency
+    assert told["strouhal_max_hz"] == pytest.approx(0.17 * 0.5 / 0.032, rel=0.01)
+
+
+def test_statistics_of_a_run() -> None:
+    """rms by the modes' covariance is that of the motion; damage needs steel or a pipe."""
+    scene = load_scene("deep_lift")
+    run = run_viv(scene, Shedding(), 40.0)
+    np.testing.assert_allclose(run.rms(), run.motion().std(axis=0), atol=1e-9)
+    frequency, power = run.spectra(chosen_places(run, 5))
+    assert power.shape == (len(frequency), 5)
+    curve = CURVES["stranded_wire"]
+    assert isinstance(curve, StressCurve)
+    fatigue = count_fatigue(run, scene, curve)
+    # a mode bends by its wave number squared: stress of all modes, worst place
+    span = run.response.span
+    number = 2.0 * np.pi * run.response.frequency / np.sqrt(span.tension.min() / span.mass.max())
+    rope = scene.ropes[0].made_of[0].rope
+    modulus = rope.tangent_n(0.0) / (rope.mass_kg_per_m / 7850.0)
+    most = modulus * 0.5 * rope.diameter_m * np.abs(number**2 @ np.sqrt(np.diag(run.covariance)))
+    assert 0.0 < np.nanmax(fatigue.stress_rms_pa) < most
+    assert (fatigue.damage_per_year >= 0.0).all()
+
+
+def test_span_of_a_scene_has_its_frequencies() -> None:
+    """Out-of-plane modes of `rope_twin modes` about the same rest, in a current that does not turn.
+
+    Where it turns with depth, the rope lies in no plane and its slowest swings differ by some
+    per cent.
+    """
+    scene = load_scene("deep_lift")
+    straight = CurrentParams(profile=((0.0, (0.5, 0.0)), (-3000.0, (0.1, 0.0))))
+    effects = [straight if isinstance(p, CurrentParams) else p for p in scene.effects]
+    scene = replace(scene, effects=tuple(effects))
+    theirs = [m.frequency_hz for m in find_modes(scene, 12).lowest if m.kind == "out-of-plane"]
+    ours = find_lateral_modes(span_of(scene).span, 0.3).frequency
+    np.testing.assert_allclose(ours[: len(theirs)], theirs, rtol=2e-3)
+
+
+def test_no_current_no_vortices() -> None:
+    with pytest.raises(SceneError, match="no current, so no vortices"):
+        span_of(replace(load_scene("deep_lift"), effects=()))
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--for", "0"],
+        ["--strouhal", "2"],
+        ["--structural", "-1"],
+        ["--curve", "six_strand_tension"],
+    ],
+)
+def test_bad_options_are_one_sentence(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["viv", "deep_lift", *words]) == 1
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_pipe_area() -> None:
+    """EI/EA of a pipe gives its bore; a solid or loose section is none."""
+    outer, inner, E = 0.25, 0.235, 2.05e11
+    area = 0.25 * np.pi * (outer**2 - inner**2)
+    EI = E * np.pi / 64.0 * (outer**4 - inner**4)
+    assert _pipe_area(EI, E * area, outer) == pytest.approx(area)
+    assert _pipe_area(0.0, 1e8, outer) == 0.0
