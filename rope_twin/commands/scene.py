@@ -141,6 +141,9 @@ def _rigging(scene: Scene) -> Iterator[tuple[str, str]]:
         yield "rope", f"'{line.name}', {_made_of(line)}, {length}, from '{line.from_}' {_end(line)}"
     for joint in scene.joints:
         yield "joint", f"'{joint.name}', {joint.mass_kg:g} kg"
+    for sheave in scene.sheaves:
+        stretches = [line.name for line in scene.ropes if line.to == sheave.name]
+        yield "sheave", f"'{sheave.name}', over which runs the rope of {' and '.join(stretches)}"
     for strut in scene.struts:
         one, other = strut.between
         words = f"{strut.length_m:g} m, {strut.mass_kg:g} kg"

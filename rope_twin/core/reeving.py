@@ -1,4 +1,8 @@
-"""Rope reeved over sheaves: where two ropes of a system become one that runs."""
+"""Rope reeved over sheaves: where two ropes of a system become one that runs, and how it rests.
+
+At rest without friction both sides of a sheave pull alike. The wheel is held while the ropes come
+to rest, rope is moved over it by the secant of the difference, and at last the wheel is let go.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +11,36 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rope_twin.core.joined_statics import settle_joined
 from rope_twin.core.joints import Joints, System
-from rope_twin.core.sheaves import NOWHERE, SHEAVE_ROWS, Sheaves
-from rope_twin.core.state import ELEMENTS, MOTIONS, NODE_ROWS, WORK_ROWS, Boundary, Floats
+from rope_twin.core.sheaves import (
+    FRICTION,
+    FROM,
+    INTO,
+    NOWHERE,
+    SHEAVE_ROWS,
+    WHEEL,
+    Sheaves,
+)
+from rope_twin.core.state import (
+    EA,
+    ELEMENTS,
+    MOTIONS,
+    NODE_ROWS,
+    POSITION,
+    TENSION,
+    WORK_ROWS,
+    Boundary,
+    Floats,
+    Rope,
+)
+from rope_twin.core.statics import Equilibrium
+from rope_twin.core.trial import TRIALS
+
+HELD = 1e30  # kg: inertia of a wheel that nothing turns
+ROUNDS = 12
+ALIKE = 1e-3  # of a pull: what the wheel may turn by at last, a small part of an element
+SHORTEST, LONGEST = 0.5, 1.5  # of the element length: the last element of a stretch
 
 
 class Wheel(NamedTuple):
@@ -33,6 +64,8 @@ def reeve(system: System, wheels: Sequence[Wheel]) -> System:
         ValueError: a wheel's ropes do not end there, or are not of one make.
     """
     joints, first = system.joints, system.joints.nodes.shape[1]
+    if not wheels:
+        return system
     figures = np.zeros((SHEAVE_ROWS, len(wheels)))
     of = np.full(len(system.ropes), NOWHERE)
     side, base = np.zeros(len(of)), np.zeros(len(of))
@@ -66,3 +99,75 @@ def _with_columns(joints: Joints, more: int) -> Joints:
         work=np.zeros((WORK_ROWS, count)),
         matrix=np.zeros((3 * count, 3 * count)),
     )
+
+
+def settle_reeved(system: System, place: Floats) -> Equilibrium:
+    """`settle_joined`, where rope may run over sheaves until both sides pull alike.
+
+    The flow over every sheave is 0 afterwards.
+    """
+    sheaves = system.sheaves
+    if sheaves is None:
+        return settle_joined(system, place)
+    kept = sheaves.figures[[WHEEL, FRICTION]].copy()
+    sheaves.figures[WHEEL], sheaves.figures[FRICTION] = HELD, 0.0
+    end = _settle_held(system, sheaves, place)
+    sheaves.figures[WHEEL] = kept[0]
+    if end.found:
+        end = settle_joined(system, place)
+    sheaves.figures[FRICTION] = kept[1]
+    return end
+
+
+def _settle_held(system: System, sheaves: Sheaves, place: Floats) -> Equilibrium:
+    """Rest with the wheels held and as much rope over them as makes both sides pull alike."""
+    pairs = sheaves.figures[[INTO, FROM]].T.astype(int)
+    slope = np.array([-sum(_stiffness(system.ropes[r]) for r in pair) for pair in pairs])
+    moved, before = np.zeros(len(pairs)), np.full(len(pairs), np.nan)
+    for _ in range(ROUNDS):
+        end = settle_joined(system, place)
+        pulls = np.array([[_last_tension(system.ropes[r]) for r in pair] for pair in pairs])
+        apart = pulls[:, 0] - pulls[:, 1]
+        if not end.found or (np.abs(apart) <= ALIKE * pulls.max(axis=1)).all():
+            break
+        found = (apart - before) / np.where(moved == 0.0, np.nan, moved)
+        slope = np.where(found < 0.0, found, slope)
+        moved, before = -apart / slope, apart
+        for pair, more in zip(pairs, moved, strict=True):
+            for r, sign in zip(pair, (1.0, -1.0), strict=True):
+                sheaves.base[r] = _lay_again(system.ropes[r], sign * float(more))
+    return end
+
+
+def _stiffness(rope: Rope) -> float:
+    """Of the whole rope along itself [N/m]."""
+    return float(rope.sections[EA, 0] / rope.state.s[rope.state.counts[ELEMENTS]])
+
+
+def _last_tension(rope: Rope) -> float:
+    """Of the element at the sheave [N]."""
+    return float(rope.work[TENSION, rope.state.counts[ELEMENTS] - 1])
+
+
+def _lay_again(rope: Rope, more: float) -> float:
+    """Make a rope longer at its last node, in the same shape; returns its length [m].
+
+    It keeps two elements at least and what its arrays have room for.
+    """
+    state, size = rope.state, rope.model.element_length
+    n = int(state.counts[ELEMENTS])
+    s, x = state.s[: n + 1].copy(), state.nodes[POSITION : POSITION + 3, : n + 1].copy()
+    room = len(state.s) - TRIALS - 2
+    most = float(s[n]) + (room - n) * size
+    length = min(max(float(s[n]) + more, 2.0 * SHORTEST * size), most)
+    inner = [float(one) for one in s[:-1] if one <= length - SHORTEST * size]
+    while length - inner[-1] > LONGEST * size:
+        inner.append(inner[-1] + size)
+    if len(inner) < 2:
+        inner = [0.0, 0.5 * length]
+    new = np.array([*inner, length])
+    count = len(new)
+    state.s[:count], state.counts[ELEMENTS] = new, count - 1
+    for row, old in zip(state.nodes[POSITION : POSITION + 3], x, strict=True):
+        row[:count] = np.interp(new * (s[n] / length), s, old)
+    return length

@@ -14,11 +14,20 @@ import numpy as np
 
 from rope_twin.core import ties
 from rope_twin.core.joints import LOOSE, System, new_system
-from rope_twin.core.state import ELEMENTS, POSITION, Floats, Rope
+from rope_twin.core.reeving import reeve
+from rope_twin.core.state import ELEMENTS, POSITION, C, Floats, Rope
 from rope_twin.effects.payload import Payload as PayloadEffect
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.payload import build as build_payload
 from rope_twin.scene.build import build, tables_of
+from rope_twin.scene.build_sheaves import (
+    ends_of,
+    room_for,
+    runs_over_sheave,
+    tethers,
+    wheels,
+    with_both_stretches,
+)
 from rope_twin.scene.composite import weight_n_per_m
 from rope_twin.scene.first_shape import first_places, laid
 from rope_twin.scene.rigging import WINCH
@@ -42,6 +51,9 @@ class BuiltSystem:
 def alone(scene: Scene, number: int) -> Scene:
     """One rope of the scene by itself, with all payloads and joints at its lower end."""
     line = scene.ropes[number]
+    winch = winch_of(scene, line)
+    if runs_over_sheave(scene, line):
+        winch = room_for(scene, line)
     total = NOTHING
     for figures in point_figures(scene).values():
         total = _sum(total, figures)
@@ -59,8 +71,9 @@ def alone(scene: Scene, number: int) -> Scene:
         payloads=(load,),
         joints=(),
         struts=(),
+        sheaves=(),
         hang_offs=(),
-        winch=winch_of(scene, line),
+        winch=winch,
         ship=replace(scene.ship, hang_off_m=top),
     )
 
@@ -90,12 +103,13 @@ def build_joined(scene: Scene) -> BuiltSystem:
     tables = any(one.rope.axial_stiffness for line in scene.ropes for one in line.made_of)
     ropes: list[Rope] = []
     for number, line in enumerate(scene.ropes):
-        own = figures[line.to] if line.to and owners[line.to] == number else NOTHING
+        own = figures.get(line.to, NOTHING) if owners.get(line.to) == number else NOTHING
         rope = _rope(scene, number, own)
-        low = np.array(line.fixed_at_m) if line.fixed_at_m else where[line.to]
+        first, last = ends_of(scene, line)
+        low = np.array(line.fixed_at_m) if line.fixed_at_m else where[first]
         n = int(rope.state.counts[ELEMENTS])
         rope.state.nodes[POSITION : POSITION + 3, : n + 1] = laid(
-            low, where[line.from_], rope.state.s[: n + 1], _floats(scene, line)
+            low, where[last], rope.state.s[: n + 1], _floats(scene, line)
         )
         first_free = 1 if line.fixed_at_m else 0
         tolerance = ropes[0].model.tolerance if ropes else rope.model.tolerance
@@ -105,13 +119,11 @@ def build_joined(scene: Scene) -> BuiltSystem:
     joint_of = {name: number for number, name in enumerate(_meetings(scene))}
     hang_offs = places(scene)
     unknown = (np.nan,) * 3
+    ends = [[joint_of.get(name, LOOSE) for name in ends_of(scene, line)] for line in scene.ropes]
+    lower, upper = (list(some) for some in zip(*ends, strict=True))
+    held = np.hstack([_ties(scene, joint_of), tethers(scene, joint_of)])
     return BuiltSystem(
-        new_system(
-            tuple(ropes),
-            [joint_of.get(line.to, LOOSE) for line in scene.ropes],
-            [joint_of.get(line.from_, LOOSE) for line in scene.ropes],
-            _ties(scene, joint_of),
-        ),
+        reeve(new_system(tuple(ropes), lower, upper, held), wheels(scene, joint_of)),
         owners,
         np.array([hang_offs.get(line.from_, unknown) for line in scene.ropes], dtype=float),
     )
@@ -120,6 +132,9 @@ def build_joined(scene: Scene) -> BuiltSystem:
 def _rope(scene: Scene, number: int, own: PayloadFigures) -> Rope:
     """A rope's arrays with the payload that is at its lower end."""
     rope = build(alone(scene, number)).rope
+    if runs_over_sheave(scene, scene.ropes[number]):  # damped alike on both sides: as one rope
+        both = build(alone(with_both_stretches(scene, number), number)).rope
+        rope.sections[C] = both.sections[C]
     payload = build_payload(PayloadParams(), own, scene.environment)
     effects = tuple(payload if isinstance(e, PayloadEffect) else e for e in rope.effects)
     return rope._replace(effects=effects)
@@ -136,7 +151,7 @@ def _meetings(scene: Scene) -> list[str]:
     """Payloads and joints that more than one rope or a bar ends at."""
     ends = [name for line in scene.ropes for name in (line.from_, line.to)]
     ends += [name for strut in scene.struts for name in strut.between]
-    points: list[Any] = [*scene.payloads, *scene.joints]
+    points: list[Any] = [*scene.payloads, *scene.joints, *scene.sheaves]
     barred = {name for strut in scene.struts for name in strut.between}
     return [one.name for one in points if ends.count(one.name) > 1 or one.name in barred]
 

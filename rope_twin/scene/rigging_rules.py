@@ -26,7 +26,9 @@ MEETING = (CurrentParams, WeightParams, DragParams, AddedMassParams, PayloadPara
 
 def is_joined(scene: Scene) -> bool:
     """Whether ropes meet in the scene, or could."""
-    return len(scene.ropes) > 1 or bool(scene.joints or scene.struts or scene.hang_offs)
+    return len(scene.ropes) > 1 or bool(
+        scene.joints or scene.struts or scene.hang_offs or scene.sheaves
+    )
 
 
 def refuse_joined(scene: Scene) -> None:
@@ -69,8 +71,9 @@ def winches_by_name(scene: Scene) -> dict[str, Winch]:
 
 
 def meeting_points(scene: Scene) -> list[str]:
-    """The names of payloads and joints."""
-    return [*(one.name for one in scene.payloads), *(one.name for one in scene.joints)]
+    """The names of payloads, joints and sheaves."""
+    names = [*(one.name for one in scene.payloads), *(one.name for one in scene.joints)]
+    return [*names, *(one.name for one in scene.sheaves)]
 
 
 def _given(scene: Scene) -> Iterator[Fault]:
@@ -85,6 +88,7 @@ def _own_names(scene: Scene) -> Iterator[Fault]:
         "joints": [one.name for one in scene.joints],
         "hang_offs": [one.name for one in scene.hang_offs],
         "struts": [one.name for one in scene.struts],
+        "sheaves": [one.name for one in scene.sheaves],
     }
     counts = Counter([WINCH, *(name for names in groups.values() for name in names)])
     for key, names in groups.items():

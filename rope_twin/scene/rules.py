@@ -23,6 +23,7 @@ from rope_twin.scene.grid import grading_faults
 from rope_twin.scene.rigging_rules import RIGGING_RULES, is_joined, winch_of, winches
 from rope_twin.scene.rising import TwoWayShape
 from rope_twin.scene.schema import Scene, Winch
+from rope_twin.scene.sheave_rules import sheaves_hold
 from rope_twin.share import share_dir
 
 Fault = tuple[str, str, str]
@@ -270,6 +271,7 @@ def _on_waves(scene: Scene) -> Iterator[Fault]:
 RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _names,
     *RIGGING_RULES,
+    sheaves_hold,
     _payload_figures,
     _one_of_rope_and_sections,
     _section_lengths,

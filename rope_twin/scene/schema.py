@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rope_twin.quantity import quantity, text
-from rope_twin.scene.rigging import WINCH, Joint, Strut
+from rope_twin.scene.rigging import WINCH, Joint, Sheave, Strut
 from rope_twin.scene.rising import Rising
 from rope_twin.scene.stiffness import StiffnessTable
 from rope_twin.sea.heave_response import BoxHull
@@ -288,6 +288,7 @@ class Scene:
     payloads: tuple[Payload, ...] = text("the payloads", ())
     joints: tuple[Joint, ...] = text("where ropes meet without a payload", ())
     struts: tuple[Strut, ...] = text("bars between payloads or joints", ())
+    sheaves: tuple[Sheave, ...] = text("where rope runs from one rope into another", ())
     hang_offs: tuple[HangOff, ...] = text("where further ropes leave the ship", ())
     winch: Winch | None = text("the winch; absent: the line out never changes", None)
     ship: Ship = text("the ship", Ship())

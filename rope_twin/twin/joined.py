@@ -14,19 +14,28 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.joined_statics import settle_joined
 from rope_twin.core.joined_step import advance_joined
 from rope_twin.core.joints import LOOSE, System
+from rope_twin.core.reeving import settle_reeved
+from rope_twin.core.sheaves import FLOW_COLUMN, POINT
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.ties import FIRST, PULL, SECOND
 from rope_twin.errors import did_you_mean, phrase
 from rope_twin.scene.build_joined import build_joined
+from rope_twin.scene.build_sheaves import runs_over_sheave
 from rope_twin.scene.checks import SAFETY_FACTOR
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rigging_rules import winch_of
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.saved_state import changing_parts
-from rope_twin.twin.snapshot import InputHealth, PayloadShot, RopeShot, Snapshot, StrutShot
+from rope_twin.twin.snapshot import (
+    InputHealth,
+    PayloadShot,
+    RopeShot,
+    SheaveShot,
+    Snapshot,
+    StrutShot,
+)
 from rope_twin.twin.start import judge_start, no_garbage_collection
 from rope_twin.twin.winch import Winch
 
@@ -45,7 +54,7 @@ class JoinedRopes:
         built = build_joined(scene)
         self._scene = scene
         self._ropes, self._joints = built.system.ropes[1:], built.system.joints
-        self._stack = built.system.stack
+        self._stack, self._sheaves = built.system.stack, built.system.sheaves
         self._owners, self._hang_offs = built.owners, built.hang_off_m
         self.first = built.system.ropes[0]
         self._winches = tuple(
@@ -64,7 +73,7 @@ class JoinedRopes:
             SceneError: there is no equilibrium, or the ropes float.
         """
         with no_garbage_collection():
-            end = settle_joined(self._system(self.first), self._boundary.value[:, 0])
+            end = settle_reeved(self._system(self.first), self._boundary.value[:, 0])
         highest = max(float(self._nodes(r, rows.POSITION)[2, :-1].max()) for r in self._numbers)
         judge_start(self._scene, end, highest)
         self._warn_of_loads()
@@ -157,6 +166,7 @@ class JoinedRopes:
             ropes=tuple(self._shot(r, name, shot) for r, name in enumerate(names)),
             payloads=tuple(self._payload(one.name) for one in self._scene.payloads),
             struts=tuple(self._strut(k, one.name) for k, one in enumerate(self._scene.struts)),
+            sheaves=tuple(self._sheave(k, one.name) for k, one in enumerate(self._scene.sheaves)),
             winch_at_limit="; ".join(words for words in limits if words),
             inputs=inputs,
             solver=solver,
@@ -197,7 +207,7 @@ class JoinedRopes:
 
     def _system(self, first: Rope) -> System:
         """All ropes; current and the like are those of the first one (see core/stack.py)."""
-        return System((first, *self._ropes), self._joints, self._stack)
+        return System((first, *self._ropes), self._joints, self._stack, self._sheaves)
 
     def _rope(self, r: int) -> Rope:
         return self.first if r == 0 else self._ropes[r - 1]
@@ -235,17 +245,40 @@ class JoinedRopes:
                 line_out_m=first.line_out_m,
                 payout_speed_m_per_s=first.payout_speed_m_per_s,
             )
-        tension = self._tension(self._rope(r))[::-1].copy()
-        top = float(self._pull[r, rows.PULL])
+        nodes, tension = self._nodes(r, rows.POSITION), self._tension(self._rope(r))
+        pull = float(self._pull[r, rows.PULL])
+        between = 0.5 * (tension[1:] + tension[:-1])
+        at_nodes = np.concatenate((tension[:1], between, [pull]))
         value, rate = self._boundary
+        line = (float(value[r, 0, rows.LINE]), float(rate[r, 0, rows.LINE]))
+        downward = slice(None, None, -1)  # from its upper end, the last node
+        if runs_over_sheave(self._scene, self._scene.ropes[r]):
+            downward, line = slice(None), self._stretch(r)
         return RopeShot(
             name=name,
-            node_position_m=np.ascontiguousarray(self._nodes(r, rows.POSITION)[:, ::-1].T),
-            node_tension_n=np.concatenate(
-                ([top], 0.5 * (tension[1:] + tension[:-1]), tension[-1:])
-            ),
-            element_tension_n=tension,
-            tension_top_n=top,
-            line_out_m=float(value[r, 0, rows.LINE]),
-            payout_speed_m_per_s=float(rate[r, 0, rows.LINE]),
+            node_position_m=np.ascontiguousarray(nodes[:, downward].T),
+            node_tension_n=at_nodes[downward].copy(),
+            element_tension_n=tension[downward].copy(),
+            tension_top_n=pull,
+            line_out_m=line[0],
+            payout_speed_m_per_s=line[1],
+        )
+
+    def _stretch(self, r: int) -> tuple[float, float]:
+        """Unstretched length of a rope that ends at a sheave, and its rate."""
+        assert self._sheaves is not None
+        flow = int(self._sheaves.figures[FLOW_COLUMN, self._sheaves.of[r]])
+        passed, speed = self._joints.nodes[[rows.POSITION, rows.VELOCITY], flow]
+        side = float(self._sheaves.side[r])
+        return float(self._sheaves.base[r] + side * passed), float(side * speed)
+
+    def _sheave(self, k: int, name: str) -> SheaveShot:
+        assert self._sheaves is not None
+        point, flow = (int(self._sheaves.figures[row, k]) for row in (POINT, FLOW_COLUMN))
+        nodes = self._joints.nodes
+        return SheaveShot(
+            name=name,
+            position_m=nodes[: rows.VELOCITY, point].copy(),
+            passed_m=float(nodes[rows.POSITION, flow]),
+            speed_m_per_s=float(nodes[rows.VELOCITY, flow]),
         )

@@ -116,7 +116,7 @@ class RopeShot:
     node_position_m: Vector  # (nodes, 3)
     node_tension_n: Vector  # (nodes,) mean of the neighbouring elements; ends as measured there
     element_tension_n: Vector  # (nodes - 1,)
-    tension_top_n: float  # magnitude of its pull on the hang-off or joint at its upper end
+    tension_top_n: float  # its pull on the hang-off or joint at its upper end, or on its sheave
     line_out_m: float  # its unstretched length
     payout_speed_m_per_s: float  # + paying out
 
@@ -137,6 +137,16 @@ class StrutShot:
     name: str
     ends_m: Vector  # (2, 3)
     pull_n: float  # negative: it is pushed
+
+
+@dataclass(frozen=True)
+class SheaveShot:
+    """A sheave that rope runs over."""
+
+    name: str
+    position_m: Vector  # (3,)
+    passed_m: float  # rope that has run over it into the first rope that ends there, unstretched
+    speed_m_per_s: float  # of that
 
 
 @dataclass(frozen=True)
@@ -180,6 +190,7 @@ class Snapshot:
     ropes: tuple[RopeShot, ...] = ()  # all of them, in a scene whose ropes meet; else none
     payloads: tuple[PayloadShot, ...] = ()  # likewise
     struts: tuple[StrutShot, ...] = ()  # likewise
+    sheaves: tuple[SheaveShot, ...] = ()  # likewise
 
     @property
     def time_s(self) -> float:
