@@ -18,6 +18,7 @@ from rope_twin.effects import (
     payload,
     seabed,
     splash_zone,
+    strouhal_forcing,
     wake_oscillator,
     waves,
     weight,
@@ -51,6 +52,12 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("drag", drag.DragParams, drag.build),
     Effect("added_mass", added_mass.AddedMassParams, added_mass.build),
     Effect("bending", bending.BendingParams, bending.build),
+    Effect(
+        "strouhal_forcing",
+        strouhal_forcing.StrouhalForcingParams,
+        strouhal_forcing.build,
+        sheds=True,
+    ),
     Effect(
         "wake_oscillator",
         wake_oscillator.WakeOscillatorParams,

@@ -194,22 +194,22 @@ def predict(wake: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
     """What a stage starts from, as of the rope; and what stays while it is solved."""
     memory, work, c = wake.memory, rope.work, stage.q
     for i in range(low, high):
-        q0, d0, w0 = memory[0, i], memory[1, i], memory[2, i]
+        length = 0.5 * (work[REST, i] + work[REST, i - 1]) if i > 0 else 0.5 * work[REST, i]
+        per_diameter = sqrt(0.25 * pi * length / (work[VOLUME, i] + 1e-300))
+        water = (work[FLOW, i], work[FLOW + 1, i], work[FLOW + 2, i])
+        across, speed, A, epsilon = _shed(wake, water, (memory[3, i], memory[4, i], memory[5, i]))
+        omega = 2.0 * pi * wake.strouhal * speed * per_diameter
+        q0, d0, guess = memory[0, i], memory[1, i], memory[2, i]
+        if q0 == 0.0 and guess == 0.0:  # the start, where the water was not known yet
+            guess = epsilon * omega * d0
         if kind == TRAPEZOID:
-            rate_hat = d0 + c * w0
+            rate_hat = d0 + c * guess
             memory[HAT, i] = q0 + c * (d0 + rate_hat)
-            guess = w0
         else:
             rate_hat = K1 * memory[CARRIED + 1, i] - K2 * d0
             memory[HAT, i] = K1 * memory[CARRIED, i] - K2 * q0 + c * rate_hat
             guess = memory[CARRIED + 2, i]
         memory[RATE_HAT, i], memory[GUESS, i] = rate_hat, guess
-        length = 0.5 * (work[REST, i] + work[REST, i - 1]) if i > 0 else 0.5 * work[REST, i]
-        volume = work[VOLUME, i]
-        per_diameter = sqrt(0.25 * pi * length / (volume + 1e-300))
-        water = (work[FLOW, i], work[FLOW + 1, i], work[FLOW + 2, i])
-        across, speed, A, epsilon = _shed(wake, water, (memory[3, i], memory[4, i], memory[5, i]))
-        omega = 2.0 * pi * wake.strouhal * speed * per_diameter
         memory[OMEGA, i], memory[DAMPING, i] = omega, epsilon * omega
         scale = A * per_diameter / (speed + 1e-9)
         memory[COUPLING, i] = scale * across[0]

@@ -7,8 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from scene_text import GOOD
 
-from rope_twin.effects import EFFECTS
+from rope_twin import load_scene
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.errors import SceneError
 from rope_twin.scene.checks import sense_checks
@@ -67,6 +68,15 @@ def test_what_carries_no_wakes_says_so() -> None:
 
 
 def test_two_models_in_one_scene_are_an_error(tmp_path: Path) -> None:
-    models = [effect.name for effect in EFFECTS if effect.sheds]
-    if len(models) < 2:
-        models = [*models, models[0]]
+    """One sentence that names both."""
+    both = "  - strouhal_forcing: {}\n  - wake_oscillator: {}\n  - drag:"
+    text = GOOD.replace("  - drag:", both)
+    path = tmp_path / "two.yaml"
+    path.write_text(text, encoding="utf-8")
+    words = "strouhal_forcing and wake_oscillator are models of the same vortices; keep one of them"
+    with pytest.raises(SceneError, match=words):
+        load_scene(path)
+    one = "  - wake_oscillator: {set: qu}\n  - drag:"
+    path.write_text(GOOD.replace("  - drag:", one), encoding="utf-8")
+    with pytest.raises(SceneError, match="there is no set 'qu'; known: qu_metrikine, "):
+        load_scene(path)
