@@ -249,7 +249,7 @@ def _ship(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 
 def _current_profile(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     current = listed_effects(scene).get("current")
-    if current is None:
+    if current is None or current.layers is not None:  # two layers are all there is
         return
     length = scene.winch.most_line_out_m if scene.winch else scene.ropes[0].length_m
     top = scene.ship.hang_off_m[2]

@@ -48,7 +48,7 @@ def test_at_rest_both_sides_of_the_sheave_carry_half_of_its_tether(scene: Scene)
     shot = Twin(replace(scene, effects=effects)).snapshot()
     (sheave,) = shot.sheaves
     depth = -sheave.position_m[2]
-    tether = 50e3 + 500.0 * (450.0 - depth - 50.0)
+    tether = 50e3 + 500.0 * (1550.0 - depth - 50.0)
     block = 1500.0 * (1.0 - 1025.0 / 7850.0) * 9.80665
     left, right = (
         next(rope.node_position_m[-2:] for rope in shot.ropes if rope.name == name)
@@ -60,7 +60,7 @@ def test_at_rest_both_sides_of_the_sheave_carry_half_of_its_tether(scene: Scene)
     pull = pulls(shot)
     assert pull["below_descending"] == pytest.approx(pull["below_ascending"], rel=1e-9)
     assert pull["below_descending"] * -cosines == pytest.approx(tether + block, rel=1e-6)
-    assert sum(lengths(shot).values()) == pytest.approx(800.0, abs=1e-9)
+    assert sum(lengths(shot).values()) == pytest.approx(3000.0, abs=1e-9)
     assert sheave.passed_m == pytest.approx(0.0, abs=0.05)
 
 
@@ -75,7 +75,7 @@ def test_rope_runs_over_the_sheave_and_no_line_shows_it(scene: Scene) -> None:
     stretches = ("below_descending", "below_ascending")
     for shot in shots:
         own = lengths(shot)
-        assert sum(own[name] for name in stretches) == pytest.approx(400.0, abs=1e-9)
+        assert sum(own[name] for name in stretches) == pytest.approx(1500.0, abs=1e-9)
         assert sum(own.values()) == pytest.approx(sum(start.values()), abs=1e-6)
         for rope, payload in ((1, 0), (3, 1)):
             place = shot.ropes[rope].node_position_m
@@ -102,7 +102,7 @@ def test_one_winch_alone_moves_the_sheave_along_its_tether(scene: Scene) -> None
     assert twin.offer_speed(None, 0.0) == ""
     twin.advance(round(60.0 / twin.step_s))
     shot = twin.snapshot()
-    more = sum(lengths(shot).values()) - 800.0
+    more = sum(lengths(shot).values()) - 3000.0
     assert shot.sheaves[0].position_m[2] - before == pytest.approx(-0.5 * more, rel=0.02)
 
 
