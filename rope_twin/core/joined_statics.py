@@ -30,9 +30,9 @@ from rope_twin.core.state import (
     Boundary,
     Floats,
 )
-from rope_twin.core.static_forces import INSTANT, SYMMETRIC
+from rope_twin.core.static_forces import INSTANT, SYMMETRIC, Equilibrium
 from rope_twin.core.static_shape import largest
-from rope_twin.core.statics import ENOUGH, FAST, ROUND_OFF, TOLERANCE_N, Equilibrium
+from rope_twin.core.statics import ENOUGH, FAST, ROUND_OFF, TOLERANCE_N
 
 ROUNDS, STEP_FIRST, STEP_LAST, STEP_LEAST, GROWTH, SHRINK = 40, 1.0, 3e3, 1e-4, 4.0, 0.1
 ATTEMPTS, FALL_STEPS, FALL_STEP = 8, 300, 0.05

@@ -18,6 +18,7 @@ from rope_twin.core.state import (
     BLOCK,
     DIRECTION,
     ELEMENTS,
+    FLOW,
     LINE,
     LINK,
     MOTIONS,
@@ -33,7 +34,7 @@ from rope_twin.core.state import (
     Stage,
 )
 from rope_twin.core.step import advance
-from rope_twin.core.terms import add_couplings, couples
+from rope_twin.core.terms import add_couplings, couples, switches
 
 INSTANT = 1e-15  # s
 PROBED_STRAIN = 1e-3
@@ -56,6 +57,16 @@ class Elastic(NamedTuple):
 
     slack: Floats  # [m]
     stiffness: Floats  # [N/m]
+
+
+class Equilibrium(NamedTuple):
+    """How the search for rest ended."""
+
+    found: bool
+    residual_n: float  # largest force left on a node; not finite: neither are the forces
+    tension_n: float  # largest tension
+    left_m: float  # how far a node may still be from rest: the last move times its gain
+    rounds: int
 
 
 class Couplings(NamedTuple):
@@ -97,6 +108,16 @@ class StillRope:
     def place(self) -> Floats:
         """View of where the nodes are now [m], (3, n + 1)."""
         return self._rope.state.nodes[POSITION : POSITION + 3, : self.n + 1]
+
+    @property
+    def flows(self) -> bool:
+        """Whether the water moved where the nodes last were asked for forces."""
+        return bool(self._rope.work[FLOW : FLOW + 3, : self.n].any())
+
+    @property
+    def switches(self) -> bool:
+        """Whether loads come and go with the place: tensions alone do not tell rest."""
+        return switches(map(type, self._rope.effects))
 
     def rest_at(self, place: Floats) -> None:
         """Put the nodes there [m], without motion, and forget the solver's counts."""

@@ -18,6 +18,7 @@ CLOSING, BLUNTER = 50, 10
 CLOSED = 4.0 * float(np.finfo(float).eps)
 STUCK = 1e-3  # share of a correction below which it leads nowhere
 PERTURBATION = 1e-7  # of an element's length: a node's move that shows how the loads change
+OFF = 1e-6  # of the largest tension: one this far from the tangent asks for a new one
 SMALL_PULL_N = 1e-6
 TINY = float(np.finfo(float).tiny)
 
@@ -63,6 +64,22 @@ def element_forces(place: Floats, forces: Forces) -> Floats:
     span = np.diff(place, axis=1)
     length: Floats = np.sqrt((span * span).sum(axis=0)) + TINY
     return forces.tension / length * span
+
+
+def is_off(S: Floats, tension: Floats) -> bool:
+    """Whether tensions are others than the law said: it is a tangent, the rope may have a table."""
+    size = np.sqrt((S * S).sum(axis=0))
+    return bool((np.abs(tension - size) > OFF * size.max()).any())
+
+
+def refreshed(still: StillRope, law: Elastic, place: Floats) -> Elastic:
+    """The elements' tangent at their lengths there; that of before where they are slack."""
+    length = np.sqrt((np.diff(place, axis=1) ** 2).sum(axis=0))
+    new = still.elastic(np.maximum(length, still.rest))
+    taut = new.stiffness > 0.0
+    return Elastic(
+        np.where(taut, new.slack, law.slack), np.where(taut, new.stiffness, law.stiffness)
+    )
 
 
 def _laid(still: StillRope, law: Elastic, S: Floats) -> Floats:
@@ -147,14 +164,25 @@ def newton_change(still: StillRope, law: Elastic, shape: Shape) -> Floats:
 
     K_e = (|S|/l)·(I - t·tᵀ) + stiffness·t·tᵀ, the inverse of the element's compliance.
     """
-    from scipy.linalg import solve_banded  # takes longer to load than most ropes to settle
 
     size = np.sqrt((shape.S * shape.S).sum(axis=0)) + TINY
     t = shape.S / size
     lateral = size / np.maximum(law.slack + size / law.stiffness, TINY)
     K = (law.stiffness - lateral) * t[:, None] * t[None, :]
     K[range(3), range(3)] += lateral
-    blocks, own = -_load_change(still, shape), still.reach
+    move = solve_blocks(still, K, -load_change(still, shape), shape.miss)
+    return np.asarray(np.einsum("kce,ce->ke", K, np.diff(move, axis=1)))
+
+
+def solve_blocks(still: StillRope, K: Floats, blocks: Floats, miss: Floats) -> Floats:
+    """The moves of all nodes that make up for the miss, (3, n + 1); the hang-off's are 0.
+
+    K: stiffness of each element, (3, 3, n); blocks: that of the loads, as `load_change` has it, to
+    which K is added. Not finite: the equations have no solution.
+    """
+    from scipy.linalg import LinAlgError, solve_banded  # takes longer to load than ropes to settle
+
+    own = still.reach
     blocks[own] += K
     blocks[own, :, :, 1:] += K[:, :, :-1]
     blocks[own + 1] -= K
@@ -163,10 +191,15 @@ def newton_change(still: StillRope, law: Elastic, shape: Shape) -> Floats:
         blocks[:, :, :, 0] = 0.0
         blocks[own, range(3), range(3), 0] = 1.0
     band = 3 * own + 2
-    solved = solve_banded((band, band), banded(blocks), shape.miss.T.ravel())
     move = np.zeros((3, still.n + 1))
+    try:
+        solved = solve_banded(
+            (band, band), banded(blocks), miss.T.ravel(), overwrite_ab=True, check_finite=False
+        )
+    except LinAlgError:
+        solved = np.full(3 * still.n, np.nan)
     move[:, :-1] = solved.reshape(still.n, 3).T
-    return np.asarray(np.einsum("kce,ce->ke", K, np.diff(move, axis=1)))
+    return move
 
 
 def banded(blocks: Floats) -> Floats:
@@ -187,7 +220,7 @@ def banded(blocks: Floats) -> Floats:
     return diagonals
 
 
-def _load_change(still: StillRope, shape: Shape) -> Floats:
+def load_change(still: StillRope, shape: Shape) -> Floats:
     """df_i/dx_j for j from i - reach to i + reach, (2·reach + 1, 3, 3, n).
 
     By moving every third node at once, or every fifth where effects reach two nodes far.

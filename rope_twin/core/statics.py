@@ -7,13 +7,12 @@ forces, x_{e+1} - x_e = l(|S_e|)·S_e/|S_e|. That is the compliance form: a stif
 harder than a soft one, nothing is ever slack in between, and the guess only serves to find the
 first loads. Two ways lead to loads that belong to the shape: taking them from the last shape
 (fast where weight rules), and Newton with the loads' own change with the shape, which is not
-symmetric (drag turns with the tangent). Where both fail, the dynamic step with growing steps
-brings the rope nearer, and they try again.
+symmetric (drag turns with the tangent). Where loads come and go with the place, as on a bed, and
+where both fail, places and forces are sought together (core/static_pair.py). Where that fails too,
+the dynamic step with growing steps brings the rope nearer, and Newton tries again.
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 
@@ -25,14 +24,17 @@ from rope_twin.core.state import (
     Floats,
     Rope,
 )
-from rope_twin.core.static_forces import Elastic, StillRope
+from rope_twin.core.static_forces import Elastic, Equilibrium, StillRope
+from rope_twin.core.static_pair import settle_pair
 from rope_twin.core.static_shape import (
     STUCK,
     Shape,
     element_forces,
     first_forces,
+    is_off,
     largest,
     newton_change,
+    refreshed,
     shape_of,
 )
 from rope_twin.core.step import advance
@@ -41,22 +43,11 @@ ROUNDS = 60  # of either way; seen: 1 to 4 by weight, up to 9 in strong currents
 ENOUGH = 1e-7  # of the largest tension: a rope left with this much force at a node rests
 TOLERANCE_N = 1e-6  # enough as well, where tensions are tiny
 ROUND_OFF = 4.0 * float(np.finfo(float).eps)  # of the places, in the length of an element
-OFF = 1e-6  # of it: a tension this far from the tangent asks for a new one
 SURE = 2  # rounds that ask anyway: nearer to the tension in question it is more exact
 DEEP = 1e-11  # of it: what is missed by the balance when rounds end; round-off leaves 1e-14
 FAST = 0.3  # loads of the last shape serve while each round leaves less than this part
 RELAXATIONS, STEP_FIRST, STEP_LAST, STEP_LEAST, GROWTH, SHRINK = 30, 1.0, 3e3, 1e-4, 4.0, 0.1
 ATTEMPTS = 5  # of relaxing and Newton in turns
-
-
-class Equilibrium(NamedTuple):
-    """How the search for rest ended."""
-
-    found: bool
-    residual_n: float  # largest force left on a node; not finite: neither are the forces
-    tension_n: float  # largest tension
-    left_m: float  # how far a node may still be from rest: the last move times its gain
-    rounds: int
 
 
 def find_equilibrium(rope: Rope, L: float) -> float:
@@ -77,7 +68,12 @@ def settle(rope: Rope, L: float) -> Equilibrium:
     rope.state.offset[:] = 0.0
     still = StillRope(rope, L)
     with np.errstate(all="ignore"):  # a shape that overflows is one that is no better
-        best, place = _settle_forces(still), still.place.copy()
+        best, place = _rest_at(still, still.place.copy(), 0.0, 0), still.place.copy()
+        ways = (_settle_pair, _settle_forces) if still.switches else (_settle_forces, _settle_pair)
+        for settle_by in ways:
+            if not best.found and np.isfinite(best.residual_n):
+                best, place = _better(still, settle_by(still), best, place)
+                still.rest_at(place)
         for attempt in range(ATTEMPTS):
             if best.found or not np.isfinite(best.residual_n):
                 break
@@ -105,24 +101,16 @@ def _settle_forces(still: StillRope, near: bool = False) -> Equilibrium:
 
     `near`: the elements already pull about as they will, so Newton can begin with their forces.
     """
-    place = still.place.copy()
-    law = still.elastic()
-    forces = still.forces(place)
-    residual, tension = largest(forces.total), float(forces.tension.max())
-    round_off = _round_off(still, law)
-    if residual <= max(TOLERANCE_N, round_off, ENOUGH * tension):
-        still.rest_at(place)
-        return Equilibrium(True, residual, tension, 0.0, 0)
-    if not np.isfinite(residual):
-        return Equilibrium(False, residual, tension, np.inf, 0)
+    place, law = still.place.copy(), still.elastic()
+    forces, round_off = still.forces(place), _round_off(still)
     hold = place[:, 0].copy() if still.first else None
     S = element_forces(place, forces) if near else first_forces(still, hold, forces.load)
     shape = shape_of(still, law, hold, S)
     move, newton, rounds, found = np.inf, near, 0, False
     while rounds < ROUNDS and np.isfinite(shape.size):
         rounds += 1
-        if rounds <= SURE or _is_off(law, shape):
-            law = _refresh(still, law, shape)
+        if rounds <= SURE or is_off(shape.S, shape.forces.tension):
+            law = refreshed(still, law, shape.place)
         change = newton_change(still, law, shape) if newton else -np.cumsum(shape.miss, axis=1)
         following, share = _search(still, law, hold, shape, change)
         better = following.size < shape.size
@@ -144,26 +132,14 @@ def _settle_forces(still: StillRope, near: bool = False) -> Equilibrium:
     return Equilibrium(found, shape.residual, tension, move, rounds)
 
 
-def _round_off(still: StillRope, law: Elastic) -> float:
+def _settle_pair(still: StillRope) -> Equilibrium:
+    return settle_pair(still, (max(TOLERANCE_N, _round_off(still)), ENOUGH))
+
+
+def _round_off(still: StillRope) -> float:
     """Force that round-off of the places makes of an element's length [N]."""
     reach = float(np.abs(still.place[:, -1]).max() + still.rest.sum())
-    return ROUND_OFF * float(law.stiffness.max()) * reach
-
-
-def _is_off(law: Elastic, shape: Shape) -> bool:
-    """Whether tensions are others than the law said: it is a tangent, the rope may have a table."""
-    size = np.sqrt((shape.S * shape.S).sum(axis=0))
-    return bool((np.abs(shape.forces.tension - size) > OFF * size.max()).any())
-
-
-def _refresh(still: StillRope, law: Elastic, shape: Shape) -> Elastic:
-    """The elements' tangent at the shape's lengths; that of before where they are slack."""
-    length = np.sqrt((np.diff(shape.place, axis=1) ** 2).sum(axis=0))
-    new = still.elastic(np.maximum(length, still.rest))
-    taut = new.stiffness > 0.0
-    return Elastic(
-        np.where(taut, new.slack, law.slack), np.where(taut, new.stiffness, law.stiffness)
-    )
+    return ROUND_OFF * float(still.elastic().stiffness.max()) * reach
 
 
 def _search(
@@ -185,8 +161,7 @@ def _relax(rope: Rope, still: StillRope, longest: float) -> Equilibrium:
     regulariser: slow, but slack elements, which carry no force and so have no direction, are no
     harder for it than taut ones.
     """
-    law, boundary = still.elastic(still.rest * 1.001), still.boundary
-    round_off = _round_off(still, law)
+    boundary, round_off = still.boundary, _round_off(still)
     model = rope.model._replace(
         split_above=np.inf, merge_below=0.0, tolerance=max(TOLERANCE_N, round_off)
     )
@@ -205,7 +180,7 @@ def _relax(rope: Rope, still: StillRope, longest: float) -> Equilibrium:
                 break
             continue
         place = still.place.copy()
-        end = _rest_at(still, place, largest(place - before), rounds, round_off)
+        end = _rest_at(still, place, largest(place - before), rounds)
         if end.found and not end.left_m < FAST * last:  # no nearer: round-off
             break
         last = end.left_m if end.found else np.inf
@@ -213,11 +188,9 @@ def _relax(rope: Rope, still: StillRope, longest: float) -> Equilibrium:
     return end
 
 
-def _rest_at(
-    still: StillRope, place: Floats, move: float, rounds: int, round_off: float
-) -> Equilibrium:
+def _rest_at(still: StillRope, place: Floats, move: float, rounds: int) -> Equilibrium:
     """What is left of forces at `place`, where the nodes then are."""
-    forces = still.forces(place)
+    forces, round_off = still.forces(place), _round_off(still)
     still.rest_at(place)
     residual, tension = largest(forces.total), float(forces.tension.max())
     found = residual <= max(TOLERANCE_N, round_off, ENOUGH * tension)

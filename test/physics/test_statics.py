@@ -14,11 +14,12 @@ from rigs import Rig, Vector
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Rope
-from rope_twin.core.statics import Equilibrium, settle
+from rope_twin.core.static_forces import Equilibrium
+from rope_twin.core.statics import settle
 from rope_twin.errors import SceneError
 from rope_twin.scene.build import build
 from rope_twin.studies.statics_speed import GUESSES as STUDY_GUESSES
-from rope_twin.studies.statics_speed import statics_rows
+from rope_twin.studies.statics_speed import ON_A_BED, statics_rows
 from rope_twin.twin.start import find_start
 
 ENOUGH = 1e-6  # of the largest tension, mostly the top one: the largest force left at a node
@@ -223,6 +224,23 @@ def test_no_equilibrium_is_told() -> None:
         SceneError, match=r"no static equilibrium \(forces on the rope are not finite\); check"
     ):
         find_start(scene, rope)
+
+
+def test_rest_on_a_bed_is_found_from_any_guess() -> None:
+    """Moored partly on the bed, slack on it, landed, with loose rope beside: one tension, at rest.
+
+    300 elements; how a slack moored rope ends is a catenary of no horizontal pull: T_top = w·h.
+    """
+    found = list(statics_rows(ON_A_BED, nodes=300))
+    assert all(row["found"] and row["residual_n"] < 1e-7 * row["tension_n"] for row in found)
+    assert max(row["rounds"] for row in found) <= 40  # one costs 2 ms with 1,000 elements
+    for name in ON_A_BED:
+        tensions = [row["tension_n"] for row in found if row["scene"] == name]
+        assert tensions == pytest.approx([tensions[0]] * len(tensions), rel=1e-6)
+        if name == "moored slack":
+            weight = (20.0 - 1025.0 * math.pi * 0.05**2 / 4.0) * 9.80665
+            element = 345.0 / 300.0  # the topmost tells of its middle, the lowest half lies
+            assert weight * (100.0 - 1.5 * element) < tensions[0] < weight * 100.0
 
 
 def test_timing_rows_tell_scene_guess_and_residual() -> None:

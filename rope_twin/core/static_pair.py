@@ -1,0 +1,155 @@
+"""Rest by Newton on places and element forces at once: where loads come and go with the place.
+
+A bed that pushes only what sinks into it leaves rope that carries nothing, and a shape laid along
+its forces (core/static_shape.py) then moves far with the least change of them. So both are unknown
+here, the places x of the nodes and the forces S_e that the elements pass on:
+
+    balance  S_i - S_{i-1} + f_i(x) = 0,    law  (Δx - S/k)·m = l0·S  with  m = √(|S|² + ε²).
+
+The law with ε = 0 is that of an element that only pulls, any length up to l0 without force
+included; ε [N] rounds its corner, and rest is followed from a large ε to one of no account. Written
+as a product it is nearly linear in x and S, so that full Newton steps converge where the quotient
+Δx = S·(l0/m + 1/k) leads away: the primal-dual method of Chan, Golub and Mulet (1999, SIAM J. Sci.
+Comput. 20, 1964), with whose symmetric, definite stiffness of an element it also shares
+
+    K = m·C⁻¹,  C = (l0 + m/k)·I - (r·Sᵀ + S·rᵀ)/(2·m),  r = Δx - S/k, shortened to l0.
+
+Nothing depends on the guess. Where rope lies without tension any place balances; it ends where the
+last ε holds it: as evenly spread as the rest allows.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rope_twin.core.state import Floats
+from rope_twin.core.static_forces import SYMMETRIC, Elastic, Equilibrium, Forces, StillRope
+from rope_twin.core.static_shape import (
+    PERTURBATION,
+    Shape,
+    first_forces,
+    is_off,
+    largest,
+    load_change,
+    refreshed,
+    shape_of,
+    solve_blocks,
+)
+
+# The first ε as a part of the sum of all loads, and the part of the rope's length that no node may
+# move further if ε is to shrink: of 13 ropes on beds and two mesh sizes the first pair needs 3 to
+# 21 rounds, the second, slower one serves where the first goes astray.
+WAYS = ((1e-3, 0.3), (1e-2, 0.03))
+ROUNDS = 60
+SHRINK = 0.1  # of ε, each time
+LEAST = 1e-14  # of the sum of all loads
+NEAR = 1e-2  # of the rope's length: from there on elements and loads are worth their exact tangents
+BUNCHED = 1e-2  # of the rope's length: the first loads are those of a rope this near its hang-off
+FAST = 0.3  # rest is found; while each move is less than this part of the last, it gets better
+SAME = 1e-9  # of the rope's length: a move that changes nothing
+TINY = float(np.finfo(float).tiny)
+
+
+def settle_pair(still: StillRope, enough: tuple[float, float]) -> Equilibrium:
+    """Move the nodes to rest.
+
+    enough: the force left at a node that is rest [N], and the same as a part of the largest
+    tension. Without rest the nodes end in the last shape.
+    """
+    for share, within in WAYS:
+        end = _follow(still, enough, share, within)
+        if end.found:
+            break
+    return end
+
+
+def _follow(
+    still: StillRope, enough: tuple[float, float], share: float, within: float
+) -> Equilibrium:
+    """One way of taking ε down."""
+    law, length = still.elastic(), float(still.rest.sum())
+    x, S, forces, weight = _start(still, law)
+    eps, least = share * weight, LEAST * weight
+    end, last, move, slow = Equilibrium(False, np.inf, 0.0, np.inf, 0), np.inf, np.inf, False
+    for rounds in range(1, ROUNDS + 1):
+        if move < NEAR * length and is_off(S, forces.tension):
+            law = refreshed(still, law, x)
+        K, force = _elements(law, S, np.diff(x, axis=1), eps)
+        change = load_change if slow and still.flows else _local_change
+        stiffness = -change(still, Shape(S, x, forces, forces.load))
+        S = S + force
+        miss = forces.load + S
+        miss[:, 1:] -= S[:, :-1]
+        miss[:, : still.first] = 0.0
+        dx = solve_blocks(still, K, stiffness, miss)
+        x, S = x + dx, S + np.einsum("kce,ce->ke", K, np.diff(dx, axis=1))
+        before, move, forces = move, largest(dx), still.forces(x)
+        slow = FAST * before < move < NEAR * length
+        residual, tension = largest(forces.total), float(forces.tension.max())
+        found = residual <= max(enough[0], enough[1] * tension)
+        end = Equilibrium(found, residual, tension, move, rounds)
+        if not np.isfinite(residual) or (
+            found and (not move < FAST * last or move < SAME * length)
+        ):
+            break
+        last = move if found else np.inf
+        if not found and move < within * length:
+            eps = max(SHRINK * eps, least)
+    still.rest_at(x)
+    return end
+
+
+def _start(still: StillRope, law: Elastic) -> tuple[Floats, Floats, Forces, float]:
+    """First places, element forces, what acts there, and the sum of the loads' sizes [N].
+
+    The loads are those of a rope bunched below its hang-off, or towards its fixed end: there is
+    water, but no bed.
+    """
+    top = still.place[:, -1:].copy()
+    hold = still.place[:, 0].copy() if still.first else None
+    length = float(still.rest.sum())
+    low = top - [[0.0], [0.0], [length]] if hold is None else hold[:, None]
+    share = np.concatenate([[0.0], np.cumsum(still.rest)]) / length
+    bunched = top + BUNCHED * (1.0 - share) * (low - top)
+    if hold is not None:
+        bunched[:, 0] = hold
+    load = still.forces(bunched).load
+    shape = shape_of(still, law, hold, first_forces(still, hold, load))
+    size = float(np.sqrt((shape.forces.load**2).sum(axis=0)).sum())
+    return shape.place, shape.S, shape.forces, max(size, LEAST)
+
+
+def _elements(law: Elastic, S: Floats, span: Floats, eps: float) -> tuple[Floats, Floats]:
+    """K of each element, (3, 3, n), and what it adds to S for what the law misses, (3, n)."""
+    m = np.sqrt((S * S).sum(axis=0) + eps * eps)
+    r = span - S / law.stiffness
+    miss = r * m - law.slack * S
+    r *= np.minimum(1.0, law.slack / (np.sqrt((r * r).sum(axis=0)) + TINY))
+    half, length = 0.5 / m * S, law.slack + m / law.stiffness
+    xx, yy, zz = length - 2.0 * r * half
+    xy, xz, yz = (-r[k] * half[c] - r[c] * half[k] for k, c in ((0, 1), (0, 2), (1, 2)))
+    inverse = np.stack(
+        [
+            yy * zz - yz * yz, xz * yz - xy * zz, xy * yz - xz * yy,
+            xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy,
+        ]
+    )  # fmt: skip
+    inverse /= xx * inverse[0] + xy * inverse[1] + xz * inverse[2]
+    force = np.einsum("kce,ce->ke", inverse[SYMMETRIC], miss)
+    return m * inverse[SYMMETRIC], force
+
+
+def _local_change(still: StillRope, shape: Shape) -> Floats:
+    """`load_change`, but for how a load turns with the rope: all nodes move by the same.
+
+    In still water and with effects that reach no neighbour it is exact.
+    """
+    if still.reach > 1:
+        return load_change(still, shape)
+    change = np.zeros((3, 3, 3, still.n))
+    step = PERTURBATION * float(still.rest.min())
+    for c in range(3):
+        place = shape.place.copy()
+        place[c] += step
+        change[1, :, c] = (still.forces(place).load - shape.forces.load) / step
+    return change
