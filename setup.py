@@ -25,6 +25,7 @@ if "AMENT_PREFIX_PATH" not in os.environ:
 
 VIZ = ["rerun-sdk==0.41.0", "pillow>=10"]
 PLOT = ["matplotlib>=3.8", "pyarrow>=14"]  # pictures, and tables as Parquet
+STUDY = ["dask>=2024.8", "distributed>=2024.8", *PLOT]  # `rope_twin study`, on clusters too
 TEST = [
     "pytest>=8",
     "pytest-xdist>=3.6",
@@ -35,7 +36,7 @@ TEST = [
     "mypy>=1.10",
     "types-PyYAML",
     *VIZ,
-    *PLOT,
+    *STUDY,
 ]
 
 
@@ -70,6 +71,7 @@ setup(
     extras_require={
         "viz": VIZ,
         "plot": PLOT,
+        "study": STUDY,
         "test": TEST,
         "dev": [*TEST, "colcon-common-extensions", "build"],
     },

@@ -5,11 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
 from rope_twin.commands.run.inputs import FIRST_NS, open_sea
 from rope_twin.errors import InputError, phrase
+from rope_twin.recording.heave_replay import open_heave
 from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.figures import lift_figures
 from rope_twin.scene.schema import Scene, SeaState
@@ -21,6 +23,7 @@ from rope_twin.twin.member import MemberFigures
 SEA_OFFSET = "sea offset"  # the axis that moves a member along the recorded sea [s]
 QUANTILES = (0.0, 0.05, 0.5, 0.95, 1.0)
 FIGURES = ("tension_top_max_n", "tension_top_mean_n", "tension_top_min_n", "slack_share")
+MINUTE_NS = 60_000_000_000
 AFTER_NS = 1_000_000_000  # heave goes on so long after the end: the last step looks ahead
 
 
@@ -124,7 +127,7 @@ def variations(scene: Scene, plan: Plan, seconds: float) -> list[Variation]:
         InputError: a sea ends before the run does.
     """
     made = []
-    seas = _Seas(scene, round(seconds * 1e9) + AFTER_NS)
+    seas = Seas(scene, round(seconds * 1e9) + AFTER_NS)
     for number, row in enumerate(plan.rows):
         pairs = list(zip(plan.axes, row, strict=True))
         changes = tuple(axis.change(value) for axis, value in pairs if axis.path != SEA_OFFSET)
@@ -137,7 +140,7 @@ def variations(scene: Scene, plan: Plan, seconds: float) -> list[Variation]:
     return made
 
 
-class _Seas:
+class Seas:
     """The heave of members; those of one record share its samples."""
 
     def __init__(self, scene: Scene, length_ns: int) -> None:
@@ -152,6 +155,8 @@ class _Seas:
         Raises:
             RopeTwinError: there is no such sea; one sentence.
         """
+        if self._scene.sea_state.on_waves is not None:
+            return self._on_waves(changes, offset_s)
         own = [change for change in changes if change.path.startswith("sea_state.")]
         state = change_scene(self._scene, own).sea_state
         if not state.moves:
@@ -160,7 +165,8 @@ class _Seas:
             what = f"{offset_s:g} s lies before the sea's beginning"
             raise InputError(phrase("--sea-offset", what, f"give {-state.start_s:g} or more"))
         if not state.bag:
-            return self._sampled(replace(state, start_s=state.start_s + offset_s), self._length_ns)
+            sooner = replace(state, start_s=state.start_s + offset_s)
+            return _sampled(replace(self._scene, sea_state=sooner), self._length_ns)
         start_ns = round((state.start_s + offset_s) * 1e9)
         whole = replace(state, start_s=0.0)
         record = self._records.get(whole)
@@ -168,13 +174,33 @@ class _Seas:
             reach_ns = (
                 2 * start_ns + self._length_ns
             )  # more than needed: offsets to come are like it
-            record = self._records[whole] = self._sampled(whole, reach_ns)
+            record = self._records[whole] = _recorded(whole, _rounded_up(reach_ns))
         return record.starting_at(start_ns)
 
-    def _sampled(self, state: SeaState, until_ns: int) -> HeaveSeries:
-        sea = open_sea(replace(self._scene, sea_state=state))
-        assert sea is not None
-        samples = sea.between(FIRST_NS, until_ns)
-        return HeaveSeries.of(
-            (one.stamp_ns, one.position_m, one.velocity_m_per_s) for one in samples
-        )
+    def _on_waves(self, changes: Sequence[Change], offset_s: float) -> HeaveSeries:
+        """The ship rides on the member's own waves: whatever is changed may change them."""
+        if offset_s != 0.0:
+            what = "the ship rides on waves, which begin with the scene"
+            raise InputError(phrase("--sea-offset", what, "vary effects.waves.seed instead"))
+        return _sampled(change_scene(self._scene, changes), self._length_ns)
+
+
+def _sampled(scene: Scene, until_ns: int) -> HeaveSeries:
+    sea = open_sea(scene)
+    assert sea is not None
+    samples = sea.between(FIRST_NS, until_ns)
+    return HeaveSeries.of((one.stamp_ns, one.position_m, one.velocity_m_per_s) for one in samples)
+
+
+@lru_cache(maxsize=8)
+def _recorded(state: SeaState, until_ns: int) -> HeaveSeries:
+    """A bag's samples, read once for all ensembles of a process."""
+    sea = open_heave(state.bag, None, state.start_s, state.loop)
+    samples = sea.between(FIRST_NS, until_ns)
+    return HeaveSeries.of((one.stamp_ns, one.position_m, one.velocity_m_per_s) for one in samples)
+
+
+def _rounded_up(length_ns: int) -> int:
+    """A minute times a power of two, so that like lengths share a record."""
+    minutes = -(-length_ns // MINUTE_NS)
+    return MINUTE_NS << (minutes - 1).bit_length()
