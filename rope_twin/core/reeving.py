@@ -34,7 +34,7 @@ from rope_twin.core.state import (
     Floats,
     Rope,
 )
-from rope_twin.core.statics import Equilibrium
+from rope_twin.core.static_forces import Equilibrium
 from rope_twin.core.trial import TRIALS
 
 HELD = 1e30  # kg: inertia of a wheel that nothing turns
