@@ -1,7 +1,8 @@
 """One implicit stage of ropes that meet: Newton over all of them at once, as in core/stage.py.
 
 The same passes, acceptance and line search; only the solve goes over the joints. A stage is
-accepted when every tension in the system is what the linearisation expected of it.
+accepted when every tension in the system is what the linearisation expected of it and, where an
+effect's loads come and go, every node and joint is in balance.
 """
 
 from __future__ import annotations
@@ -10,10 +11,13 @@ from math import isfinite
 from typing import Any
 
 import numpy as np
+from numba.extending import overload
 
+from rope_twin.core import terms
 from rope_twin.core.assembly import load_lowest, load_nodes, set_flow, slope
+from rope_twin.core.chains import column
 from rope_twin.core.elastic import growth_of, stretch, stretch_corrected, stretch_top
-from rope_twin.core.jit import jit
+from rope_twin.core.jit import LINKED, jit
 from rope_twin.core.joints import (
     LOOSE,
     TOLERANCE,
@@ -43,6 +47,7 @@ from rope_twin.core.state import (
     AXIAL,
     DIRECTION,
     ELEMENTS,
+    RESIDUAL,
     SOLVES,
     SOLVES_MAX,
     TENSION,
@@ -52,6 +57,40 @@ from rope_twin.core.state import (
 from rope_twin.core.ties import add_ties, count_unexpected_ties, expect_pulls, pull_ties
 
 RELOAD = np.int64(3)  # after TRAPEZOID, BDF2 and SEARCH: motion and tension are up to date
+
+
+@jit
+def _largest(work: Any, low: int, high: int) -> float:
+    """Square of the largest force left on the nodes low <= i < high [N²]."""
+    most = 0.0
+    for i in range(low, high):
+        x, y, z = column(work, RESIDUAL, i)
+        most = max(most, x * x + y * y + z * z)
+    return most
+
+
+@jit
+def _is_balanced(system: Any, stage: Any) -> bool:
+    """Whether no node or joint is left with a force above the tolerance, all loads taken anew."""
+    _evaluate(system, stage, RELOAD, 0.0)
+    stack, joints = system.stack, system.joints
+    most = _largest(joints.work, ZERO, joints.nodes.shape[1])
+    for r in range(stack.counts.shape[0]):
+        most = max(most, _largest(stack.work[r], first_free(stack, r), stack.counts[r, ELEMENTS]))
+    tolerance = stack.model[0, TOLERANCE]
+    return bool(most <= tolerance * tolerance)
+
+
+def _balances(effects: Any, system: Any, stage: Any) -> Any:
+    """Whether the stage is solved as far as loads that come and go are concerned."""
+    return not terms.switches(map(type, effects)) or _is_balanced(system, stage)
+
+
+@overload(_balances, jit_options=LINKED, strict=False)
+def _choose_balance(effects: Any, system: Any, stage: Any) -> Any:
+    if terms.switches(effect.instance_class for effect in effects):
+        return lambda effects, system, stage: _is_balanced(system, stage)
+    return lambda effects, system, stage: True
 
 
 @jit
@@ -70,7 +109,7 @@ def solve_joined(system: Any, stage: Any, kind: int, cap: int) -> int:
         health[SOLVES_MAX] = max(health[SOLVES_MAX], correction)
         if not isfinite(before):
             return NOT_FINITE
-        if unexpected == 0:
+        if unexpected == 0 and _balances(system.stack.effects, system, stage):
             return CONVERGED
         _evaluate(system, stage, RELOAD, 0.0)
         if correction >= SEARCH_FROM:

@@ -172,7 +172,8 @@ def _relax(rope: Rope, still: StillRope, longest: float) -> Equilibrium:
         before = still.place.copy()
         nodes[VELOCITY:NODE_ROWS] = 0.0
         health[:] = 0
-        done = advance(rope._replace(model=model._replace(step=step)), boundary, pull, 0.0, 1)
+        relaxing = rope._replace(model=model._replace(step=step))
+        done = advance(relaxing, boundary, pull, -step, 1)  # before time 0 the sea is flat
         if done < 1 or health[SUBSTEPS_UNCONVERGED] > 0:
             still.rest_at(before)
             step *= SHRINK

@@ -10,6 +10,7 @@ payload's own stiffness. Friction is Coulomb's, μ·N against the sliding veloci
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import Any, NamedTuple
@@ -19,6 +20,7 @@ import numpy as np
 from rope_twin.core.energy import account
 from rope_twin.core.jit import jit_entry, jit_within
 from rope_twin.core.rows import rows, span
+from rope_twin.core.stack import stacks
 from rope_twin.core.state import BLOCK, POSITION, RESIDUAL, VELOCITY, Floats
 from rope_twin.core.terms import Load, kernel, switching
 from rope_twin.quantity import quantity, text
@@ -106,6 +108,43 @@ class Grid(NamedTuple):
     y: Floats  # (rows,)
     height: Floats  # z of the bed [m], (rows, columns)
     soil: Soil
+
+
+class ManyPlanes(NamedTuple):
+    """One plane bed where ropes meet."""
+
+    bed: Plane
+    k: Floats  # stiffness under the payload of each rope [N/m], (ropes,)
+
+
+class ManyGrids(NamedTuple):
+    """One bed of soundings where ropes meet."""
+
+    bed: Grid
+    k: Floats  # stiffness under the payload of each rope [N/m], (ropes,)
+
+
+def _pick_plane(many: Any, r: int) -> Any:
+    bed = many.bed
+    soil = Soil(bed.soil.k, many.k[r], bed.soil.chi, bed.soil.mu)
+    return Plane(bed.height, bed.east, bed.north, soil)
+
+
+def _pick_grid(many: Any, r: int) -> Any:
+    bed = many.bed
+    return Grid(bed.x, bed.y, bed.height, Soil(bed.soil.k, many.k[r], bed.soil.chi, bed.soil.mu))
+
+
+@stacks(Plane, ManyPlanes, _pick_plane)
+def stack_planes(beds: Sequence[Plane]) -> ManyPlanes:
+    """The first one's bed, and its stiffness under each payload."""
+    return ManyPlanes(beds[0], np.array([one.soil.k_payload for one in beds]))
+
+
+@stacks(Grid, ManyGrids, _pick_grid)
+def stack_grids(beds: Sequence[Grid]) -> ManyGrids:
+    """The first one's bed, and its stiffness under each payload."""
+    return ManyGrids(beds[0], np.array([one.soil.k_payload for one in beds]))
 
 
 def build(params: SeabedParams, payload: Any, around: Any) -> Plane | Grid:
@@ -294,7 +333,8 @@ def power_end(bed: Any, place: Any) -> Any:
     return (_pushed(bed, bed.soil.k_payload, place) * place.velocity).sum(axis=0)
 
 
-for _kind in (Plane, Grid):
+for _kind in (Plane, Grid, ManyPlanes, ManyGrids):
     switching(_kind)
+for _kind in (Plane, Grid):
     account("power", _kind)(power)
     account("power_end", _kind)(power_end)

@@ -9,6 +9,7 @@ bottom area A (DNV-RP-N103, 4.3.8; C_s at least 5 for other than smooth cylinder
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import Any, NamedTuple
@@ -17,6 +18,7 @@ import numpy as np
 
 from rope_twin.core.energy import account
 from rope_twin.core.rows import row, rows, span
+from rope_twin.core.stack import stacks
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
@@ -26,6 +28,7 @@ from rope_twin.core.state import (
     RESIDUAL,
     SURFACE,
     VELOCITY,
+    Floats,
 )
 from rope_twin.core.terms import kernel, switching
 from rope_twin.quantity import quantity
@@ -33,7 +36,7 @@ from rope_twin.quantity import quantity
 
 @dataclass(frozen=True, kw_only=True)
 class SplashZoneParams:
-    """The payload's size; its node is the middle of its height."""
+    """The payload's size, each one's where ropes meet; its node is the middle of its height."""
 
     height_m: float = quantity("height of the payload", "m", 0.01, 100.0)
     bottom_area_m2: float = quantity("area that slams on the surface", "m²", 0.0, 1e4, default=0.0)
@@ -49,6 +52,25 @@ class SplashZone(NamedTuple):
     wet: tuple[float, float, float]  # ρ·V + added mass, what waves move [kg]
     added: tuple[float, float, float]  # added mass [kg]
     k: tuple[float, float, float]  # ½·ρ·CdA [kg/m]
+
+
+class ManySplashZones(NamedTuple):
+    """The payloads of ropes that meet."""
+
+    figures: Floats  # a SplashZone's, (ropes, 12)
+
+
+def _pick_splash_zone(many: Any, r: int) -> Any:
+    f = many.figures[r]
+    wet, added, k = (f[3], f[4], f[5]), (f[6], f[7], f[8]), (f[9], f[10], f[11])
+    return SplashZone(f[0], f[1], f[2], wet, added, k)
+
+
+@stacks(SplashZone, ManySplashZones, _pick_splash_zone)
+def stack_splash_zones(zones: Sequence[SplashZone]) -> ManySplashZones:
+    """One after the other."""
+    rows = [(z.height, z.lift, z.slam, *z.wet, *z.added, *z.k) for z in zones]
+    return ManySplashZones(np.array(rows, dtype=float))
 
 
 def build(params: SplashZoneParams, payload: Any, around: Any) -> SplashZone:
@@ -110,7 +132,8 @@ def load_end(zone: Any, work: Any, stage: Any) -> None:
     Ayz[0] -= 0.5 * g * (ky + kz) * y * w + 0.5 * rise * fy
 
 
-switching(SplashZone)
+for _kind in (SplashZone, ManySplashZones):
+    switching(_kind)
 
 
 @account("power_end", SplashZone)

@@ -19,6 +19,7 @@ them together, Σ a·ω·e^{k·z}, stays under `neglected_m_per_s` there.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -27,6 +28,7 @@ import numpy as np
 from rope_twin.core.energy import account
 from rope_twin.core.jit import jit, jit_within
 from rope_twin.core.rows import row, rows
+from rope_twin.core.stack import stacks
 from rope_twin.core.state import FLOW, FLOW_RATE, POSITION, RESIDUAL, SURFACE, Floats
 from rope_twin.core.terms import Load, kernel
 from rope_twin.errors import InputError
@@ -131,6 +133,27 @@ class Waves(NamedTuple):
     Mx: float  # payload's ρ·V + added mass [kg]
     My: float
     Mz: float
+
+
+class ManyWaves(NamedTuple):
+    """One sea where ropes meet."""
+
+    sea: Waves
+    inertia: Floats  # ρ·V + added mass of the payload of each rope [kg], (ropes, 3)
+
+
+def _pick_waves(many: Any, r: int) -> Any:
+    sea, m = many.sea, many.inertia[r]
+    return Waves(
+        sea.kx, sea.ky, sea.k, sea.omega, sea.phase, sea.amplitude, sea.east, sea.north, sea.up,
+        sea.echo, sea.reach, sea.depth, sea.ramp, sea.density, sea.Ca, m[0], m[1], m[2],
+    )  # fmt: skip
+
+
+@stacks(Waves, ManyWaves, _pick_waves)
+def stack_waves(seas: Sequence[Waves]) -> ManyWaves:
+    """The first one's sea, and what each moves."""
+    return ManyWaves(seas[0], np.array([(one.Mx, one.My, one.Mz) for one in seas]))
 
 
 def components_of(params: WavesParams, gravity: float) -> Components:

@@ -16,10 +16,8 @@ from rope_twin.core import ties
 from rope_twin.core.joints import LOOSE, System, new_system
 from rope_twin.core.reeving import reeve
 from rope_twin.core.state import ELEMENTS, POSITION, C, Floats, Rope
-from rope_twin.effects.payload import Payload as PayloadEffect
-from rope_twin.effects.payload import PayloadParams
-from rope_twin.effects.payload import build as build_payload
-from rope_twin.scene.build import build, tables_of
+from rope_twin.effects.splash_zone import SplashZoneParams
+from rope_twin.scene.build import build, build_effects, tables_of
 from rope_twin.scene.build_sheaves import (
     ends_of,
     room_for,
@@ -130,14 +128,22 @@ def build_joined(scene: Scene) -> BuiltSystem:
 
 
 def _rope(scene: Scene, number: int, own: PayloadFigures) -> Rope:
-    """A rope's arrays with the payload that is at its lower end."""
-    rope = build(alone(scene, number)).rope
+    """A rope's arrays, with effects that see what is at its lower end.
+
+    Where that is no payload nothing slams on the surface.
+    """
+    single = alone(scene, number)
+    rope = build(single).rope
     if runs_over_sheave(scene, scene.ropes[number]):  # damped alike on both sides: as one rope
         both = build(alone(with_both_stretches(scene, number), number)).rope
         rope.sections[C] = both.sections[C]
-    payload = build_payload(PayloadParams(), own, scene.environment)
-    effects = tuple(payload if isinstance(e, PayloadEffect) else e for e in rope.effects)
-    return rope._replace(effects=effects)
+    if scene.ropes[number].to not in {one.name for one in scene.payloads} or own is NOTHING:
+        bare = (
+            replace(one, bottom_area_m2=0.0) if isinstance(one, SplashZoneParams) else one
+            for one in single.effects
+        )
+        single = replace(single, effects=tuple(bare))
+    return rope._replace(effects=build_effects(single, own))
 
 
 def _floats(scene: Scene, line: RopeLine) -> bool:

@@ -14,6 +14,9 @@ from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.seabed import SeabedParams
+from rope_twin.effects.splash_zone import SplashZoneParams
+from rope_twin.effects.waves import WavesParams
 from rope_twin.effects.weight import WeightParams
 from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.scene.rigging import WINCH
@@ -21,7 +24,10 @@ from rope_twin.scene.schema import RopeLine, Scene, Triple, Winch
 
 Fault = tuple[str, str, str]
 # Effects that ropes which meet can have: they see no payload, or one of each rope's own.
-MEETING = (CurrentParams, WeightParams, DragParams, AddedMassParams, PayloadParams)
+MEETING = (
+    CurrentParams, WavesParams, WeightParams, DragParams, AddedMassParams, SeabedParams,
+    PayloadParams, SplashZoneParams,
+)  # fmt: skip
 
 
 def is_joined(scene: Scene) -> bool:

@@ -27,8 +27,10 @@ from rope_twin.scene.checks import SAFETY_FACTOR
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rigging_rules import winch_of
 from rope_twin.scene.schema import Scene
+from rope_twin.twin.contact import bed_contact
 from rope_twin.twin.saved_state import changing_parts
 from rope_twin.twin.snapshot import (
+    BedContact,
     InputHealth,
     PayloadShot,
     RopeShot,
@@ -170,6 +172,21 @@ class JoinedRopes:
             winch_at_limit="; ".join(words for words in limits if words),
             inputs=inputs,
             solver=solver,
+            seabed=self._contact(),
+        )
+
+    def _contact(self) -> BedContact | None:
+        """Of all ropes with the bed: the height is that of the lowest payload."""
+        found = [bed_contact(self._rope(r)) for r in self._numbers]
+        contacts = [contact for contact in found if contact is not None]
+        if not contacts:
+            return None
+        loads = [contacts[self._owners[one.name]] for one in self._scene.payloads]
+        return BedContact(
+            payload_height_m=min(one.payload_height_m for one in loads),
+            payload_push_n=sum(one.payload_push_n for one in loads),
+            rope_on_bed_m=sum(one.rope_on_bed_m for one in contacts),
+            rope_push_n=sum(one.rope_push_n for one in contacts),
         )
 
     def changing(self) -> dict[str, Any]:

@@ -1,0 +1,85 @@
+"""Sea, splash zone and seabed where ropes meet: a rope cut by a ring behaves as the whole one."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from rope_twin import Snapshot, Twin, load_scene
+from rope_twin.core.state import Floats
+
+LINE = "rope: steel_wire_40mm, damping: {newton_seconds: 5.0e+5}"
+WHOLE = f"ropes:\n  - {{name: hoist, {LINE}, length_m: 8.0, elements: 6, to: tool}}\n"
+CUT = f"""ropes:
+  - {{name: hoist, {LINE}, length_m: 4.0, elements: 3, to: ring}}
+  - {{name: sling, {LINE}, length_m: 4.0, elements: 3, from: ring, to: tool}}
+joints: [{{name: ring}}]
+"""
+REST = """about: payload through the surface and onto the bed
+source: made up for a test
+look_at: nothing
+payloads:
+  - name: tool
+    mass_kg: 20000.0
+    shape: {box: {length_m: 4.0, width_m: 3.0, height_m: 2.5}}
+    displaced_volume_m3: 6.0
+winch: {speed_limit_m_per_s: 1.0, acceleration_limit_m_per_s2: 0.5, least_line_out_m: 3.0,
+        most_line_out_m: 40.0}
+ship: {hang_off_m: [0.0, 0.0, 9.0]}
+sea_state: {bag: sea_1p2m}
+effects:
+  - current: {profile: [[0.0, [0.4, 0.1]], [-30.0, [0.2, 0.1]]]}
+  - waves: {regular: {height_m: 1.5, period_s: 6.0}, depth_m: 12.0, ramp_s: 2.0}
+  - weight: {}
+  - drag: {normal: 1.9, tangential: 0.03}
+  - added_mass: {normal: 1.0}
+  - seabed: {depth_m: 12.0, slope: [0.05, 0.0], stiffness_n_per_m3: 1.0e+5}
+  - payload: {}
+  - splash_zone: {height_m: 2.5, bottom_area_m2: 12.0}
+time: {step_s: 0.005, newton_tolerance_n: 0.001}
+"""
+SECOND_NS, SAMPLE_NS = 1_000_000_000, 50_000_000
+SECONDS, TURN = 28, 17
+
+
+def lowered(text: str, path: Path) -> list[Snapshot]:
+    """Pay out at 0.8 m/s for 17 s, then haul in, in a heave of 0.3 m; a look each second."""
+    path.write_text(text, encoding="utf-8")
+    twin, shots = Twin(load_scene(str(path))), []
+    assert not twin.offer_heave(0, 0.0, 0.3)
+    for second in range(SECONDS):
+        for stamp in range(SAMPLE_NS, SECOND_NS + 1, SAMPLE_NS):
+            angle = second + stamp * 1e-9
+            z, v = 0.3 * math.sin(angle), 0.3 * math.cos(angle)
+            assert not twin.offer_heave(second * SECOND_NS + stamp, z, v)
+        if second in (0, TURN):
+            assert not twin.offer_speed(None, 0.8 if second == 0 else -0.8)
+        twin.advance(round(1.0 / twin.step_s))
+        shots.append(twin.snapshot())
+    return shots
+
+
+def seen(shots: list[Snapshot]) -> Floats:
+    """Top tension now, its extremes in the last second, the load's place, the bed's push."""
+    rows = []
+    for shot in shots:
+        assert shot.seabed is not None
+        assert not shot.doubtful
+        extremes = shot.tension_top_min_n, shot.tension_top_max_n
+        end = (shot.ropes[-1] if shot.ropes else shot).node_position_m[-1]
+        bed = shot.seabed.payload_push_n, shot.seabed.payload_height_m
+        rows.append([shot.tension_top_n, *extremes, *end, *bed])
+    return np.array(rows)
+
+
+def test_a_rope_cut_by_a_ring_is_the_whole_rope(tmp_path: Path) -> None:
+    """Through surface and waves onto the bed and off it again: tension, place, the bed's push."""
+    cut, whole = (seen(lowered(rope + REST, tmp_path / "scene.yaml")) for rope in (CUT, WHOLE))
+    assert whole[0, 5] > -1.0, "it begins in the splash zone"
+    assert whole[TURN, 6] > 1e5, "it lies on the bed"
+    assert whole[-1, 6] == 0.0, "and is lifted again"
+    assert whole[:, 1].min() < 0.05 * whole[:, 2].max(), "slack on the bed"
+    scale = np.abs(whole).max(axis=0)
+    assert (np.abs(cut - whole).max(axis=0) < 1e-5 * scale).all(), "found: 4e-6 after a snap"
