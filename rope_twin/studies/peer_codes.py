@@ -39,6 +39,10 @@ PEERS = {"moordyn": "2.7.2", "cabledyn": "0.3.0"}  # the versions that the setti
 CALL_S = 0.02  # MoorDyn is called so often at least; its own steps are shorter or this
 
 
+class PeerRefusal(Exception):
+    """A peer cannot run a scene, and says why."""
+
+
 @dataclass(frozen=True)
 class Setting:
     """How a peer steps."""
@@ -122,7 +126,11 @@ def run_moordyn(job: Job, setting: Setting) -> History:
 
 
 def run_cabledyn(job: Job, setting: Setting) -> History:
-    """From its own rest; ends early where a step does not converge."""
+    """From its own rest; ends early where a step does not converge.
+
+    Raises:
+        PeerRefusal: CableDyn does not take the scene.
+    """
     import cabledyn
 
     scene, segments, seconds = job.scene, job.segments, job.seconds
@@ -132,7 +140,10 @@ def run_cabledyn(job: Job, setting: Setting) -> History:
     with tempfile.TemporaryDirectory() as folder, _silence():
         deck = Path(folder) / "deck.dat"
         deck.write_text(cabledyn_deck(given, segments, step_s, seconds), encoding="utf-8")
-        model = cabledyn.CableDyn(deck)
+        try:
+            model = cabledyn.CableDyn(deck)
+        except cabledyn.CableDynError as error:
+            raise PeerRefusal(str(error)) from error
         still = np.zeros(3 * model.n_points)  # without this the payload feels no water
         model.update_point_fluid_fields(still, still, np.zeros(model.n_points), given.density)
         place, speed, acceleration = model.get_coupled_motion()

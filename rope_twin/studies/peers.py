@@ -21,7 +21,15 @@ import numpy as np
 
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.machine import Machine, this_machine
-from rope_twin.studies.peer_codes import PEERS, RUNS, History, Job, Setting, require_peers
+from rope_twin.studies.peer_codes import (
+    PEERS,
+    RUNS,
+    History,
+    Job,
+    PeerRefusal,
+    Setting,
+    require_peers,
+)
 from rope_twin.studies.peer_decks import figures
 from rope_twin.studies.peer_ladder import CABLEDYN_LONG_S, ELEMENTS, REACH, Case, Ours, marks
 
@@ -81,6 +89,7 @@ class PeerRace:
     peers: dict[str, str]  # versions
     limit_pct: float
     rows: tuple[PeerRow, ...]
+    refused: dict[str, str]  # by CableDyn: scene, and its words
 
     def as_json(self) -> dict[str, Any]:
         """For `--json`."""
@@ -105,14 +114,19 @@ def race(cases: Sequence[Case], report: Report) -> PeerRace:
     """
     require_peers()
     machine, rows, carried = this_machine(), [], dict[str, list[Setting]]()
+    refused: dict[str, str] = {}
     for number, case in enumerate(cases):
         report(number, len(cases), f"{case.scene}, {case.segments} segments")
         ours = Ours(case)
-        found = [*_search_moordyn(ours, carried.get(case.scene, [])), _search_cabledyn(ours)]
+        found = list(_search_moordyn(ours, carried.get(case.scene, [])))
+        try:
+            found.append(_search_cabledyn(ours))
+        except PeerRefusal as refusal:
+            refused[case.scene] = str(refusal)
         carried[case.scene] = _fastest(found, ours.scene, case.segments)
         rows += [_row(ours, one) for one in sorted(found, key=_speed, reverse=True)]
     report(len(cases), len(cases), "")
-    return PeerRace(machine, dict(PEERS), LIMIT_PCT, tuple(rows))
+    return PeerRace(machine, dict(PEERS), LIMIT_PCT, tuple(rows), refused)
 
 
 def _speed(found: Found) -> tuple[str, float]:

@@ -63,7 +63,7 @@ How fair it is:
   slack rope, say), its error says so.
 - Few steps a second also mean few samples of the tension: at 0.2 s its maximum is read 40 times a
   period of 8 s, and the error includes what is missed between.
-"""
+{refused}"""
 
 
 def as_section(race: PeerRace) -> str:
@@ -77,6 +77,9 @@ def as_section(race: PeerRace) -> str:
         best=_markdown(best_table(race.rows)),
         table=_markdown(peer_table(race.rows)),
         searched=SEARCHED,
+        refused="".join(
+            f"- CableDyn does not run {n}: `{why}`.\n" for n, why in race.refused.items()
+        ),
     )
 
 
@@ -194,6 +197,8 @@ def draw_race(race: PeerRace, path: Path) -> None:
 def _draw_case(axes: Any, rows: list[PeerRow]) -> None:
     for peer, name in _NAMES.items():
         own = [row for row in rows if row.peer == peer]
+        if not own:
+            continue
         counts = [row.segments for row in own]
         axes.loglog(
             counts, [row.peer_real_time_factor for row in own], "s-", color=_COLOURS[peer],
@@ -228,7 +233,9 @@ def read_race(path: Path) -> PeerRace:
         told = json.loads(path.read_text(encoding="utf-8"))
         names = {field.name for field in fields(PeerRow)}
         rows = tuple(PeerRow(**{name: row[name] for name in names}) for row in told["rows"])
-        return PeerRace(Machine(**told["machine"]), told["peers"], told["limit_pct"], rows)
+        return PeerRace(
+            Machine(**told["machine"]), told["peers"], told["limit_pct"], rows, told["refused"]
+        )
     except (OSError, ValueError, KeyError, TypeError) as error:
         what = f"it is no race of the peers ({error})"
         raise InputError(

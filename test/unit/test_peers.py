@@ -26,6 +26,7 @@ from rope_twin.studies.peer_decks import cabledyn_deck, current_table, figures, 
 from rope_twin.studies.peer_ladder import Case, Marks, marks
 from rope_twin.studies.peers import PeerRace, PeerRow
 
+ROOT = Path(__file__).resolve().parents[2]
 HERE = all(importlib.util.find_spec(name) is not None for name in PEERS)
 ROW = PeerRow(
     peer="moordyn", scheme="RK2, 1 ms, 1 of critical", case="smooth_2km", segments=20, seconds=28.0,
@@ -148,10 +149,20 @@ def test_the_best_of_a_peer_is_its_fastest_within_the_limit_and_a_loss_is_shown(
 
 
 def test_a_stored_race_is_read_as_it_was_and_anything_else_refused(tmp_path: Path) -> None:
-    raced = PeerRace(MACHINE, dict(PEERS), 1.0, (ROW, replace(ROW, peer_error_pct=None)))
+    raced = PeerRace(MACHINE, dict(PEERS), 1.0, (ROW, replace(ROW, peer_error_pct=None)), {})
     stored = tmp_path / "race.json"
     stored.write_text(json.dumps(raced.as_json()))
     assert peers_page.read_race(stored) == raced
     stored.write_text('{"rows": [{"peer": "moordyn"}]}')
     with pytest.raises(InputError, match=r"race.json: it is no race of the peers .* bench peers"):
         peers_page.read_race(stored)
+
+
+def test_the_section_that_we_ship_is_made_of_the_race_that_we_ship() -> None:
+    page = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
+    raced = peers_page.read_race(ROOT / "docs" / peers_page.STORED)
+    assert page.endswith("\n" + peers_page.as_section(raced))
+    assert {(row.case, row.segments) for row in raced.rows} == {
+        (case.scene, case.segments) for case in peers.FULL
+    }
+    assert (ROOT / "docs" / peers_page.PICTURE).read_bytes().startswith(b"\x89PNG")
