@@ -9,6 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from rope_twin.scene.winch import SWITCHES
+from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION
+
 
 class Qos(Enum):
     """The rows of quality of service that the suite uses."""
@@ -39,6 +42,14 @@ TOPICS: tuple[Topic, ...] = (
     Topic("winch/speed_command", "sensor_msgs/msg/JointState", Qos.COMMAND, 10.0,
           "winch_schedule", "velocity[0] [m/s], + pays out; stamp 0 means at once; "
           "name[0] tells one of several winches"),
+    Topic("winch/length_command", "sensor_msgs/msg/JointState", Qos.COMMAND, 10.0, "winch_schedule",
+          "position[0] line out to stop at [m]; stamp and name as for a speed"),
+    Topic("winch/depth_command", "sensor_msgs/msg/JointState", Qos.COMMAND, 10.0, "winch_schedule",
+          "position[0] depth of the payload to stop at [m]; stamp and name as for a speed"),
+    Topic("winch/tension_command", "sensor_msgs/msg/JointState", Qos.COMMAND, 10.0,
+          "winch_schedule", "effort[0] top tension to keep [N]; stamp and name as for a speed"),
+    Topic("winch/switch_command", "sensor_msgs/msg/JointState", Qos.COMMAND, 0.0,
+          "winch_schedule", "name[0] the winch, name[1] one of " + ", ".join(SWITCHES)),
     Topic("current", "std_msgs/msg/Float64MultiArray", Qos.COMMAND, 0.0, "",
           "current profile, rows of z [m], east, north [m/s], from the surface down"),
     # what the sea is doing (for the eye, not used by the rope)
@@ -63,6 +74,12 @@ TOPICS: tuple[Topic, ...] = (
           "payload position [m] and velocity [m/s], frame sea"),
     Topic("winch/state", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
           "position line out [m], velocity [m/s, + pays out], effort tension [N]"),
+    Topic("winch/mode", "std_msgs/msg/String", Qos.STREAM, 10.0, "simulation",
+          "what the winch was told and which of its limits holds it back, in words",
+          only_with="winches"),
+    Topic("winch/parts", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
+          "what its parts do, by name with the unit in it, like winch/drum_radius_m: position",
+          only_with="winches"),
     Topic("rope/nodes", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 25.0, "simulation",
           "x, y, z [m] and tension [N] of each node, from the hang-off down"),
     Topic("rope/markers", "visualization_msgs/msg/MarkerArray", Qos.STREAM, 25.0, "simulation",
@@ -84,5 +101,16 @@ TOPICS: tuple[Topic, ...] = (
     Topic("twin/epoch", "builtin_interfaces/msg/Time", Qos.LATCHED, 0.0, "simulation",
           "ROS time of the twin's t = 0; replayed inputs are stamped from it"),
 )  # fmt: skip
+
+# where each kind of order to a winch comes in
+ORDER_TOPICS = {
+    SPEED: "winch/speed_command",
+    LENGTH: "winch/length_command",
+    DEPTH: "winch/depth_command",
+    TENSION: "winch/tension_command",
+}
+SWITCH_TOPIC = "winch/switch_command"
+WINCH_TOPICS = (*ORDER_TOPICS.values(), SWITCH_TOPIC)
+INPUTS = ("ship/heave", *WINCH_TOPICS, "current")  # what the simulation listens to
 
 BY_NAME: dict[str, Topic] = {topic.name: topic for topic in TOPICS}

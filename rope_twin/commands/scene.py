@@ -18,9 +18,11 @@ from rope_twin.scene.card import known_error, told_bound
 from rope_twin.scene.checks import sense_checks
 from rope_twin.scene.figures import LiftFigures, lift_figures, listed_effects, stretch_m
 from rope_twin.scene.load import load_scene, scene_names
-from rope_twin.scene.schema import RopeLine, Scene, SeaState, Winch
+from rope_twin.scene.schema import RopeLine, Scene, ScheduleRow, SeaState, Winch
 from rope_twin.studies.effect_cost import effect_table, measure_effects
 from rope_twin.twin.ensemble import whole_steps
+from rope_twin.twin.hoisting.orders import MOTIONS, Order
+from rope_twin.twin.schedule import motion_of
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
@@ -209,9 +211,20 @@ def _winch(winch: Winch | None) -> str:
     words += f"{winch.speed_limit_m_per_s:g} m/s, {winch.acceleration_limit_m_per_s2:g} m/s²"
     if not winch.schedule:
         return f"{words}; no schedule"
-    steps = ", ".join(f"{row.speed_m_per_s:+g} m/s from {row.at_s:g} s" for row in winch.schedule)
+    steps = ", ".join(f"{_told(row)} from {row.at_s:g} s" for row in winch.schedule)
     repeat = winch.schedule_repeats_every_s
     return f"{words}; {steps}" + (f", again every {repeat:g} s" if repeat else "")
+
+
+def _told(row: ScheduleRow) -> str:
+    """What a row of the schedule tells the winch."""
+    match motion_of(row):
+        case None:
+            return str(row.switch).replace("_", " ")
+        case Order("speed", value):
+            return f"{value:+g} m/s"
+        case Order(kind, value):
+            return f"{kind} {value:g} {MOTIONS[kind]}"
 
 
 def _derived(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:

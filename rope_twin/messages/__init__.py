@@ -14,7 +14,13 @@ from rope_twin.messages.diagnostics import (
     statuses,
 )
 from rope_twin.messages.encoder import Encoder
-from rope_twin.messages.inputs import encode_elevation, encode_epoch, encode_heave, encode_speed
+from rope_twin.messages.inputs import (
+    encode_elevation,
+    encode_epoch,
+    encode_heave,
+    encode_order,
+    encode_speed,
+)
 
 __all__ = [
     "Encoder",
@@ -25,6 +31,7 @@ __all__ = [
     "encode_elevation",
     "encode_epoch",
     "encode_heave",
+    "encode_order",
     "encode_speed",
     "statuses",
 ]

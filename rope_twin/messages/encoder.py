@@ -15,6 +15,7 @@ from rope_twin.messages import forms
 from rope_twin.messages.cdr import Template
 from rope_twin.messages.colours import scale_above, tension_colours
 from rope_twin.messages.joined import JoinedForms, all_elements
+from rope_twin.messages.winch import WinchForms
 from rope_twin.twin.snapshot import Snapshot
 
 # Marker sizes: a 40 mm rope on 3,000 m cannot be seen, so symbols grow with the line out.
@@ -37,6 +38,7 @@ class Encoder:
         self._sized: dict[str, tuple[object, Template]] = {}
         self._scale_n = 0.0
         joined = JoinedForms(frame_id)
+        winch = WinchForms()
         self._encoders: dict[str, Callable[[Snapshot], bytes]] = {
             "tension_top": self._tension_top,
             "tension_top_error_pct": self._tension_top_error,
@@ -46,6 +48,8 @@ class Encoder:
             "tension": self._tension,
             "payload/odometry": self._payload_odometry,
             "winch/state": self._winch_state,
+            "winch/mode": winch.mode,
+            "winch/parts": lambda shot: winch.parts(shot, self._stamp(shot)),
             "seabed/contact": self._seabed_contact,
             "rope/nodes": self._rope_nodes,
             "rope/markers": self._rope_markers,

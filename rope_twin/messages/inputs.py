@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 from functools import cache
+from typing import Any
 
 from rope_twin.messages import forms
 from rope_twin.messages.cdr import Template, serialise
+from rope_twin.topics import ORDER_TOPICS, SWITCH_TOPIC
+from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION, Order
+
+ORDER_FIELDS = {SPEED: "velocity", LENGTH: "position", DEPTH: "position", TENSION: "effort"}
 
 
 def encode_heave(stamp_ns: int, position_m: float, velocity_m_per_s: float) -> bytes:
@@ -27,6 +32,19 @@ def encode_elevation(stamp_ns: int, elevation_m: float) -> bytes:
 def encode_speed(stamp_ns: int, speed_m_per_s: float, winch: str = "winch") -> bytes:
     """winch/speed_command: + pays out; a stamp of 0 means at once; winch: its name."""
     return _speed(winch).fill({**_stamp(stamp_ns), "velocity": (speed_m_per_s,)})
+
+
+def encode_order(stamp_ns: int, order: Order, winch: str = "winch") -> tuple[str, bytes]:
+    """Topic and message of an order to a winch; a stamp of 0 means at once.
+
+    Length and depth are positions, a speed a velocity, a tension an effort, a switch a second name.
+    """
+    topic = ORDER_TOPICS.get(order.kind, SWITCH_TOPIC)
+    values: dict[str, Any] = dict(_stamp(stamp_ns))
+    if topic == SWITCH_TOPIC:
+        return topic, _joint(f"{winch}\n{order.kind}", "").fill(values)
+    field = ORDER_FIELDS[order.kind]
+    return topic, _joint(winch, field).fill({**values, field: (order.value,)})
 
 
 def encode_epoch(epoch_ns: int) -> bytes:
@@ -52,3 +70,12 @@ def _elevation() -> Template:
 @cache
 def _speed(winch: str) -> Template:
     return Template(forms.joint(winch, 0, 1, 0))
+
+
+@cache
+def _joint(names: str, field: str) -> Template:
+    """Of joints with these names, a line each, and room for one value in the field, if any."""
+    sizes = (int(field == own) for own in ("position", "velocity", "effort"))
+    joint = forms.joint("", *sizes)
+    joint.name = names.split("\n")
+    return Template(joint)

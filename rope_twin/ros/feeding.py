@@ -64,6 +64,10 @@ class FeedingNode(Node, ABC):
             now_ns = self.get_clock().now().nanoseconds
             self._feed.follow(epoch_ns, now_ns, time.monotonic_ns())
 
+    def publishes(self, name: str) -> bool:
+        """Whether it has a publisher of a topic."""
+        return name in self._own_publishers
+
     def send(self, name: str, data: bytes) -> None:
         """Publish the bytes of a message."""
         self._own_publishers[name].publish(data)

@@ -13,7 +13,11 @@ from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import decode
+from rope_twin.messages.inputs import ORDER_FIELDS
 from rope_twin.scene.rigging import WINCH
+from rope_twin.scene.winch import SWITCHES
+from rope_twin.topics import ORDER_TOPICS, SWITCH_TOPIC
+from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION, Order
 
 _NANOSECONDS = 1_000_000_000
 
@@ -29,25 +33,36 @@ def read_heave(data: bytes) -> tuple[int, float, float]:
     return stamp_ns, message.pose.pose.position.z, message.twist.twist.linear.z
 
 
-def read_speed(data: bytes) -> tuple[int | None, float, str]:
-    """ROS stamp [ns] (None: at once), speed [m/s, + pays out] and winch of a winch/speed_command.
+def read_order(topic: str, data: bytes) -> tuple[int | None, Order, str]:
+    """ROS stamp [ns] (None: at once), order and name of the winch of a message on its topics.
 
     Raises:
         InputError: if the bytes are no such message, its stamp is no time, or it does not carry
-            exactly one velocity.
+            exactly the one value, or switch, that the topic is for.
     """
-    message = decode("winch/speed_command", data)
-    stamp_ns = _stamp_ns("winch/speed_command", message.header.stamp)
-    if len(message.velocity) != 1:
-        raise InputError(
-            phrase(
-                "winch/speed_command",
-                f"{len(message.velocity)} velocities",
-                "there must be exactly one, the winch's, + pays out",
-            )
-        )
-    name = str(message.name[0]) if len(message.name) else WINCH
-    return stamp_ns or None, float(message.velocity[0]), name
+    message = decode(topic, data)
+    stamp_ns = _stamp_ns(topic, message.header.stamp)
+    names = [str(name) for name in message.name]
+    winch = names[0] if names else WINCH
+    if topic == SWITCH_TOPIC:
+        if len(names) != 2:
+            right = f"give two: the winch's, and one of {', '.join(SWITCHES)}"
+            raise InputError(phrase(topic, f"{len(names)} names", right))
+        return stamp_ns or None, Order(names[1]), winch
+    kind = next(kind for kind, own in ORDER_TOPICS.items() if own == topic)
+    values = getattr(message, ORDER_FIELDS[kind])
+    if len(values) != 1:
+        plural, right = _VALUES[kind]
+        raise InputError(phrase(topic, f"{len(values)} {plural}", right))
+    return stamp_ns or None, Order(kind, float(values[0])), winch
+
+
+_VALUES = {  # what the one value is called in the plural, and what it is
+    SPEED: ("velocities", "there must be exactly one, the winch's, + pays out"),
+    LENGTH: ("positions", "there must be exactly one, the line out to stop at"),
+    DEPTH: ("positions", "there must be exactly one, the payload's depth to stop at"),
+    TENSION: ("efforts", "there must be exactly one, the tension to keep"),
+}
 
 
 def read_current(data: bytes) -> NDArray[np.float64]:

@@ -17,11 +17,12 @@ from rope_twin.commands.run.summary import RunSummary, summarise
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import Level, Status, statuses
 from rope_twin.ros.announcer import Announcer
-from rope_twin.ros.inputs import read_current, read_heave, read_speed
+from rope_twin.ros.inputs import read_current, read_heave, read_order
 from rope_twin.ros.params import SimulationParams
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
+from rope_twin.topics import INPUTS
 from rope_twin.twin.handover import Handover, handover_depth
 from rope_twin.twin.keeper import Keeper, SavingHealth
 from rope_twin.twin.kinds import twin_kind
@@ -80,8 +81,7 @@ class PacedTwin:
         if self.ladder is not None:
             self.pacer.watch(self.ladder.judge)
         self._announcer = Announcer(self._handover, publish)
-        self._malformed = {"ship/heave": Refusals(), "winch/speed_command": Refusals(),
-                           "current": Refusals()}  # fmt: skip
+        self._malformed = {name: Refusals() for name in INPUTS}
         self._ignored = 0  # inputs that came while there was no epoch to place them
         self._clocks: tuple[int, int] | None = None  # ROS and steady time of the newest begin
         self._lock = threading.Lock()
@@ -145,12 +145,12 @@ class PacedTwin:
         else:
             self.twin.offer_heave(stamp_ns - epoch_ns, position_m, velocity_m_per_s)
 
-    def offer_speed(self, data: bytes) -> None:
-        """A winch/speed_command message; as offer_heave."""
+    def offer_order(self, topic: str, data: bytes) -> None:
+        """A message on one of WINCH_TOPICS; as offer_heave."""
         try:
-            stamp_ns, speed_m_per_s, name = read_speed(data)
+            stamp_ns, order, name = read_order(topic, data)
         except InputError as error:
-            self._refuse("winch/speed_command", error)
+            self._refuse(topic, error)
             return
         epoch_ns = self.epoch_ns
         if epoch_ns is None:
@@ -159,7 +159,7 @@ class PacedTwin:
             at_ns = None if stamp_ns is None else stamp_ns - epoch_ns
             # a scene of one rope has one winch, whatever a console calls it
             winch = name if is_joined(self.twin.scene) else WINCH
-            self.twin.offer_speed(at_ns, speed_m_per_s, winch)
+            self.twin.offer_order(at_ns, order, winch)
 
     def offer_current(self, data: bytes) -> None:
         """A `current` message (it has no stamp and holds from now on); as offer_heave."""

@@ -25,10 +25,9 @@ from rope_twin.ros.qos import message_type, profile
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.checks import sense_checks
 from rope_twin.scene.load import load_scene
-from rope_twin.topics import BY_NAME, TOPICS
+from rope_twin.topics import BY_NAME, INPUTS, TOPICS, WINCH_TOPICS
 from rope_twin.twin.pacing import keep_pauses_short
 
-INPUTS = ("ship/heave", "winch/speed_command", "current")
 _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 _POLL_S, _TELL_S = 0.02, 1.0
 
@@ -200,8 +199,8 @@ class SimulationNode(LifecycleNode):
                 return
             if name == "ship/heave":
                 self.paced.offer_heave(data)
-            elif name == "winch/speed_command":
-                self.paced.offer_speed(data)
+            elif name in WINCH_TOPICS:
+                self.paced.offer_order(name, data)
             else:
                 self.paced.offer_current(data)
 
@@ -219,7 +218,7 @@ class SimulationNode(LifecycleNode):
 
     def _graph_rows(self) -> list[Status]:
         """Who else is on our topics: two sources of one input mix, two twins confuse everybody."""
-        mixed = [name for name in ("ship/heave", "winch/speed_command")
+        mixed = [name for name in ("ship/heave", *WINCH_TOPICS)
                  if self.count_publishers(name) > 1]  # fmt: skip
         twins = self.count_publishers("tension_top")
         values = {name: str(self.count_publishers(name)) for name in INPUTS}

@@ -1,6 +1,6 @@
-"""The node that plays a scene's winch schedule as stamped speed commands.
+"""The node that plays a scene's winch schedule as stamped commands.
 
-It yields: as soon as a node of another name publishes on the command topic it says so and falls
+It yields: as soon as a node of another name publishes on a command topic it says so and falls
 silent for good, so that an operator who takes the winch keeps it (start the node again to give it
 back). Until the newcomer's first command the last commanded speed stands. A node of the same name
 is its own predecessor that was killed and has not been forgotten yet, and is no reason to yield.
@@ -9,22 +9,24 @@ is its own predecessor that was killed and has not been forgotten yet, and is no
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterable
 from typing import Any
 
-from rope_twin.messages import encode_speed
+from rope_twin.messages import encode_order
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.feeding import FeedingNode
 from rope_twin.ros.params import WinchScheduleParams, declare
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging_rules import winches_by_name
 from rope_twin.scene.schema import Winch
-from rope_twin.twin.schedule import schedule_samples
+from rope_twin.topics import ORDER_TOPICS, SWITCH_TOPIC, WINCH_TOPICS
+from rope_twin.twin.schedule import motion_of, schedule_samples
 
 TOPIC = "winch/speed_command"
 
 
 class WinchScheduleNode(FeedingNode):
-    """Publishes winch/speed_command at 10 Hz and at each change of the schedule."""
+    """Publishes winch commands at 10 Hz and at each change of the schedule."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("winch_schedule", **node_options)
@@ -41,7 +43,9 @@ class WinchScheduleNode(FeedingNode):
                 f"scene {scene.name} has no winch schedule: the winch is left alone"
             )
             return
-        self.start_feeding((TOPIC,), self._params.lead_s, self._params.speed)
+        self.start_feeding(
+            topics_of(self._winches.values()), self._params.lead_s, self._params.speed
+        )
         self.await_epoch()
 
     def publish_stretch(self, epoch_ns: int, from_ns: int, to_ns: int) -> None:
@@ -49,22 +53,32 @@ class WinchScheduleNode(FeedingNode):
         if not self.yielded and (others := self._other_commanders()):
             self.yielded = True
             self.get_logger().warning(
-                f"{', '.join(others)} publishes {TOPIC} too: the schedule yields and stays silent "
+                f"{', '.join(others)} commands the winch too: the schedule yields and stays silent "
                 "(start this node again to resume it)"
             )
         if self.yielded:
             return
         for name, winch in self._winches.items():
             for sample in schedule_samples(winch, from_ns, to_ns):
-                at_ns = epoch_ns + sample.stamp_ns
-                self.send(TOPIC, encode_speed(at_ns, sample.speed_m_per_s, name))
+                self.send(*encode_order(epoch_ns + sample.stamp_ns, sample.order, name))
 
     def _other_commanders(self) -> list[str]:
-        """Names of other nodes that publish the command."""
-        if self.count_publishers(TOPIC) <= 1:
-            return []
-        ends = self.get_publishers_info_by_topic(TOPIC)
-        return sorted({end.node_name for end in ends} - {self.get_name()})
+        """Names of other nodes that publish any command to a winch."""
+        others: set[str] = set()
+        for topic in WINCH_TOPICS:
+            if self.count_publishers(topic) > self.publishes(topic):
+                others.update(end.node_name for end in self.get_publishers_info_by_topic(topic))
+        return sorted(others - {self.get_name()})
+
+
+def topics_of(winches: Iterable[Winch]) -> tuple[str, ...]:
+    """Where these winches' schedules publish; a speed in any case, for before their first row."""
+    rows = [row for winch in winches for row in winch.schedule]
+    motions = {motion.kind for row in rows if (motion := motion_of(row))}
+    found = {TOPIC, *(ORDER_TOPICS[kind] for kind in motions)}
+    if any(row.switch for row in rows):
+        found.add(SWITCH_TOPIC)
+    return tuple(topic for topic in WINCH_TOPICS if topic in found)
 
 
 def main(args: list[str] | None = None) -> int:

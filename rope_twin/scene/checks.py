@@ -230,7 +230,7 @@ def _schedule(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         what = f"it drives the line out against {name} ({limit:g} m) after {when:.0f} s"
         right = "the winch stops there; let the schedule return, or change the limit"
         yield phrase("winch.schedule", what, right)
-    fastest = max((row.speed_m_per_s for row in winch.schedule), default=0.0)
+    fastest = max((row.speed_m_per_s or 0.0 for row in winch.schedule), default=0.0)
     sinking = figures.sinking_speed_m_per_s(scene.environment.water_density_kg_per_m3)
     if figures.payload is not None and fastest > sinking:
         what = f"it lowers at {fastest:g} m/s but the payload sinks at {sinking:.2f} m/s"

@@ -123,19 +123,23 @@ def schedule_meets_limit(winch: Winch, length_m: float) -> tuple[float, float] |
     """When [s] the schedule first drives the line out to a limit of the winch, and which [m].
 
     None if it does not within a day. Acceleration is left out: every start and stop shifts the
-    line out by at most ½·v²/a, and equal speeds up and down cancel.
+    line out by at most ½·v²/a, and equal speeds up and down cancel. What rows do that tell other
+    things than a speed is not foretold.
     """
-    rows, repeat = winch.schedule, winch.schedule_repeats_every_s
+    repeat = winch.schedule_repeats_every_s
+    rows = [(row.at_s, row.speed_m_per_s) for row in winch.schedule if not row.switch]
     if not rows:
         return None
     line_out = length_m
-    ends = [row.at_s for row in rows[1:]] + [repeat or SCHEDULE_HORIZON_S]
+    ends = [at_s for at_s, _ in rows[1:]] + [repeat or SCHEDULE_HORIZON_S]
     for cycle in range(ceil(SCHEDULE_HORIZON_S / repeat) if repeat else 1):
-        for row, end in zip(rows, ends, strict=True):
-            after = line_out + row.speed_m_per_s * (end - row.at_s)
+        for (at_s, speed), end in zip(rows, ends, strict=True):
+            if speed is None:
+                return None
+            after = line_out + speed * (end - at_s)
             limit = min(max(after, winch.least_line_out_m), winch.most_line_out_m)
             if abs(after - limit) > 1e-6 * limit:
-                start = cycle * (repeat or 0.0) + row.at_s
-                return start + (limit - line_out) / row.speed_m_per_s, limit
+                start = cycle * (repeat or 0.0) + at_s
+                return start + (limit - line_out) / speed, limit
             line_out = after
     return None

@@ -24,6 +24,7 @@ from rope_twin.scene.rigging_rules import RIGGING_RULES, is_joined, winch_of, wi
 from rope_twin.scene.rising import TwoWayShape
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.scene.sheave_rules import sheaves_hold
+from rope_twin.scene.winch_rules import WINCH_RULES
 from rope_twin.share import share_dir
 
 Fault = tuple[str, str, str]
@@ -170,12 +171,13 @@ def _schedule(scene: Scene) -> Iterator[Fault]:
 
 def _one_schedule(path: str, winch: Winch) -> Iterator[Fault]:
     for number, row in enumerate(winch.schedule):
-        if abs(row.speed_m_per_s) > winch.speed_limit_m_per_s:
+        if row.speed_m_per_s is not None and abs(row.speed_m_per_s) > winch.speed_limit_m_per_s:
             what = f"{row.speed_m_per_s:g} m/s is over the winch's {winch.speed_limit_m_per_s:g}"
             right = "slow it down, or raise speed_limit_m_per_s"
             yield f"{path}.schedule[{number}].speed_m_per_s", what, right
     for number, (before, after) in enumerate(pairwise(winch.schedule), start=1):
-        if after.at_s <= before.at_s:
+        beside = after.at_s == before.at_s and bool(after.switch) != bool(before.switch)
+        if after.at_s <= before.at_s and not beside:
             what = f"{after.at_s:g} s comes after {before.at_s:g} s in the list"
             yield f"{path}.schedule[{number}].at_s", what, "order the rows by time, each time once"
     repeat, where = winch.schedule_repeats_every_s, f"{path}.schedule_repeats_every_s"
@@ -280,6 +282,7 @@ RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _damping,
     _line_out,
     _schedule,
+    *WINCH_RULES,
     _effects,
     _two_ways,
     _bag,

@@ -14,6 +14,8 @@ from rope_twin.quantity import quantity, text
 from rope_twin.scene.rigging import WINCH, Joint, Sheave, Strut
 from rope_twin.scene.rising import Rising
 from rope_twin.scene.stiffness import StiffnessTable
+from rope_twin.scene.winch import ScheduleRow as ScheduleRow
+from rope_twin.scene.winch import Winch as Winch
 from rope_twin.sea.heave_response import BoxHull
 
 Triple = tuple[float, float, float]
@@ -173,28 +175,6 @@ class Payload:
         "drag coefficient times area along x, y, z", "m²", 0.0, 1e5, default=None
     )
     rising: Rising | None = text("along z while it rises, if other than while it sinks", None)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ScheduleRow:
-    """From `at_s` on the winch is commanded to `speed_m_per_s`."""
-
-    at_s: float = quantity("time since the start", "s", 0.0, 1e6)
-    speed_m_per_s: float = quantity("speed, + pays out", "m/s", -5.0, 5.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Winch:
-    """Limits of the winch and what it is told to do when nobody commands it."""
-
-    speed_limit_m_per_s: float = quantity("largest speed either way", "m/s", 0.0, 5.0)
-    acceleration_limit_m_per_s2: float = quantity("largest acceleration", "m/s²", 1e-3, 10.0)
-    least_line_out_m: float = quantity("never hauls in beyond this", "m", 1.0, 2e4)
-    most_line_out_m: float = quantity("rope there is", "m", 1.0, 2e4)
-    schedule: tuple[ScheduleRow, ...] = text("speed over time", ())
-    schedule_repeats_every_s: float | None = quantity(
-        "the schedule starts again after this", "s", 1.0, 1e6, default=None
-    )
 
 
 @dataclass(frozen=True, kw_only=True)

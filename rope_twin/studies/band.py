@@ -115,7 +115,7 @@ def fed(twin: Twin, seconds: float) -> Iterator[Snapshot]:
         for heave in sea.between(offered_ns, until_ns) if sea else ():
             twin.offer_heave(heave.stamp_ns, heave.position_m, heave.velocity_m_per_s)
         for command in schedule_samples(winch, offered_ns, until_ns):
-            twin.offer_speed(command.stamp_ns, command.speed_m_per_s)
+            twin.offer_order(command.stamp_ns, command.order)
         offered_ns = until_ns
         twin.advance(steps)
         yield twin.snapshot()

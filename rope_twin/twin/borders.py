@@ -14,13 +14,27 @@ from functools import lru_cache
 import numpy as np
 
 from rope_twin.core.state import LINE, MOTIONS, Boundary, Floats, Z
-from rope_twin.errors import InputError
+from rope_twin.errors import InputError, phrase
 from rope_twin.scene.schema import Ship
 from rope_twin.scene.schema import Winch as WinchScene
 from rope_twin.twin.heave_series import HeaveSeries
-from rope_twin.twin.schedule import SpeedSample, schedule_samples
+from rope_twin.twin.hoisting.orders import FEELING
+from rope_twin.twin.schedule import Sample, motion_of, schedule_samples
 from rope_twin.twin.ship import ramp
 from rope_twin.twin.winch import Winch
+
+
+def foreseen(scene: WinchScene | None, commands: Sequence[Sample] | None) -> bool:
+    """Whether the line out follows from commands and heave alone, not from the rope's tension."""
+    if scene is None:
+        return True
+    if commands is None:
+        orders = [motion_of(row) for row in scene.schedule]
+    else:
+        orders = [sample.order for sample in commands]
+    return scene.drive is None and all(
+        order is None or order.kind not in FEELING for order in orders
+    )
 
 
 class WinchTrack:
@@ -30,19 +44,23 @@ class WinchTrack:
         self,
         scene: WinchScene | None,
         length_m: float,
-        commands: Sequence[SpeedSample] | None,
+        commands: Sequence[Sample] | None,
         step_s: float,
     ) -> None:
         """`commands` None: the schedule of the scene.
 
         Raises:
-            InputError: the winch refuses a command.
+            InputError: the winch refuses a command, or feels the rope: that is not known ahead.
         """
+        if not foreseen(scene, commands):
+            what = "its drive, brake, or an order by depth or tension depends on the rope's tension"
+            right = "`rope_twin run` steps such a scene; leave them out of it here"
+            raise InputError(phrase("winch", what, right))
         self._scene = scene
         self._commands = None if commands is None else deque(commands)
         trial = Winch(scene, length_m)
         for sample in commands or ():
-            fault = trial.offer(sample.stamp_ns, sample.speed_m_per_s, max(sample.stamp_ns, 0))
+            fault = trial.take(sample.stamp_ns, sample.order, max(sample.stamp_ns, 0))
             if fault:
                 raise InputError(fault)
         self._winch = Winch(scene, length_m)
@@ -50,17 +68,19 @@ class WinchTrack:
         self._lock = threading.Lock()
         self._first, self._lines = 0, np.array([[length_m, 0.0]])
 
-    def through(self, first: int, steps: int) -> Floats:
+    def through(self, first: int, steps: int, heave_rate: Floats | None = None) -> Floats:
         """Line out [m] and its rate [m/s] at the borders of the steps, (steps + 1, 2).
 
-        Batches come in order, each maybe several times.
+        Batches come in order, each maybe several times. `heave_rate`: of the hang-off at the end of
+        each step [m/s]; None: it lies still.
         """
+        rates = np.zeros(steps) if heave_rate is None else heave_rate
         with self._lock:
             if (self._first, len(self._lines)) != (first, steps + 1):
                 self._offer(first * self._step_ns, (first + steps) * self._step_ns)
                 lines = [tuple(self._lines[-1])]
-                for step in range(first, first + steps):
-                    line = self._winch.step(step * self._step_ns, self._step_s)
+                for step, rate in enumerate(rates.tolist(), start=first):
+                    line = self._winch.step(step * self._step_ns, self._step_s, rate)
                     lines.append((line.length_m, line.speed_m_per_s))
                 self._first, self._lines = first, np.array(lines)
             return self._lines
@@ -71,7 +91,7 @@ class WinchTrack:
         while self._commands and self._commands[0].stamp_ns < to_ns:
             due.append(self._commands.popleft())
         for sample in due:
-            self._winch.offer(sample.stamp_ns, sample.speed_m_per_s, from_ns)
+            self._winch.take(sample.stamp_ns, sample.order, from_ns)
 
 
 class Borders:
@@ -109,10 +129,10 @@ class Borders:
         border_ns = np.arange(first + 1, first + steps + 1, dtype=np.int64) * self._step_ns
         z, v = self._heave.at(border_ns) if self._heave else (np.zeros(steps), np.zeros(steps))
         share, share_rate = _ramps(first, steps, self._step_ns, self._ship.motion_ramp_s)
-        lines = self._winch.through(first, steps)
         made.value[1:, :Z] = x, y
         made.value[1:, Z] = rest_z + share * z
         made.rate[1:, Z] = share * v + share_rate * z
+        lines = self._winch.through(first, steps, made.rate[1:, Z])
         made.value[1:, LINE] = lines[1:, 0]
         made.rate[1:, LINE] = lines[1:, 1]
         return made

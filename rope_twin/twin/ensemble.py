@@ -31,7 +31,7 @@ from rope_twin.twin.borders import Borders, WinchTrack
 from rope_twin.twin.heave_series import HeaveSeries
 from rope_twin.twin.lanes import sort_into_groups, take_turn
 from rope_twin.twin.member import Member, MemberFigures, Scratch, Start
-from rope_twin.twin.schedule import SpeedSample
+from rope_twin.twin.schedule import Sample
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.start import find_start
 
@@ -49,7 +49,7 @@ class Variation:
 
     changes: tuple[Change, ...] = ()  # of the scene's numbers
     heave: HeaveSeries | None = None  # None: the ship lies still
-    commands: tuple[SpeedSample, ...] | None = None  # of the winch; None: the scene's schedule
+    commands: tuple[Sample, ...] | None = None  # of the winch; None: the scene's schedule
 
 
 def cores() -> int:
@@ -252,7 +252,9 @@ def _shared_borders(scenes: Sequence[Scene], variations: Sequence[Variation]) ->
     made = []
     for scene, own in zip(scenes, variations, strict=True):
         length, step_s = scene.ropes[0].length_m, scene.time.step_s
-        reeled = (scene.winch, length, own.commands)
+        answered = scene.winch is not None and scene.winch.heave_compensation is not None
+        heaved = (scene.ship, id(own.heave)) if answered else None
+        reeled = (scene.winch, length, own.commands, heaved)
         if reeled not in winches:
             winches[reeled] = WinchTrack(scene.winch, length, own.commands, step_s)
         moved = (scene.ship, reeled, id(own.heave))

@@ -28,6 +28,9 @@ from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rigging_rules import winch_of
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.contact import bed_contact
+from rope_twin.twin.hoisting.feel import Course, feel
+from rope_twin.twin.hoisting.line import Felt
+from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.saved_state import changing_parts
 from rope_twin.twin.snapshot import (
     BedContact,
@@ -39,7 +42,7 @@ from rope_twin.twin.snapshot import (
     StrutShot,
 )
 from rope_twin.twin.start import judge_start, no_garbage_collection
-from rope_twin.twin.winch import Winch
+from rope_twin.twin.winch import winch_of_rope
 
 _log = logging.getLogger(__name__)
 
@@ -59,9 +62,7 @@ class JoinedRopes:
         self._stack, self._sheaves = built.system.stack, built.system.sheaves
         self._owners, self._hang_offs = built.owners, built.hang_off_m
         self.first = built.system.ropes[0]
-        self._winches = tuple(
-            Winch(winch_of(scene, line), line.length_m, line.from_) for line in scene.ropes
-        )
+        self._winches = tuple(winch_of_rope(scene, line) for line in scene.ropes)
         size = (len(scene.ropes), steps + 1, rows.MOTIONS)
         self._boundary = Boundary(np.zeros(size), np.zeros(size))
         self._boundary.value[:, :, : rows.LINE] = np.nan_to_num(self._hang_offs)[:, None]
@@ -100,13 +101,13 @@ class JoinedRopes:
                 right = f"below {SAFETY_FACTOR:g} take a stronger rope, or a steeper bridle"
                 _log.warning(phrase(f"{self._scene.path}: ropes[{r}]", what, right))
 
-    def offer(self, name: str, stamp_ns: int | None, speed_m_per_s: float, now_ns: int) -> str:
-        """A speed command for the winch of this name; "" or why it was refused."""
+    def offer(self, name: str, stamp_ns: int | None, order: Order, now_ns: int) -> str:
+        """An order for the winch of this name; "" or why it was refused."""
         names = [line.from_ for line in self._scene.ropes]
         if name not in names:
             right = did_you_mean(name, [WINCH, *(one.name for one in self._scene.hang_offs)])
             return phrase("winch command", f"there is no winch '{name}'", right)
-        return self._winches[names.index(name)].offer(stamp_ns, speed_m_per_s, now_ns)
+        return self._winches[names.index(name)].take(stamp_ns, order, now_ns)
 
     def doubt(self) -> None:
         """Commands known for times to come may no longer hold."""
@@ -115,18 +116,33 @@ class JoinedRopes:
 
     def newest_ns(self) -> dict[str, int]:
         """Stamp of the newest accepted command of each winch but the first, where there is one."""
-        counters = (winch.counter for winch in self._winches[1:])
-        return {c.name: c.newest_ns for c in counters if c.newest_ns is not None}
+        newest: dict[str, int] = {}
+        for winch in self._winches[1:]:
+            newest |= winch.newest_ns()
+        return newest
+
+    def feel(self, time_ns: int) -> bool:
+        """Whether a winch but the first asks what its rope is like for the step from then on."""
+        return any(winch.feels(time_ns) for winch in self._winches[1:])
 
     def prescribe(self, row: int, from_ns: int, step_s: float, heave: tuple[float, float]) -> None:
         """Hang-offs and line out at border `row`; heave: of the ship, and its rate."""
         value, rate = self._boundary
         for r in self._numbers[1:]:
             if self._joints.upper[r] == LOOSE:
-                line = self._winches[r].step(from_ns, step_s)
                 value[r, row, rows.Z] = self._hang_offs[r, 2] + heave[0]
                 rate[r, row, rows.Z] = heave[1]
+                felt = self._felt(r, row) if self._winches[r].feels(from_ns) else None
+                line = self._winches[r].step(from_ns, step_s, heave[1], felt)
                 value[r, row, rows.LINE], rate[r, row, rows.LINE] = line
+
+    def _felt(self, r: int, row: int) -> Felt:
+        """What the winch of a rope feels ahead of the step that ends at border `row`."""
+        borders = self._boundary.value[r, row - 1 : row + 1]
+        heave = float(borders[0, rows.Z] - self._hang_offs[r, 2])
+        course = Course(heave, self._winches[r].payout_m_per_s2)
+        pull = float(self._pull[r, rows.PULL])
+        return feel(self._rope(r), self._scene.ropes[r], pull, borders, course)
 
     def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
         """`advance` of all ropes; boundary, pulls: of the first one, as there."""
@@ -154,8 +170,7 @@ class JoinedRopes:
         inputs: dict[str, InputHealth] = dict(shot.inputs)
         for line, winch in zip(self._scene.ropes[1:], self._winches[1:], strict=True):
             if winch_of(self._scene, line):
-                stale = winch.stale(now_ns)
-                inputs[winch.counter.name] = winch.counter.health(now_ns, stale)
+                inputs |= winch.health(now_ns)
                 limits += [f"{line.from_}: {winch.at_limit}"] if winch.at_limit else []
         health = np.sum([rope.state.health for rope in self._ropes], axis=0)
         solver = replace(
@@ -169,6 +184,7 @@ class JoinedRopes:
             payloads=tuple(self._payload(one.name) for one in self._scene.payloads),
             struts=tuple(self._strut(k, one.name) for k, one in enumerate(self._scene.struts)),
             sheaves=tuple(self._sheave(k, one.name) for k, one in enumerate(self._scene.sheaves)),
+            winches=(*shot.winches, *(w for w in (one.shot() for one in self._winches[1:]) if w)),
             winch_at_limit="; ".join(words for words in limits if words),
             inputs=inputs,
             solver=solver,

@@ -114,10 +114,11 @@ class AccountedTwin(Twin):
         changing.pop("_ledger", None)
         return changing
 
-    def _advance_some(self, steps: int) -> None:
+    def _advance_some(self, steps: int) -> int:
         for _ in range(steps):
             super()._advance_some(1)
             self._ledger.take(self.step_s, self._measured())
+        return steps
 
     def _opened(self) -> Ledger:
         return Ledger(self.time_ns * 1e-9, self._measured())

@@ -23,7 +23,7 @@ from rope_twin.errors import StateError
 
 Arrays = dict[str, NDArray[Any]]
 
-_CONSTANT = "rope_twin.scene.schema"
+_CONSTANT = tuple(f"rope_twin.scene.{part}" for part in ("schema", "winch", "winch_parts"))
 _OF_ANY_LENGTH = {"effects", "tension"}  # a current may have gained rows, a rope elements
 
 
@@ -46,7 +46,7 @@ def remember(value: Any, arrays: Arrays, at: str) -> Any:
     if isinstance(value, Counter):
         return {"counter": dict(value)}
     if _is_object(value):
-        if type(value).__module__ == _CONSTANT:
+        if type(value).__module__ in _CONSTANT:
             return {"scene": None}
         fields = {
             name: remember(part, arrays, f"{at}/{name.lstrip('_')}")

@@ -14,6 +14,7 @@ from rope_twin.errors import phrase
 from rope_twin.scene.build import build
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
+from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.joined import JoinedRopes
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.start import find_start
@@ -27,14 +28,17 @@ class Ropes(Protocol):
     def find_start(self) -> Floats:
         """Bring them to rest; the first one's pull on its hang-off. Raises SceneError."""
 
-    def offer(self, name: str, stamp_ns: int | None, speed_m_per_s: float, now_ns: int) -> str:
-        """A speed command for another winch than the first; "" or why it was refused."""
+    def offer(self, name: str, stamp_ns: int | None, order: Order, now_ns: int) -> str:
+        """An order for another winch than the first; "" or why it was refused."""
 
     def doubt(self) -> None:
         """Commands for those winches that are known for times to come may no longer hold."""
 
     def newest_ns(self) -> dict[str, int]:
         """Stamp of the newest accepted command of each of those, where there is one."""
+
+    def feel(self, time_ns: int) -> bool:
+        """Whether another winch asks what its rope is like for the step from this time on."""
 
     def prescribe(self, row: int, from_ns: int, step_s: float, heave: tuple[float, float]) -> None:
         """Other hang-offs and their line out at border `row`; heave: of the ship, and its rate."""
@@ -66,7 +70,7 @@ class OneRope:
         """Bring it to rest; its pull on the hang-off. Raises SceneError."""
         return find_start(self._scene, self.first)
 
-    def offer(self, name: str, stamp_ns: int | None, speed_m_per_s: float, now_ns: int) -> str:
+    def offer(self, name: str, stamp_ns: int | None, order: Order, now_ns: int) -> str:
         """There is no other winch."""
         what = f"there is no winch '{name}'"
         return phrase("winch command", what, "leave the name out: this scene has one at most")
@@ -77,6 +81,10 @@ class OneRope:
     def newest_ns(self) -> dict[str, int]:
         """None."""
         return {}
+
+    def feel(self, time_ns: int) -> bool:
+        """There is no other winch."""
+        return False
 
     def prescribe(self, row: int, from_ns: int, step_s: float, heave: tuple[float, float]) -> None:
         """Nothing."""

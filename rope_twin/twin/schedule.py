@@ -4,9 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rope_twin.scene.schema import Winch
+from rope_twin.scene.schema import ScheduleRow, Winch
+from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION, Order
 
 COMMAND_PERIOD_NS = 100_000_000  # a command is repeated at 10 Hz, so that its absence shows
+_MOTION_OF = {  # key of a row and the order that it is
+    "speed_m_per_s": SPEED,
+    "line_out_m": LENGTH,
+    "payload_depth_m": DEPTH,
+    "tension_n": TENSION,
+}
 
 
 @dataclass(frozen=True)
@@ -16,12 +23,29 @@ class SpeedSample:
     stamp_ns: int
     speed_m_per_s: float  # + pays out
 
+    @property
+    def order(self) -> Order:
+        """The same as an order."""
+        return Order(SPEED, self.speed_m_per_s)
 
-def schedule_samples(winch: Winch | None, from_ns: int, to_ns: int) -> list[SpeedSample]:
+
+@dataclass(frozen=True)
+class OrderSample:
+    """The winch is to do this from this twin time on; anything but a speed."""
+
+    stamp_ns: int
+    order: Order
+
+
+Sample = SpeedSample | OrderSample
+
+
+def schedule_samples(winch: Winch | None, from_ns: int, to_ns: int) -> list[Sample]:
     """The commands with `from_ns <= stamp_ns < to_ns` (twin time), in order.
 
-    They stand on the 10 Hz grid and, so that no change waits for the grid, at each row's own
-    instant. Before the first row the speed is zero. Without a schedule there are none.
+    Motions stand on the 10 Hz grid and, so that no change waits for the grid, at each row's own
+    instant; switches only at that. Before the first motion the speed is zero. Without a schedule
+    there are none.
     """
     if winch is None or not winch.schedule:
         return []
@@ -29,19 +53,48 @@ def schedule_samples(winch: Winch | None, from_ns: int, to_ns: int) -> list[Spee
     first = -(-from_ns // COMMAND_PERIOD_NS) * COMMAND_PERIOD_NS
     stamps = set(range(first, to_ns, COMMAND_PERIOD_NS))
     stamps.update(_row_instants(winch, from_ns, to_ns))
-    return [SpeedSample(stamp, scheduled_speed(winch, stamp)) for stamp in sorted(stamps)]
+    samples: list[Sample] = []
+    for stamp in sorted(stamps):
+        samples += [OrderSample(stamp, Order(word)) for word in _switches_at(winch, stamp)]
+        samples.append(_sample(stamp, scheduled_motion(winch, stamp)))
+    return samples
 
 
-def scheduled_speed(winch: Winch, stamp_ns: int) -> float:
-    """Speed [m/s] that the schedule asks for at a twin time."""
+def scheduled_motion(winch: Winch, stamp_ns: int) -> Order:
+    """The motion that the schedule asks for at a twin time."""
     repeat_ns = _repeat_ns(winch)
     within_ns = stamp_ns % repeat_ns if repeat_ns else stamp_ns
-    speed = 0.0
+    motion = Order(SPEED, 0.0)
     for row in winch.schedule:
-        if round(row.at_s * 1e9) > within_ns:
+        if _at_ns(row) > within_ns:
             break
-        speed = row.speed_m_per_s
-    return speed
+        motion = motion_of(row) or motion
+    return motion
+
+
+def motion_of(row: ScheduleRow) -> Order | None:
+    """The motion that a row asks for; None if it is a switch."""
+    for key, kind in _MOTION_OF.items():
+        if (value := getattr(row, key)) is not None:
+            return Order(kind, value)
+    return None
+
+
+def _sample(stamp_ns: int, order: Order) -> Sample:
+    if order.kind == SPEED:
+        return SpeedSample(stamp_ns, order.value)
+    return OrderSample(stamp_ns, order)
+
+
+def _switches_at(winch: Winch, stamp_ns: int) -> list[str]:
+    """The switches of the rows whose instant this is."""
+    repeat_ns = _repeat_ns(winch)
+    within_ns = stamp_ns % repeat_ns if repeat_ns else stamp_ns
+    return [row.switch for row in winch.schedule if row.switch and _at_ns(row) == within_ns]
+
+
+def _at_ns(row: ScheduleRow) -> int:
+    return round(row.at_s * 1e9)
 
 
 def _repeat_ns(winch: Winch) -> int:
@@ -51,7 +104,7 @@ def _repeat_ns(winch: Winch) -> int:
 def _row_instants(winch: Winch, from_ns: int, to_ns: int) -> list[int]:
     """When rows take effect within [from_ns, to_ns), over all repetitions."""
     repeat_ns = _repeat_ns(winch)
-    rows = [round(row.at_s * 1e9) for row in winch.schedule]
+    rows = [_at_ns(row) for row in winch.schedule]
     if not repeat_ns:
         return [row for row in rows if from_ns <= row < to_ns]
     rounds = range(from_ns // repeat_ns, max(0, to_ns) // repeat_ns + 1)

@@ -109,6 +109,17 @@ class TensionBand:
 
 
 @dataclass(frozen=True)
+class WinchShot:
+    """What a winch was told and what its parts do."""
+
+    name: str
+    mode: str  # speed, length, depth, tension, or emergency_stop
+    target: float  # [m/s], [m], [m] or [N]
+    at_limit: str  # one sentence if a limit holds it back
+    figures: tuple[tuple[str, float], ...]  # of the parts that it has, the unit in the name
+
+
+@dataclass(frozen=True)
 class RopeShot:
     """One of several ropes. Rows run from its upper end (row 0) down."""
 
@@ -185,6 +196,7 @@ class Snapshot:
     inputs: dict[str, InputHealth] = field(default_factory=dict)  # heave, winch_command, current
     card_error: KnownError = field(default_factory=KnownError)  # of the top tension
     seabed: BedContact | None = None  # only of a scene with a seabed
+    winches: tuple[WinchShot, ...] = ()  # those that the scene has
     energy: EnergyBalance | None = None  # only of a run that keeps a ledger
     band: TensionBand | None = None  # only of a run that asks for it, once it is known
     ropes: tuple[RopeShot, ...] = ()  # all of them, in a scene whose ropes meet; else none

@@ -26,6 +26,8 @@ from rope_twin.scene.schema import Scene
 from rope_twin.scene.shedding import refuse_shedding
 from rope_twin.twin import saved_state
 from rope_twin.twin.contact import bed_contact
+from rope_twin.twin.hoisting.feel import Course, feel
+from rope_twin.twin.hoisting.orders import SPEED, Order
 from rope_twin.twin.observe import Extremes, Observation, RunStatistics, observe
 from rope_twin.twin.regrid import HangOff
 from rope_twin.twin.ropes import ropes_of
@@ -35,7 +37,7 @@ from rope_twin.twin.saved_state import About, SavedState
 from rope_twin.twin.ship import HeaveTrack, ramp
 from rope_twin.twin.snapshot import InputHealth, Snapshot
 from rope_twin.twin.water import CurrentInput
-from rope_twin.twin.winch import LineOut, Winch
+from rope_twin.twin.winch import LineOut, winch_of_rope
 
 STEPS_PER_CALL = 256
 # What the scene or the caller gives; everything else changes and belongs to a saved state.
@@ -65,7 +67,7 @@ class Twin:
         self._marks: list[rows.Floats] = []  # of the grids that were left for coarser ones
         self._lock = threading.Lock()
         self._heave = HeaveTrack()
-        self._winch = Winch(scene.winch, scene.ropes[0].length_m)
+        self._winch = winch_of_rope(scene, scene.ropes[0])
         self._current = CurrentInput(self._rope.effects)
         self._rest = np.array(scene.ship.hang_off_m, dtype=float)
         borders = (STEPS_PER_CALL + 1, rows.MOTIONS)
@@ -118,10 +120,14 @@ class Twin:
 
     def offer_speed(self, stamp_ns: int | None, speed_m_per_s: float, winch: str = WINCH) -> str:
         """Command the winch at a hang-off, + pays out (stamp None: at once); "" or the refusal."""
+        return self.offer_order(stamp_ns, Order(SPEED, speed_m_per_s), winch)
+
+    def offer_order(self, stamp_ns: int | None, order: Order, winch: str = WINCH) -> str:
+        """Command or switch the winch at a hang-off (stamp None: at once); "" or the refusal."""
         with self._lock:
             if winch != WINCH:
-                return self._ropes.offer(winch, stamp_ns, speed_m_per_s, self.time_ns)
-            return self._winch.offer(stamp_ns, speed_m_per_s, self.time_ns)
+                return self._ropes.offer(winch, stamp_ns, order, self.time_ns)
+            return self._winch.take(stamp_ns, order, self.time_ns)
 
     def offer_current(self, profile: NDArray[np.float64]) -> str:
         """A current profile, rows of z, east, north from the surface down; "" or the refusal."""
@@ -129,10 +135,10 @@ class Twin:
             return self._current.offer(profile, self.time_ns)
 
     def newest_ns(self) -> dict[str, int]:
-        """Stamp of the newest accepted sample of heave and winch_command, where there is one."""
-        counters = (self._heave.counter, self._winch.counter)
-        own = {c.name: c.newest_ns for c in counters if c.newest_ns is not None}
-        return own | self._ropes.newest_ns()
+        """Stamp of the newest accepted sample of heave and each winch's inputs, if there is one."""
+        heave = self._heave.counter
+        own = {} if heave.newest_ns is None else {heave.name: heave.newest_ns}
+        return own | self._winch.newest_ns() | self._ropes.newest_ns()
 
     def doubt_inputs(self) -> None:
         """After a pause or a restart: inputs known for times to come may no longer hold."""
@@ -151,12 +157,11 @@ class Twin:
         while steps > 0:
             some = min(steps, STEPS_PER_CALL)
             try:
-                self._advance_some(some)
+                steps -= self._advance_some(some)
             except SolverError as error:
                 raise SolverError(
                     str(error).removesuffix(".") + self._keep_failure(error)
                 ) from error
-            steps -= some
 
     def _keep_failure(self, error: SolverError) -> str:
         """Write the state that the solver cannot leave; the end of the sentence says where."""
@@ -239,11 +244,11 @@ class Twin:
         """Tension of the elements [N], a view of the scratch."""
         return self._rope.work[rows.TENSION, : self._rope.state.counts[rows.ELEMENTS]]
 
-    def _advance_some(self, steps: int) -> None:
+    def _advance_some(self, steps: int) -> int:
+        """Step on as far as inputs tell without a look at the rope; how many steps that was."""
         began = time.perf_counter()
         with self._lock:
-            self._prescribe(steps)
-            self._prescribed = max(self._prescribed, steps)
+            steps = self._prescribe(steps)
             rope = self._rope._replace(effects=self._current.effects)
         pulls = self._pulls[:steps]
         done = self._ropes.advance(rope, self._boundary, self.time_ns * 1e-9, pulls)
@@ -264,6 +269,7 @@ class Twin:
                     "the last good state is kept; shorten the step or check the scene",
                 )
             )
+        return done
 
     def _forget_borders(self, done: int) -> None:
         """Make the border after `done` steps the first row; what lies after it is still to come."""
@@ -272,22 +278,38 @@ class Twin:
             table[: self._prescribed + 1] = table[done : done + self._prescribed + 1]
         self._ropes.forget(done, self._prescribed)
 
-    def _prescribe(self, steps: int) -> None:
+    def _prescribe(self, steps: int) -> int:
         """Hang-off motion and line out at the borders of the next steps, from the inputs.
 
-        Steps that an earlier call prescribed and could not do keep what they were given.
+        Steps that an earlier call prescribed and could not do keep what they were given. Where a
+        winch feels the rope, the next step must be done first: returns how many can be done now.
         """
-        duration, rest_z = self.scene.ship.motion_ramp_s, float(self._rest[2])
-        value, rate = self._boundary
         for row in range(self._prescribed + 1, steps + 1):
-            border_ns = self._time_ns + row * self.step_ns
-            length, speed = self._winch.step(border_ns - self.step_ns, self.step_s)
-            z, v = self._heave.at(border_ns)
-            share, share_rate = ramp(border_ns * 1e-9, duration)
-            heave = (share * z, share * v + share_rate * z)  # x and y are the same in every row
-            value[row, rows.Z], value[row, rows.LINE] = rest_z + heave[0], length
-            rate[row, rows.Z], rate[row, rows.LINE] = heave[1], speed
-            self._ropes.prescribe(row, border_ns - self.step_ns, self.step_s, heave)
+            begin_ns = self._time_ns + (row - 1) * self.step_ns
+            felt = self._winch.feels(begin_ns)
+            if row > 1 and (felt or self._ropes.feel(begin_ns)):
+                return row - 1
+            self._prescribe_border(row, begin_ns, felt)
+            self._prescribed = row
+        return steps
+
+    def _prescribe_border(self, row: int, begin_ns: int, felt: bool) -> None:
+        """The border at the end of the step that begins then; felt: the winch asks for the rope."""
+        border_ns, rest_z = begin_ns + self.step_ns, float(self._rest[2])
+        value, rate = self._boundary
+        z, v = self._heave.at(border_ns)
+        share, share_rate = ramp(border_ns * 1e-9, self.scene.ship.motion_ramp_s)
+        heave = (share * z, share * v + share_rate * z)  # x and y are the same in every row
+        value[row, rows.Z], rate[row, rows.Z] = rest_z + heave[0], heave[1]
+        rope = None
+        if felt:
+            borders = value[row - 1 : row + 1]
+            line, pull = self.scene.ropes[0], float(self._pull[rows.PULL])
+            course = Course(float(borders[0, rows.Z]) - rest_z, self._winch.payout_m_per_s2)
+            rope = feel(self._rope, line, pull, borders, course)
+        length, speed = self._winch.step(begin_ns, self.step_s, heave[1], rope)
+        value[row, rows.LINE], rate[row, rows.LINE] = length, speed
+        self._ropes.prescribe(row, begin_ns, self.step_s, heave)
 
     def statistics(self) -> RunStatistics:
         """The run so far."""
@@ -301,7 +323,7 @@ class Twin:
         unconverged = int(self._rope.state.health[rows.SUBSTEPS_UNCONVERGED])
         with self._lock:
             inputs = self._input_health()
-            at_limit = self._winch.at_limit
+            at_limit, winch = self._winch.at_limit, self._winch.shot()
         share, _ = ramp(self.time_ns * 1e-9, self.scene.ship.motion_ramp_s)
         taken = observe(
             self._rope.state,
@@ -329,12 +351,14 @@ class Twin:
         contact = bed_contact(self._rope)
         if contact is not None:
             taken = replace(taken, seabed=contact)
+        if winch is not None:
+            taken = replace(taken, winches=(winch,))
         return self._ropes.complete(taken, self.time_ns)
 
     def _input_health(self) -> dict[str, InputHealth]:
         now = self.time_ns
         return {
             "heave": self._heave.counter.health(now, self._heave.stale(now)),
-            "winch_command": self._winch.counter.health(now, self._winch.stale(now)),
+            **self._winch.health(now),
             "current": self._current.counter.health(now, False),
         }

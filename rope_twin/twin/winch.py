@@ -1,26 +1,37 @@
-"""The winch: speed commands with a stamp become line out, within its limits.
+"""The winch: orders with a stamp become line out, within its limits and those of its parts.
 
-Line out L is unstretched rope below the hang-off. The speed follows the command with the
-acceleration limit; ahead of the least and the most line out it brakes at that same limit, so that
-it stops there.
+Line out L is unstretched rope below the hang-off. An order (by speed, length, depth or tension)
+becomes a wish, the pace follows it within the limits of acceleration and jerk, some parts add to
+that motion and others hold it back (`rope_twin.twin.hoisting`). What holds it back moves the pace's
+own line too: a winch that has rendered goes on from where it is.
 """
 
 from __future__ import annotations
 
-import math
-from collections import deque
-from typing import NamedTuple
-
-from rope_twin.errors import phrase
 from rope_twin.scene.rigging import WINCH
-from rope_twin.scene.schema import Winch as WinchScene
-from rope_twin.twin.health import InputCounter
+from rope_twin.scene.rigging_rules import winch_of
+from rope_twin.scene.schema import RopeLine, Scene
+from rope_twin.scene.winch import SWITCHES
+from rope_twin.scene.winch import Winch as WinchScene
+from rope_twin.twin.hoisting.goals import goals_of
+from rope_twin.twin.hoisting.line import Felt, LineOut, Moment
+from rope_twin.twin.hoisting.orders import (
+    COMPENSATE,
+    EMERGENCY_STOP,
+    FEELING,
+    RESET,
+    SPEED,
+    Order,
+    find_fault,
+)
+from rope_twin.twin.hoisting.pace import AccelerationLimited, JerkLimited, Pace
+from rope_twin.twin.hoisting.parts import Part, adding_parts, drum_parts
+from rope_twin.twin.hoisting.queue import OrderQueue, SwitchQueue
+from rope_twin.twin.snapshot import InputHealth, WinchShot
 
-IMPOSSIBLE_M_PER_S = 10.0
 STALE_NS = 2_000_000_000
-AHEAD_NS = 10_000_000_000  # a stamp farther in the future is a clock that is wrong
-DONE = 32  # commands that are remembered after they took effect
-CREEP_M_PER_S = 1e-6  # slower than this beside a limit is standstill
+
+__all__ = ["LineOut", "Winch", "command_input", "input_of", "switch_input", "winch_of_rope"]
 
 
 def command_input(name: str) -> str:
@@ -28,160 +39,219 @@ def command_input(name: str) -> str:
     return "winch_command" if name == WINCH else f"winch_command {name}"
 
 
-class LineOut(NamedTuple):
-    """Line out and its rate at one instant."""
+def switch_input(name: str) -> str:
+    """The name of the input that switches parts of the winch of this name."""
+    return "winch_switch" if name == WINCH else f"winch_switch {name}"
 
-    length_m: float
-    speed_m_per_s: float  # + pays out
+
+def input_of(order: Order, name: str) -> str:
+    """The name of the input that takes an order to the winch of this name."""
+    return switch_input(name) if order.kind in SWITCHES else command_input(name)
 
 
 class Winch:
     """One winch; `offer` takes commands, `step` moves on by one time step."""
 
-    def __init__(self, scene: WinchScene | None, length_m: float, name: str = WINCH) -> None:
-        """`name`: of the hang-off that it stands at."""
-        self.counter = InputCounter(command_input(name))
+    def __init__(
+        self, scene: WinchScene | None, length_m: float, name: str = WINCH, diameter_m: float = 0.0
+    ) -> None:
+        """`name`: of the hang-off that it stands at; `diameter_m`: of the rope on its drum."""
+        self._orders = OrderQueue(command_input(name))
+        self._switches = SwitchQueue(switch_input(name))
+        self.counter, self._name = self._orders.counter, name
         self.at_limit = ""
         self._scene = scene
-        self._line = LineOut(length_m, 0.0)
-        self._queue: deque[tuple[int | None, float]] = deque()
-        self._newest_ns: int | None = None
-        self._target = 0.0
-        self._done: deque[tuple[int | None, float]] = deque(maxlen=DONE)
-        self._in_doubt = False  # whether the queue is from before a pause
+        self._line = self._nominal = LineOut(length_m, 0.0)
+        self._kind, self._value = SPEED, 0.0
+        self.payout_m_per_s2 = 0.0  # acceleration of the line at the end of the last step
+        self._stopped = False  # in an emergency
+        self._goals = () if scene is None else goals_of(scene)
+        self._pace = None if scene is None else _pace_of(scene)
+        self._adding = () if scene is None else adding_parts(scene)
+        self._looking, self._holding = ((), ()) if scene is None else drum_parts(scene, diameter_m)
 
     def doubt(self) -> None:
         """Who commands was away: from its first new stamp on, its new plan replaces the old.
 
         What it repeats of the time before is known and no fault.
         """
-        self._in_doubt = True
+        self._orders.doubt()
+        self._switches.doubt()
 
     @property
     def line(self) -> LineOut:
         """Line out and speed now."""
         return self._line
 
-    def offer(self, stamp_ns: int | None, speed_m_per_s: float, now_ns: int) -> str:
-        """Take a command (None: at once); returns "" or the sentence of its refusal."""
-        refuse = self.counter.refuse
-        if self._scene is None:
-            return refuse("impossible", phrase("winch command", "this scene has no winch",
-                                               "add a winch to the scene"))  # fmt: skip
-        if not math.isfinite(speed_m_per_s):
-            return refuse("non_finite", phrase("winch command", f"speed {speed_m_per_s} m/s",
-                                               "it must be a finite number"))  # fmt: skip
-        if abs(speed_m_per_s) > IMPOSSIBLE_M_PER_S:
-            return refuse("impossible", phrase(
-                "winch command", f"speed {speed_m_per_s:g} m/s",
-                f"no winch runs faster than {IMPOSSIBLE_M_PER_S:g} m/s"))  # fmt: skip
-        if stamp_ns is not None:
-            if self._in_doubt and (stamp_ns, speed_m_per_s) in self._done:
-                return ""
-            if self._in_doubt and now_ns <= stamp_ns <= now_ns + AHEAD_NS:
-                self._drop_from(stamp_ns)
-            if stamp_ns == self._newest_ns:
-                return refuse("repeated", phrase(
-                    "winch command", f"stamp {stamp_ns * 1e-9:.3f} s came twice",
-                    "each command needs a stamp of its own, or none"))  # fmt: skip
-            if self._newest_ns is not None and stamp_ns < self._newest_ns:
-                return refuse("late", phrase(
-                    "winch command",
-                    f"stamp {stamp_ns * 1e-9:.3f} s follows {self._newest_ns * 1e-9:.3f} s",
-                    "commands must come in the order of their stamps"))  # fmt: skip
-            if stamp_ns < now_ns:
-                return refuse("late", phrase(
-                    "winch command",
-                    f"it came {(now_ns - stamp_ns) * 1e-6:.0f} ms after it was due",
-                    "raise the input delay by more than that, or leave the stamp 0"))  # fmt: skip
-            if stamp_ns > now_ns + AHEAD_NS:
-                return refuse("impossible", phrase(
-                    "winch command", f"stamp {stamp_ns * 1e-9:.1f} s lies more than 10 s ahead",
-                    "sender and twin must share one clock"))  # fmt: skip
-            self._newest_ns = stamp_ns
-        else:
-            self._queue.clear()  # what an operator wants at once does not wait for a plan
-            self._newest_ns = None
-        self.counter.accept(now_ns if stamp_ns is None else stamp_ns)
-        self._queue.append((stamp_ns, float(speed_m_per_s)))
-        return ""
+    @property
+    def always_feels(self) -> bool:
+        """Whether a part of it asks what the rope is like at every step."""
+        return bool(self._holding)
 
-    def _drop_from(self, stamp_ns: int) -> None:
-        """Drop commands that wait for this time or later ones; what comes first stands."""
-        self._queue = deque(c for c in self._queue if c[0] is None or c[0] < stamp_ns)
-        self._newest_ns = self._queue[-1][0] if self._queue else None
-        self._in_doubt = False
+    def feels(self, time_ns: int) -> bool:
+        """Whether its step from this time on asks what the rope is like."""
+        due = self._orders.last_due(time_ns)
+        kind = self._kind if due is None else due.kind
+        return kind in FEELING or self.always_feels
+
+    def offer(self, stamp_ns: int | None, speed_m_per_s: float, now_ns: int) -> str:
+        """Take a speed (None: at once); returns "" or the sentence of its refusal."""
+        return self.take(stamp_ns, Order(SPEED, speed_m_per_s), now_ns)
+
+    def take(self, stamp_ns: int | None, order: Order, now_ns: int) -> str:
+        """Take an order (None: at once); returns "" or the sentence of its refusal."""
+        queue = self._switches if order.kind in SWITCHES else self._orders
+        fault = find_fault(order, self._scene)
+        if fault is not None:
+            return queue.counter.refuse(*fault)
+        return queue.offer(stamp_ns, order, now_ns)
+
+    def newest_ns(self) -> dict[str, int]:
+        """Stamp of the newest accepted order and switch, by the name of the input."""
+        counters = (self._orders.counter, self._switches.counter)
+        return {c.name: c.newest_ns for c in counters if c.newest_ns is not None}
+
+    def health(self, now_ns: int) -> dict[str, InputHealth]:
+        """What became of the commands, by the name of the input; of switches where it has any."""
+        told = {self.counter.name: self.counter.health(now_ns, self.stale(now_ns))}
+        if self._scene is not None and any(getattr(self._scene, key) for key in SWITCHES.values()):
+            own = self._switches.counter
+            told[own.name] = own.health(now_ns, False)
+        return told
 
     def stale(self, now_ns: int) -> bool:
-        """Whether it runs on a command that has not been repeated for STALE_NS."""
-        newest = self.counter.newest_ns
-        return self._target != 0.0 and newest is not None and now_ns - newest > STALE_NS
+        """Whether it runs on a command that has not been repeated for STALE_NS.
 
-    def step(self, time_ns: int, step_s: float) -> LineOut:
+        A length, depth or tension stands until another order comes.
+        """
+        newest = self.counter.newest_ns
+        runs = self._kind == SPEED and self._value != 0.0
+        return runs and newest is not None and now_ns - newest > STALE_NS
+
+    def step(
+        self,
+        time_ns: int,
+        step_s: float,
+        heave_m_per_s: float = 0.0,
+        felt: Felt | None = None,
+    ) -> LineOut:
         """Move on from `time_ns` by one step; returns line out and speed at its end.
 
-        Commands whose stamp is not after `time_ns` take effect now, in order.
+        Commands whose stamp is not after `time_ns` take effect now, in order. `heave_m_per_s`: of
+        the hang-off at the step's end; `felt`: where it `feels`.
         """
-        while self._queue and (self._queue[0][0] is None or self._queue[0][0] <= time_ns):
-            self._done.append(self._queue.popleft())
-            self._target = self._done[-1][1]
+        self._obey(time_ns)
         if self._scene is None:
             return self._line
-        target = self._limited_target(step_s)
-        self._line = _follow(self._line, target, self._scene.acceleration_limit_m_per_s2, step_s)
+        moment = Moment(time_ns, step_s, heave_m_per_s, felt)
+        limits = [self._follow(moment)]
+        wanted = self._nominal
+        for adding in self._adding:
+            wanted = adding.add(wanted, moment)
+        line = wanted
+        for holding in self._holding:
+            line = holding.hold(self._line, line, moment)
+        if line != wanted:
+            line = self._at_rope_end(line)
+            self._give_way(line, wanted)
+        self.payout_m_per_s2 = _final_acceleration(self._line, line, step_s)
+        self._line = line
+        limits += [part.words() for part in self._parts]
+        self.at_limit = "; ".join(words for words in limits if words)
         if self.stale(time_ns):
             self.counter.say("the command is no longer repeated; its last speed is kept")
         else:
             self.counter.say("")
         return self._line
 
-    def _limited_target(self, step_s: float) -> float:
-        """The commanded speed within the winch's limits; says in `at_limit` which one holds."""
-        scene = self._scene
+    def shot(self) -> WinchShot | None:
+        """What it does, for operators; None without a winch."""
+        if self._scene is None:
+            return None
+        figures: dict[str, float] = {}
+        for part in self._parts:
+            figures |= part.figures(self._line)
+        mode = EMERGENCY_STOP if self._stopped else self._kind
+        return WinchShot(self._name, mode, self._value, self.at_limit, tuple(figures.items()))
+
+    @property
+    def _parts(self) -> tuple[Part, ...]:
+        return (*self._adding, *self._looking, *self._holding)
+
+    def _obey(self, time_ns: int) -> None:
+        """Take up what is due. In an emergency stop no motion is."""
+        for order in self._switches.due(time_ns):
+            self._switch(order.kind, time_ns)
+        for order in self._orders.due(time_ns):
+            if not self._stopped:
+                self._kind, self._value = order
+                for goal in self._goals:
+                    if goal.kind == order.kind:
+                        goal.begin(order.value)
+
+    def _switch(self, switch: str, time_ns: int) -> None:
+        if switch == EMERGENCY_STOP or (switch == RESET and self._stopped):
+            self._stopped = switch == EMERGENCY_STOP
+            self._kind, self._value = SPEED, 0.0
+            self._goals[0].begin(0.0)
+        if switch == COMPENSATE:  # it begins at the middle of its stroke, where the line is
+            self._nominal = self._nominal._replace(length_m=self._line.length_m)
+        for part in self._parts:
+            part.obey(switch, time_ns)
+
+    def _follow(self, moment: Moment) -> str:
+        """Move the nominal line; says which limit holds it."""
+        scene, pace = self._scene, self._pace
         assert scene is not None
-        self.at_limit = ""
-        target = self._target
-        if abs(target) > scene.speed_limit_m_per_s:
-            target = math.copysign(scene.speed_limit_m_per_s, target)
-            self.at_limit = (
-                f"{self._target:+.2f} m/s commanded; the winch does "
-                f"{scene.speed_limit_m_per_s:g} m/s at most"
-            )
-        outward = target > 0.0
-        room = (
-            scene.most_line_out_m - self._line.length_m
-            if outward
-            else self._line.length_m - scene.least_line_out_m
-        )
-        outgoing = max(math.copysign(1.0, target) * self._line.speed_m_per_s, 0.0)
-        braking = _braking_speed(
-            room - 0.5 * step_s * outgoing, scene.acceleration_limit_m_per_s2, step_s
-        )
-        if abs(target) > braking:
-            target = math.copysign(braking, target) if braking > CREEP_M_PER_S else 0.0
-            limit = scene.most_line_out_m if outward else scene.least_line_out_m
-            kind = "most" if outward else "least"
-            self.at_limit = f"held at the {kind} line out, {limit:g} m"
-        return target
+        assert pace is not None
+        goal = next(goal for goal in self._goals if goal.kind == self._kind)
+        wish = goal.wish(self._nominal, moment.felt, moment.step_s)
+        if self._stopped and scene.emergency_stop is not None:
+            stop = AccelerationLimited(scene.emergency_stop.deceleration_m_per_s2)
+            self._nominal, _ = stop.move(self._nominal, wish, moment.step_s)
+            pace.yield_to(self._nominal)
+            return "emergency stop: no motion is obeyed until it is reset"
+        outward = wish.speed_m_per_s > 0.0
+        self._nominal, held = pace.move(self._nominal, wish, moment.step_s)
+        limit = scene.most_line_out_m if outward else scene.least_line_out_m
+        if held and limit == (wish.high_m if outward else wish.low_m) and self._kind != "length":
+            return f"held at the {'most' if outward else 'least'} line out, {limit:g} m"
+        return goal.words()
+
+    def _at_rope_end(self, line: LineOut) -> LineOut:
+        """A drum that renders until it is empty is held by the rope's end on it."""
+        assert self._scene is not None
+        most = self._scene.most_line_out_m
+        return LineOut(most, 0.0) if line.length_m > most else line
+
+    def _give_way(self, line: LineOut, wanted: LineOut) -> None:
+        """The line did not go where it was wanted: neither did the nominal one.
+
+        A drive goes on asking for the same speed; behind a brake it begins anew from standstill.
+        """
+        length, speed = self._nominal
+        length += line.length_m - wanted.length_m
+        if any(part.has_line for part in self._holding):
+            speed += line.speed_m_per_s - wanted.speed_m_per_s
+            assert self._pace is not None
+            self._pace.yield_to(self._nominal)
+        self._nominal = LineOut(length, speed)
 
 
-def _braking_speed(room_m: float, acceleration: float, step_s: float) -> float:
-    """Largest speed v at the end of a step after which the winch still stops in time.
-
-    v²/(2·a) + v·h/2 = room: braking from v, and v's share of the step itself (its other half, of
-    the speed at the step's start, is taken off the room by the caller).
-    """
-    lag = 0.5 * acceleration * step_s
-    return math.sqrt(2.0 * acceleration * max(room_m, 0.0) + lag * lag) - lag
+def winch_of_rope(scene: Scene, line: RopeLine) -> Winch:
+    """The winch at the upper end of a rope of the scene; without one its line never changes."""
+    diameter = line.made_of[-1].rope.diameter_m
+    return Winch(winch_of(scene, line), line.length_m, line.from_, diameter)
 
 
-def _follow(line: LineOut, target: float, acceleration: float, step_s: float) -> LineOut:
-    """Speed goes to the target with the acceleration limit; line out is its exact integral."""
-    change = target - line.speed_m_per_s
-    reached = abs(change) / acceleration
-    if reached >= step_s:
-        rate = math.copysign(acceleration, change)
-        speed = line.speed_m_per_s + rate * step_s
-        return LineOut(line.length_m + step_s * 0.5 * (line.speed_m_per_s + speed), speed)
-    mean = 0.5 * (line.speed_m_per_s + target)
-    return LineOut(line.length_m + reached * mean + (step_s - reached) * target, target)
+def _final_acceleration(before: LineOut, after: LineOut, step_s: float) -> float:
+    """At the end of a step, of the cubic through both ends that the rope is stepped with."""
+    way = (after.length_m - before.length_m) / step_s
+    return (4.0 * after.speed_m_per_s + 2.0 * before.speed_m_per_s - 6.0 * way) / step_s
+
+
+def _pace_of(scene: WinchScene) -> Pace:
+    acceleration = scene.acceleration_limit_m_per_s2
+    if scene.jerk_limit_m_per_s3 is None:
+        return AccelerationLimited(acceleration)
+    return JerkLimited(acceleration, scene.jerk_limit_m_per_s3)

@@ -36,8 +36,8 @@ def test_in_a_slot_of_20_ms_scalars_come_each_time_and_arrays_every_second() -> 
 
 
 def test_the_error_band_is_published_only_where_there_is_one() -> None:
-    banded = SimpleNamespace(band=object(), ropes=(), seabed=None)
+    banded = SimpleNamespace(band=object(), ropes=(), seabed=None, winches=())
     assert "tension_top/band" in due_topics(1, 20_000_000, banded)
     assert due_topics(
-        1, 20_000_000, SimpleNamespace(band=None, ropes=(), seabed=None)
+        1, 20_000_000, SimpleNamespace(band=None, ropes=(), seabed=None, winches=())
     ) == due_topics(1, 20_000_000)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from functools import partial
 
 import pytest
 from hypothesis import given
@@ -10,8 +11,12 @@ from hypothesis import strategies as st
 from ros_messages import joint, multi_array
 
 from rope_twin.errors import InputError
-from rope_twin.messages import encode_heave, encode_speed
-from rope_twin.ros.inputs import read_current, read_heave, read_speed
+from rope_twin.messages import encode_heave, encode_order, encode_speed
+from rope_twin.ros.inputs import read_current, read_heave, read_order
+from rope_twin.topics import WINCH_TOPICS
+from rope_twin.twin.hoisting.orders import Order
+
+SPEED_TOPIC = "winch/speed_command"
 
 
 @given(st.integers(0, 2**31 * 10**9 - 1), st.floats(-50, 50), st.floats(-20, 20))
@@ -19,9 +24,18 @@ def test_heave_comes_back_as_it_was_sent(stamp_ns: int, z: float, vz: float) -> 
     assert read_heave(encode_heave(stamp_ns, z, vz)) == (stamp_ns, z, vz)
 
 
-def test_speed_comes_back_and_stamp_zero_means_at_once() -> None:
-    assert read_speed(encode_speed(1_234_567_890, -0.25)) == (1_234_567_890, -0.25, "winch")
-    assert read_speed(encode_speed(0, 0.5, "aft")) == (None, 0.5, "aft")
+ORDERS = [Order("speed", -0.25), Order("length", 350.0), Order("depth", 2990.0),
+          Order("tension", 1.5e5), Order("emergency_stop"), Order("set_brake")]  # fmt: skip
+
+
+@pytest.mark.parametrize("order", ORDERS, ids=[order.kind for order in ORDERS])
+def test_an_order_comes_back_and_stamp_zero_means_at_once(order: Order) -> None:
+    assert read_order(*encode_order(1_234_567_890, order)) == (1_234_567_890, order, "winch")
+    assert read_order(*encode_order(0, order, "aft")) == (None, order, "aft")
+
+
+def test_a_speed_is_what_it_always_was() -> None:
+    assert encode_order(7, Order("speed", 0.5)) == (SPEED_TOPIC, encode_speed(7, 0.5))
 
 
 @pytest.mark.parametrize("sizes", [[2, 3], [], [6]])
@@ -43,9 +57,23 @@ def test_current_rows_come_with_or_without_a_layout(sizes: list[int]) -> None:
 )
 def test_a_malformed_command_gets_one_sentence(data: bytes, words: str) -> None:
     with pytest.raises(InputError, match=words) as caught:
-        read_speed(data)
+        read_order(SPEED_TOPIC, data)
     assert str(caught.value).endswith(".")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("topic", "words"),
+    [
+        ("winch/length_command", "0 positions; there must be exactly one, the line out"),
+        ("winch/depth_command", "0 positions; there must be exactly one, the payload's depth"),
+        ("winch/tension_command", "0 efforts; there must be exactly one, the tension"),
+        ("winch/switch_command", "1 names; give two: the winch's, and one of emergency_stop"),
+    ],
+)
+def test_a_speed_on_another_topic_is_refused(topic: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        read_order(topic, joint([0.1]))
 
 
 @pytest.mark.parametrize(
@@ -67,6 +95,7 @@ def test_a_malformed_current_gets_one_sentence(data: bytes) -> None:
 
 @given(st.binary(max_size=400))
 def test_random_bytes_never_raise_anything_else(data: bytes) -> None:
-    for read in (read_heave, read_speed, read_current):
+    orders = [partial(read_order, topic) for topic in WINCH_TOPICS]
+    for read in (read_heave, *orders, read_current):
         with contextlib.suppress(InputError):
             read(data)

@@ -17,13 +17,16 @@ from rope_twin.messages import (
     encode_elevation,
     encode_epoch,
     encode_heave,
-    encode_speed,
+    encode_order,
     statuses,
 )
 from rope_twin.messages.cdr import deserialise, new, serialise
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.topics import BY_NAME, TOPICS, Qos, Topic
+from rope_twin.twin.hoisting.orders import Order
 
+ONE_OF_EACH = [Order("speed", 0.3), Order("length", 350.0), Order("depth", 340.0),
+               Order("tension", 1e5), Order("set_brake")]  # fmt: skip
 EPOCH_NS = 1_700_000_000_000_000_000
 NOTES = {"seed": "7", "source": "a test: with 'quotes', #hash and\nlines", "number": "12"}
 
@@ -36,7 +39,7 @@ def all_messages(stamp_ns: int) -> dict[str, bytes]:
     return messages | {
         "ship/heave": encode_heave(stamp_ns, 0.5, -0.25),
         "sea/elevation": encode_elevation(stamp_ns, 1.5),
-        "winch/speed_command": encode_speed(stamp_ns, 0.3),
+        **dict(encode_order(stamp_ns, order) for order in ONE_OF_EACH),
         "twin/epoch": encode_epoch(EPOCH_NS),
         "diagnostics": encode_diagnostics(stamp_ns, statuses(snapshot, None)),
         "current": serialise(

@@ -11,7 +11,10 @@ from sample_snapshot import hanging_rope
 
 from rope_twin import messages
 from rope_twin.topics import BY_NAME, TOPICS
+from rope_twin.twin.hoisting.orders import Order
 
+ONE_OF_EACH = [Order("speed", 0.3), Order("length", 350.0), Order("depth", 340.0),
+               Order("tension", 1e5), Order("set_brake")]  # fmt: skip
 STAMP_NS = 1_763_700_000_123_456_789
 
 
@@ -23,7 +26,7 @@ def encoded(topic: str, nodes: int) -> bytes:
     return {
         "ship/heave": messages.encode_heave(STAMP_NS, 1.5, -0.25),
         "sea/elevation": messages.encode_elevation(STAMP_NS, -0.75),
-        "winch/speed_command": messages.encode_speed(STAMP_NS, 0.5),
+        **dict(messages.encode_order(STAMP_NS, order, "aft") for order in ONE_OF_EACH),
         "twin/epoch": messages.encode_epoch(STAMP_NS),
         "diagnostics": messages.encode_diagnostics(STAMP_NS, messages.statuses(snapshot, None)),
     }[topic]

@@ -27,7 +27,7 @@ from rope_twin.messages import (
     encode_elevation,
     encode_epoch,
     encode_heave,
-    encode_speed,
+    encode_order,
     statuses,
 )
 from rope_twin.recording.bag_writer import BagWriter
@@ -39,7 +39,7 @@ from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.pacing import keep_pauses_short, steps_in_slot
 from rope_twin.twin.schedule import schedule_samples
 from rope_twin.twin.snapshot import Snapshot
-from rope_twin.twin.winch import command_input
+from rope_twin.twin.winch import input_of
 
 BLIND_S = 1.0  # steps without a look at the rope, where only the speed is wanted
 
@@ -132,10 +132,10 @@ class UnpacedRun:
                 messages.append((at_ns, "sea/elevation", data))
         for name, winch in winches_by_name(self.twin.scene).items():
             for command in schedule_samples(winch, self._offered_ns, until_ns):
-                if command.stamp_ns > self._known_ns.get(command_input(name), FIRST_NS - 1):
-                    self.twin.offer_speed(command.stamp_ns, command.speed_m_per_s, name)
-                data = encode_speed(self.epoch_ns + command.stamp_ns, command.speed_m_per_s, name)
-                messages.append((command.stamp_ns, "winch/speed_command", data))
+                at_ns, order = command.stamp_ns, command.order
+                if at_ns > self._known_ns.get(input_of(order, name), FIRST_NS - 1):
+                    self.twin.offer_order(at_ns, order, name)
+                messages.append((at_ns, *encode_order(self.epoch_ns + at_ns, order, name)))
         self._inputs.extend(sorted(messages, key=lambda message: message[0]))
         self._offered_ns = until_ns
 

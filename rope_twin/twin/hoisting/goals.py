@@ -1,0 +1,177 @@
+"""From an order to a wish: what speed it asks for now, and where the line must be able to stop."""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+from rope_twin.scene.winch import Winch as WinchScene
+from rope_twin.scene.winch_parts import ConstantTension
+from rope_twin.twin.hoisting.line import Felt, LineOut, Wish
+from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION
+
+DEPTH_SMOOTHING_S = 20.0  # longer than waves and a rope's axial period, shorter than a lift
+
+
+class Goal(Protocol):
+    """One way to be told where to go."""
+
+    kind: str
+
+    def begin(self, value: float) -> None:
+        """An order of this kind takes effect."""
+
+    def wish(self, line: LineOut, felt: Felt | None, step_s: float) -> Wish:
+        """For the next step."""
+
+    def words(self) -> str:
+        """Why it does not get what it asks for, if it does not."""
+
+
+class SpeedGoal:
+    """A speed, + pays out, as far as the winch goes and there is rope."""
+
+    kind = SPEED
+
+    def __init__(self, scene: WinchScene) -> None:
+        self._scene, self._speed = scene, 0.0
+
+    def begin(self, value: float) -> None:
+        """A speed [m/s]."""
+        self._speed = value
+
+    def wish(self, line: LineOut, felt: Felt | None, step_s: float) -> Wish:
+        """That speed."""
+        return _limited(self._speed, self._scene)
+
+    def words(self) -> str:
+        """Whether the winch is too slow for it."""
+        limit = self._scene.speed_limit_m_per_s
+        if abs(self._speed) <= limit:
+            return ""
+        return f"{self._speed:+.2f} m/s commanded; the winch does {limit:g} m/s at most"
+
+
+class LengthGoal:
+    """A line out at which to stop, reached as quickly as the limits allow."""
+
+    kind = LENGTH
+
+    def __init__(self, scene: WinchScene) -> None:
+        self._scene, self._length = scene, scene.least_line_out_m
+
+    def begin(self, value: float) -> None:
+        """A line out [m]."""
+        self._length = value
+
+    def wish(self, line: LineOut, felt: Felt | None, step_s: float) -> Wish:
+        """Towards it."""
+        return _towards(self._length, line, self._scene)
+
+    def words(self) -> str:
+        """Nothing: an order out of reach was refused."""
+        return ""
+
+
+class DepthGoal:
+    """A depth of the payload at which to stop.
+
+    The rope's stretch and curve make the depth differ from the line out. That difference, less the
+    heave of the hang-off, is smoothed over DEPTH_SMOOTHING_S, so that the winch does not chase the
+    payload's swinging in the waves, and says which line out gives the depth.
+    """
+
+    kind = DEPTH
+
+    def __init__(self, scene: WinchScene) -> None:
+        self._scene, self._depth = scene, 0.0
+        self._beyond: float | None = None  # depth less line out, smoothed [m]
+        self._at_end = ""
+
+    def begin(self, value: float) -> None:
+        """A depth [m below the mean water level]."""
+        self._depth = value
+
+    def wish(self, line: LineOut, felt: Felt | None, step_s: float) -> Wish:
+        """Towards the line out that gives the depth."""
+        assert felt is not None, "the winch said that it asks for it"
+        beyond = felt.depth_m - line.length_m
+        if self._beyond is not None:
+            share = -math.expm1(-step_s / DEPTH_SMOOTHING_S)
+            beyond = self._beyond + share * (beyond - self._beyond)
+        self._beyond = beyond
+        wanted = self._depth - beyond
+        least, most = self._scene.least_line_out_m, self._scene.most_line_out_m
+        length = min(max(wanted, least), most)
+        self._at_end = (
+            f"a depth of {self._depth:g} m needs {wanted:.1f} m of line; the winch has {least:g} "
+            f"to {most:g} m" if length != wanted else ""
+        )  # fmt: skip
+        return _towards(length, line, self._scene)
+
+    def words(self) -> str:
+        """Whether the line is too short or too long for it."""
+        return self._at_end
+
+
+class TensionGoal:
+    """A top tension to keep: a proportional and integral controller of the speed.
+
+    With the tension F' at the step's end as the rope will answer, V' = g·(F' - F_named) + integral,
+    solved for V': so a high gain does not make it and a stiff rope swing from step to step.
+    """
+
+    kind = TENSION
+
+    def __init__(self, scene: WinchScene, gains: ConstantTension) -> None:
+        self._scene, self._gains = scene, gains
+        self._tension, self._integral = 0.0, 0.0  # [N], [m/s]
+        self._asked = 0.0
+
+    def begin(self, value: float) -> None:
+        """A tension [N]."""
+        if value != self._tension:
+            self._tension, self._integral = value, 0.0
+
+    def wish(self, line: LineOut, felt: Felt | None, step_s: float) -> Wish:
+        """Pay out what pulls too much, haul in what pulls too little."""
+        assert felt is not None, "the winch said that it asks for it"
+        limit, gain = self._scene.speed_limit_m_per_s, 1e-3 * self._gains.gain_m_per_s_per_kn
+        answer, V = felt.hold + felt.brace, line.speed_m_per_s
+        if self._gains.integral_time_s is not None:
+            error = gain * (felt.pull_n - self._tension)
+            grown = self._integral + step_s / self._gains.integral_time_s * error
+            self._integral = min(max(grown, -limit), limit)  # it asks for no more than there is
+        above = felt.at_speed(V) - self._tension
+        self._asked = (gain * above + self._integral) / (1.0 + gain * answer)
+        return _limited(self._asked, self._scene)
+
+    def words(self) -> str:
+        """Whether the winch is too slow for it."""
+        limit = self._scene.speed_limit_m_per_s
+        if abs(self._asked) <= limit:
+            return ""
+        return (
+            f"{self._tension * 1e-3:g} kN would take {self._asked:+.2f} m/s; the winch does "
+            f"{limit:g} m/s at most"
+        )
+
+
+def goals_of(scene: WinchScene) -> tuple[Goal, ...]:
+    """What a winch of this make can be told; the first is what it does at the start."""
+    goals: tuple[Goal, ...] = (SpeedGoal(scene), LengthGoal(scene), DepthGoal(scene))
+    if scene.constant_tension is not None:
+        goals += (TensionGoal(scene, scene.constant_tension),)
+    return goals
+
+
+def _limited(speed: float, scene: WinchScene) -> Wish:
+    limit = scene.speed_limit_m_per_s
+    return Wish(min(max(speed, -limit), limit), scene.least_line_out_m, scene.most_line_out_m)
+
+
+def _towards(length: float, line: LineOut, scene: WinchScene) -> Wish:
+    limit, low, high = scene.speed_limit_m_per_s, scene.least_line_out_m, scene.most_line_out_m
+    if length > line.length_m:
+        return Wish(limit, low, length)
+    return Wish(-limit if length < line.length_m else 0.0, length, high)

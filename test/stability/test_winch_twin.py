@@ -1,0 +1,125 @@
+"""A winch with all its parts in a twin: the same however it is stepped, saved or branched."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from small_scene import digest, small_scene
+
+from rope_twin import Twin
+from rope_twin.errors import InputError
+from rope_twin.scene.schema import Scene
+from rope_twin.scene.winch_parts import (
+    Brake,
+    ConstantTension,
+    Drive,
+    Drum,
+    EmergencyStop,
+    HeaveCompensation,
+)
+from rope_twin.twin.ensemble import Ensemble, Variation
+from rope_twin.twin.heave_series import HeaveSeries
+from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.schedule import OrderSample
+
+S = 1_000_000_000
+HEAVE = tuple((k * S // 20, math.sin(0.04 * k), 0.8 * math.cos(0.04 * k)) for k in range(-2, 400))
+ORDERS = (
+    (S, Order("speed", 1.0)), (3 * S, Order("depth", 210.0)), (6 * S, Order("tension", 7e4)),
+    (7 * S, Order("length", 205.0)), (8 * S, Order("set_brake")), (9 * S, Order("release_brake")),
+    (19 * S // 2, Order("emergency_stop")),
+)  # fmt: skip
+COMPENSATION = HeaveCompensation(
+    efficiency=0.95, lag_s=0.1, delay_s=0.07, stroke_m=2.5, speed_limit_m_per_s=3.0,
+    acceleration_limit_m_per_s2=3.0,
+)  # fmt: skip
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Scene:
+    plain = small_scene(tmp_path)
+    assert plain.winch is not None
+    winch = replace(
+        plain.winch, jerk_limit_m_per_s3=0.5, heave_compensation=COMPENSATION,
+        drum=Drum(core_radius_m=0.8, turns_per_layer=40.0),
+        drive=Drive(inertia_kg_m2=3e3, torque_limit_n_m=75e3),
+        brake=Brake(holding_torque_n_m=90e3, delay_s=0.3),
+        emergency_stop=EmergencyStop(deceleration_m_per_s2=2.0),
+        constant_tension=ConstantTension(gain_m_per_s_per_kn=0.02, integral_time_s=5.0),
+    )  # fmt: skip
+    return replace(plain, winch=winch)
+
+
+def fed(twin: Twin) -> Twin:
+    for sample in HEAVE:
+        assert twin.offer_heave(*sample) == ""
+    for stamp_ns, order in ORDERS:
+        assert twin.offer_order(stamp_ns, order) == ""
+    return twin
+
+
+def test_it_does_not_matter_how_the_steps_are_cut_up(scene: Scene) -> None:
+    whole, pieces = fed(Twin(scene)), fed(Twin(scene))
+    whole.advance(1000)
+    for steps in (1, 255, 2, 300, 442):
+        pieces.advance(steps)
+    one, other = whole.snapshot(), pieces.snapshot()
+    assert one.winches == other.winches
+    assert one.winches[0].mode == "emergency_stop"
+    assert one.payload_position_m.tobytes() == other.payload_position_m.tobytes()
+    assert one.tension_top_n == other.tension_top_n
+
+
+@pytest.mark.parametrize("steps", [350, 650, 845])
+def test_a_saved_and_a_branched_twin_go_on_to_the_bit(
+    scene: Scene, steps: int, tmp_path: Path
+) -> None:
+    """In the middle of a depth, of a tension, and while the brake holds."""
+    twin = fed(Twin(scene))
+    twin.advance(steps)
+    twin.save(tmp_path / "winch.state")
+    restored, branch = Twin.restore(tmp_path / "winch.state", scene), twin.branch()
+    twin.snapshot()
+    branch.snapshot()
+    for one in (twin, restored, branch):
+        one.advance(1000 - steps)
+    shots = [one.snapshot() for one in (twin, restored, branch)]
+    assert digest(shots[:1]) == digest(shots[2:])
+    assert shots[0].winches == shots[1].winches == shots[2].winches
+    assert shots[0].node_position_m.tobytes() == shots[1].node_position_m.tobytes()
+    assert shots[0].winches[0].figures
+
+
+def test_an_ensemble_compensates_heave_as_a_twin_does(scene: Scene) -> None:
+    assert scene.winch is not None
+    winch = replace(scene.winch, drum=None, drive=None, brake=None)
+    own = replace(scene, winch=winch)
+    series = HeaveSeries.of(HEAVE)
+    commands = (
+        OrderSample(S, Order("length", 203.0)),
+        OrderSample(5 * S, Order("stop_compensating")),
+    )
+    plain = tuple((t, 0.5 * z, 0.5 * v) for t, z, v in HEAVE)
+    variations = [
+        Variation(heave=heave, commands=commands) for heave in (series, HeaveSeries.of(plain))
+    ]
+    ensemble = Ensemble(own, variations)
+    ensemble.advance(8.0)
+    twin = Twin(own)
+    for sample in HEAVE:
+        twin.offer_heave(*sample)
+    for command in commands:
+        assert twin.offer_order(command.stamp_ns, command.order) == ""
+    twin.advance(800)
+    one, other, alone = ensemble.snapshot(0), ensemble.snapshot(1), twin.snapshot()
+    assert one.line_out_m == alone.line_out_m
+    assert one.tension_top_n == alone.tension_top_n
+    assert other.line_out_m != one.line_out_m, "each member answers its own heave"
+
+
+def test_an_ensemble_says_that_it_cannot_foresee_the_rope(scene: Scene) -> None:
+    with pytest.raises(InputError, match="depends on the rope's tension; `rope_twin run` steps"):
+        Ensemble(scene, [Variation()])

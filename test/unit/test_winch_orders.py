@@ -1,0 +1,158 @@
+"""What a winch can be told, in a schedule and over time, and what it says to what it cannot do."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from rope_twin.scene.winch import ScheduleRow
+from rope_twin.scene.winch import Winch as WinchScene
+from rope_twin.scene.winch_parts import Brake, ConstantTension, Drive, Drum, EmergencyStop
+from rope_twin.twin.hoisting.line import Felt
+from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.schedule import OrderSample, SpeedSample, schedule_samples
+from rope_twin.twin.winch import Winch
+
+S = 1_000_000_000
+PLAIN = WinchScene(
+    speed_limit_m_per_s=1.0, acceleration_limit_m_per_s2=0.5, least_line_out_m=20.0,
+    most_line_out_m=200.0,
+)  # fmt: skip
+EQUIPPED = WinchScene(
+    speed_limit_m_per_s=1.0, acceleration_limit_m_per_s2=0.5, least_line_out_m=20.0,
+    most_line_out_m=200.0, drum=Drum(core_radius_m=0.5, turns_per_layer=30.0),
+    drive=Drive(inertia_kg_m2=500.0, torque_limit_n_m=60e3),
+    brake=Brake(holding_torque_n_m=90e3, delay_s=0.6),
+    emergency_stop=EmergencyStop(deceleration_m_per_s2=2.0),
+    constant_tension=ConstantTension(gain_m_per_s_per_kn=0.05, integral_time_s=4.0),
+)  # fmt: skip
+CALM = Felt(50e3, 50e3, 100.0, 0.0, 0.0, 0.0)  # its tension answers nothing
+
+
+def stepped(winch: Winch, seconds: float, felt: Felt | None = CALM, begin_s: float = 0.0) -> None:
+    for k in range(round(seconds / 0.01)):
+        winch.step(round((begin_s + 0.01 * k) * 1e9), 0.01, 0.0, felt)
+
+
+@pytest.mark.parametrize(
+    ("scene", "order", "kind", "words"),
+    [
+        (None, Order("length", 50.0), "impossible", "no winch; add a winch"),
+        (PLAIN, Order("length", math.nan), "non_finite", "it must be a finite number"),
+        (PLAIN, Order("length", 250.0), "impossible", "length 250 m; this winch has 20 to 200 m"),
+        (PLAIN, Order("depth", -5.0), "impossible", "depth -5 m; depth counts from"),
+        (PLAIN, Order("depth", math.inf), "non_finite", "depth inf m"),
+        (PLAIN, Order("tension", 1e5), "impossible", "no constant tension; add"),
+        (EQUIPPED, Order("tension", -1.0), "impossible", "a rope pulls with 0 to"),
+        (PLAIN, Order("set_brake"), "impossible", "'set_brake' but this winch has no brake"),
+        (PLAIN, Order("emergency_stop"), "impossible", "has no emergency stop; add"),
+        (EQUIPPED, Order("compensate"), "impossible", "has no heave compensation"),
+        (EQUIPPED, Order("set_break"), "impossible", "did you mean 'set_brake'?"),
+        (PLAIN, Order("speed", 11.0), "impossible", "no winch runs faster than 10 m/s"),
+    ],
+)
+def test_what_cannot_be_gets_one_sentence(
+    scene: WinchScene | None, order: Order, kind: str, words: str
+) -> None:
+    winch = Winch(scene, 100.0)
+    sentence = winch.take(None, order, 0)
+    assert words in sentence
+    assert sentence.startswith("winch command: ")
+    counted = [getattr(health, kind) for health in winch.health(0).values()]
+    switches = Winch(scene, 100.0)  # of a scene without switches, their count is not told
+    assert sum(counted) == 1 or len(switches.health(0)) == 1
+    stepped(winch, 1.0)
+    assert winch.line.length_m == 100.0
+
+
+def test_the_stamps_of_orders_are_judged_as_those_of_speeds() -> None:
+    winch = Winch(EQUIPPED, 100.0)
+    assert winch.take(2 * S, Order("length", 120.0), S) == ""
+    assert "came twice" in winch.take(2 * S, Order("speed", 0.1), S)
+    assert "order of their stamps" in winch.take(3 * S // 2, Order("depth", 90.0), S)
+    assert "after it was due" in winch.take(4 * S, Order("tension", 1e4), 5 * S)
+    assert "10 s ahead" in winch.take(30 * S, Order("speed", 0.1), 5 * S)
+    assert winch.take(2 * S, Order("set_brake"), S) == "", "switches have stamps of their own"
+
+
+def test_a_switch_at_once_leaves_planned_ones_and_comes_first() -> None:
+    winch = Winch(EQUIPPED, 100.0)
+    assert winch.take(S, Order("set_brake"), 0) == ""
+    assert winch.take(None, Order("emergency_stop"), 0) == ""
+    assert winch.take(None, Order("reset"), 0) == ""
+    assert winch.take(None, Order("release_brake"), 0) == ""
+    stepped(winch, 1.0)
+    assert dict(winch.shot().figures)["brake_holds"] == 0.0
+    stepped(winch, 0.7, begin_s=1.0)
+    assert dict(winch.shot().figures)["brake_holds"] == 1.0
+
+
+def test_in_an_emergency_stop_nothing_moves_until_it_is_reset() -> None:
+    winch = Winch(EQUIPPED, 100.0)
+    winch.offer(None, 1.0, 0)
+    stepped(winch, 3.0)
+    assert winch.line.speed_m_per_s == 1.0
+    winch.take(None, Order("emergency_stop"), 3 * S)
+    before = winch.line.length_m
+    stepped(winch, 1.0, begin_s=3.0)
+    assert winch.line.length_m - before == pytest.approx(1.0 / (2.0 * 2.0), abs=1e-9)
+    winch.offer(None, -1.0, 4 * S)
+    stepped(winch, 1.0, begin_s=4.0)
+    assert winch.line.speed_m_per_s == 0.0
+    assert winch.shot().mode == "emergency_stop"
+    assert "until it is reset" in winch.at_limit
+    winch.take(None, Order("reset"), 5 * S)
+    winch.take(None, Order("release_brake"), 5 * S)
+    winch.offer(None, -1.0, 5 * S)
+    stepped(winch, 3.0, begin_s=5.0)
+    assert winch.line.speed_m_per_s == -1.0
+
+
+def test_a_brake_takes_its_delay() -> None:
+    winch = Winch(EQUIPPED, 100.0)
+    winch.offer(None, 1.0, 0)
+    stepped(winch, 3.0)
+    winch.take(None, Order("set_brake"), 3 * S)
+    stepped(winch, 0.59, begin_s=3.0)
+    assert winch.line.speed_m_per_s == 1.0
+    stepped(winch, 1.0, begin_s=3.59)
+    assert winch.line.speed_m_per_s == 0.0
+
+
+def test_a_depth_out_of_the_line_s_reach_is_told() -> None:
+    winch = Winch(PLAIN, 100.0)
+    assert winch.take(None, Order("depth", 400.0), 0) == ""
+    stepped(winch, 1.0)
+    assert "needs 400.0 m of line; the winch has 20 to 200 m" in winch.at_limit
+
+
+def test_a_tension_beyond_the_winch_s_speed_is_told() -> None:
+    winch = Winch(EQUIPPED, 100.0)
+    assert winch.take(None, Order("tension", 10e3), 0) == ""
+    stepped(winch, 1.0)
+    assert "10 kN would take" in winch.at_limit
+
+
+def test_a_schedule_tells_more_than_speeds() -> None:
+    rows = (
+        ScheduleRow(at_s=0.0, line_out_m=120.0),
+        ScheduleRow(at_s=0.25, switch="set_brake"),
+        ScheduleRow(at_s=0.25, tension_n=5e4),
+        ScheduleRow(at_s=0.45, payload_depth_m=90.0),
+        ScheduleRow(at_s=0.5, speed_m_per_s=-0.5),
+    )
+    winch = WinchScene(**{**vars(EQUIPPED), "schedule": rows})
+    told = schedule_samples(winch, 0, round(0.55 * S))
+    length, tension = Order("length", 120.0), Order("tension", 5e4)
+    assert told == [
+        OrderSample(0, length),
+        OrderSample(S // 10, length),
+        OrderSample(S // 5, length),
+        OrderSample(S // 4, Order("set_brake")),
+        OrderSample(S // 4, tension),
+        OrderSample(3 * S // 10, tension),
+        OrderSample(4 * S // 10, tension),
+        OrderSample(9 * S // 20, Order("depth", 90.0)),
+        SpeedSample(S // 2, -0.5),
+    ]

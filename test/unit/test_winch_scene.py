@@ -1,0 +1,86 @@
+"""Parts of a winch in a scene that cannot be, and each gets one sentence with the way out."""
+
+from pathlib import Path
+
+import pytest
+from scene_text import GOOD, assert_refused, spoilt, written
+
+from rope_twin.scene.card import scene_digest
+from rope_twin.scene.load import load_scene
+from rope_twin.scene.winch import ScheduleRow
+
+LEAST = "  least_line_out_m: 50.0\n"
+SECOND_ROW = "{at_s: 20.0, speed_m_per_s: -0.5}"
+DRUM = "  drum: {core_radius_m: 0.8, turns_per_layer: 40}\n"
+DRIVE = "  drive: {inertia_kg_m2: 3000.0, torque_limit_n_m: 300000.0}\n"
+BRAKE = "  brake: {holding_torque_n_m: 400000.0, delay_s: 0.5}\n"
+HEAVE = (
+    "  heave_compensation: {efficiency: 0.95, lag_s: 0.1, stroke_m: 3.0, speed_limit_m_per_s: 2.0,"
+    " acceleration_limit_m_per_s2: 2.0}\n"
+)
+Row = tuple[str, str, str, tuple[str, ...]]
+
+
+def with_parts(parts: str) -> str:
+    return spoilt(LEAST, LEAST + parts)
+
+
+def told(row: str) -> str:
+    return spoilt(SECOND_ROW, row)
+
+
+BAD: list[Row] = [
+    ("drive alone", with_parts(DRIVE), "winch.drive", ("there is none", "add `drum:")),
+    ("brake alone", with_parts(DRUM + BRAKE), "winch.brake", ("no drive", "add `drive:")),
+    ("negative inertia", with_parts(DRUM + DRIVE.replace("3000.0", "-1.0")),
+     "winch.drive.inertia_kg_m2", ("-1 kg·m² is out of range",)),
+    ("no torque", with_parts(DRUM + "  drive: {inertia_kg_m2: 3000.0}\n"),
+     "winch.drive", ("torque_limit_n_m missing",)),
+    ("efficiency over all", with_parts(HEAVE.replace("0.95", "1.5")),
+     "winch.heave_compensation.efficiency", ("1.5 is out of range", "0 to 1.2")),
+    ("no stroke", with_parts(HEAVE.replace("stroke_m: 3.0, ", "")),
+     "winch.heave_compensation", ("stroke_m missing",)),
+    ("unknown part", with_parts("  breake: {delay_s: 0.5}\n"), "winch.breake",
+     ("did you mean 'brake'?",)),
+    ("gain of nothing", with_parts("  constant_tension: {gain_m_per_s_per_kn: 0.0}\n"),
+     "winch.constant_tension.gain_m_per_s_per_kn", ("0 m/s/kN is out of range",)),
+    ("jerk of nothing", with_parts("  jerk_limit_m_per_s3: 0.0\n"),
+     "winch.jerk_limit_m_per_s3", ("out of range",)),
+    ("a row that tells nothing", told("{at_s: 20.0}"), "winch.schedule[1]",
+     ("nothing is told", "give exactly one")),
+    ("a row that tells two things", told("{at_s: 20.0, speed_m_per_s: 0.1, line_out_m: 600.0}"),
+     "winch.schedule[1]", ("at once", "give exactly one")),
+    ("a length that is not there", told("{at_s: 20.0, line_out_m: 900.0}"),
+     "winch.schedule[1].line_out_m", ("900 m lies outside the winch's 50 to 800 m",)),
+    ("a tension that nothing keeps", told("{at_s: 20.0, tension_n: 1.0e+5}"),
+     "winch.schedule[1].tension_n", ("keeps no tension", "add `constant_tension:")),
+    ("a switch that is none", told("{at_s: 20.0, switch: set_break}"),
+     "winch.schedule[1].switch", ("'set_break' is none", "did you mean 'set_brake'?")),
+    ("a switch of nothing", told("{at_s: 20.0, switch: compensate}"),
+     "winch.schedule[1].switch", ("no heave compensation", "add `heave_compensation`")),
+    ("a depth of what is held",
+     told("{at_s: 20.0, payload_depth_m: 400.0}")
+     .replace("    to: tool\n", "    fixed_at_m: [0.0, 0.0, -480.0]\n")
+     .replace("payloads:\n", "x:\n").partition("x:\n")[0]
+     + told("{at_s: 20.0, payload_depth_m: 400.0}").partition("shape:")[2].partition("\n")[2]
+     .replace("  - payload: {}\n", ""),
+     "ropes[0].fixed_at_m", ("lower end is fixed", "tell it a line_out_m")),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("row", BAD, ids=[row[0] for row in BAD])
+def test_one_sentence(row: Row, tmp_path: Path) -> None:
+    _, text, place, words = row
+    assert_refused(text, place, words, tmp_path)
+
+
+def test_parts_are_read_and_a_card_knows_them(tmp_path: Path) -> None:
+    plain = load_scene(written(tmp_path, GOOD))
+    equipped = load_scene(written(tmp_path, with_parts(DRUM + DRIVE + BRAKE + HEAVE)))
+    assert equipped.winch is not None
+    assert equipped.winch.brake is not None
+    assert equipped.winch.brake.holding_torque_n_m == 400e3
+    assert scene_digest(plain) != scene_digest(equipped)
+    told_as_ever = "ScheduleRow(at_s=0.0, speed_m_per_s=0.5)"
+    assert repr(ScheduleRow(at_s=0.0, speed_m_per_s=0.5)) == told_as_ever, "cards know it so"
+    assert "brake" not in repr(plain.winch)
