@@ -15,6 +15,8 @@ from rope_twin.effects import (
     bending,
     current,
     drag,
+    fairing,
+    net,
     payload,
     seabed,
     splash_zone,
@@ -67,4 +69,6 @@ EFFECTS: tuple[Effect, ...] = (
     Effect("seabed", seabed.SeabedParams, seabed.build),
     Effect("payload", payload.PayloadParams, payload.build),
     Effect("splash_zone", splash_zone.SplashZoneParams, splash_zone.build),
+    Effect("net", net.NetParams, net.build),
+    Effect("fairing", fairing.FairingParams, fairing.build),
 )

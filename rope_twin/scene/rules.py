@@ -15,6 +15,8 @@ from pathlib import Path
 
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.drag import DragParams
+from rope_twin.effects.fairing import FairingParams
+from rope_twin.effects.net import NetParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import did_you_mean
@@ -204,6 +206,15 @@ def _effects(scene: Scene) -> Iterator[Fault]:
         yield "effects", what, "add `- payload: {}`"
 
 
+def _at_the_end(scene: Scene) -> Iterator[Fault]:
+    """What hangs at the lower end needs a payload there."""
+    for own in scene.effects:
+        if isinstance(own, NetParams | FairingParams) and not scene.payloads:
+            name = "net" if isinstance(own, NetParams) else "fairing"
+            what = f"`{name}` is at the payload, and there is none"
+            yield "effects", what, "give the rope a payload, or leave it out"
+
+
 def _two_ways(scene: Scene) -> Iterator[Fault]:
     """A payload that rises by other figures than it sinks."""
     splashes = any(isinstance(own, SplashZoneParams) for own in scene.effects)
@@ -285,6 +296,7 @@ RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     *WINCH_RULES,
     _effects,
     _two_ways,
+    _at_the_end,
     _bag,
     _regular_heave,
     _on_waves,

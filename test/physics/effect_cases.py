@@ -24,6 +24,8 @@ from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
+from rope_twin.effects.fairing import FairingParams
+from rope_twin.effects.net import NetParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
@@ -66,6 +68,8 @@ PARAMS: dict[str, Any] = {
     ),
     "payload": PayloadParams(),
     "splash_zone": SplashZoneParams(height_m=200.0, bottom_area_m2=6.0, slamming=5.0),
+    "net": NetParams(width_m=2.0, height_m=1.5, solidity=0.2, facing_deg=40.0, panels=2),
+    "fairing": FairingParams(face_m2=1.2, drag=0.9, axis=(0.3, -0.2, 1.0)),
 }
 SMALL = Rig(
     length=40.0, elements=8, mass=2.9, EA=2e6, diameter=0.06, damping=2e4, load=600.0, volume=0.1,

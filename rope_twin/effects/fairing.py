@@ -1,0 +1,115 @@
+"""Blunt-face drag of a payload's fairing, by its own speed or by a tow speed that is prescribed.
+
+Laird, Fraser, Marsh 2016: a skip with a fairing on its face is towed up or down a lifting rope's
+way; its drag ½·ρ·C_D·A·|V|·V acts against its motion. V is the payload's own speed against the
+water along the face's axis, or a tow speed, for studies in which the rope itself is not hauled.
+With a ramp it grows from zero over time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import sqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core.energy import account
+from rope_twin.core.rows import rows, span
+from rope_twin.core.state import BLOCK, FLOW, RESIDUAL, VELOCITY
+from rope_twin.core.terms import kernel
+from rope_twin.quantity import quantity
+
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FairingParams:
+    """The face and what it is towed with; the payload's own drag comes beside it."""
+
+    face_m2: float = quantity("area of the face", "m²", 0.0, 1e4)
+    drag: float = quantity("drag coefficient on it", "", 0.0, 5.0, default=1.0)
+    axis: Triple = quantity("direction across the face", "", -1e3, 1e3, default=(0.0, 0.0, 1.0))
+    tow_speed_m_per_s: float | None = quantity(
+        "towed along the axis at this speed through the water; absent: as it moves", "m/s",
+        -10.0, 10.0, default=None,
+    )  # fmt: skip
+    ramp_s: float = quantity("a tow speed's drag grows over this time", "s", 0.0, 1e5, default=0.0)
+
+    def check(self) -> str | None:
+        """An axis with a length; a ramp only of what is prescribed."""
+        if not any(self.axis):
+            return "its axis has no direction; give one such as [0, 0, 1]"
+        if self.ramp_s > 0.0 and self.tow_speed_m_per_s is None:
+            return "a ramp without a tow speed; leave ramp_s out, or give tow_speed_m_per_s"
+        return None
+
+
+class Fairing(NamedTuple):
+    """Drag by the payload's own speed."""
+
+    k: float  # ½·ρ·C_D·A [kg/m]
+    x: float  # the axis, of length 1
+    y: float
+    z: float
+
+
+class TowedFairing(NamedTuple):
+    """Drag by a tow speed."""
+
+    force: float  # along the axis, against the tow, when the ramp is over [N]
+    x: float
+    y: float
+    z: float
+    ramp: float  # [s]
+
+
+def build(params: FairingParams, payload: Any, around: Any) -> Fairing | TowedFairing:
+    """From the face and the water."""
+    k = 0.5 * around.water_density_kg_per_m3 * params.drag * params.face_m2
+    length = sqrt(sum(part * part for part in params.axis))
+    x, y, z = (part / length for part in params.axis)
+    V = params.tow_speed_m_per_s
+    if V is None:
+        return Fairing(k, x, y, z)
+    return TowedFairing(-k * abs(V) * V, x, y, z, params.ramp_s)
+
+
+@kernel("load_end", Fairing)
+def load_end(fairing: Any, work: Any, stage: Any) -> None:
+    """R_0 -= k·|V|·V·e, V = (v - u)·e; A_0 += 2·q·k·|V|·e·eᵀ."""
+    vx, vy, vz = rows(work, VELOCITY, 0)
+    ux, uy, uz = rows(work, FLOW, 0)
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
+    x, y, z = fairing.x, fairing.y, fairing.z
+    V = (vx[0] - ux[0]) * x + (vy[0] - uy[0]) * y + (vz[0] - uz[0]) * z
+    force = fairing.k * abs(V) * V
+    Rx[0] -= force * x
+    Ry[0] -= force * y
+    Rz[0] -= force * z
+    slope = 2.0 * stage.q * fairing.k * abs(V)
+    Axx[0] += slope * x * x
+    Axy[0] += slope * x * y
+    Axz[0] += slope * x * z
+    Ayy[0] += slope * y * y
+    Ayz[0] += slope * y * z
+    Azz[0] += slope * z * z
+
+
+@kernel("load_end", TowedFairing)
+def towed_end(fairing: Any, work: Any, stage: Any) -> None:
+    """R_0 += share(t)·F·e."""
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    share = 1.0 if stage.time >= fairing.ramp else max(stage.time, 0.0) / (fairing.ramp + 1e-300)
+    Rx[0] += share * fairing.force * fairing.x
+    Ry[0] += share * fairing.force * fairing.y
+    Rz[0] += share * fairing.force * fairing.z
+
+
+@account("power_end", Fairing)
+def power(fairing: Any, place: Any) -> Any:
+    """Force times velocity [W]."""
+    axis = np.array([[fairing.x], [fairing.y], [fairing.z]])
+    V = ((place.velocity - place.flow) * axis).sum(axis=0)
+    return -fairing.k * np.abs(V) * V * (axis * place.velocity).sum(axis=0)
