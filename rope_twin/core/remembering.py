@@ -10,8 +10,8 @@ rows are
 
     0 ... k-1       now, at the end of the last accepted substep
     k ... 2k-1      at the end of the stage that `settle` was last called for
-    2k ... 3k-1     at the start of the step, should it fail
-    3k              material coordinate of the node when they were last carried over [m]
+    2k ... 3k-1     at the start of a step that is halved, should it fail
+    3k              material coordinate of the node [m]
 
 and any further rows are the effect's own. Its kernels, registered as those of `terms`:
 
@@ -80,6 +80,16 @@ def _carry_over(memory: Any, state: Any, k: int) -> None:
         for r in range(k):
             memory[k + r, i] = (1.0 - share) * memory[r, j] + share * memory[r, j + 1]
     _copy(memory, k, 0, k, n)
+    _mark(memory, state, k)
+
+
+@jit
+def _mark(memory: Any, state: Any, k: int) -> None:
+    """These are the nodes."""
+    n = state.counts[ELEMENTS]
+    for i in range(n):
+        memory[3 * k, i] = state.s[i]
+    memory[3 * k, memory.shape[1] - 1] = n
 
 
 @jit
@@ -94,11 +104,7 @@ def _copy(memory: Any, source: int, target: int, k: int, n: int) -> None:
 @jit
 def _keep(memory: Any, state: Any, k: int) -> None:
     """Now is the start of a step."""
-    n = state.counts[ELEMENTS]
-    _copy(memory, 0, 2 * k, k, n)
-    for i in range(n):
-        memory[3 * k, i] = state.s[i]
-    memory[3 * k, memory.shape[1] - 1] = n
+    _copy(memory, 0, 2 * k, k, state.counts[ELEMENTS])
 
 
 @jit
@@ -134,23 +140,36 @@ def _for_each(head: str, effects: Any, line: str, hook: str = "", **names: Any) 
 
 
 def begin_step(effects: Any, rope: Any, time: Any) -> Any:
-    """A step begins: at time 0 every memory starts anew. It is kept, should the step fail."""
+    """A step begins: at time 0 every memory starts anew, else it is that of the nodes there are."""
     for effect, k in _said(effects):
         if time == 0.0:
             kernel_of("start", type(effect))(effect, rope)
+            _mark(effect.memory, rope.state, k)
         else:
             _carry_over(effect.memory, rope.state, k)
-        _keep(effect.memory, rope.state, k)
 
 
 @overload(begin_step, jit_options=LINKED, strict=False)
 def _compose_begin(effects: Any, rope: Any, time: Any) -> Any:
     line = (
-        "kernel_#(effects[#], rope) if time == 0.0 else carry(effects[#].memory, rope.state, k_#)\n"
-        "    keep(effects[#].memory, rope.state, k_#)"
+        "if time == 0.0:\n        kernel_#(effects[#], rope)\n"
+        "        mark(effects[#].memory, rope.state, k_#)\n"
+        "    else:\n        carry(effects[#].memory, rope.state, k_#)"
     )
-    names = {"carry": _carry_over, "keep": _keep}
+    names = {"carry": _carry_over, "mark": _mark}
     return _for_each("effects, rope, time", effects, line, "start", **names)
+
+
+def keep_memories(effects: Any, state: Any) -> Any:
+    """The first part of a step that was halved is accepted: keep the step's start."""
+    for effect, k in _said(effects):
+        _keep(effect.memory, state, k)
+
+
+@overload(keep_memories, jit_options=LINKED, strict=False)
+def _compose_keep(effects: Any, state: Any) -> Any:
+    line = "keep(effects[#].memory, state, k_#)"
+    return _for_each("effects, state", effects, line, keep=_keep)
 
 
 def predict_memories(effects: Any, rope: Any, stage: Any, kind: Any, low: Any, high: Any) -> Any:

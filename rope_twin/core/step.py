@@ -19,6 +19,7 @@ from rope_twin.core.prediction import GAMMA
 from rope_twin.core.remembering import (
     accept_memories,
     begin_step,
+    keep_memories,
     return_memories,
     settle_memories,
 )
@@ -133,6 +134,7 @@ def _advance_halving(rope: Any, boundary: Any, row: int, time: float) -> bool:
             health[SUBSTEPS_UNCONVERGED] += 1
         if done == 0 and part < full:  # the step's start, should a later part fail
             copy(state.nodes, ZERO, work, KEPT_ROWS, n + 1)
+            keep_memories(rope.effects, state)
         copy(work, ZERO, state.nodes, ZERO, n + 1)
         accept_memories(rope.effects, state)
         done += part

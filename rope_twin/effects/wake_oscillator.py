@@ -58,7 +58,9 @@ CARRIED = 6  # q, q', q'' and the mean tangent
 HAT, RATE_HAT, GUESS, OMEGA, DAMPING, COUPLING = range(3 * CARRIED + 1, 3 * CARRIED + 7)
 STRENGTH = COUPLING + 3
 OWN_ROWS = STRENGTH - 3 * CARRIED
-NEWTON = 4  # of the cubic, from the last q'': leaves round-off where ω_s·h is below 1
+# Newton on the cubic: from the last q'' two steps leave 1e-5 of it where ω_s·h is 1, and ever less;
+# from there one more serves for the solved stage.
+FIRST, LAST = 2, 1
 WAVES = 24  # half waves along the rope that the first rate of q is made of
 GOLDEN = 2.399963  # rad, between their phases
 INCLINED = sqrt(0.5)  # sine of 45°
@@ -193,44 +195,56 @@ def _shed(wake: Any, water: Any, tangent: Any) -> Any:
 def predict(wake: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
     """What a stage starts from, as of the rope; and what stays while it is solved."""
     memory, work, c = wake.memory, rope.work, stage.q
+    length, rest = memory[STRENGTH], work[REST]
+    for i in range(max(low, 1), high):
+        length[i] = 0.5 * (rest[i] + rest[i - 1])
+    if low == 0:
+        length[0] = 0.5 * rest[0]
+    q0, rate0, pull0 = memory[0], memory[1], memory[2]
+    mx, my, mz = memory[3], memory[4], memory[5]
+    hat, rate_hat, guess, omega = memory[HAT], memory[RATE_HAT], memory[GUESS], memory[OMEGA]
+    damping = memory[DAMPING]
+    bx, by, bz = memory[COUPLING], memory[COUPLING + 1], memory[COUPLING + 2]
+    volume = work[VOLUME]
+    u, v, w = work[FLOW], work[FLOW + 1], work[FLOW + 2]
     for i in range(low, high):
-        length = 0.5 * (work[REST, i] + work[REST, i - 1]) if i > 0 else 0.5 * work[REST, i]
-        per_diameter = sqrt(0.25 * pi * length / (work[VOLUME, i] + 1e-300))
-        water = (work[FLOW, i], work[FLOW + 1, i], work[FLOW + 2, i])
-        across, speed, A, epsilon = _shed(wake, water, (memory[3, i], memory[4, i], memory[5, i]))
-        omega = 2.0 * pi * wake.strouhal * speed * per_diameter
-        q0, d0, guess = memory[0, i], memory[1, i], memory[2, i]
-        if q0 == 0.0 and guess == 0.0:  # the start, where the water was not known yet
-            guess = epsilon * omega * d0
-        if kind == TRAPEZOID:
-            rate_hat = d0 + c * guess
-            memory[HAT, i] = q0 + c * (d0 + rate_hat)
-        else:
-            rate_hat = K1 * memory[CARRIED + 1, i] - K2 * d0
-            memory[HAT, i] = K1 * memory[CARRIED, i] - K2 * q0 + c * rate_hat
-            guess = memory[CARRIED + 2, i]
-        memory[RATE_HAT, i], memory[GUESS, i] = rate_hat, guess
-        memory[OMEGA, i], memory[DAMPING, i] = omega, epsilon * omega
+        per_diameter = sqrt(0.25 * pi * length[i] / (volume[i] + 1e-300))
+        water, tangent = (u[i], v[i], w[i]), (mx[i], my[i], mz[i])
+        across, speed, A, epsilon = _shed(wake, water, tangent)
+        omega[i] = 2.0 * pi * wake.strouhal * speed * per_diameter
+        damping[i] = epsilon * omega[i]
+        length[i] *= wake.strength / per_diameter
         scale = A * per_diameter / (speed + 1e-9)
-        memory[COUPLING, i] = scale * across[0]
-        memory[COUPLING + 1, i] = scale * across[1]
-        memory[COUPLING + 2, i] = scale * across[2]
-        memory[STRENGTH, i] = wake.strength * length / per_diameter
+        bx[i], by[i], bz[i] = scale * across[0], scale * across[1], scale * across[2]
+    if kind == TRAPEZOID:
+        for i in range(low, high):
+            # the start, where the water was not known yet
+            new = q0[i] == 0.0 and pull0[i] == 0.0
+            guess[i] = damping[i] * rate0[i] if new else pull0[i]
+            rate_hat[i] = rate0[i] + c * guess[i]
+            hat[i] = q0[i] + c * (rate0[i] + rate_hat[i])
+        return
+    q1, rate1, pull1 = memory[CARRIED], memory[CARRIED + 1], memory[CARRIED + 2]
+    for i in range(low, high):
+        rate_hat[i] = K1 * rate1[i] - K2 * rate0[i]
+        hat[i] = K1 * q1[i] - K2 * q0[i] + c * rate_hat[i]
+        guess[i] = pull1[i]
 
 
 @jit_within
-def _solve(wake: Any, stage: Any, i: int, acceleration: Any) -> Any:
-    """q and q'' at a node that accelerates so, and the slope of its equation over q''."""
-    memory, p, c = wake.memory, stage.p, stage.q
-    hat, rate_hat, w = memory[HAT, i], memory[RATE_HAT, i], memory[GUESS, i]
-    damping, square = memory[DAMPING, i], memory[OMEGA, i] * memory[OMEGA, i]
-    ax, ay, az = acceleration
-    drive = memory[COUPLING, i] * ax + memory[COUPLING + 1, i] * ay + memory[COUPLING + 2, i] * az
+def _solve(stage: Any, count: int, start: Any, figures: Any, drive: Any) -> Any:
+    """q, q'' and the slope of the equation over q''.
+
+    start: prediction of q and q', and a guess of q''; figures: ω_s and ε·ω_s.
+    """
+    p, c = stage.p, stage.q
+    hat, rate_hat, w = start
+    omega, damping = figures
     slope = 1.0
-    for _ in range(NEWTON):
+    for _ in range(count):
         q, rate = hat + p * w, rate_hat + c * w
-        miss = w + damping * (q * q - 1.0) * rate + square * q - drive
-        slope = 1.0 + damping * ((q * q - 1.0) * c + 2.0 * q * rate * p) + square * p
+        miss = w + damping * (q * q - 1.0) * rate + omega * omega * q - drive
+        slope = 1.0 + damping * ((q * q - 1.0) * c + 2.0 * q * rate * p) + omega * omega * p
         w -= miss / slope
     return hat + p * w, w, slope
 
@@ -241,6 +255,10 @@ def load_nodes(wake: Any, work: Any, stage: Any, low: int, high: int) -> None:
     q_w·k·q·(U × t) ⊗ U_N/|U_N|, their symmetric parts (q_w: the stage's weight of v).
     """
     memory = wake.memory
+    hat, rate_hat, guess = memory[HAT, low:], memory[RATE_HAT, low:], memory[GUESS, low:]
+    omega, damping, strength = memory[OMEGA, low:], memory[DAMPING, low:], memory[STRENGTH, low:]
+    bx, by = memory[COUPLING, low:], memory[COUPLING + 1, low:]
+    bz = memory[COUPLING + 2, low:]
     vx, vy, vz = rows(work, VELOCITY, low)
     ax, ay, az = rows(work, ACCELERATION, low)
     ux, uy, uz = rows(work, FLOW, low)
@@ -248,25 +266,24 @@ def load_nodes(wake: Any, work: Any, stage: Any, low: int, high: int) -> None:
     Rx, Ry, Rz = rows(work, RESIDUAL, low)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
     for i in range(high - low):
-        q, _, slope = _solve(wake, stage, low + i, (ax[i], ay[i], az[i]))
-        bx, by, bz = (
-            memory[COUPLING, low + i],
-            memory[COUPLING + 1, low + i],
-            memory[COUPLING + 2, low + i],
+        drive = bx[i] * ax[i] + by[i] * ay[i] + bz[i] * az[i]
+        q, pull, slope = _solve(
+            stage, FIRST, (hat[i], rate_hat[i], guess[i]), (omega[i], damping[i]), drive
         )
+        guess[i] = pull
         x, y, z = tx[i], ty[i], tz[i]
         u, v, w = ux[i] - vx[i], uy[i] - vy[i], uz[i] - vz[i]
         along = u * x + v * y + w * z
         u, v, w = u - along * x, v - along * y, w - along * z
         lx, ly, lz = v * z - w * y, w * x - u * z, u * y - v * x
         speed = sqrt(u * u + v * v + w * w + 1e-20)
-        k = memory[STRENGTH, low + i]
+        k = strength[i]
         size = k * q * speed
         Rx[i] += size * lx
         Ry[i] += size * ly
         Rz[i] += size * lz
         g, h = -0.5 * k * speed * stage.p / slope, 0.5 * stage.q * k * q / speed
-        cx, cy, cz = g * bx + h * u, g * by + h * v, g * bz + h * w
+        cx, cy, cz = g * bx[i] + h * u, g * by[i] + h * v, g * bz[i] + h * w
         Axx[i] += 2.0 * lx * cx
         Axy[i] += lx * cy + ly * cx
         Axz[i] += lx * cz + lz * cx
@@ -279,16 +296,24 @@ def load_nodes(wake: Any, work: Any, stage: Any, low: int, high: int) -> None:
 def settle(wake: Any, rope: Any, stage: Any, kind: int) -> None:
     """q, q' and q'' of the solved stage; the mean tangent follows once a step."""
     memory, work, n = wake.memory, rope.work, rope.state.counts[ELEMENTS]
-    share = 1.0 - exp(-2.0 * stage.q / (GAMMA * wake.shape_over)) if kind == BDF2 else 0.0
+    hat, rate_hat, guess = memory[HAT], memory[RATE_HAT], memory[GUESS]
+    omega, damping = memory[OMEGA], memory[DAMPING]
+    bx, by, bz = memory[COUPLING], memory[COUPLING + 1], memory[COUPLING + 2]
+    q1, rate1, pull1 = memory[CARRIED], memory[CARRIED + 1], memory[CARRIED + 2]
+    ax, ay, az = work[ACCELERATION], work[ACCELERATION + 1], work[ACCELERATION + 2]
     for i in range(n):
-        a = (work[ACCELERATION, i], work[ACCELERATION + 1, i], work[ACCELERATION + 2, i])
-        q, w, _ = _solve(wake, stage, i, a)
-        memory[CARRIED, i], memory[CARRIED + 2, i] = q, w
-        memory[CARRIED + 1, i] = memory[RATE_HAT, i] + stage.q * w
-        for k in range(3):
-            mean = memory[3 + k, i]
-            memory[CARRIED + 3 + k, i] = mean + share * (work[TANGENT + k, i] - mean)
-    _set_trials(wake, rope, stage)
+        drive = bx[i] * ax[i] + by[i] * ay[i] + bz[i] * az[i]
+        q, w, _ = _solve(
+            stage, LAST, (hat[i], rate_hat[i], guess[i]), (omega[i], damping[i]), drive
+        )
+        q1[i], rate1[i], pull1[i] = q, rate_hat[i] + stage.q * w, w
+    if kind == BDF2:
+        share = 1.0 - exp(-2.0 * stage.q / (GAMMA * wake.shape_over))
+        for k in range(3, CARRIED):
+            mean, kept, tangent = memory[k], memory[CARRIED + k], work[TANGENT + k - 3]
+            for i in range(n):
+                kept[i] = mean[i] + share * (tangent[i] - mean[i])
+        _set_trials(wake, rope, stage)
 
 
 @jit

@@ -121,7 +121,8 @@ def with_wake(seed: int, moving: bool) -> tuple[tuple[Any, ...], Vector]:
 def test_its_block_is_the_derivative_of_its_force(seed: int) -> None:
     """The symmetric part of -dF/da, through q as well, 1e-6."""
     effects, work = with_wake(seed, True)
-    result = loads(effects, work)
+    for _ in range(4):  # each evaluation starts from the q'' of the one before
+        result = loads(effects, work)
     for node in range(NODES - 1):
         exact = jacobian(effects, work, node)
         symmetric = 0.5 * (exact + exact.T)
