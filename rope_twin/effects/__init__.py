@@ -21,6 +21,7 @@ from rope_twin.effects import (
     seabed,
     splash_zone,
     strouhal_forcing,
+    travelling_waves,
     wake_oscillator,
     waves,
     weight,
@@ -35,6 +36,7 @@ class Surroundings(NamedTuple):
     added_mass: float  # coefficient of the rope's, 0 where the scene lists none
     room: int = 0  # nodes that the rope's arrays hold
     drag_normal: float = 0.0  # drag coefficient across the rope, 0 where the scene lists none
+    bending_n_m2: float = 0.0  # bending stiffness of the rope, 0 where the scene lists none
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,12 @@ EFFECTS: tuple[Effect, ...] = (
         "wake_oscillator",
         wake_oscillator.WakeOscillatorParams,
         wake_oscillator.build,
+        sheds=True,
+    ),
+    Effect(
+        "travelling_waves",
+        travelling_waves.TravellingWavesParams,
+        travelling_waves.build,
         sheds=True,
     ),
     Effect("seabed", seabed.SeabedParams, seabed.build),

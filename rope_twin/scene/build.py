@@ -26,6 +26,7 @@ from rope_twin.core.terms import hooks_of, work_rows
 from rope_twin.core.trial import TRIALS
 from rope_twin.effects import EFFECTS, Surroundings
 from rope_twin.effects.added_mass import AddedMassParams
+from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import Payload as PayloadEffect
 from rope_twin.effects.payload import TwoWayPayload
@@ -113,7 +114,8 @@ def build_effects(scene: Scene, figures: PayloadFigures | None) -> tuple[Any, ..
     line = scene.ropes[0]
     room = _room(scene, line, node_coordinates(line, least_line_out_m(scene)))
     density, gravity = water.water_density_kg_per_m3, water.gravity_m_per_s2
-    around = Surroundings(density, gravity, Ca, room, Cd)
+    EI = sum(own.stiffness_n_m2 for own in scene.effects if isinstance(own, BendingParams))
+    around = Surroundings(density, gravity, Ca, room, Cd, EI)
     built = []
     for effect in EFFECTS:
         for params in scene.effects:

@@ -30,6 +30,7 @@ from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
+from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.effects.waves import Jonswap, WavesParams
 from rope_twin.effects.weight import WeightParams
@@ -63,6 +64,7 @@ PARAMS: dict[str, Any] = {
     "bending": BendingParams(stiffness_n_m2=5e3, clamped_along=(0.3, 0.1, -1.0)),
     "strouhal_forcing": StrouhalForcingParams(drag=1.2, in_line=0.2),
     "wake_oscillator": WakeOscillatorParams(set="facchinetti", start_per_s=5.0, shape_over_s=2.0),
+    "travelling_waves": TravellingWavesParams(strouhal=0.2, periods=0.5, ramp_s=0.5),
     "seabed": SeabedParams(
         depth_m=50.0, slope=(0.1, -0.05), stiffness_n_per_m3=1e4, damping_s_per_m=0.2, friction=0.0
     ),
