@@ -95,6 +95,9 @@ def _beyond(scene: Scene) -> str:
         return "ropes of several sections or with a table of stiffness"
     if line.grading is not None or line.fixed_at_m is not None:
         return "graded elements and fixed lower ends"
+    payload = find_payload(scene, line)
+    if payload and payload_figures(payload, 1.0).differs_rising:
+        return "a payload that rises by other figures than it sinks"
     for one in scene.effects:
         if isinstance(one, DragParams) and (one.over_reynolds or not one.relative):
             return "drag by a table or by the current alone"
