@@ -14,7 +14,6 @@ from rope_twin.commands.bench import Progress, print_table
 from rope_twin.errors import InputError, RopeTwinError, SceneError, phrase
 from rope_twin.scene.card import card_path, known_error, read_card
 from rope_twin.scene.load import load_scene, scene_names
-from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.studies import accuracy, accuracy_page
 from rope_twin.studies.accuracy_picture import draw_accuracy
@@ -33,9 +32,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     )
     which = parser.add_mutually_exclusive_group(required=True)
     which.add_argument("scene", nargs="?", metavar="SCENE", help="name of a scene or path of one")
-    which.add_argument(
-        "--all", action="store_true", help="every scene of one rope that comes along"
-    )
+    which.add_argument("--all", action="store_true", help="every scene that comes along")
     which.add_argument("--status", action="store_true", help="only tell which cards are old")
     add = parser.add_argument
     add("--for", dest="for_s", type=float, metavar="SECONDS",
@@ -61,8 +58,6 @@ def run(args: argparse.Namespace) -> int:
         return _make(args, load_scene(args.scene))
     refused = 0
     for name in scene_names():
-        if is_joined(load_scene(name)):
-            continue  # --status tells
         try:
             _make(args, load_scene(name))
         except RopeTwinError as error:  # the others still get theirs
@@ -159,11 +154,10 @@ def _status(as_json: bool) -> int:
         scene = load_scene(name)
         try:
             card = read_card(scene)
-            none = "none: ropes meet, and cards are of one rope" if is_joined(scene) else "no card"
-            said = none if card is None else card.age(scene) or "current"
+            said = "no card" if card is None else card.age(scene) or "current"
         except SceneError as error:
             said = str(error)
-        fine = fine and (said == "current" or is_joined(scene))
+        fine = fine and said == "current"
         error_pct = known_error(scene).rms_pct
         known = error_pct == error_pct
         rows.append({"scene": name, "card": said, "error_rms_pct": error_pct if known else None})

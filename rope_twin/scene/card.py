@@ -17,8 +17,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from rope_twin.core import statics
+from rope_twin.core import reeving, statics
 from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.grid import elements_with
+from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Rope, RopeLine, Scene
 
 FORMAT = 1
@@ -80,6 +82,7 @@ class Card:
     solver_digest: str
     machine: str
     rungs: tuple[Rung, ...]
+    rope_elements: tuple[int, ...] = ()  # of every rope where ropes meet, as the scene had them
 
     @property
     def ladder(self) -> tuple[Rung, ...]:
@@ -89,6 +92,9 @@ class Card:
 
     def age(self, scene: Scene) -> str:
         """Why it says nothing about the scene any more; "" if it does."""
+        now = [line.elements for line in scene.ropes]
+        if self.rope_elements and elements_with(self.rope_elements, now[0]) != now:
+            return "the scene's elements were changed since its card was made"
         if self.scene_digest != scene_digest(scene):
             return "the scene was changed since its card was made"
         if self.solver_digest != solver_digest(scene):
@@ -177,19 +183,20 @@ def known_error(scene: Scene) -> KnownError:
 
 def scene_digest(scene: Scene) -> str:
     """Of all figures of a scene but its elements and step, which a card's ladder varies."""
-    first, *others = (_bare_line(line) for line in scene.ropes)
-    ropes = (replace(first, elements=0), *others)
+    ropes = tuple(replace(_bare_line(line), elements=0) for line in scene.ropes)
     sea = replace(scene.sea_state, bag=Path(scene.sea_state.bag).name)
     parts = (ropes, scene.payloads, scene.winch, scene.ship, sea, scene.environment, scene.effects)
-    met = (scene.hang_offs, scene.joints, scene.struts)
+    met: tuple[Any, ...] = (scene.hang_offs, scene.joints, scene.struts)
+    met += (scene.sheaves,) if scene.sheaves else ()
     told = repr((*parts, *met, scene.time.newton_tolerance_n))
     return hashlib.sha256(told.encode()).hexdigest()[:16]
 
 
 def solver_digest(scene: Scene) -> str:
-    """Of the sources of one rope's step and statics and of the effects that the scene lists."""
+    """Of the sources of step and statics and of the effects that the scene lists."""
     effects = sorted({type(params).__module__ for params in scene.effects})
-    return _digest_of((statics.__name__, *effects))
+    solver = reeving if is_joined(scene) else statics
+    return _digest_of((solver.__name__, *effects))
 
 
 def solver_sources(modules: Sequence[str]) -> list[Path]:
@@ -260,6 +267,7 @@ def _card(found: dict[str, Any]) -> Card:
         solver_digest=str(found["solver_digest"]),
         machine=str(found["machine"]),
         rungs=tuple(_rung(row) for row in found["rows"]),
+        rope_elements=tuple(int(count) for count in found.get("rope_elements", ())),
     )
 
 

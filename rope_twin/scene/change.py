@@ -16,6 +16,7 @@ from typing import Any
 from rope_twin.effects import EFFECTS
 from rope_twin.errors import did_you_mean
 from rope_twin.scene.document import Item, Place
+from rope_twin.scene.grid import elements_with
 from rope_twin.scene.reader import read_object
 from rope_twin.scene.rules import faults
 from rope_twin.scene.schema import Scene
@@ -62,10 +63,15 @@ def change_scene(scene: Scene, changes: Sequence[Change]) -> Scene:
 def at_setting(scene: Scene, elements: int | None = None, step_s: float | None = None) -> Scene:
     """The scene with these elements and this step; None leaves what it says.
 
+    elements: of the first rope; where ropes meet the others get theirs in proportion.
+
     Raises:
         SceneError: they are out of range.
     """
-    given = {"ropes[0].elements": elements, "time.step_s": step_s}
+    own = [line.elements for line in scene.ropes]
+    counts = [None] if elements is None else elements_with(own, elements)
+    given: dict[str, float | None] = {f"ropes[{r}].elements": n for r, n in enumerate(counts)}
+    given["time.step_s"] = step_s
     return change_scene(
         scene, [Change(path, value) for path, value in given.items() if value is not None]
     )

@@ -11,6 +11,7 @@ from rope_twin.core.state import Floats
 from rope_twin.scene.composite import ends_m
 from rope_twin.scene.schema import Grading, RopeLine, Scene
 
+FEWEST_ELEMENTS = 3  # that a rope of a scene may have
 ROOM = 0.9  # of the least line out: the lowest element is no longer than this
 
 
@@ -34,6 +35,12 @@ def node_coordinates(line: RopeLine, least_line_out_m: float | None) -> Floats:
     else:
         nodes = _graded(grading.lowest_m or 0.0, grading.growth, length, count)
     return _meeting(nodes, [end for end in ends_m(line) if end < length])
+
+
+def elements_with(own: Sequence[int], first: int) -> list[int]:
+    """Elements of all ropes where the first has so many: in proportion to their own."""
+    others = (max(FEWEST_ELEMENTS, round(count * first / own[0])) for count in own[1:])
+    return [first, *others]
 
 
 def _halvings(least: float, length: float) -> list[float]:

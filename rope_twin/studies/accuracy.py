@@ -13,6 +13,7 @@ from typing import Any
 
 from rope_twin.errors import RopeTwinError
 from rope_twin.scene.card import FORMAT, scene_digest, solver_digest
+from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy_figures import BY_NAME, QUANTITIES, Values, differences, values
 from rope_twin.studies.accuracy_plan import Plan
@@ -101,9 +102,11 @@ def as_card(study: Study) -> dict[str, Any]:
     scene, reference = study.scene, study.reference
     witness = study.witness
     seen = witness if isinstance(witness, str) else {**asdict(witness), "words": str(witness)}
+    met = {"rope_elements": [line.elements for line in scene.ropes]} if is_joined(scene) else {}
     return {
         "format": FORMAT,
         "scene": scene.name,
+        **met,
         "scene_digest": scene_digest(scene),
         "solver_digest": solver_digest(scene),
         "seconds": study.plan.seconds,

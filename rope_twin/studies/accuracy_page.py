@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rope_twin.scene.card import PEAK, RMS, told_bound
+from rope_twin.scene.rigging_rules import is_joined
+from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy import Row, Study
 from rope_twin.studies.accuracy_choice import cheapest_within
 from rope_twin.studies.accuracy_figures import QUANTITIES, STILL
@@ -31,7 +33,7 @@ Errors of the first {seconds:g} s of `rope_twin run {name} --speed 0` against a 
 the reference's uncertainty counts in: what lies below it reads ≤. rms, std and lowest are in per
 cent of the top tension's standard deviation{still}, mean and highest of themselves, snaps (mean of
 the snaps' peaks) likewise, depth is the payload's in metres (rms), slack in points of time. Times
-real time: the step alone on {machine}.
+real time: the step alone on {machine}.{met}
 
 {rows}
 
@@ -58,11 +60,22 @@ def as_markdown(study: Study, card: dict[str, object], picture: str) -> str:
         reference=study.reference.setting,
         still=still,
         machine=study.machine.as_text(),
+        met=_of_which(study.scene),
         rows=_markdown(row_table(study)),
         doubts=_markdown(doubt_table(study)),
         notes="\n".join(f"- {line}" for line in notes(study)),
         scene_digest=card["scene_digest"],
         solver_digest=card["solver_digest"],
+    )
+
+
+def _of_which(scene: Scene) -> str:
+    """Which rope tension and elements are of, where there are several."""
+    if not is_joined(scene):
+        return ""
+    return (
+        f" Top tension and elements are those of `{scene.ropes[0].name}`; the other ropes'"
+        "\nelements follow in proportion."
     )
 
 

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.build import build
-from rope_twin.scene.rigging_rules import refuse_joined
+from rope_twin.scene.build_joined import build_joined
+from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy_run import Setting
 
@@ -50,26 +51,25 @@ class Plan:
     look_s: float  # a whole number of every step
     settings: tuple[Setting, ...]
     reference: Setting
+    ropes: float = 1.0  # all ropes' elements over the first one's
 
     @property
     def work(self) -> float:
         """Nodes times steps, with the reference's coarser grids and what timing repeats."""
         ladder = math.fsum(one.elements / one.step_s for one in self.settings)
         fine = self.reference.elements / self.reference.step_s
-        return self.seconds * (2.5 * fine + 2.5 * ladder)
+        return self.ropes * self.seconds * (2.5 * fine + 2.5 * ladder)
 
 
 def make_plan(scene: Scene, seconds: float | None = None) -> Plan:
     """The ladder of a scene and its window (None: as the scene's events ask for).
 
     Raises:
-        SceneError: the scene cannot be built, or ropes meet in it: cards are of one rope.
+        SceneError: the scene cannot be built.
         InputError: the window is too short, or the scene's elements cannot be varied.
     """
-    line = scene.ropes[0]
     where = f"scene {scene.name}"
-    refuse_joined(scene)
-    if line.grading is not None and line.grading.nodes_m is not None:
+    if any(line.grading is not None and line.grading.nodes_m is not None for line in scene.ropes):
         right = "give the lowest element's length and its growth instead"
         raise InputError(phrase(where, "grading.nodes_m holds the elements fixed", right))
     usual = _plan(scene, seconds, USUAL)
@@ -94,15 +94,17 @@ def _plan(scene: Scene, seconds: float | None, reach: Reach) -> Plan:
     if span < least:
         raise InputError(phrase("--for", f"{seconds:g} s is too short", f"give {least:g} or more"))
     counts = _counts(own.elements, reach.doublings)
-    tolerance = build(scene).rope.model.tolerance
+    ropes = sum(line.elements for line in scene.ropes) / own.elements
+    first = build_joined(scene).system.ropes[0] if is_joined(scene) else build(scene).rope
+    tolerance = first.model.tolerance
     ladder = [Setting(count, _whole(factor * h)) for count in counts for factor in factors]
     others = [Setting(own.elements, h, min(part * tolerance, 1e4)) for part in TOLERANCES]
     finest_s = _whole(reach.reference_step * h)
-    most = REFERENCE_WORK / dearness(scene) / (span / finest_s) / counts[-1]
+    most = REFERENCE_WORK / ropes / dearness(scene) / (span / finest_s) / counts[-1]
     finer = 2 ** math.floor(math.log2(max(most, 1.0)))
     elements = counts[-1] * min(max(finer, 2), FINER_MOST)
     fine = Setting(elements, finest_s, REFERENCE_TOLERANCE * tolerance)
-    return Plan(span, own, look_s, (*ladder, *others), fine)
+    return Plan(span, own, look_s, (*ladder, *others), fine, ropes)
 
 
 def _window_s(scene: Scene, reach: Reach) -> float:

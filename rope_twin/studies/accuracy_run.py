@@ -9,21 +9,20 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.commands.run.inputs import FIRST_NS, open_sea
 from rope_twin.core import state as rows
-from rope_twin.core.step import advance
 from rope_twin.errors import SolverError, phrase
-from rope_twin.scene.build import build
-from rope_twin.scene.schema import Scene
+from rope_twin.scene.rigging_rules import is_joined, places, winch_of
+from rope_twin.scene.schema import RopeLine, Scene, Triple
+from rope_twin.studies.accuracy_bodies import body_of
 from rope_twin.studies.variants import variant
 from rope_twin.twin.borders import Borders, WinchTrack
 from rope_twin.twin.heave_series import HeaveSeries
-from rope_twin.twin.start import find_start
 
 Vector = NDArray[np.float64]
 AFTER_NS = 1_000_000_000  # heave goes on so long after the end: the last step looks ahead
@@ -36,7 +35,7 @@ ENOUGH_S, FEWEST_RUNS, MOST_RUNS = 0.6, 2, 7  # of timing
 class Setting:
     """What a run may vary of a scene."""
 
-    elements: int
+    elements: int  # of the first rope; the others' in proportion
     step_s: float
     tolerance_n: float | None = None  # None: the scene's own
 
@@ -52,7 +51,7 @@ class Series:
     step_s: float
     tension_n: Vector  # top tension after each step
     look_s: float
-    depth_m: Vector  # of the lower end at each look
+    depth_m: Vector  # of the lower end, or the first payload, at each look
     slack: NDArray[np.bool_]  # whether an element was without tension, at each look
     solves_per_step: float
     unconverged: int
@@ -76,37 +75,56 @@ class Course:
         self._motions: dict[float, rows.Boundary] = {}
 
     def motion(self, step_s: float) -> rows.Boundary:
-        """Hang-off and line out at every border of the steps."""
+        """Hang-off and line out at every border of the steps, (steps + 1, MOTIONS).
+
+        Where ropes meet it is (ropes, steps + 1, MOTIONS), at rest where a rope has no hang-off.
+        """
         if step_s not in self._motions:
-            line = WinchTrack(self.scene.winch, self.scene.ropes[0].length_m, None, step_s)
-            borders = Borders(self.scene.ship, line, self._heave, step_s)
-            steps, batch = round(self.seconds / step_s), max(1, round(BATCH_S / step_s))
-            parts = [rows.Boundary(*(table.copy() for table in borders.boundary))]
-            for first in range(0, steps, batch):
-                part = borders.through(first, min(batch, steps - first))
-                parts.append(rows.Boundary(*(table[1:].copy() for table in part)))
-            whole = (np.concatenate(tables) for tables in zip(*parts, strict=True))
-            self._motions[step_s] = rows.Boundary(*whole)
+            scene = self.scene
+            if is_joined(scene):
+                known = places(scene)
+                parts = [self._of_rope(line, known.get(line.from_), step_s) for line in scene.ropes]
+                tables = (np.stack(some) for some in zip(*parts, strict=True))
+                self._motions[step_s] = rows.Boundary(*tables)
+            else:
+                one = self._of_rope(scene.ropes[0], scene.ship.hang_off_m, step_s)
+                self._motions[step_s] = one
         return self._motions[step_s]
+
+    def _of_rope(self, line: RopeLine, place: Triple | None, step_s: float) -> rows.Boundary:
+        """The motion of one rope, whose hang-off is at rest at `place`; None: it has none."""
+        steps, batch = round(self.seconds / step_s), max(1, round(BATCH_S / step_s))
+        if place is None:
+            still = np.zeros((steps + 1, rows.MOTIONS))
+            still[:, rows.LINE] = line.length_m
+            return rows.Boundary(still, np.zeros_like(still))
+        track = WinchTrack(winch_of(self.scene, line), line.length_m, None, step_s)
+        ship = replace(self.scene.ship, hang_off_m=place)
+        borders = Borders(ship, track, self._heave, step_s)
+        parts = [rows.Boundary(*(table.copy() for table in borders.boundary))]
+        for first in range(0, steps, batch):
+            part = borders.through(first, min(batch, steps - first))
+            parts.append(rows.Boundary(*(table[1:].copy() for table in part)))
+        whole = (np.concatenate(tables) for tables in zip(*parts, strict=True))
+        return rows.Boundary(*whole)
 
 
 class Trial:
-    """The rope of a course at one setting, at rest, ready to be run again and again.
+    """The rope or ropes of a course at one setting, at rest, ready to be run again and again.
 
     Raises:
-        SceneError: the scene cannot be built so, or its rope has no equilibrium.
+        SceneError: the scene cannot be built so, or there is no equilibrium.
     """
 
     def __init__(self, course: Course, setting: Setting) -> None:
         self.setting = setting
         self._course = course
-        scene = variant(course.scene, setting.elements, setting.step_s, setting.tolerance_n)
-        self._rope = build(scene).rope
-        find_start(scene, self._rope)
-        self._start = self._rope.state.copy()
+        self._body = body_of(
+            variant(course.scene, setting.elements, setting.step_s, setting.tolerance_n)
+        )
         self._motion = course.motion(setting.step_s)
-        self._steps = len(self._motion.value) - 1
-        self._pull = np.zeros((self._steps, rows.PULL_COLUMNS))
+        self._steps = self._motion.value.shape[-2] - 1
+        self._tension = np.zeros(self._steps)
 
     def look(self) -> Series:
         """Run it, with a look along the rope now and then.
@@ -117,22 +135,22 @@ class Trial:
         every = round(self._course.look_s / self.setting.step_s)
         looks = self._steps // every
         depth, slack = np.zeros(looks), np.zeros(looks, bool)
-        rope = self._begin()
+        self._body.begin()
         for number in range(looks):
-            self._advance(rope, number * every, every)
-            count = rope.state.counts[rows.ELEMENTS]
-            depth[number] = -rope.state.nodes[rows.POSITION + 2, 0]
-            slack[number] = rope.work[rows.TENSION, :count].min() <= 0.0
+            first = number * every
+            self._advance(self._part(first, every), first, every)
+            depth[number] = self._body.depth_m()
+            slack[number] = self._body.is_slack()
         done = looks * every
         return Series(
             self.setting.step_s,
-            self._pull[:done, rows.PULL].copy(),
+            self._tension[:done].copy(),
             self._course.look_s,
             depth,
             slack,
-            float(rope.state.health[rows.SOLVES]) / done,
-            int(rope.state.health[rows.SUBSTEPS_UNCONVERGED]),
-            _memory_mb(self._rope),
+            float(self._body.health[rows.SOLVES]) / done,
+            int(self._body.health[rows.SUBSTEPS_UNCONVERGED]),
+            self._body.memory_mb,
         )
 
     def real_time_factor(self) -> float:
@@ -149,31 +167,28 @@ class Trial:
             spent = float(sum(run.sum() for run in runs))
             if len(runs) >= FEWEST_RUNS and spent > ENOUGH_S:
                 break
-        return self._steps * self.setting.step_s / float(np.min(runs, axis=0).sum())
+        least = float(np.min(runs, axis=0).sum())
+        return float(self._steps * self.setting.step_s / least)
 
     def _timed(self, piece: int) -> Vector:
-        rope, took = self._begin(), []
+        took = []
+        self._body.begin()
         for first in range(0, self._steps, piece):
+            count = min(piece, self._steps - first)
+            part = self._part(first, count)
             began = time.perf_counter()
-            self._advance(rope, first, min(piece, self._steps - first))
+            self._advance(part, first, count)
             took.append(time.perf_counter() - began)
         return np.array(took)
 
-    def _begin(self) -> rows.Rope:
-        return self._rope._replace(state=self._start.copy())
+    def _part(self, first: int, count: int) -> rows.Boundary:
+        tables = (table[..., first : first + count + 1, :] for table in self._motion)
+        return rows.Boundary(*map(np.ascontiguousarray, tables))
 
-    def _advance(self, rope: rows.Rope, first: int, count: int) -> None:
-        part = rows.Boundary(*(table[first : first + count + 1] for table in self._motion))
-        pull = self._pull[first : first + count]
-        done = advance(rope, part, pull, first * self.setting.step_s, count)
+    def _advance(self, part: rows.Boundary, first: int, count: int) -> None:
+        done, tension = self._body.advance(part, first * self.setting.step_s, count)
+        self._tension[first : first + count] = tension
         if done < count:
             where = f"scene {self._course.scene.name}, {self.setting}"
             what = f"step {first + done + 1} is not finite"
             raise SolverError(phrase(where, what, "shorten the step"))
-
-
-def _memory_mb(rope: rows.Rope) -> float:
-    """Of all arrays that the steps work on."""
-    effects = [value for effect in rope.effects for value in effect]
-    values = [*rope.state, rope.work, rope.sections, *effects, *(rope.law or ())]
-    return sum(value.nbytes for value in values if isinstance(value, np.ndarray)) * 1e-6

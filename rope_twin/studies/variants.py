@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from rope_twin.scene.grid import elements_with
 from rope_twin.scene.schema import Scene
 
 
@@ -15,11 +16,13 @@ def variant(
 ) -> Scene:
     """The scene with these in place of its own; None keeps what the scene says.
 
+    elements: of the first rope; where ropes meet the others get theirs in proportion.
     For scenes whose damping is in N·s, or a fraction of the first axial mode, the physics stays.
     """
-    line = scene.ropes[0]
-    line = line if elements is None else replace(line, elements=elements)
+    own = [line.elements for line in scene.ropes]
+    counts = own if elements is None else elements_with(own, elements)
+    ropes = (replace(one, elements=n) for one, n in zip(scene.ropes, counts, strict=True))
     time = scene.time
     time = time if step_s is None else replace(time, step_s=step_s)
     time = time if tolerance_n is None else replace(time, newton_tolerance_n=tolerance_n)
-    return replace(scene, ropes=(line, *scene.ropes[1:]), time=time)
+    return replace(scene, ropes=tuple(ropes), time=time)

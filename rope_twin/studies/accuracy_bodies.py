@@ -1,0 +1,147 @@
+"""What a card's runs step: one rope, or ropes that meet; at rest, and put back there at will."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.joined_step import advance_joined
+from rope_twin.core.joints import LOOSE
+from rope_twin.core.reeving import settle_reeved
+from rope_twin.core.state import Boundary, Floats, Ints
+from rope_twin.core.step import advance
+from rope_twin.scene.build import build
+from rope_twin.scene.build_joined import build_joined
+from rope_twin.scene.rigging_rules import is_joined
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.start import find_start, judge_start
+
+
+class Body(Protocol):
+    """Something at rest that can be stepped."""
+
+    memory_mb: float  # of all arrays that the steps work on
+
+    def begin(self) -> None:
+        """Back to rest."""
+
+    def advance(self, motion: Boundary, time: float, steps: int) -> tuple[int, Floats]:
+        """How many steps were done, and the top tension after each [N], (steps,)."""
+
+    def depth_m(self) -> float:
+        """Of the lower end, or of the first payload."""
+
+    def is_slack(self) -> bool:
+        """Whether an element is without tension."""
+
+    @property
+    def health(self) -> Ints:
+        """The solver's counts since the beginning."""
+
+
+def body_of(scene: Scene) -> Body:
+    """The rope or ropes of a scene.
+
+    Raises:
+        SceneError: it cannot be built, or has no equilibrium.
+    """
+    return JoinedBody(scene) if is_joined(scene) else RopeBody(scene)
+
+
+class RopeBody:
+    """One rope; its motion is (steps + 1, MOTIONS)."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._rope = build(scene).rope
+        find_start(scene, self._rope)
+        self._start = self._rope.state.copy()
+        rope = self._rope
+        self.memory_mb = _memory_mb((rope.state, rope.work, rope.sections, rope.effects, rope.law))
+
+    def begin(self) -> None:
+        """Back to rest."""
+        self._rope = self._rope._replace(state=self._start.copy())
+
+    def advance(self, motion: Boundary, time: float, steps: int) -> tuple[int, Floats]:
+        """How many steps were done, and the top tension after each."""
+        pull = np.zeros((steps, rows.PULL_COLUMNS))
+        return advance(self._rope, motion, pull, time, steps), pull[:, rows.PULL]
+
+    def depth_m(self) -> float:
+        """Of the lower end."""
+        return -float(self._rope.state.nodes[rows.POSITION + 2, 0])
+
+    def is_slack(self) -> bool:
+        """Whether an element is without tension."""
+        return _is_slack(self._rope)
+
+    @property
+    def health(self) -> Ints:
+        """The solver's counts since the beginning."""
+        return self._rope.state.health
+
+
+class JoinedBody:
+    """Ropes that meet; their motion is (ropes, steps + 1, MOTIONS), the top that of the first."""
+
+    def __init__(self, scene: Scene) -> None:
+        built = build_joined(scene)
+        self._system = system = built.system
+        place = np.zeros((len(system.ropes), rows.MOTIONS))
+        place[:, : rows.LINE] = np.nan_to_num(built.hang_off_m)
+        place[:, rows.LINE] = [line.length_m for line in scene.ropes]
+        end = settle_reeved(system, place)
+        judge_start(scene, end, max(self._highest(r) for r in range(len(system.ropes))))
+        self._lowest = built.owners[scene.payloads[0].name] if scene.payloads else 0
+        stack = system.stack
+        state = (stack.nodes, stack.s, stack.offset, stack.counts, stack.health)
+        self._tables = _arrays((state, system.joints.nodes, system.joints.ties, system.sheaves))
+        self._start = [table.copy() for table in self._tables]
+        self.memory_mb = _memory_mb((stack, system.joints, system.sheaves))
+
+    def begin(self) -> None:
+        """Back to rest."""
+        for table, start in zip(self._tables, self._start, strict=True):
+            table[...] = start
+
+    def advance(self, motion: Boundary, time: float, steps: int) -> tuple[int, Floats]:
+        """How many steps were done, and the first rope's top tension after each."""
+        pull = np.zeros((len(self._system.ropes), steps, rows.PULL_COLUMNS))
+        return advance_joined(self._system, motion, pull, time, steps), pull[0, :, rows.PULL]
+
+    def depth_m(self) -> float:
+        """Of the first payload."""
+        return -float(self._system.ropes[self._lowest].state.nodes[rows.POSITION + 2, 0])
+
+    def is_slack(self) -> bool:
+        """Whether an element of any rope is without tension."""
+        return any(_is_slack(rope) for rope in self._system.ropes)
+
+    @property
+    def health(self) -> Ints:
+        """The solver's counts since the beginning, which the first rope keeps."""
+        return self._system.ropes[0].state.health
+
+    def _highest(self, r: int) -> float:
+        """Of the nodes of rope r below its hang-off [m]."""
+        rope, joints = self._system.ropes[r], self._system.joints
+        count = int(rope.state.counts[rows.ELEMENTS]) + int(joints.upper[r] != LOOSE)
+        return float(rope.state.nodes[rows.POSITION + 2, :count].max())
+
+
+def _is_slack(rope: rows.Rope) -> bool:
+    count = rope.state.counts[rows.ELEMENTS]
+    return bool(rope.work[rows.TENSION, :count].min() <= 0.0)
+
+
+def _arrays(value: Any) -> list[Any]:
+    """All arrays in a value that is made of tuples."""
+    if isinstance(value, np.ndarray):
+        return [value]
+    return [one for part in value for one in _arrays(part)] if isinstance(value, tuple) else []
+
+
+def _memory_mb(value: Any) -> float:
+    return 1e-6 * float(sum(table.nbytes for table in _arrays(value)))
