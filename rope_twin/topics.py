@@ -39,6 +39,9 @@ TOPICS: tuple[Topic, ...] = (
     # what the twin listens to
     Topic("ship/heave", "nav_msgs/msg/Odometry", Qos.SENSOR, 20.0, "sea_state",
           "heave of the hang-off: pose.position.z [m, up], twist.linear.z [m/s]"),
+    Topic("ship/odometry", "nav_msgs/msg/Odometry", Qos.SENSOR, 20.0, "sea_state",
+          "in place of ship/heave: pose of the ship's reference point against its rest [m], "
+          "and twist in the turned axes [m/s, rad/s]"),
     Topic("winch/speed_command", "sensor_msgs/msg/JointState", Qos.COMMAND, 10.0,
           "winch_schedule", "velocity[0] [m/s], + pays out; stamp 0 means at once; "
           "name[0] tells one of several winches"),
@@ -111,6 +114,7 @@ ORDER_TOPICS = {
 }
 SWITCH_TOPIC = "winch/switch_command"
 WINCH_TOPICS = (*ORDER_TOPICS.values(), SWITCH_TOPIC)
-INPUTS = ("ship/heave", *WINCH_TOPICS, "current")  # what the simulation listens to
+# what the simulation listens to
+INPUTS = ("ship/heave", "ship/odometry", *WINCH_TOPICS, "current")
 
 BY_NAME: dict[str, Topic] = {topic.name: topic for topic in TOPICS}

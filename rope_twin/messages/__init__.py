@@ -19,6 +19,7 @@ from rope_twin.messages.inputs import (
     encode_epoch,
     encode_heave,
     encode_order,
+    encode_pose,
     encode_speed,
 )
 
@@ -32,6 +33,7 @@ __all__ = [
     "encode_epoch",
     "encode_heave",
     "encode_order",
+    "encode_pose",
     "encode_speed",
     "statuses",
 ]

@@ -9,6 +9,7 @@ from rope_twin.messages import forms
 from rope_twin.messages.cdr import Template, serialise
 from rope_twin.topics import ORDER_TOPICS, SWITCH_TOPIC
 from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION, Order
+from rope_twin.twin.ship_pose import ShipPose
 
 ORDER_FIELDS = {SPEED: "velocity", LENGTH: "position", DEPTH: "position", TENSION: "effort"}
 
@@ -20,6 +21,19 @@ def encode_heave(stamp_ns: int, position_m: float, velocity_m_per_s: float) -> b
             **_stamp(stamp_ns),
             "pose.pose.position": (0.0, 0.0, position_m),
             "twist.twist.linear": (0.0, 0.0, velocity_m_per_s),
+        }
+    )
+
+
+def encode_pose(stamp_ns: int, pose: ShipPose) -> bytes:
+    """ship/odometry: the pose of the ship's reference point against its rest."""
+    return _pose().fill(
+        {
+            **_stamp(stamp_ns),
+            "pose.pose.position": pose.position_m,
+            "pose.pose.orientation": pose.orientation,
+            "twist.twist.linear": pose.velocity_m_per_s,
+            "twist.twist.angular": pose.rate_rad_per_s,
         }
     )
 
@@ -60,6 +74,11 @@ def _stamp(stamp_ns: int) -> dict[str, int]:
 @cache
 def _heave() -> Template:
     return Template(forms.odometry("sea", "hang_off"))
+
+
+@cache
+def _pose() -> Template:
+    return Template(forms.odometry("ship_at_rest", "ship"))
 
 
 @cache

@@ -11,6 +11,7 @@ from rope_twin.errors import BagError, phrase
 from rope_twin.recording.bag_reader import find_bag
 from rope_twin.recording.heave_record import GAP_PERIODS, HeaveRecord, Stamps, Vector, read_heave
 from rope_twin.twin.irregular_sea import SeaRecord
+from rope_twin.twin.ship_pose import ShipPose
 
 FADE_S = 10.0
 
@@ -23,6 +24,8 @@ class HeaveSample:
     position_m: float  # up, above the rest position
     velocity_m_per_s: float
     elevation_m: float | None  # water surface at the ship, where the record has it
+    pose: ShipPose | None = None  # of the ship, where that is what moves the hang-off
+    aside: tuple[float, float, float, float] | None = None  # then: x, y [m], their rates [m/s]
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,11 @@ import numpy as np
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.recording.heave_replay import HeaveSample
 from rope_twin.recording.regular_heave import SAMPLE_PERIOD_NS
+from rope_twin.recording.ship_sea import ShipOnWaves
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.components import Waves
 from rope_twin.sea.heave_response import BoxHull, heave_response
+from rope_twin.sea.responses import read_responses
 from rope_twin.sea.spectrum import Vector
 
 
@@ -50,12 +52,18 @@ class WaveSea:
         return False
 
 
-def sea_of_waves(scene: Scene) -> WaveSea | None:
-    """The ship's motion on the scene's waves, or None if it does not ride on them."""
+def sea_of_waves(scene: Scene) -> WaveSea | ShipOnWaves | None:
+    """The ship's motion on the scene's waves, or None if it does not ride on them.
+
+    Raises:
+        InputError: its table of responses is wrong.
+    """
     riding = scene.sea_state.on_waves
     if riding is None:
         return None
     params = next(own for own in scene.effects if isinstance(own, WavesParams))
     waves = components_of(params, scene.environment.gravity_m_per_s2)
+    if riding.responses:
+        return ShipOnWaves(waves, read_responses(riding.responses), scene)
     x, y, _ = scene.ship.hang_off_m
     return WaveSea(waves, riding.hull, x, y)

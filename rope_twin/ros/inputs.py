@@ -18,6 +18,7 @@ from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.winch import SWITCHES
 from rope_twin.topics import ORDER_TOPICS, SWITCH_TOPIC
 from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION, Order
+from rope_twin.twin.ship_pose import ShipPose
 
 _NANOSECONDS = 1_000_000_000
 
@@ -31,6 +32,25 @@ def read_heave(data: bytes) -> tuple[int, float, float]:
     message = decode("ship/heave", data)
     stamp_ns = _stamp_ns("ship/heave", message.header.stamp)
     return stamp_ns, message.pose.pose.position.z, message.twist.twist.linear.z
+
+
+def read_pose(data: bytes) -> tuple[int, ShipPose]:
+    """ROS stamp [ns] of a ship/odometry message, and its pose, stamped with 0.
+
+    Raises:
+        InputError: if the bytes are no such message, or its stamp is no time.
+    """
+    message = decode("ship/odometry", data)
+    stamp_ns = _stamp_ns("ship/odometry", message.header.stamp)
+    place, turn = message.pose.pose.position, message.pose.pose.orientation
+    speed, rate = message.twist.twist.linear, message.twist.twist.angular
+    return stamp_ns, ShipPose(
+        0,
+        (place.x, place.y, place.z),
+        (speed.x, speed.y, speed.z),
+        (turn.x, turn.y, turn.z, turn.w),
+        (rate.x, rate.y, rate.z),
+    )
 
 
 def read_order(topic: str, data: bytes) -> tuple[int | None, Order, str]:

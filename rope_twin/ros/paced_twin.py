@@ -17,7 +17,7 @@ from rope_twin.commands.run.summary import RunSummary, summarise
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import Level, Status, statuses
 from rope_twin.ros.announcer import Announcer
-from rope_twin.ros.inputs import read_current, read_heave, read_order
+from rope_twin.ros.inputs import read_current, read_heave, read_order, read_pose
 from rope_twin.ros.params import SimulationParams
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rigging_rules import is_joined
@@ -144,6 +144,19 @@ class PacedTwin:
             self._ignored += 1
         else:
             self.twin.offer_heave(stamp_ns - epoch_ns, position_m, velocity_m_per_s)
+
+    def offer_pose(self, data: bytes) -> None:
+        """A ship/odometry message; as offer_heave."""
+        try:
+            stamp_ns, pose = read_pose(data)
+        except InputError as error:
+            self._refuse("ship/odometry", error)
+            return
+        epoch_ns = self.epoch_ns
+        if epoch_ns is None:
+            self._ignored += 1
+        else:
+            self.twin.offer_pose(replace(pose, stamp_ns=stamp_ns - epoch_ns))
 
     def offer_order(self, topic: str, data: bytes) -> None:
         """A message on one of WINCH_TOPICS; as offer_heave."""

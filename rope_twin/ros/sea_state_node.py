@@ -9,8 +9,8 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from rope_twin.commands.run.inputs import FIRST_NS, Sea, open_sea
-from rope_twin.messages import encode_elevation, encode_heave
+from rope_twin.commands.run.inputs import FIRST_NS, Sea, encode_motion, motion_topic, open_sea
+from rope_twin.messages import encode_elevation
 from rope_twin.recording.heave_replay import replay_sea
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.feeding import FeedingNode
@@ -24,7 +24,7 @@ _SECOND_NS = 1_000_000_000
 
 
 class SeaStateNode(FeedingNode):
-    """Publishes ship/heave and, where the record has it, sea/elevation."""
+    """Publishes ship/heave or ship/odometry and, where the record has it, sea/elevation."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("sea_state", **node_options)
@@ -42,7 +42,7 @@ class SeaStateNode(FeedingNode):
         self.get_logger().info(self._replay.source)
         if self._replay.note:
             self.get_logger().warning(self._replay.note)
-        topics = ("ship/heave", "sea/elevation")
+        topics = (motion_topic(self._replay), "sea/elevation")
         self.start_feeding(topics, self._params.lead_s, self._params.speed, FIRST_NS)
         if self._params.wait_for_epoch:
             self.await_epoch()
@@ -55,8 +55,7 @@ class SeaStateNode(FeedingNode):
         samples = self._replay.between(from_ns, to_ns)
         for sample in samples:
             at_ns = epoch_ns + sample.stamp_ns
-            data = encode_heave(at_ns, sample.position_m, sample.velocity_m_per_s)
-            self.send("ship/heave", data)
+            self.send(*encode_motion(at_ns, sample))
             if sample.elevation_m is not None:
                 self.send("sea/elevation", encode_elevation(at_ns, sample.elevation_m))
         if samples:

@@ -199,6 +199,8 @@ class SimulationNode(LifecycleNode):
                 return
             if name == "ship/heave":
                 self.paced.offer_heave(data)
+            elif name == "ship/odometry":
+                self.paced.offer_pose(data)
             elif name in WINCH_TOPICS:
                 self.paced.offer_order(name, data)
             else:
@@ -218,7 +220,7 @@ class SimulationNode(LifecycleNode):
 
     def _graph_rows(self) -> list[Status]:
         """Who else is on our topics: two sources of one input mix, two twins confuse everybody."""
-        mixed = [name for name in ("ship/heave", *WINCH_TOPICS)
+        mixed = [name for name in ("ship/heave", "ship/odometry", *WINCH_TOPICS)
                  if self.count_publishers(name) > 1]  # fmt: skip
         twins = self.count_publishers("tension_top")
         values = {name: str(self.count_publishers(name)) for name in INPUTS}

@@ -10,6 +10,7 @@ from typing import Any
 from rope_twin.effects import EFFECTS
 from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.scene.document import Item, Place, kind, read_document
+from rope_twin.scene.motion_rules import beside
 from rope_twin.scene.reader import read_choice, read_object
 from rope_twin.scene.ropes import rope_presets
 from rope_twin.scene.rules import faults, is_path
@@ -45,7 +46,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
     )
     for where, what, right in faults(scene):
         raise Place(path, where, tree.find(where).line).refuse(what, right)
-    return _with_bag_found(scene)
+    return _with_files_found(scene)
 
 
 def scene_names() -> list[str]:
@@ -113,10 +114,14 @@ def _read_effects(item: Item, place: Place) -> tuple[Any, ...]:
     return tuple(found[effect.name] for effect in EFFECTS if effect.name in found)
 
 
-def _with_bag_found(scene: Scene) -> Scene:
-    """The scene with the path of its bag, if it is a path, made independent of the scene's file."""
-    bag = scene.sea_state.bag
-    if not is_path(bag):
-        return scene
-    found = str((scene.path.parent / bag).resolve())
-    return dataclasses.replace(scene, sea_state=dataclasses.replace(scene.sea_state, bag=found))
+def _with_files_found(scene: Scene) -> Scene:
+    """The scene with the paths of its bag and tables made independent of the scene's file."""
+    sea = scene.sea_state
+    if is_path(sea.bag):
+        sea = dataclasses.replace(sea, bag=str((scene.path.parent / sea.bag).resolve()))
+    if sea.path:
+        sea = dataclasses.replace(sea, path=beside(scene, sea.path))
+    if sea.on_waves is not None and sea.on_waves.responses:
+        table = beside(scene, sea.on_waves.responses)
+        sea = dataclasses.replace(sea, on_waves=dataclasses.replace(sea.on_waves, responses=table))
+    return dataclasses.replace(scene, sea_state=sea)

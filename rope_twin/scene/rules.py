@@ -22,6 +22,7 @@ from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import did_you_mean
 from rope_twin.scene.composite import ends_m
 from rope_twin.scene.grid import grading_faults
+from rope_twin.scene.motion_rules import MOTION_RULES
 from rope_twin.scene.rigging_rules import RIGGING_RULES, is_joined, winch_of, winches
 from rope_twin.scene.rising import TwoWayShape
 from rope_twin.scene.schema import Scene, Winch
@@ -269,7 +270,7 @@ def _on_waves(scene: Scene) -> Iterator[Fault]:
     if waves is None:
         yield "sea_state.on_waves", "`waves` is not listed", "add the effect `waves`"
         return
-    if sea.bag or sea.heave is not None:
+    if sea.bag or sea.heave is not None or sea.path:
         yield "sea_state", "the ship rides on the waves and on a record", "keep one of them"
     if sea.start_s != 0.0 or not sea.loop:
         right = "leave `start_s` and `loop` out, they are for records"
@@ -300,4 +301,5 @@ RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _bag,
     _regular_heave,
     _on_waves,
+    *MOTION_RULES,
 )

@@ -193,6 +193,10 @@ class Ship:
     hang_off_m: Triple = quantity(
         "hang-off at rest: x, y, z", "m", -1e4, 1e4, default=(0.0, 0.0, 0.0)
     )
+    reference_m: Triple | None = quantity(
+        "point whose pose is told, at rest: x, y, z; absent: the hang-off itself", "m", -1e4, 1e4,
+        default=None,
+    )  # fmt: skip
     motion_ramp_s: float = quantity(
         "the start from rest: motion fades in over this time", "s", 0.0, 600.0, default=8.0
     )
@@ -210,7 +214,11 @@ class RegularHeave:
 class OnWaves:
     """The ship rides on the waves of the effect `waves`: same components, same phases."""
 
-    hull: BoxHull = text("a box-like hull in head seas", BoxHull())
+    hull: BoxHull = text("a box-like hull in head seas, which heaves only", BoxHull())
+    responses: str = text("six degrees: name in config/responses/ or path of a table", "")
+    heading_deg: float = quantity(
+        "where the bow points with `responses`, from east to north", "°", -360.0, 360.0, default=0.0
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -225,13 +233,19 @@ class SeaState:
     bag: str = text("recorded heave to replay", "")
     heave: RegularHeave | None = text("a sine in place of a record", None)
     on_waves: OnWaves | None = text("ride on the scene's waves", None)
+    path: str = text("table of the hang-off's way: t, x, y, z", "")
     start_s: float = quantity("offset into the bag or the sine", "s", 0.0, 1e6, default=0.0)
     loop: bool = text("start again at the end of the bag", True)
 
     @property
+    def posed(self) -> bool:
+        """Whether it tells the ship's pose and not only its heave."""
+        return bool(self.path) or (self.on_waves is not None and bool(self.on_waves.responses))
+
+    @property
     def moves(self) -> bool:
         """Whether there is anything that moves the ship."""
-        return bool(self.bag) or self.heave is not None or self.on_waves is not None
+        return bool(self.bag or self.path) or bool(self.heave or self.on_waves)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.commands.run.inputs import FIRST_NS, open_sea
+from rope_twin.commands.run.inputs import FIRST_NS, open_sea, series_of
 from rope_twin.core import state as rows
 from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.rigging_rules import is_joined, places, winch_of
@@ -22,7 +22,6 @@ from rope_twin.scene.schema import RopeLine, Scene, Triple
 from rope_twin.studies.accuracy_bodies import body_of
 from rope_twin.studies.variants import variant
 from rope_twin.twin.borders import Borders, WinchTrack
-from rope_twin.twin.heave_series import HeaveSeries
 
 Vector = NDArray[np.float64]
 AFTER_NS = 1_000_000_000  # heave goes on so long after the end: the last step looks ahead
@@ -69,9 +68,7 @@ class Course:
         self.scene, self.seconds, self.look_s = scene, seconds, look_s
         sea = open_sea(scene)
         samples = sea.between(FIRST_NS, round(seconds * 1e9) + AFTER_NS) if sea else []
-        self._heave = HeaveSeries.of(
-            (one.stamp_ns, one.position_m, one.velocity_m_per_s) for one in samples
-        ) if samples else None  # fmt: skip
+        self._heave = series_of(samples)
         self._motions: dict[float, rows.Boundary] = {}
 
     def motion(self, step_s: float) -> rows.Boundary:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rope_twin.commands.run.inputs import FIRST_NS, LEAD_NS, open_sea
+from rope_twin.commands.run.inputs import FIRST_NS, LEAD_NS, offer, open_sea
 from rope_twin.errors import SolverError
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
@@ -113,7 +113,7 @@ def fed(twin: Twin, seconds: float) -> Iterator[Snapshot]:
     while twin.time_ns < round(seconds * 1e9):
         until_ns = twin.time_ns + steps * twin.step_ns + LEAD_NS
         for heave in sea.between(offered_ns, until_ns) if sea else ():
-            twin.offer_heave(heave.stamp_ns, heave.position_m, heave.velocity_m_per_s)
+            offer(twin, heave)
         for command in schedule_samples(winch, offered_ns, until_ns):
             twin.offer_order(command.stamp_ns, command.order)
         offered_ns = until_ns

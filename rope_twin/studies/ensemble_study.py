@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from rope_twin.commands.run.inputs import FIRST_NS, open_sea
+from rope_twin.commands.run.inputs import FIRST_NS, open_sea, series_of
 from rope_twin.errors import InputError, phrase
 from rope_twin.recording.heave_replay import open_heave
 from rope_twin.scene.change import Change, change_scene
@@ -189,7 +189,9 @@ def _sampled(scene: Scene, until_ns: int) -> HeaveSeries:
     sea = open_sea(scene)
     assert sea is not None
     samples = sea.between(FIRST_NS, until_ns)
-    return HeaveSeries.of((one.stamp_ns, one.position_m, one.velocity_m_per_s) for one in samples)
+    series = series_of(samples)
+    assert series is not None
+    return series
 
 
 @lru_cache(maxsize=8)
@@ -197,7 +199,9 @@ def _recorded(state: SeaState, until_ns: int) -> HeaveSeries:
     """A bag's samples, read once for all ensembles of a process."""
     sea = open_heave(state.bag, None, state.start_s, state.loop)
     samples = sea.between(FIRST_NS, until_ns)
-    return HeaveSeries.of((one.stamp_ns, one.position_m, one.velocity_m_per_s) for one in samples)
+    series = series_of(samples)
+    assert series is not None
+    return series
 
 
 def _rounded_up(length_ns: int) -> int:

@@ -130,6 +130,10 @@ class Borders:
         z, v = self._heave.at(border_ns) if self._heave else (np.zeros(steps), np.zeros(steps))
         share, share_rate = _ramps(first, steps, self._step_ns, self._ship.motion_ramp_s)
         made.value[1:, :Z] = x, y
+        aside = self._heave.aside_at(border_ns) if self._heave else ()
+        for k, (moved, speed) in enumerate(aside):
+            made.value[1:, k] += share * moved
+            made.rate[1:, k] = share * speed + share_rate * moved
         made.value[1:, Z] = rest_z + share * z
         made.rate[1:, Z] = share * v + share_rate * z
         lines = self._winch.through(first, steps, made.rate[1:, Z])

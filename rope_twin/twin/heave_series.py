@@ -6,7 +6,7 @@ that both give the same bits. A series has no gaps, so nothing is ever assumed.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,9 +30,14 @@ class HeaveSeries:
     position_m: NDArray[np.float64]  # of the hang-off above its rest, + up
     velocity_m_per_s: NDArray[np.float64]
     start_ns: int = 0
+    aside: NDArray[np.float64] | None = None  # east, north [m] and their rates [m/s], (4, samples)
 
     def __post_init__(self) -> None:
         """Check the samples, whichever way they came."""
+        if self.aside is not None and self.aside.shape != (4, len(self.stamp_ns)):
+            what = f"east and north of shape {self.aside.shape}"
+            right = f"give (4, {len(self.stamp_ns)}), as many as samples"
+            raise InputError(phrase("hang-off", what, right))
         shapes = {self.stamp_ns.shape, self.position_m.shape, self.velocity_m_per_s.shape}
         if len(shapes) != 1 or self.stamp_ns.ndim != 1 or len(self.stamp_ns) < 2:
             raise InputError(
@@ -43,10 +48,19 @@ class HeaveSeries:
                 raise InputError(fault)
 
     @classmethod
-    def of(cls, samples: Iterable[tuple[int, float, float]]) -> HeaveSeries:
-        """From stamp [ns], position [m] and velocity [m/s] of each sample."""
+    def of(
+        cls,
+        samples: Iterable[tuple[int, float, float]],
+        aside: Sequence[tuple[float, float, float, float]] = (),
+    ) -> HeaveSeries:
+        """From stamp [ns], position [m] and velocity [m/s] of each sample.
+
+        aside: of each sample its x, y [m] and their rates [m/s], if the hang-off moves so.
+        """
         stamps, positions, velocities = zip(*samples, strict=True)
-        return cls(np.array(stamps, np.int64), np.array(positions), np.array(velocities))
+        moved = np.array(aside).T if aside else None
+        heave = np.array(positions), np.array(velocities)
+        return cls(np.array(stamps, np.int64), *heave, aside=moved)
 
     def starting_at(self, start_ns: int) -> HeaveSeries:
         """The same samples with twin time 0 so far into them; shares the arrays."""
@@ -80,12 +94,26 @@ class HeaveSeries:
         Raises:
             InputError: the samples do not reach so far.
         """
+        return self._between(time_ns, self.position_m, self.velocity_m_per_s)
+
+    def aside_at(
+        self, time_ns: NDArray[np.int64]
+    ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """The same east and north, where the series has them; else nothing. Raises as `at`."""
+        if self.aside is None:
+            return []
+        return [self._between(time_ns, self.aside[k], self.aside[k + 2]) for k in (0, 1)]
+
+    def _between(
+        self, time_ns: NDArray[np.int64], z: NDArray[np.float64], v: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Cubic Hermite pieces of values z with rates v at the samples."""
         self.check_reach(int(time_ns[0]), int(time_ns[-1]))
         on = time_ns + self.start_ns
         k = np.searchsorted(self.stamp_ns, on, side="left")
         t0, t1 = self.stamp_ns[k - 1], self.stamp_ns[k]
-        z0, z1 = self.position_m[k - 1], self.position_m[k]
-        v0, v1 = self.velocity_m_per_s[k - 1], self.velocity_m_per_s[k]
+        z0, z1 = z[k - 1], z[k]
+        v0, v1 = v[k - 1], v[k]
         h = (t1 - t0) * 1e-9
         u = (on - t0) / (t1 - t0)
         d0, d1 = v0 * h, v1 * h

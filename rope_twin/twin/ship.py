@@ -34,8 +34,10 @@ NO_SEGMENT = (0, -1, 0.0, 0.0, 0.0, 0.0, 1.0)
 class HeaveTrack:
     """Heave over twin time [ns]; `offer` takes samples, `at` is asked for rising times."""
 
-    def __init__(self) -> None:
+    def __init__(self, limit_m: float = HEAVE_LIMIT_M) -> None:
+        """`limit_m`: no position is believed beyond it."""
         self.counter = InputCounter("heave")
+        self._limit_m = limit_m
         self._stamps: list[int] = []
         self._samples: list[tuple[float, float]] = []
         self._asked_ns: int | None = None
@@ -48,6 +50,10 @@ class HeaveTrack:
         self._on_track = False  # nothing is assumed, led over or remarked upon
         self._in_doubt = False  # whether samples were known before a pause that may be void by now
         self._confirmed = False  # whether one of them has come again since
+
+    def rest_until(self, time_ns: int | None) -> None:
+        """It was asked for up to then, and was at rest."""
+        self._asked_ns = time_ns
 
     def doubt(self) -> None:
         """The sender was away: what it has told of times to come may no longer hold."""
@@ -72,7 +78,7 @@ class HeaveTrack:
             self._confirmed = True
             return True
         now = self._asked_ns
-        if now is None or stamp_ns < now or not _is_possible(*sample):
+        if now is None or stamp_ns < now or not self._is_possible(*sample):
             return False  # refused in the usual way; the doubt stays
         if not (self._confirmed and place == len(self._stamps) - 1):
             self._stamps.clear()
@@ -88,10 +94,10 @@ class HeaveTrack:
         if not (math.isfinite(z) and math.isfinite(v)):
             return refuse("non_finite", phrase("heave", f"position {z} m, velocity {v} m/s",
                                                "both must be finite numbers"))  # fmt: skip
-        if not _is_possible(z, v):
+        if not self._is_possible(z, v):
             return refuse("impossible", phrase(
                 "heave", f"position {z:g} m, velocity {v:g} m/s",
-                f"a ship stays within ±{HEAVE_LIMIT_M:g} m and ±{VELOCITY_LIMIT_M_PER_S:g} m/s"))  # fmt: skip # noqa: E501
+                f"a ship stays within ±{self._limit_m:g} m and ±{VELOCITY_LIMIT_M_PER_S:g} m/s"))  # fmt: skip # noqa: E501
         if self._stamps and stamp_ns == self._stamps[-1]:
             return refuse("repeated", phrase("heave", f"stamp {stamp_ns * 1e-9:.3f} s came twice",
                                              "each sample needs a stamp of its own"))  # fmt: skip
@@ -110,14 +116,23 @@ class HeaveTrack:
             return refuse("impossible", phrase(
                 "heave", f"stamp {stamp_ns * 1e-9:.1f} s lies {ahead_ns * 1e-9:.1f} s ahead",
                 "sender and twin must share one clock"))  # fmt: skip
-        if self._stamps and stamp_ns - self._stamps[-1] <= JUMP_WINDOW_NS:
+        jump = self.jump(stamp_ns, z)
+        return refuse("impossible", jump) if jump else ""
+
+    def jump(self, stamp_ns: int, z: float) -> str:
+        """What is impossible about a position after the last sample; or ""."""
+        if self._stamps and 0 < stamp_ns - self._stamps[-1] <= JUMP_WINDOW_NS:
             seconds = (stamp_ns - self._stamps[-1]) * 1e-9
             jump = z - self._samples[-1][0]
             if abs(jump) > VELOCITY_LIMIT_M_PER_S * seconds + 0.01:
-                return refuse("impossible", phrase(
+                return phrase(
                     "heave", f"it jumps by {jump:.2f} m in {seconds:.3f} s",
-                    f"a ship moves by at most {VELOCITY_LIMIT_M_PER_S:g} m/s"))  # fmt: skip
+                    f"a ship moves by at most {VELOCITY_LIMIT_M_PER_S:g} m/s")  # fmt: skip
         return ""
+
+    def _is_possible(self, z: float, v: float) -> bool:
+        """Whether a ship can be so (NaN cannot)."""
+        return abs(z) <= self._limit_m and abs(v) <= VELOCITY_LIMIT_M_PER_S
 
     def at(self, time_ns: int) -> tuple[float, float]:
         """Position [m] and velocity [m/s] at a twin time not before the one asked for last."""
@@ -217,11 +232,6 @@ class HeaveTrack:
         """Drop samples that no later time needs."""
         if len(self._stamps) > 64 and self._stamps[32] < time_ns - KEEP_NS:
             del self._stamps[:32], self._samples[:32]
-
-
-def _is_possible(z: float, v: float) -> bool:
-    """Whether a ship can be so (NaN cannot)."""
-    return abs(z) <= HEAVE_LIMIT_M and abs(v) <= VELOCITY_LIMIT_M_PER_S
 
 
 def ramp(time_s: float, duration_s: float) -> tuple[float, float]:

@@ -26,6 +26,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.scene.shedding import refuse_shedding
 from rope_twin.twin import saved_state
 from rope_twin.twin.contact import bed_contact
+from rope_twin.twin.hang_off import HangOffTrack
 from rope_twin.twin.hoisting.feel import Course, feel
 from rope_twin.twin.hoisting.orders import SPEED, Order
 from rope_twin.twin.observe import Extremes, Observation, RunStatistics, observe
@@ -34,7 +35,8 @@ from rope_twin.twin.ropes import ropes_of
 from rope_twin.twin.rung import Rung
 from rope_twin.twin.rungs import Base, carry_over, error_at, top_rung
 from rope_twin.twin.saved_state import About, SavedState
-from rope_twin.twin.ship import HeaveTrack, ramp
+from rope_twin.twin.ship import ramp
+from rope_twin.twin.ship_pose import ShipPose
 from rope_twin.twin.snapshot import InputHealth, Snapshot
 from rope_twin.twin.water import CurrentInput
 from rope_twin.twin.winch import LineOut, winch_of_rope
@@ -66,7 +68,7 @@ class Twin:
         self._rung = top_rung(scene)
         self._marks: list[rows.Floats] = []  # of the grids that were left for coarser ones
         self._lock = threading.Lock()
-        self._heave = HeaveTrack()
+        self._heave = HangOffTrack(scene)
         self._winch = winch_of_rope(scene, scene.ropes[0])
         self._current = CurrentInput(self._rope.effects)
         self._rest = np.array(scene.ship.hang_off_m, dtype=float)
@@ -117,6 +119,11 @@ class Twin:
         """A heave sample of the hang-off, + up; "" or why it was refused."""
         with self._lock:
             return self._heave.offer(stamp_ns, position_m, velocity_m_per_s)
+
+    def offer_pose(self, pose: ShipPose) -> str:
+        """The ship's pose, which moves the hang-off in three directions; "" or the refusal."""
+        with self._lock:
+            return self._heave.offer_pose(pose)
 
     def offer_speed(self, stamp_ns: int | None, speed_m_per_s: float, winch: str = WINCH) -> str:
         """Command the winch at a hang-off, + pays out (stamp None: at once); "" or the refusal."""
@@ -299,7 +306,11 @@ class Twin:
         value, rate = self._boundary
         z, v = self._heave.at(border_ns)
         share, share_rate = ramp(border_ns * 1e-9, self.scene.ship.motion_ramp_s)
-        heave = (share * z, share * v + share_rate * z)  # x and y are the same in every row
+        heave = (share * z, share * v + share_rate * z)
+        if self._heave.posed:  # else x and y are those of rest in every row
+            for k, (aside, moving) in enumerate(self._heave.aside_at(border_ns)):
+                value[row, k] = self._rest[k] + share * aside
+                rate[row, k] = share * moving + share_rate * aside
         value[row, rows.Z], rate[row, rows.Z] = rest_z + heave[0], heave[1]
         rope = None
         if felt:

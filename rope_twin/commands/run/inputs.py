@@ -9,10 +9,14 @@ from __future__ import annotations
 from typing import Protocol
 
 from rope_twin.errors import InputError, phrase
+from rope_twin.messages import encode_heave, encode_pose
 from rope_twin.recording.heave_replay import HeaveSample, open_heave
 from rope_twin.recording.regular_heave import RegularSea
+from rope_twin.recording.ship_sea import ShipOnWaves, WayOfHangOff, open_way
 from rope_twin.recording.wave_sea import sea_of_waves
 from rope_twin.scene.schema import Scene
+from rope_twin.twin.heave_series import HeaveSeries
+from rope_twin.twin.twin import Twin
 
 FIRST_NS = -100_000_000  # samples begin this early, so that t = 0 lies between two of them
 LEAD_NS = 200_000_000  # samples are given this long before they are needed
@@ -41,7 +45,8 @@ def open_sea(
 
     Raises:
         BagError: one sentence on what is wrong with the bag.
-        InputError: a topic is named but there is no bag to look for it in.
+        InputError: a topic is named but there is no bag to look for it in, or a table that the
+            scene names is wrong.
     """
     if bag:
         return open_heave(bag, topic or None, start_s, loop)
@@ -51,6 +56,41 @@ def open_sea(
     if topic:
         what = f"scene {scene.name} has no bag to look for it in"
         raise InputError(phrase(f"topic '{topic}'", what, "name a bag too, or leave the topic out"))
+    if sea.path:
+        return open_way(scene, start_s)
     if sea.heave is not None:
         return RegularSea(sea.heave, sea.start_s + start_s)
     return sea_of_waves(scene)
+
+
+def offer(twin: Twin, sample: HeaveSample) -> str:
+    """Give a twin one sample; "" or why it was refused."""
+    if sample.pose is not None:
+        return twin.offer_pose(sample.pose)
+    return twin.offer_heave(sample.stamp_ns, sample.position_m, sample.velocity_m_per_s)
+
+
+def motion_topic(sea: Sea) -> str:
+    """The topic that a sea's samples are told in."""
+    posed = isinstance(sea, ShipOnWaves | WayOfHangOff)
+    return "ship/odometry" if posed else "ship/heave"
+
+
+def encode_motion(stamp_ns: int, sample: HeaveSample) -> tuple[str, bytes]:
+    """The topic and message that tell of a sample, stamped so."""
+    if sample.pose is not None:
+        return "ship/odometry", encode_pose(stamp_ns, sample.pose)
+    return "ship/heave", encode_heave(stamp_ns, sample.position_m, sample.velocity_m_per_s)
+
+
+def series_of(samples: list[HeaveSample]) -> HeaveSeries | None:
+    """What the samples make of the hang-off, for many steps at once; None if there are none.
+
+    Raises:
+        InputError: no ship moves so.
+    """
+    if not samples:
+        return None
+    heave = ((one.stamp_ns, one.position_m, one.velocity_m_per_s) for one in samples)
+    aside = [one.aside for one in samples if one.aside is not None]
+    return HeaveSeries.of(heave, aside)

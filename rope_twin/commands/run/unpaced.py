@@ -17,7 +17,7 @@ from statistics import median
 from types import FrameType
 
 from rope_twin.cadence import DIAGNOSTICS_PERIOD_NS, due_topics, slot_of
-from rope_twin.commands.run.inputs import FIRST_NS, LEAD_NS, open_sea
+from rope_twin.commands.run.inputs import FIRST_NS, LEAD_NS, encode_motion, offer, open_sea
 from rope_twin.commands.run.options import RunOptions
 from rope_twin.commands.run.summary import RunSummary, summarise
 from rope_twin.errors import SolverError, StateError
@@ -26,7 +26,6 @@ from rope_twin.messages import (
     encode_diagnostics,
     encode_elevation,
     encode_epoch,
-    encode_heave,
     encode_order,
     statuses,
 )
@@ -124,9 +123,8 @@ class UnpacedRun:
         for heave in self._sea.between(self._offered_ns, until_ns) if self._sea else ():
             at_ns = heave.stamp_ns
             if at_ns > self._known_ns.get("heave", FIRST_NS - 1):
-                self.twin.offer_heave(at_ns, heave.position_m, heave.velocity_m_per_s)
-            data = encode_heave(self.epoch_ns + at_ns, heave.position_m, heave.velocity_m_per_s)
-            messages.append((at_ns, "ship/heave", data))
+                offer(self.twin, heave)
+            messages.append((at_ns, *encode_motion(self.epoch_ns + at_ns, heave)))
             if heave.elevation_m is not None:
                 data = encode_elevation(self.epoch_ns + at_ns, heave.elevation_m)
                 messages.append((at_ns, "sea/elevation", data))

@@ -1,0 +1,156 @@
+"""The ship's pose from a table of responses on the scene's waves, or a way given in a table.
+
+Both are sampled as a recorded pose would have been: what moves the hang-off is computed by the same
+function as of a topic (`twin/ship_pose.py`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import cos, sin
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.recording.heave_replay import HeaveSample
+from rope_twin.recording.regular_heave import SAMPLE_PERIOD_NS
+from rope_twin.scene.schema import Scene
+from rope_twin.sea.components import Waves
+from rope_twin.sea.responses import Responses
+from rope_twin.sea.way import Way, read_way
+from rope_twin.twin.hang_off import lever_arm
+from rope_twin.twin.ship_pose import Quaternion, ShipPose, Vector3, hang_off_motion, turned
+
+Floats = NDArray[np.float64]
+
+
+def sample_of(pose: ShipPose, arm_m: Vector3, elevation_m: float | None) -> HeaveSample:
+    """The sample of a pose: what it makes of the hang-off, and the pose itself."""
+    place, velocity = hang_off_motion(pose, arm_m)
+    aside = (*place[:2], *velocity[:2])
+    return HeaveSample(pose.stamp_ns, place[2], velocity[2], elevation_m, pose, aside)
+
+
+def _stamps(from_ns: int, to_ns: int) -> NDArray[np.int64]:
+    first, end = -(-from_ns // SAMPLE_PERIOD_NS), -(-to_ns // SAMPLE_PERIOD_NS)
+    return np.arange(first, end, dtype=np.int64) * SAMPLE_PERIOD_NS
+
+
+class ShipOnWaves:
+    """Poses of a ship that answers each component of the waves that the rope feels.
+
+    A component a·cos(k·x - ω·t + φ) is the real part of a·exp(i(ω·t - k·x - φ)); each degree of
+    freedom answers with its response times that, at the reference point at rest. Turns are yaw,
+    then pitch, then roll about the ship's axes.
+    """
+
+    note = ""
+
+    def __init__(self, waves: Waves, responses: Responses, scene: Scene) -> None:
+        self._arm = lever_arm(scene)
+        self._bow = float(np.radians(scene.sea_state.on_waves.heading_deg))  # type: ignore[union-attr]
+        self._omega = waves.omega
+        x, y, _ = scene.ship.hang_off_m
+        self._surface = _at_place(waves, x, y)
+        wave = _at_place(waves, x - self._arm[0], y - self._arm[1])
+        frequency = waves.omega / (2.0 * np.pi)
+        self._answer = wave * responses.at(frequency, waves.heading - self._bow)
+        self.source = (
+            f"waves of Hs {waves.significant_height_m:.3g} m; six degrees of freedom by "
+            f"{responses.source}, bow at {np.degrees(self._bow):g}°"
+        )
+
+    def freedoms(self, time_s: float) -> tuple[Floats, Floats]:
+        """Surge, sway, heave [m], roll, pitch, yaw [rad] at a time, (6,), and their rates."""
+        moved = self._answer * np.exp(1j * self._omega * time_s)
+        return moved.sum(axis=1).real, (1j * self._omega * moved).sum(axis=1).real
+
+    def pose(self, stamp_ns: int) -> ShipPose:
+        """At a twin time; by itself, so that it has the same bits in whatever stretch."""
+        moved, rate = (part.tolist() for part in self.freedoms(stamp_ns * 1e-9))
+        x, y, z, w = _quaternion(*moved[3:])
+        orientation = (*self._from_bow(x, y), z, w)
+        velocity = turned((-orientation[0], -orientation[1], -z, w), self._in_sea(rate[:3]))
+        spin = self._in_sea(_body_rates(moved[3], moved[4], rate[3:]))
+        return ShipPose(stamp_ns, self._in_sea(moved[:3]), velocity, orientation, spin)
+
+    def _from_bow(self, forward: float, port: float) -> tuple[float, float]:
+        """East and north of what is forward and to port on the ship at rest."""
+        c, s = cos(self._bow), sin(self._bow)
+        return c * forward - s * port, s * forward + c * port
+
+    def _in_sea(self, vector: Sequence[float]) -> Vector3:
+        return (*self._from_bow(vector[0], vector[1]), vector[2])
+
+    def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
+        """Samples with from_ns <= stamp_ns < to_ns in twin time, in order."""
+        found = []
+        for stamp in _stamps(from_ns, to_ns).tolist():
+            surface = (self._surface * np.exp(1j * self._omega * (stamp * 1e-9))).sum().real
+            found.append(sample_of(self.pose(stamp), self._arm, float(surface)))
+        return found
+
+    def is_over(self, from_ns: int) -> bool:
+        """Never: the components go on."""
+        return False
+
+
+def _at_place(waves: Waves, x: float, y: float) -> NDArray[np.complex128]:
+    along = waves.wave_number * (x * np.cos(waves.heading) + y * np.sin(waves.heading))
+    return np.asarray(waves.amplitude_m * np.exp(-1j * (along + waves.phase)))
+
+
+def _quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:
+    """x, y, z, w of yaw, then pitch, then roll about the turned axes."""
+    a, d = cos(0.5 * roll), sin(0.5 * roll)
+    b, e = cos(0.5 * pitch), sin(0.5 * pitch)
+    c, f = cos(0.5 * yaw), sin(0.5 * yaw)
+    return (
+        d * b * c - a * e * f, a * e * c + d * b * f, a * b * f - d * e * c, a * b * c + d * e * f,
+    )  # fmt: skip
+
+
+def _body_rates(roll: float, pitch: float, rates: Sequence[float]) -> Vector3:
+    """Rate of turn about the turned axes from the rates of roll, pitch and yaw.
+
+    Fossen (2011), Handbook of Marine Craft Hydrodynamics, eq. 2.26.
+    """
+    p, q, r = rates
+    return (
+        p - sin(pitch) * r,
+        cos(roll) * q + cos(pitch) * sin(roll) * r,
+        cos(pitch) * cos(roll) * r - sin(roll) * q,
+    )
+
+
+class WayOfHangOff:
+    """Samples of a way given in a table; the ship does not turn."""
+
+    note = ""
+
+    def __init__(self, way: Way, start_s: float = 0.0) -> None:
+        self._way, self._start_s = way, start_s
+        self.source = f"hang-off on the way of {way.source}, {way.end_s:g} s long"
+
+    def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
+        """Samples with from_ns <= stamp_ns < to_ns in twin time, in order."""
+        stamps = _stamps(from_ns, to_ns)
+        times = np.asarray(stamps * 1e-9 + self._start_s, np.float64)
+        known = times <= self._way.end_s
+        place, velocity = self._way.at(times[known])
+        rows = zip(stamps[known].tolist(), place.tolist(), velocity.tolist(), strict=True)
+        poses = (ShipPose(stamp, tuple(p), tuple(v)) for stamp, p, v in rows)
+        return [sample_of(pose, (0.0, 0.0, 0.0), None) for pose in poses]
+
+    def is_over(self, from_ns: int) -> bool:
+        """Whether the way has ended before a twin time."""
+        return from_ns * 1e-9 + self._start_s > self._way.end_s
+
+
+def open_way(scene: Scene, start_s: float = 0.0) -> WayOfHangOff:
+    """The way of the scene's `sea_state.path`, begun `start_s` later.
+
+    Raises:
+        InputError: one sentence on what is wrong with the table.
+    """
+    return WayOfHangOff(read_way(scene.sea_state.path), scene.sea_state.start_s + start_s)

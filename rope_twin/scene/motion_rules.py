@@ -1,0 +1,77 @@
+"""What must hold between a scene's ship and the tables that move it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from rope_twin.effects.waves import WavesParams, components_of
+from rope_twin.errors import InputError
+from rope_twin.scene.rigging_rules import is_joined
+from rope_twin.scene.schema import Scene
+from rope_twin.sea.columns import is_path
+from rope_twin.sea.responses import read_responses
+from rope_twin.sea.way import read_way
+
+Fault = tuple[str, str, str]
+
+
+def beside(scene: Scene, name_or_path: str) -> str:
+    """A table's name as it is, or its path, which is relative to the scene's file, in full."""
+    if not is_path(name_or_path):
+        return name_or_path
+    return str((scene.path.parent / name_or_path).resolve())
+
+
+def _way(scene: Scene) -> Iterator[Fault]:
+    sea = scene.sea_state
+    if not sea.path:
+        return
+    if sea.bag or sea.heave is not None:
+        yield "sea_state", "the hang-off has a way of its own and a record", "keep one of them"
+    if not sea.loop:
+        yield "sea_state.loop", "a way ends where its table does", "leave `loop` out"
+    try:
+        way = read_way(beside(scene, sea.path))
+    except InputError as error:
+        yield "sea_state.path", *_halves(error)
+        return
+    if sea.start_s >= way.end_s:
+        what = f"the way of {way.end_s:g} s has ended by then"
+        yield "sea_state.start_s", what, "begin earlier"
+
+
+def _responses(scene: Scene) -> Iterator[Fault]:
+    riding = scene.sea_state.on_waves
+    if riding is None:
+        return
+    if not riding.responses:
+        if riding.heading_deg != 0.0:
+            right = "give `responses`, or leave `heading_deg` out"
+            yield "sea_state.on_waves", "a box hull heads into its sea whatever its heading", right
+        return
+    waves = next((own for own in scene.effects if isinstance(own, WavesParams)), None)
+    if waves is None:
+        return  # told already
+    parts = components_of(waves, scene.environment.gravity_m_per_s2)
+    try:
+        table = read_responses(beside(scene, riding.responses))
+        table.check_reach(parts.omega / (2.0 * np.pi))
+    except InputError as error:
+        yield "sea_state.on_waves.responses", *_halves(error)
+
+
+def _one_rope(scene: Scene) -> Iterator[Fault]:
+    if scene.sea_state.posed and is_joined(scene):
+        what = "ropes meet here, or leave by more hang-offs, which only heave"
+        yield "sea_state", what, "give a bag, a regular heave or `on_waves` with a hull"
+
+
+def _halves(error: InputError) -> tuple[str, str]:
+    """The sentence of an error without its full stop: what is wrong, and what would be right."""
+    what, _, right = str(error).removesuffix(".").rpartition("; ")
+    return what, right
+
+
+MOTION_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (_way, _responses, _one_rope)

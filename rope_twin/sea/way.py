@@ -1,0 +1,86 @@
+"""A way of the hang-off in three directions, given in a table and splined.
+
+Columns t_s, x_m, y_m, z_m: displacement of the hang-off from its rest, east, north, up. Between the
+rows a cubic spline (not-a-knot) holds: continuous in acceleration, of fourth order in the interval.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.errors import InputError, phrase
+from rope_twin.sea.columns import find_table, read_columns
+from rope_twin.sea.spectrum import Vector
+
+FOLDER = "ways"
+FASTEST_M_PER_S = 15.0  # as the twin believes at its input (twin/ship.py)
+TRIALS = 8  # places between two rows where the spline's speed is looked at
+
+
+class Way:
+    """The splined way; `end_s` is its last time.
+
+    Raises:
+        InputError: times do not begin at 0 and rise, or it is faster than a ship.
+    """
+
+    def __init__(self, time_s: Vector, place_m: NDArray[np.float64], source: str) -> None:
+        """time_s: (n,); place_m: (n, 3)."""
+        from scipy.interpolate import CubicSpline  # slow to load, and few scenes need it
+
+        self.source = source
+        self._check_times(time_s)
+        self.end_s = float(time_s[-1])
+        self._spline: Any = CubicSpline(time_s, place_m)
+        share = np.arange(TRIALS) / TRIALS
+        trials = np.append(time_s[:-1, None] + np.diff(time_s)[:, None] * share, time_s[-1])
+        self._check_speed(trials, time_s, place_m)
+
+    def at(self, time_s: Vector) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Displacement [m] and velocity [m/s] at times up to the end, (k, 3) each.
+
+        Before t = 0 it goes on as straight as it begins.
+        """
+        inside = np.maximum(time_s, 0.0)
+        velocity = self._spline(inside, 1)
+        return self._spline(inside) + velocity * (time_s - inside)[:, None], velocity
+
+    def _check_times(self, time_s: Vector) -> None:
+        if len(time_s) < 2 or time_s[0] != 0.0:
+            first = f"it begins at t = {time_s[0]:g} s" if len(time_s) else "it is empty"
+            what = first if len(time_s) != 1 else "it has one row"
+            raise InputError(phrase(self.source, what, "give two rows or more from t_s = 0 on"))
+        late = np.flatnonzero(np.diff(time_s) <= 0.0)
+        if late.size:
+            what = f"{time_s[late[0] + 1]:g} s follows {time_s[late[0]]:g} s"
+            raise InputError(phrase(self.source, what, "t_s must rise from row to row"))
+
+    def _check_speed(self, trials: Vector, time_s: Vector, place: NDArray[np.float64]) -> None:
+        right = f"a ship moves by at most {FASTEST_M_PER_S:g} m/s"
+        between = np.sqrt((np.diff(place, axis=0) ** 2).sum(axis=1))
+        leap = np.flatnonzero(between > FASTEST_M_PER_S * np.diff(time_s))
+        if leap.size:
+            k = int(leap[0])
+            what = f"it jumps by {between[k]:.1f} m from {time_s[k]:g} s to {time_s[k + 1]:g} s"
+            raise InputError(phrase(self.source, what, right))
+        speed = np.sqrt((self._spline(trials, 1) ** 2).sum(axis=1))
+        if speed.max() > FASTEST_M_PER_S:
+            k = int(np.argmax(speed))
+            what = f"the spline through it reaches {speed[k]:.1f} m/s at {trials[k]:g} s"
+            raise InputError(phrase(self.source, what, f"{right}; give more rows there"))
+
+
+def read_way(name_or_path: str) -> Way:
+    """From a table in config/ways/ or at a path.
+
+    Raises:
+        InputError: one sentence on what is wrong with it.
+    """
+    path: Path = find_table(name_or_path, FOLDER)
+    columns = read_columns(path, ("t_s", "x_m", "y_m", "z_m"))
+    place = np.stack([columns[name] for name in ("x_m", "y_m", "z_m")], axis=1)
+    return Way(columns["t_s"], place, str(path))

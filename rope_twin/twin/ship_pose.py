@@ -1,0 +1,85 @@
+"""Where the ship is with six degrees of freedom, and what that makes of a hang-off at an arm.
+
+The pose is that of the ship's reference point against its rest: displacement in the axes of `sea`
+(east, north, up) and the rotation R that turns the ship from its rest attitude; velocity and rate
+of turn are in the turned axes, as nav_msgs/Odometry has its twist (REP 103, REP 105). With the arm
+r from the reference point to the hang-off at rest, in the axes of `sea`, the hang-off is displaced
+by p + R·r - r and moves at R·(v + ω × r): heave and rotation times the arm, with no small angles.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from rope_twin.errors import phrase
+
+Vector3 = tuple[float, float, float]
+Quaternion = tuple[float, float, float, float]
+
+UPRIGHT: Quaternion = (0.0, 0.0, 0.0, 1.0)
+STILL: Vector3 = (0.0, 0.0, 0.0)
+UNIT_WITHIN = 1e-3  # a quaternion's length may be off 1 by so much
+MOST_TILT_DEG = 60.0
+MOST_RATE_RAD_PER_S = 2.0
+
+
+@dataclass(frozen=True)
+class ShipPose:
+    """One sample; stamp in twin time."""
+
+    stamp_ns: int
+    position_m: Vector3  # of the reference point from its rest: east, north, up
+    velocity_m_per_s: Vector3  # of the reference point, in the ship's turned axes
+    orientation: Quaternion = UPRIGHT  # x, y, z, w: the turn from rest
+    rate_rad_per_s: Vector3 = STILL  # about the ship's turned axes
+
+
+def pose_fault(pose: ShipPose) -> str:
+    """Why no ship can be so, in one sentence; or ""."""
+    numbers = (
+        *pose.position_m, *pose.velocity_m_per_s, *pose.orientation, *pose.rate_rad_per_s,
+    )  # fmt: skip
+    if not all(map(math.isfinite, numbers)):
+        what = f"position {pose.position_m}, orientation {pose.orientation}"
+        return phrase("ship pose", what, "all its numbers must be finite")
+    size = math.sqrt(sum(q * q for q in pose.orientation))
+    if abs(size - 1.0) > UNIT_WITHIN:
+        what = f"an orientation of length {size:.4g}"
+        return phrase("ship pose", what, "give a unit quaternion x, y, z, w; upright is 0, 0, 0, 1")
+    x, y, _, _ = pose.orientation
+    tilt = math.degrees(math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y)))))
+    if tilt > MOST_TILT_DEG:
+        right = f"a ship heels by at most {MOST_TILT_DEG:g}°"
+        return phrase("ship pose", f"it heels by {tilt:.0f}°", right)
+    rate = math.sqrt(sum(w * w for w in pose.rate_rad_per_s))
+    if rate > MOST_RATE_RAD_PER_S:
+        right = f"a ship turns by at most {MOST_RATE_RAD_PER_S:g} rad/s"
+        return phrase("ship pose", f"it turns at {rate:.2f} rad/s", right)
+    return ""
+
+
+def hang_off_motion(pose: ShipPose, arm_m: Vector3) -> tuple[Vector3, Vector3]:
+    """Displacement of the hang-off from its rest [m] and its velocity [m/s], axes of `sea`."""
+    px, py, pz = pose.position_m
+    vx, vy, vz = pose.velocity_m_per_s
+    if pose.orientation == UPRIGHT and pose.rate_rad_per_s == STILL:
+        return (px, py, pz), (vx, vy, vz)
+    rx, ry, rz = arm_m
+    wx, wy, wz = pose.rate_rad_per_s
+    tx, ty, tz = turned(pose.orientation, arm_m)
+    moving = (vx + wy * rz - wz * ry, vy + wz * rx - wx * rz, vz + wx * ry - wy * rx)
+    return (px + tx - rx, py + ty - ry, pz + tz - rz), turned(pose.orientation, moving)
+
+
+def turned(orientation: Quaternion, vector: Vector3) -> Vector3:
+    """R·vector: v + 2·q × (q × v + w·v), over the square of the quaternion's length."""
+    x, y, z, w = orientation
+    a, b, c = vector
+    scale = 2.0 / (x * x + y * y + z * z + w * w)
+    d, e, f = y * c - z * b + w * a, z * a - x * c + w * b, x * b - y * a + w * c
+    return (
+        a + scale * (y * f - z * e),
+        b + scale * (z * d - x * f),
+        c + scale * (x * e - y * d),
+    )
