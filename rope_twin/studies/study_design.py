@@ -101,7 +101,8 @@ def made_of(study: Study, scene: Scene, run: StudyRun) -> Made:
             with _at(f"{study.path}: vary[{number}]"):
                 scene = _named(scene, variable.path, str(value))
         elif variable.path == SEA_OFFSET_S:
-            offset_s += float(value)
+            with _at(f"{study.path}: vary[{number}]"):
+                offset_s += _offset_s(scene, float(value))
         else:
             changes += _changes(variable, value)
     shared = [change for change in changes if change.path.startswith("time.")]
@@ -114,6 +115,16 @@ def made_of(study: Study, scene: Scene, run: StudyRun) -> Made:
         with _at(f"{study.path}: run {run.number}"):
             raise
     return Made(scene, own, offset_s)
+
+
+def _offset_s(scene: Scene, value: float) -> float:
+    """Raises InputError: the scene has no sea that could begin elsewhere."""
+    if scene.sea_state.on_waves is not None:
+        right = "vary effects.waves.seed instead"
+        raise InputError(phrase(SEA_OFFSET_S, "the ship rides on waves that begin with it", right))
+    if not scene.sea_state.moves:
+        raise InputError(phrase(SEA_OFFSET_S, "the scene's ship lies still", "leave it out"))
+    return value
 
 
 def _judge_each(study: Study, scene: Scene, run: StudyRun) -> None:

@@ -115,6 +115,19 @@ def test_what_cannot_vary(old: str, new: str, place: str, said: str, tmp_path: P
     assert said in str(refused.value)
 
 
+@pytest.mark.parametrize(
+    ("scene", "said"),
+    [("still_water", "lies still; leave it out"), ("wave_zone", "vary effects.waves.seed instead")],
+)
+def test_no_sea_to_begin_elsewhere_in(scene: str, said: str, tmp_path: Path) -> None:
+    text = GOOD.replace("shallow_lift", scene).replace("payloads[0].mass_kg", "sea_offset_s")
+    study, own = read_study(written(tmp_path, text))
+    with pytest.raises(RopeTwinError) as refused:
+        made_of(study, own, design_runs(study)[0])
+    assert "vary[0]: sea_offset_s: the s" in str(refused.value)
+    assert said in str(refused.value)
+
+
 @pytest.mark.parametrize("path", sorted((share_dir() / "config" / "studies").glob("*.yaml")))
 def test_the_studies_that_come_with_it_are_sound(path: Path) -> None:
     study, scene = read_study(path)
