@@ -13,6 +13,7 @@ from rope_twin.commands.bench import print_table
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.fatigue import CURVES, StressCurve, find_curve
+from rope_twin.studies.viv_moving import MovingRun, draw_moving, run_moving
 from rope_twin.studies.viv_picture import check_folder, write_all
 from rope_twin.studies.viv_study import Fatigue, VivRun, count_fatigue, run_viv
 from rope_twin.viv.shedding import Shedding
@@ -41,6 +42,9 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
                         "(default: %(default)s, an assumption)")  # fmt: skip
     curves = ", ".join(name for name, one in CURVES.items() if isinstance(one, StressCurve))
     parser.add_argument("--curve", default="stranded_wire", help=f"S-N curve of stress: {curves}")
+    parser.add_argument("--moving", type=float, metavar="S",
+                        help="beside a running twin, too: its regular heave and winch, modes found "
+                        "again every S seconds")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="one JSON object instead of words")
     parser.set_defaults(run=run)
 
@@ -67,12 +71,41 @@ def run(args: argparse.Namespace) -> int:
     found = run_viv(scene, shedding, args.duration)
     fatigue = count_fatigue(found, scene, curve)
     files = write_all(scene.name, found, fatigue, args.into) if args.into is not None else []
+    moving = None
+    if args.moving is not None:
+        moving = run_moving(scene, shedding, args.duration, args.moving)
+        if args.into is not None:
+            files.append(args.into / "moving.png")
+            draw_moving(scene.name, moving, files[-1])
     if args.json:
         told = {"scene": scene.name, **_summary(found, fatigue), "files": [str(f) for f in files]}
+        if moving is not None:
+            told["moving"] = _moving(moving)
         print(json.dumps(told, ensure_ascii=False, allow_nan=False))
     else:
-        _show(found, fatigue, files)
+        _show(found, fatigue)
+        if moving is not None:
+            own = _moving(moving)
+            print(
+                f"beside the twin: rms A/d at most {own['rms_max_diameters']:.3g}, at constant "
+                f"tension {own['rms_constant_max_diameters']:.3g}; modes found {own['solves']} "
+                f"times, {own['cost_of_real_time']:.2%} of real time in all"
+            )
+        for path in files:
+            print(path)
     return 0
+
+
+def _moving(run: MovingRun) -> dict[str, float]:
+    return {
+        "rms_max_diameters": float(run.rms.max()),
+        "rms_constant_max_diameters": float(run.rms_constant.max()),
+        "tension_top_min_n": float(run.tension_top_n.min()),
+        "tension_top_max_n": float(run.tension_top_n.max()),
+        "solves": run.solves,
+        "cost_of_real_time": run.cost,
+        "slack_share": run.slack_share,
+    }
 
 
 def _summary(found: VivRun, fatigue: Fatigue) -> dict[str, Any]:
@@ -109,7 +142,7 @@ def _rows(found: VivRun) -> list[dict[str, Any]]:
     ]
 
 
-def _show(found: VivRun, fatigue: Fatigue, files: list[Path]) -> None:
+def _show(found: VivRun, fatigue: Fatigue) -> None:
     told = _summary(found, fatigue)
     cells = [
         (str(row["mode"]), f"{row['frequency_hz']:.4g}", f"{row['driven_m']:.4g}",
@@ -133,5 +166,3 @@ def _show(found: VivRun, fatigue: Fatigue, files: list[Path]) -> None:
             f"{told['damage_per_year_max']:.3g} per year; of a stranded rope as if it were solid: "
             "an upper bound"
         )
-    for path in files:
-        print(path)

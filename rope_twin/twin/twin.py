@@ -94,6 +94,11 @@ class Twin:
         return self._time_ns
 
     @property
+    def rope(self) -> rows.Rope:
+        """The core's arrays as they are now; for the thread that advances."""
+        return self._rope._replace(effects=self._current.effects)
+
+    @property
     def rung(self) -> Rung:
         """Elements and step that it goes with at present."""
         return self._rung
