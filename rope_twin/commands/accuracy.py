@@ -15,6 +15,7 @@ from rope_twin.errors import InputError, RopeTwinError, SceneError, phrase
 from rope_twin.scene.card import card_path, known_error, read_card
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.shedding import why_no_card
 from rope_twin.studies import accuracy, accuracy_page
 from rope_twin.studies.accuracy_picture import draw_accuracy
 from rope_twin.studies.accuracy_plan import make_plan
@@ -58,6 +59,8 @@ def run(args: argparse.Namespace) -> int:
         return _make(args, load_scene(args.scene))
     refused = 0
     for name in scene_names():
+        if why_no_card(load_scene(name)):
+            continue  # --status tells
         try:
             _make(args, load_scene(name))
         except RopeTwinError as error:  # the others still get theirs
@@ -154,10 +157,11 @@ def _status(as_json: bool) -> int:
         scene = load_scene(name)
         try:
             card = read_card(scene)
-            said = "no card" if card is None else card.age(scene) or "current"
+            none = f"none: {why_no_card(scene)}" if why_no_card(scene) else "no card"
+            said = none if card is None else card.age(scene) or "current"
         except SceneError as error:
             said = str(error)
-        fine = fine and said == "current"
+        fine = fine and (said == "current" or bool(why_no_card(scene)))
         error_pct = known_error(scene).rms_pct
         known = error_pct == error_pct
         rows.append({"scene": name, "card": said, "error_rms_pct": error_pct if known else None})

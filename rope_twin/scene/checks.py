@@ -19,7 +19,7 @@ from rope_twin.scene.figures import (
 )
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Rope, Scene
-from rope_twin.scene.shedding import coarse_for_vortices
+from rope_twin.scene.shedding import coarse_for_vortices, shedding_model
 
 SAFETY_FACTOR = 3.0  # of breaking load over static load, common for lifting wire
 LONGEST_ELEMENT_M, SHORTEST_ELEMENT_M = 50.0, 0.5
@@ -104,7 +104,7 @@ def _elements(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         right = f"give at least {ceil(line.length_m / LONGEST_ELEMENT_M)} (4 m where slack matters)"
         yield phrase("ropes[0].elements", what, right)
     length = figures.shortest_element_m
-    if length < SHORTEST_ELEMENT_M and line.grading is None:
+    if length < SHORTEST_ELEMENT_M and line.grading is None and not shedding_model(scene):
         what = f"elements of {length:.2f} m cost time and bring no accuracy"
         right = f"{max(3, floor(line.length_m / SHORTEST_ELEMENT_M))} elements are plenty"
         yield phrase("ropes[0].elements", what, right)

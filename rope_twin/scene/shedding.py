@@ -56,6 +56,13 @@ def refuse_shedding(scene: Scene, what: str) -> None:
         raise SceneError(phrase(f"{scene.path}: effects.{model}", what, "leave the model out here"))
 
 
+def why_no_card(scene: Scene) -> str:
+    """Why a scene has no accuracy card; "" if it has one."""
+    if shedding_model(scene):
+        return "its vortices converge by themselves: `rope_twin validate Q1` tells how"
+    return ""
+
+
 def expected_pace(scene: Scene, figures: LiftFigures) -> Pace | None:
     """Of the scene's model as the rope hangs straight; None: it has none, or nothing flows."""
     if not shedding_model(scene):

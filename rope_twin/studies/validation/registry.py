@@ -6,13 +6,23 @@ import time
 from collections.abc import Sequence
 
 from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
-from rope_twin.studies.validation import decomposed_riser, modal_lines, statics, stepping, vibration
+from rope_twin.studies.validation import (
+    curved_pipe,
+    decomposed_riser,
+    modal_lines,
+    statics,
+    stepping,
+    vibration,
+    wake_cylinder,
+)
 from rope_twin.studies.validation.case import Case, Found, Row
 
 CASES: tuple[Case, ...] = (
     *statics.CASES,
     *vibration.CASES,
     *modal_lines.CASES,
+    *curved_pipe.CASES,
+    *wake_cylinder.CASES,
     *decomposed_riser.CASES,
     *stepping.CASES,
 )
