@@ -11,7 +11,7 @@ from rope_twin.errors import phrase
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ship import VELOCITY_LIMIT_M_PER_S, HeaveTrack
-from rope_twin.twin.ship_pose import ShipPose, Vector3, hang_off_motion, pose_fault
+from rope_twin.twin.ship_pose import ShipPose, Vector3, hang_off_motion, is_finite, pose_fault
 
 FARTHEST_M = 1e5  # east or north of rest: a tow of a day
 
@@ -51,7 +51,8 @@ class HangOffTrack(HeaveTrack):
         """Take the ship's pose; returns "" or the sentence with which it was refused."""
         fault = self._pose_fault(pose)
         if fault:
-            return self.counter.refuse("impossible", fault)
+            kind = "impossible" if is_finite(pose) else "non_finite"
+            return self.counter.refuse(kind, fault)
         place, velocity = hang_off_motion(pose, self._arm)
         for track, at, speed in zip(self._aside, place, velocity, strict=False):
             fault = track.jump(pose.stamp_ns, at) or _too_far(at, speed)

@@ -35,12 +35,15 @@ class ShipPose:
     rate_rad_per_s: Vector3 = STILL  # about the ship's turned axes
 
 
+def is_finite(pose: ShipPose) -> bool:
+    """Whether all its numbers are."""
+    parts = (pose.position_m, pose.velocity_m_per_s, pose.orientation, pose.rate_rad_per_s)
+    return all(math.isfinite(number) for part in parts for number in part)
+
+
 def pose_fault(pose: ShipPose) -> str:
     """Why no ship can be so, in one sentence; or ""."""
-    numbers = (
-        *pose.position_m, *pose.velocity_m_per_s, *pose.orientation, *pose.rate_rad_per_s,
-    )  # fmt: skip
-    if not all(map(math.isfinite, numbers)):
+    if not is_finite(pose):
         what = f"position {pose.position_m}, orientation {pose.orientation}"
         return phrase("ship pose", what, "all its numbers must be finite")
     size = math.sqrt(sum(q * q for q in pose.orientation))

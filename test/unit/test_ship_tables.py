@@ -109,6 +109,7 @@ def test_a_pose_of_no_ship_is_refused_and_counted(fault: str) -> None:
     assert words in track.offer_pose(pose)
     health = track.counter.health(0, False)
     assert (health.accepted, health.refused) == (1, 1)
+    assert health.non_finite == (1 if fault == "not finite" else 0)
     assert track.offer_pose(GOOD) == ""
 
 

@@ -1,0 +1,74 @@
+"""The ship's pose over DDS: from a sea that knows it, and from outside."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import pytest
+from ros_bench import Bench
+
+from rope_twin.messages import encode_heave, encode_pose
+from rope_twin.twin.ship_pose import ShipPose
+
+pytestmark = pytest.mark.ros
+SCENE = "deep_tow_turn"
+
+
+def simulation(bench: Bench) -> Any:
+    """A simulation node of a scene whose hang-off has a way."""
+    from rope_twin.ros.params import overrides
+    from rope_twin.ros.simulation_node import SimulationNode
+
+    return bench.add(SimulationNode(parameter_overrides=overrides({"scene": SCENE})))
+
+
+def test_a_way_is_fed_over_the_topic(bench: Bench) -> None:
+    """The sea's node publishes ship/odometry; the hang-off moves east, nothing is refused."""
+    from rope_twin.ros.params import overrides
+    from rope_twin.ros.sea_state_node import SeaStateNode
+
+    node = simulation(bench)
+    sea = bench.add(SeaStateNode(parameter_overrides=overrides({"scene": SCENE})))
+    heard = bench.listen("ship/odometry")
+    node.begin()
+    sea.begin()
+    bench.until(lambda: node.paced.last.node_position_m[0, 0] > 0.01, "the hang-off goes east")
+    health = node.paced.last.inputs["heave"]
+    assert health.accepted > 20
+    assert health.refused == 0
+    assert {message.header.frame_id for message in heard} == {"ship_at_rest"}
+    assert {message.child_frame_id for message in heard} == {"ship"}
+
+
+def test_a_pose_from_outside_moves_it_and_a_bad_one_does_not(bench: Bench) -> None:
+    """Poses 1 m north; one that is not finite, one torn off and a heave are refused, and told."""
+    node, publisher = simulation(bench), bench.publisher("ship/odometry")
+    heave = bench.publisher("ship/heave")
+    node.begin()
+    bench.until(publisher.get_subscription_count, "the twin listens")
+
+    def send(north: float) -> bytes:
+        pose = ShipPose(0, (0.0, north, 0.0), (0.0, 0.0, 0.0))
+        data = encode_pose(time.time_ns() + 50_000_000, pose)
+        publisher.publish(data)
+        return data
+
+    def moved() -> bool:
+        send(1.0)
+        return bool(node.paced.last.node_position_m[0, 1] > 0.01)
+
+    bench.until(moved, "the hang-off goes north")
+    before = node.paced.last.inputs["heave"].refused
+    half = send(float("nan"))[:200]
+
+    def torn() -> bool:
+        publisher.publish(half)
+        rows = {row.name: row for row in node.paced.rows(time.time_ns())}
+        return int(rows["simulation: messages"].values["ship/odometry"]) > 0
+
+    bench.until(lambda: node.paced.last.inputs["heave"].refused > before, "NaN is refused")
+    bench.until(torn, "half a message is refused")
+    before = node.paced.last.inputs["heave"].refused
+    heave.publish(encode_heave(time.time_ns() + 50_000_000, 0.0, 0.0))
+    bench.until(lambda: node.paced.last.inputs["heave"].refused > before, "heave is refused")
