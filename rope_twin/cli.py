@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 # The commands in the order of the help: module name (with _) and name on the command line (with -).
 COMMANDS = (
     "run", "ensemble", "scene", "view", "recover", "sea_state", "state", "modes", "bench",
-    "stability", "accuracy", "validate", "viv", "study",
+    "stability", "accuracy", "validate", "viv", "study", "lines",
 )  # fmt: skip
 
 

@@ -39,6 +39,7 @@ from rope_twin.core.trial import TRIALS
 
 HELD = 1e30  # kg: inertia of a wheel that nothing turns
 ROUNDS = 12
+ROUND_OFF = 1e-15  # of the largest coordinate
 ALIKE = 1e-3  # of a pull: what the wheel may turn by at last, a small part of an element
 SHORTEST, LONGEST = 0.5, 1.5  # of the element length: the last element of a stretch
 
@@ -116,7 +117,21 @@ def settle_reeved(system: System, place: Floats) -> Equilibrium:
     if end.found:
         end = settle_joined(system, place)
     sheaves.figures[FRICTION] = kept[1]
+    _drop_round_off(system)
     return end
+
+
+def _drop_round_off(system: System) -> None:
+    """Make 0 what is left of coordinates that the search brought to 0.
+
+    A loop in one plane would otherwise sway across it by ever less, down to numbers so small that
+    a processor takes four times as long with them.
+    """
+    tables = [rope.state.nodes[: POSITION + 3] for rope in system.ropes]
+    tables.append(system.joints.nodes[: POSITION + 3])
+    reach = max(float(np.abs(table).max()) for table in tables)
+    for table in tables:
+        table[np.abs(table) < ROUND_OFF * reach] = 0.0
 
 
 def _settle_held(system: System, sheaves: Sheaves, place: Floats) -> Equilibrium:

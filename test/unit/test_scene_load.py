@@ -131,7 +131,8 @@ def test_every_shipped_scene_is_sound(name: str) -> None:
     assert scene.about
     assert scene.source
     assert scene.look_at
-    assert scene.time.step_s <= 0.01
+    longest = 0.02 if name == "two_line_14km" else 0.01  # the step that its speed is asked for at
+    assert scene.time.step_s <= longest
     warnings = sense_checks(scene)
     assert len(warnings) == len(EXPECTED.get(name, ()))
     for words in EXPECTED.get(name, ()):

@@ -1,0 +1,1 @@
+"""Two lines around one sheave: how near they come, where they cross, what they carry."""

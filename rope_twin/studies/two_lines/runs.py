@@ -1,0 +1,156 @@
+"""A loop of two lines run calm and in a sea state: tensions, noise, distance and crossings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core.state import Floats
+from rope_twin.scene.rigging_rules import winches_by_name
+from rope_twin.scene.schema import Scene
+from rope_twin.sea.heave_response import BoxHull
+from rope_twin.sea.spectrum import jonswap
+from rope_twin.studies.two_lines.watch import Event, LineWatch, Nearest
+from rope_twin.twin.irregular_sea import SeaRecord, synthesise
+from rope_twin.twin.schedule import schedule_samples
+from rope_twin.twin.twin import Twin
+
+# Hs [m] and Tp [s] of sea states (STANAG 4194)
+SEA_STATES = {3: (0.9, 7.5), 4: (1.9, 8.8), 5: (3.3, 9.7), 6: (5.0, 12.4)}
+SAMPLES_PER_S = 5
+NOISE_S = 8.0  # at the end of the calm run, looked at step by step
+SECOND_NS = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Noise:
+    """How smooth a line's pull on the ship is from step to step."""
+
+    jump_pct: float  # largest |F(k+1) - 2·F(k) + F(k-1)| over the mean
+    events: int  # splits and merges of elements meanwhile
+
+
+@dataclass(frozen=True)
+class LineRun:
+    """One run."""
+
+    sea: str
+    time_s: Floats
+    tension_n: Floats  # of main and haulback at the ship, (2, samples)
+    sheave_m: Floats  # depth of the sheave, (samples,)
+    nearest: list[Nearest]
+    events: list[Event]
+    crossing_m: list[list[float]]  # depths of the crossings at each sample
+    turned_up: int
+    noise: tuple[Noise, Noise] | None  # of the calm run
+    lines_m: tuple[Floats, Floats]  # x along the plane and depth of both at the end, (nodes, 2)
+    real_time_factor: float
+
+    def figures(self) -> dict[str, Any]:
+        """What a JSON file takes."""
+        nearest = min(self.nearest, key=lambda one: one.distance_m)
+        return {
+            "sea": self.sea,
+            "tension_n": {
+                name: {"mean": float(row.mean()), "min": float(row.min()), "max": float(row.max())}
+                for name, row in zip(("main", "haulback"), self.tension_n, strict=True)
+            },
+            "noise": None if self.noise is None else [asdict(one) for one in self.noise],
+            "nearest": asdict(nearest),
+            "crossings": [asdict(event) for event in self.events],
+            "crossing_depths_at_the_end_m": self.crossing_m[-1],
+            "samples_with_a_line_turned_up": self.turned_up,
+            "real_time_factor": self.real_time_factor,
+        }
+
+
+def record_of(sea_state: int, seed: int) -> SeaRecord:
+    """The heave of a middle-sized vessel in a sea state, 600 s that repeat."""
+    height, period = SEA_STATES[sea_state]
+    return synthesise(jonswap(height, period), BoxHull(), seed, duration_s=600.0)
+
+
+def run_lines(
+    twin: Twin, seconds: int, sea: SeaRecord | None, tell: Callable[[Event], None]
+) -> LineRun:
+    """Run a twin of a loop by its winches' schedules; calm without a sea."""
+    scene = twin.scene
+    watch, heave = LineWatch(scene), _Heave(sea)
+    tops = [line[0] for line in watch.lines]
+    times, tensions, sheaves, crossings = [], [], [], []
+    for second in range(seconds):
+        _offer(twin, scene, second, heave)
+        for _ in range(SAMPLES_PER_S):
+            twin.advance(round(1.0 / (SAMPLES_PER_S * twin.step_s)))
+            shot = twin.snapshot()
+            for event in watch.look(shot):
+                tell(event)
+            times.append(shot.time_s)
+            tensions.append([shot.ropes[number].tension_top_n for number in tops])
+            sheaves.append(-float(shot.sheaves[0].position_m[2]))
+            crossings.append([one.depth_m for one in watch.crossings])
+    factor = twin.statistics().real_time_factor
+    at_end = [
+        np.concatenate([shot.ropes[number].node_position_m for number in line])
+        for line in watch.lines
+    ]
+    flat = tuple(np.stack([x[:, :2] @ watch.plane, -x[:, 2]], axis=1) for x in at_end)
+    return LineRun(
+        sea="calm" if sea is None else sea.source,
+        time_s=np.array(times),
+        tension_n=np.array(tensions).T,
+        sheave_m=np.array(sheaves),
+        nearest=watch.nearest,
+        events=watch.events,
+        crossing_m=crossings,
+        turned_up=watch.turned_up,
+        noise=_listen(twin, scene, seconds, heave, tops) if sea is None else None,
+        lines_m=(flat[0], flat[1]),
+        real_time_factor=factor,
+    )
+
+
+class _Heave:
+    """A record's samples for a second, from rest."""
+
+    def __init__(self, sea: SeaRecord | None) -> None:
+        self._sea = sea
+
+    def offer(self, twin: Twin, second: int) -> None:
+        """Those of (second, second + 1]."""
+        if self._sea is None:
+            return
+        rate = round(self._sea.rate_hz)
+        for part in range(1, rate + 1):
+            k = (second * rate + part) % len(self._sea.heave_m)
+            stamp = second * SECOND_NS + part * SECOND_NS // rate
+            z, v = float(self._sea.heave_m[k]), float(self._sea.heave_velocity_m_per_s[k])
+            twin.offer_heave(stamp, z, v)
+
+
+def _offer(twin: Twin, scene: Scene, second: int, heave: _Heave) -> None:
+    """Commands and heave of a second to come."""
+    for name, winch in winches_by_name(scene).items():
+        for row in schedule_samples(winch, second * SECOND_NS, (second + 1) * SECOND_NS):
+            twin.offer_speed(row.stamp_ns, row.speed_m_per_s, name)
+    heave.offer(twin, second)
+
+
+def _listen(
+    twin: Twin, scene: Scene, second: int, heave: _Heave, tops: list[int]
+) -> tuple[Noise, Noise]:
+    """Go on step by step and hear how smooth the pulls are."""
+    pulls, before = [], twin.snapshot().solver
+    for more in range(round(NOISE_S)):
+        _offer(twin, scene, second + more, heave)
+        for _ in range(round(1.0 / twin.step_s)):
+            twin.advance(1)
+            shot = twin.snapshot()
+            pulls.append([shot.ropes[number].tension_top_n for number in tops])
+    events = shot.solver.splits + shot.solver.merges - before.splits - before.merges
+    rows = np.array(pulls).T
+    jumps = [100.0 * float(np.abs(np.diff(row, 2)).max() / row.mean()) for row in rows]
+    return Noise(jumps[0], events), Noise(jumps[1], events)
