@@ -135,7 +135,7 @@ def _offer(twin: Twin, scene: Scene, second: int, heave: _Heave) -> None:
     """Commands and heave of a second to come."""
     for name, winch in winches_by_name(scene).items():
         for row in schedule_samples(winch, second * SECOND_NS, (second + 1) * SECOND_NS):
-            twin.offer_speed(row.stamp_ns, row.speed_m_per_s, name)
+            twin.offer_order(row.stamp_ns, row.order, name)
     heave.offer(twin, second)
 
 
