@@ -20,6 +20,7 @@ from rope_twin.scene.figures import (
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Rope, Scene
 from rope_twin.scene.shedding import coarse_for_vortices, shedding_model
+from rope_twin.scene.winch_checks import check_winch
 
 SAFETY_FACTOR = 3.0  # of breaking load over static load, common for lifting wire
 LONGEST_ELEMENT_M, SHORTEST_ELEMENT_M = 50.0, 0.5
@@ -295,6 +296,7 @@ CHECKS: tuple[Check, ...] = (
     _step,
     _damping,
     _schedule,
+    check_winch,
     _ship,
     _current_profile,
     coarse_for_vortices,

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
 
 from rope_twin.commands.run.inputs import FIRST_NS, open_sea, series_of
 from rope_twin.core import state as rows
@@ -20,8 +21,10 @@ from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.rigging_rules import is_joined, places, winch_of
 from rope_twin.scene.schema import RopeLine, Scene, Triple
 from rope_twin.studies.accuracy_bodies import body_of
+from rope_twin.studies.band import fed
 from rope_twin.studies.variants import variant
-from rope_twin.twin.borders import Borders, WinchTrack
+from rope_twin.twin.borders import Borders, WinchTrack, foreseen
+from rope_twin.twin.twin import Twin
 
 Vector = NDArray[np.float64]
 AFTER_NS = 1_000_000_000  # heave goes on so long after the end: the last step looks ahead
@@ -70,6 +73,8 @@ class Course:
         samples = sea.between(FIRST_NS, round(seconds * 1e9) + AFTER_NS) if sea else []
         self._heave = series_of(samples)
         self._motions: dict[float, rows.Boundary] = {}
+        known = is_joined(scene) or foreseen(scene.winch, None)
+        self._line = None if known else _recorded_line(scene, seconds)
 
     def motion(self, step_s: float) -> rows.Boundary:
         """Hang-off and line out at every border of the steps, (steps + 1, MOTIONS).
@@ -95,15 +100,33 @@ class Course:
             still = np.zeros((steps + 1, rows.MOTIONS))
             still[:, rows.LINE] = line.length_m
             return rows.Boundary(still, np.zeros_like(still))
-        track = WinchTrack(winch_of(self.scene, line), line.length_m, None, step_s)
+        winch = None if self._line is not None else winch_of(self.scene, line)
+        track = WinchTrack(winch, line.length_m, None, step_s)
         ship = replace(self.scene.ship, hang_off_m=place)
         borders = Borders(ship, track, self._heave, step_s)
         parts = [rows.Boundary(*(table.copy() for table in borders.boundary))]
         for first in range(0, steps, batch):
             part = borders.through(first, min(batch, steps - first))
             parts.append(rows.Boundary(*(table[1:].copy() for table in part)))
-        whole = (np.concatenate(tables) for tables in zip(*parts, strict=True))
-        return rows.Boundary(*whole)
+        value, rate = (np.concatenate(tables) for tables in zip(*parts, strict=True))
+        if self._line is not None:
+            border_s = np.arange(steps + 1) * step_s
+            value[:, rows.LINE] = self._line(border_s)
+            rate[:, rows.LINE] = self._line(border_s, 1)
+        return rows.Boundary(value, rate)
+
+
+def _recorded_line(scene: Scene, seconds: float) -> CubicHermiteSpline:
+    """Line out over time of a winch that feels its rope, from a run at the scene's own setting.
+
+    All runs of a course get the same: what differs between them is then the solver's doing.
+    """
+    shots = [(0.0, scene.ropes[0].length_m, 0.0)]
+    shots += [
+        (shot.time_s, shot.line_out_m, shot.payout_speed_m_per_s)
+        for shot in fed(Twin(scene), seconds + 1e-9 * AFTER_NS)
+    ]
+    return CubicHermiteSpline(*np.array(shots).T)
 
 
 class Trial:

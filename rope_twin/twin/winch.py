@@ -63,7 +63,8 @@ class Winch:
         self._scene = scene
         self._line = self._nominal = LineOut(length_m, 0.0)
         self._kind, self._value = SPEED, 0.0
-        self.payout_m_per_s2 = 0.0  # acceleration of the line at the end of the last step
+        self._goal = 0  # of the goals, the one that the kind of order names
+        self._last = (self._line, 1.0)  # the line ahead of the last step, and its length [s]
         self._stopped = False  # in an emergency
         self._goals = () if scene is None else goals_of(scene)
         self._pace = None if scene is None else _pace_of(scene)
@@ -84,15 +85,18 @@ class Winch:
         return self._line
 
     @property
-    def always_feels(self) -> bool:
-        """Whether a part of it asks what the rope is like at every step."""
-        return bool(self._holding)
+    def payout_m_per_s2(self) -> float:
+        """Acceleration of the line at the end of the last step, of the cubic that the rope sees."""
+        before, step_s = self._last
+        way = (self._line.length_m - before.length_m) / step_s
+        return (4.0 * self._line.speed_m_per_s + 2.0 * before.speed_m_per_s - 6.0 * way) / step_s
 
     def feels(self, time_ns: int) -> bool:
         """Whether its step from this time on asks what the rope is like."""
-        due = self._orders.last_due(time_ns)
-        kind = self._kind if due is None else due.kind
-        return kind in FEELING or self.always_feels
+        if self._holding:
+            return True
+        due = self._orders.last_due(time_ns) if self._orders.waiting else None
+        return (self._kind if due is None else due.kind) in FEELING
 
     def offer(self, stamp_ns: int | None, speed_m_per_s: float, now_ns: int) -> str:
         """Take a speed (None: at once); returns "" or the sentence of its refusal."""
@@ -140,24 +144,16 @@ class Winch:
         Commands whose stamp is not after `time_ns` take effect now, in order. `heave_m_per_s`: of
         the hang-off at the step's end; `felt`: where it `feels`.
         """
-        self._obey(time_ns)
+        if self._orders.waiting or self._switches.waiting:
+            self._obey(time_ns)
         if self._scene is None:
             return self._line
-        moment = Moment(time_ns, step_s, heave_m_per_s, felt)
-        limits = [self._follow(moment)]
-        wanted = self._nominal
-        for adding in self._adding:
-            wanted = adding.add(wanted, moment)
-        line = wanted
-        for holding in self._holding:
-            line = holding.hold(self._line, line, moment)
-        if line != wanted:
-            line = self._at_rope_end(line)
-            self._give_way(line, wanted)
-        self.payout_m_per_s2 = _final_acceleration(self._line, line, step_s)
-        self._line = line
-        limits += [part.words() for part in self._parts]
-        self.at_limit = "; ".join(words for words in limits if words)
+        self._last = (self._line, step_s)
+        self.at_limit = self._follow(step_s, felt)
+        if self._adding or self._holding:
+            self._pass_parts(Moment(time_ns, step_s, heave_m_per_s, felt))
+        else:
+            self._line = self._nominal
         if self.stale(time_ns):
             self.counter.say("the command is no longer repeated; its last speed is kept")
         else:
@@ -184,39 +180,57 @@ class Winch:
             self._switch(order.kind, time_ns)
         for order in self._orders.due(time_ns):
             if not self._stopped:
-                self._kind, self._value = order
-                for goal in self._goals:
-                    if goal.kind == order.kind:
-                        goal.begin(order.value)
+                self._take_up(order)
+
+    def _take_up(self, order: Order) -> None:
+        self._kind, self._value = order
+        for number, goal in enumerate(self._goals):
+            if goal.kind == order.kind:
+                self._goal = number
+                goal.begin(order.value)
 
     def _switch(self, switch: str, time_ns: int) -> None:
         if switch == EMERGENCY_STOP or (switch == RESET and self._stopped):
             self._stopped = switch == EMERGENCY_STOP
-            self._kind, self._value = SPEED, 0.0
-            self._goals[0].begin(0.0)
+            self._take_up(Order(SPEED, 0.0))
         if switch == COMPENSATE:  # it begins at the middle of its stroke, where the line is
             self._nominal = self._nominal._replace(length_m=self._line.length_m)
         for part in self._parts:
             part.obey(switch, time_ns)
 
-    def _follow(self, moment: Moment) -> str:
+    def _follow(self, step_s: float, felt: Felt | None) -> str:
         """Move the nominal line; says which limit holds it."""
         scene, pace = self._scene, self._pace
         assert scene is not None
         assert pace is not None
-        goal = next(goal for goal in self._goals if goal.kind == self._kind)
-        wish = goal.wish(self._nominal, moment.felt, moment.step_s)
+        goal = self._goals[self._goal]
+        wish = goal.wish(self._nominal, felt, step_s)
         if self._stopped and scene.emergency_stop is not None:
             stop = AccelerationLimited(scene.emergency_stop.deceleration_m_per_s2)
-            self._nominal, _ = stop.move(self._nominal, wish, moment.step_s)
+            self._nominal, _ = stop.move(self._nominal, wish, step_s)
             pace.yield_to(self._nominal)
             return "emergency stop: no motion is obeyed until it is reset"
         outward = wish.speed_m_per_s > 0.0
-        self._nominal, held = pace.move(self._nominal, wish, moment.step_s)
+        self._nominal, held = pace.move(self._nominal, wish, step_s)
         limit = scene.most_line_out_m if outward else scene.least_line_out_m
         if held and limit == (wish.high_m if outward else wish.low_m) and self._kind != "length":
             return f"held at the {'most' if outward else 'least'} line out, {limit:g} m"
         return goal.words()
+
+    def _pass_parts(self, moment: Moment) -> None:
+        """From the nominal line to the one that the parts make of it."""
+        wanted = self._nominal
+        for adding in self._adding:
+            wanted = adding.add(wanted, moment)
+        line = wanted
+        for holding in self._holding:
+            line = holding.hold(self._line, line, moment)
+        if line != wanted:
+            line = self._at_rope_end(line)
+            self._give_way(line, wanted)
+        self._line = line
+        limits = (self.at_limit, *(part.words() for part in self._parts))
+        self.at_limit = "; ".join(words for words in limits if words)
 
     def _at_rope_end(self, line: LineOut) -> LineOut:
         """A drum that renders until it is empty is held by the rope's end on it."""
@@ -242,12 +256,6 @@ def winch_of_rope(scene: Scene, line: RopeLine) -> Winch:
     """The winch at the upper end of a rope of the scene; without one its line never changes."""
     diameter = line.made_of[-1].rope.diameter_m
     return Winch(winch_of(scene, line), line.length_m, line.from_, diameter)
-
-
-def _final_acceleration(before: LineOut, after: LineOut, step_s: float) -> float:
-    """At the end of a step, of the cubic through both ends that the rope is stepped with."""
-    way = (after.length_m - before.length_m) / step_s
-    return (4.0 * after.speed_m_per_s + 2.0 * before.speed_m_per_s - 6.0 * way) / step_s
 
 
 def _pace_of(scene: WinchScene) -> Pace:

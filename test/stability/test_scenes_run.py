@@ -32,7 +32,7 @@ def test_a_scene_runs_for_a_minute(name: str) -> None:
             if second == 0 or stamp > second * second_ns:
                 assert twin.offer_heave(stamp, z, v) == ""
         for row in schedule_samples(scene.winch, second * second_ns, (second + 1) * second_ns):
-            assert twin.offer_speed(row.stamp_ns, row.speed_m_per_s) == ""
+            assert twin.offer_order(row.stamp_ns, row.order) == ""
         twin.advance(round(1.0 / twin.step_s))
         shot = twin.snapshot()
         assert not not_finite(shot)

@@ -6,6 +6,7 @@ import pytest
 from scene_text import GOOD, assert_refused, spoilt, written
 
 from rope_twin.scene.card import scene_digest
+from rope_twin.scene.checks import sense_checks
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.winch import ScheduleRow
 
@@ -84,3 +85,26 @@ def test_parts_are_read_and_a_card_knows_them(tmp_path: Path) -> None:
     told_as_ever = "ScheduleRow(at_s=0.0, speed_m_per_s=0.5)"
     assert repr(ScheduleRow(at_s=0.0, speed_m_per_s=0.5)) == told_as_ever, "cards know it so"
     assert "brake" not in repr(plain.winch)
+
+
+@pytest.mark.parametrize(
+    ("parts", "step", "words"),
+    [
+        (DRUM + DRIVE, "0.005", ""),
+        (DRUM + DRIVE.replace("300000.0", "100000.0"), "0.005",
+         "winch.drive: it holds 117 kN on layer 2, and the rope pulls with 133 kN at rest; "
+         "give more than 114 kN·m, or expect rope to run out."),
+        (DRUM + DRIVE + BRAKE.replace("400000.0", "90000.0"), "0.005", "winch.brake: it holds 105"),
+        (DRUM + DRIVE, "0.02", "winch.drive: a step of 0.02 s feeds tension back too late on 50 m"),
+    ],
+    ids=["enough", "weak drive", "weak brake", "long step"],
+)  # fmt: skip
+def test_what_a_winch_can_hardly_mean_is_warned_about(
+    parts: str, step: str, words: str, tmp_path: Path
+) -> None:
+    text = with_parts(parts).replace("step_s: 0.01", f"step_s: {step}")
+    told = [w for w in sense_checks(load_scene(written(tmp_path, text))) if "winch." in w]
+    if words:
+        assert any(words in one for one in told), told
+    else:
+        assert not [one for one in told if "winch.drive" in one]

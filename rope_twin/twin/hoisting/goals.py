@@ -35,14 +35,15 @@ class SpeedGoal:
 
     def __init__(self, scene: WinchScene) -> None:
         self._scene, self._speed = scene, 0.0
+        self._wish = _limited(0.0, scene)
 
     def begin(self, value: float) -> None:
         """A speed [m/s]."""
-        self._speed = value
+        self._speed, self._wish = value, _limited(value, self._scene)
 
     def wish(self, line: LineOut, felt: Felt | None, step_s: float) -> Wish:
         """That speed."""
-        return _limited(self._speed, self._scene)
+        return self._wish
 
     def words(self) -> str:
         """Whether the winch is too slow for it."""

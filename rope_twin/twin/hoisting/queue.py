@@ -20,7 +20,7 @@ class OrderQueue:
     def __init__(self, name: str) -> None:
         """`name`: of the input, in counts and diagnostics."""
         self.counter = InputCounter(name)
-        self._waiting: deque[Stamped] = deque()
+        self.waiting: deque[Stamped] = deque()
         self._newest_ns: int | None = None
         self._done: deque[Stamped] = deque(maxlen=DONE)
         self._in_doubt = False  # whether what waits is from before a pause
@@ -66,22 +66,22 @@ class OrderQueue:
     def _queue(self, one: Stamped) -> None:
         """What an operator wants at once does not wait for a plan: it replaces it."""
         if one[0] is None:
-            self._waiting.clear()
+            self.waiting.clear()
             self._newest_ns = None
-        self._waiting.append(one)
+        self.waiting.append(one)
 
     def due(self, time_ns: int) -> list[Order]:
         """The orders whose stamp is not after `time_ns`, in order; they are given out once."""
         found: list[Order] = []
-        while self._waiting and _is_due(self._waiting[0], time_ns):
-            self._done.append(self._waiting.popleft())
+        while self.waiting and _is_due(self.waiting[0], time_ns):
+            self._done.append(self.waiting.popleft())
             found.append(Order(*self._done[-1][1:]))
         return found
 
     def last_due(self, time_ns: int) -> Order | None:
         """The last of those that `due` would give."""
         last = None
-        for one in self._waiting:
+        for one in self.waiting:
             if not _is_due(one, time_ns):
                 break
             last = one
@@ -89,8 +89,8 @@ class OrderQueue:
 
     def _drop_from(self, stamp_ns: int) -> None:
         """Drop orders that wait for this time or later ones; what comes first stands."""
-        self._waiting = deque(one for one in self._waiting if one[0] is None or one[0] < stamp_ns)
-        self._newest_ns = self._waiting[-1][0] if self._waiting else None
+        self.waiting = deque(one for one in self.waiting if one[0] is None or one[0] < stamp_ns)
+        self._newest_ns = self.waiting[-1][0] if self.waiting else None
         self._in_doubt = False
 
 
@@ -100,10 +100,10 @@ class SwitchQueue(OrderQueue):
     def _queue(self, one: Stamped) -> None:
         """After those that are wanted at once too."""
         if one[0] is not None:
-            self._waiting.append(one)
+            self.waiting.append(one)
             return
-        ahead = sum(waiting[0] is None for waiting in self._waiting)
-        self._waiting.insert(ahead, one)
+        ahead = sum(waiting[0] is None for waiting in self.waiting)
+        self.waiting.insert(ahead, one)
 
 
 def _is_due(one: Stamped, time_ns: int) -> bool:

@@ -1,0 +1,53 @@
+"""Sense checks of a winch's parts: what they can hold, and steps too long for their feedback."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rope_twin.errors import phrase
+from rope_twin.scene.figures import LiftFigures
+from rope_twin.scene.schema import Scene
+
+LONGEST_STEP = 0.5  # of the time of an axial wave along the rope (see twin/hoisting/feel.py)
+
+
+def check_winch(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """Of the first rope's winch."""
+    yield from _holding(scene, figures)
+    yield from _feedback(scene, figures)
+
+
+def _holding(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    winch, line = scene.winch, scene.ropes[0]
+    if winch is None or winch.drum is None or figures.payload is None:
+        return
+    diameter = line.made_of[-1].rope.diameter_m
+    layer = winch.drum.layer_of(winch.most_line_out_m - line.length_m, diameter)
+    radius, load = winch.drum.radius_m(layer, diameter), figures.top_tension_n(line.length_m)
+    torques = {
+        "drive": winch.drive.torque_limit_n_m if winch.drive else None,
+        "brake": winch.brake.holding_torque_n_m if winch.brake else None,
+    }
+    for part, torque in torques.items():
+        if torque is not None and torque < load * radius:
+            what = (
+                f"it holds {torque / radius * 1e-3:.0f} kN on layer {layer}, and the rope pulls "
+                f"with {load * 1e-3:.0f} kN at rest"
+            )
+            right = f"give more than {load * radius * 1e-3:.0f} kN·m, or expect rope to run out"
+            yield phrase(f"winch.{part}", what, right)
+
+
+def _feedback(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    winch = scene.winch
+    if winch is None or (winch.drive is None and winch.constant_tension is None):
+        return
+    part = "drive" if winch.drive is not None else "constant_tension"
+    travel = winch.least_line_out_m / figures.axial_wave_speed_m_per_s
+    if scene.time.step_s > LONGEST_STEP * travel:
+        what = (
+            f"a step of {scene.time.step_s:g} s feeds tension back too late on "
+            f"{winch.least_line_out_m:g} m of rope, along which a wave takes {travel:.3f} s"
+        )
+        right = f"give at most {LONGEST_STEP * travel:.2g} s, or a longer least_line_out_m"
+        yield phrase(f"winch.{part}", what, right)

@@ -1,0 +1,83 @@
+"""Orders to a winch over DDS, and what it says of them: mode, parts, refusals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from ros_bench import Bench
+
+from rope_twin.messages import encode_order
+from rope_twin.scene.load import load_scene
+from rope_twin.topics import WINCH_TOPICS
+from rope_twin.twin.hoisting.orders import Order
+
+pytestmark = pytest.mark.ros
+
+
+def test_a_winch_is_commanded_stopped_and_refuses_over_its_topics(
+    bench: Bench, tmp_path: Path
+) -> None:
+    """The scene emergency_stop, on a drive that is strong enough not to render."""
+    from rope_twin.ros.params import overrides
+    from rope_twin.ros.simulation_node import SimulationNode
+
+    text = load_scene("emergency_stop").path.read_text()
+    path = tmp_path / "strong.yaml"
+    path.write_text(text.replace("torque_limit_n_m: 178000.0", "torque_limit_n_m: 400000.0"))
+    given = {"scene": str(path), "speed": 5.0}
+    node = bench.add(SimulationNode(parameter_overrides=overrides(given)))
+    publishers = {topic: bench.publisher(topic) for topic in WINCH_TOPICS}
+    mode, parts, state = (bench.listen(f"winch/{name}") for name in ("mode", "parts", "state"))
+    node.begin()
+    bench.until(lambda: mode and parts and state, "the winch speaks")
+    bench.until(
+        lambda: all(p.get_subscription_count() for p in publishers.values()), "the twin listens"
+    )
+
+    def tell(order: Order) -> None:
+        topic, data = encode_order(0, order)
+        publishers[topic].publish(data)
+
+    def figures() -> dict[str, float]:
+        return dict(zip(parts[-1].name, parts[-1].position.tolist(), strict=True))
+
+    tell(Order("length", 1003.0))
+    bench.until(lambda: mode[-1].data == "winch: length 1003 m", "the order is told")
+    bench.until(lambda: abs(state[-1].position[0] - 1003.0) < 1e-5, "it is there")
+    assert max(message.position[0] for message in state) < 1003.0 + 1e-6
+    assert figures()["winch/target"] == 1003.0
+    assert figures()["winch/layer"] == 1.0
+    assert figures()["winch/drum_radius_m"] == pytest.approx(0.8 + 0.5 * 0.9 * 0.04)
+
+    tell(Order("speed", 1.0))
+    bench.until(lambda: state[-1].velocity[0] > 0.9, "it pays out")
+    tell(Order("emergency_stop"))
+    bench.until(lambda: figures()["winch/brake_holds"] == 1.0, "the brake holds")
+    assert mode[-1].data.startswith("winch: emergency stop (emergency stop: no motion is obeyed")
+    bench.until(lambda: state[-1].velocity[0] == 0.0, "it stands")
+
+    tell(Order("compensate"))
+    tell(Order("tension", 1e5))
+    bench.until(lambda: _refused(node, "winch switch") == 1, "there is no compensation")
+    bench.until(lambda: _refused(node, "winch command") == 1, "no tension is kept")
+
+
+def _refused(node: Any, name: str) -> int:
+    rows = {row.name: row for row in node.paced.rows(0)}
+    return int(rows[f"simulation: input {name}"].values["refused"])
+
+
+def test_a_schedule_publishes_where_its_rows_need_it() -> None:
+    from rope_twin.ros.winch_schedule_node import topics_of
+
+    def topics(scene: str) -> tuple[str, ...]:
+        winch = load_scene(scene).winch
+        assert winch is not None
+        return topics_of([winch])
+
+    speed = "winch/speed_command"
+    assert topics("deep_lift") == (speed,)
+    assert topics("emergency_stop") == (speed, "winch/switch_command")
+    assert topics("abandonment_and_recovery") == WINCH_TOPICS[:4]
