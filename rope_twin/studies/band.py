@@ -29,6 +29,7 @@ FULL = (
     ("deep_lift", 120.0), ("shallow_lift", 120.0), ("hmpe_lift", 120.0), ("hybrid_lift", 120.0),
     ("storm", 120.0), ("wave_zone", 60.0), ("riser_300m", 60.0), ("smooth_2km", 60.0),
     ("smooth_5km", 60.0), ("slack_5km", 60.0), ("snap_vertical", 60.0), ("snap_2km", 60.0),
+    ("splash_zone", 80.0), ("landing", 100.0),
 )  # fmt: skip
 QUICK = (("shallow_lift", 25.0), ("storm", 30.0))
 FROM_S = 2.0  # before, the ship's motion has hardly begun and neither has an error
