@@ -5,14 +5,15 @@ the convex energy with the mass over h² as a regulariser. Slack elements are no
 taut ones, and at the longest steps the mass no longer counts, so that the last steps are Newton's
 own for the rope at rest (all but the loads' change with the shape, which the step leaves out).
 They end at the time 0 of which the rest is: before it the sea is flat.
-Of 60 random riggings, half of them with slack ropes in a current, 57 come to rest so, most within
-a tenth of a second; in the others a slack rope goes on folding to and fro.
+It is found on few elements first (core/joined_levels.py); a guess from which that is hard is given
+up for one that the ropes' lengths make. Where nothing comes nearer the ropes fall for a while.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
+from rope_twin.core.joined_levels import coarser, lay, take_places
 from rope_twin.core.joined_step import advance_joined
 from rope_twin.core.joints import LOOSE, System
 from rope_twin.core.state import (
@@ -24,6 +25,7 @@ from rope_twin.core.state import (
     NODE_ROWS,
     POSITION,
     PULL_COLUMNS,
+    SOLVES,
     SUBSTEPS,
     SUBSTEPS_UNCONVERGED,
     TENSION,
@@ -37,6 +39,9 @@ from rope_twin.core.statics import ENOUGH, FAST, ROUND_OFF, TOLERANCE_N
 
 ROUNDS, STEP_FIRST, STEP_LAST, STEP_LEAST, GROWTH, SHRINK = 40, 1.0, 3e3, 1e-4, 4.0, 0.1
 ATTEMPTS, FALL_STEPS, FALL_STEP = 8, 300, 0.05
+STEP_NEAR = 64.0  # the first where ropes are near rest
+LEVELS = (6, 30)  # elements a rope, at most, on which rest is sought first
+HARD = 600  # solves on few elements
 FEW = 4  # substeps of a step that is not too long
 
 
@@ -50,10 +55,39 @@ def settle_joined(system: System, place: Floats) -> Equilibrium:
     for rope in system.ropes:
         rope.state.offset[:] = 0.0
     with np.errstate(all="ignore"):  # a shape that overflows is one that is no better
-        end = _relax(system, _boundary(system, place))
+        boundary, first = _boundary(system, place), STEP_FIRST
+        if system.sheaves is None and any(_count(system, r) - 1 > LEVELS[0] for r in _all(system)):
+            _settle_coarsely(system, place)
+            first = STEP_NEAR
+        end = _relax(system, boundary, first)
     for rope in system.ropes:
         rope.state.health[:] = 0
     return end
+
+
+def _settle_coarsely(system: System, place: Floats) -> None:
+    """Bring the ropes near rest on few elements, and then on some more.
+
+    A guess from which the first steps are hard is worse than none.
+    """
+    first = STEP_FIRST
+    for most in LEVELS:
+        few = coarser(system, most)
+        boundary = _boundary(few, place)
+        pull = np.zeros((len(few.ropes), 1, PULL_COLUMNS))
+        end, _ = _take_long_steps(few, boundary, pull, first, most_solves=HARD)
+        if not end.found:
+            lay(few)
+            _stop(few)
+            _relax(few, boundary, first)
+        take_places(system, few)
+        _stop(system)
+        first = STEP_NEAR
+    _boundary(system, place)
+
+
+def _all(system: System) -> range:
+    return range(len(system.ropes))
 
 
 def _boundary(system: System, place: Floats) -> Boundary:
@@ -147,11 +181,11 @@ def _round_off(system: System) -> float:
     return most
 
 
-def _relax(system: System, boundary: Boundary) -> Equilibrium:
+def _relax(system: System, boundary: Boundary, first: float) -> Equilibrium:
     """Long steps; where they lead nowhere, let the ropes fall for a while and try again."""
     pull = np.zeros((len(system.ropes), 1, PULL_COLUMNS))
     for _ in range(ATTEMPTS):
-        end, nearest = _take_long_steps(system, boundary, pull)
+        end, nearest = _take_long_steps(system, boundary, pull, first)
         if nearest:
             break
         if not end.found:
@@ -177,15 +211,23 @@ def _fall(system: System, boundary: Boundary, pull: Floats) -> None:
         energy = now if now >= energy else 0.0
 
 
-def _take_long_steps(system: System, boundary: Boundary, pull: Floats) -> tuple[Equilibrium, bool]:
-    """How the search stands, and whether it ended because nothing comes nearer to rest."""
+def _take_long_steps(
+    system: System, boundary: Boundary, pull: Floats, first: float, most_solves: float = np.inf
+) -> tuple[Equilibrium, bool]:
+    """How the search stands, and whether it ended because nothing comes nearer to rest.
+
+    most_solves: where so many were not enough before the steps are at their longest, it ends.
+    """
     tolerance = max(TOLERANCE_N, _round_off(system))
-    health, step = system.ropes[0].state.health, STEP_FIRST
+    health, step, solves = system.ropes[0].state.health, first, 0
     last, before = np.inf, _places(system)
     for rounds in range(ROUNDS):
         before = _places(system)
         _stop(system)
         done = advance_joined(_stopped(system, step, tolerance), boundary, pull, -step, 1)
+        solves += int(health[SOLVES])
+        if step < STEP_LAST and solves > most_solves:
+            break
         if done < 1 or health[SUBSTEPS_UNCONVERGED] > 0:
             _put(system, before)
             step *= SHRINK

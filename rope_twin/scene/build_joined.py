@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import ties
+from rope_twin.core.hanging import laid
 from rope_twin.core.joints import LOOSE, System, new_system
 from rope_twin.core.reeving import reeve
 from rope_twin.core.state import ELEMENTS, POSITION, C, Floats, Rope
@@ -27,7 +28,7 @@ from rope_twin.scene.build_sheaves import (
     with_both_stretches,
 )
 from rope_twin.scene.composite import weight_n_per_m
-from rope_twin.scene.first_shape import first_places, laid
+from rope_twin.scene.first_shape import first_places
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rigging_rules import places, winch_of
 from rope_twin.scene.schema import Payload, RopeLine, Scene

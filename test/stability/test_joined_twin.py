@@ -11,11 +11,14 @@ import pytest
 from small_scene import digest
 
 from rope_twin import Snapshot, Twin, load_scene
+from rope_twin.core import state as rows
+from rope_twin.core.joined_statics import settle_joined
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError
 from rope_twin.scene.build import build
-from rope_twin.scene.build_joined import point_figures
+from rope_twin.scene.build_joined import build_joined, point_figures
 from rope_twin.scene.schema import Scene
+from rope_twin.studies.variants import variant
 from rope_twin.twin.ensemble import Ensemble, Variation
 from rope_twin.twin.ledger import AccountedTwin
 
@@ -72,6 +75,24 @@ def test_bridle_carries_what_hangs_below_it(bridle: Scene) -> None:
     assert shot.ropes[0].tension_top_n == shot.tension_top_n
     assert len(shot.payloads) == 2
     assert shot.payloads[0].position_m[2] == pytest.approx(-1013.0 - 2.8, abs=1.0)
+
+
+def test_rest_is_found_from_upside_down(bridle: Scene) -> None:
+    """On 1,000 elements, from a guess in which every rope stands on its head."""
+    rests = []
+    for sign in (1.0, -1.0):
+        built = build_joined(variant(bridle, 780))
+        system = built.system
+        place = np.zeros((len(system.ropes), rows.MOTIONS))
+        place[:, : rows.LINE] = np.nan_to_num(built.hang_off_m)
+        place[:, rows.LINE] = [line.length_m for line in bridle.ropes]
+        for rope in system.ropes:
+            rope.state.nodes[rows.Z] *= sign
+        system.joints.nodes[rows.Z] *= sign
+        end = settle_joined(system, place)
+        assert end.found
+        rests.append(end.tension_n)
+    assert rests[1] == pytest.approx(rests[0], rel=1e-6)
 
 
 def test_ropes_stay_joined_under_way(bridle: Scene) -> None:

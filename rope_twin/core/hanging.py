@@ -1,0 +1,137 @@
+"""Where points hang on ropes and bars, about: a first guess from which statics finds the rest.
+
+Points under gravity, ropes that are no longer than they are, bars that are as long as they are:
+position-based dynamics (Müller et al. 2007, J. Vis. Commun. Image R. 18, 109), in which a few
+rounds of moving points until each length is right take the place of forces.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Mapping, Sequence
+from math import cos, sin, sqrt
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core.state import Floats
+
+ROUNDS, DROPS = 12, 150
+FALL = 0.05  # of the longest rope: how far points fall in a round at first
+SPREAD = 0.05  # of a rope: how far aside points begin, so that a bar knows where to point
+GOLDEN = 2.399963  # an angle that spreads points evenly
+LITTLE = 1e-9
+TAUT, NARROW = 1e-6, 1e-2  # of a rope's length: less slack, and least span of a slack one
+
+Point = list[float]
+Link = tuple[Hashable, Hashable, float]  # a rope's upper and lower end or a bar's ends; length [m]
+
+
+def hang(
+    known: Mapping[Any, Any],
+    free: Sequence[Hashable],
+    ropes: Sequence[Link],
+    bars: Sequence[Link],
+    drops: int = DROPS,
+) -> dict[Hashable, Floats]:
+    """Where the ends of ropes and bars hang, (3,) each [m].
+
+    known: those that are held, with their places; free: all others, spread in this order.
+    Every rope must hang on a held point over others.
+    """
+    found: dict[Hashable, Point] = {name: [float(x) for x in at] for name, at in known.items()}
+    _hang_straight(found, ropes, bars)
+    aside = SPREAD * min(length for *_, length in ropes)
+    for k, name in enumerate(free):
+        found[name][0] += aside * cos(GOLDEN * k)
+        found[name][1] += aside * 0.3 * sin(GOLDEN * k)
+    fall = FALL * max(length for *_, length in ropes)
+    held = set(known)
+    for drop in range(drops):
+        for name in free:
+            found[name][2] -= fall * (1.0 - drop / drops)
+        for _ in range(ROUNDS):
+            for link in ropes:
+                _move(found, held, link, only_shorter=True)
+            for link in bars:
+                _move(found, held, link, only_shorter=False)
+    return {name: np.array(place) for name, place in found.items()}
+
+
+def _hang_straight(
+    found: dict[Hashable, Point], ropes: Sequence[Link], bars: Sequence[Link]
+) -> None:
+    """Each point straight below the first rope that leads there, or beside the first bar."""
+    waiting = True
+    while waiting:
+        waiting = False
+        for upper, lower, length in ropes:
+            if upper in found and lower not in found:
+                x, y, z = found[upper]
+                found[lower] = [x, y, z - length]
+                waiting = True
+        for one, other, length in bars:
+            if (one in found) != (other in found):
+                there, missing = (one, other) if one in found else (other, one)
+                x, y, z = found[there]
+                found[missing] = [x + length, y, z]
+                waiting = True
+
+
+def _move(
+    found: dict[Hashable, Point], held: set[Hashable], link: Link, *, only_shorter: bool
+) -> None:
+    """Move two points along their line until they are so far apart."""
+    a, b, length = link
+    one, other = found[a], found[b]
+    x, y, z = other[0] - one[0], other[1] - one[1], other[2] - one[2]
+    distance = sqrt(x * x + y * y + z * z) + LITTLE
+    if (a in held and b in held) or (only_shorter and distance <= length):
+        return
+    share = (distance - length) / distance * (0.5 if a not in held and b not in held else 1.0)
+    for point, names, sign in ((one, a, share), (other, b, -share)):
+        if names not in held:
+            point[0] += sign * x
+            point[1] += sign * y
+            point[2] += sign * z
+
+
+def laid(low: Floats, high: Floats, s: Floats, up: bool) -> Floats:
+    """Nodes of a rope between two places [m], (3, nodes): straight, or a catenary if it is longer.
+
+    s: unstretched distance of the nodes from the lower end [m], (nodes,); up: the rope floats. The
+    catenary of a rope that does not stretch (Irvine 1981, section 1.2): with the span h, the rise v
+    and the length L, sinh(b)/b = √(L² - v²)/h and its lowest point where the two arms say.
+    """
+    length, chord = float(s[-1]), high - low
+    share = s / length
+    straight: Floats = low[:, None] + chord[:, None] * share
+    if float(np.sqrt(chord @ chord)) >= (1.0 - TAUT) * length:
+        return straight
+    span = max(float(np.hypot(chord[0], chord[1])), NARROW * length)
+    aside = np.array([chord[0], chord[1], 0.0])
+    size = float(np.sqrt(aside @ aside))
+    aside = aside / size if size > LITTLE else np.array([1.0, 0.0, 0.0])
+    rise = -float(chord[2]) if up else float(chord[2])
+    ratio = float(np.sqrt(length**2 - rise**2)) / span
+    if ratio <= 1.0 + TAUT:  # all but vertical and all but taut
+        return straight
+    b = _half_parameter(ratio)
+    a = 0.5 * span / b
+    # arc length from the lowest point to the lower end, by the two heights
+    middle = 0.5 * (length - rise / np.tanh(b))
+    arc = s - middle
+    along = a * (np.arcsinh(arc / a) - np.arcsinh(-middle / a))
+    height = np.hypot(a, arc) - np.hypot(a, middle)
+    along *= size / along[-1]  # a vertical loop has been given a little span
+    nodes: Floats = low[:, None] + aside[:, None] * along
+    nodes[2] += -height if up else height
+    return nodes
+
+
+def _half_parameter(ratio: float) -> float:
+    """b of sinh(b)/b = ratio > 1, by Newton on its logarithm."""
+    b = float(np.sqrt(6.0 * (ratio - 1.0))) if ratio < 3.0 else float(np.log(2.0 * ratio) + 1.0)
+    for _ in range(30):
+        value = np.log(np.sinh(b) / b) - np.log(ratio)
+        b -= float(value / (1.0 / np.tanh(b) - 1.0 / b))
+    return b

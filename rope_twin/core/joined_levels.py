@@ -1,0 +1,95 @@
+"""Ropes that meet on few elements: rest is found there first, for a fraction of the work.
+
+What makes rest hard to find, ropes that lie anyhow, does not depend on the number of elements; what
+a step costs does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+
+import numpy as np
+
+from rope_twin.core.hanging import Link, hang, laid
+from rope_twin.core.joints import LOOSE, System, new_system
+from rope_twin.core.state import ELEMENTS, END, POSITION, Floats, Rope, new_state
+from rope_twin.core.ties import ANCHORED, FIRST, LEAST, LENGTH, SECOND
+from rope_twin.core.trial import TRIALS
+
+SPARE_NODES = 4
+DROPS = 25  # enough for a first guess
+
+
+def coarser(system: System, most: int) -> System:
+    """The system with so many elements a rope at most, at nodes that it has; no sheaves."""
+    joints = system.joints
+    ropes = tuple(_coarser_rope(rope, most) for rope in system.ropes)
+    found = new_system(ropes, list(joints.lower), list(joints.upper), joints.ties.copy())
+    found.joints.nodes[POSITION : POSITION + 3] = joints.nodes[POSITION : POSITION + 3]
+    return found
+
+
+def _coarser_rope(rope: Rope, most: int) -> Rope:
+    """Nodes spread evenly over its own; where two sections meet a node stays."""
+    n = int(rope.state.counts[ELEMENTS])
+    s = rope.state.s[: n + 1]
+    ends = [int(np.abs(s - end).argmin()) for end in rope.sections[END] if end < s[-1]]
+    kept = np.union1d(np.round(np.linspace(0, n, min(n, most) + 1)).astype(int), ends).astype(int)
+    state = new_state(len(kept) + SPARE_NODES + TRIALS)
+    state.s[: len(kept)] = s[kept]
+    places = rope.state.nodes[POSITION : POSITION + 3]
+    state.nodes[POSITION : POSITION + 3, : len(kept)] = places[:, kept]
+    state.counts[ELEMENTS] = len(kept) - 1
+    return rope._replace(state=state)
+
+
+def take_places(fine: System, coarse: System) -> None:
+    """Nodes and joints of the fine system where the coarse one has them, straight in between."""
+    for one, other in zip(fine.ropes, coarse.ropes, strict=True):
+        n, few = (int(rope.state.counts[ELEMENTS]) + 1 for rope in (one, other))
+        for k in range(POSITION, POSITION + 3):
+            one.state.nodes[k, :n] = np.interp(
+                one.state.s[:n], other.state.s[:few], other.state.nodes[k, :few]
+            )
+    fine.joints.nodes[POSITION : POSITION + 3] = coarse.joints.nodes[POSITION : POSITION + 3]
+
+
+def lay(system: System) -> None:
+    """Forget how the ropes lie: hang them where their lengths let them, about."""
+    joints, ropes = system.joints, system.ropes
+    known: dict[Hashable, Floats] = {}
+    links: list[Link] = []
+    for r, rope in enumerate(ropes):
+        n, x = int(rope.state.counts[ELEMENTS]), rope.state.nodes[POSITION : POSITION + 3]
+        upper, lower = _ends(system, r)
+        if joints.upper[r] == LOOSE:
+            known[upper] = x[:, n]
+        if joints.lower[r] == LOOSE and rope.model.first_free == 1:
+            known[lower] = x[:, 0]
+        links.append((upper, lower, float(rope.state.s[n] - rope.state.s[0])))
+    bars: list[Link] = [
+        (int(tie[FIRST]), int(tie[SECOND]), float(tie[LENGTH]))
+        for tie in joints.ties.T
+        if tie[SECOND] != ANCHORED and tie[LEAST] == -np.inf
+    ]
+    points = dict.fromkeys(name for link in links for name in link[:2])
+    free = [name for name in points if name not in known]
+    found = hang(known, free, links, bars, DROPS)
+    for r, rope in enumerate(ropes):
+        n = int(rope.state.counts[ELEMENTS])
+        upper, lower = _ends(system, r)
+        s = rope.state.s[: n + 1] - rope.state.s[0]
+        rope.state.nodes[POSITION : POSITION + 3, : n + 1] = laid(
+            found[lower], found[upper], s, up=False
+        )
+    for j in range(joints.nodes.shape[1]):
+        joints.nodes[POSITION : POSITION + 3, j] = found[j]
+
+
+def _ends(system: System, r: int) -> tuple[Hashable, Hashable]:
+    """Names of the upper and the lower end of rope r: of joints their number."""
+    upper, lower = int(system.joints.upper[r]), int(system.joints.lower[r])
+    return (
+        ("top", r) if upper == LOOSE else upper,
+        ("foot", r) if lower == LOOSE else lower,
+    )
