@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rope_twin.scene.card import KnownError
+from rope_twin.twin.ship_pose import ShipPose
 from rope_twin.twin.snapshot import BedContact, InputHealth, Snapshot, SolverHealth, TensionBand
 
 
@@ -48,4 +49,11 @@ def hanging_rope(
         inputs={"heave": InputHealth(accepted=50, age_s=0.02)},
         seabed=BedContact(-0.03, 9.5e4, 12.0, 600.0),
         band=TensionBand(float(element[0]) - 40.0, float(element[0]) + 40.0, 40.0, 25.0),
+    )
+
+
+def rolled_ship(stamp_ns: int) -> ShipPose:
+    """A ship 1.5 m up, turned about x by 2·asin(0.6), with rates about all axes."""
+    return ShipPose(
+        stamp_ns, (0.3, -0.2, 1.5), (0.1, 0.0, -0.4), (0.6, 0.0, 0.0, 0.8), (0.02, -0.01, 0.003)
     )

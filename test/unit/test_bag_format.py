@@ -8,7 +8,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
-from sample_snapshot import hanging_rope
+from sample_snapshot import hanging_rope, rolled_ship
 
 from rope_twin.errors import BagError
 from rope_twin.messages import (
@@ -18,6 +18,7 @@ from rope_twin.messages import (
     encode_epoch,
     encode_heave,
     encode_order,
+    encode_pose,
     statuses,
 )
 from rope_twin.messages.cdr import deserialise, new, serialise
@@ -38,6 +39,7 @@ def all_messages(stamp_ns: int) -> dict[str, bytes]:
     messages = {name: encoder.encode(name, snapshot) for name in encoder.topics}
     return messages | {
         "ship/heave": encode_heave(stamp_ns, 0.5, -0.25),
+        "ship/odometry": encode_pose(stamp_ns, rolled_ship(stamp_ns)),
         "sea/elevation": encode_elevation(stamp_ns, 1.5),
         **dict(encode_order(stamp_ns, order) for order in ONE_OF_EACH),
         "twin/epoch": encode_epoch(EPOCH_NS),

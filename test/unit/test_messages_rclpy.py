@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sample_snapshot import hanging_rope
+from sample_snapshot import hanging_rope, rolled_ship
 
 from rope_twin import messages
 from rope_twin.topics import BY_NAME, TOPICS
@@ -25,6 +25,7 @@ def encoded(topic: str, nodes: int) -> bytes:
         return encoder.encode(topic, snapshot)
     return {
         "ship/heave": messages.encode_heave(STAMP_NS, 1.5, -0.25),
+        "ship/odometry": messages.encode_pose(STAMP_NS, rolled_ship(STAMP_NS)),
         "sea/elevation": messages.encode_elevation(STAMP_NS, -0.75),
         **dict(messages.encode_order(STAMP_NS, order, "aft") for order in ONE_OF_EACH),
         "twin/epoch": messages.encode_epoch(STAMP_NS),

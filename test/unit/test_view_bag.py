@@ -87,7 +87,7 @@ def test_a_bag_cut_off_is_played_up_to_the_break(bag: Path, part: float) -> None
     (bag / "metadata.yaml").unlink()  # as after kill -9
     watcher = Watcher()
     played = play(bag, watcher)
-    assert 0 < played.shown < 601
+    assert 0 < played.shown < 1001
     assert len(played.problems) == 1
     assert file.name in played.problems[0]
 
