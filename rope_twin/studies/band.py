@@ -31,6 +31,10 @@ FULL = (
     ("smooth_5km", 60.0), ("slack_5km", 60.0), ("snap_vertical", 60.0), ("snap_2km", 60.0),
     ("splash_zone", 80.0), ("landing", 100.0),
 )  # fmt: skip
+UNSEEN = (  # scenes that the bound's numbers were not found on
+    ("chain_on_bottom", 60.0), ("hmpe_deep", 60.0), ("tow_with_net", 60.0), ("rov_tether", 60.0),
+    ("grab_lift", 60.0), ("ahc_lift", 60.0), ("deep_tow_turn", 60.0), ("ship_6dof", 60.0),
+)  # fmt: skip
 QUICK = (("shallow_lift", 25.0), ("storm", 30.0))
 FROM_S = 2.0  # before, the ship's motion has hardly begun and neither has an error
 FINE, MIDDLE = 4, 2  # times the elements and parts of the step of the references

@@ -20,9 +20,11 @@ from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.statics import settle
 from rope_twin.core.step import advance
 from rope_twin.effects.seabed import Grid, Plane, clearance
+from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.shedding import refuse_shedding
+from rope_twin.twin.borders import foreseen
 from rope_twin.twin.error_bound import EVERY, ErrorBand, border_accelerations
 from rope_twin.twin.regrid import HangOff, coarser
 from rope_twin.twin.rung import Rung
@@ -88,6 +90,10 @@ class BandedTwin(Twin):
     def __init__(self, scene: Scene) -> None:
         refuse_joined(scene)
         refuse_shedding(scene, "a companion on half the elements cannot tell of vortices")
+        if not foreseen(scene.winch, None):
+            what = "its drive, brake, or an order by depth or tension answers to the tension"
+            right = "the companion's line out is the rope's; run such a scene without a band"
+            raise SceneError(phrase(f"{scene.path}: winch", what, right))
         super().__init__(scene)
         self._rest_n = float(self._pull[rows.PULL])
         self._band_s = 0.0  # time spent on it
@@ -137,6 +143,8 @@ class BandedTwin(Twin):
 
     def _forget_borders(self, done: int) -> None:
         """Let the companion follow while the borders of the steps just done are still there."""
+        if self._winch.feels(self.time_ns):  # of an order just given: line out depends on the error
+            self._known_from_s = max(self._known_from_s, self.time_ns * 1e-9 + SETTLING_S)
         if done:
             began = time.perf_counter()
             self._judge(done)

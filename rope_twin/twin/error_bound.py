@@ -30,6 +30,8 @@ from __future__ import annotations
 import math
 from collections import deque
 
+import numpy as np
+
 from rope_twin.core import state as rows
 from rope_twin.core.state import Boundary
 
@@ -45,7 +47,7 @@ ROUGH_S = 120.0  # after an element was slack, the rope rings so long
 TAUT_S = 3.0  # no element slack for so long: no new snap, what is left of the last one rings
 EVERY = 2  # of the rope's steps make one of the companion's
 
-Borders = tuple[float, float, float, float]  # of heave and line out, at begin and at end
+Borders = tuple[list[float], list[float]]  # of hang-off x, y, z and line out, at begin and end
 
 
 class Recent:
@@ -100,16 +102,16 @@ class ErrorBand:
         self._mean, self._rough_mean = 0.0, 0.0
         self._ringing, self._rough_ringing, self._kicked = Fading(), Fading(), Fading()
         self._jumps, self._tension = Recent(WINDOW_S), Recent(SLACK_WINDOW_S)
-        self._end = (0.0, 0.0)  # accelerations at the newest step's end
+        self._end = [0.0] * rows.MOTIONS  # accelerations at the newest step's end
         self._bent: deque[bool] = deque(maxlen=EVERY)  # of the newest steps
         self._rough_until_s, self._slack_s = 0.0, -math.inf
         self._now_n = rest_n
 
     def take(self, time_s: float, accelerations: Borders, tension_n: float) -> None:
         """A step to `time_s` with these prescribed accelerations gave this top tension."""
-        z_begin, line_begin, z_end, line_end = accelerations
-        jump = abs(z_begin - self._end[0]) + abs(line_begin - self._end[1])
-        self._end = (z_end, line_end)
+        begin, end = accelerations
+        jump = sum(abs(a - b) for a, b in zip(begin, self._end, strict=True))
+        self._end = end
         self._jumps.take(time_s, jump)
         self._bent.append(jump > BEND * self._jumps.largest(time_s))
         self._now_n = tension_n
@@ -160,19 +162,10 @@ class ErrorBand:
 
 
 def border_accelerations(boundary: Boundary, steps: int, step_s: float) -> list[Borders]:
-    """Accelerations of heave and line out at the begin and end of each step, of its cubic."""
-    value = boundary.value[: steps + 1, rows.Z :].tolist()
-    rate = boundary.rate[: steps + 1, rows.Z :].tolist()
-    scale, found = 2.0 / step_s**2, []
-    for k in range(steps):
-        (z0, line0), (z1, line1), (v0, V0), (v1, V1) = value[k], value[k + 1], rate[k], rate[k + 1]
-        z, line = 3.0 * (z1 - z0), 3.0 * (line1 - line0)
-        found.append(
-            (
-                scale * (z - step_s * (2.0 * v0 + v1)),
-                scale * (line - step_s * (2.0 * V0 + V1)),
-                scale * (step_s * (v0 + 2.0 * v1) - z),
-                scale * (step_s * (V0 + 2.0 * V1) - line),
-            )
-        )
-    return found
+    """Accelerations of hang-off and line out at the begin and end of each step, of its cubic."""
+    value, rate = boundary.value[: steps + 1], boundary.rate[: steps + 1]
+    way = 3.0 * np.diff(value, axis=0)
+    begin = way - step_s * (2.0 * rate[:-1] + rate[1:])
+    end = step_s * (rate[:-1] + 2.0 * rate[1:]) - way
+    scale = 2.0 / step_s**2
+    return list(zip((scale * begin).tolist(), (scale * end).tolist(), strict=True))

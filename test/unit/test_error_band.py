@@ -20,6 +20,7 @@ from rope_twin import Twin
 from rope_twin.commands.run.options import RunOptions
 from rope_twin.commands.run.unpaced import UnpacedRun, run_unpaced
 from rope_twin.core import state as rows
+from rope_twin.errors import SceneError
 from rope_twin.messages import decode, statuses
 from rope_twin.recording.mcap_scan import McapScan, StoredMessage
 from rope_twin.scene.build import build
@@ -30,6 +31,7 @@ from rope_twin.studies.variants import variant
 from rope_twin.twin import error_band
 from rope_twin.twin.error_band import BandedTwin
 from rope_twin.twin.error_bound import ErrorBand, Recent, border_accelerations
+from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.snapshot import Snapshot
 
@@ -86,28 +88,29 @@ def test_the_largest_of_a_window_is_the_largest_of_its_samples(
         assert recent.largest(now) == max(v for at, v in told if at > now - 0.5)
 
 
-@given(st.lists(st.floats(-5.0, 5.0), min_size=8, max_size=8))
+@given(st.lists(st.floats(-5.0, 5.0), min_size=16, max_size=16))
 def test_accelerations_at_the_borders_are_those_of_the_prescribed_cubics(
     given: list[float],
 ) -> None:
-    y = np.polynomial.Polynomial(given[:4])
-    L = np.polynomial.Polynomial(given[4:])
+    """Of the hang-off in three directions and of the line out."""
+    polys = [np.polynomial.Polynomial(given[4 * k : 4 * k + 4]) for k in range(rows.MOTIONS)]
     h, value, rate = 0.1, np.zeros((3, rows.MOTIONS)), np.zeros((3, rows.MOTIONS))
     for border in range(3):
-        value[border, rows.Z :] = y(border * h), L(border * h)
-        rate[border, rows.Z :] = y.deriv()(border * h), L.deriv()(border * h)
+        value[border] = [poly(border * h) for poly in polys]
+        rate[border] = [poly.deriv()(border * h) for poly in polys]
     found = border_accelerations(rows.Boundary(value, rate), 2, h)
     for k, step in enumerate(found):
-        at = (k * h, (k + 1) * h)
-        expected = [poly.deriv(2)(t) for t in at for poly in (y, L)]
-        assert step == pytest.approx(expected, abs=1e-9)
+        for t, side in zip((k * h, (k + 1) * h), step, strict=True):
+            assert side == pytest.approx([poly.deriv(2)(t) for poly in polys], abs=1e-9)
+
+
+STILL = ([0.0] * rows.MOTIONS, [0.0] * rows.MOTIONS)
 
 
 def test_a_smooth_difference_is_divided_by_nearly_three_and_a_rough_one_is_not() -> None:
-    still = (0.0, 0.0, 0.0, 0.0)
     smooth, rough, loose, looser = (ErrorBand(100e3, 0.01) for _ in range(4))
     for one, tension in ((smooth, 90e3), (rough, 90e3), (loose, 1500.0), (looser, 5.0)):
-        one.take(1.0, still, tension)
+        one.take(1.0, STILL, tension)
         one.compare(1.0, 300.0)
     rough.slacken(1.0)
     assert 100.0 < smooth.bound_n(1.0) < 150.0
@@ -121,7 +124,7 @@ def test_the_first_step_after_a_bend_in_the_motion_has_a_larger_bound() -> None:
     found = ErrorBand(100e3, 0.01)
     for k in range(1, 41):
         bend = 1.0 if k % 5 == 0 else 0.0
-        found.take(0.01 * k, (bend, 0.0, 0.0, 0.0), 90e3)
+        found.take(0.01 * k, ([bend, 0.0, 0.0, 0.0], STILL[1]), 90e3)
         if k % 2 == 0:
             over = any((k - back) % 5 == 0 for back in range(2))
             found.compare(0.01 * k, 30.0 if over else 3.0)
@@ -135,8 +138,8 @@ def fed_with(found: ErrorBand, differences: Iterable[float], from_s: float = 0.0
     now = from_s
     for difference in differences:
         now += 0.02
-        found.take(now - 0.01, (0.0, 0.0, 0.0, 0.0), 90e3)
-        found.take(now, (0.0, 0.0, 0.0, 0.0), 90e3)
+        found.take(now - 0.01, STILL, 90e3)
+        found.take(now, STILL, 90e3)
         found.compare(now, difference)
     return now
 
@@ -268,3 +271,20 @@ def test_in_every_scene_the_error_lies_under_the_bound(case: tuple[str, float]) 
     (row,) = band.measure_bands([case], lambda *_: None)
     assert row.held_pct >= 95.0
     assert row.ratio <= 5.0
+
+
+@pytest.mark.parametrize("name", ["emergency_stop", "abandonment_and_recovery"])
+def test_a_winch_that_answers_to_the_tension_has_no_band(name: str) -> None:
+    """Its companion would be given a line out that follows from the error that it is to find."""
+    with pytest.raises(SceneError, match=r"winch: its drive, .*run such a scene without a band"):
+        BandedTwin(load_scene(name))
+
+
+def test_an_order_that_feels_the_rope_leaves_the_band_unknown() -> None:
+    """From the order on, and until the companion knows again."""
+    twin = BandedTwin(load_scene("shallow_lift"))
+    twin.advance(100)
+    assert twin.snapshot().band is not None
+    twin.offer_order(None, Order("depth", 195.0))
+    twin.advance(100)
+    assert twin.snapshot().band is None
