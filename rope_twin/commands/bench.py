@@ -17,6 +17,7 @@ from typing import Any, TextIO
 from rope_twin.studies import (
     band,
     ensemble_speed,
+    joined_statics_speed,
     orders,
     peers,
     peers_page,
@@ -153,7 +154,9 @@ def _ensemble(args: argparse.Namespace, progress: Progress) -> int:
 
 def _statics(args: argparse.Namespace) -> int:
     """Exit code 1 if a rope does not come to rest."""
-    rows = list(statics_speed.statics_rows(nodes=100 if args.quick else statics_speed.NODES))
+    nodes = 100 if args.quick else statics_speed.NODES
+    rows = [*statics_speed.statics_rows(nodes=nodes)]
+    rows += joined_statics_speed.joined_statics_rows(nodes=nodes)
     if args.json:
         print(json.dumps({"rows": rows}, allow_nan=False))
     else:

@@ -11,6 +11,7 @@ from joint_rigs import HEAVY, LIGHT, STIFF, JointBench, Line, legs, rest, tie
 from rigs import frequency
 
 from rope_twin.core import state as rows
+from rope_twin.studies.joined_statics_speed import GUESSES, joined_statics_rows
 
 
 @pytest.mark.parametrize(("a", "b", "left", "right"), [
@@ -163,3 +164,12 @@ def test_rest_is_found_from_a_tangle() -> None:
     assert np.abs(tangled.joints - good.joints).max() < 1e-6
     for r in range(3):
         assert np.abs(tangled.nodes(r) - good.nodes(r)).max() < 1e-6
+
+
+def test_rest_is_the_same_from_every_guess() -> None:
+    """As `rope_twin bench statics` tells it."""
+    rows = list(joined_statics_rows(("two_line_lift",), nodes=60))
+    assert [row["guess"] for row in rows] == list(GUESSES)
+    assert all(row["found"] for row in rows)
+    tensions = [row["tension_n"] for row in rows]
+    assert max(tensions) - min(tensions) < 1e-6 * max(tensions)
