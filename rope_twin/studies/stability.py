@@ -17,6 +17,7 @@ from rope_twin.studies import (
     stability_long,
     stability_snap,
     stability_start,
+    stability_vortices,
     stability_winch,
 )
 from rope_twin.studies.stability_check import Case, Check
@@ -28,6 +29,7 @@ CASES: tuple[Case, ...] = (
     *stability_start.CASES,
     *stability_input.CASES,
     *stability_long.CASES,
+    *stability_vortices.CASES,
 )
 
 
