@@ -10,10 +10,19 @@ from typing import Any
 import numpy as np
 from rigs import Bench, Rig, Vector
 
-from rope_twin.scene.schema import Scene
+from rope_twin.scene.schema import Scene, Winch
 
 DIAMETER = 0.1
 DENSITY = 1025.0
+# a short rope, and a winch that pays it out and hauls it in
+HAULED = Rig(
+    length=30.0, elements=30, mass=2.0, EA=1e6, diameter=0.03, damping=1e3, load=200.0, volume=0.03,
+    density=DENSITY, current=((0.0, (0.5, 0.0)),), drag=(1.2, 0.02), added_mass=1.0, step=0.01,
+)  # fmt: skip
+HAULING = Winch(
+    speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, least_line_out_m=5.0,
+    most_line_out_m=60.0,
+)  # fmt: skip
 
 
 @dataclass(frozen=True)

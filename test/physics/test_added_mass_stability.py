@@ -10,19 +10,16 @@ import math
 
 import numpy as np
 import pytest
-from rigs import Bench, Rig, Vector
+from rigs import Vector
 
-STEPS = (0.2, 0.1, 0.05, 0.01, 0.001)
-SECONDS = 20.0
-STIFFNESS = 9.0
-
-
-def lagged_matrix(m: float, added: float, h: float) -> Vector:
-    """x, v, a one step on by the trapezoidal rule for m·a1 + k·x1 = -m_a·a0."""
-    p, q = 0.25 * h * h, 0.5 * h
-    x_hat, v_hat = np.array([1.0, h, p]), np.array([0.0, 1.0, q])
-    a = (np.array([0.0, 0.0, -added]) - STIFFNESS * x_hat) / (m + STIFFNESS * p)
-    return np.array([x_hat + p * a, v_hat + q * a, a])
+from rope_twin.studies.validation.stepping import (
+    PRINTED_M,
+    SECONDS,
+    STEPS_S,
+    STIFFNESS,
+    Oscillator,
+    lagged_matrix,
+)
 
 
 def largest_error(positions: Vector, amplitude: float, omega: float, h: float) -> float:
@@ -31,9 +28,7 @@ def largest_error(positions: Vector, amplitude: float, omega: float, h: float) -
     return float(np.abs(positions - amplitude * np.cos(omega * times)).max())
 
 
-@pytest.mark.parametrize(
-    ("h", "printed"), list(zip(STEPS, (3.24, 1.78, 0.93, 0.19, 0.020), strict=True))
-)
+@pytest.mark.parametrize(("h", "printed"), list(zip(STEPS_S, PRINTED_M, strict=True)))
 def test_lagged_added_mass_has_the_published_error(h: float, printed: float) -> None:
     """S1: m 11, m_a 10, k 9, x0 10: largest error over 20 s [m]."""
     step, state = lagged_matrix(11.0, 10.0, h), np.array([10.0, 0.0, -10.0 * STIFFNESS / 21.0])
@@ -45,37 +40,12 @@ def test_lagged_added_mass_has_the_published_error(h: float, printed: float) -> 
     assert error == pytest.approx(printed, abs=0.005)
 
 
-@pytest.mark.parametrize("h", STEPS)
+@pytest.mark.parametrize("h", STEPS_S)
 def test_lagged_added_mass_blows_up_once_it_exceeds_the_mass(h: float) -> None:
     """S1: the spectral radius passes 1 with m_a = m, at every step."""
     for m, added, stable in ((11.0, 10.0, True), (10.0, 11.0, False), (1.0, 10.0, False)):
         radius = np.abs(np.linalg.eigvals(lagged_matrix(m, added, h))).max()
         assert (radius < 1.0) == stable
-
-
-class Oscillator:
-    """A payload on a rope without mass: k = EA/L, about its own equilibrium, never slack."""
-
-    def __init__(self, m: float, added: float, h: float) -> None:
-        rig = Rig(
-            length=100.0, elements=3, mass=1e-6, EA=100.0 * STIFFNESS, load=m, added=(added,) * 3,
-            step=h,
-        )  # fmt: skip
-        self.omega = math.sqrt(STIFFNESS / (m + added))
-        self._bench = Bench(rig.scene())
-        self._rest = self._bench.position[2].copy()
-        self._shape = np.linspace(1.0, 0.0, 4)
-
-    def set(self, x: float, v: float) -> None:
-        """Displacement, velocity and the acceleration that belongs to them."""
-        self._bench.position[2] = self._rest + x * self._shape
-        self._bench.velocity[2] = v * self._shape
-        self._bench.acceleration[2] = -(self.omega**2) * x * self._shape
-
-    def step(self) -> tuple[float, float]:
-        """Displacement and velocity one step on."""
-        self._bench.hold(1)
-        return self._bench.position[2, 0] - self._rest[0], self._bench.velocity[2, 0]
 
 
 @pytest.mark.parametrize(
@@ -87,7 +57,7 @@ def test_our_step_keeps_the_oscillator(m: float, added: float, start: float) -> 
     From 10 m the lightest would go slack, so it starts from 1 m (the problem is linear).
     """
     errors = []
-    for h in STEPS[:-1]:
+    for h in STEPS_S[:-1]:
         oscillator = Oscillator(m, added, h)
         oscillator.set(start, 0.0)
         positions = np.array([oscillator.step()[0] for _ in range(round(SECONDS / h))])
@@ -95,7 +65,7 @@ def test_our_step_keeps_the_oscillator(m: float, added: float, start: float) -> 
         errors.append(largest_error(positions, start, oscillator.omega, h) / start)
     assert errors[0] < 0.03
     assert errors[3] < 1e-4
-    slope = np.polyfit(np.log(STEPS[:-1]), np.log(errors), 1)[0]
+    slope = np.polyfit(np.log(STEPS_S[:-1]), np.log(errors), 1)[0]
     assert slope == pytest.approx(2.0, abs=0.2)
 
 

@@ -11,27 +11,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rigs import Bench, Heave, Rig, Vector, frequency, lift, march
+from rigs import Bench, Rig, Vector, frequency, lift, march
 from scipy.optimize import brentq  # type: ignore[import-untyped]
 from scipy.special import j0, j1, y0, y1  # type: ignore[import-untyped]
+
+from rope_twin.studies.state_bench import pluck
 
 TENSION = 100e3
 STRING = Rig(length=300.0, mass=6.4, diameter=0.04, density=1025.0, gravity=0.0)
 STRETCHED = STRING.length * (1.0 + TENSION / STRING.EA)
 MODES = 5
-
-
-def pluck(height: float, duration: float) -> Heave:
-    """The end goes to `height` and back within `duration`, then rests."""
-    up = lift(height, 0.5 * duration)
-
-    def at(time: float) -> tuple[float, float]:
-        if time <= 0.5 * duration:
-            return up(time)
-        z, v = up(max(duration - time, 0.0))
-        return z, -v
-
-    return at
 
 
 @pytest.mark.parametrize(

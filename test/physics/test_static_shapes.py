@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rigs import Rig, Vector
-from scipy.optimize import fsolve  # type: ignore[import-untyped]
+from rigs import Rig
+
+from rope_twin.studies.validation.statics import catenary, solve_catenary
 
 HANGING = Rig(length=2000.0, density=1025.0, volume=3.0)
 CHORD = (800.0, 0.0, -600.0)  # 1000 m long
@@ -28,35 +29,6 @@ def test_stretch_of_a_hanging_rope(elements: int, load: float) -> None:
     expected = stretch(rig.weight, rig.load_weight, rig.length, rig.EA)
     assert -shot.payload_position_m[2] - rig.length == pytest.approx(expected, rel=1e-9)
     assert shot.tension_top_n == pytest.approx(rig.load_weight + rig.weight * rig.length, rel=1e-9)
-
-
-def catenary(s: Vector, H: float, V: float, w: float, EA: float) -> tuple[Vector, Vector, Vector]:
-    """Elastic catenary from its lower end (Irvine 1981, Cable Structures, eqs 1.16-1.18).
-
-    s unstretched from the lower end [m]; H horizontal and V vertical tension there [N], V < 0 if
-    the line first dips. Returns x, z from the lower end [m] and the tension [N].
-    """
-    up = V + w * s
-    x = H * s / EA + H / w * (np.arcsinh(up / H) - np.arcsinh(V / H))
-    z = s * (V + 0.5 * w * s) / EA + H / w * (np.hypot(1.0, up / H) - np.hypot(1.0, V / H))
-    return x, z, np.hypot(H, up)
-
-
-def solve_catenary(rig: Rig, across: float, up: float) -> tuple[float, float]:
-    """H and V of the line from its lower end to a point `across` and `up` [m]."""
-    length, w = rig.length, rig.weight
-
-    def miss(unknown: Vector) -> Vector:
-        H, V = np.exp(unknown[0]), unknown[1] * w * length
-        x, z, _ = catenary(np.array([length]), H, V, w, rig.EA)
-        return np.array([x[0] - across, z[0] - up]) / length
-
-    sag = max(length**2 - up**2 - across**2, 1e-4 * across**2) / across**2
-    slope = np.sqrt(3.0 * sag)  # parabola: Irvine's first guess of lambda
-    start = [np.log(0.5 * w * across / slope), 0.5 * (up / length / np.tanh(slope) - 1.0)]
-    solution, info, ok, text = fsolve(miss, start, full_output=True, xtol=1e-14)
-    assert ok == 1 or np.abs(info["fvec"]).max() < 1e-12, text
-    return float(np.exp(solution[0])), float(solution[1] * w * length)
 
 
 @pytest.mark.parametrize("length", [998.0, 1000.5, 1020.0, 1300.0])

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from effect_cases import NODES, data_of, loads, some_work
-from rigs import Bench, Rig, Vector, march, sine
+from rigs import Bench, Vector, march, sine
 from scipy.integrate import solve_ivp
-from shedding_rigs import DENSITY, DIAMETER, Cylinder
+from shedding_rigs import DENSITY, DIAMETER, HAULED, HAULING, Cylinder
 from test_effects import BLOCKS, R, jacobian, matrix
 from test_energy_accounts import seen, three
 
@@ -20,7 +20,6 @@ from rope_twin.core import state as rows
 from rope_twin.core.energy import said
 from rope_twin.effects import travelling_waves as tw
 from rope_twin.effects.travelling_waves import TravellingWaves, TravellingWavesParams
-from rope_twin.scene.schema import Winch
 
 PARAMS = TravellingWavesParams(periods=1.0, ramp_s=1.0, by_half_waves=False)
 # The Strouhal frequency is the natural one.
@@ -130,19 +129,9 @@ def test_what_it_says_of_its_energy_is_force_times_velocity(seed: int) -> None:
     assert done == pytest.approx(said("power", effects, place), rel=1e-7)
 
 
-HAULED = Rig(
-    length=30.0, elements=30, mass=2.0, EA=1e6, diameter=0.03, damping=1e3, load=200.0, volume=0.03,
-    density=DENSITY, current=((0.0, (0.5, 0.0)),), drag=(1.2, 0.02), added_mass=1.0, step=0.01,
-)  # fmt: skip
-
-
 def hauled(**given: Any) -> Twin:
     """A short rope with waves that a winch pays out and hauls in."""
-    winch = Winch(
-        speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, least_line_out_m=5.0,
-        most_line_out_m=60.0,
-    )  # fmt: skip
-    scene = replace(HAULED, winch=winch).scene()
+    scene = replace(HAULED, winch=HAULING).scene()
     return Twin(replace(scene, effects=(*scene.effects, TravellingWavesParams(**given))))
 
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 from effect_cases import NODES, data_of, loads, some_work
-from rigs import Bench, Rig, Vector, march, sine
-from shedding_rigs import DENSITY, DIAMETER, Cylinder, runge_kutta
+from rigs import Bench, Vector, march, sine
+from shedding_rigs import DENSITY, DIAMETER, HAULED, HAULING, Cylinder, runge_kutta
 from test_effects import BLOCKS, R, jacobian, matrix
 from test_energy_accounts import seen, three
 
@@ -19,7 +19,6 @@ from rope_twin.core import state as rows
 from rope_twin.core.energy import said
 from rope_twin.effects import wake_oscillator as wake
 from rope_twin.effects.wake_oscillator import WakeOscillator, WakeOscillatorParams
-from rope_twin.scene.schema import Winch
 
 SET = wake.SETS["qu_metrikine"]
 RATE = 1.0  # of q at the start [1/s]
@@ -140,19 +139,9 @@ def test_what_it_says_of_its_energy_is_force_times_velocity(seed: int) -> None:
     assert done == pytest.approx(said("power", effects, place), rel=1e-9)
 
 
-HAULED = Rig(
-    length=30.0, elements=30, mass=2.0, EA=1e6, diameter=0.03, damping=1e3, load=200.0, volume=0.03,
-    density=DENSITY, current=((0.0, (0.5, 0.0)),), drag=(1.2, 0.02), added_mass=1.0, step=0.01,
-)  # fmt: skip
-
-
 def test_wakes_belong_to_the_rope_through_splits_and_merges() -> None:
     """Paid out and hauled in at 1 m/s the wakes of old nodes are kept, new ones lie between."""
-    winch = Winch(
-        speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, least_line_out_m=5.0,
-        most_line_out_m=60.0,
-    )  # fmt: skip
-    scene = replace(HAULED, winch=winch).scene()
+    scene = replace(HAULED, winch=HAULING).scene()
     twin = Twin(replace(scene, effects=(*scene.effects, WakeOscillatorParams())))
     memory = wake_of(twin._current.effects).memory
     counts, odd = [], []
