@@ -1,4 +1,4 @@
-"""`rope_twin bench speed | order | ensemble | statics | band | peers | report`: speed and error.
+"""`rope_twin bench speed | order | ... | report`: speed and error.
 
 A speed is never told without its error. `report` writes docs/performance.md
 from speed, order, ensemble and a stored race against the peers.
@@ -24,6 +24,7 @@ from rope_twin.studies import (
     performance_page,
     speed,
     statics_speed,
+    vortex_speed,
 )
 from rope_twin.studies.order_picture import check_picture, draw_orders
 
@@ -31,7 +32,7 @@ from rope_twin.studies.order_picture import check_picture, draw_orders
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     """Add `bench` with its actions."""
     parser = subparsers.add_parser("bench", help="how fast the solver is, and how right")
-    names = "speed | order | ensemble | statics | band | peers | report"
+    names = "speed | order | ensemble | statics | vortices | band | peers | report"
     actions = parser.add_subparsers(dest="action", required=True, metavar=names)
     fast = actions.add_parser(
         "speed",
@@ -46,6 +47,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         help="a thousand ropes together, beside one alone; some run again alone for equality",
     )
     rest = actions.add_parser("statics", help="time to come to rest, from good and bad guesses")
+    shed = actions.add_parser("vortices", help="cost of the vortex models at steps of 1 ms")
     live = actions.add_parser(
         "band",
         help="whether the live error band holds, and what it costs, in every scene",
@@ -59,7 +61,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         "peers are no part of rope_twin; where they are missing it is told how to get them.",
     )
     others.add_argument("--picture", type=Path, metavar="PNG", help="draw the race, too")
-    for action in (fast, right, many, rest, live, others):
+    for action in (fast, right, many, rest, shed, live, others):
         action.add_argument("--json", action="store_true", help="one JSON object instead of tables")
     page = actions.add_parser("report", help="speed, order, ensemble and peers as performance.md")
     page.add_argument("--into", type=Path, default=Path("docs"), metavar="DIR", help="where to")
@@ -69,7 +71,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         metavar="JSON",
         help="a race told by `bench peers --json`; peers.json beside the page, if it is there",
     )
-    for action in (fast, right, many, rest, live, others, page):
+    for action in (fast, right, many, rest, shed, live, others, page):
         action.add_argument("--quick", action="store_true", help="a few small cases, for a test")
     parser.set_defaults(run=run)
 
@@ -85,6 +87,8 @@ def run(args: argparse.Namespace) -> int:
         return _ensemble(args, progress)
     if args.action == "statics":
         return _statics(args)
+    if args.action == "vortices":
+        return _vortices(args, progress)
     if args.action == "band":
         return _band(args, progress)
     if args.action == "peers":
@@ -162,6 +166,16 @@ def _statics(args: argparse.Namespace) -> int:
     else:
         print_table(statics_speed.statics_table(rows))
     return 0 if all(row["found"] for row in rows) else 1
+
+
+def _vortices(args: argparse.Namespace, progress: Progress) -> int:
+    cases = vortex_speed.QUICK if args.quick else vortex_speed.FULL
+    rows = list(vortex_speed.vortex_rows(cases, progress.show))
+    if args.json:
+        print(json.dumps({"rows": rows}, allow_nan=False))
+    else:
+        print_table(vortex_speed.vortex_table(rows))
+    return 0
 
 
 def _band(args: argparse.Namespace, progress: Progress) -> int:
