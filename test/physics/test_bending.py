@@ -12,13 +12,13 @@ from effect_cases import some_stage
 from payout_rigs import HMPE_SEA, KELVIN_VOIGT_S, SEA, STEEL
 from rigs import Bench, Rig, Vector, frequency, march, sine
 from scipy.integrate import solve_bvp  # type: ignore[import-untyped]
-from test_balance import energy
 from test_payout_events import JUMP, assert_smooth
 
 from rope_twin.core import state as rows
 from rope_twin.core.jit import jit_entry
 from rope_twin.core.terms import add_couplings
 from rope_twin.effects.bending import Bending, BendingParams, build
+from rope_twin.studies.validation.energy import energy
 
 NODES = 9
 HELD = build(BendingParams(stiffness_n_m2=700.0, clamped_along=(1.0, -0.4, -2.0)), None, None)

@@ -1,63 +1,16 @@
-"""Order of the *published* top tension under heave: second in step and in element length.
+"""A tension read with the hang-off one step late passes for a tension in a plot, and is none.
 
-deep_lift (3,000 m of steel, 20 t) under a sine of 1.5 m and 9 s. A tension read with the hang-off
-one step late passes for a tension in a plot, and fails this test.
+That the published one is of second order in step and element length: case P4 of validate.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from rigs import Vector, march, sine, top_tension
+from rigs import Vector, march
 
-from rope_twin import Twin, load_scene
-
-HEAVE = sine(1.5, 9.0)
-SECONDS, EVERY_S = 40.0, 0.2
-STEPS = (0.04, 0.02, 0.01, 0.005)
-FINEST_STEP = 0.00125
-ELEMENTS = (25, 50, 100, 200, 400)
-FINEST_ELEMENTS = 1600
-
-
-def twin_of(elements: int, step: float) -> Twin:
-    """deep_lift with this many elements and this step, Newton converged to 1 N."""
-    scene = load_scene("deep_lift")
-    line = replace(scene.ropes[0], elements=elements)
-    time = replace(scene.time, step_s=step, newton_tolerance_n=1.0)
-    return Twin(replace(scene, ropes=(line,), time=time))
-
-
-def published(elements: int, step: float) -> Vector:
-    """Snapshot.tension_top_n every EVERY_S [N]."""
-    return top_tension(twin_of(elements, step), HEAVE, SECONDS, round(EVERY_S / step))
-
-
-def order(sizes: Vector, errors: Vector) -> float:
-    """Slope of the error over the size, both logarithmic."""
-    return float(np.polyfit(np.log(sizes), np.log(errors), 1)[0])
-
-
-def rms(values: Vector) -> float:
-    """Root of the mean square."""
-    return float(np.sqrt(np.mean(values**2)))
-
-
-def test_second_order_in_the_step() -> None:
-    """40, 20, 10 and 5 ms against 1.25 ms."""
-    finest = published(100, FINEST_STEP)
-    errors = [rms(published(100, step) - finest) for step in STEPS]
-    assert order(np.array(STEPS), np.array(errors)) == pytest.approx(2.0, abs=0.2)
-    assert errors[2] < 1e-5 * finest.mean()
-
-
-def test_second_order_in_the_element_length() -> None:
-    """25 to 400 elements against 1,600."""
-    finest = published(FINEST_ELEMENTS, 0.01)
-    errors = [rms(published(elements, 0.01) - finest) for elements in ELEMENTS]
-    assert order(1.0 / np.array(ELEMENTS), np.array(errors)) == pytest.approx(2.0, abs=0.2)
+from rope_twin.studies.orders import slope
+from rope_twin.studies.validation.convergence import HEAVE, SECONDS, rms, twin_of
 
 
 def stale_error(elements: int, step: float) -> tuple[Vector, Vector]:
@@ -85,9 +38,8 @@ def test_a_tension_read_one_step_late_fails_both() -> None:
     late, predicted = stale_error(100, 0.01)
     assert np.abs(late - predicted).max() < 1e-3 * np.abs(predicted).max()
     assert np.abs(late).max() > 15e3, "the trap must be worth a test: 15 kN of 320"
-    by_step = [rms(stale_error(100, step)[0]) for step in (0.04, 0.02, 0.01)]
-    by_elements = [rms(stale_error(elements, 0.02)[0]) for elements in (25, 100, 400)]
-    assert order(np.array([0.04, 0.02, 0.01]), np.array(by_step)) == pytest.approx(1.0, abs=0.05)
-    assert order(1.0 / np.array([25, 100, 400]), np.array(by_elements)) == pytest.approx(
-        -1.0, abs=0.05
-    )
+    steps, lengths = (0.04, 0.02, 0.01), (120.0, 30.0, 7.5)
+    by_step = tuple(rms(stale_error(100, step)[0]) for step in steps)
+    by_length = tuple(rms(stale_error(round(3000.0 / l0), 0.02)[0]) for l0 in lengths)
+    assert slope(steps, by_step) == pytest.approx(1.0, abs=0.05)
+    assert slope(lengths, by_length) == pytest.approx(-1.0, abs=0.05)

@@ -8,21 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from payout_rigs import STEEL
-from rigs import Bench, Heave, Rig, Speeds, lift, march, sine, still
+from rigs import Heave, Rig, Speeds, lift, march, sine, still
 
-from rope_twin.core.energy import measure
-from rope_twin.core.prediction import GAMMA, K1, K2
+from rope_twin.studies.validation.snap import ROPE, SPRING
 from rope_twin.twin.ledger import AccountedTwin
 from rope_twin.twin.snapshot import EnergyBalance
 
-SPRING = Rig(
-    length=100.0, elements=3, mass=1e-2, EA=6.9e6, diameter=1e-3, load=5e3, volume=1.0,
-    added=(2e3, 2e3, 2e3), density=1025.0,
-)  # fmt: skip
-SNAP = replace(
-    SPRING, length=500.0, elements=50, mass=2.9, EA=206e6, diameter=0.06, load=20e3, volume=3.0,
-    added=(7e3, 7e3, 7e3),
-)  # fmt: skip
 FREE = replace(STEEL, elements=50, tolerance=1e-2, ramp=4.0)
 
 
@@ -33,31 +24,6 @@ def balances(
     shots = march(AccountedTwin(rig.scene()), heave, seconds, every, speeds)
     found = [shot.energy for shot in shots]
     return [balance for balance in found if balance is not None]
-
-
-def damping(z: complex) -> float:
-    """|R(z)| of TR-BDF2 (Bank et al. 1985) for y' = z/h·y: what is left of it after a step."""
-    c = 0.5 * GAMMA * z
-    middle = (1.0 + c) / (1.0 - c)
-    return float(abs((K1 * middle - K2) / (1.0 - c)))
-
-
-@pytest.mark.parametrize("step", [0.01, 0.02, 0.04])
-def test_a_mass_on_a_spring_loses_what_the_scheme_takes(step: float) -> None:
-    """E/E_0 = |R(i·ω·h)|^(2N), ω² = EA/(L·M'): energy is constant to second order and better."""
-    bench = Bench(replace(SPRING, step=step, tolerance=1e-4).scene())
-    hanging = measure(bench.rope, np.zeros(3), 0.0, 0.0).store.total
-    share = np.linspace(1.0, 0.0, 4)
-    bench.position[2] -= 0.05 * share
-    omega = math.sqrt(SPRING.EA / SPRING.length / (SPRING.load + SPRING.added[2]))
-    bench.acceleration[2] = 0.05 * omega**2 * share
-    start = measure(bench.rope, np.zeros(3), 0.0, 0.0).store.total - hanging
-    assert start == pytest.approx(0.5 * SPRING.EA / SPRING.length * 0.05**2, rel=1e-4)
-    steps = round(20.0 / step)
-    bench.hold(steps)
-    left = measure(bench.rope, np.zeros(3), 0.0, 0.0).store.total - hanging
-    lost = 1.0 - damping(1j * omega * step) ** (2 * steps)
-    assert 1.0 - left / start == pytest.approx(lost, rel=0.02, abs=1e-6)
 
 
 def test_drag_takes_the_weight_times_the_terminal_speed() -> None:
@@ -117,7 +83,7 @@ def test_payout_at_constant_speed_is_supplied_by_the_sheave() -> None:
 @pytest.mark.parametrize("step", [0.02, 0.01])
 def test_a_snap_is_dissipated_numerically(damper: float, step: float) -> None:
     """Positive in sum, never more than a trace below zero, and small beside what is exchanged."""
-    found = balances(replace(SNAP, damping=damper, step=step), lift(-3.0, 1.0), 5.0)
+    found = balances(replace(ROPE, damping=damper, step=step), lift(-3.0, 1.0), 5.0)
     exchanged = found[-1].exchanged_j
     residual = np.array([balance.residual_j for balance in found])
     assert found[-1].residual_j > 2e-4 * exchanged

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from rigs import Rig
 from scipy.optimize import brentq  # type: ignore[import-untyped]
-from test_natural_frequencies import SWUNG, HangingRope
 
 from rope_twin import load_scene
 from rope_twin.cli import main
@@ -21,6 +20,7 @@ from rope_twin.errors import InputError, SceneError
 from rope_twin.scene.composite import Bar, first_axial_frequency
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.modes import find_modes
+from rope_twin.studies.validation.swing import SWUNG, HangingRope
 
 # Taut in water, without weight: strings in both directions.
 STRING = Rig(

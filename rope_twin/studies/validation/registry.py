@@ -7,24 +7,48 @@ from collections.abc import Sequence
 
 from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
 from rope_twin.studies.validation import (
+    convergence,
     curved_pipe,
     decomposed_riser,
+    energy,
     modal_lines,
+    snap,
     statics,
     stepping,
+    swing,
+    tow,
+    two_line_loop,
     vibration,
     wake_cylinder,
 )
 from rope_twin.studies.validation.case import Case, Found, Row
 
-CASES: tuple[Case, ...] = (
-    *statics.CASES,
-    *vibration.CASES,
-    *modal_lines.CASES,
-    *curved_pipe.CASES,
-    *wake_cylinder.CASES,
-    *decomposed_riser.CASES,
-    *stepping.CASES,
+FAMILIES = "PLQGUS"  # of ids, in the order of the page
+
+
+def _place(case: Case) -> tuple[int, int]:
+    return FAMILIES.index(case.id[0]), int(case.id[1:])
+
+
+CASES: tuple[Case, ...] = tuple(
+    sorted(
+        (
+            *statics.CASES,
+            *tow.CASES,
+            *vibration.CASES,
+            *swing.CASES,
+            *convergence.CASES,
+            *energy.CASES,
+            *snap.CASES,
+            *modal_lines.CASES,
+            *curved_pipe.CASES,
+            *wake_cylinder.CASES,
+            *decomposed_riser.CASES,
+            *two_line_loop.CASES,
+            *stepping.CASES,
+        ),
+        key=_place,
+    )
 )
 
 
