@@ -18,7 +18,8 @@ from launch import LaunchDescription
 ARGUMENTS = (
     ("scene", "deep_lift", "name of a scene in config/scenes, or a path to one"),
     ("bag", "", "recorded heave to replay: a name in bags/ or a path; empty: the scene's own"),
-    ("topic", "", "heave topic in that bag; empty: the only one that fits"),
+    ("poses", "", "recorded poses of the ship to replay instead: a name in bags/ or a path"),
+    ("topic", "", "topic in that bag; empty: the only one that fits"),
     ("bag_start", "0.0", "offset into the bag [s]"),
     ("speed", "1.0", "twin time over real time"),
     ("sea", "true", "play the recorded sea; false: a motion sensor publishes ship/heave"),
@@ -50,6 +51,7 @@ def generate_launch_description() -> LaunchDescription:
     file = ParameterFile(value("params"), allow_substs=True)
     sea = {
         "bag": ParameterValue(value("bag"), **text),
+        "poses": ParameterValue(value("poses"), **text),
         "topic": ParameterValue(value("topic"), **text),
         "start_s": ParameterValue(value("bag_start"), value_type=float),
     }

@@ -181,6 +181,10 @@ def _sea(sea: SeaState) -> str:
         return f"regular heave, ±{sea.heave.amplitude_m:g} m every {sea.heave.period_s:g} s"
     if sea.on_waves is not None:
         return "the ship rides on the scene's waves"
+    if sea.path:
+        return f"the hang-off follows {sea.path}"
+    if sea.poses is not None:
+        return f"the ship's poses of bag {sea.poses.bag}"
     return f"bag {sea.bag}" if sea.bag else "still"
 
 

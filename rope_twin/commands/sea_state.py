@@ -12,7 +12,9 @@ from rope_twin.errors import InputError, phrase
 from rope_twin.recording.bag_reader import BagReader, find_bag
 from rope_twin.recording.heave_record import HeaveRecord, read_heave
 from rope_twin.recording.heave_replay import HeaveReplay
+from rope_twin.recording.pose_record import PoseRecord, read_poses
 from rope_twin.recording.sea_bag import write_sea_bag
+from rope_twin.scene.recorded_poses import RecordedPoses
 from rope_twin.sea.heave_response import BoxHull
 from rope_twin.sea.spectrum import (
     WaveSpectrum,
@@ -32,6 +34,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     info = verbs.add_parser("info", help="heights, periods, rates and origin of a bag's heave")
     info.add_argument("bag", help="name in bags/, or path of a bag")
     info.add_argument("--topic", help="the Odometry topic (default: ship/heave, or the only one)")
+    info.add_argument("--poses", action="store_true", help="tell of the ship's poses, not of heave")
     parser.set_defaults(run=run)
 
 
@@ -101,6 +104,9 @@ def _choose_spectrum(args: argparse.Namespace) -> WaveSpectrum:
 
 def _tell_of(args: argparse.Namespace) -> int:
     path = find_bag(args.bag)
+    if args.poses:
+        _tell_poses(path, read_poses(path, RecordedPoses(bag=args.bag, topic=args.topic or "")))
+        return 0
     record = read_heave(path, args.topic)
     _tell(path, record)
     with BagReader(path) as bag:
@@ -119,6 +125,27 @@ def _tell(path: Path, record: HeaveRecord) -> None:
         print(f"  {'wave':<14} {_describe(record.elevation_time_ns, record.elevation_m)}")
     if replay.note:
         print(f"  {'note':<14} {replay.note}")
+
+
+def _tell_poses(path: Path, record: PoseRecord) -> None:
+    from scipy.spatial.transform import Rotation  # slow to load
+
+    duration_s = float(record.time_ns[-1] + record.period_ns) * 1e-9
+    print(f"{path}: {duration_s:g} s of the ship's poses at {1e9 / record.period_ns:g} Hz")
+    yaw, pitch, roll = np.unwrap(Rotation.from_quat(record.orientation).as_euler("ZYX"), axis=0).T
+    turns = (("roll", roll), ("pitch", pitch), ("yaw", yaw))
+    for name, values in zip(("east", "north", "up"), record.position_m.T, strict=True):
+        print(f"  {name:<14} {_spread(values)} m")
+    for name, values in turns:
+        print(f"  {name:<14} {_spread(np.degrees(values))}°")
+    if record.note:
+        print(f"  {'note':<14} {record.note}")
+
+
+def _spread(values: NDArray[np.float64]) -> str:
+    """Mean, standard deviation, lowest and highest."""
+    ends = f"{values.min():.2f} to {values.max():.2f}"
+    return f"mean {values.mean():.2f}, standard deviation {values.std():.2f}, {ends}"
 
 
 def _describe(time_ns: NDArray[np.int64], values: NDArray[np.float64]) -> str:

@@ -76,7 +76,8 @@ class SeaStateParams:
 
     scene: str = text("scene whose recorded sea is played when no bag is named", "deep_lift")
     bag: str = text("name in bags/ or path of a bag with a heave topic; empty: the scene's", "")
-    topic: str = text("heave topic in the bag; empty: the only Odometry topic that fits", "")
+    poses: str = text("bag of the ship's poses to replay in place of heave; empty: none", "")
+    topic: str = text("its topic in the bag; empty: the only one that fits", "")
     start_s: float = quantity("offset into the bag, on top of the scene's if it is the scene's",
                               "s", 0.0, 1e6, default=0.0)  # fmt: skip
     loop: bool = text("start again at the end", True)

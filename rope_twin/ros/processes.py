@@ -104,8 +104,9 @@ def node_command(name: str, parameters: dict[str, Any]) -> list[str]:
 def _awaited(options: RunOptions) -> str:
     """What the twin is to await: the inputs that will come, and the recorder on every topic."""
     scene = load_scene(options.scene)
-    motion = "ship/odometry" if scene.sea_state.posed and not options.bag else "ship/heave"
-    topics = [motion] if options.bag or scene.sea_state.moves else []
+    posed = bool(options.poses) or (scene.sea_state.posed and not options.bag)
+    motion = "ship/odometry" if posed else "ship/heave"
+    topics = [motion] if options.bag or options.poses or scene.sea_state.moves else []
     scheduled = any(winch.schedule for winch in winches_by_name(scene).values())
     topics += ["winch/speed_command"] if scheduled else []
     if options.record is not None:

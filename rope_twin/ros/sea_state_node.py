@@ -1,4 +1,4 @@
-"""The node that moves the ship: a recorded heave, a regular one, or one made from a spectrum.
+"""The node that moves the ship: recorded heave or poses, a regular heave, or a made one.
 
 Samples are stamped with their own time and published `lead_s` before it: a replayed sea knows its
 future. With wait_for_epoch false the record starts at once, stamped with ROS time.
@@ -73,7 +73,8 @@ def _open(params: SeaStateParams) -> Sea | None:
         sea = synthesise(spectrum, BoxHull(), params.seed)
         return replay_sea(sea, params.start_s, params.loop)
     scene = load_scene(params.scene)
-    return open_sea(scene, params.bag, params.topic, params.start_s, params.loop)
+    bag = params.bag, params.topic, params.start_s, params.loop, params.poses
+    return open_sea(scene, *bag)
 
 
 def main(args: list[str] | None = None) -> int:

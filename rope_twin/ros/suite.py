@@ -34,6 +34,7 @@ def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
     nodes["sea_state"] = {
         "scene": options.scene,
         "bag": options.bag,
+        "poses": options.poses,
         "topic": options.topic,
         "start_s": options.bag_start_s,
         **speed,

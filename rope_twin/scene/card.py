@@ -185,10 +185,13 @@ def scene_digest(scene: Scene) -> str:
     """Of all figures of a scene but its elements and step, which a card's ladder varies."""
     ropes = tuple(replace(_bare_line(line), elements=0) for line in scene.ropes)
     sea = replace(scene.sea_state, bag=Path(scene.sea_state.bag).name)
+    if sea.poses is not None:
+        sea = replace(sea, poses=replace(sea.poses, bag=Path(sea.poses.bag).name))
     parts = (ropes, scene.payloads, scene.winch, scene.ship, sea, scene.environment, scene.effects)
     met: tuple[Any, ...] = (scene.hang_offs, scene.joints, scene.struts)
     met += (scene.sheaves,) if scene.sheaves else ()
     told = repr((*parts, *met, scene.time.newton_tolerance_n))
+    told = told.replace(", poses=None", "")  # cards older than this key hold
     return hashlib.sha256(told.encode()).hexdigest()[:16]
 
 

@@ -119,6 +119,9 @@ def _with_files_found(scene: Scene) -> Scene:
     sea = scene.sea_state
     if is_path(sea.bag):
         sea = dataclasses.replace(sea, bag=str((scene.path.parent / sea.bag).resolve()))
+    if sea.poses is not None and is_path(sea.poses.bag):
+        bag = str((scene.path.parent / sea.poses.bag).resolve())
+        sea = dataclasses.replace(sea, poses=dataclasses.replace(sea.poses, bag=bag))
     if sea.path:
         sea = dataclasses.replace(sea, path=beside(scene, sea.path))
     if sea.on_waves is not None and sea.on_waves.responses:

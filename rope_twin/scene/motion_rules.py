@@ -42,6 +42,16 @@ def _way(scene: Scene) -> Iterator[Fault]:
         yield "sea_state.start_s", what, "begin earlier"
 
 
+def _poses(scene: Scene) -> Iterator[Fault]:
+    sea = scene.sea_state
+    if sea.poses is None:
+        return
+    if not sea.poses.bag.strip():
+        yield "sea_state.poses.bag", "it is empty", "name a bag, or leave `poses` out"
+    if sea.bag or sea.path or sea.heave is not None or sea.on_waves is not None:
+        yield "sea_state", "recorded poses and something else move the ship", "keep one of them"
+
+
 def _responses(scene: Scene) -> Iterator[Fault]:
     riding = scene.sea_state.on_waves
     if riding is None:
@@ -65,7 +75,7 @@ def _responses(scene: Scene) -> Iterator[Fault]:
 def _one_rope(scene: Scene) -> Iterator[Fault]:
     if scene.sea_state.posed and is_joined(scene):
         what = "ropes meet here, or leave by more hang-offs, which only heave"
-        yield "sea_state", what, "give a bag, a regular heave or `on_waves` with a hull"
+        yield "sea_state", what, "give a bag of heave, a regular heave or `on_waves` with a hull"
 
 
 def _halves(error: InputError) -> tuple[str, str]:
@@ -74,4 +84,9 @@ def _halves(error: InputError) -> tuple[str, str]:
     return what, right
 
 
-MOTION_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (_way, _responses, _one_rope)
+MOTION_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
+    _way,
+    _poses,
+    _responses,
+    _one_rope,
+)

@@ -42,7 +42,8 @@ def faults(scene: Scene) -> Iterator[Fault]:
 
 def bag_path(scene: Scene) -> Path | None:
     """Where the bag of a scene lies (whether it exists or not); None without a bag."""
-    bag = scene.sea_state.bag
+    poses = scene.sea_state.poses
+    bag = scene.sea_state.bag or (poses.bag if poses else "")
     if not bag:
         return None
     if is_path(bag):
@@ -232,15 +233,18 @@ def _two_ways(scene: Scene) -> Iterator[Fault]:
 
 
 def _bag(scene: Scene) -> Iterator[Fault]:
-    path = bag_path(scene)
+    path, sea = bag_path(scene), scene.sea_state
     if path is None or path.is_dir() or path.is_file():
         return
-    if is_path(scene.sea_state.bag):
-        yield "sea_state.bag", f"there is no bag at {path}", "give a bag's folder or .mcap file"
+    where, bag = "sea_state.bag", sea.bag
+    if sea.poses is not None and not bag:
+        where, bag = "sea_state.poses.bag", sea.poses.bag
+    if is_path(bag):
+        yield where, f"there is no bag at {path}", "give a bag's folder or .mcap file"
         return
     known = [folder.name for folder in path.parent.glob("*") if folder.is_dir()]
-    right = did_you_mean(scene.sea_state.bag, known) if known else "give the path of a bag"
-    yield "sea_state.bag", f"there is no bag '{scene.sea_state.bag}' in bags/", right
+    right = did_you_mean(bag, known) if known else "give the path of a bag"
+    yield where, f"there is no bag '{bag}' in bags/", right
 
 
 def _regular_heave(scene: Scene) -> Iterator[Fault]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from rope_twin.quantity import quantity, text
+from rope_twin.scene.recorded_poses import RecordedPoses
 from rope_twin.scene.rigging import WINCH, Joint, Sheave, Strut
 from rope_twin.scene.rising import Rising
 from rope_twin.scene.stiffness import StiffnessTable
@@ -234,18 +235,20 @@ class SeaState:
     heave: RegularHeave | None = text("a sine in place of a record", None)
     on_waves: OnWaves | None = text("ride on the scene's waves", None)
     path: str = text("table of the hang-off's way: t, x, y, z", "")
+    poses: RecordedPoses | None = text("recorded poses of the ship to replay", None)
     start_s: float = quantity("offset into the bag or the sine", "s", 0.0, 1e6, default=0.0)
     loop: bool = text("start again at the end of the bag", True)
 
     @property
     def posed(self) -> bool:
         """Whether it tells the ship's pose and not only its heave."""
-        return bool(self.path) or (self.on_waves is not None and bool(self.on_waves.responses))
+        told = bool(self.path or self.poses)
+        return told or (self.on_waves is not None and bool(self.on_waves.responses))
 
     @property
     def moves(self) -> bool:
         """Whether there is anything that moves the ship."""
-        return bool(self.bag or self.path) or bool(self.heave or self.on_waves)
+        return bool(self.bag or self.path or self.heave or self.on_waves or self.poses)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,14 +6,18 @@ the same stamps whether it is paced over ROS or not.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Protocol
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import encode_heave, encode_pose
 from rope_twin.recording.heave_replay import HeaveSample, open_heave
+from rope_twin.recording.pose_replay import PoseReplay, open_poses
 from rope_twin.recording.regular_heave import RegularSea
 from rope_twin.recording.ship_sea import ShipOnWaves, WayOfHangOff, open_way
 from rope_twin.recording.wave_sea import sea_of_waves
+from rope_twin.scene.recorded_poses import RecordedPoses
+from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.heave_series import HeaveSeries
 from rope_twin.twin.twin import Twin
@@ -36,21 +40,38 @@ class Sea(Protocol):
 
 
 def open_sea(
-    scene: Scene, bag: str = "", topic: str = "", start_s: float = 0.0, loop: bool = True
+    scene: Scene,
+    bag: str = "",
+    topic: str = "",
+    start_s: float = 0.0,
+    loop: bool = True,
+    poses: str = "",
 ) -> Sea | None:
-    """The heave to replay: of `bag`, or of the scene's own sea; None if the scene has none.
+    """What moves the ship: heave of `bag`, poses of `poses`, or the scene's sea; None: nothing.
 
     `start_s` counts from the scene's own start if it is the scene's sea. A regular heave has no
-    end, whatever `loop` says.
+    end, whatever `loop` says. Where the ship rests in `poses`, the scene's own poses say.
 
     Raises:
         BagError: one sentence on what is wrong with the bag.
-        InputError: a topic is named but there is no bag to look for it in, or a table that the
-            scene names is wrong.
+        InputError: a topic is named but there is no bag to look for it in, two bags are, the
+            scene takes no poses, or a table that it names is wrong.
     """
+    if bag and poses:
+        right = "give heave or poses of the ship, not both"
+        raise InputError(phrase(f"bag {bag}", f"poses of {poses} are named too", right))
     if bag:
         return open_heave(bag, topic or None, start_s, loop)
     sea = scene.sea_state
+    if poses:
+        if is_joined(scene):
+            what = "ropes meet here, or leave by more hang-offs, which only heave"
+            raise InputError(phrase(f"poses of {poses}", what, "give a bag of heave"))
+        named = replace(sea.poses or RecordedPoses(bag=poses), bag=poses, topic=topic)
+        return open_poses(scene, named, start_s, loop)
+    if sea.poses is not None:
+        named = replace(sea.poses, topic=topic or sea.poses.topic)
+        return open_poses(scene, named, sea.start_s + start_s, loop and sea.loop)
     if sea.bag:
         return open_heave(sea.bag, topic or None, sea.start_s + start_s, loop and sea.loop)
     if topic:
@@ -72,7 +93,7 @@ def offer(twin: Twin, sample: HeaveSample) -> str:
 
 def motion_topic(sea: Sea) -> str:
     """The topic that a sea's samples are told in."""
-    posed = isinstance(sea, ShipOnWaves | WayOfHangOff)
+    posed = isinstance(sea, ShipOnWaves | WayOfHangOff | PoseReplay)
     return "ship/odometry" if posed else "ship/heave"
 
 

@@ -27,6 +27,7 @@ class RunOptions:
     bag: str = ""  # heave to replay; empty: the scene's own
     topic: str = ""
     bag_start_s: float = 0.0
+    poses: str = ""  # bag of the ship's poses to replay in their place
     record: Path | None = None  # bag directory to make; None: do not record
     json: bool = False
     processes: bool = False
@@ -38,6 +39,11 @@ class RunOptions:
     step_s: float | None = None  # likewise
     chosen: str = ""  # why these, in one sentence
     error_band: bool = False  # keep a band around the top tension
+
+    @property
+    def sea(self) -> tuple[str, str, float, bool, str]:
+        """What is to move the ship: bag, topic, start [s], whether in a loop, bag of poses."""
+        return self.bag, self.topic, self.bag_start_s, True, self.poses
 
     @property
     def failure_folder(self) -> Path:
@@ -95,7 +101,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="recorded heave to replay: a name in bags/ or a path (default: the scene's)",
     )
-    add("--topic", default="", metavar="NAME", help="heave topic in that bag")
+    add(
+        "--poses",
+        default="",
+        metavar="DIR",
+        help="recorded poses of the ship to replay in its place: a name in bags/ or a path",
+    )
+    add("--topic", default="", metavar="NAME", help="topic of heave or poses in that bag")
     add(
         "--bag-start",
         dest="bag_start_s",
@@ -181,6 +193,7 @@ def read_options(args: argparse.Namespace) -> RunOptions:
         headless=args.headless,
         bag=args.bag,
         topic=args.topic,
+        poses=args.poses,
         bag_start_s=args.bag_start_s,
         record=_record_directory(args),
         json=args.json,

@@ -57,7 +57,7 @@ class UnpacedRun:
             RopeTwinError: scene, bag or directory are wrong; one sentence.
         """
         scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
-        self._sea = open_sea(scene, options.bag, options.topic, options.bag_start_s)
+        self._sea = open_sea(scene, *options.sea)
         self._options = options
         start = options.start_from
         kind = twin_kind(options.energy, options.error_band)

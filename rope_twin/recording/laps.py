@@ -1,0 +1,151 @@
+"""A record that is replayed once or in a loop: which of its samples fall into a stretch of time.
+
+If its end does not join its beginning (a real recording), the last 10 s of each pass fade into the
+first 10 s of the next, so a pass is 10 s shorter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from rope_twin.errors import BagError, phrase
+from rope_twin.recording.stamped_rows import Stamps, Table, Vector
+
+FADE_S = 10.0
+
+
+class Track(NamedTuple):
+    """What moves: values and their rates of change [1/s] at times that begin with 0."""
+
+    time_ns: Stamps  # (n,) rising
+    value: Table  # (n, k)
+    rate: Table  # (n, k)
+    period_ns: int  # the usual interval
+
+    @property
+    def end_ns(self) -> int:
+        """One interval after the last sample."""
+        return int(self.time_ns[-1]) + self.period_ns
+
+
+class Seam(NamedTuple):
+    """Where passes begin anew, and what the later ones begin with."""
+
+    loop_ns: int  # length of a pass
+    samples: int  # in it
+    value: Table  # (h, k) of the first h samples of the later passes
+    rate: Table  # (h, k)
+    tail_ns: Stamps  # (h,) times in the record of what fades out there
+    weight: Vector  # (h,) share of the record's beginning
+
+
+@dataclass(frozen=True)
+class Laps:
+    """Twin time against times in the record; t = 0 of the twin is `start_ns` into it."""
+
+    start_ns: int
+    time_ns: Stamps  # times of the samples of a pass
+    loop_ns: int | None  # length of a pass; None: there is one
+    reaches_back: bool  # whether passes go on before the first
+
+    def between(self, from_ns: int, to_ns: int) -> list[tuple[int, bool, int]]:
+        """Stamp, whether of a later pass, and index of each sample of a stretch, in order."""
+        low, high = from_ns + self.start_ns, to_ns + self.start_ns
+        if self.loop_ns is None:
+            return self._cut(low, high, 0, False)
+        found: list[tuple[int, bool, int]] = []
+        earliest = low // self.loop_ns
+        earliest = earliest if self.reaches_back else max(0, earliest)
+        for lap in range(earliest, (high - 1) // self.loop_ns + 1):
+            found += self._cut(low, high, lap * self.loop_ns, lap != 0)
+        return found
+
+    def _cut(self, low: int, high: int, shift_ns: int, later: bool) -> list[tuple[int, bool, int]]:
+        first, last = np.searchsorted(self.time_ns, [low - shift_ns, high - shift_ns])
+        shift_ns -= self.start_ns
+        return [(int(self.time_ns[i]) + shift_ns, later, i) for i in range(first, last)]
+
+
+def lay_laps(track: Track, start_s: float, loop: bool, source: str) -> tuple[Laps, Seam | None]:
+    """How a record is passed through from `start_s` on, and its seam, if it has one.
+
+    Raises:
+        BagError: the start is not inside the record.
+    """
+    duration_s = track.end_ns * 1e-9
+    if not (np.isfinite(start_s) and 0.0 <= start_s < duration_s):
+        what = f"the start at {start_s:g} s is outside of it"
+        raise BagError(phrase(source, what, f"right is 0 to less than {duration_s:g} s"))
+    start_ns = round(start_s * 1e9)
+    if not loop or joins(track):
+        return Laps(start_ns, track.time_ns, track.end_ns if loop else None, loop), None
+    seam = find_seam(track)
+    return Laps(start_ns, track.time_ns[: seam.samples], seam.loop_ns, False), seam
+
+
+def told_of(source: str, track: Track, seam: Seam | None) -> str:
+    """What is done about an end that does not join the beginning, in one sentence; or ""."""
+    if seam is None:
+        return ""
+    faded_s = (track.end_ns - seam.loop_ns) * 1e-9
+    return (
+        f"{source}: its end does not join its beginning, the last {faded_s:.3g} s of each pass "
+        "fade into the next."
+    )
+
+
+def joins(track: Track) -> bool:
+    """Whether the step from the last sample to the first is like the steps inside the record.
+
+    Compared are, of each value, the change of its rate and what its change leaves unexplained by
+    the rates (trapezoidal rule), each with three times the 99th percentile inside.
+    """
+    usual_s = track.period_ns * 1e-9
+    value = np.concatenate([track.value, track.value[:1]])
+    rate = np.concatenate([track.rate, track.rate[:1]])
+    steps_s = np.append(np.diff(track.time_ns) * 1e-9, usual_s)
+    regular = steps_s[:-1] < 1.5 * usual_s
+    turn = np.abs(np.diff(rate, axis=0))
+    mean = 0.5 * (rate[1:] + rate[:-1]) * steps_s[:, None]
+    leap = np.abs(np.diff(value, axis=0) - mean)
+    sizes = np.concatenate([turn, leap], axis=1)
+    usual = np.percentile(sizes[:-1][regular], 99.0, axis=0)
+    return bool((sizes[-1] <= np.maximum(1e-3, 3.0 * usual)).all())
+
+
+def find_seam(track: Track) -> Seam:
+    """The first pass is as recorded; the later ones begin blended from the end.
+
+    With the tail x(t + P) and the head x(t), the later passes begin with x(t + P) + w·(x(t) -
+    x(t + P)), w rising smoothly (3s² - 2s³) from 0 to 1; the rate is its derivative.
+    """
+    time_ns = track.time_ns
+    fade_ns = min(round(FADE_S * 1e9), int(time_ns[-1]) // 3)
+    at = int(np.searchsorted(time_ns, track.end_ns - fade_ns))
+    loop_ns = int(time_ns[min(at, len(time_ns) - 1)])
+    length_ns = int(time_ns[-1]) - loop_ns
+    count = int(np.searchsorted(time_ns, loop_ns))
+    head = int(np.searchsorted(time_ns, length_ns))
+    head_ns = time_ns[:head]
+    tail, tail_rate = hermite(head_ns + loop_ns, time_ns, track.value, track.rate)
+    s = head_ns / max(length_ns, 1)
+    w, w_rate = s * s * (3.0 - 2.0 * s), 6.0 * s * (1.0 - s) / (max(length_ns, 1) * 1e-9)
+    apart = track.value[:head] - tail
+    rate = tail_rate + w[:, None] * (track.rate[:head] - tail_rate) + w_rate[:, None] * apart
+    return Seam(loop_ns, count, tail + w[:, None] * apart, rate, head_ns + loop_ns, w)
+
+
+def hermite(at_ns: Stamps, time_ns: Stamps, value: Table, slope: Table) -> tuple[Table, Table]:
+    """Cubic Hermite values and rates at `at_ns`, from those at `time_ns`; (n, k) each."""
+    left = np.clip(np.searchsorted(time_ns, at_ns, side="right") - 1, 0, len(time_ns) - 2)
+    step = ((time_ns[left + 1] - time_ns[left]) * 1e-9)[:, None]
+    s = ((at_ns - time_ns[left]) * 1e-9)[:, None] / step
+    a, b, m, n = value[left], value[left + 1], slope[left] * step, slope[left + 1] * step
+    result = a + s * (m + s * (3.0 * (b - a) - 2.0 * m - n + s * (2.0 * (a - b) + m + n)))
+    rate = (
+        m + s * (2.0 * (3.0 * (b - a) - 2.0 * m - n) + 3.0 * s * (2.0 * (a - b) + m + n))
+    ) / step
+    return result, rate

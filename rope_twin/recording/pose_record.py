@@ -1,0 +1,219 @@
+"""Reads the ship's poses out of a bag, sorts out what cannot be used and checks its rates.
+
+nav_msgs/Odometry has pose and twist (in the ship's turned axes, REP 103 and 105), a
+geometry_msgs/PoseStamped only the pose. Nothing is mended in silence: what was skipped or derived
+is counted and told in `note`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rope_twin.errors import BagError, phrase
+from rope_twin.recording.bag_reader import BagReader
+from rope_twin.recording.heave_record import read_elevation
+from rope_twin.recording.stamped_rows import (
+    Faults,
+    StampedRows,
+    Stamps,
+    Table,
+    Vector,
+    choose_topic,
+)
+from rope_twin.scene.recorded_poses import RecordedPoses
+from rope_twin.topics import BY_NAME
+from rope_twin.twin.ship import HEAVE_LIMIT_M
+from rope_twin.twin.ship_pose import MOST_TILT_DEG, UNIT_WITHIN
+
+_ODOMETRY, _POSE_STAMPED = BY_NAME["ship/odometry"].type_name, "geometry_msgs/msg/PoseStamped"
+_PLACE, _TURN, _VELOCITY, _RATE = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)
+_NEAR_M, _NEAR_DEG = 20.0, 20.0  # farther from rest at the start is told
+
+
+@dataclass(frozen=True)
+class PoseRecord:
+    """Poses as a `ShipPose` has them; times count from the first."""
+
+    time_ns: Stamps  # (n,) rising, the first is 0
+    position_m: Table  # (n, 3) from rest
+    orientation: Table  # (n, 4) x, y, z, w from rest; signs without a jump
+    velocity_m_per_s: Table  # (n, 3) in the turned axes
+    rate_rad_per_s: Table  # (n, 3) in the turned axes
+    elevation: tuple[Stamps, Vector]
+    source: str
+    note: str
+    skipped: int
+
+    @property
+    def period_ns(self) -> int:
+        """The usual interval between samples (the median)."""
+        return int(np.median(np.diff(self.time_ns)))
+
+
+def read_poses(path: Path, recorded: RecordedPoses) -> PoseRecord:
+    """The poses in a bag: of `recorded.topic`, or ship/odometry, or its only topic of poses.
+
+    Raises:
+        BagError: not a bag, no such topic, a wrong type, or too little that can be used.
+    """
+    with BagReader(path) as bag:
+        types = (_ODOMETRY, _POSE_STAMPED)
+        name = choose_topic(bag, recorded.topic or None, "ship/odometry", types)
+        twisted = bag.topics[name].type_name == _ODOMETRY
+        rows = StampedRows(bag, name, "odometry", _odometry_of if twisted else _pose_of)
+        stamp_ns, values = rows.usable(_judge)
+        elevation_ns, elevation_m, told = read_elevation(bag)
+        source = bag.custom_data.get("source", "")
+    values[:, _TURN] = _without_jumps(values[:, _TURN])
+    time_ns = stamp_ns - stamp_ns[0]
+    notes = [*rows.notes, *told]
+    values, derived = _with_rates(rows.where, time_ns, values)
+    notes += derived
+    place, turn, velocity, rate = _from_rest(values, recorded)
+    notes.append(_far_from_rest(rows.where, place, turn))
+    return PoseRecord(
+        time_ns, place, turn, velocity, rate, (elevation_ns - stamp_ns[0], elevation_m),
+        source or f"bag {path.name}, topic {name}", " ".join(filter(None, notes)), rows.skipped,
+    )  # fmt: skip
+
+
+def turn_rates(orientation: Table, change: Table) -> Table:
+    """Rates of turn (n, 3) about the turned axes of unit quaternions (n, 4) that change so [1/s].
+
+    ω = 2·Im(q*·dq/dt), e.g. Fossen (2011), eq. 2.69 solved for ω.
+    """
+    axis, w = orientation[:, :3], orientation[:, 3:]
+    return np.asarray(
+        2.0 * (w * change[:, :3] - change[:, 3:] * axis - np.cross(axis, change[:, :3]))
+    )
+
+
+def turn_changes(orientation: Table, rate: Table) -> Table:
+    """How quaternions (n, 4) change [1/s] at these rates of turn (n, 3): dq/dt = ½·q·ω."""
+    axis, w = orientation[:, :3], orientation[:, 3:]
+    along = w * rate + np.cross(axis, rate)
+    return 0.5 * np.concatenate([along, -(axis * rate).sum(axis=1, keepdims=True)], axis=1)
+
+
+def turned_by(orientation: Table, vectors: Table, back: bool = False) -> Table:
+    """Vectors (n, 3) in the axes of the sea from the turned ones, or back."""
+    from scipy.spatial.transform import Rotation  # slow to load, and few scenes need it
+
+    return np.asarray(Rotation.from_quat(orientation).apply(vectors, inverse=back))
+
+
+def _odometry_of(message: Any) -> tuple[float, ...]:
+    speed, rate = message.twist.twist.linear, message.twist.twist.angular
+    return (*_pose(message.pose.pose), speed.x, speed.y, speed.z, rate.x, rate.y, rate.z)
+
+
+def _pose_of(message: Any) -> tuple[float, ...]:
+    return _pose(message.pose)
+
+
+def _pose(pose: Any) -> tuple[float, ...]:
+    place, turn = pose.position, pose.orientation
+    return place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
+
+
+def _judge(values: Table) -> Faults:
+    """What no ship's pose is like, as the twin would refuse it (twin/ship_pose.py)."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        size = np.sqrt((values[:, _TURN] ** 2).sum(axis=1))
+        upward = 1.0 - 2.0 * (values[:, _TURN][:, :2] ** 2).sum(axis=1)
+        return {
+            "with an orientation that is no unit quaternion": np.abs(size - 1.0) > UNIT_WITHIN,
+            f"that heel by more than {MOST_TILT_DEG:g}°": upward
+            < np.cos(np.radians(MOST_TILT_DEG)),
+        }
+
+
+def _without_jumps(orientation: Table) -> Table:
+    """q and -q are one turn: the sign of each that is nearer to the one before."""
+    away = (orientation[1:] * orientation[:-1]).sum(axis=1) < 0.0
+    sign = np.append(1.0, np.where(np.cumsum(away) % 2 == 1, -1.0, 1.0))
+    return np.asarray(orientation * sign[:, None])
+
+
+def _with_rates(where: str, time_ns: Stamps, values: Table) -> tuple[Table, list[str]]:
+    """Values (n, 13) with velocity and rate of turn: as recorded, or derived and then told.
+
+    Raises:
+        BagError: they run against the pose.
+    """
+    time_s, turn = time_ns * 1e-9, values[:, _TURN]
+    if len(time_s) < 3:
+        slope = np.diff(values[:, :7], axis=0) / np.diff(time_s)[:, None]
+        change = np.concatenate([slope, slope])
+    else:
+        change = np.gradient(values[:, :7], time_s, axis=0)
+    seen = turned_by(turn, change[:, _PLACE], back=True), turn_rates(turn, change[:, _TURN])
+    if values.shape[1] == 7:
+        note = f"{where}: it has no twist, velocity and rate of turn are derived."
+        return np.concatenate([values, *seen], axis=1), [note]
+    notes = []
+    for part, found, name in ((_VELOCITY, seen[0], "linear"), (_RATE, seen[1], "angular")):
+        told = values[:, part]
+        if not told.any() and found.any():
+            values[:, part] = found
+            notes.append(f"{where}: twist.{name} is zero throughout, it is derived.")
+        elif np.abs(found).max() > 1e-9:
+            notes.append(_agreement(where, name, told, found))
+    return values, notes
+
+
+def _agreement(where: str, name: str, told: Table, found: Table) -> str:
+    """What there is to say of a twist beside what the pose makes of it; or "".
+
+    Raises:
+        BagError: it runs against it.
+    """
+    close = float((told * found).sum() / np.sqrt((told**2).sum() * (found**2).sum()))
+    if close < 0.0:
+        what = f"twist.{name} runs against the pose (correlation {close:.2f})"
+        right = "it must be the pose's rate of change in the ship's axes, x to the bow, z up"
+        raise BagError(phrase(where, what, right))
+    if close < 0.5:
+        words = f"twist.{name} and pose agree poorly (correlation {close:.2f})"
+        return f"{where}: {words}; a twist is in the ship's turned axes."
+    return ""
+
+
+def _from_rest(values: Table, recorded: RecordedPoses) -> tuple[Table, Table, Table, Table]:
+    """Place, orientation, velocity and rate of turn against the rest that the scene names.
+
+    With the attitude at rest Q, the turn from there is R·Q⁻¹ and the axes turned by it see the
+    twist as Q·v and Q·ω.
+    """
+    place, turn = values[:, _PLACE] - np.array(recorded.rest_m), values[:, _TURN]
+    velocity, rate = values[:, _VELOCITY], values[:, _RATE]
+    if recorded.heading_deg == 0.0:
+        return place, turn, velocity, rate
+    half = 0.5 * np.radians(recorded.heading_deg)
+    s, c = np.sin(half), np.cos(half)
+    x, y, z, w = turn.T
+    from_rest = np.stack([x * c - y * s, y * c + x * s, z * c - w * s, w * c + z * s], axis=1)
+    rest = np.tile([0.0, 0.0, s, c], (len(turn), 1))
+    return place, from_rest, turned_by(rest, velocity), turned_by(rest, rate)
+
+
+def _far_from_rest(where: str, place: Table, turn: Table) -> str:
+    """A note if the record begins far from rest: perhaps its rest was not given; or "".
+
+    Raises:
+        BagError: it is higher above or below the water than a ship can be.
+    """
+    height = float(place[:, 2].mean())
+    right = "give where it rests in the record: `rest_m`, `heading_deg` of `poses`"
+    if abs(height) > HEAVE_LIMIT_M:
+        raise BagError(phrase(where, f"the ship lies {height:.1f} m above its rest", right))
+    x, y, z, w = turn[0]
+    off_deg = abs(np.degrees(np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))))
+    off_m = float(np.hypot(*place[0, :2]))
+    if off_m <= _NEAR_M and off_deg <= _NEAR_DEG:
+        return ""
+    return phrase(where, f"it begins {off_m:.0f} m and {off_deg:.0f}° from rest", right)

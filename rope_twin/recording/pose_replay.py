@@ -1,0 +1,103 @@
+"""Replays the ship's recorded poses in twin time, once or in a loop without a seam."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rope_twin.recording.bag_reader import find_bag
+from rope_twin.recording.heave_replay import HeaveSample, elevation_at, faded_surface
+from rope_twin.recording.laps import Seam, Track, lay_laps, told_of
+from rope_twin.recording.pose_record import (
+    PoseRecord,
+    read_poses,
+    turn_changes,
+    turn_rates,
+    turned_by,
+)
+from rope_twin.recording.ship_sea import sample_of
+from rope_twin.recording.stamped_rows import Table
+from rope_twin.scene.recorded_poses import RecordedPoses
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.hang_off import lever_arm
+from rope_twin.twin.ship_pose import ShipPose, Vector3
+
+
+class PoseReplay:
+    """Poses of a record by twin time; t = 0 of the twin is `start_s` into the record.
+
+    They are those of the record to the bit. In a loop they repeat; `note` says so if the end does
+    not join the beginning, and then places are blended, and turns as quaternions.
+    """
+
+    def __init__(
+        self, record: PoseRecord, arm_m: Vector3, start_s: float = 0.0, loop: bool = True
+    ) -> None:
+        """arm_m: from the reference point to the hang-off. Raises BagError for a bad start."""
+        self.source, self._arm = f"ship's poses of {record.source}", arm_m
+        self.sample_period_ns = record.period_ns
+        track = _track_of(record)
+        self.duration_s = track.end_ns * 1e-9
+        self._laps, seam = lay_laps(track, start_s, loop, record.source)
+        self.loop_ns = self._laps.loop_ns  # of a pass; None: there is one
+        surface = elevation_at(record.elevation, track.time_ns, None if seam else self.loop_ns)
+        self._first = np.concatenate(
+            [record.position_m, record.velocity_m_per_s, record.orientation,
+             record.rate_rad_per_s, surface[:, None]], axis=1,
+        )  # fmt: skip
+        self._later = self._first
+        if seam is not None:
+            faded = np.concatenate(
+                [_poses_at(seam), faded_surface(seam, track.time_ns, surface)], axis=1
+            )
+            self._later = np.concatenate([faded, self._first[len(faded) :]])
+        self.note = " ".join(filter(None, [record.note, told_of(record.source, track, seam)]))
+
+    def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
+        """Samples with from_ns <= stamp_ns < to_ns in twin time, in order; each stamp once."""
+        found = []
+        for stamp_ns, later, index in self._laps.between(from_ns, to_ns):
+            row = (self._later if later else self._first)[index].tolist()
+            place, velocity, turn, rate = row[:3], row[3:6], row[6:10], row[10:13]
+            pose = ShipPose(stamp_ns, *map(tuple, (place, velocity, turn, rate)))
+            found.append(sample_of(pose, self._arm, None if np.isnan(row[13]) else row[13]))
+        return found
+
+    def is_over(self, from_ns: int) -> bool:
+        """Whether there is no sample from a twin time on."""
+        rest_ns = round(self.duration_s * 1e9)
+        return self.loop_ns is None and not self.between(from_ns, from_ns + rest_ns)
+
+
+def open_poses(
+    scene: Scene, recorded: RecordedPoses, start_s: float = 0.0, loop: bool = True
+) -> PoseReplay:
+    """Replay of a bag's poses for the hang-off of a scene.
+
+    Raises:
+        BagError: one sentence on what is wrong with the bag, the topic or the start.
+    """
+    record = read_poses(find_bag(recorded.bag), recorded)
+    return PoseReplay(record, lever_arm(scene), start_s, loop)
+
+
+def _track_of(record: PoseRecord) -> Track:
+    """Places and quaternions with their rates of change; signs as if the end met the beginning."""
+    velocity = turned_by(record.orientation, record.velocity_m_per_s)
+    turning = turn_changes(record.orientation, record.rate_rad_per_s)
+    value = np.concatenate([record.position_m, record.orientation], axis=1)
+    rate = np.concatenate([velocity, turning], axis=1)
+    if record.orientation[0] @ record.orientation[-1] < 0.0:  # it has turned a circle
+        late = record.time_ns > 0.6 * record.time_ns[-1]  # all that a seam is made of
+        value[late, 3:] *= -1.0
+        rate[late, 3:] *= -1.0
+    return Track(record.time_ns, value, rate, record.period_ns)
+
+
+def _poses_at(seam: Seam) -> Table:
+    """Position, velocity, orientation and rate of turn (h, 13) where two passes are blended."""
+    size = np.sqrt((seam.value[:, 3:] ** 2).sum(axis=1, keepdims=True))
+    turn = seam.value[:, 3:] / size
+    along = (turn * seam.rate[:, 3:]).sum(axis=1, keepdims=True)
+    change = (seam.rate[:, 3:] - turn * along) / size
+    velocity = turned_by(turn, seam.rate[:, :3], back=True)
+    return np.concatenate([seam.value[:, :3], velocity, turn, turn_rates(turn, change)], axis=1)
