@@ -1,163 +1,278 @@
-"""The direct solve where effects couple a node to the next two: block LDLᵀ with 3×3 pivots.
+"""The direct solve where effects couple a node to the next two (core/coupled_node), for a chain.
 
-Beside the blocks A_i and K_e of `elimination`, node i has the blocks c·I with node i + 1 and with
-node i + 2 (rows LINK). A node is eliminated onto both; its 3×3 pivot is L·D·Lᵀ. With
-V = L⁻¹·(block to i + 1) and M = L⁻¹ they get -Vᵀ·D⁻¹·V, -d·Vᵀ·D⁻¹·M and -d²·Mᵀ·D⁻¹·M, where d is
-the coupling to i + 2. That is the banded LDLᵀ (Golub and Van Loan 2013, section 4.3) by nodes:
-backward stable for a positive definite matrix, and half the work of pairing the nodes into 6×6
-blocks. It differences K, where `elimination` does not, so that the mass is seen to 1e-16·K.
+Compiled code takes it from both ends at once, one chain in each SIMD lane: a single chain is bound
+by the latency of its own recursion. Pair k is the nodes first + k and n - 1 - k; the two or three
+nodes that are left in the middle are eliminated by themselves. What the way back wants of a pair is
+a record of 36 numbers, 24 in the rows ELIMINATED and 12 in FACTOR, where records lie end to end.
+`eliminate_coupled_plainly` goes from the lower end to the hang-off; a test holds both against a
+dense solve.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.elimination import add_six, hold_ends, spring
-from rope_twin.core.jit import jit_ordered, jit_within
-from rope_twin.core.state import BLOCK, CORRECTION, ELIMINATED, FACTOR, LINK, RESIDUAL
+from numba.core import config
+
+from rope_twin.core.coupled_node import (
+    add,
+    add_nine,
+    eliminate_coupled_node,
+    link_less,
+    onto_next,
+    substituted,
+)
+from rope_twin.core.elimination import add_six, ground, hold_ends, solve_symmetric, spring
+from rope_twin.core.jit import jit_ordered, jit_ordered_within, jit_within
+from rope_twin.core.rows import row, rows, span
+from rope_twin.core.simd import gather, lane, load, pair, store
+from rope_twin.core.state import (
+    AXIAL,
+    BLOCK,
+    CORRECTION,
+    DIRECTION,
+    ELIMINATED,
+    FACTOR,
+    GEOMETRIC,
+    LINK,
+    RESIDUAL,
+)
+
+RECORD, MORE = 24, 12  # numbers of a pair in ELIMINATED, and in FACTOR
+SECOND = LINK + 1  # coupling with the second next node
 
 
 @jit_within
-def _less(a: Any, s: Any, b: Any) -> Any:
-    """a - s·b of vectors."""
-    return a[0] - s * b[0], a[1] - s * b[1], a[2] - s * b[2]
-
-
-@jit_within
-def _factor(S: Any) -> Any:
-    """L (10, 20, 21) and the inverse of D of a symmetric matrix (xx, xy, xz, yy, yz, zz)."""
-    xx, xy, xz, yy, yz, zz = S
-    w0 = 1.0 / xx
-    l10, l20 = xy * w0, xz * w0
-    below = yz - l10 * xz
-    w1 = 1.0 / (yy - l10 * xy)
-    l21 = below * w1
-    w2 = 1.0 / (zz - l20 * xz - l21 * below)
-    return l10, l20, l21, w0, w1, w2
-
-
-@jit_within
-def _forward(L: Any, a: Any, b: Any, c: Any) -> Any:
-    """L⁻¹ applied to three rows."""
-    second = _less(b, L[0], a)
-    return a, second, _less(_less(c, L[1], a), L[2], second)
-
-
-@jit_within
-def _lessen(S: Any, L: Any, a: Any, b: Any, c: Any) -> Any:
-    """S less (a b c)·D⁻¹·(a b c)ᵀ, whose rows are a, b, c."""
-    _, _, _, w0, w1, w2 = L
-    ax, ay, az = w0 * a[0], w0 * a[1], w0 * a[2]
-    bx, by, bz = w1 * b[0], w1 * b[1], w1 * b[2]
-    cx, cy, cz = w2 * c[0], w2 * c[1], w2 * c[2]
-    return (
-        S[0] - (ax * a[0] + bx * b[0] + cx * c[0]),
-        S[1] - (ax * a[1] + bx * b[1] + cx * c[1]),
-        S[2] - (ax * a[2] + bx * b[2] + cx * c[2]),
-        S[3] - (ay * a[1] + by * b[1] + cy * c[1]),
-        S[4] - (ay * a[2] + by * b[2] + cy * c[2]),
-        S[5] - (az * a[2] + bz * b[2] + cz * c[2]),
-    )
-
-
-@jit_within
-def _spread(L: Any, d: Any, v: Any) -> Any:
-    """-d·Vᵀ·D⁻¹·M by rows: what the node leaves between the next two."""
-    l10, l20, l21, w0, w1, w2 = L
-    m20 = l10 * l21 - l20
-    a, b, c = v
-    x0, x1, x2 = d * w0 * a[0], d * w1 * b[0], d * w2 * c[0]
-    y0, y1, y2 = d * w0 * a[1], d * w1 * b[1], d * w2 * c[1]
-    z0, z1, z2 = d * w0 * a[2], d * w1 * b[2], d * w2 * c[2]
-    return (
-        (l10 * x1 - x0 - m20 * x2, l21 * x2 - x1, 0.0 - x2),
-        (l10 * y1 - y0 - m20 * y2, l21 * y2 - y1, 0.0 - y2),
-        (l10 * z1 - z0 - m20 * z2, l21 * z2 - z1, 0.0 - z2),
-    )
-
-
-@jit_within
-def _add(a: Any, b: Any) -> Any:
-    """Sum of two vectors."""
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-@jit_within
-def _vector(work: Any, first: int, i: int) -> Any:
+def _column(work: Any, first: int, i: int) -> Any:
     """Column i of three rows."""
     return work[first, i], work[first + 1, i], work[first + 2, i]
 
 
 @jit_within
-def _keep(work: Any, i: int, v: Any, g: Any, L: Any) -> None:
-    """What the way back needs: V, L⁻¹·f, L and the inverse of D."""
-    for k in range(3):
-        work[ELIMINATED + k, i] = v[0][k]
-        work[ELIMINATED + 3 + k, i] = v[1][k]
-        work[ELIMINATED + 6 + k, i] = v[2][k]
-        work[ELIMINATED + 9 + k, i] = g[k]
-    for k in range(6):
-        work[FACTOR + k, i] = L[k]
-
-
-@jit_within
-def _substitute(work: Any, first: int, n: int) -> None:
-    """From the hang-off down: L·D·Lᵀ·delta = f - (block to i + 1)·delta - d·delta."""
-    nothing = (0.0, 0.0, 0.0)
-    near, far = nothing, nothing
-    for i in range(n - 1, first - 1, -1):
-        V, d = work[ELIMINATED : ELIMINATED + 12], work[LINK + 1, i]
-        l10, l20, l21 = _vector(work, FACTOR, i)
-        w0, w1, w2 = _vector(work, FACTOR + 3, i)
-        fx, fy, fz = d * far[0], d * far[1], d * far[2]
-        fy -= l10 * fx  # L⁻¹·d·delta of the second next
-        fz -= l20 * fx + l21 * fy
-        x = w0 * (V[9, i] - (V[0, i] * near[0] + V[1, i] * near[1] + V[2, i] * near[2]) - fx)
-        y = w1 * (V[10, i] - (V[3, i] * near[0] + V[4, i] * near[1] + V[5, i] * near[2]) - fy)
-        z = w2 * (V[11, i] - (V[6, i] * near[0] + V[7, i] * near[1] + V[8, i] * near[2]) - fz)
-        y -= l21 * z
-        x -= l10 * y + l20 * z
-        work[CORRECTION, i], work[CORRECTION + 1, i], work[CORRECTION + 2, i] = x, y, z
-        near, far = (x, y, z), near
-    hold_ends(work, first, n)
+def _six(work: Any, first: int, i: int) -> Any:
+    """Column i of six rows."""
+    return (
+        work[first, i], work[first + 1, i], work[first + 2, i], work[first + 3, i],
+        work[first + 4, i], work[first + 5, i],
+    )  # fmt: skip
 
 
 @jit_ordered
-def eliminate_coupled(work: Any, first: int, n: int) -> None:
+def _single_node(work: Any, i: int, state: Any, K: Any, c: float, d: float) -> Any:
+    """Eliminate node i by itself, whose next element is K, and its couplings c and d.
+
+    state: what was left on it, its force, what was left on the next, and between the two.
+    """
+    S, f, carried, between = state
+    S = add_six(add_six(S, _six(work, BLOCK, i)), K)
+    f = add(f, _column(work, RESIDUAL, i))
+    kept, left = eliminate_coupled_node(S, f, add_nine(between, link_less(c, K)), d)
+    return kept, onto_next(left, carried, K)
+
+
+@jit_within
+def _set(work: Any, i: int, delta: Any) -> None:
+    """The correction of a node."""
+    for k in range(3):
+        work[CORRECTION + k, i] = delta[k]
+
+
+@jit_ordered
+def eliminate_coupled_plainly(work: Any, first: int, n: int) -> None:
     """Corrections of the nodes first <= i < n; they are 0 at n and below first."""
     nothing = (0.0, 0.0, 0.0)
-    # what eliminated nodes left: on this node and the next, and between them
-    S, S_next = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    f, f_next, C = nothing, nothing, (nothing, nothing, nothing)
-    if first == 1:
-        S = spring(work, 0)
+    nil = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    state = ground(work, first), nothing, (nil, nothing), (nothing, nothing, nothing)
     for i in range(first, n):
-        xx, xy, xz, yy, yz, zz = K = spring(work, i)
-        A, c, d = work[BLOCK : BLOCK + 6], work[LINK, i], work[LINK + 1, i]
-        S = (
-            S[0] + (A[0, i] + xx), S[1] + (A[1, i] + xy), S[2] + (A[2, i] + xz),
-            S[3] + (A[3, i] + yy), S[4] + (A[4, i] + yz), S[5] + (A[5, i] + zz),
+        c, d = work[LINK, i], work[LINK + 1, i]
+        (own, G, H), state = _single_node(work, i, state, spring(work, i), c, d)
+        for k in range(3):
+            work[ELIMINATED + k, i] = own[k]
+            work[ELIMINATED + 3 + k, i] = G[0][k]
+            work[ELIMINATED + 6 + k, i] = G[1][k]
+            work[ELIMINATED + 9 + k, i] = G[2][k]
+        for k in range(6):
+            work[FACTOR + k, i] = H[k]
+    near, far = nothing, nothing
+    for i in range(n - 1, first - 1, -1):
+        G = (
+            _column(work, ELIMINATED + 3, i), _column(work, ELIMINATED + 6, i),
+            _column(work, ELIMINATED + 9, i),
         )  # fmt: skip
-        L = _factor(S)
-        v = _forward(
-            L,
-            _add(C[0], (c - xx, -xy, -xz)),
-            _add(C[1], (-xy, c - yy, -yz)),
-            _add(C[2], (-xz, -yz, c - zz)),
+        kept = _column(work, ELIMINATED, i), G, _six(work, FACTOR, i)
+        near, far = substituted(kept, near, far), near
+        _set(work, i, near)
+    hold_ends(work, first, n)
+
+
+@jit_within
+def _gathered_six(work: Any, i: int, j: int) -> Any:
+    """Blocks of the nodes i and j."""
+    xx, xy, xz, yy, yz, zz = span(work, BLOCK, 6, 0)
+    return (
+        gather(xx, i, j), gather(xy, i, j), gather(xz, i, j), gather(yy, i, j), gather(yz, i, j),
+        gather(zz, i, j),
+    )  # fmt: skip
+
+
+@jit_ordered_within
+def _springs(work: Any, i: int, e: int) -> Any:
+    """K of the elements i and e."""
+    tx, ty, tz = rows(work, DIRECTION, 0)
+    x, y, z = gather(tx, i, e), gather(ty, i, e), gather(tz, i, e)
+    a, b = gather(row(work, AXIAL, 0), i, e), gather(row(work, GEOMETRIC, 0), i, e)
+    ax, ay = a * x, a * y
+    return ax * x + b, ax * y, ax * z, ay * y + b, ay * z, (a * z) * z + b
+
+
+@jit_ordered_within
+def _paired_node(work: Any, i: int, j: int, k: int, state: Any) -> Any:
+    """Eliminate node i onto those above it and node j onto those below; record k is kept."""
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    S, f, carried, between = state
+    K = _springs(work, i, j - 1)
+    S = add_six(add_six(S, _gathered_six(work, i, j)), K)
+    f = (f[0] + gather(Rx, i, j), f[1] + gather(Ry, i, j), f[2] + gather(Rz, i, j))
+    B = add_nine(between, link_less(gather(row(work, LINK, 0), i, j - 1), K))
+    kept, left = eliminate_coupled_node(S, f, B, gather(row(work, SECOND, 0), i, j - 2))
+    _store(work, k, kept)
+    return onto_next(left, carried, K)
+
+
+@jit_within
+def _store(work: Any, k: int, kept: Any) -> None:
+    """Record k."""
+    own, G, H = kept
+    record = row(work, ELIMINATED, RECORD * k)
+    store(record, 0, own[0])
+    store(record, 2, own[1])
+    store(record, 4, own[2])
+    store(record, 6, G[0][0])
+    store(record, 8, G[0][1])
+    store(record, 10, G[0][2])
+    store(record, 12, G[1][0])
+    store(record, 14, G[1][1])
+    store(record, 16, G[1][2])
+    store(record, 18, G[2][0])
+    store(record, 20, G[2][1])
+    store(record, 22, G[2][2])
+    more = row(work, FACTOR, MORE * k)
+    store(more, 0, H[0])
+    store(more, 2, H[1])
+    store(more, 4, H[2])
+    store(more, 6, H[3])
+    store(more, 8, H[4])
+    store(more, 10, H[5])
+
+
+@jit_within
+def _stored(work: Any, k: int) -> Any:
+    """Record k again."""
+    r, m = row(work, ELIMINATED, RECORD * k), row(work, FACTOR, MORE * k)
+    G = (
+        (load(r, 6), load(r, 8), load(r, 10)), (load(r, 12), load(r, 14), load(r, 16)),
+        (load(r, 18), load(r, 20), load(r, 22)),
+    )  # fmt: skip
+    H = (load(m, 0), load(m, 2), load(m, 4), load(m, 6), load(m, 8), load(m, 10))
+    return (load(r, 0), load(r, 2), load(r, 4)), G, H
+
+
+@jit_within
+def _paired(a: Any, b: Any) -> Any:
+    """Pairs of the numbers of two symmetric matrices."""
+    return (
+        pair(a[0], b[0]), pair(a[1], b[1]), pair(a[2], b[2]), pair(a[3], b[3]), pair(a[4], b[4]),
+        pair(a[5], b[5]),
+    )  # fmt: skip
+
+
+@jit_within
+def _paired_three(a: Any, b: Any) -> Any:
+    """Pairs of the numbers of two vectors."""
+    return pair(a[0], b[0]), pair(a[1], b[1]), pair(a[2], b[2])
+
+
+@jit_within
+def _lanes(p: Any, k: int) -> Any:
+    """Lane k of three pairs."""
+    return lane(p[0], k), lane(p[1], k), lane(p[2], k)
+
+
+@jit_within
+def _six_lanes(p: Any, k: int) -> Any:
+    """Lane k of six pairs."""
+    return lane(p[0], k), lane(p[1], k), lane(p[2], k), lane(p[3], k), lane(p[4], k), lane(p[5], k)
+
+
+@jit_within
+def _lanes_of(state: Any, k: int) -> Any:
+    """Lane k of what was left: see `_single_node`."""
+    S, f, (second, far), (x, y, z) = state
+    carried = (_six_lanes(second, k), _lanes(far, k))
+    return _six_lanes(S, k), _lanes(f, k), carried, (_lanes(x, k), _lanes(y, k), _lanes(z, k))
+
+
+@jit_ordered
+def _solve_middle(work: Any, middle: int, rest: int, below: Any, above: Any) -> Any:
+    """The 2 or 3 nodes from `middle` on: delta of the lowest two, then of the highest two, inwards.
+
+    below, above: what the chains left on the lowest and on the highest of them.
+    """
+    nothing = (0.0, 0.0, 0.0)
+    nil = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    high, low = middle + rest - 1, middle + rest - 2
+    kept = nothing, (nothing, nothing, nothing), nil
+    if rest == 3:
+        c, d = work[LINK, middle], work[LINK + 1, middle]
+        kept, below = _single_node(work, middle, below, spring(work, middle), c, d)
+    S, f, (S_next, f_next), between = below
+    S_high, f_high, (S_low, f_low), (x, y, z) = above
+    turned = (x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2])
+    after = add_six(S_next, S_high), add(f_next, f_high)
+    state = add_six(S, S_low), add(f, f_low), after, add_nine(between, turned)
+    kept_low, state = _single_node(work, low, state, spring(work, low), work[LINK, low], 0.0)
+    (delta_high, _, _), _ = _single_node(work, high, state, nil, 0.0, 0.0)
+    delta_low = substituted(kept_low, delta_high, nothing)
+    _set(work, high, delta_high)
+    _set(work, low, delta_low)
+    near, far = delta_low, delta_high
+    if rest == 3:
+        near, far = substituted(kept, delta_low, delta_high), delta_low
+        _set(work, middle, near)
+    return near, far, delta_high, delta_low
+
+
+@jit_ordered
+def _eliminate_coupled_folded(work: Any, first: int, n: int) -> None:
+    """Corrections of the nodes first <= i < n; they are 0 at n and below first."""
+    dx, dy, dz = rows(work, CORRECTION, 0)
+    if n - first == 1:
+        delta = solve_symmetric(
+            add_six(add_six(ground(work, first), spring(work, first)), _six(work, BLOCK, first)),
+            _column(work, RESIDUAL, first),
         )
-        f = _add(f, _vector(work, RESIDUAL, i))
-        g1 = f[1] - L[0] * f[0]
-        g = (f[0], g1, f[2] - L[1] * f[0] - L[2] * g1)
-        _keep(work, i, v, g, L)
-        # on to the next two
-        wx, wy, wz = L[3] * g[0], L[4] * g[1], L[5] * g[2]
-        m20 = L[0] * L[2] - L[1]
-        f = _less(_less(_less(f_next, wx, v[0]), wy, v[1]), wz, v[2])
-        f_next = (-d * (wx - L[0] * wy + m20 * wz), -d * (wy - L[2] * wz), -d * wz)
-        S = _lessen(add_six(S_next, K), L, v[0], v[1], v[2])
-        S_next = _lessen(
-            (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), L, (d, 0.0, 0.0), (-d * L[0], d, 0.0),
-            (d * m20, -d * L[2], d),
-        )  # fmt: skip
-        C = _spread(L, d, v)
-    _substitute(work, first, n)
+        _set(work, first, delta)
+        hold_ends(work, first, n)
+        return
+    pairs = (n - first - 2) // 2
+    zero = pair(0.0, 0.0)
+    none = (zero, zero, zero)
+    S = _paired(ground(work, first), spring(work, n - 1))
+    state = S, none, ((zero, zero, zero, zero, zero, zero), none), (none, none, none)
+    for k in range(pairs):
+        state = _paired_node(work, first + k, n - 1 - k, k, state)
+    near_low, far_low, near_high, far_high = _solve_middle(
+        work, first + pairs, n - first - 2 * pairs, _lanes_of(state, 0), _lanes_of(state, 1)
+    )
+    near, far = _paired_three(near_low, near_high), _paired_three(far_low, far_high)
+    for k in range(pairs - 1, -1, -1):
+        near, far = substituted(_stored(work, k), near, far), near
+        x, y, z = near
+        i, j = first + k, n - 1 - k
+        dx[i], dx[j] = lane(x, 0), lane(x, 1)
+        dy[i], dy[j] = lane(y, 0), lane(y, 1)
+        dz[i], dz[j] = lane(z, 0), lane(z, 1)
+    hold_ends(work, first, n)
+
+
+eliminate_coupled = eliminate_coupled_plainly if config.DISABLE_JIT else _eliminate_coupled_folded

@@ -48,7 +48,7 @@ SURFACE = FLOW_RATE + 3  # the water's surface above the node [m]; likewise
 WORK_ROWS = SURFACE + 1
 # and, only where an effect couples nodes beyond their neighbours:
 LINK = WORK_ROWS  # c of the blocks c·I that it adds between node i and i + 1, and i and i + 2 [kg]
-FACTOR = LINK + 2  # of the elimination: three below the diagonal, three inverse pivots
+FACTOR = LINK + 2  # of the elimination: 6 of a symmetric matrix
 COUPLED_ROWS = FACTOR + 6
 
 LINE_DOUBLES = 8  # of a cache line
