@@ -12,19 +12,24 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from rope_twin.commands.bench import Progress, print_table
 from rope_twin.studies.order_picture import check_picture
+from rope_twin.studies.validation import vortex_convergence
 from rope_twin.studies.validation.case import Case, Row
 from rope_twin.studies.validation.page import (
+    CONVERGENCE_PICTURE,
     PAGE,
     PICTURES,
     as_json,
+    keep_convergence,
     keep_results,
     markdown_table,
     picture_name,
+    read_results,
     table_rows,
     write_page,
 )
-from rope_twin.studies.validation.picture import draw_case
+from rope_twin.studies.validation.picture import draw_case, draw_panels
 from rope_twin.studies.validation.registry import CASES, choose_cases, run_case
 
 WIDTHS = (4, 52, 16, 22, 16)
@@ -46,11 +51,17 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         "--into", type=Path, metavar="DIR",
         help=f"put the results, with a picture per case, into DIR/{PAGE} (other cases' are kept)",
     )  # fmt: skip
+    parser.add_argument(
+        "--convergence", action="store_true",
+        help="in place of the cases: where Q1 and L2 are converged in element and step (a minute)",
+    )  # fmt: skip
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run the cases and print a table as each ends; 1 if one is not met."""
+    if args.convergence:
+        return _converge(args)
     cases = choose_cases(args.ids)
     if args.into is not None:
         check_picture(args.into / PICTURES / "case.png")
@@ -72,6 +83,27 @@ def run(args: argparse.Namespace) -> int:
         page = write_page(keep_results(rows, args.into), args.into)
         print(page, file=sys.stderr)
     return 0 if all(row.ok for row in rows) else 1
+
+
+def _converge(args: argparse.Namespace) -> int:
+    """Exit code 1 if a sweep is converged nowhere."""
+    sweeps = vortex_convergence.choose_sweeps(args.ids)
+    if args.into is not None:
+        check_picture(args.into / PICTURES / CONVERGENCE_PICTURE)
+    rows = list(vortex_convergence.measure(sweeps, Progress().show))
+    stored = vortex_convergence.as_json(rows)
+    if args.json:
+        print(json.dumps(stored, ensure_ascii=False, allow_nan=False))
+    else:
+        print_table(vortex_convergence.table(stored))
+        print("\n".join(["", *(row.words for row in rows)]))
+    if args.into is not None:
+        keep_convergence(rows, args.into)
+        title = "Off the finest run, over element length and step"
+        picture = args.into / PICTURES / CONVERGENCE_PICTURE
+        draw_panels(title, vortex_convergence.panels(rows), picture)
+        print(write_page(read_results(args.into), args.into), file=sys.stderr)
+    return 0 if all(row.converged for row in rows) else 1
 
 
 def _run_all(cases: Sequence[Case]) -> Iterator[Row]:

@@ -60,7 +60,7 @@ def refuse_shedding(scene: Scene, what: str) -> None:
 def why_no_card(scene: Scene) -> str:
     """Why a scene has no accuracy card; "" if it has one."""
     if shedding_model(scene):
-        return "its vortices converge by themselves: `rope_twin validate Q1` tells how"
+        return "its vortices converge by themselves: `rope_twin validate --convergence` tells how"
     elements = sum(line.elements for line in scene.ropes)
     if elements > MOST_ELEMENTS:
         return f"a ladder around its {elements} elements would take hours"

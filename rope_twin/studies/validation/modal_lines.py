@@ -63,19 +63,26 @@ class Record:
         return float(self.response.frequency[self.dominant - 1])
 
 
-def record(rope: PublishedRope, speed: Floats, shedding: Shedding, duration: float) -> Record:
-    """The response of a rope to a constant current, every step of it."""
+def record(
+    rope: PublishedRope,
+    speed: Floats,
+    shedding: Shedding,
+    duration: float,
+    step_s: float | None = None,
+) -> Record:
+    """The response of a rope to a constant current, every step of it (None: the model's own)."""
     response = ModalResponse(rope.span(speed), shedding)
-    count = int(duration / response.step_s)
+    step = response.step_s if step_s is None else step_s
+    count = int(duration / step)
     coordinates = np.zeros((count, len(response.frequency)))
     modal = np.zeros_like(coordinates)
     began = time.process_time()
     for row in range(count):
-        response.advance(response.step_s)
+        response.advance(step)
         coordinates[row], modal[row] = response.coordinate, response.modal_amplitude
     spent = time.process_time() - began
     motion = coordinates @ response.modes.shape.T / rope.diameter
-    times = np.asarray(response.step_s * np.arange(1.0, count + 1.0), dtype=np.float64)
+    times = np.asarray(step * np.arange(1.0, count + 1.0), dtype=np.float64)
     factor = duration / spent
     return Record(response, times, motion, modal / rope.diameter, factor)
 

@@ -6,15 +6,17 @@ A run of some cases replaces their results and keeps the others': cases take min
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from rope_twin.errors import InputError, phrase
+from rope_twin.studies.validation import vortex_convergence
 from rope_twin.studies.validation.case import Finding, Row
-from rope_twin.studies.validation.registry import CASES
+from rope_twin.studies.validation.registry import CASES, order_of_ids
 
 RESULTS, PAGE, PICTURES = "validation", "validation.md", "images"
+CONVERGENCE, CONVERGENCE_PICTURE = "convergence.json", "validation_convergence.png"
 BEGIN, END = "<!-- written by rope_twin validate -->", "<!-- end of what is written -->"
 HEAD = ["id", "quantity", "ours", "published", "tolerance", "met", "source"]
 
@@ -124,7 +126,8 @@ def write_page(results: list[dict[str, Any]], folder: Path) -> Path:
         raise InputError(phrase(str(path), what, "give a folder with docs/validation.md"))
     before, rest = text.split(BEGIN, 1)
     after = rest.split(END, 1)[1]
-    body = "\n".join(_body(results))
+    refined = vortex_convergence.read_stored(folder / RESULTS / CONVERGENCE)
+    body = "\n".join([*_body(results), *_refined(refined)])
     path.write_text(f"{before}{BEGIN}\n{body}\n{END}{after}", encoding="utf-8")
     return path
 
@@ -143,6 +146,36 @@ def _body(results: list[dict[str, Any]]) -> Iterable[str]:
             yield f"\n{note}"
         if result["picture"]:
             yield f"\n![{result['id']}]({PICTURES}/{picture_name(result['id'])})"
+
+
+def keep_convergence(rows: Sequence[vortex_convergence.Convergence], folder: Path) -> None:
+    """Put these sweeps into the folder, in place of what it holds of the same cases.
+
+    Raises:
+        InputError: what the folder holds cannot be read.
+    """
+    path = folder / RESULTS / CONVERGENCE
+    new = {row.case for row in rows}
+    kept = [row for row in vortex_convergence.read_stored(path) if row["case"] not in new]
+    found = sorted(
+        kept + vortex_convergence.as_json(rows), key=lambda row: order_of_ids(row["case"])
+    )
+    path.parent.mkdir(exist_ok=True)
+    text = json.dumps(found, indent=1, ensure_ascii=False, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def _refined(rows: Sequence[dict[str, Any]]) -> Iterable[str]:
+    if not rows:
+        return
+    names = " and ".join(dict.fromkeys(row["case"] for row in rows))
+    yield f"\n### Convergence of {names} over element length and step\n"
+    yield "`rope_twin validate --convergence`; off is off the finest run of a sweep.\n"
+    yield from (f"- {row['words']}" for row in rows)
+    head, *cells = vortex_convergence.table(rows)
+    yield f"\n| {' | '.join(head)} |\n|{' --- |' * len(head)}"
+    yield from (f"| {' | '.join(line)} |" for line in cells)
+    yield f"\n![convergence]({PICTURES}/{CONVERGENCE_PICTURE})"
 
 
 def picture_name(case: str) -> str:

@@ -1,7 +1,8 @@
-"""A case's panels as one picture (needs matplotlib)."""
+"""Panels as one picture (needs matplotlib)."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import ceil
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,12 @@ MOST_ACROSS = 3
 
 
 def draw_case(row: Row, path: Path) -> None:
-    """Write the picture of what a case found.
+    """Write the picture of what a case found; raises as `draw_panels` does."""
+    draw_panels(f"{row.case.id}: {row.case.about}", row.found.panels, path)
+
+
+def draw_panels(title: str, panels: Sequence[Panel], path: Path) -> None:
+    """Write panels under a title as one picture.
 
     Raises:
         InputError: matplotlib is not there, or the picture cannot be written.
@@ -22,7 +28,6 @@ def draw_case(row: Row, path: Path) -> None:
     check_picture(path)
     from matplotlib.figure import Figure
 
-    panels = row.found.panels
     across = min(len(panels), MOST_ACROSS)
     down = ceil(len(panels) / across)
     figure = Figure(figsize=(5.0 * across + 0.6, 3.8 * down), layout="constrained")
@@ -31,7 +36,7 @@ def draw_case(row: Row, path: Path) -> None:
         _draw(figure, own, panel)
     for own in axes[len(panels) :]:
         own.set_visible(False)
-    figure.suptitle(f"{row.case.id}: {row.case.about}", fontsize=10)
+    figure.suptitle(title, fontsize=10)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         figure.savefig(path, dpi=90, metadata={"Software": None})

@@ -26,8 +26,9 @@ from rope_twin.studies.validation.case import Case, Found, Row
 FAMILIES = "PLQGUS"  # of ids, in the order of the page
 
 
-def _place(case: Case) -> tuple[int, int]:
-    return FAMILIES.index(case.id[0]), int(case.id[1:])
+def order_of_ids(name: str) -> tuple[int, int]:
+    """Where an id like P10 stands on the page."""
+    return FAMILIES.index(name[0]), int(name[1:])
 
 
 CASES: tuple[Case, ...] = tuple(
@@ -47,7 +48,7 @@ CASES: tuple[Case, ...] = tuple(
             *two_line_loop.CASES,
             *stepping.CASES,
         ),
-        key=_place,
+        key=lambda case: order_of_ids(case.id),
     )
 )
 
