@@ -20,27 +20,26 @@ the node's own tangent; dropped in the block: the tangent's change with position
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import cos, pi, sqrt
+from math import pi, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from rope_twin.core.assembly import set_flow
+from rope_twin.core.cosine import cosine
 from rope_twin.core.elastic import stretch_all
 from rope_twin.core.energy import account
-from rope_twin.core.jit import jit, jit_within
+from rope_twin.core.jit import jit
 from rope_twin.core.prediction import K1, K2
 from rope_twin.core.remembering import new_memory, remembering
-from rope_twin.core.rows import rows, span
+from rope_twin.core.rows import row, rows, span
 from rope_twin.core.stage import BDF2, TRAPEZOID
 from rope_twin.core.state import (
     BLOCK,
-    DIRECTION,
     ELEMENTS,
     FLOW,
     MASS,
     RESIDUAL,
-    REST,
     TANGENT,
     TENSION,
     VELOCITY,
@@ -50,17 +49,24 @@ from rope_twin.core.state import (
 )
 from rope_twin.core.terms import kernel
 from rope_twin.core.trial import TRIALS
+from rope_twin.effects.half_waves import (
+    LEAST,
+    across,
+    hold_frequencies,
+    set_lengths,
+    set_paces,
+    wave_number,
+)
 from rope_twin.quantity import quantity, text
 
 CARRIED = 4  # phase [rad], ω [rad/s], mean square of y' [m²/s²], its rate
 PHASE, OMEGA, SQUARE, SQUARE_RATE = range(CARRIED)
 # Rows of its own: cosine of the stage's phase, its phase and ω, what s starts from, its weight,
-# damping c [kg/s], ½·ρ·d·l [kg/m], 1/d [1/m], and ω of the half wave that the node lies in.
-(COSINE, PHASE_NOW, OMEGA_NOW, SQUARE_HAT, SHARE, DAMPING, STRENGTH, PER_DIAMETER, HELD) = range(
-    3 * CARRIED + 1, 3 * CARRIED + 10
-)
-OWN_ROWS = HELD - 3 * CARRIED
-LEAST = 1e-9  # what keeps a quotient finite where nothing flows
+# damping c [kg/s], ½·ρ·d·l [kg/m], 1/d [1/m], ω of the node's half wave (0: unknown), its length,
+# scratch.
+(COSINE, PHASE_NOW, OMEGA_NOW, SQUARE_HAT, SHARE, DAMPING, STRENGTH, PER_DIAMETER, HELD, LENGTH,
+ SCRATCH) = range(3 * CARRIED + 1, 3 * CARRIED + 12)  # fmt: skip
+OWN_ROWS = SCRATCH - 3 * CARRIED
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,62 +125,15 @@ def build(params: TravellingWavesParams, payload: Any, around: Any) -> Travellin
 remembering(TravellingWaves, CARRIED)
 
 
-@jit_within
-def _across(water: Any, tangent: Any) -> Any:
-    """U × t and its size, that of the water across the rope."""
-    u, v, w = water
-    x, y, z = tangent
-    cx, cy, cz = v * z - w * y, w * x - u * z, u * y - v * x
-    return cx, cy, cz, sqrt(cx * cx + cy * cy + cz * cz)
-
-
-@jit_within
-def _length(work: Any, i: int) -> float:
-    """Of rope that belongs to a free node [m]."""
-    return float(0.5 * (work[REST, i] + work[REST, i - 1]) if i > 0 else 0.5 * work[REST, i])
-
-
-@jit_within
-def _speed_at(work: Any, i: int) -> float:
-    """Of the water across the elements beside a node [m/s]."""
-    j = max(i - 1, 0)
-    x = work[DIRECTION, i] + work[DIRECTION, j]
-    y = work[DIRECTION + 1, i] + work[DIRECTION + 1, j]
-    z = work[DIRECTION + 2, i] + work[DIRECTION + 2, j]
-    inverse = 1.0 / sqrt(x * x + y * y + z * z + 1e-12)
-    water = (work[FLOW, i], work[FLOW + 1, i], work[FLOW + 2, i])
-    _, _, _, speed = _across(water, (x * inverse, y * inverse, z * inverse))
-    return float(speed)
-
-
-@jit_within
-def _wave_number(waves: Any, work: Any, i: int, omega: float) -> float:
-    """k of a wave of this frequency at a node [1/m]; 0 where the rope is slack."""
-    T, length = work[TENSION, i], _length(work, i)
-    m = (work[MASS, i] + waves.added * work[VOLUME, i]) / length
-    inertia = m * omega * omega
-    square = 2.0 * inertia / (T + sqrt(T * T + 4.0 * waves.EI * inertia) + LEAST)
-    return float(sqrt(square) if T > 0.0 else 0.0)
-
-
 @jit
-def _hold_frequencies(waves: Any, rope: Any) -> None:
-    """One ω from the hang-off down until half a wave is full: that of its upper end."""
-    memory, work, n = waves.memory, rope.work, rope.state.counts[ELEMENTS]
-    turned, held = pi, 0.0
-    for i in range(n - 1, -1, -1):
-        own = _frequency(waves, work, i)
-        if turned >= pi:
-            turned, held = turned - pi, own
-        memory[HELD, i] = held
-        turned += _wave_number(waves, work, i, held) * _length(work, i)
-
-
-@jit_within
-def _frequency(waves: Any, work: Any, i: int) -> float:
-    """2π·St·U/d at a node [rad/s]."""
-    per_diameter = sqrt(0.25 * pi * _length(work, i) / (work[VOLUME, i] + 1e-300))
-    return float(waves.turns * _speed_at(work, i) * per_diameter)
+def _set_figures(waves: Any, work: Any, low: int, high: int) -> None:
+    """Length, 1/d and ½·ρ·d·l of the nodes low <= i < high."""
+    length, per = waves.memory[LENGTH, low:], waves.memory[PER_DIAMETER, low:]
+    strength, volume = waves.memory[STRENGTH, low:], row(work, VOLUME, low)
+    set_lengths(work, length, low, high)
+    for i in range(high - low):
+        per[i] = sqrt(0.25 * pi * length[i] / (volume[i] + 1e-300))
+        strength[i] = waves.half_density * length[i] / per[i]
 
 
 @kernel("start", TravellingWaves)
@@ -184,49 +143,65 @@ def start(waves: Any, rope: Any) -> None:
     stage = Stage(0.0, 1.0, 0.0, 0.0)
     stretch_all(rope, stage)
     set_flow(rope.effects, work, stage, n - n, n)
+    _set_figures(waves, work, n - n, n)
+    length, omega = memory[LENGTH], memory[OMEGA]
+    set_paces(waves.turns, work, memory[PER_DIAMETER], omega, n - n, n)
     if waves.by_half_waves:
-        _hold_frequencies(waves, rope)
+        hold_frequencies(waves, work, length, omega, memory[SCRATCH], n)
     phase = 0.0
     for i in range(n - 1, -1, -1):
-        omega = memory[HELD, i]
-        if omega == 0.0:
-            omega = _frequency(waves, work, i)
-        phase += _wave_number(waves, work, i, omega) * _length(work, i)
-        memory[PHASE, i], memory[OMEGA, i] = -phase, omega
+        per_metre = (work[MASS, i] + waves.added * work[VOLUME, i]) / length[i]
+        phase += wave_number(waves.EI, work[TENSION, i], per_metre, omega[i]) * length[i]
+        memory[HELD, i] = omega[i] if waves.by_half_waves else 0.0
+        memory[PHASE, i] = -phase
         memory[SQUARE, i] = memory[SQUARE_RATE, i] = 0.0
+
+
+@jit
+def _set_omega(waves: Any, work: Any, low: int, high: int) -> None:
+    """OMEGA_NOW: that of the half wave; the node's own without, or where the node is new."""
+    memory = waves.memory
+    held, now = memory[HELD, low:], memory[OMEGA_NOW, low:]
+    unknown = 0
+    for i in range(high - low):
+        now[i] = held[i]
+        unknown += 1 if held[i] == 0.0 else 0
+    if unknown > 0:
+        own = memory[SCRATCH, low:]
+        set_paces(waves.turns, work, memory[PER_DIAMETER, low:], own, low, high)
+        for i in range(high - low):
+            now[i] = own[i] if held[i] == 0.0 else held[i]
 
 
 @kernel("predict", TravellingWaves)
 def predict(waves: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
     """Phase and frequency of the stage, what the mean square starts from, and what stays."""
     memory, work, c = waves.memory, rope.work, stage.q
+    _set_figures(waves, work, low, high)
+    _set_omega(waves, work, low, high)
+    mass, volume = row(work, MASS, low), row(work, VOLUME, low)
+    phase0, omega0 = memory[PHASE, low:], memory[OMEGA, low:]
+    square0, rate0 = memory[SQUARE, low:], memory[SQUARE_RATE, low:]
+    phase, omega = memory[PHASE_NOW, low:], memory[OMEGA_NOW, low:]
+    square, share = memory[SQUARE_HAT, low:], memory[SHARE, low:]
+    lift, damping = memory[COSINE, low:], memory[DAMPING, low:]
+    if kind == TRAPEZOID:
+        for i in range(high - low):
+            phase[i] = phase0[i] + c * (omega0[i] + omega[i])
+            square[i] = square0[i] + c * rate0[i]
+    else:
+        phase1, square1 = memory[CARRIED + PHASE, low:], memory[CARRIED + SQUARE, low:]
+        for i in range(high - low):
+            phase[i] = K1 * phase1[i] - K2 * phase0[i] + c * omega[i]
+            square[i] = K1 * square1[i] - K2 * square0[i]
     grown = min(stage.time / waves.ramp, 1.0)
-    for i in range(low, high):
-        omega = memory[HELD, i]
-        if omega == 0.0:  # by its own frequency, or a node that is new
-            omega = _frequency(waves, work, i)
-        if kind == TRAPEZOID:
-            phase = memory[PHASE, i] + c * (memory[OMEGA, i] + omega)
-            square = memory[SQUARE, i] + c * memory[SQUARE_RATE, i]
-        else:
-            phase = K1 * memory[CARRIED + PHASE, i] - K2 * memory[PHASE, i] + c * omega
-            square = K1 * memory[CARRIED + SQUARE, i] - K2 * memory[SQUARE, i]
-        weight = c * omega * waves.averaging
-        memory[PHASE_NOW, i], memory[OMEGA_NOW, i] = phase, omega
-        memory[COSINE, i] = grown * cos(phase)
-        memory[SQUARE_HAT, i], memory[SHARE, i] = square / (1.0 + weight), weight / (1.0 + weight)
-        length, volume = _length(work, i), work[VOLUME, i]
-        per_diameter = sqrt(0.25 * pi * length / (volume + 1e-300))
-        memory[DAMPING, i] = waves.damping * omega * (work[MASS, i] + waves.added * volume)
-        memory[STRENGTH, i] = waves.half_density * length / per_diameter
-        memory[PER_DIAMETER, i] = per_diameter
-
-
-@jit_within
-def _mean_square(waves: Any, i: int, across: float) -> float:
-    """Of y', with the stage's own [m²/s²]."""
-    memory = waves.memory
-    return float(max(memory[SQUARE_HAT, i] + memory[SHARE, i] * across * across, 0.0))
+    for i in range(high - low):
+        weight = c * omega[i] * waves.averaging
+        inverse = 1.0 / (1.0 + weight)
+        square[i] *= inverse
+        share[i] = weight * inverse
+        damping[i] = waves.damping * omega[i] * (mass[i] + waves.added * volume[i])
+        lift[i] = grown * cosine(phase[i])
 
 
 @kernel("load_nodes", TravellingWaves)
@@ -236,26 +211,28 @@ def load_nodes(waves: Any, work: Any, stage: Any, low: int, high: int) -> None:
     Block q·(L·C1·dA/dy' + c)·e ⊗ e.
     """
     memory = waves.memory
+    square, share = memory[SQUARE_HAT, low:], memory[SHARE, low:]
+    lift, strength, damping = memory[COSINE, low:], memory[STRENGTH, low:], memory[DAMPING, low:]
+    per_diameter, omega = memory[PER_DIAMETER, low:], memory[OMEGA_NOW, low:]
     vx, vy, vz = rows(work, VELOCITY, low)
     ux, uy, uz = rows(work, FLOW, low)
     tx, ty, tz = rows(work, TANGENT, low)
     Rx, Ry, Rz = rows(work, RESIDUAL, low)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
     for i in range(high - low):
-        j = low + i
-        x, y, z, speed = _across((ux[i], uy[i], uz[i]), (tx[i], ty[i], tz[i]))
+        x, y, z, speed = across((ux[i], uy[i], uz[i]), (tx[i], ty[i], tz[i]))
         inverse = 1.0 / (speed + LEAST)
         x, y, z = x * inverse, y * inverse, z * inverse
         rate = vx[i] * x + vy[i] * y + vz[i] * z
-        root = sqrt(2.0 * _mean_square(waves, j, rate))
-        per = memory[PER_DIAMETER, j] / (memory[OMEGA_NOW, j] + LEAST)
-        L, damping = memory[STRENGTH, j] * speed * speed * memory[COSINE, j], memory[DAMPING, j]
-        force = L * (waves.C0 - waves.C1 * root * per) - damping * rate
+        root = sqrt(2.0 * max(square[i] + share[i] * rate * rate, 0.0))
+        per = per_diameter[i] / (omega[i] + LEAST)
+        L = strength[i] * speed * speed * lift[i]
+        force = L * (waves.C0 - waves.C1 * root * per) - damping[i] * rate
         Rx[i] += force * x
         Ry[i] += force * y
         Rz[i] += force * z
-        growth = 2.0 * memory[SHARE, j] * rate * per / (root + LEAST)
-        k = stage.q * (L * waves.C1 * growth + damping)
+        growth = 2.0 * share[i] * rate * per / (root + LEAST)
+        k = stage.q * (L * waves.C1 * growth + damping[i])
         Axx[i] += k * x * x
         Axy[i] += k * x * y
         Axz[i] += k * x * z
@@ -268,18 +245,23 @@ def load_nodes(waves: Any, work: Any, stage: Any, low: int, high: int) -> None:
 def settle(waves: Any, rope: Any, stage: Any, kind: int) -> None:
     """Phase, frequency and mean square of the solved stage; half waves are counted once a step."""
     memory, work, n = waves.memory, rope.work, rope.state.counts[ELEMENTS]
+    vx, vy, vz = rows(work, VELOCITY, 0)
+    ux, uy, uz = rows(work, FLOW, 0)
+    tx, ty, tz = rows(work, TANGENT, 0)
+    hat, share = memory[SQUARE_HAT], memory[SHARE]
+    phase, omega = memory[PHASE_NOW], memory[OMEGA_NOW]
+    phase1, omega1 = memory[CARRIED + PHASE], memory[CARRIED + OMEGA]
+    square1, rate1 = memory[CARRIED + SQUARE], memory[CARRIED + SQUARE_RATE]
     for i in range(n):
-        water = (work[FLOW, i], work[FLOW + 1, i], work[FLOW + 2, i])
-        tangent = (work[TANGENT, i], work[TANGENT + 1, i], work[TANGENT + 2, i])
-        x, y, z, speed = _across(water, tangent)
-        rate = work[VELOCITY, i] * x + work[VELOCITY + 1, i] * y + work[VELOCITY + 2, i] * z
-        rate /= speed + LEAST
-        square, omega = _mean_square(waves, i, rate), memory[OMEGA_NOW, i]
-        memory[CARRIED + PHASE, i], memory[CARRIED + OMEGA, i] = memory[PHASE_NOW, i], omega
-        memory[CARRIED + SQUARE, i] = square
-        memory[CARRIED + SQUARE_RATE, i] = omega * waves.averaging * (rate * rate - square)
+        x, y, z, speed = across((ux[i], uy[i], uz[i]), (tx[i], ty[i], tz[i]))
+        rate = (vx[i] * x + vy[i] * y + vz[i] * z) / (speed + LEAST)
+        square = max(hat[i] + share[i] * rate * rate, 0.0)
+        phase1[i], omega1[i], square1[i] = phase[i], omega[i], square
+        rate1[i] = omega[i] * waves.averaging * (rate * rate - square)
     if waves.by_half_waves and kind == BDF2:
-        _hold_frequencies(waves, rope)
+        held = memory[HELD]
+        set_paces(waves.turns, work, memory[PER_DIAMETER], held, n - n, n)
+        hold_frequencies(waves, work, memory[LENGTH], held, memory[SCRATCH], n)
     _set_trials(waves, rope)
 
 
@@ -288,7 +270,7 @@ def _set_trials(waves: Any, rope: Any) -> None:
     """At the trial nodes the lift is that of the highest free node, per metre, and stays."""
     memory, top = waves.memory, rope.state.counts[ELEMENTS] - 1
     slots = rope.state.s.shape[0]
-    length = _length(rope.work, top)
+    length = memory[LENGTH, top]
     for slot in range(slots - TRIALS, slots):
         for k in (COSINE, OMEGA_NOW, PER_DIAMETER):
             memory[k, slot] = memory[k, top]

@@ -1,0 +1,105 @@
+"""One frequency for each half wave of vortices along a rope, and the waves that it makes.
+
+[LCD] Le Cunff and Durand (1999): ω = 2π·St·U/d, and waves of this frequency have
+k² = (√(T² + 4·EI·m_t·ω²) - T)/(2·EI), or m_t·ω²/T. Counted from the hang-off down, a half wave
+keeps the frequency of its upper end.
+"""
+
+from __future__ import annotations
+
+from math import pi, sqrt
+from typing import Any
+
+from rope_twin.core.jit import jit, jit_within
+from rope_twin.core.rows import row, rows
+from rope_twin.core.state import DIRECTION, FLOW, MASS, REST, TENSION, VOLUME
+
+LEAST = 1e-9  # what keeps a quotient finite where nothing flows
+
+
+@jit_within
+def across(water: Any, tangent: Any) -> Any:
+    """U × t and its size, that of the water across the rope."""
+    u, v, w = water
+    x, y, z = tangent
+    cx, cy, cz = v * z - w * y, w * x - u * z, u * y - v * x
+    return cx, cy, cz, sqrt(cx * cx + cy * cy + cz * cz)
+
+
+@jit
+def set_lengths(work: Any, length: Any, low: int, high: int) -> None:
+    """Rope that belongs to the free nodes low <= i < high [m]; length: from node `low` on."""
+    first = max(low, 1)
+    rest, below = row(work, REST, first), row(work, REST, first - 1)
+    if low == 0:
+        length[0] = 0.5 * work[REST, 0]
+    own = length[first - low :]
+    for i in range(high - first):
+        own[i] = 0.5 * (rest[i] + below[i])
+
+
+@jit_within
+def _pace(turns: float, water: Any, direction: Any, per_diameter: float) -> Any:
+    """2π·St·U/d [rad/s] of water across a direction of any length."""
+    x, y, z = direction
+    inverse = 1.0 / sqrt(x * x + y * y + z * z + 1e-12)
+    _, _, _, speed = across(water, (x * inverse, y * inverse, z * inverse))
+    return turns * speed * per_diameter
+
+
+@jit
+def set_paces(turns: float, work: Any, per_diameter: Any, pace: Any, low: int, high: int) -> None:
+    """2π·St·U/d of the nodes low <= i < high [rad/s], U across the elements beside them.
+
+    turns: 2π·St; per_diameter and pace: 1/d and the result, from node `low` on.
+    """
+    first = max(low, 1)
+    if low == 0:
+        water = (work[FLOW, 0], work[FLOW + 1, 0], work[FLOW + 2, 0])
+        x, y, z = work[DIRECTION, 0], work[DIRECTION + 1, 0], work[DIRECTION + 2, 0]
+        pace[0] = _pace(turns, water, (2.0 * x, 2.0 * y, 2.0 * z), per_diameter[0])
+    tx, ty, tz = rows(work, DIRECTION, first)
+    bx, by, bz = rows(work, DIRECTION, first - 1)
+    ux, uy, uz = rows(work, FLOW, first)
+    own, per = pace[first - low :], per_diameter[first - low :]
+    for i in range(high - first):
+        direction = (tx[i] + bx[i], ty[i] + by[i], tz[i] + bz[i])
+        own[i] = _pace(turns, (ux[i], uy[i], uz[i]), direction, per[i])
+
+
+@jit_within
+def wave_number(EI: float, T: float, m: float, omega: float) -> Any:
+    """k of a wave of this frequency [1/m]; 0 where the rope is slack. m: mass per metre."""
+    inertia = m * omega * omega
+    square = 2.0 * inertia / (T + sqrt(T * T + 4.0 * EI * inertia) + LEAST)
+    return sqrt(square) if T > 0.0 else 0.0
+
+
+@jit
+def _set_turns(waves: Any, work: Any, length: Any, turn: Any, n: int) -> None:
+    """k·length/ω of the nodes below n, without bending [s]."""
+    T, mass, volume = row(work, TENSION, 0), row(work, MASS, 0), row(work, VOLUME, 0)
+    for i in range(n):
+        moved = mass[i] + waves.added * volume[i]
+        turn[i] = sqrt(2.0 * length[i] * moved / (T[i] + T[i] + LEAST)) if T[i] > 0.0 else 0.0
+
+
+@jit
+def hold_frequencies(waves: Any, work: Any, length: Any, held: Any, turn: Any, n: int) -> None:
+    """One ω from the hang-off down until half a wave is full: that of its upper end.
+
+    held: each node's own ω; becomes that of its half wave. turn: scratch.
+    """
+    T, mass, volume = row(work, TENSION, 0), row(work, MASS, 0), row(work, VOLUME, 0)
+    if waves.EI == 0.0:
+        _set_turns(waves, work, length, turn, n)
+    turned, omega = pi, 0.0
+    for i in range(n - 1, -1, -1):
+        if turned >= pi:
+            turned, omega = turned - pi, held[i]
+        held[i] = omega
+        if waves.EI == 0.0:
+            turned += omega * turn[i]
+        else:
+            per_metre = (mass[i] + waves.added * volume[i]) / length[i]
+            turned += length[i] * wave_number(waves.EI, T[i], per_metre, omega)

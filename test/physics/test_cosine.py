@@ -1,0 +1,44 @@
+"""The cosine of the node loops: the C library's, and more than one at a time."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numba
+import numpy as np
+
+from rope_twin.core.cosine import cosine
+from rope_twin.core.jit import OPTIONS, jit_entry
+
+# a product of several doubles at once: x86-64 and aarch64
+PACKED_PRODUCT = re.compile(
+    r"\bv?f?n?m(?:ul|add\d*|sub\d*)pd\b|\bfmla\s+v\d+\.2d|\bfmul\s+v\d+\.2d"
+)
+
+
+@jit_entry
+def cosines(x: Any, y: Any) -> None:
+    """y = cos x."""
+    for i in range(x.shape[0]):
+        y[i] = cosine(x[i])
+
+
+def test_it_is_the_cosine() -> None:
+    """To 5e-16, for phases of any sign up to 150,000 turns."""
+    random, quarters = np.random.default_rng(1), np.arange(-4000, 4000) * (0.5 * np.pi)
+    wide = [random.uniform(-size, size, 20000) for size in (1.0, 30.0, 1e3, 1e6)]
+    x = np.concatenate([quarters, *wide])
+    y = np.empty_like(x)
+    cosines(x, y)
+    assert np.abs(y - np.cos(x)).max() < 5e-16
+    cosines(np.full(5, np.nan), y[:5])
+    assert np.isnan(y[:5]).all()
+
+
+def test_its_loop_is_vectorised() -> None:
+    """A call for each number would leave no packed product (cached code cannot be inspected)."""
+    fresh = numba.njit(**OPTIONS)(cosines.py_func)
+    fresh.compile("void(f8[::1], f8[::1])")
+    (signature,) = fresh.signatures
+    assert PACKED_PRODUCT.search(fresh.inspect_asm(signature))
