@@ -80,7 +80,7 @@ def eliminate_upward(work: Any, first: int, n: int) -> Any:
         Z = spring(work, 0)
     for i in range(first, n):
         S, force = _held(work, i, i, Z), _pushed(work, i, f)
-        gain, own, Z, f = eliminate_node(S, force, *_element(work, i))
+        gain, own, Z, f, _ = eliminate_node(S, force, *_element(work, i))
         _keep(work, i, gain, own)
     return Z, f
 
@@ -92,7 +92,7 @@ def eliminate_downward(work: Any, n: int) -> Any:
     for i in range(n - 1, 0, -1):
         e = i - 1
         S, force = _held(work, i, e, Z), _pushed(work, i, f)
-        gain, own, Z, f = eliminate_node(S, force, *_element(work, e))
+        gain, own, Z, f, _ = eliminate_node(S, force, *_element(work, e))
         _keep(work, i, gain, own)
     return Z, f
 
@@ -109,11 +109,11 @@ def eliminate_between(work: Any, n: int) -> Any:
     for i in range(1, n):
         S, force = _held(work, i, i, Z), _pushed(work, i, f)
         t, a, b = _element(work, i)
-        gain, own, Z, f = eliminate_node(S, force, t, a, b)
+        gain, own, Z, f, _ = eliminate_node(S, force, t, a, b)
         _keep(work, i, gain, own)
-        _, hx, _, next_x = eliminate_node(S, px, t, a, b)
-        _, hy, _, next_y = eliminate_node(S, py, t, a, b)
-        _, hz, _, next_z = eliminate_node(S, pz, t, a, b)
+        _, hx, _, next_x, _ = eliminate_node(S, px, t, a, b)
+        _, hy, _, next_y, _ = eliminate_node(S, py, t, a, b)
+        _, hz, _, next_z, _ = eliminate_node(S, pz, t, a, b)
         for k in range(3):
             work[FAR + 3 * k, i], work[FAR + 3 * k + 1, i] = hx[k], hy[k]
             work[FAR + 3 * k + 2, i] = hz[k]

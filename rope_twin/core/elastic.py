@@ -18,6 +18,7 @@ from rope_twin.core.law import pull_of
 from rope_twin.core.rows import offset_row, row, rows
 from rope_twin.core.state import (
     AXIAL,
+    CHANGE,
     CORRECTION,
     DAMPING,
     DIRECTION,
@@ -33,19 +34,44 @@ from rope_twin.core.state import (
 
 
 @jit_within
-def _stretched(part: Any, motion: Any, weights: Any, e: int) -> Any:
+def _apart(motion: Any, e: int) -> Any:
+    """Position and velocity of an element's upper node less that of its lower one."""
+    px, py, pz, nx, ny, nz, vx, vy, vz, wx, wy, wz = motion
+    return (
+        nx[e] - px[e], ny[e] - py[e], nz[e] - pz[e],
+        wx[e] - vx[e], wy[e] - vy[e], wz[e] - vz[e],
+    )  # fmt: skip
+
+
+@jit_within
+def _corrected(motion: Any, deltas: Any, weights: Any, e: int) -> Any:
+    """The same of nodes whose motion wants a correction yet."""
+    px, py, pz, nx, ny, nz, vx, vy, vz, wx, wy, wz = motion
+    dx, dy, dz, ex, ey, ez = deltas
+    p, q, _ = weights
+    return (
+        (nx[e] + p * ex[e]) - (px[e] + p * dx[e]),
+        (ny[e] + p * ey[e]) - (py[e] + p * dy[e]),
+        (nz[e] + p * ez[e]) - (pz[e] + p * dz[e]),
+        (wx[e] + q * ex[e]) - (vx[e] + q * dx[e]),
+        (wy[e] + q * ey[e]) - (vy[e] + q * dy[e]),
+        (wz[e] + q * ez[e]) - (vz[e] + q * dz[e]),
+    )  # fmt: skip
+
+
+@jit_within
+def _stretched(part: Any, apart: Any, weights: Any, e: int) -> Any:
     """Direction, tension, AXIAL and GEOMETRIC of element e, as `stretch` says."""
     law, rest, slack, section, stiffness, damping = part
-    px, py, pz, nx, ny, nz, vx, vy, vz, wx, wy, wz = motion
+    dx, dy, dz, wx, wy, wz = apart
     p, q, growth = weights
-    dx, dy, dz = nx[e] - px[e], ny[e] - py[e], nz[e] - pz[e]
     l0 = rest[e]
     length = sqrt(dx * dx + dy * dy + dz * dz + 1e-16 * l0 * l0)
     inverse = 1.0 / length
     dx *= inverse
     dy *= inverse
     dz *= inverse
-    closing = dx * (wx[e] - vx[e]) + dy * (wy[e] - vy[e]) + dz * (wz[e] - vz[e])
+    closing = dx * wx + dy * wy + dz * wz
     elastic, k = pull_of(law, section, stiffness, e, length + slack[e] - l0, l0)
     pull = elastic + damping[e] * (closing - growth * length)
     taut = pull > 0.0
@@ -91,7 +117,7 @@ def stretch(
     tx, ty, tz = rows(work, DIRECTION, low)
     T, axial, geometric = row(work, TENSION, low), row(work, AXIAL, low), row(work, GEOMETRIC, low)
     for e in range(high - low):
-        x, y, z, pull, along, across = _stretched(part, motion, (p, q, growth), e)
+        x, y, z, pull, along, across = _stretched(part, _apart(motion, e), (p, q, growth), e)
         tx[e] = x
         ty[e] = y
         tz[e] = z
@@ -117,7 +143,7 @@ def stretch_corrected(rope: Any, stage: Any, growth: float, low: int, high: int)
     for e in range(high - low):
         more = tx[e] * (nx[e] - dx[e]) + ty[e] * (ny[e] - dy[e]) + tz[e] * (nz[e] - dz[e])
         expected = T[e] + (axial[e] + geometric[e]) * more
-        x, y, z, pull, along, across = _stretched(part, motion, weights, e)
+        x, y, z, pull, along, across = _stretched(part, _apart(motion, e), weights, e)
         wrong = count_beyond(wrong, pull, expected, tolerance)
         tx[e] = x
         ty[e] = y
@@ -126,6 +152,52 @@ def stretch_corrected(rope: Any, stage: Any, growth: float, low: int, high: int)
         axial[e] = along
         geometric[e] = across
     return wrong
+
+
+@jit
+def count_unexpected(rope: Any, stage: Any, growth: float, low: int, high: int) -> int:
+    """The same where motion is not corrected yet; direction and tension are as if it were."""
+    work, tolerance = rope.work, rope.model.tolerance
+    part = _part(rope.law, work, rope.state.offset, low)
+    motion, weights = _motion(work, low), (stage.p, stage.q, growth)
+    deltas = (*rows(work, CORRECTION, low), *rows(work, CORRECTION, low + 1))
+    tx, ty, tz = rows(work, DIRECTION, low)
+    T, axial, geometric = row(work, TENSION, low), row(work, AXIAL, low), row(work, GEOMETRIC, low)
+    wrong = 0
+    for e in range(high - low):
+        dx, dy, dz, ex, ey, ez = deltas
+        more = tx[e] * (ex[e] - dx[e]) + ty[e] * (ey[e] - dy[e]) + tz[e] * (ez[e] - dz[e])
+        expected = T[e] + (axial[e] + geometric[e]) * more
+        apart = _corrected(motion, deltas, weights, e)
+        x, y, z, pull, _, _ = _stretched(part, apart, weights, e)
+        wrong = count_beyond(wrong, pull, expected, tolerance)
+        tx[e] = x
+        ty[e] = y
+        tz[e] = z
+        T[e] = pull
+    return wrong
+
+
+@jit
+def find_change(rope: Any, stage: Any, growth: float, low: int, high: int, column: int) -> None:
+    """Likewise direction and tension; the change of the elements' forces from `column` on."""
+    work = rope.work
+    part = _part(rope.law, work, rope.state.offset, low)
+    motion, weights = _motion(work, low), (stage.p, stage.q, growth)
+    deltas = (*rows(work, CORRECTION, low), *rows(work, CORRECTION, low + 1))
+    tx, ty, tz = rows(work, DIRECTION, low)
+    T = row(work, TENSION, low)
+    cx, cy, cz = rows(work, CHANGE, column)
+    for e in range(high - low):
+        apart = _corrected(motion, deltas, weights, e)
+        x, y, z, pull, _, _ = _stretched(part, apart, weights, e)
+        cx[e] = pull * x - T[e] * tx[e]
+        cy[e] = pull * y - T[e] * ty[e]
+        cz[e] = pull * z - T[e] * tz[e]
+        tx[e] = x
+        ty[e] = y
+        tz[e] = z
+        T[e] = pull
 
 
 @jit_within

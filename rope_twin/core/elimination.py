@@ -33,8 +33,8 @@ from rope_twin.core.state import (
 def eliminate_node(S: Any, f: Any, t: Any, a: Any, b: Any) -> Any:
     """Eliminate a node through its next element.
 
-    S: xx, xy, xz, yy, yz, zz of Ŝ; f: its force. Returns (S + K)⁻¹·K by rows, (S + K)⁻¹·f, and Z
-    and force for the neighbour.
+    S: xx, xy, xz, yy, yz, zz of Ŝ; f: its force. Returns (S + K)⁻¹·K by rows, (S + K)⁻¹·f, Z and
+    force for the neighbour, and (S + K)⁻¹.
     """
     sxx, sxy, sxz, syy, syz, szz = S
     fx, fy, fz = f
@@ -76,7 +76,26 @@ def eliminate_node(S: Any, f: Any, t: Any, a: Any, b: Any) -> Any:
         vy * kx + gxy, vy * ky + g * cyy, vy * kz + gyz,
         vz * kx + gxz, vz * ky + gyz, vz * kz + g * czz,
     )  # fmt: skip
-    return gain, own, left, force
+    inverse = (
+        over_det * cxx - vx * ux, over_det * cxy - vx * uy, over_det * cxz - vx * uz,
+        over_det * cyy - vy * uy, over_det * cyz - vy * uz, over_det * czz - vz * uz,
+    )  # fmt: skip
+    return gain, own, left, force, inverse
+
+
+@jit_ordered_within
+def push_node(gain: Any, inverse: Any, f: Any) -> Any:
+    """(S + K)⁻¹·f and the force K·(S + K)⁻¹·f for the neighbour, of a node eliminated before."""
+    gxx, gxy, gxz, gyx, gyy, gyz, gzx, gzy, gzz = gain
+    xx, xy, xz, yy, yz, zz = inverse
+    x, y, z = f
+    own = (
+        (xx * x + xy * y) + xz * z, (xy * x + yy * y) + yz * z, (xz * x + yz * y) + zz * z,
+    )  # fmt: skip
+    force = (
+        (gxx * x + gyx * y) + gzx * z, (gxy * x + gyy * y) + gzy * z, (gxz * x + gyz * y) + gzz * z,
+    )  # fmt: skip
+    return own, force
 
 
 @jit_within
@@ -117,11 +136,35 @@ def eliminate_plainly(work: Any, first: int, n: int) -> None:
     """Corrections of the nodes first <= i < n; they are 0 at n and below first."""
     Z, f = ground(work, first), (0.0, 0.0, 0.0)
     for i in range(first, n):
-        gain, own, Z, f = _plain_node(work, i, i, Z, f)
+        gain, own, Z, f, inverse = _plain_node(work, i, i, Z, f)
         for k in range(9):
             work[ELIMINATED + k, i] = gain[k]
         for k in range(3):
             work[ELIMINATED + 9 + k, i] = own[k]
+        for k in range(6):
+            work[ELIMINATED + 12 + k, i] = inverse[k]
+    _substitute_plainly(work, first, n)
+
+
+@jit_ordered
+def push_plainly(work: Any, first: int, n: int) -> None:
+    """Corrections for another residual, by the factors that `eliminate_plainly` left."""
+    f = (0.0, 0.0, 0.0)
+    G = work[ELIMINATED : ELIMINATED + 18]
+    for i in range(first, n):
+        x, y, z = f
+        gain = (G[0, i], G[1, i], G[2, i], G[3, i], G[4, i], G[5, i], G[6, i], G[7, i], G[8, i])
+        inverse = (G[12, i], G[13, i], G[14, i], G[15, i], G[16, i], G[17, i])
+        force = (x + work[RESIDUAL, i], y + work[RESIDUAL + 1, i], z + work[RESIDUAL + 2, i])
+        own, f = push_node(gain, inverse, force)
+        for k in range(3):
+            G[9 + k, i] = own[k]
+    _substitute_plainly(work, first, n)
+
+
+@jit_ordered
+def _substitute_plainly(work: Any, first: int, n: int) -> None:
+    """Corrections from the hang-off down."""
     dx = dy = dz = 0.0
     for i in range(n - 1, first - 1, -1):
         G = work[ELIMINATED : ELIMINATED + 12]

@@ -1,7 +1,7 @@
 """The elimination of core/elimination from both ends at once, one chain in each SIMD lane.
 
 A single chain is bound by the latency of its own recursion. Pair k is the nodes first + k and
-n - 1 - k; the chains meet in the middle. What the substitution wants of a pair is a record of 24
+n - 1 - k; the chains meet in the middle. What is kept of a pair is a record of 36
 numbers; records lie end to end in the rows ELIMINATED.
 """
 
@@ -17,6 +17,8 @@ from rope_twin.core.elimination import (
     eliminate_plainly,
     ground,
     hold_ends,
+    push_node,
+    push_plainly,
     solve_symmetric,
     spring,
 )
@@ -33,7 +35,7 @@ from rope_twin.core.state import (
     RESIDUAL,
 )
 
-RECORD = 24  # numbers
+RECORD = 36  # numbers: pairs of the gain by rows, of own, of the inverse
 
 
 @jit_within
@@ -53,7 +55,7 @@ def _paired_node(work: Any, i: int, j: int, k: int, Z: Any, f: Any) -> Any:
     )  # fmt: skip
     force = (f[0] + gather(Rx, i, j), f[1] + gather(Ry, i, j), f[2] + gather(Rz, i, j))
     t = (gather(x, i, e), gather(y, i, e), gather(z, i, e))
-    gain, own, left, pushed = eliminate_node(S, force, t, a, b)
+    gain, own, left, pushed, inverse = eliminate_node(S, force, t, a, b)
     record = row(work, ELIMINATED, RECORD * k)
     store(record, 0, gain[0])
     store(record, 2, gain[1])
@@ -67,6 +69,12 @@ def _paired_node(work: Any, i: int, j: int, k: int, Z: Any, f: Any) -> Any:
     store(record, 18, own[0])
     store(record, 20, own[1])
     store(record, 22, own[2])
+    store(record, 24, inverse[0])
+    store(record, 26, inverse[1])
+    store(record, 28, inverse[2])
+    store(record, 30, inverse[3])
+    store(record, 32, inverse[4])
+    store(record, 34, inverse[5])
     return left, pushed
 
 
@@ -111,7 +119,6 @@ def _eliminate_folded(work: Any, first: int, n: int) -> None:
     of nodes the upper of the two there is eliminated onto the lower, in a round of its own whose
     first lane is not used.
     """
-    dx, dy, dz = rows(work, CORRECTION, 0)
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2
     middle = first + pairs
     below, above = ground(work, first), spring(work, n - 1)
@@ -126,7 +133,55 @@ def _eliminate_folded(work: Any, first: int, n: int) -> None:
     if rounds > pairs:
         Z, f = _paired_node(work, middle, middle + 1, pairs, Z, f)
     S = add_six(add_six(_six_lanes(Z_below, 0), _six_lanes(Z, 1)), _six(work, BLOCK, middle))
-    low, high = _lanes(f_below, 0), _lanes(f, 1)
+    kept = row(work, ELIMINATED, RECORD * rounds)
+    for k in range(6):
+        kept[k] = S[k]
+    _substitute_all(work, first, n, _lanes(f_below, 0), _lanes(f, 1))
+
+
+@jit_within
+def _pushed_pair(work: Any, i: int, j: int, k: int, f: Any) -> Any:
+    """Force for the neighbours of nodes i and j, which record k is of."""
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    record = row(work, ELIMINATED, RECORD * k)
+    force = (f[0] + gather(Rx, i, j), f[1] + gather(Ry, i, j), f[2] + gather(Rz, i, j))
+    gain = (
+        load(record, 0), load(record, 2), load(record, 4), load(record, 6), load(record, 8),
+        load(record, 10), load(record, 12), load(record, 14), load(record, 16),
+    )  # fmt: skip
+    inverse = (
+        load(record, 24), load(record, 26), load(record, 28), load(record, 30), load(record, 32),
+        load(record, 34),
+    )  # fmt: skip
+    own, pushed = push_node(gain, inverse, force)
+    store(record, 18, own[0])
+    store(record, 20, own[1])
+    store(record, 22, own[2])
+    return pushed
+
+
+@jit_ordered
+def _push_folded(work: Any, first: int, n: int) -> None:
+    """Corrections for another residual, by the records that `_eliminate_folded` left."""
+    pairs, rounds = (n - first - 1) // 2, (n - first) // 2
+    middle = first + pairs
+    f = (pair(0.0, 0.0), pair(0.0, 0.0), pair(0.0, 0.0))
+    for k in range(pairs):
+        f = _pushed_pair(work, first + k, n - 1 - k, k, f)
+    f_below = f
+    if rounds > pairs:
+        f = _pushed_pair(work, middle, middle + 1, pairs, f)
+    _substitute_all(work, first, n, _lanes(f_below, 0), _lanes(f, 1))
+
+
+@jit_ordered
+def _substitute_all(work: Any, first: int, n: int, low: Any, high: Any) -> None:
+    """Corrections from the middle outward; low and high: the force on it from either side."""
+    dx, dy, dz = rows(work, CORRECTION, 0)
+    pairs, rounds = (n - first - 1) // 2, (n - first) // 2
+    middle = first + pairs
+    kept = row(work, ELIMINATED, RECORD * rounds)
+    S = (kept[0], kept[1], kept[2], kept[3], kept[4], kept[5])
     force = (
         low[0] + high[0] + work[RESIDUAL, middle],
         low[1] + high[1] + work[RESIDUAL + 1, middle],
@@ -150,3 +205,4 @@ def _eliminate_folded(work: Any, first: int, n: int) -> None:
 
 
 eliminate = eliminate_plainly if config.DISABLE_JIT else _eliminate_folded
+push = push_plainly if config.DISABLE_JIT else _push_folded

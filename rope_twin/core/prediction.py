@@ -62,6 +62,57 @@ def predict_bdf2(nodes: Any, work: Any, p: float, q: float, low: int, high: int)
 
 
 @jit
+def predict_on(
+    nodes: Any, work: Any, p: float, q: float, pending: float, low: int, high: int
+) -> None:
+    """`predict_bdf2` where pending·delta is to be added to the middle first."""
+    x0, y0, z0 = node_rows(nodes, POSITION, low)
+    vx0, vy0, vz0 = node_rows(nodes, VELOCITY, low)
+    x, y, z = rows(work, POSITION, low)
+    vx, vy, vz = rows(work, VELOCITY, low)
+    ax, ay, az = rows(work, ACCELERATION, low)
+    dx, dy, dz = rows(work, CORRECTION, low)
+    for i in range(high - low):
+        bx, by, bz = pending * dx[i], pending * dy[i], pending * dz[i]
+        ux = K1 * (vx[i] + q * bx) - K2 * vx0[i]
+        uy = K1 * (vy[i] + q * by) - K2 * vy0[i]
+        uz = K1 * (vz[i] + q * bz) - K2 * vz0[i]
+        cx, cy, cz = ax[i] + bx, ay[i] + by, az[i] + bz
+        x[i] = K1 * (x[i] + p * bx) - K2 * x0[i] + q * ux + p * cx
+        y[i] = K1 * (y[i] + p * by) - K2 * y0[i] + q * uy + p * cy
+        z[i] = K1 * (z[i] + p * bz) - K2 * z0[i] + q * uz + p * cz
+        vx[i] = ux + q * cx
+        vy[i] = uy + q * cy
+        vz[i] = uz + q * cz
+        ax[i] = cx
+        ay[i] = cy
+        az[i] = cz
+
+
+@jit
+def accept(nodes: Any, work: Any, p: float, q: float, pending: float, low: int, high: int) -> None:
+    """The stage's motion, with pending·delta, becomes that of the nodes low <= i < high."""
+    x0, y0, z0 = node_rows(nodes, POSITION, low)
+    vx0, vy0, vz0 = node_rows(nodes, VELOCITY, low)
+    ax0, ay0, az0 = node_rows(nodes, ACCELERATION, low)
+    x, y, z = rows(work, POSITION, low)
+    vx, vy, vz = rows(work, VELOCITY, low)
+    ax, ay, az = rows(work, ACCELERATION, low)
+    dx, dy, dz = rows(work, CORRECTION, low)
+    for i in range(high - low):
+        bx, by, bz = pending * dx[i], pending * dy[i], pending * dz[i]
+        x0[i] = x[i] + p * bx
+        y0[i] = y[i] + p * by
+        z0[i] = z[i] + p * bz
+        vx0[i] = vx[i] + q * bx
+        vy0[i] = vy[i] + q * by
+        vz0[i] = vz[i] + q * bz
+        ax0[i] = ax[i] + bx
+        ay0[i] = ay[i] + by
+        az0[i] = az[i] + bz
+
+
+@jit
 def correct(work: Any, p: float, q: float, factor: float, low: int, high: int) -> None:
     """a += factor·delta, and x and v with it."""
     x, y, z = rows(work, POSITION, low)

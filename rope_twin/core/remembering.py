@@ -35,6 +35,7 @@ import numpy as np
 from numba.extending import overload
 
 from rope_twin.core.jit import LINKED, jit
+from rope_twin.core.prediction import correct
 from rope_twin.core.state import ELEMENTS
 from rope_twin.core.terms import kernel_of, kernels_by_place, written_out
 
@@ -130,13 +131,15 @@ def _counts(effects: Any) -> dict[int, int]:
     return {i: _REMEMBERED[kind] for i, kind in enumerate(kinds) if kind in _REMEMBERED}
 
 
-def _for_each(head: str, effects: Any, line: str, hook: str = "", **names: Any) -> Any:
+def _for_each(
+    head: str, effects: Any, line: str, hook: str = "", result: str = "None", **names: Any
+) -> Any:
     """The function of this line for every effect that remembers; # stands for its place."""
     counts = _counts(effects)
     calls = {i: call for i, call in kernels_by_place(hook, effects).items() if i in counts}
     names |= {f"k_{i}": np.int64(k) for i, k in counts.items()}
     lines = [line.replace("#", str(i)) for i in counts]
-    return written_out(head, [*lines, "return None"], calls, **names)
+    return written_out(head, [*lines, f"return {result}"], calls, **names)
 
 
 def begin_step(effects: Any, rope: Any, time: Any) -> Any:
@@ -184,16 +187,28 @@ def _compose_predict(effects: Any, rope: Any, stage: Any, kind: Any, low: Any, h
     return _for_each("effects, rope, stage, kind, low, high", effects, line, "predict")
 
 
-def settle_memories(effects: Any, rope: Any, stage: Any, kind: Any) -> Any:
-    """A stage is solved."""
+@jit
+def _complete(rope: Any, stage: Any, pending: float) -> float:
+    """The stage's motion, whole; nothing is pending then."""
+    n, first = rope.state.counts[ELEMENTS], rope.model.first_free
+    if pending != 0.0:
+        correct(rope.work, stage.p, stage.q, pending, first, n)
+    return 0.0
+
+
+def settle_memories(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any) -> Any:
+    """A stage is solved; who remembers wants its motion whole. Returns what is pending after."""
     for effect, _ in _said(effects):
+        pending = _complete(rope, stage, pending)
         kernel_of("settle", type(effect))(effect, rope, stage, kind)
+    return pending
 
 
 @overload(settle_memories, jit_options=LINKED, strict=False)
-def _compose_settle(effects: Any, rope: Any, stage: Any, kind: Any) -> Any:
-    line = "kernel_#(effects[#], rope, stage, kind)"
-    return _for_each("effects, rope, stage, kind", effects, line, "settle")
+def _compose_settle(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any) -> Any:
+    line = "pending = complete(rope, stage, pending)\n    kernel_#(effects[#], rope, stage, kind)"
+    head = "effects, rope, stage, kind, pending"
+    return _for_each(head, effects, line, "settle", "pending", complete=_complete)
 
 
 def accept_memories(effects: Any, state: Any) -> Any:

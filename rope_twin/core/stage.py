@@ -4,6 +4,8 @@ The tension-only energy is convex in a, so there is one minimum. A stage is acce
 tension is what the linearisation expected of it and, where an effect's loads come and go, every
 node is in balance; from the fourth correction on a secant line
 search keeps Newton from overshooting between slack and taut (plain steps suffice before).
+
+A stage may begin with the factors of the one before (core/again).
 """
 
 from __future__ import annotations
@@ -15,13 +17,14 @@ import numpy as np
 from numba.extending import overload
 
 from rope_twin.core import terms
+from rope_twin.core.again import count_left
 from rope_twin.core.assembly import load_lowest, load_nodes, set_flow, slope
 from rope_twin.core.coupled_elimination import eliminate_coupled
-from rope_twin.core.elastic import growth_of, stretch, stretch_corrected, stretch_top
-from rope_twin.core.fold import eliminate
+from rope_twin.core.elastic import count_unexpected, growth_of, stretch, stretch_top
+from rope_twin.core.fold import eliminate, push
 from rope_twin.core.jit import LINKED, jit
-from rope_twin.core.prediction import correct, predict_bdf2, predict_trapezoid
-from rope_twin.core.remembering import predict_memories
+from rope_twin.core.prediction import correct, predict_on, predict_trapezoid
+from rope_twin.core.remembering import predict_memories, remembers
 from rope_twin.core.rows import rows
 from rope_twin.core.state import ELEMENTS, RESIDUAL, SOLVES, SOLVES_MAX
 
@@ -31,7 +34,7 @@ CAP = 12  # corrections before the step is halved instead
 LAST_CAP = 200
 SEARCH_FROM = 4  # the first correction that is searched along
 SEARCH_EVALUATIONS = 8
-NOT_FINITE, UNCONVERGED, CONVERGED = -1, 0, 1  # the worse, the smaller
+NOT_FINITE, UNCONVERGED, CONVERGED, PENDING = -1, 0, 1, 2  # the worse, the smaller
 # What an evaluation starts with. Not Python's integers: numba compiles again for each of those.
 TRAPEZOID, BDF2, SEARCH = np.int64(0), np.int64(1), np.int64(2)
 CHUNK = 64  # nodes that all passes take at a time: their rows fit into the nearest cache
@@ -55,9 +58,8 @@ def _choose_elimination(effects: Any, work: Any, first: Any, n: Any) -> Any:
 
 
 @jit
-def _is_balanced(rope: Any, stage: Any) -> bool:
-    """Whether no node is left with a force above the tolerance, all loads taken anew."""
-    _reload(rope, stage)
+def _is_balanced(rope: Any) -> bool:
+    """Whether no node is left with a force above the tolerance."""
     Rx, Ry, Rz = rows(rope.work, RESIDUAL, 0)
     most = 0.0
     for i in range(rope.model.first_free, rope.state.counts[ELEMENTS]):
@@ -65,45 +67,86 @@ def _is_balanced(rope: Any, stage: Any) -> bool:
     return bool(most <= rope.model.tolerance * rope.model.tolerance)
 
 
-def _balances(effects: Any, rope: Any, stage: Any) -> Any:
-    """Whether the stage is solved as far as loads that come and go are concerned."""
-    return not terms.switches(map(type, effects)) or _is_balanced(rope, stage)
+def _switches(effects: Any) -> Any:
+    """Whether loads come and go, so that tensions do not tell whether a stage is solved."""
+    return terms.switches(map(type, effects))
 
 
-@overload(_balances, jit_options=LINKED, strict=False)
-def _choose_balance(effects: Any, rope: Any, stage: Any) -> Any:
+@overload(_switches, jit_options=LINKED, strict=False)
+def _choose_balance(effects: Any) -> Any:
     if terms.switches(effect.instance_class for effect in effects):
-        return lambda effects, rope, stage: _is_balanced(rope, stage)
-    return lambda effects, rope, stage: True
+        return lambda effects: True
+    return lambda effects: False
+
+
+def _keeps_factors(kinds: Any) -> bool:
+    """Whether an elimination serves another stage.
+
+    Not where what is remembered has gone on, or where loads that come and go ask for more.
+    """
+    kinds = list(kinds)
+    return not (terms.couples(kinds) or terms.switches(kinds) or remembers(kinds))
+
+
+def _serves(effects: Any, rope: Any, stage: Any) -> Any:
+    """Whether the factors that there are solve the stage, as far as the effects' types let them."""
+    return _keeps_factors(map(type, effects)) and _is_solved_again(rope, stage)
+
+
+@overload(_serves, jit_options=LINKED, strict=False)
+def _choose_factors(effects: Any, rope: Any, stage: Any) -> Any:
+    if _keeps_factors(effect.instance_class for effect in effects):
+        return lambda effects, rope, stage: _is_solved_again(rope, stage)
+    return lambda effects, rope, stage: False
 
 
 @jit
-def solve_stage(rope: Any, stage: Any, kind: int, cap: int) -> int:
-    """Find the acceleration; motion and tension then belong to the stage's time.
+def _is_solved_again(rope: Any, stage: Any) -> bool:
+    """Whether one correction by the last elimination's factors solves the stage.
 
-    kind: TRAPEZOID or BDF2; cap: most corrections. Returns CONVERGED, UNCONVERGED, or NOT_FINITE
-    if a force is not.
+    If not, motion, tension and blocks are those of the prediction.
+    """
+    push(rope.work, rope.model.first_free, rope.state.counts[ELEMENTS])
+    rope.state.health[SOLVES] += 1
+    if count_left(rope, stage, CHUNK) == 0:
+        return True
+    _evaluate(rope, stage, SEARCH, 0.0, 0.0)
+    return False
+
+
+@jit
+def solve_stage(rope: Any, stage: Any, kind: int, cap: int, pending: float, again: bool) -> int:
+    """Find the acceleration; tension and, but for what is pending, motion are the stage's then.
+
+    kind: TRAPEZOID or BDF2; cap: most corrections; pending: share of CORRECTION that the motion
+    before wants yet; again: begin with the factors that there are. Returns PENDING where the motion
+    found wants the last correction yet, CONVERGED, UNCONVERGED, or NOT_FINITE if a force is not.
     """
     state, work = rope.state, rope.work
     n, first = state.counts[ELEMENTS], rope.model.first_free
-    _evaluate(rope, stage, kind, 0.0)
+    _evaluate(rope, stage, kind, 0.0, pending)
+    if again and _serves(rope.effects, rope, stage):
+        return PENDING
     for correction in range(1, cap + 1):
         _eliminate(rope.effects, work, first, n)
         state.health[SOLVES] += 1
-        before, unexpected = _correct(rope, stage)
         state.health[SOLVES_MAX] = max(state.health[SOLVES_MAX], correction)
+        unexpected = _look_ahead(rope, stage)
+        if unexpected == 0 and not _switches(rope.effects):
+            return PENDING
+        before = slope(work, first, n)
         if not isfinite(before):
             return NOT_FINITE
-        if unexpected == 0 and _balances(rope.effects, rope, stage):
+        _evaluate(rope, stage, SEARCH, 1.0, 0.0)
+        if unexpected == 0 and _switches(rope.effects) and _is_balanced(rope):
             return CONVERGED
-        _reload(rope, stage)
         if correction >= SEARCH_FROM:
             _search(rope, stage, before)
     return UNCONVERGED
 
 
 @jit
-def _evaluate(rope: Any, stage: Any, kind: int, factor: float) -> None:
+def _evaluate(rope: Any, stage: Any, kind: int, factor: float, pending: float) -> None:
     """Motion, tension, residual and blocks: of the prediction, or (SEARCH) of a += factor·delta.
 
     Elements and loads follow one node behind, since an element needs both of its nodes.
@@ -115,7 +158,7 @@ def _evaluate(rope: Any, stage: Any, kind: int, factor: float) -> None:
         if kind == TRAPEZOID:
             predict_trapezoid(state.nodes, work, p, q, low, high)
         elif kind == BDF2:
-            predict_bdf2(state.nodes, work, p, q, low, high)
+            predict_on(state.nodes, work, p, q, pending, low, high)
         else:
             correct(work, p, q, factor, low, high)
         done, last = max(start - 1, 0), high - 1
@@ -132,26 +175,13 @@ def _evaluate(rope: Any, stage: Any, kind: int, factor: float) -> None:
 
 
 @jit
-def _correct(rope: Any, stage: Any) -> Any:
-    """a += delta, with motion and tension; R·delta, and how many tensions were not expected so."""
-    work, n = rope.work, rope.state.counts[ELEMENTS]
-    before, unexpected = 0.0, 0
-    for start in range(0, n, CHUNK):
-        low, high = max(start, rope.model.first_free), min(start + CHUNK, n)
-        before += slope(work, low, high)
-        correct(work, stage.p, stage.q, 1.0, low, high)
-        unexpected += stretch_corrected(rope, stage, 0.0, max(start - 1, 0), high - 1)
-    return before, unexpected + stretch_corrected(rope, stage, growth_of(rope, stage), n - 1, n)
-
-
-@jit
-def _reload(rope: Any, stage: Any) -> None:
-    """Residual and blocks where motion and tension are up to date."""
-    n = rope.state.counts[ELEMENTS]
-    for start in range(0, n, CHUNK):
-        load_nodes(rope.effects, rope.work, stage, max(start, 1), min(start + CHUNK, n))
-    load_lowest(rope.effects, rope.work, stage)
-    terms.add_couplings(rope.effects, rope.work, stage, n)
+def _look_ahead(rope: Any, stage: Any) -> int:
+    """Direction and tension were motion corrected; how many tensions are not expected so."""
+    last = rope.state.counts[ELEMENTS] - 1
+    return int(
+        count_unexpected(rope, stage, 0.0, last - last, last)
+        + count_unexpected(rope, stage, growth_of(rope, stage), last, last + 1)
+    )
 
 
 @jit
@@ -171,7 +201,7 @@ def _search(rope: Any, stage: Any, before: float) -> None:
         else:
             return
         target = secant(low, slope_low, high, slope_high)
-        _evaluate(rope, stage, SEARCH, target - factor)
+        _evaluate(rope, stage, SEARCH, target - factor, 0.0)
         factor, here = target, slope(rope.work, first, n)
 
 

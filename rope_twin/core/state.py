@@ -31,18 +31,19 @@ CORRECTION = 18  # Newton's correction of a [m/s²]
 DIRECTION = 21  # unit vector t from node e to e + 1
 # node blocks and the elimination:
 BLOCK = 24  # symmetric A [kg]: xx, xy, xz, yy, yz, zz
-ELIMINATED = 30  # 9 of the matrix, 3 of the vector
+ELIMINATED = 30  # 9 of the matrix, 3 of the vector, 6 of the inverse
 # scalars at elements:
-REST = 42  # unstretched length [m]
-STIFFNESS, DAMPING = 43, 44  # EA/rest [N/m], c/rest [N·s/m]
-TENSION = 45  # [N]; a result after `advance`
-AXIAL = 46  # stiffness along t times p, plus damping times q, less GEOMETRIC [kg]
-GEOMETRIC = 47  # T/l times p [kg]
+REST = 48  # unstretched length [m]
+STIFFNESS, DAMPING = 49, 50  # EA/rest [N/m], c/rest [N·s/m]
+TENSION = 51  # [N]; a result after `advance`
+AXIAL = 52  # stiffness along t times p, plus damping times q, less GEOMETRIC [kg]
+GEOMETRIC = 53  # T/l times p [kg]
 # scalars at nodes, of the half elements beside it:
-MASS, VOLUME = 48, 49  # [kg], [m³] of displaced water
-FRONTAL, SKIN = 50, 51  # areas that the drag coefficients across and along refer to [m²]
-SECTION = 52  # of an element: which of the rope's sections it is of
-KEPT = 53  # NODE_ROWS of the state at the start of the step, for a restore
+MASS, VOLUME = 54, 55  # [kg], [m³] of displaced water
+FRONTAL, SKIN = 56, 57  # areas that the drag coefficients across and along refer to [m²]
+SECTION = 58  # of an element: which of the rope's sections it is of
+KEPT = 59  # NODE_ROWS of the state at the start of the step, for a restore
+CHANGE = KEPT  # of element forces [N], three rows; in whole steps, which keep nothing there
 FLOW_RATE = KEPT + NODE_ROWS  # acceleration of the water [m/s²]; only where an effect sets it
 SURFACE = FLOW_RATE + 3  # the water's surface above the node [m]; likewise
 WORK_ROWS = SURFACE + 1

@@ -15,7 +15,7 @@ from rope_twin.core.elastic import stretch_all
 from rope_twin.core.jit import compiled, jit, jit_entry, jit_sum
 from rope_twin.core.motion import place_hang_off, prescribed
 from rope_twin.core.payout import change_elements, split_length
-from rope_twin.core.prediction import GAMMA
+from rope_twin.core.prediction import GAMMA, accept
 from rope_twin.core.remembering import (
     accept_memories,
     begin_step,
@@ -31,6 +31,7 @@ from rope_twin.core.stage import (
     CONVERGED,
     LAST_CAP,
     NOT_FINITE,
+    PENDING,
     TRAPEZOID,
     UNCONVERGED,
     solve_stage,
@@ -50,6 +51,7 @@ from rope_twin.core.state import (
     REJECTED,
     RESIDUAL,
     REST,
+    SOLVES,
     STEPS,
     SUBSTEPS,
     SUBSTEPS_MAX,
@@ -77,23 +79,36 @@ def stage_at(rope: Any, boundary: Any, row: int, part: float, time: float, c: fl
 
 
 @jit
-def _substep(rope: Any, boundary: Any, row: int, time: float, level: int, done: int) -> int:
+def _substep(rope: Any, boundary: Any, row: int, time: float, level: int, done: int) -> Any:
     """Both stages over 1/2^level of the step, from done/2^HALVINGS; the result is in work.
 
-    Returns the worse of what the stages returned.
+    Returns the worse of what the stages returned, their weight q, and the share of CORRECTION that
+    is pending.
     """
     start, share = done / (1 << HALVINGS), 1.0 / (1 << level)
     cap = CAP if level < HALVINGS else LAST_CAP
     c = 0.5 * GAMMA * share * rope.model.step
-    outcome = CONVERGED
+    worst, pending, again, solves = PENDING, 0.0, False, rope.state.health[SOLVES]
     for kind in (TRAPEZOID, BDF2):
         part = GAMMA if kind == TRAPEZOID else 1.0
         stage = stage_at(rope, boundary, row, start + part * share, time, c)
-        outcome = min(outcome, solve_stage(rope, stage, kind, cap))
+        outcome = solve_stage(rope, stage, kind, cap, pending, again)
+        worst = min(worst, outcome)
         if outcome < CONVERGED and level < HALVINGS:
             break  # it will be halved
-        settle_memories(rope.effects, rope, stage, kind)
-    return int(outcome)
+        pending = 1.0 if outcome == PENDING else 0.0
+        pending = settle_memories(rope.effects, rope, stage, kind, pending)
+        again = level == 0 and rope.state.health[SOLVES] == solves + 1
+    return int(worst), c, pending
+
+
+@jit
+def _accept(rope: Any, q: float, pending: float) -> None:
+    """The substep's motion becomes the state's, that of the ends as it is."""
+    n, first = rope.state.counts[ELEMENTS], rope.model.first_free
+    accept(rope.state.nodes, rope.work, q * q, q, pending, first, n)
+    for k in range(NODE_ROWS):
+        rope.state.nodes[k, n] = rope.work[k, n]
 
 
 @jit_sum
@@ -120,7 +135,7 @@ def _advance_halving(rope: Any, boundary: Any, row: int, time: float) -> bool:
     begin_step(rope.effects, rope, time)
     while done < full:
         part = full >> level
-        outcome = _substep(rope, boundary, row, time, level, done)
+        outcome, q, pending = _substep(rope, boundary, row, time, level, done)
         if outcome < CONVERGED and level < HALVINGS:
             level += 1
             health[REJECTED] += 1
@@ -135,7 +150,7 @@ def _advance_halving(rope: Any, boundary: Any, row: int, time: float) -> bool:
         if done == 0 and part < full:  # the step's start, should a later part fail
             copy(state.nodes, ZERO, work, KEPT_ROWS, n + 1)
             keep_memories(rope.effects, state)
-        copy(work, ZERO, state.nodes, ZERO, n + 1)
+        _accept(rope, q, pending)
         accept_memories(rope.effects, state)
         done += part
         substeps += 1

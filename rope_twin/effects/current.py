@@ -130,15 +130,18 @@ def from_rows(rows: Floats) -> Current:
 
 
 @jit_within
-def _add_layer(current: Any, share: Any, layer: int, z: Any, flow: Any, count: int) -> None:
-    """flow += slope·(what a node is above the layer's lower face, at most its rise)."""
+def _add_layer(
+    current: Any, share: Any, layer: int, z: Any, base: Any, flow: Any, count: int
+) -> None:
+    """flow += base + slope·(what a node is above the layer's lower face, at most its rise)."""
     east, north = flow
+    base_east, base_north = base
     low, rise = current.z[layer], current.rise[layer]
     slope_east, slope_north = share * current.slope[0, layer], share * current.slope[1, layer]
     for i in range(count):
         inside = min(max(z[i] - low, 0.0), rise)
-        east[i] += slope_east * inside
-        north[i] += slope_north * inside
+        east[i] += base_east + slope_east * inside
+        north[i] += base_north + slope_north * inside
 
 
 @jit_within
@@ -166,13 +169,11 @@ def _flow(current: Any, share: Any, work: Any, low: int, high: int) -> None:
             first += 1
         while first > 0 and _above(z, current.z[first], count) < count:
             first -= 1
-        base_east, base_north = share * current.U[0, first], share * current.U[1, first]
-        for i in range(count):
-            east[i] += base_east
-            north[i] += base_north
-        layer = first
-        while layer < last and (layer == first or _above(z, current.z[layer], count) > 0):
-            _add_layer(current, share, layer, z, (east, north), count)
+        base = share * current.U[0, first], share * current.U[1, first]
+        _add_layer(current, share, first, z, base, (east, north), count)
+        layer = first + 1
+        while layer < last and _above(z, current.z[layer], count) > 0:
+            _add_layer(current, share, layer, z, (0.0, 0.0), (east, north), count)
             layer += 1
 
 

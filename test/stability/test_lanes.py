@@ -20,12 +20,12 @@ from small_scene import SMALL_SCENE, small_scene
 import rope_twin.twin.ensemble as ensemble_module
 import rope_twin.twin.lanes as lanes_module
 from rope_twin import load_scene
-from rope_twin.core.fold import eliminate
-from rope_twin.core.jit import OPTIONS, jit_entry
-from rope_twin.core.lanes.elimination import eliminate_wide, substitute_wide
+from rope_twin.core.fold import eliminate, push
+from rope_twin.core.jit import OPTIONS, jit, jit_entry
+from rope_twin.core.lanes.elimination import eliminate_wide, push_wide, substitute_wide
 from rope_twin.core.lanes.group import Group, aligned, kind_of, why_alone
 from rope_twin.core.lanes.tables import tiles, wide
-from rope_twin.core.lanes.wide import LANES
+from rope_twin.core.lanes.wide import ALL, LANES, mask_of
 from rope_twin.core.state import (
     AXIAL,
     BLOCK,
@@ -243,17 +243,40 @@ def test_the_elimination_is_that_of_one_rope(first: int, n: int) -> None:
     work[:, [BLOCK, BLOCK + 3, BLOCK + 5]] += 130.0
     work[:, RESIDUAL : RESIDUAL + 3] = random.normal(size=(n + 1, 3, LANES))
     lone = np.ascontiguousarray(work.transpose(2, 1, 0))
-    eliminate_many(work, first, n)
-    for lane in range(LANES):
-        eliminate_one(lone[lane], first, n)
-        corrections = slice(CORRECTION, CORRECTION + 3)
-        assert np.array_equal(work[:, corrections, lane].T, lone[lane, corrections])
+    other = random.normal(size=work.shape)
+    corrections = slice(CORRECTION, CORRECTION + 3)
+    for moved in (ALL, 0b00101101):  # factors of all lanes, then new ones of some
+        eliminate_many(work, first, n, moved)
+        for lane in range(LANES):
+            if moved >> lane & 1:
+                eliminate_one(lone[lane], first, n)
+                assert np.array_equal(work[:, corrections, lane].T, lone[lane, corrections])
+        work[:, RESIDUAL : RESIDUAL + 3] = other[:, :3]
+        work[:, [BLOCK, BLOCK + 3, BLOCK + 5]] += abs(other[:, 3:6])
+        lone[:, RESIDUAL : RESIDUAL + 3] = work[:, RESIDUAL : RESIDUAL + 3].transpose(2, 1, 0)
+        lone[:, BLOCK : BLOCK + 6] = work[:, BLOCK : BLOCK + 6].transpose(2, 1, 0)
+        push_many(work, first, n)
+        for lane in range(LANES):
+            push_one(lone[lane], first, n)
+            assert np.array_equal(work[:, corrections, lane].T, lone[lane, corrections])
 
 
 @jit_entry
-def eliminate_many(work: Any, first: int, n: int) -> None:
-    """The solve of all lanes."""
-    eliminate_wide(tiles(work, WORK_ROWS), first, n)
+def eliminate_many(work: Any, first: int, n: int, moved: int) -> None:
+    """The solve of all lanes; some get new factors."""
+    eliminate_wide(tiles(work, WORK_ROWS), first, n, mask_of(moved))
+    _substitute_many(work, first, n)
+
+
+@jit_entry
+def push_many(work: Any, first: int, n: int) -> None:
+    """For another residual, by the factors of each lane."""
+    push_wide(tiles(work, WORK_ROWS), first, n)
+    _substitute_many(work, first, n)
+
+
+@jit
+def _substitute_many(work: Any, first: int, n: int) -> None:
     pairs = (n - first - 1) // 2
     substitute_wide(tiles(work, WORK_ROWS), first, n, pairs // 2, pairs)
     substitute_wide(tiles(work, WORK_ROWS), first, n, 0, pairs // 2)
@@ -263,3 +286,9 @@ def eliminate_many(work: Any, first: int, n: int) -> None:
 def eliminate_one(work: Any, first: int, n: int) -> None:
     """That of one rope."""
     eliminate(work, first, n)
+
+
+@jit_entry
+def push_one(work: Any, first: int, n: int) -> None:
+    """Likewise."""
+    push(work, first, n)

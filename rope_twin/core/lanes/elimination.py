@@ -9,10 +9,12 @@ from rope_twin.core.elimination import (
     eliminate_node,
     ground,
     hold_ends,
+    push_node,
     solve_symmetric,
     spring,
 )
 from rope_twin.core.jit import jit_ordered, jit_ordered_within
+from rope_twin.core.lanes.wide import choose
 from rope_twin.core.rows import row, rows, span
 from rope_twin.core.state import (
     AXIAL,
@@ -24,10 +26,15 @@ from rope_twin.core.state import (
     RESIDUAL,
 )
 
+INVERSE = ELIMINATED + 12
+
 
 @jit_ordered_within
-def _eliminate(work: Any, i: int, e: int, Z: Any, f: Any) -> Any:
-    """Eliminate node i through element e; Z and force for the neighbour are returned."""
+def _eliminate(work: Any, i: int, e: int, Z: Any, f: Any, moved: Any) -> Any:
+    """Eliminate node i through element e; Z and force for the neighbour are returned.
+
+    Lanes that are not `moved` keep the factors that they have.
+    """
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     x, y, z = rows(work, DIRECTION, 0)
@@ -39,21 +46,49 @@ def _eliminate(work: Any, i: int, e: int, Z: Any, f: Any) -> Any:
     )  # fmt: skip
     force = (f[0] + Rx[i], f[1] + Ry[i], f[2] + Rz[i])
     t = (x[e], y[e], z[e])
-    gain, own, left, pushed = eliminate_node(S, force, t, axial[e], b)
+    gain, own, left, pushed, inverse = eliminate_node(S, force, t, axial[e], b)
     gxx, gxy, gxz, gyx, gyy, gyz, gzx, gzy, gzz, px, py, pz = span(work, ELIMINATED, 12, 0)
-    gxx[i] = gain[0]
-    gxy[i] = gain[1]
-    gxz[i] = gain[2]
-    gyx[i] = gain[3]
-    gyy[i] = gain[4]
-    gyz[i] = gain[5]
-    gzx[i] = gain[6]
-    gzy[i] = gain[7]
-    gzz[i] = gain[8]
+    gxx[i] = choose(moved, gain[0], gxx[i])
+    gxy[i] = choose(moved, gain[1], gxy[i])
+    gxz[i] = choose(moved, gain[2], gxz[i])
+    gyx[i] = choose(moved, gain[3], gyx[i])
+    gyy[i] = choose(moved, gain[4], gyy[i])
+    gyz[i] = choose(moved, gain[5], gyz[i])
+    gzx[i] = choose(moved, gain[6], gzx[i])
+    gzy[i] = choose(moved, gain[7], gzy[i])
+    gzz[i] = choose(moved, gain[8], gzz[i])
     px[i] = own[0]
     py[i] = own[1]
     pz[i] = own[2]
+    _keep_six(work, i, inverse, moved)
     return left, pushed
+
+
+@jit_ordered_within
+def _keep_six(work: Any, i: int, inverse: Any, moved: Any) -> None:
+    """The inverse of node i, or the block of the node in the middle."""
+    xx, xy, xz, yy, yz, zz = span(work, INVERSE, 6, 0)
+    xx[i] = choose(moved, inverse[0], xx[i])
+    xy[i] = choose(moved, inverse[1], xy[i])
+    xz[i] = choose(moved, inverse[2], xz[i])
+    yy[i] = choose(moved, inverse[3], yy[i])
+    yz[i] = choose(moved, inverse[4], yz[i])
+    zz[i] = choose(moved, inverse[5], zz[i])
+
+
+@jit_ordered_within
+def _push(work: Any, i: int, f: Any) -> Any:
+    """Force for the neighbour of a node that was eliminated before."""
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    gxx, gxy, gxz, gyx, gyy, gyz, gzx, gzy, gzz, px, py, pz = span(work, ELIMINATED, 12, 0)
+    xx, xy, xz, yy, yz, zz = span(work, INVERSE, 6, 0)
+    gain = (gxx[i], gxy[i], gxz[i], gyx[i], gyy[i], gyz[i], gzx[i], gzy[i], gzz[i])
+    inverse = (xx[i], xy[i], xz[i], yy[i], yz[i], zz[i])
+    own, pushed = push_node(gain, inverse, (f[0] + Rx[i], f[1] + Ry[i], f[2] + Rz[i]))
+    px[i] = own[0]
+    py[i] = own[1]
+    pz[i] = own[2]
+    return pushed
 
 
 @jit_ordered_within
@@ -72,29 +107,61 @@ def _substitute(work: Any, i: int, d: Any) -> Any:
 
 
 @jit_ordered
-def eliminate_wide(work: Any, first: int, n: int) -> None:
-    """Eliminate from both ends at once; corrections of the one or two nodes in the middle."""
+def eliminate_wide(work: Any, first: int, n: int, moved: Any) -> None:
+    """Eliminate from both ends at once; corrections of the one or two nodes in the middle.
+
+    moved: lanes whose factors are wanted; the others keep those of before.
+    """
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2
     middle = first + pairs
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
-    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     Z_low, Z_high = ground(work, first), spring(work, n - 1)
-    zero = Rx[middle] * 0.0
-    f_low, f_high = (zero, zero, zero), (zero, zero, zero)
+    f_low = f_high = _nothing(work, middle)
     for k in range(pairs):
         i, j = first + k, n - 1 - k
-        Z_low, f_low = _eliminate(work, i, i, Z_low, f_low)
-        Z_high, f_high = _eliminate(work, j, j - 1, Z_high, f_high)
+        Z_low, f_low = _eliminate(work, i, i, Z_low, f_low, moved)
+        Z_high, f_high = _eliminate(work, j, j - 1, Z_high, f_high, moved)
     if rounds > pairs:
-        Z_high, f_high = _eliminate(work, middle + 1, middle, Z_high, f_high)
+        Z_high, f_high = _eliminate(work, middle + 1, middle, Z_high, f_high, moved)
     A = (Axx[middle], Axy[middle], Axz[middle], Ayy[middle], Ayz[middle], Azz[middle])
-    S = add_six(add_six(Z_low, Z_high), A)
+    _keep_six(work, middle, add_six(add_six(Z_low, Z_high), A), moved)
+    _solve_middle(work, first, n, f_low, f_high)
+
+
+@jit_ordered
+def push_wide(work: Any, first: int, n: int) -> None:
+    """The same for another residual, by the factors that each lane has."""
+    pairs, rounds = (n - first - 1) // 2, (n - first) // 2
+    middle = first + pairs
+    f_low = f_high = _nothing(work, middle)
+    for k in range(pairs):
+        f_low = _push(work, first + k, f_low)
+        f_high = _push(work, n - 1 - k, f_high)
+    if rounds > pairs:
+        f_high = _push(work, middle + 1, f_high)
+    _solve_middle(work, first, n, f_low, f_high)
+
+
+@jit_ordered_within
+def _nothing(work: Any, i: int) -> Any:
+    """No force, in all lanes."""
+    zero = row(work, RESIDUAL, 0)[i] * 0.0
+    return zero, zero, zero
+
+
+@jit_ordered_within
+def _solve_middle(work: Any, first: int, n: int, f_low: Any, f_high: Any) -> None:
+    """Corrections of the one or two nodes in the middle; f: the force on it from either side."""
+    pairs, rounds = (n - first - 1) // 2, (n - first) // 2
+    middle = first + pairs
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    xx, xy, xz, yy, yz, zz = span(work, INVERSE, 6, middle)
     force = (
         f_low[0] + f_high[0] + Rx[middle],
         f_low[1] + f_high[1] + Ry[middle],
         f_low[2] + f_high[2] + Rz[middle],
     )
-    d = solve_symmetric(S, force)
+    d = solve_symmetric((xx[0], xy[0], xz[0], yy[0], yz[0], zz[0]), force)
     dx, dy, dz = rows(work, CORRECTION, middle)
     dx[0] = d[0]
     dy[0] = d[1]

@@ -1,17 +1,19 @@
 """One implicit stage of ropes in lanes: Newton as in `core/stage`, each lane until it converges.
 
-A lane that has converged is held while others go on. What is rare does not happen here: a lane that
-wants the line search is given up, and its rope takes the step by itself.
+A lane that has converged is held while others go on, and keeps the factors of its last elimination,
+which its BDF2 stage begins with (core/again). What is rare does not happen here: a lane that wants
+the line search, or whose factors do not serve, is given up, and its rope takes the step by itself.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
+from rope_twin.core.again import count_left
 from rope_twin.core.assembly import load_lowest, load_nodes, set_flow
-from rope_twin.core.elastic import growth_of, stretch, stretch_corrected
+from rope_twin.core.elastic import growth_of, stretch, stretch_all, stretch_corrected
 from rope_twin.core.jit import jit
-from rope_twin.core.lanes.elimination import eliminate_wide, substitute_wide
+from rope_twin.core.lanes.elimination import eliminate_wide, push_wide, substitute_wide
 from rope_twin.core.lanes.wide import ALL, choose, mask_of
 from rope_twin.core.prediction import correct, predict_bdf2, predict_trapezoid
 from rope_twin.core.stage import CHUNK, SEARCH_FROM, TRAPEZOID
@@ -21,25 +23,43 @@ SPAN = 4
 
 
 @jit
-def solve_stage(rope: Any, stage: Any, kind: int, wanted: int) -> Any:
+def solve_stage(rope: Any, stage: Any, kind: int, wanted: int, again: int) -> Any:
     """Find the acceleration; motion and tension then belong to the stage's time.
 
-    wanted: lanes that matter, as bits. Returns those that did not converge, and the corrections
-    of each lane.
+    wanted: lanes that matter, as bits; again: those that begin with the factors that there are.
+    Returns those that did not converge, and the corrections of each lane.
     """
     n, first = rope.state.counts[ELEMENTS], rope.model.first_free
     _evaluate(rope, stage, kind)
-    active = wanted
-    count = 0.0 * rope.model.tolerance
+    again &= wanted
+    active, given_up, count = wanted & (ALL - again), 0, 0.0 * rope.model.tolerance
+    if again != 0:
+        given_up = _correct_again(rope, stage, again)
+        count += choose(mask_of(again), 1.0, 0.0)
+        if active == 0:
+            return given_up, count
+        stretch_all(rope, stage)
     for correction in range(1, SEARCH_FROM + 1):
-        eliminate_wide(rope.work, first, n)
+        eliminate_wide(rope.work, first, n, mask_of(active))
         going = choose(mask_of(active), 1.0, 0.0)
         count += going
         active &= ALL - _correct(rope, stage, going)
         if active == 0 or correction == SEARCH_FROM:
             break
         _reload(rope, stage)
-    return active, count
+    return active | given_up, count
+
+
+@jit
+def _correct_again(rope: Any, stage: Any, again: int) -> int:
+    """a += delta by the factors of before in these lanes, with motion; those left with a force."""
+    work, first, n = rope.work, rope.model.first_free, rope.state.counts[ELEMENTS]
+    push_wide(work, first, n)
+    substitute_wide(work, first, n, 0, (n - first - 1) // 2)
+    left = again & count_left(rope, stage, CHUNK)
+    going = choose(mask_of(again & (ALL - left)), 1.0, 0.0)
+    correct(work, stage.p, stage.q, going, first, n)
+    return int(left)
 
 
 @jit

@@ -239,10 +239,11 @@ def advance_lanes_steps(
         now = time + step * h
         L, V, _ = prescribed(borders, step, LINE_COLUMN, 1.0, h)
         kept = wanted & (ALL - _eventful(rope, place, sections, L, V))
-        solves, most = 0.0 * L, 0.0 * L
+        solves, most, again = 0.0 * L, 0.0 * L, 0
         for kind in (TRAPEZOID, BDF2):
             stage = _stage_at(rope, place, borders, step, kind, now)
-            left, count = solve_stage(rope, stage, kind, kept)
+            left, count = solve_stage(rope, stage, kind, kept, again)
+            again = bits(count <= 1.0)
             kept &= ALL - left
             solves += count
             most = max(most, count)
