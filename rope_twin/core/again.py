@@ -17,7 +17,7 @@ from rope_twin.core.rows import rows, span
 from rope_twin.core.state import BLOCK, CHANGE, CORRECTION, ELEMENTS, RESIDUAL
 
 # What may be left at a node, of the tolerance for a tension: many nodes may lean the same way.
-SHARE = 0.01
+SHARE = 1e-3
 
 
 @jit

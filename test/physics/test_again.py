@@ -1,0 +1,87 @@
+"""A correction by the factors of another stage: taken where it leaves every node in balance."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from payout_rigs import SEA
+from rigs import Bench
+
+from rope_twin.core import state as rows
+from rope_twin.core.again import SHARE, count_left
+from rope_twin.core.fold import eliminate, push
+from rope_twin.core.jit import jit_entry
+from rope_twin.core.prediction import GAMMA
+from rope_twin.core.stage import BDF2, SEARCH, TRAPEZOID, _evaluate
+from rope_twin.core.state import Boundary, Floats
+from rope_twin.core.step import stage_at
+
+RIG = replace(
+    SEA,
+    elements=150,
+    tolerance=10.0,
+    current=((0.0, (0.9, 0.2)), (-400.0, (0.2, 0.6)), (-900.0, (-0.1, 0.1))),
+)
+
+
+@jit_entry
+def tried(rope: Any, boundary: Any, spoil: float, complete: float) -> int:
+    """A step up to the second stage's correction by the first one's factors; then its balance.
+
+    Factors are multiplied by `spoil`; the share `complete` of the correction is added to motion.
+    """
+    work, n, first = rope.work, rope.state.counts[rows.ELEMENTS], rope.model.first_free
+    c = 0.5 * GAMMA * rope.model.step
+    stage = stage_at(rope, boundary, 0, GAMMA, 0.0, c)
+    _evaluate(rope, stage, TRAPEZOID, 0.0, 0.0)
+    eliminate(work, first, n)
+    stage = stage_at(rope, boundary, 0, 1.0, 0.0, c)
+    _evaluate(rope, stage, BDF2, 0.0, 1.0)
+    for k in range(rows.ELIMINATED, rows.REST):
+        for i in range(n):
+            work[k, i] *= spoil
+    push(work, first, n)
+    left = count_left(rope, stage, 64)
+    _evaluate(rope, stage, SEARCH, complete, 0.0)
+    return int(left)
+
+
+@pytest.fixture
+def moving() -> tuple[Any, Boundary]:
+    """A rope in a current, pulled up at 0.5 m/s² from rest."""
+    bench = Bench(RIG.scene())
+    value = np.array([[*bench.hang_off, bench.length]] * 2)
+    rate = np.zeros_like(value)
+    h = bench.rope.model.step
+    value[1, 2] += 0.25 * h * h
+    rate[1, 2] = 0.5 * h
+    return bench.rope, Boundary(value, rate)
+
+
+def residual(rope: Any) -> Floats:
+    """What every free node is left with [N]."""
+    n = int(rope.state.counts[rows.ELEMENTS])
+    return np.asarray(np.abs(rope.work[rows.RESIDUAL : rows.RESIDUAL + 3, :n]).sum(axis=0))
+
+
+def test_factors_of_the_first_stage_serve_the_second(moving: tuple[Any, Boundary]) -> None:
+    """Every node is in balance with all loads taken anew, and was not before."""
+    rope, boundary = moving
+    assert tried(rope, boundary, 1.0, 0.0) == 0
+    assert residual(rope).max() > rope.model.tolerance
+    assert tried(rope, boundary, 1.0, 1.0) == 0
+    assert residual(rope).max() < 2.0 * SHARE * rope.model.tolerance
+
+
+def test_factors_that_do_not_serve_are_refused(moving: tuple[Any, Boundary]) -> None:
+    """And the motion is the prediction's, to the bit."""
+    rope, boundary = moving
+    tried(rope, boundary, 1.0, 0.0)
+    predicted = rope.work[: rows.NODE_ROWS].copy()
+    for spoil in (0.99, 0.0, np.nan):
+        assert tried(rope, boundary, spoil, 0.0) != 0
+    assert tried(rope, boundary, 0.99, 0.0) != 0
+    assert np.array_equal(rope.work[: rows.NODE_ROWS], predicted)
