@@ -29,6 +29,14 @@ from rope_twin.core.assembly import set_flow
 from rope_twin.core.cosine import cosine
 from rope_twin.core.elastic import stretch_all
 from rope_twin.core.energy import account
+from rope_twin.core.half_waves import (
+    LEAST,
+    across,
+    hold_frequencies,
+    set_lengths,
+    set_paces,
+    wave_number,
+)
 from rope_twin.core.jit import jit
 from rope_twin.core.prediction import K1, K2
 from rope_twin.core.remembering import new_memory, remembering
@@ -49,14 +57,6 @@ from rope_twin.core.state import (
 )
 from rope_twin.core.terms import kernel
 from rope_twin.core.trial import TRIALS
-from rope_twin.effects.half_waves import (
-    LEAST,
-    across,
-    hold_frequencies,
-    set_lengths,
-    set_paces,
-    wave_number,
-)
 from rope_twin.quantity import quantity, text
 
 CARRIED = 4  # phase [rad], ω [rad/s], mean square of y' [m²/s²], its rate
