@@ -25,11 +25,12 @@ from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.shedding import refuse_shedding
 from rope_twin.twin.borders import foreseen
-from rope_twin.twin.error_bound import EVERY, ErrorBand, border_accelerations
+from rope_twin.twin.error_bound import EVERY, ErrorBand, acceleration_jumps, border_before
 from rope_twin.twin.regrid import HangOff, coarser
 from rope_twin.twin.rung import Rung
 from rope_twin.twin.saved_state import SavedState
 from rope_twin.twin.snapshot import Snapshot, TensionBand
+from rope_twin.twin.surface_layer import error_per_difference
 from rope_twin.twin.twin import STEPS_PER_CALL, Twin
 
 Bed = Plane | Grid
@@ -129,7 +130,8 @@ class BandedTwin(Twin):
         pull = self._pulls[border - 1] if border else self._pull
         at = HangOff(pull[rows.PULL_X : rows.PULL_Z + 1].copy(), float(rate[rows.LINE]))
         self._companion = Companion(self._rope, at, (value, rate), resting)
-        self._band = ErrorBand(self._rest_n, self.step_s)
+        self._before = border_before(value, rate, self.step_s)
+        self._band = ErrorBand(self._rest_n, self.step_s, error_per_difference(self._rope))
         self._elements = int(self._rope.state.counts[rows.ELEMENTS])
         self._bed = bed_below(self._rope)
         self._look_s = 0.0  # when to look for slack elements again
@@ -137,8 +139,8 @@ class BandedTwin(Twin):
         self._known_from_s = 0.0 if settled else self.time_ns * 1e-9 + SETTLING_S
 
     def _changing(self) -> dict[str, Any]:
-        own = ("_rest_n", "_band_s", "_companion", "_band", "_known_from_s", "_look_s",
-               "_elements", "_bed")  # fmt: skip
+        own = ("_rest_n", "_band_s", "_companion", "_band", "_before", "_known_from_s",
+               "_look_s", "_elements", "_bed")  # fmt: skip
         return {name: value for name, value in super()._changing().items() if name not in own}
 
     def _forget_borders(self, done: int) -> None:
@@ -159,9 +161,12 @@ class BandedTwin(Twin):
             self._open_band(resting=False, border=done)
             return
         band, own = self._band, self._pulls[:done, rows.PULL].tolist()
-        for k, accelerations in enumerate(border_accelerations(self._boundary, done, h)):
+        value, rate = (table[: done + 1] for table in self._boundary)
+        jumps = acceleration_jumps(self._before, value, rate, h)
+        self._before = value[done - 1].tolist(), rate[done - 1].tolist()
+        for k, jump in enumerate(jumps):
             at_s = now_s - (done - 1 - k) * h
-            band.take(at_s, accelerations, own[k])
+            band.take(at_s, jump, own[k])
             turn, between = divmod(waiting + k + 1, EVERY)
             if not between:
                 band.compare(at_s, abs(followed[turn - 1] - own[k]))

@@ -20,6 +20,9 @@ each failure has a rule of its own:
 - A motion that comes in samples bends at each of them: its acceleration jumps, and the first step
   afterwards is wrong by more than the next ones. That step has a safety of its own; the others are
   not judged by the companion's steps over such a bend.
+- Waves that die within an element load the rope by an error of first order: the difference is as
+  large as the error then. How much of a third is wrong there follows from the waves alone
+  (`twin.surface_layer`).
 
 The safeties were found on the shipped scenes against converged references, the same for all, and
 are tested there: `rope_twin bench band`.
@@ -30,15 +33,16 @@ from __future__ import annotations
 import math
 from collections import deque
 
-import numpy as np
-
 from rope_twin.core import state as rows
-from rope_twin.core.state import Boundary
+from rope_twin.core.state import Floats
 
 WINDOW_S, SHORT_S, ROUGH_WINDOW_S, SLACK_WINDOW_S = 0.5, 0.2, 0.4, 0.1
-SMOOTH, LEFT, BENT, ROUGH = 0.37, 0.16, 0.85, 1.14  # times the difference; a third is Richardson's
+THIRD = 1.0 / 3.0  # Richardson's, of two errors of second order
+SMOOTH = 1.11  # times the error that the difference tells of
+LEFT, BENT, ROUGH = 0.12, 0.85, 1.14  # times the difference
 SINE = 0.5 * math.pi  # amplitude of a sine over its mean magnitude
-RINGS, ROUGHLY_RINGS = 0.43 * SINE, 0.9  # times the mean difference
+RINGS = 1.29 * SINE  # times the mean error that the difference tells of
+ROUGHLY_RINGS = 0.9  # times the mean difference
 MEAN_S, FADE_S = 4.0, 11.0
 KICK, KICK_MOST = 6.0, 0.5 * SINE  # times what an event's offsets pull; of the mean difference
 LOOSE, LOOSE_LEAST = 0.04, 0.01  # of the tension at rest: less is that of a rope in loops
@@ -47,7 +51,7 @@ ROUGH_S = 120.0  # after an element was slack, the rope rings so long
 TAUT_S = 3.0  # no element slack for so long: no new snap, what is left of the last one rings
 EVERY = 2  # of the rope's steps make one of the companion's
 
-Borders = tuple[list[float], list[float]]  # of hang-off x, y, z and line out, at begin and end
+Border = tuple[list[float], list[float]]  # prescribed hang-off x, y, z and line out; their rates
 
 
 class Recent:
@@ -93,8 +97,12 @@ class Fading:
 class ErrorBand:
     """From the difference to the companion to a bound on the error of the top tension."""
 
-    def __init__(self, rest_n: float, step_s: float) -> None:
-        """`rest_n`: the tension of the rope at rest; `step_s`: its step."""
+    def __init__(self, rest_n: float, step_s: float, share: float = THIRD) -> None:
+        """`rest_n`: the tension of the rope at rest; `step_s`: its step.
+
+        `share`: of a difference that is the rope's error where its motion is smooth.
+        """
+        self._smooth, self._rings = SMOOTH * share, RINGS * share
         self._loose_n, self._least_n = LOOSE * rest_n, LOOSE_LEAST * rest_n
         self._weight = min(EVERY * step_s / MEAN_S, 1.0)  # of a difference in a mean
         self._all, self._unbent = Recent(WINDOW_S), Recent(SHORT_S)  # differences
@@ -102,16 +110,12 @@ class ErrorBand:
         self._mean, self._rough_mean = 0.0, 0.0
         self._ringing, self._rough_ringing, self._kicked = Fading(), Fading(), Fading()
         self._jumps, self._tension = Recent(WINDOW_S), Recent(SLACK_WINDOW_S)
-        self._end = [0.0] * rows.MOTIONS  # accelerations at the newest step's end
         self._bent: deque[bool] = deque(maxlen=EVERY)  # of the newest steps
         self._rough_until_s, self._slack_s = 0.0, -math.inf
         self._now_n = rest_n
 
-    def take(self, time_s: float, accelerations: Borders, tension_n: float) -> None:
-        """A step to `time_s` with these prescribed accelerations gave this top tension."""
-        begin, end = accelerations
-        jump = sum(abs(a - b) for a, b in zip(begin, self._end, strict=True))
-        self._end = end
+    def take(self, time_s: float, jump: float, tension_n: float) -> None:
+        """A step to `time_s`, where the acceleration jumped as it began, gave this top tension."""
         self._jumps.take(time_s, jump)
         self._bent.append(jump > BEND * self._jumps.largest(time_s))
         self._now_n = tension_n
@@ -129,7 +133,7 @@ class ErrorBand:
         if True not in self._bent:
             self._unbent.take(time_s, difference_n)
             self._mean += self._weight * (difference_n - self._mean)
-            self._ringing.raise_to(time_s, RINGS * self._mean)
+            self._ringing.raise_to(time_s, self._rings * self._mean)
 
     def slacken(self, time_s: float) -> None:
         """An element of the rope is slack."""
@@ -157,15 +161,31 @@ class ErrorBand:
             return max(ROUGH * self._rough.largest(time_s), rings)
         largest = self._all.largest(time_s)
         unbent = 0.0 if self._bent and self._bent[-1] else self._unbent.largest(time_s)
-        bound = max(SMOOTH * unbent, LEFT * largest) if unbent > 0.0 else BENT * largest
+        bound = max(self._smooth * unbent, LEFT * largest) if unbent > 0.0 else BENT * largest
         return max(bound, self._ringing.now(time_s))
 
 
-def border_accelerations(boundary: Boundary, steps: int, step_s: float) -> list[Borders]:
-    """Accelerations of hang-off and line out at the begin and end of each step, of its cubic."""
-    value, rate = boundary.value[: steps + 1], boundary.rate[: steps + 1]
-    way = 3.0 * np.diff(value, axis=0)
-    begin = way - step_s * (2.0 * rate[:-1] + rate[1:])
-    end = step_s * (rate[:-1] + 2.0 * rate[1:]) - way
-    scale = 2.0 / step_s**2
-    return list(zip((scale * begin).tolist(), (scale * end).tolist(), strict=True))
+def acceleration_jumps(before: Border, value: Floats, rate: Floats, step_s: float) -> list[float]:
+    """By how much the prescribed accelerations jump where each of some steps begins [m/s²], summed.
+
+    value, rate: at the steps' borders, (steps + 1, MOTIONS); `before`: at the border before those.
+    Between two borders a cubic holds, with 2·(3·(y1 - y0) - h·(2·d0 + d1))/h² at its begin and
+    2·(h·(d0 + 2·d1) - 3·(y1 - y0))/h² at its end. (On lists: a call takes two steps as a rule, for
+    which tables cost ten times as much.)
+    """
+    scale, h, jumps = 2.0 / step_s**2, step_s, []
+    y0, d0 = before
+    values, rates = value.tolist(), rate.tolist()
+    y1, d1 = values[0], rates[0]
+    for y2, d2 in zip(values[1:], rates[1:], strict=True):
+        jump = 0.0
+        for k in range(rows.MOTIONS):
+            jump += abs(3.0 * (y2[k] - y0[k]) - h * (d0[k] + 4.0 * d1[k] + d2[k]))
+        jumps.append(scale * jump)
+        y0, d0, y1, d1 = y1, d1, y2, d2
+    return jumps
+
+
+def border_before(value: Floats, rate: Floats, step_s: float) -> Border:
+    """The border before one at which the motion went on at a steady rate."""
+    return (value - step_s * rate).tolist(), rate.tolist()
