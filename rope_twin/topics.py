@@ -53,6 +53,9 @@ TOPICS: tuple[Topic, ...] = (
           "winch_schedule", "effort[0] top tension to keep [N]; stamp and name as for a speed"),
     Topic("winch/switch_command", "sensor_msgs/msg/JointState", Qos.COMMAND, 0.0,
           "winch_schedule", "name[0] the winch, name[1] one of " + ", ".join(SWITCHES)),
+    Topic("rope/cut", "sensor_msgs/msg/JointState", Qos.COMMAND, 0.0, "winch_schedule",
+          "cuts the rope, once: position[0] unstretched rope from hang-off to cut [m], infinite: "
+          "at its lower end; stamp 0 means at once"),
     Topic("current", "std_msgs/msg/Float64MultiArray", Qos.COMMAND, 0.0, "",
           "current profile, rows of z [m], east, north [m/s], from the surface down"),
     # what the sea is doing (for the eye, not used by the rope)
@@ -88,14 +91,15 @@ TOPICS: tuple[Topic, ...] = (
     Topic("rope/markers", "visualization_msgs/msg/MarkerArray", Qos.STREAM, 25.0, "simulation",
           "rope coloured by tension, payload, hang-off"),
     Topic("ropes/state", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
-          "where ropes meet, of each rope by name: position length [m], velocity payout [m/s], "
-          "effort tension at its upper end [N]; of each bar: length, 0, pull", only_with="ropes"),
-    Topic("ropes/nodes", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 25.0, "simulation",
-          "where ropes meet: x, y, z [m], tension [N] and number of the rope of each node, rope "
-          "after rope, from its upper end down", only_with="ropes"),
-    Topic("payloads/state", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
-          "where ropes meet: position [m] and velocity [m/s] of each payload, names like tool/x",
+          "where ropes meet, or one was cut, of each rope by name: position length [m], velocity "
+          "payout [m/s], effort tension at its upper end [N]; of each bar: length, 0, pull",
           only_with="ropes"),
+    Topic("ropes/nodes", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 25.0, "simulation",
+          "where ropes meet, or one was cut: x, y, z [m], tension [N] and number of the rope of "
+          "each node, rope after rope, from its upper end down", only_with="ropes"),
+    Topic("payloads/state", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
+          "where ropes meet, or one was cut: position [m] and velocity [m/s] of each payload, "
+          "names like tool/x", only_with="ropes"),
     Topic("seabed/contact", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
           "with a seabed, of payload and rope: position height of the payload above it, length of "
           "rope on it [m]; effort the bed's push on each [N]", only_with="seabed"),
@@ -113,8 +117,9 @@ ORDER_TOPICS = {
     TENSION: "winch/tension_command",
 }
 SWITCH_TOPIC = "winch/switch_command"
+CUT_TOPIC = "rope/cut"
 WINCH_TOPICS = (*ORDER_TOPICS.values(), SWITCH_TOPIC)
 # what the simulation listens to
-INPUTS = ("ship/heave", "ship/odometry", *WINCH_TOPICS, "current")
+INPUTS = ("ship/heave", "ship/odometry", *WINCH_TOPICS, CUT_TOPIC, "current")
 
 BY_NAME: dict[str, Topic] = {topic.name: topic for topic in TOPICS}

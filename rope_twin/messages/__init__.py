@@ -15,6 +15,7 @@ from rope_twin.messages.diagnostics import (
 )
 from rope_twin.messages.encoder import Encoder
 from rope_twin.messages.inputs import (
+    encode_cut,
     encode_elevation,
     encode_epoch,
     encode_heave,
@@ -28,6 +29,7 @@ __all__ = [
     "Level",
     "Status",
     "decode",
+    "encode_cut",
     "encode_diagnostics",
     "encode_elevation",
     "encode_epoch",

@@ -14,7 +14,14 @@ from rope_twin.messages import forms
 from rope_twin.messages.cdr import new, serialise
 from rope_twin.scene.card import KnownError, told_bound
 from rope_twin.twin.pacing import PacingHealth
-from rope_twin.twin.snapshot import BedContact, EnergyBalance, InputHealth, Snapshot, TensionBand
+from rope_twin.twin.snapshot import (
+    BedContact,
+    CutShot,
+    EnergyBalance,
+    InputHealth,
+    Snapshot,
+    TensionBand,
+)
 
 HARDWARE_ID = "rope_twin"
 GAIN_PCT = 0.1  # of the energy exchanged: what integrating the work may be wrong by
@@ -54,6 +61,8 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
         rows.append(_pacing(pacing))
     if snapshot.seabed is not None:
         rows.append(_seabed(snapshot.seabed))
+    if snapshot.cut is not None:
+        rows.append(_cut(snapshot.cut, -float(snapshot.payload_position_m[2])))
     if snapshot.energy is not None:
         rows.append(_energy(snapshot.energy))
     if snapshot.band is not None:
@@ -191,6 +200,25 @@ def _seabed(bed: BedContact) -> Status:
     if bed.rope_on_bed_m > 0.0:
         message += f", {bed.rope_on_bed_m:.1f} m of rope lie on it"
     return Status("simulation: seabed", Level.OK, message, values)
+
+
+def _cut(cut: CutShot, depth_m: float) -> Status:
+    values = {
+        "cut at [s]": f"{cut.at_s:.2f}",
+        "rope that hung on [m]": f"{cut.left_m:.2f}",
+        "rope below the cut [m]": f"{cut.lost_m:.2f}",
+        "depth of its lower end [m]": f"{depth_m:.2f}",
+    }
+    message = f"{cut_words(cut)}; its lower end is {depth_m:.1f} m deep"
+    return Status("simulation: rope", Level.WARN, message, values)
+
+
+def cut_words(cut: CutShot) -> str:
+    """When and where the rope was cut, for people."""
+    return (
+        f"the rope was cut at {cut.at_s:.2f} s, {cut.left_m:.1f} m below the hang-off; "
+        f"{cut.lost_m:.1f} m went down by themselves"
+    )
 
 
 def _band(tension_n: float, band: TensionBand) -> Status:

@@ -7,7 +7,7 @@ from typing import Any
 
 from rope_twin.messages import forms
 from rope_twin.messages.cdr import Template, serialise
-from rope_twin.topics import ORDER_TOPICS, SWITCH_TOPIC
+from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC
 from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION, Order
 from rope_twin.twin.ship_pose import ShipPose
 
@@ -59,6 +59,12 @@ def encode_order(stamp_ns: int, order: Order, winch: str = "winch") -> tuple[str
         return topic, _joint(f"{winch}\n{order.kind}", "").fill(values)
     field = ORDER_FIELDS[order.kind]
     return topic, _joint(winch, field).fill({**values, field: (order.value,)})
+
+
+def encode_cut(stamp_ns: int, below_m: float) -> tuple[str, bytes]:
+    """Topic and message of a cut so far below the hang-off; a stamp of 0 means at once."""
+    values = {**_stamp(stamp_ns), "position": (below_m,)}
+    return CUT_TOPIC, _joint("rope", "position").fill(values)
 
 
 def encode_epoch(epoch_ns: int) -> bytes:

@@ -16,7 +16,7 @@ from rope_twin.messages import decode
 from rope_twin.messages.inputs import ORDER_FIELDS
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.winch import SWITCHES
-from rope_twin.topics import ORDER_TOPICS, SWITCH_TOPIC
+from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC
 from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION, Order
 from rope_twin.twin.ship_pose import ShipPose
 
@@ -83,6 +83,21 @@ _VALUES = {  # what the one value is called in the plural, and what it is
     DEPTH: ("positions", "there must be exactly one, the payload's depth to stop at"),
     TENSION: ("efforts", "there must be exactly one, the tension to keep"),
 }
+
+
+def read_cut(data: bytes) -> tuple[int | None, float]:
+    """ROS stamp [ns] (None: at once) and place, below the hang-off [m], of a rope/cut message.
+
+    Raises:
+        InputError: if the bytes are no such message, its stamp is no time, or it does not carry
+            exactly one position.
+    """
+    message = decode(CUT_TOPIC, data)
+    stamp_ns = _stamp_ns(CUT_TOPIC, message.header.stamp)
+    if len(message.position) != 1:
+        right = "there must be exactly one, the rope between hang-off and cut"
+        raise InputError(phrase(CUT_TOPIC, f"{len(message.position)} positions", right))
+    return stamp_ns or None, float(message.position[0])
 
 
 def read_current(data: bytes) -> NDArray[np.float64]:

@@ -17,12 +17,12 @@ from rope_twin.commands.run.summary import RunSummary, summarise
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import Level, Status, statuses
 from rope_twin.ros.announcer import Announcer
-from rope_twin.ros.inputs import read_current, read_heave, read_order, read_pose
+from rope_twin.ros.inputs import read_current, read_cut, read_heave, read_order, read_pose
 from rope_twin.ros.params import SimulationParams
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.topics import INPUTS
+from rope_twin.topics import CUT_TOPIC, INPUTS
 from rope_twin.twin.handover import Handover, handover_depth
 from rope_twin.twin.keeper import Keeper, SavingHealth
 from rope_twin.twin.kinds import twin_kind
@@ -173,6 +173,19 @@ class PacedTwin:
             # a scene of one rope has one winch, whatever a console calls it
             winch = name if is_joined(self.twin.scene) else WINCH
             self.twin.offer_order(at_ns, order, winch)
+
+    def offer_cut(self, data: bytes) -> None:
+        """A rope/cut message; as offer_heave."""
+        try:
+            stamp_ns, below_m = read_cut(data)
+        except InputError as error:
+            self._refuse(CUT_TOPIC, error)
+            return
+        epoch_ns = self.epoch_ns
+        if epoch_ns is None:
+            self._ignored += 1
+        else:
+            self.twin.offer_cut(None if stamp_ns is None else stamp_ns - epoch_ns, below_m)
 
     def offer_current(self, data: bytes) -> None:
         """A `current` message (it has no stamp and holds from now on); as offer_heave."""

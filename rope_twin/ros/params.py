@@ -101,6 +101,11 @@ class WinchScheduleParams:
     """Of the node that plays the scene's winch schedule."""
 
     scene: str = text("scene whose winch schedule is played", "deep_lift")
+    cut: str = text(
+        "cut the rope: PLACE@SECONDS, metres below the hang-off (or end) and twin time; empty: "
+        "never",
+        "",
+    )
     lead_s: float = quantity("commands are published this long before their time", "s", 0.0, 5.0,
                              default=0.2)  # fmt: skip
     speed: float = quantity("twin time over real time", "", SPEED_LOW, SPEED_HIGH, default=1.0)

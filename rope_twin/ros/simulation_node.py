@@ -25,7 +25,7 @@ from rope_twin.ros.qos import message_type, profile
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.checks import sense_checks
 from rope_twin.scene.load import load_scene
-from rope_twin.topics import BY_NAME, INPUTS, TOPICS, WINCH_TOPICS
+from rope_twin.topics import BY_NAME, CUT_TOPIC, INPUTS, TOPICS, WINCH_TOPICS
 from rope_twin.twin.pacing import keep_pauses_short
 
 _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
@@ -203,6 +203,8 @@ class SimulationNode(LifecycleNode):
                 self.paced.offer_pose(data)
             elif name in WINCH_TOPICS:
                 self.paced.offer_order(name, data)
+            elif name == CUT_TOPIC:
+                self.paced.offer_cut(data)
             else:
                 self.paced.offer_current(data)
 

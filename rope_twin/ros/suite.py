@@ -39,7 +39,7 @@ def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
         "start_s": options.bag_start_s,
         **speed,
     }
-    nodes["winch_schedule"] = {"scene": options.scene, **speed}
+    nodes["winch_schedule"] = {"scene": options.scene, "cut": options.cut, **speed}
     # After those that read what the user named: nothing is made on disk for a mistyped name.
     if options.record is not None:
         nodes["recorder"] = {"directory": str(options.record)}

@@ -1,4 +1,4 @@
-"""The node that plays a scene's winch schedule as stamped commands.
+"""The node that plays a scene's winch schedule, and a planned cut, as stamped commands.
 
 It yields: as soon as a node of another name publishes on a command topic it says so and falls
 silent for good, so that an operator who takes the winch keeps it (start the node again to give it
@@ -12,14 +12,15 @@ import sys
 from collections.abc import Iterable
 from typing import Any
 
-from rope_twin.messages import encode_order
+from rope_twin.messages import encode_cut, encode_order
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.feeding import FeedingNode
 from rope_twin.ros.params import WinchScheduleParams, declare
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging_rules import winches_by_name
 from rope_twin.scene.schema import Winch
-from rope_twin.topics import ORDER_TOPICS, SWITCH_TOPIC, WINCH_TOPICS
+from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC, WINCH_TOPICS
+from rope_twin.twin.cutting import PlannedCut, read_plan
 from rope_twin.twin.schedule import motion_of, schedule_samples
 
 TOPIC = "winch/speed_command"
@@ -32,24 +33,28 @@ class WinchScheduleNode(FeedingNode):
         super().__init__("winch_schedule", **node_options)
         self._params = declare(self, WinchScheduleParams)
         self._winches: dict[str, Winch] = {}
+        self._cut: PlannedCut | None = None
         self.yielded = False
 
     def begin(self) -> None:
         """Read the scene and wait for the twin's epoch."""
         scene = load_scene(self._params.scene)
         self._winches = {n: w for n, w in winches_by_name(scene).items() if w.schedule}
-        if not self._winches:
+        self._cut = read_plan(self._params.cut)
+        if not self._winches and self._cut is None:
             self.get_logger().warning(
                 f"scene {scene.name} has no winch schedule: the winch is left alone"
             )
             return
-        self.start_feeding(
-            topics_of(self._winches.values()), self._params.lead_s, self._params.speed
-        )
+        topics = topics_of(self._winches.values()) if self._winches else ()
+        topics += (CUT_TOPIC,) if self._cut is not None else ()
+        self.start_feeding(topics, self._params.lead_s, self._params.speed)
         self.await_epoch()
 
     def publish_stretch(self, epoch_ns: int, from_ns: int, to_ns: int) -> None:
         """Publish the commands of a stretch of twin time, unless someone else commands."""
+        if self._cut is not None and from_ns <= self._cut.at_ns < to_ns:
+            self.send(*encode_cut(epoch_ns + self._cut.at_ns, self._cut.below_m))
         if not self.yielded and (others := self._other_commanders()):
             self.yielded = True
             self.get_logger().warning(

@@ -27,7 +27,7 @@ def node_coordinates(line: RopeLine, least_line_out_m: float | None) -> Floats:
     if grading is None:
         nodes: Floats = np.linspace(0.0, length, count + 1)
         if least_line_out_m is not None and ROOM * least_line_out_m < nodes[1]:
-            nodes = np.concatenate([[0.0], _halvings(least_line_out_m, float(nodes[1])), nodes[1:]])
+            nodes = np.concatenate([[0.0], halvings(least_line_out_m, float(nodes[1])), nodes[1:]])
     elif grading.nodes_m is not None:
         low = [0.0, *grading.nodes_m]
         above = np.linspace(low[-1], length, count - len(low) + 2)
@@ -43,7 +43,7 @@ def elements_with(own: Sequence[int], first: int) -> list[int]:
     return [first, *others]
 
 
-def _halvings(least: float, length: float) -> list[float]:
+def halvings(least: float, length: float) -> list[float]:
     """Nodes between elements of least/2, least, 2·least ... in a length; none shorter than that."""
     nodes, rest = [0.5 * least], 0.5 * least
     while nodes[-1] + 3.0 * rest <= length:

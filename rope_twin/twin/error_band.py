@@ -20,7 +20,7 @@ from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.statics import settle
 from rope_twin.core.step import advance
 from rope_twin.effects.seabed import Grid, Plane, clearance
-from rope_twin.errors import SceneError, phrase
+from rope_twin.errors import SceneError, StateError, phrase
 from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.shedding import refuse_shedding
@@ -104,8 +104,16 @@ class BandedTwin(Twin):
     def restore(cls, saved: str | Path | SavedState, scene: Scene) -> Self:
         """As for a twin."""
         twin = super().restore(saved, scene)
+        if twin.cut is not None:
+            what = "its rope was cut, which an error band's companion cannot follow"
+            raise StateError(phrase("saved state", what, "go on without an error band"))
         twin._open_band(resting=False)
         return twin
+
+    def offer_cut(self, stamp_ns: int | None, below_m: float) -> str:
+        """Refused: the companion cannot follow."""
+        right = "cut it in a run without an error band"
+        return phrase("cut", "the error band's companion rope cannot be cut with it", right)
 
     def snapshot(self) -> Snapshot:
         """A frozen copy of the present with the band, once that is known."""

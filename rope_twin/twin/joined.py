@@ -205,6 +205,10 @@ class JoinedRopes:
             rope_push_n=sum(one.rope_push_n for one in contacts),
         )
 
+    def lowest(self, first: Rope) -> Rope:
+        """The first one: what is told of one rope is told of it."""
+        return first
+
     def changing(self) -> dict[str, Any]:
         """What a restart needs besides what the twin has itself."""
         kept: dict[str, Any] = {

@@ -166,6 +166,10 @@ class TwinLadder(Ladder):
             return 0.0  # the run itself will tell
         return least * speed / (steps * trial.step_s)
 
+    def judge(self, slot: SlotTimes) -> bool:
+        """As of any ladder; a rope that was cut stays on the rung that it was cut on."""
+        return self._owner.cut is None and super().judge(slot)
+
     def error(self) -> KnownError:
         """What the scene's card knows of the present rung."""
         return self._errors[self.rung]

@@ -23,6 +23,7 @@ from rope_twin.core.terms import hooks_of
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene
+from rope_twin.twin.parted import PartedRopes
 from rope_twin.twin.rung import Rung
 from rope_twin.twin.saved_state import SavedState
 from rope_twin.twin.snapshot import EnergyBalance, Snapshot
@@ -54,6 +55,10 @@ class Ledger:
         self._work = self._work + work
         self._damped += loss
         self._exchanged += 0.5 * float(moved)
+        self._now = border
+
+    def begin_anew_at(self, border: Border) -> None:
+        """Add the next step from this state: the rope is no longer of the same elements."""
         self._now = border
 
     def balance(self) -> EnergyBalance:
@@ -123,12 +128,19 @@ class AccountedTwin(Twin):
     def _opened(self) -> Ledger:
         return Ledger(self.time_ns * 1e-9, self._measured())
 
+    def _sever(self, lost_m: float) -> float:
+        """As for a twin; a cut is no step: what it changes is left to the residual."""
+        lost_m = super()._sever(lost_m)
+        self._ledger.begin_anew_at(self._measured())
+        return lost_m
+
     def _measured(self) -> Border:
         """Energy and power of the present."""
         rope = self._rope._replace(effects=self._current.effects)
         pull = self._pull[rows.PULL_X : rows.PULL_Z + 1]
         V = float(self._boundary.rate[0, rows.LINE])
-        return measure(rope, pull, self.time_ns * 1e-9, V)
+        of = self._ropes.measure if isinstance(self._ropes, PartedRopes) else measure
+        return of(rope, pull, self.time_ns * 1e-9, V)
 
 
 def _steady(one: Floats, other: Floats) -> Floats:

@@ -52,6 +52,9 @@ class Ropes(Protocol):
     def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
         """The first rope's snapshot with what there is besides."""
 
+    def lowest(self, first: Rope) -> Rope:
+        """The rope at whose lower end the payload of one rope is; first: the first rope now."""
+
     def changing(self) -> dict[str, Any]:
         """What a restart needs besides."""
 
@@ -99,6 +102,10 @@ class OneRope:
     def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
         """As it is."""
         return shot
+
+    def lowest(self, first: Rope) -> Rope:
+        """The only one."""
+        return first
 
     def changing(self) -> dict[str, Any]:
         """Nothing."""

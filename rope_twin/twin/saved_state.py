@@ -53,6 +53,8 @@ class About:
     tension_top_n: float
     payload_position_m: tuple[float, float, float]
     halvings: int = 0  # how often the scene's elements were halved
+    cut_lost_m: float = 0.0  # unstretched rope that a cut took; 0: none
+    cut_left_m: float = 0.0  # and what hung on then
     failure: str = ""  # why the solver could not go on from here
 
 

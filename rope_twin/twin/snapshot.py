@@ -120,6 +120,15 @@ class WinchShot:
 
 
 @dataclass(frozen=True)
+class CutShot:
+    """Where and when the rope was cut."""
+
+    at_s: float  # twin time
+    left_m: float  # unstretched rope that hung on below the hang-off then
+    lost_m: float  # unstretched length of the lower part
+
+
+@dataclass(frozen=True)
 class RopeShot:
     """One of several ropes. Rows run from its upper end (row 0) down."""
 
@@ -164,7 +173,8 @@ class SheaveShot:
 class Snapshot:
     """One instant of the twin. Rows run from the hang-off (row 0) down to the payload.
 
-    Where ropes meet these are of the first rope, and its lower end stands for the payload.
+    Where ropes meet these are of the first rope, and its lower end stands for the payload. Of a
+    rope that was cut they are of the part that hangs on; the payload is the lower part's.
 
     Frame `sea` (east, north, up; z = 0 at mean water level).
     """
@@ -199,10 +209,11 @@ class Snapshot:
     winches: tuple[WinchShot, ...] = ()  # those that the scene has
     energy: EnergyBalance | None = None  # only of a run that keeps a ledger
     band: TensionBand | None = None  # only of a run that asks for it, once it is known
-    ropes: tuple[RopeShot, ...] = ()  # all of them, in a scene whose ropes meet; else none
+    ropes: tuple[RopeShot, ...] = ()  # all of them where ropes meet, or one was cut; else none
     payloads: tuple[PayloadShot, ...] = ()  # likewise
     struts: tuple[StrutShot, ...] = ()  # likewise
     sheaves: tuple[SheaveShot, ...] = ()  # likewise
+    cut: CutShot | None = None  # if the rope was cut
 
     @property
     def time_s(self) -> float:

@@ -8,6 +8,7 @@ same inputs see the same numbers and agree to the bit.
 from __future__ import annotations
 
 import copy
+import math
 import threading
 import time
 from dataclasses import replace
@@ -15,31 +16,29 @@ from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rope_twin.core import state as rows
 from rope_twin.errors import SolverError, StateError, phrase
-from rope_twin.scene.card import known_error
-from rope_twin.scene.rigging import WINCH
+from rope_twin.scene.card import KnownError, known_error
 from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.shedding import refuse_shedding
 from rope_twin.twin import saved_state
+from rope_twin.twin.bare_end import without_load
 from rope_twin.twin.contact import bed_contact
-from rope_twin.twin.hang_off import HangOffTrack
 from rope_twin.twin.hoisting.feel import Course, feel
-from rope_twin.twin.hoisting.orders import SPEED, Order
 from rope_twin.twin.observe import Extremes, Observation, RunStatistics, observe
+from rope_twin.twin.parted import PartedRopes
 from rope_twin.twin.regrid import HangOff
 from rope_twin.twin.ropes import ropes_of
 from rope_twin.twin.rung import Rung
 from rope_twin.twin.rungs import Base, carry_over, error_at, top_rung
 from rope_twin.twin.saved_state import About, SavedState
+from rope_twin.twin.severing import Place, sever
 from rope_twin.twin.ship import ramp
-from rope_twin.twin.ship_pose import ShipPose
-from rope_twin.twin.snapshot import InputHealth, Snapshot
-from rope_twin.twin.water import CurrentInput
-from rope_twin.twin.winch import LineOut, winch_of_rope
+from rope_twin.twin.snapshot import CutShot, Snapshot
+from rope_twin.twin.told import ToldTwin
+from rope_twin.twin.winch import LineOut
 
 STEPS_PER_CALL = 256
 # What the scene or the caller gives; everything else changes and belongs to a saved state.
@@ -49,7 +48,7 @@ _GIVEN = (
 )  # fmt: skip
 
 
-class Twin:
+class Twin(ToldTwin):
     """One scene, running.
 
     Raises:
@@ -67,17 +66,14 @@ class Twin:
         self._base = Base(self._rope.model, self._rope.state.s.shape[0])
         self._rung = top_rung(scene)
         self._marks: list[rows.Floats] = []  # of the grids that were left for coarser ones
-        self._lock = threading.Lock()
-        self._heave = HangOffTrack(scene)
-        self._winch = winch_of_rope(scene, scene.ropes[0])
-        self._current = CurrentInput(self._rope.effects)
+        super().__init__(scene, self._ropes)
         self._rest = np.array(scene.ship.hang_off_m, dtype=float)
         borders = (STEPS_PER_CALL + 1, rows.MOTIONS)
         self._boundary = rows.Boundary(np.zeros(borders), np.zeros(borders))
         self._pulls = np.zeros((STEPS_PER_CALL, rows.PULL_COLUMNS))
         self._boundary.value[:] = [*self._rest, self._winch.line.length_m]
         self._prescribed = 0  # steps ahead whose borders are filled in
-        self._steps = self._unconverged = self._time_ns = 0
+        self._steps = self._unconverged = 0
         self._computing_s = 0.0
         self._run, self._recent = Extremes(), Extremes()
         self._pull = self._ropes.find_start()
@@ -87,11 +83,6 @@ class Twin:
     def steps(self) -> int:
         """Steps done."""
         return self._steps
-
-    @property
-    def time_ns(self) -> int:
-        """Time since the start [ns]."""
-        return self._time_ns
 
     @property
     def rope(self) -> rows.Rope:
@@ -110,8 +101,11 @@ class Twin:
 
         Raises:
             SceneError: the scene joins ropes, or sheds vortices: neither can be carried over.
+            StateError: the rope was cut: its parts cannot either.
         """
         refuse_joined(self.scene)
+        if self._cut.done:
+            raise StateError(phrase("other elements", "the rope was cut", "its parts keep theirs"))
         refuse_shedding(self.scene, "wakes of vortices cannot be carried over to another grid")
         V = float(self._boundary.rate[0, rows.LINE])
         at = HangOff(self._pull[rows.PULL_X : rows.PULL_Z + 1].copy(), V)
@@ -119,45 +113,6 @@ class Twin:
         self._rope, self._marks = carry_over(self._rope, self._marks, rung, self._base, at)
         self._rung, self.step_ns, self.step_s = rung, rung.step_ns, self._rope.model.step
         self._card_error = error_at(self.scene, rung)
-
-    def offer_heave(self, stamp_ns: int, position_m: float, velocity_m_per_s: float) -> str:
-        """A heave sample of the hang-off, + up; "" or why it was refused."""
-        with self._lock:
-            return self._heave.offer(stamp_ns, position_m, velocity_m_per_s)
-
-    def offer_pose(self, pose: ShipPose) -> str:
-        """The ship's pose, which moves the hang-off in three directions; "" or the refusal."""
-        with self._lock:
-            return self._heave.offer_pose(pose)
-
-    def offer_speed(self, stamp_ns: int | None, speed_m_per_s: float, winch: str = WINCH) -> str:
-        """Command the winch at a hang-off, + pays out (stamp None: at once); "" or the refusal."""
-        return self.offer_order(stamp_ns, Order(SPEED, speed_m_per_s), winch)
-
-    def offer_order(self, stamp_ns: int | None, order: Order, winch: str = WINCH) -> str:
-        """Command or switch the winch at a hang-off (stamp None: at once); "" or the refusal."""
-        with self._lock:
-            if winch != WINCH:
-                return self._ropes.offer(winch, stamp_ns, order, self.time_ns)
-            return self._winch.take(stamp_ns, order, self.time_ns)
-
-    def offer_current(self, profile: NDArray[np.float64]) -> str:
-        """A current profile, rows of z, east, north from the surface down; "" or the refusal."""
-        with self._lock:
-            return self._current.offer(profile, self.time_ns)
-
-    def newest_ns(self) -> dict[str, int]:
-        """Stamp of the newest accepted sample of heave and each winch's inputs, if there is one."""
-        heave = self._heave.counter
-        own = {} if heave.newest_ns is None else {heave.name: heave.newest_ns}
-        return own | self._winch.newest_ns() | self._ropes.newest_ns()
-
-    def doubt_inputs(self) -> None:
-        """After a pause or a restart: inputs known for times to come may no longer hold."""
-        with self._lock:
-            self._heave.doubt()
-            self._winch.doubt()
-            self._ropes.doubt()
 
     def advance(self, steps: int) -> None:
         """Step on.
@@ -208,10 +163,14 @@ class Twin:
         twin = cls(scene)
         if (rung := state.rung) != twin.rung:
             twin.take_rung(rung)
+        if (lost_m := state.about.cut_lost_m) > 0.0:  # wherever: what is there is taken back
+            twin._sever(0.5 * float(twin._boundary.value[0, rows.LINE]))
+            twin._lose(lost_m, state.about.cut_left_m)
         values = state.restore_into(twin._changing())
         twin._rope = twin._rope._replace(
             **{name: values.pop(f"rope/{name}") for name in saved_state.changing_parts(twin._rope)},
             effects=values["_current"].effects,
+            model=values.pop("rope/model", twin._rope.model),
         )
         twin._tension[:] = values.pop("rope/tension")
         twin._ropes.take_back(values, twin._rope)
@@ -229,6 +188,8 @@ class Twin:
     def capture(self, failure: str = "") -> SavedState:
         """The present as `save` writes it, in memory; for the thread that advances."""
         state, (value, rate) = self._rope.state, self._boundary
+        payload = self._ropes.lowest(self._rope).state.nodes[rows.POSITION : rows.POSITION + 3, 0]
+        cut = self._cut.done
         about = About(
             **saved_state.stamp(self.scene, failure),
             time_s=self.time_ns * 1e-9,
@@ -239,7 +200,9 @@ class Twin:
             line_out_m=float(value[0, rows.LINE]),
             payout_speed_m_per_s=float(rate[0, rows.LINE]),
             tension_top_n=float(self._pull[rows.PULL]),
-            payload_position_m=tuple(state.nodes[rows.POSITION : rows.POSITION + 3, 0].tolist()),
+            payload_position_m=tuple(payload.tolist()),
+            cut_lost_m=cut.lost_m if cut else 0.0,
+            cut_left_m=cut.left_m if cut else 0.0,
         )
         with self._lock:
             return saved_state.take(self._changing(), about, self.scene)
@@ -260,7 +223,10 @@ class Twin:
         """Step on as far as inputs tell without a look at the rope; how many steps that was."""
         began = time.perf_counter()
         with self._lock:
-            steps = self._prescribe(steps)
+            lost_m = self._cut.take(self.time_ns, float(self._boundary.value[0, rows.LINE]))
+            if lost_m is not None:
+                self._part(lost_m)
+            steps = self._prescribe(self._cut.steps_before(self.time_ns, self.step_ns, steps))
             rope = self._rope._replace(effects=self._current.effects)
         pulls = self._pulls[:steps]
         done = self._ropes.advance(rope, self._boundary, self.time_ns * 1e-9, pulls)
@@ -282,6 +248,29 @@ class Twin:
                 )
             )
         return done
+
+    def _part(self, lost_m: float) -> None:
+        """Cut the rope here and now, so far above its lower end [m], or at a node close by."""
+        lost_m = self._sever(lost_m)
+        self._lose(lost_m, float(self._boundary.value[0, rows.LINE]))
+
+    def _lose(self, lost_m: float, left_m: float) -> None:
+        """Note that the rope was cut now."""
+        self._winch.lose(lost_m, left_m)
+        self._cut.done = CutShot(self.time_ns * 1e-9, left_m, lost_m)
+
+    def _sever(self, lost_m: float) -> float:
+        """Go on with the rope in two; how much of it is below the cut [m]."""
+        whole, now_s = self._rope._replace(effects=self._current.effects), self.time_ns * 1e-9
+        winch = self.scene.winch
+        place = Place(lost_m, winch.least_line_out_m if winch else math.inf, now_s)
+        parts = sever(whole, self._boundary, place, without_load(whole.effects))
+        self._rope = parts.upper
+        self._ropes = PartedRopes(self.scene, parts.upper, parts.lower)
+        self._current.effects = parts.upper.effects
+        self._boundary.value[:, rows.LINE] -= parts.lost_m
+        self._card_error = KnownError(words="unknown: the rope was cut")
+        return parts.lost_m
 
     def _forget_borders(self, done: int) -> None:
         """Make the border after `done` steps the first row; what lies after it is still to come."""
@@ -367,14 +356,5 @@ class Twin:
         contact = bed_contact(self._rope)
         if contact is not None:
             taken = replace(taken, seabed=contact)
-        if winch is not None:
-            taken = replace(taken, winches=(winch,))
+        taken = replace(taken, winches=() if winch is None else (winch,), cut=self._cut.done)
         return self._ropes.complete(taken, self.time_ns)
-
-    def _input_health(self) -> dict[str, InputHealth]:
-        now = self.time_ns
-        return {
-            "heave": self._heave.counter.health(now, self._heave.stale(now)),
-            **self._winch.health(now),
-            "current": self._current.counter.health(now, False),
-        }

@@ -8,6 +8,8 @@ own line too: a winch that has rendered goes on from where it is.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rigging_rules import winch_of
 from rope_twin.scene.schema import RopeLine, Scene
@@ -17,8 +19,10 @@ from rope_twin.twin.hoisting.goals import goals_of
 from rope_twin.twin.hoisting.line import Felt, LineOut, Moment
 from rope_twin.twin.hoisting.orders import (
     COMPENSATE,
+    DEPTH,
     EMERGENCY_STOP,
     FEELING,
+    LENGTH,
     RESET,
     SPEED,
     Order,
@@ -30,6 +34,7 @@ from rope_twin.twin.hoisting.queue import OrderQueue, SwitchQueue
 from rope_twin.twin.snapshot import InputHealth, WinchShot
 
 STALE_NS = 2_000_000_000
+END_SHARE = 0.75  # of the least line out: a winch that could not stop before is stopped there
 
 __all__ = ["LineOut", "Winch", "command_input", "input_of", "switch_input", "winch_of_rope"]
 
@@ -66,6 +71,7 @@ class Winch:
         self._goal = 0  # of the goals, the one that the kind of order names
         self._last = (self._line, 1.0)  # the line ahead of the last step, and its length [s]
         self._stopped = False  # in an emergency
+        self._end_m = 0.0  # line out at which the end of a rope that was cut is at the sheave
         self._goals = () if scene is None else goals_of(scene)
         self._pace = None if scene is None else _pace_of(scene)
         self._adding = () if scene is None else adding_parts(scene)
@@ -154,11 +160,38 @@ class Winch:
             self._pass_parts(Moment(time_ns, step_s, heave_m_per_s, felt))
         else:
             self._line = self._nominal
+        if self._line.length_m < self._end_m:
+            self._line = self._nominal = LineOut(self._end_m, 0.0)
+            self.at_limit = "the end of the rope that was cut is at the sheave"
         if self.stale(time_ns):
             self.counter.say("the command is no longer repeated; its last speed is kept")
         else:
             self.counter.say("")
         return self._line
+
+    def lose(self, lost_m: float, left_m: float) -> None:
+        """The rope was cut, `left_m` of it hang on: so much less is out, and is there at all.
+
+        An order by length or depth was of the whole rope and ends; the winch stops.
+        """
+        shift = left_m - self._line.length_m
+        self._line, self._nominal = (
+            one._replace(length_m=one.length_m + shift) for one in (self._line, self._nominal)
+        )
+        before, step_s = self._last
+        self._last = before._replace(length_m=before.length_m + shift), step_s
+        if self._scene is None:
+            return
+        scene = self._scene = replace(
+            self._scene,
+            least_line_out_m=min(self._scene.least_line_out_m, left_m),
+            most_line_out_m=self._scene.most_line_out_m - lost_m,
+        )
+        self._goals, self._end_m = goals_of(scene), END_SHARE * scene.least_line_out_m
+        for part in self._parts:
+            part.know_rope(scene.most_line_out_m)
+        stands = self._kind not in (LENGTH, DEPTH)
+        self._take_up(Order(self._kind, self._value) if stands else Order(SPEED, 0.0))
 
     def shot(self) -> WinchShot | None:
         """What it does, for operators; None without a winch."""

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from cut_rigs import VACUUM, parts, swinging
 from effect_cases import some_stage
 from payout_rigs import HMPE_SEA, KELVIN_VOIGT_S, SEA, STEEL
 from rigs import Bench, Rig, Vector, frequency, march, sine
@@ -239,3 +240,18 @@ def test_no_jump_at_an_event(rope: Rig, heave: float) -> None:
         rope, elements=round(rope.length / 10.0), damping=rope.EA * KELVIN_VOIGT_S, EI=1e5
     )
     assert_smooth(rig, heave, 5)
+
+
+def test_the_lower_part_of_a_cut_rope_falls_as_freely_with_bending_stiffness() -> None:
+    """In vacuum its momentum grows by its weight alone, while it swings and straightens."""
+    rig = replace(VACUUM, EI=2e5, length=100.0)
+    twin = swinging(rig)
+    twin.offer_cut(None, 33.0)
+    twin.advance(1)
+    last = parts(twin, rig)[1]
+    for _ in range(50):
+        twin.advance(1)
+        now = parts(twin, rig)[1]
+        gained = now.momentum - last.momentum
+        np.testing.assert_allclose(gained, [0.0, 0.0, -now.mass * rig.gravity * 0.01], atol=1e-5)
+        last = now

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from cut_rigs import WATER, fallen
 from hypothesis import given, settings
 from hypothesis import strategies as some
 from joint_rigs import JointBench, Line, Vector, cut, legs
@@ -20,6 +21,7 @@ from rope_twin.core.joined_statics import settle_joined
 from rope_twin.core.joints import LOOSE
 from rope_twin.core.step import advance
 from rope_twin.scene.build import build
+from rope_twin.twin.parted import PartedRopes
 
 ROPE = Rig(
     length=100.0, elements=40, mass=3.6, EA=1.5e6, diameter=0.05, damping=1e3, load=500.0,
@@ -189,3 +191,21 @@ def test_random_systems_stay_finite(
     for r in range(3):
         assert np.isfinite(bench.nodes(r)).all()
         assert (bench.tension(r) >= 0.0).all()
+
+
+def test_the_lower_part_of_a_cut_rope_is_one_that_hangs_on_a_joint_without_a_meeting() -> None:
+    """Its end is free: the twin's own way of stepping it against the joints', in a current."""
+    rig = replace(WATER, current=((0.0, (0.8, 0.0)), (-300.0, (0.2, 0.4))), tolerance=1e-3)
+    twin = rig.twin()
+    twin._sever(120.0)  # at a node
+    lengths = replace(rig, length=120.0, elements=12)
+    bench = JointBench([Line(rig=lengths, low=(0.0,) * 3, high=(0.0,) * 3, upper=0)])
+    bench.system.ropes[0].state.nodes[:, :13] = fallen(twin).state.nodes[:, :13]
+    bench.system.joints.nodes[:, 0] = fallen(twin).state.nodes[:, 12]
+    assert isinstance(twin._ropes, PartedRopes)
+    twin._ropes._fresh = False  # the bench takes its first step in one piece
+    for _ in range(40):
+        twin.advance(10)
+        bench.hold(10)
+        apart = np.abs(fallen(twin).state.nodes[:3, :13] - bench.nodes(0)).max()
+        assert apart < 2e-6 * WATER.length, "found 6e-7: the end's tangent is that of its last step"

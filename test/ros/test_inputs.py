@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from functools import partial
 
 import pytest
@@ -11,9 +12,9 @@ from hypothesis import strategies as st
 from ros_messages import joint, multi_array
 
 from rope_twin.errors import InputError
-from rope_twin.messages import encode_heave, encode_order, encode_speed
-from rope_twin.ros.inputs import read_current, read_heave, read_order
-from rope_twin.topics import WINCH_TOPICS
+from rope_twin.messages import encode_cut, encode_heave, encode_order, encode_speed
+from rope_twin.ros.inputs import read_current, read_cut, read_heave, read_order
+from rope_twin.topics import CUT_TOPIC, WINCH_TOPICS
 from rope_twin.twin.hoisting.orders import Order
 
 SPEED_TOPIC = "winch/speed_command"
@@ -32,6 +33,19 @@ ORDERS = [Order("speed", -0.25), Order("length", 350.0), Order("depth", 2990.0),
 def test_an_order_comes_back_and_stamp_zero_means_at_once(order: Order) -> None:
     assert read_order(*encode_order(1_234_567_890, order)) == (1_234_567_890, order, "winch")
     assert read_order(*encode_order(0, order, "aft")) == (None, order, "aft")
+
+
+@pytest.mark.parametrize("below_m", [1500.0, math.inf])
+def test_a_cut_comes_back_and_stamp_zero_means_at_once(below_m: float) -> None:
+    topic, data = encode_cut(1_234_567_890, below_m)
+    assert topic == CUT_TOPIC
+    assert read_cut(data) == (1_234_567_890, below_m)
+    assert read_cut(encode_cut(0, below_m)[1]) == (None, below_m)
+
+
+def test_a_cut_without_a_place_gets_one_sentence() -> None:
+    with pytest.raises(InputError, match="rope/cut: 0 positions"):
+        read_cut(joint([0.5]))
 
 
 def test_a_speed_is_what_it_always_was() -> None:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rope_twin.errors import InputError, phrase
+from rope_twin.twin.cutting import read_plan
 from rope_twin.twin.saved_state import About, load_state
 from rope_twin.twin.state_file import check_place
 
@@ -38,6 +39,7 @@ class RunOptions:
     elements: int | None = None  # in place of the scene's; None: the scene's
     step_s: float | None = None  # likewise
     chosen: str = ""  # why these, in one sentence
+    cut: str = ""  # cut the rope: PLACE@SECONDS, judged; empty: never
     error_band: bool = False  # keep a band around the top tension
 
     @property
@@ -161,6 +163,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="keep a band around the top tension in which the converged one lies (half as much "
         "work again)",
     )
+    add(
+        "--cut",
+        default="",
+        metavar="PLACE@SECONDS",
+        help="cut the rope so many metres below the hang-off, or at its lower end (end), at this "
+        "twin time; both parts go on",
+    )
     add("--processes", action="store_true", help="each node as a process of its own")
     add("--json", action="store_true", help="last line of the output: one JSON object")  # fmt: skip
 
@@ -185,6 +194,7 @@ def read_options(args: argparse.Namespace) -> RunOptions:
     if args.save is not None:
         check_place(args.save, f"--save {args.save}")
     begin = None if args.start_from is None else _begin(args)
+    _judge_cut(args, begin.time_s if begin else 0.0)
     args.scene = _scene_argument(args.scene or (_scene_of(begin) if begin else "deep_lift"))
     return RunOptions(
         scene=args.scene,
@@ -203,7 +213,23 @@ def read_options(args: argparse.Namespace) -> RunOptions:
         begins_s=begin.time_s if begin else 0.0,
         energy=args.energy,
         error_band=args.error_band,
+        cut=args.cut,
     )
+
+
+def _judge_cut(args: argparse.Namespace, begins_s: float) -> None:
+    """Refuse a cut that cannot be, or that the run does not come to. Raises InputError."""
+    plan = read_plan(args.cut)
+    if plan is None:
+        return
+    at_s = plan.at_ns * 1e-9
+    if at_s < begins_s or (args.for_s is not None and at_s >= args.for_s):
+        end = "" if args.for_s is None else f" to {args.for_s:g} s"
+        what = f"the run goes from {begins_s:g} s{end or ' on'}"
+        raise InputError(phrase(f"--cut {args.cut}", what, "cut within it"))
+    if args.error_band:
+        what = "the companion rope of --error-band cannot be cut with it"
+        raise InputError(phrase(f"--cut {args.cut}", what, "leave one out"))
 
 
 def _check(option: str, value: object, holds: bool, right: str) -> None:

@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from typing import Protocol, TextIO
 
 from rope_twin.effects import EFFECTS
+from rope_twin.messages.diagnostics import cut_words
 from rope_twin.scene.card import told_bound
 from rope_twin.twin.pacing import PacingHealth
-from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.snapshot import CutShot, Snapshot
 from rope_twin.twin.twin import Twin
 
 
@@ -52,6 +53,8 @@ class RunSummary:
     view: str | None = None
     state: str | None = None  # file with the saved state
     energy: dict[str, float] | None = None  # EnergyBalance.figures; None: not asked for
+    cut: dict[str, float] | None = None  # CutShot's figures; None: the rope is whole
+    cut_refused: str = ""  # why a cut that was asked for was not made
     error_band: dict[str, float] | None = None  # TensionBand's figures; None: not asked for
 
     def as_json(self) -> str:
@@ -88,6 +91,9 @@ class RunSummary:
         ]
         if self.rung_changes:
             lines.append(f"{self.rung_changes} steps down or up the ladder of accuracy")
+        if self.cut is not None:
+            lines.append(cut_words(CutShot(**self.cut)))
+        lines += [self.cut_refused] if self.cut_refused else []
         if self.energy is not None:
             numerical, part = self.energy["residual_j"], self.energy["residual_pct"]
             lines.append(
@@ -142,6 +148,7 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
     statistics = twin.statistics()
     heave = snapshot.inputs.get("heave")
     command = snapshot.inputs.get("winch_command")
+    cut = snapshot.inputs.get("cut")
     now_n, stepped = snapshot.tension_top_n, statistics.steps > 0
     return RunSummary(
         scene=twin.scene.name,
@@ -169,6 +176,8 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         commands_refused=command.refused if command else 0,
         speed=pacing.speed if pacing else 0.0,
         error=pacing.error if pacing else "",
+        cut=dataclasses.asdict(snapshot.cut) if snapshot.cut else None,
+        cut_refused=cut.note if cut and cut.refused else "",
         energy=snapshot.energy.figures() if snapshot.energy else None,
         error_band=dataclasses.asdict(snapshot.band) if snapshot.band else None,
     )

@@ -23,6 +23,7 @@ from rope_twin.commands.run.summary import RunSummary, summarise
 from rope_twin.errors import SolverError, StateError
 from rope_twin.messages import (
     Encoder,
+    encode_cut,
     encode_diagnostics,
     encode_elevation,
     encode_epoch,
@@ -34,6 +35,7 @@ from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging_rules import winches_by_name
 from rope_twin.topics import TOPICS
+from rope_twin.twin.cutting import read_plan
 from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.pacing import keep_pauses_short, steps_in_slot
 from rope_twin.twin.schedule import schedule_samples
@@ -66,6 +68,7 @@ class UnpacedRun:
         self.epoch_ns = time.time_ns() - self.twin.time_ns if epoch_ns is None else epoch_ns
         keep_pauses_short()
         self._bag = None if options.record is None else BagWriter(options.record, TOPICS)
+        self._cut = read_plan(options.cut)
         self._steps = steps_in_slot(self.twin.step_s)
         self._slot_ns = self._steps * self.twin.step_ns
         self._encoder = Encoder(self.epoch_ns)
@@ -134,6 +137,11 @@ class UnpacedRun:
                 if at_ns > self._known_ns.get(input_of(order, name), FIRST_NS - 1):
                     self.twin.offer_order(at_ns, order, name)
                 messages.append((at_ns, *encode_order(self.epoch_ns + at_ns, order, name)))
+        if self._cut is not None and self._offered_ns <= self._cut.at_ns < until_ns:
+            at_ns = self._cut.at_ns
+            if at_ns > self._known_ns.get("cut", FIRST_NS - 1):
+                self.twin.offer_cut(at_ns, self._cut.below_m)
+            messages.append((at_ns, *encode_cut(self.epoch_ns + at_ns, self._cut.below_m)))
         self._inputs.extend(sorted(messages, key=lambda message: message[0]))
         self._offered_ns = until_ns
 

@@ -89,6 +89,9 @@ class Compensation:
         if switch == COMPENSATE:
             self._stroke = 0.0  # its middle is where the line is
 
+    def know_rope(self, whole_m: float) -> None:
+        """It moves whatever is out."""
+
     def words(self) -> str:
         """Which of its limits it is at."""
         return self._at_limit

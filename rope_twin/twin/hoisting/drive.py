@@ -25,11 +25,11 @@ class Machine:
 
     def __init__(self, drum: winch_parts.Drum, diameter_m: float, most_line_out_m: float) -> None:
         """`most_line_out_m`: all the rope there is; what is not out is on the drum."""
-        self._drum, self._diameter, self._whole = drum, diameter_m, most_line_out_m
+        self._drum, self._diameter, self.whole_m = drum, diameter_m, most_line_out_m
 
     def layer(self, line_out_m: float) -> tuple[int, float]:
         """The layer from which rope leaves the drum, and its radius [m]."""
-        layer = self._drum.layer_of(self._whole - line_out_m, self._diameter)
+        layer = self._drum.layer_of(self.whole_m - line_out_m, self._diameter)
         return layer, self._drum.radius_m(layer, self._diameter)
 
 
@@ -96,6 +96,10 @@ class Drive:
     def obey(self, switch: str, time_ns: int) -> None:
         """It has no switch of its own."""
 
+    def know_rope(self, whole_m: float) -> None:
+        """What is not out is on the drum."""
+        self._machine.whole_m = whole_m
+
 
 class Brake:
     """Friction on the drum: holds it, or slips at its capacity."""
@@ -130,6 +134,9 @@ class Brake:
     def has_line(self) -> bool:
         """While it holds."""
         return self._holds
+
+    def know_rope(self, whole_m: float) -> None:
+        """Its drum is the drive's."""
 
     def obey(self, switch: str, time_ns: int) -> None:
         """Set or release it; it follows after its delay. An emergency stop sets it."""

@@ -28,6 +28,9 @@ class Part(Protocol):
     def obey(self, switch: str, time_ns: int) -> None:
         """A switch was set, maybe another part's."""
 
+    def know_rope(self, whole_m: float) -> None:
+        """All the rope that there is now, out or on the drum."""
+
 
 class Adding(Part, Protocol):
     """A part that adds to the motion."""
@@ -68,6 +71,10 @@ class Layers:
 
     def obey(self, switch: str, time_ns: int) -> None:
         """It has no switch."""
+
+    def know_rope(self, whole_m: float) -> None:
+        """What is not out is on the drum."""
+        self._machine.whole_m = whole_m
 
 
 def adding_parts(scene: WinchScene) -> tuple[Adding, ...]:

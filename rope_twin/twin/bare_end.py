@@ -1,0 +1,40 @@
+"""A scene's effects for a rope with nothing at its lower end, of the same types: no new binary."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rope_twin.core.terms import hooks_of
+from rope_twin.effects.fairing import Fairing, TowedFairing
+from rope_twin.effects.net import Net
+from rope_twin.effects.payload import Payload, TwoWayPayload
+from rope_twin.effects.seabed import Grid, Plane
+from rope_twin.effects.splash_zone import SplashZone
+
+_NOTHING = (0.0, 0.0, 0.0)
+_WITHOUT: dict[type, dict[str, Any]] = {  # what is set to make an effect at the end bring nothing
+    Payload: dict.fromkeys(Payload._fields, 0.0),
+    TwoWayPayload: dict.fromkeys(TwoWayPayload._fields, 0.0),
+    SplashZone: {"lift": 0.0, "slam": 0.0, "wet": _NOTHING, "added": _NOTHING, "k": _NOTHING},
+    Net: {"along": 0.0, "facing": 0.0, "lift": 0.0},
+    Fairing: {"k": 0.0},
+    TowedFairing: {"force": 0.0},
+}
+
+
+def is_at_end(effect: Any) -> bool:
+    """Whether the effect loads the lower end of the rope by what is there."""
+    return "load_end" in hooks_of(type(effect))
+
+
+def without_load(effects: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The effects of the rope alone; raises TypeError for one at the end that is not known here."""
+    return tuple(_bare(effect) if is_at_end(effect) else effect for effect in effects)
+
+
+def _bare(effect: Any) -> Any:
+    if isinstance(effect, Plane | Grid):  # the bed stays, what stood on it is gone
+        return effect._replace(soil=effect.soil._replace(k_payload=0.0))
+    if type(effect) not in _WITHOUT:
+        raise TypeError(f"{type(effect).__name__} loads the lower end: say here what is none of it")
+    return effect._replace(**_WITHOUT[type(effect)])

@@ -1,0 +1,127 @@
+"""The order to cut the rope: judged when it comes, kept until it is due, done once."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+from rope_twin.errors import InputError, phrase
+from rope_twin.scene.rigging_rules import is_joined
+from rope_twin.scene.schema import Scene
+from rope_twin.scene.shedding import shedding_model
+from rope_twin.twin.health import InputCounter
+from rope_twin.twin.snapshot import CutShot, InputHealth
+
+AHEAD_NS = 10_000_000_000  # a stamp farther in the future is a clock that is wrong
+LEAST_M = 1.0  # of rope that stays at the hang-off, and on what is at the lower end
+AT_LOWER_END = math.inf  # as a place: as near to the lower end as can be
+_FORM = "write PLACE@SECONDS: metres below the hang-off, or end, and twin time, like 1500@30"
+
+
+class PlannedCut(NamedTuple):
+    """A cut that is planned before a run begins."""
+
+    at_ns: int  # twin time
+    below_m: float  # unstretched rope between hang-off and cut; infinite: at the lower end
+
+
+def read_plan(words: str) -> PlannedCut | None:
+    """A cut from PLACE@SECONDS, as `1500@30` or `end@30`; None of no words.
+
+    Raises:
+        InputError: the words are no plan.
+    """
+    if not words:
+        return None
+    place, _, time = words.partition("@")
+    try:
+        below_m = AT_LOWER_END if place.strip() == "end" else float(place)
+        at_s = float(time)
+    except ValueError as error:
+        raise InputError(phrase(f"cut {words}", "that is no place and time", _FORM)) from error
+    if not (below_m >= LEAST_M and 0.0 <= at_s < math.inf):
+        what = f"at {at_s:g} s, {below_m:g} m below the hang-off is not possible"
+        right = f"the time is 0 or later, and at least {LEAST_M:g} m of rope hang on"
+        raise InputError(phrase(f"cut {words}", what, right))
+    return PlannedCut(round(at_s * 1e9), below_m)
+
+
+class CutInput:
+    """Takes one order; the rope is cut once."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.counter = InputCounter("cut")
+        self.done: CutShot | None = None
+        self._whole = _why_not(scene)  # why this rope cannot be cut at all
+        self._waiting: tuple[int, float] | None = None  # due at [ns], metres below the hang-off
+
+    def offer(self, stamp_ns: int | None, below_m: float, now_ns: int) -> str:
+        """Cut so far below the hang-off, unstretched (None: at once); "" or the refusal."""
+        fault = self._fault(stamp_ns, below_m, now_ns)
+        if fault is not None:
+            kind, what, right = fault
+            return self.counter.refuse(kind, phrase("cut", what, right))
+        at_ns = now_ns if stamp_ns is None else stamp_ns
+        self._waiting = at_ns, float(below_m)
+        self.counter.accept(at_ns)
+        return ""
+
+    def steps_before(self, now_ns: int, step_ns: int, steps: int) -> int:
+        """How many of the steps from now on come before it is due."""
+        if self._waiting is None:
+            return steps
+        return min(steps, max(1, -(-(self._waiting[0] - now_ns) // step_ns)))
+
+    def take(self, now_ns: int, line_out_m: float) -> float | None:
+        """Length of the lower part [m] if the rope is to be cut now, else None.
+
+        A place where there is no rope by then is refused: the rope stays whole.
+        """
+        if self._waiting is None or self._waiting[0] > now_ns:
+            return None
+        below_m, self._waiting = self._waiting[1], None
+        most = line_out_m - LEAST_M
+        if below_m == AT_LOWER_END:
+            below_m = most
+        if not LEAST_M <= below_m <= most:
+            what = f"{below_m:g} m below the hang-off is not on the {line_out_m:.1f} m of rope"
+            right = f"right are {LEAST_M:g} to {most:.1f} m, or the lower end; the rope is whole"
+            self.counter.refuse("impossible", phrase("cut", what, right))
+            return None
+        return line_out_m - below_m
+
+    def health(self, now_ns: int) -> dict[str, InputHealth]:
+        """What became of the orders; empty while none has come."""
+        health = self.counter.health(now_ns, False)
+        return {"cut": health} if health.accepted or health.refused else {}
+
+    def _fault(
+        self, stamp_ns: int | None, below_m: float, now_ns: int
+    ) -> tuple[str, str, str] | None:
+        if self._whole:
+            return "impossible", self._whole, "run another scene for that"
+        if self.done is not None or self._waiting is not None:
+            already = "the rope is cut already" if self.done else "a cut is waiting already"
+            return "repeated", already, "a rope is cut once"
+        if math.isnan(below_m):
+            return "non_finite", "its place is not a number", "give metres below the hang-off"
+        if below_m < LEAST_M:
+            right = f"at least {LEAST_M:g} m of rope stay there"
+            return "impossible", f"{below_m:g} m below the hang-off", right
+        if stamp_ns is None:
+            return None
+        if stamp_ns < now_ns:
+            late = f"it came {(now_ns - stamp_ns) * 1e-6:.0f} ms after it was due"
+            return "late", late, "raise the input delay by more than that, or leave the stamp 0"
+        if stamp_ns > now_ns + AHEAD_NS:
+            far = f"stamp {stamp_ns * 1e-9:.1f} s lies more than 10 s ahead"
+            return "impossible", far, "sender and twin must share one clock"
+        return None
+
+
+def _why_not(scene: Scene) -> str:
+    if is_joined(scene):
+        return "ropes meet in this scene, and only a rope by itself can be cut so far"
+    if model := shedding_model(scene):
+        return f"this scene lists `{model}`, and the wake of a rope that is cut is not known"
+    return ""

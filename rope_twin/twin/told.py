@@ -1,0 +1,99 @@
+"""What a twin is told, from any thread: heave or pose, orders to winches, a current, a cut."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.scene.rigging import WINCH
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.cutting import CutInput
+from rope_twin.twin.hang_off import HangOffTrack
+from rope_twin.twin.hoisting.orders import SPEED, Order
+from rope_twin.twin.ropes import Ropes
+from rope_twin.twin.ship_pose import ShipPose
+from rope_twin.twin.snapshot import CutShot, InputHealth
+from rope_twin.twin.water import CurrentInput
+from rope_twin.twin.winch import winch_of_rope
+
+
+class ToldTwin:
+    """The inputs of a twin, behind one lock; each `offer` judges what it is given."""
+
+    def __init__(self, scene: Scene, ropes: Ropes) -> None:
+        self._lock = threading.Lock()
+        self._heave = HangOffTrack(scene)
+        self._winch = winch_of_rope(scene, scene.ropes[0])
+        self._current = CurrentInput(ropes.first.effects)
+        self._cut = CutInput(scene)
+        self._ropes = ropes
+        self._time_ns = 0
+
+    @property
+    def time_ns(self) -> int:
+        """Time since the start [ns]."""
+        return self._time_ns
+
+    def offer_heave(self, stamp_ns: int, position_m: float, velocity_m_per_s: float) -> str:
+        """A heave sample of the hang-off, + up; "" or why it was refused."""
+        with self._lock:
+            return self._heave.offer(stamp_ns, position_m, velocity_m_per_s)
+
+    def offer_pose(self, pose: ShipPose) -> str:
+        """The ship's pose, which moves the hang-off in three directions; "" or the refusal."""
+        with self._lock:
+            return self._heave.offer_pose(pose)
+
+    def offer_speed(self, stamp_ns: int | None, speed_m_per_s: float, winch: str = WINCH) -> str:
+        """Command the winch at a hang-off, + pays out (stamp None: at once); "" or the refusal."""
+        return self.offer_order(stamp_ns, Order(SPEED, speed_m_per_s), winch)
+
+    def offer_order(self, stamp_ns: int | None, order: Order, winch: str = WINCH) -> str:
+        """Command or switch the winch at a hang-off (stamp None: at once); "" or the refusal."""
+        with self._lock:
+            if winch != WINCH:
+                return self._ropes.offer(winch, stamp_ns, order, self.time_ns)
+            return self._winch.take(stamp_ns, order, self.time_ns)
+
+    def offer_current(self, profile: NDArray[np.float64]) -> str:
+        """A current profile, rows of z, east, north from the surface down; "" or the refusal."""
+        with self._lock:
+            return self._current.offer(profile, self.time_ns)
+
+    def offer_cut(self, stamp_ns: int | None, below_m: float) -> str:
+        """Cut the rope so far below the hang-off (stamp None: at once); "" or the refusal.
+
+        below_m: unstretched [m]; infinite: as near to the lower end as can be.
+        """
+        with self._lock:
+            return self._cut.offer(stamp_ns, below_m, self.time_ns)
+
+    @property
+    def cut(self) -> CutShot | None:
+        """Where and when the rope was cut, if it was."""
+        return self._cut.done
+
+    def newest_ns(self) -> dict[str, int]:
+        """Stamp of the newest accepted sample of heave, cut and each winch's inputs, if any."""
+        counters = (self._heave.counter, self._cut.counter)
+        own = {one.name: one.newest_ns for one in counters if one.newest_ns is not None}
+        return own | self._winch.newest_ns() | self._ropes.newest_ns()
+
+    def doubt_inputs(self) -> None:
+        """After a pause or a restart: inputs known for times to come may no longer hold."""
+        with self._lock:
+            self._heave.doubt()
+            self._winch.doubt()
+            self._ropes.doubt()
+
+    def _input_health(self) -> dict[str, InputHealth]:
+        """What became of each input's samples; under the lock."""
+        now = self.time_ns
+        return {
+            "heave": self._heave.counter.health(now, self._heave.stale(now)),
+            **self._winch.health(now),
+            "current": self._current.counter.health(now, False),
+            **self._cut.health(now),
+        }

@@ -1,0 +1,283 @@
+"""A twin whose rope is cut on the way: told, seen, saved, accounted for, or refused."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+import pytest
+from small_scene import SMALL_SCENE, digest, not_finite, small_scene
+
+from rope_twin import Snapshot, Twin, load_scene
+from rope_twin.commands.run.options import RunOptions
+from rope_twin.commands.run.unpaced import run_unpaced
+from rope_twin.errors import InputError, StateError
+from rope_twin.messages import Level, statuses
+from rope_twin.recording.bag_reader import BagReader
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.cutting import CutInput, PlannedCut, read_plan
+from rope_twin.twin.error_band import BandedTwin
+from rope_twin.twin.hoisting.orders import LENGTH, Order
+from rope_twin.twin.ladder import TwinLadder
+from rope_twin.twin.ledger import AccountedTwin
+from rope_twin.twin.pacing import SlotTimes
+from rope_twin.twin.rung import Rung
+from rope_twin.twin.saved_state import load_state
+
+Kind = TypeVar("Kind", bound=Twin)
+AT_S, BELOW_M = 2.505, 80.0  # between two borders of steps
+CURRENT = np.array([[0.0, 0.2, -0.4], [-300.0, 0.1, 0.0]])
+BED = "  - seabed: {depth_m: 260.0, friction: 0.4}\n  - payload: {}\n"
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    return small_scene(tmp_path_factory.mktemp("scene"))
+
+
+def told(twin: Kind) -> Kind:
+    """Heave, a speed, a cut and a new current, all ahead of time."""
+    for k in range(-1, 90):
+        at_ns = 100_000_000 * k
+        twin.offer_heave(at_ns, math.sin(at_ns * 1e-9), math.cos(at_ns * 1e-9))
+    assert not twin.offer_speed(1_000_000_000, 0.7)
+    assert not twin.offer_cut(round(AT_S * 1e9), BELOW_M)
+    return twin
+
+
+def ends(twin: Twin, chunk: int, last: int = 800) -> list[Snapshot]:
+    """A snapshot every 100 steps, stepped in such chunks; halfway comes another current."""
+    shots = []
+    while twin.steps < last:
+        if twin.steps == 400:
+            assert not twin.offer_current(CURRENT)
+        twin.advance(min(chunk, 100 - twin.steps % 100, last - twin.steps))
+        if twin.steps % 100 == 0:
+            shots.append(twin.snapshot())
+    return shots
+
+
+def every_bit(shots: list[Snapshot]) -> str:
+    """Of what a snapshot of one rope has, and of the lower part."""
+    below = [rope for shot in shots for rope in shot.ropes]
+    tables = (table for rope in below for table in (rope.node_position_m, rope.node_tension_n))
+    return digest(shots) + b"".join(table.tobytes() for table in tables).hex()
+
+
+@pytest.fixture(scope="module")
+def run(scene: Scene) -> list[Snapshot]:
+    return ends(told(Twin(scene)), 1)
+
+
+def test_both_parts_are_told(scene: Scene, run: list[Snapshot]) -> None:
+    """Whole before; then a rope of less line out and another one, with the payload at its end."""
+    before, after = run[1], run[-1]
+    assert not before.ropes
+    assert before.cut is None
+    assert after.cut is not None
+    assert after.cut.at_s == pytest.approx(2.51)
+    assert after.cut.left_m == pytest.approx(BELOW_M, abs=0.1)
+    upper, lower = after.ropes
+    assert (upper.name, lower.name) == ("hoist", "hoist/lower")
+    assert upper.line_out_m == after.line_out_m
+    assert lower.line_out_m == after.cut.lost_m
+    whole = Twin(scene)
+    whole.offer_speed(1_000_000_000, 0.7)
+    whole.advance(800)
+    length = whole.snapshot().line_out_m - after.cut.lost_m
+    assert after.line_out_m == pytest.approx(length, abs=1e-9)
+    assert (lower.node_position_m[-1] == after.payload_position_m).all()
+    assert (upper.node_position_m == after.node_position_m).all()
+    assert after.payload_position_m[2] < lower.node_position_m[0, 2] < -BELOW_M
+    assert after.payloads[0].name == "tool"
+    assert lower.node_tension_n[0] == lower.tension_top_n == 0.0
+    assert after.card_error.words == "unknown: the rope was cut"
+    assert not not_finite(after)
+
+
+def test_how_the_time_is_cut_up_changes_no_bit(scene: Scene, run: list[Snapshot]) -> None:
+    assert every_bit(ends(told(Twin(scene)), 64)) == every_bit(run)
+
+
+@pytest.mark.parametrize("moment", [200, 251, 300, 700])
+def test_a_run_goes_on_from_a_file_and_on_a_branch(
+    scene: Scene, run: list[Snapshot], tmp_path: Path, moment: int
+) -> None:
+    """With a cut to come, right after it, before another current and after it; to the bit."""
+    twin = told(Twin(scene))
+    ends(twin, 50, moment)
+    twin.save(tmp_path / "cut.state")
+    other = Twin.restore(tmp_path / "cut.state", scene)
+    rest = [shot for shot in run if shot.step > moment]
+    assert every_bit(ends(twin.branch(), 100)) == every_bit(rest)
+    assert every_bit(ends(other, 7)) == every_bit(rest)
+    cut = twin.cut
+    about = load_state(tmp_path / "cut.state").about
+    assert about.cut_lost_m == (cut.lost_m if cut else 0.0)
+
+
+def test_the_winch_goes_on_with_the_rope_that_is_left(scene: Scene) -> None:
+    """It hauls in to its least line out; an order by length was of the whole rope and has ended."""
+    twin = Twin(scene)
+    assert not twin.offer_order(None, Order(LENGTH, 390.0))
+    twin.advance(100)
+    assert not twin.offer_cut(None, 60.0)
+    twin.advance(500)
+    assert twin.snapshot().payout_speed_m_per_s == 0.0
+    assert "50 to 2" in twin.offer_order(None, Order(LENGTH, 390.0)), "there is less rope now"
+    assert not twin.offer_speed(None, -1.5)
+    twin.advance(3000)
+    shot = twin.snapshot()
+    assert shot.line_out_m == pytest.approx(50.0, abs=1e-3)
+    assert shot.tension_top_n == pytest.approx(50.0 * 5.1 * 9.81, rel=0.2), "a bare rope"
+
+
+def test_cut_at_the_ship_as_with_an_emergency_cutter(scene: Scene) -> None:
+    """Two metres hang on, less than the winch's least line out; it stands, and can pay out."""
+    twin = Twin(scene)
+    assert not twin.offer_speed(None, -1.0)
+    twin.advance(300)
+    assert not twin.offer_cut(None, 2.0)
+    twin.advance(500)
+    assert twin.cut is not None
+    assert twin.cut.left_m == pytest.approx(2.0)
+    assert twin.snapshot().line_out_m == pytest.approx(1.5), "it could not brake in time"
+    assert not twin.offer_speed(None, 1.0)
+    twin.advance(2000)
+    assert twin.snapshot().line_out_m > 15.0
+    assert twin.snapshot().solver.unconverged_substeps == 0
+
+
+def test_rope_and_payload_come_to_rest_on_the_bed(tmp_path: Path) -> None:
+    """The bed carries what they weigh in water, and the rope lies on it."""
+    path = tmp_path / "bed.yaml"
+    path.write_text(SMALL_SCENE.replace("  - payload: {}\n", BED))
+    scene = load_scene(path)
+    twin = Twin(scene)
+    assert not twin.offer_cut(None, 150.0)
+    twin.advance(12_000)
+    bed = twin.snapshot().seabed
+    assert bed is not None
+    assert bed.payload_landed
+    rope = scene.ropes[0].rope
+    assert rope is not None
+    weight = rope.mass_kg_per_m - 1025.0 * 0.25 * math.pi * rope.hydrodynamic_diameter_m**2
+    assert bed.payload_push_n + bed.rope_push_n == pytest.approx(
+        ((8000.0 - 1025.0 * 1.5) + weight * 50.0) * 9.80665, rel=2e-3
+    )
+    assert bed.rope_on_bed_m == pytest.approx(50.0, abs=6.0), "the last node may lean on others"
+
+
+def test_the_balance_of_both_parts_closes(scene: Scene) -> None:
+    """Over the cut and the fall; what is left is what the steps dissipate."""
+    twin = told(AccountedTwin(scene))
+    twin.advance(2000)
+    balance = twin.snapshot().energy
+    assert balance is not None
+    assert twin.cut is not None
+    assert balance.kinetic_j > 0.5 * 8000.0 * 2.0**2, "it sinks"
+    assert abs(balance.residual_pct) < 0.5
+
+
+def test_the_ladder_stays_where_it_is(scene: Scene) -> None:
+    """However late the slots are; a rung taken before the cut is kept, and saved."""
+    twin = told(Twin(scene))
+    twin.take_rung(Rung(20_000_000))
+    ladder = TwinLadder(twin)
+    twin.advance(150)
+    slots = (SlotTimes(k * 20_000_000, 2e7, 60_000_000, True) for k in range(100))
+    assert not any(ladder.judge(slot) for slot in slots)
+    with pytest.raises(StateError, match=r"other elements: the rope was cut"):
+        twin.take_rung(Rung(10_000_000))
+    branch = Twin.restore(twin.capture(), scene)
+    assert branch.rung == twin.rung
+    for one in (twin, branch):
+        one.advance(50)
+    assert every_bit([twin.snapshot()]) == every_bit([branch.snapshot()])
+
+
+REFUSED: list[tuple[Callable[[Twin], str], str]] = [
+    (lambda twin: twin.offer_cut(None, math.nan), "its place is not a number"),
+    (lambda twin: twin.offer_cut(None, 0.5), "at least 1 m of rope stay there"),
+    (lambda twin: twin.offer_cut(None, -math.inf), "-inf m below the hang-off"),
+    (lambda twin: twin.offer_cut(-1, 50.0), "0 ms after it was due"),
+    (lambda twin: twin.offer_cut(11_000_000_000, 50.0), "more than 10 s ahead"),
+]
+
+
+@pytest.mark.parametrize(("offer", "words"), REFUSED)
+def test_what_cannot_be_is_refused_in_a_sentence(
+    scene: Scene, offer: Callable[[Twin], str], words: str
+) -> None:
+    twin = Twin(scene)
+    said = offer(twin)
+    assert said.startswith("cut: ")
+    assert words in said
+    assert twin.snapshot().inputs["cut"].refused == 1
+    twin.advance(1)
+    assert twin.cut is None
+
+
+def test_a_place_where_there_is_no_rope_by_then_leaves_it_whole(scene: Scene) -> None:
+    twin = Twin(scene)
+    assert not twin.offer_cut(None, 199.5)
+    twin.advance(2)
+    health = twin.snapshot().inputs["cut"]
+    assert twin.cut is None
+    assert "199.5 m below the hang-off is not on the 200.0 m of rope" in health.note
+    assert not twin.offer_cut(None, math.inf), "it may be tried again"
+    twin.advance(2)
+    assert twin.cut is not None
+    assert twin.cut.lost_m == pytest.approx(1.0)
+    assert "cut already" in twin.offer_cut(None, 20.0)
+
+
+def test_where_ropes_meet_or_vortices_are_shed_none_is_cut() -> None:
+    for name, words in (("two_line_lift", "ropes meet"), ("curved_pipe", "`wake_oscillator`")):
+        assert words in CutInput(load_scene(name)).offer(None, 20.0, 0)
+
+
+def test_an_error_band_cannot_follow(scene: Scene) -> None:
+    assert "companion" in BandedTwin(scene).offer_cut(None, 20.0)
+    twin = told(Twin(scene))
+    twin.advance(300)
+    with pytest.raises(StateError, match="go on without an error band"):
+        BandedTwin.restore(twin.capture(), scene)
+
+
+def test_a_run_records_the_order_and_both_ropes(scene: Scene, tmp_path: Path) -> None:
+    """Without ROS, the topics that a paced run has; told at the end and in the diagnostics."""
+    options = RunOptions(
+        scene=str(scene.path), for_s=3.0, speed=0.0, record=tmp_path / "bag", cut=f"{BELOW_M}@1.5"
+    )
+    summary = run_unpaced(options, lambda run: None)
+    assert "cut at 1.50 s, 80.0 m below the hang-off" in summary.as_text()
+    with BagReader(tmp_path / "bag") as reader:
+        counts = {name.strip("/"): content.messages for name, content in reader.topics.items()}
+    assert counts["rope/cut"] == 1
+    assert counts["ropes/state"] == counts["payloads/state"] == 75
+    assert counts["ropes/nodes"] == pytest.approx(38, abs=1)
+    rows = statuses(run_to_its_end(scene), None)
+    told = next(row for row in rows if row.name == "simulation: rope")
+    assert told.level == Level.WARN
+    assert told.values["rope below the cut [m]"] == "120.00"
+
+
+def run_to_its_end(scene: Scene) -> Snapshot:
+    """Half a second after a cut."""
+    twin = Twin(scene)
+    assert not twin.offer_cut(None, BELOW_M)
+    twin.advance(50)
+    return twin.snapshot()
+
+
+def test_a_plan_is_a_place_and_a_time() -> None:
+    assert read_plan("") is None
+    assert read_plan("1500@30") == PlannedCut(30_000_000_000, 1500.0)
+    assert read_plan("end@0.5") == PlannedCut(500_000_000, math.inf)
+    for words in ("1500", "@3", "a@3", "1500@", "nan@3", "0.1@3", "20@-1", "20@inf"):
+        with pytest.raises(InputError, match="cut"):
+            read_plan(words)
