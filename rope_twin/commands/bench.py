@@ -14,6 +14,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TextIO
 
+from rope_twin.errors import InputError
 from rope_twin.studies import (
     band,
     ensemble_speed,
@@ -24,6 +25,7 @@ from rope_twin.studies import (
     performance_page,
     speed,
     statics_speed,
+    vortex_peer,
     vortex_speed,
 )
 from rope_twin.studies.order_picture import check_picture, draw_orders
@@ -47,7 +49,12 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         help="a thousand ropes together, beside one alone; some run again alone for equality",
     )
     rest = actions.add_parser("statics", help="time to come to rest, from good and bad guesses")
-    shed = actions.add_parser("vortices", help="cost of the vortex models at steps of 1 ms")
+    shed = actions.add_parser(
+        "vortices",
+        help="cost of the vortex models at steps of 1 ms, and MoorDyn's model on the curved pipe",
+        description="MoorDyn is no part of rope_twin; where it is missing it is told how to get "
+        "it, and the rest runs without.",
+    )
     live = actions.add_parser(
         "band",
         help="whether the live error band holds, and what it costs, in every scene",
@@ -170,11 +177,19 @@ def _statics(args: argparse.Namespace) -> int:
 
 def _vortices(args: argparse.Namespace, progress: Progress) -> int:
     cases = vortex_speed.QUICK if args.quick else vortex_speed.FULL
-    rows = list(vortex_speed.vortex_rows(cases, progress.show))
+    rows, raced = list(vortex_speed.vortex_rows(cases, progress.show)), None
+    try:
+        plan = vortex_peer.QUICK if args.quick else vortex_peer.FULL
+        raced = list(vortex_peer.race_vortices(plan, progress.show))
+    except InputError as missing:
+        print(missing, file=sys.stderr)
     if args.json:
-        print(json.dumps({"rows": rows}, allow_nan=False))
-    else:
-        print_table(vortex_speed.vortex_table(rows))
+        print(json.dumps({"rows": rows, "peer": raced}, allow_nan=False))
+        return 0
+    print_table(vortex_speed.vortex_table(rows))
+    if raced is not None:
+        print()
+        print_table(vortex_peer.race_table(raced))
     return 0
 
 

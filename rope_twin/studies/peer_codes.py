@@ -82,17 +82,18 @@ class History:
         return self.every_s * len(self.tension_n) / max(self.took_s, 1e-9)
 
 
-def require_peers() -> None:
+def require_peers(names: Sequence[str] = tuple(PEERS), command: str = "bench peers") -> None:
     """See that they are there.
 
     Raises:
         InputError: one is not installed.
     """
-    missing = [name for name in PEERS if importlib.util.find_spec(name) is None]
+    missing = [name for name in names if importlib.util.find_spec(name) is None]
     if missing:
         what = f"{' and '.join(missing)}, which rope_twin does not need itself, cannot be imported"
-        wanted = " ".join(f"{name}=={version}" for name, version in PEERS.items())
-        raise InputError(phrase("bench peers", what, f"get them with `pip install {wanted}`"))
+        wanted = " ".join(f"{name}=={PEERS[name]}" for name in names)
+        them = "them" if len(names) > 1 else "it"
+        raise InputError(phrase(command, what, f"get {them} with `pip install {wanted}`"))
 
 
 def run_moordyn(job: Job, setting: Setting) -> History:
@@ -105,7 +106,7 @@ def run_moordyn(job: Job, setting: Setting) -> History:
     times = call_s * np.arange(math.ceil(seconds / call_s) + 1)
     heights = [_hang_off(scene, float(at))[0] for at in times]
     pulls = list[list[float]]()
-    with tempfile.TemporaryDirectory() as folder, _silence():
+    with tempfile.TemporaryDirectory() as folder, silence():
         deck = Path(folder) / "deck.txt"
         deck.write_text(moordyn_deck(given, segments, *_scheme(setting)), encoding="utf-8")
         (Path(folder) / CURRENT_FILE).write_text(current_table(given), encoding="utf-8")
@@ -137,7 +138,7 @@ def run_cabledyn(job: Job, setting: Setting) -> History:
     given, step_s = figures(scene), setting.step_s
     motion = [_hang_off(scene, step_s * (k + 1)) for k in range(math.ceil(seconds / step_s))]
     pulls: list[NDArray[np.float64]] = []
-    with tempfile.TemporaryDirectory() as folder, _silence():
+    with tempfile.TemporaryDirectory() as folder, silence():
         deck = Path(folder) / "deck.dat"
         deck.write_text(cabledyn_deck(given, segments, step_s, seconds), encoding="utf-8")
         try:
@@ -186,7 +187,7 @@ def _hang_off(scene: Scene, at_s: float) -> tuple[float, float, float]:
 
 
 @contextlib.contextmanager
-def _silence() -> Iterator[Any]:
+def silence() -> Iterator[Any]:
     """Nothing reaches the console meanwhile: both peers write to it from compiled code."""
     sys.stdout.flush()
     sys.stderr.flush()

@@ -42,6 +42,8 @@ class Figures:
     density: float
     gravity: float
     profile: tuple[tuple[float, tuple[float, float]], ...]  # z and velocity, from the surface down
+    EI: float = 0.0
+    lift: float = 0.0  # of MoorDyn's synchronisation model, with its own band; 0: without it
 
     @property
     def wave_speed(self) -> float:
@@ -114,14 +116,15 @@ def _load_figures(name: str, load: Payload) -> tuple[float, float]:
 
 def moordyn_deck(given: Figures, segments: int, scheme: str, damping: float, step_s: float) -> str:
     """For MoorDyn; a negative damping is a fraction of an element's critical one."""
+    sheds = f" {given.lift!r} 0.08 0.18" if given.lift else ""  # Cl dF cF
     return "\n".join(
         [
             "rope_twin, bench peers",
             f"{RULE} LINE TYPES {RULE}",
             "TypeName Diam Mass/m EA BA/-zeta EI Cd Ca CdAx CaAx",
             "(name) (m) (kg/m) (N) (N-s/-) (N-m^2) (-) (-) (-) (-)",
-            f"rope {given.diameter!r} {given.mass!r} {given.EA!r} {damping!r} 0 "
-            f"{given.Cdn!r} {given.Ca!r} {given.Cdt!r} 0",
+            f"rope {given.diameter!r} {given.mass!r} {given.EA!r} {damping!r} {given.EI:.12g} "
+            f"{given.Cdn!r} {given.Ca!r} {given.Cdt!r} 0{sheds}",
             *_points(given),
             f"{RULE} LINES {RULE}",
             "Line LineType NodeA NodeB UnstrLen NumSegs Outputs",

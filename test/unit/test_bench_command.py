@@ -218,15 +218,3 @@ def test_a_picture_that_cannot_be_is_refused_at_once(
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"matplotlib: .* `pip install 'rope_twin\[plot\]'"):
         draw_orders(curves, tmp_path / "orders.png")
-
-
-def test_the_vortex_models_are_timed_beside_the_rope_without_them(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    assert main(["bench", "vortices", "--quick", "--json"]) == 0
-    rows = json.loads(capsys.readouterr().out)["rows"]
-    assert [row["model"] for row in rows] == ["none", "wake_oscillator"]
-    for row in rows:
-        assert row["best_factor"] >= row["real_time_factor"] > 0.0
-        per_step_s = 1e-9 * row["ns_per_node_step"] * row["nodes"]
-        assert row["real_time_factor"] == pytest.approx(1e-3 / per_step_s)
