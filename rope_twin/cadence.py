@@ -11,7 +11,9 @@ from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.snapshot import Snapshot
 
 _FROM_SNAPSHOT = tuple(
-    topic for topic in TOPICS if topic.publisher == "simulation" and topic.rate_hz >= 5.0
+    topic
+    for topic in TOPICS
+    if topic.publisher == "simulation" and (topic.rate_hz >= 5.0 or topic.only_with)
 )
 SNAPSHOT_TOPICS = tuple(topic for topic in _FROM_SNAPSHOT if not topic.only_with)
 EXTRA_TOPICS = tuple(topic for topic in _FROM_SNAPSHOT if topic.only_with)

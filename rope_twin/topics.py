@@ -90,6 +90,14 @@ TOPICS: tuple[Topic, ...] = (
           "x, y, z [m] and tension [N] of each node, from the hang-off down"),
     Topic("rope/markers", "visualization_msgs/msg/MarkerArray", Qos.STREAM, 25.0, "simulation",
           "rope coloured by tension, payload, hang-off"),
+    Topic("rope/vibration", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 5.0, "simulation",
+          "how the rope shakes: x, y, z [m] of each node, from the hang-off down, cross_flow "
+          "[A/d], cross_flow_hz, and in_line, in_line_hz where the model has them; if asked for",
+          only_with="vibration"),
+    Topic("rope/fatigue", "std_msgs/msg/Float64MultiArray", Qos.STREAM, 1.0, "simulation",
+          "fatigue used of each metre of material, from the lower end up: its distance from there "
+          "and from the hang-off (negative: aboard) [m], Miner's sum; if asked for",
+          only_with="fatigue"),
     Topic("ropes/state", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
           "where ropes meet, or one was cut, of each rope by name: position length [m], velocity "
           "payout [m/s], effort tension at its upper end [N]; of each bar: length, 0, pull",

@@ -12,10 +12,10 @@ import numpy as np
 from rope_twin.commands.bench import print_table
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.fatigue import CURVES, StressCurve, find_curve
 from rope_twin.studies.viv_moving import MovingRun, draw_moving, run_moving
 from rope_twin.studies.viv_picture import check_folder, write_all
 from rope_twin.studies.viv_study import Fatigue, VivRun, count_fatigue, run_viv
+from rope_twin.twin.endurance import CURVES, StressCurve, find_curve
 from rope_twin.viv.shedding import Shedding
 
 SHOWN = 10  # modes in the table, those that move most

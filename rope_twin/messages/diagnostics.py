@@ -19,6 +19,8 @@ from rope_twin.twin.snapshot import (
     CutShot,
     EnergyBalance,
     InputHealth,
+    MaterialFatigue,
+    RopeVibration,
     Snapshot,
     TensionBand,
 )
@@ -49,7 +51,7 @@ class Status:
 def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
     """The state of solver, accuracy, pacing (None: not paced), winch, start-up and every input.
 
-    And the energy balance and the error band, if the run keeps them.
+    And the energy balance, the error band, vibration and fatigue, if the run keeps them.
     """
     rows = [
         _solver(snapshot),
@@ -67,6 +69,10 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
         rows.append(_energy(snapshot.energy))
     if snapshot.band is not None:
         rows.append(_band(snapshot.tension_top_n, snapshot.band))
+    if snapshot.vibration is not None:
+        rows.append(_vibration(snapshot, snapshot.vibration))
+    if snapshot.fatigue is not None:
+        rows.append(_fatigue(snapshot.fatigue))
     rows += [_input(name, health) for name, health in snapshot.inputs.items()]
     return rows
 
@@ -232,6 +238,49 @@ def _band(tension_n: float, band: TensionBand) -> Status:
         values["bound of the error [% of the tension]"] = f"{100.0 * band.bound_n / tension_n:.3g}"
     message = f"the top tension is within {band.bound_n:.3g} N of the converged one"
     return Status("simulation: error band", Level.OK, message, values)
+
+
+def _vibration(snapshot: Snapshot, shaking: RopeVibration) -> Status:
+    at = shaking.worst
+    values = {
+        "model": shaking.model,
+        "largest cross-flow amplitude [d]": f"{shaking.cross_flow[at]:.3g}",
+        "its frequency [Hz]": f"{shaking.cross_flow_hz[at]:.3g}",
+        "below the hang-off [m]": f"{snapshot.arc_length_m[at]:.1f}",
+        "cost of watching [% of real time]": f"{shaking.cost_pct:.2g}",
+    }
+    if shaking.every_s > 0.0:
+        values["modes found again every [s]"] = f"{shaking.every_s:g}"
+        values["modes found"] = str(shaking.solves)
+    message = (
+        f"{shaking.cross_flow[at]:.2f} diameters at {shaking.cross_flow_hz[at]:.2f} Hz, "
+        f"{snapshot.arc_length_m[at]:.0f} m below the hang-off"
+    )
+    name = "simulation: vibration"
+    if shaking.slack:
+        return Status(name, Level.WARN, f"{message}; part of the rope is slack, which is not in it",
+                      values)  # fmt: skip
+    return Status(name, Level.OK, message, values)
+
+
+def _fatigue(wear: MaterialFatigue) -> Status:
+    at = wear.worst
+    used, place = float(wear.used[at]), float(wear.from_hang_off_m[at])
+    values = {
+        "curve": wear.curve,
+        "with bending": "yes" if wear.bending else "no",
+        "counted [s]": f"{wear.counted_s:.1f}",
+        "most used of a metre (1: it breaks)": f"{used:.3e}",
+        "that metre, from the lower end [m]": f"{wear.from_lower_end_m[at]:.1f}",
+        "from the hang-off [m], negative: aboard": f"{place:.1f}",
+    }
+    where = f"{place:.0f} m below the hang-off" if place >= 0.0 else "aboard"
+    message = (
+        f"{used:.2e} of its life used of the metre {wear.from_lower_end_m[at]:.0f} m from the "
+        f"lower end, now {where}"
+    )
+    level = Level.WARN if used >= 1.0 else Level.OK
+    return Status("simulation: fatigue", level, message, values)
 
 
 def _pacing(pacing: PacingHealth) -> Status:

@@ -15,6 +15,7 @@ from rope_twin.messages import forms
 from rope_twin.messages.cdr import Template
 from rope_twin.messages.colours import scale_above, tension_colours
 from rope_twin.messages.joined import JoinedForms, all_elements
+from rope_twin.messages.watched import WatchForms
 from rope_twin.messages.winch import WinchForms
 from rope_twin.twin.snapshot import Snapshot
 
@@ -38,7 +39,7 @@ class Encoder:
         self._sized: dict[str, tuple[object, Template]] = {}
         self._scale_n = 0.0
         joined = JoinedForms(frame_id)
-        winch = WinchForms()
+        winch, watched = WinchForms(), WatchForms(frame_id)
         self._encoders: dict[str, Callable[[Snapshot], bytes]] = {
             "tension_top": self._tension_top,
             "tension_top_error_pct": self._tension_top_error,
@@ -53,6 +54,8 @@ class Encoder:
             "seabed/contact": self._seabed_contact,
             "rope/nodes": self._rope_nodes,
             "rope/markers": self._rope_markers,
+            "rope/vibration": lambda shot: watched.vibration(shot, self._stamp(shot)),
+            "rope/fatigue": watched.fatigue,
             "ropes/state": lambda shot: joined.ropes_state(shot, self._stamp(shot)),
             "ropes/nodes": lambda shot: joined.ropes_nodes(shot, self._stamp(shot)),
             "payloads/state": lambda shot: joined.payloads_state(shot, self._stamp(shot)),

@@ -134,15 +134,25 @@ def row_of_numbers(label: str, count: int) -> Any:
     return new("std_msgs/msg/Float64MultiArray", layout=layout, data=np.zeros(count))
 
 
+def table_of_numbers(label: str, count: int, columns: tuple[str, ...]) -> Any:
+    """Rows of so many columns, whose names are the label of the second dimension."""
+    wide = len(columns)
+    rows = new("std_msgs/msg/MultiArrayDimension", label=label, size=count, stride=count * wide)
+    names = " ".join(columns)
+    across = new("std_msgs/msg/MultiArrayDimension", label=names, size=wide, stride=wide)
+    layout = new("std_msgs/msg/MultiArrayLayout", dim=[rows, across], data_offset=0)
+    return new("std_msgs/msg/Float64MultiArray", layout=layout, data=np.zeros(count * wide))
+
+
 def point_cloud(frame_id: str, count: int) -> Any:
-    return _cloud(frame_id, count, ("x", "y", "z", "tension"))
+    return cloud(frame_id, count, ("x", "y", "z", "tension"))
 
 
 def ropes_cloud(frame_id: str, count: int) -> Any:
-    return _cloud(frame_id, count, ("x", "y", "z", "tension", "rope"))
+    return cloud(frame_id, count, ("x", "y", "z", "tension", "rope"))
 
 
-def _cloud(frame_id: str, count: int, names: tuple[str, ...]) -> Any:
+def cloud(frame_id: str, count: int, names: tuple[str, ...]) -> Any:
     """Points of so many float32 numbers."""
     fields = [
         new(

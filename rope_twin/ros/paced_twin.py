@@ -30,6 +30,7 @@ from rope_twin.twin.ladder import TwinLadder
 from rope_twin.twin.pacing import Pacer, PacingHealth, steps_in_slot
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.watch import Watch
 
 START_LEAD_S = 0.5  # from the epoch's publication to t = 0, for others to get ready ...
 AWAITED_LEAD_S = 1.5  # ... and, from this one's making, where others have yet to find each other
@@ -56,7 +57,7 @@ class PacedTwin:
         Raises:
             SceneError: the scene cannot be built.
             StateError: the state to go on from does not serve, or none can be saved.
-            InputError: the run would end before it begins.
+            InputError: the run would end before it begins, or there is no such model or curve.
         """
         self.scene = scene
         self._params = params
@@ -253,7 +254,8 @@ class PacedTwin:
 
 def _begin(scene: Scene, params: SimulationParams) -> tuple[Twin, str]:
     """The twin at rest or at the state to go on from, and which it is, in words."""
-    kind = twin_kind(params.energy, params.error_band)
+    watch = Watch(params.vibration, params.fatigue)
+    kind = twin_kind(params.energy, params.error_band, watch)
     if not params.start_from:
         return kind(scene), "beginning at rest"
     path = Path(params.start_from).resolve()

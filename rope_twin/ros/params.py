@@ -68,6 +68,8 @@ class SimulationParams:
         "keep a band around the top tension in which the converged one lies; slower",
         False,
     )
+    vibration: str = text("keep how the rope shakes, by this model; empty: do not", "")
+    fatigue: str = text("keep the fatigue used of each metre by this curve; empty: do not", "")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

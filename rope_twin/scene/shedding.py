@@ -46,6 +46,12 @@ def shedding_model(scene: Scene) -> str:
     return ""
 
 
+def strouhal_number(scene: Scene) -> float:
+    """Of the scene's model of vortices, or the usual one."""
+    numbers = (getattr(own, "strouhal_number", None) for own in scene.effects)
+    return next((number for number in numbers if number is not None), STROUHAL)
+
+
 def refuse_shedding(scene: Scene, what: str) -> None:
     """For what cannot step such a scene; what: why not.
 
@@ -75,8 +81,7 @@ def expected_pace(scene: Scene, figures: LiftFigures) -> Pace | None:
     speed = _current(scene, z)
     Ca = sum(own.normal for own in scene.effects if isinstance(own, AddedMassParams))
     EI = sum(own.stiffness_n_m2 for own in scene.effects if isinstance(own, BendingParams))
-    numbers = (getattr(own, "strouhal_number", None) for own in scene.effects)
-    strouhal = next((number for number in numbers if number is not None), STROUHAL)
+    strouhal = strouhal_number(scene)
     fastest, shortest = 0.0, inf
     for u, T, bar in zip(speed, tension, bars, strict=True):
         d = bar.rope.hydrodynamic_diameter_m

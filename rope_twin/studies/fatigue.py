@@ -7,110 +7,24 @@ still until it comes out again. Bending over the sheave is not counted, only ten
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 import rainflow
-from numpy.typing import NDArray
 
-from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.scene.composite import ends_m
-from rope_twin.scene.schema import Rope, RopeLine
+from rope_twin.scene.schema import RopeLine
+from rope_twin.twin.endurance import (
+    Curve,
+    Cycles,
+    StressCurve,
+    Vector,
+    refuse_fibre,
+    strength_of,
+)
 from rope_twin.twin.snapshot import Snapshot
 
-Vector = NDArray[np.float64]
-STEEL_KG_PER_M3 = 7850.0
-ALL_STEEL_KG_PER_M3 = 7000.0  # mass over displaced volume; less: fibre, or much that is not steel
 SAMPLES_KEPT = 2048  # of every piece, before they are reduced to where they turn
-
-
-@dataclass(frozen=True)
-class Cycles:
-    """Cycles of a load, each array (cycles,)."""
-
-    range: Vector  # from trough to crest
-    mean: Vector
-    count: Vector  # 1, or 0.5 for a half cycle
-
-
-@dataclass(frozen=True)
-class Strength:
-    """What a curve needs to know of a rope."""
-
-    metal_area_m2: float  # NaN: it is not all of steel
-    breaking_load_n: float
-
-
-class Curve(Protocol):
-    """How many cycles a rope endures."""
-
-    def damage(self, cycles: Cycles, strength: Strength) -> float:
-        """Miner's sum of cycles of tension [N]; 1: it breaks."""
-
-
-@dataclass(frozen=True)
-class StressCurve:
-    """N = constant·S^-exponent, S the range of stress on the metal area [MPa]."""
-
-    constant: float
-    exponent: float
-
-    def stress_damage(self, cycles: Cycles) -> float:
-        """Miner's sum of cycles of stress [Pa]."""
-        endured = self.constant * (1e-6 * cycles.range) ** -self.exponent
-        return float(np.sum(cycles.count / endured))
-
-    def damage(self, cycles: Cycles, strength: Strength) -> float:
-        """Miner's sum of cycles of tension [N]."""
-        area = strength.metal_area_m2
-        return self.stress_damage(Cycles(cycles.range / area, cycles.mean / area, cycles.count))
-
-
-@dataclass(frozen=True)
-class TensionCurve:
-    """N = K·R^-exponent with log10 K = log10_k + per_mean_load·L_m.
-
-    R is the range of the tension and L_m its mean, both over the breaking load; L_m is taken of
-    each cycle by itself.
-    """
-
-    log10_k: float
-    per_mean_load: float
-    exponent: float
-
-    def damage(self, cycles: Cycles, strength: Strength) -> float:
-        """Miner's sum of cycles of tension [N]."""
-        log10_k = self.log10_k + self.per_mean_load * cycles.mean / strength.breaking_load_n
-        endured = 10.0**log10_k * (cycles.range / strength.breaking_load_n) ** -self.exponent
-        return float(np.sum(cycles.count / endured))
-
-
-CURVES: dict[str, StressCurve | TensionCurve] = {
-    "stranded_wire": StressCurve(3.4e14, 4.0),  # DNV-OS-E301, six strands
-    "spiral_wire": StressCurve(1.7e17, 4.8),  # DNV-OS-E301, spiral strand
-    "six_strand_tension": TensionCurve(3.20, -2.79, 4.09),  # API RP 2SK
-}
-
-
-def find_curve(where: str, name: str) -> StressCurve | TensionCurve:
-    """A curve of CURVES.
-
-    Raises:
-        InputError: there is none of this name; `where` says who asks.
-    """
-    if name not in CURVES:
-        raise InputError(phrase(where, f"no curve '{name}'", did_you_mean(name, CURVES)))
-    return CURVES[name]
-
-
-def strength_of(rope: Rope) -> Strength:
-    """Breaking load, and the metal area of a rope that is all of steel."""
-    volume = 0.25 * np.pi * rope.hydrodynamic_diameter_m**2
-    steel = rope.mass_kg_per_m > ALL_STEEL_KG_PER_M3 * volume
-    area = rope.mass_kg_per_m / STEEL_KG_PER_M3 if steel else np.nan
-    return Strength(area, rope.breaking_load_n)
 
 
 def turning_points(series: Vector) -> Vector:
@@ -171,7 +85,7 @@ class RopeFatigue:
         self._curve = curve
         of_section = [strength_of(section.rope) for section in line.made_of]
         if isinstance(curve, StressCurve):
-            _refuse_fibre(line, of_section)
+            refuse_fibre(line)
         which = np.searchsorted(ends_m(line), self._middles, side="right")
         self._strength = [of_section[number] for number in which]
         self._rows = np.full((SAMPLES_KEPT, pieces), np.nan)
@@ -210,12 +124,3 @@ class RopeFatigue:
             cycles=np.array([cycles.count.sum() for cycles in counted]),
             largest_range_n=np.array([max(cycles.range, default=0.0) for cycles in counted]),
         )
-
-
-def _refuse_fibre(line: RopeLine, strengths: Iterable[Strength]) -> None:
-    for number, own in enumerate(strengths):
-        if np.isnan(own.metal_area_m2):
-            tensions = [name for name, one in CURVES.items() if isinstance(one, TensionCurve)]
-            right = f"take a curve of tension ({', '.join(tensions)}), if it holds for this rope"
-            where = f"rope '{line.name}', section {number + 1}"
-            raise InputError(phrase(where, "it is not all of steel: no stress is known", right))

@@ -17,9 +17,10 @@ from rope_twin.scene.card import KnownError, known_error
 from rope_twin.scene.figures import lift_figures
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.ensemble_study import AFTER_NS, Seas
-from rope_twin.studies.fatigue import CURVES, RopeFatigue
+from rope_twin.studies.fatigue import RopeFatigue
 from rope_twin.studies.study_design import Made, StudyRun
 from rope_twin.studies.study_file import FatigueWish, Study
+from rope_twin.twin.endurance import CURVES
 from rope_twin.twin.ensemble import BATCH_S, Ensemble, Variation
 
 Row = dict[str, Any]

@@ -15,8 +15,9 @@ import numpy as np
 
 from rope_twin.scene.composite import ends_m
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.fatigue import StressCurve, strength_of, stress_damage
+from rope_twin.studies.fatigue import stress_damage
 from rope_twin.studies.viv_scene import SceneSpan, span_of
+from rope_twin.twin.endurance import StressCurve, metal_area
 from rope_twin.viv.modal_response import ModalResponse
 from rope_twin.viv.shedding import Shedding
 from rope_twin.viv.span import Floats
@@ -151,15 +152,8 @@ def _stress_per_curvature(run: VivRun, scene: Scene, some: np.ndarray) -> Floats
     figures = []
     for section in line.made_of:
         rope = section.rope
-        area = _pipe_area(run.response.span.stiffness, rope.tangent_n(0.0), rope.diameter_m)
-        area = area or strength_of(rope).metal_area_m2
+        area = metal_area(rope, run.response.span.stiffness)
         figures.append(rope.tangent_n(0.0) / area * 0.5 * rope.diameter_m)
     below = run.from_top_m[0] - run.from_top_m[some]
     which = np.searchsorted(ends_m(line), below, side="left")
     return np.asarray(np.array(figures)[np.minimum(which, len(figures) - 1)])
-
-
-def _pipe_area(EI: float, EA: float, diameter: float) -> float:
-    """Metal area of the pipe with these stiffnesses [m²]; 0 if there is none."""
-    inner = 16.0 * EI / EA - diameter**2
-    return 0.25 * np.pi * (diameter**2 - inner) if 0.0 < inner < diameter**2 else 0.0

@@ -5,16 +5,21 @@ from __future__ import annotations
 from rope_twin.twin.error_band import BandedTwin
 from rope_twin.twin.ledger import AccountedTwin
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.watch import Watch
 
 
 class AccountedBandedTwin(AccountedTwin, BandedTwin):
     """A twin with a ledger and an error band."""
 
 
-def twin_kind(energy: bool, error_band: bool) -> type[Twin]:
-    """The class of twin that keeps an energy balance, an error band, both or neither."""
-    if energy and error_band:
-        return AccountedBandedTwin
+def twin_kind(energy: bool, error_band: bool, watch: Watch | None = None) -> type[Twin]:
+    """The class of twin that keeps an energy balance, an error band, both or neither; watched."""
+    kind: type[Twin] = BandedTwin if error_band else Twin
     if energy:
-        return AccountedTwin
-    return BandedTwin if error_band else Twin
+        kind = AccountedBandedTwin if error_band else AccountedTwin
+    if not watch:
+        return kind
+    from rope_twin.twin.watched import WatchedTwin  # here: its filters take a second to load
+
+    parts = (WatchedTwin,) if kind is Twin else (WatchedTwin, kind)
+    return type(f"Watched{kind.__name__}", parts, {"asked": watch})

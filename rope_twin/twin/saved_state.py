@@ -31,6 +31,8 @@ from rope_twin.twin.state_file import read_state, write_state
 _NOT_COMPARED = {"name", "path", "digest", "about", "source", "look_at", "sea_state", "schedule",
                  "schedule_repeats_every_s"}  # fmt: skip
 
+BESIDE = "watch/"  # before names of parts that a run may ask for or not (rope_twin.twin.watched)
+
 _log = logging.getLogger(__name__)
 
 
@@ -116,9 +118,14 @@ class SavedState:
             raise StateError(phrase(f"saved state {self.source}", what, right)) from error
 
     def _names(self, target: dict[str, Any]) -> list[str]:
-        if odd := sorted(target.keys() ^ self.memory.keys()):
+        """All but what only a run that asks for it keeps, and takes back itself."""
+        here, there = (
+            {name for name in names if not name.startswith(BESIDE)}
+            for names in (target, self.memory)
+        )
+        if odd := sorted(here ^ there):
             raise StateError(f"it does not hold the same parts ({', '.join(odd)})")
-        return list(target)
+        return [name for name in target if name in here]
 
 
 def changing_parts(rope: Any) -> list[str]:

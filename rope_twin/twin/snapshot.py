@@ -109,6 +109,46 @@ class TensionBand:
 
 
 @dataclass(frozen=True)
+class RopeVibration:
+    """How the rope shakes (twin/vibration.py). Rows run from the hang-off (row 0) down.
+
+    An amplitude is √2 times the rms over some periods, over the rope's diameter.
+    """
+
+    model: str  # "motion": the twin's own; "modes", "decomposed": computed beside it
+    cross_flow: Vector  # amplitude across current and rope [diameters], (nodes,)
+    cross_flow_hz: Vector  # its frequency; 0 where nothing moves, (nodes,)
+    in_line: Vector | None  # likewise with the current; None: the model has no such motion
+    in_line_hz: Vector | None
+    every_s: float  # how often a model beside the twin finds the rope's modes again; 0: it has none
+    solves: int  # how often it has
+    slack: bool  # part of the rope is slack: the modes are those from before
+    cost_pct: float  # time that watching the rope has taken, of the twin's time
+
+    @property
+    def worst(self) -> int:
+        """The node that moves most."""
+        return int(self.cross_flow.argmax())
+
+
+@dataclass(frozen=True)
+class MaterialFatigue:
+    """Fatigue used of each metre of the rope's material (twin/wear.py), from the lower end up."""
+
+    curve: str  # name of the S-N curve
+    counted_s: float  # over this time
+    from_lower_end_m: Vector  # middle of each metre, unstretched
+    from_hang_off_m: Vector  # where that is now; negative: aboard
+    used: Vector  # Miner's sum; 1: it breaks
+    bending: bool  # with the stress of bending
+
+    @property
+    def worst(self) -> int:
+        """The metre that has used most."""
+        return int(self.used.argmax())
+
+
+@dataclass(frozen=True)
 class WinchShot:
     """What a winch was told and what its parts do."""
 
@@ -209,6 +249,8 @@ class Snapshot:
     winches: tuple[WinchShot, ...] = ()  # those that the scene has
     energy: EnergyBalance | None = None  # only of a run that keeps a ledger
     band: TensionBand | None = None  # only of a run that asks for it, once it is known
+    vibration: RopeVibration | None = None  # only of a run that asks for it, once it is known
+    fatigue: MaterialFatigue | None = None  # only of a run that asks for it
     ropes: tuple[RopeShot, ...] = ()  # all of them where ropes meet, or one was cut; else none
     payloads: tuple[PayloadShot, ...] = ()  # likewise
     struts: tuple[StrutShot, ...] = ()  # likewise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -36,8 +37,10 @@ def test_in_a_slot_of_20_ms_scalars_come_each_time_and_arrays_every_second() -> 
 
 
 def test_the_error_band_is_published_only_where_there_is_one() -> None:
-    banded = SimpleNamespace(band=object(), ropes=(), seabed=None, winches=())
+    nothing: dict[str, Any] = {topic.only_with: None for topic in EXTRA_TOPICS}
+    banded = SimpleNamespace(**nothing | {"band": object()})
     assert "tension_top/band" in due_topics(1, 20_000_000, banded)
-    assert due_topics(
-        1, 20_000_000, SimpleNamespace(band=None, ropes=(), seabed=None, winches=())
-    ) == due_topics(1, 20_000_000)
+    assert due_topics(1, 20_000_000, SimpleNamespace(**nothing)) == due_topics(1, 20_000_000)
+    worn = SimpleNamespace(**nothing | {"fatigue": object()})
+    told = [slot for slot in range(1, 201) if "rope/fatigue" in due_topics(slot, 20_000_000, worn)]
+    assert told == [50, 100, 150, 200]

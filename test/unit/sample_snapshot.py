@@ -6,7 +6,15 @@ import numpy as np
 
 from rope_twin.scene.card import KnownError
 from rope_twin.twin.ship_pose import ShipPose
-from rope_twin.twin.snapshot import BedContact, InputHealth, Snapshot, SolverHealth, TensionBand
+from rope_twin.twin.snapshot import (
+    BedContact,
+    InputHealth,
+    MaterialFatigue,
+    RopeVibration,
+    Snapshot,
+    SolverHealth,
+    TensionBand,
+)
 
 
 def hanging_rope(
@@ -18,6 +26,7 @@ def hanging_rope(
     position[:, 0] = 40.0 * (arc / length_m) ** 2
     position[:, 1] = -5.0 * arc / length_m
     position[:, 2] = heave_m - arc
+    swing = np.sin(np.pi * arc / length_m)
     velocity = np.zeros((nodes, 3))
     velocity[:, 2] = 0.3
     element = 170e3 + 50.0 * (length_m - 0.5 * (arc[1:] + arc[:-1]))
@@ -49,6 +58,12 @@ def hanging_rope(
         inputs={"heave": InputHealth(accepted=50, age_s=0.02)},
         seabed=BedContact(-0.03, 9.5e4, 12.0, 600.0),
         band=TensionBand(float(element[0]) - 40.0, float(element[0]) + 40.0, 40.0, 25.0),
+        vibration=RopeVibration(
+            "motion", 0.5 * swing, 2.0 + swing, 0.1 * swing, 4.0 + swing, 0.0, 0, False, 1.5
+        ),
+        fatigue=MaterialFatigue(
+            "stranded_wire", 2.0, length_m - arc, arc, 1e-9 * np.arange(nodes), False
+        ),
     )
 
 

@@ -17,18 +17,14 @@ from rope_twin.scene.ropes import rope_preset
 from rope_twin.scene.schema import Damping, RopeLine, RopeSection
 from rope_twin.studies.ensemble_study import variations
 from rope_twin.studies.fatigue import (
-    CURVES,
     SAMPLES_KEPT,
-    Cycles,
     RopeFatigue,
-    StressCurve,
     count_cycles,
-    find_curve,
-    strength_of,
     stress_damage,
     turning_points,
 )
 from rope_twin.studies.plan import Plan
+from rope_twin.twin.endurance import CURVES, Cycles, StressCurve, find_curve, strength_of
 from rope_twin.twin.ensemble import Ensemble
 from rope_twin.twin.snapshot import Snapshot
 

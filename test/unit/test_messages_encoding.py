@@ -111,7 +111,23 @@ def contact(snapshot: Snapshot) -> object:
     )  # fmt: skip
 
 
+def fatigue(snapshot: Snapshot) -> object:
+    wear = snapshot.fatigue
+    assert wear is not None
+    count = len(wear.used)
+    dimension = "std_msgs/msg/MultiArrayDimension"
+    dims = [
+        made(dimension, label="metre", size=count, stride=3 * count),
+        made(dimension, label="from_lower_end_m from_hang_off_m used", size=3, stride=3),
+    ]
+    layout = made("std_msgs/msg/MultiArrayLayout", dim=dims, data_offset=0)
+    rows = zip(wear.from_lower_end_m, wear.from_hang_off_m, wear.used, strict=True)
+    data = np.array([value for row in rows for value in row])
+    return made("std_msgs/msg/Float64MultiArray", layout=layout, data=data)
+
+
 BY_OBJECTS = {
+    "rope/fatigue": fatigue,
     "seabed/contact": contact,
     "tension_top/band": band,
     "tension_top": lambda s: made("std_msgs/msg/Float64", data=s.tension_top_n),
@@ -162,6 +178,26 @@ def test_templates_carry_nothing_over_from_one_snapshot_to_the_next(rows: list[S
             message = build(snapshot)
             expected = bytes(STORE.serialize_cdr(message, message.__msgtype__, little_endian=True))
             assert encoder.encode(topic, snapshot) == expected, topic
+
+
+@pytest.mark.parametrize("in_line", [True, False])
+def test_the_cloud_of_vibration_names_what_its_model_knows(in_line: bool) -> None:
+    snapshot = hanging_rope(7)
+    assert snapshot.vibration is not None
+    if not in_line:
+        shaking = replace(snapshot.vibration, in_line=None, in_line_hz=None)
+        snapshot = replace(snapshot, vibration=shaking)
+    data = messages.Encoder(EPOCH_NS).encode("rope/vibration", snapshot)
+    cloud = messages.decode("rope/vibration", data)
+    names = ["x", "y", "z", "cross_flow", "cross_flow_hz"]
+    names += ["in_line", "in_line_hz"] if in_line else []
+    assert [field.name for field in cloud.fields] == names
+    assert cloud.width * cloud.point_step == len(cloud.data) == 7 * 4 * len(names)
+    points = np.frombuffer(cloud.data.tobytes(), "<f4").reshape(7, len(names))
+    assert points[:, :3] == pytest.approx(snapshot.node_position_m, rel=1e-6)
+    for name in names[3:]:
+        known = getattr(snapshot.vibration, name)
+        assert points[:, names.index(name)] == pytest.approx(known, rel=1e-6)
 
 
 def test_every_topic_made_from_a_snapshot_is_encoded() -> None:

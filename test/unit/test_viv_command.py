@@ -14,10 +14,10 @@ from rope_twin import load_scene
 from rope_twin.cli import main
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError
-from rope_twin.studies.fatigue import CURVES, StressCurve
 from rope_twin.studies.modes import find_modes
 from rope_twin.studies.viv_scene import span_of
-from rope_twin.studies.viv_study import _pipe_area, chosen_places, count_fatigue, run_viv
+from rope_twin.studies.viv_study import chosen_places, count_fatigue, run_viv
+from rope_twin.twin.endurance import CURVES, StressCurve, pipe_area
 from rope_twin.viv.lateral_modes import find_lateral_modes
 from rope_twin.viv.shedding import Shedding
 
@@ -101,10 +101,10 @@ def test_bad_options_are_one_sentence(words: list[str], capsys: pytest.CaptureFi
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_pipe_area() -> None:
+def testpipe_area() -> None:
     """EI/EA of a pipe gives its bore; a solid or loose section is none."""
     outer, inner, E = 0.25, 0.235, 2.05e11
     area = 0.25 * np.pi * (outer**2 - inner**2)
     EI = E * np.pi / 64.0 * (outer**4 - inner**4)
-    assert _pipe_area(EI, E * area, outer) == pytest.approx(area)
-    assert _pipe_area(0.0, 1e8, outer) == 0.0
+    assert pipe_area(EI, E * area, outer) == pytest.approx(area)
+    assert pipe_area(0.0, 1e8, outer) == 0.0

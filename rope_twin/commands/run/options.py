@@ -11,8 +11,10 @@ from pathlib import Path
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.twin.cutting import read_plan
+from rope_twin.twin.endurance import CURVES
 from rope_twin.twin.saved_state import About, load_state
 from rope_twin.twin.state_file import check_place
+from rope_twin.twin.watch import MODELS, Watch
 
 SPEED_LOW, SPEED_HIGH = 0.01, 5.0  # beyond, messages come faster than Python takes them
 
@@ -41,6 +43,7 @@ class RunOptions:
     chosen: str = ""  # why these, in one sentence
     cut: str = ""  # cut the rope: PLACE@SECONDS, judged; empty: never
     error_band: bool = False  # keep a band around the top tension
+    watch: Watch | None = None  # vibration and fatigue to be kept
 
     @property
     def sea(self) -> tuple[str, str, float, bool, str]:
@@ -170,6 +173,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="cut the rope so many metres below the hang-off, or at its lower end (end), at this "
         "twin time; both parts go on",
     )
+    add(
+        "--vibration",
+        default="",
+        metavar="MODEL",
+        help=f"keep how the rope shakes over depth, by {', '.join(MODELS)}",
+    )
+    add(
+        "--fatigue",
+        default="",
+        metavar="CURVE",
+        help="keep the fatigue used of each metre of the rope's material, by an S-N curve: "
+        + ", ".join(CURVES),
+    )
     add("--processes", action="store_true", help="each node as a process of its own")
     add("--json", action="store_true", help="last line of the output: one JSON object")  # fmt: skip
 
@@ -214,6 +230,7 @@ def read_options(args: argparse.Namespace) -> RunOptions:
         energy=args.energy,
         error_band=args.error_band,
         cut=args.cut,
+        watch=Watch(args.vibration, args.fatigue) or None,
     )
 
 

@@ -10,6 +10,7 @@ import time
 from dataclasses import dataclass
 from typing import Protocol, TextIO
 
+from rope_twin.commands.run.watch_summary import fatigue_figures, vibration_figures, watch_words
 from rope_twin.effects import EFFECTS
 from rope_twin.messages.diagnostics import cut_words
 from rope_twin.scene.card import told_bound
@@ -56,6 +57,8 @@ class RunSummary:
     cut: dict[str, float] | None = None  # CutShot's figures; None: the rope is whole
     cut_refused: str = ""  # why a cut that was asked for was not made
     error_band: dict[str, float] | None = None  # TensionBand's figures; None: not asked for
+    vibration: dict[str, float | str] | None = None  # where it is largest; None: not asked for
+    fatigue: dict[str, float | str] | None = None  # of the metre used most; likewise
 
     def as_json(self) -> str:
         """One line."""
@@ -106,6 +109,7 @@ class RunSummary:
                 f"{_kn(self.error_band['high_n'])} (±{self.error_band['bound_n']:.3g} N); it took "
                 f"{self.error_band['cost_pct']:.0f} % more time"
             )
+        lines += watch_words(self.vibration, self.fatigue)
         lines += [f"bag {self.bag}"] if self.bag else []
         lines += [f"view {self.view}"] if self.view else []
         lines += [f"state {self.state}"] if self.state else []
@@ -180,6 +184,8 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         cut_refused=cut.note if cut and cut.refused else "",
         energy=snapshot.energy.figures() if snapshot.energy else None,
         error_band=dataclasses.asdict(snapshot.band) if snapshot.band else None,
+        vibration=vibration_figures(snapshot),
+        fatigue=fatigue_figures(snapshot),
     )
 
 

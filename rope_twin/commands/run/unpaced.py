@@ -62,7 +62,7 @@ class UnpacedRun:
         self._sea = open_sea(scene, *options.sea)
         self._options = options
         start = options.start_from
-        kind = twin_kind(options.energy, options.error_band)
+        kind = twin_kind(options.energy, options.error_band, options.watch)
         self.twin = kind(scene) if start is None else kind.restore(start, scene)
         self.twin.failure_folder = options.failure_folder
         self.epoch_ns = time.time_ns() - self.twin.time_ns if epoch_ns is None else epoch_ns
@@ -165,7 +165,7 @@ def measure_alone(options: RunOptions, time_s: float) -> float:
     In a paced run every slot begins with what other programs left in the processor's caches, which
     costs a short step several times its own work; `RunSummary.paced_real_time_factor` has that.
     """
-    run = UnpacedRun(replace(options, record=None, energy=False, error_band=False))
+    run = UnpacedRun(replace(options, record=None, energy=False, error_band=False, watch=None))
     run.twin.failure_folder = None
     end_ns = run.twin.time_ns + time_s * 1e9
     factors = []

@@ -1,0 +1,59 @@
+"""The figures and words of a run's last line on how the rope shakes and what it has used."""
+
+from __future__ import annotations
+
+from rope_twin.twin.snapshot import Snapshot
+
+Figures = dict[str, float | str]
+
+
+def vibration_figures(snapshot: Snapshot) -> Figures | None:
+    """Where it shakes most; None: not asked for, or not known yet."""
+    shaking = snapshot.vibration
+    if shaking is None:
+        return None
+    at = shaking.worst
+    figures: Figures = {
+        "model": shaking.model,
+        "cross_flow_diameters": float(shaking.cross_flow[at]),
+        "frequency_hz": float(shaking.cross_flow_hz[at]),
+        "from_hang_off_m": float(snapshot.arc_length_m[at]),
+        "cost_pct": shaking.cost_pct,
+        "solves": shaking.solves,
+    }
+    if shaking.in_line is not None:
+        figures["in_line_diameters"] = float(shaking.in_line.max())
+    return figures
+
+
+def fatigue_figures(snapshot: Snapshot) -> Figures | None:
+    """Of the metre that has used most; None: not asked for."""
+    wear = snapshot.fatigue
+    if wear is None:
+        return None
+    at = wear.worst
+    return {
+        "curve": wear.curve,
+        "counted_s": wear.counted_s,
+        "used": float(wear.used[at]),
+        "from_lower_end_m": float(wear.from_lower_end_m[at]),
+        "from_hang_off_m": float(wear.from_hang_off_m[at]),
+    }
+
+
+def watch_words(vibration: Figures | None, fatigue: Figures | None) -> list[str]:
+    """A line for each of the two that there is."""
+    lines = []
+    if vibration is not None:
+        lines.append(
+            f"vibration ({vibration['model']}): at most {vibration['cross_flow_diameters']:.3g} "
+            f"diameters, at {vibration['frequency_hz']:.3g} Hz, "
+            f"{vibration['from_hang_off_m']:.4g} m below the hang-off; watching took "
+            f"{vibration['cost_pct']:.2g} % of real time"
+        )
+    if fatigue is not None:
+        lines.append(
+            f"fatigue ({fatigue['curve']}): {fatigue['used']:.3g} of its life used of the metre "
+            f"{fatigue['from_lower_end_m']:.4g} m from the lower end, in {fatigue['counted_s']:g} s"
+        )
+    return lines

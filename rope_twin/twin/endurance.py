@@ -1,0 +1,144 @@
+"""How many cycles a rope endures: curves of stress and of tension, and Miner's sum.
+
+Curves are those of DNV-OS-E301 (stress on the metal area) and API RP 2SK (tension over the breaking
+load). Miner (1945): a cycle uses the share 1/N of what the rope endures; at 1 it breaks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.scene.schema import Rope, RopeLine
+
+Vector = NDArray[np.float64]
+STEEL_KG_PER_M3 = 7850.0
+ALL_STEEL_KG_PER_M3 = 7000.0  # mass over displaced volume; less: fibre, or much that is not steel
+
+
+@dataclass(frozen=True)
+class Cycles:
+    """Cycles of a load, each array (cycles,)."""
+
+    range: Vector  # from trough to crest
+    mean: Vector
+    count: Vector  # 1, or 0.5 for a half cycle
+
+
+@dataclass(frozen=True)
+class Strength:
+    """What a curve needs to know of a rope."""
+
+    metal_area_m2: float  # NaN: it is not all of steel
+    breaking_load_n: float
+
+
+class Curve(Protocol):
+    """How many cycles a rope endures."""
+
+    def damage(self, cycles: Cycles, strength: Strength) -> float:
+        """Miner's sum of cycles of tension [N]; 1: it breaks."""
+
+
+@dataclass(frozen=True)
+class StressCurve:
+    """N = constant·S^-exponent, S the range of stress on the metal area [MPa]."""
+
+    constant: float
+    exponent: float
+
+    def used(self, cycles: Cycles) -> Vector:
+        """Share of life that each cycle of stress [Pa] uses, (cycles,)."""
+        used: Vector = cycles.count * (1e-6 * cycles.range) ** self.exponent / self.constant
+        return used
+
+    def stress_damage(self, cycles: Cycles) -> float:
+        """Miner's sum of cycles of stress [Pa]."""
+        return float(self.used(cycles).sum())
+
+    def damage(self, cycles: Cycles, strength: Strength) -> float:
+        """Miner's sum of cycles of tension [N]."""
+        area = strength.metal_area_m2
+        return self.stress_damage(Cycles(cycles.range / area, cycles.mean / area, cycles.count))
+
+
+@dataclass(frozen=True)
+class TensionCurve:
+    """N = K·R^-exponent with log10 K = log10_k + per_mean_load·L_m.
+
+    R is the range of the tension and L_m its mean, both over the breaking load; L_m is taken of
+    each cycle by itself.
+    """
+
+    log10_k: float
+    per_mean_load: float
+    exponent: float
+
+    def used(self, cycles: Cycles) -> Vector:
+        """Share of life that each cycle of tension over breaking load uses, (cycles,)."""
+        endured = 10.0 ** (self.log10_k + self.per_mean_load * cycles.mean)
+        used: Vector = cycles.count * cycles.range**self.exponent / endured
+        return used
+
+    def damage(self, cycles: Cycles, strength: Strength) -> float:
+        """Miner's sum of cycles of tension [N]."""
+        load = strength.breaking_load_n
+        return float(self.used(Cycles(cycles.range / load, cycles.mean / load, cycles.count)).sum())
+
+
+CURVES: dict[str, StressCurve | TensionCurve] = {
+    "stranded_wire": StressCurve(3.4e14, 4.0),  # DNV-OS-E301, six strands
+    "spiral_wire": StressCurve(1.7e17, 4.8),  # DNV-OS-E301, spiral strand
+    "six_strand_tension": TensionCurve(3.20, -2.79, 4.09),  # API RP 2SK
+}
+
+
+def find_curve(where: str, name: str) -> StressCurve | TensionCurve:
+    """A curve of CURVES.
+
+    Raises:
+        InputError: there is none of this name; `where` says who asks.
+    """
+    if name not in CURVES:
+        raise InputError(phrase(where, f"no curve '{name}'", did_you_mean(name, CURVES)))
+    return CURVES[name]
+
+
+def strength_of(rope: Rope) -> Strength:
+    """Breaking load, and the metal area of a rope that is all of steel."""
+    volume = 0.25 * np.pi * rope.hydrodynamic_diameter_m**2
+    steel = rope.mass_kg_per_m > ALL_STEEL_KG_PER_M3 * volume
+    area = rope.mass_kg_per_m / STEEL_KG_PER_M3 if steel else np.nan
+    return Strength(area, rope.breaking_load_n)
+
+
+def pipe_area(EI: float, EA: float, diameter: float) -> float:
+    """Metal area of the pipe with these stiffnesses [m²], EI/EA = (d² + d_i²)/16; 0: there is none.
+
+    A rope whose bending stiffness is that of a pipe of its diameter is one.
+    """
+    inner = 16.0 * EI / EA - diameter**2
+    return 0.25 * np.pi * (diameter**2 - inner) if 0.0 < inner < diameter**2 else 0.0
+
+
+def metal_area(rope: Rope, EI: float) -> float:
+    """Of a rope with this bending stiffness, 0 if it has none [m²]; NaN: not all of steel."""
+    return pipe_area(EI, rope.tangent_n(0.0), rope.diameter_m) or strength_of(rope).metal_area_m2
+
+
+def refuse_fibre(line: RopeLine, EI: float = 0.0) -> None:
+    """For a curve of stress.
+
+    Raises:
+        InputError: a section of the rope is neither all of steel nor a pipe.
+    """
+    for number, section in enumerate(line.made_of):
+        if np.isnan(metal_area(section.rope, EI)):
+            tensions = [name for name, one in CURVES.items() if isinstance(one, TensionCurve)]
+            right = f"take a curve of tension ({', '.join(tensions)}), if it holds for this rope"
+            where = f"rope '{line.name}', section {number + 1}"
+            raise InputError(phrase(where, "it is not all of steel: no stress is known", right))

@@ -1,0 +1,214 @@
+"""What an operator sees of a rope besides its tension: how it shakes, and the fatigue it has used.
+
+Both are parts of a twin that are there only where a run asks for them; the run is the same to the
+bit. They look at the rope at equal times, often enough for the fastest vortices.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.state import Floats
+from rope_twin.errors import InputError, StateError, phrase
+from rope_twin.scene.rigging_rules import refuse_joined
+from rope_twin.scene.schema import Scene
+from rope_twin.scene.shedding import shedding_model, strouhal_number
+from rope_twin.twin.memory import recall
+from rope_twin.twin.own_motion import OwnMotion, diameters, fastest_hz, tangents
+from rope_twin.twin.pacing import steps_in_slot
+from rope_twin.twin.rung import Rung
+from rope_twin.twin.saved_state import BESIDE, SavedState, load_state
+from rope_twin.twin.snapshot import MaterialFatigue, RopeVibration, Snapshot
+from rope_twin.twin.twin import Twin
+from rope_twin.twin.watch import MOTION, Watch
+from rope_twin.twin.wear import RopeWear, WearWish, bending_stiffness, curvature
+
+PER_PERIOD = 24  # looks per period of the fastest vortices: a crest is met to 0.9 %
+FASTER, SLOWER = 1.25, 0.5  # times what the looks are made for: then they are made anew
+SECOND_NS = 1_000_000_000  # between two sums of the fatigue
+
+
+class WatchedTwin(Twin):
+    """A twin that is watched as `asked` says. A saved state holds what was counted and averaged.
+
+    Raises:
+        SceneError: as for a twin, or ropes meet.
+        InputError: what is asked for does not hold for the scene.
+    """
+
+    asked: ClassVar[Watch]
+
+    def __init__(self, scene: Scene) -> None:
+        refuse_joined(scene)
+        if self.asked.vibration == MOTION and not shedding_model(scene):
+            what = "the scene lists no model of vortices, so nothing shakes its rope"
+            raise InputError(phrase(f"vibration {MOTION}", what, "list one of them"))
+        super().__init__(scene)
+        self._strouhal = strouhal_number(scene)
+        self._wear = self._new_wear(self.asked.fatigue) if self.asked.fatigue else None
+        self._tracker: OwnMotion | None = None  # from the first look at moving water on
+        self._hz = 0.0  # of the vortices that the looks are made for
+        self._profiles = 0  # currents that had come by then
+        self._every = self._steps_between()
+        self._counting_from_ns, self._second = self.time_ns, -1
+        self._fatigue: MaterialFatigue | None = None
+        self._watch_s = self._watched_s = 0.0  # time spent on it, and the twin's time meanwhile
+
+    @classmethod
+    def restore(cls, saved: str | Path | SavedState, scene: Scene) -> Self:
+        """As for a twin.
+
+        Raises:
+            StateError: also if its fatigue was counted by another curve.
+        """
+        state = saved if isinstance(saved, SavedState) else load_state(saved)
+        twin = super().restore(state, scene)
+        twin._take_back(state)
+        return twin
+
+    def snapshot(self) -> Snapshot:
+        """A frozen copy of the present, with what is known."""
+        taken = super().snapshot()
+        return replace(taken, vibration=self._vibration(), fatigue=self._fatigue)
+
+    def take_rung(self, rung: Rung) -> None:
+        """As for a twin."""
+        super().take_rung(rung)
+        self._every = self._steps_between()
+
+    def _changing(self) -> dict[str, Any]:
+        own = ("_strouhal", "_wear", "_tracker", "_hz", "_profiles", "_every", "_counting_from_ns",
+               "_second", "_fatigue", "_watch_s", "_watched_s")  # fmt: skip
+        changing = {name: value for name, value in super()._changing().items() if name not in own}
+        if self._wear is not None:
+            changing[f"{BESIDE}wear"] = self._wear
+            changing[f"{BESIDE}counting_from_ns"] = self._counting_from_ns
+        if self._tracker is not None:
+            changing[f"{BESIDE}tracker"] = self._tracker
+            changing[f"{BESIDE}looks"] = [self._hz, self._profiles]
+        return changing
+
+    def _take_back(self, state: SavedState) -> None:
+        """What was counted and averaged, as far as it was and is asked for."""
+        kept = {
+            name.removeprefix(BESIDE): plain
+            for name, plain in state.memory.items()
+            if name.startswith(BESIDE)
+        }
+        self._counting_from_ns = kept.get("counting_from_ns", self.time_ns)
+        if self._wear is not None and "wear" in kept:
+            begun = kept["wear"]["fields"]["name"]
+            if begun != self._wear.name:
+                what = f"its fatigue was counted by the curve {begun}, not {self._wear.name}"
+                raise StateError(phrase(f"saved state {state.source}", what, f"ask for {begun}"))
+            self._wear = recall(kept["wear"], self._wear, state.arrays, f"{BESIDE}wear")
+        if self.asked.vibration and "tracker" in kept:
+            self._hz, self._profiles = kept["looks"]
+            self._every = self._steps_between()
+            self._tracker = recall(
+                kept["tracker"], self._new_tracker(), state.arrays, f"{BESIDE}tracker"
+            )
+
+    def _advance_some(self, steps: int) -> int:
+        due = self._every - self._steps % self._every
+        done = super()._advance_some(min(steps, due))
+        if self._steps % self._every == 0:
+            began = time.perf_counter()
+            self._look()
+            spent = time.perf_counter() - began
+            self._watch_s += spent
+            self._watched_s += self._every * self.step_s
+            self._computing_s += spent
+        return done
+
+    def _look(self) -> None:
+        """Take the rope as it is now; once a second see how fast the vortices are, and sum up."""
+        second = self.time_ns // SECOND_NS
+        new, self._second = second != self._second, second
+        if new:
+            self._keep_pace()
+        rope = self.rope
+        if self._tracker is not None:
+            self._tracker.take(rope)
+        if self._wear is not None:
+            if self._cut.done:
+                self._wear.cut_off(self._cut.done.lost_m)
+            self._wear.take(rope, float(self._pull[rows.PULL]), self._bent())
+            if new:
+                counted_s = (self.time_ns - self._counting_from_ns) * 1e-9
+                line_out = float(self._boundary.value[0, rows.LINE])
+                self._fatigue = self._wear.shot(line_out, counted_s)
+
+    def _keep_pace(self) -> None:
+        """Look more often where vortices are faster; a new current may also make them slower."""
+        if not (self.asked.vibration or shedding_model(self.scene)):
+            return
+        hz, profiles = (
+            self._fastest_hz(),
+            self._current.counter.health(self.time_ns, False).accepted,
+        )
+        slower = profiles != self._profiles and hz < SLOWER * self._hz
+        if hz > FASTER * self._hz or slower:
+            self._hz, self._profiles = hz, profiles
+            self._every = self._steps_between()
+            self._tracker = self._new_tracker() if self.asked.vibration and hz > 0.0 else None
+
+    def _fastest_hz(self) -> float:
+        """Of the vortices, by the water's velocity less the hang-off's."""
+        rope = self.rope
+        n = int(rope.state.counts[rows.ELEMENTS])
+        flow = rope.work[rows.FLOW : rows.FLOW + 3, :n] - self._boundary.rate[0, :3, None]
+        flow[2] = 0.0  # heave and waves' vertical motion run along the rope
+        along = tangents(rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1])[:, :n]
+        return fastest_hz(flow, along, diameters(rope)[:n], self._strouhal)
+
+    def _steps_between(self) -> int:
+        """Steps from one look to the next: at most a slot."""
+        slot = steps_in_slot(self.step_s)
+        if self._hz == 0.0:
+            return slot
+        return max(1, min(slot, int(1.0 / (PER_PERIOD * self._hz * self.step_s) + 1e-9)))
+
+    def _new_tracker(self) -> OwnMotion:
+        return OwnMotion(self.rope, self._every * self.step_s, self._hz)
+
+    def _new_wear(self, curve: str) -> RopeWear:
+        line, winch = self.scene.ropes[0], self.scene.winch
+        EI = bending_stiffness(self._rope.effects)
+        most = winch.most_line_out_m if winch else line.length_m
+        return RopeWear(line, most, WearWish(curve, EI > 0.0), EI)
+
+    def _bent(self) -> Floats | None:
+        """Curvature of the metres, if the stress of it counts."""
+        if self._wear is None or not self._wear.bends:
+            return None
+        s, bent = curvature(self._rope)
+        s = s + (self._cut.done.lost_m if self._cut.done else 0.0)
+        return np.stack([np.interp(self._wear.middles, s, part) for part in bent])
+
+    def _vibration(self) -> RopeVibration | None:
+        tracker = self._tracker
+        if tracker is None or not tracker.known:
+            return None
+        diameter = diameters(self._rope)
+        (across, along), (across_hz, along_hz) = (
+            found[:, ::-1].copy()
+            for found in (tracker.amplitudes(diameter), tracker.frequencies_hz(diameter))
+        )
+        return RopeVibration(
+            model=self.asked.vibration,
+            cross_flow=across,
+            cross_flow_hz=across_hz,
+            in_line=along,
+            in_line_hz=along_hz,
+            every_s=0.0,
+            solves=0,
+            slack=False,
+            cost_pct=100.0 * self._watch_s / self._watched_s,
+        )

@@ -1,0 +1,315 @@
+"""What is told of a rope besides its tension: fatigue used of its metres, and how it shakes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rope_twin.commands.run.options import RunOptions
+from rope_twin.commands.run.unpaced import run_unpaced
+from rope_twin.core import state as rows
+from rope_twin.effects.wake_oscillator import WakeOscillatorParams
+from rope_twin.errors import InputError, SceneError, StateError
+from rope_twin.messages import decode, statuses
+from rope_twin.recording.bag_reader import BagReader
+from rope_twin.scene.load import load_scene
+from rope_twin.scene.schema import Scene, Winch
+from rope_twin.studies.fatigue import RopeFatigue
+from rope_twin.studies.rigs import Rig, march, sine
+from rope_twin.twin.endurance import CURVES
+from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.own_motion import OwnMotion, diameters
+from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.twin import Twin
+from rope_twin.twin.watch import Watch
+from rope_twin.twin.wear import turned
+
+STEEL = Rig(length=100.0, elements=20, mass=6.4, EA=6.5e7, diameter=0.032, damping=5e4, load=5e3)
+AREA = 6.4 / 7850.0  # of metal
+WINCH = Winch(
+    speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=1.0, least_line_out_m=10.0,
+    most_line_out_m=130.0,
+)  # fmt: skip
+WORN = Watch(fatigue="stranded_wire")
+
+
+def watched(scene: Scene, watch: Watch = WORN) -> Any:
+    return twin_kind(energy=False, error_band=False, watch=watch)(scene)
+
+
+def used(shot: Snapshot) -> np.ndarray:
+    assert shot.fatigue is not None
+    return shot.fatigue.used
+
+
+def test_a_rope_cycled_at_a_known_amplitude_uses_what_miner_says() -> None:
+    """Held below and stretched by 2·a, n times: n·(2·a·EA/(L·A))^4/K in every metre.
+
+    The stretch is 0.4 m/km; slower than the rope's axial waves by 30, so that mass adds 0.3 %.
+    """
+    rig = replace(STEEL, load=0.0, fixed_at=(0.0, 0.0, -100.1), gravity=0.0)
+    a, period, n = 0.02, 2.0, 10
+    omega = 2.0 * np.pi / period
+
+    def pushed(t: float) -> tuple[float, float]:
+        return a * (1.0 - float(np.cos(omega * t))), a * omega * float(np.sin(omega * t))
+
+    twin = watched(rig.scene())
+    (*_, last) = march(twin, pushed, n * period + 1.0, 10)
+    stress_mpa = 2.0 * a / rig.length * rig.EA / AREA * 1e-6
+    assert last.fatigue is not None
+    assert len(last.fatigue.used) == 100
+    # ten full cycles and the half of the way up again, the largest range but for the mass
+    assert last.fatigue.used == pytest.approx((n + 0.5) * stress_mpa**4 / 3.4e14, rel=0.03)
+    assert last.fatigue.used[50] == pytest.approx((n + 0.5) * stress_mpa**4 / 3.4e14, rel=0.01)
+    assert last.fatigue.counted_s == pytest.approx(21.0)
+
+
+def lifted(twin: Twin, seconds: float = 44.0) -> Iterator[Snapshot]:
+    """Heaved all the time; hauled in by 30 m and paid out by 40 m on the way."""
+    speeds = [(2.0, -2.0), (17.0, 0.0), (19.0, 2.0), (39.0, 0.0)]
+    return march(twin, sine(0.5, 3.0), seconds, 2, speeds)
+
+
+def test_a_metre_keeps_its_damage_through_the_winch() -> None:
+    """Aboard it stands still, below it grows; each equals rainflow of the whole history.
+
+    The independent count keeps the turning points of every metre and asks the rainflow package.
+    """
+    scene = replace(STEEL, winch=WINCH).scene()
+    twin = watched(scene)
+    other = RopeFatigue(scene.ropes[0], 130.0, 1.0, CURVES["stranded_wire"])
+    shots, marked = [], 84  # hauled aboard and paid out again
+    for shot in lifted(twin):
+        other.take(shot)
+        if shot.stamp_ns % 10**9 == 0:
+            shots.append(shot)
+    assert twin.snapshot().solver.splits > 3
+    assert twin.snapshot().solver.merges > 3
+    places = np.array([shot.fatigue.from_hang_off_m[marked] for shot in shots])  # type: ignore[union-attr]
+    history = np.array([used(shot)[marked] for shot in shots])
+    aboard = places < -1.0
+    assert aboard.sum() > 5
+    first, last = np.flatnonzero(aboard)[[0, -1]]
+    assert history[first] > 0.0
+    assert len(set(history[first : last + 1])) == 1  # kept to the bit
+    assert history[-1] > history[last]
+    assert (np.diff(history) >= 0.0).all()
+    assert used(shots[-1]) == pytest.approx(other.damage().damage, rel=1e-9)
+    assert used(shots[-1])[:60].min() > used(shots[-1])[105] > 0.0 == used(shots[-1])[115]
+
+
+def test_the_run_is_the_same_to_the_bit_and_a_saved_one_goes_on_to_the_bit() -> None:
+    scene = replace(STEEL, winch=WINCH).scene()
+    alone = [shot.tension_top_n for shot in lifted(Twin(scene), 12.0)]
+    twin = watched(scene)
+    assert [shot.tension_top_n for shot in lifted(twin, 12.0)] == alone
+    with_books = twin_kind(energy=True, error_band=True, watch=WORN)(scene)
+    assert [shot.tension_top_n for shot in lifted(with_books, 3.0)] == alone[:150]
+    state = twin.capture()
+    again = type(twin).restore(state, scene)
+    assert len(again.capture().arrays) == len(state.arrays)
+    for one in (twin, again):
+        (*_, last) = march(one, sine(0.5, 3.0), 8.0, 2)
+        alone.append(last.tension_top_n)
+    assert alone[-1] == alone[-2]
+    assert np.array_equal(used(twin.snapshot()), used(again.snapshot()))
+    assert twin.snapshot().fatigue.counted_s == again.snapshot().fatigue.counted_s == 20.0
+
+
+def test_a_state_is_taken_with_and_without_what_was_counted() -> None:
+    scene = STEEL.scene()
+    twin = watched(scene)
+    twin.advance(200)
+    state = twin.capture()
+    assert Twin.restore(state, scene).snapshot().fatigue is None
+    plain = Twin(scene)
+    plain.advance(200)
+    late = type(twin).restore(plain.capture(), scene)
+    late.advance(100)
+    assert late.snapshot().fatigue.counted_s == pytest.approx(1.0)
+    by_tension = twin_kind(False, False, Watch(fatigue="six_strand_tension"))
+    with pytest.raises(StateError, match=r"counted by the curve stranded_wire, .*; ask for str"):
+        by_tension.restore(state, scene)
+
+
+def test_below_a_cut_nothing_more_is_used_and_metres_keep_their_names() -> None:
+    scene = replace(STEEL, winch=WINCH).scene()
+    twin = watched(scene)
+    (*_, before) = march(twin, sine(0.5, 3.0), 4.0, 2)
+    assert twin.offer_cut(None, 40.0) == ""
+    (*_, after) = march(twin, sine(0.5, 3.0), 8.0, 2)
+    lost = after.cut.lost_m
+    assert 50.0 < lost < 65.0
+    below = after.fatigue.from_lower_end_m < lost
+    assert np.array_equal(used(after)[below], used(before)[below])
+    above = (after.fatigue.from_hang_off_m > 0.0) & ~below
+    assert (used(after)[above] > used(before)[above]).all()
+    assert after.fatigue.from_hang_off_m[~below][0] == pytest.approx(after.line_out_m, abs=1.0)
+
+
+def test_what_cannot_be_told_is_refused() -> None:
+    with pytest.raises(InputError, match=r"fatigue: no curve 'wire'; did you mean 'spiral_wire'"):
+        Watch(fatigue="wire")
+    with pytest.raises(InputError, match=r"vibration: no model 'motions'; did you mean 'motion'"):
+        Watch(vibration="motions")
+    with pytest.raises(InputError, match="lists no model of vortices"):
+        watched(STEEL.scene(), Watch(vibration="motion"))
+    with pytest.raises(InputError, match=r"not all of steel.*six_strand_tension"):
+        watched(load_scene("hmpe_lift"))
+    with pytest.raises(SceneError, match="meet"):
+        watched(load_scene("bridle_lift"))
+    assert twin_kind(False, False, Watch()) is Twin
+    assert STEEL.twin().snapshot().vibration is None
+
+
+def test_stress_of_bending_is_that_of_the_curvature() -> None:
+    """A rope bent along an arc: E·d/2·κ at two of eight places, 1/√2 of it at four."""
+    rig = replace(STEEL, EI=100.0)
+    twin = watched(rig.scene())
+    twin.advance(2)
+    wear, rope = twin._wear, twin.rope
+    n, radius = int(rope.state.counts[rows.ELEMENTS]), 400.0
+    angle = rope.state.s[: n + 1] / radius
+    rope.state.nodes[rows.POSITION, : n + 1] = radius * (1.0 - np.cos(angle))
+    rope.state.nodes[rows.POSITION + 2, : n + 1] = radius * np.sin(angle)
+    bent = twin._bent()
+    assert bent.shape == (2, 100)
+    assert bent[0, 20:80] == pytest.approx(1.0 / radius, rel=1e-3)
+    assert np.abs(bent[1]).max() < 1e-12
+    twin._wear.take(rope, 5e4, np.zeros_like(bent))
+    tension = wear._count._last.reshape(8, 100)[0, 50]
+    twin._wear.take(rope, 5e4, bent)
+    stress = wear._count._last.reshape(8, 100)[:, 50] - tension
+    full = rig.EA / AREA * 0.016 / radius
+    half = full / np.sqrt(2.0)
+    assert stress == pytest.approx(
+        [full, half, 0.0, -half, -full, -half, 0.0, half], abs=2e-3 * full
+    )
+
+
+def test_leaning_a_rope_over_turns_its_sides_without_twist() -> None:
+    """Lengths and angles stay, an upright rope keeps east and north."""
+    rng = np.random.default_rng(3)
+    along = rng.normal(size=(3, 50))
+    along /= np.linalg.norm(along, axis=0)
+    along[2] = np.abs(along[2])
+    across = np.cross(rng.normal(size=(3, 50)), along, axis=0)
+    assert np.linalg.norm(turned(across, along), axis=0) == pytest.approx(
+        np.linalg.norm(across, axis=0)
+    )
+    upright = np.zeros((3, 50))
+    upright[2] = 1.0
+    assert turned(across, upright) == pytest.approx(across[:2])
+
+
+def shaken(seconds: float, hz: float, extra: dict[str, float]) -> tuple[OwnMotion, np.ndarray]:
+    """A rope whose nodes swing north in a half sine of 0.7 d, and east with twice the frequency.
+
+    It drifts east, sways slowly and is paid out, as a rope does.
+    """
+    twin = STEEL.twin()
+    rope, sample = twin.rope, 1.0 / (24.0 * 2.5)
+    n = int(rope.state.counts[rows.ELEMENTS])
+    at = rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1].copy()
+    shape = np.sin(np.pi * rope.state.s[: n + 1] / 100.0)
+    rope.work[rows.FLOW, : n + 1] = 0.5
+    rope.work[rows.FLOW + 1 : rows.FLOW + 3, : n + 1] = 0.0
+    tracker = OwnMotion(rope, sample, 2.5)
+    for k in range(1, round(seconds / sample)):
+        t = k * sample
+        place = rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1]
+        place[:] = at
+        sway = extra["sway_m"] * np.sin(2.0 * np.pi * 0.1 * t)
+        place[0] += 0.2 * 0.032 * shape * np.sin(4.0 * np.pi * hz * t + 0.3) + sway
+        place[1] += 0.7 * 0.032 * shape * np.sin(2.0 * np.pi * hz * t) + sway
+        place[0] += extra["drift_m_per_s"] * t
+        place[2] -= extra["payout_m_per_s"] * t
+        tracker.take(rope)
+    return tracker, shape
+
+
+@pytest.mark.parametrize("hz", [1.7, 2.5])
+def test_shaking_of_known_amplitude_and_frequency_is_told(hz: float) -> None:
+    """Also beside a drift, payout and a sway of three diameters, of which 1/600 is left."""
+    extra = {"drift_m_per_s": 0.2, "payout_m_per_s": 1.0, "sway_m": 0.1}
+    tracker, shape = shaken(40.0, hz, extra)
+    assert tracker.known
+    diameter = diameters(STEEL.twin().rope)
+    across, along = tracker.amplitudes(diameter)
+    assert across == pytest.approx(0.7 * shape, abs=0.007)
+    assert along == pytest.approx(0.2 * shape, abs=0.007)
+    across_hz, along_hz = tracker.frequencies_hz(diameter)
+    assert across_hz[2:-2] == pytest.approx(hz, rel=0.002)
+    assert along_hz[3:-3] == pytest.approx(2.0 * hz, rel=0.005)
+
+
+def test_nothing_is_told_before_the_filter_has_settled() -> None:
+    extra = {"drift_m_per_s": 0.0, "payout_m_per_s": 0.0, "sway_m": 0.0}
+    assert not shaken(4.0, 2.5, extra)[0].known
+    assert shaken(5.0, 2.5, extra)[0].known
+
+
+CABLE = replace(
+    STEEL, length=60.0, elements=60, load=1e3, density=1025.0, current=((0.0, (0.5, 0.0)),),
+    drag=(1.2, 0.02), added_mass=1.0, step=0.004, damping=1e4,
+    winch=replace(WINCH, most_line_out_m=80.0),
+)  # fmt: skip
+
+
+def test_a_rope_that_its_vortices_shake_tells_so_and_goes_on_from_a_state() -> None:
+    """Near Strouhal's frequency, under payout that splits elements; in line at twice of it."""
+    scene = CABLE.scene()
+    scene = replace(scene, effects=(*scene.effects, WakeOscillatorParams()))
+    twin = watched(scene, Watch("motion", "stranded_wire"))
+    assert twin._every == 5
+    twin.offer_speed(2_000_000_000, 0.5)
+    twin.advance(3000)
+    state = twin.capture()
+    again = type(twin).restore(state, scene)
+    for one in (twin, again):
+        one.advance(1000)
+    shot, other = twin.snapshot(), again.snapshot()
+    assert shot.solver.splits > 3
+    shaking, same = shot.vibration, other.vibration
+    assert shaking is not None
+    assert same is not None
+    assert len(shaking.cross_flow) == len(shot.node_position_m)
+    assert shaking.cross_flow[0] < 0.02
+    assert 0.3 < shaking.cross_flow.max() < 2.0
+    strouhal = 0.17 * 0.5 / 0.032
+    assert shaking.cross_flow_hz[shaking.worst] == pytest.approx(strouhal, rel=0.15)
+    assert shaking.in_line is not None
+    assert shaking.in_line_hz is not None
+    assert shaking.in_line_hz[shaking.in_line.argmax()] > 1.5 * strouhal
+    for name in ("cross_flow", "cross_flow_hz", "in_line", "in_line_hz"):
+        assert np.array_equal(getattr(shaking, name), getattr(same, name)), name
+    assert np.array_equal(used(shot), used(other))
+    rows_told = {row.name: row for row in statuses(shot, None)}
+    assert "diameters at" in rows_told["simulation: vibration"].message
+    assert "of its life used of the metre" in rows_told["simulation: fatigue"].message
+
+
+def test_a_run_records_and_sums_up(tmp_path: Path) -> None:
+    """Of a scene as users have it; without asking for it there is no such message."""
+    options = RunOptions(
+        scene="shallow_lift", for_s=3.0, speed=0.0, record=tmp_path / "bag", watch=WORN
+    )
+    summary = run_unpaced(options, lambda run: None)
+    assert summary.fatigue is not None
+    assert "fatigue (stranded_wire): " in summary.as_text()
+    with BagReader(tmp_path / "bag") as bag:
+        told = [decode("rope/fatigue", data) for _, data in bag.messages("/rope/fatigue")]
+        assert "/rope/vibration" not in {n for n, c in bag.topics.items() if c.messages}
+    assert len(told) == 3
+    table = told[-1].data.reshape(-1, 3)
+    assert told[-1].layout.dim[0].size == len(table)
+    assert told[-1].layout.dim[1].label == "from_lower_end_m from_hang_off_m used"
+    assert table[:, 2].max() == summary.fatigue["used"] > 0.0
+    line_out = table[0, 0] + table[0, 1]
+    assert line_out == pytest.approx(table[:, 0] + table[:, 1])
