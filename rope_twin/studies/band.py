@@ -2,8 +2,8 @@
 
 Every scene runs with its own sea and winch. The reference is the same scene on four times the
 elements with a quarter of the step; one on twice and a half tells how far to trust it. Where the
-rope never was slack both are of second order and extrapolated (Richardson 1911), and the doubt is
-what that adds; where it was, the doubt is the whole difference of the two.
+rope never was slack nor on the bed both are of second order and extrapolated (Richardson 1911), and
+the doubt is what that adds; where it was, the doubt is the whole difference of the two.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.trial import Vector
 from rope_twin.studies.variants import variant
-from rope_twin.twin.error_band import BandedTwin
+from rope_twin.twin.error_band import BandedTwin, bed_below, nodes_on
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.schedule import schedule_samples
 from rope_twin.twin.snapshot import Snapshot
@@ -74,14 +74,18 @@ def measure_bands(cases: Sequence[tuple[str, float]], listen: Listener) -> Itera
 def measure_band(scene: Scene, seconds: float) -> BandRow:
     """One scene."""
     elements, step_s = scene.ropes[0].elements, scene.time.step_s
-    seen = list(fed(BandedTwin(scene), seconds))
+    twin, seen, rough = BandedTwin(scene), [], False
+    bed = bed_below(twin.rope)
+    for shot in fed(twin, seconds):
+        seen.append(shot)
+        slack = shot.element_tension_n.min() <= 0.0
+        rough = rough or slack or (bed is not None and nodes_on(bed, twin.rope) > 0)
     middle, fine = (
         np.array([s.tension_top_n for s in fed(Twin(_finer(scene, times)), seconds)])
         for times in (MIDDLE, FINE)
     )
-    slack = any(s.element_tension_n.min() <= 0.0 for s in seen)
-    doubt = np.abs(fine - middle) / (1.0 if slack else 3.0)
-    truth = fine if slack else fine + (fine - middle) / 3.0
+    doubt = np.abs(fine - middle) / (1.0 if rough else 3.0)
+    truth = fine if rough else fine + (fine - middle) / 3.0
     bands = [s.band for s in seen]
     if any(band is None for band in bands):
         raise SolverError(f"scene {scene.name}: the band's companion could not go on.")

@@ -142,13 +142,14 @@ class BandedTwin(Twin):
         self._band = ErrorBand(self._rest_n, self.step_s, error_per_difference(self._rope))
         self._elements = int(self._rope.state.counts[rows.ELEMENTS])
         self._bed = bed_below(self._rope)
+        self._lying = 0 if self._bed is None else nodes_on(self._bed, self._rope)
         self._look_s = 0.0  # when to look for slack elements again
         settled = self._companion.rests
         self._known_from_s = 0.0 if settled else self.time_ns * 1e-9 + SETTLING_S
 
     def _changing(self) -> dict[str, Any]:
         own = ("_rest_n", "_band_s", "_companion", "_band", "_before", "_known_from_s",
-               "_look_s", "_elements", "_bed")  # fmt: skip
+               "_look_s", "_elements", "_bed", "_lying")  # fmt: skip
         return {name: value for name, value in super()._changing().items() if name not in own}
 
     def _forget_borders(self, done: int) -> None:
@@ -185,8 +186,18 @@ class BandedTwin(Twin):
             self._look_s = now_s + LOOK_S
             if not self._tension.min() > 0.0:
                 band.slacken(now_s)
-            elif self._bed is not None and touches(self._bed, self._rope):
-                band.touch(now_s)
+            if self._bed is not None:
+                self._look_at_bed(self._bed, now_s)
+
+    def _look_at_bed(self, bed: Bed, now_s: float) -> None:
+        """An end that is made fast there does not land, but the rope above it is laid down."""
+        if self._rope.model.first_free == 0:
+            if touches(bed, self._rope):
+                self._band.touch(now_s)
+            return
+        before, self._lying = self._lying, nodes_on(bed, self._rope)
+        if self._lying > before:
+            self._band.lay(now_s)
 
 
 def offset_pull_n(rope: Rope) -> float:
@@ -199,6 +210,12 @@ def offset_pull_n(rope: Rope) -> float:
 def bed_below(rope: Rope) -> Bed | None:
     """The scene's seabed."""
     return next((effect for effect in rope.effects if isinstance(effect, Plane | Grid)), None)
+
+
+def nodes_on(bed: Bed, rope: Rope) -> int:
+    """How many of the nodes below the hang-off lie on the bed."""
+    n = int(rope.state.counts[rows.ELEMENTS])
+    return int(np.count_nonzero(clearance(bed, rope.state.nodes[_PLACE, :n]) <= 0.0))
 
 
 def touches(bed: Bed, rope: Rope) -> bool:

@@ -14,6 +14,8 @@ each failure has a rule of its own:
 - Once an element was slack, the tension next to nothing or the bed touched, the error falls in
   proportion to the elements' length, not to its square, and the rope rings with it for long: the
   difference itself is taken, and once the rope stays taut its fading mean.
+- Where a rope that is made fast on the bed lays a node down there, it rings for some seconds, and
+  the companion does when a node of its own lands: the difference itself is taken meanwhile.
 - A rope whose own tension is next to nothing hangs in loops that no grid resolves: its error is
   taken to be as large as the tension, and a hundredth of the tension at rest at least, since what
   is left of a snap runs up and down in it.
@@ -49,6 +51,7 @@ LOOSE, LOOSE_LEAST = 0.04, 0.01  # of the tension at rest: less is that of a rop
 BEND = 0.05  # of the largest jump of acceleration in the window: a larger one is a bend
 ROUGH_S = 120.0  # after an element was slack, the rope rings so long
 TAUT_S = 3.0  # no element slack for so long: no new snap, what is left of the last one rings
+LAID_S = 3.0  # so long a node that has come down on the bed is felt at the top
 EVERY = 2  # of the rope's steps make one of the companion's
 
 Border = tuple[list[float], list[float]]  # prescribed hang-off x, y, z and line out; their rates
@@ -111,7 +114,7 @@ class ErrorBand:
         self._ringing, self._rough_ringing, self._kicked = Fading(), Fading(), Fading()
         self._jumps, self._tension = Recent(WINDOW_S), Recent(SLACK_WINDOW_S)
         self._bent: deque[bool] = deque(maxlen=EVERY)  # of the newest steps
-        self._rough_until_s, self._slack_s = 0.0, -math.inf
+        self._rough_until_s, self._slack_s, self._laid_until_s = 0.0, -math.inf, 0.0
         self._now_n = rest_n
 
     def take(self, time_s: float, jump: float, tension_n: float) -> None:
@@ -144,6 +147,10 @@ class ErrorBand:
         """Something happens that no grid resolves: the error is of first order from now on."""
         self._rough_until_s = time_s + ROUGH_S
 
+    def lay(self, time_s: float) -> None:
+        """A node of the rope has come down on the bed."""
+        self._laid_until_s = time_s + LAID_S
+
     def kick(self, time_s: float, pull_n: float) -> None:
         """An event gave the rope length offsets that pull so much."""
         self._kicked.add(time_s, min(KICK * pull_n, KICK_MOST * self._mean))
@@ -162,7 +169,8 @@ class ErrorBand:
         largest = self._all.largest(time_s)
         unbent = 0.0 if self._bent and self._bent[-1] else self._unbent.largest(time_s)
         bound = max(self._smooth * unbent, LEFT * largest) if unbent > 0.0 else BENT * largest
-        return max(bound, self._ringing.now(time_s))
+        laid = ROUGH * self._rough.largest(time_s) if time_s < self._laid_until_s else 0.0
+        return max(bound, laid, self._ringing.now(time_s))
 
 
 def acceleration_jumps(before: Border, value: Floats, rate: Floats, step_s: float) -> list[float]:

@@ -208,6 +208,24 @@ def test_a_payload_on_the_bed_makes_the_error_rough() -> None:
     assert found.bound_n(fed_with(found, [100.0])) == pytest.approx(114.0)
 
 
+def test_a_node_that_is_laid_down_counts_for_some_seconds() -> None:
+    """Of a rope whose end is made fast on the bed; that end does not land."""
+    twin = BandedTwin(load_scene("chain_on_bottom"))
+    band_, bed = twin._band, error_band.bed_below(twin._rope)
+    assert bed is not None
+    lying = error_band.nodes_on(bed, twin._rope)
+    assert 10 < lying < 20  # 62 m on elements of 5 m
+    twin._look_at_bed(bed, 1.0)
+    now = fed_with(band_, [100.0])
+    assert band_.bound_n(now) < 50.0
+    twin._rope.state.nodes[rows.POSITION + 2, lying] = -301.0
+    twin._look_at_bed(bed, now)
+    assert band_.bound_n(now) == pytest.approx(114.0)
+    assert band_.bound_n(now + 2.9) < 114.0  # nothing is left of the difference
+    now = fed_with(band_, [100.0] * 2, now + 3.1)
+    assert band_.bound_n(now) < 50.0
+
+
 def test_a_restored_twin_knows_its_band_when_the_companion_has_settled() -> None:
     twin = BandedTwin(RIG.scene())
     tensions(twin, 4.0)
