@@ -17,6 +17,7 @@ from typing import Any, TextIO
 from rope_twin.errors import InputError
 from rope_twin.studies import (
     band,
+    effect_speed,
     ensemble_speed,
     joined_statics_speed,
     orders,
@@ -34,7 +35,7 @@ from rope_twin.studies.order_picture import check_picture, draw_orders
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     """Add `bench` with its actions."""
     parser = subparsers.add_parser("bench", help="how fast the solver is, and how right")
-    names = "speed | order | ensemble | statics | vortices | band | peers | report"
+    names = "speed | order | ensemble | statics | effects | vortices | band | peers | report"
     actions = parser.add_subparsers(dest="action", required=True, metavar=names)
     fast = actions.add_parser(
         "speed",
@@ -49,6 +50,12 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         help="a thousand ropes together, beside one alone; some run again alone for equality",
     )
     rest = actions.add_parser("statics", help="time to come to rest, from good and bad guesses")
+    each = actions.add_parser(
+        "effects",
+        help="what each effect costs a step, and that it costs nothing where it is not listed",
+        description="Steps 1,000 elements with the effect, without it, and without it again, in "
+        "turns, and looks for it in the compiled code (some five minutes, most of them compiling).",
+    )
     shed = actions.add_parser(
         "vortices",
         help="cost of the vortex models at steps of 1 ms, and MoorDyn's model on the curved pipe",
@@ -68,7 +75,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         "peers are no part of rope_twin; where they are missing it is told how to get them.",
     )
     others.add_argument("--picture", type=Path, metavar="PNG", help="draw the race, too")
-    for action in (fast, right, many, rest, shed, live, others):
+    for action in (fast, right, many, rest, each, shed, live, others):
         action.add_argument("--json", action="store_true", help="one JSON object instead of tables")
     page = actions.add_parser("report", help="speed, order, ensemble and peers as performance.md")
     page.add_argument("--into", type=Path, default=Path("docs"), metavar="DIR", help="where to")
@@ -78,7 +85,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         metavar="JSON",
         help="a race told by `bench peers --json`; peers.json beside the page, if it is there",
     )
-    for action in (fast, right, many, rest, shed, live, others, page):
+    for action in (fast, right, many, rest, each, shed, live, others, page):
         action.add_argument("--quick", action="store_true", help="a few small cases, for a test")
     parser.set_defaults(run=run)
 
@@ -94,6 +101,8 @@ def run(args: argparse.Namespace) -> int:
         return _ensemble(args, progress)
     if args.action == "statics":
         return _statics(args)
+    if args.action == "effects":
+        return _effects(args, progress)
     if args.action == "vortices":
         return _vortices(args, progress)
     if args.action == "band":
@@ -173,6 +182,17 @@ def _statics(args: argparse.Namespace) -> int:
     else:
         print_table(statics_speed.statics_table(rows))
     return 0 if all(row["found"] for row in rows) else 1
+
+
+def _effects(args: argparse.Namespace, progress: Progress) -> int:
+    """Exit code 1 if a scene's code contains an effect that it does not list."""
+    nodes, names = (50, ("current",)) if args.quick else (1000, effect_speed.all_names())
+    rows = list(effect_speed.effect_speeds(nodes, names, progress.show))
+    if args.json:
+        print(json.dumps({"rows": [asdict(row) for row in rows]}, allow_nan=False))
+    else:
+        print_table(effect_speed.speed_table(rows))
+    return 1 if any(row.symbols_off for row in rows) else 0
 
 
 def _vortices(args: argparse.Namespace, progress: Progress) -> int:

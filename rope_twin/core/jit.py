@@ -168,3 +168,14 @@ def compiled(entry: Any, arguments: tuple[Any, ...]) -> Any:
     signature = tuple(numba.typeof(argument) for argument in arguments)
     entry.compile(signature)
     return entry.overloads[signature].entry_point
+
+
+def assembly(entry: Any, arguments: tuple[Any, ...]) -> str:
+    """The assembly of an entry for arguments of these types.
+
+    It is compiled afresh, which takes some ten seconds for a step: cached code has none to read.
+    """
+    fresh = numba.njit(**OPTIONS)(entry.py_func)
+    fresh.compile(tuple(numba.typeof(argument) for argument in arguments))
+    (signature,) = fresh.signatures
+    return str(fresh.inspect_asm(signature))

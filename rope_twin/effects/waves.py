@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
-from rope_twin.core.jit import jit, jit_within
+from rope_twin.core.jit import jit_sum, jit_within
 from rope_twin.core.rows import row, rows
 from rope_twin.core.stack import stacks
 from rope_twin.core.state import FLOW, FLOW_RATE, POSITION, RESIDUAL, SURFACE, Floats
@@ -269,7 +269,7 @@ def decay(x: float) -> float:
     return e * e
 
 
-@jit
+@jit_sum
 def surface(waves: Any, x: float, y: float, time: float) -> float:
     """η of the full sea at a place [m]."""
     eta = 0.0
@@ -280,7 +280,7 @@ def surface(waves: Any, x: float, y: float, time: float) -> float:
     return eta
 
 
-@jit
+@jit_sum
 def water(waves: Any, count: int, x: float, y: float, z: float, time: float) -> Any:
     """Velocity and acceleration of the water from the `count` longest components at Wheeler's z."""
     u, v, w, du, dv, dw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0

@@ -26,6 +26,7 @@ from rope_twin.scene.rules import faults
 from rope_twin.scene.schema import Scene, SeaState
 from rope_twin.studies.accuracy_run import Course, Setting, Trial
 from rope_twin.studies.band import fed
+from rope_twin.studies.variants import with_effect
 from rope_twin.twin.twin import Twin
 
 LOOK_S = 0.5
@@ -111,7 +112,7 @@ def _row(scene: Scene, effect: Effect, whole: Ran, run: Callable[[Scene], Ran]) 
             if isinstance(params, str):
                 return EffectRow(effect.name, False, "", None, None, None, params)
             words = _words(params)
-            with_it, without = run(_sound(_with(scene, params))), whole
+            with_it, without = run(_sound(with_effect(scene, params))), whole
     except RopeTwinError as error:
         why = str(error).removesuffix(".")
         return EffectRow(effect.name, listed, words, None, None, None, why)
@@ -155,13 +156,6 @@ def _known(name: str, scene: Scene) -> dict[str, Any]:
             flat = sides[0] * sides[1] if sides[0] and sides[1] else 0.0
             return {"height_m": height, "bottom_area_m2": flat}
     return {}
-
-
-def _with(scene: Scene, params: Any) -> Scene:
-    """The scene with one effect more, in the order of EFFECTS."""
-    order = [effect.params for effect in EFFECTS]
-    effects = sorted((*scene.effects, params), key=lambda own: order.index(type(own)))
-    return replace(scene, effects=tuple(effects))
 
 
 def _sound(scene: Scene) -> Scene:

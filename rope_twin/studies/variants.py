@@ -1,9 +1,11 @@
-"""A scene as it is, but with other elements, another step or another tolerance."""
+"""A scene as it is, but with other elements, another step or tolerance, or an effect more."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
+from rope_twin.effects import EFFECTS
 from rope_twin.scene.grid import elements_with
 from rope_twin.scene.schema import Scene
 
@@ -26,3 +28,10 @@ def variant(
     time = time if step_s is None else replace(time, step_s=step_s)
     time = time if tolerance_n is None else replace(time, newton_tolerance_n=tolerance_n)
     return replace(scene, ropes=tuple(ropes), time=time)
+
+
+def with_effect(scene: Scene, params: Any) -> Scene:
+    """The scene with one effect more, in the order of EFFECTS."""
+    order = [effect.params for effect in EFFECTS]
+    effects = sorted((*scene.effects, params), key=lambda own: order.index(type(own)))
+    return replace(scene, effects=tuple(effects))

@@ -8,20 +8,18 @@ from __future__ import annotations
 import re
 from dataclasses import replace
 
-import numba
-import numpy as np
 import pytest
 
 from rope_twin import load_scene
 from rope_twin.core.elastic import stretch
-from rope_twin.core.jit import OPTIONS
-from rope_twin.core.state import MOTIONS, PULL_COLUMNS, Boundary
-from rope_twin.core.step import advance_steps
+from rope_twin.core.jit import assembly
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.weight import WeightParams
 from rope_twin.scene.build import build
 from rope_twin.scene.schema import Scene
+from rope_twin.studies.effect_code import step_assembly
+from rope_twin.studies.effect_code import traces as symbols
 
 # a square root of several doubles at once: x86-64 and aarch64
 PACKED_ROOT = re.compile(r"\bv?sqrtpd\b|\bfsqrt\s+v\d+\.2d")
@@ -40,32 +38,22 @@ def listed(scene: Scene) -> set[str]:
     return {e.name for e in EFFECTS if any(type(params) is e.params for params in scene.effects)}
 
 
-def assembly(scene: Scene) -> str:
-    """Assembly of the step for the scene's types."""
-    border = np.zeros((2, MOTIONS))
-    arguments = (build(scene).rope, Boundary(border, border), np.zeros((1, PULL_COLUMNS)), 0.0, 1)
-    compiled = numba.njit(**OPTIONS)(advance_steps.py_func)
-    compiled.compile(tuple(numba.typeof(argument) for argument in arguments))
-    (signature,) = compiled.signatures
-    return str(compiled.inspect_asm(signature))
-
-
 def traces(code: str, name: str) -> int:
-    """How often symbols of the effect's module occur (as numba mangles them)."""
-    return code.count(f"effects{len(name)}{name}")
+    """How often symbols of the effect's module occur."""
+    return symbols(code, f"rope_twin.effects.{name}")
 
 
 @pytest.fixture(scope="module")
 def whole() -> str:
     """The step of the main job."""
-    return assembly(main_job())
+    return step_assembly(main_job())
 
 
 @pytest.fixture(scope="module")
 def bare() -> str:
     """The same with nothing but weight and payload."""
     scene = main_job()
-    return assembly(
+    return step_assembly(
         replace(scene, effects=tuple(params for params in scene.effects if type(params) in BARE))
     )
 
@@ -90,12 +78,9 @@ def test_an_absent_effect_leaves_no_trace(whole: str, bare: str) -> None:
 def test_a_table_of_stiffness_leaves_no_trace_where_there_is_none(whole: str) -> None:
     """Its law is in the elements' loop of a rope that has one, and nowhere in the main job."""
     law = "by_table"
-    compiled = numba.njit(**OPTIONS)(stretch.py_func)
     rope = build(load_scene("hybrid_lift")).rope
     arguments = (rope.law, rope.work, rope.state.offset, 1.0, 0.0, 0.0, 0, 1)
-    compiled.compile(tuple(numba.typeof(argument) for argument in arguments))
-    (signature,) = compiled.signatures
-    assert law in compiled.inspect_asm(signature)
+    assert law in assembly(stretch, arguments)
     assert law not in whole
     assert "by_stiffness" in whole
 

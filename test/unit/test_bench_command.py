@@ -218,3 +218,11 @@ def test_a_picture_that_cannot_be_is_refused_at_once(
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"matplotlib: .* `pip install 'rope_twin\[plot\]'"):
         draw_orders(curves, tmp_path / "orders.png")
+
+
+def test_effects_cost_nothing_where_they_are_absent(capsys: pytest.CaptureFixture[str]) -> None:
+    """Steps with and without; none of the effect's functions is in the code without."""
+    assert main(["bench", "effects", "--quick", "--json"]) == 0
+    (row,) = json.loads(capsys.readouterr().out)["rows"]
+    assert (row["effect"], row["nodes"], row["symbols_off"]) == ("current", 50, 0)
+    assert min(row[f"us_per_step_{name}"] for name in ("base", "off", "on")) > 0.0

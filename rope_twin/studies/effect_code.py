@@ -1,0 +1,35 @@
+"""Which effects' code the compiled step of a scene contains, read from its assembly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rope_twin.core import jit
+from rope_twin.core.state import MOTIONS, PULL_COLUMNS, Boundary
+from rope_twin.core.step import advance_steps
+from rope_twin.core.terms import hooks_of, kernel_of
+from rope_twin.scene.build import build
+from rope_twin.scene.schema import Scene
+
+
+def step_assembly(scene: Scene) -> str:
+    """Assembly of the step for the scene's effects; it takes some ten seconds."""
+    border = np.zeros((2, MOTIONS))
+    arguments = (build(scene).rope, Boundary(border, border), np.zeros((1, PULL_COLUMNS)), 0.0, 1)
+    return jit.assembly(advance_steps, arguments)
+
+
+def modules_of(scene: Scene, params: object) -> tuple[str, ...]:
+    """The modules that the kernels of one of the scene's effects are written in."""
+    alone = replace(scene, effects=tuple(own for own in scene.effects if own is not params))
+    without = {type(effect) for effect in build(alone).rope.effects}
+    kinds = [type(own) for own in build(scene).rope.effects if type(own) not in without]
+    kernels = [kernel_of(hook, kind) for kind in kinds for hook in hooks_of(kind)]
+    return tuple(sorted({kernel.py_func.__module__ for kernel in kernels}))
+
+
+def traces(code: str, module: str) -> int:
+    """How often symbols of a module's functions occur in assembly, as numba mangles them."""
+    return code.count("".join(f"{len(part)}{part}" for part in module.split(".")))
