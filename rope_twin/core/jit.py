@@ -52,8 +52,8 @@ llvmlite.binding.set_option("numba", "-vectorize-memory-check-threshold=2000")
 
 import numba  # noqa: E402
 from numba.core import config  # noqa: E402
-from numba.core.codegen import JITCodeLibrary  # noqa: E402
-from numba.core.compiler import Compiler  # noqa: E402
+
+from rope_twin.core.compiling import EntryCompiler, LinkedCompiler  # noqa: E402
 
 config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]  # in case numba was imported before us
 
@@ -70,60 +70,16 @@ OPTIONS: dict[str, Any] = {
     "error_model": "numpy",
     "fastmath": _FAST,
     "_nrt": False,
+    "no_cfunc_wrapper": True,
+    "pipeline_class": EntryCompiler,
 }
-
-
-class _LinkedCodegen:
-    """numba's code generator, for code that has no place in memory of its own."""
-
-    def __init__(self, codegen: Any) -> None:
-        self._codegen = codegen
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._codegen, name)
-
-    def set_env(self, name: str, env: Any) -> None:
-        """Nothing: there is no variable to set."""
-
-
-class _LinkedLibrary(JITCodeLibrary):  # type: ignore[misc]
-    """Code that is linked into its callers, where LLVM optimises and translates it with them."""
-
-    @property
-    def codegen(self) -> Any:
-        return _LinkedCodegen(self._codegen)
-
-    def _optimize_final_module(self) -> None:
-        """Nothing: the entry's library does it once for all."""
-
-    def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()
-        self._finalized = True
-
-    def get_pointer_to_function(self, name: str) -> int:
-        return 0
-
-
-class _LinkedCompiler(Compiler):  # type: ignore[misc]
-    """Compile a kernel as far as its callers need it.
-
-    numba optimises every kernel and makes machine code of it, and again with every one that calls
-    it: with its optimisation that is a third of the time that compiling a step takes.
-    """
-
-    def define_pipelines(self) -> Any:
-        state = self.state
-        name = state.func_id.func_qualname
-        state["library"] = _LinkedLibrary(state.targetctx.codegen(), name)
-        return super().define_pipelines()
 
 
 # Kernels are called by kernels, and need no wrapper for Python.
 LINKED: dict[str, Any] = {
     **OPTIONS,
     "no_cpython_wrapper": True,
-    "no_cfunc_wrapper": True,
-    "pipeline_class": _LinkedCompiler,
+    "pipeline_class": LinkedCompiler,
 }
 
 

@@ -1,0 +1,56 @@
+"""Kernels are linked once into the entry that reaches them, whoever of them is called at last."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numba
+
+from rope_twin.core.jit import OPTIONS, jit, jit_ordered
+
+
+@jit
+def _shared(x: float) -> float:
+    return max(x, 2.0) + 1.0
+
+
+@jit
+def _never_called(x: float) -> float:
+    return _shared(x) - 1.0
+
+
+@jit
+def _called(x: float) -> float:
+    return 2.0 * _shared(x)
+
+
+def _entry(x: float) -> float:
+    most = 0
+    most += 1
+    if most > 1:  # LLVM drops the call while it looks at this function alone
+        x = _never_called(x)
+    return _called(x)
+
+
+@jit
+def _loosely(a: Any, b: Any) -> Any:
+    return min(a * b + 1.0, 9.0)
+
+
+@jit_ordered
+def _strictly(a: Any, b: Any) -> Any:
+    return min(a * b + 1.0, 9.0)
+
+
+def _both(a: float, n: int) -> float:
+    return float(_loosely(a, n) + _strictly(a, n) + _loosely(n, n) + _strictly(n, a))
+
+
+def test_what_a_call_that_is_dropped_shares_with_others_is_there() -> None:
+    """LLVM links what was asked for so far: those who ask come first."""
+    assert numba.njit(**OPTIONS)(_entry)(5.0) == 12.0
+
+
+def test_types_that_are_remembered_are_told_apart() -> None:
+    """The same operators of other types, in kernels of other options."""
+    assert numba.njit(**OPTIONS)(_both)(1.5, 2) == 4.0 + 4.0 + 5.0 + 4.0
