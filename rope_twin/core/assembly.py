@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from rope_twin.core import terms
+from rope_twin.core import loads, terms
 from rope_twin.core.jit import jit, jit_sum
 from rope_twin.core.rows import row, rows, span
 from rope_twin.core.state import (
@@ -56,7 +56,7 @@ def load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> None
     R_i = T_i·t_i - T_{i-1}·t_{i-1} - MASS·a + loads; A_i = MASS·I + what the effects add. The
     tangent is the mean direction of both elements; 1e-12 keeps a folded rope off 0/0.
     """
-    nodes = terms.seen(work, low)
+    nodes = loads.seen(work, low)
     T, T_below = row(work, TENSION, low), row(work, TENSION, low - 1)
     tx, ty, tz = rows(work, DIRECTION, low)
     bx, by, bz = rows(work, DIRECTION, low - 1)
@@ -65,7 +65,7 @@ def load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> None
     for i in range(high - low):
         x, y, z = bx[i] + tx[i], by[i] + ty[i], bz[i] + tz[i]
         inverse = 1.0 / sqrt(x * x + y * y + z * z + 1e-12)
-        load = terms.load_of(effects, stage, nodes, (x * inverse, y * inverse, z * inverse), i)
+        load = loads.load_of(effects, stage, nodes, (x * inverse, y * inverse, z * inverse), i)
         Rx[i] = T[i] * tx[i] - T_below[i] * bx[i] + load.x
         Ry[i] = T[i] * ty[i] - T_below[i] * by[i] + load.y
         Rz[i] = T[i] * tz[i] - T_below[i] * bz[i] + load.z
@@ -75,7 +75,7 @@ def load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> None
         Ayy[i] = load.yy
         Ayz[i] = load.yz
         Azz[i] = load.zz
-    terms.load_remembering(effects, work, stage, low, high, True)
+    loads.load_remembering(effects, work, stage, low, high, True)
 
 
 @jit
@@ -84,5 +84,5 @@ def load_lowest(effects: Any, work: Any, stage: Any) -> None:
     for k in range(3):
         work[TANGENT + k, 0] = work[DIRECTION + k, 0]
         work[RESIDUAL + k, 0] = work[TENSION, 0] * work[DIRECTION + k, 0]
-    terms.add_load(effects, work, stage, ZERO, ZERO + 1)
+    loads.add_load(effects, work, stage, ZERO, ZERO + 1)
     terms.add_end(effects, work, stage)

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numba.extending import overload
 
-from rope_twin.core import terms
+from rope_twin.core import hooks
 from rope_twin.core.assembly import load_lowest, load_nodes, set_flow, slope
 from rope_twin.core.chains import column
 from rope_twin.core.elastic import growth_of, stretch, stretch_corrected, stretch_top
@@ -83,12 +83,12 @@ def _is_balanced(system: Any, stage: Any) -> bool:
 
 def _balances(effects: Any, system: Any, stage: Any) -> Any:
     """Whether the stage is solved as far as loads that come and go are concerned."""
-    return not terms.switches(map(type, effects)) or _is_balanced(system, stage)
+    return not hooks.switches(map(type, effects)) or _is_balanced(system, stage)
 
 
 @overload(_balances, jit_options=LINKED, strict=False)
 def _choose_balance(effects: Any, system: Any, stage: Any) -> Any:
-    if terms.switches(effect.instance_class for effect in effects):
+    if hooks.switches(effect.instance_class for effect in effects):
         return lambda effects, system, stage: _is_balanced(system, stage)
     return lambda effects, system, stage: True
 

@@ -13,7 +13,7 @@ rows are
     2k ... 3k-1     at the start of a step that is halved, should it fail
     3k              material coordinate of the node [m]
 
-and any further rows are the effect's own. Its kernels, registered as those of `terms`:
+and any further rows are the effect's own. Its kernels, registered as those of `hooks`:
 
 - `start(effect, rope)`: the numbers at time 0, where the rope rests: rows 0 ... k-1.
 - `predict(effect, rope, stage, kind, low, high)`: before a stage's first loads, of the nodes
@@ -34,10 +34,10 @@ from typing import Any
 import numpy as np
 from numba.extending import overload
 
+from rope_twin.core.hooks import kernel_of, kernels_by_place, written_out
 from rope_twin.core.jit import LINKED, jit
 from rope_twin.core.prediction import correct
 from rope_twin.core.state import ELEMENTS
-from rope_twin.core.terms import kernel_of, kernels_by_place, written_out
 
 _REMEMBERED: dict[type, int] = {}
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numba.extending import overload
 
-from rope_twin.core import terms
+from rope_twin.core import hooks, terms
 from rope_twin.core.again import count_left
 from rope_twin.core.assembly import load_lowest, load_nodes, set_flow, slope
 from rope_twin.core.coupled_elimination import eliminate_coupled
@@ -42,13 +42,13 @@ CHUNK = 64  # nodes that all passes take at a time: their rows fit into the near
 
 def _eliminate(effects: Any, work: Any, first: Any, n: Any) -> Any:
     """The corrections, by the elimination that the effects' types ask for."""
-    solve = eliminate_coupled if terms.couples(map(type, effects)) else eliminate
+    solve = eliminate_coupled if hooks.couples(map(type, effects)) else eliminate
     solve(work, first, n)
 
 
 @overload(_eliminate, jit_options=LINKED, strict=False)
 def _choose_elimination(effects: Any, work: Any, first: Any, n: Any) -> Any:
-    coupled = terms.couples(effect.instance_class for effect in effects)
+    coupled = hooks.couples(effect.instance_class for effect in effects)
     solve = eliminate_coupled if coupled else eliminate
 
     def call(effects: Any, work: Any, first: Any, n: Any) -> None:
@@ -69,12 +69,12 @@ def _is_balanced(rope: Any) -> bool:
 
 def _switches(effects: Any) -> Any:
     """Whether loads come and go, so that tensions do not tell whether a stage is solved."""
-    return terms.switches(map(type, effects))
+    return hooks.switches(map(type, effects))
 
 
 @overload(_switches, jit_options=LINKED, strict=False)
 def _choose_balance(effects: Any) -> Any:
-    if terms.switches(effect.instance_class for effect in effects):
+    if hooks.switches(effect.instance_class for effect in effects):
         return lambda effects: True
     return lambda effects: False
 
@@ -85,7 +85,7 @@ def _keeps_factors(kinds: Any) -> bool:
     Not where what is remembered has gone on, or where loads that come and go ask for more.
     """
     kinds = list(kinds)
-    return not (terms.couples(kinds) or terms.switches(kinds) or remembers(kinds))
+    return not (hooks.couples(kinds) or hooks.switches(kinds) or remembers(kinds))
 
 
 def _serves(effects: Any, rope: Any, stage: Any) -> Any:

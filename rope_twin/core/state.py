@@ -163,7 +163,7 @@ def columns_for(capacity: int) -> int:
 
 
 def new_work(columns: int, count: int = WORK_ROWS) -> Floats:
-    """Scratch, (count, columns), beginning at a cache line; `terms.work_rows` tells the count."""
+    """Scratch, (count, columns), beginning at a cache line; `hooks.work_rows` tells the count."""
     space = np.zeros(count * columns + LINE_DOUBLES)
     start = -(space.ctypes.data // space.itemsize) % LINE_DOUBLES
     return space[start : start + count * columns].reshape(count, columns)

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rope_twin.core.hooks import couples, switches
 from rope_twin.core.jit import jit_entry
 from rope_twin.core.state import (
     ACCELERATION,
@@ -34,7 +35,7 @@ from rope_twin.core.state import (
     Stage,
 )
 from rope_twin.core.step import advance
-from rope_twin.core.terms import add_couplings, couples, switches
+from rope_twin.core.terms import add_couplings
 
 INSTANT = 1e-15  # s
 PROBED_STRAIN = 1e-3

@@ -12,7 +12,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from rope_twin.core import terms
+from rope_twin.core import loads
 from rope_twin.core.assembly import set_flow
 from rope_twin.core.jit import jit
 from rope_twin.core.sections import section_above
@@ -101,7 +101,7 @@ def load_trials_of(rope: Any, stage: Any, A: float, lower: float, here: int, oth
         for k in range(3):
             work[RESIDUAL + k, slot] = 0.0
     set_flow(rope.effects, work, stage, low, slots)
-    terms.add_load(rope.effects, work, stage, low, slots)
+    loads.add_load(rope.effects, work, stage, low, slots)
 
 
 @jit

@@ -25,10 +25,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
+from rope_twin.core.hooks import kernel
 from rope_twin.core.jit import jit, jit_within
 from rope_twin.core.rows import row, rows, span
 from rope_twin.core.state import BLOCK, LINK, POSITION, RESIDUAL, REST
-from rope_twin.core.terms import kernel
 from rope_twin.quantity import quantity
 
 Triple = tuple[float, float, float]

@@ -19,9 +19,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
+from rope_twin.core.hooks import kernel
 from rope_twin.core.rows import rows, span
 from rope_twin.core.state import BLOCK, FLOW, RESIDUAL, VELOCITY
-from rope_twin.core.terms import kernel
 from rope_twin.quantity import quantity, text
 
 # Coefficients of Sn, Sn², Sn³ in C_D's part with cos α and in C_L's with sin 2α.

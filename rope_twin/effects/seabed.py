@@ -18,11 +18,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
+from rope_twin.core.hooks import kernel, switching
 from rope_twin.core.jit import jit_entry, jit_within
+from rope_twin.core.loads import Load
 from rope_twin.core.rows import rows, span
 from rope_twin.core.stack import stacks
 from rope_twin.core.state import BLOCK, POSITION, RESIDUAL, VELOCITY, Floats
-from rope_twin.core.terms import Load, kernel, switching
 from rope_twin.quantity import quantity, text
 
 CREEP = 0.01  # v_0: friction is within 0.5 % of μ·N from ten times this on [m/s]

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
+from rope_twin.core.hooks import kernel, switching
 from rope_twin.core.rows import row, rows, span
 from rope_twin.core.stack import stacks
 from rope_twin.core.state import (
@@ -30,7 +31,6 @@ from rope_twin.core.state import (
     VELOCITY,
     Floats,
 )
-from rope_twin.core.terms import kernel, switching
 from rope_twin.quantity import quantity
 
 

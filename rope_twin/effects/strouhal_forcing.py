@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
+from rope_twin.core.hooks import kernel
 from rope_twin.core.jit import jit, jit_within
 from rope_twin.core.prediction import K1, K2
 from rope_twin.core.remembering import new_memory, remembering
@@ -44,7 +45,6 @@ from rope_twin.core.state import (
     VOLUME,
     Floats,
 )
-from rope_twin.core.terms import kernel
 from rope_twin.core.trial import TRIALS
 from rope_twin.quantity import quantity
 

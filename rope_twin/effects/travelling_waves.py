@@ -37,6 +37,7 @@ from rope_twin.core.half_waves import (
     set_paces,
     wave_number,
 )
+from rope_twin.core.hooks import kernel
 from rope_twin.core.jit import jit
 from rope_twin.core.prediction import K1, K2
 from rope_twin.core.remembering import new_memory, remembering
@@ -55,7 +56,6 @@ from rope_twin.core.state import (
     Floats,
     Stage,
 )
-from rope_twin.core.terms import kernel
 from rope_twin.core.trial import TRIALS
 from rope_twin.quantity import quantity, text
 

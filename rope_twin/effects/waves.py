@@ -26,11 +26,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
+from rope_twin.core.hooks import kernel
 from rope_twin.core.jit import jit_sum, jit_within
+from rope_twin.core.loads import Load
 from rope_twin.core.rows import row, rows
 from rope_twin.core.stack import stacks
 from rope_twin.core.state import FLOW, FLOW_RATE, POSITION, RESIDUAL, SURFACE, Floats
-from rope_twin.core.terms import Load, kernel
 from rope_twin.errors import InputError
 from rope_twin.quantity import quantity, text
 from rope_twin.sea.components import DEEP, irregular_waves, regular_wave, spread

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from rope_twin.core.energy import account
-from rope_twin.core.terms import Load, kernel
+from rope_twin.core.hooks import kernel
+from rope_twin.core.loads import Load
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.hooks import hooks_of, work_rows
 from rope_twin.core.sections import SAME_PLACE
 from rope_twin.core.state import (
     ELEMENTS,
@@ -22,7 +23,6 @@ from rope_twin.core.state import (
     new_work,
 )
 from rope_twin.core.state import Rope as CoreRope
-from rope_twin.core.terms import hooks_of, work_rows
 from rope_twin.core.trial import TRIALS
 from rope_twin.effects import EFFECTS, Surroundings
 from rope_twin.effects.added_mass import AddedMassParams

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.terms import hooks_of
+from rope_twin.core.hooks import hooks_of
 from rope_twin.effects.fairing import Fairing, TowedFairing
 from rope_twin.effects.net import Net
 from rope_twin.effects.payload import Payload, TwoWayPayload

@@ -18,8 +18,8 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.energy import Border, Power, accounts_of, damped, measure
+from rope_twin.core.hooks import hooks_of
 from rope_twin.core.state import Floats, Rope
-from rope_twin.core.terms import hooks_of
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene

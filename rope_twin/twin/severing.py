@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.hooks import work_rows
 from rope_twin.core.sections import SAME_PLACE
 from rope_twin.core.state import (
     Boundary,
@@ -32,7 +33,6 @@ from rope_twin.core.state import (
     new_work,
 )
 from rope_twin.core.step import advance
-from rope_twin.core.terms import work_rows
 from rope_twin.effects.weight import Weight
 from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.grid import ROOM, halvings

@@ -15,7 +15,7 @@ import pytest
 from effect_cases import NODES, alone, data_of, loads, params_of, some_stage, some_work, together
 
 from rope_twin.core import state as rows
-from rope_twin.core.terms import hooks_of
+from rope_twin.core.hooks import hooks_of
 from rope_twin.effects import EFFECTS
 
 Vector = effect_cases.Vector

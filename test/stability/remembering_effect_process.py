@@ -12,8 +12,8 @@ from small_scene import SMALL_SCENE, digest
 
 import rope_twin.scene.build as build_module
 from rope_twin import Twin, load_scene
+from rope_twin.core.hooks import kernel
 from rope_twin.core.state import RESIDUAL
-from rope_twin.core.terms import kernel
 
 build_effects = build_module.build_effects
 

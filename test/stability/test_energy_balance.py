@@ -15,7 +15,7 @@ from small_scene import digest, small_scene
 
 from rope_twin import Twin
 from rope_twin.cli import main
-from rope_twin.core import terms
+from rope_twin.core import hooks
 from rope_twin.effects.drag import Drag
 from rope_twin.errors import SceneError
 from rope_twin.messages import decode
@@ -146,7 +146,7 @@ def test_an_effect_without_an_account_is_refused(
     def nothing_of_drag(kind: type) -> tuple[str, ...]:
         return () if kind is Drag else ("power",)
 
-    assert "load" in terms.hooks_of(Drag)
+    assert "load" in hooks.hooks_of(Drag)
     monkeypatch.setattr(ledger, "accounts_of", nothing_of_drag)
     Twin(scene)
     with pytest.raises(SceneError, match="effect Drag does not say what energy it stores"):

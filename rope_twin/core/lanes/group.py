@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.core import config
 
-from rope_twin.core import terms
+from rope_twin.core import hooks
 from rope_twin.core.jit import compiled
 from rope_twin.core.lanes.step import Run, advance_lanes_steps
 from rope_twin.core.lanes.wide import ALIGNMENT, ALL, LANES
@@ -67,7 +67,7 @@ def why_alone(rope: Rope) -> str:
         return "a table of stiffness"
     if rope.state.counts[ELEMENTS] < 2:
         return "a single element"
-    kinds = [type(effect) for effect in rope.effects if not terms.all_wide([type(effect)])]
+    kinds = [type(effect) for effect in rope.effects if not hooks.all_wide([type(effect)])]
     return ", ".join(kind.__module__.rpartition(".")[2] for kind in kinds)
 
 
