@@ -10,6 +10,7 @@ from rope_twin.effects.net import Net
 from rope_twin.effects.payload import Payload, TwoWayPayload
 from rope_twin.effects.seabed import Grid, Plane
 from rope_twin.effects.splash_zone import SplashZone
+from rope_twin.effects.waves import Waves
 
 _NOTHING = (0.0, 0.0, 0.0)
 _WITHOUT: dict[type, dict[str, Any]] = {  # what is set to make an effect at the end bring nothing
@@ -19,6 +20,7 @@ _WITHOUT: dict[type, dict[str, Any]] = {  # what is set to make an effect at the
     Net: {"along": 0.0, "facing": 0.0, "lift": 0.0},
     Fairing: {"k": 0.0},
     TowedFairing: {"force": 0.0},
+    Waves: {"Mx": 0.0, "My": 0.0, "Mz": 0.0},
 }
 
 

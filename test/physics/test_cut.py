@@ -8,9 +8,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cut_rigs import VACUUM, WATER, Sums, fallen, parts, sums, swinging
+from effect_cases import data_of, loads, some_work
 from numpy.typing import NDArray
 
 from rope_twin.core import state as rows
+from rope_twin.effects import EFFECTS
+from rope_twin.twin.bare_end import is_at_end, without_load
 
 Vector = NDArray[np.float64]
 STUB = 1.0  # m of rope that stays on the payload of a rope cut at its end
@@ -92,3 +95,20 @@ def test_payload_and_rope_sink_at_their_terminal_speed(below: float) -> None:
     shot = twin.snapshot()
     assert shot.payload_velocity_m_per_s[2] == pytest.approx(-speed, rel=1e-6)
     assert shot.tension_payload_n > 0.0, "the rope trails taut"
+
+
+def test_what_is_at_the_lower_end_comes_off() -> None:
+    """The same effects without it, so the same binary; they bring nothing any more."""
+    effects = data_of("payload", "splash_zone", "net", "fairing")
+    bare = without_load(effects)
+    assert [type(one) for one in bare] == [type(one) for one in effects]
+    work = some_work()
+    assert np.abs(loads(effects, work)[:, 0]).max() > 1e3
+    assert (loads(bare, work) == loads((), work)).all()
+
+
+def test_every_effect_of_the_house_that_loads_the_lower_end_can_come_off() -> None:
+    """One that is not known there is told by its name, not left on in silence."""
+    for effect in EFFECTS:
+        before = data_of(effect.name)
+        assert (without_load(before) != before) == is_at_end(before[0])
