@@ -21,7 +21,9 @@ DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 
 
 def every(rate_hz: float, slot_ns: int) -> int:
-    """A topic of this rate is due at every n-th slot."""
+    """A topic of this rate is due at every n-th slot; one on change whenever there is something."""
+    if rate_hz == 0.0:
+        return 1
     return max(1, int(1e9 / (rate_hz * slot_ns) + 1e-9))
 
 

@@ -108,6 +108,16 @@ TOPICS: tuple[Topic, ...] = (
     Topic("payloads/state", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
           "where ropes meet, or one was cut: position [m] and velocity [m/s] of each payload, "
           "names like tool/x", only_with="ropes"),
+    Topic("bars/state", "sensor_msgs/msg/JointState", Qos.STREAM, 25.0, "simulation",
+          "ends of each bar between ropes that meet, names like bar/from_x, bar/to_z: position [m]",
+          only_with="struts"),
+    Topic("lines/crossings", "sensor_msgs/msg/JointState", Qos.STREAM, 5.0, "simulation",
+          "of two lines around a sheave, by name with the unit in it: nearest/depth_m, "
+          "nearest/distance_m, crossing_1/depth_m, /angle_deg, /gap_m, /x_m, /y_m: position",
+          only_with="lines"),
+    Topic("lines/events", "std_msgs/msg/String", Qos.COMMAND, 0.0, "simulation",
+          "where two lines begin to cross or part again: time, depth, angle, in words",
+          only_with="line_events"),
     Topic("seabed/contact", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
           "with a seabed, of payload and rope: position height of the payload above it, length of "
           "rope on it [m]; effort the bed's push on each [N]", only_with="seabed"),

@@ -14,7 +14,8 @@ from rope_twin.scene.load import load_scene
 from rope_twin.studies.order_picture import check_picture
 from rope_twin.studies.two_lines.picture import draw_lines
 from rope_twin.studies.two_lines.runs import SEA_STATES, LineRun, record_of, run_lines
-from rope_twin.studies.two_lines.watch import Event, lines_of
+from rope_twin.twin.line_watch import lines_of
+from rope_twin.twin.snapshot import LineEvent
 from rope_twin.twin.twin import Twin
 
 HEAD = ("line", "sea", "mean kN", "min kN", "max kN", "max over calm mean", "jump %")
@@ -72,11 +73,8 @@ def run(args: argparse.Namespace) -> int:
 def _teller(sea: str) -> Any:
     """What tells of a crossing while the run goes on."""
 
-    def tell(event: Event) -> None:
-        words = "the lines cross" if event.what == "cross" else "the lines part again"
-        where = f"at {event.depth_m:.0f} m, {event.angle_deg:.2f} degrees"
-        where += f", {event.gap_m:.2f} m apart"
-        sys.stderr.write(f"{sea}, {event.time_s:.1f} s: {words} {where}\n")
+    def tell(event: LineEvent) -> None:
+        sys.stderr.write(f"{sea}, {event.time_s:.1f} s: {event.words()}\n")
 
     return tell
 

@@ -14,7 +14,7 @@ from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.messages import forms
 from rope_twin.messages.cdr import Template
 from rope_twin.messages.colours import scale_above, tension_colours
-from rope_twin.messages.joined import JoinedForms, all_elements
+from rope_twin.messages.joined import JoinedForms, all_elements, line_events
 from rope_twin.messages.watched import WatchForms
 from rope_twin.messages.winch import WinchForms
 from rope_twin.twin.snapshot import Snapshot
@@ -58,6 +58,9 @@ class Encoder:
             "rope/fatigue": watched.fatigue,
             "ropes/state": lambda shot: joined.ropes_state(shot, self._stamp(shot)),
             "ropes/nodes": lambda shot: joined.ropes_nodes(shot, self._stamp(shot)),
+            "bars/state": lambda shot: joined.bars_state(shot, self._stamp(shot)),
+            "lines/crossings": lambda shot: joined.crossings(shot, self._stamp(shot)),
+            "lines/events": line_events,
             "payloads/state": lambda shot: joined.payloads_state(shot, self._stamp(shot)),
         }
 

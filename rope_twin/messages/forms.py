@@ -128,6 +128,13 @@ def joints(names: tuple[str, ...], *, effort: bool) -> Any:
     )
 
 
+def joint_positions(names: tuple[str, ...]) -> Any:
+    """Several joints with a position each and nothing else."""
+    form = joints(names, effort=False)
+    form.velocity = form.velocity[:0]
+    return form
+
+
 def row_of_numbers(label: str, count: int) -> Any:
     dimension = new("std_msgs/msg/MultiArrayDimension", label=label, size=count, stride=count)
     layout = new("std_msgs/msg/MultiArrayLayout", dim=[dimension], data_offset=0)

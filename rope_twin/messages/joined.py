@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from rope_twin.messages import forms
-from rope_twin.messages.cdr import Template
+from rope_twin.messages.cdr import Template, new, serialise
 from rope_twin.twin.snapshot import Snapshot
 
 _AXES = ("x", "y", "z")
+CROSSING_FIGURES = ("depth_m", "angle_deg", "gap_m", "x_m", "y_m")
 
 
 class JoinedForms:
@@ -48,6 +49,33 @@ class JoinedForms:
             values["velocity"] = np.concatenate([one.velocity_m_per_s for one in payloads])
         return template.fill({**stamp, **values})
 
+    def bars_state(self, snapshot: Snapshot, stamp: dict[str, int]) -> bytes:
+        """Where both ends of each bar are."""
+        names = tuple(
+            f"{bar.name}/{end}_{axis}"
+            for bar in snapshot.struts
+            for end in ("from", "to")
+            for axis in _AXES
+        )
+        template = self._template("bars/state", names, lambda: forms.joint_positions(names))
+        ends = [bar.ends_m.ravel() for bar in snapshot.struts]
+        return template.fill({**stamp, **({"position": np.concatenate(ends)} if ends else {})})
+
+    def crossings(self, snapshot: Snapshot, stamp: dict[str, int]) -> bytes:
+        """Where two lines are nearest, and where they cross, as positions of joints."""
+        lines = snapshot.lines
+        rows: list[tuple[str, float]] = []
+        if lines is not None:
+            rows += [("nearest/depth_m", lines.nearest.depth_m)]
+            rows += [("nearest/distance_m", lines.nearest.distance_m)]
+            for k, one in enumerate(lines.crossings, start=1):
+                figures = (one.depth_m, one.angle_deg, one.gap_m, *one.position_m[:2])
+                named = zip(CROSSING_FIGURES, figures, strict=True)
+                rows += [(f"crossing_{k}/{name}", value) for name, value in named]
+        names = tuple(name for name, _ in rows)
+        template = self._template("lines/crossings", names, lambda: forms.joint_positions(names))
+        return template.fill({**stamp, **({"position": [v for _, v in rows]} if rows else {})})
+
     def ropes_nodes(self, snapshot: Snapshot, stamp: dict[str, int]) -> bytes:
         """x, y, z, tension and rope of each node."""
         counts = [len(rope.node_position_m) for rope in snapshot.ropes]
@@ -68,6 +96,12 @@ class JoinedForms:
         if known is None or known[0] != key:
             known = self._known[topic] = (key, Template(build()))
         return known[1]
+
+
+def line_events(snapshot: Snapshot) -> bytes:
+    """Crossings of two lines that began or ended, like `121.4 s: the lines cross at 836 m, ...`."""
+    words = "; ".join(f"{event.time_s:.1f} s: {event.words()}" for event in snapshot.line_events)
+    return serialise(new("std_msgs/msg/String", data=words))
 
 
 def all_elements(snapshot: Snapshot) -> tuple[Any, Any]:

@@ -28,9 +28,7 @@ class WinchForms:
         ]
         names = tuple(name for name, _ in rows)
         if self._known is None or self._known[0] != names:
-            joint = forms.joints(names, effort=False)
-            joint.velocity = joint.velocity[:0]
-            self._known = names, Template(joint)
+            self._known = names, Template(forms.joint_positions(names))
         values = {"position": [value for _, value in rows]} if rows else {}
         return self._known[1].fill({**stamp, **values})
 

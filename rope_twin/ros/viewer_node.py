@@ -27,7 +27,7 @@ from rope_twin.view.sinks import FileSink, WindowSink, load_rerun
 
 _DEPTH = 200  # messages of a topic that may wait in the middleware
 _QUEUE = 5000  # messages that may wait for a viewer that is slow to start
-_NEWEST_ONLY = ("tension", "rope/nodes", "sea/elevation")
+_NEWEST_ONLY = ("tension", "rope/nodes", "payloads/state", "bars/state", "sea/elevation")
 
 
 class ViewerNode(Node):

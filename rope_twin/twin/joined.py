@@ -31,6 +31,7 @@ from rope_twin.twin.contact import bed_contact
 from rope_twin.twin.hoisting.feel import Course, feel
 from rope_twin.twin.hoisting.line import Felt
 from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.line_watch import report_on
 from rope_twin.twin.saved_state import changing_parts
 from rope_twin.twin.snapshot import (
     BedContact,
@@ -61,6 +62,7 @@ class JoinedRopes:
         self._ropes, self._joints = built.system.ropes[1:], built.system.joints
         self._stack, self._sheaves = built.system.stack, built.system.sheaves
         self._owners, self._hang_offs = built.owners, built.hang_off_m
+        self._lines = report_on(scene)
         self.first = built.system.ropes[0]
         self._winches = tuple(winch_of_rope(scene, line) for line in scene.ropes)
         size = (len(scene.ropes), steps + 1, rows.MOTIONS)
@@ -178,7 +180,7 @@ class JoinedRopes:
             splits=shot.solver.splits + int(health[rows.SPLITS]),
             merges=shot.solver.merges + int(health[rows.MERGES]),
         )
-        return replace(
+        taken = replace(
             shot,
             ropes=tuple(self._shot(r, name, shot) for r, name in enumerate(names)),
             payloads=tuple(self._payload(one.name) for one in self._scene.payloads),
@@ -190,6 +192,7 @@ class JoinedRopes:
             solver=solver,
             seabed=self._contact(),
         )
+        return taken if self._lines is None else self._lines.complete(taken)
 
     def _contact(self) -> BedContact | None:
         """Of all ropes with the bed: the height is that of the lowest payload."""
@@ -218,6 +221,8 @@ class JoinedRopes:
             "joined/pull": self._pull,
             "joined/winches": self._winches,
         }
+        if self._lines is not None:
+            kept["joined/lines"] = self._lines.known()
         for r, rope in enumerate(self._ropes, start=1):
             parts = {name: getattr(rope, name) for name in changing_parts(rope)}
             kept |= {f"joined/{r}/{name}": part for name, part in parts.items()}
@@ -231,6 +236,8 @@ class JoinedRopes:
         self._joints.ties[PULL] = values.pop("joined/pulls of struts")
         self._boundary = values.pop("joined/boundary")
         self._pull, self._winches = values.pop("joined/pull"), values.pop("joined/winches")
+        if self._lines is not None:
+            self._lines.take_back(values.pop("joined/lines"))
         ropes = []
         for r, rope in enumerate(self._ropes, start=1):
             parts = {name: values.pop(f"joined/{r}/{name}") for name in changing_parts(rope)}

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 from rope_twin.view import overview, surface
+from rope_twin.view.figures import Plot
 from rope_twin.view.profile import HEIGHT, RANGE_S, WIDTH
 from rope_twin.view.timelines import TWIN_TIME
 
 BACKGROUND = (18, 19, 24)
 OVERVIEW, SURFACE, PROFILE, LOG = "overview", "surface", "profile", "diagnostics"
+LOWER_END = "lower_end"
 # entity, name and colour of each curve
 CURVES = (
     ("plots/tension/top", "top", "fde725"),
@@ -36,25 +39,27 @@ _PLOTS = (
 
 LIVE_S = 120.0  # so far back reach the plots of a live window
 Ranges = Mapping[str, tuple[float, float]]
+Eye = tuple[list[float], list[float]]  # where it is, where it looks
 
 
-def layout(frame: overview.Frame | None, live: bool, ranges: Ranges | None = None) -> Any:
-    """The blueprint for a picture of the rope.
+@dataclass(frozen=True)
+class Shown:
+    """What there is to show by now."""
 
-    Args:
-        live: plots reach back LIVE_S instead of to the start.
-        ranges: from where to where the plot of an entity goes; by its data if not given.
-    """
+    frame: overview.Frame | None = None  # of the whole rope
+    close: Eye | None = None  # of its lower end
+    plots: tuple[Plot, ...] = ()  # besides those that every run has
+    ranges: Ranges = field(default_factory=dict)  # of the plot of an entity; else by its data
+
+
+def layout(shown: Shown, live: bool) -> Any:
+    """The blueprint for what is shown; live: plots reach back LIVE_S instead of to the start."""
     import rerun.blueprint as rrb
 
-    left = rrb.Vertical(_whole_rope(frame))
+    left = rrb.Vertical(_whole_rope(shown.frame), _lower_end(shown.close), row_shares=[5, 3])
     middle = rrb.Vertical(_profile(), _surface(), row_shares=[5, 4])
-    ranges = ranges or {}
-    *plots, speed = [_plot(entity, title, live, ranges.get(entity)) for entity, title, _ in _PLOTS]
-    last = rrb.Tabs(speed, rrb.TextLogView(origin=LOG, name="Diagnostics"), active_tab=0)
-    right = rrb.Vertical(*plots, last, row_shares=[share for _, _, share in _PLOTS])
     return rrb.Blueprint(
-        rrb.Horizontal(left, middle, right, column_shares=[23, 34, 43]),
+        rrb.Horizontal(left, middle, _right(shown, live), column_shares=[23, 34, 43]),
         rrb.TopPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
         rrb.SelectionPanel(state="hidden"),
@@ -62,6 +67,39 @@ def layout(frame: overview.Frame | None, live: bool, ranges: Ranges | None = Non
         auto_views=False,
         auto_layout=False,
     )
+
+
+def _right(shown: Shown, live: bool) -> Any:
+    """The plots that every run has; beside them, in tabs, those of figures that came by name."""
+    import rerun.blueprint as rrb
+
+    ranges = shown.ranges
+    *plots, speed = [_plot(entity, title, live, ranges.get(entity)) for entity, title, _ in _PLOTS]
+    last = rrb.Tabs(speed, rrb.TextLogView(origin=LOG, name="Diagnostics"), active_tab=0)
+    shares = [share for _, _, share in _PLOTS]
+    usual = rrb.Vertical(*plots, last, row_shares=shares, name="Lift")
+    tabs = list(dict.fromkeys(plot.tab for plot in shown.plots))
+    if not tabs:
+        return usual
+    further = []
+    for tab in tabs:
+        own = [plot for plot in shown.plots if plot.tab == tab]
+        views = (_plot(plot.entity, plot.title, live, None, legend=True) for plot in own)
+        further.append(rrb.Vertical(*views, name=tab))
+    return rrb.Tabs(usual, *further, active_tab=0)
+
+
+def _lower_end(eye: Eye | None) -> Any:
+    import rerun.blueprint as rrb
+
+    controls = None
+    if eye is not None:
+        position, target = eye
+        controls = rrb.EyeControls3D(position=position, look_target=target, eye_up=(0.0, 0.0, 1.0))
+    return rrb.Spatial3DView(
+        origin=LOWER_END, name="Lower end, to scale", background=BACKGROUND, line_grid=False,
+        eye_controls=controls,
+    )  # fmt: skip
 
 
 def _whole_rope(frame: overview.Frame | None) -> Any:
@@ -106,7 +144,9 @@ def _profile() -> Any:
     )
 
 
-def _plot(entity: str, title: str, live: bool, span: tuple[float, float] | None) -> Any:
+def _plot(
+    entity: str, title: str, live: bool, span: tuple[float, float] | None, *, legend: bool = False
+) -> Any:
     import rerun as rr
     import rerun.blueprint as rrb
 
@@ -116,7 +156,7 @@ def _plot(entity: str, title: str, live: bool, span: tuple[float, float] | None)
     return rrb.TimeSeriesView(
         origin=entity,
         name=title,
-        plot_legend=rrb.PlotLegend(visible=False),
+        plot_legend=rrb.PlotLegend(visible=legend),
         time_ranges=shown,
         axis_y=rrb.ScalarAxis(range=span) if span else None,
         axis_x=rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=ago())),

@@ -23,6 +23,7 @@ _TOO_WIDE = 0.6  # ... and the factor falls when motion has made it wider than t
 _LINES = (130, 132, 140)
 _WORDS = (205, 205, 210)
 _SEA = (70, 130, 200)
+_CROSSING = (255, 255, 255)
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,7 @@ class Overview:
         self._stream = stream
         self._path = path
         self.frame: Frame | None = None
+        self._further: dict[int, NDArray[np.float64]] = {}  # nodes of ropes but the first
 
     def show(
         self,
@@ -73,9 +75,10 @@ class Overview:
         """The rope at this instant: nodes (n, 3). True if the eye has to move (a new frame)."""
         import rerun as rr
 
-        moved = self.frame is None or _has_left(self.frame, position_m)
+        every = np.concatenate([position_m, *self._further.values()])
+        moved = self.frame is None or _has_left(self.frame, every)
         if moved:
-            self.frame = frame_for(position_m)
+            self.frame = frame_for(every)
             self._draw_scales(self.frame)
         assert self.frame is not None
         drawn = self.frame.place(position_m)
@@ -114,6 +117,7 @@ class Overview:
 
         if self.frame is None:
             return
+        self._further[number] = position_m
         drawn = self.frame.place(position_m)
         self._stream.log(
             f"{self._path}/rope/{number}",
@@ -123,6 +127,20 @@ class Overview:
                 radii=rr.Radius.ui_points(2.5),
             ),
         )
+
+    def show_crossings(self, position_m: NDArray[np.float64]) -> None:
+        """Where two lines cross, (n, 3)."""
+        import rerun as rr
+
+        if self.frame is None:
+            return
+        self._stream.log(
+            f"{self._path}/crossings",
+            rr.Points3D(
+                self.frame.place(position_m), radii=rr.Radius.ui_points(4.0), colors=_CROSSING,
+                labels=[f"{-z:.0f} m" for z in position_m[:, 2]], show_labels=True,
+            ),
+        )  # fmt: skip
 
     def _draw_scales(self, frame: Frame) -> None:
         """A depth scale left of the rope, the sea, and how long a distance sideways looks."""

@@ -11,7 +11,20 @@ from numpy.typing import NDArray
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages.colours import scale_above
 from rope_twin.messages.forms import FLOAT32_BYTES, NANOSECONDS
-from rope_twin.view.blueprint import BAND_CURVES, CURVES, LOG, OVERVIEW, PROFILE, SURFACE, layout
+from rope_twin.view.blueprint import (
+    BAND_CURVES,
+    CURVES,
+    LOG,
+    LOWER_END,
+    OVERVIEW,
+    PROFILE,
+    SURFACE,
+    Ranges,
+    Shown,
+    layout,
+)
+from rope_twin.view.figures import Figures
+from rope_twin.view.lower_end import LowerEnd
 from rope_twin.view.overview import Overview
 from rope_twin.view.profile import Profile
 from rope_twin.view.series import FILE_BATCH_NS, LIVE_BATCH_NS, Series
@@ -21,9 +34,9 @@ from rope_twin.view.ticks import decade_range
 from rope_twin.view.timelines import Timelines
 
 SHOWN_TOPICS = (
-    "twin/epoch", "winch/state", "tension_top/band", "tension", "rope/nodes", "ropes/nodes",
-    "ship/heave",
-    "sea/elevation", "diagnostics",
+    "twin/epoch", "winch/state", "winch/parts", "tension_top/band", "tension", "payloads/state",
+    "bars/state", "rope/nodes", "ropes/nodes", "ship/heave", "ship/odometry", "sea/elevation",
+    "lines/crossings", "lines/events", "diagnostics",
 )  # fmt: skip
 PICTURE_NS = NANOSECONDS // 10  # ropes and sea are drawn at most 10 times a second
 _EPOCH_WITHIN_NS = 2 * NANOSECONDS  # so long the first messages wait for twin/epoch
@@ -46,6 +59,8 @@ class RopeView:
         self._overview = Overview(sink.stream, OVERVIEW)
         self._surface = Surface(sink.stream, SURFACE)
         self._profile = Profile(sink.stream, PROFILE)
+        self._lower_end = LowerEnd(sink.stream, LOWER_END)
+        self._figures = Figures(self._further_curve)
         self._drawn_ns: dict[str, int] = {}
         self._elements_n: NDArray[np.float64] = np.zeros(0)
         self._scale_n = 0.0
@@ -56,11 +71,17 @@ class RopeView:
             "tension": self._tension,
             "rope/nodes": self._rope_nodes,
             "ropes/nodes": self._further_ropes,
+            "payloads/state": self._payloads,
+            "bars/state": self._bars,
+            "winch/parts": self._winch_parts,
+            "lines/crossings": self._crossings,
+            "lines/events": self._line_events,
             "ship/heave": self._heave,
+            "ship/odometry": self._heave,
             "sea/elevation": self._elevation,
             "diagnostics": self._diagnostics,
         }
-        sink.stream.send_blueprint(layout(None, sink.live))
+        sink.stream.send_blueprint(layout(Shown(), sink.live))
 
     def show(self, topic_name: str, message: Any, time_ns: int) -> None:
         """A decoded message that came (or was recorded) at a ROS time; others are passed over."""
@@ -82,15 +103,21 @@ class RopeView:
         """Hand over what waits and close the sink."""
         self.flush()
         if not self._sink.live:  # a window would lose what its user has arranged
-            self._sink.stream.send_blueprint(layout(self._overview.frame, False, self._ranges()))
+            ranges = {
+                path: decade_range(series.least, series.most)
+                for path, series in self._series.items()
+                if series.least <= series.most
+            }
+            self._arrange(ranges)
         self._sink.close()
 
-    def _ranges(self) -> dict[str, tuple[float, float]]:
-        return {
-            path: decade_range(series.least, series.most)
-            for path, series in self._series.items()
-            if series.least <= series.most
-        }
+    def _arrange(self, ranges: Ranges | None = None) -> None:
+        """Lay the window out anew for what there is to see."""
+        sight = self._lower_end.sight
+        close = None if sight is None else sight.eye()
+        plots = tuple(self._figures.plots)
+        shown = Shown(self._overview.frame, close, plots, ranges or {})
+        self._sink.stream.send_blueprint(layout(shown, self._sink.live))
 
     def _take(self, name: str, message: Any, time_ns: int) -> None:
         if self._timelines is not None:
@@ -114,6 +141,13 @@ class RopeView:
         batch_ns = LIVE_BATCH_NS if self._sink.live else FILE_BATCH_NS
         self._series[path] = Series(self._sink.stream, self._timelines, path, batch_ns)
         self._series[path].style(name, rgb)
+
+    def _further_curve(self, path: str, name: str, rgb: str, dots: bool) -> Series:
+        assert self._timelines is not None
+        batch_ns = LIVE_BATCH_NS if self._sink.live else FILE_BATCH_NS
+        self._series[path] = series = Series(self._sink.stream, self._timelines, path, batch_ns)
+        (series.dots if dots else series.style)(name, rgb)
+        return series
 
     def _is_time(self, what: str, time_ns: int) -> bool:
         """Whether to draw again; also after a jump back (a bag that starts anew)."""
@@ -153,8 +187,9 @@ class RopeView:
         peak_n = float(max(elements_n.max(), nodes_n.max()))
         if peak_n > self._scale_n:
             self._scale_n = scale_above(peak_n)
-        if self._overview.show(position, elements_n, self._scale_n):
-            self._sink.stream.send_blueprint(layout(self._overview.frame, self._sink.live))
+        moved = self._overview.show(position, elements_n, self._scale_n)
+        if self._lower_end.show_rope(position, elements_n, self._scale_n) or moved:
+            self._arrange()
         self._surface.show_rope(position, elements_n, self._scale_n)
         self._profile.show(time_ns, -position[:, 2], nodes_n, elements_n, self._scale_n)
 
@@ -168,6 +203,37 @@ class RopeView:
             elements_n = 0.5 * (own[1:, 3] + own[:-1, 3])
             self._overview.show_further(number, own[:, :3], elements_n, self._scale_n)
             self._surface.show_further(number, own[:, :3], elements_n, self._scale_n)
+            if self._lower_end.show_further(number, own[:, :3], elements_n, self._scale_n):
+                self._arrange()
+
+    def _payloads(self, message: Any, time_ns: int) -> None:
+        self._lower_end.place_payloads(list(message.name), message.position)
+
+    def _bars(self, message: Any, time_ns: int) -> None:
+        if self._is_time("bars", time_ns):
+            self._lower_end.show_bars(np.asarray(message.position).reshape(-1, 2, 3))
+
+    def _winch_parts(self, message: Any, time_ns: int) -> None:
+        if self._figures.winch(time_ns, list(message.name), list(message.position)):
+            self._arrange()
+
+    def _crossings(self, message: Any, time_ns: int) -> None:
+        """Curves, and points where the lines cross in the picture of the whole rope."""
+        names, values = list(message.name), list(message.position)
+        if self._figures.lines(time_ns, names, values):
+            self._arrange()
+        if self._is_time("crossings", time_ns):
+            found = dict(zip(names, values, strict=True))
+            every = [name.removesuffix("/gap_m") for name in names if name.endswith("/gap_m")]
+            spots = [[found[f"{k}/x_m"], found[f"{k}/y_m"], -found[f"{k}/depth_m"]] for k in every]
+            self._overview.show_crossings(np.array(spots).reshape(-1, 3))
+
+    def _line_events(self, message: Any, time_ns: int) -> None:
+        import rerun as rr
+
+        assert self._timelines is not None
+        self._timelines.set(time_ns)
+        self._sink.stream.log(LOG, rr.TextLog(f"lines: {message.data}", level="INFO"))
 
     def _heave(self, message: Any, time_ns: int) -> None:
         self._series["plots/heave"].add(time_ns, float(message.pose.pose.position.z))

@@ -44,6 +44,13 @@ class Series:
         line = rr.SeriesLines(names=name, colors=int(rgb + "ff", 16), widths=1.5)
         self._stream.log(self._path, line, static=True)
 
+    def dots(self, name: str, rgb: str) -> None:
+        """The same for a curve of dots: what comes and goes is not joined."""
+        import rerun as rr
+
+        dots = rr.SeriesPoints(names=name, colors=int(rgb + "ff", 16), marker_sizes=2.5)
+        self._stream.log(self._path, dots, static=True)
+
     def flush(self) -> None:
         """Hand over what is waiting."""
         if not self._times:

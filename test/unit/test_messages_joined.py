@@ -71,6 +71,16 @@ def test_state_of_ropes_and_bars() -> None:
     assert (state.header.stamp.sec, state.header.stamp.nanosec) == (2, 500_000_000)
 
 
+def test_ends_of_bars() -> None:
+    """Where each bar begins and ends, and nothing where there are none."""
+    shot = lifted()
+    state = decoded("bars/state", shot)
+    assert list(state.name)[:4] == ["bar/from_x", "bar/from_y", "bar/from_z", "bar/to_x"]
+    assert list(state.position) == shot.struts[0].ends_m.ravel().tolist()
+    assert "bars/state" in due_topics(2, 20_000_000, shot)
+    assert "bars/state" not in due_topics(2, 20_000_000, replace(shot, struts=()))
+
+
 def test_state_of_payloads() -> None:
     shot = lifted()
     state = decoded("payloads/state", shot)

@@ -12,12 +12,19 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from sample_snapshot import hanging_rope
 
-from rope_twin import Snapshot, load_scene
+from rope_twin import Snapshot, load_scene, messages
+from rope_twin.cadence import due_topics
 from rope_twin.cli import main
+from rope_twin.commands.run.options import RunOptions
+from rope_twin.commands.run.unpaced import run_unpaced
 from rope_twin.errors import InputError
+from rope_twin.recording.bag_reader import BagReader
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.two_lines.watch import LineWatch, lines_of
+from rope_twin.share import share_dir
+from rope_twin.twin.line_watch import LineReport, LineWatch, lines_of, report_on
+from rope_twin.twin.snapshot import Crossing, LineEvent, LinesShot, Nearest
 
 DEPTH = 1000.0
 
@@ -56,28 +63,31 @@ def test_each_line_goes_from_its_winch_to_the_sheave(scene: Scene) -> None:
 def test_lines_that_cross_are_told_where_and_at_which_angle(scene: Scene) -> None:
     """The upper halves meet where x = -8 + (lean + 8)·s and 8 - 4·s agree: s = 16/(lean + 12)."""
     watch = LineWatch(scene)
-    assert watch.look(seen(0.0, -4.0)) == []
-    assert watch.nearest[-1].distance_m == pytest.approx(8.0 * 0.04, rel=0.1), "near the sheave"
+    near, happened = watch.look(seen(0.0, -4.0))
+    assert happened == []
+    assert near.distance_m == pytest.approx(8.0 * 0.04, rel=0.1), "near the sheave"
     lean, half = 20.0, 0.5 * DEPTH
-    (event,) = watch.look(seen(1.0, lean, wave=0.0))
+    _, (event,) = watch.look(seen(1.0, lean, wave=0.0))
     share = 16.0 / (lean + 12.0)
     assert (event.what, event.time_s) == ("cross", 1.0)
     assert event.depth_m == pytest.approx(share * half, abs=1e-6)
     angle = math.atan((lean + 8.0) / half) + math.atan(4.0 / half)
     assert event.angle_deg == pytest.approx(math.degrees(angle), rel=1e-6)
     assert event.gap_m == 0.0
-    assert watch.look(seen(2.0, lean + 0.5)) == [], "it has moved by less than 5 %"
-    (gone,) = watch.look(seen(3.0, -4.0))
+    (crossing,) = watch.crossings
+    assert crossing.position_m == pytest.approx((8.0 - 4.0 * share, 0.0, -share * half), abs=1e-9)
+    assert watch.look(seen(2.0, lean + 0.5))[1] == [], "it has moved by less than 5 %"
+    _, (gone,) = watch.look(seen(3.0, -4.0))
     assert gone.what == "part"
-    assert [event.what for event in watch.events] == ["cross", "part"]
+    assert watch.crossings == ()
 
 
 def test_lines_that_pass_each_other_at_a_distance_say_so(scene: Scene) -> None:
     """The main line is 6 m aside at mid-depth, so 6·s where they cross."""
     watch = LineWatch(scene)
-    (event,) = watch.look(seen(0.0, 20.0, aside=6.0))
+    near, (event,) = watch.look(seen(0.0, 20.0, aside=6.0))
     assert event.gap_m == pytest.approx(6.0 * 0.5, rel=1e-6)
-    assert watch.nearest[-1].distance_m < 3.0
+    assert near.distance_m < 3.0
 
 
 def test_a_line_that_turns_up_again_is_counted(scene: Scene) -> None:
@@ -95,6 +105,80 @@ def test_what_has_no_two_lines_is_refused(scene: Scene) -> None:
     together = replace(scene.hang_offs[0], at_m=scene.ship.hang_off_m)
     with pytest.raises(InputError, match="both are at one place; set `at_m` of one of them aside"):
         LineWatch(replace(scene, hang_offs=(together,)))
+
+
+def at(shot: Snapshot, step: int, time_s: float) -> Snapshot:
+    """The lines of a snapshot in one of a whole twin."""
+    return replace(
+        hanging_rope(time_s=time_s), step=step, ropes=tuple(shot.ropes), sheaves=tuple(shot.sheaves)
+    )
+
+
+def test_a_running_twin_reports_once_a_second_and_goes_on_after_a_restart(scene: Scene) -> None:
+    """The first look is after the first step; what was told is not told again."""
+    report = report_on(scene)
+    assert report is not None
+    assert report_on(load_scene("two_line_lift")) is None
+    apart, crossed = seen(0.0, -4.0), seen(0.0, 20.0)
+    begin = report.complete(at(crossed, 0, 0.0))
+    assert begin.lines is None
+    assert begin.line_events == ()
+    first = report.complete(at(crossed, 1, 0.02))
+    (event,) = first.line_events
+    assert event.what == "cross"
+    assert first.lines is not None
+    assert first.lines.crossings[0].depth_m == event.depth_m
+    again = report.complete(at(apart, 2, 0.04))
+    assert again.line_events == ()
+    assert again.lines == first.lines, "looked at once a second"
+    other = LineReport(LineWatch(scene))
+    other.take_back(json.loads(json.dumps(report.known())))
+    for one in (report, other):
+        later = one.complete(at(crossed, 3, 1.0))
+        assert later.line_events == ()
+        (gone,) = one.complete(at(apart, 4, 2.0)).line_events
+        assert gone.what == "part"
+        assert gone.words().startswith("the lines part again at ")
+
+
+def test_crossings_are_told_in_topics() -> None:
+    """Depth, angle and gap by name; events in words when there are any, and only then."""
+    near = Nearest(2.0, 900.0, 0.5)
+    crossing = Crossing(depth_m=836.0, angle_deg=0.08, gap_m=0.02, position_m=(3.0, 4.0, -836.0))
+    event = LineEvent(121.4, "cross", 836.0, 0.08, 0.02)
+    shot = replace(hanging_rope(), lines=LinesShot(near, (crossing,)), line_events=(event,))
+    assert {"lines/crossings", "lines/events"} <= set(due_topics(10, 20_000_000, shot))
+    assert "lines/events" not in due_topics(10, 20_000_000, replace(shot, line_events=()))
+    encoder = messages.Encoder(0)
+    told = messages.decode("lines/crossings", encoder.encode("lines/crossings", shot))
+    assert dict(zip(told.name, told.position, strict=True)) == {
+        "nearest/depth_m": 900.0, "nearest/distance_m": 0.5,
+        "crossing_1/depth_m": 836.0, "crossing_1/angle_deg": 0.08, "crossing_1/gap_m": 0.02,
+        "crossing_1/x_m": 3.0, "crossing_1/y_m": 4.0,
+    }  # fmt: skip
+    words = messages.decode("lines/events", encoder.encode("lines/events", shot)).data
+    assert words == "121.4 s: the lines cross at 836 m, 0.08 degrees, 0.02 m apart"
+
+
+def test_a_recorded_run_of_the_loop_has_its_crossings(tmp_path: Path) -> None:
+    """The bag holds each event once, and the crossings five times a second from then on."""
+    text = (share_dir() / "config" / "scenes" / "two_line_loop.yaml").read_text()
+    assert "upper: [0.4, 0.0]" in text
+    (tmp_path / "loop.yaml").write_text(text.replace("upper: [0.4", "upper: [0.8"))
+    run_unpaced(
+        RunOptions(
+            scene=str(tmp_path / "loop.yaml"), speed=0.0, for_s=1.5, record=tmp_path / "bag"
+        ),
+        lambda run: None,
+    )
+    with BagReader(tmp_path / "bag") as bag:
+        events = [messages.decode("lines/events", m).data for _, m in bag.messages("/lines/events")]
+        rows = [messages.decode("lines/crossings", m)
+                for _, m in bag.messages("/lines/crossings")]  # fmt: skip
+    assert len(events) == 1
+    assert events[0].startswith("0.0 s: the lines cross at ")
+    assert len(rows) == 7
+    assert "crossing_1/depth_m" in rows[-1].name
 
 
 def test_a_loop_runs_calm_and_in_a_sea(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,6 +18,16 @@ from sample_snapshot import hanging_rope
 from rope_twin import messages
 from rope_twin.errors import InputError
 from rope_twin.messages.diagnostics import Level, Status
+from rope_twin.twin.snapshot import (
+    Crossing,
+    LineEvent,
+    LinesShot,
+    Nearest,
+    PayloadShot,
+    RopeShot,
+    StrutShot,
+    WinchShot,
+)
 from rope_twin.view.rope_view import RopeView
 from rope_twin.view.sinks import FileSink
 
@@ -140,6 +150,80 @@ def test_a_band_around_the_tension_is_drawn_with_it_where_there_is_one(session: 
         drawn = found.column(f"plots/tension/top/{edge}", "Scalars:scalars")
         assert drawn == [[pytest.approx(force_n / 1e3)]]
         assert found.seconds(f"plots/tension/top/{edge}") == pytest.approx([1.0])
+
+
+def test_the_parts_of_a_winch_are_curves_by_their_unit(session: Session) -> None:
+    """Motor and brake in one plot, in kN m; a part that is new is drawn by its own name."""
+    session.epoch()
+    session.rope(1.0)
+    figures = {
+        "drum_radius_m": 0.82, "drum_speed_rad_per_s": 1.2, "motor_torque_n_m": 2.5e5,
+        "brake_torque_n_m": 0.0, "compensation_m": -0.4, "grip_n": 7.0,
+    }  # fmt: skip
+    shot = replace(
+        hanging_rope(21, time_s=1.0),
+        winches=(WinchShot("winch", "speed", 0.5, "", tuple(figures.items())),),
+    )
+    session.show("winch/parts", session.encoder.encode("winch/parts", shot), EPOCH_NS)
+    found = session.finish()
+    assert found.column("plots/winch/torque/winch/motor", "Scalars:scalars") == [[250.0]]
+    assert found.column("plots/winch/torque/winch/brake", "Scalars:scalars") == [[0.0]]
+    assert found.column("plots/winch/stroke/winch/stroke", "Scalars:scalars") == [[-0.4]]
+    assert found.column("plots/winch/grip_n/winch/grip_n", "Scalars:scalars") == [[7.0]]
+    assert not [name for name in found.entities if "target" in name]
+
+
+def test_two_lines_are_shown_with_their_crossings(session: Session) -> None:
+    """Curves of distance, height and angle, a point in the picture, events in the log."""
+    session.epoch()
+    session.rope(1.0)
+    crossing = Crossing(depth_m=836.0, angle_deg=0.08, gap_m=0.02, position_m=(3.0, 4.0, -836.0))
+    lines = LinesShot(Nearest(1.0, 900.0, 0.5), (crossing,))
+    event = LineEvent(1.0, "cross", 836.0, 0.08, 0.02)
+    shot = replace(hanging_rope(21, time_s=1.0), lines=lines, line_events=(event,))
+    for topic in ("lines/crossings", "lines/events"):
+        session.show(topic, session.encoder.encode(topic, shot), EPOCH_NS + 10**9)
+    found = session.finish()
+    assert found.column("plots/lines/distance/nearest", "Scalars:scalars") == [[0.5]]
+    assert found.column("plots/lines/crossings/crossing_1", "Scalars:scalars") == [[-836.0]]
+    ((spot,),) = found.column("overview/crossings", "Points3D:positions")
+    assert spot[2] == pytest.approx(-836.0)
+    assert "the lines cross at 836 m" in str(found.column("diagnostics", "TextLog:text"))
+
+
+def test_the_lower_end_is_drawn_about_itself_to_scale(session: Session) -> None:
+    """Slings and bars below a rope of 3 km, within some metres of the middle of their picture."""
+    first = hanging_rope(21, time_s=1.0)
+    end = first.node_position_m[-1]
+    sling = end + np.array([[0.0, 0.0, 0.0], [2.0, 0.0, -4.0], [4.0, 0.0, -8.0]])
+    ropes = (
+        RopeShot("hoist", first.node_position_m, first.node_tension_n, first.element_tension_n,
+                 1e5, 3000.0, 0.0),
+        RopeShot("sling", sling, np.full(3, 5e4), np.full(2, 5e4), 5e4, 9.0, 0.0),
+    )  # fmt: skip
+    shot = replace(
+        first, ropes=ropes, payloads=(PayloadShot("load", sling[-1], np.zeros(3)),),
+        struts=(StrutShot("bar", sling[:2], 1.0),),
+    )  # fmt: skip
+    session.epoch()
+    session.rope(1.0)
+    for topic in ("payloads/state", "bars/state", "rope/nodes", "ropes/nodes"):
+        later = replace(shot, stamp_ns=shot.stamp_ns + 200_000_000)
+        session.show(topic, session.encoder.encode(topic, later), EPOCH_NS + later.stamp_ns)
+    sight = session.view._lower_end.sight
+    assert sight is not None
+    assert (sight.below, sight.beside) == pytest.approx((8.0, 4.0 + 1.0), rel=1e-4)
+    found = session.finish()
+    (strips,) = found.column("lower_end/rope/1", "LineStrips3D:strips")
+    assert np.array(strips[-1][-1]) == pytest.approx([4.0, 0.0, -8.0], abs=1e-3)
+    for strips in found.column("lower_end/rope", "LineStrips3D:strips"):
+        points = np.array(strips).reshape(-1, 3)
+        assert np.linalg.norm(points, axis=1).max() <= 2.0 * sight.half * 1.0001
+        assert points[-1] == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
+    (bar,) = found.column("lower_end/bars", "LineStrips3D:strips")
+    assert np.array(bar[0][1]) == pytest.approx([2.0, 0.0, -4.0], abs=1e-3)
+    assert found.column("lower_end/depth", "Points3D:labels")[-1] == ["2999.6 m deep"]
+    assert found.column("lower_end/payload", "Boxes3D:labels")[-1] == ["load"]
 
 
 def test_without_a_band_nothing_of_it_is_drawn(session: Session) -> None:

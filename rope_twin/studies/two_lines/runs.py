@@ -13,9 +13,10 @@ from rope_twin.scene.rigging_rules import winches_by_name
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.heave_response import BoxHull
 from rope_twin.sea.spectrum import jonswap
-from rope_twin.studies.two_lines.watch import Event, LineWatch, Nearest
 from rope_twin.twin.irregular_sea import SeaRecord, synthesise
+from rope_twin.twin.line_watch import LineWatch
 from rope_twin.twin.schedule import schedule_samples
+from rope_twin.twin.snapshot import LineEvent, Nearest
 from rope_twin.twin.twin import Twin
 
 # Hs [m] and Tp [s] of sea states (STANAG 4194)
@@ -42,7 +43,7 @@ class LineRun:
     tension_n: Floats  # of main and haulback at the ship, (2, samples)
     sheave_m: Floats  # depth of the sheave, (samples,)
     nearest: list[Nearest]
-    events: list[Event]
+    events: list[LineEvent]
     crossing_m: list[list[float]]  # depths of the crossings at each sample
     turned_up: int
     noise: tuple[Noise, Noise] | None  # of the calm run
@@ -74,19 +75,24 @@ def record_of(sea_state: int, seed: int) -> SeaRecord:
 
 
 def run_lines(
-    twin: Twin, seconds: int, sea: SeaRecord | None, tell: Callable[[Event], None]
+    twin: Twin, seconds: int, sea: SeaRecord | None, tell: Callable[[LineEvent], None]
 ) -> LineRun:
     """Run a twin of a loop by its winches' schedules; calm without a sea."""
     scene = twin.scene
     watch, heave = LineWatch(scene), _Heave(sea)
     tops = [line[0] for line in watch.lines]
     times, tensions, sheaves, crossings = [], [], [], []
+    nearest: list[Nearest] = []
+    events: list[LineEvent] = []
     for second in range(seconds):
         _offer(twin, scene, second, heave)
         for _ in range(SAMPLES_PER_S):
             twin.advance(round(1.0 / (SAMPLES_PER_S * twin.step_s)))
             shot = twin.snapshot()
-            for event in watch.look(shot):
+            near, happened = watch.look(shot)
+            nearest.append(near)
+            events += happened
+            for event in happened:
                 tell(event)
             times.append(shot.time_s)
             tensions.append([shot.ropes[number].tension_top_n for number in tops])
@@ -103,8 +109,8 @@ def run_lines(
         time_s=np.array(times),
         tension_n=np.array(tensions).T,
         sheave_m=np.array(sheaves),
-        nearest=watch.nearest,
-        events=watch.events,
+        nearest=nearest,
+        events=events,
         crossing_m=crossings,
         turned_up=watch.turned_up,
         noise=_listen(twin, scene, seconds, heave, tops) if sea is None else None,

@@ -6,8 +6,8 @@ from math import inf
 
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.two_lines.runs import LineRun, record_of, run_lines
-from rope_twin.studies.two_lines.watch import Event
 from rope_twin.studies.validation.case import Case, Found, Line, Panel, between, shown
+from rope_twin.twin.snapshot import LineEvent
 from rope_twin.twin.twin import Twin
 
 LINES = ("main", "haulback")
@@ -48,7 +48,7 @@ def _loop(name: str, seconds: int) -> Found:
     return Found(tuple(findings), _panels(calm, rough), NOTES)
 
 
-def _unheard(event: Event) -> None:
+def _unheard(event: LineEvent) -> None:
     """Crossings are read at the end."""
 
 

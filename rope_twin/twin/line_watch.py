@@ -9,7 +9,8 @@ that turns up again is followed by the greatest depth so far; how often that was
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -17,40 +18,12 @@ from rope_twin.core.state import Floats
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.rigging_rules import places
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.snapshot import Crossing, LineEvent, LinesShot, Nearest, Snapshot
 
 AT_SHEAVE = 0.02  # of the sheave's depth: nearer than this above it the lines meet anyway
 SAME = 0.05  # of the sheave's depth: a crossing that has moved by less is the same one
 LEAST_SPAN_M = 1e-3
-
-
-@dataclass(frozen=True)
-class Crossing:
-    """Where the lines cross at one instant."""
-
-    depth_m: float
-    angle_deg: float  # between the lines, 0 to 90
-    gap_m: float  # by which they pass each other, across the plane of the hang-offs
-
-
-@dataclass(frozen=True)
-class Event:
-    """Lines begin to cross, or end it."""
-
-    time_s: float
-    what: str  # "cross" or "part"
-    depth_m: float
-    angle_deg: float
-    gap_m: float
-
-
-@dataclass(frozen=True)
-class Nearest:
-    """Where the lines are nearest at one instant."""
-
-    time_s: float
-    depth_m: float
-    distance_m: float  # horizontal
+LOOK_NS = 1_000_000_000
 
 
 def lines_of(scene: Scene) -> tuple[list[int], list[int]]:
@@ -94,26 +67,22 @@ class LineWatch:
             right = "set `at_m` of one of them aside: the lines are watched in the plane of both"
             raise InputError(phrase(f"{scene.path}: hang_offs", "both are at one place", right))
         self.plane = (other - one) / span
-        self.crossings: list[Crossing] = []
-        self.events: list[Event] = []
-        self.nearest: list[Nearest] = []
+        self.crossings: tuple[Crossing, ...] = ()  # at the last look
         self.turned_up = 0  # snapshots in which a line turned up again
 
-    def look(self, shot: Snapshot) -> list[Event]:
-        """Take in a snapshot; what has begun or ended since the last one."""
+    def look(self, shot: Snapshot) -> tuple[Nearest, list[LineEvent]]:
+        """Take in a snapshot: where they are nearest, and what has begun or ended since."""
         paths = [self._path(shot, line) for line in self.lines]
         self.turned_up += any((np.diff(path[:, 2]) > 0.0).any() for path in paths)
-        depth, apart, slopes = _side_by_side(paths)
+        depth, both, slopes = _side_by_side(paths)
         depth_of_sheave = -float(shot.sheaves[0].position_m[2])
         above = depth < (1.0 - AT_SHEAVE) * depth_of_sheave
-        distance = np.linalg.norm(apart, axis=1)[above]
+        distance = np.linalg.norm(both[0] - both[1], axis=1)[above]
         k = int(distance.argmin())
-        self.nearest.append(Nearest(shot.time_s, float(depth[above][k]), float(distance[k])))
-        now = find_crossings(depth[above], apart[above], slopes[above], self.plane)
+        now = find_crossings(depth[above], both[:, above], slopes[above], self.plane)
         happened = self._compare(now, shot.time_s, SAME * depth_of_sheave)
-        self.events += happened
-        self.crossings = now
-        return happened
+        self.crossings = tuple(now)
+        return Nearest(shot.time_s, float(depth[above][k]), float(distance[k])), happened
 
     def _path(self, shot: Snapshot, line: list[int]) -> Floats:
         """Nodes of a line from the hang-off down, (nodes, 3)."""
@@ -121,7 +90,7 @@ class LineWatch:
         parts += [shot.ropes[number].node_position_m[1:] for number in line[1:]]
         return np.concatenate(parts)
 
-    def _compare(self, now: list[Crossing], time_s: float, same_m: float) -> list[Event]:
+    def _compare(self, now: list[Crossing], time_s: float, same_m: float) -> list[LineEvent]:
         """Crossings that are new, and those that are gone."""
         left, happened = list(self.crossings), []
         for crossing in now:
@@ -133,14 +102,14 @@ class LineWatch:
         return happened + [_event(time_s, "part", old) for old in left]
 
 
-def _event(time_s: float, what: str, at: Crossing) -> Event:
-    return Event(time_s, what, at.depth_m, at.angle_deg, at.gap_m)
+def _event(time_s: float, what: str, at: Crossing) -> LineEvent:
+    return LineEvent(time_s, what, at.depth_m, at.angle_deg, at.gap_m)
 
 
 def _side_by_side(paths: list[Floats]) -> tuple[Floats, Floats, Floats]:
-    """Both lines at the same depths: depths, x and y of one less the other, and their slopes.
+    """Both lines at the same depths: depths, x and y of each line, and their slopes.
 
-    (n,), (n, 2), (n, 2, 2): the slopes dx/dz and dy/dz of each line just below a depth.
+    (n,), (2, n, 2), (n, 2, 2): the slopes dx/dz and dy/dz of each line just below a depth.
     """
     depths = [np.maximum.accumulate(-path[:, 2]) for path in paths]
     low = max(float(depth[0]) for depth in depths)
@@ -155,15 +124,16 @@ def _side_by_side(paths: list[Floats]) -> tuple[Floats, Floats, Floats]:
     )
     slopes = np.diff(places, axis=2) / np.diff(every)
     slopes = np.concatenate([slopes, slopes[:, :, -1:]], axis=2)
-    return every, (places[0] - places[1]).T, slopes.transpose(2, 0, 1)
+    return every, places.transpose(0, 2, 1), slopes.transpose(2, 0, 1)
 
 
-def find_crossings(depth: Floats, apart: Floats, slopes: Floats, plane: Floats) -> list[Crossing]:
+def find_crossings(depth: Floats, both: Floats, slopes: Floats, plane: Floats) -> list[Crossing]:
     """Where the distance along the plane changes sign, from the top down.
 
-    depth: rising, (n,) [m]; apart: x and y of one line less the other, (n, 2) [m]; slopes: of both
-    lines below each depth, (n, 2, 2); plane: unit vector, (2,).
+    depth: rising, (n,) [m]; both: x and y of each line, (2, n, 2) [m]; slopes: of both lines below
+    each depth, (n, 2, 2); plane: unit vector, (2,).
     """
+    apart = both[0] - both[1]
     along = apart @ plane
     across = apart @ np.array([-plane[1], plane[0]])
     found = []
@@ -171,11 +141,62 @@ def find_crossings(depth: Floats, apart: Floats, slopes: Floats, plane: Floats) 
         share = along[k] / (along[k] - along[k + 1])
         one, other = (np.append(slopes[k, line], 1.0) for line in range(2))
         cosine = abs(float(one @ other)) / float(np.linalg.norm(one) * np.linalg.norm(other))
+        at = float(depth[k] + share * (depth[k + 1] - depth[k]))
+        x, y = (both[0, k] + share * (both[0, k + 1] - both[0, k])).tolist()
         found.append(
             Crossing(
-                depth_m=float(depth[k] + share * (depth[k + 1] - depth[k])),
+                depth_m=at,
                 angle_deg=float(np.degrees(np.arccos(min(cosine, 1.0)))),
                 gap_m=float(abs(across[k] + share * (across[k + 1] - across[k]))),
+                position_m=(x, y, -at),
             )
         )
     return found
+
+
+class LineReport:
+    """What a running twin tells of its two lines, looked at once a second of twin time."""
+
+    def __init__(self, watch: LineWatch) -> None:
+        self._watch = watch
+        self._looked = -1  # second of the last look
+        self._shot: LinesShot | None = None
+
+    def complete(self, shot: Snapshot) -> Snapshot:
+        """The snapshot with what is known of the lines.
+
+        At the start nobody hears yet: the first look is after the first step.
+        """
+        second = shot.stamp_ns // LOOK_NS
+        if shot.step == 0 or second == self._looked:
+            return replace(shot, lines=self._shot)
+        nearest, events = self._watch.look(shot)
+        self._looked = second
+        self._shot = LinesShot(nearest, self._watch.crossings)
+        return replace(shot, lines=self._shot, line_events=tuple(events))
+
+    def known(self) -> list[Any]:
+        """What a restart needs, as plain numbers."""
+        known = self._watch.crossings
+        crossings = [[one.depth_m, one.angle_deg, one.gap_m, *one.position_m] for one in known]
+        near = self._shot.nearest if self._shot else Nearest(0.0, 0.0, 0.0)
+        last = [near.time_s, near.depth_m, near.distance_m]
+        return [self._looked, self._watch.turned_up, last, crossings]
+
+    def take_back(self, known: list[Any]) -> None:
+        """Go on from what `known` gave."""
+        self._looked, self._watch.turned_up, last, rows = known
+        self._watch.crossings = tuple(
+            Crossing(depth_m=depth, angle_deg=angle, gap_m=gap, position_m=(x, y, z))
+            for depth, angle, gap, x, y, z in rows
+        )
+        seen = self._looked >= 0
+        self._shot = LinesShot(Nearest(*last), self._watch.crossings) if seen else None
+
+
+def report_on(scene: Scene) -> LineReport | None:
+    """A report on the scene's two lines; None where there are no two lines to watch."""
+    try:
+        return LineReport(LineWatch(scene))
+    except InputError:  # as said: most scenes are of another kind
+        return None

@@ -1,0 +1,92 @@
+"""Curves of figures that come by name: of a winch's parts, and of two lines around a sheave.
+
+Which there are depends on the scene, so plots are made as figures come; they lie in tabs beside the
+plots that every run has.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from rope_twin.view.series import Series
+
+
+@dataclass(frozen=True)
+class Plot:
+    """One plot in a tab."""
+
+    tab: str
+    entity: str  # all curves below it are drawn
+    title: str
+
+
+# group, title, factor and name of the curve of each figure of a winch's parts (twin/hoisting)
+_WINCH = {
+    "drum_speed_rad_per_s": ("drum_speed", "Drum speed [rad/s], + pays out", 1.0, "drum"),
+    "motor_torque_n_m": ("torque", "Torque of motor and brake [kN m]", 1e-3, "motor"),
+    "brake_torque_n_m": ("torque", "Torque of motor and brake [kN m]", 1e-3, "brake"),
+    "compensation_m": ("stroke", "Heave compensation: stroke [m]", 1.0, "stroke"),
+    "compensation_m_per_s": ("stroke_rate", "Heave compensation: rate [m/s]", 1.0, "rate"),
+    "drum_radius_m": ("radius", "Radius that the rope leaves from [m]", 1.0, "radius"),
+    "layer": ("layer", "Layer on the drum", 1.0, "layer"),
+    "brake_holds": ("switches", "Brake holds, compensation on", 1.0, "brake"),
+    "compensation_on": ("switches", "Brake holds, compensation on", 1.0, "compensation"),
+}
+_ORDER = {f"plots/winch/{row[0]}": k for k, row in enumerate(_WINCH.values())}
+_UNSHOWN = ("target",)  # of four different units, and in winch/mode
+_COLOURS = ("fde725", "6fa8ff", "35b7a0", "f2a65a", "c792ea", "e06c75")
+WINCH_TAB, LINES_TAB = "Winch", "Lines"
+_DEPTHS = Plot(LINES_TAB, "plots/lines/crossings", "Height of the crossings [m]")
+_ANGLES = Plot(LINES_TAB, "plots/lines/angles", "Angle of the crossings [degrees]")
+_DISTANCE = Plot(LINES_TAB, "plots/lines/distance", "Nearest distance of the lines [m]")
+
+
+class Figures:
+    """Adds curves as their figures come; `plots` are those that there are by now."""
+
+    def __init__(self, new_series: Callable[[str, str, str, bool], Series]) -> None:
+        """new_series: makes a curve from entity, name and colour; whether of dots."""
+        self._new_series = new_series
+        self._known: dict[str, Series] = {}
+        self.plots: list[Plot] = []
+
+    def winch(self, time_ns: int, names: list[str], values: list[float]) -> bool:
+        """Figures named like winch/drum_radius_m. True if there is a new plot."""
+        before = len(self.plots)
+        for name, value in zip(names, values, strict=True):
+            winch, _, figure = name.rpartition("/")
+            if figure in _UNSHOWN:
+                continue
+            plain = (figure, figure.replace("_", " "), 1.0, figure)
+            group, title, factor, words = _WINCH.get(figure, plain)
+            plot = Plot(WINCH_TAB, f"plots/winch/{group}", title)
+            self._add(plot, f"{winch}/{words}", f"{words}, {winch}", time_ns, factor * value)
+        self.plots.sort(key=lambda plot: _ORDER.get(plot.entity, len(_ORDER)))
+        return len(self.plots) > before
+
+    def lines(self, time_ns: int, names: list[str], values: list[float]) -> bool:
+        """Figures named like crossing_1/depth_m. True if there is a new plot."""
+        before = len(self.plots)
+        for name, value in zip(names, values, strict=True):
+            where, _, figure = name.rpartition("/")
+            words = where.replace("_", " ")
+            if name == "nearest/distance_m":
+                self._add(_DISTANCE, "nearest", "nearest", time_ns, value)
+            elif figure == "depth_m" and where != "nearest":
+                self._add(_DEPTHS, where, words, time_ns, -value, dots=True)
+            elif figure == "angle_deg":
+                self._add(_ANGLES, where, words, time_ns, value, dots=True)
+        return len(self.plots) > before
+
+    def _add(
+        self, plot: Plot, curve: str, name: str, time_ns: int, value: float, *, dots: bool = False
+    ) -> None:
+        path = f"{plot.entity}/{curve}"
+        if path not in self._known:
+            if plot not in self.plots:
+                self.plots.append(plot)
+            of_plot = [known for known in self._known if known.startswith(f"{plot.entity}/")]
+            colour = _COLOURS[len(of_plot) % len(_COLOURS)]
+            self._known[path] = self._new_series(path, name, colour, dots)
+        self._known[path].add(time_ns, value)
