@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.joined_energy import SystemBorder, measure_system
 from rope_twin.core.joined_step import advance_joined
 from rope_twin.core.joints import LOOSE, System
 from rope_twin.core.reeving import settle_reeved
@@ -164,6 +165,12 @@ class JoinedRopes:
         """Make the border after `done` steps the first one; so many after it are prescribed."""
         for table in self._boundary:
             table[:, : prescribed + 1] = table[:, done : done + prescribed + 1]
+
+    def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
+        """Energy and power of all ropes now; pull, speed: of the first one."""
+        pulls, speeds = self._pull.copy(), self._boundary.rate[:, 0, rows.LINE].copy()
+        pulls[0], speeds[0] = pull, speed
+        return measure_system(self._system(first), pulls, speeds, time)
 
     def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
         """The snapshot of the first rope, with all ropes and payloads."""

@@ -17,13 +17,12 @@ from typing import Any, Self
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.energy import Border, Power, accounts_of, damped, measure
+from rope_twin.core.energy import Power, accounts_of
 from rope_twin.core.hooks import hooks_of
+from rope_twin.core.joined_energy import SystemBorder, lost
 from rope_twin.core.state import Floats, Rope
 from rope_twin.errors import SceneError, phrase
-from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.parted import PartedRopes
 from rope_twin.twin.rung import Rung
 from rope_twin.twin.saved_state import SavedState
 from rope_twin.twin.snapshot import EnergyBalance, Snapshot
@@ -33,7 +32,7 @@ from rope_twin.twin.twin import Twin
 class Ledger:
     """Sums over the steps; opened at a state, then told each next one."""
 
-    def __init__(self, time_s: float, border: Border) -> None:
+    def __init__(self, time_s: float, border: SystemBorder) -> None:
         self._since_s = time_s
         self._first = self._now = border
         self._work = np.zeros(len(Power._fields))  # by the trapezoidal rule
@@ -42,11 +41,11 @@ class Ledger:
         self._last_rises: deque[Floats] = deque(maxlen=2)
         self._damped = self._exchanged = 0.0
 
-    def take(self, step_s: float, border: Border) -> None:
+    def take(self, step_s: float, border: SystemBorder) -> None:
         """Add a step that led to this state."""
         before, after = np.array(self._now.power), np.array(border.power)
         work = 0.5 * step_s * (before + after)
-        loss = damped(self._now.elements, border.elements, step_s)
+        loss = lost(self._now, border, step_s)
         changes = np.array(border.store) - np.array(self._now.store)
         moved = np.abs(changes).sum() + np.abs(work).sum() + abs(loss)
         self._last_rises.append(step_s / 12.0 * (after - before))
@@ -57,7 +56,7 @@ class Ledger:
         self._exchanged += 0.5 * float(moved)
         self._now = border
 
-    def begin_anew_at(self, border: Border) -> None:
+    def begin_anew_at(self, border: SystemBorder) -> None:
         """Add the next step from this state: the rope is no longer of the same elements."""
         self._now = border
 
@@ -89,11 +88,10 @@ class AccountedTwin(Twin):
     A saved state does not hold the ledger; a restored twin opens a new one.
 
     Raises:
-        SceneError: as for a twin, ropes meet, or an effect does not say its energy.
+        SceneError: as for a twin, or an effect does not say its energy.
     """
 
     def __init__(self, scene: Scene) -> None:
-        refuse_joined(scene)
         super().__init__(scene)
         _check_effects(scene, self._rope)
         self._ledger = self._opened()
@@ -134,13 +132,11 @@ class AccountedTwin(Twin):
         self._ledger.begin_anew_at(self._measured())
         return lost_m
 
-    def _measured(self) -> Border:
+    def _measured(self) -> SystemBorder:
         """Energy and power of the present."""
         rope = self._rope._replace(effects=self._current.effects)
-        pull = self._pull[rows.PULL_X : rows.PULL_Z + 1]
         V = float(self._boundary.rate[0, rows.LINE])
-        of = self._ropes.measure if isinstance(self._ropes, PartedRopes) else measure
-        return of(rope, pull, self.time_ns * 1e-9, V)
+        return self._ropes.measure(rope, self._pull, V, self.time_ns * 1e-9)
 
 
 def _steady(one: Floats, other: Floats) -> Floats:

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.energy import Border, Elements, Power, Store, measure
+from rope_twin.core.energy import Power, Store, measure
+from rope_twin.core.joined_energy import SystemBorder
 from rope_twin.core.state import Boundary, Floats, Rope, State
 from rope_twin.core.step import advance
 from rope_twin.errors import phrase
@@ -147,17 +148,17 @@ class PartedRopes:
         """The rope at whose lower end the payload is."""
         return self._lower
 
-    def measure(self, first: Rope, pull: Floats, time: float, V: float) -> Border:
-        """Energy and power of both parts; elements of the lower one come first."""
+    def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
+        """Energy and power of both parts; pull, speed: of the upper one."""
         self._share_water(first)
         low = measure(self._lower, np.zeros(3), time, 0.0)
-        high = measure(first, pull, time, V)
-        return Border(
+        high = measure(first, pull[rows.PULL_X : rows.PULL_Z + 1], time, speed)
+        return SystemBorder(
             Store(*(a + b for a, b in zip(low.store, high.store, strict=True))),
             Power(*(a + b for a, b in zip(low.power, high.power, strict=True))),
-            Elements(*(np.concatenate(both, axis=-1)
-                       for both in zip(low.elements, high.elements, strict=True))),
-        )  # fmt: skip
+            (low.elements, high.elements),
+            0.0,
+        )
 
     @property
     def _tension(self) -> Floats:

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from typing import Any, Protocol
 
-from rope_twin.core.state import Boundary, Floats, Rope
+from rope_twin.core.energy import measure
+from rope_twin.core.joined_energy import SystemBorder, of_one
+from rope_twin.core.state import PULL_X, PULL_Z, Boundary, Floats, Rope
 from rope_twin.core.step import advance
 from rope_twin.errors import phrase
 from rope_twin.scene.build import build
@@ -48,6 +50,9 @@ class Ropes(Protocol):
 
     def forget(self, done: int, prescribed: int) -> None:
         """Make the border after `done` steps the first one; so many after it are prescribed."""
+
+    def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
+        """Energy and power now; pull, speed: of the first rope on its hang-off, payout [m/s]."""
 
     def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
         """The first rope's snapshot with what there is besides."""
@@ -98,6 +103,10 @@ class OneRope:
 
     def forget(self, done: int, prescribed: int) -> None:
         """Nothing."""
+
+    def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
+        """Of the one rope."""
+        return of_one(measure(first, pull[PULL_X : PULL_Z + 1], time, speed))
 
     def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
         """As it is."""

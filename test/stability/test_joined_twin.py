@@ -20,7 +20,6 @@ from rope_twin.scene.build_joined import build_joined, point_figures
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.variants import variant
 from rope_twin.twin.ensemble import Ensemble, Variation
-from rope_twin.twin.ledger import AccountedTwin
 
 SAMPLE_NS, AHEAD_NS = 50_000_000, 200_000_000
 
@@ -153,8 +152,8 @@ def test_a_restored_run_and_a_branch_are_the_run(two_lines: Scene, tmp_path: Pat
 
 
 def test_what_steps_one_rope_says_so(bridle: Scene) -> None:
-    """Energy balance, ensembles and studies refuse in one sentence."""
-    for refused in (build, AccountedTwin, lambda scene: Ensemble(scene, [Variation()])):
+    """Ensembles and studies refuse in one sentence."""
+    for refused in (build, lambda scene: Ensemble(scene, [Variation()])):
         with pytest.raises(SceneError, match="ropes meet here, and this steps one rope"):
             refused(bridle)
 
