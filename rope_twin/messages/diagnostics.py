@@ -257,9 +257,8 @@ def _vibration(snapshot: Snapshot, shaking: RopeVibration) -> Status:
         f"{snapshot.arc_length_m[at]:.0f} m below the hang-off"
     )
     name = "simulation: vibration"
-    if shaking.slack:
-        return Status(name, Level.WARN, f"{message}; part of the rope is slack, which is not in it",
-                      values)  # fmt: skip
+    if shaking.note:
+        return Status(name, Level.WARN, f"{message}; {shaking.note}", values)
     return Status(name, Level.OK, message, values)
 
 

@@ -21,6 +21,8 @@ from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
+from rope_twin.twin.snapshot import RopeVibration
+from rope_twin.twin.watch import MOTION
 
 SLOW = 0.2  # of the fastest vortices' frequency: slower motion is not shaking
 ORDER = 4
@@ -44,7 +46,7 @@ class OwnMotion:
         self._memory = sosfilt_zi(self._filter)[:, :, None, None] * place
         self._flow = relative_flow(rope)
         self._waiting: list[Floats] = []  # places that are not filtered yet
-        self._sides = _sides(place, self._flow)  # unit vectors while they wait
+        self._sides = sides(place, self._flow)  # unit vectors while they wait
         self._before = np.zeros((2, place.shape[1]))
         # of squares: motion, rise, sum; averaged once and, against their ripple, once more
         self._first, self._means = np.zeros((2, 3, 2, place.shape[1]))
@@ -56,13 +58,8 @@ class OwnMotion:
         periods = self._taken * self._sample_s * self._hz
         return periods >= SETTLING + LEAST
 
-    @property
-    def flow(self) -> Floats:
-        """Running mean of water less rope at the nodes [m/s], (3, nodes)."""
-        return self._flow
-
-    def take(self, rope: Rope) -> None:
-        """One instant."""
+    def take(self, rope: Rope, sample_s: float, vortices_hz: float) -> None:
+        """One instant, as long after the one before as it was opened for."""
         s = _marks(rope)
         if len(s) != len(self._s) or not np.array_equal(s[:-1], self._s[:-1]):
             self._work_off()
@@ -72,10 +69,33 @@ class OwnMotion:
         share = 1.0 - exp(-self._sample_s * self._hz / AVERAGED)
         self._flow = self._flow + share * (relative_flow(rope) - self._flow)
         if not self._waiting:
-            self._sides = _sides(place, self._flow)
+            self._sides = sides(place, self._flow)
         self._waiting.append(place)
         if len(self._waiting) == BLOCK:
             self._work_off()
+
+    def shot(self, rope: Rope) -> RopeVibration | None:
+        """What is told of it, at the nodes; None: nothing yet."""
+        if not self.known:
+            return None
+        diameter = diameters(rope)
+        (across, along), (across_hz, along_hz) = (
+            found[:, ::-1].copy()
+            for found in (self.amplitudes(diameter), self.frequencies_hz(diameter))
+        )
+        return RopeVibration(MOTION, across, across_hz, along, along_hz, 0.0, 0, "")
+
+    def bent(self, rope: Rope, middles: Floats) -> Floats | None:
+        """Its curvature is the rope's own."""
+        return None
+
+    def kept(self) -> OwnMotion:
+        """From which `take_back` goes on."""
+        return self
+
+    def take_back(self, kept: OwnMotion) -> None:
+        """Go on from there."""
+        vars(self).update(vars(kept))
 
     def amplitudes(self, diameter: Floats) -> Floats:
         """√2 times the rms over the diameter, across and with the flow, (2, nodes)."""
@@ -153,7 +173,7 @@ def _places(rope: Rope) -> Floats:
     return np.array(rope.state.nodes[_PLACE, : int(rope.state.counts[rows.ELEMENTS]) + 1])
 
 
-def _sides(place: Floats, flow: Floats) -> Floats:
+def sides(place: Floats, flow: Floats) -> Floats:
     """Unit vectors across rope and flow, and across the rope with the flow, (2, 3, nodes)."""
     along = tangents(place)
     across: Any = np.cross(flow, along, axis=0)

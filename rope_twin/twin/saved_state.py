@@ -31,7 +31,7 @@ from rope_twin.twin.state_file import read_state, write_state
 _NOT_COMPARED = {"name", "path", "digest", "about", "source", "look_at", "sea_state", "schedule",
                  "schedule_repeats_every_s"}  # fmt: skip
 
-BESIDE = "watch/"  # before names of parts that a run may ask for or not (rope_twin.twin.watched)
+IF_ASKED = "watch/"  # before names of parts that a run may ask for or not (rope_twin.twin.watched)
 
 _log = logging.getLogger(__name__)
 
@@ -120,7 +120,7 @@ class SavedState:
     def _names(self, target: dict[str, Any]) -> list[str]:
         """All but what only a run that asks for it keeps, and takes back itself."""
         here, there = (
-            {name for name in names if not name.startswith(BESIDE)}
+            {name for name in names if not name.startswith(IF_ASKED)}
             for names in (target, self.memory)
         )
         if odd := sorted(here ^ there):

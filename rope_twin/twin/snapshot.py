@@ -122,8 +122,8 @@ class RopeVibration:
     in_line_hz: Vector | None
     every_s: float  # how often a model beside the twin finds the rope's modes again; 0: it has none
     solves: int  # how often it has
-    slack: bool  # part of the rope is slack: the modes are those from before
-    cost_pct: float  # time that watching the rope has taken, of the twin's time
+    note: str  # one sentence if the modes could not be found again
+    cost_pct: float = 0.0  # time that watching the rope has taken, of the twin's time
 
     @property
     def worst(self) -> int:

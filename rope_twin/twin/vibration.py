@@ -89,7 +89,11 @@ class Vibration:
 
 def span_of_twin(twin: Twin) -> Span:
     """The rope as it is now, with the water across it relative to its own motion."""
-    rope = twin.rope
+    return span_of_rope(twin.rope)
+
+
+def span_of_rope(rope: rows.Rope, moved_water: bool = True) -> Span:
+    """The same of its arrays; `moved_water`: with its added mass."""
     n, sections, work = int(rope.state.counts[rows.ELEMENTS]), rope.sections, rope.work
     place = rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1]
     velocity = rope.state.nodes[rows.VELOCITY : rows.VELOCITY + 3, :n]
@@ -99,6 +103,7 @@ def span_of_twin(twin: Twin) -> Span:
     which = np.searchsorted(sections[rows.END], 0.5 * (s[1:] + s[:-1]), side="right")
     mass, volume = sections[rows.PER_METRE : rows.PER_METRE + 2, which]
     added = sum(own.density for own in rope.effects if isinstance(own, AddedMass))
+    added = added if moved_water else 0.0
     payload = [own for own in rope.effects if isinstance(own, Payload | TwoWayPayload)]
     diameter = np.sqrt(4.0 * volume / np.pi)
     direction = steps / length

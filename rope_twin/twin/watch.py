@@ -8,7 +8,8 @@ from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.twin.endurance import find_curve
 
 MOTION = "motion"  # the twin's own, as its scene's model of vortices makes it
-MODELS = (MOTION,)
+MODES, DECOMPOSED = "modes", "decomposed"  # computed beside the twin
+MODELS = (MOTION, MODES, DECOMPOSED)
 
 
 @dataclass(frozen=True)

@@ -19,15 +19,17 @@ from rope_twin.errors import InputError, StateError, phrase
 from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.shedding import shedding_model, strouhal_number
+from rope_twin.twin.beside import Beside, beside_decomposed, beside_modes
 from rope_twin.twin.memory import recall
 from rope_twin.twin.own_motion import OwnMotion, diameters, fastest_hz, tangents
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.rung import Rung
-from rope_twin.twin.saved_state import BESIDE, SavedState, load_state
+from rope_twin.twin.saved_state import IF_ASKED, SavedState, load_state
 from rope_twin.twin.snapshot import MaterialFatigue, RopeVibration, Snapshot
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.watch import MOTION, Watch
+from rope_twin.twin.watch import DECOMPOSED, MODES, MOTION, Watch
 from rope_twin.twin.wear import RopeWear, WearWish, bending_stiffness, curvature
+from rope_twin.viv.shedding import Shedding
 
 PER_PERIOD = 24  # looks per period of the fastest vortices: a crest is met to 0.9 %
 FASTER, SLOWER = 1.25, 0.5  # times what the looks are made for: then they are made anew
@@ -46,16 +48,21 @@ class WatchedTwin(Twin):
 
     def __init__(self, scene: Scene) -> None:
         refuse_joined(scene)
-        if self.asked.vibration == MOTION and not shedding_model(scene):
+        model = shedding_model(scene)
+        if self.asked.vibration == MOTION and not model:
             what = "the scene lists no model of vortices, so nothing shakes its rope"
-            raise InputError(phrase(f"vibration {MOTION}", what, "list one of them"))
+            right = f"list one of them, or ask for one beside the twin: {MODES}, {DECOMPOSED}"
+            raise InputError(phrase(f"vibration {MOTION}", what, right))
+        if self.asked.vibration in (MODES, DECOMPOSED) and model:
+            what = f"the scene's own {model} shakes its rope already"
+            raise InputError(phrase(f"vibration {self.asked.vibration}", what, f"ask for {MOTION}"))
         super().__init__(scene)
         self._strouhal = strouhal_number(scene)
         self._wear = self._new_wear(self.asked.fatigue) if self.asked.fatigue else None
-        self._tracker: OwnMotion | None = None  # from the first look at moving water on
         self._hz = 0.0  # of the vortices that the looks are made for
         self._profiles = 0  # currents that had come by then
         self._every = self._steps_between()
+        self._tracker = self._beside()  # of the twin's own motion when the water first moves
         self._counting_from_ns, self._second = self.time_ns, -1
         self._fatigue: MaterialFatigue | None = None
         self._watch_s = self._watched_s = 0.0  # time spent on it, and the twin's time meanwhile
@@ -87,19 +94,20 @@ class WatchedTwin(Twin):
                "_second", "_fatigue", "_watch_s", "_watched_s")  # fmt: skip
         changing = {name: value for name, value in super()._changing().items() if name not in own}
         if self._wear is not None:
-            changing[f"{BESIDE}wear"] = self._wear
-            changing[f"{BESIDE}counting_from_ns"] = self._counting_from_ns
+            changing[f"{IF_ASKED}wear"] = self._wear
+            changing[f"{IF_ASKED}counting_from_ns"] = self._counting_from_ns
         if self._tracker is not None:
-            changing[f"{BESIDE}tracker"] = self._tracker
-            changing[f"{BESIDE}looks"] = [self._hz, self._profiles]
+            changing[f"{IF_ASKED}model"] = self.asked.vibration
+            changing[f"{IF_ASKED}tracker"] = self._tracker.kept()
+            changing[f"{IF_ASKED}looks"] = [self._hz, self._profiles]
         return changing
 
     def _take_back(self, state: SavedState) -> None:
         """What was counted and averaged, as far as it was and is asked for."""
         kept = {
-            name.removeprefix(BESIDE): plain
+            name.removeprefix(IF_ASKED): plain
             for name, plain in state.memory.items()
-            if name.startswith(BESIDE)
+            if name.startswith(IF_ASKED)
         }
         self._counting_from_ns = kept.get("counting_from_ns", self.time_ns)
         if self._wear is not None and "wear" in kept:
@@ -107,13 +115,16 @@ class WatchedTwin(Twin):
             if begun != self._wear.name:
                 what = f"its fatigue was counted by the curve {begun}, not {self._wear.name}"
                 raise StateError(phrase(f"saved state {state.source}", what, f"ask for {begun}"))
-            self._wear = recall(kept["wear"], self._wear, state.arrays, f"{BESIDE}wear")
-        if self.asked.vibration and "tracker" in kept:
+            self._wear = recall(kept["wear"], self._wear, state.arrays, f"{IF_ASKED}wear")
+        self._tracker = self._beside()
+        if self.asked.vibration and kept.get("model") == self.asked.vibration:
             self._hz, self._profiles = kept["looks"]
             self._every = self._steps_between()
-            self._tracker = recall(
-                kept["tracker"], self._new_tracker(), state.arrays, f"{BESIDE}tracker"
+            tracker = self._tracker or self._of_own_motion()
+            tracker.take_back(
+                recall(kept["tracker"], tracker.kept(), state.arrays, f"{IF_ASKED}tracker")
             )
+            self._tracker = tracker
 
     def _advance_some(self, steps: int) -> int:
         due = self._every - self._steps % self._every
@@ -135,7 +146,7 @@ class WatchedTwin(Twin):
             self._keep_pace()
         rope = self.rope
         if self._tracker is not None:
-            self._tracker.take(rope)
+            self._tracker.take(rope, self._every * self.step_s, self._hz)
         if self._wear is not None:
             if self._cut.done:
                 self._wear.cut_off(self._cut.done.lost_m)
@@ -157,7 +168,8 @@ class WatchedTwin(Twin):
         if hz > FASTER * self._hz or slower:
             self._hz, self._profiles = hz, profiles
             self._every = self._steps_between()
-            self._tracker = self._new_tracker() if self.asked.vibration and hz > 0.0 else None
+            if self.asked.vibration == MOTION:
+                self._tracker = self._of_own_motion() if hz > 0.0 else None
 
     def _fastest_hz(self) -> float:
         """Of the vortices, by the water's velocity less the hang-off's."""
@@ -175,40 +187,39 @@ class WatchedTwin(Twin):
             return slot
         return max(1, min(slot, int(1.0 / (PER_PERIOD * self._hz * self.step_s) + 1e-9)))
 
-    def _new_tracker(self) -> OwnMotion:
+    def _of_own_motion(self) -> OwnMotion:
         return OwnMotion(self.rope, self._every * self.step_s, self._hz)
+
+    def _beside(self) -> OwnMotion | Beside | None:
+        """The model beside the twin that is asked for, from rest."""
+        density = self.scene.environment.water_density_kg_per_m3
+        if self.asked.vibration == MODES:
+            return beside_modes(self.rope, Shedding(strouhal=self._strouhal, density=density))
+        return beside_decomposed(self.rope, density) if self.asked.vibration == DECOMPOSED else None
 
     def _new_wear(self, curve: str) -> RopeWear:
         line, winch = self.scene.ropes[0], self.scene.winch
         EI = bending_stiffness(self._rope.effects)
         most = winch.most_line_out_m if winch else line.length_m
-        return RopeWear(line, most, WearWish(curve, EI > 0.0), EI)
+        shaken = self.asked.vibration in (MODES, DECOMPOSED)
+        return RopeWear(line, most, WearWish(curve, EI > 0.0 or shaken), EI)
 
     def _bent(self) -> Floats | None:
-        """Curvature of the metres, if the stress of it counts."""
+        """Curvature of the metres if it counts: of a rope that bends, and of the vibration."""
         if self._wear is None or not self._wear.bends:
             return None
-        s, bent = curvature(self._rope)
-        s = s + (self._cut.done.lost_m if self._cut.done else 0.0)
-        return np.stack([np.interp(self._wear.middles, s, part) for part in bent])
+        lost_m = self._cut.done.lost_m if self._cut.done else 0.0
+        middles = self._wear.middles - lost_m
+        bent = np.zeros((2, len(middles)))
+        if bending_stiffness(self._rope.effects) > 0.0:
+            s, own = curvature(self._rope)
+            bent += [np.interp(middles, s, part) for part in own]
+        shaken = self._tracker.bent(self._rope, middles) if self._tracker is not None else None
+        return bent if shaken is None else bent + shaken
 
     def _vibration(self) -> RopeVibration | None:
-        tracker = self._tracker
-        if tracker is None or not tracker.known:
+        shaking = self._tracker.shot(self._rope) if self._tracker is not None else None
+        if shaking is None:
             return None
-        diameter = diameters(self._rope)
-        (across, along), (across_hz, along_hz) = (
-            found[:, ::-1].copy()
-            for found in (tracker.amplitudes(diameter), tracker.frequencies_hz(diameter))
-        )
-        return RopeVibration(
-            model=self.asked.vibration,
-            cross_flow=across,
-            cross_flow_hz=across_hz,
-            in_line=along,
-            in_line_hz=along_hz,
-            every_s=0.0,
-            solves=0,
-            slack=False,
-            cost_pct=100.0 * self._watch_s / self._watched_s,
-        )
+        watched_s = max(self._watched_s, self.step_s)
+        return replace(shaking, cost_pct=100.0 * self._watch_s / watched_s)

@@ -16,7 +16,7 @@ from math import pi
 import numpy as np
 
 from rope_twin.viv.force_table import ForceTable, fitted_forces
-from rope_twin.viv.lateral_modes import LateralModes, find_lateral_modes
+from rope_twin.viv.lateral_modes import MOST, LateralModes, ModeSearch
 from rope_twin.viv.shedding import Mask
 from rope_twin.viv.span import Floats, Span
 
@@ -70,17 +70,28 @@ def displaced(span: Span, density: float) -> Floats:
     return density * 0.25 * pi * span.diameter**2 * span.node_length
 
 
-def analyse(span: Span, model: Decomposed) -> Excitation:
+def search_modes(span: Span, model: Decomposed, part: int = MOST) -> ModeSearch:
+    """For the candidates, `part` modes at a time; span.mass is without added mass.
+
+    Raises:
+        InputError: the rope is slack somewhere.
+    """
+    share = 0.5 * (_per_metre(span, model)[1:] + _per_metre(span, model)[:-1])
+    moved = span._replace(mass=span.mass + model.fixed_added_mass * share)
+    fastest = float((span.speed / span.diameter).max())
+    return ModeSearch(moved, 1.5 * model.band[1] * fastest, part)
+
+
+def analyse(span: Span, model: Decomposed, search: ModeSearch | None = None) -> Excitation:
     """Candidate modes, their power and true frequency; span.mass is without added mass.
+
+    `search`: where the modes were looked for before.
 
     Raises:
         InputError: the rope is slack somewhere.
     """
     water = displaced(span, model.density)
-    share = 0.5 * (_per_metre(span, model)[1:] + _per_metre(span, model)[:-1])
-    moved = span._replace(mass=span.mass + model.fixed_added_mass * share)
-    fastest = float((span.speed / span.diameter).max())
-    modes = find_lateral_modes(moved, 1.5 * model.band[1] * fastest)
+    modes = (search or search_modes(span, model)).found()
     weight = modes.shape**2
     dry = span.node_mass @ weight
     wet = modes.mass

@@ -10,17 +10,29 @@ damps 2·m·ω·ζ.
 from __future__ import annotations
 
 from math import exp, pi
+from typing import NamedTuple
 
 import numpy as np
 
-from rope_twin.viv.decomposed import Decomposed, Excitation, analyse, displaced
+from rope_twin.viv.decomposed import Decomposed, Excitation, analyse, displaced, search_modes
 from rope_twin.viv.integrators import Integrator, Matrices, Motion, newmark, upper_bands
-from rope_twin.viv.lateral_modes import stiffness
+from rope_twin.viv.lateral_modes import ModeSearch, stiffness
 from rope_twin.viv.span import Floats, Span
 
 PER_PERIOD = 24  # steps per period of the fastest driven mode
 REMEMBERED = 3.0  # periods over which motion is averaged
+PART = 12  # modes that are looked for at a time beside a running twin
 LEAST = 0.02  # D: amplitude that the damping is taken of at least
+
+
+class KeptResponse(NamedTuple):
+    """What a response goes on from, to the bit."""
+
+    span: Span
+    nodes: Floats  # place, speed, acceleration, both mean squares, amplitude, ω; (7, free nodes)
+    angles: Floats  # of the modes
+    since_s: float
+    time_s: float
 
 
 class DecomposedResponse:
@@ -31,11 +43,78 @@ class DecomposedResponse:
     """
 
     def __init__(self, span: Span, model: Decomposed, integrator: Integrator | None = None) -> None:
-        self.span, self.model = span, model
-        self.excitation: Excitation = analyse(span, model)
+        self.model = model
         self.time_s = 0.0
         self._integrate = integrator or newmark()
         self._first = 1 if span.end_mass is None else 0
+        self._take(span, None)
+        self._angles = np.zeros(len(self.excitation.frequency))  # of the modes at `_since_s`
+        self._angle, self._since_s = np.zeros(len(self._dry)), 0.0
+        still = np.zeros(len(self._dry))
+        self._motion = Motion(still, still, still)
+        self._squares = np.zeros((2, len(still)))  # running mean of ẏ², ÿ²
+        self.amplitude, self.omega = still, self._omega0.copy()
+
+    def search(self, span: Span) -> ModeSearch:
+        """For the modes of a rope that has changed, to be followed when it is through.
+
+        Raises:
+            InputError: it is slack somewhere.
+        """
+        return search_modes(span, self.model, PART)
+
+    def follow(self, span: Span, search: ModeSearch | None = None) -> None:
+        """The rope has changed: other tension, length or current. Motion goes on as it is.
+
+        Modes, powers and true frequencies are found again; a mode keeps its phase by its number.
+        `search`: where the modes were looked for before.
+
+        Raises:
+            InputError: it is slack somewhere; the old modes are kept.
+        """
+        turned = 2.0 * pi * self.excitation.frequency * (self.time_s - self._since_s)
+        angles, before = self._angles + turned, self._below_top()
+        self._take(span, search)
+        self._angles = np.zeros(len(self.excitation.frequency))
+        known = min(len(angles), len(self._angles))
+        self._angles[:known] = np.remainder(angles[:known], 2.0 * pi)
+        self._angle, self._since_s = self._angles_of_nodes(), self.time_s
+        now = self._below_top()
+        self._motion = Motion(*(np.interp(now, before, part) for part in self._motion))
+        self._squares = np.stack([np.interp(now, before, part) for part in self._squares])
+        self.amplitude = np.interp(now, before, self.amplitude)
+        self.omega = np.interp(now, before, self.omega)
+
+    @property
+    def dominant_hz(self) -> Floats:
+        """Frequency of the nodes by their running motion; 0 where nothing moves, (nodes,)."""
+        return self._all(np.where(self.amplitude > 0.0, self.omega / (2.0 * pi), 0.0))
+
+    @property
+    def amplitudes(self) -> Floats:
+        """Of all nodes [D]."""
+        return self._all(self.amplitude)
+
+    def kept(self) -> KeptResponse:
+        """From which `take_back` goes on."""
+        return KeptResponse(
+            self.span, np.stack([*self._motion, *self._squares, self.amplitude, self.omega]),
+            self._angles.copy(), self._since_s, self.time_s,
+        )  # fmt: skip
+
+    def take_back(self, kept: KeptResponse) -> None:
+        """Go on from there; its modes were those of a search."""
+        self._take(kept.span, self.search(kept.span))
+        self._motion = Motion(*kept.nodes[:3])
+        self._squares, self.amplitude, self.omega = kept.nodes[3:5], kept.nodes[5], kept.nodes[6]
+        self._angles, self._since_s, self.time_s = kept.angles, kept.since_s, kept.time_s
+        self._angle = self._angles_of_nodes()
+
+    def _take(self, span: Span, search: ModeSearch | None) -> None:
+        """What the rope makes of the water and of each node."""
+        model = self.model
+        self.span = span
+        self.excitation: Excitation = analyse(span, model, search)
         free = slice(self._first, -1)
         driven = self.excitation.driven
         frequency = float(driven.max())
@@ -49,10 +128,21 @@ class DecomposedResponse:
         self._water, self._dry = displaced(span, model.density)[free], span.node_mass[free]
         self._diameter, self._speed = span.diameter[free], np.maximum(span.speed[free], 1e-6)
         self._bands = upper_bands(stiffness(span).tocsr()[free, free], 3)
-        still = np.zeros(len(self._dry))
-        self._motion = Motion(still, still, still)
-        self._squares = np.zeros((2, len(still)))  # running mean of ẏ², ÿ²
-        self.amplitude, self.omega = still, self._omega0.copy()
+
+    def _below_top(self) -> Floats:
+        """Of the free nodes, less than 0 [m]."""
+        return np.asarray(self.span.s[self._first : -1] - self.span.s[-1])
+
+    def _angles_of_nodes(self) -> Floats:
+        """Phase of the mode that each free node drives at `_since_s`."""
+        driven = self.excitation.zones @ self._angles
+        return np.asarray(driven[self._first : -1])
+
+    def _all(self, free: Floats) -> Floats:
+        """The value of every node, 0 where it is held."""
+        whole = np.zeros(len(self.span.s))
+        whole[self._first : -1] = free
+        return whole
 
     def _first_guess(self) -> Floats:
         """Frequency of each node before it has moved: its own drive, else the dominant mode's."""
@@ -69,9 +159,7 @@ class DecomposedResponse:
     @property
     def motion(self) -> Floats:
         """Across the rope at all nodes [m]."""
-        whole = np.zeros(len(self.span.s))
-        whole[self._first : -1] = self._motion.place
-        return whole
+        return self._all(self._motion.place)
 
     def advance(self, duration_s: float) -> None:
         """Go on by a time, in steps of at most `step_s`."""
@@ -91,7 +179,10 @@ class DecomposedResponse:
         size = np.maximum(self.amplitude, LEAST) * self._diameter
         damping = against / (size * self.omega) + 2.0 * model.structural * self.omega * mass
         push = self._push * np.maximum(lift, 0.0) * self._sign * (self._drive > 0.0)
-        middle, end = (push * np.cos(self._drive * (self.time_s + part * h)) for part in (0.5, 1.0))
+        since = self.time_s - self._since_s
+        middle, end = (
+            push * np.cos(self._drive * (since + part * h) + self._angle) for part in (0.5, 1.0)
+        )
         parts = Matrices(mass, damping, self._bands)
         self._motion = self._integrate(self._motion, parts, middle, end, h)
         self.time_s += h

@@ -9,6 +9,7 @@ Parlett 2004); with it, shift and invert at zero on the sparse one.
 
 from __future__ import annotations
 
+from itertools import pairwise
 from math import ceil, pi
 from typing import Any, NamedTuple
 
@@ -35,26 +36,59 @@ def find_lateral_modes(span: Span, highest_hz: float) -> LateralModes:
     Raises:
         InputError: the rope is slack somewhere, or has too many modes below that frequency.
     """
-    if not (span.tension > 0.0).all():
-        slack = int((span.tension <= 0.0).sum())
-        what = f"{slack} of {len(span.tension)} elements are slack, so it has no modes"
-        raise InputError(phrase("rope", what, "give it weight, tension or a payload"))
-    expected = modes_below(span, highest_hz)
-    if expected > MOST:
-        what = f"about {expected:.0f} modes lie below {highest_hz:.3g} Hz"
-        raise InputError(phrase("rope", what, f"at most {MOST} are taken; lower the current"))
-    first = 1 if span.end_mass is None else 0
-    mass = span.node_mass[first:-1]
-    top = (2.0 * pi * highest_hz) ** 2
-    solve = _three_diagonals if span.stiffness == 0.0 else _sparse
-    squares, vectors = solve(span, mass, first, top)
-    shape = np.zeros((len(span.s), len(squares)))
-    shape[first:-1] = vectors / np.sqrt(mass)[:, None]
-    largest = np.abs(shape).max(axis=0, initial=0.0)
-    shape /= np.where(largest > 0.0, largest, 1.0) * np.where(shape[-2] < 0.0, -1.0, 1.0)
-    return LateralModes(
-        np.sqrt(np.maximum(squares, 0.0)) / (2.0 * pi), shape, span.node_mass @ shape**2
-    )
+    return ModeSearch(span, highest_hz, MOST).found()
+
+
+class ModeSearch:
+    """The modes of a rope up to a frequency, some at a time: for who has no time for all at once.
+
+    With bending they are found all at once.
+
+    Raises:
+        InputError: as for all of them.
+    """
+
+    def __init__(self, span: Span, highest_hz: float, part: int) -> None:
+        """`part`: about so many modes at a time."""
+        if not (span.tension > 0.0).all():
+            slack = int((span.tension <= 0.0).sum())
+            what = f"{slack} of {len(span.tension)} elements are slack, so it has no modes"
+            raise InputError(phrase("rope", what, "give it weight, tension or a payload"))
+        expected = modes_below(span, highest_hz)
+        if expected > MOST:
+            what = f"about {expected:.0f} modes lie below {highest_hz:.3g} Hz"
+            raise InputError(phrase("rope", what, f"at most {MOST} are taken; lower the current"))
+        self.span, self.highest_hz = span, highest_hz
+        self._first = 1 if span.end_mass is None else 0
+        self._mass = span.node_mass[self._first : -1]
+        parts = 1 if span.stiffness > 0.0 else max(1, ceil(expected / part))
+        # a string's frequencies lie equally far apart
+        edges = 2.0 * pi * highest_hz * np.arange(parts + 1) / parts
+        self._bands = [(-1.0 if low == 0.0 else low * low, high * high)
+                       for low, high in pairwise(edges.tolist())]  # fmt: skip
+        self._parts: list[tuple[Floats, Floats]] = []
+
+    def go_on(self) -> None:
+        """The next ones, if any are left."""
+        if len(self._parts) < len(self._bands):
+            band = self._bands[len(self._parts)]
+            solve = _three_diagonals if self.span.stiffness == 0.0 else _sparse
+            self._parts.append(solve(self.span, self._mass, self._first, band))
+
+    def found(self) -> LateralModes:
+        """All of them, with what is left of the search."""
+        while len(self._parts) < len(self._bands):
+            self.go_on()
+        squares = np.concatenate([part[0] for part in self._parts])
+        vectors = np.concatenate([part[1] for part in self._parts], axis=1)
+        span, first = self.span, self._first
+        shape = np.zeros((len(span.s), len(squares)))
+        shape[first:-1] = vectors / np.sqrt(self._mass)[:, None]
+        largest = np.abs(shape).max(axis=0, initial=0.0)
+        shape /= np.where(largest > 0.0, largest, 1.0) * np.where(shape[-2] < 0.0, -1.0, 1.0)
+        return LateralModes(
+            np.sqrt(np.maximum(squares, 0.0)) / (2.0 * pi), shape, span.node_mass @ shape**2
+        )
 
 
 def modes_below(span: Span, frequency_hz: float) -> float:
@@ -62,8 +96,10 @@ def modes_below(span: Span, frequency_hz: float) -> float:
     return float(2.0 * frequency_hz * (np.sqrt(span.mass / span.tension) * np.diff(span.s)).sum())
 
 
-def _three_diagonals(span: Span, mass: Floats, first: int, top: float) -> tuple[Floats, Floats]:
-    """Squares of the frequencies [rad²/s²] and vectors of the mass-normal problem."""
+def _three_diagonals(
+    span: Span, mass: Floats, first: int, band: tuple[float, float]
+) -> tuple[Floats, Floats]:
+    """Squares of the frequencies in a band [rad²/s²] and vectors of the mass-normal problem."""
     from scipy.linalg import eigh_tridiagonal
 
     k = span.tension / np.diff(span.s)
@@ -71,17 +107,19 @@ def _three_diagonals(span: Span, mass: Floats, first: int, top: float) -> tuple[
     own[1 - first :] += k[: len(k) - 1]
     between = -k[first:-1] / np.sqrt(mass[1:] * mass[:-1])
     found: tuple[Floats, Floats] = eigh_tridiagonal(
-        own / mass, between, select="v", select_range=(-1.0, top)
+        own / mass, between, select="v", select_range=band
     )
     return found
 
 
-def _sparse(span: Span, mass: Floats, first: int, top: float) -> tuple[Floats, Floats]:
+def _sparse(
+    span: Span, mass: Floats, first: int, band: tuple[float, float]
+) -> tuple[Floats, Floats]:
     """The same with bending: as many as a string has, which bending only makes fewer."""
     from scipy.sparse import diags_array
     from scipy.sparse.linalg import eigsh
 
-    root = diags_array(1.0 / np.sqrt(mass))
+    root, top = diags_array(1.0 / np.sqrt(mass)), band[1]
     K = (root @ stiffness(span)[first:-1, first:-1] @ root).tocsc()
     wanted = ceil(modes_below(span, np.sqrt(top) / (2.0 * pi))) + SPARE
     count = min(wanted, len(mass) - 2)

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.viv.lateral_modes import LateralModes, find_lateral_modes
+from rope_twin.viv.lateral_modes import LateralModes, ModeSearch, find_lateral_modes
 from rope_twin.viv.shedding import Shedding
 from rope_twin.viv.span import Floats, Span, refined
 
@@ -32,6 +32,7 @@ MOST_DAMPED = 0.95  # of critical: a mode damped more does not ring
 GOLDEN = pi * (3.0 - 5.0**0.5)  # rad; times the square of its number a mode's phase at the start:
 # in proportion to the number itself, all modes would come together in one pulse
 MOST_ELEMENTS = 6000
+PART = 12  # modes that are looked for at a time beside a running twin
 
 
 class _Drive(NamedTuple):
@@ -45,6 +46,17 @@ class _Drive(NamedTuple):
     zones: NDArray[np.bool_]  # (places, modes)
 
 
+class KeptResponse(NamedTuple):
+    """What a response goes on from, to the bit."""
+
+    given: Span
+    coordinate: Floats  # η [m] of the modes
+    rate: Floats  # -η̇/ω [m]
+    angle: Floats
+    active: NDArray[np.int64]
+    time_s: float
+
+
 class ModalResponse:
     """A rope that vibrates in its modes, from rest.
 
@@ -52,7 +64,8 @@ class ModalResponse:
         InputError: the rope is slack somewhere.
     """
 
-    span: Span
+    given: Span  # as it was given
+    span: Span  # finer
     modes: LateralModes
     step_s: float  # longest step: the amplitude is taken anew so often
 
@@ -103,17 +116,27 @@ class ModalResponse:
         self.span = self.span._replace(speed=speed)
         self._drive = self._driven()
 
-    def follow(self, span: Span) -> None:
+    def search(self, span: Span) -> ModeSearch:
+        """For the modes of a rope that has changed, to be followed when it is through.
+
+        Raises:
+            InputError: it is slack somewhere.
+        """
+        fine, highest = self._refined(span)
+        return ModeSearch(fine, highest, PART)
+
+    def follow(self, span: Span, search: ModeSearch | None = None) -> None:
         """The rope has changed: other tension, length or current. Motion goes on as it is.
 
         The motion, with its velocity as the imaginary part, is projected on the new modes.
+        `search`: where they were looked for before.
 
         Raises:
             InputError: it is slack somewhere; the old modes are kept.
         """
         before, s = self.modes.shape @ self._phasor, self.span.s
         angle = self._angle
-        self._take(span)
+        self._take(span, search)
         new = self.span.s
         from_top = new[-1] - new
         moved = np.interp(from_top, (s[-1] - s)[::-1], before[::-1].real) + 1j * np.interp(
@@ -136,26 +159,49 @@ class ModalResponse:
             self._advance(duration_s / steps)
         self.time_s += duration_s
 
-    def _take(self, span: Span) -> None:
-        """Modes up to the highest that the current can lock."""
+    def kept(self) -> KeptResponse:
+        """From which `take_back` goes on."""
+        phasor = self._phasor
+        return KeptResponse(
+            self.given, phasor.real.copy(), phasor.imag.copy(), self._angle.copy(),
+            self._drive.active.copy(), self.time_s,
+        )  # fmt: skip
+
+    def take_back(self, kept: KeptResponse) -> None:
+        """Go on from there; its modes were those of a search."""
+        self._take(kept.given, self.search(kept.given))
+        self._phasor = kept.coordinate + 1j * kept.rate
+        self._angle, self.time_s = kept.angle.copy(), kept.time_s
+        self._drive = self._driven(kept.active)
+        self.amplitude = self._amplitude()
+
+    def _refined(self, span: Span) -> tuple[Span, float]:
+        """In elements that are short enough, and the highest frequency that it can lock [Hz]."""
         fastest = float((span.speed / span.diameter).max())
         shedding, highest = self.shedding.strouhal * fastest, fastest / self.shedding.band[0]
         wave_speed = float(np.sqrt((span.tension / span.mass).min()))
         length = float(span.s[-1] - span.s[0])
         longest = max(wave_speed / max(shedding, 1e-9) / PER_WAVE, length / MOST_ELEMENTS)
-        fine = refined(span, longest)
-        modes = find_lateral_modes(fine, highest)
-        self.span, self.modes = fine, modes
+        return refined(span, longest), highest
+
+    def _take(self, span: Span, search: ModeSearch | None = None) -> None:
+        """Modes up to the highest that the current can lock."""
+        fine, highest = self._refined(span)
+        modes = find_lateral_modes(fine, highest) if search is None else search.found()
+        self.given, self.span, self.modes = span, fine, modes
         self._omega = 2.0 * pi * modes.frequency
+        shedding = self.shedding.strouhal * float((span.speed / span.diameter).max())
         self.step_s = 1.0 / (PER_PERIOD * shedding) if shedding > 0.0 else np.inf
 
-    def _driven(self) -> _Drive:
+    def _driven(self, active: NDArray[np.int64] | None = None) -> _Drive:
+        """`active`: modes that were driven or moved; None: those that do now."""
         span, modes, water = self.span, self.modes, self.shedding
         locked = water.locked(self._omega, span.diameter, span.speed)
         strouhal = water.strouhal * span.speed / span.diameter
         zones = water.zones(modes.frequency, strouhal, locked)
         moving = self.modal_amplitude > STILL * float(span.diameter.min())
-        active = np.flatnonzero(zones.any(axis=0) | moving)
+        if active is None:
+            active = np.flatnonzero(zones.any(axis=0) | moving)
         omega, shape = self._omega[active], modes.shape[:, active]
         c0, c2 = water.damping(omega, span.diameter, span.speed)
         square = shape * shape

@@ -230,7 +230,7 @@ def shaken(seconds: float, hz: float, extra: dict[str, float]) -> tuple[OwnMotio
         place[1] += 0.7 * 0.032 * shape * np.sin(2.0 * np.pi * hz * t) + sway
         place[0] += extra["drift_m_per_s"] * t
         place[2] -= extra["payout_m_per_s"] * t
-        tracker.take(rope)
+        tracker.take(rope, sample, 2.5)
     return tracker, shape
 
 

@@ -1,0 +1,147 @@
+"""Models beside a running twin: modes searched in parts, followed as the rope changes, and kept."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from test_vibration import CABLE
+
+from rope_twin.effects.wake_oscillator import WakeOscillatorParams
+from rope_twin.errors import InputError
+from rope_twin.scene.schema import Scene, Winch
+from rope_twin.studies.rigs import march, sine
+from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.snapshot import RopeVibration, Snapshot
+from rope_twin.twin.twin import Twin
+from rope_twin.twin.vibration import span_of_twin
+from rope_twin.twin.watch import DECOMPOSED, MODES, Watch
+from rope_twin.viv.decomposed import decomposed
+from rope_twin.viv.decomposed_response import DecomposedResponse
+from rope_twin.viv.lateral_modes import ModeSearch, find_lateral_modes
+from rope_twin.viv.modal_response import ModalResponse
+from rope_twin.viv.shedding import Shedding
+from rope_twin.viv.span import Span, refined
+
+WINCH = Winch(
+    speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, least_line_out_m=5.0,
+    most_line_out_m=240.0,
+)  # fmt: skip
+
+
+def watched(scene: Scene, model: str, curve: str = "") -> Any:
+    return twin_kind(energy=False, error_band=False, watch=Watch(model, curve))(scene)
+
+
+def shaking(shot: Snapshot) -> RopeVibration:
+    assert shot.vibration is not None
+    return shot.vibration
+
+
+def fine_span(ends: bool = True) -> Span:
+    span = refined(span_of_twin(CABLE.twin()), 1.0)
+    return span if ends else span._replace(end_mass=None)
+
+
+@pytest.mark.parametrize("ends", [True, False])
+@pytest.mark.parametrize("part", [1, 7, 400])
+def test_modes_found_in_parts_are_those_found_at_once(part: int, ends: bool) -> None:
+    span = fine_span(ends)
+    whole = find_lateral_modes(span, 3.0)
+    search = ModeSearch(span, 3.0, part)
+    search.go_on()
+    found = search.found()
+    assert len(found.frequency) == len(whole.frequency) > 15
+    assert found.frequency == pytest.approx(whole.frequency, rel=1e-9)
+    assert np.abs(found.shape - whole.shape).max() < 1e-6
+
+
+def test_followed_to_the_same_rope_the_decomposed_response_goes_on_as_it_was() -> None:
+    """Phases, motion and what was read of it are carried over; to another, it goes on near."""
+    span = fine_span()
+    one, other = (DecomposedResponse(span, decomposed()) for _ in range(2))
+    for _ in range(8):
+        one.advance(1.0)
+        other.advance(1.0)
+        other.follow(span)
+    assert np.abs(one.motion).max() > 0.01
+    assert other.motion == pytest.approx(one.motion, abs=1e-9)
+    assert other.amplitude == pytest.approx(one.amplitude, abs=1e-7)
+    longer = refined(span._replace(s=1.05 * span.s, tension=1.1 * span.tension), 1.0)
+    before = np.abs(other.motion).max()
+    other.follow(longer)
+    assert len(other.motion) == len(longer.s) > len(span.s)
+    assert np.abs(other.motion).max() == pytest.approx(before, rel=0.05)
+    other.advance(20.0)
+    assert 0.2 < other.amplitude.max() < 1.5
+
+
+def test_beside_a_rope_at_rest_it_is_the_response_at_constant_tension() -> None:
+    scene = CABLE.scene()
+    twin = watched(scene, MODES)
+    alone = ModalResponse(span_of_twin(Twin(scene)), Shedding())
+    twin.advance(1000)
+    alone.advance(20.0)
+    seen = shaking(twin.snapshot())
+    nodes = np.linspace(alone.span.s[-1], 0.0, len(seen.cross_flow))
+    expected = np.interp(nodes, alone.span.s, alone.amplitude)
+    assert seen.cross_flow.max() > 0.5
+    assert np.abs(seen.cross_flow - expected).max() < 0.05
+    assert (seen.solves, seen.every_s, seen.note) == (20, 1.0, "")
+    assert seen.in_line is None
+
+
+@pytest.mark.parametrize("model", [MODES, DECOMPOSED])
+def test_it_follows_the_rope_through_the_winch_and_goes_on_from_a_state(model: str) -> None:
+    """To the bit, also if saved between two searches; and the twin's own run is untouched."""
+    scene = replace(CABLE, winch=WINCH).scene()
+    course: Any = (sine(0.3, 6.0), 8.0, 1, [(2.0, 2.0)])
+    plain = [shot.tension_top_n for shot in march(Twin(scene), *course)]
+    twin = watched(scene, model)
+    assert [shot.tension_top_n for shot in march(twin, *course)] == plain
+    twin.advance(17)
+    again = type(twin).restore(twin.capture(), scene)
+    for one in (twin, again):
+        for _ in march(one, sine(0.3, 6.0), 6.0, 1):
+            pass
+    seen, same = shaking(twin.snapshot()), shaking(again.snapshot())
+    assert len(seen.cross_flow) > 43
+    assert 0.05 < seen.cross_flow.max() < 1.5
+    assert np.array_equal(seen.cross_flow, same.cross_flow)
+    assert np.array_equal(seen.cross_flow_hz, same.cross_flow_hz)
+    assert seen.solves == same.solves == 15
+
+
+def test_slack_keeps_the_modes_that_it_had_and_says_so() -> None:
+    twin = watched(CABLE.scene(), MODES)
+    notes = [shaking(shot).note for shot in march(twin, sine(4.0, 4.0), 10.0, 5)]
+    assert any("elements are slack" in note for note in notes)
+    assert "" in notes
+
+
+def test_the_bending_of_the_vibration_wears_the_rope() -> None:
+    """Stress of a wave on the rope: E·d/2·k²·A, k² = m·ω²/T; rainflow of it over the run."""
+    twin = watched(replace(CABLE, diameter=0.032).scene(), MODES, "stranded_wire")
+    twin.advance(1000)
+    before = twin.snapshot()
+    twin.advance(500)
+    shot = twin.snapshot()
+    seen, wear = shaking(shot), shot.fatigue
+    assert wear is not None and wear.bending  # noqa: PT018
+    cycles = seen.cross_flow_hz[seen.worst] * 10.0
+    per_metre = 6.4 + 1025.0 * 0.25 * np.pi * 0.032**2
+    wave = per_metre * (2.0 * np.pi * seen.cross_flow_hz) ** 2 / shot.node_tension_n
+    stress = 6.5e7 / (6.4 / 7850.0) * 0.016 * wave * seen.cross_flow * 0.032
+    expected = cycles * (2e-6 * stress.max()) ** 4 / 3.4e14
+    assert before.fatigue is not None
+    grown = (wear.used - before.fatigue.used).max()
+    assert 0.4 * expected < grown < 1.6 * expected
+
+
+def test_a_scene_that_shakes_its_rope_itself_gets_no_second_model() -> None:
+    scene = CABLE.scene()
+    scene = replace(scene, effects=(*scene.effects, WakeOscillatorParams()))
+    with pytest.raises(InputError, match=r"own wake_oscillator shakes its rope.*ask for motion"):
+        watched(scene, MODES)
