@@ -12,8 +12,9 @@ most 0: what is above the surface feels the water at the surface.
 Rope and payload feel the acceleration: the rope by ρ·A·(a + Ca·a_n) per metre, the payload by
 (ρ·V + added mass)·a on each axis (Froude and Krylov; Morison et al. 1950).
 
-Short cut: components are sorted from long to short, and a node takes only so many that the rest of
-them together, Σ a·ω·e^{k·z}, stays under `neglected_m_per_s` there.
+Short cuts: components are sorted from long to short, and a node takes only so many that the rest of
+them together, Σ a·ω·e^{k·z}, is negligible there; nodes between others may take what a cubic gives
+(core/wave_field). Both together stay under `neglected_m_per_s`.
 """
 
 from __future__ import annotations
@@ -27,18 +28,21 @@ import numpy as np
 
 from rope_twin.core.energy import account
 from rope_twin.core.hooks import kernel
-from rope_twin.core.jit import jit_sum, jit_within
+from rope_twin.core.jit import jit_within
 from rope_twin.core.loads import Load
-from rope_twin.core.rows import row, rows
+from rope_twin.core.rows import rows
 from rope_twin.core.stack import stacks
-from rope_twin.core.state import FLOW, FLOW_RATE, POSITION, RESIDUAL, SURFACE, Floats
+from rope_twin.core.state import FLOW_RATE, RESIDUAL, Floats
+from rope_twin.core.wave_field import LOWEST, add_water
 from rope_twin.errors import InputError
 from rope_twin.quantity import quantity, text
 from rope_twin.sea.components import DEEP, irregular_waves, regular_wave, spread
 from rope_twin.sea.components import Waves as Components
 from rope_twin.sea.spectrum import WaveSpectrum, find_spectra, jonswap, read_spectrum
 
-LOWEST = 60.0  # e^-60 stands for less
+# Shares of what may be neglected. A cubic of four values makes 1.63 of an error that all may have.
+CUT, BETWEEN = 0.25, 0.5
+LEVELS, DEEPEST = 40, 2e3  # of the table of stretches, to this depth [m]
 REACH = 60  # halvings that find how deep a component reaches
 
 
@@ -102,7 +106,7 @@ class WavesParams:
     depth_m: float | None = quantity("of the water; absent: deep", "m", 1.0, 12e3, default=None)
     ramp_s: float = quantity("the sea rises from flat over this time", "s", 0.0, 600.0, 8.0)
     neglected_m_per_s: float = quantity(
-        "velocity of all the components together that a node leaves out", "m/s", 0.0, 0.1, 1e-4
+        "error of the water's velocity at a node by both short cuts", "m/s", 0.0, 0.1, 1e-4
     )
 
     def check(self) -> str | None:
@@ -127,6 +131,10 @@ class Waves(NamedTuple):
     up: Floats  # a·ω/(1 - e^{-2kh})
     echo: Floats  # e^{-2kh}: what the bottom throws back
     reach: Floats  # below this z [m] the components from here on are left out
+    levels: Floats  # from the surface down [m], and for each of them the
+    thirds: Floats  # third of the longest stretch [m] that a cubic serves below it
+    steepest: float  # Σ a·k, slope of the surface
+    crest: float  # Σ a [m]
     depth: float  # [m]
     ramp: float  # [s]
     density: float  # of the water [kg/m³]
@@ -147,7 +155,8 @@ def _pick_waves(many: Any, r: int) -> Any:
     sea, m = many.sea, many.inertia[r]
     return Waves(
         sea.kx, sea.ky, sea.k, sea.omega, sea.phase, sea.amplitude, sea.east, sea.north, sea.up,
-        sea.echo, sea.reach, sea.depth, sea.ramp, sea.density, sea.Ca, m[0], m[1], m[2],
+        sea.echo, sea.reach, sea.levels, sea.thirds, sea.steepest, sea.crest, sea.depth, sea.ramp,
+        sea.density, sea.Ca, m[0], m[1], m[2],
     )  # fmt: skip
 
 
@@ -183,6 +192,8 @@ def build(params: WavesParams, payload: Any, around: Any) -> Waves:
     sea = components_of(params, around.gravity_m_per_s2)
     echo = np.exp(-2.0 * sea.wave_number * sea.depth_m)
     speed = sea.amplitude_m * sea.omega / (1.0 - echo)
+    felt = speed * np.maximum(sea.omega, 1.0)  # bounds velocity and its rate
+    levels = -np.append(0.0, np.geomspace(0.25, min(sea.depth_m, DEEPEST), LEVELS))
     inertia = [0.0] * 3
     if payload is not None:
         inertia = [density * payload.volume_m3 + added for added in payload.added_mass_kg]
@@ -197,7 +208,11 @@ def build(params: WavesParams, payload: Any, around: Any) -> Waves:
         north=speed * np.sin(sea.heading),
         up=speed,
         echo=echo,
-        reach=_reach(sea.wave_number, speed, sea.depth_m, params.neglected_m_per_s),
+        reach=_reach(sea.wave_number, felt, sea.depth_m, CUT * params.neglected_m_per_s),
+        levels=levels,
+        thirds=_thirds(levels, sea, felt, BETWEEN * params.neglected_m_per_s),
+        steepest=float(sea.amplitude_m @ sea.wave_number),
+        crest=float(sea.amplitude_m.sum()),
         depth=sea.depth_m,
         ramp=params.ramp_s,
         density=density,
@@ -228,6 +243,14 @@ def _reach(k: Floats, speed: Floats, depth: float, neglected: float) -> Floats:
     return reach
 
 
+def _thirds(levels: Floats, sea: Components, felt: Floats, error: float) -> Floats:
+    """(11·error/Σ a·ω·k⁴·(e^{kz} + e^{-k(z+2h)}))^¼ at the levels [m]; ω counts as 1/s at least."""
+    k, h = sea.wave_number, sea.depth_m
+    size = felt * k**4
+    both = np.exp(np.outer(levels, k)) + np.exp(-np.outer(levels + 2.0 * h, k))
+    return np.asarray((11.0 * error / np.maximum(both @ size, 1e-30)) ** 0.25)
+
+
 @jit_within
 def _ramp(waves: Any, time: float) -> Any:
     """How much of the sea there is, u³·(10 - 15u + 6u²), and its rate [1/s]."""
@@ -237,102 +260,10 @@ def _ramp(waves: Any, time: float) -> Any:
     return u**3 * (10.0 - 15.0 * u + 6.0 * u * u), 30.0 * u * u * (1.0 - u) ** 2 / waves.ramp
 
 
-@jit_within
-def cos_sin(angle: float) -> Any:
-    """Cosine and sine to 1e-11, in arithmetic that runs on several angles at once.
-
-    By Taylor's series of half the angle, taken to within a quarter turn.
-    """
-    turns = angle * (0.5 / math.pi)
-    x = math.pi * (turns - math.floor(turns + 0.5))
-    y = x * x
-    s = x * (1.0 + y * (-1.0 / 6.0 + y * (1.0 / 120.0 + y * (-1.0 / 5040.0 + y * (
-        1.0 / 362880.0 + y * (-1.0 / 39916800.0 + y * (1.0 / 6227020800.0 + y * (
-            -1.0 / 1307674368000.0))))))))  # fmt: skip
-    c = 1.0 + y * (-0.5 + y * (1.0 / 24.0 + y * (-1.0 / 720.0 + y * (1.0 / 40320.0 + y * (
-        -1.0 / 3628800.0 + y * (1.0 / 479001600.0 + y * (-1.0 / 87178291200.0 + y * (
-            1.0 / 20922789888000.0))))))))  # fmt: skip
-    return 1.0 - 2.0 * s * s, 2.0 * s * c
-
-
-@jit_within
-def decay(x: float) -> float:
-    """e^x for -60 < x <= 0 to 1e-11, likewise: (e^{x/64})^64 by Taylor's series about -1/2."""
-    y = x * (1.0 / 64.0) + 0.5
-    e = math.exp(-0.5) * (1.0 + y * (1.0 + y * (0.5 + y * (1.0 / 6.0 + y * (1.0 / 24.0 + y * (
-        1.0 / 120.0 + y * (1.0 / 720.0 + y * (1.0 / 5040.0 + y * (1.0 / 40320.0 + y * (
-            1.0 / 362880.0 + y * (1.0 / 3628800.0 + y / 39916800.0)))))))))))  # fmt: skip
-    e = e * e
-    e = e * e
-    e = e * e
-    e = e * e
-    e = e * e
-    return e * e
-
-
-@jit_sum
-def surface(waves: Any, x: float, y: float, time: float) -> float:
-    """η of the full sea at a place [m]."""
-    eta = 0.0
-    for j in range(waves.k.shape[0]):
-        angle = waves.kx[j] * x + waves.ky[j] * y - waves.omega[j] * time + waves.phase[j]
-        c, _ = cos_sin(angle)
-        eta += waves.amplitude[j] * c
-    return eta
-
-
-@jit_sum
-def water(waves: Any, count: int, x: float, y: float, z: float, time: float) -> Any:
-    """Velocity and acceleration of the water from the `count` longest components at Wheeler's z."""
-    u, v, w, du, dv, dw = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for j in range(count):
-        angle = waves.kx[j] * x + waves.ky[j] * y - waves.omega[j] * time + waves.phase[j]
-        c, s = cos_sin(angle)
-        far = decay(max(waves.k[j] * z, -LOWEST))
-        echo = waves.echo[j] / far
-        level, rise = far + echo, waves.up[j] * (far - echo)
-        omega = waves.omega[j]
-        u += waves.east[j] * level * c
-        v += waves.north[j] * level * c
-        w += rise * s
-        du += waves.east[j] * level * omega * s
-        dv += waves.north[j] * level * omega * s
-        dw -= rise * omega * c
-    return u, v, w, du, dv, dw
-
-
 @kernel("flow", Waves)
 def flow(waves: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Flow += velocity; its rate and the surface = the waves', 0 where no component reaches."""
-    x, y, z = rows(work, POSITION, low)
-    u, v, w = rows(work, FLOW, low)
-    du, dv, dw = rows(work, FLOW_RATE, low)
-    surface_at = row(work, SURFACE, low)
-    share, rate = _ramp(waves, stage.time)
-    last = waves.k.shape[0]
-    height = 0.0
-    for j in range(last):
-        height += waves.amplitude[j]
-    for i in range(high - low):
-        du[i] = 0.0
-        dv[i] = 0.0
-        dw[i] = 0.0
-        surface_at[i] = 0.0
-        if share == 0.0 or z[i] - height < waves.reach[0] * (1.0 - height / waves.depth):
-            continue
-        eta = share * surface(waves, x[i], y[i], stage.time)
-        surface_at[i] = eta
-        level = max(min((z[i] - eta) / (1.0 + eta / waves.depth), 0.0), -waves.depth)
-        count = last
-        while count > 0 and waves.reach[count - 1] > level:
-            count -= 1
-        uu, vv, ww, duu, dvv, dww = water(waves, count, x[i], y[i], level, stage.time)
-        u[i] += share * uu
-        v[i] += share * vv
-        w[i] += share * ww
-        du[i] = share * duu + rate * uu
-        dv[i] = share * dvv + rate * vv
-        dw[i] = share * dww + rate * ww
+    """Flow += velocity; its rate and the surface = the waves'."""
+    add_water(waves, _ramp(waves, stage.time), work, stage.time, low, high)
 
 
 @kernel("load", Waves)
