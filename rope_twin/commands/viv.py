@@ -12,6 +12,8 @@ import numpy as np
 from rope_twin.commands.bench import print_table
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.schema import Scene
+from rope_twin.studies.viv_beside import beside_json, beside_table, draw_beside, run_shaken
 from rope_twin.studies.viv_moving import MovingRun, draw_moving, run_moving
 from rope_twin.studies.viv_picture import check_folder, write_all
 from rope_twin.studies.viv_study import Fatigue, VivRun, count_fatigue, run_viv
@@ -45,6 +47,9 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     parser.add_argument("--moving", type=float, metavar="S",
                         help="beside a running twin, too: its regular heave and winch, modes found "
                         "again every S seconds")  # fmt: skip
+    parser.add_argument("--beside", metavar="SCENE",
+                        help="in place of modes: both scenes by the vortex model that each lists, "
+                        "side by side")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="one JSON object instead of words")
     parser.set_defaults(run=run)
 
@@ -66,6 +71,8 @@ def run(args: argparse.Namespace) -> int:
     if args.into is not None:
         check_folder(args.into)
     scene = load_scene(args.scene)
+    if args.beside is not None:
+        return _beside(args, scene)
     density = scene.environment.water_density_kg_per_m3
     shedding = Shedding(strouhal=args.strouhal, density=density, structural=args.structural)
     found = run_viv(scene, shedding, args.duration)
@@ -93,6 +100,24 @@ def run(args: argparse.Namespace) -> int:
             )
         for path in files:
             print(path)
+    return 0
+
+
+def _beside(args: argparse.Namespace, scene: Scene) -> int:
+    other = load_scene(args.beside)
+    runs = tuple(run_shaken(own, args.duration) for own in (scene, other))
+    files = []
+    if args.into is not None:
+        files.append(args.into / "beside.png")
+        draw_beside(runs, files[-1])
+    if args.json:
+        told = {"runs": beside_json(runs), "files": [str(path) for path in files]}
+        print(json.dumps(told, ensure_ascii=False, allow_nan=False))
+        return 0
+    print_table(beside_table(runs))
+    print("(published VIV codes differ among each other by a factor of 1.7)")
+    for path in files:
+        print(path)
     return 0
 
 

@@ -56,7 +56,7 @@ def run_moving(scene: Scene, shedding: Shedding, duration_s: float, every_s: flo
         SceneError: ropes meet, or the rope cannot rest.
         SolverError: the twin's next state would not be finite.
     """
-    heave, speeds = _motion(scene)
+    heave, speeds = regular_motion(scene)
     twin = Twin(scene)
     vibration = Vibration(twin, shedding, every_s)
     constant = ModalResponse(vibration.response.span, shedding)
@@ -81,8 +81,12 @@ def run_moving(scene: Scene, shedding: Shedding, duration_s: float, every_s: flo
     )  # fmt: skip
 
 
-def _motion(scene: Scene) -> tuple[Motion, Speeds]:
-    """Heave over time and the winch's speeds."""
+def regular_motion(scene: Scene) -> tuple[Motion, Speeds]:
+    """Heave over time and the winch's speeds.
+
+    Raises:
+        InputError: the sea is neither still nor a regular heave, or the winch is told other things.
+    """
     sea = scene.sea_state
     if sea.moves and sea.heave is None:
         right = "give `sea_state: {heave: {amplitude_m: 1.5, period_s: 8.0}}`"
