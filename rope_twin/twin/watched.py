@@ -126,6 +126,11 @@ class WatchedTwin(Twin):
             )
             self._tracker = tracker
 
+    def _sever(self, lost_m: float) -> float:
+        """As for a twin; what is left of the rope shakes anew."""
+        self._tracker, self._hz = None, 0.0
+        return super()._sever(lost_m)
+
     def _advance_some(self, steps: int) -> int:
         due = self._every - self._steps % self._every
         done = super()._advance_some(min(steps, due))

@@ -28,7 +28,7 @@ EPOCH_NS = 10**18
 # by a scene of heave and speeds only, with no bed, no topic of current and no error band
 NOT_TOLD = {
     "current", "ship/odometry", "tension_top/band", "seabed/contact", "rope/vibration",
-    "rope/fatigue", *WINCH_TOPICS,
+    "rope/fatigue", "rope/cut", *WINCH_TOPICS,
 } - {"winch/speed_command"}  # fmt: skip
 COMPARED = [
     topic.name
