@@ -13,6 +13,7 @@ from sample_snapshot import hanging_rope, rolled_ship
 from rope_twin.errors import BagError
 from rope_twin.messages import (
     Encoder,
+    encode_cut,
     encode_diagnostics,
     encode_elevation,
     encode_epoch,
@@ -42,6 +43,7 @@ def all_messages(stamp_ns: int) -> dict[str, bytes]:
         "ship/odometry": encode_pose(stamp_ns, rolled_ship(stamp_ns)),
         "sea/elevation": encode_elevation(stamp_ns, 1.5),
         **dict(encode_order(stamp_ns, order) for order in ONE_OF_EACH),
+        **dict([encode_cut(stamp_ns, 1500.0)]),
         "twin/epoch": encode_epoch(EPOCH_NS),
         "diagnostics": encode_diagnostics(stamp_ns, statuses(snapshot, None)),
         "current": serialise(

@@ -28,6 +28,7 @@ def encoded(topic: str, nodes: int) -> bytes:
         "ship/odometry": messages.encode_pose(STAMP_NS, rolled_ship(STAMP_NS)),
         "sea/elevation": messages.encode_elevation(STAMP_NS, -0.75),
         **dict(messages.encode_order(STAMP_NS, order, "aft") for order in ONE_OF_EACH),
+        **dict([messages.encode_cut(STAMP_NS, 1500.0)]),
         "twin/epoch": messages.encode_epoch(STAMP_NS),
         "diagnostics": messages.encode_diagnostics(STAMP_NS, messages.statuses(snapshot, None)),
     }[topic]
