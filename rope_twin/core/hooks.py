@@ -14,6 +14,8 @@ no code and no branch behind. Plain Python (NUMBA_DISABLE_JIT=1) walks the same 
   the residuals and blocks, and to the rows LINK what the blocks c·I between the nodes have. The
   step then takes an elimination that knows of them.
 - `pull(effect, work, n)` returns what such an effect adds to the rope's pull on the hang-off.
+- `calm(effect, work, stage, n, share)`, of an effect whose loads come and go (`switching`): whether
+  they do neither between the motion that there is and that with share·delta, on the n free nodes.
 - `start`, `predict`, `load_nodes` and `settle` are those of effects that remember
   (core/remembering.py).
 
@@ -33,7 +35,8 @@ from rope_twin.core.jit import jit, jit_within
 from rope_twin.core.state import COUPLED_ROWS, WORK_ROWS
 
 HOOKS = (
-    "flow", "load", "load_end", "couple", "pull", "start", "predict", "load_nodes", "settle",
+    "flow", "load", "load_end", "couple", "pull", "calm", "start", "predict", "load_nodes",
+    "settle",
 )  # fmt: skip
 _KERNELS: dict[str, dict[type, Any]] = {hook: {} for hook in HOOKS}
 _SWITCHING: set[type] = set()
@@ -62,13 +65,18 @@ def kernel(hook: str, effect: type, *, wide: bool = False) -> Callable[[Any], An
 
 
 def switching(effect: type) -> None:
-    """Say that an effect's loads come and go: tensions alone do not tell convergence."""
+    """Say that an effect's loads come and go: tensions alone tell convergence when it is calm."""
     _SWITCHING.add(effect)
 
 
 def switches(kinds: Iterable[type]) -> bool:
     """Whether one of these types of effects has loads that come and go."""
     return any(kind in _SWITCHING for kind in kinds)
+
+
+def may_be_calm(kinds: Iterable[type]) -> bool:
+    """Whether all that switches among these types can tell when it does not."""
+    return all(kind in _KERNELS["calm"] for kind in kinds if kind in _SWITCHING)
 
 
 def wide_kernel(hook: str, effect: type) -> Callable[[Any], Any]:

@@ -1,7 +1,7 @@
 """One implicit stage: x = x_hat + p·a, v = v_hat + q·a, solved for a by semismooth Newton.
 
 The tension-only energy is convex in a, so there is one minimum. A stage is accepted when every
-tension is what the linearisation expected of it and, where an effect's loads come and go, every
+tension is what the linearisation expected of it and, where an effect's loads come or go, every
 node is in balance; from the fourth correction on a secant line
 search keeps Newton from overshooting between slack and taut (plain steps suffice before).
 
@@ -80,12 +80,9 @@ def _choose_balance(effects: Any) -> Any:
 
 
 def _keeps_factors(kinds: Any) -> bool:
-    """Whether an elimination serves another stage.
-
-    Not where what is remembered has gone on, or where loads that come and go ask for more.
-    """
+    """Whether an elimination serves another stage: not where what is remembered has gone on."""
     kinds = list(kinds)
-    return not (hooks.couples(kinds) or hooks.switches(kinds) or remembers(kinds))
+    return not (hooks.couples(kinds) or remembers(kinds))
 
 
 def _serves(effects: Any, rope: Any, stage: Any) -> Any:
@@ -106,9 +103,12 @@ def _is_solved_again(rope: Any, stage: Any) -> bool:
 
     If not, motion, tension and blocks are those of the prediction.
     """
-    push(rope.work, rope.model.first_free, rope.state.counts[ELEMENTS])
+    effects, work, n = rope.effects, rope.work, rope.state.counts[ELEMENTS]
+    if not terms.is_calm(effects, work, stage, n, 0.0):
+        return False
+    push(work, rope.model.first_free, n)
     rope.state.health[SOLVES] += 1
-    if count_left(rope, stage, CHUNK) == 0:
+    if count_left(rope, stage, CHUNK) == 0 and terms.is_calm(effects, work, stage, n, 1.0):
         return True
     _evaluate(rope, stage, SEARCH, 0.0, 0.0)
     return False
@@ -132,7 +132,7 @@ def solve_stage(rope: Any, stage: Any, kind: int, cap: int, pending: float, agai
         state.health[SOLVES] += 1
         state.health[SOLVES_MAX] = max(state.health[SOLVES_MAX], correction)
         unexpected = _look_ahead(rope, stage)
-        if unexpected == 0 and not _switches(rope.effects):
+        if unexpected == 0 and terms.is_calm(rope.effects, work, stage, n, 1.0):
             return PENDING
         before = slope(work, first, n)
         if not isfinite(before):

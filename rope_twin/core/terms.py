@@ -11,7 +11,7 @@ from typing import Any
 
 from numba.extending import overload
 
-from rope_twin.core.hooks import couples, kernels, members, written_out
+from rope_twin.core.hooks import couples, kernels, may_be_calm, members, switches, written_out
 from rope_twin.core.jit import LINKED, jit
 from rope_twin.core.state import BLOCK, LINK, PULL, PULL_X, RESIDUAL
 
@@ -93,3 +93,22 @@ def _compose_pull(effects: Any, work: Any, n: Any, pull: Any, row: Any) -> Any:
     lines = [f"add(kernel_{i}(effects[{i}], work, n), pull, row)" for i in calls]
     lines.append("return None")
     return written_out("effects, work, n, pull, row", lines, calls, add=_add_to_pull)
+
+
+def is_calm(effects: Any, work: Any, stage: Any, n: Any, share: Any) -> Any:
+    """Whether no load comes or goes between the motion that there is and that with share·delta."""
+    if not may_be_calm(map(type, effects)):
+        return False
+    return all(call(own, work, stage, n, share) for own, call in members("calm", effects))
+
+
+@overload(is_calm, jit_options=LINKED, strict=False)
+def _compose_calm(effects: Any, work: Any, stage: Any, n: Any, share: Any) -> Any:
+    kinds = [effect.instance_class for effect in effects]
+    if not switches(kinds):
+        return lambda effects, work, stage, n, share: True
+    if not may_be_calm(kinds):
+        return lambda effects, work, stage, n, share: False
+    calls = kernels("calm", effects, work)
+    lines = [f"if not kernel_{i}(effects[{i}], work, stage, n, share): return False" for i in calls]
+    return written_out("effects, work, stage, n, share", [*lines, "return True"], calls)

@@ -23,7 +23,7 @@ from rope_twin.core.jit import jit_entry, jit_within
 from rope_twin.core.loads import Load
 from rope_twin.core.rows import rows, span
 from rope_twin.core.stack import stacks
-from rope_twin.core.state import BLOCK, POSITION, RESIDUAL, VELOCITY, Floats
+from rope_twin.core.state import BLOCK, CORRECTION, POSITION, RESIDUAL, VELOCITY, Floats
 from rope_twin.quantity import quantity, text
 
 CREEP = 0.01  # v_0: friction is within 0.5 % of μ·N from ten times this on [m/s]
@@ -105,6 +105,7 @@ class Plane(NamedTuple):
 class Grid(NamedTuple):
     """A bed of soundings."""
 
+    top: float  # its highest z [m]
     x: Floats  # (columns,)
     y: Floats  # (rows,)
     height: Floats  # z of the bed [m], (rows, columns)
@@ -133,7 +134,8 @@ def _pick_plane(many: Any, r: int) -> Any:
 
 def _pick_grid(many: Any, r: int) -> Any:
     bed = many.bed
-    return Grid(bed.x, bed.y, bed.height, Soil(bed.soil.k, many.k[r], bed.soil.chi, bed.soil.mu))
+    soil = Soil(bed.soil.k, many.k[r], bed.soil.chi, bed.soil.mu)
+    return Grid(bed.top, bed.x, bed.y, bed.height, soil)
 
 
 @stacks(Plane, ManyPlanes, _pick_plane)
@@ -162,7 +164,8 @@ def build(params: SeabedParams, payload: Any, around: Any) -> Plane | Grid:
     )
     if params.soundings is not None:
         bed = params.soundings
-        return Grid(np.array(bed.x_m), np.array(bed.y_m), -np.array(bed.depth_m, dtype=float), soil)
+        height = -np.array(bed.depth_m, dtype=float)
+        return Grid(float(height.max()), np.array(bed.x_m), np.array(bed.y_m), height, soil)
     assert params.depth_m is not None, "checked when it was read"
     return Plane(-params.depth_m, params.slope[0], params.slope[1], soil)
 
@@ -279,6 +282,33 @@ def grid_load_end(bed: Any, work: Any, stage: Any) -> None:
     """The push on the payload."""
     x, y, _ = rows(work, POSITION, 0)
     _at_end(bed.soil, _grid_bed(bed, x[0], y[0]), work, stage)
+
+
+@jit_within
+def _is_clear(bed: Any, work: Any, p: float, n: int) -> bool:
+    """Whether all n nodes are above a plane, as they are and where p·delta moves them."""
+    height, east, north = bed
+    x, y, z = rows(work, POSITION, 0)
+    dx, dy, dz = rows(work, CORRECTION, 0)
+    low = 0
+    for i in range(n):
+        above = z[i] - (height + east * x[i] + north * y[i])
+        change = p * (dz[i] - east * dx[i] - north * dy[i])
+        low += not min(above, above + change) > 0.0
+    return low == 0
+
+
+@kernel("calm", Plane)
+def plane_calm(bed: Any, work: Any, stage: Any, n: int, share: float) -> bool:
+    """Nothing touches the bed."""
+    plane = (bed.height, bed.east, bed.north)
+    return bool(_is_clear(plane, work, share * stage.p, n))
+
+
+@kernel("calm", Grid)
+def grid_calm(bed: Any, work: Any, stage: Any, n: int, share: float) -> bool:
+    """All is above the bed's highest place."""
+    return bool(_is_clear((bed.top, 0.0, 0.0), work, share * stage.p, n))
 
 
 def _pushed(bed: Any, k: Any, place: Any) -> Any:

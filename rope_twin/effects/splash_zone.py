@@ -23,6 +23,7 @@ from rope_twin.core.stack import stacks
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
+    CORRECTION,
     FLOW,
     FLOW_RATE,
     POSITION,
@@ -130,6 +131,16 @@ def load_end(zone: Any, work: Any, stage: Any) -> None:
     Axy[0] -= 0.5 * g * (kx + ky) * x * y
     Axz[0] -= 0.5 * g * (kx + kz) * x * w + 0.5 * rise * fx
     Ayz[0] -= 0.5 * g * (ky + kz) * y * w + 0.5 * rise * fy
+
+
+@kernel("calm", SplashZone)
+def calm(zone: Any, work: Any, stage: Any, n: int, share: float) -> bool:
+    """The body is wholly wet, or wholly dry, and stays so."""
+    _, _, z = rows(work, POSITION, 0)
+    _, _, dz = rows(work, CORRECTION, 0)
+    wet = (row(work, SURFACE, 0)[0] - z[0]) / zone.height + 0.5
+    then = wet - share * stage.p * dz[0] / zone.height
+    return bool(min(wet, then) >= 1.0 or max(wet, then) <= 0.0)
 
 
 for _kind in (SplashZone, ManySplashZones):
