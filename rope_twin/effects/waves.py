@@ -106,7 +106,7 @@ class WavesParams:
     depth_m: float | None = quantity("of the water; absent: deep", "m", 1.0, 12e3, default=None)
     ramp_s: float = quantity("the sea rises from flat over this time", "s", 0.0, 600.0, 8.0)
     neglected_m_per_s: float = quantity(
-        "error of the water's velocity at a node by both short cuts", "m/s", 0.0, 0.1, 1e-4
+        "bound of the error of the water's velocity by short cuts", "m/s", 0.0, 0.1, 3e-4
     )
 
     def check(self) -> str | None:
