@@ -34,8 +34,8 @@ _TYPED_PASSES = (
 )
 
 
-# What operators make of types, by typing context.
-_KNOWN: WeakKeyDictionary[Any, dict[Any, Any]] = WeakKeyDictionary()
+# The signatures of calls that were found, and what implements them: by typing context and options.
+_KNOWN: WeakKeyDictionary[Any, dict[str, dict[Any, Any]]] = WeakKeyDictionary()
 
 
 class _LinkedCodegen:
@@ -103,14 +103,16 @@ def _visit(library: Any, visited: dict[Any, None]) -> None:
 
 
 class _Typing:
-    """numba's typing context, which remembers what an operator of its own makes of some types.
+    """numba's typing context, which remembers what was found of a call.
 
-    Only where the answer is a function that is built in: one that is compiled depends on more.
+    A question comes back whenever another of the kernel's types is known. The answer may depend on
+    the options that the kernel is compiled with; where the callee is compiled for it, its function
+    is told to numba again, who keeps but the last one.
     """
 
-    def __init__(self, context: Any) -> None:
+    def __init__(self, context: Any, options: str) -> None:
         self._context = context
-        self._known = _KNOWN.setdefault(context, {})
+        self._known = _KNOWN.setdefault(context, {}).setdefault(options, {})
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._context, name)
@@ -118,20 +120,18 @@ class _Typing:
     def resolve_function_type(self, function: Any, args: Any, kws: Any) -> Any:
         """The signature of a call."""
         asked = self._context._lookup_global(function) or function
-        key = (asked, tuple(args))
-        if kws or not isinstance(asked, types.Function):
+        if kws or not isinstance(asked, types.Function | types.Dispatcher):
             return self._context.resolve_function_type(function, args, kws)
+        key, chosen = (asked, tuple(args)), getattr(asked, "_impl_keys", {})
         if key not in self._known:
             found = self._context.resolve_function_type(function, args, kws)
-            if found is None or not _is_built_in(asked, found):
-                return found
-            self._known[key] = found
-        return self._known[key]
-
-
-def _is_built_in(function: Any, found: Any) -> bool:
-    """Whether what is called by this signature is a function of numba's own, not a compiled one."""
-    return function._impl_keys.get(found.args) is function.typing_key
+            if found is None:
+                return None
+            self._known[key] = found, chosen.get(found.args)
+        found, implementation = self._known[key]
+        if implementation is not None:
+            chosen[found.args] = implementation
+        return found
 
 
 @compiler_machinery.register_pass(mutates_CFG=True, analysis_only=False)
@@ -141,7 +141,8 @@ class _Inference(typed_passes.NopythonTypeInference):  # type: ignore[misc]
     _name = "rope_twin_inference"
 
     def run_pass(self, state: Any) -> bool:
-        context, state.typingctx = state.typingctx, _Typing(state.typingctx)
+        context = state.typingctx
+        state.typingctx = _Typing(context, repr(state.flags))
         try:
             return bool(super().run_pass(state))
         finally:

@@ -32,6 +32,7 @@ _SCOPES = [
     "offset",
 ]
 _KNOWN: WeakKeyDictionary[Any, dict[str, tuple[Any, Any]]] = WeakKeyDictionary()
+_DECLARED: WeakKeyDictionary[Any, dict[str, Any]] = WeakKeyDictionary()
 
 
 class RowType(types.Type):
@@ -48,14 +49,21 @@ class _RowModel(models.PrimitiveModel):  # type: ignore[misc]
         super().__init__(manager, kind, _DOUBLE.as_pointer())
 
 
+def _scope(module: Any, name: str) -> Any:
+    """Metadata of a row's scope, made once per module."""
+    declared = _DECLARED.setdefault(module, {})
+    if name not in declared:
+        declared[name] = module.add_metadata([name, module.add_metadata(["rope_twin rows"])])
+    return declared[name]
+
+
 def tell_apart(module: Any, access: Any, kind: RowType) -> None:
     """Mark a load or store as one of this row and of no other."""
     known = _KNOWN.setdefault(module, {})
     if kind.scope not in known:
-        domain = module.add_metadata(["rope_twin rows"])
-        own = module.add_metadata([kind.scope, domain])
-        others = [module.add_metadata([name, domain]) for name in _SCOPES if name != kind.scope]
-        known[kind.scope] = module.add_metadata([own]), module.add_metadata(others)
+        others = [_scope(module, name) for name in _SCOPES if name != kind.scope]
+        own = module.add_metadata([_scope(module, kind.scope)])
+        known[kind.scope] = own, module.add_metadata(others)
     mine, not_mine = known[kind.scope]
     access.set_metadata("alias.scope", mine)
     access.set_metadata("noalias", not_mine)
