@@ -7,8 +7,8 @@ import json
 import math
 import sys
 import time
-from dataclasses import dataclass
-from typing import Protocol, TextIO
+from dataclasses import dataclass, field
+from typing import Any, Protocol, TextIO
 
 from rope_twin.commands.run.watch_summary import fatigue_figures, vibration_figures, watch_words
 from rope_twin.effects import EFFECTS
@@ -46,6 +46,10 @@ class RunSummary:
     heave_refused: int
     commands_accepted: int
     commands_refused: int
+    lower_end: str = "payload"  # what payload_depth_m is of
+    # where ropes meet, or one was cut: name, elements, length_m, tension_top_n; and name, depth_m
+    ropes: list[dict[str, Any]] = field(default_factory=list)
+    payloads: list[dict[str, Any]] = field(default_factory=list)
     speed: float = 1.0  # 0: as fast as possible
     chosen: str = ""  # why these elements and this step, if --within or --budget asked
     rung_changes: int = 0  # how often the ladder was stepped down or up
@@ -76,13 +80,15 @@ class RunSummary:
 
     def as_text(self) -> str:
         """A few lines for people."""
+        elements = sum(rope["elements"] for rope in self.ropes) or self.elements
+        of = f" of {self.ropes[0]['name']}" if self.ropes else ""
         lines = [
-            f"scene {self.scene}: {self.steps} steps of {self.step_s:g} s on {self.elements} "
+            f"scene {self.scene}: {self.steps} steps of {self.step_s:g} s on {elements} "
             f"elements with {', '.join(self.effects)}",
-            f"top tension {_kn(self.tension_top_min_n)} to {_kn(self.tension_top_max_n)}, "
+            f"top tension{of} {_kn(self.tension_top_min_n)} to {_kn(self.tension_top_max_n)}, "
             f"mean {_kn(self.tension_top_mean_n)}",
             self._error_words(),
-            f"line out {self.line_out_m:.1f} m, payload at {self.payload_depth_m:.1f} m depth",
+            *self._end_words(),
             f"the model alone runs {self.real_time_factor:.0f} times real time"
             + (
                 f" ({self.paced_real_time_factor:.0f} times in its slots, woken each time)"
@@ -114,6 +120,19 @@ class RunSummary:
         lines += [f"view {self.view}"] if self.view else []
         lines += [f"state {self.state}"] if self.state else []
         return "\n".join(lines)
+
+    def _end_words(self) -> list[str]:
+        """Where the rope is at the end; of several each one and each payload."""
+        if not self.ropes:
+            depth = f"{self.lower_end} at {self.payload_depth_m:.1f} m depth"
+            return [f"line out {self.line_out_m:.1f} m, {depth}"]
+        words = [
+            f"rope {rope['name']}: {rope['length_m']:.1f} m on {rope['elements']} elements, "
+            f"{_kn(float(rope['tension_top_n']))} at its upper end"
+            for rope in self.ropes
+        ]
+        loads = [f"{one['name']} at {one['depth_m']:.1f} m depth" for one in self.payloads]
+        return [*words, ", ".join(loads)] if loads else words
 
     def _error_words(self) -> str:
         by = self.tension_top_error_by
@@ -174,6 +193,19 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         tension_top_error_by=snapshot.card_error.words,
         line_out_m=snapshot.line_out_m,
         payload_depth_m=-float(snapshot.payload_position_m[2]),
+        lower_end="payload" if twin.scene.payloads else "lower end",
+        ropes=[
+            {
+                "name": rope.name,
+                "elements": len(rope.element_tension_n),
+                "length_m": rope.line_out_m,
+                "tension_top_n": rope.tension_top_n,
+            }
+            for rope in snapshot.ropes
+        ],
+        payloads=[
+            {"name": one.name, "depth_m": -float(one.position_m[2])} for one in snapshot.payloads
+        ],
         heave_accepted=heave.accepted if heave else 0,
         heave_refused=heave.refused if heave else 0,
         commands_accepted=command.accepted if command else 0,

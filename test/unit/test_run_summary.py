@@ -1,0 +1,36 @@
+"""What the last lines of a run say of where it ended."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from test_messages_joined import lifted
+
+from rope_twin.commands.run.summary import RunSummary, summarise
+from rope_twin.studies.rigs import Rig
+
+
+def test_of_one_rope_it_is_its_lower_end() -> None:
+    """A payload only where there is one."""
+    twin = Rig(length=100.0, elements=10).twin()
+    shot = twin.snapshot()
+    lines = summarise(twin, shot, None).as_text().splitlines()
+    assert lines[3] == "line out 100.0 m, payload at 100.3 m depth"
+    twin.scene = replace(twin.scene, payloads=())
+    assert "m, lower end at 100.3 m depth" in summarise(twin, shot, None).as_text()
+
+
+def test_where_ropes_meet_it_is_every_rope_and_payload() -> None:
+    """Elements are those of all ropes, and whose tension it is that was watched is said."""
+    twin, shot = Rig(length=100.0, elements=10).twin(), lifted()
+    summary = summarise(twin, shot, None)
+    head, tension, _, *ends = summary.as_text().splitlines()
+    assert "on 9 elements" in head
+    assert tension.startswith("top tension of hoist ")
+    assert [line.partition(",")[0] for line in ends[:3]] == [
+        "rope hoist: 100.0 m on 4 elements", "rope port: 8.0 m on 2 elements",
+        "rope starboard: 8.0 m on 3 elements",
+    ]  # fmt: skip
+    assert ends[1].endswith("6.0 kN at its upper end")
+    assert ends[3] == "port at 107.6 m depth, starboard at 107.6 m depth"
+    assert RunSummary.from_values(summary.as_values()) == summary
