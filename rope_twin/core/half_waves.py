@@ -12,7 +12,7 @@ from typing import Any
 
 from rope_twin.core.jit import jit, jit_within
 from rope_twin.core.rows import row, rows
-from rope_twin.core.state import DIRECTION, FLOW, MASS, REST, TENSION, VOLUME
+from rope_twin.core.state import DIRECTION, FLOW, MASS, TENSION, VOLUME
 
 LEAST = 1e-9  # what keeps a quotient finite where nothing flows
 
@@ -24,18 +24,6 @@ def across(water: Any, tangent: Any) -> Any:
     x, y, z = tangent
     cx, cy, cz = v * z - w * y, w * x - u * z, u * y - v * x
     return cx, cy, cz, sqrt(cx * cx + cy * cy + cz * cz)
-
-
-@jit
-def set_lengths(work: Any, length: Any, low: int, high: int) -> None:
-    """Rope that belongs to the free nodes low <= i < high [m]; length: from node `low` on."""
-    first = max(low, 1)
-    rest, below = row(work, REST, first), row(work, REST, first - 1)
-    if low == 0:
-        length[0] = 0.5 * work[REST, 0]
-    own = length[first - low :]
-    for i in range(high - first):
-        own[i] = 0.5 * (rest[i] + below[i])
 
 
 @jit_within

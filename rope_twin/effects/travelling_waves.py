@@ -25,15 +25,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.assembly import set_flow
 from rope_twin.core.cosine import cosine
-from rope_twin.core.elastic import stretch_all
 from rope_twin.core.energy import account
 from rope_twin.core.half_waves import (
     LEAST,
     across,
     hold_frequencies,
-    set_lengths,
     set_paces,
     wave_number,
 )
@@ -42,6 +39,7 @@ from rope_twin.core.jit import jit
 from rope_twin.core.prediction import K1, K2
 from rope_twin.core.remembering import new_memory, remembering
 from rope_twin.core.rows import row, rows, span
+from rope_twin.core.shedding import find_rest, set_node_lengths
 from rope_twin.core.stage import BDF2, TRAPEZOID
 from rope_twin.core.state import (
     BLOCK,
@@ -54,7 +52,6 @@ from rope_twin.core.state import (
     VELOCITY,
     VOLUME,
     Floats,
-    Stage,
 )
 from rope_twin.core.trial import TRIALS
 from rope_twin.quantity import quantity, text
@@ -130,7 +127,7 @@ def _set_figures(waves: Any, work: Any, low: int, high: int) -> None:
     """Length, 1/d and ½·ρ·d·l of the nodes low <= i < high."""
     length, per = waves.memory[LENGTH, low:], waves.memory[PER_DIAMETER, low:]
     strength, volume = waves.memory[STRENGTH, low:], row(work, VOLUME, low)
-    set_lengths(work, length, low, high)
+    set_node_lengths(work, length, low, high)
     for i in range(high - low):
         per[i] = sqrt(0.25 * pi * length[i] / (volume[i] + 1e-300))
         strength[i] = waves.half_density * length[i] / per[i]
@@ -140,9 +137,7 @@ def _set_figures(waves: Any, work: Any, low: int, high: int) -> None:
 def start(waves: Any, rope: Any) -> None:
     """Nothing moves; the phases are those of waves that run down from the hang-off."""
     n, memory, work = rope.state.counts[ELEMENTS], waves.memory, rope.work
-    stage = Stage(0.0, 1.0, 0.0, 0.0)
-    stretch_all(rope, stage)
-    set_flow(rope.effects, work, stage, n - n, n)
+    find_rest(rope)
     _set_figures(waves, work, n - n, n)
     length, omega = memory[LENGTH], memory[OMEGA]
     set_paces(waves.turns, work, memory[PER_DIAMETER], omega, n - n, n)

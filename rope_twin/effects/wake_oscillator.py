@@ -12,7 +12,11 @@ t is the rope's tangent and t_s that of its shape without the vibration: the mea
 an upright rope where it is inclined by less than 45° to the normal of the flow, others above. Drag
 as printed, ½·ρ·D·C_D·|U_N|·U_N with C_D 1.2, is what the effect `drag` brings.
 
-q is solved at each node inside the stage (TR-BDF2 like the rope): for the node's acceleration the
+That is for a steady flow. Where the flow changes, the equation holds in the wake's own time, ω_s·dt
+(core/van_der_pol): the vortices keep pace with the water, and stand where it stands. The lift is
+across U, so that in still water it does no work, whatever q is.
+
+q is solved at each node inside the stage (TR-BDF2 like the rope): for the node's velocity the
 scalar equation is a cubic, solved by Newton, and its derivative goes to the node's block. Dropped
 there: what is not symmetric, and the tangent's change with position.
 
@@ -24,46 +28,45 @@ of `drag: {normal: 2.0}`); `ogink_metrikine` (2010, J. Sound Vib. 329, 5452, upp
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import exp, pi, sin, sqrt
+from math import exp, pi, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from rope_twin.core import shedding
 from rope_twin.core.energy import account
 from rope_twin.core.hooks import kernel
-from rope_twin.core.jit import jit, jit_within
+from rope_twin.core.jit import jit
 from rope_twin.core.prediction import GAMMA, K1, K2
 from rope_twin.core.remembering import new_memory, remembering
 from rope_twin.core.rows import rows, span
 from rope_twin.core.stage import BDF2, TRAPEZOID
 from rope_twin.core.state import (
-    ACCELERATION,
     BLOCK,
     ELEMENTS,
     FLOW,
-    POSITION,
     RESIDUAL,
     REST,
     TANGENT,
     VELOCITY,
-    VOLUME,
     Floats,
 )
 from rope_twin.core.trial import TRIALS
+from rope_twin.core.van_der_pol import faded, smooth_noise, solve_wake, wake_of
 from rope_twin.quantity import quantity, text
 
-CARRIED = 6  # q, q', q'' and the mean tangent
-# Rows of its own: prediction of q and q', guess of q'', ω_s, ε·ω_s, (A/D)·D_a (three), and the
-# strength of the lift, ½·ρ·D·l·C_L0/2 [kg/m].
-HAT, RATE_HAT, GUESS, OMEGA, DAMPING, COUPLING = range(3 * CARRIED + 1, 3 * CARRIED + 7)
+CARRIED = 7
+Q, RATE, WAKE, WAKE_RATE, SHAPE = range(5)  # q, q', p, p', and the mean tangent (three)
+# Rows of its own: prediction of q and p, guess of q, ω_s, ε, (A/D)·D_a (three), and the strength of
+# the lift, ½·ρ·D·l·C_L0/2 [kg/m].
+HAT, WAKE_HAT, GUESS, OMEGA, EPSILON, COUPLING = range(3 * CARRIED + 1, 3 * CARRIED + 7)
 STRENGTH = COUPLING + 3
 OWN_ROWS = STRENGTH - 3 * CARRIED
-# Newton on the cubic: from the last q'' two steps leave 1e-5 of it where ω_s·h is 1, and ever less;
-# from there one more serves for the solved stage.
+# Newton on the cubic: from the guess two steps leave 1e-8 of q where ω_s·h is 0.3, and 5e-3 where
+# it is 1; one more, of the solved stage, leaves 2e-5 there.
 FIRST, LAST = 2, 1
-WAVES = 24  # half waves along the rope that the first rate of q is made of
-GOLDEN = 2.399963  # rad, between their phases
-INCLINED = sqrt(0.5)  # sine of 45°
+GROWTH = (1.0 - GAMMA) / GAMMA  # of a rate after the middle of a step over that up to there
+SLOWEST = 1.0  # rad/s: a wake that starts slower has p as of this
 
 
 class _Set(NamedTuple):
@@ -139,15 +142,14 @@ class WakeOscillator(NamedTuple):
 def build(params: WakeOscillatorParams, payload: Any, around: Any) -> WakeOscillator:
     """From the set and the water."""
     figures = params.figures
-    (A, epsilon), (A_inclined, epsilon_inclined) = figures.upright, figures.inclined
     return WakeOscillator(
         memory=new_memory(CARRIED, OWN_ROWS, around.room),
         strouhal=float(figures.strouhal),
         strength=float(0.25 * around.water_density_kg_per_m3 * figures.lift),
-        A=float(A),
-        epsilon=float(epsilon),
-        A_inclined=float(A_inclined),
-        epsilon_inclined=float(epsilon_inclined),
+        A=float(figures.upright[0]),
+        epsilon=float(figures.upright[1]),
+        A_inclined=float(figures.inclined[0]),
+        epsilon_inclined=float(figures.inclined[1]),
         start=float(params.start_per_s),
         shape_over=float(params.shape_over_s),
     )
@@ -156,97 +158,55 @@ def build(params: WakeOscillatorParams, payload: Any, around: Any) -> WakeOscill
 remembering(WakeOscillator, CARRIED)
 
 
+@jit
+def _set_figures(wake: Any, work: Any, low: int, high: int) -> None:
+    """What the flow sets at the nodes low <= i < high."""
+    memory = wake.memory
+    figures = memory[OMEGA, low:], memory[EPSILON, low:], memory[STRENGTH, low:]
+    shedding.set_node_lengths(work, figures[2], low, high)
+    own = (
+        shedding.three_rows(memory, SHAPE, low),
+        figures,
+        shedding.three_rows(memory, COUPLING, low),
+    )
+    shedding.set_shedding(wake, work, own, low, high)
+
+
 @kernel("start", WakeOscillator)
 def start(wake: Any, rope: Any) -> None:
-    """q = 0, so that no lift acts on the rope at rest; q' of smooth noise; t_s the rope's tangent.
-
-    The noise is of half waves along the rope, so that finer elements start from the same.
-    """
-    n, s, nodes, memory = rope.state.counts[ELEMENTS], rope.state.s, rope.state.nodes, wake.memory
+    """q = 0: no lift acts on the rope at rest; q' is smooth noise, t_s the rope's tangent."""
+    n, s, memory = rope.state.counts[ELEMENTS], rope.state.s, wake.memory
+    shedding.find_rest(rope)
+    shedding.set_shape(rope, shedding.three_rows(memory, SHAPE, n - n))
+    _set_figures(wake, rope.work, n - n, n)
     for i in range(n):
-        rate = 0.0
-        for j in range(1, WAVES + 1):
-            rate += sin(pi * j * s[i] / s[n] + GOLDEN * j * j)
-        low = max(i - 1, 0)
-        x = nodes[POSITION, i + 1] - nodes[POSITION, low]
-        y = nodes[POSITION + 1, i + 1] - nodes[POSITION + 1, low]
-        z = nodes[POSITION + 2, i + 1] - nodes[POSITION + 2, low]
-        inverse = 1.0 / sqrt(x * x + y * y + z * z + 1e-300)
-        memory[0, i], memory[2, i] = 0.0, 0.0
-        memory[1, i] = wake.start * sqrt(2.0 / WAVES) * rate
-        memory[3, i], memory[4, i], memory[5, i] = inverse * x, inverse * y, inverse * z
-
-
-@jit_within
-def _shed(wake: Any, water: Any, tangent: Any) -> Any:
-    """Vector V × t_s, its size |V_N|, A and ε at a node whose shape without vibration is t_s."""
-    u, v, w = water
-    x, y, z = tangent
-    cx, cy, cz = v * z - w * y, w * x - u * z, u * y - v * x
-    speed = sqrt(cx * cx + cy * cy + cz * cz)
-    along = u * x + v * y + w * z
-    upright = along * along < INCLINED * INCLINED * (u * u + v * v + w * w)
-    A = wake.A if upright else wake.A_inclined
-    epsilon = wake.epsilon if upright else wake.epsilon_inclined
-    return (cx, cy, cz), speed, A, epsilon
+        omega = memory[OMEGA, i]
+        p = wake.start * smooth_noise(s[i] / s[n]) / max(omega, SLOWEST)
+        memory[Q, i], memory[RATE, i], memory[WAKE, i] = 0.0, omega * p, p
+        memory[WAKE_RATE, i] = memory[EPSILON, i] * omega * p
 
 
 @kernel("predict", WakeOscillator)
 def predict(wake: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
     """What a stage starts from, as of the rope; and what stays while it is solved."""
-    memory, work, c = wake.memory, rope.work, stage.q
-    length, rest = memory[STRENGTH], work[REST]
-    for i in range(max(low, 1), high):
-        length[i] = 0.5 * (rest[i] + rest[i - 1])
-    if low == 0:
-        length[0] = 0.5 * rest[0]
-    q0, rate0, pull0 = memory[0], memory[1], memory[2]
-    mx, my, mz = memory[3], memory[4], memory[5]
-    hat, rate_hat, guess, omega = memory[HAT], memory[RATE_HAT], memory[GUESS], memory[OMEGA]
-    damping = memory[DAMPING]
-    bx, by, bz = memory[COUPLING], memory[COUPLING + 1], memory[COUPLING + 2]
-    volume = work[VOLUME]
-    u, v, w = work[FLOW], work[FLOW + 1], work[FLOW + 2]
-    for i in range(low, high):
-        per_diameter = sqrt(0.25 * pi * length[i] / (volume[i] + 1e-300))
-        water, tangent = (u[i], v[i], w[i]), (mx[i], my[i], mz[i])
-        across, speed, A, epsilon = _shed(wake, water, tangent)
-        omega[i] = 2.0 * pi * wake.strouhal * speed * per_diameter
-        damping[i] = epsilon * omega[i]
-        length[i] *= wake.strength / per_diameter
-        scale = A * per_diameter / (speed + 1e-9)
-        bx[i], by[i], bz[i] = scale * across[0], scale * across[1], scale * across[2]
+    memory, c = wake.memory, stage.q
+    _set_figures(wake, rope.work, low, high)
+    q0, rate0 = memory[Q, low:], memory[RATE, low:]
+    wake0, wake_rate0 = memory[WAKE, low:], memory[WAKE_RATE, low:]
+    hat, wake_hat, guess = memory[HAT, low:], memory[WAKE_HAT, low:], memory[GUESS, low:]
     if kind == TRAPEZOID:
-        for i in range(low, high):
-            # the start, where the water was not known yet
-            new = q0[i] == 0.0 and pull0[i] == 0.0
-            guess[i] = damping[i] * rate0[i] if new else pull0[i]
-            rate_hat[i] = rate0[i] + c * guess[i]
-            hat[i] = q0[i] + c * (rate0[i] + rate_hat[i])
+        omega = memory[OMEGA, low:]
+        for i in range(high - low):
+            hat[i] = q0[i] + c * rate0[i]
+            wake_hat[i] = wake0[i] + c * wake_rate0[i]
+            guess[i] = hat[i] + c * (rate0[i] + 2.0 * c * omega[i] * wake_rate0[i])
         return
-    q1, rate1, pull1 = memory[CARRIED], memory[CARRIED + 1], memory[CARRIED + 2]
-    for i in range(low, high):
-        rate_hat[i] = K1 * rate1[i] - K2 * rate0[i]
-        hat[i] = K1 * q1[i] - K2 * q0[i] + c * rate_hat[i]
-        guess[i] = pull1[i]
-
-
-@jit_within
-def _solve(stage: Any, count: int, start: Any, figures: Any, drive: Any) -> Any:
-    """q, q'' and the slope of the equation over q''.
-
-    start: prediction of q and q', and a guess of q''; figures: ω_s and ε·ω_s.
-    """
-    p, c = stage.p, stage.q
-    hat, rate_hat, w = start
-    omega, damping = figures
-    slope = 1.0
-    for _ in range(count):
-        q, rate = hat + p * w, rate_hat + c * w
-        miss = w + damping * (q * q - 1.0) * rate + omega * omega * q - drive
-        slope = 1.0 + damping * ((q * q - 1.0) * c + 2.0 * q * rate * p) + omega * omega * p
-        w -= miss / slope
-    return hat + p * w, w, slope
+    q1, rate1 = memory[CARRIED + Q, low:], memory[CARRIED + RATE, low:]
+    wake1 = memory[CARRIED + WAKE, low:]
+    for i in range(high - low):
+        hat[i] = K1 * q1[i] - K2 * q0[i]
+        wake_hat[i] = K1 * wake1[i] - K2 * wake0[i]
+        guess[i] = hat[i] + c * (rate1[i] + GROWTH * (rate1[i] - rate0[i]))
 
 
 @kernel("load_nodes", WakeOscillator)
@@ -255,22 +215,19 @@ def load_nodes(wake: Any, work: Any, stage: Any, low: int, high: int) -> None:
     q_w·k·q·(U × t) ⊗ U_N/|U_N|, their symmetric parts (q_w: the stage's weight of v).
     """
     memory = wake.memory
-    hat, rate_hat, guess = memory[HAT, low:], memory[RATE_HAT, low:], memory[GUESS, low:]
-    omega, damping, strength = memory[OMEGA, low:], memory[DAMPING, low:], memory[STRENGTH, low:]
-    bx, by = memory[COUPLING, low:], memory[COUPLING + 1, low:]
-    bz = memory[COUPLING + 2, low:]
+    hat, wake_hat, guess = memory[HAT, low:], memory[WAKE_HAT, low:], memory[GUESS, low:]
+    omega, epsilon, strength = memory[OMEGA, low:], memory[EPSILON, low:], memory[STRENGTH, low:]
+    bx, by, bz = shedding.three_rows(memory, COUPLING, low)
     vx, vy, vz = rows(work, VELOCITY, low)
-    ax, ay, az = rows(work, ACCELERATION, low)
     ux, uy, uz = rows(work, FLOW, low)
     tx, ty, tz = rows(work, TANGENT, low)
     Rx, Ry, Rz = rows(work, RESIDUAL, low)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
     for i in range(high - low):
-        drive = bx[i] * ax[i] + by[i] * ay[i] + bz[i] * az[i]
-        q, pull, slope = _solve(
-            stage, FIRST, (hat[i], rate_hat[i], guess[i]), (omega[i], damping[i]), drive
-        )
-        guess[i] = pull
+        drive, felt = faded(bx[i] * vx[i] + by[i] * vy[i] + bz[i] * vz[i], omega[i])
+        begun = (hat[i], wake_hat[i], guess[i])
+        q, slope = solve_wake(stage.q, FIRST, begun, (omega[i], epsilon[i]), drive)
+        guess[i] = q
         x, y, z = tx[i], ty[i], tz[i]
         u, v, w = ux[i] - vx[i], uy[i] - vy[i], uz[i] - vz[i]
         along = u * x + v * y + w * z
@@ -282,7 +239,7 @@ def load_nodes(wake: Any, work: Any, stage: Any, low: int, high: int) -> None:
         Rx[i] += size * lx
         Ry[i] += size * ly
         Rz[i] += size * lz
-        g, h = -0.5 * k * speed * stage.p / slope, 0.5 * stage.q * k * q / speed
+        g, h = -0.5 * k * speed * felt * stage.p / slope, 0.5 * stage.q * k * q / speed
         cx, cy, cz = g * bx[i] + h * u, g * by[i] + h * v, g * bz[i] + h * w
         Axx[i] += 2.0 * lx * cx
         Axy[i] += lx * cy + ly * cx
@@ -294,38 +251,38 @@ def load_nodes(wake: Any, work: Any, stage: Any, low: int, high: int) -> None:
 
 @kernel("settle", WakeOscillator)
 def settle(wake: Any, rope: Any, stage: Any, kind: int) -> None:
-    """q, q' and q'' of the solved stage; the mean tangent follows once a step."""
+    """q, p and their rates of the solved stage; the mean tangent follows once a step."""
     memory, work, n = wake.memory, rope.work, rope.state.counts[ELEMENTS]
-    hat, rate_hat, guess = memory[HAT], memory[RATE_HAT], memory[GUESS]
-    omega, damping = memory[OMEGA], memory[DAMPING]
-    bx, by, bz = memory[COUPLING], memory[COUPLING + 1], memory[COUPLING + 2]
-    q1, rate1, pull1 = memory[CARRIED], memory[CARRIED + 1], memory[CARRIED + 2]
-    ax, ay, az = work[ACCELERATION], work[ACCELERATION + 1], work[ACCELERATION + 2]
+    hat, wake_hat, guess = memory[HAT], memory[WAKE_HAT], memory[GUESS]
+    omega, epsilon = memory[OMEGA], memory[EPSILON]
+    bx, by, bz = shedding.three_rows(memory, COUPLING, n - n)
+    q1, rate1 = memory[CARRIED + Q], memory[CARRIED + RATE]
+    wake1, wake_rate1 = memory[CARRIED + WAKE], memory[CARRIED + WAKE_RATE]
+    vx, vy, vz = rows(work, VELOCITY, 0)
+    inverse = 1.0 / stage.q
     for i in range(n):
-        drive = bx[i] * ax[i] + by[i] * ay[i] + bz[i] * az[i]
-        q, w, _ = _solve(
-            stage, LAST, (hat[i], rate_hat[i], guess[i]), (omega[i], damping[i]), drive
-        )
-        q1[i], rate1[i], pull1[i] = q, rate_hat[i] + stage.q * w, w
+        drive, _ = faded(bx[i] * vx[i] + by[i] * vy[i] + bz[i] * vz[i], omega[i])
+        begun, figures = (hat[i], wake_hat[i], guess[i]), (omega[i], epsilon[i])
+        q, _ = solve_wake(stage.q, LAST, begun, figures, drive)
+        p = wake_of(stage.q, q, begun, figures)
+        q1[i], rate1[i] = q, inverse * (q - hat[i])
+        wake1[i], wake_rate1[i] = p, inverse * (p - wake_hat[i])
     if kind == BDF2:
         share = 1.0 - exp(-2.0 * stage.q / (GAMMA * wake.shape_over))
-        for k in range(3, CARRIED):
-            mean, kept, tangent = memory[k], memory[CARRIED + k], work[TANGENT + k - 3]
-            for i in range(n):
-                kept[i] = mean[i] + share * (tangent[i] - mean[i])
-        _set_trials(wake, rope, stage)
+        kept = shedding.three_rows(memory, CARRIED + SHAPE, n - n)
+        shedding.follow_shape(work, share, shedding.three_rows(memory, SHAPE, n - n), kept, n)
+    _set_trials(wake, rope, stage)
 
 
 @jit
 def _set_trials(wake: Any, rope: Any, stage: Any) -> None:
     """The wake of the trial nodes is that of the highest free node, per metre, and stays."""
-    memory, top = wake.memory, rope.state.counts[ELEMENTS] - 1
-    slots = rope.state.s.shape[0]
+    memory, top, slots = wake.memory, rope.state.counts[ELEMENTS] - 1, rope.state.s.shape[0]
     length = 0.5 * (rope.work[REST, top] + rope.work[REST, top - 1])
     for slot in range(slots - TRIALS, slots):
         for k in range(HAT, STRENGTH):
             memory[k, slot] = 0.0
-        memory[HAT, slot] = memory[CARRIED, top]
+        memory[HAT, slot] = memory[GUESS, slot] = memory[CARRIED + Q, top]
         memory[STRENGTH, slot] = memory[STRENGTH, top] / length
 
 
@@ -333,7 +290,7 @@ def _set_trials(wake: Any, rope: Any, stage: Any) -> None:
 def power(wake: Any, place: Any) -> Any:
     """Lift times velocity [W]; the hang-off's wake is that of the node below."""
     n = place.position.shape[1]
-    q = wake.memory[0, :n].copy()
+    q = wake.memory[Q, :n].copy()
     if n > 1:
         q[-1] = q[-2]
     length = np.zeros(n)

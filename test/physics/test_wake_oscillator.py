@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 from effect_cases import NODES, data_of, loads, some_work
-from rigs import Bench, Vector, march, sine
+from hypothesis import given
+from hypothesis import strategies as st
+from rigs import Bench, Vector, march, sine, still
 from shedding_rigs import DENSITY, DIAMETER, HAULED, HAULING, Cylinder, runge_kutta
 from test_effects import BLOCKS, R, jacobian, matrix
 from test_energy_accounts import seen, three
@@ -34,7 +36,8 @@ def stepped(cylinder: Cylinder, seconds: float) -> Vector:
     bench = Bench(cylinder.scene(WakeOscillatorParams(shape_over_s=1e4)))
     memory = wake_of(bench.rope.effects).memory
     bench.time = 1.0  # at 0 it would start from its own noise
-    memory[:3] = np.array([[0.0], [RATE], [SET.upright[1] * shedding(cylinder) * RATE]])
+    p, epsilon = RATE / shedding(cylinder), SET.upright[1]
+    memory[: wake.SHAPE] = np.array([[0.0], [RATE], [p], [epsilon * RATE]])
     return cylinder.run(bench, seconds)
 
 
@@ -108,9 +111,10 @@ def with_wake(seed: int, moving: bool) -> tuple[tuple[Any, ...], Vector]:
     memory[wake.HAT] = memory[0]
     strength = wake_of(effects).strength
     memory[wake.STRENGTH, :NODES] = strength * np.sqrt(4.0 / math.pi * work[rows.VOLUME] * length)
+    memory[wake.GUESS] = memory[0]
     if moving:
-        memory[wake.OMEGA], memory[wake.DAMPING] = 8.0, 2.4
-        memory[wake.RATE_HAT] = 5.0
+        memory[wake.OMEGA], memory[wake.EPSILON] = 8.0, 0.3
+        memory[wake.WAKE_HAT] = 0.6
         shape = memory[wake.COUPLING : wake.COUPLING + 3].shape
         memory[wake.COUPLING : wake.COUPLING + 3] = random.normal(0.0, 60.0, shape)
     return effects, work
@@ -120,7 +124,7 @@ def with_wake(seed: int, moving: bool) -> tuple[tuple[Any, ...], Vector]:
 def test_its_block_is_the_derivative_of_its_force(seed: int) -> None:
     """The symmetric part of -dF/da, through q as well, 1e-6."""
     effects, work = with_wake(seed, True)
-    for _ in range(4):  # each evaluation starts from the q'' of the one before
+    for _ in range(4):  # each evaluation starts from the q of the one before
         result = loads(effects, work)
     for node in range(NODES - 1):
         exact = jacobian(effects, work, node)
@@ -137,6 +141,51 @@ def test_what_it_says_of_its_energy_is_force_times_velocity(seed: int) -> None:
     place = seen(work, np.zeros((3, NODES)), 0.0)
     done = float((force * three(work, rows.VELOCITY)).sum())
     assert done == pytest.approx(said("power", effects, place), rel=1e-9)
+
+
+@given(seed=st.integers(0, 10**6), speed=st.sampled_from([0.0, 1e-12, 1e-3, 1.0, 30.0]))
+def test_still_water_is_given_no_work(seed: int, speed: float) -> None:
+    """The lift is across the relative velocity, whatever q: none at rest, no work where none flows.
+
+    To round-off of the tangent: 1e-12 of force times speed.
+    """
+    effects, work = with_wake(seed, False)
+    velocity = slice(rows.VELOCITY, rows.VELOCITY + 3)
+    work[velocity] *= speed
+    work[rows.ACCELERATION : rows.ACCELERATION + 3] = 0.0  # so that the lift is all there is
+    result = loads(effects, work)
+    force = result[R]
+    assert np.isfinite(result).all()
+    done = np.abs((force * work[velocity]).sum(axis=0))
+    sizes = np.linalg.norm(force, axis=0) * np.linalg.norm(work[velocity], axis=0)
+    assert (done <= 1e-12 * sizes).all()
+    assert (sizes > 0.0).all() == (speed > 0.0)
+    work[rows.FLOW : rows.FLOW + 3] = work[velocity]  # it drifts with the water
+    assert (loads(effects, work)[R] == 0.0).all()
+
+
+@pytest.mark.parametrize("left", [0.0, 1e-9, 1e-3])
+def test_a_wake_stands_where_its_water_stops(left: float) -> None:
+    """From lock-in to no current at once: q stays bounded, and the vibration dies away.
+
+    Carried as q and q' it grew in proportion to time, to thousands.
+    """
+    scene = replace(HAULED, current=((0.0, (0.6, 0.0)),)).scene()
+    twin = Twin(replace(scene, effects=(*scene.effects, WakeOscillatorParams())))
+    memory = wake_of(twin._current.effects).memory
+    q, across = [], []
+    for stop in (False, True):
+        if stop:
+            twin.offer_current(np.array([[0.0, left, 0.0]]))
+        for shot in march(twin, still, 12.0, 5):
+            across.append(shot.node_position_m[:, 1])
+            q.append(float(np.abs(memory[wake.Q]).max()))
+    y = np.array(across)
+    shaken = np.abs(y[6:] - 2.0 * y[3:-3] + y[:-6]).max(axis=1)  # at 3.4 Hz, not as it swings back
+    assert shaken[100:230].max() > 0.3 * 0.03
+    assert shaken[-80:].max() < 0.1 * shaken[100:230].max()
+    assert max(q) < 12.0
+    assert twin.snapshot().solver.unconverged_substeps == 0
 
 
 def test_wakes_belong_to_the_rope_through_splits_and_merges() -> None:
