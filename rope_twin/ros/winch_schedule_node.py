@@ -20,7 +20,7 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging_rules import winches_by_name
 from rope_twin.scene.schema import Winch
 from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC, WINCH_TOPICS
-from rope_twin.twin.cutting import PlannedCut, read_plan
+from rope_twin.twin.cutting import PlannedCut, plan_for
 from rope_twin.twin.schedule import motion_of, schedule_samples
 
 TOPIC = "winch/speed_command"
@@ -40,7 +40,7 @@ class WinchScheduleNode(FeedingNode):
         """Read the scene and wait for the twin's epoch."""
         scene = load_scene(self._params.scene)
         self._winches = {n: w for n, w in winches_by_name(scene).items() if w.schedule}
-        self._cut = read_plan(self._params.cut)
+        self._cut = plan_for(scene, self._params.cut)
         if not self._winches and self._cut is None:
             self.get_logger().warning(
                 f"scene {scene.name} has no winch schedule: the winch is left alone"

@@ -46,6 +46,24 @@ def read_plan(words: str) -> PlannedCut | None:
     return PlannedCut(round(at_s * 1e9), below_m)
 
 
+def plan_for(scene: Scene, words: str) -> PlannedCut | None:
+    """As `read_plan`, of a scene in which it can come true.
+
+    Raises:
+        InputError: also if it never can.
+    """
+    plan = read_plan(words)
+    if plan is None:
+        return None
+    if why := _why_not(scene):
+        raise InputError(phrase(f"cut {words}", why, "run another scene for that"))
+    most = scene.winch.most_line_out_m if scene.winch else scene.ropes[0].length_m
+    if most < plan.below_m < AT_LOWER_END:
+        what = f"this rope is never longer than {most:g} m"
+        raise InputError(phrase(f"cut {words}", what, f"give up to {most - LEAST_M:g} m, or end"))
+    return plan
+
+
 class CutInput:
     """Takes one order; the rope is cut once."""
 

@@ -18,7 +18,7 @@ from rope_twin.errors import InputError, StateError
 from rope_twin.messages import Level, statuses
 from rope_twin.recording.bag_reader import BagReader
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.cutting import CutInput, PlannedCut, read_plan
+from rope_twin.twin.cutting import CutInput, PlannedCut, plan_for, read_plan
 from rope_twin.twin.error_band import BandedTwin
 from rope_twin.twin.hoisting.orders import LENGTH, Order
 from rope_twin.twin.ladder import TwinLadder
@@ -238,6 +238,16 @@ def test_a_place_where_there_is_no_rope_by_then_leaves_it_whole(scene: Scene) ->
 def test_where_ropes_meet_or_vortices_are_shed_none_is_cut() -> None:
     for name, words in (("two_line_lift", "ropes meet"), ("curved_pipe", "`wake_oscillator`")):
         assert words in CutInput(load_scene(name)).offer(None, 20.0, 0)
+
+
+def test_a_plan_that_cannot_come_true_is_refused_before_a_run(scene: Scene) -> None:
+    for name, words in (("two_line_lift", "ropes meet"), ("curved_pipe", "`wake_oscillator`")):
+        with pytest.raises(InputError, match=words):
+            plan_for(load_scene(name), "20@3")
+    with pytest.raises(InputError, match=r"never longer than 400 m; give up to 399 m, or end"):
+        plan_for(scene, "500@3")
+    assert plan_for(scene, "end@3") == PlannedCut(3_000_000_000, math.inf)
+    assert plan_for(scene, "") is None
 
 
 def test_an_error_band_cannot_follow(scene: Scene) -> None:

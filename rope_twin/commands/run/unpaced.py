@@ -35,7 +35,7 @@ from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging_rules import winches_by_name
 from rope_twin.topics import TOPICS
-from rope_twin.twin.cutting import read_plan
+from rope_twin.twin.cutting import plan_for
 from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.pacing import keep_pauses_short, steps_in_slot
 from rope_twin.twin.schedule import schedule_samples
@@ -59,6 +59,7 @@ class UnpacedRun:
             RopeTwinError: scene, bag or directory are wrong; one sentence.
         """
         scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
+        self._cut = plan_for(scene, options.cut)
         self._sea = open_sea(scene, *options.sea)
         self._options = options
         start = options.start_from
@@ -68,7 +69,6 @@ class UnpacedRun:
         self.epoch_ns = time.time_ns() - self.twin.time_ns if epoch_ns is None else epoch_ns
         keep_pauses_short()
         self._bag = None if options.record is None else BagWriter(options.record, TOPICS)
-        self._cut = read_plan(options.cut)
         self._steps = steps_in_slot(self.twin.step_s)
         self._slot_ns = self._steps * self.twin.step_ns
         self._encoder = Encoder(self.epoch_ns)
