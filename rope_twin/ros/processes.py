@@ -26,7 +26,7 @@ from rope_twin.ros.qos import message_type, profile
 from rope_twin.ros.suite import END_ORDER, node_parameters, where
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging_rules import winches_by_name
-from rope_twin.topics import BY_NAME
+from rope_twin.topics import BY_NAME, CUT_TOPIC
 
 _WAIT_S = 0.1
 _FIND_S = 20.0  # what processes may take to start and to find each other
@@ -109,6 +109,7 @@ def _awaited(options: RunOptions) -> str:
     topics = [motion] if options.bag or options.poses or scene.sea_state.moves else []
     scheduled = any(winch.schedule for winch in winches_by_name(scene).values())
     topics += ["winch/speed_command"] if scheduled else []
+    topics += [CUT_TOPIC] if options.cut else []
     if options.record is not None:
         topics += [topic.name for topic in SNAPSHOT_TOPICS]
     return " ".join(topics)

@@ -42,9 +42,11 @@ class WinchScheduleNode(FeedingNode):
         self._winches = {n: w for n, w in winches_by_name(scene).items() if w.schedule}
         self._cut = plan_for(scene, self._params.cut)
         if not self._winches and self._cut is None:
-            self.get_logger().warning(
-                f"scene {scene.name} has no winch schedule: the winch is left alone"
-            )
+            if winches_by_name(scene):
+                what = f"scene {scene.name} has no winch schedule: the winch is left alone"
+                self.get_logger().warning(what)
+            else:
+                self.get_logger().info(f"scene {scene.name} has no winch: the line out stays")
             return
         topics = topics_of(self._winches.values()) if self._winches else ()
         topics += (CUT_TOPIC,) if self._cut is not None else ()
@@ -55,7 +57,7 @@ class WinchScheduleNode(FeedingNode):
         """Publish the commands of a stretch of twin time, unless someone else commands."""
         if self._cut is not None and from_ns <= self._cut.at_ns < to_ns:
             self.send(*encode_cut(epoch_ns + self._cut.at_ns, self._cut.below_m))
-        if not self.yielded and (others := self._other_commanders()):
+        if self._winches and not self.yielded and (others := self._other_commanders()):
             self.yielded = True
             self.get_logger().warning(
                 f"{', '.join(others)} commands the winch too: the schedule yields and stays silent "
