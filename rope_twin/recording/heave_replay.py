@@ -47,7 +47,7 @@ class HeaveReplay:
         rates = record.position_m[:, None], record.velocity_m_per_s[:, None]
         track = Track(record.time_ns, *rates, record.period_ns)
         self.duration_s = float(track.end_ns) * 1e-9
-        self._laps, seam = lay_laps(track, start_s, loop, record.source)
+        self._laps, seam = lay_laps(track, start_s, loop)
         self.loop_ns = self._laps.loop_ns  # of a pass; None: there is one
         repeats_ns = None if seam else self.loop_ns
         recorded = record.elevation_time_ns, record.elevation_m

@@ -69,7 +69,7 @@ class Laps:
         return [(int(self.time_ns[i]) + shift_ns, later, i) for i in range(first, last)]
 
 
-def lay_laps(track: Track, start_s: float, loop: bool, source: str) -> tuple[Laps, Seam | None]:
+def lay_laps(track: Track, start_s: float, loop: bool) -> tuple[Laps, Seam | None]:
     """How a record is passed through from `start_s` on, and its seam, if it has one.
 
     Raises:
@@ -77,8 +77,9 @@ def lay_laps(track: Track, start_s: float, loop: bool, source: str) -> tuple[Lap
     """
     duration_s = track.end_ns * 1e-9
     if not (np.isfinite(start_s) and 0.0 <= start_s < duration_s):
-        what = f"the start at {start_s:g} s is outside of it"
-        raise BagError(phrase(source, what, f"right is 0 to less than {duration_s:g} s"))
+        right = f"right is 0 to less than {duration_s:g} s"
+        where = f"start of the record at {start_s:g} s"
+        raise BagError(phrase(where, f"it lasts {duration_s:g} s", right))
     start_ns = round(start_s * 1e9)
     if not loop or joins(track):
         return Laps(start_ns, track.time_ns, track.end_ns if loop else None, loop), None

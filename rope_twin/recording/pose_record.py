@@ -63,6 +63,10 @@ def read_poses(path: Path, recorded: RecordedPoses) -> PoseRecord:
     with BagReader(path) as bag:
         types = (_ODOMETRY, _POSE_STAMPED)
         name = choose_topic(bag, recorded.topic or None, "ship/odometry", types)
+        if not recorded.topic and f"/{name}".endswith("/ship/heave"):
+            what = f"it has heave of the hang-off ({name}) and no pose of the ship"
+            right = "replay it by --bag, or by `sea_state: {bag: ...}`"
+            raise BagError(phrase(f"bag {path}", what, right))
         twisted = bag.topics[name].type_name == _ODOMETRY
         rows = StampedRows(bag, name, "odometry", _odometry_of if twisted else _pose_of)
         stamp_ns, values = rows.usable(_judge)

@@ -37,7 +37,7 @@ class PoseReplay:
         self.sample_period_ns = record.period_ns
         track = _track_of(record)
         self.duration_s = track.end_ns * 1e-9
-        self._laps, seam = lay_laps(track, start_s, loop, record.source)
+        self._laps, seam = lay_laps(track, start_s, loop)
         self.loop_ns = self._laps.loop_ns  # of a pass; None: there is one
         surface = elevation_at(record.elevation, track.time_ns, None if seam else self.loop_ns)
         self._first = np.concatenate(

@@ -20,6 +20,7 @@ from rope_twin.scene.figures import (
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Rope, Scene
 from rope_twin.scene.shedding import coarse_for_vortices, shedding_model
+from rope_twin.scene.water_checks import check_water
 from rope_twin.scene.winch_checks import check_winch
 
 SAFETY_FACTOR = 3.0  # of breaking load over static load, common for lifting wire
@@ -297,6 +298,7 @@ CHECKS: tuple[Check, ...] = (
     _damping,
     _schedule,
     check_winch,
+    check_water,
     _ship,
     _current_profile,
     coarse_for_vortices,

@@ -16,6 +16,7 @@ from rope_twin.scene.ropes import rope_presets
 from rope_twin.scene.rules import faults, is_path
 from rope_twin.scene.schema import Rope, Scene
 from rope_twin.scene.shapes import SHAPES
+from rope_twin.sea.columns import is_path as is_table_path
 from rope_twin.share import share_dir
 
 
@@ -108,10 +109,20 @@ def _read_effects(item: Item, place: Place) -> tuple[Any, ...]:
     found: dict[str, Any] = {}
     for number, entry in enumerate(item.value):
         name, child, at = read_choice(entry, place.index(number, entry.line), classes)
+        _find_spectrum(child, place.file)
         if name in found:
             raise at.refuse("this effect is listed a second time", "keep one of them")
         found[name] = read_object(classes[name], child, at)
     return tuple(found[effect.name] for effect in EFFECTS if effect.name in found)
+
+
+def _find_spectrum(effect: Item, scene_file: Path) -> None:
+    """Make the path of a measured spectrum independent of the scene's file."""
+    item = effect.find("measured.file")
+    measured = effect.find("measured").value
+    if isinstance(item.value, str) and isinstance(measured, dict) and is_table_path(item.value):
+        found = str((scene_file.parent / item.value).resolve())
+        measured["file"] = dataclasses.replace(item, value=found)
 
 
 def _with_files_found(scene: Scene) -> Scene:

@@ -27,6 +27,7 @@ from rope_twin.scene.rigging_rules import RIGGING_RULES, is_joined, winch_of, wi
 from rope_twin.scene.rising import TwoWayShape
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.scene.sheave_rules import sheaves_hold
+from rope_twin.scene.water_rules import WATER_RULES
 from rope_twin.scene.winch_rules import WINCH_RULES
 from rope_twin.share import share_dir
 
@@ -306,4 +307,5 @@ RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _regular_heave,
     _on_waves,
     *MOTION_RULES,
+    *WATER_RULES,
 )

@@ -58,8 +58,8 @@ def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
 
 
 def _of_its_sea(summary: RunSummary, options: RunOptions) -> RunSummary:
-    """The summary without the card's error if --bag moved the ship otherwise than in its run."""
-    if not options.bag or isinstance(summary.tension_top_error_pct, str):
+    """The summary without the card's error if the ship moved otherwise than in the card's run."""
+    if not (options.bag or options.poses) or isinstance(summary.tension_top_error_pct, str):
         return summary
     return replace(
         summary,
@@ -81,6 +81,11 @@ def _with_speed_alone(summary: RunSummary, options: RunOptions) -> RunSummary:
 
 def _unpaced(options: RunOptions, progress: Progress) -> RunSummary:
     from rope_twin.commands.run.unpaced import run_unpaced
+    from rope_twin.scene.checks import sense_checks
+    from rope_twin.scene.load import load_scene
+
+    for warning in sense_checks(load_scene(options.scene)):
+        progress.say(warning)
 
     def report(run: UnpacedRun) -> None:
         if progress.due:

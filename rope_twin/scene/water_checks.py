@@ -1,0 +1,83 @@
+"""Sense checks of depths and waves: above the surface, below the bed, steeper than waves stand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import dist, pi, tanh
+
+from rope_twin.effects.waves import WavesParams
+from rope_twin.errors import phrase
+from rope_twin.scene.figures import LiftFigures, listed_effects
+from rope_twin.scene.rigging_rules import places, winches_by_name
+from rope_twin.scene.schema import Scene
+from rope_twin.scene.water_rules import bed_at, bed_of
+
+LONGEST_ARM_M = 400.0  # the longest ships
+STEEPEST = 0.142  # H/L of a wave that breaks in deep water (Miche 1944)
+SAGGING = 1.01  # rope may be so much longer than the depth and still hang
+
+
+def check_water(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """Of ropes, winches and waves."""
+    yield from _ends(scene)
+    yield from _depth_orders(scene)
+    yield from _steepness(scene)
+    yield from _arm(scene)
+
+
+def _ends(scene: Scene) -> Iterator[str]:
+    bed = bed_of(scene)
+    line, (x, y, z) = scene.ropes[0], scene.ship.hang_off_m
+    if line.fixed_at_m is not None and line.fixed_at_m[2] > 0.0:
+        what = f"the lower end is held {line.fixed_at_m[2]:g} m above the water"
+        yield phrase("ropes[0].fixed_at_m", what, "depths are negative: z counts up")
+    if bed is None:
+        return
+    height = z - bed_at(bed, x, y)
+    if line.fixed_at_m is None and line.length_m > SAGGING * height:
+        what = f"{line.length_m:g} m of rope are out over a bed {height:g} m below the hang-off"
+        right = "payload and rope begin lying on it; give less rope if they are to hang"
+        yield phrase("ropes[0].length_m", what, right)
+
+
+def _depth_orders(scene: Scene) -> Iterator[str]:
+    """Depths that the winch cannot reach, by its rope or for the bed."""
+    bed, hang_offs = bed_of(scene), places(scene)
+    for name, winch in winches_by_name(scene).items():
+        x, y, z = hang_offs[name]
+        for number, row in enumerate(winch.schedule):
+            if row.payload_depth_m is None:
+                continue
+            where = f"schedule of winch '{name}', row {number}"
+            most = winch.most_line_out_m - z
+            if row.payload_depth_m > most:
+                what = f"a depth of {row.payload_depth_m:g} m needs more rope than there is"
+                yield phrase(where, what, f"give at most {most:g} m, or raise most_line_out_m")
+            elif bed is not None and -row.payload_depth_m < bed_at(bed, x, y):
+                what = f"a depth of {row.payload_depth_m:g} m is below the bed"
+                yield phrase(where, what, f"the bed is at {-bed_at(bed, x, y):g} m there")
+
+
+def _steepness(scene: Scene) -> Iterator[str]:
+    waves = listed_effects(scene).get("waves")
+    if not isinstance(waves, WavesParams) or waves.regular is None:
+        return
+    height, period = waves.regular.height_m, waves.regular.period_s
+    deep = scene.environment.gravity_m_per_s2 * period**2 / (2.0 * pi)
+    length, depth = deep, waves.depth_m
+    if depth is not None and deep > 0.0:
+        for _ in range(50):  # L = L₀·tanh(2π·d/L), halfway each time
+            length = 0.5 * (length + deep * tanh(2.0 * pi * depth / length))
+    steepest = STEEPEST * length * (1.0 if depth is None else tanh(2.0 * pi * depth / length))
+    if height > steepest:
+        what = f"a wave of {height:g} m in {period:g} s is {length:.0f} m long and would break"
+        yield phrase("effects waves.regular", what, f"give at most {steepest:.1f} m, or more time")
+
+
+def _arm(scene: Scene) -> Iterator[str]:
+    if scene.ship.reference_m is None:
+        return
+    arm = dist(scene.ship.reference_m, scene.ship.hang_off_m)
+    if arm > LONGEST_ARM_M:
+        what = f"it is {arm:.0f} m from the hang-off"
+        yield phrase("ship.reference_m", what, f"a ship has arms of at most {LONGEST_ARM_M:g} m")

@@ -1,0 +1,66 @@
+"""What must hold between a scene and the water: its bottom, its surface and its spectrum."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+
+from rope_twin.effects.seabed import SeabedParams
+from rope_twin.effects.waves import WavesParams
+from rope_twin.scene.schema import Scene
+
+Fault = tuple[str, str, str]
+GAP = 3.0  # a step of a spectrum's frequencies is a hole when it is so many times both beside it
+
+
+def bed_at(bed: SeabedParams, x: float, y: float) -> float:
+    """Height of the bed below a place [m]; with soundings that of the deepest one."""
+    if bed.soundings is not None:
+        return -max(max(row) for row in bed.soundings.depth_m)
+    assert bed.depth_m is not None, "checked when it was read"
+    return -bed.depth_m + bed.slope[0] * x + bed.slope[1] * y
+
+
+def bed_of(scene: Scene) -> SeabedParams | None:
+    """The scene's bed, if it has one."""
+    return next((own for own in scene.effects if isinstance(own, SeabedParams)), None)
+
+
+def _held_sheaves(scene: Scene) -> Iterator[Fault]:
+    """A sheave's tether is held between surface and bed."""
+    bed = bed_of(scene)
+    for number, sheave in enumerate(scene.sheaves):
+        if sheave.tether is None:
+            continue
+        x, y, z = sheave.tether.at_m
+        path = f"sheaves[{number}].tether.at_m"
+        if z > 0.0:
+            what = f"'{sheave.name}' is held {z:g} m above the water"
+            yield path, what, "a lower sheave is held below: give a negative z"
+        elif bed is not None and z < bed_at(bed, x, y):
+            low = bed_at(bed, x, y)
+            what = f"'{sheave.name}' is held at z = {z:g} m, below the bed at {low:g} m"
+            yield path, what, "hold it at the bed or above, or deepen `seabed`"
+
+
+def _spectrum(scene: Scene) -> Iterator[Fault]:
+    """A measured spectrum has no hole, over which its neighbours would be joined by a line."""
+    waves = [k for k, own in enumerate(scene.effects) if isinstance(own, WavesParams)]
+    for number in waves:
+        measured = scene.effects[number].measured
+        if measured is None:
+            continue
+        frequency = measured.spectrum().frequency_hz.tolist()
+        steps = [high - low for low, high in pairwise(frequency)]
+        for k, step in enumerate(steps):
+            beside = [steps[j] for j in (k - 1, k + 1) if 0 <= j < len(steps)]
+            if beside and step > GAP * max(beside):
+                what = (
+                    f"the spectrum has a gap from {frequency[k]:g} to {frequency[k + 1]:g} Hz, "
+                    f"among steps of {max(beside):.3g} Hz"
+                )
+                yield "effects", what, "add the rows in between, with 0 where there is no energy"
+                return
+
+
+WATER_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (_held_sheaves, _spectrum)

@@ -1,0 +1,151 @@
+"""Depths above the surface or below the bed, spectra with holes, waves that break: what is read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from scene_text import GOOD, assert_refused, spoilt, written
+
+from rope_twin.cli import main
+from rope_twin.scene.checks import sense_checks
+from rope_twin.scene.load import load_scene
+from rope_twin.share import share_dir
+
+LOOP = (share_dir() / "config" / "scenes" / "two_line_loop.yaml").read_text()
+WEIGHT = "  - weight: {}\n"
+HELD = "at_m: [0.0, 0.0, -1550.0]"
+FIRST_ROW = "{at_s: 0.0, speed_m_per_s: 0.5}"
+HEAD = "frequency_hz,S_1996-01-01T00Z_m2_per_hz\n"
+
+
+def with_effect(text: str, effect: str) -> str:
+    """The scene with one more effect."""
+    assert text.count(WEIGHT) == 1
+    return text.replace(WEIGHT, f"{WEIGHT}  - {effect}\n")
+
+
+def measured(name: str) -> str:
+    """GOOD in the waves of a table beside it."""
+    sea = f"{{file: {name}, column: 1996-01-01T00Z}}"
+    return with_effect(GOOD, f"waves: {{measured: {sea}, components: 20, seed: 1}}")
+
+
+BAD: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    "negative mass": (
+        spoilt("mass_kg: 20000.0", "mass_kg: -20000.0"),
+        "payloads[0].mass_kg", ("-20000 kg is out of range", "give 0 to 1e+07 kg"),
+    ),
+    "depth above the surface": (
+        spoilt(FIRST_ROW, "{at_s: 0.0, payload_depth_m: -10.0}"),
+        "winch.schedule[0].payload_depth_m", ("-10 m is out of range", "below the mean water"),
+    ),
+    "bed above the surface": (
+        with_effect(GOOD, "seabed: {depth_m: -20.0}"),
+        "effects[4].seabed.depth_m", ("-20 m is out of range", "below the origin"),
+    ),
+    "sheave below the bottom": (
+        with_effect(LOOP, "seabed: {depth_m: 1200.0}"),
+        "sheaves[0].tether.at_m", ("z = -1550 m, below the bed at -1200 m", "deepen `seabed`"),
+    ),
+    "sheave below a slope": (
+        with_effect(LOOP, "seabed: {depth_m: 1600.0, slope: [0.0, 0.5]}").replace(
+            HELD, "at_m: [0.0, 200.0, -1550.0]"
+        ),
+        "sheaves[0].tether.at_m", ("below the bed at -1500 m",),
+    ),
+    "sheave above the water": (
+        LOOP.replace(HELD, "at_m: [0.0, 0.0, 50.0]"),
+        "sheaves[0].tether.at_m", ("is held 50 m above the water", "give a negative z"),
+    ),
+    "spectrum without a value": (
+        measured("./hole.csv"), "effects[4].waves.measured", ("hole.csv, line 4: ''", "finite"),
+    ),
+    "spectrum with a gap": (
+        measured("gap.csv"), "effects", ("gap from 0.06 to 0.2 Hz", "among steps of 0.01 Hz"),
+    ),
+    "spectrum that is not there": (
+        measured("./no.csv"), "effects[4].waves.measured", ("no.csv: neither a file nor a name",),
+    ),
+    "unknown switch": (
+        spoilt(FIRST_ROW, "{at_s: 0.0, switch: emergencystop}"),
+        "winch.schedule[0].switch", ("did you mean 'emergency_stop'?",),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", BAD)
+def test_what_cannot_be_is_refused_in_one_sentence(tmp_path: Path, fault: str) -> None:
+    """At the key, with the numbers and the way out; tables lie beside the scene."""
+    (tmp_path / "hole.csv").write_text(f"{HEAD}0.05,1\n0.06,2\n0.07,\n0.08,2\n")
+    (tmp_path / "gap.csv").write_text(f"{HEAD}0.05,1\n0.06,2\n0.20,2\n0.21,1\n")
+    text, place, words = BAD[fault]
+    assert_refused(text, place, words, tmp_path)
+
+
+def test_uneven_steps_are_no_gap(tmp_path: Path) -> None:
+    """A buoy's bands grow with the frequency; and a table beside the scene is found."""
+    (tmp_path / "even.csv").write_text(f"{HEAD}0.05,1\n0.055,2\n0.065,2\n0.085,1\n0.1,0\n")
+    scene = load_scene(written(tmp_path, measured("even.csv")))
+    assert scene.effects[1].measured.file == str(tmp_path / "even.csv")
+
+
+ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
+    "rope longer than the water is deep": (
+        with_effect(GOOD, "seabed: {depth_m: 300.0}"),
+        "ropes[0].length_m: ", ("500 m of rope are out over a bed 300 m below", "lying on it"),
+    ),
+    "order deeper than the rope": (
+        spoilt(FIRST_ROW, "{at_s: 0.0, payload_depth_m: 5000.0}"),
+        "schedule of winch 'winch', row 0: ", ("depth of 5000 m", "give at most 800 m"),
+    ),
+    "order into the bed": (
+        with_effect(
+            spoilt(FIRST_ROW, "{at_s: 0.0, payload_depth_m: 700.0}"), "seabed: {depth_m: 600.0}"
+        ),
+        "schedule of winch 'winch', row 0: ", ("700 m is below the bed", "at 600 m there"),
+    ),
+    "breaking wave": (
+        with_effect(GOOD, "waves: {regular: {height_m: 20.0, period_s: 4.0}}"),
+        "effects waves.regular: ", ("25 m long and would break", "at most 3.5 m"),
+    ),
+    "breaking in shallow water": (
+        with_effect(GOOD, "waves: {regular: {height_m: 6.0, period_s: 8.0}, depth_m: 5.0}"),
+        "effects waves.regular: ", ("53 m long and would break", "at most 4.0 m"),
+    ),
+    "ship of nine kilometres": (
+        spoilt("ship: {", "ship: {reference_m: [9000.0, 0.0, 0.0], "),
+        "ship.reference_m: ", ("9000 m from the hang-off",),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("oddity", ODD)
+def test_what_is_hardly_meant_is_warned_about(tmp_path: Path, oddity: str) -> None:
+    """In one sentence with the numbers and the way out."""
+    text, start, words = ODD[oddity]
+    warnings = sense_checks(load_scene(written(tmp_path, text)))
+    found = [warning for warning in warnings if warning.startswith(start)]
+    (sentence,) = [one for one in found if all(word in one for word in words)]
+    assert "; " in sentence
+    assert sentence.endswith(".")
+
+
+def test_a_lower_end_above_the_water_is_warned_about(tmp_path: Path) -> None:
+    """z counts up: who forgets the sign of a depth reads it."""
+    text = spoilt("    to: tool\n", "    fixed_at_m: [0.0, 0.0, 20.0]\n")
+    text = text.replace(text[text.index("payloads:") : text.index("winch:")], "")
+    warnings = sense_checks(load_scene(written(tmp_path, text.replace("  - payload: {}\n", ""))))
+    assert any("the lower end is held 20 m above the water" in warning for warning in warnings)
+
+
+def test_an_unpaced_run_tells_what_is_odd(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As `scene check` does, before it runs."""
+    text = spoilt("mass_kg: 20000.0", "mass_kg: 0.0")
+    path = written(tmp_path, text)
+    assert main(["run", str(path), "--for", "1", "--speed", "0", "--no-record"]) == 1
+    told = capsys.readouterr().err
+    assert "payloads[0]: it floats: 0.0 kN in air displaces 9.00 m³" in told
+    assert "at rest it floats up to z = " in told
