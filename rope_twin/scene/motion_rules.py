@@ -8,7 +8,6 @@ import numpy as np
 
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.errors import InputError
-from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.columns import is_path
 from rope_twin.sea.responses import read_responses
@@ -72,12 +71,6 @@ def _responses(scene: Scene) -> Iterator[Fault]:
         yield "sea_state.on_waves.responses", *_halves(error)
 
 
-def _one_rope(scene: Scene) -> Iterator[Fault]:
-    if scene.sea_state.posed and is_joined(scene):
-        what = "ropes meet here, or leave by more hang-offs, which only heave"
-        yield "sea_state", what, "give a bag of heave, a regular heave or `on_waves` with a hull"
-
-
 def _halves(error: InputError) -> tuple[str, str]:
     """The sentence of an error without its full stop: what is wrong, and what would be right."""
     what, _, right = str(error).removesuffix(".").rpartition("; ")
@@ -88,5 +81,4 @@ MOTION_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _way,
     _poses,
     _responses,
-    _one_rope,
 )

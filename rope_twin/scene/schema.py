@@ -180,7 +180,7 @@ class Payload:
 
 @dataclass(frozen=True, kw_only=True)
 class HangOff:
-    """Another place where a rope leaves the ship; it heaves with the ship."""
+    """Another place where a rope leaves the ship; it moves with the ship."""
 
     name: str = text("its name")
     at_m: Triple = quantity("at rest: x, y, z", "m", -1e4, 1e4)

@@ -18,12 +18,15 @@ from scipy.interpolate import CubicHermiteSpline
 from rope_twin.commands.run.inputs import FIRST_NS, open_sea, series_of
 from rope_twin.core import state as rows
 from rope_twin.errors import SolverError, phrase
+from rope_twin.recording.ship_sea import sample_of
 from rope_twin.scene.rigging_rules import is_joined, places, winch_of
 from rope_twin.scene.schema import RopeLine, Scene, Triple
 from rope_twin.studies.accuracy_bodies import body_of
 from rope_twin.studies.band import fed
 from rope_twin.studies.variants import variant
 from rope_twin.twin.borders import Borders, WinchTrack, foreseen
+from rope_twin.twin.hang_off import lever_arm
+from rope_twin.twin.heave_series import HeaveSeries
 from rope_twin.twin.twin import Twin
 
 Vector = NDArray[np.float64]
@@ -71,7 +74,7 @@ class Course:
         self.scene, self.seconds, self.look_s = scene, seconds, look_s
         sea = open_sea(scene)
         samples = sea.between(FIRST_NS, round(seconds * 1e9) + AFTER_NS) if sea else []
-        self._heave = series_of(samples)
+        self._samples, self._heave = samples, series_of(samples)
         self._motions: dict[float, rows.Boundary] = {}
         known = is_joined(scene) or foreseen(scene.winch, None)
         self._line = None if known else _recorded_line(scene, seconds)
@@ -93,6 +96,14 @@ class Course:
                 self._motions[step_s] = one
         return self._motions[step_s]
 
+    def _heave_at(self, place: Triple) -> HeaveSeries | None:
+        """What moves a hang-off that rests there: poses at its own arm, heave as it is."""
+        posed = [one for one in self._samples if one.pose is not None]
+        if not posed or place == self.scene.ship.hang_off_m:
+            return self._heave
+        arm = lever_arm(self.scene, place)
+        return series_of([sample_of(one.pose, arm, None) for one in posed if one.pose])
+
     def _of_rope(self, line: RopeLine, place: Triple | None, step_s: float) -> rows.Boundary:
         """The motion of one rope, whose hang-off is at rest at `place`; None: it has none."""
         steps, batch = round(self.seconds / step_s), max(1, round(BATCH_S / step_s))
@@ -103,7 +114,7 @@ class Course:
         winch = None if self._line is not None else winch_of(self.scene, line)
         track = WinchTrack(winch, line.length_m, None, step_s)
         ship = replace(self.scene.ship, hang_off_m=place)
-        borders = Borders(ship, track, self._heave, step_s)
+        borders = Borders(ship, track, self._heave_at(place), step_s)
         parts = [rows.Boundary(*(table.copy() for table in borders.boundary))]
         for first in range(0, steps, batch):
             part = borders.through(first, min(batch, steps - first))

@@ -29,6 +29,7 @@ from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rigging_rules import winch_of
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.contact import bed_contact
+from rope_twin.twin.hang_off import Moves
 from rope_twin.twin.hoisting.feel import Course, feel
 from rope_twin.twin.hoisting.line import Felt
 from rope_twin.twin.hoisting.orders import Order
@@ -128,15 +129,22 @@ class JoinedRopes:
         """Whether a winch but the first asks what its rope is like for the step from then on."""
         return any(winch.feels(time_ns) for winch in self._winches[1:])
 
-    def prescribe(self, row: int, from_ns: int, step_s: float, heave: tuple[float, float]) -> None:
-        """Hang-offs and line out at border `row`; heave: of the ship, and its rate."""
+    def prescribe(
+        self, row: int, from_ns: int, step_s: float, heave: tuple[float, float], moves: Moves
+    ) -> None:
+        """Hang-offs and line out at border `row`.
+
+        heave: of the ship, and its rate; moves: how poses move the hang-offs that they move.
+        """
         value, rate = self._boundary
         for r in self._numbers[1:]:
             if self._joints.upper[r] == LOOSE:
-                value[r, row, rows.Z] = self._hang_offs[r, 2] + heave[0]
-                rate[r, row, rows.Z] = heave[1]
+                still = (0.0, 0.0)
+                moved, moving = moves.get(r, ((*still, heave[0]), (*still, heave[1])))
+                value[r, row, : rows.LINE] = self._hang_offs[r] + np.array(moved)
+                rate[r, row, : rows.LINE] = moving
                 felt = self._felt(r, row) if self._winches[r].feels(from_ns) else None
-                line = self._winches[r].step(from_ns, step_s, heave[1], felt)
+                line = self._winches[r].step(from_ns, step_s, moving[2], felt)
                 value[r, row, rows.LINE], rate[r, row, rows.LINE] = line
 
     def _felt(self, r: int, row: int) -> Felt:

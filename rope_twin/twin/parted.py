@@ -25,6 +25,7 @@ from rope_twin.errors import phrase
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.bare_end import is_at_end
 from rope_twin.twin.contact import bed_contact
+from rope_twin.twin.hang_off import Moves
 from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.saved_state import changing_parts
 from rope_twin.twin.severing import refresh_tension, step_free, without_beyond
@@ -65,7 +66,9 @@ class PartedRopes:
         """There is no other winch."""
         return False
 
-    def prescribe(self, row: int, from_ns: int, step_s: float, heave: tuple[float, float]) -> None:
+    def prescribe(
+        self, row: int, from_ns: int, step_s: float, heave: tuple[float, float], moves: Moves
+    ) -> None:
         """Nothing."""
 
     def forget(self, done: int, prescribed: int) -> None:

@@ -16,6 +16,7 @@ from rope_twin.errors import phrase
 from rope_twin.scene.build import build
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
+from rope_twin.twin.hang_off import Moves
 from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.joined import JoinedRopes
 from rope_twin.twin.snapshot import Snapshot
@@ -42,8 +43,13 @@ class Ropes(Protocol):
     def feel(self, time_ns: int) -> bool:
         """Whether another winch asks what its rope is like for the step from this time on."""
 
-    def prescribe(self, row: int, from_ns: int, step_s: float, heave: tuple[float, float]) -> None:
-        """Other hang-offs and their line out at border `row`; heave: of the ship, and its rate."""
+    def prescribe(
+        self, row: int, from_ns: int, step_s: float, heave: tuple[float, float], moves: Moves
+    ) -> None:
+        """Other hang-offs and their line out at border `row`.
+
+        heave: of the ship, and its rate; moves: how poses move those that they move.
+        """
 
     def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
         """Step; boundary, pulls: of the first rope. As core's `advance`."""
@@ -94,7 +100,9 @@ class OneRope:
         """There is no other winch."""
         return False
 
-    def prescribe(self, row: int, from_ns: int, step_s: float, heave: tuple[float, float]) -> None:
+    def prescribe(
+        self, row: int, from_ns: int, step_s: float, heave: tuple[float, float], moves: Moves
+    ) -> None:
         """Nothing."""
 
     def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:

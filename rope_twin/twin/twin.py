@@ -314,7 +314,8 @@ class Twin(ToldTwin):
             rope = feel(self._rope, line, pull, borders, course)
         length, speed = self._winch.step(begin_ns, self.step_s, heave[1], rope)
         value[row, rows.LINE], rate[row, rows.LINE] = length, speed
-        self._ropes.prescribe(row, begin_ns, self.step_s, heave)
+        moves = self._heave.further_at(border_ns, (share, share_rate))
+        self._ropes.prescribe(row, begin_ns, self.step_s, heave, moves)
 
     def statistics(self) -> RunStatistics:
         """The run so far."""

@@ -145,6 +145,39 @@ def test_the_hang_off_goes_where_the_pose_and_the_arm_say() -> None:
     assert twin.snapshot().node_position_m[0] == pytest.approx(value, abs=1e-12)
 
 
+def test_each_hang_off_goes_where_its_own_arm_says() -> None:
+    """Two winches 12 m apart on a ship that rolls, pitches and turns: each as a point of it does.
+
+    Also as studies prescribe it, and from a saved state on.
+    """
+    scene = load_scene("two_line_lift")
+    riding = replace(scene.ship, reference_m=(-20.0, -18.0, -12.0), motion_ramp_s=0.0)
+    waves = next(own for own in load_scene("ship_6dof").effects if isinstance(own, WavesParams))
+    sea = SeaState(on_waves=OnWaves(responses="vessel_120m", heading_deg=30.0))
+    posed = replace(
+        scene, ship=riding, sea_state=sea, effects=(*scene.effects, replace(waves, ramp_s=0.0))
+    )
+    ship, twin = open_sea(posed), Twin(replace(posed, effects=scene.effects))
+    assert isinstance(ship, ShipOnWaves)
+    for sample in ship.between(FIRST_NS, 2_000_000_000):
+        assert offer(twin, sample) == ""
+    twin.advance(round(0.5 / twin.step_s))
+    other = Twin.restore(twin.capture(), twin.scene)
+    for one in (twin, other):
+        one.advance(round(0.5 / twin.step_s))
+        shot, pose = one.snapshot(), ship.pose(1_000_000_000)
+        for rope, at in ((0, scene.ship.hang_off_m), (1, scene.hang_offs[0].at_m)):
+            arm = np.array(at) - riding.reference_m
+            moved, _ = hang_off_motion(pose, tuple(arm))
+            found = shot.ropes[rope].node_position_m[0] - at
+            assert found == pytest.approx(moved, abs=1e-6)
+            assert np.abs(found[:2]).max() > 1e-3, "it moves aside too"
+    course = Course(posed, 1.0, 0.1).motion(twin.step_s)
+    for rope in (0, 1):
+        ends = twin.snapshot().ropes[rope].node_position_m[0]
+        assert course.value[rope, -1, : rows.LINE] == pytest.approx(ends, abs=1e-12)
+
+
 def test_a_way_is_followed() -> None:
     """A circle given every 5 s: the spline is off by 5·(ω·Δt)⁴/384 of the radius at most."""
     scene = replace(load_scene("deep_tow_turn"), ship=Ship(motion_ramp_s=0.0))

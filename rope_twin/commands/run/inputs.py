@@ -17,7 +17,6 @@ from rope_twin.recording.regular_heave import RegularSea
 from rope_twin.recording.ship_sea import ShipOnWaves, WayOfHangOff, open_way
 from rope_twin.recording.wave_sea import sea_of_waves
 from rope_twin.scene.recorded_poses import RecordedPoses
-from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.heave_series import HeaveSeries
 from rope_twin.twin.twin import Twin
@@ -55,7 +54,7 @@ def open_sea(
     Raises:
         BagError: one sentence on what is wrong with the bag.
         InputError: a topic is named but there is no bag to look for it in, two bags are, the
-            scene takes no poses, or a table that it names is wrong.
+            or a table that the scene names is wrong.
     """
     if bag and poses:
         right = "give heave or poses of the ship, not both"
@@ -64,9 +63,6 @@ def open_sea(
         return open_heave(bag, topic or None, start_s, loop)
     sea = scene.sea_state
     if poses:
-        if is_joined(scene):
-            what = "ropes meet here, or leave by more hang-offs, which only heave"
-            raise InputError(phrase(f"poses of {poses}", what, "give a bag of heave"))
         named = replace(sea.poses or RecordedPoses(bag=poses), bag=poses, topic=topic)
         return open_poses(scene, named, start_s, loop)
     if sea.poses is not None:
