@@ -131,22 +131,49 @@ def _current(scene: Scene, z: list[float]) -> list[float]:
     return [hypot(east, north) for east, north in zip(*parts, strict=True)]
 
 
+def vortex_words(scene: Scene, figures: LiftFigures) -> str:
+    """What the scene's model of vortices wants and gets, before a run; "" if it has none."""
+    pace = expected_pace(scene, figures)
+    if pace is None:
+        return ""
+    cost = _cost(scene, figures, pace)
+    told = (
+        f"{shedding_model(scene)}: {_wanted(pace)}; this scene gives "
+        f"{figures.longest_element_m:.3g} m and {1e3 * scene.time.step_s:.3g} ms"
+    )
+    if cost <= 1.0:
+        return f"{told}."
+    return f"{told}, too coarse; right ones are {cost:.2g} times slower than this scene without it."
+
+
+def _wanted(pace: Pace) -> str:
+    return (
+        f"lock-in at {pace.frequency_hz:.3g} Hz wants elements under "
+        f"{_rounded(pace.element_m):g} m and steps under {_rounded(1e3 * pace.step_s):g} ms"
+    )
+
+
+def _cost(scene: Scene, figures: LiftFigures, pace: Pace) -> float:
+    """Times as many elements and steps as the scene has; the model's own work is not in it."""
+    elements = max(figures.longest_element_m / pace.element_m, 1.0)
+    return elements * max(scene.time.step_s / pace.step_s, 1.0)
+
+
 def coarse_for_vortices(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     """What the fastest lock-in wants of elements and steps, if the scene gives less."""
     pace = expected_pace(scene, figures)
     if pace is None:
         return
     element, step = figures.longest_element_m, scene.time.step_s
-    cost = max(element / pace.element_m, 1.0) * max(step / pace.step_s, 1.0)
+    cost = _cost(scene, figures, pace)
     if cost <= 1.0:
         return
     path = "ropes[0].elements" if element > pace.element_m else "time.step_s"
     what = (
         f"elements of {element:.3g} m and steps of {1e3 * step:.3g} ms are coarse for vortices: "
-        f"lock-in at {pace.frequency_hz:.3g} Hz wants elements under {_rounded(pace.element_m):g} "
-        f"m and steps under {_rounded(1e3 * pace.step_s):g} ms"
+        f"{_wanted(pace)}"
     )
-    yield phrase(path, what, f"give these; it is {cost:.2g} times slower than the scene as it is")
+    yield phrase(path, what, f"give these: {cost:.2g} times slower than this scene without it")
 
 
 def _rounded(value: float) -> float:

@@ -28,7 +28,7 @@ SLOW = 0.2  # of the fastest vortices' frequency: slower motion is not shaking
 ORDER = 4
 BLOCK = 8  # samples that are filtered together
 SETTLING, AVERAGED, LEAST = 10.0, 10.0, 2.0  # periods: of the filter, of the mean, before a figure
-STILL = 1e-6  # diameters: what moves less has no frequency
+STILL_M = 1e-7  # what moves less has no frequency
 _PLACE = slice(rows.POSITION, rows.POSITION + 3)
 _VELOCITY = slice(rows.VELOCITY, rows.VELOCITY + 3)
 _FLOW = slice(rows.FLOW, rows.FLOW + 3)
@@ -78,12 +78,22 @@ class OwnMotion:
         """What is told of it, at the nodes; None: nothing yet."""
         if not self.known:
             return None
-        diameter = diameters(rope)
-        (across, along), (across_hz, along_hz) = (
-            found[:, ::-1].copy()
-            for found in (self.amplitudes(diameter), self.frequencies_hz(diameter))
+        s, diameter = _marks(rope), diameters(rope)  # an element may have split since the look
+
+        def now(values: Floats) -> Floats:
+            return np.interp(s, self._s, values)
+
+        (across, along), (across_hz, along_hz) = self.amplitudes_m(), self.frequencies_hz()
+        return RopeVibration(
+            model=MOTION,
+            cross_flow=(now(across) / diameter)[::-1],
+            cross_flow_hz=now(across_hz)[::-1],
+            in_line=(now(along) / diameter)[::-1],
+            in_line_hz=now(along_hz)[::-1],
+            every_s=0.0,
+            solves=0,
+            note="",
         )
-        return RopeVibration(MOTION, across, across_hz, along, along_hz, 0.0, 0, "")
 
     def bent(self, rope: Rope, middles: Floats) -> Floats | None:
         """Its curvature is the rope's own."""
@@ -97,14 +107,14 @@ class OwnMotion:
         """Go on from there."""
         vars(self).update(vars(kept))
 
-    def amplitudes(self, diameter: Floats) -> Floats:
-        """√2 times the rms over the diameter, across and with the flow, (2, nodes)."""
-        return np.asarray(np.sqrt(2.0 * self._means[0]) / diameter)
+    def amplitudes_m(self) -> Floats:
+        """√2 times the rms, across and with the flow, at the nodes of the last look, (2, nodes)."""
+        return np.asarray(np.sqrt(2.0 * self._means[0]))
 
-    def frequencies_hz(self, diameter: Floats) -> Floats:
+    def frequencies_hz(self) -> Floats:
         """Of both, 0 where nothing moves, (2, nodes)."""
         _, rise, total = self._means
-        moves = (self.amplitudes(diameter) > STILL) & (total > 0.0)
+        moves = (self.amplitudes_m() > STILL_M) & (total > 0.0)
         ratio = np.sqrt(rise / np.where(moves, total, 1.0))
         return np.where(moves, np.arctan(ratio) / (pi * self._sample_s), 0.0)
 

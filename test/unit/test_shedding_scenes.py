@@ -48,7 +48,7 @@ def test_the_pace_of_a_cable_that_locks_in_at_13_hz() -> None:
 def test_a_scene_too_coarse_is_told_what_it_costs() -> None:
     (words,) = [words for words in sense_checks(shedding(CABLE)) if "vortices" in words]
     assert "lock-in at 12.8 Hz wants elements under 0.86 m and steps under 0.39 ms" in words
-    assert "26 times slower than the scene as it is" in words
+    assert "26 times slower than this scene without it" in words
     fine = shedding(replace(CABLE, elements=400, step=0.0003))
     assert not [words for words in sense_checks(fine) if "vortices" in words]
     still = replace(shedding(CABLE), effects=(WakeOscillatorParams(),))

@@ -1,0 +1,97 @@
+"""Charts of a quantity along the rope: how it shakes, and the fatigue that it has used.
+
+rerun has no plot of one quantity over another, so the axes are drawn here, as in
+`rope_twin.view.profile`: a panel is WIDTH wide and HEIGHT high, the hang-off is above.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.view.ticks import ticks_over
+
+WIDTH, HEIGHT, GAP = 560.0, 1000.0, 130.0
+_GRID = (66, 68, 76)
+_WORDS = (205, 205, 210)
+_HEAD, _LIFT = -95.0, 30.0  # title above the panel; rerun hangs a label below its point
+
+Values = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A quantity along the rope; NaN where there is none."""
+
+    name: str
+    values: Values
+    rgb: tuple[int, int, int]
+
+
+class DepthChart:
+    """One panel below `path`; its scales grow with what is shown, and never shrink."""
+
+    def __init__(self, stream: Any, path: str, title: str, place: int) -> None:
+        """`place`: which one it is, from the left."""
+        self._stream, self._path, self._title = stream, path, title
+        self._left = place * (WIDTH + GAP)
+        self._axes = (0.0, 0.0)
+
+    def show(self, depth_m: Values, curves: list[Curve]) -> None:
+        """The curves of this instant over metres below the hang-off; aboard is not drawn."""
+        import rerun as rr
+
+        out = depth_m >= 0.0
+        known = [curve.values[out & np.isfinite(curve.values)] for curve in curves]
+        largest = max((float(values.max(initial=0.0)) for values in known), default=0.0)
+        deepest = float(depth_m[out].max(initial=0.0))
+        wide, high = self._axes
+        if largest > wide or deepest > high:
+            wide = float(ticks_over(1.2 * largest, most=4)[-1]) if largest > wide else wide
+            high = float(ticks_over(deepest)[-1]) if deepest > high else high
+            self._axes = wide, high
+            self._draw_axes(curves)
+        if not (wide > 0.0 and high > 0.0):
+            return
+        for curve in curves:
+            drawn = out & np.isfinite(curve.values)
+            points = self._place(curve.values[drawn] / wide, depth_m[drawn] / high)
+            self._stream.log(
+                f"{self._path}/{curve.name.replace(' ', '_')}",
+                rr.LineStrips2D([points], colors=curve.rgb, radii=rr.Radius.ui_points(2.0)),
+            )
+
+    def _place(self, across: Values, down: Values) -> Values:
+        return np.stack([self._left + across * WIDTH, down * HEIGHT], axis=-1)
+
+    def _draw_axes(self, curves: list[Curve]) -> None:
+        import rerun as rr
+
+        wide, high = self._axes
+        if not (wide > 0.0 and high > 0.0):
+            return
+        across, down = ticks_over(wide, most=4), ticks_over(high)
+        x, y = self._left + across / wide * WIDTH, down / high * HEIGHT
+        grid = [[[at, 0.0], [at, HEIGHT]] for at in x]
+        grid += [[[self._left, at], [self._left + WIDTH, at]] for at in y]
+        hair = rr.Radius.ui_points(0.5)
+        self._stream.log(f"{self._path}/grid", rr.LineStrips2D(grid, colors=_GRID, radii=hair))
+        self._label("values", [[at, HEIGHT] for at in x], [f"{value:g}" for value in across])
+        self._label(
+            "depths", [[self._left - 60.0, at - _LIFT] for at in y], [f"{d:g}" for d in down]
+        )
+        names = ", ".join(curve.name for curve in curves)
+        middle = self._left + 0.5 * WIDTH
+        self._label("title", [[middle, _HEAD]], [f"{self._title}: {names}"])
+
+    def _label(self, name: str, places: list[list[float]], words: list[str]) -> None:
+        import rerun as rr
+
+        self._stream.log(
+            f"{self._path}/{name}",
+            rr.Points2D(places, labels=words, show_labels=True, colors=_WORDS,
+                        radii=rr.Radius.ui_points(0.0)),
+        )  # fmt: skip

@@ -1,0 +1,53 @@
+"""How the rope shakes and what fatigue it has used, over its length: two pictures, if told."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.view.depth_chart import Curve, DepthChart
+
+VIBRATION, FATIGUE = "vibration", "fatigue"
+CROSS_FLOW_RGB, IN_LINE_RGB, USED_RGB = (253, 231, 37), (53, 183, 160), (242, 106, 90)
+
+
+class WatchedCharts:
+    """Draws both; `shown` says which there is something of."""
+
+    def __init__(self, stream: Any) -> None:
+        self.shown: tuple[str, ...] = ()
+        self._amplitude = DepthChart(stream, f"{VIBRATION}/amplitude", "A/d", 0)
+        self._frequency = DepthChart(stream, f"{VIBRATION}/frequency", "Hz", 1)
+        self._used = DepthChart(stream, FATIGUE, "share of life used", 0)
+
+    def show_vibration(self, columns: dict[str, NDArray[np.float64]]) -> bool:
+        """Columns of `rope/vibration` by name; True if it is the first of its kind."""
+        place = np.stack([columns[axis] for axis in "xyz"])
+        steps = np.sqrt((np.diff(place, axis=1) ** 2).sum(axis=0))
+        depth = np.concatenate([[0.0], np.cumsum(steps)])
+        amplitude = [Curve("cross-flow", columns["cross_flow"], CROSS_FLOW_RGB)]
+        frequency = [Curve("cross-flow", _moving(columns["cross_flow_hz"]), CROSS_FLOW_RGB)]
+        if "in_line" in columns:
+            amplitude.append(Curve("in-line", columns["in_line"], IN_LINE_RGB))
+            frequency.append(Curve("in-line", _moving(columns["in_line_hz"]), IN_LINE_RGB))
+        self._amplitude.show(depth, amplitude)
+        self._frequency.show(depth, frequency)
+        return self._is_first(VIBRATION)
+
+    def show_fatigue(self, table: NDArray[np.float64]) -> bool:
+        """Rows of `rope/fatigue`; True if it is the first of its kind."""
+        self._used.show(table[:, 1], [Curve("each metre of rope", table[:, 2], USED_RGB)])
+        return self._is_first(FATIGUE)
+
+    def _is_first(self, name: str) -> bool:
+        first = name not in self.shown
+        if first:
+            self.shown = (*self.shown, name)
+        return first
+
+
+def _moving(hz: NDArray[np.float64]) -> NDArray[np.float64]:
+    """NaN where nothing moves."""
+    return np.where(hz > 0.0, hz, np.nan)

@@ -1,0 +1,45 @@
+"""How a rope shakes and what it has used, as a second process hears it."""
+
+from __future__ import annotations
+
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+from ros_bench import Bench
+from ros_process import Processes
+
+from rope_twin.recording.bag_reader import BagReader
+
+pytestmark = pytest.mark.ros
+
+
+def test_a_process_that_listens_hears_them_and_the_recorder_keeps_them(
+    bench: Bench, processes: Processes, tmp_path: Path
+) -> None:
+    shaking, used = bench.listen("rope/vibration"), bench.listen("rope/fatigue")
+    recorder = processes.node("recorder", directory=str(tmp_path / "bag"))
+    recorder.until_says("recording to")
+    simulation = processes.node(
+        "simulation", scene="shallow_lift", vibration="modes", fatigue="stranded_wire",
+        wait_for="rope/markers", wait_for_s=30.0,
+    )  # fmt: skip
+    bench.until(lambda: len(used) >= 3 and len(shaking) >= 12, "three seconds of the run", 60.0)
+    simulation.send(signal.SIGINT)
+    assert simulation.wait() == 0
+    recorder.send(signal.SIGINT)
+    assert recorder.wait() == 0
+    cloud = shaking[-1]
+    assert [field.name for field in cloud.fields] == ["x", "y", "z", "cross_flow", "cross_flow_hz"]
+    points = np.frombuffer(bytes(cloud.data), "<f4").reshape(-1, 5)
+    assert len(points) == cloud.width
+    assert points[0, 2] > points[-1, 2]
+    assert (points[:, 3] >= 0.0).all()
+    table = np.array(used[-1].data).reshape(-1, 3)
+    assert (np.diff(table[:, 0]) > 0.0).all()
+    assert (table[:, 2] >= 0.0).all()
+    with BagReader(tmp_path / "bag") as reader:
+        counts = {name: content.messages for name, content in reader.topics.items()}
+    assert counts["/rope/fatigue"] >= 3
+    assert counts["/rope/vibration"] >= 12
