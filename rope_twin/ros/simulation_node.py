@@ -102,6 +102,8 @@ class SimulationNode(LifecycleNode):
             self.paced = PacedTwin(scene, self._params, self._publish)
             if self._params.start_from:
                 self.get_logger().info(self.paced.begun)
+            if self.paced.twin.told:
+                self.get_logger().info(self.paced.twin.told)
         except RopeTwinError as error:
             return self._fail(str(error))
         except Exception as error:

@@ -8,6 +8,7 @@ motion is not changed.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -58,6 +59,19 @@ class Beside:
         self._since_s, self.solves, self.note = EVERY_S, 1, ""
         span = span_of(rope)
         response.follow(span, response.search(span))  # in parts as from now on: the same digits
+        self.told = self.words(span)
+
+    def words(self, span: Span) -> str:
+        """What it costs, measured here and now."""
+        began = time.perf_counter()
+        found = self._response.search(span).found()
+        took_ms = 1e3 * (time.perf_counter() - began)
+        highest = f" up to {found.frequency.max():.3g} Hz" if len(found.frequency) else ""
+        return (
+            f"vibration {self.model}: {len(found.frequency)} modes{highest} on "
+            f"{len(self._response.span.s)} places, found again every {EVERY_S:g} s in "
+            f"{took_ms:.0f} ms, steps of {1e3 * self._response.step_s:.3g} ms."
+        )
 
     def take(self, rope: Rope, sample_s: float, vortices_hz: float) -> None:
         """Go on by the time since the last look."""

@@ -55,6 +55,8 @@ class Twin(ToldTwin):
         SceneError: the scene cannot be built, or its rope has no equilibrium to start from.
     """
 
+    told = ""  # what there is to say before it runs
+
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.step_s = scene.time.step_s

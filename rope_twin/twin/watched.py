@@ -63,6 +63,7 @@ class WatchedTwin(Twin):
         self._profiles = 0  # currents that had come by then
         self._every = self._steps_between()
         self._tracker = self._beside()  # of the twin's own motion when the water first moves
+        self.told = self._tracker.told if isinstance(self._tracker, Beside) else ""
         self._counting_from_ns, self._second = self.time_ns, -1
         self._fatigue: MaterialFatigue | None = None
         self._watch_s = self._watched_s = 0.0  # time spent on it, and the twin's time meanwhile
@@ -90,8 +91,8 @@ class WatchedTwin(Twin):
         self._every = self._steps_between()
 
     def _changing(self) -> dict[str, Any]:
-        own = ("_strouhal", "_wear", "_tracker", "_hz", "_profiles", "_every", "_counting_from_ns",
-               "_second", "_fatigue", "_watch_s", "_watched_s")  # fmt: skip
+        own = ("told", "_strouhal", "_wear", "_tracker", "_hz", "_profiles", "_every",
+               "_counting_from_ns", "_second", "_fatigue", "_watch_s", "_watched_s")  # fmt: skip
         changing = {name: value for name, value in super()._changing().items() if name not in own}
         if self._wear is not None:
             changing[f"{IF_ASKED}wear"] = self._wear

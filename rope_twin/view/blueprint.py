@@ -6,10 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from rope_twin.view import overview, surface
+from rope_twin.view import depth_chart, overview, surface
 from rope_twin.view.figures import Plot
 from rope_twin.view.profile import HEIGHT, RANGE_S, WIDTH
 from rope_twin.view.timelines import TWIN_TIME
+from rope_twin.view.watched import FATIGUE, VIBRATION
 
 BACKGROUND = (18, 19, 24)
 OVERVIEW, SURFACE, PROFILE, LOG = "overview", "surface", "profile", "diagnostics"
@@ -37,6 +38,11 @@ _PLOTS = (
 )
 
 
+# entity, title and panels of what a run may be asked to tell of its rope
+_CHARTS = {
+    VIBRATION: (VIBRATION, "Vibration over length below the hang-off [m]", 2),
+    FATIGUE: (FATIGUE, "Fatigue used over length below the hang-off [m]", 1),
+}
 LIVE_S = 120.0  # so far back reach the plots of a live window
 Ranges = Mapping[str, tuple[float, float]]
 Eye = tuple[list[float], list[float]]  # where it is, where it looks
@@ -50,6 +56,7 @@ class Shown:
     close: Eye | None = None  # of its lower end
     plots: tuple[Plot, ...] = ()  # besides those that every run has
     ranges: Ranges = field(default_factory=dict)  # of the plot of an entity; else by its data
+    charts: tuple[str, ...] = ()  # which of VIBRATION and FATIGUE there is something of
 
 
 def layout(shown: Shown, live: bool) -> Any:
@@ -57,7 +64,10 @@ def layout(shown: Shown, live: bool) -> Any:
     import rerun.blueprint as rrb
 
     left = rrb.Vertical(_whole_rope(shown.frame), _lower_end(shown.close), row_shares=[5, 3])
-    middle = rrb.Vertical(_profile(), _surface(), row_shares=[5, 4])
+    below: Any = _surface()
+    if shown.charts:
+        below = rrb.Tabs(*(_chart(*_CHARTS[name]) for name in shown.charts), below, active_tab=0)
+    middle = rrb.Vertical(_profile(), below, row_shares=[5, 4])
     return rrb.Blueprint(
         rrb.Horizontal(left, middle, _right(shown, live), column_shares=[23, 34, 43]),
         rrb.TopPanel(state="hidden"),
@@ -66,6 +76,20 @@ def layout(shown: Shown, live: bool) -> Any:
         rrb.TimePanel(state="collapsed", timeline=TWIN_TIME, play_state="following"),
         auto_views=False,
         auto_layout=False,
+    )
+
+
+def _chart(entity: str, title: str, panels: int) -> Any:
+    import rerun.blueprint as rrb
+
+    wide = panels * (depth_chart.WIDTH + depth_chart.GAP)
+    return rrb.Spatial2DView(
+        origin=entity,
+        name=title,
+        background=BACKGROUND,
+        visual_bounds=rrb.VisualBounds2D(
+            x_range=(-depth_chart.GAP, wide), y_range=(-180.0, 1.12 * depth_chart.HEIGHT)
+        ),
     )
 
 

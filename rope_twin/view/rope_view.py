@@ -32,11 +32,12 @@ from rope_twin.view.sinks import Sink
 from rope_twin.view.surface import Surface
 from rope_twin.view.ticks import decade_range
 from rope_twin.view.timelines import Timelines
+from rope_twin.view.watched import WatchedCharts
 
 SHOWN_TOPICS = (
     "twin/epoch", "winch/state", "winch/parts", "tension_top/band", "tension", "payloads/state",
-    "bars/state", "rope/nodes", "ropes/nodes", "ship/heave", "ship/odometry", "sea/elevation",
-    "lines/crossings", "lines/events", "diagnostics",
+    "bars/state", "rope/nodes", "ropes/nodes", "rope/vibration", "rope/fatigue", "ship/heave",
+    "ship/odometry", "sea/elevation", "lines/crossings", "lines/events", "diagnostics",
 )  # fmt: skip
 PICTURE_NS = NANOSECONDS // 10  # ropes and sea are drawn at most 10 times a second
 _EPOCH_WITHIN_NS = 2 * NANOSECONDS  # so long the first messages wait for twin/epoch
@@ -59,6 +60,7 @@ class RopeView:
         self._overview = Overview(sink.stream, OVERVIEW)
         self._surface = Surface(sink.stream, SURFACE)
         self._profile = Profile(sink.stream, PROFILE)
+        self._watched = WatchedCharts(sink.stream)
         self._lower_end = LowerEnd(sink.stream, LOWER_END)
         self._figures = Figures(self._further_curve)
         self._drawn_ns: dict[str, int] = {}
@@ -71,6 +73,8 @@ class RopeView:
             "tension": self._tension,
             "rope/nodes": self._rope_nodes,
             "ropes/nodes": self._further_ropes,
+            "rope/vibration": self._vibration,
+            "rope/fatigue": self._fatigue,
             "payloads/state": self._payloads,
             "bars/state": self._bars,
             "winch/parts": self._winch_parts,
@@ -116,7 +120,8 @@ class RopeView:
         sight = self._lower_end.sight
         close = None if sight is None else sight.eye()
         plots = tuple(self._figures.plots)
-        shown = Shown(self._overview.frame, close, plots, ranges or {})
+        charts = self._watched.shown
+        shown = Shown(self._overview.frame, close, plots, ranges or {}, charts)
         self._sink.stream.send_blueprint(layout(shown, self._sink.live))
 
     def _take(self, name: str, message: Any, time_ns: int) -> None:
@@ -205,6 +210,19 @@ class RopeView:
             self._surface.show_further(number, own[:, :3], elements_n, self._scale_n)
             if self._lower_end.show_further(number, own[:, :3], elements_n, self._scale_n):
                 self._arrange()
+
+    def _vibration(self, message: Any, time_ns: int) -> None:
+        fields = tuple(field.name for field in message.fields)
+        rows = _points(message, "rope/vibration", fields)
+        if len(rows) < 2 or not self._is_time("vibration", time_ns):
+            return
+        if self._watched.show_vibration(dict(zip(fields, rows.T, strict=True))):
+            self._arrange()
+
+    def _fatigue(self, message: Any, time_ns: int) -> None:
+        table = np.asarray(message.data, dtype=np.float64).reshape(-1, 3)
+        if self._is_time("fatigue", time_ns) and self._watched.show_fatigue(table):
+            self._arrange()
 
     def _payloads(self, message: Any, time_ns: int) -> None:
         self._lower_end.place_payloads(list(message.name), message.position)

@@ -28,6 +28,7 @@ from rope_twin.twin.snapshot import (
     StrutShot,
     WinchShot,
 )
+from rope_twin.view import depth_chart
 from rope_twin.view.rope_view import RopeView
 from rope_twin.view.sinks import FileSink
 
@@ -224,6 +225,24 @@ def test_the_lower_end_is_drawn_about_itself_to_scale(session: Session) -> None:
     assert np.array(bar[0][1]) == pytest.approx([2.0, 0.0, -4.0], abs=1e-3)
     assert found.column("lower_end/depth", "Points3D:labels")[-1] == ["2999.6 m deep"]
     assert found.column("lower_end/payload", "Boxes3D:labels")[-1] == ["load"]
+
+
+def test_what_a_rope_shakes_and_has_used_is_drawn_over_its_length(session: Session) -> None:
+    """Amplitudes on a scale from 0 to a round number, from the hang-off down; aboard is not."""
+    session.epoch()
+    session.rope(1.0)
+    shot = hanging_rope(21, time_s=1.0)
+    for topic in ("rope/vibration", "rope/fatigue"):
+        session.show(topic, session.encoder.encode(topic, shot), EPOCH_NS + 10**9)
+    found = session.finish()
+    assert shot.vibration is not None
+    (strip,) = found.column("vibration/amplitude/cross-flow", "LineStrips2D:strips")[0]
+    across, down = np.array(strip).T
+    assert down[0] == 0.0
+    assert across == pytest.approx(across.max() * shot.vibration.cross_flow / 0.5, abs=1e-3)
+    assert 0.4 * depth_chart.WIDTH < across.max() <= depth_chart.WIDTH
+    for entity in ("vibration/frequency/in-line", "vibration/amplitude/title", "fatigue/grid"):
+        assert entity in found.entities
 
 
 def test_without_a_band_nothing_of_it_is_drawn(session: Session) -> None:

@@ -42,6 +42,7 @@ def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
 
         options = choose(args, options)
         progress.say(options.chosen)
+    _tell_of_vortices(options, progress)
     if options.speed == 0.0:
         summary = _unpaced(options, progress)
     elif paced is None:
@@ -91,4 +92,19 @@ def _unpaced(options: RunOptions, progress: Progress) -> RunSummary:
         if progress.due:
             progress.show(run.summary())
 
-    return run_unpaced(options, report)
+    return run_unpaced(options, report, say=progress.say)
+
+
+def _tell_of_vortices(options: RunOptions, progress: Progress) -> None:
+    """What the scene's model of vortices wants of elements and steps, and what it gets."""
+    from rope_twin.scene.change import at_setting
+    from rope_twin.scene.figures import lift_figures
+    from rope_twin.scene.load import load_scene
+    from rope_twin.scene.rigging_rules import is_joined
+    from rope_twin.scene.shedding import shedding_model, vortex_words
+
+    scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
+    if not shedding_model(scene) or is_joined(scene):
+        return
+    if words := vortex_words(scene, lift_figures(scene)):
+        progress.say(words)

@@ -185,13 +185,18 @@ def run_unpaced(
     options: RunOptions,
     report: Callable[[UnpacedRun], None],
     epoch_ns: int | None = None,
+    say: Callable[[str], None] | None = None,
 ) -> RunSummary:
     """Run to the twin time `options.for_s`, or to Ctrl-C; `report` is called after each slot.
+
+    `say`: takes what is to be said before it begins.
 
     Raises:
         RopeTwinError: scene, bag, state or directory are wrong; one sentence.
     """
     run = UnpacedRun(options, epoch_ns)
+    if say is not None and run.twin.told:
+        say(run.twin.told)
     error = ""
     step_ns = run.twin.step_ns
     last_ns = round((options.for_s or 0.0) * 1e9 / step_ns) * step_ns
