@@ -129,7 +129,7 @@ def build_joined(scene: Scene) -> BuiltSystem:
 
 
 def _rope(scene: Scene, number: int, own: PayloadFigures) -> Rope:
-    """A rope's arrays, with effects that see what is at its lower end.
+    """A rope's arrays, with effects that see what is at its lower end, and how large it is.
 
     Where that is no payload nothing slams on the surface.
     """
@@ -138,7 +138,12 @@ def _rope(scene: Scene, number: int, own: PayloadFigures) -> Rope:
     if runs_over_sheave(scene, scene.ropes[number]):  # damped alike on both sides: as one rope
         both = build(alone(with_both_stretches(scene, number), number)).rope
         rope.sections[C] = both.sections[C]
-    if scene.ropes[number].to not in {one.name for one in scene.payloads} or own is NOTHING:
+    payloads = {one.name: one.splash_zone for one in scene.payloads}
+    size = payloads.get(scene.ropes[number].to)
+    if size is not None:
+        sized = (size if isinstance(one, SplashZoneParams) else one for one in single.effects)
+        single = replace(single, effects=tuple(sized))
+    if scene.ropes[number].to not in payloads or own is NOTHING:
         bare = (
             replace(one, bottom_area_m2=0.0) if isinstance(one, SplashZoneParams) else one
             for one in single.effects

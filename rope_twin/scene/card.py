@@ -191,7 +191,8 @@ def scene_digest(scene: Scene) -> str:
     met: tuple[Any, ...] = (scene.hang_offs, scene.joints, scene.struts)
     met += (scene.sheaves,) if scene.sheaves else ()
     told = repr((*parts, *met, scene.time.newton_tolerance_n))
-    told = told.replace(", poses=None", "")  # cards older than this key hold
+    for key in ("poses", "splash_zone"):  # cards older than these keys hold
+        told = told.replace(f", {key}=None", "")
     return hashlib.sha256(told.encode()).hexdigest()[:16]
 
 

@@ -209,6 +209,17 @@ def _effects(scene: Scene) -> Iterator[Fault]:
         yield "effects", what, "add `- payload: {}`"
 
 
+def _own_splash_zone(scene: Scene) -> Iterator[Fault]:
+    """A payload's own size in the splash zone stands in place of the effect's."""
+    listed = any(isinstance(own, SplashZoneParams) for own in scene.effects)
+    for number, payload in enumerate(scene.payloads):
+        path = f"payloads[{number}].splash_zone"
+        if payload.splash_zone is not None and not listed:
+            yield path, "the effect `splash_zone` is not listed", "list it, or leave this out"
+        elif payload.splash_zone is not None and not is_joined(scene):
+            yield path, "this is the only payload", "give the figures to the effect `splash_zone`"
+
+
 def _at_the_end(scene: Scene) -> Iterator[Fault]:
     """What hangs at the lower end needs a payload there."""
     for own in scene.effects:
@@ -303,6 +314,7 @@ RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _effects,
     _two_ways,
     _at_the_end,
+    _own_splash_zone,
     _bag,
     _regular_heave,
     _on_waves,

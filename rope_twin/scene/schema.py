@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.quantity import quantity, text
 from rope_twin.scene.recorded_poses import RecordedPoses
 from rope_twin.scene.rigging import WINCH, Joint, Sheave, Strut
@@ -176,6 +177,9 @@ class Payload:
         "drag coefficient times area along x, y, z", "m²", 0.0, 1e5, default=None
     )
     rising: Rising | None = text("along z while it rises, if other than while it sinks", None)
+    splash_zone: SplashZoneParams | None = text(
+        "where ropes meet: its size, in place of the effect's", None
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

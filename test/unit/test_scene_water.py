@@ -8,6 +8,7 @@ import pytest
 from scene_text import GOOD, assert_refused, spoilt, written
 
 from rope_twin.cli import main
+from rope_twin.scene.build_joined import build_joined
 from rope_twin.scene.checks import sense_checks
 from rope_twin.scene.load import load_scene
 from rope_twin.share import share_dir
@@ -81,6 +82,32 @@ def test_what_cannot_be_is_refused_in_one_sentence(tmp_path: Path, fault: str) -
     (tmp_path / "gap.csv").write_text(f"{HEAD}0.05,1\n0.06,2\n0.20,2\n0.21,1\n")
     text, place, words = BAD[fault]
     assert_refused(text, place, words, tmp_path)
+
+
+BRIDLE = (share_dir() / "config" / "scenes" / "bridle_lift.yaml").read_text()
+SPLASH = "splash_zone: {height_m: 2.0, bottom_area_m2: 3.0}"
+
+
+def test_each_payload_may_have_its_own_size_in_the_splash_zone(tmp_path: Path) -> None:
+    """The one that gives it has it, the other the effect's; it needs the effect, and company."""
+    first = BRIDLE.index("    mass_kg:", BRIDLE.index("payloads:"))
+    own = "    splash_zone: {height_m: 5.0, bottom_area_m2: 7.0}\n"
+    text = BRIDLE[:first] + own + BRIDLE[first:]
+    assert_refused(
+        text, "payloads[0].splash_zone", ("effect `splash_zone` is not listed",), tmp_path
+    )
+    scene = load_scene(written(tmp_path, with_effect(text, SPLASH)))
+    system = build_joined(scene).system
+    names = {line.to: rope for line, rope in zip(scene.ropes, system.ropes, strict=True)}
+    found = []
+    for payload in scene.payloads:
+        effects = names[payload.name].effects
+        (zone,) = (one for one in effects if type(one).__name__ == "SplashZone")
+        found.append((zone.height, zone.slam / zone.height))
+    assert found[0] == pytest.approx((5.0, 0.5 * 1025.0 * 5.0 * 7.0 / 5.0))
+    assert found[1] == pytest.approx((2.0, 0.5 * 1025.0 * 5.0 * 3.0 / 2.0))
+    alone = with_effect(GOOD, SPLASH).replace("    mass_kg:", own + "    mass_kg:")
+    assert_refused(alone, "payloads[0].splash_zone", ("the only payload",), tmp_path)
 
 
 def test_uneven_steps_are_no_gap(tmp_path: Path) -> None:
