@@ -41,7 +41,7 @@ from rope_twin.core.state import Floats
 WINDOW_S, SHORT_S, ROUGH_WINDOW_S, SLACK_WINDOW_S = 0.5, 0.2, 0.4, 0.1
 THIRD = 1.0 / 3.0  # Richardson's, of two errors of second order
 SMOOTH = 1.11  # times the error that the difference tells of
-LEFT, BENT, ROUGH = 0.12, 0.85, 1.14  # times the difference
+LEFT, BENT, ROUGH = 0.13, 0.85, 1.14  # times the difference
 SINE = 0.5 * math.pi  # amplitude of a sine over its mean magnitude
 RINGS = 1.29 * SINE  # times the mean error that the difference tells of
 ROUGHLY_RINGS = 0.9  # times the mean difference

@@ -1,6 +1,6 @@
 """The live error band: the companion, the rules from its difference to a bound, and the bound held.
 
-All shipped scenes, against references on four times the elements: `pytest -m long -k band`, five
+All shipped scenes, against references on four times the elements: `pytest -m long -k band`, ten
 minutes.
 """
 
@@ -144,7 +144,7 @@ def test_the_first_step_after_a_bend_in_the_motion_has_a_larger_bound() -> None:
             over = any((k - back) % 5 == 0 for back in range(2))
             found.compare(0.01 * k, 30.0 if over else 3.0)
         if k > 20:
-            expected = 0.85 * 30.0 if bend else max(0.37 * 3.0, 0.12 * 30.0)
+            expected = 0.85 * 30.0 if bend else max(0.37 * 3.0, 0.13 * 30.0)
             assert found.bound_n(0.01 * k) == pytest.approx(expected)
 
 
@@ -298,7 +298,7 @@ def test_the_error_lies_under_the_bound_and_the_bound_is_near(case: tuple[str, f
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("case", band.FULL, ids=lambda case: case[0])
+@pytest.mark.parametrize("case", [*band.FULL, *band.UNSEEN], ids=lambda case: case[0])
 def test_in_every_scene_the_error_lies_under_the_bound(case: tuple[str, float]) -> None:
     """`pytest -m long -k band`: 95 % of the time (docs/error_band.md)."""
     (row,) = band.measure_bands([case], lambda *_: None)
