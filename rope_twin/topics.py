@@ -77,7 +77,8 @@ TOPICS: tuple[Topic, ...] = (
     Topic("tension", "std_msgs/msg/Float64MultiArray", Qos.STREAM, 25.0, "simulation",
           "tension of each element [N], from the hang-off down"),
     Topic("payload/odometry", "nav_msgs/msg/Odometry", Qos.STREAM, 50.0, "simulation",
-          "payload position [m] and velocity [m/s], frame sea"),
+          "payload position [m], frame sea, and velocity [m/s]; of a rigid body its attitude too, "
+          "and the twist [m/s, rad/s] in its own axes"),
     Topic("winch/state", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
           "position line out [m], velocity [m/s, + pays out], effort tension [N]"),
     Topic("winch/mode", "std_msgs/msg/String", Qos.STREAM, 10.0, "simulation",
@@ -121,6 +122,10 @@ TOPICS: tuple[Topic, ...] = (
     Topic("seabed/contact", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
           "with a seabed, of payload and rope: position height of the payload above it, length of "
           "rope on it [m]; effort the bed's push on each [N]", only_with="seabed"),
+    Topic("payload/rigging", "sensor_msgs/msg/JointState", Qos.STREAM, 25.0, "simulation",
+          "of a rigid body: position length [m] and effort pull [N] of each sling; of a deck "
+          "height of the lowest corner above it and push; of size/x, y, z its outline [m]",
+          only_with="body"),
     Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", Qos.COMMAND, 1.0, "simulation",
           "pacing, solver, inputs: OK, WARN, ERROR with the reason"),
     Topic("twin/epoch", "builtin_interfaces/msg/Time", Qos.LATCHED, 0.0, "simulation",

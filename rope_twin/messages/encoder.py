@@ -17,7 +17,7 @@ from rope_twin.messages.colours import scale_above, tension_colours
 from rope_twin.messages.joined import JoinedForms, all_elements, line_events
 from rope_twin.messages.watched import WatchForms
 from rope_twin.messages.winch import WinchForms
-from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.snapshot import BodyShot, Snapshot
 
 # Marker sizes: a 40 mm rope on 3,000 m cannot be seen, so symbols grow with the line out.
 _LINE_WIDTH, _SYMBOL_SIZE, _TEXT_HEIGHT = 1 / 1000, 1 / 100, 1 / 100
@@ -48,6 +48,7 @@ class Encoder:
             "hang_off/wrench": self._hang_off_wrench,
             "tension": self._tension,
             "payload/odometry": self._payload_odometry,
+            "payload/rigging": self._payload_rigging,
             "winch/state": self._winch_state,
             "winch/mode": winch.mode,
             "winch/parts": lambda shot: winch.parts(shot, self._stamp(shot)),
@@ -119,11 +120,33 @@ class Encoder:
         )
 
     def _payload_odometry(self, snapshot: Snapshot) -> bytes:
-        return self._odometry.fill(
+        values: dict[str, Any] = {
+            **self._stamp(snapshot),
+            "pose.pose.position": snapshot.payload_position_m,
+            "twist.twist.linear": snapshot.payload_velocity_m_per_s,
+        }
+        body = snapshot.body
+        if body is not None:  # a twist is told in the child frame, the body's own
+            values["pose.pose.orientation"] = body.quaternion
+            values["twist.twist.linear"] = snapshot.payload_velocity_m_per_s @ body.turn
+            values["twist.twist.angular"] = body.angular_velocity_rad_per_s
+        return self._odometry.fill(values)
+
+    def _payload_rigging(self, snapshot: Snapshot) -> bytes:
+        body = snapshot.body
+        if body is None:
+            right = "list the effect `rigid_body`"
+            raise InputError(phrase("encode", "the payload is no rigid body", right))
+        legs, deck = len(body.leg_pull_n), body.deck_push_n is not None
+        template = self._template(
+            "payload/rigging", (legs, deck), lambda: forms.rigging(legs, deck)
+        )
+        clear, push = [body.deck_clearance_m] * deck, [body.deck_push_n] * deck
+        return template.fill(
             {
                 **self._stamp(snapshot),
-                "pose.pose.position": snapshot.payload_position_m,
-                "twist.twist.linear": snapshot.payload_velocity_m_per_s,
+                "position": [*body.leg_length_m, *clear, *body.size_m],
+                "effort": [*body.leg_pull_n, *push, 0.0, 0.0, 0.0],
             }
         )
 
@@ -171,10 +194,11 @@ class Encoder:
             self._scale_n = scale_above(peak_n)
         count, scale_n, words = len(tension), self._scale_n, scale_words(self._scale_n)
         further, bars = tuple(one.name for one in snapshot.payloads), len(snapshot.struts)
+        slings = 0 if snapshot.body is None else len(snapshot.body.leg_end_m)
         template = self._template(
             "rope/markers",
-            (count, scale_n, further, bars),
-            lambda: forms.rope_markers(self._frame_id, count, words, further, bars),
+            (count, scale_n, further, bars, slings),
+            lambda: forms.rope_markers(self._frame_id, count, words, further, bars, slings),
         )
         colours = np.repeat(tension_colours(tension, scale_n), 2, axis=0)
         line_m = max(snapshot.line_out_m, _LEAST_LINE_M)
@@ -197,9 +221,23 @@ class Encoder:
         if bars:
             values[f"markers.{last}.points"] = np.concatenate([s.ends_m for s in snapshot.struts])
             values[f"markers.{last}.scale"] = (2.0 * _LINE_WIDTH * line_m, 0.0, 0.0)
-        for index in range(last + (bars > 0)):
+        if snapshot.body is not None:
+            values |= _body_markers(snapshot, snapshot.body, last + (bars > 0), line_m)
+        for index in range(last + (bars > 0) + (slings > 0)):
             values |= self._stamp(snapshot, f"markers.{index}.header.stamp")
         return template.fill(values)
+
+
+def _body_markers(snapshot: Snapshot, body: BodyShot, slings: int, line_m: float) -> dict[str, Any]:
+    """The payload as a box of its own sides, no smaller than the symbol; its slings."""
+    hook = np.broadcast_to(snapshot.node_position_m[-1], body.leg_end_m.shape)
+    larger = max(1.0, _SYMBOL_SIZE * line_m / float(body.size_m.max()))
+    return {
+        "markers.1.pose.orientation": body.quaternion,
+        "markers.1.scale": larger * body.size_m,
+        f"markers.{slings}.points": np.stack([hook, body.leg_end_m], axis=1).reshape(-1, 3),
+        f"markers.{slings}.scale": (0.5 * _LINE_WIDTH * line_m, 0.0, 0.0),
+    }
 
 
 def scale_words(scale_n: float) -> str:

@@ -1,8 +1,9 @@
 """The messages as objects, numbers still zero: what every fixed field of a topic says.
 
 Frame `sea` (REP 103: east, north, up). Covariances stay zero, which by the convention of ROS means
-unknown, not exact. Orientations are the identity: nothing here models rotation, so the axes of
-`hang_off` and `payload` are those of `sea` and twists need no turning.
+unknown, not exact. Orientations are the identity but for a payload that is a rigid body, whose
+twist is in its own axes (the child frame's); elsewhere the axes of `hang_off` and `payload` are
+those of `sea` and twists need no turning.
 """
 
 from __future__ import annotations
@@ -115,6 +116,19 @@ def contact() -> Any:
     )
 
 
+def rigging(legs: int, deck: bool) -> Any:
+    """Slings of a rigid body, the deck below it if there is one, and its outline."""
+    names = [f"sling_{number}" for number in range(1, legs + 1)] + ["deck"] * deck
+    return new(
+        "sensor_msgs/msg/JointState",
+        header=header(""),
+        name=[*names, "size/x", "size/y", "size/z"],
+        position=np.zeros(len(names) + 3),
+        velocity=np.zeros(0),
+        effort=np.zeros(len(names) + 3),
+    )
+
+
 def joints(names: tuple[str, ...], *, effort: bool) -> Any:
     """Several joints with a position and a velocity each, and an effort."""
     count = len(names)
@@ -187,11 +201,17 @@ def cloud(frame_id: str, count: int, names: tuple[str, ...]) -> Any:
 
 
 def rope_markers(
-    frame_id: str, elements: int, scale_text: str, further: tuple[str, ...] = (), bars: int = 0
+    frame_id: str,
+    elements: int,
+    scale_text: str,
+    further: tuple[str, ...] = (),
+    bars: int = 0,
+    slings: int = 0,
 ) -> Any:
     """The rope (a segment an element, coloured at both ends alike), payload, hang-off, scale.
 
-    further: names of the payloads of ropes that meet; bars: how many there are between them.
+    further: names of the payloads of ropes that meet; bars: how many there are between them;
+    slings: of a rigid body.
     """
     rope = _marker(frame_id, "rope", _LINE_LIST, colour())
     rope.points = [point() for _ in range(2 * elements)]
@@ -210,6 +230,9 @@ def rope_markers(
     if bars:
         markers.append(_marker(frame_id, "bars", _LINE_LIST, colour(HANG_OFF_RGB)))
         markers[-1].points = [point() for _ in range(2 * bars)]
+    if slings:
+        markers.append(_marker(frame_id, "slings", _LINE_LIST, colour(HANG_OFF_RGB)))
+        markers[-1].points = [point() for _ in range(2 * slings)]
     return new("visualization_msgs/msg/MarkerArray", markers=markers)
 
 

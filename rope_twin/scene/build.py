@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.body_state import RigidBody
 from rope_twin.core.hooks import hooks_of, work_rows
 from rope_twin.core.sections import SAME_PLACE
 from rope_twin.core.state import (
@@ -30,6 +31,7 @@ from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import Payload as PayloadEffect
 from rope_twin.effects.payload import TwoWayPayload
+from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.weight import Weight
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.composite import (
@@ -116,11 +118,14 @@ def build_effects(scene: Scene, figures: PayloadFigures | None) -> tuple[Any, ..
     density, gravity = water.water_density_kg_per_m3, water.gravity_m_per_s2
     EI = sum(own.stiffness_n_m2 for own in scene.effects if isinstance(own, BendingParams))
     around = Surroundings(density, gravity, Ca, room, Cd, EI)
+    apart = any(isinstance(own, RigidBodyParams) for own in scene.effects)
     built = []
     for effect in EFFECTS:
         for params in scene.effects:
             if type(params) is effect.params:
-                built.append(effect.build(params, figures, around))
+                # a body hangs below the rope's end: to other effects that end carries nothing
+                own = None if apart and not isinstance(params, RigidBodyParams) else figures
+                built.append(effect.build(params, own, around))
                 if not hooks_of(type(built[-1])):
                     raise SceneError(
                         phrase(f"effect '{effect.name}'", "it has no kernel", "mend its file")
@@ -187,7 +192,7 @@ def tables_of(line: RopeLine) -> Table:
 
 def _static_tension(effects: tuple[Any, ...], sections: Floats, s: Floats) -> Floats:
     """Tension [N] at these places of a rope that hangs straight, by the scene's effects."""
-    ends = (PayloadEffect, TwoWayPayload)
+    ends = (PayloadEffect, TwoWayPayload, RigidBody)
     tension = np.full(len(s), sum(e.W for e in effects if isinstance(e, ends)), float)
     for effect in effects:
         if not isinstance(effect, Weight):

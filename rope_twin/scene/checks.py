@@ -168,7 +168,7 @@ def _effects(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if "weight" not in listed:
         what = "`weight` is not listed: the rope weighs nothing and does not float either"
         yield phrase("effects", what, "add `- weight: {}`")
-    if scene.payloads and "payload" not in listed:
+    if scene.payloads and not {"payload", "rigid_body"}.intersection(listed):
         what = f"`payload` is not listed: '{scene.payloads[0].name}' has no mass, weight or drag"
         yield phrase("effects", what, "add `- payload: {}`")
     if "waves" in listed and "drag" not in listed:
@@ -241,7 +241,7 @@ def _schedule(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 
 def _ship(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     height, ramp = scene.ship.hang_off_m[2], scene.ship.motion_ramp_s
-    if height > 0.0:
+    if height > 0.0 and not is_air(scene):
         what = f"{height:g} m above the water; this version treats the rope there as under water"
         yield phrase("ship.hang_off_m[2]", what, "expect a little too much buoyancy and drag")
     if scene.sea_state.moves and ramp < SHORTEST_RAMP_S:
@@ -272,12 +272,19 @@ def _held(z: float, velocity: tuple[float, float], side: str, reach: str) -> str
     return phrase("effects current.profile", what, "add a row there")
 
 
+def is_air(scene: Scene) -> bool:
+    """Whether all of it stays above the water, in air, which then stands in for the water."""
+    longest = scene.winch.most_line_out_m if scene.winch else scene.ropes[0].length_m
+    density = scene.environment.water_density_kg_per_m3
+    return 1.0 <= density <= 1.4 and scene.ship.hang_off_m[2] > longest
+
+
 def _environment(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     density, gravity = (
         scene.environment.water_density_kg_per_m3,
         scene.environment.gravity_m_per_s2,
     )
-    if not 990.0 <= density <= 1060.0:
+    if not 990.0 <= density <= 1060.0 and not is_air(scene):
         what = f"{density:g} kg/m³ is neither fresh nor sea water"
         yield phrase("environment.water_density_kg_per_m3", what, "sea water has 1025")
     if not 9.76 <= gravity <= 9.84:

@@ -20,6 +20,7 @@ from rope_twin.effects.net import NetParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import did_you_mean
+from rope_twin.scene.body_rules import body_holds
 from rope_twin.scene.composite import ends_m
 from rope_twin.scene.grid import grading_faults
 from rope_twin.scene.motion_rules import MOTION_RULES
@@ -312,6 +313,7 @@ RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _schedule,
     *WINCH_RULES,
     _effects,
+    body_holds,
     _two_ways,
     _at_the_end,
     _own_splash_zone,

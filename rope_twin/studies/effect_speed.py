@@ -20,6 +20,7 @@ from rope_twin.effects import EFFECTS
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.net import NetParams
+from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
@@ -43,6 +44,13 @@ ADDED: dict[str, Any] = {
     "wake_oscillator": WakeOscillatorParams(),
     "travelling_waves": TravellingWavesParams(),
     "seabed": SeabedParams(depth_m=DEPTH_M),
+    "rigid_body": RigidBodyParams(
+        size_m=(4.0, 3.0, 2.5),
+        slings=tuple(
+            Sling(to_m=(x, y, 1.25), length_m=8.0, stiffness_n_per_m=5e6)
+            for x, y in ((1.8, 1.3), (1.8, -1.3), (-1.8, 1.3), (-1.8, -1.3))
+        ),
+    ),
     "splash_zone": SplashZoneParams(height_m=3.0),
     "net": NetParams(width_m=12.0, height_m=8.0, twine_m=0.003, bar_m=0.03, panels=2),
     "fairing": FairingParams(face_m2=4.0),

@@ -23,6 +23,7 @@ from rope_twin.core.static_forces import SYMMETRIC, Couplings, Elastic, StillRop
 from rope_twin.core.statics import settle
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import InputError, SceneError, phrase
+from rope_twin.scene.body_rules import refuse_body
 from rope_twin.scene.build import build
 from rope_twin.scene.schema import Scene
 
@@ -104,8 +105,9 @@ def bring_to_rest(scene: Scene) -> AtRest:
     """The scene's rope in its current.
 
     Raises:
-        SceneError: it cannot rest, or is slack somewhere.
+        SceneError: it cannot rest, is slack somewhere, or carries a rigid body.
     """
+    refuse_body(scene, "the modes of a rope with a body that swings by itself are not known")
     rope, line = build(scene).rope, scene.ropes[0]
     end = settle(rope, line.length_m)
     if not end.found:

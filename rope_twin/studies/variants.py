@@ -6,6 +6,8 @@ from dataclasses import replace
 from typing import Any
 
 from rope_twin.effects import EFFECTS
+from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.scene.grid import elements_with
 from rope_twin.scene.schema import Scene
 
@@ -31,7 +33,9 @@ def variant(
 
 
 def with_effect(scene: Scene, params: Any) -> Scene:
-    """The scene with one effect more, in the order of EFFECTS."""
+    """The scene with one effect more, in the order of EFFECTS; a rigid body ousts the point."""
     order = [effect.params for effect in EFFECTS]
-    effects = sorted((*scene.effects, params), key=lambda own: order.index(type(own)))
+    body = isinstance(params, RigidBodyParams)
+    kept = [own for own in scene.effects if not (body and isinstance(own, PayloadParams))]
+    effects = sorted((*kept, params), key=lambda own: order.index(type(own)))
     return replace(scene, effects=tuple(effects))

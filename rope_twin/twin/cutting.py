@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 from rope_twin.errors import InputError, phrase
+from rope_twin.scene.body_rules import body_of
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.shedding import shedding_model
@@ -142,4 +143,6 @@ def _why_not(scene: Scene) -> str:
         return "ropes meet in this scene, and only a rope by itself can be cut so far"
     if model := shedding_model(scene):
         return f"this scene lists `{model}`, and the wake of a rope that is cut is not known"
+    if body_of(scene) is not None:
+        return "this scene lists `rigid_body`, and a rope is cut above a point only so far"
     return ""

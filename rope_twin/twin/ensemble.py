@@ -23,6 +23,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.lanes.group import why_alone
 from rope_twin.core.lanes.wide import LANES
 from rope_twin.errors import InputError, SceneError, phrase
+from rope_twin.scene.body_rules import refuse_body
 from rope_twin.scene.build import build
 from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.schema import Scene
@@ -112,6 +113,7 @@ class Ensemble:
             SceneError: a change is not possible; one sentence, with the member's number.
             InputError: a winch command, or a number given here, is not possible.
         """
+        refuse_body(scene, "members that start alike would share it")
         refuse_shedding(scene, "members that start alike would share their wakes")
         self.step_s = scene.time.step_s
         self._step_ns = round(self.step_s * 1e9)

@@ -21,6 +21,7 @@ from rope_twin.core.statics import settle
 from rope_twin.core.step import advance
 from rope_twin.effects.seabed import Grid, Plane, clearance
 from rope_twin.errors import SceneError, StateError, phrase
+from rope_twin.scene.body_rules import refuse_body
 from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.shedding import refuse_shedding
@@ -90,6 +91,7 @@ class BandedTwin(Twin):
 
     def __init__(self, scene: Scene) -> None:
         refuse_joined(scene)
+        refuse_body(scene, "a companion on half the elements would swing it by itself")
         refuse_shedding(scene, "a companion on half the elements cannot tell of vortices")
         if not foreseen(scene.winch, None):
             what = "its drive, brake, or an order by depth or tension answers to the tension"

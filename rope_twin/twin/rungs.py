@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from rope_twin.core.state import Floats, Model, Rope
+from rope_twin.scene.body_rules import body_of
 from rope_twin.scene.card import KnownError, known_error
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
@@ -32,9 +33,9 @@ def top_rung(scene: Scene) -> Rung:
 def ladder_of(scene: Scene) -> tuple[Rung, ...]:
     """From the scene's own rung down, each with less work than the one before.
 
-    Ropes that meet, and wakes of vortices, cannot be carried over: their scene has one rung.
+    Ropes that meet, wakes of vortices and rigid bodies cannot be carried over: one rung is left.
     """
-    if is_joined(scene) or shedding_model(scene):
+    if is_joined(scene) or shedding_model(scene) or body_of(scene):
         return (top_rung(scene),)
     top, elements = top_rung(scene), scene.ropes[0].elements
     rungs = [top, *(Rung(step_ns) for step_ns in STEPS_NS if step_ns > top.step_ns)]

@@ -64,6 +64,27 @@ class BedContact:
 
 
 @dataclass(frozen=True)
+class BodyShot:
+    """A payload that is a rigid body; its slings or pin in the order of the scene."""
+
+    quaternion: Vector  # x, y, z, w: turns its axes into those of the frame, (4,)
+    angular_velocity_rad_per_s: Vector  # in its own axes, (3,)
+    size_m: Vector  # its outline along them, (3,)
+    leg_pull_n: Vector  # (legs,)
+    leg_length_m: Vector  # from the hook to the body, (legs,)
+    leg_end_m: Vector  # where they hold it, in the frame, (legs, 3)
+    deck_push_n: float | None = None  # None: there is no deck
+    deck_clearance_m: float | None = None  # of its lowest corner; negative by what it sinks in
+
+    @property
+    def turn(self) -> Vector:
+        """The rotation matrix, (3, 3)."""
+        q, w = self.quaternion[:3], self.quaternion[3]
+        skew = np.cross(np.eye(3), q)
+        return np.asarray(np.eye(3) + 2.0 * w * skew + 2.0 * skew @ skew)
+
+
+@dataclass(frozen=True)
 class EnergyBalance:
     """Energy of rope and payload, and where it came from and went to since the count began [J].
 
@@ -290,6 +311,7 @@ class Snapshot:
     inputs: dict[str, InputHealth] = field(default_factory=dict)  # heave, winch_command, current
     card_error: KnownError = field(default_factory=KnownError)  # of the top tension
     seabed: BedContact | None = None  # only of a scene with a seabed
+    body: BodyShot | None = None  # only of a scene whose payload is a rigid body
     winches: tuple[WinchShot, ...] = ()  # those that the scene has
     energy: EnergyBalance | None = None  # only of a run that keeps a ledger
     band: TensionBand | None = None  # only of a run that asks for it, once it is known

@@ -19,12 +19,14 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.errors import SolverError, StateError, phrase
+from rope_twin.scene.body_rules import refuse_body
 from rope_twin.scene.card import KnownError, known_error
 from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.shedding import refuse_shedding
 from rope_twin.twin import saved_state
 from rope_twin.twin.bare_end import without_load
+from rope_twin.twin.body import with_body
 from rope_twin.twin.contact import bed_contact
 from rope_twin.twin.hoisting.feel import Course, feel
 from rope_twin.twin.observe import Extremes, Observation, RunStatistics, observe
@@ -102,12 +104,14 @@ class Twin(ToldTwin):
         Time, line out, payload and the pull on the hang-off stay as they are.
 
         Raises:
-            SceneError: the scene joins ropes, or sheds vortices: neither can be carried over.
+            SceneError: the scene joins ropes, sheds vortices or has a rigid body: none of these
+                can be carried over.
             StateError: the rope was cut: its parts cannot either.
         """
         refuse_joined(self.scene)
         if self._cut.done:
             raise StateError(phrase("other elements", "the rope was cut", "its parts keep theirs"))
+        refuse_body(self.scene, "it cannot be carried over to another grid")
         refuse_shedding(self.scene, "wakes of vortices cannot be carried over to another grid")
         V = float(self._boundary.rate[0, rows.LINE])
         at = HangOff(self._pull[rows.PULL_X : rows.PULL_Z + 1].copy(), V)
@@ -356,6 +360,7 @@ class Twin(ToldTwin):
         )
         self._unconverged = unconverged
         self._recent = Extremes()
+        taken = with_body(taken, self._rope)
         contact = bed_contact(self._rope)
         if contact is not None:
             taken = replace(taken, seabed=contact)

@@ -69,7 +69,17 @@ class LowerEnd:
         self._path = path
         self._focus = np.zeros(3)
         self._payloads: dict[str, Points] = {}
+        self._outline_m: Points | None = None  # of a payload that is a rigid body
+        self._pose: tuple[Points, list[float]] | None = None  # its middle and attitude
         self.sight: Sight | None = None
+
+    def take_outline(self, sides_m: Points) -> None:
+        """The payload is a rigid body with these sides, (3,)."""
+        self._outline_m = sides_m
+
+    def take_pose(self, place_m: Points, quaternion: list[float]) -> None:
+        """Where the payload is, and how it is turned (x, y, z, w)."""
+        self._pose = place_m, quaternion
 
     def show_rope(self, position_m: Points, elements_n: Points, scale_n: float) -> bool:
         """The first rope, nodes (n, 3) from the hang-off down. True if the eye has to move."""
@@ -78,8 +88,7 @@ class LowerEnd:
         if first:
             self._take(Sight())
         self._draw("rope", position_m, elements_n, scale_n)
-        self._draw_payloads()
-        return first
+        return self._draw_payloads() or first
 
     def show_further(
         self, number: int, position_m: Points, elements_n: Points, scale_n: float
@@ -158,10 +167,15 @@ class LowerEnd:
             ),
         )
 
-    def _draw_payloads(self) -> None:
+    def _draw_payloads(self) -> bool:
+        """True if the eye has to move."""
         import rerun as rr
 
         assert self.sight is not None
+        at = self.sight.spot(0.4 * self.sight.half, 0.0)
+        self._label("depth", [at[0], at[1], 0.0], f"{-self._focus[2]:.1f} m deep")
+        if self._outline_m is not None and self._pose is not None:
+            return self._draw_body(self._outline_m, *self._pose)
         known = self._payloads or {"": self._focus}
         every = {name: place - self._focus for name, place in known.items()}
         near = {name: at for name, at in every.items() if np.abs(at).max() < self._bounds}
@@ -174,8 +188,23 @@ class LowerEnd:
                 labels=list(near), show_labels=bool(self._payloads),
             ),
         )  # fmt: skip
-        at = self.sight.spot(0.4 * self.sight.half, 0.0)
-        self._label("depth", [at[0], at[1], 0.0], f"{-self._focus[2]:.1f} m deep")
+        return False
+
+    def _draw_body(self, sides: Points, place: Points, quaternion: list[float]) -> bool:
+        """A rigid body as large as it is and turned as it is. True if the eye has to move."""
+        import rerun as rr
+
+        center = place - self._focus
+        self._stream.log(
+            f"{self._path}/payload",
+            rr.Boxes3D(
+                centers=[center], half_sizes=[0.5 * sides],
+                quaternions=[rr.Quaternion(xyzw=quaternion)],
+                colors=PAYLOAD_RGB, fill_mode="solid",
+            ),
+        )  # fmt: skip
+        reach = 0.5 * float(np.sqrt(sides @ sides))
+        return self._widen(np.array([center - reach, center + reach]))
 
     def _label(self, name: str, place: list[float], words: str) -> None:
         import rerun as rr

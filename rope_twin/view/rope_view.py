@@ -36,7 +36,8 @@ from rope_twin.view.watched import WatchedCharts
 
 SHOWN_TOPICS = (
     "twin/epoch", "winch/state", "winch/parts", "tension_top/band", "tension", "payloads/state",
-    "bars/state", "rope/nodes", "ropes/nodes", "rope/vibration", "rope/fatigue", "ship/heave",
+    "payload/rigging", "payload/odometry", "bars/state", "rope/nodes", "ropes/nodes",
+    "rope/vibration", "rope/fatigue", "ship/heave",
     "ship/odometry", "sea/elevation", "lines/crossings", "lines/events", "diagnostics",
 )  # fmt: skip
 PICTURE_NS = NANOSECONDS // 10  # ropes and sea are drawn at most 10 times a second
@@ -71,6 +72,8 @@ class RopeView:
             "winch/state": self._winch_state,
             "tension_top/band": self._band,
             "tension": self._tension,
+            "payload/rigging": self._rigging,
+            "payload/odometry": self._odometry,
             "rope/nodes": self._rope_nodes,
             "ropes/nodes": self._further_ropes,
             "rope/vibration": self._vibration,
@@ -178,6 +181,17 @@ class RopeView:
 
     def _tension(self, message: Any, time_ns: int) -> None:
         self._elements_n = np.asarray(message.data, dtype=np.float64)
+
+    def _rigging(self, message: Any, time_ns: int) -> None:
+        sizes = [f"size/{axis}" for axis in "xyz"]
+        places = [message.name.index(one) for one in sizes if one in message.name]
+        if len(places) == len(sizes):
+            self._lower_end.take_outline(np.asarray(message.position)[places])
+
+    def _odometry(self, message: Any, time_ns: int) -> None:
+        place, turn = message.pose.pose.position, message.pose.pose.orientation
+        at = np.array([place.x, place.y, place.z])
+        self._lower_end.take_pose(at, [turn.x, turn.y, turn.z, turn.w])
 
     def _rope_nodes(self, message: Any, time_ns: int) -> None:
         rows = _points(message, "rope/nodes", ("x", "y", "z", "tension"))

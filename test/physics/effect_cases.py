@@ -28,6 +28,7 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.net import NetParams
 from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
@@ -70,6 +71,22 @@ PARAMS: dict[str, Any] = {
         depth_m=50.0, slope=(0.1, -0.05), stiffness_n_per_m3=1e4, damping_s_per_m=0.2, friction=0.0
     ),
     "payload": PayloadParams(),
+    "rigid_body": RigidBodyParams(
+        size_m=(2.0, 1.5, 1.0),
+        centre_of_gravity_m=(0.2, 0.1, -0.1),
+        centre_of_drag_m=(-0.1, 0.0, 0.1),
+        heading_deg=30.0,
+        hook_mass_kg=40.0,
+        slings=tuple(
+            Sling(
+                to_m=(x, y, 0.5),
+                length_m=3.0,
+                stiffness_n_per_m=4e5,
+                damping_newton_seconds_per_m=2e3,
+            )
+            for x, y in ((0.9, 0.7), (0.9, -0.7), (-0.9, 0.0))
+        ),
+    ),
     "splash_zone": SplashZoneParams(height_m=200.0, bottom_area_m2=6.0, slamming=5.0),
     "net": NetParams(width_m=2.0, height_m=1.5, solidity=0.2, facing_deg=40.0, panels=2),
     "fairing": FairingParams(face_m2=1.2, drag=0.9, axis=(0.3, -0.2, 1.0)),
@@ -150,10 +167,21 @@ def alone(name: str) -> Vector:
 def together() -> Vector:
     """Every effect on a small rope that is paid out, hauled in and goes slack; one row a step.
 
-    Columns: top tension, its extremes in element tension, payload position, number of elements.
+    All but a rigid body, which is there in place of `payload`. Columns: top tension, its extremes
+    in element tension, payload position, number of elements.
     """
-    effects = tuple(params_of(effect.name) for effect in EFFECTS)
+    effects = tuple(params_of(own.name) for own in EFFECTS if own.name != "rigid_body")
     return steps(replace(SMALL.scene(), effects=effects), 8.0)
+
+
+def swung() -> Vector:
+    """A rigid body in place of the point, heaved until its slings are slack; columns of `together`.
+
+    The place is that of the body's middle.
+    """
+    own = ("current", "weight", "drag", "added_mass", "rigid_body")
+    effects = tuple(params_of(name) for name in own)
+    return steps(replace(SMALL.scene(), effects=effects), 3.0)
 
 
 def by_table() -> Vector:
@@ -174,4 +202,10 @@ def steps(scene: Scene, seconds: float) -> Vector:
 def everything() -> dict[str, Vector]:
     """All results by name."""
     cases = {effect.name: alone(effect.name) for effect in EFFECTS}
-    return {**cases, "together": together(), "by_table": by_table(), "triangle": triangle()}
+    return {
+        **cases,
+        "together": together(),
+        "swung": swung(),
+        "by_table": by_table(),
+        "triangle": triangle(),
+    }

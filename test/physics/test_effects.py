@@ -67,6 +67,13 @@ def test_plain_python_equals_compiled_steps(plain: Mapping[str, Vector]) -> None
     assert_equal(plain["together"].T, compiled.T, 1e-9)
 
 
+def test_plain_python_equals_compiled_body(plain: Mapping[str, Vector]) -> None:
+    """A rigid body on slings that go slack, 60 steps, 1e-9."""
+    compiled = effect_cases.swung()
+    assert compiled[:, 1].min() == 0.0, "the case must go slack"
+    assert_equal(plain["swung"].T, compiled.T, 1e-9)
+
+
 def test_plain_python_equals_compiled_table(plain: Mapping[str, Vector]) -> None:
     """A rope whose stiffness is a table, 16 steps into slack, 1e-9."""
     compiled = effect_cases.by_table()
@@ -114,32 +121,32 @@ def jacobian(effects: tuple[Any, ...], work: Vector, node: int) -> Vector:
 def test_blocks_are_the_derivative_of_the_residual(name: str, seed: int) -> None:
     """A = -dR/da up to its skew part, which a symmetric block cannot hold.
 
-    Only a payload whose drag differs per axis, or whose wetted share changes, and a net's lift
-    have a skew part.
+    Only a payload whose drag differs per axis, or whose wetted share changes, a net's lift and a
+    body's drag have a skew part. The block of a rigid body leaves out how its arms turn.
     """
+    allowed = 0.02 if name == "rigid_body" else 1e-6
     effects, work = data_of(name), some_work(seed)
     result = loads(effects, work)
     for node in range(NODES):
         exact = jacobian(effects, work, node)
         scale = max(np.abs(exact).max(), 1e-6 * np.abs(result[R, node]).max(), 1e-9)
         symmetric = 0.5 * (exact + exact.T)
-        assert np.abs(matrix(result[BLOCKS, node]) - symmetric).max() < 1e-6 * scale
-        if name not in ("payload", "splash_zone", "net"):
+        assert np.abs(matrix(result[BLOCKS, node]) - symmetric).max() < allowed * scale
+        if name not in ("payload", "rigid_body", "splash_zone", "net"):
             assert np.abs(exact - symmetric).max() < 1e-6 * scale
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_no_effect_divides_by_a_vanishing_velocity(name: str) -> None:
     """At rest in still water, moving with the water, and with the flow along the rope: finite."""
-    effects = data_of(name)
     work = some_work()
     for rest in (rows.POSITION, rows.VELOCITY, rows.ACCELERATION):
         still = work.copy()
         still[rest : rest + 3] = 0.0
-        assert np.isfinite(loads(effects, still)).all()
+        assert np.isfinite(loads(data_of(name), still)).all()
     along = work.copy()
     along[rows.VELOCITY : rows.VELOCITY + 3] = -0.8 * along[rows.TANGENT : rows.TANGENT + 3]
-    assert np.isfinite(loads(effects, along)).all()
+    assert np.isfinite(loads(data_of(name), along)).all()
     drifting = work.copy()
     drifting[rows.VELOCITY : rows.VELOCITY + 3] = loads(data_of("current"), work)[FLOW]
     with_the_water = data_of(*dict.fromkeys(["current", name]))

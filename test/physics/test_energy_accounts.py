@@ -51,7 +51,12 @@ def stored(effects: tuple[Any, ...], place: Place) -> float:
     return along + said("kinetic_end", effects, end) + said("potential_end", effects, end)
 
 
-@pytest.mark.parametrize("name", NAMES)
+# A rigid body has motion of its own, so what it stores is no function of the nodes: its account is
+# held against runs (test_rigid_body.py).
+OF_THE_NODES = [name for name in NAMES if name != "rigid_body"]
+
+
+@pytest.mark.parametrize("name", OF_THE_NODES)
 @pytest.mark.parametrize("seed", [1, 2])
 def test_force_times_velocity_is_power_less_what_is_stored(name: str, seed: int) -> None:
     """F·v = power - d(kinetic + potential)/dt over all nodes, however they move and turn."""

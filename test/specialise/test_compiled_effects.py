@@ -72,6 +72,7 @@ def test_an_absent_effect_leaves_no_trace(whole: str, bare: str) -> None:
     assert not [name for name in NAMES - names if traces(bare, name)]
     assert not [name for name in NAMES - listed(main_job()) if traces(whole, name)]
     assert "eliminate_coupled" not in whole
+    assert "body_balance" not in whole
     assert len(whole.splitlines()) - len(bare.splitlines()) > LEAST_LINES
 
 

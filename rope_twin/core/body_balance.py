@@ -1,0 +1,171 @@
+"""The balance of a rigid body in a stage, and what the body leaves on the hook.
+
+TR-BDF2 steps P, L, the place x and the turn θ since the substep's start (core/body_loads.py has
+their rates); sought are v and dθ/dt. So momenta are kept to round-off, whatever turns. Newton's
+matrix is not exact, but the balance is solved to round-off; what it leaves on the hook is the
+matrix's Schur complement, definite too.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import Any
+
+from rope_twin.core.body_loads import loads, momenta
+from rope_twin.core.body_state import (
+    ATTITUDE,
+    FORCES,
+    HELD,
+    L_HAT,
+    L_NOW,
+    MISS,
+    P_HAT,
+    P_NOW,
+    PLACE,
+    PULL,
+    Q_START,
+    RATE_BEFORE,
+    SPEED,
+    SPEED_BEFORE,
+    SPIN_NOW,
+    TURN,
+    TURN_HAT,
+    TURN_RATE,
+    TWIST,
+    X_HAT,
+)
+from rope_twin.core.jit import jit
+from rope_twin.core.rotation import (
+    along,
+    angular_velocity,
+    cross,
+    dot,
+    inward,
+    matrix_of,
+    outward,
+    put,
+    quaternion,
+    turned,
+    vector,
+)
+
+CAP, HALVINGS = 60, 8
+BALANCED, KEPT = 1e-9, 1e-12  # what may be left, of the forces and of the momenta
+ROUND_OFF = 1e-15  # of a place, what its round-off may be: stiff slings feel it
+
+
+@jit
+def balance(body: Any, q: float, hook: Any) -> float:
+    """What the momenta miss at the sought speed and turn rate, in units of what may be missed."""
+    s = body.stage
+    v, rate = vector(s, SPEED), vector(s, TURN_RATE)
+    theta = along(vector(s, TURN_HAT), q, rate)
+    attitude = turned(quaternion(s, Q_START), theta)
+    R, x = matrix_of(attitude), along(vector(s, X_HAT), q, v)
+    spin = angular_velocity(theta, rate)
+    f, t = loads(body, q, (x, R, v, spin), hook)
+    P, L, _ = momenta(body, R, v, spin)
+    F, M = outward(R, f), outward(R, t)
+    lost = inward(R, along(along(vector(s, P_HAT), q, F), -1.0, P))
+    turn_lost = inward(R, along(along(vector(s, L_HAT), q, M), -1.0, L))
+    put(s, PLACE, x)
+    put(s, TURN, theta)
+    put(s, SPIN_NOW, spin)
+    put(s, PULL, F)
+    put(s, TWIST, M)
+    put(s, P_NOW, P)
+    put(s, L_NOW, L)
+    for k in range(4):
+        s[ATTITUDE + k] = attitude[k]
+    for k in range(3):
+        body.matrix[k, MISS] = lost[k]
+        body.matrix[3 + k, MISS] = turn_lost[k]
+    P_hat, L_hat = vector(s, P_HAT), vector(s, L_HAT)
+    kept = sqrt(dot(P_hat, P_hat)) + sqrt(dot(L_hat, L_hat)) / body.reach
+    blur = ROUND_OFF * (sqrt(dot(x, x)) + body.reach) * body.stiffness
+    allowed = q * (BALANCED * s[FORCES] + blur) + KEPT * kept + 1e-200
+    turns = sqrt(dot(turn_lost, turn_lost)) / body.reach
+    return float((sqrt(dot(lost, lost)) + turns) / allowed)
+
+
+@jit
+def factor(A: Any) -> None:
+    """A = L·D·Lᵀ in place of its lower triangle, D on the diagonal; the columns from HELD on: L⁻¹.
+
+    Six rows.
+    """
+    for j in range(6):
+        for k in range(j):
+            A[j, j] -= A[j, k] * A[j, k] * A[k, k]
+        for i in range(j + 1, 6):
+            for k in range(j):
+                A[i, j] -= A[i, k] * A[j, k] * A[k, k]
+            A[i, j] /= A[j, j]
+    for c in range(HELD, A.shape[1]):
+        for i in range(6):
+            for k in range(i):
+                A[i, c] -= A[i, k] * A[k, c]
+
+
+@jit
+def _correct(body: Any) -> None:
+    """Newton's correction of speed and turn rate; turns count as small."""
+    A, s = body.matrix, body.stage
+    factor(A)
+    for i in range(5, -1, -1):
+        A[i, MISS] /= A[i, i]
+        for k in range(i + 1, 6):
+            A[i, MISS] -= A[k, i] * A[k, MISS]
+    R = matrix_of(quaternion(s, ATTITUDE))
+    moved = outward(R, (A[0, MISS], A[1, MISS], A[2, MISS]))
+    spun = (A[3, MISS], A[4, MISS], A[5, MISS])
+    put(s, SPEED_BEFORE, vector(s, SPEED))
+    put(s, RATE_BEFORE, vector(s, TURN_RATE))
+    put(s, SPEED, along(vector(s, SPEED), 1.0, moved))
+    spun = along(spun, 0.5, cross(vector(s, TURN), spun))
+    put(s, TURN_RATE, along(vector(s, TURN_RATE), 1.0, spun))
+
+
+@jit
+def solve(body: Any, q: float, hook: Any) -> bool:
+    """Speed and turn rate for this motion of the hook; whether they were found.
+
+    A correction that makes the miss larger is halved.
+    """
+    s = body.stage
+    miss = balance(body, q, hook)
+    for _ in range(CAP):
+        if miss <= 1.0:
+            return True
+        _correct(body)
+        last, miss = miss, balance(body, q, hook)
+        for _ in range(HALVINGS):
+            if miss < last:
+                break
+            for k in range(3):
+                s[SPEED + k] = 0.5 * (s[SPEED + k] + s[SPEED_BEFORE + k])
+                s[TURN_RATE + k] = 0.5 * (s[TURN_RATE + k] + s[RATE_BEFORE + k])
+            miss = balance(body, q, hook)
+    return bool(miss <= 1.0)
+
+
+@jit
+def left_on_hook(body: Any, q: float) -> Any:
+    """Minus the derivative of the pull on the hook to its acceleration, in the world's axes.
+
+    After `solve`: q·(S - q·(GᵀS)ᵀ·A⁻¹·GᵀS), as xx, xy, xz, yy, yz, zz.
+    """
+    A, H = body.matrix, body.hold
+    factor(A)
+    place = 0
+    for k in range(3):
+        for j in range(k, 3):
+            for i in range(6):
+                H[place] -= q * A[i, HELD + k] * A[i, HELD + j] / A[i, i]
+            H[place] *= q
+            place += 1
+    R = matrix_of(quaternion(body.stage, ATTITUDE))
+    rows = ((H[0], H[1], H[2]), (H[1], H[3], H[4]), (H[2], H[4], H[5]))
+    a, b = outward(R, outward(rows, R[0])), outward(R, outward(rows, R[1]))
+    c = outward(R, outward(rows, R[2]))
+    return a[0], a[1], a[2], b[1], b[2], c[2]

@@ -1,0 +1,133 @@
+"""Where a rigid body is, and what it stores and brings of energy, for Python.
+
+Kinetic energy counts the water's at the velocity against it, c, and p·u besides, so that its rate
+is the power of all forces but the added mass: along z ∫w·M(w)·dw, of which the part that differs
+rising from sinking is ΔM/2·(w·√(w² + δ²) - δ²·asinh(w/δ)). Slings and pin store ½·k·stretch². What
+their dampers and the deck take goes to the water's account.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core import body_state
+from rope_twin.core.body_loads import CREEP, TURN2
+from rope_twin.core.body_state import DAMPING, LENGTH, STIFFNESS, RigidBody
+from rope_twin.core.energy import account
+from rope_twin.core.state import Floats
+
+at = body_state
+
+
+class Pose(NamedTuple):
+    """A body at one time; vectors in the directions of the frame `sea` unless said otherwise."""
+
+    centre: Floats  # of gravity, (3,) [m]
+    velocity: Floats  # of that [m/s]
+    quaternion: Floats  # x, y, z, w: turns body axes into the frame's, (4,)
+    spin: Floats  # angular velocity in body axes [rad/s]
+    turn: Floats  # the rotation matrix, (3, 3)
+
+    def place(self, r: Any) -> Floats:
+        """Where a place r of the body is, (..., 3) [m]; from the centre of gravity, body axes."""
+        return np.asarray(self.centre + np.asarray(r) @ self.turn.T)
+
+    def speed(self, r: Any) -> Floats:
+        """Its velocity, (..., 3) [m/s]."""
+        return np.asarray(self.velocity + np.cross(self.spin, r) @ self.turn.T)
+
+
+def pose_of(body: RigidBody) -> Pose:
+    """The body as of the last accepted substep."""
+    now = body.records[int(body.memory[0, 0])]
+    Q = now[at.Q : at.Q + 4].copy()
+    return Pose(_three(now, at.X), _three(now, at.V), Q, _three(now, at.SPIN), _matrix(Q))
+
+
+def pulls_of(body: RigidBody, hook: Any, speed: Any) -> tuple[Floats, Floats, Floats]:
+    """Of each leg its pull on the body (legs, 3) [N], what it stores [J], what it dissipates [W].
+
+    hook, speed: place and velocity of the rope's end, (3,).
+    """
+    pose, legs = pose_of(body), body.legs
+    r, k, c = legs[:, :3], legs[:, STIFFNESS], legs[:, DAMPING]
+    d, e = hook - pose.place(r), speed - pose.speed(r)
+    length = np.sqrt((d * d).sum(axis=1) + 1e-20)
+    n = d / length[:, None]
+    stretch, rate = length - legs[:, LENGTH], (n * e).sum(axis=1)
+    pull = np.maximum(k * stretch + c * rate, 0.0)
+    taut = np.maximum(stretch, 0.0)
+    pinned = legs[:, LENGTH] == 0.0
+    force = np.where(pinned[:, None], k[:, None] * d + c[:, None] * e, pull[:, None] * n)
+    stored = 0.5 * k * np.where(pinned, (d * d).sum(axis=1), taut * taut)
+    lost = np.where(pinned, c * (e * e).sum(axis=1), (pull - k * taut) * rate)
+    return force, stored, lost
+
+
+@account("kinetic_end", RigidBody)
+def kinetic(body: Any, place: Any) -> Any:
+    """Of body, water and hook [J]."""
+    pose, u = pose_of(body), _three(body.records[int(body.memory[0, 0])], at.WATER)
+    v, spin = pose.velocity, pose.spin
+    c = (v - u) @ pose.turn + np.cross(spin, body.watered)
+    w, root = c[2], np.sqrt(c[2] ** 2 + TURN2)
+    p = body.added[:3] * c
+    p[2] += body.rising * (root - np.sqrt(TURN2))
+    own = 0.5 * body.m * v @ v + 0.5 * spin @ (body.inertia + np.diag(body.added[3:])) @ spin
+    water = 0.5 * (body.added[:3] * c) @ c + (pose.turn @ p) @ u
+    water += 0.5 * body.rising * (w * root - TURN2 * np.arcsinh(w / np.sqrt(TURN2)))
+    return own + water + 0.5 * body.hook * (place.velocity**2).sum(axis=0)
+
+
+@account("potential_end", RigidBody)
+def potential(body: Any, place: Any) -> Any:
+    """Weight less buoyancy times height of body and hook, and what slings store [J]."""
+    pose = pose_of(body)
+    _, stored, _ = pulls_of(body, place.position[:, 0], place.velocity[:, 0])
+    height = body.m * pose.centre[2] - body.displaced * pose.place(body.buoyed)[2]
+    return body.g * height + stored.sum() + body.hook_weight * place.position[2]
+
+
+@account("power_end", RigidBody)
+def power(body: Any, place: Any) -> Any:
+    """Of drag, the water's acceleration and the deck, less what the slings' dampers take [W]."""
+    pose, now = pose_of(body), body.records[int(body.memory[0, 0])]
+    u, grows = _three(now, at.WATER), _three(now, at.GROWS)
+    c = (pose.velocity - u) @ pose.turn + np.cross(pose.spin, body.watered)
+    blend = c[2] / np.sqrt(c[2] ** 2 + TURN2)
+    k, M = body.k[:3].copy(), body.added[:3].copy()
+    k[2] += body.rising_k * blend
+    M[2] += body.rising * blend
+    drag = -np.sqrt(c @ c + 1e-20) * k * c
+    swept = M * (grows @ pose.turn)
+    total = (drag + swept) @ pose.turn.T @ pose.speed(body.watered)
+    total += body.displaced * grows @ pose.speed(body.buoyed) - swept @ pose.turn.T @ u
+    total -= (body.k[3:] * np.abs(pose.spin) ** 3).sum()
+    _, _, lost = pulls_of(body, place.position[:, 0], place.velocity[:, 0])
+    return total - lost.sum() + (pushes_of(body, pose) * pose.speed(body.corners)).sum()
+
+
+def pushes_of(body: RigidBody, pose: Pose) -> Floats:
+    """Of the deck on each corner, (corners, 3) [N]."""
+    v = pose.speed(body.corners) - [0.0, 0.0, body.stage[at.DECK_SPEED]]
+    sunk = np.maximum(body.stage[at.DECK_Z] - pose.place(body.corners)[:, 2], 0.0)
+    push = body.deck.k * sunk * np.maximum(1.0 - body.deck.chi * v[:, 2], 0.0)
+    rub = body.deck.mu * push / np.sqrt((v[:, :2] ** 2).sum(axis=1) + CREEP**2)
+    return np.column_stack([-rub * v[:, 0], -rub * v[:, 1], push])
+
+
+def deck_height(body: RigidBody) -> float:
+    """Height of the deck now [m]."""
+    return float(body.stage[at.DECK_Z])
+
+
+def _three(table: Floats, i: int) -> Floats:
+    return table[i : i + 3].copy()
+
+
+def _matrix(Q: Floats) -> Floats:
+    """The rotation of a unit quaternion, (3, 3): I + 2·w·[q] + 2·[q]²."""
+    skew = np.cross(np.eye(3), Q[:3])
+    return np.asarray(np.eye(3) + 2.0 * Q[3] * skew + 2.0 * skew @ skew)

@@ -1,0 +1,92 @@
+"""What the kernels of a rigid body see: its figures, its records, and where numbers stand in them.
+
+Vectors of the body are in its own axes and from its centre of gravity G.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core.state import Floats
+
+
+# Not Python's integers: numba compiles a kernel again for each literal that it is given.
+def _places(first: int, last: int, width: int = 3) -> Any:
+    return (np.int64(place) for place in range(first, last, width))
+
+
+# A record: the body at one time. Rates of momentum and angular momentum about G, place of G,
+# velocity, spin, velocity and acceleration of the water at it, orientation.
+FORCE, MOMENT, X, V, SPIN, WATER, GROWS, Q = _places(0, 24)
+RECORD = 25
+RECORDS = 4  # now, at the end of the stage, at the start of the step, and one to write into
+
+# The stage. What it starts from: place, turn, momentum, angular momentum; the water: velocity now,
+# velocity that the momentum of the water is counted from, acceleration. Then what is sought, and
+# what belongs to it; the substep's start and the end of its first stage; speed and turn rate that a
+# correction began with.
+(X_HAT, TURN_HAT, P_HAT, L_HAT, FLOW_NOW, FROZEN, FLOW_GROWS,
+ SPEED, TURN_RATE, PLACE, TURN, SPIN_NOW, PULL, TWIST, P_NOW, L_NOW, ON_HOOK,
+ P_START, L_START, X_MIDDLE, TURN_MIDDLE, P_MIDDLE, L_MIDDLE, SPEED_MIDDLE, RATE_MIDDLE,
+ SPEED_BEFORE, RATE_BEFORE) = _places(0, 81)  # fmt: skip
+ATTITUDE, Q_START = _places(81, 89, 4)  # quaternions
+DECK_Z, DECK_SPEED, DECK_PUSH = 89, 90, 91  # height [m], rate [m/s], its push on the body [N]
+FRESH = 92  # 1: the body has yet to be put where it rests
+SHIP_Z = 93  # height of the hang-off at rest [m]
+FORCES = 94  # sum of the sizes of all forces on the body [N]
+SHARE = 95  # of the slings' stiffness that counts: less than 1 while rest is sought
+STAGE = 96
+
+# Columns of the matrix: A (lower triangle), Gᵀ·S of what the hook holds, residual.
+HELD, MISS, COLUMNS = 6, 9, 10
+
+# A leg: where it holds the body, its length (0: a pin), stiffness, damping
+LENGTH, STIFFNESS, DAMPING, LEG = 3, 4, 5, 6
+
+
+class Deck(NamedTuple):
+    """What the body can stand on: a level plane."""
+
+    height: float  # at rest [m]
+    with_ship: float  # 1: it heaves as the hang-off does
+    amplitude: float  # of a heave of its own [m]
+    omega: float  # [rad/s]
+    phase: float  # [rad]
+    ramp: float  # [s]
+    k: float  # stiffness at each corner [N/m]
+    chi: float  # N = k·d·(1 - χ·v) [s/m]
+    mu: float  # friction
+
+
+class RigidBody(NamedTuple):
+    """A payload with six degrees of freedom that hangs on slings, or by a pin, from the hook."""
+
+    memory: Floats  # number of the record that holds; see core/remembering.py
+    records: Floats  # (RECORDS, RECORD)
+    stage: Floats  # scratch, (STAGE,)
+    matrix: Floats  # scratch, (6, COLUMNS)
+    hold: Floats  # scratch: the slings' stiffness at the hook, xx, xy, xz, yy, yz, zz [kg/s]
+    W: float  # weight in water, the hook's with it [N]
+    hook: float  # its mass [kg]
+    hook_weight: float  # in water [N]
+    m: float  # of the body [kg]
+    g: float  # [m/s²]
+    displaced: float  # ρ·V [kg]
+    inertia: Floats  # moments of inertia about G, (3, 3) [kg·m²]
+    added: Floats  # added mass along, added inertia about the axes at the middle of the water's
+    # forces, (6,); along z the mean of rising and sinking
+    rising: float  # half of rising less sinking, of the added mass along z [kg]
+    k: Floats  # ½·ρ·CdA along, ½·ρ·C about them, (6,) [kg/m], [kg·m²]
+    rising_k: float  # half of rising less sinking, along z
+    buoyed: Floats  # where buoyancy acts, (3,) [m]
+    watered: Floats  # where the water's forces act, (3,)
+    middle: Floats  # the middle of the body's outline, (3,)
+    size: Floats  # its outline, (3,) [m]
+    legs: Floats  # (legs, LEG)
+    corners: Floats  # places that can touch a deck, (corners, 3)
+    deck: Deck
+    heading: float  # of its x axis at the start, from east to north [rad]
+    reach: float  # from G to the farthest of all this [m]
+    stiffness: float  # of legs and deck, their sum [N/m]

@@ -1,0 +1,210 @@
+"""How a rigid body joins the rope's stages: predicted, solved for the hook's motion, settled.
+
+The number of the record that holds is what it remembers (core/remembering.py): so a substep that
+is rejected, or a step that fails, leaves the body as it was.
+"""
+
+from __future__ import annotations
+
+from math import cos, nan, sin
+from typing import Any
+
+from rope_twin.core import body_state
+from rope_twin.core.assembly import set_flow
+from rope_twin.core.body_balance import left_on_hook, solve
+from rope_twin.core.body_loads import momenta
+from rope_twin.core.body_rest import put_to_rest
+from rope_twin.core.body_state import RigidBody
+from rope_twin.core.hooks import kernel, switching
+from rope_twin.core.jit import jit
+from rope_twin.core.prediction import GAMMA, K1, K2
+from rope_twin.core.remembering import remembering
+from rope_twin.core.rotation import along, matrix_of, outward, put, quaternion, vector
+from rope_twin.core.rows import rows, span
+from rope_twin.core.stage import TRAPEZOID
+from rope_twin.core.state import (
+    ACCELERATION,
+    BLOCK,
+    ELEMENTS,
+    FLOW,
+    FLOW_RATE,
+    POSITION,
+    RESIDUAL,
+    VELOCITY,
+)
+from rope_twin.core.trial import LOW
+
+at = body_state
+remembering(RigidBody, 1)
+switching(RigidBody)
+
+
+@kernel("start", RigidBody)
+def start(body: Any, rope: Any) -> None:
+    """The body is put to rest once the water is known; the ship is where it is at rest."""
+    body.memory[0, 0] = 0.0
+    body.stage[at.FRESH] = 1.0
+    body.stage[at.SHIP_Z] = rope.state.nodes[POSITION + 2, rope.state.counts[ELEMENTS]]
+
+
+@jit
+def _set_deck(body: Any, rope: Any, time: float) -> None:
+    """Height and rate of the deck at the stage's time."""
+    deck, s, n = body.deck, body.stage, rope.state.counts[ELEMENTS]
+    share, rate = 1.0, 0.0
+    if time < deck.ramp:
+        u = max(time, 0.0) / deck.ramp
+        share = u * u * u * (10.0 + u * (6.0 * u - 15.0))
+        rate = 30.0 * u * u * (u - 1.0) * (u - 1.0) / deck.ramp
+    angle = deck.omega * time + deck.phase
+    z, w = deck.amplitude * sin(angle), deck.amplitude * deck.omega * cos(angle)
+    ship = rope.work[POSITION + 2, n] - s[at.SHIP_Z]
+    s[at.DECK_Z] = deck.height + deck.with_ship * ship + share * z
+    s[at.DECK_SPEED] = deck.with_ship * rope.work[VELOCITY + 2, n] + share * w + rate * z
+
+
+@jit
+def _ask_water(body: Any, rope: Any, stage: Any, place: Any) -> None:
+    """Velocity and acceleration of the water there, by way of a trial node's column."""
+    work, slot = rope.work, rope.state.s.shape[0] + LOW
+    for k in range(3):
+        work[POSITION + k, slot] = place[k]
+    set_flow(rope.effects, work, stage, slot, slot + 1)
+    for k in range(3):
+        body.stage[at.FLOW_NOW + k] = work[FLOW + k, slot]
+        body.stage[at.FLOW_GROWS + k] = work[FLOW_RATE + k, slot]
+
+
+@jit
+def _begin(body: Any, hook: Any) -> None:
+    """At rest below the hook."""
+    put_to_rest(body, hook)
+    put(body.records[0], at.WATER, vector(body.stage, at.FLOW_NOW))
+    body.stage[at.FRESH] = 0.0
+
+
+@jit
+def _predict_first(body: Any, q: float) -> None:
+    """The trapezoidal stage, from the record that holds."""
+    s, now = body.stage, body.records[int(body.memory[0, 0])]
+    v, spin, before = vector(now, at.V), vector(now, at.SPIN), vector(now, at.WATER)
+    grown = along(vector(s, at.FLOW_NOW), -1.0, before)
+    put(s, at.FROZEN, along(before, 0.5 / GAMMA, grown))  # that of the substep's middle
+    P, L, _ = momenta(body, matrix_of(quaternion(now, at.Q)), v, spin)
+    put(s, at.P_START, P)
+    put(s, at.L_START, L)
+    for k in range(4):
+        s[at.Q_START + k] = now[at.Q + k]
+    put(s, at.X_HAT, along(vector(now, at.X), q, v))
+    put(s, at.TURN_HAT, along((0.0, 0.0, 0.0), q, spin))
+    put(s, at.P_HAT, along(P, q, vector(now, at.FORCE)))
+    put(s, at.L_HAT, along(L, q, vector(now, at.MOMENT)))
+    put(s, at.SPEED, v)
+    put(s, at.TURN_RATE, spin)
+
+
+@jit
+def _put_second(s: Any, hat: int, middle: int, first: Any) -> None:
+    put(s, hat, along(along((0.0, 0.0, 0.0), K1, vector(s, middle)), -K2, first))
+
+
+@jit
+def _predict_second(body: Any) -> None:
+    """The BDF2 stage, from the substep's start and the first stage."""
+    s, now = body.stage, body.records[int(body.memory[0, 0])]
+    _put_second(s, at.X_HAT, at.X_MIDDLE, vector(now, at.X))
+    _put_second(s, at.TURN_HAT, at.TURN_MIDDLE, (0.0, 0.0, 0.0))
+    _put_second(s, at.P_HAT, at.P_MIDDLE, vector(s, at.P_START))
+    _put_second(s, at.L_HAT, at.L_MIDDLE, vector(s, at.L_START))
+    put(s, at.SPEED, vector(s, at.SPEED_MIDDLE))
+    put(s, at.TURN_RATE, vector(s, at.RATE_MIDDLE))
+
+
+@kernel("predict", RigidBody)
+def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
+    """What the stage starts from, and the water and the deck of its time."""
+    if low > 0:
+        return
+    s, work, q = body.stage, rope.work, stage.q
+    _set_deck(body, rope, stage.time)
+    if s[at.FRESH] > 0.0:
+        hook = (work[POSITION, 0], work[POSITION + 1, 0], work[POSITION + 2, 0])
+        _ask_water(body, rope, stage, hook)
+        _begin(body, hook)
+        # once more, in the water that is where it hangs
+        _ask_water(body, rope, stage, vector(body.records[0], at.X))
+        _begin(body, hook)
+    now, h = body.records[int(body.memory[0, 0])], vector(body.watered, 0)
+    if kind == TRAPEZOID:
+        place = along(vector(now, at.X), 2.0 * q, vector(now, at.V))
+        place = along(place, 1.0, outward(matrix_of(quaternion(now, at.Q)), h))
+        _ask_water(body, rope, stage, place)
+        _predict_first(body, q)
+    else:
+        _predict_second(body)
+        place = along(vector(s, at.X_HAT), q, vector(s, at.SPEED))
+        place = along(place, 1.0, outward(matrix_of(quaternion(s, at.ATTITUDE)), h))
+        _ask_water(body, rope, stage, place)
+
+
+@kernel("load_end", RigidBody)
+def load_end(body: Any, work: Any, stage: Any) -> None:
+    """R_0 += pull of the slings on the hook, its own weight and inertia; A_0 likewise.
+
+    Not a number where the body finds no balance: the step is then halved.
+    """
+    x, y, z = rows(work, POSITION, 0)
+    vx, vy, vz = rows(work, VELOCITY, 0)
+    ax, ay, az = rows(work, ACCELERATION, 0)
+    ux, uy, uz = rows(work, FLOW, 0)
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
+    s, hook = body.stage, ((x[0], y[0], z[0]), (vx[0], vy[0], vz[0]))
+    if s[at.FRESH] > 0.0:  # nothing was predicted
+        put(s, at.FLOW_NOW, (ux[0], uy[0], uz[0]))
+        _begin(body, hook[0])
+        _predict_first(body, stage.q)
+    solved = solve(body, stage.q, hook)
+    f = vector(s, at.ON_HOOK) if solved else (nan, nan, nan)
+    Z = left_on_hook(body, stage.q)
+    m = body.hook
+    Rx[0] += f[0] - m * ax[0]
+    Ry[0] += f[1] - m * ay[0]
+    Rz[0] += f[2] - m * az[0] - body.hook_weight
+    Axx[0] += Z[0] + m
+    Axy[0] += Z[1]
+    Axz[0] += Z[2]
+    Ayy[0] += Z[3] + m
+    Ayz[0] += Z[4]
+    Azz[0] += Z[5] + m
+
+
+@kernel("settle", RigidBody)
+def settle(body: Any, rope: Any, stage: Any, kind: int) -> None:
+    """The stage's body, for the hook's motion as found; the second one leaves a new record."""
+    work, s = rope.work, body.stage
+    place = (work[POSITION, 0], work[POSITION + 1, 0], work[POSITION + 2, 0])
+    speed = (work[VELOCITY, 0], work[VELOCITY + 1, 0], work[VELOCITY + 2, 0])
+    solved = solve(body, stage.q, (place, speed))
+    if kind == TRAPEZOID:
+        put(s, at.X_MIDDLE, vector(s, at.PLACE))
+        put(s, at.TURN_MIDDLE, vector(s, at.TURN))
+        put(s, at.P_MIDDLE, vector(s, at.P_NOW))
+        put(s, at.L_MIDDLE, vector(s, at.L_NOW))
+        put(s, at.SPEED_MIDDLE, vector(s, at.SPEED))
+        put(s, at.RATE_MIDDLE, vector(s, at.TURN_RATE))
+        return
+    free = 0
+    while free in (int(body.memory[0, 0]), int(body.memory[2, 0])):
+        free += 1
+    record = body.records[free]
+    put(record, at.X, vector(s, at.PLACE))
+    for k in range(4):
+        record[at.Q + k] = s[at.ATTITUDE + k]
+    put(record, at.V, vector(s, at.SPEED) if solved else (nan, nan, nan))
+    put(record, at.SPIN, vector(s, at.SPIN_NOW))
+    put(record, at.FORCE, vector(s, at.PULL))
+    put(record, at.MOMENT, vector(s, at.TWIST))
+    put(record, at.WATER, vector(s, at.FLOW_NOW))
+    put(record, at.GROWS, vector(s, at.FLOW_GROWS))
+    body.memory[1, 0] = float(free)

@@ -1,0 +1,55 @@
+"""Scenes whose payload is a rigid body: what must hold, and who cannot step or look into them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rope_twin.effects.fairing import FairingParams
+from rope_twin.effects.net import NetParams
+from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.rigid_body import RigidBodyParams
+from rope_twin.effects.seabed import SeabedParams
+from rope_twin.effects.splash_zone import SplashZoneParams
+from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.schema import Scene
+
+Fault = tuple[str, str, str]
+# Effects that know a payload as a point at the rope's end.
+OF_A_POINT = {
+    PayloadParams: "payload", NetParams: "net", FairingParams: "fairing",
+    SeabedParams: "seabed", SplashZoneParams: "splash_zone",
+}  # fmt: skip
+
+
+def body_of(scene: Scene) -> RigidBodyParams | None:
+    """What the scene says of its payload as a rigid body; None where it is a point."""
+    return next((own for own in scene.effects if isinstance(own, RigidBodyParams)), None)
+
+
+def refuse_body(scene: Scene, what: str) -> None:
+    """For what knows no rigid body; what: why not.
+
+    Raises:
+        SceneError: the scene's payload is one.
+    """
+    if body_of(scene) is not None:
+        right = "take `payload`, a point, in its place here"
+        raise SceneError(phrase(f"{scene.path}: effects.rigid_body", what, right))
+
+
+def body_holds(scene: Scene) -> Iterator[Fault]:
+    """It has a payload's figures, and nothing else takes it for a point."""
+    own = body_of(scene)
+    if own is None:
+        return
+    for params in scene.effects:
+        if name := OF_A_POINT.get(type(params), ""):
+            what = f"`rigid_body` and `{name}`, which knows the payload as a point"
+            yield "effects", what, f"leave out `{name}`, or take `payload` for the body"
+    if not scene.payloads or not any(line.to for line in scene.ropes):
+        what = "`rigid_body` is listed but no payload is"
+        yield "effects", what, "add it under `payloads` and to the rope's `to`, or leave it out"
+        return
+    if scene.payloads[0].mass_kg == 0.0:
+        right = "give the body a mass"
+        yield "payloads[0].mass_kg", "a rigid body without mass cannot move", right

@@ -1,0 +1,44 @@
+"""What a twin tells of a payload that is a rigid body: place, attitude, slings, deck."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.body_energy import deck_height, pose_of, pulls_of, pushes_of
+from rope_twin.core.body_state import RigidBody
+from rope_twin.core.state import Rope
+from rope_twin.twin.snapshot import BodyShot, Snapshot
+
+
+def with_body(shot: Snapshot, rope: Rope) -> Snapshot:
+    """The snapshot with the rope's body, whose middle is then the payload's place."""
+    body = next((effect for effect in rope.effects if isinstance(effect, RigidBody)), None)
+    if body is None:
+        return shot
+    nodes, pose = rope.state.nodes, pose_of(body)
+    hook = nodes[rows.POSITION : rows.POSITION + 3, 0]
+    force, _, _ = pulls_of(body, hook, nodes[rows.VELOCITY : rows.VELOCITY + 3, 0])
+    ends = pose.place(body.legs[:, :3])
+    legs = hook - ends
+    push = clearance = None
+    if len(body.corners):
+        push = float(pushes_of(body, pose)[:, 2].sum())
+        clearance = float(pose.place(body.corners)[:, 2].min()) - deck_height(body)
+    return replace(
+        shot,
+        payload_position_m=pose.place(body.middle),
+        payload_velocity_m_per_s=pose.speed(body.middle),
+        body=BodyShot(
+            quaternion=pose.quaternion,
+            angular_velocity_rad_per_s=pose.spin,
+            size_m=body.size.copy(),
+            leg_pull_n=np.sqrt((force * force).sum(axis=1)),
+            leg_length_m=np.sqrt((legs * legs).sum(axis=1)),
+            leg_end_m=ends,
+            deck_push_n=push,
+            deck_clearance_m=clearance,
+        ),
+    )
