@@ -20,7 +20,8 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging_rules import winches_by_name
 from rope_twin.scene.schema import Winch
 from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC, WINCH_TOPICS
-from rope_twin.twin.cutting import PlannedCut, plan_for
+from rope_twin.twin.cut_plan import PlannedCut
+from rope_twin.twin.cutting import plan_for
 from rope_twin.twin.schedule import motion_of, schedule_samples
 
 TOPIC = "winch/speed_command"

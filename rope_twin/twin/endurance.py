@@ -7,13 +7,15 @@ load). Miner (1945): a cycle uses the share 1/N of what the rope endures; at 1 i
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, did_you_mean, phrase
-from rope_twin.scene.schema import Rope, RopeLine
+
+if TYPE_CHECKING:
+    from rope_twin.scene.schema import Rope, RopeLine
 
 Vector = NDArray[np.float64]
 STEEL_KG_PER_M3 = 7850.0

@@ -111,4 +111,8 @@ def test_every_effect_of_the_house_that_loads_the_lower_end_can_come_off() -> No
     """One that is not known there is told by its name, not left on in silence."""
     for effect in EFFECTS:
         before = data_of(effect.name)
+        if effect.name == "rigid_body":  # above it no rope is cut
+            with pytest.raises(TypeError, match="RigidBody loads the lower end"):
+                without_load(before)
+            continue
         assert (without_load(before) != before) == is_at_end(before[0])

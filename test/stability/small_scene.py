@@ -54,17 +54,23 @@ def small_scene(folder: Path) -> Scene:
 NO_FIGURES = {
     "solver", "inputs", "winch_at_limit", "card_error", "energy", "band", "seabed", "ropes",
     "payloads", "struts", "sheaves", "winches", "cut", "vibration", "fatigue", "lines",
-    "line_events",
+    "line_events", "body",
 }  # fmt: skip
 
 
 def figures(shot: Snapshot) -> dict[str, np.ndarray]:
-    """Every number of a snapshot that physics decides, by name."""
-    return {
-        field.name: np.asarray(getattr(shot, field.name), dtype=float)
+    """Every number of a snapshot that physics decides, by name; a rigid body's among them."""
+    told = {
+        field.name: getattr(shot, field.name)
         for field in dataclasses.fields(shot)
         if field.name not in NO_FIGURES
     }
+    if shot.body is not None:
+        of_body = {
+            field.name: getattr(shot.body, field.name) for field in dataclasses.fields(shot.body)
+        }
+        told |= {f"body.{name}": value for name, value in of_body.items() if value is not None}
+    return {name: np.asarray(value, dtype=float) for name, value in told.items()}
 
 
 def not_finite(shot: Snapshot) -> list[str]:

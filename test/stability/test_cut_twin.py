@@ -18,7 +18,8 @@ from rope_twin.errors import InputError, StateError
 from rope_twin.messages import Level, statuses
 from rope_twin.recording.bag_reader import BagReader
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.cutting import CutInput, PlannedCut, plan_for, read_plan
+from rope_twin.twin.cut_plan import PlannedCut, read_plan
+from rope_twin.twin.cutting import CutInput, plan_for
 from rope_twin.twin.error_band import BandedTwin
 from rope_twin.twin.hoisting.orders import LENGTH, Order
 from rope_twin.twin.ladder import TwinLadder

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from rope_twin.scene.card import KnownError
 from rope_twin.twin.ship_pose import ShipPose
 from rope_twin.twin.snapshot import (
     BedContact,
+    BodyShot,
     InputHealth,
     MaterialFatigue,
     RopeVibration,
@@ -63,6 +66,24 @@ def hanging_rope(
         ),
         fatigue=MaterialFatigue(
             "stranded_wire", 2.0, length_m - arc, arc, 1e-9 * np.arange(nodes), False
+        ),
+    )
+
+
+def hanging_body(nodes: int = 11) -> Snapshot:
+    """The same with a rigid body as its payload, on two slings, just off a deck."""
+    shot = hanging_rope(nodes)
+    return replace(
+        shot,
+        body=BodyShot(
+            quaternion=np.array([0.0, 0.0, 0.0, 1.0]),
+            angular_velocity_rad_per_s=np.zeros(3),
+            size_m=np.array([4.0, 3.0, 2.5]),
+            leg_pull_n=np.array([5e4, 6e4]),
+            leg_length_m=np.array([7.0, 7.1]),
+            leg_end_m=shot.payload_position_m + np.array([[1.8, 0.0, 1.25], [-1.8, 0.0, 1.25]]),
+            deck_push_n=1e3,
+            deck_clearance_m=-0.01,
         ),
     )
 

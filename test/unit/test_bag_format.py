@@ -8,7 +8,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import QosDurability, QosReliability
 from rosbags.rosbag2 import Reader
-from sample_snapshot import hanging_rope, rolled_ship
+from sample_snapshot import hanging_body, hanging_rope, rolled_ship
 
 from rope_twin.errors import BagError
 from rope_twin.messages import (
@@ -34,7 +34,7 @@ NOTES = {"seed": "7", "source": "a test: with 'quotes', #hash and\nlines", "numb
 
 
 def all_messages(stamp_ns: int) -> dict[str, bytes]:
-    snapshot = hanging_rope()
+    snapshot = hanging_body()
     encoder = Encoder(EPOCH_NS)
     layout = new("std_msgs/msg/MultiArrayLayout", dim=[], data_offset=0)
     messages = {name: encoder.encode(name, snapshot) for name in encoder.topics}

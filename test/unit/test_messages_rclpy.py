@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sample_snapshot import hanging_rope, rolled_ship
+from sample_snapshot import hanging_body, rolled_ship
 
 from rope_twin import messages
 from rope_twin.topics import BY_NAME, TOPICS
@@ -19,7 +19,7 @@ STAMP_NS = 1_763_700_000_123_456_789
 
 
 def encoded(topic: str, nodes: int) -> bytes:
-    snapshot = hanging_rope(nodes)
+    snapshot = hanging_body(nodes)
     encoder = messages.Encoder(STAMP_NS)
     if topic in encoder.topics:
         return encoder.encode(topic, snapshot)
