@@ -43,6 +43,7 @@ from rope_twin.twin.snapshot import (
     SheaveShot,
     Snapshot,
     StrutShot,
+    first_rope,
 )
 from rope_twin.twin.start import judge_start, no_garbage_collection
 from rope_twin.twin.winch import winch_of_rope
@@ -295,15 +296,7 @@ class JoinedRopes:
 
     def _shot(self, r: int, name: str, first: Snapshot) -> RopeShot:
         if r == 0:
-            return RopeShot(
-                name=name,
-                node_position_m=first.node_position_m,
-                node_tension_n=first.node_tension_n,
-                element_tension_n=first.element_tension_n,
-                tension_top_n=first.tension_top_n,
-                line_out_m=first.line_out_m,
-                payout_speed_m_per_s=first.payout_speed_m_per_s,
-            )
+            return first_rope(first, name)
         nodes, tension = self._nodes(r, rows.POSITION), self._tension(self._rope(r))
         pull = float(self._pull[r, rows.PULL])
         between = 0.5 * (tension[1:] + tension[:-1])

@@ -21,21 +21,26 @@ from rope_twin.core.energy import Power, Store, measure
 from rope_twin.core.joined_energy import SystemBorder
 from rope_twin.core.state import Boundary, Floats, Rope, State
 from rope_twin.core.step import advance
-from rope_twin.errors import phrase
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.bare_end import is_at_end
 from rope_twin.twin.contact import bed_contact
-from rope_twin.twin.hang_off import Moves
-from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.no_other_winch import NoOtherWinch
 from rope_twin.twin.saved_state import changing_parts
 from rope_twin.twin.severing import refresh_tension, step_free, without_beyond
-from rope_twin.twin.snapshot import BedContact, PayloadShot, RopeShot, Snapshot, SolverHealth
+from rope_twin.twin.snapshot import (
+    BedContact,
+    PayloadShot,
+    RopeShot,
+    Snapshot,
+    SolverHealth,
+    first_rope,
+)
 
 _WHOLE = (0.0, 1.0)
 _DOUBLING = (0.0, *(0.5**k for k in range(8, -1, -1)))  # parts of a step
 
 
-class PartedRopes:
+class PartedRopes(NoOtherWinch):
     """The lower part of a rope that was cut, and the step of both."""
 
     def __init__(self, scene: Scene, first: Rope, lower: Rope) -> None:
@@ -49,30 +54,6 @@ class PartedRopes:
     def find_start(self) -> Floats:
         """A rope that is cut does not begin at rest."""
         raise RuntimeError("a rope is cut on the way, not at the start")
-
-    def offer(self, name: str, stamp_ns: int | None, order: Order, now_ns: int) -> str:
-        """There is no other winch."""
-        what = f"there is no winch '{name}'"
-        return phrase("winch command", what, "leave the name out: this scene has one at most")
-
-    def doubt(self) -> None:
-        """Nothing."""
-
-    def newest_ns(self) -> dict[str, int]:
-        """None."""
-        return {}
-
-    def feel(self, time_ns: int) -> bool:
-        """There is no other winch."""
-        return False
-
-    def prescribe(
-        self, row: int, from_ns: int, step_s: float, heave: tuple[float, float], moves: Moves
-    ) -> None:
-        """Nothing."""
-
-    def forget(self, done: int, prescribed: int) -> None:
-        """Nothing."""
 
     def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
         """Step both parts, one step after another; neither goes on without the other."""
@@ -123,7 +104,7 @@ class PartedRopes:
             tension_payload_n=float(part.element_tension_n[-1]),
             payload_position_m=x,
             payload_velocity_m_per_s=v,
-            ropes=(self._upper_shot(shot), part),
+            ropes=(first_rope(shot, self._scene.ropes[0].name), part),
             payloads=tuple(PayloadShot(one.name, x, v) for one in self._scene.payloads),
             seabed=self._contact(lower),
             solver=_both(shot.solver, lower.state.health),
@@ -178,17 +159,6 @@ class PartedRopes:
                     for own, live in zip(self._lower.effects, first.effects, strict=True)
                 )
             )
-
-    def _upper_shot(self, shot: Snapshot) -> RopeShot:
-        return RopeShot(
-            name=self._scene.ropes[0].name,
-            node_position_m=shot.node_position_m,
-            node_tension_n=shot.node_tension_n,
-            element_tension_n=shot.element_tension_n,
-            tension_top_n=shot.tension_top_n,
-            line_out_m=shot.line_out_m,
-            payout_speed_m_per_s=shot.payout_speed_m_per_s,
-        )
 
     def _shot(self, lower: Rope) -> RopeShot:
         n = int(lower.state.counts[rows.ELEMENTS])

@@ -12,13 +12,13 @@ from rope_twin.core.energy import measure
 from rope_twin.core.joined_energy import SystemBorder, of_one
 from rope_twin.core.state import PULL_X, PULL_Z, Boundary, Floats, Rope
 from rope_twin.core.step import advance
-from rope_twin.errors import phrase
 from rope_twin.scene.build import build
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.hang_off import Moves
 from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.joined import JoinedRopes
+from rope_twin.twin.no_other_winch import NoOtherWinch
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.start import find_start
 
@@ -73,7 +73,7 @@ class Ropes(Protocol):
         """Take out of the values what `changing` gave; first: the first rope as it is now."""
 
 
-class OneRope:
+class OneRope(NoOtherWinch):
     """One rope: nothing besides."""
 
     def __init__(self, scene: Scene) -> None:
@@ -84,33 +84,9 @@ class OneRope:
         """Bring it to rest; its pull on the hang-off. Raises SceneError."""
         return find_start(self._scene, self.first)
 
-    def offer(self, name: str, stamp_ns: int | None, order: Order, now_ns: int) -> str:
-        """There is no other winch."""
-        what = f"there is no winch '{name}'"
-        return phrase("winch command", what, "leave the name out: this scene has one at most")
-
-    def doubt(self) -> None:
-        """Nothing."""
-
-    def newest_ns(self) -> dict[str, int]:
-        """None."""
-        return {}
-
-    def feel(self, time_ns: int) -> bool:
-        """There is no other winch."""
-        return False
-
-    def prescribe(
-        self, row: int, from_ns: int, step_s: float, heave: tuple[float, float], moves: Moves
-    ) -> None:
-        """Nothing."""
-
     def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
         """Step it."""
         return advance(first, boundary, pulls, time, len(pulls))
-
-    def forget(self, done: int, prescribed: int) -> None:
-        """Nothing."""
 
     def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
         """Of the one rope."""

@@ -329,3 +329,16 @@ class Snapshot:
     def time_s(self) -> float:
         """Time since the twin's start [s]."""
         return self.stamp_ns * 1e-9
+
+
+def first_rope(shot: Snapshot, name: str) -> RopeShot:
+    """What a snapshot tells of its first rope, as it tells of the others."""
+    return RopeShot(
+        name=name,
+        node_position_m=shot.node_position_m,
+        node_tension_n=shot.node_tension_n,
+        element_tension_n=shot.element_tension_n,
+        tension_top_n=shot.tension_top_n,
+        line_out_m=shot.line_out_m,
+        payout_speed_m_per_s=shot.payout_speed_m_per_s,
+    )
