@@ -20,8 +20,8 @@ import numpy as np
 
 from rope_twin.core.energy import account
 from rope_twin.core.hooks import kernel
+from rope_twin.core.joined.stack import stacks
 from rope_twin.core.rows import rows, span
-from rope_twin.core.stack import stacks
 from rope_twin.core.state import ACCELERATION, BLOCK, FLOW, RESIDUAL, VELOCITY, Floats
 
 TURN2 = 0.05**2  # δ² [m²/s²]

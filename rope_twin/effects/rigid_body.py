@@ -4,7 +4,7 @@ The rope ends at the hook, a point with the hook's mass. Slings reach from there
 body, each with its length, so that a centre of gravity out of line tilts the load until slings of
 other lengths level it; a single pin lets it swing. Mass, volume, added mass and drag are those of
 the scene's payload, along the body's own axes (x, y along its sides, z up), other up than down if
-that says so; this effect takes the place of `payload`. Equations: core/body_loads.py.
+that says so; this effect takes the place of `payload`. Equations: core/body/loads.py.
 
 What the size says unless it is given: moments of inertia of an even box; added inertia of added
 mass that is spread evenly over the faces, M·b²/12 for each side b, and drag of turning of even
@@ -24,8 +24,10 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core import body_energy, body_state, body_step
-from rope_twin.core.body_state import Deck, RigidBody
+from rope_twin.core.body import energy as body_energy
+from rope_twin.core.body import state as body_state
+from rope_twin.core.body import step as body_step
+from rope_twin.core.body.state import Deck, RigidBody
 from rope_twin.core.remembering import new_memory
 from rope_twin.quantity import quantity, text
 

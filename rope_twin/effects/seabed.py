@@ -20,9 +20,9 @@ import numpy as np
 from rope_twin.core.energy import account
 from rope_twin.core.hooks import kernel, switching
 from rope_twin.core.jit import jit_entry, jit_within
+from rope_twin.core.joined.stack import stacks
 from rope_twin.core.loads import Load
 from rope_twin.core.rows import rows, span
-from rope_twin.core.stack import stacks
 from rope_twin.core.state import BLOCK, CORRECTION, POSITION, RESIDUAL, VELOCITY, Floats
 from rope_twin.quantity import quantity, text
 

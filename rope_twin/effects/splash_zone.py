@@ -18,8 +18,8 @@ import numpy as np
 
 from rope_twin.core.energy import account
 from rope_twin.core.hooks import kernel, switching
+from rope_twin.core.joined.stack import stacks
 from rope_twin.core.rows import row, rows, span
-from rope_twin.core.stack import stacks
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,

@@ -27,19 +27,11 @@ import numpy as np
 
 from rope_twin.core.cosine import cosine
 from rope_twin.core.energy import account
-from rope_twin.core.half_waves import (
-    LEAST,
-    across,
-    hold_frequencies,
-    set_paces,
-    wave_number,
-)
 from rope_twin.core.hooks import kernel
 from rope_twin.core.jit import jit
 from rope_twin.core.prediction import K1, K2
 from rope_twin.core.remembering import new_memory, remembering
 from rope_twin.core.rows import row, rows, span
-from rope_twin.core.shedding import find_rest, set_node_lengths
 from rope_twin.core.stage import BDF2, TRAPEZOID
 from rope_twin.core.state import (
     BLOCK,
@@ -54,6 +46,14 @@ from rope_twin.core.state import (
     Floats,
 )
 from rope_twin.core.trial import TRIALS
+from rope_twin.core.vortices.half_waves import (
+    LEAST,
+    across,
+    hold_frequencies,
+    set_paces,
+    wave_number,
+)
+from rope_twin.core.vortices.shedding import find_rest, set_node_lengths
 from rope_twin.quantity import quantity, text
 
 CARRIED = 4  # phase [rad], ω [rad/s], mean square of y' [m²/s²], its rate

@@ -13,8 +13,8 @@ an upright rope where it is inclined by less than 45° to the normal of the flow
 as printed, ½·ρ·D·C_D·|U_N|·U_N with C_D 1.2, is what the effect `drag` brings.
 
 That is for a steady flow. Where the flow changes, the equation holds in the wake's own time, ω_s·dt
-(core/van_der_pol): the vortices keep pace with the water, and stand where it stands. The lift is
-across U, so that in still water it does no work, whatever q is.
+(core/vortices/van_der_pol): the vortices keep pace with the water, and stand where it stands. The
+lift is across U, so that in still water it does no work, whatever q is.
 
 q is solved at each node inside the stage (TR-BDF2 like the rope): for the node's velocity the
 scalar equation is a cubic, solved by Newton, and its derivative goes to the node's block. Dropped
@@ -33,7 +33,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core import shedding
 from rope_twin.core.energy import account
 from rope_twin.core.hooks import kernel
 from rope_twin.core.jit import jit
@@ -52,7 +51,8 @@ from rope_twin.core.state import (
     Floats,
 )
 from rope_twin.core.trial import TRIALS
-from rope_twin.core.van_der_pol import faded, smooth_noise, solve_wake, wake_of
+from rope_twin.core.vortices import shedding
+from rope_twin.core.vortices.van_der_pol import faded, smooth_noise, solve_wake, wake_of
 from rope_twin.quantity import quantity, text
 
 CARRIED = 7

@@ -29,9 +29,9 @@ import numpy as np
 from rope_twin.core.energy import account
 from rope_twin.core.hooks import kernel
 from rope_twin.core.jit import jit_within
+from rope_twin.core.joined.stack import stacks
 from rope_twin.core.loads import Load
 from rope_twin.core.rows import rows
-from rope_twin.core.stack import stacks
 from rope_twin.core.state import FLOW_RATE, RESIDUAL, Floats
 from rope_twin.core.wave_field import LOWEST, add_water
 from rope_twin.errors import InputError

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.body_state import RigidBody
+from rope_twin.core.body.state import RigidBody
 from rope_twin.core.hooks import hooks_of, work_rows
 from rope_twin.core.sections import SAME_PLACE
 from rope_twin.core.state import (

@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core import ties
-from rope_twin.core.hanging import laid
-from rope_twin.core.joints import LOOSE, System, new_system
-from rope_twin.core.reeving import reeve
+from rope_twin.core.joined import ties
+from rope_twin.core.joined.hanging import laid
+from rope_twin.core.joined.joints import LOOSE, System, new_system
+from rope_twin.core.joined.reeving import reeve
 from rope_twin.core.state import ELEMENTS, POSITION, C, Floats, Rope
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.scene.build import build, build_effects, tables_of

@@ -1,7 +1,7 @@
 """From a scene's sheaves to a core's wheels and tethers.
 
 A rope that ends at a sheave lies in the core with its last node there, whichever end is higher:
-that is where its elements come and go (core/sheaves.py).
+that is where its elements come and go (core/joined/sheaves.py).
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from rope_twin.core import ties
-from rope_twin.core.reeving import Wheel
+from rope_twin.core.joined import ties
+from rope_twin.core.joined.reeving import Wheel
 from rope_twin.core.state import Floats
 from rope_twin.scene.schema import RopeLine, Scene, Winch
 

@@ -7,21 +7,16 @@ changed it is old, and no error is known until it is made again.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
-import re
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rope_twin.core import reeving, statics
 from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.digest import scene_digest, solver_digest
 from rope_twin.scene.grid import elements_with
-from rope_twin.scene.rigging_rules import is_joined
-from rope_twin.scene.schema import Rope, RopeLine, Scene
+from rope_twin.scene.schema import Scene
 
 FORMAT = 1
 FOLDER = "cards"
@@ -181,75 +176,7 @@ def known_error(scene: Scene) -> KnownError:
     return KnownError(rms, peak, f"at most, in the card's run of {card.seconds:g} s")
 
 
-def scene_digest(scene: Scene) -> str:
-    """Of all figures of a scene but its elements and step, which a card's ladder varies."""
-    ropes = tuple(replace(_bare_line(line), elements=0) for line in scene.ropes)
-    sea = replace(scene.sea_state, bag=Path(scene.sea_state.bag).name)
-    if sea.poses is not None:
-        sea = replace(sea, poses=replace(sea.poses, bag=Path(sea.poses.bag).name))
-    parts = (ropes, scene.payloads, scene.winch, scene.ship, sea, scene.environment, scene.effects)
-    met: tuple[Any, ...] = (scene.hang_offs, scene.joints, scene.struts)
-    met += (scene.sheaves,) if scene.sheaves else ()
-    told = repr((*parts, *met, scene.time.newton_tolerance_n))
-    for key in ("poses", "splash_zone"):  # cards older than these keys hold
-        told = told.replace(f", {key}=None", "")
-    return hashlib.sha256(told.encode()).hexdigest()[:16]
-
-
-def solver_digest(scene: Scene) -> str:
-    """Of the sources of step and statics and of the effects that the scene lists."""
-    effects = sorted({type(params).__module__ for params in scene.effects})
-    solver = reeving if is_joined(scene) else statics
-    return _digest_of((solver.__name__, *effects))
-
-
-def solver_sources(modules: Sequence[str]) -> list[Path]:
-    """The files of these modules and of all that they import from core, effects and sea."""
-    found: set[str] = set()
-    waiting = list(modules)
-    while waiting:
-        name = waiting.pop()
-        if name not in found:
-            found.add(name)
-            text = _file(name).read_text(encoding="utf-8")
-            for room, module, names in _IMPORT.findall(text):
-                inner = [module] if module else re.findall(r"\w+", names)
-                waiting += [f"rope_twin.{room}.{one}" for one in inner]
-    return [_file(name) for name in sorted(found)]
-
-
-# Lines like `from rope_twin.core.step import ...` and `from rope_twin.core import terms`.
-_IMPORT = re.compile(
-    r"^from rope_twin\.(core|effects|sea)(?:\.(\w+) import|(?: import (.+)))", re.MULTILINE
-)
-_PACKAGE = Path(statics.__file__).parent.parent
-
-
-def _file(module: str) -> Path:
-    return _PACKAGE.joinpath(*module.split(".")[1:]).with_suffix(".py")
-
-
-@lru_cache(maxsize=64)
-def _digest_of(modules: tuple[str, ...]) -> str:
-    digest = hashlib.sha256()
-    for path in solver_sources(modules):
-        digest.update(path.name.encode())
-        digest.update(path.read_bytes())
-    return digest.hexdigest()[:16]
-
-
 _REMAKE = "make it again with `rope_twin accuracy SCENE`"
-
-
-def _bare_line(line: RopeLine) -> RopeLine:
-    """The line without words."""
-    sections = tuple(replace(one, rope=_bare(one.rope)) for one in line.sections)
-    rope = None if line.rope is None else _bare(line.rope)
-    return replace(line, rope=rope, sections=sections)
-
-
-def _bare(rope: Rope) -> Rope:
-    return replace(rope, about="", source="")
 
 
 def _around(value: float, sizes: list[Any]) -> list[Any]:

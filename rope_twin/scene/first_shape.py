@@ -1,8 +1,8 @@
-"""Where joints and payloads of a scene hang, about: a first guess (core/hanging.py)."""
+"""Where joints and payloads of a scene hang, about: a first guess (core/joined/hanging.py)."""
 
 from __future__ import annotations
 
-from rope_twin.core.hanging import Link, hang
+from rope_twin.core.joined.hanging import Link, hang
 from rope_twin.core.state import Floats
 from rope_twin.scene.rigging_rules import meeting_points, places
 from rope_twin.scene.schema import Scene

@@ -12,7 +12,8 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from rope_twin.errors import RopeTwinError
-from rope_twin.scene.card import FORMAT, scene_digest, solver_digest
+from rope_twin.scene.card import FORMAT
+from rope_twin.scene.digest import scene_digest, solver_digest
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy_figures import BY_NAME, QUANTITIES, Values, differences, values

@@ -7,9 +7,9 @@ from typing import Any, Protocol
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.joined_step import advance_joined
-from rope_twin.core.joints import LOOSE
-from rope_twin.core.reeving import settle_reeved
+from rope_twin.core.joined.joints import LOOSE
+from rope_twin.core.joined.reeving import settle_reeved
+from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.state import Boundary, Floats, Ints
 from rope_twin.core.step import advance
 from rope_twin.scene.build import build

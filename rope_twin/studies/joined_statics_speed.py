@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core.joined_statics import settle_joined
-from rope_twin.core.joints import LOOSE
+from rope_twin.core.joined.joints import LOOSE
+from rope_twin.core.joined.statics import settle_joined
 from rope_twin.core.state import ELEMENTS, LINE, MOTIONS, POSITION, Floats
-from rope_twin.core.static_forces import Equilibrium
+from rope_twin.core.statics.forces import Equilibrium
 from rope_twin.scene.build_joined import build_joined
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene

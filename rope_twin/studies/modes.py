@@ -19,8 +19,8 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core.state import Floats
-from rope_twin.core.static_forces import SYMMETRIC, Couplings, Elastic, StillRope
-from rope_twin.core.statics import settle
+from rope_twin.core.statics.equilibrium import settle
+from rope_twin.core.statics.forces import SYMMETRIC, Couplings, Elastic, StillRope
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import InputError, SceneError, phrase
 from rope_twin.scene.body_rules import refuse_body

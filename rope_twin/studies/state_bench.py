@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.statics import find_equilibrium
+from rope_twin.core.statics.equilibrium import find_equilibrium
 from rope_twin.core.step import advance
 from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.build import build

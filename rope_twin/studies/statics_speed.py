@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core.state import POSITION, Floats
-from rope_twin.core.static_forces import Equilibrium
-from rope_twin.core.statics import settle
+from rope_twin.core.statics.equilibrium import settle
+from rope_twin.core.statics.forces import Equilibrium
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.scene.build import build
 from rope_twin.scene.load import load_scene

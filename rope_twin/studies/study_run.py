@@ -11,7 +11,7 @@ from typing import Any
 
 from rope_twin.core.lanes.wide import LANES
 from rope_twin.errors import InputError, RopeTwinError, phrase
-from rope_twin.scene.card import solver_digest
+from rope_twin.scene.digest import solver_digest
 from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.study_batch import Batch, Row, cut_into_batches, run_batch

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.body_energy import deck_height, pose_of, pulls_of, pushes_of
-from rope_twin.core.body_state import RigidBody
+from rope_twin.core.body.energy import deck_height, pose_of, pulls_of, pushes_of
+from rope_twin.core.body.state import RigidBody
 from rope_twin.core.state import Rope
 from rope_twin.twin.snapshot import BodyShot, Snapshot
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Boundary, Floats, Rope
-from rope_twin.core.statics import settle
+from rope_twin.core.statics.equilibrium import settle
 from rope_twin.core.step import advance
 from rope_twin.effects.seabed import Grid, Plane, clearance
 from rope_twin.errors import SceneError, StateError, phrase

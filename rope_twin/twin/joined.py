@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.joined_energy import SystemBorder, measure_system
-from rope_twin.core.joined_step import advance_joined
-from rope_twin.core.joints import LOOSE, System
-from rope_twin.core.reeving import settle_reeved
-from rope_twin.core.sheaves import FLOW_COLUMN, POINT
+from rope_twin.core.joined.energy import SystemBorder, measure_system
+from rope_twin.core.joined.joints import LOOSE, System
+from rope_twin.core.joined.reeving import settle_reeved
+from rope_twin.core.joined.sheaves import FLOW_COLUMN, POINT
+from rope_twin.core.joined.step import advance_joined
+from rope_twin.core.joined.ties import FIRST, PULL, SECOND
 from rope_twin.core.state import Boundary, Floats, Rope
-from rope_twin.core.ties import FIRST, PULL, SECOND
 from rope_twin.errors import did_you_mean, phrase
 from rope_twin.scene.build_joined import build_joined
 from rope_twin.scene.build_sheaves import runs_over_sheave
@@ -266,7 +266,7 @@ class JoinedRopes:
         return range(1 + len(self._ropes))
 
     def _system(self, first: Rope) -> System:
-        """All ropes; current and the like are those of the first one (see core/stack.py)."""
+        """All ropes; current and the like are those of the first one (see core/joined/stack.py)."""
         return System((first, *self._ropes), self._joints, self._stack, self._sheaves)
 
     def _rope(self, r: int) -> Rope:

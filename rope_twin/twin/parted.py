@@ -18,7 +18,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.energy import Power, Store, measure
-from rope_twin.core.joined_energy import SystemBorder
+from rope_twin.core.joined.energy import SystemBorder
 from rope_twin.core.state import Boundary, Floats, Rope, State
 from rope_twin.core.step import advance
 from rope_twin.scene.schema import Scene

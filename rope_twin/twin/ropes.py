@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any, Protocol
 
 from rope_twin.core.energy import measure
-from rope_twin.core.joined_energy import SystemBorder, of_one
+from rope_twin.core.joined.energy import SystemBorder, of_one
 from rope_twin.core.state import PULL_X, PULL_Z, Boundary, Floats, Rope
 from rope_twin.core.step import advance
 from rope_twin.scene.build import build

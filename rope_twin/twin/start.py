@@ -11,8 +11,8 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Boundary, Floats, Rope
-from rope_twin.core.static_forces import Equilibrium
-from rope_twin.core.statics import settle
+from rope_twin.core.statics.equilibrium import settle
+from rope_twin.core.statics.forces import Equilibrium
 from rope_twin.core.step import advance
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.schema import Scene

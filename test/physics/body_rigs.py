@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from rigs import NOTHING, Rig
 
 from rope_twin import Twin
-from rope_twin.core import body_state as at
 from rope_twin.core import state as rows
-from rope_twin.core.body_energy import pose_of
-from rope_twin.core.body_state import RigidBody
+from rope_twin.core.body import state as at
+from rope_twin.core.body.energy import pose_of
+from rope_twin.core.body.state import RigidBody
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.scene.schema import Scene

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from rigs import Rig
 
 from rope_twin.core import state as rows
-from rope_twin.core import ties
-from rope_twin.core.joined_statics import settle_joined
-from rope_twin.core.joined_step import advance_joined
-from rope_twin.core.joints import LOOSE, System, new_system
+from rope_twin.core.joined import ties
+from rope_twin.core.joined.joints import LOOSE, System, new_system
+from rope_twin.core.joined.statics import settle_joined
+from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.state import Floats
 from rope_twin.scene.build import build
 

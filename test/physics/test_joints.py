@@ -17,8 +17,8 @@ from joint_rigs import JointBench, Line, Vector, cut, legs
 from rigs import Rig
 
 from rope_twin.core import state as rows
-from rope_twin.core.joined_statics import settle_joined
-from rope_twin.core.joints import LOOSE
+from rope_twin.core.joined.joints import LOOSE
+from rope_twin.core.joined.statics import settle_joined
 from rope_twin.core.step import advance
 from rope_twin.scene.build import build
 from rope_twin.twin.parted import PartedRopes

@@ -12,7 +12,7 @@ from body_rigs import LINE, Hung, Vector, scene_of
 from rigs import march, sine, still
 
 from rope_twin import Twin
-from rope_twin.core import body_state as at
+from rope_twin.core.body import state as at
 from rope_twin.effects.rigid_body import DeckHeave, DeckParams, RigidBodyParams, Sling
 from rope_twin.scene.schema import Winch
 

@@ -11,10 +11,10 @@ from joint_rigs import JointBench, Line, Vector
 from rigs import Rig
 from sheave_rigs import DRUM, G, atwood, circulate, flow, let_run, line, loop, noise
 
-from rope_twin.core import sheaves
 from rope_twin.core import state as rows
 from rope_twin.core.jit import OPTIONS
-from rope_twin.core.reeving import Wheel, reeve
+from rope_twin.core.joined import sheaves
+from rope_twin.core.joined.reeving import Wheel, reeve
 
 PULL = rows.PULL
 

@@ -14,8 +14,8 @@ from rigs import Rig, Vector
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Rope
-from rope_twin.core.static_forces import Equilibrium
-from rope_twin.core.statics import settle
+from rope_twin.core.statics.equilibrium import settle
+from rope_twin.core.statics.forces import Equilibrium
 from rope_twin.errors import SceneError
 from rope_twin.scene.build import build
 from rope_twin.studies.statics_speed import GUESSES as STUDY_GUESSES

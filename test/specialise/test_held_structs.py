@@ -8,8 +8,8 @@ import numba
 import numpy as np
 from numba.core.registry import cpu_target
 
-from rope_twin.core.held import HeldType, hold
 from rope_twin.core.jit import OPTIONS, jit
+from rope_twin.core.joined.held import HeldType, hold
 from rope_twin.core.state import Boundary, Floats
 
 

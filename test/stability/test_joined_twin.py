@@ -12,7 +12,7 @@ from small_scene import digest
 
 from rope_twin import Snapshot, Twin, load_scene
 from rope_twin.core import state as rows
-from rope_twin.core.joined_statics import settle_joined
+from rope_twin.core.joined.statics import settle_joined
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError
 from rope_twin.scene.build import build

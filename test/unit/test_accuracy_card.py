@@ -13,6 +13,7 @@ from rope_twin.errors import SceneError
 from rope_twin.scene import card
 from rope_twin.scene.card import known_error, read_card
 from rope_twin.scene.change import Change, change_scene
+from rope_twin.scene.digest import solver_digest
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.variants import variant
 
@@ -80,9 +81,9 @@ def test_only_what_a_scene_lists_ages_its_card() -> None:
     """Bending is no effect of still_water's: its file does not enter the digest."""
     still = load_scene("still_water")
     less = dataclasses.replace(still, effects=still.effects[:-1])
-    assert card.solver_digest(less) != card.solver_digest(still)
-    assert card.solver_digest(still) == card.solver_digest(load_scene("snap_vertical"))
-    assert card.solver_digest(load_scene("riser_300m")) != card.solver_digest(still)
+    assert solver_digest(less) != solver_digest(still)
+    assert solver_digest(still) == solver_digest(load_scene("snap_vertical"))
+    assert solver_digest(load_scene("riser_300m")) != solver_digest(still)
 
 
 @pytest.mark.parametrize(

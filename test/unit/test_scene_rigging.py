@@ -9,8 +9,8 @@ import pytest
 from scene_text import GOOD, assert_refused, written
 
 from rope_twin import load_scene
-from rope_twin.core.hanging import laid
-from rope_twin.core.joints import LOOSE
+from rope_twin.core.joined.hanging import laid
+from rope_twin.core.joined.joints import LOOSE
 from rope_twin.scene.build_joined import alone, build_joined
 from rope_twin.scene.checks import sense_checks
 from rope_twin.scene.first_shape import first_places

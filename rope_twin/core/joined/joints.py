@@ -2,9 +2,9 @@
 
 A joint is a point with three unknowns. Its mass and loads are those of the half elements of the
 ropes that meet there, of a payload (the `load_end` of the one rope that owns it) and of ties. Each
-rope is eliminated onto its joints (core/chains.py); the joints are then one small dense system,
-solved by LDLᵀ, and the ropes' nodes follow. All of it is O(nodes), and a single rope has no part
-in it.
+rope is eliminated onto its joints (core/joined/chains.py); the joints are then one small dense
+system, solved by LDLᵀ, and the ropes' nodes follow. All of it is O(nodes), and a single rope has no
+part in it.
 
 Where ends meet, the joint's motion is the one truth: it is copied to the nodes of the ends, so
 that they coincide to the bit.
@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.chains import (
+from rope_twin.core.jit import jit, jit_ordered, jit_within
+from rope_twin.core.joined.chains import (
     column,
     eliminate_between,
     eliminate_downward,
@@ -25,9 +26,9 @@ from rope_twin.core.chains import (
     substitute_downward,
     substitute_upward,
 )
-from rope_twin.core.jit import jit, jit_ordered, jit_within
-from rope_twin.core.sheaves import Sheaves, condense_flow, couple_flow, substitute_flow
-from rope_twin.core.stack import Stack, load, new_stack, view_of
+from rope_twin.core.joined.sheaves import Sheaves, condense_flow, couple_flow, substitute_flow
+from rope_twin.core.joined.stack import Stack, load, new_stack, view_of
+from rope_twin.core.joined.ties import TIE_ROWS
 from rope_twin.core.state import (
     BLOCK,
     CORRECTION,
@@ -42,7 +43,6 @@ from rope_twin.core.state import (
     Model,
     Rope,
 )
-from rope_twin.core.ties import TIE_ROWS
 
 # Columns of the stack's model:
 FIRST_FREE, STEP, TOLERANCE = map(Model._fields.index, ("first_free", "step", "tolerance"))
@@ -56,7 +56,7 @@ class Joints(NamedTuple):
     upper: Ints  # joint at its upper end, or LOOSE: a hang-off with prescribed motion and line out
     nodes: Floats  # position, velocity, acceleration, (NODE_ROWS, joints); with the ropes' states
     # it is all that a restart needs
-    ties: Floats  # tethers and struts, (TIE_ROWS, ties); see core/ties.py
+    ties: Floats  # tethers and struts, (TIE_ROWS, ties); see core/joined/ties.py
     work: Floats  # scratch, (WORK_ROWS, joints)
     matrix: Floats  # scratch, (3·joints, 3·joints)
     speed: Floats  # scratch: payout speed of each rope in this stage [m/s]

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core import body_state
-from rope_twin.core.body_loads import CREEP, TURN2
-from rope_twin.core.body_state import DAMPING, LENGTH, STIFFNESS, RigidBody
+from rope_twin.core.body import state as body_state
+from rope_twin.core.body.loads import CREEP, TURN2
+from rope_twin.core.body.state import DAMPING, LENGTH, STIFFNESS, RigidBody
 from rope_twin.core.energy import account
 from rope_twin.core.state import Floats
 

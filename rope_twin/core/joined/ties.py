@@ -13,8 +13,8 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from rope_twin.core.chains import column
 from rope_twin.core.jit import jit, jit_within
+from rope_twin.core.joined.chains import column
 from rope_twin.core.state import CORRECTION, POSITION, RESIDUAL, VELOCITY
 
 ANCHORED = -1  # in the row SECOND: the tie's other end is the fixed point AT

@@ -15,10 +15,10 @@ from numba.extending import overload
 
 from rope_twin.core import hooks
 from rope_twin.core.assembly import load_lowest, load_nodes, set_flow, slope
-from rope_twin.core.chains import column
 from rope_twin.core.elastic import growth_of, stretch, stretch_corrected, stretch_top
 from rope_twin.core.jit import LINKED, jit
-from rope_twin.core.joints import (
+from rope_twin.core.joined.chains import column
+from rope_twin.core.joined.joints import (
     LOOSE,
     TOLERANCE,
     clear,
@@ -28,9 +28,10 @@ from rope_twin.core.joints import (
     place_ends,
     solve_system,
 )
+from rope_twin.core.joined.sheaves import add_sheaves, pass_end
+from rope_twin.core.joined.stack import rope_of
+from rope_twin.core.joined.ties import add_ties, count_unexpected_ties, expect_pulls, pull_ties
 from rope_twin.core.prediction import correct, predict_bdf2, predict_trapezoid
-from rope_twin.core.sheaves import add_sheaves, pass_end
-from rope_twin.core.stack import rope_of
 from rope_twin.core.stage import (
     BDF2,
     CHUNK,
@@ -54,7 +55,6 @@ from rope_twin.core.state import (
     ZERO,
     Stage,
 )
-from rope_twin.core.ties import add_ties, count_unexpected_ties, expect_pulls, pull_ties
 
 RELOAD = np.int64(3)  # after TRAPEZOID, BDF2 and SEARCH: motion and tension are up to date
 

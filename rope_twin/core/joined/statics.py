@@ -5,7 +5,7 @@ the convex energy with the mass over h² as a regulariser. Slack elements are no
 taut ones, and at the longest steps the mass no longer counts, so that the last steps are Newton's
 own for the rope at rest (all but the loads' change with the shape, which the step leaves out).
 They end at the time 0 of which the rest is: before it the sea is flat.
-It is found on few elements first (core/joined_levels.py); a guess from which that is hard is given
+It is found on few elements first (core/joined/levels.py); a guess from which that is hard is given
 up for one that the ropes' lengths make. Where nothing comes nearer the ropes fall for a while.
 """
 
@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from rope_twin.core.joined_levels import coarser, lay, take_places
-from rope_twin.core.joined_step import advance_joined
-from rope_twin.core.joints import LOOSE, System
+from rope_twin.core.joined.joints import LOOSE, System
+from rope_twin.core.joined.levels import coarser, lay, take_places
+from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
@@ -33,9 +33,9 @@ from rope_twin.core.state import (
     Boundary,
     Floats,
 )
-from rope_twin.core.static_forces import INSTANT, SYMMETRIC, Equilibrium
-from rope_twin.core.static_shape import largest
-from rope_twin.core.statics import ENOUGH, FAST, ROUND_OFF, TOLERANCE_N
+from rope_twin.core.statics.equilibrium import ENOUGH, FAST, ROUND_OFF, TOLERANCE_N
+from rope_twin.core.statics.forces import INSTANT, SYMMETRIC, Equilibrium
+from rope_twin.core.statics.shape import largest
 
 ROUNDS, STEP_FIRST, STEP_LAST, STEP_LEAST, GROWTH, SHRINK = 40, 1.0, 3e3, 1e-4, 4.0, 0.1
 ATTEMPTS, FALL_STEPS, FALL_STEP = 8, 300, 0.05

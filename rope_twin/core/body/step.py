@@ -9,17 +9,17 @@ from __future__ import annotations
 from math import cos, nan, sin
 from typing import Any
 
-from rope_twin.core import body_state
 from rope_twin.core.assembly import set_flow
-from rope_twin.core.body_balance import left_on_hook, solve
-from rope_twin.core.body_loads import momenta
-from rope_twin.core.body_rest import put_to_rest
-from rope_twin.core.body_state import RigidBody
+from rope_twin.core.body import state as body_state
+from rope_twin.core.body.balance import left_on_hook, solve
+from rope_twin.core.body.loads import momenta
+from rope_twin.core.body.rest import put_to_rest
+from rope_twin.core.body.rotation import along, matrix_of, outward, put, quaternion, vector
+from rope_twin.core.body.state import RigidBody
 from rope_twin.core.hooks import kernel, switching
 from rope_twin.core.jit import jit
 from rope_twin.core.prediction import GAMMA, K1, K2
 from rope_twin.core.remembering import remembering
-from rope_twin.core.rotation import along, matrix_of, outward, put, quaternion, vector
 from rope_twin.core.rows import rows, span
 from rope_twin.core.stage import TRAPEZOID
 from rope_twin.core.state import (

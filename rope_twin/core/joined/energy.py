@@ -18,10 +18,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rope_twin.core import ties
 from rope_twin.core.energy import Border, Elements, Power, Store, damped, measure
-from rope_twin.core.joints import LOOSE, Joints, System
-from rope_twin.core.sheaves import (
+from rope_twin.core.joined import ties
+from rope_twin.core.joined.joints import LOOSE, Joints, System
+from rope_twin.core.joined.sheaves import (
     CREEP,
     FLOW_COLUMN,
     FRICTION,
@@ -89,8 +89,8 @@ def measure_system(system: System, pulls: Floats, speeds: Floats, time: float) -
 def _with_shared(system: System, rope: Rope) -> Rope:
     """A rope with the effects that all have in common as the first one has them now.
 
-    Those are the ones that the stack holds as they are (core/stack.py), such as a current that has
-    changed since the start.
+    Those are the ones that the stack holds as they are (core/joined/stack.py), such as a current
+    that has changed since the start.
     """
     kinds = (type(effect) for effect in system.stack.effects)
     now = zip(kinds, rope.effects, system.ropes[0].effects, strict=True)
@@ -124,7 +124,7 @@ def _of_sheaves(joints: Joints, sheaves: Sheaves | None) -> Floats:
 def _rubbed(
     joints: Joints, sheaves: Sheaves | None, elements: tuple[Elements, ...], pulls: Floats
 ) -> float:
-    """Power of the friction between ropes and sheaves, as `core.sheaves` has it [W]."""
+    """Power of the friction between ropes and sheaves, as `core.joined.sheaves` has it [W]."""
     if sheaves is None:
         return 0.0
     total = 0.0

@@ -23,10 +23,10 @@ from __future__ import annotations
 from math import acos, nan, sqrt, tanh
 from typing import Any, NamedTuple
 
-from rope_twin.core.chains import column
 from rope_twin.core.jit import jit, jit_within
+from rope_twin.core.joined.chains import column
+from rope_twin.core.joined.stack import rope_of
 from rope_twin.core.sections import set_top_length
-from rope_twin.core.stack import rope_of
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,

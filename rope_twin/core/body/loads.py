@@ -24,7 +24,16 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from rope_twin.core.body_state import (
+from rope_twin.core.body.rotation import (
+    along,
+    cross,
+    dot,
+    inward,
+    outward,
+    put,
+    vector,
+)
+from rope_twin.core.body.state import (
     DAMPING,
     DECK_PUSH,
     DECK_SPEED,
@@ -40,15 +49,6 @@ from rope_twin.core.body_state import (
     STIFFNESS,
 )
 from rope_twin.core.jit import jit, jit_within
-from rope_twin.core.rotation import (
-    along,
-    cross,
-    dot,
-    inward,
-    outward,
-    put,
-    vector,
-)
 
 TURN2 = 0.05**2  # δ² of the blend from sinking to rising [m²/s²]
 CREEP = 0.01  # friction is within 0.5 % of μ·N from ten times this on [m/s]

@@ -11,9 +11,10 @@ from __future__ import annotations
 from math import cos, nan, sin, sqrt
 from typing import Any
 
-from rope_twin.core.body_balance import ROUND_OFF
-from rope_twin.core.body_loads import NONE, loads, pull_of
-from rope_twin.core.body_state import (
+from rope_twin.core.body.balance import ROUND_OFF
+from rope_twin.core.body.loads import NONE, loads, pull_of
+from rope_twin.core.body.rotation import along, dot, matrix_of, outward, put, turned, vector
+from rope_twin.core.body.state import (
     DECK_Z,
     FLOW_GROWS,
     FLOW_NOW,
@@ -26,9 +27,8 @@ from rope_twin.core.body_state import (
     V,
     X,
 )
-from rope_twin.core.body_state import Q as ATTITUDE
+from rope_twin.core.body.state import Q as ATTITUDE
 from rope_twin.core.jit import jit
-from rope_twin.core.rotation import along, dot, matrix_of, outward, put, turned, vector
 
 ROUNDS, BISECTIONS = 400, 60
 RESTS = 1e-12  # of the weight: a force that counts as none

@@ -1,7 +1,7 @@
 """Rest by Newton on places and element forces at once: where loads come and go with the place.
 
 A bed that pushes only what sinks into it leaves rope that carries nothing, and a shape laid along
-its forces (core/static_shape.py) then moves far with the least change of them. So both are unknown
+its forces (core/statics/shape.py) then moves far with the least change of them. So both are unknown
 here, the places x of the nodes and the forces S_e that the elements pass on:
 
     balance  S_i - S_{i-1} + f_i(x) = 0,    law  (Δx - S/k)·m = l0·S  with  m = √(|S|² + ε²).
@@ -23,8 +23,8 @@ from __future__ import annotations
 import numpy as np
 
 from rope_twin.core.state import Floats
-from rope_twin.core.static_forces import SYMMETRIC, Elastic, Equilibrium, Forces, StillRope
-from rope_twin.core.static_shape import (
+from rope_twin.core.statics.forces import SYMMETRIC, Elastic, Equilibrium, Forces, StillRope
+from rope_twin.core.statics.shape import (
     PERTURBATION,
     Shape,
     first_forces,

@@ -1,6 +1,6 @@
 """The balance of a rigid body in a stage, and what the body leaves on the hook.
 
-TR-BDF2 steps P, L, the place x and the turn θ since the substep's start (core/body_loads.py has
+TR-BDF2 steps P, L, the place x and the turn θ since the substep's start (core/body/loads.py has
 their rates); sought are v and dθ/dt. So momenta are kept to round-off, whatever turns. Newton's
 matrix is not exact, but the balance is solved to round-off; what it leaves on the hook is the
 matrix's Schur complement, definite too.
@@ -11,8 +11,21 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from rope_twin.core.body_loads import loads, momenta
-from rope_twin.core.body_state import (
+from rope_twin.core.body.loads import loads, momenta
+from rope_twin.core.body.rotation import (
+    along,
+    angular_velocity,
+    cross,
+    dot,
+    inward,
+    matrix_of,
+    outward,
+    put,
+    quaternion,
+    turned,
+    vector,
+)
+from rope_twin.core.body.state import (
     ATTITUDE,
     FORCES,
     HELD,
@@ -35,19 +48,6 @@ from rope_twin.core.body_state import (
     X_HAT,
 )
 from rope_twin.core.jit import jit
-from rope_twin.core.rotation import (
-    along,
-    angular_velocity,
-    cross,
-    dot,
-    inward,
-    matrix_of,
-    outward,
-    put,
-    quaternion,
-    turned,
-    vector,
-)
 
 CAP, HALVINGS = 60, 8
 BALANCED, KEPT = 1e-9, 1e-12  # what may be left, of the forces and of the momenta

@@ -10,10 +10,10 @@ from collections.abc import Hashable
 
 import numpy as np
 
-from rope_twin.core.hanging import Link, hang, laid
-from rope_twin.core.joints import LOOSE, System, new_system
+from rope_twin.core.joined.hanging import Link, hang, laid
+from rope_twin.core.joined.joints import LOOSE, System, new_system
+from rope_twin.core.joined.ties import ANCHORED, FIRST, LEAST, LENGTH, SECOND
 from rope_twin.core.state import ELEMENTS, END, POSITION, Floats, Rope, new_state
-from rope_twin.core.ties import ANCHORED, FIRST, LEAST, LENGTH, SECOND
 from rope_twin.core.trial import TRIALS
 
 SPARE_NODES = 4

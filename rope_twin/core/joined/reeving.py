@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rope_twin.core.joined_statics import settle_joined
-from rope_twin.core.joints import Joints, System
-from rope_twin.core.sheaves import (
+from rope_twin.core.joined.joints import Joints, System
+from rope_twin.core.joined.sheaves import (
     FRICTION,
     FROM,
     INTO,
@@ -22,6 +21,7 @@ from rope_twin.core.sheaves import (
     WHEEL,
     Sheaves,
 )
+from rope_twin.core.joined.statics import settle_joined
 from rope_twin.core.state import (
     EA,
     ELEMENTS,
@@ -34,7 +34,7 @@ from rope_twin.core.state import (
     Floats,
     Rope,
 )
-from rope_twin.core.static_forces import Equilibrium
+from rope_twin.core.statics.forces import Equilibrium
 from rope_twin.core.trial import TRIALS
 
 HELD = 1e30  # kg: inertia of a wheel that nothing turns

@@ -9,14 +9,14 @@ import numpy as np
 
 from rope_twin.core.assembly import load_nodes
 from rope_twin.core.elastic import stretch_all
-from rope_twin.core.held import hold
 from rope_twin.core.jit import compiled, jit, jit_entry
-from rope_twin.core.joined_stage import end_rope, solve_joined
-from rope_twin.core.joints import LOOSE, STEP, Joined, System, place_ends
+from rope_twin.core.joined.held import hold
+from rope_twin.core.joined.joints import LOOSE, STEP, Joined, System, place_ends
+from rope_twin.core.joined.sheaves import finish_at_sheave, is_at_sheave, pass_end
+from rope_twin.core.joined.stack import load, rope_of, stacked_effects, store
+from rope_twin.core.joined.stage import end_rope, solve_joined
 from rope_twin.core.prediction import GAMMA
 from rope_twin.core.sections import set_lengths
-from rope_twin.core.sheaves import finish_at_sheave, is_at_sheave, pass_end
-from rope_twin.core.stack import load, rope_of, stacked_effects, store
 from rope_twin.core.stage import (
     BDF2,
     CAP,

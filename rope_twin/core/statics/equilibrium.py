@@ -8,7 +8,7 @@ harder than a soft one, nothing is ever slack in between, and the guess only ser
 first loads. Two ways lead to loads that belong to the shape: taking them from the last shape
 (fast where weight rules), and Newton with the loads' own change with the shape, which is not
 symmetric (drag turns with the tangent). Where loads come and go with the place, as on a bed, and
-where both fail, places and forces are sought together (core/static_pair.py). Where that fails too,
+where both fail, places and forces are sought together (core/statics/pair.py). Where that fails too,
 the dynamic step with growing steps brings the rope nearer, and Newton tries again.
 """
 
@@ -24,9 +24,9 @@ from rope_twin.core.state import (
     Floats,
     Rope,
 )
-from rope_twin.core.static_forces import Elastic, Equilibrium, StillRope
-from rope_twin.core.static_pair import settle_pair
-from rope_twin.core.static_shape import (
+from rope_twin.core.statics.forces import Elastic, Equilibrium, StillRope
+from rope_twin.core.statics.pair import settle_pair
+from rope_twin.core.statics.shape import (
     STUCK,
     Shape,
     element_forces,

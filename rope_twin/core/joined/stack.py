@@ -14,8 +14,8 @@ import numpy as np
 from numba.core.types import containers
 from numba.extending import overload
 
-from rope_twin.core.chains import CHAIN_ROWS
 from rope_twin.core.jit import LINKED, jit, jit_within
+from rope_twin.core.joined.chains import CHAIN_ROWS
 from rope_twin.core.state import (
     COUNTS,
     END,

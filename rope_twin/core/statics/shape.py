@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rope_twin.core.state import Floats
-from rope_twin.core.static_forces import Elastic, Forces, StillRope
+from rope_twin.core.statics.forces import Elastic, Forces, StillRope
 
 CLOSING, BLUNTER = 50, 10
 CLOSED = 4.0 * float(np.finfo(float).eps)

@@ -1,0 +1,1 @@
+"""Ropes that meet at joints and sheaves: their step, their statics, their energy."""

@@ -1,0 +1,1 @@
+"""Rest: the static equilibrium of one rope."""

@@ -1,0 +1,1 @@
+"""What several models of vortex-induced vibration share."""
