@@ -23,7 +23,7 @@ from rope_twin.core.terms import add_couplings, add_end, add_flow
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.bending import BendingParams
-from rope_twin.effects.current import CurrentParams
+from rope_twin.effects.current import CurrentParams, Layers
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.net import NetParams
@@ -42,6 +42,7 @@ from rope_twin.scene.shapes import payload_figures
 
 Vector = NDArray[np.float64]
 NODES = 13
+SHEDDING = [effect.name for effect in EFFECTS if effect.sheds]
 RESULTS = (  # flow, R; blocks; couplings
     slice(rows.FLOW, rows.FLOW + 6), slice(rows.BLOCK, rows.BLOCK + 6),
     slice(rows.LINK, rows.LINK + 2),
@@ -91,6 +92,17 @@ PARAMS: dict[str, Any] = {
     "net": NetParams(width_m=2.0, height_m=1.5, solidity=0.2, facing_deg=40.0, panels=2),
     "fairing": FairingParams(face_m2=1.2, drag=0.9, axis=(0.3, -0.2, 1.0)),
 }
+VARIANTS: dict[str, Any] = {  # other kernels of the same effects, each with its effect's name
+    "current in layers that comes and goes": CurrentParams(
+        layers=Layers(upper=(0.8, 0.2), lower=(-0.3, 0.1), split_z_m=-40.0, bottom_z_m=-70.0),
+        over_time=((0.0, 0.0), (10.0, 1.0)),
+    ),
+    "drag over Reynolds numbers": DragParams(
+        normal=1.2, tangential=0.02, over_reynolds=((1e3, 1.4), (1e5, 1.0), (1e6, 0.5))
+    ),
+    "drag by the current alone": DragParams(normal=1.2, tangential=0.02, relative=False),
+    "fairing that is towed": FairingParams(face_m2=1.2, tow_speed_m_per_s=-0.8, ramp_s=9.0),
+}
 SMALL = Rig(
     length=40.0, elements=8, mass=2.9, EA=2e6, diameter=0.06, damping=2e4, load=600.0, volume=0.1,
     added=(150.0, 200.0, 260.0), area=(0.8, 1.1, 1.5), density=1025.0, step=0.05, tolerance=1e-3,
@@ -103,7 +115,9 @@ SMALL = Rig(
 
 
 def params_of(name: str) -> Any:
-    """What a scene would say of the effect."""
+    """What a scene would say of the effect, or of the variant of one."""
+    if name in VARIANTS:
+        return VARIANTS[name]
     assert name in PARAMS, (
         f"effect '{name}' is in EFFECTS but has no row in PARAMS of test/physics/effect_cases.py;"
         " add one with parameters that make it act, so that it is tested"
@@ -115,6 +129,20 @@ def data_of(*names: str) -> tuple[Any, ...]:
     """The kernels' data of these effects, on the small rope."""
     scene = replace(SMALL.scene(), effects=tuple(params_of(name) for name in names))
     return build_effects(scene, payload_figures(scene.payloads[0], SMALL.density))
+
+
+def acting(name: str) -> tuple[Any, ...]:
+    """The kernels' data of an effect, last, with the current that it may need; vortices shed."""
+    effects = (*besides(name), *data_of(name))
+    if name in SHEDDING:
+        memory = effects[-1].memory
+        memory[:] = np.random.default_rng(5).uniform(0.3, 1.2, memory.shape)
+    return effects
+
+
+def besides(name: str) -> tuple[Any, ...]:
+    """What is there with an effect that acts by the current alone."""
+    return data_of("current") if name in (*SHEDDING, "drag by the current alone") else ()
 
 
 @jit_entry
@@ -160,7 +188,7 @@ def loads(effects: tuple[Any, ...], work: Vector, low: int = 0, high: int = NODE
 
 def alone(name: str) -> Vector:
     """The hooks of one effect over all nodes, and over one spare slot, (2, 14, NODES)."""
-    effects, work = data_of(name), some_work()
+    effects, work = acting(name), some_work()
     return np.stack([loads(effects, work), loads(effects, work, NODES - 1, NODES)])
 
 
@@ -201,7 +229,7 @@ def steps(scene: Scene, seconds: float) -> Vector:
 
 def everything() -> dict[str, Vector]:
     """All results by name."""
-    cases = {effect.name: alone(effect.name) for effect in EFFECTS}
+    cases = {name: alone(name) for name in [*(effect.name for effect in EFFECTS), *VARIANTS]}
     return {
         **cases,
         "together": together(),
