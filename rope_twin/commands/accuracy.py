@@ -16,10 +16,11 @@ from rope_twin.scene.card import card_path, known_error, read_card
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.shedding import why_no_card
-from rope_twin.studies import accuracy, accuracy_page
-from rope_twin.studies.accuracy_picture import draw_accuracy
-from rope_twin.studies.accuracy_plan import make_plan
-from rope_twin.studies.order_picture import check_picture
+from rope_twin.studies.accuracy import page as accuracy_page
+from rope_twin.studies.accuracy import study as accuracy
+from rope_twin.studies.accuracy.picture import draw_accuracy
+from rope_twin.studies.accuracy.plan import make_plan
+from rope_twin.studies.picture import check_picture
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:

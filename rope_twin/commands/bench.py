@@ -15,21 +15,22 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from rope_twin.errors import InputError
-from rope_twin.studies import (
+from rope_twin.studies.bench import (
     band,
     effect_speed,
     ensemble_speed,
     joined_statics_speed,
     orders,
-    peers,
-    peers_page,
     performance_page,
     speed,
     statics_speed,
-    vortex_peer,
     vortex_speed,
 )
-from rope_twin.studies.order_picture import check_picture, draw_orders
+from rope_twin.studies.bench.order_picture import draw_orders
+from rope_twin.studies.peers import page as peers_page
+from rope_twin.studies.peers import race as peers
+from rope_twin.studies.peers import vortices as vortex_peer
+from rope_twin.studies.picture import check_picture
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:

@@ -20,14 +20,14 @@ from rope_twin.core.lanes.wide import LANES
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.ensemble_study import (
+from rope_twin.studies.ensemble.plan import make_plan, read_axis, read_range
+from rope_twin.studies.ensemble.study import (
     FIGURES,
     QUANTILES,
     SEA_OFFSET,
     StudyResult,
     run_study,
 )
-from rope_twin.studies.plan import make_plan, read_axis, read_range
 from rope_twin.studies.variants import variant
 from rope_twin.twin.ensemble import LOOK_S, Lanes, cores
 

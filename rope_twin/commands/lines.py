@@ -11,7 +11,7 @@ from typing import Any
 from rope_twin.commands.bench import print_table
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.order_picture import check_picture
+from rope_twin.studies.picture import check_picture
 from rope_twin.studies.two_lines.picture import draw_lines
 from rope_twin.studies.two_lines.runs import SEA_STATES, LineRun, record_of, run_lines
 from rope_twin.twin.line_watch import lines_of

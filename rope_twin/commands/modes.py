@@ -10,8 +10,9 @@ from typing import Any
 
 from rope_twin.commands.bench import print_table
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.mode_picture import check_picture, draw_modes
-from rope_twin.studies.modes import WAVE_PERIODS_S, Mode, Modes, find_modes
+from rope_twin.studies.modes.modes import WAVE_PERIODS_S, Mode, Modes, find_modes
+from rope_twin.studies.modes.picture import draw_modes
+from rope_twin.studies.picture import check_picture
 
 COUNT = 10
 HEAD = ("mode", "Hz", "period s", "kind", "axial / in / out %", "most at m", "Strouhal Hz", "waves")

@@ -12,8 +12,8 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from rope_twin.studies.stability import CASES, Row, choose_cases, run_case
-from rope_twin.studies.stability_check import Case, Check
+from rope_twin.studies.stability.cases import CASES, Row, choose_cases, run_case
+from rope_twin.studies.stability.check import Case, Check
 
 MARKDOWN_HEAD = "| id | hard | held against | nearest to its limit | figure | limit | holds |"
 

@@ -18,12 +18,12 @@ from rope_twin.commands.run.summary import Progress
 from rope_twin.core.lanes.wide import LANES
 from rope_twin.errors import InputError, phrase
 from rope_twin.share import share_dir
-from rope_twin.studies.order_picture import check_picture
-from rope_twin.studies.study_file import read_study
-from rope_twin.studies.study_folder import check_parquet
-from rope_twin.studies.study_picture import draw_study
-from rope_twin.studies.study_run import run_parameter_study
-from rope_twin.studies.study_table import study_lines
+from rope_twin.studies.parameter_study.file import read_study
+from rope_twin.studies.parameter_study.folder import check_parquet
+from rope_twin.studies.parameter_study.picture import draw_study
+from rope_twin.studies.parameter_study.run import run_parameter_study
+from rope_twin.studies.parameter_study.table import study_lines
+from rope_twin.studies.picture import check_picture
 
 PICTURE = "study.png"
 BAR = 24

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.commands.bench import Progress, print_table
-from rope_twin.studies.order_picture import check_picture
+from rope_twin.studies.picture import check_picture
 from rope_twin.studies.validation import vortex_convergence
 from rope_twin.studies.validation.case import Case, Row
 from rope_twin.studies.validation.page import (

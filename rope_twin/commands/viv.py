@@ -13,10 +13,10 @@ from rope_twin.commands.bench import print_table
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.viv_beside import beside_json, beside_table, draw_beside, run_shaken
-from rope_twin.studies.viv_moving import MovingRun, draw_moving, run_moving
-from rope_twin.studies.viv_picture import check_folder, write_all
-from rope_twin.studies.viv_study import Fatigue, VivRun, count_fatigue, run_viv
+from rope_twin.studies.viv.beside import beside_json, beside_table, draw_beside, run_shaken
+from rope_twin.studies.viv.moving import MovingRun, draw_moving, run_moving
+from rope_twin.studies.viv.picture import check_folder, write_all
+from rope_twin.studies.viv.study import Fatigue, VivRun, count_fatigue, run_viv
 from rope_twin.twin.endurance import CURVES, StressCurve, find_curve
 from rope_twin.viv.shedding import Shedding
 

@@ -24,8 +24,8 @@ from rope_twin.scene.figures import listed_effects
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.rules import faults
 from rope_twin.scene.schema import Scene, SeaState
-from rope_twin.studies.accuracy_run import Course, Setting, Trial
-from rope_twin.studies.band import fed
+from rope_twin.studies.accuracy.run import Course, Setting, Trial
+from rope_twin.studies.bench.band import fed
 from rope_twin.studies.variants import with_effect
 from rope_twin.twin.twin import Twin
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rope_twin.core import state as rows
 from rope_twin.core.statics.equilibrium import find_equilibrium
@@ -11,9 +12,30 @@ from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.build import build
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.rigs import Motion
-from rope_twin.studies.stability_rigs import Nodes, Vector
 
+Vector = NDArray[np.float64]
 AT_REST = 1e-9  # of the length: what the search for rest may leave
+
+
+class Nodes:
+    """What the core's arrays of a rope hold now."""
+
+    rope: rows.Rope
+
+    @property
+    def n(self) -> int:
+        """Elements in use."""
+        return int(self.rope.state.counts[rows.ELEMENTS])
+
+    @property
+    def position(self) -> Vector:
+        """View of the node positions, lower end first, (3, nodes)."""
+        return self.rope.state.nodes[rows.POSITION : rows.POSITION + 3, : self.n + 1]
+
+    @property
+    def velocity(self) -> Vector:
+        """View of the node velocities, lower end first, (3, nodes)."""
+        return self.rope.state.nodes[rows.VELOCITY : rows.VELOCITY + 3, : self.n + 1]
 
 
 class Bench(Nodes):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from rigs import Vector, march
 
-from rope_twin.studies.orders import slope
+from rope_twin.studies.bench.orders import slope
 from rope_twin.studies.validation.convergence import HEAVE, SECONDS, rms, twin_of
 
 

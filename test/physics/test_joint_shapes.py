@@ -11,7 +11,7 @@ from joint_rigs import HEAVY, LIGHT, STIFF, JointBench, Line, legs, rest, tie
 from rigs import frequency
 
 from rope_twin.core import state as rows
-from rope_twin.studies.joined_statics_speed import GUESSES, joined_statics_rows
+from rope_twin.studies.bench.joined_statics_speed import GUESSES, joined_statics_rows
 
 
 @pytest.mark.parametrize(("a", "b", "left", "right"), [

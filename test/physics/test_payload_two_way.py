@@ -24,8 +24,8 @@ from rope_twin.scene.rules import faults
 from rope_twin.scene.schema import Payload as PayloadScene
 from rope_twin.scene.schema import RegularHeave, Scene, ScheduleRow, SeaState, Winch
 from rope_twin.scene.shapes import PayloadFigures, payload_figures
-from rope_twin.studies.ensemble_study import variations
-from rope_twin.studies.plan import make_plan, read_axis
+from rope_twin.studies.ensemble.plan import make_plan, read_axis
+from rope_twin.studies.ensemble.study import variations
 from rope_twin.twin.ensemble import Ensemble
 from rope_twin.twin.twin import Twin
 

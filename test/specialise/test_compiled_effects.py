@@ -18,8 +18,8 @@ from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.weight import WeightParams
 from rope_twin.scene.build import build
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.effect_code import step_assembly
-from rope_twin.studies.effect_code import traces as symbols
+from rope_twin.studies.bench.effect_code import step_assembly
+from rope_twin.studies.bench.effect_code import traces as symbols
 
 # a square root of several doubles at once: x86-64 and aarch64
 PACKED_ROOT = re.compile(r"\bv?sqrtpd\b|\bfsqrt\s+v\d+\.2d")

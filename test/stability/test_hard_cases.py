@@ -9,9 +9,9 @@ import pytest
 
 from rope_twin.cli import main
 from rope_twin.errors import SolverError
-from rope_twin.studies import stability
-from rope_twin.studies.stability import CASES, run_case
-from rope_twin.studies.stability_check import Case, Check
+from rope_twin.studies.stability import cases
+from rope_twin.studies.stability.cases import CASES, run_case
+from rope_twin.studies.stability.check import Case, Check
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "stability.md"
 
@@ -78,7 +78,7 @@ def test_a_case_that_does_not_hold_is_an_error(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     """Exit code 1 and the reason, in every form; JSON stays JSON."""
-    monkeypatch.setattr(stability, "CASES", (case,))
+    monkeypatch.setattr(cases, "CASES", (case,))
     assert main(["stability", *form]) == 1
     said = capsys.readouterr().out
     what = "not finite" if case.id == "broken" else case.run()[0].what

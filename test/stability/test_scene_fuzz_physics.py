@@ -19,7 +19,7 @@ from rope_twin import Snapshot, Twin
 from rope_twin.errors import SceneError
 from rope_twin.scene.schema import Winch
 from rope_twin.studies.rigs import WATER, Rig, march
-from rope_twin.studies.stability_rigs import Arrays, sine
+from rope_twin.studies.stability.rigs import Arrays, sine
 
 WATER_DRAG = st.tuples(st.floats(0.5, 2.0), st.floats(0.005, 0.05))  # normal, tangential
 UNHURRIED = {

@@ -24,7 +24,7 @@ from rope_twin.commands.run import choice
 from rope_twin.scene import card
 from rope_twin.scene.card import Rung, read_card
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.accuracy_choice import cheapest_within, most_accurate, sure_bound
+from rope_twin.studies.accuracy.choice import cheapest_within, most_accurate, sure_bound
 from rope_twin.studies.variants import variant
 from rope_twin.twin.twin import Twin
 

@@ -19,11 +19,11 @@ from rope_twin.scene import card
 from rope_twin.scene.card import known_error, read_card
 from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.accuracy_figures import differences, snap_peak_n, values
-from rope_twin.studies.accuracy_plan import make_plan
-from rope_twin.studies.accuracy_reference import SAFETY, judge, uncertainty
-from rope_twin.studies.accuracy_run import Course, Series, Setting, Trial
-from rope_twin.studies.accuracy_witness import Witness, call_witness
+from rope_twin.studies.accuracy.figures import differences, snap_peak_n, values
+from rope_twin.studies.accuracy.plan import make_plan
+from rope_twin.studies.accuracy.reference import SAFETY, judge, uncertainty
+from rope_twin.studies.accuracy.run import Course, Series, Setting, Trial
+from rope_twin.studies.accuracy.witness import Witness, call_witness
 from rope_twin.studies.variants import variant
 
 LOOK_S = 0.2

@@ -18,12 +18,12 @@ from rope_twin.commands.run.unpaced import UnpacedRun
 from rope_twin.core.yardstick import chain
 from rope_twin.errors import InputError
 from rope_twin.scene.load import load_scene
-from rope_twin.studies import ensemble_speed, orders, speed
-from rope_twin.studies.ensemble_speed import QUICK, EnsembleRow, ensemble_rows
+from rope_twin.studies.bench import ensemble_speed, orders, speed
+from rope_twin.studies.bench.ensemble_speed import QUICK, EnsembleRow, ensemble_rows
+from rope_twin.studies.bench.order_picture import draw_orders
+from rope_twin.studies.bench.performance_page import as_markdown
+from rope_twin.studies.bench.reference import Reference
 from rope_twin.studies.machine import this_machine
-from rope_twin.studies.order_picture import draw_orders
-from rope_twin.studies.performance_page import as_markdown
-from rope_twin.studies.reference import Reference
 from rope_twin.studies.trial import Trial
 from rope_twin.studies.variants import variant
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-import rope_twin.studies.ensemble_speed as study
+import rope_twin.studies.bench.ensemble_speed as study
 from rope_twin.cli import main
-from rope_twin.studies.ensemble_speed import QUICK, Case, ensemble_rows, ensemble_table
+from rope_twin.studies.bench.ensemble_speed import QUICK, Case, ensemble_rows, ensemble_table
 
 
 def test_a_row_is_consistent() -> None:

@@ -26,7 +26,7 @@ from rope_twin.messages import decode, statuses
 from rope_twin.recording.mcap_scan import McapScan, StoredMessage
 from rope_twin.scene.build import build
 from rope_twin.scene.load import load_scene
-from rope_twin.studies import band
+from rope_twin.studies.bench import band
 from rope_twin.studies.rigs import Rig, march, sine
 from rope_twin.studies.variants import variant
 from rope_twin.twin import error_band

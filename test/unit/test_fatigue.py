@@ -15,7 +15,8 @@ from rope_twin import load_scene
 from rope_twin.errors import InputError
 from rope_twin.scene.ropes import rope_preset
 from rope_twin.scene.schema import Damping, RopeLine, RopeSection
-from rope_twin.studies.ensemble_study import variations
+from rope_twin.studies.ensemble.plan import Plan
+from rope_twin.studies.ensemble.study import variations
 from rope_twin.studies.fatigue import (
     SAMPLES_KEPT,
     RopeFatigue,
@@ -23,7 +24,6 @@ from rope_twin.studies.fatigue import (
     stress_damage,
     turning_points,
 )
-from rope_twin.studies.plan import Plan
 from rope_twin.twin.endurance import CURVES, Cycles, StressCurve, find_curve, strength_of
 from rope_twin.twin.ensemble import Ensemble
 from rope_twin.twin.snapshot import Snapshot

@@ -19,12 +19,13 @@ import pytest
 from rope_twin.cli import main
 from rope_twin.errors import InputError
 from rope_twin.scene.load import load_scene
-from rope_twin.studies import peers, peers_page
 from rope_twin.studies.machine import Machine
-from rope_twin.studies.peer_codes import PEERS, Setting, require_peers
-from rope_twin.studies.peer_decks import cabledyn_deck, current_table, figures, moordyn_deck
-from rope_twin.studies.peer_ladder import Case, Marks, marks
-from rope_twin.studies.peers import PeerRace, PeerRow
+from rope_twin.studies.peers import page as peers_page
+from rope_twin.studies.peers import race as peers
+from rope_twin.studies.peers.codes import PEERS, Setting, require_peers
+from rope_twin.studies.peers.decks import cabledyn_deck, current_table, figures, moordyn_deck
+from rope_twin.studies.peers.ladder import Case, Marks, marks
+from rope_twin.studies.peers.race import PeerRace, PeerRow
 
 ROOT = Path(__file__).resolve().parents[2]
 HERE = all(importlib.util.find_spec(name) is not None for name in PEERS)

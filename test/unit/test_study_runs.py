@@ -20,10 +20,10 @@ from study_text import GOOD, written
 from rope_twin.cli import main
 from rope_twin.errors import InputError
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.ensemble_study import variations
-from rope_twin.studies.plan import Plan
-from rope_twin.studies.study_file import read_study
-from rope_twin.studies.study_folder import StudyFolder
+from rope_twin.studies.ensemble.plan import Plan
+from rope_twin.studies.ensemble.study import variations
+from rope_twin.studies.parameter_study.file import read_study
+from rope_twin.studies.parameter_study.folder import StudyFolder
 from rope_twin.twin.ensemble import Ensemble
 
 PATIENCE_S = 300.0

@@ -14,7 +14,7 @@ from rope_twin import load_scene
 from rope_twin.cli import main
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError
-from rope_twin.studies.viv_beside import Shaken, run_shaken
+from rope_twin.studies.viv.beside import Shaken, run_shaken
 
 
 def swung(modulation: float) -> Shaken:

@@ -14,8 +14,9 @@ import pytest
 
 from rope_twin.cli import main
 from rope_twin.scene.load import load_scene
-from rope_twin.studies import vortex_peer, vortex_speed
-from rope_twin.studies.peer_decks import figures, moordyn_deck
+from rope_twin.studies.bench import vortex_speed
+from rope_twin.studies.peers import vortices as vortex_peer
+from rope_twin.studies.peers.decks import figures, moordyn_deck
 
 HERE = importlib.util.find_spec("moordyn") is not None
 

@@ -14,14 +14,14 @@ from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.scene.card import Card, Rung, read_card, told_bound
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.accuracy_choice import (
+from rope_twin.studies.accuracy.choice import (
     best_bound,
     cheapest_within,
     most_accurate,
     next_better,
     sure_bound,
 )
-from rope_twin.studies.accuracy_figures import BY_NAME, Quantity
+from rope_twin.studies.accuracy.figures import BY_NAME, Quantity
 from rope_twin.studies.variants import variant
 from rope_twin.twin.pacing import SLOT_S, steps_in_slot
 from rope_twin.twin.twin import Twin

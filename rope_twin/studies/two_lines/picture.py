@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rope_twin.errors import InputError, phrase
-from rope_twin.studies.order_picture import check_picture
+from rope_twin.studies.picture import check_picture, write_picture
 from rope_twin.studies.two_lines.runs import LineRun
 
 COLOURS = {"main": "tab:blue", "haulback": "tab:red"}
@@ -47,12 +46,7 @@ def draw_lines(name: str, calm: LineRun, rough: LineRun, label: str, path: Path)
     _name(right, "where the lines cross", "time [s]", "depth [m]")
     right.legend(fontsize=7)
     figure.suptitle(name, fontsize=10)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=90, metadata={"Software": None})
-    except OSError as error:
-        what = "give a place that can be written"
-        raise InputError(phrase(str(path), str(error.strerror), what)) from error
+    write_picture(figure, path, 90)
 
 
 def _name(axes: Any, title: str, x: str, y: str) -> None:

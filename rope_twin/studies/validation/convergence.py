@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.orders import slope
+from rope_twin.studies.bench.orders import slope
 from rope_twin.studies.rigs import march, sine
 from rope_twin.studies.validation.case import Case, Found, Line, Panel, Vector, between, within
 from rope_twin.studies.variants import variant

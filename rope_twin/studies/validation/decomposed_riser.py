@@ -19,7 +19,7 @@ from rope_twin.studies.validation.case import (
     between,
     shown,
 )
-from rope_twin.studies.viv_rigs import DENSITY, PublishedRope
+from rope_twin.studies.viv.rigs import DENSITY, PublishedRope
 from rope_twin.viv.decomposed import Decomposed, Excitation, analyse, decomposed
 from rope_twin.viv.decomposed_response import PER_PERIOD, DecomposedResponse
 from rope_twin.viv.integrators import Integrator, bathe, newmark

@@ -20,7 +20,7 @@ from rope_twin.studies.validation.case import (
     within_pct,
 )
 from rope_twin.studies.validation.wave_lines import waves_of_cable, waves_of_riser
-from rope_twin.studies.viv_rigs import LCD_CABLE, LCD_RISER, PublishedRope, lcd_current
+from rope_twin.studies.viv.rigs import LCD_CABLE, LCD_RISER, PublishedRope, lcd_current
 from rope_twin.viv.modal_response import ModalResponse
 from rope_twin.viv.shedding import Mask, Shedding, all_zones, dominant_zones
 from rope_twin.viv.span import Floats

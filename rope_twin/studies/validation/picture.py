@@ -7,8 +7,7 @@ from math import ceil
 from pathlib import Path
 from typing import Any
 
-from rope_twin.errors import InputError, phrase
-from rope_twin.studies.order_picture import check_picture
+from rope_twin.studies.picture import check_picture, write_picture
 from rope_twin.studies.validation.case import Panel, Row
 
 MOST_ACROSS = 3
@@ -37,12 +36,7 @@ def draw_panels(title: str, panels: Sequence[Panel], path: Path) -> None:
     for own in axes[len(panels) :]:
         own.set_visible(False)
     figure.suptitle(title, fontsize=10)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        figure.savefig(path, dpi=90, metadata={"Software": None})
-    except OSError as error:
-        right = "give a place that can be written"
-        raise InputError(phrase(str(path), str(error.strerror), right)) from error
+    write_picture(figure, path, 90)
 
 
 def _draw(figure: Any, axes: Any, panel: Panel) -> None:

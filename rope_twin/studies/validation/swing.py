@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from rope_twin.studies.modes import find_modes
+from rope_twin.studies.modes.modes import find_modes
 from rope_twin.studies.rigs import Rig
 from rope_twin.studies.state_bench import Bench, frequency
 from rope_twin.studies.validation.case import Case, Finding, Found, Line, Panel, Vector, within_pct

@@ -19,7 +19,7 @@ from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.studies.validation import curved_pipe, modal_lines, wave_lines
 from rope_twin.studies.validation.case import Line, Panel, Vector
-from rope_twin.studies.viv_rigs import LCD_CABLE, lcd_current
+from rope_twin.studies.viv.rigs import LCD_CABLE, lcd_current
 from rope_twin.viv.shedding import Shedding
 
 AMPLITUDE_PCT, FREQUENCY_PCT = 2.0, 0.5  # within which a setting counts as converged

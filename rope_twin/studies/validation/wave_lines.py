@@ -19,7 +19,7 @@ from rope_twin.studies.validation.case import (
     shown,
     within_pct,
 )
-from rope_twin.studies.viv_rigs import DENSITY, GRAVITY, LCD_CABLE, LCD_RISER, PublishedRope
+from rope_twin.studies.viv.rigs import DENSITY, GRAVITY, LCD_CABLE, LCD_RISER, PublishedRope
 
 PROFILE = ((0.0, (1.5, 0.0)), (-50.0, (1.5, 0.0)), (-300.0, (0.2, 0.0)), (-310.0, (0.2, 0.0)))
 RISER_EA, CABLE_EA = 1.171e9, 2e7  # N; the cable's is not printed and enters the shape alone

@@ -1,0 +1,1 @@
+"""What accuracy costs a scene, and its card: `rope_twin accuracy`."""

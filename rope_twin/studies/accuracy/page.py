@@ -1,0 +1,210 @@
+"""The accuracy card as tables for the console and as a page of Markdown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rope_twin.scene.card import PEAK, RMS, told_bound
+from rope_twin.scene.rigging_rules import is_joined
+from rope_twin.scene.schema import Scene
+from rope_twin.studies.accuracy.choice import cheapest_within
+from rope_twin.studies.accuracy.figures import QUANTITIES, STILL
+from rope_twin.studies.accuracy.reference import FORMAL_ORDER, Doubt
+from rope_twin.studies.accuracy.study import Row, Study
+
+Table = list[list[str]]  # the first row is the head
+HEADS = {
+    RMS: "rms %", "tension_mean": "mean %", "tension_std": "std %", PEAK: "highest %",
+    "tension_trough": "lowest %", "snap_peak": "snaps %", "payload_depth": "depth m",
+    "slack_share": "slack %",
+}  # fmt: skip
+TARGETS_PCT = (5.0, 1.0, 0.1)
+
+_PAGE = """\
+# {name}: what accuracy costs
+
+{about}
+
+{summary}
+
+![Error of the top tension over the real-time factor, a point for each setting]({picture})
+
+Errors of the first {seconds:g} s of `rope_twin run {name} --speed 0` against a run of {reference};
+the reference's uncertainty counts in: what lies below it reads ≤. rms, std and lowest are in per
+cent of the top tension's standard deviation{still}, mean and highest of themselves, snaps (mean of
+the snaps' peaks) likewise, depth is the payload's in metres (rms), slack in points of time. Times
+real time: the step alone on {machine}.{met}
+
+{rows}
+
+## The reference
+
+{doubts}
+
+{notes}
+
+How to read this, and what it does not contain: docs/accuracy.md. Made by
+`rope_twin accuracy {name}`; digests of scene {scene_digest} and solver {solver_digest}.
+"""
+
+
+def as_markdown(study: Study, card: dict[str, object], picture: str) -> str:
+    """The page; `card` is the study as its JSON file has it."""
+    still = " (here of its mean, since nothing moves)" if is_still(study) else ""
+    return _PAGE.format(
+        name=study.scene.name,
+        about=f"{study.scene.about}.",
+        summary="\n".join(f"- {line}" for line in summary(study)),
+        picture=picture,
+        seconds=study.plan.seconds,
+        reference=study.reference.setting,
+        still=still,
+        machine=study.machine.as_text(),
+        met=_of_which(study.scene),
+        rows=_markdown(row_table(study)),
+        doubts=_markdown(doubt_table(study)),
+        notes="\n".join(f"- {line}" for line in notes(study)),
+        scene_digest=card["scene_digest"],
+        solver_digest=card["solver_digest"],
+    )
+
+
+def _of_which(scene: Scene) -> str:
+    """Which rope tension and elements are of, where there are several."""
+    if not is_joined(scene):
+        return ""
+    return (
+        f" Top tension and elements are those of `{scene.ropes[0].name}`; the other ropes'"
+        "\nelements follow in proportion."
+    )
+
+
+def is_still(study: Study) -> bool:
+    """Whether the top tension hardly varies."""
+    tension = study.reference.series.tension_n
+    return float(tension.std()) <= STILL * abs(float(tension.mean()))
+
+
+def summary(study: Study) -> list[str]:
+    """What the ladder says, in a few sentences."""
+    lines = []
+    own = study.own
+    if own is not None:
+        lines.append(
+            f"As the scene is, {own.setting}: top tension {_bound(own, RMS, study)} rms and "
+            f"{_bound(own, PEAK, study)} at its highest, at {own.real_time_factor:.0f} times real "
+            "time."
+        )
+    bought: dict[Row, list[str]] = {}
+    for target in TARGETS_PCT:
+        row = cheapest_within(study.rows, RMS, target)
+        if row is not None:
+            bought.setdefault(row, []).append(f"{target:g} %")
+        elif study.reference.doubts[RMS].uncertainty is not None:
+            lines.append(f"No setting of the ladder is within {target:g} % rms.")
+    for row, (*first, last) in bought.items():
+        targets = f"{', '.join(first)} and {last}" if first else last
+        lines.append(
+            f"Within {targets} rms the cheapest is {row.setting}: "
+            f"{row.real_time_factor:.0f} times real time."
+        )
+    return lines
+
+
+def notes(study: Study) -> list[str]:
+    """What does not converge, the witness, and settings that failed."""
+    lines = [f"Witness: {study.witness}."]
+    for quantity in QUANTITIES:
+        doubt = study.reference.doubts[quantity.name]
+        if doubt.uncertainty is None:
+            lines.append(f"{quantity.name} does not converge: {_spread(quantity.name, doubt)}.")
+    line = study.scene.ropes[0]
+    if study.reference.series.slack.any() and line.damping.newton_seconds == 0.0:
+        lines.append(
+            "The rope falls slack and has no damping: a snap's height then has no limit of its own "
+            "but that which the solver's dissipation sets."
+        )
+    return lines + [f"Not run: {failure}" for failure in study.failures]
+
+
+def row_table(study: Study) -> Table:
+    """A line per rung, the scene's own marked."""
+    table = [["elements", "step ms", "× real time", "MB", *HEADS.values()]]
+    for row in study.rows:
+        setting = row.setting
+        mark = " *" if setting == study.plan.own else ""
+        tolerance = f", tol. {_short(setting.tolerance_n)} N" if setting.tolerance_n else ""
+        table.append(
+            [
+                f"{setting.elements}{mark}",
+                f"{1e3 * setting.step_s:g}{tolerance}",
+                f"{row.real_time_factor:.0f}",
+                f"{row.memory_mb:.2g}",
+                *(shown(row, name) for name in HEADS),
+            ]
+        )
+    return table
+
+
+def doubt_table(study: Study) -> Table:
+    """A line per quantity: orders and uncertainty of the reference."""
+    table = [["quantity", "order in elements", "order in steps", "uncertainty"]]
+    for quantity in QUANTITIES:
+        doubt = study.reference.doubts[quantity.name]
+        if quantity.name == "snap_peak" and study.reference.values["snap_peak_n"] is None:
+            continue
+        told = f"± {doubt.uncertainty:.2g} {quantity.unit}" if doubt.uncertainty is not None else (
+            "does not converge"
+        )  # fmt: skip
+        orders = [_order(doubt.element_order), _order(doubt.step_order)]
+        table.append([quantity.words, *orders, told])
+    return table
+
+
+def shown(row: Row, name: str) -> str:
+    """A cell: the error, what it is at most where it lies below the uncertainty, or a value."""
+    error, at_most = row.errors[name], row.at_most[name]
+    if error is None or at_most is None:
+        value = row.values.get({PEAK: "tension_max_n", "snap_peak": "snap_peak_n"}.get(name, ""))
+        return "–" if value is None else f"{1e-3 * value:.1f} kN"
+    if at_most == 0.0:
+        return "0"
+    if abs(error) <= at_most - abs(error):
+        return f"≤ {told_bound(at_most)}"
+    sign = "" if name in (RMS, "payload_depth") else "+"
+    return f"{error:{sign}.2g}"
+
+
+def _bound(row: Row, name: str, study: Study) -> str:
+    at_most = row.at_most[name]
+    if at_most is None:
+        return f"does not converge ({_spread(name, study.reference.doubts[name])})"
+    return f"within {told_bound(at_most)} %"
+
+
+def _spread(name: str, doubt: Doubt) -> str:
+    if doubt.spread is None:
+        return "it is not there on every grid"
+    low, high = doubt.spread
+    if name == "payload_depth":
+        return f"the reference's grids differ by {low:.2g} to {high:.2g} m"
+    if name == RMS:
+        return f"the reference's grids differ by {low:.2g} to {high:.2g} %"
+    if name == "slack_share":
+        return f"{100.0 * low:.3g} to {100.0 * high:.3g} % of the time over the reference's grids"
+    return f"{1e-3 * low:.4g} to {1e-3 * high:.4g} kN over the reference's grids"
+
+
+def _short(value: float) -> str:
+    return f"{float(f'{value:.3g}'):g}"
+
+
+def _order(order: float | None) -> str:
+    if order is None:
+        return "–"
+    return f"> {FORMAL_ORDER:g}" if order > FORMAL_ORDER + 0.5 else f"{order:.1f}"
+
+
+def _markdown(rows: Sequence[Sequence[str]]) -> str:
+    rule = ["---"] * len(rows[0])
+    return "\n".join("| " + " | ".join(row) + " |" for row in (rows[0], rule, *rows[1:]))

@@ -1,0 +1,133 @@
+"""The ladder of a scene's accuracy card: which settings, over which window, against which run.
+
+It follows from the scene alone, not from the machine, so that a card can be made again anywhere.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from rope_twin.errors import InputError, phrase
+from rope_twin.scene.build import build
+from rope_twin.scene.build_joined import build_joined
+from rope_twin.scene.rigging_rules import is_joined
+from rope_twin.scene.schema import Scene
+from rope_twin.scene.shedding import refuse_shedding
+from rope_twin.studies.accuracy.run import Setting
+
+LONGEST_STEP_S = 0.2  # the longest that a scene may have
+FEWEST, MOST = 10, 1000  # elements of a ladder; at least half and twice the scene's own
+TOLERANCES = (0.1, 10.0)  # times the scene's own, at its own elements and step
+REFERENCE_TOLERANCE = 0.1
+REFERENCE_WORK = 33e6  # nodes times steps of the finest run, about
+FINER_MOST = 4  # elements of the reference over those of the finest rung
+MOST_WORK = 800e6  # nodes times steps of everything together: about a minute and a half
+DEAR = 2.0  # a scene whose nodes cost more than twice as much has a short ladder
+COMPONENTS = 14.0  # so many waves cost a node as much as all else
+SHORTEST_WINDOW = 10  # looks
+
+
+@dataclass(frozen=True)
+class Reach:
+    """How far a ladder goes."""
+
+    step_factors: tuple[float, ...]  # of the scene's own step
+    doublings: int  # of its own elements, as long as MOST allows; one at least
+    reference_step: float  # of the scene's own step
+    window_s: float  # at least
+    longest_window_s: float
+
+
+USUAL = Reach((0.5, 1.0, 2.0, 5.0), 2, 0.25, 60.0, 120.0)
+SHORT = Reach((1.0, 2.0, 5.0), 1, 0.5, 30.0, 30.0)  # of scenes that cost much
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is run."""
+
+    seconds: float
+    own: Setting
+    look_s: float  # a whole number of every step
+    settings: tuple[Setting, ...]
+    reference: Setting
+    ropes: float = 1.0  # all ropes' elements over the first one's
+
+    @property
+    def work(self) -> float:
+        """Nodes times steps, with the reference's coarser grids and what timing repeats."""
+        ladder = math.fsum(one.elements / one.step_s for one in self.settings)
+        fine = self.reference.elements / self.reference.step_s
+        return self.ropes * self.seconds * (2.5 * fine + 2.5 * ladder)
+
+
+def make_plan(scene: Scene, seconds: float | None = None) -> Plan:
+    """The ladder of a scene and its window (None: as the scene's events ask for).
+
+    Raises:
+        SceneError: the scene cannot be built, or sheds vortices.
+        InputError: the window is too short, or the scene's elements cannot be varied.
+    """
+    where = f"scene {scene.name}"
+    refuse_shedding(scene, "fewer elements lose its vortices, so no card tells of it")
+    if any(line.grading is not None and line.grading.nodes_m is not None for line in scene.ropes):
+        right = "give the lowest element's length and its growth instead"
+        raise InputError(phrase(where, "grading.nodes_m holds the elements fixed", right))
+    usual = _plan(scene, seconds, USUAL)
+    dear = dearness(scene) > DEAR or usual.work > MOST_WORK
+    return _plan(scene, seconds, SHORT) if dear else usual
+
+
+def dearness(scene: Scene) -> float:
+    """What a node and step cost beside those of a rope without waves."""
+    components = sum(int(getattr(one, "components", 0)) for one in scene.effects)
+    return 1.0 + components / COMPONENTS
+
+
+def _plan(scene: Scene, seconds: float | None, reach: Reach) -> Plan:
+    own = Setting(scene.ropes[0].elements, scene.time.step_s)
+    h = own.step_s
+    factors = [one for one in reach.step_factors if one * h <= LONGEST_STEP_S]
+    look_s = _whole(math.lcm(*(round(2.0 * one) for one in factors)) * 0.5 * h)
+    span = _window_s(scene, reach) if seconds is None else seconds
+    span = _whole(math.floor(span / look_s + 1e-6) * look_s)
+    least = _whole(SHORTEST_WINDOW * look_s)
+    if span < least:
+        raise InputError(phrase("--for", f"{seconds:g} s is too short", f"give {least:g} or more"))
+    counts = _counts(own.elements, reach.doublings)
+    ropes = sum(line.elements for line in scene.ropes) / own.elements
+    first = build_joined(scene).system.ropes[0] if is_joined(scene) else build(scene).rope
+    tolerance = first.model.tolerance
+    ladder = [Setting(count, _whole(factor * h)) for count in counts for factor in factors]
+    others = [Setting(own.elements, h, min(part * tolerance, 1e4)) for part in TOLERANCES]
+    finest_s = _whole(reach.reference_step * h)
+    most = REFERENCE_WORK / ropes / dearness(scene) / (span / finest_s) / counts[-1]
+    finer = 2 ** math.floor(math.log2(max(most, 1.0)))
+    elements = counts[-1] * min(max(finer, 2), FINER_MOST)
+    fine = Setting(elements, finest_s, REFERENCE_TOLERANCE * tolerance)
+    return Plan(span, own, look_s, (*ladder, *others), fine, ropes)
+
+
+def _window_s(scene: Scene, reach: Reach) -> float:
+    """A minute, or one round of the winch schedule if that is longer (two minutes at most)."""
+    winch = scene.winch
+    scheduled = winch.schedule_repeats_every_s or 0.0 if winch and winch.schedule else 0.0
+    return min(max(reach.window_s, scheduled), reach.longest_window_s)
+
+
+def _counts(own: int, doublings: int) -> list[int]:
+    """Elements of the ladder: the scene's own, halved and doubled."""
+    counts, down = [own], own
+    while round(down / 2) >= FEWEST:
+        down = round(down / 2)
+        counts.insert(0, down)
+    for doubling in range(1, doublings + 1):
+        if doubling == 1 or own * 2**doubling <= MOST:
+            counts.append(own * 2**doubling)
+    return counts
+
+
+def _whole(seconds: float) -> float:
+    """Without the last bits, which differ between ways to compute one time."""
+    return round(seconds, 12)

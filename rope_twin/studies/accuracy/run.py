@@ -1,0 +1,225 @@
+"""A scene as `rope_twin run SCENE --speed 0` sees it, over a window, at any elements and step.
+
+Its own sea, winch schedule and ramp, from rest. The motion of hang-off and line is computed once
+for each step and shared by all numbers of elements; the core is stepped without a twin around it,
+so that the top tension after every step is at hand and nothing but steps is timed.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicHermiteSpline
+
+from rope_twin.commands.run.inputs import FIRST_NS, open_sea, series_of
+from rope_twin.core import state as rows
+from rope_twin.errors import SolverError, phrase
+from rope_twin.recording.ship_sea import sample_of
+from rope_twin.scene.rigging_rules import is_joined, places, winch_of
+from rope_twin.scene.schema import RopeLine, Scene, Triple
+from rope_twin.studies.accuracy.bodies import body_of
+from rope_twin.studies.bench.band import fed
+from rope_twin.studies.variants import variant
+from rope_twin.twin.borders import Borders, WinchTrack, foreseen
+from rope_twin.twin.hang_off import lever_arm
+from rope_twin.twin.heave_series import HeaveSeries
+from rope_twin.twin.twin import Twin
+
+Vector = NDArray[np.float64]
+AFTER_NS = 1_000_000_000  # heave goes on so long after the end: the last step looks ahead
+BATCH_S = 8.0  # less than the 10 s that winch commands may be known ahead
+PIECE_NODE_STEPS = 40_000  # a timed piece takes some 4 ms at least
+ENOUGH_S, FEWEST_RUNS, MOST_RUNS = 0.6, 2, 7  # of timing
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a run may vary of a scene."""
+
+    elements: int  # of the first rope; the others' in proportion
+    step_s: float
+    tolerance_n: float | None = None  # None: the scene's own
+
+    def __str__(self) -> str:
+        tolerance = "" if self.tolerance_n is None else f", tolerance {self.tolerance_n:g} N"
+        return f"{self.elements} elements at {1e3 * self.step_s:g} ms{tolerance}"
+
+
+@dataclass(frozen=True)
+class Series:
+    """What a run was seen to do."""
+
+    step_s: float
+    tension_n: Vector  # top tension after each step
+    look_s: float
+    depth_m: Vector  # of the lower end, or the first payload, at each look
+    slack: NDArray[np.bool_]  # whether an element was without tension, at each look
+    solves_per_step: float
+    unconverged: int
+    memory_mb: float
+
+
+class Course:
+    """What moves the rope of a scene over a window, for runs of it at many settings.
+
+    Raises:
+        RopeTwinError: the scene's sea is not there or ends before the window does.
+    """
+
+    def __init__(self, scene: Scene, seconds: float, look_s: float) -> None:
+        self.scene, self.seconds, self.look_s = scene, seconds, look_s
+        sea = open_sea(scene)
+        samples = sea.between(FIRST_NS, round(seconds * 1e9) + AFTER_NS) if sea else []
+        self._samples, self._heave = samples, series_of(samples)
+        self._motions: dict[float, rows.Boundary] = {}
+        known = is_joined(scene) or foreseen(scene.winch, None)
+        self._line = None if known else _recorded_line(scene, seconds)
+
+    def motion(self, step_s: float) -> rows.Boundary:
+        """Hang-off and line out at every border of the steps, (steps + 1, MOTIONS).
+
+        Where ropes meet it is (ropes, steps + 1, MOTIONS), at rest where a rope has no hang-off.
+        """
+        if step_s not in self._motions:
+            scene = self.scene
+            if is_joined(scene):
+                known = places(scene)
+                parts = [self._of_rope(line, known.get(line.from_), step_s) for line in scene.ropes]
+                tables = (np.stack(some) for some in zip(*parts, strict=True))
+                self._motions[step_s] = rows.Boundary(*tables)
+            else:
+                one = self._of_rope(scene.ropes[0], scene.ship.hang_off_m, step_s)
+                self._motions[step_s] = one
+        return self._motions[step_s]
+
+    def _heave_at(self, place: Triple) -> HeaveSeries | None:
+        """What moves a hang-off that rests there: poses at its own arm, heave as it is."""
+        posed = [one for one in self._samples if one.pose is not None]
+        if not posed or place == self.scene.ship.hang_off_m:
+            return self._heave
+        arm = lever_arm(self.scene, place)
+        return series_of([sample_of(one.pose, arm, None) for one in posed if one.pose])
+
+    def _of_rope(self, line: RopeLine, place: Triple | None, step_s: float) -> rows.Boundary:
+        """The motion of one rope, whose hang-off is at rest at `place`; None: it has none."""
+        steps, batch = round(self.seconds / step_s), max(1, round(BATCH_S / step_s))
+        if place is None:
+            still = np.zeros((steps + 1, rows.MOTIONS))
+            still[:, rows.LINE] = line.length_m
+            return rows.Boundary(still, np.zeros_like(still))
+        winch = None if self._line is not None else winch_of(self.scene, line)
+        track = WinchTrack(winch, line.length_m, None, step_s)
+        ship = replace(self.scene.ship, hang_off_m=place)
+        borders = Borders(ship, track, self._heave_at(place), step_s)
+        parts = [rows.Boundary(*(table.copy() for table in borders.boundary))]
+        for first in range(0, steps, batch):
+            part = borders.through(first, min(batch, steps - first))
+            parts.append(rows.Boundary(*(table[1:].copy() for table in part)))
+        value, rate = (np.concatenate(tables) for tables in zip(*parts, strict=True))
+        if self._line is not None:
+            border_s = np.arange(steps + 1) * step_s
+            value[:, rows.LINE] = self._line(border_s)
+            rate[:, rows.LINE] = self._line(border_s, 1)
+        return rows.Boundary(value, rate)
+
+
+def _recorded_line(scene: Scene, seconds: float) -> CubicHermiteSpline:
+    """Line out over time of a winch that feels its rope, from a run at the scene's own setting.
+
+    All runs of a course get the same: what differs between them is then the solver's doing.
+    """
+    shots = [(0.0, scene.ropes[0].length_m, 0.0)]
+    shots += [
+        (shot.time_s, shot.line_out_m, shot.payout_speed_m_per_s)
+        for shot in fed(Twin(scene), seconds + 1e-9 * AFTER_NS)
+    ]
+    return CubicHermiteSpline(*np.array(shots).T)
+
+
+class Trial:
+    """The rope or ropes of a course at one setting, at rest, ready to be run again and again.
+
+    Raises:
+        SceneError: the scene cannot be built so, or there is no equilibrium.
+    """
+
+    def __init__(self, course: Course, setting: Setting) -> None:
+        self.setting = setting
+        self._course = course
+        self._body = body_of(
+            variant(course.scene, setting.elements, setting.step_s, setting.tolerance_n)
+        )
+        self._motion = course.motion(setting.step_s)
+        self._steps = self._motion.value.shape[-2] - 1
+        self._tension = np.zeros(self._steps)
+
+    def look(self) -> Series:
+        """Run it, with a look along the rope now and then.
+
+        Raises:
+            SolverError: a step that is not finite.
+        """
+        every = round(self._course.look_s / self.setting.step_s)
+        looks = self._steps // every
+        depth, slack = np.zeros(looks), np.zeros(looks, bool)
+        self._body.begin()
+        for number in range(looks):
+            first = number * every
+            self._advance(self._part(first, every), first, every)
+            depth[number] = self._body.depth_m()
+            slack[number] = self._body.is_slack()
+        done = looks * every
+        return Series(
+            self.setting.step_s,
+            self._tension[:done].copy(),
+            self._course.look_s,
+            depth,
+            slack,
+            float(self._body.health[rows.SOLVES]) / done,
+            int(self._body.health[rows.SUBSTEPS_UNCONVERGED]),
+            self._body.memory_mb,
+        )
+
+    def real_time_factor(self) -> float:
+        """Simulated time over time taken by the steps alone.
+
+        The run is cut into pieces and repeated; the fastest time of each piece counts, since other
+        programs use the machine too.
+        """
+        work = self._steps * self.setting.elements
+        piece = math.ceil(self._steps / max(1, min(100, work // PIECE_NODE_STEPS)))
+        runs: list[Vector] = []
+        while len(runs) < MOST_RUNS:
+            runs.append(self._timed(piece))
+            spent = float(sum(run.sum() for run in runs))
+            if len(runs) >= FEWEST_RUNS and spent > ENOUGH_S:
+                break
+        least = float(np.min(runs, axis=0).sum())
+        return float(self._steps * self.setting.step_s / least)
+
+    def _timed(self, piece: int) -> Vector:
+        took = []
+        self._body.begin()
+        for first in range(0, self._steps, piece):
+            count = min(piece, self._steps - first)
+            part = self._part(first, count)
+            began = time.perf_counter()
+            self._advance(part, first, count)
+            took.append(time.perf_counter() - began)
+        return np.array(took)
+
+    def _part(self, first: int, count: int) -> rows.Boundary:
+        tables = (table[..., first : first + count + 1, :] for table in self._motion)
+        return rows.Boundary(*map(np.ascontiguousarray, tables))
+
+    def _advance(self, part: rows.Boundary, first: int, count: int) -> None:
+        done, tension = self._body.advance(part, first * self.setting.step_s, count)
+        self._tension[first : first + count] = tension
+        if done < count:
+            where = f"scene {self._course.scene.name}, {self.setting}"
+            what = f"step {first + done + 1} is not finite"
+            raise SolverError(phrase(where, what, "shorten the step"))

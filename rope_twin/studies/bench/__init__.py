@@ -1,0 +1,1 @@
+"""How fast the solver is, and how right: `rope_twin bench`."""

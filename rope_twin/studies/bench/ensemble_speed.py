@@ -1,0 +1,220 @@
+"""How fast an ensemble is, and whether it is the same, beside two others in the same minute.
+
+These are its members on the same threads without SIMD lanes, and one rope alone.
+
+Every member has a load and a part of the sea of its own. A few are run again as twins: what is not
+equal to the bit is counted, so that no speed is told of something else.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from statistics import median
+
+import numpy as np
+
+from rope_twin.core.lanes.wide import LANES
+from rope_twin.scene.change import change_scene
+from rope_twin.scene.load import load_scene
+from rope_twin.scene.schema import Scene
+from rope_twin.studies.ensemble.plan import Axis, Plan, make_plan
+from rope_twin.studies.ensemble.study import SEA_OFFSET, variations
+from rope_twin.studies.variants import variant
+from rope_twin.twin.ensemble import Ensemble, Variation
+from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.twin import Twin
+
+Report = Callable[[int, int, str], None]  # done, of how many, what comes next
+
+SCENE = "smooth_2km"
+WARM_S = 10.0  # until the ship's motion has faded in; not measured
+SINGLE_LEAST = 20_000  # steps of the rope alone in a repetition: its share of the time is small
+CHECKED = 3  # members that are run again as twins
+SEED = 1
+
+
+@dataclass(frozen=True)
+class Case:
+    """What to run."""
+
+    members: int
+    elements: int
+    step_s: float
+    threads: int | None = None  # None: as many as there are cores
+    seconds: float = 5.0  # of twin time in each repetition
+    repetitions: int = 5
+
+
+FULL = (
+    Case(1000, 100, 0.02),
+    Case(1000, 100, 0.02, threads=1, repetitions=3),
+    Case(1000, 100, 0.01, repetitions=3),
+    Case(100, 1000, 0.02, repetitions=3),
+    Case(100, 100, 0.02),
+)
+QUICK = (Case(12, 20, 0.02, seconds=1.0, repetitions=2),)
+
+
+@dataclass(frozen=True)
+class EnsembleRow:
+    """One case; medians over the repetitions, `best` the fastest of them."""
+
+    scene: str
+    members: int
+    elements: int
+    step_s: float
+    threads: int
+    real_time_factor: float  # of all members together
+    real_time_factor_best: float
+    ns_per_node_step: float  # of a thread: real time times threads over node steps of all members
+    ns_per_node_step_best: float
+    in_lanes: int  # members that step side by side in SIMD lanes
+    threads_only_ns_per_node_step: float  # the same members without lanes, between the repetitions
+    threads_only_ns_per_node_step_best: float
+    single_ns_per_node_step: float  # one rope alone on one thread, between the repetitions
+    single_ns_per_node_step_best: float
+    processor_share: float  # processor time over real time and threads; far below 1: not alone
+    starting_s: float  # building all members and finding where each starts
+    failed: int
+    checked: int
+    unequal: int  # of the checked ones, those that differ from a twin of their own in any bit
+
+
+def ensemble_rows(
+    cases: tuple[Case, ...] = FULL, report: Report | None = None
+) -> list[EnsembleRow]:
+    """A row for each case; `report` is called before each and at the end.
+
+    Raises:
+        RopeTwinError: the scene is not there, or cannot be run.
+    """
+    scene = load_scene(SCENE)
+    rows = []
+    for number, case in enumerate(cases):
+        if report is not None:
+            words = f"{case.members} ropes of {case.elements} elements at {case.step_s:g} s"
+            report(number, len(cases), words)
+        rows.append(_measure(variant(scene, case.elements, case.step_s), case))
+    if report is not None:
+        report(len(cases), len(cases), "done")
+    return rows
+
+
+def _measure(scene: Scene, case: Case) -> EnsembleRow:
+    """Repetitions of the ensemble and of a rope alone, one after the other."""
+    length_s = WARM_S + 2.0 * case.repetitions * case.seconds
+    single_s = max(1, round(SINGLE_LEAST * scene.time.step_s / case.seconds)) * case.seconds
+    plan = _plan(scene, case.members)
+    members = variations(scene, plan, length_s)
+    (other,) = variations(scene, _plan(scene, 1), WARM_S + case.repetitions * single_s)
+    alone = Ensemble(scene, [other], threads=1)
+    began = time.perf_counter()
+    ensemble = Ensemble(scene, members, threads=case.threads)
+    starting_s = time.perf_counter() - began
+    ensemble.advance(WARM_S)
+    alone.advance(WARM_S)
+    together, apart, single, shares = [], [], [], []
+    for _ in range(case.repetitions):
+        before, busy_s = time.perf_counter(), time.process_time()
+        together.append(_ns(ensemble, case.seconds) * ensemble.threads)
+        busy_s = time.process_time() - busy_s
+        shares.append(busy_s / (ensemble.threads * (time.perf_counter() - before)))
+        ensemble.abreast = 1
+        apart.append(_ns(ensemble, case.seconds) * ensemble.threads)
+        ensemble.abreast = LANES
+        single.append(_ns(alone, single_s))
+    rate = _node_steps_per_s(scene, case.members) / ensemble.threads
+    checked = sorted({0, case.members // 2, case.members - 1})[:CHECKED]
+    unequal = sum(
+        not _same(ensemble.snapshot(k), _alone(scene, members[k], ensemble.steps)) for k in checked
+    )
+    return EnsembleRow(
+        scene=scene.name,
+        members=case.members,
+        elements=case.elements,
+        step_s=case.step_s,
+        threads=ensemble.threads,
+        real_time_factor=1e9 / (median(together) * rate),
+        real_time_factor_best=1e9 / (min(together) * rate),
+        ns_per_node_step=median(together),
+        ns_per_node_step_best=min(together),
+        in_lanes=ensemble.lanes().members,
+        threads_only_ns_per_node_step=median(apart),
+        threads_only_ns_per_node_step_best=min(apart),
+        single_ns_per_node_step=median(single),
+        single_ns_per_node_step_best=min(single),
+        processor_share=median(shares),
+        starting_s=starting_s,
+        failed=sum(bool(one.failure) for one in ensemble.figures()),
+        checked=len(checked),
+        unequal=unequal,
+    )
+
+
+def _plan(scene: Scene, members: int) -> Plan:
+    """Loads around the scene's, and starts anywhere in the first minute of its sea."""
+    load = Axis("payloads[0].mass_kg", 0.9, 1.1, multiply=True)
+    return make_plan([load, Axis(SEA_OFFSET, 0.0, 60.0)], members, SEED)
+
+
+def _ns(ensemble: Ensemble, seconds: float) -> float:
+    """Real time [ns] over the steps of all nodes of all members."""
+    began = time.perf_counter()
+    ensemble.advance(seconds)
+    spent_ns = (time.perf_counter() - began) * 1e9
+    return spent_ns / (seconds * _node_steps_per_s(ensemble.scene, len(ensemble)))
+
+
+def _node_steps_per_s(scene: Scene, members: int) -> float:
+    """Steps of nodes in a second of twin time, of all members together."""
+    return members * scene.ropes[0].elements / scene.time.step_s
+
+
+def _alone(scene: Scene, own: Variation, steps: int) -> Snapshot:
+    """The member as a twin that is fed sample by sample."""
+    twin = Twin(change_scene(scene, own.changes))
+    if own.heave is not None:
+        end_ns = (steps + 1) * twin.step_ns + 10**9
+        stamps = own.heave.stamp_ns - own.heave.start_ns
+        last = int(np.searchsorted(stamps, end_ns))
+        for k in range(last):
+            position, velocity = own.heave.position_m[k], own.heave.velocity_m_per_s[k]
+            twin.offer_heave(int(stamps[k]), float(position), float(velocity))
+    twin.advance(steps)
+    return twin.snapshot()
+
+
+def _same(found: Snapshot, expected: Snapshot) -> bool:
+    """Whether motion and tension of every node are equal."""
+    names = ("node_position_m", "node_velocity_m_per_s", "node_tension_n", "hang_off_force_n")
+    return all(np.array_equal(getattr(found, name), getattr(expected, name)) for name in names)
+
+
+def ensemble_table(rows: Sequence[EnsembleRow]) -> list[list[str]]:
+    """The rows as cells, the first row being the heads."""
+    heads = ["members", "elements", "step [s]", "threads", "× real time", "best", "in lanes",
+             "ns/node/step", "best", "threads only", "best", "one rope alone", "best", "processor",
+             "equal to a twin"]  # fmt: skip
+    cells = [
+        [
+            f"{row.members}",
+            f"{row.elements}",
+            f"{row.step_s:g}",
+            f"{row.threads}",
+            f"{row.real_time_factor:.2f}",
+            f"{row.real_time_factor_best:.2f}",
+            f"{row.in_lanes}",
+            f"{row.ns_per_node_step:.0f}",
+            f"{row.ns_per_node_step_best:.0f}",
+            f"{row.threads_only_ns_per_node_step:.0f}",
+            f"{row.threads_only_ns_per_node_step_best:.0f}",
+            f"{row.single_ns_per_node_step:.0f}",
+            f"{row.single_ns_per_node_step_best:.0f}",
+            f"{100.0 * row.processor_share:.0f} %",
+            f"{row.checked - row.unequal} of {row.checked}",
+        ]
+        for row in rows
+    ]
+    return [heads, *cells]

@@ -1,0 +1,1 @@
+"""Many lifts that differ in a few numbers: `rope_twin ensemble`."""

@@ -1,0 +1,210 @@
+"""An ensemble run to an end: members from a plan, their figures and the quantiles over them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from rope_twin.commands.run.inputs import FIRST_NS, open_sea, series_of
+from rope_twin.errors import InputError, phrase
+from rope_twin.recording.heave_replay import open_heave
+from rope_twin.scene.change import Change, change_scene
+from rope_twin.scene.figures import lift_figures
+from rope_twin.scene.schema import Scene, SeaState
+from rope_twin.studies.ensemble.plan import Plan
+from rope_twin.twin.ensemble import BATCH_S, Ensemble, Lanes, Variation, whole_steps
+from rope_twin.twin.heave_series import HeaveSeries
+from rope_twin.twin.member import MemberFigures
+
+SEA_OFFSET = "sea offset"  # the axis that moves a member along the recorded sea [s]
+QUANTILES = (0.0, 0.05, 0.5, 0.95, 1.0)
+FIGURES = ("tension_top_max_n", "tension_top_mean_n", "tension_top_min_n", "slack_share")
+MINUTE_NS = 60_000_000_000
+AFTER_NS = 1_000_000_000  # heave goes on so long after the end: the last step looks ahead
+
+
+@dataclass(frozen=True)
+class StudyResult:
+    """What came out, a row for each member."""
+
+    plan: Plan
+    figures: list[MemberFigures]
+    breaking_loads_n: list[float]
+    time_s: float  # twin time of each member
+    step_s: float
+    threads: int
+    lanes: Lanes
+    starting_s: float  # real time spent on building and on finding where each rope starts
+    computing_s: float  # real time spent on stepping
+
+    @property
+    def real_time_factor(self) -> float:
+        """Twin time over real time, all members together."""
+        return self.time_s / self.computing_s if self.computing_s > 0.0 else 0.0
+
+    @property
+    def failed(self) -> int:
+        """Members that stopped early."""
+        return sum(bool(one.failure) for one in self.figures)
+
+    @property
+    def slack(self) -> int:
+        """Members that went slack somewhere."""
+        return sum(one.slack_share > 0.0 for one in self.figures)
+
+    @property
+    def overloaded(self) -> int:
+        """Members whose rope would have broken."""
+        pairs = zip(self.figures, self.breaking_loads_n, strict=True)
+        return sum(one.tension_top_max_n > most for one, most in pairs)
+
+    def quantiles(self, first: int = 0, count: int | None = None) -> dict[str, list[float]]:
+        """QUANTILES of each of FIGURES over the members that came to the end; empty: none did."""
+        end = None if count is None else first + count
+        whole = [one for one in self.figures[first:end] if not one.failure]
+        if not whole:
+            return {}
+        return {
+            name: np.quantile([getattr(one, name) for one in whole], QUANTILES).tolist()
+            for name in FIGURES
+        }
+
+
+def run_study(
+    scene: Scene,
+    plan: Plan,
+    seconds: float,
+    look_s: float,
+    report: Callable[[float, float], None],
+    threads: int | None = None,
+) -> StudyResult:
+    """Run all members for so long; `report(twin time, real time)` is called every 8 s of twin time.
+
+    Raises:
+        RopeTwinError: a member, the sea or a number is wrong; one sentence.
+    """
+    began = time.perf_counter()
+    whole_steps("--for", seconds, scene.time.step_s)
+    if not scene.sea_state.moves and any(axis.path == SEA_OFFSET for axis in plan.axes):
+        raise InputError(phrase("--sea-offset", "the scene's ship lies still", "leave it out"))
+    ensemble = Ensemble(scene, variations(scene, plan, seconds), look_s, threads)
+    lanes = ensemble.lanes()
+    started = time.perf_counter()
+    report(0.0, 0.0)
+    while ensemble.time_ns < round(seconds * 1e9):
+        ensemble.advance(_piece(seconds - ensemble.time_ns * 1e-9, scene.time.step_s))
+        report(ensemble.time_ns * 1e-9, time.perf_counter() - started)
+    return StudyResult(
+        plan=plan,
+        figures=ensemble.figures(),
+        breaking_loads_n=[
+            min(bar.rope.breaking_load_n for bar in lift_figures(ensemble.scene_of(k)).bars)
+            for k in range(len(ensemble))
+        ],
+        time_s=seconds,
+        step_s=scene.time.step_s,
+        threads=ensemble.threads,
+        lanes=lanes,
+        starting_s=started - began,
+        computing_s=time.perf_counter() - started,
+    )
+
+
+def _piece(left_s: float, step_s: float) -> float:
+    """Whole steps of about BATCH_S, or what is left."""
+    most = max(1, round(BATCH_S / step_s))
+    return min(most, round(left_s / step_s)) * step_s
+
+
+def variations(scene: Scene, plan: Plan, seconds: float) -> list[Variation]:
+    """Each member's changes and its part of the sea.
+
+    Raises:
+        InputError: a sea ends before the run does.
+    """
+    made = []
+    seas = Seas(scene, round(seconds * 1e9) + AFTER_NS)
+    for number, row in enumerate(plan.rows):
+        pairs = list(zip(plan.axes, row, strict=True))
+        changes = tuple(axis.change(value) for axis, value in pairs if axis.path != SEA_OFFSET)
+        offset_s = sum(value for axis, value in pairs if axis.path == SEA_OFFSET)
+        heave = seas.heave(changes, offset_s)
+        if heave is not None and heave.end_ns < seconds * 1e9:
+            what = f"the sea of member {number} ends after {heave.end_ns * 1e-9:g} s"
+            raise InputError(phrase(f"--for {seconds:g}", what, "let it loop, or run shorter"))
+        made.append(Variation(changes, heave))
+    return made
+
+
+class Seas:
+    """The heave of members; those of one record share its samples."""
+
+    def __init__(self, scene: Scene, length_ns: int) -> None:
+        self._scene, self._length_ns = scene, length_ns
+        self._records: dict[SeaState, HeaveSeries] = {}
+
+    def heave(self, changes: Sequence[Change], offset_s: float) -> HeaveSeries | None:
+        """What moves a member's ship, from `offset_s` after the scene's own start on.
+
+        The samples are those that `rope_twin run` feeds to its twin.
+
+        Raises:
+            RopeTwinError: there is no such sea; one sentence.
+        """
+        if self._scene.sea_state.on_waves is not None:
+            return self._on_waves(changes, offset_s)
+        own = [change for change in changes if change.path.startswith("sea_state.")]
+        state = change_scene(self._scene, own).sea_state
+        if not state.moves:
+            return None
+        if state.start_s + offset_s < 0.0:
+            what = f"{offset_s:g} s lies before the sea's beginning"
+            raise InputError(phrase("--sea-offset", what, f"give {-state.start_s:g} or more"))
+        if not state.bag:
+            sooner = replace(state, start_s=state.start_s + offset_s)
+            return _sampled(replace(self._scene, sea_state=sooner), self._length_ns)
+        start_ns = round((state.start_s + offset_s) * 1e9)
+        whole = replace(state, start_s=0.0)
+        record = self._records.get(whole)
+        if record is None or (whole.loop and record.end_ns < start_ns + self._length_ns):
+            reach_ns = (
+                2 * start_ns + self._length_ns
+            )  # more than needed: offsets to come are like it
+            record = self._records[whole] = _recorded(whole, _rounded_up(reach_ns))
+        return record.starting_at(start_ns)
+
+    def _on_waves(self, changes: Sequence[Change], offset_s: float) -> HeaveSeries:
+        """The ship rides on the member's own waves: whatever is changed may change them."""
+        if offset_s != 0.0:
+            what = "the ship rides on waves, which begin with the scene"
+            raise InputError(phrase("--sea-offset", what, "vary effects.waves.seed instead"))
+        return _sampled(change_scene(self._scene, changes), self._length_ns)
+
+
+def _sampled(scene: Scene, until_ns: int) -> HeaveSeries:
+    sea = open_sea(scene)
+    assert sea is not None
+    samples = sea.between(FIRST_NS, until_ns)
+    series = series_of(samples)
+    assert series is not None
+    return series
+
+
+@lru_cache(maxsize=8)
+def _recorded(state: SeaState, until_ns: int) -> HeaveSeries:
+    """A bag's samples, read once for all ensembles of a process."""
+    sea = open_heave(state.bag, None, state.start_s, state.loop)
+    samples = sea.between(FIRST_NS, until_ns)
+    series = series_of(samples)
+    assert series is not None
+    return series
+
+
+def _rounded_up(length_ns: int) -> int:
+    """A minute times a power of two, so that like lengths share a record."""
+    minutes = -(-length_ns // MINUTE_NS)
+    return MINUTE_NS << (minutes - 1).bit_length()

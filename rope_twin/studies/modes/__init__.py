@@ -1,0 +1,1 @@
+"""Natural frequencies and modes of a rope at rest: `rope_twin modes`."""

@@ -1,0 +1,233 @@
+"""Natural frequencies and modes of a scene's rope about its static shape.
+
+Small undamped motion u of the nodes about rest: M·ü + K·u = 0. K holds each element's stiffness
+k·t·tᵀ + (T/l)·(I - t·tᵀ), axial and by tension (Irvine 1981, Cable Structures, ch. 3), and bending
+where the scene lists it; M what every effect says that it weighs or drags along: rope, added mass
+across it, payload with its added mass. Both ends are the scene's. Left out are damping and how the
+water's loads change with the shape.
+
+The smallest of K·φ = ω²·M·φ are found by shift and invert (Ericsson and Ruhe 1980, ARPACK's way).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import pi
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core.state import Floats
+from rope_twin.core.statics.forces import SYMMETRIC, Couplings
+from rope_twin.errors import InputError, phrase
+from rope_twin.scene.schema import Scene
+from rope_twin.studies.modes.rest import AtRest, bring_to_rest, water_at
+
+WAVE_PERIODS_S = (4.0, 20.0)  # of wind sea and swell
+STROUHAL = 0.2  # of a circular cylinder, 300 < Re < 1e5 (Blevins 1990)
+AXIAL_MODES = 3
+NEAR = 8  # modes looked at around the frequency that an axial mode should have
+SAME = 1e-6  # relative: frequencies this close belong to one mode in two directions
+STRAIGHT = 1e-6  # of the length: a rope within this of a line has no plane of its own
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One natural mode; shares are of its kinetic energy and add up to 1."""
+
+    frequency_hz: float
+    period_s: float
+    kind: str  # axial, in-plane or out-of-plane: the largest share
+    axial_share: float
+    in_plane_share: float
+    out_of_plane_share: float
+    largest_at_m: float  # where it moves most, unstretched from the hang-off
+    wave_ratio: float  # period over the nearest of WAVE_PERIODS_S, 1 among them
+    strouhal_hz: float  # of vortices in the scene's current where it moves most
+    shape: Floats  # motion of the nodes, hang-off first, largest 1; (nodes, 3)
+
+
+@dataclass(frozen=True)
+class Modes:
+    """The lowest modes of a scene, and its first axial ones."""
+
+    lowest: tuple[Mode, ...]
+    axial: tuple[Mode, ...]
+    place: Floats  # of the nodes at rest, hang-off first [m], (nodes, 3)
+    strouhal_max_hz: float  # where the current across the rope is fastest
+
+
+def find_modes(scene: Scene, count: int) -> Modes:
+    """The `count` lowest modes and the first axial ones.
+
+    Raises:
+        InputError: a count that the rope's free nodes do not give.
+        SceneError: the rope cannot rest, or is slack somewhere: it then has no natural frequency.
+    """
+    rest = bring_to_rest(scene)
+    most = 3 * len(rest.s) - NEAR
+    if not 1 <= count <= most:
+        what = f"{count} of a rope with {len(rest.s)} free nodes"
+        raise InputError(phrase("--count", what, f"give 1 to {most}"))
+    K, M = _matrices(rest)
+    lowest = list(_modes(rest, *_solve(K, M, count, 0.0)))
+    axial = []
+    for omega in _axial_guesses(rest):
+        near = _modes(rest, *_solve(K, M, NEAR, omega * omega))
+        axial.append(max(near, key=lambda mode: mode.axial_share))
+    speed = _speed_across(rest)
+    diameter = scene.ropes[0].thinnest_m
+    place = np.ascontiguousarray(rest.place[:, ::-1].T)
+    return Modes(tuple(lowest), tuple(axial), place, float(STROUHAL * speed.max() / diameter))
+
+
+def _matrices(rest: AtRest) -> tuple[Any, Any]:
+    """K and M as sparse matrices over 3 numbers per free node."""
+    from scipy.sparse import bsr_array
+
+    span = np.diff(rest.place, axis=1)
+    length = np.sqrt((span * span).sum(axis=0))
+    t = span / length
+    lateral = rest.tension / length
+    blocks = np.einsum("e,ke,ce->ekc", rest.stiffness - lateral, t, t)
+    blocks += lateral[:, None, None] * np.eye(3)
+    n, first = len(rest.s), rest.first
+    diagonal = blocks[first:].copy()
+    diagonal[1 - first :] += blocks[: len(blocks) - 1]
+    between = -blocks[first:-1]
+    i = np.arange(n)
+    row = np.concatenate([i, i[:-1], i[1:]])
+    column = np.concatenate([i, i[1:], i[:-1]])
+    data = np.concatenate([diagonal, between, between])
+    order = np.lexsort((column, row))
+    starts = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=n))])
+    K = bsr_array((data[order], column[order], starts), shape=(3 * n, 3 * n))
+    M = bsr_array((np.moveaxis(rest.mass, 2, 0), i, np.arange(n + 1)), shape=(3 * n, 3 * n))
+    if rest.couplings is not None:
+        K = K + _coupled(rest.couplings, first)
+    return K.tocsc(), M.tocsc()
+
+
+def _coupled(couplings: Couplings, first: int) -> Any:
+    """Stiffness of effects that reach two nodes far, as a sparse matrix."""
+    from scipy.sparse import block_diag, diags_array, eye_array, kron
+
+    near, far = couplings.near[first:-1], couplings.far[first:-2]
+    n = couplings.own.shape[1] - first
+    between = diags_array([near, near, far, far], offsets=[1, -1, 2, -2], shape=(n, n))
+    own = np.moveaxis(couplings.own[SYMMETRIC], 2, 0)[first:]
+    return kron(between, eye_array(3)) + block_diag(own)
+
+
+def _solve(K: Any, M: Any, count: int, near: float) -> tuple[Floats, Floats]:
+    """Frequencies ω [rad/s], rising, and modes of which ω² lies nearest to `near`; M-normal.
+
+    The start vector is fixed, so that the same scene gives the same digits.
+    """
+    from scipy.sparse.linalg import eigsh
+
+    start = np.random.default_rng(1).standard_normal(K.shape[0])
+    squares, modes = eigsh(K, k=count, M=M, sigma=near, which="LM", v0=start)
+    order = np.argsort(squares)
+    return np.sqrt(np.maximum(squares[order], 0.0)), modes[:, order]
+
+
+def _axial_guesses(rest: AtRest) -> Floats:
+    """ω [rad/s] of the first modes if every node could only move along the rope.
+
+    Shifted off by a millionth: on a frequency itself the shifted matrix is singular.
+    """
+    from scipy.linalg import eigh_tridiagonal
+
+    mass = np.einsum("kn,kcn,cn->n", rest.tangent, rest.mass, rest.tangent)
+    k = rest.stiffness
+    diagonal = k[rest.first :].copy()
+    diagonal[1 - rest.first :] += k[: len(k) - 1]
+    root = 1.0 / np.sqrt(mass)
+    between = -k[rest.first : -1] * root[:-1] * root[1:]
+    last = min(AXIAL_MODES, len(mass)) - 1
+    squares = eigh_tridiagonal(
+        diagonal * root * root, between, eigvals_only=True, select="i", select_range=(0, last)
+    )
+    return np.asarray(np.sqrt(squares) * (1.0 + 1e-6))
+
+
+def _modes(rest: AtRest, omega: Floats, vectors: Floats) -> Iterator[Mode]:
+    """Each as a Mode; directions of equal frequency are told apart by the rope's plane."""
+    normal = _normal(rest)
+    vectors = _separate(rest, omega, vectors, normal)
+    speed = _speed_across(rest)
+    diameter = rest.scene.ropes[0].thinnest_m
+    for w, vector in zip(omega, vectors.T, strict=True):
+        motion = vector.reshape(-1, 3).T
+        energy = (motion * np.einsum("kcn,cn->kn", rest.mass, motion)).sum()
+        along = (motion * rest.tangent).sum(axis=0)
+        out = normal @ motion
+        axial = _energy(rest, along * rest.tangent) / energy
+        sideways = _energy(rest, out * normal[:, None]) / energy
+        shares = {"axial": axial, "in-plane": 1.0 - axial - sideways, "out-of-plane": sideways}
+        size = np.sqrt((motion * motion).sum(axis=0))
+        at = int(size.argmax())
+        period = 2.0 * pi / w if w > 0.0 else float("inf")
+        low, high = WAVE_PERIODS_S
+        shape = np.zeros((rest.place.shape[1], 3))
+        shape[rest.first : -1] = motion.T / size[at]
+        yield Mode(
+            frequency_hz=float(w / (2.0 * pi)),
+            period_s=float(period),
+            kind=max(shares, key=lambda kind: shares[kind]),
+            axial_share=float(axial),
+            in_plane_share=float(max(shares["in-plane"], 0.0)),
+            out_of_plane_share=float(sideways),
+            largest_at_m=float(rest.s[at]),
+            wave_ratio=float(period / min(max(period, low), high)),
+            strouhal_hz=float(STROUHAL * speed[at] / diameter),
+            shape=shape[::-1].copy(),
+        )
+
+
+def _energy(rest: AtRest, motion: Floats) -> float:
+    """Twice the kinetic energy of a motion at ω = 1."""
+    return float((motion * np.einsum("kcn,cn->kn", rest.mass, motion)).sum())
+
+
+def _normal(rest: AtRest) -> Floats:
+    """Of the plane that the rope lies in best; of a straight one, across the current or y."""
+    offset = rest.place - rest.place[:, -1:]
+    axes, sizes, _ = np.linalg.svd(offset, full_matrices=False)
+    if sizes[1] > STRAIGHT * sizes[0]:
+        return np.asarray(axes[:, 2])
+    across = np.cross(axes[:, 0], _water(rest).sum(axis=1))
+    if not across.any():
+        across = np.cross(axes[:, 0], [1.0, 0.0, 0.0])
+    return np.asarray(across / np.linalg.norm(across))
+
+
+def _separate(rest: AtRest, omega: Floats, vectors: Floats, normal: Floats) -> Floats:
+    """Modes of equal frequency turned into the plane and out of it."""
+    turned = vectors.copy()
+    start = 0
+    for end in range(1, len(omega) + 1):
+        if end < len(omega) and omega[end] - omega[end - 1] <= SAME * omega[end]:
+            continue
+        group = vectors[:, start:end]
+        motion = group.T.reshape(end - start, -1, 3)
+        out = motion @ normal
+        mass = np.einsum("k,kcn,c->n", normal, rest.mass, normal)
+        _, turn = np.linalg.eigh((out * mass) @ out.T)
+        turned[:, start:end] = group @ turn
+        start = end
+    return turned
+
+
+def _water(rest: AtRest) -> Floats:
+    """The same at the free nodes."""
+    return water_at(rest.scene, rest.place[2, rest.first : -1])
+
+
+def _speed_across(rest: AtRest) -> Floats:
+    """Of the current across the rope at the free nodes [m/s]."""
+    water = _water(rest)
+    across = water - (water * rest.tangent).sum(axis=0) * rest.tangent
+    return np.asarray(np.sqrt((across * across).sum(axis=0)))

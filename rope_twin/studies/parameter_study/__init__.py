@@ -1,0 +1,1 @@
+"""Dozens of variables over many runs, from a file: `rope_twin study`."""

@@ -1,0 +1,179 @@
+"""The runs of a study: what each variable is in each, and what that makes of the scene."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import itertools
+import math
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from rope_twin.errors import InputError, RopeTwinError, phrase
+from rope_twin.scene.change import Change, change_scene
+from rope_twin.scene.ropes import rope_preset
+from rope_twin.scene.rules import faults
+from rope_twin.scene.schema import Rope, Scene
+from rope_twin.studies.parameter_study.file import RUNS_MOST, SEA_OFFSET_S, Study, Variable
+
+Value = float | str
+
+
+@dataclass(frozen=True)
+class StudyRun:
+    """One run of a study."""
+
+    number: int
+    values: tuple[Value, ...]  # of each variable: a number, a name, or a case's name
+
+
+def design_runs(study: Study) -> list[StudyRun]:
+    """All runs, in an order that is the same every time.
+
+    Raises:
+        InputError: there are too many.
+    """
+    if study.latin_hypercube is None:
+        sizes = [_choices(one) for one in study.vary]
+        count = math.prod(len(one) for one in sizes)
+        if count > RUNS_MOST:
+            what = f"the grid has {count} points"
+            right = f"give fewer values ({RUNS_MOST} points at most), or draw a latin_hypercube"
+            raise InputError(phrase(f"{study.path}: vary", what, right))
+        rows: Iterator[tuple[Value, ...]] = itertools.product(*sizes)
+    else:
+        from scipy.stats import qmc  # a second to load, and only studies want it
+
+        wish = study.latin_hypercube
+        cube = qmc.LatinHypercube(d=len(study.vary), rng=np.random.default_rng(wish.seed))
+        rows = (
+            tuple(_drawn(one, share) for one, share in zip(study.vary, point, strict=True))
+            for point in cube.random(wish.runs).tolist()
+        )
+    return [StudyRun(number, row) for number, row in enumerate(rows)]
+
+
+def _choices(variable: Variable) -> Sequence[Value]:
+    """What it can be on a grid."""
+    if variable.ranges:
+        low, high, count = variable.from_, variable.to, variable.count
+        assert low is not None
+        assert high is not None
+        assert count is not None
+        found: list[float] = np.linspace(low, high, count).tolist()
+        return found
+    return variable.values or variable.names or tuple(case.name for case in variable.cases)
+
+
+def _drawn(variable: Variable, share: float) -> Value:
+    """What it is at a share from 0 to 1 of its range or of its list."""
+    if variable.ranges:
+        assert variable.from_ is not None
+        assert variable.to is not None
+        return variable.from_ + share * (variable.to - variable.from_)
+    choices = _choices(variable)
+    return choices[min(int(share * len(choices)), len(choices) - 1)]
+
+
+@dataclass(frozen=True)
+class Made:
+    """What a run makes of the study's scene."""
+
+    scene: Scene  # with its names, and with what all ropes of an ensemble must share
+    changes: tuple[Change, ...]  # to that
+    sea_offset_s: float
+
+
+def made_of(study: Study, scene: Scene, run: StudyRun) -> Made:
+    """The scene and the changes of a run, seen to be possible.
+
+    Raises:
+        InputError: a variable leads nowhere or out of a range; one sentence with its place.
+    """
+    changes: list[Change] = []
+    offset_s = 0.0
+    for number, (variable, value) in enumerate(zip(study.vary, run.values, strict=True)):
+        if variable.names:
+            with _at(f"{study.path}: vary[{number}]"):
+                scene = _named(scene, variable.path, str(value))
+        elif variable.path == SEA_OFFSET_S:
+            with _at(f"{study.path}: vary[{number}]"):
+                offset_s += _offset_s(scene, float(value))
+        else:
+            changes += _changes(variable, value)
+    shared = [change for change in changes if change.path.startswith("time.")]
+    own = tuple(change for change in changes if change not in shared)
+    try:
+        scene = change_scene(scene, shared)
+        change_scene(scene, own)
+    except RopeTwinError:
+        _judge_each(study, scene, run)
+        with _at(f"{study.path}: run {run.number}"):
+            raise
+    return Made(scene, own, offset_s)
+
+
+def _offset_s(scene: Scene, value: float) -> float:
+    """Raises InputError: the scene has no sea that could begin elsewhere."""
+    if scene.sea_state.on_waves is not None:
+        right = "vary effects.waves.seed instead"
+        raise InputError(phrase(SEA_OFFSET_S, "the ship rides on waves that begin with it", right))
+    if not scene.sea_state.moves:
+        raise InputError(phrase(SEA_OFFSET_S, "the scene's ship lies still", "leave it out"))
+    return value
+
+
+def _judge_each(study: Study, scene: Scene, run: StudyRun) -> None:
+    """Refuse the first variable that is not possible by itself, with its place in the file."""
+    for number, (variable, value) in enumerate(zip(study.vary, run.values, strict=True)):
+        if not variable.names and variable.path != SEA_OFFSET_S:
+            with _at(f"{study.path}: vary[{number}]"):
+                change_scene(scene, _changes(variable, value))
+
+
+@contextmanager
+def _at(where: str) -> Iterator[None]:
+    """Say where in the study it was."""
+    try:
+        yield
+    except RopeTwinError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
+def _changes(variable: Variable, value: Value) -> list[Change]:
+    """What a variable's value changes."""
+    if variable.cases:
+        case = next(one for one in variable.cases if one.name == value)
+        return [Change(path, number, variable.multiply) for path, number in case.set_.items()]
+    return [Change(variable.path, float(value), variable.multiply)]
+
+
+@lru_cache(maxsize=64)
+def _preset(name: str) -> Rope:
+    return rope_preset(name)
+
+
+def _named(scene: Scene, path: str, name: str) -> Scene:
+    """The scene with another rope or another bag.
+
+    Raises:
+        RopeTwinError: there is none of that name, or a rule of scenes is broken by it.
+    """
+    ropes = {f"ropes[{number}].rope": number for number in range(len(scene.ropes))}
+    if path in ropes:
+        lines = list(scene.ropes)
+        lines[ropes[path]] = replace(lines[ropes[path]], rope=_preset(name), sections=())
+        made = replace(scene, ropes=tuple(lines))
+    elif path == "sea_state.bag":
+        made = replace(scene, sea_state=replace(scene.sea_state, bag=name))
+    else:
+        right = f"names serve {', '.join(ropes)} and sea_state.bag"
+        raise InputError(phrase(path, "it takes no name", right))
+    for where, what, right in faults(made):
+        raise InputError(phrase(where, what, right))
+    told = f"{scene.digest}\n{path}={name}"
+    return dataclasses.replace(made, digest=hashlib.sha256(told.encode()).hexdigest())

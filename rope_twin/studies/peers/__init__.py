@@ -1,0 +1,1 @@
+"""The race against other codes at equal error: `rope_twin bench peers`."""

@@ -1,0 +1,41 @@
+"""Whether a picture can be drawn (it needs matplotlib), and writing one that was."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rope_twin.errors import InputError, phrase
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def check_picture(path: Path) -> None:
+    """See, before anything is computed, that a picture can be drawn there.
+
+    Raises:
+        InputError: matplotlib is not installed, or the ending is not one of a picture.
+    """
+    if path.suffix.lower() not in (".png", ".svg", ".pdf"):
+        what = f"'{path.suffix}' is no picture that can be drawn"
+        raise InputError(phrase(str(path), what, "end it in .png, .svg or .pdf"))
+    if importlib.util.find_spec("matplotlib") is None:
+        right = "install it with `pip install 'rope_twin[plot]'`"
+        raise InputError(phrase("matplotlib", "a plot needs it and it is not there", right))
+
+
+def write_picture(figure: Figure, path: Path, dpi: float) -> None:
+    """Write a figure, with its folder; a PNG without matplotlib's version, so that it repeats.
+
+    Raises:
+        InputError: it cannot be written there.
+    """
+    metadata = {"Software": None} if path.suffix == ".png" else None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        figure.savefig(path, dpi=dpi, metadata=metadata)
+    except OSError as error:
+        right = "give a place that can be written"
+        raise InputError(phrase(str(path), str(error.strerror), right)) from error

@@ -1,0 +1,1 @@
+"""The hard cases of the rope solver: `rope_twin stability`."""

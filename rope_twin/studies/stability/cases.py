@@ -1,0 +1,77 @@
+"""The hard cases of the rope solver: all of them, and what each one found.
+
+A case holds if every one of its figures is within its limit; the row shows the figure that comes
+nearest to its own.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
+from rope_twin.studies.stability import cut, inputs, long, snap, start, vortices, winch
+from rope_twin.studies.stability.check import Case, Check
+
+CASES: tuple[Case, ...] = (
+    *snap.CASES,
+    *winch.CASES,
+    *cut.CASES,
+    *start.CASES,
+    *inputs.CASES,
+    *long.CASES,
+    *vortices.CASES,
+)
+
+
+@dataclass(frozen=True)
+class Row:
+    """What became of a case."""
+
+    case: Case
+    checks: tuple[Check, ...]
+    refusal: str  # the solver's sentence if it could not go on; else empty
+    seconds: float
+
+    @property
+    def ok(self) -> bool:
+        """Whether every figure holds."""
+        return not self.refusal and all(check.ok for check in self.checks)
+
+    @property
+    def worst(self) -> Check:
+        """The figure nearest to its limit, or farthest beyond it."""
+        if self.refusal:
+            return Check(self.refusal, float("nan"), 0.0, "")
+        return max(self.checks, key=lambda check: check.strain)
+
+
+def choose_cases(ids: Sequence[str]) -> tuple[Case, ...]:
+    """The cases of these ids in the order of CASES; all if there are none.
+
+    Raises:
+        InputError: an id that no case has.
+    """
+    known = {case.id for case in CASES}
+    for name in ids:
+        if name not in known:
+            what = f"there is no case '{name}'"
+            raise InputError(phrase("stability", what, did_you_mean(name, known)))
+    return tuple(case for case in CASES if not ids or case.id in ids)
+
+
+def run_cases(cases: Iterable[Case]) -> Iterator[Row]:
+    """Run them one after another; a row as each ends."""
+    for case in cases:
+        yield run_case(case)
+
+
+def run_case(case: Case) -> Row:
+    """Run one; a solver that gives up is a row that does not hold."""
+    began = time.perf_counter()
+    try:
+        checks, refusal = tuple(case.run()), ""
+    except RopeTwinError as error:
+        checks, refusal = (), str(error)
+    return Row(case, checks, refusal, time.perf_counter() - began)

@@ -1,0 +1,1 @@
+"""Vortex-induced vibration of a scene's rope: `rope_twin viv`."""
