@@ -15,6 +15,7 @@ from typing import Any
 from rope_twin.core.elastic import stretch, stretch_all
 from rope_twin.core.elimination import add_six, solve_symmetric, spring
 from rope_twin.core.jit import jit
+from rope_twin.core.rows import copy
 from rope_twin.core.sections import SAME_PLACE, section_above, set_element, set_lengths
 from rope_twin.core.state import (
     DIRECTION,
@@ -30,6 +31,7 @@ from rope_twin.core.state import (
     STIFFNESS,
     TENSION,
     VELOCITY,
+    ZERO,
 )
 from rope_twin.core.trial import AFTER, HIGH, LOW, MIDDLE, TRIALS, along
 
@@ -59,9 +61,7 @@ def change_elements(rope: Any, stage: Any, L: float, lower: float) -> None:
         _merge(rope, stage)
     if state.counts[ELEMENTS] != n:
         n = state.counts[ELEMENTS]
-        for k in range(VELOCITY + 3):
-            for i in range(n - 2, n + 1):
-                work[k, i] = state.nodes[k, i]
+        copy(state.nodes, ZERO, work, ZERO, n + 1)
         set_lengths(work, state.s, rope.sections, n, L)
         stretch_all(rope, stage)
 
