@@ -24,15 +24,15 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core.body import energy as body_energy
+from rope_twin.core.body import contact as body_contact
 from rope_twin.core.body import state as body_state
-from rope_twin.core.body import step as body_step
-from rope_twin.core.body.state import Deck, RigidBody
+from rope_twin.core.body.kinds import kind_of
+from rope_twin.core.body.state import Deck, Immersed, RigidBody
 from rope_twin.core.remembering import new_memory
 from rope_twin.quantity import quantity, text
 
 at = body_state
-PARTS = (body_step, body_energy)  # which register kernels and accounts of what is built here
+PARTS = (body_contact,)  # which register what is built here
 Triple = tuple[float, float, float]
 STEEL = 7850.0  # kg/m³, of the hook
 MIDDLE = (0.0, 0.0, 0.0)
@@ -144,13 +144,16 @@ def build(params: RigidBodyParams, payload: Any, around: Any) -> RigidBody:
     half_k = 0.25 * float(density * (payload.rising_drag_area_m2 - area[2]))
     hook_weight = params.hook_mass_kg * (1.0 - density / STEEL) * g
     points = _points(params) - G
-    legs, corners, deck = _legs(params, points), _corners(params) - G, _deck(params.deck, m * g)
-    return RigidBody(
+    legs, corners = _legs(params, points), _corners(params) - G
+    deck = _deck(params.deck, m * g)
+    parts = (Immersed(1.0), *deck)
+    return kind_of(parts)(
         memory=new_memory(1, 0, around.room),
         records=np.zeros((at.RECORDS, at.RECORD)),
         stage=_first_stage(),
         matrix=np.zeros((6, at.COLUMNS)),
-        hold=np.zeros(6),
+        hold=np.zeros((3, at.MISS)),
+        changes=np.zeros((6, at.CHANGES)),
         W=float((m - displaced) * g + hook_weight),
         hook=float(params.hook_mass_kg),
         hook_weight=float(hook_weight),
@@ -170,10 +173,10 @@ def build(params: RigidBodyParams, payload: Any, around: Any) -> RigidBody:
         size=np.array(params.size_m),
         legs=legs,
         corners=corners,
-        deck=deck,
+        parts=parts,
         heading=radians(params.heading_deg),
         reach=float(np.sqrt((np.vstack([points, _box(params) - G]) ** 2).sum(axis=1)).max()),
-        stiffness=float(legs[:, at.STIFFNESS].sum() + len(corners) * deck.k),
+        stiffness=float(legs[:, at.STIFFNESS].sum() + len(corners) * sum(own.k for own in deck)),
     )
 
 
@@ -246,12 +249,12 @@ def _by_strips(along_axes: Any, arms: Any) -> Any:
     ])  # fmt: skip
 
 
-def _deck(params: DeckParams | None, weight: float) -> Deck:
-    """Its figures, all 0 without one; a body stands on four corners."""
+def _deck(params: DeckParams | None, weight: float) -> tuple[Deck, ...]:
+    """The deck, if there is one; a body stands on four corners."""
     if params is None:
-        return Deck(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+        return ()
     own = params.heave
-    return Deck(
+    deck = Deck(
         height=float(params.height_m),
         with_ship=float(params.with_ship),
         amplitude=own.amplitude_m if own else 0.0,
@@ -262,3 +265,4 @@ def _deck(params: DeckParams | None, weight: float) -> Deck:
         chi=float(params.damping_s_per_m),
         mu=float(params.friction),
     )
+    return (deck,)

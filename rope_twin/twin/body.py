@@ -7,8 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.body.energy import deck_height, pose_of, pulls_of, pushes_of
-from rope_twin.core.body.state import RigidBody
+from rope_twin.core.body import state as at
+from rope_twin.core.body.contact import deck_pushes
+from rope_twin.core.body.energy import pose_of, pulls_of
+from rope_twin.core.body.parts import part_of
+from rope_twin.core.body.state import Deck, RigidBody
 from rope_twin.core.state import Rope
 from rope_twin.twin.snapshot import BodyShot, Snapshot
 
@@ -23,10 +26,10 @@ def with_body(shot: Snapshot, rope: Rope) -> Snapshot:
     force, _, _ = pulls_of(body, hook, nodes[rows.VELOCITY : rows.VELOCITY + 3, 0])
     ends = pose.place(body.legs[:, :3])
     legs = hook - ends
-    push = clearance = None
-    if len(body.corners):
-        push = float(pushes_of(body, pose)[:, 2].sum())
-        clearance = float(pose.place(body.corners)[:, 2].min()) - deck_height(body)
+    push, clearance, deck = None, None, part_of(body, Deck)
+    if deck is not None:
+        push = float(deck_pushes(deck, body, pose)[:, 2].sum())
+        clearance = float(pose.place(body.corners)[:, 2].min() - body.stage[at.DECK_Z])
     return replace(
         shot,
         payload_position_m=pose.place(body.middle),

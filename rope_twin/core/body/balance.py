@@ -1,9 +1,9 @@
 """The balance of a rigid body in a stage, and what the body leaves on the hook.
 
 TR-BDF2 steps P, L, the place x and the turn θ since the substep's start (core/body/loads.py has
-their rates); sought are v and dθ/dt. So momenta are kept to round-off, whatever turns. Newton's
-matrix is not exact, but the balance is solved to round-off; what it leaves on the hook is the
-matrix's Schur complement, definite too.
+their rates); sought are v and dθ/dt. So momenta are kept to round-off, whatever turns. The balance
+is solved to round-off by Newton's method with the exact derivative; what it leaves on the hook is
+then the exact derivative of the pull there, but for its skew part.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from rope_twin.core.body.loads import loads, momenta
 from rope_twin.core.body.rotation import (
     along,
     angular_velocity,
-    cross,
     dot,
     inward,
     matrix_of,
@@ -63,8 +62,8 @@ def balance(body: Any, q: float, hook: Any) -> float:
     attitude = turned(quaternion(s, Q_START), theta)
     R, x = matrix_of(attitude), along(vector(s, X_HAT), q, v)
     spin = angular_velocity(theta, rate)
-    f, t = loads(body, q, (x, R, v, spin), hook)
-    P, L, _ = momenta(body, R, v, spin)
+    f, t = loads(body, q, (x, R, v, spin), hook, (theta, rate))
+    P, L = momenta(body, R, v, spin)
     F, M = outward(R, f), outward(R, t)
     lost = inward(R, along(along(vector(s, P_HAT), q, F), -1.0, P))
     turn_lost = inward(R, along(along(vector(s, L_HAT), q, M), -1.0, L))
@@ -89,41 +88,37 @@ def balance(body: Any, q: float, hook: Any) -> float:
 
 
 @jit
-def factor(A: Any) -> None:
-    """A = L·D·Lᵀ in place of its lower triangle, D on the diagonal; the columns from HELD on: L⁻¹.
-
-    Six rows.
-    """
+def eliminate(A: Any) -> None:
+    """The columns from HELD on become the solutions of six equations, rows changed for pivots."""
     for j in range(6):
-        for k in range(j):
-            A[j, j] -= A[j, k] * A[j, k] * A[k, k]
+        best = j
         for i in range(j + 1, 6):
-            for k in range(j):
-                A[i, j] -= A[i, k] * A[j, k] * A[k, k]
-            A[i, j] /= A[j, j]
+            if abs(A[i, j]) > abs(A[best, j]):
+                best = i
+        for c in range(A.shape[1]):
+            A[j, c], A[best, c] = A[best, c], A[j, c]
+        for i in range(j + 1, 6):
+            part = A[i, j] / A[j, j]
+            for c in range(j, A.shape[1]):
+                A[i, c] -= part * A[j, c]
     for c in range(HELD, A.shape[1]):
-        for i in range(6):
-            for k in range(i):
-                A[i, c] -= A[i, k] * A[k, c]
+        for j in range(5, -1, -1):
+            for k in range(j + 1, 6):
+                A[j, c] -= A[j, k] * A[k, c]
+            A[j, c] /= A[j, j]
 
 
 @jit
 def _correct(body: Any) -> None:
-    """Newton's correction of speed and turn rate; turns count as small."""
+    """Newton's correction of speed and turn rate."""
     A, s = body.matrix, body.stage
-    factor(A)
-    for i in range(5, -1, -1):
-        A[i, MISS] /= A[i, i]
-        for k in range(i + 1, 6):
-            A[i, MISS] -= A[k, i] * A[k, MISS]
+    eliminate(A)
     R = matrix_of(quaternion(s, ATTITUDE))
     moved = outward(R, (A[0, MISS], A[1, MISS], A[2, MISS]))
-    spun = (A[3, MISS], A[4, MISS], A[5, MISS])
     put(s, SPEED_BEFORE, vector(s, SPEED))
     put(s, RATE_BEFORE, vector(s, TURN_RATE))
     put(s, SPEED, along(vector(s, SPEED), 1.0, moved))
-    spun = along(spun, 0.5, cross(vector(s, TURN), spun))
-    put(s, TURN_RATE, along(vector(s, TURN_RATE), 1.0, spun))
+    put(s, TURN_RATE, along(vector(s, TURN_RATE), 1.0, (A[3, MISS], A[4, MISS], A[5, MISS])))
 
 
 @jit
@@ -153,19 +148,20 @@ def solve(body: Any, q: float, hook: Any) -> bool:
 def left_on_hook(body: Any, q: float) -> Any:
     """Minus the derivative of the pull on the hook to its acceleration, in the world's axes.
 
-    After `solve`: q·(S - q·(GᵀS)ᵀ·A⁻¹·GᵀS), as xx, xy, xz, yy, yz, zz.
+    After `solve`: W + q·w·A⁻¹·W', with the changes W and w of the slings' pull with the hook's
+    acceleration and with what is sought, and W' of the force and moment on the body, as xx, xy,
+    xz, yy, yz, zz. Where it is not symmetric the means of both sides are taken.
     """
     A, H = body.matrix, body.hold
-    factor(A)
-    place = 0
-    for k in range(3):
-        for j in range(k, 3):
-            for i in range(6):
-                H[place] -= q * A[i, HELD + k] * A[i, HELD + j] / A[i, i]
-            H[place] *= q
-            place += 1
+    eliminate(A)
+    for j in range(HELD, MISS):
+        for i in range(3):
+            for k in range(6):
+                H[i, j] += q * H[i, k] * A[k, j]
+    xy, xz = 0.5 * (H[0, 7] + H[1, 6]), 0.5 * (H[0, 8] + H[2, 6])
+    yz = 0.5 * (H[1, 8] + H[2, 7])
+    rows = ((H[0, 6], xy, xz), (xy, H[1, 7], yz), (xz, yz, H[2, 8]))
     R = matrix_of(quaternion(body.stage, ATTITUDE))
-    rows = ((H[0], H[1], H[2]), (H[1], H[3], H[4]), (H[2], H[4], H[5]))
     a, b = outward(R, outward(rows, R[0])), outward(R, outward(rows, R[1]))
     c = outward(R, outward(rows, R[2]))
     return a[0], a[1], a[2], b[1], b[2], c[2]

@@ -3,7 +3,7 @@
 Kinetic energy counts the water's at the velocity against it, c, and p·u besides, so that its rate
 is the power of all forces but the added mass: along z ∫w·M(w)·dw, of which the part that differs
 rising from sinking is ΔM/2·(w·√(w² + δ²) - δ²·asinh(w/δ)). Slings and pin store ½·k·stretch². What
-their dampers and the deck take goes to the water's account.
+their dampers and the parts (core/body/parts.py) take goes to the water's account.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.body import state as body_state
-from rope_twin.core.body.loads import CREEP, TURN2
+from rope_twin.core.body.loads import TURN2
+from rope_twin.core.body.parts import power_of
 from rope_twin.core.body.state import DAMPING, LENGTH, STIFFNESS, RigidBody
-from rope_twin.core.energy import account
 from rope_twin.core.state import Floats
 
 at = body_state
@@ -66,7 +66,6 @@ def pulls_of(body: RigidBody, hook: Any, speed: Any) -> tuple[Floats, Floats, Fl
     return force, stored, lost
 
 
-@account("kinetic_end", RigidBody)
 def kinetic(body: Any, place: Any) -> Any:
     """Of body, water and hook [J]."""
     pose, u = pose_of(body), _three(body.records[int(body.memory[0, 0])], at.WATER)
@@ -81,7 +80,6 @@ def kinetic(body: Any, place: Any) -> Any:
     return own + water + 0.5 * body.hook * (place.velocity**2).sum(axis=0)
 
 
-@account("potential_end", RigidBody)
 def potential(body: Any, place: Any) -> Any:
     """Weight less buoyancy times height of body and hook, and what slings store [J]."""
     pose = pose_of(body)
@@ -90,9 +88,8 @@ def potential(body: Any, place: Any) -> Any:
     return body.g * height + stored.sum() + body.hook_weight * place.position[2]
 
 
-@account("power_end", RigidBody)
 def power(body: Any, place: Any) -> Any:
-    """Of drag, the water's acceleration and the deck, less what the slings' dampers take [W]."""
+    """Of drag, the water's acceleration and the parts, less what the slings' dampers take [W]."""
     pose, now = pose_of(body), body.records[int(body.memory[0, 0])]
     u, grows = _three(now, at.WATER), _three(now, at.GROWS)
     c = (pose.velocity - u) @ pose.turn + np.cross(pose.spin, body.watered)
@@ -106,21 +103,7 @@ def power(body: Any, place: Any) -> Any:
     total += body.displaced * grows @ pose.speed(body.buoyed) - swept @ pose.turn.T @ u
     total -= (body.k[3:] * np.abs(pose.spin) ** 3).sum()
     _, _, lost = pulls_of(body, place.position[:, 0], place.velocity[:, 0])
-    return total - lost.sum() + (pushes_of(body, pose) * pose.speed(body.corners)).sum()
-
-
-def pushes_of(body: RigidBody, pose: Pose) -> Floats:
-    """Of the deck on each corner, (corners, 3) [N]."""
-    v = pose.speed(body.corners) - [0.0, 0.0, body.stage[at.DECK_SPEED]]
-    sunk = np.maximum(body.stage[at.DECK_Z] - pose.place(body.corners)[:, 2], 0.0)
-    push = body.deck.k * sunk * np.maximum(1.0 - body.deck.chi * v[:, 2], 0.0)
-    rub = body.deck.mu * push / np.sqrt((v[:, :2] ** 2).sum(axis=1) + CREEP**2)
-    return np.column_stack([-rub * v[:, 0], -rub * v[:, 1], push])
-
-
-def deck_height(body: RigidBody) -> float:
-    """Height of the deck now [m]."""
-    return float(body.stage[at.DECK_Z])
+    return total - lost.sum() + power_of(body, pose)
 
 
 def _three(table: Floats, i: int) -> Floats:

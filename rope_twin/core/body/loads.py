@@ -13,10 +13,9 @@ Drag is -½·ρ·CdA_k·|c|·c_k along the body's axes and -½·ρ·C_k·|Ω_k|�
 figures blend from sinking to rising as effects/payload has it; the momentum is then
 M̄·w + ΔM·(√(w² + δ²) - δ), whose slope is M(w).
 
-A sling pulls with max(0, k·(l - L) + c·dl/dt), a pin with k·d + c·dd/dt in all directions; a deck
-pushes as effects/seabed has it. Newton's matrix is symmetric and definite: mass, drag, and of each
-place r that is held q·(q·K + C); it leaves out how arms turn, of the order of the squared step over
-the squared period of swinging.
+A sling pulls with max(0, k·(l - L) + c·dl/dt), a pin with k·d + c·dd/dt in all directions; what
+else acts are parts (core/body/parts.py). Newton's matrix is the derivative of all this
+(core/body/change.py), arms and directions that turn with the body included.
 """
 
 from __future__ import annotations
@@ -24,20 +23,23 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from rope_twin.core.body.rotation import (
-    along,
-    cross,
-    dot,
-    inward,
-    outward,
-    put,
-    vector,
+from rope_twin.core.body.change import (
+    NONE,
+    add_change,
+    add_moment_change,
+    add_steady,
+    change_of,
+    moment_change,
+    set_changes,
+    unit,
 )
+from rope_twin.core.body.parts import act_all, part
+from rope_twin.core.body.rotation import along, cross, dot, inward, outward, put, vector
 from rope_twin.core.body.state import (
+    D_SPEED,
+    D_SPIN,
+    D_TURN,
     DAMPING,
-    DECK_PUSH,
-    DECK_SPEED,
-    DECK_Z,
     FLOW_GROWS,
     FLOW_NOW,
     FORCES,
@@ -47,109 +49,158 @@ from rope_twin.core.body.state import (
     ON_HOOK,
     SHARE,
     STIFFNESS,
+    Immersed,
 )
 from rope_twin.core.jit import jit, jit_within
 
 TURN2 = 0.05**2  # δ² of the blend from sinking to rising [m²/s²]
-CREEP = 0.01  # friction is within 0.5 % of μ·N from ten times this on [m/s]
-NONE = (0.0, 0.0, 0.0)
+
+
+@jit_within
+def _scaled(a: Any, b: Any) -> Any:
+    return a[0] * b[0], a[1] * b[1], a[2] * b[2]
 
 
 @jit_within
 def water_momentum(body: Any, c: Any) -> Any:
-    """M_A·c in body axes, and M along z at this velocity."""
+    """M_A·c in body axes, and M along the axes at this velocity."""
     root = sqrt(c[2] * c[2] + TURN2)
     lift = body.added[2] * c[2] + body.rising * (root - sqrt(TURN2))
-    return (body.added[0] * c[0], body.added[1] * c[1], lift), (
-        body.added[2] + body.rising * c[2] / root
+    M = (body.added[0], body.added[1], body.added[2] + body.rising * c[2] / root)
+    return (M[0] * c[0], M[1] * c[1], lift), M
+
+
+@jit_within
+def _own(body: Any, spin: Any) -> Any:
+    """(I + I_A)·Ω."""
+    return (
+        dot(body.inertia[0], spin) + body.added[3] * spin[0],
+        dot(body.inertia[1], spin) + body.added[4] * spin[1],
+        dot(body.inertia[2], spin) + body.added[5] * spin[2],
     )
 
 
 @jit
 def momenta(body: Any, R: Any, v: Any, spin: Any) -> Any:
-    """P, L, and Rᵀp; u is the water's velocity that is held."""
+    """P and L; u is the water's velocity that is held."""
     h = vector(body.watered, 0)
-    against = along(v, -1.0, vector(body.stage, FROZEN))
-    p, _ = water_momentum(body, along(inward(R, against), 1.0, cross(spin, h)))
-    own = (
-        dot(body.inertia[0], spin) + body.added[3] * spin[0],
-        dot(body.inertia[1], spin) + body.added[4] * spin[1],
-        dot(body.inertia[2], spin) + body.added[5] * spin[2],
-    )
+    against = inward(R, along(v, -1.0, vector(body.stage, FROZEN)))
+    p, _ = water_momentum(body, along(against, 1.0, cross(spin, h)))
     P = along(outward(R, p), body.m, v)
-    return P, outward(R, along(own, 1.0, cross(h, p))), p
+    return P, outward(R, along(_own(body, spin), 1.0, cross(h, p)))
 
 
 @jit
-def _add_point(A: Any, r: Any, S: Any) -> None:
-    """A += Gᵀ·S·G of a place r that moves by G·(δv, δΩ) = δv - r × δΩ; S: xx, xy, xz, yy, ..."""
-    columns = ((S[0], S[1], S[2]), (S[1], S[3], S[4]), (S[2], S[4], S[5]))
-    a, b, c = cross(r, columns[0]), cross(r, columns[1]), cross(r, columns[2])
-    for i in range(3):
-        low = cross(r, (a[i], b[i], c[i]))
-        for j in range(3):
-            A[i, j] += columns[i][j]
-            A[3 + i, 3 + j] += low[j]
-        A[3 + i, 0] += a[i]
-        A[3 + i, 1] += b[i]
-        A[3 + i, 2] += c[i]
-
-
-@jit
-def _add_hold(body: Any, r: Any, S: Any) -> None:
-    """Gᵀ·S of a place that the hook holds, and S itself."""
-    columns = ((S[0], S[1], S[2]), (S[1], S[3], S[4]), (S[2], S[4], S[5]))
-    for k in range(3):
-        low = cross(r, columns[k])
-        for i in range(3):
-            body.matrix[i, HELD + k] += columns[k][i]
-            body.matrix[3 + i, HELD + k] += low[i]
+def _add_momenta(body: Any, q: float, pose: Any) -> Any:
+    """The changes of P and L into the matrix; the moment -(v - u) × p in body axes."""
+    _, R, v, spin = pose
+    h = vector(body.watered, 0)
+    against = inward(R, along(v, -1.0, vector(body.stage, FROZEN)))
+    p, M = water_momentum(body, along(against, 1.0, cross(spin, h)))
+    L = along(_own(body, spin), 1.0, cross(h, p))
     for k in range(6):
-        body.hold[k] += S[k]
-
-
-@jit_within
-def _times(s: float, S: Any) -> Any:
-    return s * S[0], s * S[1], s * S[2], s * S[3], s * S[4], s * S[5]
-
-
-@jit
-def _along_and_across(n: Any, a: float, b: float) -> Any:
-    """a·n·nᵀ + b·(I - n·nᵀ)."""
-    d = a - b
-    return (
-        b + d * n[0] * n[0], d * n[0] * n[1], d * n[0] * n[2], b + d * n[1] * n[1],
-        d * n[1] * n[2], b + d * n[2] * n[2],
-    )  # fmt: skip
+        row = body.changes[k]
+        dv, psi, dspin = vector(row, D_SPEED), vector(row, D_TURN), vector(row, D_SPIN)
+        dc = along(along(dv, -1.0, cross(psi, against)), 1.0, cross(dspin, h))
+        dp = _scaled(M, dc)
+        dL = along(along(_own(body, dspin), 1.0, cross(h, dp)), 1.0, cross(psi, L))
+        dp = along(dp, 1.0, cross(psi, p))
+        add_change(body, k, 1.0, along(dp, body.m, dv), dL)
+        add_moment_change(body, k, q, along(cross(dv, p), 1.0, cross(against, dp)))
+    return cross(p, against)
 
 
 @jit
-def pull_of(leg: Any, share: float, q: float, d: Any, e: Any) -> Any:
-    """Pull of a leg on the body, along d, and its S = q·K + C; share: of its stiffness.
+def _add_drag(body: Any, q: float, pose: Any) -> Any:
+    """Force and moment of the water in body axes, less those in the momenta."""
+    _, R, v, spin = pose
+    h, s = vector(body.watered, 0), body.stage
+    against = inward(R, along(v, -1.0, vector(s, FLOW_NOW)))
+    grows = inward(R, vector(s, FLOW_GROWS))
+    c = along(against, 1.0, cross(spin, h))
+    _, M = water_momentum(body, c)
+    speed, root = sqrt(dot(c, c) + 1e-20), sqrt(c[2] * c[2] + TURN2)
+    k = (body.k[0], body.k[1], body.k[2] + body.rising_k * c[2] / root)
+    f = along(_scaled(M, grows), -speed, _scaled(k, c))
+    e = (body.k[3] * abs(spin[0]), body.k[4] * abs(spin[1]), body.k[5] * abs(spin[2]))
+    slows = _scaled(e, spin)
+    bend = TURN2 / (root * root * root) * (body.rising * grows[2] - body.rising_k * speed * c[2])
+    for i in range(6):
+        row = body.changes[i]
+        psi, dspin = vector(row, D_TURN), vector(row, D_SPIN)
+        dc = along(vector(row, D_SPEED), -1.0, cross(psi, against))
+        dc = along(dc, 1.0, cross(dspin, h))
+        w = _scaled(M, cross(grows, psi))
+        w = along(along(w, -speed, _scaled(k, dc)), -dot(c, dc) / speed, _scaled(k, c))
+        w = along((w[0], w[1], w[2] + bend * dc[2]), 1.0, cross(psi, f))
+        turn = moment_change(h, w, cross(psi, h), f)
+        turn = along(along(turn, -1.0, cross(psi, slows)), -2.0, _scaled(e, dspin))
+        add_change(body, i, -q, w, turn)
+    return f, along(cross(h, f), -1.0, slows), sqrt(dot(f, f))
 
-    d: from the body to the hook; e: its rate.
+
+@part("act", Immersed)
+def act_immersed(part: Any, body: Any, q: float, pose: Any) -> Any:
+    """Buoyancy of the whole body, and what accelerates its water."""
+    _, R, _, _ = pose
+    b, lift = vector(body.buoyed, 0), body.displaced * body.g
+    f = along(NONE, body.displaced, inward(R, vector(body.stage, FLOW_GROWS)))
+    f = along(f, lift, R[2])
+    add_steady(body, q, b, f)
+    return f, cross(b, f), lift
+
+
+@jit
+def pull_of(leg: Any, share: float, d: Any, e: Any) -> Any:
+    """Pull of a leg on the body, along d, with its length and size; share: of its stiffness.
+
+    d: from the body to the hook; e: its rate. The size is 0 where it is slack.
     """
     k, c, L = share * leg[STIFFNESS], leg[DAMPING], leg[LENGTH]
     if L == 0.0:
-        S = q * k + c
-        return along(along(NONE, k, d), c, e), (S, 0.0, 0.0, S, 0.0, S)
+        pull = along(along(NONE, k, d), c, e)
+        return pull, 1.0, sqrt(dot(pull, pull))
     length = sqrt(dot(d, d) + 1e-20)
     n = along(NONE, 1.0 / length, d)
     T = k * (length - L) + c * dot(n, e)
     if not T > 0.0:
-        return NONE, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    return along(NONE, T, n), _along_and_across(n, q * k + c, q * T / length)
+        return NONE, length, 0.0
+    return along(NONE, T, n), length, T
 
 
 @jit
-def _push_of(deck: Any, q: float, above: float, v: Any) -> Any:
-    """Push of the deck, upward and against sliding, in the world's axes, and its S."""
-    sunk = max(-above, 0.0)
-    gain = max(1.0 - deck.chi * v[2], 0.0)
-    push = deck.k * sunk * gain
-    rub = deck.mu * push / sqrt(v[0] * v[0] + v[1] * v[1] + CREEP * CREEP)
-    stiff = q * deck.k * gain + deck.chi * deck.k * sunk if push > 0.0 else 0.0
-    return (-rub * v[0], -rub * v[1], push), (stiff, rub)
+def _pull_change(leg: Any, share: float, reach: Any, found: Any, moved: Any) -> Any:
+    """How that changes with d and e; not of a slack one."""
+    k, c, L = share * leg[STIFFNESS], leg[DAMPING], leg[LENGTH]
+    d, e = reach
+    dd, de = moved
+    if L == 0.0:
+        return along(along(NONE, k, dd), c, de)
+    _, length, T = found
+    n = along(NONE, 1.0 / length, d)
+    off = dot(n, dd)
+    dn = along(along(NONE, 1.0 / length, dd), -off / length, n)
+    dT = k * off + c * (dot(dn, e) + dot(n, de))
+    return along(along(NONE, dT, n), T, dn)
+
+
+@jit
+def _add_leg(body: Any, q: float, leg: Any, reach: Any, found: Any, spin: Any) -> None:
+    """The changes of its pull: with what is sought, and with the acceleration of the hook."""
+    r, share, f = vector(leg, 0), body.stage[SHARE], found[0]
+    turning = cross(spin, r)
+    for k in range(6):
+        place, speed, arm = change_of(body, k, r, turning)
+        moved = along(NONE, -1.0, place), along(NONE, -1.0, speed)
+        w = _pull_change(leg, share, reach, found, moved)
+        add_change(body, k, -q, w, moment_change(r, w, arm, f))
+        for i in range(3):
+            body.hold[i, k] += w[i]
+    for k in range(3):
+        w = _pull_change(leg, share, reach, found, (unit(k, q * q), unit(k, q)))
+        add_change(body, HELD + k, 1.0, w, cross(r, w))
+        for i in range(3):
+            body.hold[i, HELD + k] += w[i]
 
 
 @jit
@@ -162,89 +213,27 @@ def _add_slings(body: Any, q: float, pose: Any, hook: Any) -> Any:
         r = vector(leg, 0)
         d = along(inward(R, along(hook[0], -1.0, x)), -1.0, r)
         e = along(inward(R, along(hook[1], -1.0, v)), -1.0, cross(spin, r))
-        pull, S = pull_of(leg, body.stage[SHARE], q, d, e)
-        f, t = along(f, 1.0, pull), along(t, 1.0, cross(r, pull))
-        size += sqrt(dot(pull, pull))
-        _add_point(body.matrix, r, _times(q, S))
-        _add_hold(body, r, S)
+        found = pull_of(leg, body.stage[SHARE], d, e)
+        if found[2] > 0.0:
+            f, t = along(f, 1.0, found[0]), along(t, 1.0, cross(r, found[0]))
+            size += found[2]
+            _add_leg(body, q, leg, (d, e), found, spin)
     put(body.stage, ON_HOOK, outward(R, along(NONE, -1.0, f)))
     return f, t, size
 
 
 @jit
-def _add_deck(body: Any, q: float, pose: Any) -> Any:
-    """The same of the deck."""
-    x, R, v, spin = pose
-    f, t, total = NONE, NONE, 0.0
-    for j in range(body.corners.shape[0]):
-        r = vector(body.corners[j], 0)
-        place = along(x, 1.0, outward(R, r))
-        speed = along(v, 1.0, outward(R, cross(spin, r)))
-        moving = (speed[0], speed[1], speed[2] - body.stage[DECK_SPEED])
-        push, (stiff, rub) = _push_of(body.deck, q, place[2] - body.stage[DECK_Z], moving)
-        own = inward(R, push)
-        f, t = along(f, 1.0, own), along(t, 1.0, cross(r, own))
-        total += push[2]
-        _add_point(body.matrix, r, _times(q, _along_and_across(R[2], stiff, rub)))
-    body.stage[DECK_PUSH] = total
-    return f, t, total
+def loads(body: Any, q: float, pose: Any, hook: Any, turn: Any) -> Any:
+    """Force and moment about G in body axes, with Newton's matrix.
 
-
-@jit
-def _add_water(body: Any, q: float, pose: Any) -> Any:
-    """Force and moment of weight, buoyancy and water in body axes, less those in `momenta`."""
-    _, R, v, spin = pose
-    h, b, s = vector(body.watered, 0), vector(body.buoyed, 0), body.stage
-    c = along(inward(R, along(v, -1.0, vector(s, FLOW_NOW))), 1.0, cross(spin, h))
-    _, Mz = water_momentum(body, c)
-    speed = sqrt(dot(c, c) + 1e-20)
-    root = sqrt(c[2] * c[2] + TURN2)
-    kx, ky, kz = body.k[0], body.k[1], body.k[2] + body.rising_k * c[2] / root
-    grows = inward(R, vector(s, FLOW_GROWS))
-    at_h = (
-        body.added[0] * grows[0] - kx * speed * c[0],
-        body.added[1] * grows[1] - ky * speed * c[1],
-        Mz * grows[2] - kz * speed * c[2],
-    )
-    at_b = along(along(NONE, body.displaced * body.g, R[2]), body.displaced, grows)
-    f = along(along(at_h, 1.0, at_b), -body.m * body.g, R[2])
-    t = along(cross(h, at_h), 1.0, cross(b, at_b))
-    ex, ey, ez = body.k[3] * abs(spin[0]), body.k[4] * abs(spin[1]), body.k[5] * abs(spin[2])
-    t = along(t, -1.0, (ex * spin[0], ey * spin[1], ez * spin[2]))
-    slope = q * body.rising_k * TURN2 / (root * root * root) * speed * c[2]
-    D = (
-        body.added[0] + q * kx * (speed + c[0] * c[0] / speed), 0.0, 0.0,
-        body.added[1] + q * ky * (speed + c[1] * c[1] / speed), 0.0,
-        Mz + q * kz * (speed + c[2] * c[2] / speed) + slope,
-    )  # fmt: skip
-    _add_point(body.matrix, h, D)
-    for k, extra in enumerate((ex, ey, ez)):
-        body.matrix[3 + k, 3 + k] += 2.0 * q * extra
-    size = (body.m + body.displaced) * body.g + sqrt(dot(at_h, at_h))
-    return f, t, size
-
-
-@jit
-def loads(body: Any, q: float, pose: Any, hook: Any) -> Any:
-    """Force and moment about G in body axes, with Newton's matrix of masses and slopes.
-
-    pose: place, R, velocity, spin; hook: place and velocity.
+    pose: place, R, velocity, spin; hook: place and velocity; turn: θ and its rate.
     """
-    A = body.matrix
-    A[:, :] = 0.0
-    body.hold[:] = 0.0
-    for k in range(3):
-        A[k, k] = body.m
-        for j in range(3):
-            A[3 + k, 3 + j] = body.inertia[k, j]
-        A[3 + k, 3 + k] += body.added[3 + k]
-    f, t, size = _add_water(body, q, pose)
+    body.matrix[:, :] = 0.0
+    body.hold[:, :] = 0.0
+    set_changes(body, q, turn[0], turn[1])
+    lost = _add_momenta(body, q, pose)
+    f, t, size = act_all(body.parts, body, q, pose, _add_drag(body, q, pose))
     more, twist, total = _add_slings(body, q, pose, hook)
-    f, t, size = along(f, 1.0, more), along(t, 1.0, twist), size + total
-    more, twist, total = _add_deck(body, q, pose)
-    f, t, size = along(f, 1.0, more), along(t, 1.0, twist), size + total
-    _, R, v, spin = pose
-    _, _, p = momenta(body, R, v, spin)
-    against = inward(R, along(v, -1.0, vector(body.stage, FROZEN)))
-    body.stage[FORCES] = size
-    return f, along(t, -1.0, cross(against, p))
+    f = along(along(f, 1.0, more), -body.m * body.g, pose[1][2])
+    body.stage[FORCES] = size + total + body.m * body.g
+    return f, along(along(t, 1.0, twist), 1.0, lost)

@@ -11,14 +11,16 @@ from __future__ import annotations
 from math import cos, nan, sin, sqrt
 from typing import Any
 
-from rope_twin.core.body.balance import ROUND_OFF
-from rope_twin.core.body.loads import NONE, loads, pull_of
+from rope_twin.core.body.balance import ROUND_OFF, eliminate
+from rope_twin.core.body.change import NONE, unit
+from rope_twin.core.body.loads import loads, pull_of
+from rope_twin.core.body.parts import highest_floor
 from rope_twin.core.body.rotation import along, dot, matrix_of, outward, put, turned, vector
 from rope_twin.core.body.state import (
-    DECK_Z,
     FLOW_GROWS,
     FLOW_NOW,
     FROZEN,
+    HOOK,
     LENGTH,
     MISS,
     RECORD,
@@ -45,8 +47,8 @@ def _lift(body: Any, drop: float) -> float:
     total = 0.0
     for j in range(body.legs.shape[0]):
         r = vector(body.legs[j], 0)
-        pull, _ = pull_of(body.legs[j], body.stage[SHARE], 1.0, (-r[0], -r[1], drop - r[2]), NONE)
-        total += pull[2]
+        found = pull_of(body.legs[j], body.stage[SHARE], (-r[0], -r[1], drop - r[2]), NONE)
+        total += found[0][2]
     return total
 
 
@@ -70,9 +72,9 @@ def _drop(body: Any) -> float:
 
 @jit
 def _forces(body: Any, place: Any, attitude: Any) -> Any:
-    """Force and moment in body axes; the hook is the origin."""
+    """Force and moment in body axes."""
     pose = (place, matrix_of(attitude), NONE, NONE)
-    return loads(body, 1.0, pose, (NONE, NONE))
+    return loads(body, 1.0, pose, (vector(body.stage, HOOK), NONE), (NONE, NONE))
 
 
 @jit
@@ -82,20 +84,13 @@ def _moved(place: Any, attitude: Any, change: Any, turn: Any) -> Any:
 
 
 @jit
-def _unit(k: int, size: float) -> Any:
-    return (
-        size if k == 0 else 0.0, size if k == 1 else 0.0, size if k == 2 else 0.0
-    )  # fmt: skip
-
-
-@jit
 def _take_slopes(body: Any, place: Any, attitude: Any, found: Any) -> None:
     """-dF/d(place, turn) into the matrix, the forces into its last column."""
     # `loads` clears the matrix that these go into: they wait in a record that nobody uses yet
     spare, (f, t) = body.records, found
     for k in range(6):
         size = NUDGE * body.reach if k < 3 else NUDGE
-        change, turn = _unit(k, size), _unit(k - 3, size)
+        change, turn = unit(k, size), unit(k - 3, size)
         there, so = _moved(place, attitude, change, turn)
         force, twist = _forces(body, there, so)
         row = spare[1 + k // 3]
@@ -111,34 +106,13 @@ def _take_slopes(body: Any, place: Any, attitude: Any, found: Any) -> None:
 
 
 @jit
-def _eliminate(A: Any) -> None:
-    """The last column becomes the solution of six equations, rows changed for the largest pivot."""
-    for j in range(6):
-        best = j
-        for i in range(j + 1, 6):
-            if abs(A[i, j]) > abs(A[best, j]):
-                best = i
-        for c in range(A.shape[1]):
-            A[j, c], A[best, c] = A[best, c], A[j, c]
-        for i in range(j + 1, 6):
-            part = A[i, j] / A[j, j]
-            for c in range(j, 6):
-                A[i, c] -= part * A[j, c]
-            A[i, MISS] -= part * A[j, MISS]
-    for j in range(5, -1, -1):
-        for c in range(j + 1, 6):
-            A[j, MISS] -= A[j, c] * A[c, MISS]
-        A[j, MISS] /= A[j, j]
-
-
-@jit
 def _step(body: Any, drag: float) -> Any:
     """Change of place and turn in one round, at most as far as a round may go."""
     A = body.matrix
     for k in range(3):
         A[k, k] += drag / body.reach
         A[3 + k, 3 + k] += drag * body.reach
-    _eliminate(A)
+    eliminate(A)
     change, turn = (A[0, MISS], A[1, MISS], A[2, MISS]), (A[3, MISS], A[4, MISS], A[5, MISS])
     far = max(sqrt(dot(change, change)) / body.reach, sqrt(dot(turn, turn)))
     share = min(1.0, FARTHEST / (far + 1e-300))
@@ -176,43 +150,40 @@ def _relax(body: Any, place: Any, attitude: Any, weight: float) -> Any:
 
 
 @jit
-def _first_place(body: Any) -> Any:
-    """Upright below the hook, or on the deck if that is higher; the hook is the origin."""
-    lowest, drop = 0.0, _drop(body)
-    if body.corners.shape[0] == 0:
-        return 0.0, 0.0, -drop
+def _first_place(body: Any, hook: Any) -> Any:
+    """Upright below the hook, or on what carries it there if that is higher."""
+    place, lowest = along(hook, -_drop(body), (0.0, 0.0, 1.0)), 0.0
     for j in range(body.corners.shape[0]):
         lowest = min(lowest, body.corners[j, 2])
-    return 0.0, 0.0, max(-drop, body.stage[DECK_Z] - lowest)
+    return hook[0], hook[1], highest_floor(body.parts, body, place, place[2] + lowest) - lowest
 
 
 @jit
 def put_to_rest(body: Any, hook: Any) -> None:
     """Record 0 is the body at rest below the hook; not finite if it finds no rest.
 
-    The stage tells the water's velocity, and the deck's height, in which it begins. Slings are
-    soft at first, so that they give while the body finds its attitude, then ten times stiffer and
-    so on until they are themselves.
+    The stage tells the water, and the deck's height, in which it begins. Slings are soft at first,
+    so that they give while the body finds its attitude, then ten times stiffer and so on until
+    they are themselves.
     """
     s, record = body.stage, body.records[0]
     put(s, FROZEN, vector(s, FLOW_NOW))
     put(s, FLOW_GROWS, NONE)
-    s[DECK_Z] -= hook[2]
+    put(s, HOOK, hook)
     weight = (body.m + body.displaced) * body.g + TINY_WEIGHT
     long = body.reach
     for j in range(body.legs.shape[0]):
         long = max(long, body.legs[j, LENGTH])
     s[SHARE] = min(1.0, weight / (SOFT * long * body.stiffness))
     half = 0.5 * body.heading
-    place, attitude = _first_place(body), (0.0, 0.0, sin(half), cos(half))
+    place, attitude = _first_place(body, hook), (0.0, 0.0, sin(half), cos(half))
     place, attitude, rests = _relax(body, place, attitude, weight)
     while s[SHARE] < 1.0:
         s[SHARE] = min(1.0, STIFFER * s[SHARE])
         place, attitude, rests = _relax(body, place, attitude, weight)
-    s[DECK_Z] += hook[2]
     for k in range(RECORD):
         record[k] = 0.0
-    put(record, X, along(place, 1.0, hook))
+    put(record, X, place)
     for k in range(4):
         record[ATTITUDE + k] = attitude[k]
     put(record, V, NONE if rests else (nan, nan, nan))

@@ -37,17 +37,27 @@ FRESH = 92  # 1: the body has yet to be put where it rests
 SHIP_Z = 93  # height of the hang-off at rest [m]
 FORCES = 94  # sum of the sizes of all forces on the body [N]
 SHARE = 95  # of the slings' stiffness that counts: less than 1 while rest is sought
-STAGE = 96
+HOOK = np.int64(96)  # where the rope ends while rest is sought, 3 numbers [m]
+STAGE = 99
 
-# Columns of the matrix: A (lower triangle), Gᵀ·S of what the hook holds, residual.
+# Columns of the matrix: A; what the hook's acceleration brings, without q; residual.
 HELD, MISS, COLUMNS = 6, 9, 10
+# A change of the body's motion (core/body/change.py): δx, δv, ψ, δΩ.
+D_PLACE, D_SPEED, D_TURN, D_SPIN = _places(0, 12)
+CHANGES = 12
 
 # A leg: where it holds the body, its length (0: a pin), stiffness, damping
 LENGTH, STIFFNESS, DAMPING, LEG = 3, 4, 5, 6
 
 
+class Immersed(NamedTuple):
+    """A body that is wet all over, as a part."""
+
+    share: float  # of it: 1
+
+
 class Deck(NamedTuple):
-    """What the body can stand on: a level plane."""
+    """What the body can stand on, as a part: a level plane."""
 
     height: float  # at rest [m]
     with_ship: float  # 1: it heaves as the hang-off does
@@ -67,7 +77,9 @@ class RigidBody(NamedTuple):
     records: Floats  # (RECORDS, RECORD)
     stage: Floats  # scratch, (STAGE,)
     matrix: Floats  # scratch, (6, COLUMNS)
-    hold: Floats  # scratch: the slings' stiffness at the hook, xx, xy, xz, yy, yz, zz [kg/s]
+    hold: Floats  # scratch: changes of the slings' pull with what is sought, and with the
+    # acceleration of the hook, (3, 9)
+    changes: Floats  # scratch, (6, CHANGES)
     W: float  # weight in water, the hook's with it [N]
     hook: float  # its mass [kg]
     hook_weight: float  # in water [N]
@@ -86,7 +98,7 @@ class RigidBody(NamedTuple):
     size: Floats  # its outline, (3,) [m]
     legs: Floats  # (legs, LEG)
     corners: Floats  # places that can touch a deck, (corners, 3)
-    deck: Deck
+    parts: tuple[Any, ...]  # what else acts on it (core/body/parts.py)
     heading: float  # of its x axis at the start, from east to north [rad]
     reach: float  # from G to the farthest of all this [m]
     stiffness: float  # of legs and deck, their sum [N/m]

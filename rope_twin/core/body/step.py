@@ -1,25 +1,25 @@
 """How a rigid body joins the rope's stages: predicted, solved for the hook's motion, settled.
 
 The number of the record that holds is what it remembers (core/remembering.py): so a substep that
-is rejected, or a step that fails, leaves the body as it was.
+is rejected, or a step that fails, leaves the body as it was. core/body/kinds.py registers these
+kernels for each type of body.
 """
 
 from __future__ import annotations
 
-from math import cos, nan, sin
+from math import nan
 from typing import Any
 
 from rope_twin.core.assembly import set_flow
 from rope_twin.core.body import state as body_state
 from rope_twin.core.body.balance import left_on_hook, solve
+from rope_twin.core.body.change import NONE
 from rope_twin.core.body.loads import momenta
+from rope_twin.core.body.parts import foresee_all
 from rope_twin.core.body.rest import put_to_rest
 from rope_twin.core.body.rotation import along, matrix_of, outward, put, quaternion, vector
-from rope_twin.core.body.state import RigidBody
-from rope_twin.core.hooks import kernel, switching
 from rope_twin.core.jit import jit
 from rope_twin.core.prediction import GAMMA, K1, K2
-from rope_twin.core.remembering import remembering
 from rope_twin.core.rows import rows, span
 from rope_twin.core.stage import TRAPEZOID
 from rope_twin.core.state import (
@@ -35,32 +35,13 @@ from rope_twin.core.state import (
 from rope_twin.core.trial import LOW
 
 at = body_state
-remembering(RigidBody, 1)
-switching(RigidBody)
 
 
-@kernel("start", RigidBody)
 def start(body: Any, rope: Any) -> None:
     """The body is put to rest once the water is known; the ship is where it is at rest."""
     body.memory[0, 0] = 0.0
     body.stage[at.FRESH] = 1.0
     body.stage[at.SHIP_Z] = rope.state.nodes[POSITION + 2, rope.state.counts[ELEMENTS]]
-
-
-@jit
-def _set_deck(body: Any, rope: Any, time: float) -> None:
-    """Height and rate of the deck at the stage's time."""
-    deck, s, n = body.deck, body.stage, rope.state.counts[ELEMENTS]
-    share, rate = 1.0, 0.0
-    if time < deck.ramp:
-        u = max(time, 0.0) / deck.ramp
-        share = u * u * u * (10.0 + u * (6.0 * u - 15.0))
-        rate = 30.0 * u * u * (u - 1.0) * (u - 1.0) / deck.ramp
-    angle = deck.omega * time + deck.phase
-    z, w = deck.amplitude * sin(angle), deck.amplitude * deck.omega * cos(angle)
-    ship = rope.work[POSITION + 2, n] - s[at.SHIP_Z]
-    s[at.DECK_Z] = deck.height + deck.with_ship * ship + share * z
-    s[at.DECK_SPEED] = deck.with_ship * rope.work[VELOCITY + 2, n] + share * w + rate * z
 
 
 @jit
@@ -90,7 +71,7 @@ def _predict_first(body: Any, q: float) -> None:
     v, spin, before = vector(now, at.V), vector(now, at.SPIN), vector(now, at.WATER)
     grown = along(vector(s, at.FLOW_NOW), -1.0, before)
     put(s, at.FROZEN, along(before, 0.5 / GAMMA, grown))  # that of the substep's middle
-    P, L, _ = momenta(body, matrix_of(quaternion(now, at.Q)), v, spin)
+    P, L = momenta(body, matrix_of(quaternion(now, at.Q)), v, spin)
     put(s, at.P_START, P)
     put(s, at.L_START, L)
     for k in range(4):
@@ -120,34 +101,41 @@ def _predict_second(body: Any) -> None:
     put(s, at.TURN_RATE, vector(s, at.RATE_MIDDLE))
 
 
-@kernel("predict", RigidBody)
+@jit
+def _foresee(body: Any, rope: Any, stage: Any, pose: Any) -> None:
+    """The water at the pose foreseen for the stage, and what else the body meets there."""
+    h = outward(pose[1], vector(body.watered, 0))
+    _ask_water(body, rope, stage, along(pose[0], 1.0, h))
+    foresee_all(body.parts, body, rope, stage, pose)
+
+
 def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
     """What the stage starts from, and the water and the deck of its time."""
     if low > 0:
         return
     s, work, q = body.stage, rope.work, stage.q
-    _set_deck(body, rope, stage.time)
     if s[at.FRESH] > 0.0:
         hook = (work[POSITION, 0], work[POSITION + 1, 0], work[POSITION + 2, 0])
-        _ask_water(body, rope, stage, hook)
+        _foresee(body, rope, stage, (hook, matrix_of((0.0, 0.0, 0.0, 1.0)), NONE, NONE))
         _begin(body, hook)
         # once more, in the water that is where it hangs
-        _ask_water(body, rope, stage, vector(body.records[0], at.X))
+        rest = body.records[0]
+        pose = vector(rest, at.X), matrix_of(quaternion(rest, at.Q)), NONE, NONE
+        _foresee(body, rope, stage, pose)
         _begin(body, hook)
-    now, h = body.records[int(body.memory[0, 0])], vector(body.watered, 0)
+    now = body.records[int(body.memory[0, 0])]
     if kind == TRAPEZOID:
-        place = along(vector(now, at.X), 2.0 * q, vector(now, at.V))
-        place = along(place, 1.0, outward(matrix_of(quaternion(now, at.Q)), h))
-        _ask_water(body, rope, stage, place)
+        v, spin = vector(now, at.V), vector(now, at.SPIN)
+        place = along(vector(now, at.X), 2.0 * q, v)
+        _foresee(body, rope, stage, (place, matrix_of(quaternion(now, at.Q)), v, spin))
         _predict_first(body, q)
     else:
         _predict_second(body)
-        place = along(vector(s, at.X_HAT), q, vector(s, at.SPEED))
-        place = along(place, 1.0, outward(matrix_of(quaternion(s, at.ATTITUDE)), h))
-        _ask_water(body, rope, stage, place)
+        v, spin = vector(s, at.SPEED), vector(s, at.SPIN_NOW)
+        place = along(vector(s, at.X_HAT), q, v)
+        _foresee(body, rope, stage, (place, matrix_of(quaternion(s, at.ATTITUDE)), v, spin))
 
 
-@kernel("load_end", RigidBody)
 def load_end(body: Any, work: Any, stage: Any) -> None:
     """R_0 += pull of the slings on the hook, its own weight and inertia; A_0 likewise.
 
@@ -179,7 +167,6 @@ def load_end(body: Any, work: Any, stage: Any) -> None:
     Azz[0] += Z[5] + m
 
 
-@kernel("settle", RigidBody)
 def settle(body: Any, rope: Any, stage: Any, kind: int) -> None:
     """The stage's body, for the hook's motion as found; the second one leaves a new record."""
     work, s = rope.work, body.stage

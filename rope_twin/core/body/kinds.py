@@ -1,0 +1,41 @@
+"""Types of rigid bodies: one for each set of parts, as a step is compiled for types of effects.
+
+So the step of a body without a deck has no deck in its code (core/body/parts.py). All are made on
+import, where numba's cache finds them by their names.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+from rope_twin.core.body import energy as body_energy
+from rope_twin.core.body import step as body_step
+from rope_twin.core.body.state import Deck, Immersed, RigidBody
+from rope_twin.core.energy import account
+from rope_twin.core.hooks import kernel, switching
+from rope_twin.core.remembering import remembering
+
+
+def _make(parts: tuple[type, ...]) -> type[RigidBody]:
+    """A type of body whose kernels and accounts are registered."""
+    name = "RigidBody" + "".join(part.__name__ for part in parts)
+    kind = type(name, (RigidBody,), {"__slots__": (), "__module__": __name__})
+    for hook in ("start", "predict", "load_end", "settle"):
+        kernel(hook, kind)(getattr(body_step, hook))
+    for told in ("kinetic", "potential", "power"):
+        account(f"{told}_end", kind)(getattr(body_energy, told))
+    remembering(kind, 1)
+    switching(kind)
+    globals()[name] = kind
+    return kind
+
+
+_WATERS = ((Immersed,),)
+_DECKS: tuple[tuple[type, ...], ...] = ((), (Deck,))
+_KINDS = {sum(some, ()): _make(sum(some, ())) for some in product(_WATERS, _DECKS)}
+
+
+def kind_of(parts: tuple[Any, ...]) -> type[RigidBody]:
+    """The type of a body with these parts."""
+    return _KINDS[tuple(map(type, parts))]
