@@ -1,4 +1,7 @@
-"""`rope_twin accuracy SCENE`: what accuracy costs, as a table, a picture and the scene's card."""
+"""`rope_twin accuracy SCENE`: what accuracy costs, as a table, a picture and the scene's card.
+
+With `--within 1%` no card, but whether what `rope_twin run --within 1%` buys keeps its word.
+"""
 
 from __future__ import annotations
 
@@ -7,10 +10,12 @@ import errno
 import json
 import os
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from rope_twin.commands.bench import Progress, print_table
+from rope_twin.commands.run.choice import find_quantity, read_amount
 from rope_twin.errors import InputError, RopeTwinError, SceneError, phrase
 from rope_twin.scene.card import card_path, known_error, read_card
 from rope_twin.scene.load import load_scene, scene_names
@@ -18,6 +23,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.scene.shedding import why_no_card
 from rope_twin.studies.accuracy import page as accuracy_page
 from rope_twin.studies.accuracy import study as accuracy
+from rope_twin.studies.accuracy import within as accuracy_within
 from rope_twin.studies.accuracy.picture import draw_accuracy
 from rope_twin.studies.accuracy.plan import make_plan
 from rope_twin.studies.picture import check_picture
@@ -41,6 +47,10 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         help="window of the run (default: a minute, or a round of the winch schedule)")  # fmt: skip
     add("--into", type=Path, metavar="DIR", help="write the card there instead")
     add("--no-card", action="store_true", help="write nothing")
+    add("--within", metavar="AMOUNT",
+        help="make no card: buy what `run --within` would (as 1%% or 0.05m) and measure it anew "
+        "against a run finer than the card's reference; exit code 1 if it is not kept")  # fmt: skip
+    add("--of", metavar="QUANTITY", help="with --within: the quantity (default: tension_rms)")
     add(
         "--json",
         action="store_true",
@@ -53,6 +63,8 @@ def run(args: argparse.Namespace) -> int:
     """Do what the options say; raises RopeTwinError."""
     if args.status:
         return _status(args.json)
+    if args.within is not None:
+        return _check(args)
     if args.for_s is not None and not 0.0 < args.for_s <= 3600.0:
         what = f"{args.for_s:g} s is not possible"
         raise InputError(phrase("--for", what, "give a time above 0 s, at most 3600 s"))
@@ -68,6 +80,25 @@ def run(args: argparse.Namespace) -> int:
             sys.stderr.write(f"{error}\n")
             refused += 1
     return 1 if refused else 0
+
+
+def _check(args: argparse.Namespace) -> int:
+    """What `run --within` buys of these scenes, measured anew; 1 if one is not within."""
+    quantity = find_quantity(args.of)
+    within = read_amount("--within", args.within, quantity.unit)
+    names = scene_names() if args.all else [args.scene]
+    scenes = [load_scene(name) for name in names]
+    if args.all:
+        scenes = [scene for scene in scenes if not why_no_card(scene)]
+    progress = Progress()
+    rows = list(accuracy_within.check_scenes(scenes, quantity, within, progress.show))
+    if args.json:
+        told = [{**asdict(row), "ok": row.ok} for row in rows]
+        print(json.dumps({"rows": told}, ensure_ascii=False, allow_nan=False))
+    else:
+        print(f"{quantity.name} within {within:g} {quantity.unit}\n")
+        print_table(accuracy_within.bought_table(rows, quantity.unit))
+    return 0 if all(row.ok for row in rows) else 1
 
 
 def _make(args: argparse.Namespace, scene: Scene) -> int:

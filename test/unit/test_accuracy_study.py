@@ -257,6 +257,43 @@ def test_within_holds_when_measured_afterwards(made: Path) -> None:
         assert error < 0.3
 
 
+def test_what_within_buys_is_measured_anew(
+    made: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It holds; a card that promises a hundred times too much sells what does not."""
+    words = ["--within", "0.3%", "--json"]
+    assert main(["accuracy", str(made), *words]) == 0
+    (row,) = json.loads(capsys.readouterr().out)["rows"]
+    assert 0.0 < row["error"] <= row["at_most"] <= 0.3
+    place, folder = tmp_path / "small.yaml", tmp_path / card.FOLDER
+    place.write_text(made.read_text(encoding="utf-8"), encoding="utf-8")
+    content = json.loads(card.card_path(load_scene(made)).read_text(encoding="utf-8"))
+    for one in content["rows"]:
+        one["figures"]["tension_rms"]["at_most"] *= 0.01
+    folder.mkdir()
+    (folder / "small.json").write_text(json.dumps(content), encoding="utf-8")
+    assert main(["accuracy", str(place), *words]) == 1
+    (row,) = json.loads(capsys.readouterr().out)["rows"]
+    assert row["error"] > 0.3 > row["at_most"]
+    assert row["ok"] is False
+
+
+def test_what_a_card_does_not_sell_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    """It breaks no word: the rms of a rope whose snaps do not converge, an error below the best."""
+    assert main(["accuracy", "snap_vertical", "--within", "1%"]) == 0
+    assert "nothing bought: its card knows no error of tension_rms" in capsys.readouterr().out
+    assert main(["accuracy", "storm", "--within", "0.0001%"]) == 0
+    assert "nothing bought: the best of its card is 0." in capsys.readouterr().out
+    assert main(["accuracy", "storm", "--within", "1"]) == 1
+    assert "write a number above 0 and its unit" in capsys.readouterr().err
+
+
+@pytest.mark.long
+def test_within_holds_in_every_scene() -> None:
+    """`pytest -m long -k within_holds_in_every_scene`, some eight minutes: 1 % of every card."""
+    assert main(["accuracy", "--all", "--within", "1%"]) == 0
+
+
 def test_old_cards_are_told(capsys: pytest.CaptureFixture[str]) -> None:
     """One line a scene; exit code 0 only if all are current that can have one."""
     code = main(["accuracy", "--status", "--json"])

@@ -43,7 +43,7 @@ def choose(args: argparse.Namespace, options: RunOptions) -> RunOptions:
             raise InputError(phrase("--of", "there is nothing to choose", "say --within 1% too"))
         return options
     option = "--budget" if args.within is None else "--within"
-    quantity = _quantity(args.of)
+    quantity = find_quantity(args.of)
     unit = "%" if option == "--budget" else quantity.unit
     wanted = read_amount(option, args.budget or args.within, unit)
     if option == "--budget" and (options.speed == 0.0 or wanted > 100.0):
@@ -115,7 +115,12 @@ def _slot_costs(twin: Twin) -> tuple[float, float]:
     return max(few - FEW * step_s, 0.0), step_s
 
 
-def _quantity(name: str | None) -> Quantity:
+def find_quantity(name: str | None) -> Quantity:
+    """The quantity of --of; the rms of the top tension if there is none.
+
+    Raises:
+        InputError: there is no such quantity.
+    """
     if name is not None and name not in BY_NAME:
         raise InputError(phrase("--of", f"unknown quantity '{name}'", did_you_mean(name, BY_NAME)))
     return BY_NAME[name or "tension_rms"]

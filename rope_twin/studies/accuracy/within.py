@@ -1,0 +1,118 @@
+"""Whether `run --within` keeps its word: what it buys of a scene, run again and measured anew.
+
+The truth is a run that is finer than the card's reference, which it does not use: half its step,
+and twice its elements where those are not more than enough already.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.card import Rung, read_card, told_bound
+from rope_twin.scene.schema import Scene
+from rope_twin.studies.accuracy.choice import best_bound, cheapest_within
+from rope_twin.studies.accuracy.figures import Quantity, differences
+from rope_twin.studies.accuracy.plan import make_plan
+from rope_twin.studies.accuracy.run import Course, Setting, Trial
+
+ENOUGH = 1000  # elements of a reference that are not doubled
+Report = Callable[[int, int, str], None]  # done, of how many, what comes next
+
+
+@dataclass(frozen=True)
+class Bought:
+    """What was bought of one scene, and what it was found to be."""
+
+    scene: str
+    quantity: str
+    within: float  # asked for, in the quantity's unit
+    elements: int | None  # None: nothing was bought
+    step_s: float | None
+    real_time_factor: float | None  # by the card
+    at_most: float | None  # by the card
+    error: float | None  # measured anew
+    reference: str  # the run that it was measured against
+    refusal: str  # why nothing was bought; else empty
+
+    @property
+    def ok(self) -> bool:
+        """Whether the error is what was asked for; to sell nothing breaks no word."""
+        return self.error is None or abs(self.error) <= self.within
+
+
+def check_scenes(
+    scenes: Sequence[Scene], quantity: Quantity, within: float, report: Report
+) -> Iterator[Bought]:
+    """A row per scene.
+
+    Raises:
+        RopeTwinError: a card is missing or old, or a run failed.
+    """
+    for number, scene in enumerate(scenes):
+        report(number, len(scenes), scene.name)
+        yield check_scene(scene, quantity, within)
+    report(len(scenes), len(scenes), "done")
+
+
+def check_scene(scene: Scene, quantity: Quantity, within: float) -> Bought:
+    """One scene.
+
+    Raises:
+        RopeTwinError: as for all.
+    """
+    card = read_card(scene)
+    why = "it has no accuracy card" if card is None else card.age(scene)
+    if card is None or why:
+        right = f"make it with `rope_twin accuracy {scene.name}`"
+        raise SceneError(phrase(f"scene {scene.name}", why, right))
+    known = [rung for rung in card.ladder if not math.isnan(rung.bound(quantity.name))]
+    rung = cheapest_within(known, quantity.name, within)
+    if rung is None:
+        return _nothing(scene, quantity, within, known)
+    plan = make_plan(scene, card.seconds)
+    course = Course(scene, plan.seconds, plan.look_s)
+    finer = _finer(plan.reference)
+    seen = Trial(course, Setting(rung.elements, rung.step_s)).look()
+    error = differences(seen, Trial(course, finer).look())[quantity.name]
+    return Bought(
+        scene.name, quantity.name, within, rung.elements, rung.step_s, rung.real_time_factor,
+        rung.bound(quantity.name), error, f"{finer.elements} at {1e3 * finer.step_s:g} ms", "",
+    )  # fmt: skip
+
+
+def _finer(reference: Setting) -> Setting:
+    times = 1 if reference.elements > ENOUGH else 2
+    return Setting(times * reference.elements, 0.5 * reference.step_s, reference.tolerance_n)
+
+
+def _nothing(scene: Scene, quantity: Quantity, within: float, known: Sequence[Rung]) -> Bought:
+    if known:
+        best = best_bound(known, quantity.name)
+        refusal = f"the best of its card is {told_bound(best)} {quantity.unit}"
+    else:
+        refusal = f"its card knows no error of {quantity.name}"
+    return Bought(scene.name, quantity.name, within, None, None, None, None, None, "", refusal)
+
+
+def bought_table(rows: Sequence[Bought], unit: str) -> list[list[str]]:
+    """The rows as words, below a head."""
+    head = ["scene", "elements", "step ms", "× real time", f"card ≤ {unit}", f"measured {unit}",
+            "against", "holds"]  # fmt: skip
+    return [head, *([row.scene, *_cells(row)] for row in rows)]
+
+
+def _cells(row: Bought) -> list[str]:
+    if row.error is None or row.step_s is None:
+        return ["", "", "", "", "", "", f"nothing bought: {row.refusal}"]
+    return [
+        f"{row.elements}",
+        f"{1e3 * row.step_s:g}",
+        f"{row.real_time_factor:,.0f}",
+        f"{row.at_most:.2g}",
+        f"{row.error:.2g}",
+        row.reference,
+        "yes" if row.ok else "NO",
+    ]
