@@ -90,13 +90,7 @@ class BandedTwin(Twin):
     """
 
     def __init__(self, scene: Scene) -> None:
-        refuse_joined(scene)
-        refuse_body(scene, "a companion on half the elements would swing it by itself")
-        refuse_shedding(scene, "a companion on half the elements cannot tell of vortices")
-        if not foreseen(scene.winch, None):
-            what = "its drive, brake, or an order by depth or tension answers to the tension"
-            right = "the companion's line out is the rope's; run such a scene without a band"
-            raise SceneError(phrase(f"{scene.path}: winch", what, right))
+        refuse_band(scene)
         super().__init__(scene)
         self._rest_n = float(self._pull[rows.PULL])
         self._band_s = 0.0  # time spent on it
@@ -200,6 +194,21 @@ class BandedTwin(Twin):
         before, self._lying = self._lying, nodes_on(bed, self._rope)
         if self._lying > before:
             self._band.lay(now_s)
+
+
+def refuse_band(scene: Scene) -> None:
+    """Say so if a companion cannot tell the error of such a scene.
+
+    Raises:
+        SceneError: ropes that meet, a rigid body, vortices, or a winch that answers to the tension.
+    """
+    refuse_joined(scene)
+    refuse_body(scene, "a companion on half the elements would swing it by itself")
+    refuse_shedding(scene, "a companion on half the elements cannot tell of vortices")
+    if not foreseen(scene.winch, None):
+        what = "its drive, brake, or an order by depth or tension answers to the tension"
+        right = "the companion's line out is the rope's; run such a scene without a band"
+        raise SceneError(phrase(f"{scene.path}: winch", what, right))
 
 
 def offset_pull_n(rope: Rope) -> float:

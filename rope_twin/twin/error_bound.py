@@ -16,6 +16,9 @@ each failure has a rule of its own:
   difference itself is taken, and once the rope stays taut its fading mean.
 - Where a rope that is made fast on the bed lays a node down there, it rings for some seconds, and
   the companion does when a node of its own lands: the difference itself is taken meanwhile.
+- While the payload stands on the bed the rope above it lies in loops that elements hardly resolve.
+  How wrong they are shows when they are drawn straight: the water holds the rope's sag meanwhile,
+  so the difference of the last seconds counts, not that of the last moment.
 - A rope whose own tension is next to nothing hangs in loops that no grid resolves: its error is
   taken to be as large as the tension, and a hundredth of the tension at rest at least, since what
   is left of a snap runs up and down in it.
@@ -51,7 +54,7 @@ LOOSE, LOOSE_LEAST = 0.04, 0.01  # of the tension at rest: less is that of a rop
 BEND = 0.05  # of the largest jump of acceleration in the window: a larger one is a bend
 ROUGH_S = 120.0  # after an element was slack, the rope rings so long
 TAUT_S = 3.0  # no element slack for so long: no new snap, what is left of the last one rings
-LAID_S = 3.0  # so long a node that has come down on the bed is felt at the top
+LAID_S = 3.0  # so long what has come down on the bed is felt at the top
 EVERY = 2  # of the rope's steps make one of the companion's
 
 Border = tuple[list[float], list[float]]  # prescribed hang-off x, y, z and line out; their rates
@@ -109,12 +112,13 @@ class ErrorBand:
         self._loose_n, self._least_n = LOOSE * rest_n, LOOSE_LEAST * rest_n
         self._weight = min(EVERY * step_s / MEAN_S, 1.0)  # of a difference in a mean
         self._all, self._unbent = Recent(WINDOW_S), Recent(SHORT_S)  # differences
-        self._rough = Recent(ROUGH_WINDOW_S)
+        self._rough, self._kept = Recent(ROUGH_WINDOW_S), Recent(LAID_S)
         self._mean, self._rough_mean = 0.0, 0.0
         self._ringing, self._rough_ringing, self._kicked = Fading(), Fading(), Fading()
         self._jumps, self._tension = Recent(WINDOW_S), Recent(SLACK_WINDOW_S)
         self._bent: deque[bool] = deque(maxlen=EVERY)  # of the newest steps
         self._rough_until_s, self._slack_s, self._laid_until_s = 0.0, -math.inf, 0.0
+        self._stood_until_s = 0.0
         self._now_n = rest_n
 
     def take(self, time_s: float, jump: float, tension_n: float) -> None:
@@ -130,6 +134,7 @@ class ErrorBand:
         """At the newest step the companion's tension differs by this much."""
         self._all.take(time_s, difference_n)
         self._rough.take(time_s, difference_n)
+        self._kept.take(time_s, difference_n)
         if time_s < self._rough_until_s and self._now_n >= self._loose_n:
             self._rough_mean += self._weight * (difference_n - self._rough_mean)
             self._rough_ringing.raise_to(time_s, ROUGHLY_RINGS * self._rough_mean)
@@ -139,13 +144,14 @@ class ErrorBand:
             self._ringing.raise_to(time_s, self._rings * self._mean)
 
     def slacken(self, time_s: float) -> None:
-        """An element of the rope is slack."""
+        """An element of the rope is slack: the error is of first order from now on."""
         self._slack_s = time_s
-        self.touch(time_s)
+        self._rough_until_s = time_s + ROUGH_S
 
     def touch(self, time_s: float) -> None:
-        """Something happens that no grid resolves: the error is of first order from now on."""
+        """The lower end stands on the bed: the same, and the rope keeps it for some seconds."""
         self._rough_until_s = time_s + ROUGH_S
+        self._stood_until_s = time_s + LAID_S
 
     def lay(self, time_s: float) -> None:
         """A node of the rope has come down on the bed."""
@@ -165,7 +171,8 @@ class ErrorBand:
         if time_s < self._rough_until_s:
             taut = time_s - self._slack_s > TAUT_S
             rings = self._rough_ringing.now(time_s) if taut else 0.0
-            return max(ROUGH * self._rough.largest(time_s), rings)
+            recent = self._kept if time_s < self._stood_until_s else self._rough
+            return max(ROUGH * recent.largest(time_s), rings)
         largest = self._all.largest(time_s)
         unbent = 0.0 if self._bent and self._bent[-1] else self._unbent.largest(time_s)
         bound = max(self._smooth * unbent, LEFT * largest) if unbent > 0.0 else BENT * largest

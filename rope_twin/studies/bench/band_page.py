@@ -1,0 +1,118 @@
+"""What `bench band` found as tables, and between the marks of docs/error_band.md.
+
+The rows are kept in a file beside the page: a run of some scenes leaves the others' as they were.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from rope_twin.errors import InputError, phrase
+from rope_twin.studies.bench.band import FITTED, FULL, HELD_PCT, LATER, RATIO, BandCase, BandRow
+
+PAGE, STORED = "error_band.md", "error_band.json"
+BEGIN, END = "<!-- written by rope_twin bench band -->", "<!-- end of what is written -->"
+HEAD = (
+    "scene", "s", "standard deviation kN", "error N", "doubt N", "bound N", "bound / error",
+    "held %", "or doubtful %", "cost %", "reference",
+)  # fmt: skip
+
+
+def band_table(rows: Sequence[BandRow]) -> list[tuple[str, ...]]:
+    """The rows as words, below a head."""
+    return [HEAD, *(_words(row) for row in rows)]
+
+
+def _words(row: BandRow) -> tuple[str, ...]:
+    return (
+        row.scene,
+        f"{row.seconds:g}",
+        _rounded(row.deviation_n / 1e3),
+        _rounded(row.error_n),
+        _rounded(row.doubt_n),
+        _rounded(row.bound_n),
+        f"{row.ratio:.1f}",
+        f"{row.held_pct:.1f}",
+        f"{row.held_or_doubtful_pct:.1f}",
+        f"{row.cost_pct:.0f}",
+        f"x {row.times}",
+    )
+
+
+def _rounded(value: float) -> str:
+    """Two digits, without an exponent."""
+    return f"{float(f'{value:.2g}'):.10g}"
+
+
+def read_rows(folder: Path) -> list[BandRow]:
+    """The rows that a folder holds; none if it holds no file of them.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    path = folder / STORED
+    if not path.exists():
+        return []
+    try:
+        return [BandRow(**row) for row in json.loads(path.read_text("utf-8"))["rows"]]
+    except (ValueError, KeyError, TypeError) as error:
+        right = "delete it and run `rope_twin bench band` again"
+        raise InputError(phrase(str(path), f"it holds no rows ({error})", right)) from error
+
+
+def check_page(folder: Path) -> None:
+    """Whether there is a page to write to.
+
+    Raises:
+        InputError: there is none, or it has no marks.
+    """
+    _around(folder / PAGE)
+
+
+def keep_rows(rows: Sequence[BandRow], folder: Path) -> Path:
+    """Put these rows among those that the folder holds, and all of them on its page.
+
+    Raises:
+        InputError: what the folder holds cannot be read.
+    """
+    before, after = _around(folder / PAGE)
+    found = {row.scene: row for row in (*read_rows(folder), *rows)}
+    kept = [found[case.scene] for case in FULL if case.scene in found]
+    text = json.dumps({"rows": [asdict(row) for row in kept]}, indent=1, allow_nan=False)
+    (folder / STORED).write_text(text + "\n", encoding="utf-8")
+    page = folder / PAGE
+    page.write_text(f"{before}{BEGIN}\n{as_section(kept)}\n{END}{after}", encoding="utf-8")
+    return page
+
+
+def as_section(rows: Sequence[BandRow]) -> str:
+    """What stands between the marks."""
+    good = sum(row.ok for row in rows)
+    lines = [
+        f"{good} of {len(rows)} scenes are held for {HELD_PCT:g} % of the time at least, by a bound"
+        f" of {RATIO:g} times the error at most.",
+        *(f"Not so: {row.scene}." for row in rows if not row.ok),
+        *_part("Scenes on which the numbers were found:", FITTED, rows),
+        *_part("Scenes that came later:", LATER, rows),
+    ]
+    return "\n".join(lines)
+
+
+def _part(title: str, cases: Sequence[BandCase], rows: Sequence[BandRow]) -> list[str]:
+    names = {case.scene for case in cases}
+    head, *cells = band_table([row for row in rows if row.scene in names])
+    lines = [f"\n{title}\n", f"| {' | '.join(head)} |", f"|{' --- |' * len(head)}"]
+    return lines + [f"| {' | '.join(line)} |" for line in cells]
+
+
+def _around(path: Path) -> tuple[str, str]:
+    """What stands before and after the marks."""
+    text = path.read_text("utf-8") if path.exists() else ""
+    if BEGIN not in text or END not in text:
+        what = f"it has no place for the scenes ('{BEGIN}' ... '{END}')"
+        raise InputError(phrase(str(path), what, f"give a folder with docs/{PAGE}"))
+    before, rest = text.split(BEGIN, 1)
+    return before, rest.split(END, 1)[1]
