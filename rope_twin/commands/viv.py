@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +12,15 @@ import numpy as np
 
 from rope_twin.commands.bench import print_table
 from rope_twin.errors import InputError, phrase
+from rope_twin.scene.figures import lift_figures
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.shedding import shedding_model, vortex_words
 from rope_twin.studies.viv.beside import beside_json, beside_table, draw_beside, run_shaken
 from rope_twin.studies.viv.moving import MovingRun, draw_moving, run_moving
+from rope_twin.studies.viv.own import run_own
+from rope_twin.studies.viv.own_picture import own_figures, own_words, write_own
 from rope_twin.studies.viv.picture import check_folder, write_all
 from rope_twin.studies.viv.study import Fatigue, VivRun, count_fatigue, run_viv
 from rope_twin.twin.endurance import CURVES, StressCurve, find_curve
@@ -50,6 +56,9 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     parser.add_argument("--beside", metavar="SCENE",
                         help="in place of modes: both scenes by the vortex model that each lists, "
                         "side by side")  # fmt: skip
+    parser.add_argument("--own", action="store_true",
+                        help="in place of modes: by the vortex model that the scene lists, "
+                        "stepping with the rope")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="one JSON object instead of words")
     parser.set_defaults(run=run)
 
@@ -73,6 +82,8 @@ def run(args: argparse.Namespace) -> int:
     scene = load_scene(args.scene)
     if args.beside is not None:
         return _beside(args, scene)
+    if args.own:
+        return _own(args, scene)
     density = scene.environment.water_density_kg_per_m3
     shedding = Shedding(strouhal=args.strouhal, density=density, structural=args.structural)
     found = run_viv(scene, shedding, args.duration)
@@ -98,13 +109,40 @@ def run(args: argparse.Namespace) -> int:
                 f"tension {own['rms_constant_max_diameters']:.3g}; modes found {own['solves']} "
                 f"times, {own['cost_of_real_time']:.2%} of real time in all"
             )
+        if model := shedding_model(scene):
+            print(f"(in modes; what the scene's own {model} does to the rope: --own)")
         for path in files:
             print(path)
     return 0
 
 
+def _own(args: argparse.Namespace, scene: Scene) -> int:
+    if args.moving is not None:
+        right = "leave one of them out"
+        raise InputError(phrase("--own", "--moving is a rope in modes", right))
+    _say_what_it_wants(scene)
+    found = run_own(scene, args.duration, args.curve)
+    files = write_own(found, args.into) if args.into is not None else []
+    if args.json:
+        told = {"scene": scene.name, **own_figures(found), "files": [str(path) for path in files]}
+        print(json.dumps(told, ensure_ascii=False, allow_nan=False))
+        return 0
+    print(own_words(found))
+    for path in files:
+        print(path)
+    return 0
+
+
+def _say_what_it_wants(scene: Scene) -> None:
+    """What the scene's model wants of elements and steps, and what right ones would cost."""
+    if not is_joined(scene) and (words := vortex_words(scene, lift_figures(scene))):
+        print(words, file=sys.stderr)
+
+
 def _beside(args: argparse.Namespace, scene: Scene) -> int:
     other = load_scene(args.beside)
+    for own in (scene, other):
+        _say_what_it_wants(own)
     runs = tuple(run_shaken(own, args.duration) for own in (scene, other))
     files = []
     if args.into is not None:

@@ -169,7 +169,7 @@ def _tables(run: VivRun, fatigue: Fatigue, folder: Path) -> list[Path]:
     for number, column in zip(places.astype(int), run.motion(places).T, strict=True):
         motion[f"y_over_d_at_{run.from_top_m[number]:.2f}_m"] = column
     return [
-        _write(folder / f"{name}.parquet", columns)
+        write_table(folder / f"{name}.parquet", columns)
         for name, columns in (("along", along), ("modes", modes), ("motion", motion))
     ]
 
@@ -178,7 +178,12 @@ def _to_all(run: VivRun, fatigue: Fatigue, values: Any) -> Any:
     return np.interp(run.from_top_m, fatigue.from_top_m[::-1], values[::-1])
 
 
-def _write(path: Path, columns: dict[str, Any]) -> Path:
+def write_table(path: Path, columns: dict[str, Any]) -> Path:
+    """One Parquet file.
+
+    Raises:
+        InputError: it cannot be written.
+    """
     import pyarrow
     import pyarrow.parquet
 

@@ -75,7 +75,7 @@ class VivRun:
 
     def drag_amplification(self) -> Floats:
         """Of the drag coefficient across the rope (Vandiver 1983)."""
-        return np.asarray(1.0 + 1.043 * (2.0 * self.rms()) ** 0.65)
+        return amplified_drag(self.rms())
 
     def spectra(self, places: Floats) -> tuple[Floats, Floats]:
         """Frequencies [Hz] and power of the motion per Hz [d²/Hz], (frequencies, places)."""
@@ -101,6 +101,11 @@ class Fatigue:
     from_top_m: Floats
     stress_rms_pa: Floats  # NaN where the rope is not all of steel
     damage_per_year: Floats  # Miner's sum; NaN likewise
+
+
+def amplified_drag(rms: Floats) -> Floats:
+    """1 + 1.043·(2·rms/d)^0.65 (Vandiver 1983); rms over the diameter."""
+    return np.asarray(1.0 + 1.043 * (2.0 * rms) ** 0.65)
 
 
 def run_viv(scene: Scene, shedding: Shedding, duration_s: float) -> VivRun:

@@ -1,0 +1,121 @@
+"""`rope_twin viv SCENE --own`: what it tells of a run is what the scene's own model did."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet
+import pytest
+
+from rope_twin import load_scene
+from rope_twin.cli import main
+from rope_twin.core.state import Floats
+from rope_twin.effects.current import CurrentParams
+from rope_twin.errors import InputError, SceneError
+from rope_twin.scene.schema import Scene
+from rope_twin.studies.viv.own import OwnRun, _amplification, _figures, _worst_rms, run_own
+from rope_twin.twin.snapshot import MaterialFatigue
+
+U = 0.5
+
+
+def relative(in_line: float, across: float) -> Floats:
+    """Water less a rope that swings in and across a flow of U, over whole periods, one place."""
+    angle = 2.0 * math.pi * np.arange(0.0, 10.0, 0.001)
+    rows = (U - in_line * np.cos(2.0 * angle), -across * np.sin(angle), np.zeros(len(angle)))
+    return np.stack(rows, axis=1)[:, :, None]
+
+
+def test_drag_amplification_of_a_sine() -> None:
+    """In line mean(|u|·u)/U² is 1 + a²/2U²; across it is the mean of √(U² + b²·sin²)/U."""
+    assert _amplification(relative(0.0, 0.0)) == pytest.approx(1.0)
+    assert _amplification(relative(0.3, 0.0)) == pytest.approx(1.0 + 0.5 * (0.3 / U) ** 2)
+    sine = np.sin(2.0 * math.pi * np.arange(0.0, 1.0, 0.001))
+    expected = np.sqrt(U**2 + (0.8 * sine) ** 2).mean() / U
+    assert _amplification(relative(0.0, 0.8)) == pytest.approx(expected)
+    assert _amplification(relative(0.3, 0.8) * 0.0) == pytest.approx(1.0)
+
+
+def test_the_worst_direction_of_bending() -> None:
+    """Along (3, 4) with a deviation of 2, whatever is steady."""
+    swing = math.sqrt(2.0) * 2.0 * np.sin(2.0 * math.pi * np.arange(0.0, 4.0, 0.01))
+    bent = np.stack([7.0 + 0.6 * swing, 0.8 * swing - 1.0], axis=1)[:, :, None]
+    assert _worst_rms(bent) == pytest.approx(2.0)
+
+
+def test_figures_of_a_standing_wave() -> None:
+    """Rice's frequency of a sine is its own, rms its amplitude over √2; damage is per year."""
+    t, shape = 0.02 * np.arange(5000), np.sin(math.pi * np.linspace(0.0, 1.0, 21))
+    across = np.outer(0.6 * np.sin(2.0 * math.pi * 2.0 * t), shape)
+    in_line = np.outer(0.1 * np.sin(2.0 * math.pi * 4.0 * t), shape)
+    below = np.linspace(0.0, 20.0, 21)
+    middles = 0.5 + np.arange(20.0)
+    fatigue = MaterialFatigue(
+        "stranded_wire", 3600.0, middles, 20.0 - middles, 1e-6 * (20.0 - middles), True
+    )
+    motion = np.stack([across, in_line])
+    ones = np.ones(21)
+    run = OwnRun("s", "m", 2.0, 0.02, below, t, motion, 1e4 + 0.0 * t, ones, ones, fatigue)
+    assert run.rms[0].max() == pytest.approx(0.6 / math.sqrt(2.0), rel=1e-3)
+    assert run.frequency_hz[0, 10] == pytest.approx(2.0, rel=1e-3)
+    assert run.frequency_hz[1, 10] == pytest.approx(4.0, rel=1e-3)
+    assert run.damage_per_year[10] == pytest.approx(1e-5 * 365.25 * 24.0, rel=1e-6)
+    assert run.vandiver[10] == pytest.approx(1.0 + 1.043 * (math.sqrt(2.0) * 0.6) ** 0.65, rel=1e-3)
+
+
+def test_a_scene_and_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The cable at Strouhal's frequency, its motion below that of the limiter; tables agree."""
+    words = ["viv", "cable_waves", "--own", "--for", "24", "--into", str(tmp_path), "--json"]
+    assert main(words) == 0
+    printed = capsys.readouterr()
+    assert "lock-in at 1.7 Hz wants elements under" in printed.err
+    told = json.loads(printed.out)
+    assert {Path(path).name for path in told["files"]} == {
+        "own_along.png", "own_motion.png", "own_along.parquet", "own_motion.parquet",
+    }  # fmt: skip
+    assert told["model"] == "travelling_waves"
+    # Strouhal's 1.7 Hz, and the fourth mode that still rings after so short a time
+    assert told["frequency_there_hz"] == pytest.approx(1.7, rel=0.1)
+    assert 0.02 < told["rms_max_diameters"] < 0.72
+    assert told["steady_s"] == pytest.approx(12.0, abs=0.1)
+    along = pyarrow.parquet.read_table(tmp_path / "own_along.parquet").to_pydict()
+    motion = pyarrow.parquet.read_table(tmp_path / "own_motion.parquet").to_pydict()
+    assert max(along["rms_diameters"]) == pytest.approx(told["rms_max_diameters"])
+    some = [np.std(motion[name]) for name in motion if name.startswith("y_over_d")]
+    assert max(some) == pytest.approx(told["rms_max_diameters"], rel=0.05)
+    # a motion that small at 1.7 Hz: 2π·1.7·A against 0.2 m/s, across the flow
+    rate = 2.0 * math.pi * 1.7 * 0.02 * max(along["rms_diameters"]) / 0.2
+    assert 1.0 < told["drag_amplification_max"] < math.sqrt(1.0 + rate**2) + 0.01
+    assert told["stress_rms_max_pa"] is told["damage_per_year_max"] is None, "5500 kg/m³: not steel"
+    assert np.isnan(along["damage_per_year"]).all()
+
+
+def test_stress_is_known_of_steel() -> None:
+    """E·d/2 of a wire of 7850 kg/m³, and of the thickness that the water sees."""
+    scene = load_scene("viv_calm")
+    rope = scene.ropes[0].made_of[0].rope
+    thick, stiff = _figures(scene, np.array([1.0, 199.0]), 0.0)
+    modulus = rope.tangent_n(0.0) / (rope.mass_kg_per_m / 7850.0)
+    assert stiff == pytest.approx(0.5 * rope.diameter_m * modulus)
+    assert thick == pytest.approx(rope.hydrodynamic_diameter_m)
+
+
+def without(scene: Scene, kind: type) -> Scene:
+    return replace(scene, effects=tuple(own for own in scene.effects if not isinstance(own, kind)))
+
+
+def test_what_cannot_be_shaken_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    """One sentence each, before anything is stepped."""
+    cable = load_scene("cable_waves")
+    with pytest.raises(SceneError, match="lists no model of vortices; list wake_oscillator"):
+        run_own(load_scene("still_water"), 60.0, "stranded_wire")
+    with pytest.raises(SceneError, match="nothing flows, so no vortices; give 'current' a speed"):
+        run_own(without(cable, CurrentParams), 60.0, "stranded_wire")
+    with pytest.raises(InputError, match=r"5 s are too short for vortices of 1.7 Hz; give 12 or"):
+        run_own(cable, 5.0, "stranded_wire")
+    assert main(["viv", "cable_waves", "--own", "--moving", "1"]) == 1
+    assert "--own: --moving is a rope in modes; leave one of them out" in capsys.readouterr().err
