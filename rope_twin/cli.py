@@ -5,12 +5,13 @@ from __future__ import annotations
 import argparse
 import importlib
 import importlib.metadata
+import re
 import sys
 from collections.abc import Sequence
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from rope_twin.errors import RopeTwinError
+from rope_twin.errors import RopeTwinError, did_you_mean
 
 if TYPE_CHECKING:
     from rope_twin.commands.run.options import RunOptions
@@ -23,10 +24,43 @@ COMMANDS = (
 )  # fmt: skip
 
 
+_CHOICE = re.compile(r"argument (.+): invalid choice: (\S+) \(choose from (.*)\)")
+_NUMBER = re.compile(r"argument (\S+): invalid (int|float) value: (.*)")
+_MINUS = "(a value that begins with - stands behind =, like --at=-1)"
+
+
+class CommandLine(argparse.ArgumentParser):
+    """A parser that says in one sentence what is wrong, without the usage. Exit code 2."""
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
+        """As ever, but each command itself refuses what it does not know."""
+        found, left = super().parse_known_args(args, namespace)
+        if left:
+            known = re.findall(r"--[a-z-]+", self.format_usage())
+            hint = f"; {did_you_mean(left[0], known)}" if left[0].startswith("--") else ""
+            self.error(f"it takes no {' '.join(left)}{hint}")
+        return found, left
+
+    def error(self, message: str) -> NoReturn:
+        """End the program."""
+        if found := _CHOICE.fullmatch(message):
+            where = f"{found[1]}: " if found[1].startswith("-") else ""
+            asked, *known = (word.strip("'") for word in (found[2], *found[3].split(", ")))
+            message = f"{where}there is no '{asked}'; {did_you_mean(asked, known)}"
+        elif found := _NUMBER.fullmatch(message):
+            wanted = "whole number" if found[2] == "int" else "number"
+            message = f"{found[1]}: {found[3]} is no {wanted}"
+        elif message.endswith("expected one argument"):
+            message = f"{message} {_MINUS}"
+        message = message.removeprefix("argument ").rstrip("?")
+        self.exit(2, f"{self.prog}: {message}; see `{self.prog} --help`.\n")
+
+
 def main(argv: Sequence[str] | None = None) -> int:
     """Read the command line, run the command, return its exit code.
 
-    What a user can mend is one sentence on stderr and exit code 1.
+    What a user can mend is one sentence on stderr and exit code 1; 2 if the command line makes no
+    sense by itself.
     """
     words = list(sys.argv[1:] if argv is None else argv)
     modules = {name.replace("_", "-"): _module(name) for name in _needed(words)}
@@ -57,7 +91,7 @@ def _module(name: str) -> ModuleType:
 
 
 def _parser(modules: dict[str, ModuleType]) -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+    parser = CommandLine(
         prog="rope_twin", description="A real-time digital twin of the lifting rope, on ROS 2."
     )
     parser.add_argument("--version", action="version", version=f"rope_twin {_version()}")

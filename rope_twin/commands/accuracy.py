@@ -204,7 +204,7 @@ def _status(as_json: bool) -> int:
         cells += [
             [str(row["scene"]), _percent(row["error_rms_pct"]), str(row["card"])] for row in rows
         ]
-        print_table(cells)
+        print_table(cells, words_last=True)
     return 0 if fine else 1
 
 

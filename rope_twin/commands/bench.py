@@ -253,17 +253,22 @@ def _peers(args: argparse.Namespace, progress: Progress) -> int:
     return 0
 
 
-def print_table(rows: Sequence[Sequence[str]]) -> None:
-    """Columns as wide as their widest cell, the first to the left, the others to the right."""
+def print_table(rows: Sequence[Sequence[str]], words_last: bool = False) -> None:
+    """Columns as wide as their widest cell, the first to the left, the others to the right.
+
+    A last column of words goes to the left too.
+    """
     widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
-    for line in _aligned(rows, widths):
+    for line in _aligned(rows, widths, words_last):
         print(line)
 
 
-def _aligned(rows: Sequence[Sequence[str]], widths: list[int]) -> Iterator[str]:
+def _aligned(rows: Sequence[Sequence[str]], widths: list[int], words_last: bool) -> Iterator[str]:
     for row in rows:
         cells = [row[0].ljust(widths[0])]
         cells += [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
+        if words_last:
+            cells[-1] = row[-1]
         yield "  ".join(cells).rstrip()
 
 

@@ -10,6 +10,7 @@ import argparse
 import csv
 import json
 import math
+import os
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -136,9 +137,13 @@ def _check(args: argparse.Namespace) -> None:
         raise InputError(phrase("--for", f"{args.for_s} s is not possible", "give up to 1e6 s"))
     if args.seed < 0:
         raise InputError(phrase("--seed", f"{args.seed} is negative", "give 0 or more"))
-    if args.csv is not None and not args.csv.resolve().parent.is_dir():
-        what = f"there is no directory {args.csv.resolve().parent}"
-        raise InputError(phrase("--csv", what, "make it first"))
+    if args.csv is None:
+        return
+    folder = args.csv.resolve().parent
+    if not folder.is_dir():
+        raise InputError(phrase("--csv", f"there is no directory {folder}", "make it first"))
+    if args.csv.is_dir() or not os.access(folder, os.W_OK):
+        raise InputError(phrase("--csv", f"{args.csv} cannot be written", "choose another file"))
 
 
 def _rows(result: StudyResult) -> list[dict[str, Any]]:

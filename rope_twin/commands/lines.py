@@ -32,9 +32,19 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         "state: tension of both lines, how smooth it is from step to step, how near the lines come "
         "and where they cross.",
     )
+    heights = ", ".join(f"{state} (Hs {hs:g} m)" for state, (hs, _) in SEA_STATES.items())
     parser.add_argument("scene", metavar="SCENE", help="a scene's name, or the path of a YAML file")
-    parser.add_argument("--seconds", type=int, default=SECONDS, metavar="S", help="to run each")
-    parser.add_argument("--sea-state", type=int, choices=tuple(SEA_STATES), default=3)
+    parser.add_argument(
+        "--seconds",
+        type=int,
+        default=SECONDS,
+        metavar="S",
+        help="to run each (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--sea-state", type=int, choices=tuple(SEA_STATES), default=3, metavar="N",
+        help=f"of the second run: {heights} (default: %(default)s)",
+    )  # fmt: skip
     parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
     parser.add_argument(
         "--into", type=Path, metavar="DIR", help="write two_lines.json and two_lines.png there"

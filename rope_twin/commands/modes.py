@@ -27,7 +27,9 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         "both ends as in the scene: the lowest modes, then the first axial ones.",
     )
     parser.add_argument("scene", metavar="SCENE", help="a scene's name, or the path of a YAML file")
-    parser.add_argument("--count", type=int, default=COUNT, metavar="N", help="lowest modes")
+    parser.add_argument(
+        "--count", type=int, default=COUNT, metavar="N", help="lowest modes (default: %(default)s)"
+    )
     parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
     parser.add_argument("--picture", type=Path, metavar="PNG", help="draw the modes, too")
     parser.set_defaults(run=run)

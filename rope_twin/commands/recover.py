@@ -18,8 +18,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
         description="Reads a bag up to its break and writes a whole one beside it. "
         "Exit code 0: nothing was lost, 3: something was, 1: there was nothing to save.",
     )
-    parser.add_argument("bag", type=Path, help="bag directory or .mcap file")
-    parser.add_argument("--out", type=Path, help="the new bag (default: <bag>_recovered)")
+    parser.add_argument("bag", metavar="BAG", type=Path, help="bag directory or .mcap file")
+    parser.add_argument(
+        "--out", metavar="DIR", type=Path, help="the new bag (default: BAG_recovered)"
+    )
     parser.set_defaults(run=run)
 
 

@@ -32,8 +32,10 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
     verbs = parser.add_subparsers(dest="verb", required=True, metavar="make | info")
     _add_make(verbs)
     info = verbs.add_parser("info", help="heights, periods, rates and origin of a bag's heave")
-    info.add_argument("bag", help="name in bags/, or path of a bag")
-    info.add_argument("--topic", help="the Odometry topic (default: ship/heave, or the only one)")
+    info.add_argument("bag", metavar="BAG", help="name in bags/, or path of a bag")
+    info.add_argument(
+        "--topic", metavar="NAME", help="the Odometry topic (default: ship/heave, or the only one)"
+    )
     info.add_argument("--poses", action="store_true", help="tell of the ship's poses, not of heave")
     parser.set_defaults(run=run)
 
@@ -57,16 +59,40 @@ def _add_make(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
         "--jonswap", type=float, nargs="+", metavar="X",
         help="Hs [m], Tp [s] and, if wanted, gamma (1: Pierson-Moskowitz)",
     )  # fmt: skip
-    make.add_argument("--column", help="hour of the measured spectrum, such as 1996-10-16T00Z")
-    make.add_argument("--seed", type=int, required=True, help="names the random phases")
-    make.add_argument("--out", type=Path, required=True, help="directory of the new bag")
-    make.add_argument("--duration", type=float, default=1200.0, help="s, also the loop's length")
-    make.add_argument("--rate", type=float, default=20.0, help="Hz, of the heave")
-    make.add_argument("--elevation-rate", type=float, default=4.0, help="Hz, of the wave elevation")
+    make.add_argument(
+        "--column", metavar="HOUR", help="hour of the measured spectrum, such as 1996-10-16T00Z"
+    )
+    make.add_argument(
+        "--seed", metavar="N", type=int, required=True, help="names the random phases"
+    )
+    make.add_argument(
+        "--out", metavar="DIR", type=Path, required=True, help="directory of the new bag"
+    )
+    make.add_argument(
+        "--duration",
+        type=float,
+        default=1200.0,
+        metavar="S",
+        help="length, also of the loop [s] (default: %(default)g)",
+    )
+    make.add_argument(
+        "--rate",
+        type=float,
+        default=20.0,
+        metavar="HZ",
+        help="of the heave [Hz] (default: %(default)g)",
+    )
+    make.add_argument(
+        "--elevation-rate",
+        type=float,
+        default=4.0,
+        metavar="HZ",
+        help="of the wave elevation [Hz] (default: %(default)g)",
+    )
     make.add_argument(
         "--hull", type=float, nargs=4, metavar=("L", "B", "T", "CB"),
         default=(hull.length_m, hull.breadth_m, hull.draught_m, hull.block_coefficient),
-        help="length, breadth, draught [m] and block coefficient (default: %(default)s)",
+        help="length, breadth, draught [m] and block coefficient (default: 120 23 7 0.7)",
     )  # fmt: skip
 
 

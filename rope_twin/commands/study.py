@@ -16,7 +16,7 @@ from typing import Any
 
 from rope_twin.commands.run.summary import Progress
 from rope_twin.core.lanes.wide import LANES
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.share import share_dir
 from rope_twin.studies.parameter_study.file import read_study
 from rope_twin.studies.parameter_study.folder import check_parquet
@@ -104,4 +104,9 @@ def _file(words: str) -> Path:
     path = Path(words)
     if len(path.parts) > 1 or path.suffix in (".yaml", ".yml"):
         return path
-    return share_dir() / "config" / "studies" / f"{words}.yaml"
+    folder = share_dir() / "config" / "studies"
+    known = [file.stem for file in folder.glob("*.yaml")]
+    if words not in known:
+        right = f"{did_you_mean(words, known)} (or give the path of a YAML file)"
+        raise InputError(phrase(f"study '{words}'", "there is no such study", right))
+    return folder / f"{words}.yaml"

@@ -21,6 +21,7 @@ from rope_twin.studies.validation.page import (
     PAGE,
     PICTURES,
     as_json,
+    check_page,
     keep_convergence,
     keep_results,
     markdown_table,
@@ -32,7 +33,7 @@ from rope_twin.studies.validation.page import (
 from rope_twin.studies.validation.picture import draw_case, draw_panels
 from rope_twin.studies.validation.registry import CASES, choose_cases, run_case
 
-WIDTHS = (4, 52, 16, 22, 16)
+HEAD = ("quantity", "ours", "published", "tolerance", "met")
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
@@ -65,6 +66,7 @@ def run(args: argparse.Namespace) -> int:
     cases = choose_cases(args.ids)
     if args.into is not None:
         check_picture(args.into / PICTURES / "case.png")
+        check_page(args.into)
     rows = []
     for row in _run_all(cases):
         rows.append(row)
@@ -90,6 +92,7 @@ def _converge(args: argparse.Namespace) -> int:
     sweeps = vortex_convergence.choose_sweeps(args.ids)
     if args.into is not None:
         check_picture(args.into / PICTURES / CONVERGENCE_PICTURE)
+        check_page(args.into)
     rows = list(vortex_convergence.measure(sweeps, Progress().show))
     stored = vortex_convergence.as_json(rows)
     if args.json:
@@ -120,10 +123,8 @@ def _run_all(cases: Sequence[Case]) -> Iterator[Row]:
 
 def _print_case(row: Row) -> None:
     result = as_json(row)
-    for cells in table_rows(result):
-        *some, met, source = cells
-        words = "  ".join(f"{cell:<{width}}" for cell, width in zip(some, WIDTHS, strict=True))
-        print(f"{words}  {met:<3}  {source}")
+    print(f"{result['id']}: {result['about']} ({result['source']})")
+    print_table([HEAD, *(cells[1:-1] for cells in table_rows(result))])
     for note in result["notes"]:
-        print(f"      {note}")
-    sys.stdout.flush()
+        print(f"* {note}")
+    print(flush=True)

@@ -62,6 +62,10 @@ def _check(args: argparse.Namespace) -> None:
     sinks.load_rerun()
     if args.at is not None and not args.at > 0.0:
         raise InputError(phrase("--at", f"{args.at:g} is no time in the bag", "seconds above 0"))
+    if args.screenshot is not None and args.screenshot.suffix.lower() != ".png":
+        raise InputError(
+            phrase(f"--screenshot {args.screenshot}", "pictures are PNG", "end it in .png")
+        )
     path = Path(args.file)
     if path.suffix != ".rrd":
         find_bag(args.file)

@@ -37,16 +37,19 @@ def is_joined(scene: Scene) -> bool:
     )
 
 
-def refuse_joined(scene: Scene) -> None:
-    """For what steps one rope.
+def refuse_joined(scene: Scene, addition: str = "") -> None:
+    """For what steps one rope; `addition` is what a run of such a scene has to do without.
 
     Raises:
         SceneError: ropes meet in the scene.
     """
-    if is_joined(scene):
-        right = "`rope_twin run` and the simulation node step them; give a scene of one rope here"
-        what = "ropes meet here, and this steps one rope"
-        raise SceneError(phrase(f"{scene.path}: ropes", what, right))
+    if not is_joined(scene):
+        return
+    what = f"ropes meet here, and {addition or 'this'} {'is for' if addition else 'steps'} one rope"
+    right = "`rope_twin run` and the simulation node step them; give a scene of one rope here"
+    if addition:
+        right = "leave it out, or give a scene of one rope"
+    raise SceneError(phrase(f"{scene.path}: ropes", what, right))
 
 
 def places(scene: Scene) -> dict[str, Triple]:

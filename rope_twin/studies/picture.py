@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,11 +17,16 @@ def check_picture(path: Path) -> None:
     """See, before anything is computed, that a picture can be drawn there.
 
     Raises:
-        InputError: matplotlib is not installed, or the ending is not one of a picture.
+        InputError: matplotlib is not installed, the ending is not one of a picture, or nothing can
+            be written there.
     """
     if path.suffix.lower() not in (".png", ".svg", ".pdf"):
         what = f"'{path.suffix}' is no picture that can be drawn"
         raise InputError(phrase(str(path), what, "end it in .png, .svg or .pdf"))
+    place = next(folder for folder in path.absolute().parents if folder.exists())
+    if path.is_dir() or not place.is_dir() or not os.access(place, os.W_OK):
+        right = "give a place that can be written"
+        raise InputError(phrase(str(path), "it cannot be written", right))
     if importlib.util.find_spec("matplotlib") is None:
         right = "install it with `pip install 'rope_twin[plot]'`"
         raise InputError(phrase("matplotlib", "a plot needs it and it is not there", right))

@@ -202,7 +202,7 @@ def refuse_band(scene: Scene) -> None:
     Raises:
         SceneError: ropes that meet, a rigid body, vortices, or a winch that answers to the tension.
     """
-    refuse_joined(scene)
+    refuse_joined(scene, "an error band")
     refuse_body(scene, "a companion on half the elements would swing it by itself")
     refuse_shedding(scene, "a companion on half the elements cannot tell of vortices")
     if not foreseen(scene.winch, None):

@@ -47,7 +47,7 @@ class WatchedTwin(Twin):
     asked: ClassVar[Watch]
 
     def __init__(self, scene: Scene) -> None:
-        refuse_joined(scene)
+        refuse_joined(scene, "what watches vibration or fatigue")
         model = shedding_model(scene)
         if self.asked.vibration == MOTION and not model:
             what = "the scene lists no model of vortices, so nothing shakes its rope"

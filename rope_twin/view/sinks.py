@@ -65,7 +65,7 @@ class FileSink:
         rerun = load_rerun()
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.touch()
+            path.open("ab").close()
         except OSError as error:
             reason = error.strerror or str(error)
             raise InputError(

@@ -141,7 +141,7 @@ def test_a_rope_that_would_break_is_counted(regular: str, capsys: Printed) -> No
         (["--sea-offset", "0..9", "--for", "nan"], "--for: nan s is not possible"),
         (["--sea-offset", "0..9", "--for", "0.0153"], "--for: 0.0153 s is not possible"),
         (["--sea-offset", "0..9", "--step", "0.5"], "--step: 0.5 s is not possible"),
-        (["--sea-offset", "0..9", "--look", "0"], "look_s: 0.0 s is not possible"),
+        (["--sea-offset", "0..9", "--look", "0"], "--look: 0.0 s is not possible"),
         (["--sea-offset", "0..9", "--threads", "0"], "ensemble: 0 threads"),
         (["--sea-offset", "0..9", "--seed", "-1"], "--seed: -1 is negative"),
         (["--sea-offset", "0..9", "--csv", "/nowhere/x.csv"], "--csv: there is no directory"),

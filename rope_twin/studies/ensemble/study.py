@@ -89,6 +89,7 @@ def run_study(
     """
     began = time.perf_counter()
     whole_steps("--for", seconds, scene.time.step_s)
+    whole_steps("--look", look_s, scene.time.step_s)
     if not scene.sea_state.moves and any(axis.path == SEA_OFFSET for axis in plan.axes):
         raise InputError(phrase("--sea-offset", "the scene's ship lies still", "leave it out"))
     ensemble = Ensemble(scene, variations(scene, plan, seconds), look_s, threads)

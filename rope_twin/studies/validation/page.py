@@ -113,6 +113,23 @@ def _path(folder: Path, case: str) -> Path:
     return folder / RESULTS / f"{case}.json"
 
 
+def check_page(folder: Path) -> None:
+    """See, before anything is computed, that there is a page to write into.
+
+    Raises:
+        InputError: there is none, or it has no marks.
+    """
+    _read_page(folder / PAGE)
+
+
+def _read_page(path: Path) -> str:
+    text = path.read_text("utf-8") if path.is_file() else ""
+    if BEGIN not in text or END not in text:
+        what = f"it has no place for the cases ('{BEGIN}' ... '{END}')"
+        raise InputError(phrase(str(path), what, "give the folder of such a page, like docs"))
+    return text
+
+
 def write_page(results: list[dict[str, Any]], folder: Path) -> Path:
     """Replace what lies between the page's marks.
 
@@ -120,10 +137,7 @@ def write_page(results: list[dict[str, Any]], folder: Path) -> Path:
         InputError: there is no such page, or it has no marks.
     """
     path = folder / PAGE
-    text = path.read_text("utf-8") if path.exists() else ""
-    if BEGIN not in text or END not in text:
-        what = f"it has no place for the cases ('{BEGIN}' ... '{END}')"
-        raise InputError(phrase(str(path), what, "give a folder with docs/validation.md"))
+    text = _read_page(path)
     before, rest = text.split(BEGIN, 1)
     after = rest.split(END, 1)[1]
     refined = vortex_convergence.read_stored(folder / RESULTS / CONVERGENCE)

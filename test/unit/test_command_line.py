@@ -1,0 +1,71 @@
+"""What a wrong command line is answered with: one sentence and exit code 2, or 1 if it was read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rope_twin.cli import main
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("", "rope_twin: the following arguments are required: COMMAND"),
+        ("rnu", "rope_twin: there is no 'rnu'; did you mean 'run'"),
+        ("scene lst", "rope_twin scene: there is no 'lst'; did you mean 'list'"),
+        ("run --hedless", "rope_twin run: it takes no --hedless; did you mean '--headless'"),
+        ("run one two", "rope_twin run: it takes no two"),
+        ("run --for 1h", "rope_twin run: --for: '1h' is no number"),
+        ("lines a --seconds 0.5", "rope_twin lines: --seconds: '0.5' is no whole number"),
+        ("lines a --sea-state 9", "rope_twin lines: --sea-state: there is no '9'; known: 3, 4, 5"),
+        ("run --cut -5@1", "rope_twin run: --cut: expected one argument (a value that begins"),
+        ("run --budget 1% --within 1%", "rope_twin run: --within: not allowed with argument"),
+    ],
+)
+def test_a_wrong_command_line_is_told_of_in_one_line(
+    words: str, told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(words.split())
+    said = capsys.readouterr()
+    assert ended.value.code == 2
+    assert said.err.startswith(told)
+    assert said.err.count("\n") == 1
+    assert not said.out
+    assert "?" not in said.err
+    assert said.err.endswith("--help`.\n")
+
+
+def test_a_value_that_begins_with_minus_stands_behind_an_equals_sign(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["run", "still_water", "--within=-1%"]) == 1
+    assert capsys.readouterr().err.startswith("--within -1%: it is not possible")
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("view sea_1p2m --save {folder}", "file {folder}: it cannot be written (Is a directory)"),
+        ("view sea_1p2m --screenshot a.jpg", "--screenshot a.jpg: pictures are PNG; end it in .pn"),
+        ("validate P9 --into {folder}", "{folder}/validation.md: it has no place for the cases"),
+        ("study sea_and_lod", "study 'sea_and_lod': there is no such study; did you mean 'sea_an"),
+        (
+            "run bridle_lift --speed 0 --for 1 --no-record --error-band",
+            "ropes meet here, and an er",
+        ),
+        ("run bridle_lift --speed 0 --for 1 --no-record --fatigue spiral_wire", "ropes meet here"),
+        ("ensemble deep_lift --members 2 --look 0 --vary time.step_s=1..2", "--look: 0.0 s is not"),
+    ],
+)
+def test_what_cannot_be_is_told_before_anything_runs(
+    words: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([word.format(folder=tmp_path) for word in words.split()]) == 1
+    said = capsys.readouterr()
+    assert told.format(folder=tmp_path) in said.err
+    assert said.err.count("\n") == 1
+    assert not said.out
+    assert not list(tmp_path.iterdir())
