@@ -26,6 +26,7 @@ from rope_twin.core.state import (
     ELIMINATED,
     GEOMETRIC,
     RESIDUAL,
+    ZERO,
 )
 
 
@@ -109,7 +110,7 @@ def spring(work: Any, e: int) -> Any:
 @jit_within
 def ground(work: Any, first: int) -> Any:
     """Z of the lowest free node: nothing, or the element to the fixed node below it."""
-    xx, xy, xz, yy, yz, zz = spring(work, 0)
+    xx, xy, xz, yy, yz, zz = spring(work, ZERO)
     tied = 1.0 if first == 1 else 0.0
     return tied * xx, tied * xy, tied * xz, tied * yy, tied * yz, tied * zz
 

@@ -37,7 +37,7 @@ from numba.extending import overload
 from rope_twin.core.hooks import kernel_of, kernels_by_place, written_out
 from rope_twin.core.jit import LINKED, jit
 from rope_twin.core.prediction import correct
-from rope_twin.core.state import ELEMENTS
+from rope_twin.core.state import ELEMENTS, ZERO
 
 _REMEMBERED: dict[type, int] = {}
 
@@ -80,7 +80,7 @@ def _carry_over(memory: Any, state: Any, k: int) -> None:
         share = min(max((s - marks[j]) / (marks[j + 1] - marks[j]), 0.0), 1.0)
         for r in range(k):
             memory[k + r, i] = (1.0 - share) * memory[r, j] + share * memory[r, j + 1]
-    _copy(memory, k, 0, k, n)
+    _copy(memory, k, ZERO, k, n)
     _mark(memory, state, k)
 
 
@@ -105,19 +105,19 @@ def _copy(memory: Any, source: int, target: int, k: int, n: int) -> None:
 @jit
 def _keep(memory: Any, state: Any, k: int) -> None:
     """Now is the start of a step."""
-    _copy(memory, 0, 2 * k, k, state.counts[ELEMENTS])
+    _copy(memory, ZERO, 2 * k, k, state.counts[ELEMENTS])
 
 
 @jit
 def _take(memory: Any, state: Any, k: int) -> None:
     """What the stage left is now."""
-    _copy(memory, k, 0, k, state.counts[ELEMENTS])
+    _copy(memory, k, ZERO, k, state.counts[ELEMENTS])
 
 
 @jit
 def _return(memory: Any, state: Any, k: int) -> None:
     """Back to the start of the step."""
-    _copy(memory, 2 * k, 0, k, state.counts[ELEMENTS])
+    _copy(memory, 2 * k, ZERO, k, state.counts[ELEMENTS])
 
 
 def _said(effects: Any) -> list[tuple[Any, int]]:

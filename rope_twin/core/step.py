@@ -88,7 +88,8 @@ def _substep(rope: Any, boundary: Any, row: int, time: float, level: int, done: 
     start, share = done / (1 << HALVINGS), 1.0 / (1 << level)
     cap = CAP if level < HALVINGS else LAST_CAP
     c = 0.5 * GAMMA * share * rope.model.step
-    worst, pending, again, solves = PENDING, 0.0, False, rope.state.health[SOLVES]
+    worst, pending, solves = PENDING, 0.0, rope.state.health[SOLVES]
+    again = level < 0  # no; a plain False is a type of its own, for which all is compiled twice
     for kind in (TRAPEZOID, BDF2):
         part = GAMMA if kind == TRAPEZOID else 1.0
         stage = stage_at(rope, boundary, row, start + part * share, time, c)

@@ -201,7 +201,7 @@ def add_water(sea: Any, share: Any, work: Any, time: float, low: int, high: int)
     if share[0] == 0.0:
         return
     target = (*rows(work, FLOW, low), *rates, surface_at)
-    i, last = 0, high - low
+    i, last = low - low, high - low  # 0; a plain one is a type of its own: all is compiled twice
     while i < last:
         if _is_reached(sea, nodes[2][i]):
             i = _go_along(sea, share, nodes, target, time, (i, last))

@@ -23,6 +23,7 @@ from rope_twin.core.state import (
     GEOMETRIC,
     RESIDUAL,
     WORK_ROWS,
+    ZERO,
 )
 
 FAR = WORK_ROWS  # 9 rows: H of a node, by rows
@@ -77,7 +78,7 @@ def eliminate_upward(work: Any, first: int, n: int) -> Any:
     """From the lower end, free (first = 0) or held (1), onto node n: the block and force there."""
     Z, f = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), _NOTHING
     if first == 1:
-        Z = spring(work, 0)
+        Z = spring(work, ZERO)
     for i in range(first, n):
         S, force = _held(work, i, i, Z), _pushed(work, i, f)
         gain, own, Z, f, _ = eliminate_node(S, force, *_element(work, i))
@@ -103,7 +104,7 @@ def eliminate_between(work: Any, n: int) -> Any:
 
     P couples them: -P is the block of row n and column 0.
     """
-    xx, xy, xz, yy, yz, zz = D = Z = spring(work, 0)
+    xx, xy, xz, yy, yz, zz = D = Z = spring(work, ZERO)
     px, py, pz = (xx, xy, xz), (xy, yy, yz), (xz, yz, zz)
     f, g = _NOTHING, _NOTHING
     for i in range(1, n):
