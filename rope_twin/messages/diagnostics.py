@@ -1,4 +1,4 @@
-"""What operators read: OK, WARN or ERROR in plain words (REP 107), and its CDR bytes.
+"""What operators read of a twin: OK, WARN or ERROR in plain words (REP 107).
 
 The words report; they never stop anything.
 """
@@ -6,46 +6,15 @@ The words report; they never stop anything.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from enum import IntEnum
 
-from rope_twin.messages import forms
-from rope_twin.messages.cdr import new, serialise
+from rope_twin.messages.status import Level, Status, counted
 from rope_twin.scene.card import KnownError, told_bound
+from rope_twin.twin.findings import EnergyBalance, MaterialFatigue, RopeVibration, TensionBand
 from rope_twin.twin.pacing import PacingHealth
-from rope_twin.twin.snapshot import (
-    BedContact,
-    CutShot,
-    EnergyBalance,
-    InputHealth,
-    MaterialFatigue,
-    RopeVibration,
-    Snapshot,
-    TensionBand,
-)
+from rope_twin.twin.snapshot import BedContact, CutShot, InputHealth, Snapshot
 
-HARDWARE_ID = "rope_twin"
 GAIN_PCT = 0.1  # of the energy exchanged: what integrating the work may be wrong by
 BEHIND_S = 0.5  # further behind than this, what is published is no longer the present
-
-
-class Level(IntEnum):
-    """diagnostic_msgs/DiagnosticStatus levels."""
-
-    OK = 0
-    WARN = 1
-    ERROR = 2
-
-
-@dataclass(frozen=True)
-class Status:
-    """One row of the diagnostics: a name, how bad, one sentence, and the numbers behind it."""
-
-    name: str
-    level: Level
-    message: str
-    values: dict[str, str] = field(default_factory=dict)
 
 
 def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
@@ -77,27 +46,6 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
     return rows
 
 
-def encode_diagnostics(stamp_ns: int, rows: Sequence[Status]) -> bytes:
-    """diagnostics: one DiagnosticStatus a row."""
-    header = forms.header("")
-    header.stamp = forms.time(stamp_ns)
-    status = [
-        new(
-            "diagnostic_msgs/msg/DiagnosticStatus",
-            level=int(row.level),
-            name=row.name,
-            message=row.message,
-            hardware_id=HARDWARE_ID,
-            values=[
-                new("diagnostic_msgs/msg/KeyValue", key=key, value=value)
-                for key, value in row.values.items()
-            ],
-        )
-        for row in rows
-    ]
-    return serialise(new("diagnostic_msgs/msg/DiagnosticArray", header=header, status=status))
-
-
 def _solver(snapshot: Snapshot) -> Status:
     health = snapshot.solver
     values = {
@@ -121,7 +69,7 @@ def _solver(snapshot: Snapshot) -> Status:
         return Status(
             "simulation: solver",
             Level.WARN,
-            f"converged now, but {_count(health.unconverged_substeps, 'substep')} since the start "
+            f"converged now, but {counted(health.unconverged_substeps, 'substep')} since the start "
             "did not",
             values,
         )
@@ -292,7 +240,7 @@ def _pacing(pacing: PacingHealth) -> Status:
         "thread priority": "real-time" if pacing.priority else "ordinary",
     }
     late = (
-        f"{_count(pacing.late_steps, 'step')} ended late since the start, the worst by "
+        f"{counted(pacing.late_steps, 'step')} ended late since the start, the worst by "
         f"{pacing.worst_lateness_s * 1000.0:.1f} ms"
     )
     if pacing.error:
@@ -329,14 +277,10 @@ def _input(name: str, health: InputHealth) -> Status:
         return Status(
             title,
             Level.WARN,
-            f"{_count(health.refused, 'sample')} refused since the start; the newest: "
+            f"{counted(health.refused, 'sample')} refused since the start; the newest: "
             f"{health.note or 'no reason given'}",
             values,
         )
     if not health.accepted:
         return Status(title, Level.OK, "nothing received yet", values)
-    return Status(title, Level.OK, f"fresh, {_count(health.accepted, 'sample')} taken", values)
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+    return Status(title, Level.OK, f"fresh, {counted(health.accepted, 'sample')} taken", values)

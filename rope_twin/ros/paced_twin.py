@@ -10,40 +10,42 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 from rope_twin.commands.run.summary import RunSummary, summarise
 from rope_twin.errors import InputError, phrase
-from rope_twin.messages import Level, Status, statuses
+from rope_twin.messages import Status, statuses
 from rope_twin.ros.announcer import Announcer
 from rope_twin.ros.inputs import read_current, read_cut, read_heave, read_order, read_pose
 from rope_twin.ros.params import SimulationParams
+from rope_twin.ros.run_status import (
+    Refusals,
+    clock_row,
+    messages_row,
+    publishing_row,
+    run_row,
+    rung_row,
+    saving_row,
+)
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.topics import CUT_TOPIC, INPUTS
 from rope_twin.twin.handover import Handover, handover_depth
-from rope_twin.twin.keeper import Keeper, SavingHealth
+from rope_twin.twin.keeper import Keeper
 from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.ladder import TwinLadder
-from rope_twin.twin.pacing import Pacer, PacingHealth, steps_in_slot
+from rope_twin.twin.pacing import Pacer, steps_in_slot
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.watch import Watch
 
 START_LEAD_S = 0.5  # from the epoch's publication to t = 0, for others to get ready ...
 AWAITED_LEAD_S = 1.5  # ... and, from this one's making, where others have yet to find each other
-RUN_ROW = "simulation: run"  # its values are those of a RunSummary
-CLOCK_STEP_S = 0.05  # the system clock may differ from the steady one by this
 
-
-@dataclass
-class Refusals:
-    """Messages of one input that were no proper messages."""
-
-    count: int = 0
-    note: str = ""
+Said = TypeVar("Said")
 
 
 class PacedTwin:
@@ -135,41 +137,23 @@ class PacedTwin:
 
     def offer_heave(self, data: bytes) -> None:
         """A ship/heave message; what is wrong with it is counted and told, never raised."""
-        try:
-            stamp_ns, position_m, velocity_m_per_s = read_heave(data)
-        except InputError as error:
-            self._refuse("ship/heave", error)
-            return
-        epoch_ns = self.epoch_ns
-        if epoch_ns is None:
-            self._ignored += 1
-        else:
+        said = self._read("ship/heave", lambda: read_heave(data))
+        if said is not None and (epoch_ns := self._epoch()) is not None:
+            stamp_ns, position_m, velocity_m_per_s = said
             self.twin.offer_heave(stamp_ns - epoch_ns, position_m, velocity_m_per_s)
 
     def offer_pose(self, data: bytes) -> None:
         """A ship/odometry message; as offer_heave."""
-        try:
-            stamp_ns, pose = read_pose(data)
-        except InputError as error:
-            self._refuse("ship/odometry", error)
-            return
-        epoch_ns = self.epoch_ns
-        if epoch_ns is None:
-            self._ignored += 1
-        else:
+        said = self._read("ship/odometry", lambda: read_pose(data))
+        if said is not None and (epoch_ns := self._epoch()) is not None:
+            stamp_ns, pose = said
             self.twin.offer_pose(replace(pose, stamp_ns=stamp_ns - epoch_ns))
 
     def offer_order(self, topic: str, data: bytes) -> None:
         """A message on one of WINCH_TOPICS; as offer_heave."""
-        try:
-            stamp_ns, order, name = read_order(topic, data)
-        except InputError as error:
-            self._refuse(topic, error)
-            return
-        epoch_ns = self.epoch_ns
-        if epoch_ns is None:
-            self._ignored += 1
-        else:
+        said = self._read(topic, lambda: read_order(topic, data))
+        if said is not None and (epoch_ns := self._epoch()) is not None:
+            stamp_ns, order, name = said
             at_ns = None if stamp_ns is None else stamp_ns - epoch_ns
             # a scene of one rope has one winch, whatever a console calls it
             winch = name if is_joined(self.twin.scene) else WINCH
@@ -177,79 +161,54 @@ class PacedTwin:
 
     def offer_cut(self, data: bytes) -> None:
         """A rope/cut message; as offer_heave."""
-        try:
-            stamp_ns, below_m = read_cut(data)
-        except InputError as error:
-            self._refuse(CUT_TOPIC, error)
-            return
-        epoch_ns = self.epoch_ns
-        if epoch_ns is None:
-            self._ignored += 1
-        else:
+        said = self._read(CUT_TOPIC, lambda: read_cut(data))
+        if said is not None and (epoch_ns := self._epoch()) is not None:
+            stamp_ns, below_m = said
             self.twin.offer_cut(None if stamp_ns is None else stamp_ns - epoch_ns, below_m)
 
     def offer_current(self, data: bytes) -> None:
         """A `current` message (it has no stamp and holds from now on); as offer_heave."""
-        try:
-            rows = read_current(data)
-        except InputError as error:
-            self._refuse("current", error)
-            return
-        self.twin.offer_current(rows)
+        said = self._read("current", lambda: read_current(data))
+        if said is not None:
+            self.twin.offer_current(said)
 
     def rows(self, ros_now_ns: int) -> list[Status]:
         """Diagnostics of solver, pacing, inputs, messages and clocks."""
         health = self.pacer.health()
-        rows = [_run_row(self.summary()), *statuses(self.last, health)]
+        rows = [run_row(self.summary()), *statuses(self.last, health)]
         if self.ladder is not None:
-            rows.append(_rung_row(self.ladder, self.last))
-        rows.append(self._messages_row())
-        rows.append(self._publishing_row(health))
+            rows.append(rung_row(self.ladder, self.last))
+        rows.append(messages_row(self._malformed, self._ignored))
+        rows.append(publishing_row(self._announcer.error, health.lost_snapshots))
         if self._keeper is not None:
-            rows.append(_saving_row(self._keeper.health()))
+            rows.append(saving_row(self._keeper.health()))
         if self.epoch_ns is not None:
-            rows.append(self._clock_row(ros_now_ns))
+            rows.append(clock_row(self._clock_moved_s(ros_now_ns)))
         return rows
 
-    def _refuse(self, topic: str, error: InputError) -> None:
-        with self._lock:
-            refusals = self._malformed[topic]
-            refusals.count += 1
-            refusals.note = str(error)
+    def _read(self, topic: str, read: Callable[[], Said]) -> Said | None:
+        """What a message says; None, counted, if it was no proper one."""
+        try:
+            return read()
+        except InputError as error:
+            with self._lock:
+                refusals = self._malformed[topic]
+                refusals.count += 1
+                refusals.note = str(error)
+            return None
 
-    def _messages_row(self) -> Status:
-        values = {topic: str(refused.count) for topic, refused in self._malformed.items()}
-        values["ignored while not active"] = str(self._ignored)
-        notes = [refused.note for refused in self._malformed.values() if refused.count]
-        if not notes:
-            return Status("simulation: messages", Level.OK, "every message was well formed", values)
-        total = sum(refused.count for refused in self._malformed.values())
-        message = f"{total} refused as malformed since the start; the newest of each: "
-        return Status("simulation: messages", Level.WARN, message + " ".join(notes), values)
+    def _epoch(self) -> int | None:
+        """ROS time of t = 0 [ns]; None, counted, where there is none to place an input by."""
+        epoch_ns = self.epoch_ns
+        if epoch_ns is None:
+            self._ignored += 1
+        return epoch_ns
 
-    def _publishing_row(self, health: PacingHealth) -> Status:
-        values = {"lost snapshots": str(health.lost_snapshots)}
-        name = "simulation: publishing"
-        if self._announcer.error:
-            return Status(name, Level.ERROR, self._announcer.error, values)
-        if health.lost_snapshots:
-            message = f"{health.lost_snapshots} snapshots were computed but not published in time"
-            return Status(name, Level.WARN, message, values)
-        return Status(name, Level.OK, "every snapshot was published", values)
-
-    def _clock_row(self, ros_now_ns: int) -> Status:
+    def _clock_moved_s(self, ros_now_ns: int) -> float:
+        """By how much ROS time has moved against the steady clock since the newest begin."""
         assert self._clocks is not None
         ros_ns, steady_ns = self._clocks
-        moved_s = ((ros_now_ns - ros_ns) - (time.monotonic_ns() - steady_ns)) * 1e-9
-        values = {"ROS time against steady time [s]": f"{moved_s:.3f}"}
-        name = "simulation: clocks"
-        if abs(moved_s) > CLOCK_STEP_S:
-            message = (
-                f"ROS time has moved by {moved_s:+.3f} s against the steady clock since the start: "
-                "stamps of live inputs no longer fit; deactivate and activate to set a new epoch"
-            )
-            return Status(name, Level.WARN, message, values)
-        return Status(name, Level.OK, "ROS time and the steady clock agree", values)
+        return ((ros_now_ns - ros_ns) - (time.monotonic_ns() - steady_ns)) * 1e-9
 
 
 def _begin(scene: Scene, params: SimulationParams) -> tuple[Twin, str]:
@@ -287,34 +246,3 @@ def _steps_to_do(twin: Twin, stop_after_s: float) -> int:
         what = f"the saved state is at {twin.time_ns * 1e-9:g} s already"
         raise InputError(phrase(where, what, "name a later end"))
     return left
-
-
-def _saving_row(saving: SavingHealth) -> Status:
-    saved = "never" if saving.saved_s is None else f"{saving.saved_s:.2f}"
-    values = {"file": str(saving.path), "newest saved state, twin time [s]": saved}
-    name = "simulation: saving"
-    if saving.trouble:
-        return Status(name, Level.ERROR, saving.trouble, values)
-    if saving.saved_s is None:
-        return Status(name, Level.OK, "no state of this run saved yet", values)
-    return Status(name, Level.OK, f"saved at {saved} s", values)
-
-
-def _rung_row(ladder: TwinLadder, last: Snapshot) -> Status:
-    number, count = ladder.place
-    values = {
-        "rung": f"{number} of {count}",
-        "elements": str(len(last.element_tension_n)),
-        "step [s]": f"{ladder.rung.step_s:g}",
-        "changes": str(ladder.changes),
-        "load": f"{ladder.load:.2f}",
-    }
-    name = "simulation: rung"
-    if number == 1:
-        return Status(name, Level.OK, f"on the scene's own rung: {ladder.words()}", values)
-    message = f"on rung {number} of {count}, {ladder.words()}: {ladder.reason}"
-    return Status(name, Level.WARN, message, values)
-
-
-def _run_row(summary: RunSummary) -> Status:
-    return Status(RUN_ROW, Level.OK, "the run so far", summary.as_values())

@@ -21,8 +21,8 @@ from rope_twin.commands.run.summary import Progress, RunSummary
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import decode
 from rope_twin.ros.entry import PARENT, StopSignal, initialise
-from rope_twin.ros.paced_twin import RUN_ROW
 from rope_twin.ros.qos import message_type, profile
+from rope_twin.ros.run_status import RUN_ROW
 from rope_twin.ros.suite import END_ORDER, node_parameters, where
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging_rules import winches_by_name

@@ -6,7 +6,7 @@ A check never stops anything and changes nothing. Each yields sentences `where: 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from math import ceil, floor, hypot, sqrt
+from math import ceil, floor, sqrt
 
 from rope_twin.errors import phrase
 from rope_twin.scene.build_joined import alone
@@ -20,7 +20,7 @@ from rope_twin.scene.figures import (
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Rope, Scene
 from rope_twin.scene.shedding import coarse_for_vortices, shedding_model
-from rope_twin.scene.water_checks import check_water
+from rope_twin.scene.water_checks import check_current, check_environment, check_water, is_air
 from rope_twin.scene.winch_checks import check_winch
 
 SAFETY_FACTOR = 3.0  # of breaking load over static load, common for lifting wire
@@ -249,49 +249,6 @@ def _ship(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         yield phrase("ship.motion_ramp_s", what, "give 8 s or so")
 
 
-def _current_profile(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    current = listed_effects(scene).get("current")
-    if current is None or current.layers is not None:  # two layers are all there is
-        return
-    length = scene.winch.most_line_out_m if scene.winch else scene.ropes[0].length_m
-    top = scene.ship.hang_off_m[2]
-    bottom = scene.ropes[0].fixed_at_m[2] if scene.ropes[0].fixed_at_m else top - length
-    (first, first_velocity), (last, last_velocity) = current.points[0], current.points[-1]
-    if first < min(top, 0.0) and hypot(*first_velocity) > 0.0:
-        yield _held(first, first_velocity, "above", f"{min(top, 0.0):g} m")
-    if last > bottom and hypot(*last_velocity) > 0.0:
-        yield _held(last, last_velocity, "below", f"{bottom:g} m")
-
-
-def _held(z: float, velocity: tuple[float, float], side: str, reach: str) -> str:
-    east, north = velocity
-    what = (
-        f"{side} its row at z = {z:g} m the value there ({east:g} east, {north:g} north m/s) is "
-        f"held, as far as the rope's end at z = {reach}"
-    )
-    return phrase("effects current.profile", what, "add a row there")
-
-
-def is_air(scene: Scene) -> bool:
-    """Whether all of it stays above the water, in air, which then stands in for the water."""
-    longest = scene.winch.most_line_out_m if scene.winch else scene.ropes[0].length_m
-    density = scene.environment.water_density_kg_per_m3
-    return 1.0 <= density <= 1.4 and scene.ship.hang_off_m[2] > longest
-
-
-def _environment(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    density, gravity = (
-        scene.environment.water_density_kg_per_m3,
-        scene.environment.gravity_m_per_s2,
-    )
-    if not 990.0 <= density <= 1060.0 and not is_air(scene):
-        what = f"{density:g} kg/m³ is neither fresh nor sea water"
-        yield phrase("environment.water_density_kg_per_m3", what, "sea water has 1025")
-    if not 9.76 <= gravity <= 9.84:
-        what = f"{gravity:g} m/s² is not the Earth's"
-        yield phrase("environment.gravity_m_per_s2", what, "standard gravity is 9.80665")
-
-
 CHECKS: tuple[Check, ...] = (
     _load,
     _fixed_end,
@@ -307,7 +264,7 @@ CHECKS: tuple[Check, ...] = (
     check_winch,
     check_water,
     _ship,
-    _current_profile,
+    check_current,
     coarse_for_vortices,
-    _environment,
+    check_environment,
 )

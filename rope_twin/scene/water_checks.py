@@ -1,9 +1,9 @@
-"""Sense checks of depths and waves: above the surface, below the bed, steeper than waves stand."""
+"""Sense checks of the water: depths, waves, current, density; and of gravity."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from math import dist, pi, tanh
+from math import dist, hypot, pi, tanh
 
 from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import phrase
@@ -81,3 +81,48 @@ def _arm(scene: Scene) -> Iterator[str]:
     if arm > LONGEST_ARM_M:
         what = f"it is {arm:.0f} m from the hang-off"
         yield phrase("ship.reference_m", what, f"a ship has arms of at most {LONGEST_ARM_M:g} m")
+
+
+def check_current(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """Of a profile that does not reach from the hang-off to the rope's end."""
+    current = listed_effects(scene).get("current")
+    if current is None or current.layers is not None:  # two layers are all there is
+        return
+    length = scene.winch.most_line_out_m if scene.winch else scene.ropes[0].length_m
+    top = scene.ship.hang_off_m[2]
+    bottom = scene.ropes[0].fixed_at_m[2] if scene.ropes[0].fixed_at_m else top - length
+    (first, first_velocity), (last, last_velocity) = current.points[0], current.points[-1]
+    if first < min(top, 0.0) and hypot(*first_velocity) > 0.0:
+        yield _held(first, first_velocity, "above", f"{min(top, 0.0):g} m")
+    if last > bottom and hypot(*last_velocity) > 0.0:
+        yield _held(last, last_velocity, "below", f"{bottom:g} m")
+
+
+def _held(z: float, velocity: tuple[float, float], side: str, reach: str) -> str:
+    east, north = velocity
+    what = (
+        f"{side} its row at z = {z:g} m the value there ({east:g} east, {north:g} north m/s) is "
+        f"held, as far as the rope's end at z = {reach}"
+    )
+    return phrase("effects current.profile", what, "add a row there")
+
+
+def is_air(scene: Scene) -> bool:
+    """Whether all of it stays above the water, in air, which then stands in for the water."""
+    longest = scene.winch.most_line_out_m if scene.winch else scene.ropes[0].length_m
+    density = scene.environment.water_density_kg_per_m3
+    return 1.0 <= density <= 1.4 and scene.ship.hang_off_m[2] > longest
+
+
+def check_environment(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """Of the water's density and of gravity."""
+    density, gravity = (
+        scene.environment.water_density_kg_per_m3,
+        scene.environment.gravity_m_per_s2,
+    )
+    if not 990.0 <= density <= 1060.0 and not is_air(scene):
+        what = f"{density:g} kg/m³ is neither fresh nor sea water"
+        yield phrase("environment.water_density_kg_per_m3", what, "sea water has 1025")
+    if not 9.76 <= gravity <= 9.84:
+        what = f"{gravity:g} m/s² is not the Earth's"
+        yield phrase("environment.gravity_m_per_s2", what, "standard gravity is 9.80665")

@@ -17,8 +17,8 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
 from rope_twin.errors import InputError
+from rope_twin.twin.findings import RopeVibration
 from rope_twin.twin.own_motion import AVERAGED, relative_flow, sides, tangents
-from rope_twin.twin.snapshot import RopeVibration
 from rope_twin.twin.vibration import span_of_rope
 from rope_twin.twin.wear import turned
 from rope_twin.viv.decomposed import decomposed

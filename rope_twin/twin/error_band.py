@@ -27,10 +27,11 @@ from rope_twin.scene.schema import Scene
 from rope_twin.scene.shedding import refuse_shedding
 from rope_twin.twin.borders import foreseen
 from rope_twin.twin.error_bound import EVERY, ErrorBand, acceleration_jumps, border_before
+from rope_twin.twin.findings import TensionBand
 from rope_twin.twin.regrid import HangOff, coarser
 from rope_twin.twin.rung import Rung
 from rope_twin.twin.saved_state import SavedState
-from rope_twin.twin.snapshot import Snapshot, TensionBand
+from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.surface_layer import error_per_difference
 from rope_twin.twin.twin import STEPS_PER_CALL, Twin
 

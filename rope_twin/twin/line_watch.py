@@ -18,7 +18,8 @@ from rope_twin.core.state import Floats
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.rigging_rules import places
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.snapshot import Crossing, LineEvent, LinesShot, Nearest, Snapshot
+from rope_twin.twin.lines_shot import Crossing, LineEvent, LinesShot, Nearest
+from rope_twin.twin.snapshot import Snapshot
 
 AT_SHEAVE = 0.02  # of the sheave's depth: nearer than this above it the lines meet anyway
 SAME = 0.05  # of the sheave's depth: a crossing that has moved by less is the same one

@@ -21,7 +21,7 @@ from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
-from rope_twin.twin.snapshot import RopeVibration
+from rope_twin.twin.findings import RopeVibration
 from rope_twin.twin.watch import MOTION
 
 SLOW = 0.2  # of the fastest vortices' frequency: slower motion is not shaking

@@ -20,12 +20,13 @@ from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.shedding import shedding_model, strouhal_number
 from rope_twin.twin.beside import Beside, beside_decomposed, beside_modes
+from rope_twin.twin.findings import MaterialFatigue, RopeVibration
 from rope_twin.twin.memory import recall
 from rope_twin.twin.own_motion import OwnMotion, diameters, fastest_hz, tangents
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.rung import Rung
 from rope_twin.twin.saved_state import IF_ASKED, SavedState, load_state
-from rope_twin.twin.snapshot import MaterialFatigue, RopeVibration, Snapshot
+from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.watch import DECOMPOSED, MODES, MOTION, Watch
 from rope_twin.twin.wear import RopeWear, WearWish, bending_stiffness, curvature

@@ -24,7 +24,7 @@ from rope_twin.scene.composite import ends_m
 from rope_twin.scene.schema import RopeLine
 from rope_twin.twin.cycle_count import CycleCount, Numbers
 from rope_twin.twin.endurance import Cycles, StressCurve, find_curve, metal_area, refuse_fibre
-from rope_twin.twin.snapshot import MaterialFatigue
+from rope_twin.twin.findings import MaterialFatigue
 
 PIECE_M = 1.0
 AROUND = 8  # places around the circumference

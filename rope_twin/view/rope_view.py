@@ -29,6 +29,7 @@ from rope_twin.view.overview import Overview
 from rope_twin.view.profile import Profile
 from rope_twin.view.series import FILE_BATCH_NS, LIVE_BATCH_NS, Series
 from rope_twin.view.sinks import Sink
+from rope_twin.view.status_log import StatusLog
 from rope_twin.view.surface import Surface
 from rope_twin.view.ticks import decade_range
 from rope_twin.view.timelines import Timelines
@@ -42,7 +43,6 @@ SHOWN_TOPICS = (
 )  # fmt: skip
 PICTURE_NS = NANOSECONDS // 10  # ropes and sea are drawn at most 10 times a second
 _EPOCH_WITHIN_NS = 2 * NANOSECONDS  # so long the first messages wait for twin/epoch
-_LEVELS = ("INFO", "WARN", "ERROR")
 
 
 class RopeView:
@@ -63,11 +63,11 @@ class RopeView:
         self._profile = Profile(sink.stream, PROFILE)
         self._watched = WatchedCharts(sink.stream)
         self._lower_end = LowerEnd(sink.stream, LOWER_END)
-        self._figures = Figures(self._further_curve)
+        self._log = StatusLog(sink.stream, LOG)
+        self._figures = Figures(self._add_curve)
         self._drawn_ns: dict[str, int] = {}
         self._elements_n: NDArray[np.float64] = np.zeros(0)
         self._scale_n = 0.0
-        self._told: dict[str, tuple[int, str]] = {}
         self._show: dict[str, Callable[[Any, int], None]] = {
             "winch/state": self._winch_state,
             "tension_top/band": self._band,
@@ -144,13 +144,7 @@ class RopeView:
         for name, message, time_ns in waiting:
             self._show[name](message, time_ns)
 
-    def _add_curve(self, path: str, name: str, rgb: str) -> None:
-        assert self._timelines is not None
-        batch_ns = LIVE_BATCH_NS if self._sink.live else FILE_BATCH_NS
-        self._series[path] = Series(self._sink.stream, self._timelines, path, batch_ns)
-        self._series[path].style(name, rgb)
-
-    def _further_curve(self, path: str, name: str, rgb: str, dots: bool) -> Series:
+    def _add_curve(self, path: str, name: str, rgb: str, dots: bool = False) -> Series:
         assert self._timelines is not None
         batch_ns = LIVE_BATCH_NS if self._sink.live else FILE_BATCH_NS
         self._series[path] = series = Series(self._sink.stream, self._timelines, path, batch_ns)
@@ -261,11 +255,9 @@ class RopeView:
             self._overview.show_crossings(np.array(spots).reshape(-1, 3))
 
     def _line_events(self, message: Any, time_ns: int) -> None:
-        import rerun as rr
-
         assert self._timelines is not None
         self._timelines.set(time_ns)
-        self._sink.stream.log(LOG, rr.TextLog(f"lines: {message.data}", level="INFO"))
+        self._log.write(f"lines: {message.data}")
 
     def _heave(self, message: Any, time_ns: int) -> None:
         self._series["plots/heave"].add(time_ns, float(message.pose.pose.position.z))
@@ -276,21 +268,13 @@ class RopeView:
 
     def _diagnostics(self, message: Any, time_ns: int) -> None:
         """A line for each status that changed, and the real-time factor."""
-        import rerun as rr
-
+        assert self._timelines is not None
+        self._timelines.set(time_ns)
         for status in message.status:
-            level = status.level[0] if isinstance(status.level, bytes) else int(status.level)
             for pair in status.values:
                 if pair.key == "real-time factor" and float(pair.value) > 0.0:  # 0: no step yet
                     self._series["plots/real_time_factor"].add(time_ns, float(pair.value))
-            if self._told.get(status.name) != (level, status.message):
-                self._told[status.name] = (level, status.message)
-                assert self._timelines is not None
-                self._timelines.set(time_ns)
-                words = _LEVELS[min(level, 2)]
-                self._sink.stream.log(
-                    LOG, rr.TextLog(f"{status.name}: {status.message}", level=words)
-                )
+            self._log.take(status)
 
 
 def _points(message: Any, topic: str, fields: tuple[str, ...]) -> NDArray[np.float64]:

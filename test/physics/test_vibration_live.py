@@ -13,8 +13,9 @@ from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.studies.rigs import march, sine
+from rope_twin.twin.findings import RopeVibration
 from rope_twin.twin.kinds import twin_kind
-from rope_twin.twin.snapshot import RopeVibration, Snapshot
+from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration import span_of_twin
 from rope_twin.twin.watch import DECOMPOSED, MODES, Watch

@@ -7,17 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from rope_twin.scene.card import KnownError
+from rope_twin.twin.findings import MaterialFatigue, RopeVibration, TensionBand
 from rope_twin.twin.ship_pose import ShipPose
-from rope_twin.twin.snapshot import (
-    BedContact,
-    BodyShot,
-    InputHealth,
-    MaterialFatigue,
-    RopeVibration,
-    Snapshot,
-    SolverHealth,
-    TensionBand,
-)
+from rope_twin.twin.snapshot import BedContact, BodyShot, InputHealth, Snapshot, SolverHealth
 
 
 def hanging_rope(

@@ -15,8 +15,8 @@ from rope_twin.sea.heave_response import BoxHull
 from rope_twin.sea.spectrum import jonswap
 from rope_twin.twin.irregular_sea import SeaRecord, synthesise
 from rope_twin.twin.line_watch import LineWatch
+from rope_twin.twin.lines_shot import LineEvent, Nearest
 from rope_twin.twin.schedule import schedule_samples
-from rope_twin.twin.snapshot import LineEvent, Nearest
 from rope_twin.twin.twin import Twin
 
 # Hs [m] and Tp [s] of sea states (STANAG 4194)

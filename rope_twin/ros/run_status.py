@@ -1,0 +1,94 @@
+"""Rows of the diagnostics on a paced run itself: messages, publishing, saving, rung, clocks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rope_twin.commands.run.summary import RunSummary
+from rope_twin.messages import Level, Status
+from rope_twin.twin.keeper import SavingHealth
+from rope_twin.twin.ladder import TwinLadder
+from rope_twin.twin.snapshot import Snapshot
+
+RUN_ROW = "simulation: run"
+CLOCK_STEP_S = 0.05  # the system clock may differ from the steady one by this
+
+
+@dataclass
+class Refusals:
+    """Messages of one input that were no proper messages."""
+
+    count: int = 0
+    note: str = ""
+
+
+def run_row(summary: RunSummary) -> Status:
+    """The figures of the run; its values are those of a RunSummary."""
+    return Status(RUN_ROW, Level.OK, "the run so far", summary.as_values())
+
+
+def messages_row(malformed: Mapping[str, Refusals], ignored: int) -> Status:
+    """Messages that were refused by topic, and inputs ignored while the twin was not active."""
+    values = {topic: str(refused.count) for topic, refused in malformed.items()}
+    values["ignored while not active"] = str(ignored)
+    notes = [refused.note for refused in malformed.values() if refused.count]
+    if not notes:
+        return Status("simulation: messages", Level.OK, "every message was well formed", values)
+    total = sum(refused.count for refused in malformed.values())
+    message = f"{total} refused as malformed since the start; the newest of each: "
+    return Status("simulation: messages", Level.WARN, message + " ".join(notes), values)
+
+
+def publishing_row(error: str, lost_snapshots: int) -> Status:
+    """Whether what was computed was published; error: why it no longer is."""
+    values = {"lost snapshots": str(lost_snapshots)}
+    name = "simulation: publishing"
+    if error:
+        return Status(name, Level.ERROR, error, values)
+    if lost_snapshots:
+        message = f"{lost_snapshots} snapshots were computed but not published in time"
+        return Status(name, Level.WARN, message, values)
+    return Status(name, Level.OK, "every snapshot was published", values)
+
+
+def clock_row(moved_s: float) -> Status:
+    """By how much ROS time has moved against the steady clock since the start."""
+    values = {"ROS time against steady time [s]": f"{moved_s:.3f}"}
+    name = "simulation: clocks"
+    if abs(moved_s) > CLOCK_STEP_S:
+        message = (
+            f"ROS time has moved by {moved_s:+.3f} s against the steady clock since the start: "
+            "stamps of live inputs no longer fit; deactivate and activate to set a new epoch"
+        )
+        return Status(name, Level.WARN, message, values)
+    return Status(name, Level.OK, "ROS time and the steady clock agree", values)
+
+
+def saving_row(saving: SavingHealth) -> Status:
+    """Of a run that saves its state: which it saved last."""
+    saved = "never" if saving.saved_s is None else f"{saving.saved_s:.2f}"
+    values = {"file": str(saving.path), "newest saved state, twin time [s]": saved}
+    name = "simulation: saving"
+    if saving.trouble:
+        return Status(name, Level.ERROR, saving.trouble, values)
+    if saving.saved_s is None:
+        return Status(name, Level.OK, "no state of this run saved yet", values)
+    return Status(name, Level.OK, f"saved at {saved} s", values)
+
+
+def rung_row(ladder: TwinLadder, last: Snapshot) -> Status:
+    """Of a run with a ladder: elements and step that it goes with, and why."""
+    number, count = ladder.place
+    values = {
+        "rung": f"{number} of {count}",
+        "elements": str(len(last.element_tension_n)),
+        "step [s]": f"{ladder.rung.step_s:g}",
+        "changes": str(ladder.changes),
+        "load": f"{ladder.load:.2f}",
+    }
+    name = "simulation: rung"
+    if number == 1:
+        return Status(name, Level.OK, f"on the scene's own rung: {ladder.words()}", values)
+    message = f"on rung {number} of {count}, {ladder.words()}: {ladder.reason}"
+    return Status(name, Level.WARN, message, values)
