@@ -32,8 +32,9 @@ from rope_twin.twin.regrid import HangOff, coarser
 from rope_twin.twin.rung import Rung
 from rope_twin.twin.saved_state import SavedState
 from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.stepped import STEPS_PER_CALL
 from rope_twin.twin.surface_layer import error_per_difference
-from rope_twin.twin.twin import STEPS_PER_CALL, Twin
+from rope_twin.twin.twin import Twin
 
 Bed = Plane | Grid
 

@@ -16,9 +16,7 @@ from rope_twin.scene.card import KnownError
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.borders import Borders
 from rope_twin.twin.observe import Extremes, Observation, observe
-from rope_twin.twin.ship import ramp
 from rope_twin.twin.snapshot import Snapshot
-from rope_twin.twin.winch import LineOut
 
 
 class Scratch:
@@ -190,22 +188,18 @@ class Member:
         work = np.zeros(self._work_shape)
         work[rows.TENSION, : len(self._tension)] = self._tension
         unconverged = int(state.health[rows.SUBSTEPS_UNCONVERGED])
-        time_ns = self.steps * self._step_ns
-        ship = self.scene.ship
         taken = observe(
             state,
             work,
             Observation(
-                stamp_ns=time_ns,
+                stamp_ns=self.steps * self._step_ns,
                 step=self.steps,
                 step_s=self.scene.time.step_s,
-                hang_off_m=self._value[:3].copy(),
-                hang_off_m_per_s=self._rate[:3].copy(),
-                heave_m=float(self._value[rows.Z] - ship.hang_off_m[2]),
+                ship=self.scene.ship,
+                border=self._value,
+                border_rate=self._rate,
                 pull=self._pull,
                 recent=self._recent,
-                line=LineOut(float(self._value[rows.LINE]), float(self._rate[rows.LINE])),
-                motion_ramp=ramp(time_ns * 1e-9, ship.motion_ramp_s)[0],
                 winch_at_limit="",
                 doubtful=unconverged > self._unconverged,
                 computing_s=0.0,

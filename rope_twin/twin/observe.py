@@ -9,8 +9,9 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Ints, State
 from rope_twin.scene.card import KnownError
+from rope_twin.scene.schema import Ship
+from rope_twin.twin.ship import ramp
 from rope_twin.twin.snapshot import InputHealth, Snapshot, SolverHealth, Vector
-from rope_twin.twin.winch import LineOut
 
 
 class Extremes:
@@ -64,13 +65,11 @@ class Observation:
     stamp_ns: int
     step: int
     step_s: float
-    hang_off_m: Vector
-    hang_off_m_per_s: Vector
-    heave_m: float
+    ship: Ship
+    border: Vector  # hang-off [m] and line out [m] now, (rows.MOTIONS,)
+    border_rate: Vector  # and their rates [m/s]
     pull: Vector  # rows.PULL_COLUMNS: magnitude and vector of the pull on the hang-off [N]
     recent: Extremes  # of the top tension since the previous snapshot
-    line: LineOut
-    motion_ramp: float
     winch_at_limit: str
     doubtful: bool
     computing_s: float
@@ -103,14 +102,14 @@ def observe(state: State, work: Floats, seen: Observation) -> Snapshot:
         tension_top_max_n=recent_high,
         hang_off_force_n=seen.pull[rows.PULL_X :].copy(),
         tension_payload_n=float(element_tension[-1]),
-        hang_off_position_m=seen.hang_off_m,
-        hang_off_velocity_m_per_s=seen.hang_off_m_per_s,
-        heave_m=seen.heave_m,
+        hang_off_position_m=seen.border[: rows.LINE].copy(),
+        hang_off_velocity_m_per_s=seen.border_rate[: rows.LINE].copy(),
+        heave_m=float(seen.border[rows.Z] - seen.ship.hang_off_m[2]),
         payload_position_m=state.nodes[rows.POSITION : rows.POSITION + 3, 0].copy(),
         payload_velocity_m_per_s=state.nodes[rows.VELOCITY : rows.VELOCITY + 3, 0].copy(),
-        line_out_m=seen.line.length_m,
-        payout_speed_m_per_s=seen.line.speed_m_per_s,
-        motion_ramp=seen.motion_ramp,
+        line_out_m=float(seen.border[rows.LINE]),
+        payout_speed_m_per_s=float(seen.border_rate[rows.LINE]),
+        motion_ramp=ramp(seen.stamp_ns * 1e-9, seen.ship.motion_ramp_s)[0],
         winch_at_limit=seen.winch_at_limit,
         doubtful=seen.doubtful,
         solver=_solver_health(state.health, seen.computing_s),

@@ -18,7 +18,7 @@ from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import InputError, SceneError
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.viv.own import OwnRun, _amplification, _figures, _worst_rms, run_own
-from rope_twin.twin.snapshot import MaterialFatigue
+from rope_twin.twin.findings import MaterialFatigue
 
 U = 0.5
 

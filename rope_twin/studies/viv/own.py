@@ -28,8 +28,8 @@ from rope_twin.studies.rigs import march
 from rope_twin.studies.viv.moving import regular_motion
 from rope_twin.studies.viv.study import YEAR_S, amplified_drag
 from rope_twin.twin.endurance import metal_area
+from rope_twin.twin.findings import MaterialFatigue
 from rope_twin.twin.own_motion import SLOW, relative_flow, sides, tangents
-from rope_twin.twin.snapshot import MaterialFatigue
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.wear import RopeWear, WearWish, bending_stiffness, curvature
 

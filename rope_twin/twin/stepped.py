@@ -1,0 +1,223 @@
+"""The stepping of a twin: its rope or ropes, what is prescribed to them, the cut, and a snapshot.
+
+Time is counted in whole nanoseconds since the start, so that a paced and an unpaced run with the
+same inputs see the same numbers and agree to the bit.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.errors import SolverError, StateError, phrase
+from rope_twin.scene.body_rules import refuse_body
+from rope_twin.scene.card import KnownError, known_error
+from rope_twin.scene.rigging_rules import refuse_joined
+from rope_twin.scene.schema import Scene
+from rope_twin.scene.shedding import refuse_shedding
+from rope_twin.twin.bare_end import without_load
+from rope_twin.twin.body import with_body
+from rope_twin.twin.contact import bed_contact
+from rope_twin.twin.observe import Extremes, Observation, RunStatistics, observe
+from rope_twin.twin.parted import PartedRopes
+from rope_twin.twin.prescribed import Inputs, Prescribed, Present
+from rope_twin.twin.regrid import HangOff
+from rope_twin.twin.ropes import ropes_of
+from rope_twin.twin.rung import Rung
+from rope_twin.twin.rungs import Base, carry_over, error_at, top_rung
+from rope_twin.twin.severing import Place, sever
+from rope_twin.twin.snapshot import CutShot, Snapshot
+from rope_twin.twin.told import ToldTwin
+
+STEPS_PER_CALL = 256
+
+
+class SteppedTwin(ToldTwin):
+    """One scene that is stepped on; all but the inputs belongs to one thread.
+
+    Raises:
+        SceneError: the scene cannot be built, or its rope has no equilibrium to start from.
+    """
+
+    told = ""  # what there is to say before it runs
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self.step_s = scene.time.step_s
+        self.step_ns = round(scene.time.step_s * 1e9)
+        self._card_error = known_error(scene)
+        self._ropes = ropes_of(scene, STEPS_PER_CALL)
+        self._rope = self._ropes.first
+        self._base = Base(self._rope.model, self._rope.state.s.shape[0])
+        self._rung = top_rung(scene)
+        self._marks: list[rows.Floats] = []  # of the grids that were left for coarser ones
+        super().__init__(scene, self._ropes)
+        self._ahead = Prescribed(scene, STEPS_PER_CALL, self._winch.line.length_m)
+        self._pulls = np.zeros((STEPS_PER_CALL, rows.PULL_COLUMNS))
+        self._steps = self._unconverged = 0
+        self._computing_s = 0.0
+        self._run, self._recent = Extremes(), Extremes()
+        self._pull = self._ropes.find_start()
+        self._recent.take([float(self._pull[rows.PULL])])
+
+    @property
+    def steps(self) -> int:
+        """Steps done."""
+        return self._steps
+
+    @property
+    def rope(self) -> rows.Rope:
+        """The core's arrays as they are now; for the thread that advances."""
+        return self._rope._replace(effects=self._current.effects)
+
+    @property
+    def rung(self) -> Rung:
+        """Elements and step that it goes with at present."""
+        return self._rung
+
+    def take_rung(self, rung: Rung) -> None:
+        """Go on from here with other elements or another step; for the thread that advances.
+
+        Time, line out, payload and the pull on the hang-off stay as they are.
+
+        Raises:
+            SceneError: the scene joins ropes, sheds vortices or has a rigid body: none of these
+                can be carried over.
+            StateError: the rope was cut: its parts cannot either.
+        """
+        refuse_joined(self.scene)
+        if self._cut.done:
+            raise StateError(phrase("other elements", "the rope was cut", "its parts keep theirs"))
+        refuse_body(self.scene, "it cannot be carried over to another grid")
+        refuse_shedding(self.scene, "wakes of vortices cannot be carried over to another grid")
+        V = float(self._boundary.rate[0, rows.LINE])
+        at = HangOff(self._pull[rows.PULL_X : rows.PULL_Z + 1].copy(), V)
+        self._ahead.steps = 0  # borders ahead of a step that failed were for its length
+        self._rope, self._marks = carry_over(self._rope, self._marks, rung, self._base, at)
+        self._rung, self.step_ns, self.step_s = rung, rung.step_ns, self._rope.model.step
+        self._card_error = error_at(self.scene, rung)
+
+    def advance(self, steps: int) -> None:
+        """Step on.
+
+        Raises:
+            SolverError: the next state would not be finite; the last good one is kept.
+        """
+        while steps > 0:
+            steps -= self._advance_some(min(steps, STEPS_PER_CALL))
+
+    @property
+    def _boundary(self) -> rows.Boundary:
+        """Hang-off and line out from now on, row 0 the present."""
+        return self._ahead.boundary
+
+    @property
+    def _tension(self) -> rows.Floats:
+        """Tension of the elements [N], a view of the scratch."""
+        return self._rope.work[rows.TENSION, : self._rope.state.counts[rows.ELEMENTS]]
+
+    def _advance_some(self, steps: int) -> int:
+        """Step on as far as inputs tell without a look at the rope; how many steps that was."""
+        began = time.perf_counter()
+        with self._lock:
+            lost_m = self._cut.take(self.time_ns, float(self._boundary.value[0, rows.LINE]))
+            if lost_m is not None:
+                self._part(lost_m)
+            steps = self._cut.steps_before(self.time_ns, self.step_ns, steps)
+            told = Inputs(self._heave, self._winch, self._ropes)
+            now = Present(self.time_ns, self.step_ns, self._rope, float(self._pull[rows.PULL]))
+            steps = self._ahead.fill(steps, told, now)
+            rope = self._rope._replace(effects=self._current.effects)
+        pulls = self._pulls[:steps]
+        done = self._ropes.advance(rope, self._boundary, self.time_ns * 1e-9, pulls)
+        self._steps += done
+        self._time_ns += done * self.step_ns
+        self._forget_borders(done)
+        if done:
+            self._pull = self._pulls[done - 1].copy()
+            tensions = pulls[:done, rows.PULL].tolist()
+            self._run.take(tensions)
+            self._recent.take(tensions)
+        self._computing_s += time.perf_counter() - began
+        if done < steps:
+            raise SolverError(
+                phrase(
+                    f"step {self._steps + 1} at {self.time_ns * 1e-9:.2f} s",
+                    "the rope's next state is not finite even at 1/32 of the step",
+                    "the last good state is kept; shorten the step or check the scene",
+                )
+            )
+        return done
+
+    def _forget_borders(self, done: int) -> None:
+        """Make the border after `done` steps the first one, of all ropes."""
+        self._ahead.forget(done)
+        self._ropes.forget(done, self._ahead.steps)
+
+    def _part(self, lost_m: float) -> None:
+        """Cut the rope here and now, so far above its lower end [m], or at a node close by."""
+        lost_m = self._sever(lost_m)
+        self._lose(lost_m, float(self._boundary.value[0, rows.LINE]))
+
+    def _lose(self, lost_m: float, left_m: float) -> None:
+        """Note that the rope was cut now."""
+        self._winch.lose(lost_m, left_m)
+        self._cut.done = CutShot(self.time_ns * 1e-9, left_m, lost_m)
+
+    def _sever(self, lost_m: float) -> float:
+        """Go on with the rope in two; how much of it is below the cut [m]."""
+        whole, now_s = self._rope._replace(effects=self._current.effects), self.time_ns * 1e-9
+        winch = self.scene.winch
+        place = Place(lost_m, winch.least_line_out_m if winch else math.inf, now_s)
+        parts = sever(whole, self._boundary, place, without_load(whole.effects))
+        self._rope = parts.upper
+        self._ropes = PartedRopes(self.scene, parts.upper, parts.lower)
+        self._current.effects = parts.upper.effects
+        self._boundary.value[:, rows.LINE] -= parts.lost_m
+        self._card_error = KnownError(words="unknown: the rope was cut")
+        return parts.lost_m
+
+    def statistics(self) -> RunStatistics:
+        """The run so far."""
+        simulated = self._time_ns * 1e-9
+        factor = simulated / self._computing_s if self._computing_s > 0.0 else 0.0
+        run = self._run if self._steps else self._recent
+        return RunStatistics(self._steps, self._computing_s, factor, run.high, run.mean, run.low)
+
+    def snapshot(self) -> Snapshot:
+        """A frozen copy of the present; call it from the thread that advances."""
+        unconverged = int(self._rope.state.health[rows.SUBSTEPS_UNCONVERGED])
+        with self._lock:
+            inputs = self._input_health()
+            at_limit, winch = self._winch.at_limit, self._winch.shot()
+        taken = observe(
+            self._rope.state,
+            self._rope.work,
+            Observation(
+                stamp_ns=self.time_ns,
+                step=self._steps,
+                step_s=self.step_s,
+                ship=self.scene.ship,
+                border=self._boundary.value[0],
+                border_rate=self._boundary.rate[0],
+                pull=self._pull,
+                recent=self._recent,
+                winch_at_limit=at_limit,
+                doubtful=unconverged > self._unconverged,
+                computing_s=self._computing_s,
+                inputs=inputs,
+                card_error=self._card_error,
+            ),
+        )
+        self._unconverged = unconverged
+        self._recent = Extremes()
+        taken = with_body(taken, self._rope)
+        contact = bed_contact(self._rope)
+        if contact is not None:
+            taken = replace(taken, seabed=contact)
+        taken = replace(taken, winches=() if winch is None else (winch,), cut=self._cut.done)
+        return self._ropes.complete(taken, self.time_ns)
