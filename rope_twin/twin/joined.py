@@ -17,34 +17,31 @@ from rope_twin.core import state as rows
 from rope_twin.core.joined.energy import SystemBorder, measure_system
 from rope_twin.core.joined.joints import LOOSE, System
 from rope_twin.core.joined.reeving import settle_reeved
-from rope_twin.core.joined.sheaves import FLOW_COLUMN, POINT
 from rope_twin.core.joined.step import advance_joined
-from rope_twin.core.joined.ties import FIRST, PULL, SECOND
+from rope_twin.core.joined.ties import PULL
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.errors import did_you_mean, phrase
 from rope_twin.scene.build_joined import build_joined
-from rope_twin.scene.build_sheaves import runs_over_sheave
 from rope_twin.scene.checks import SAFETY_FACTOR
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rigging_rules import winch_of
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.contact import bed_contact
 from rope_twin.twin.hang_off import Moves
 from rope_twin.twin.hoisting.feel import Course, feel
 from rope_twin.twin.hoisting.line import Felt
 from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.joined_shot import (
+    LinesOut,
+    SystemNow,
+    contact,
+    payload_shots,
+    rope_shots,
+    sheave_shots,
+    strut_shots,
+)
 from rope_twin.twin.line_watch import report_on
 from rope_twin.twin.saved_state import changing_parts
-from rope_twin.twin.snapshot import (
-    BedContact,
-    InputHealth,
-    PayloadShot,
-    RopeShot,
-    SheaveShot,
-    Snapshot,
-    StrutShot,
-    first_rope,
-)
+from rope_twin.twin.snapshot import InputHealth, Snapshot
 from rope_twin.twin.start import judge_start, no_garbage_collection
 from rope_twin.twin.winch import winch_of_rope
 
@@ -183,7 +180,10 @@ class JoinedRopes:
 
     def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
         """The snapshot of the first rope, with all ropes and payloads."""
-        names = [line.name for line in self._scene.ropes]
+        value, rate = (table[:, 0, rows.LINE] for table in self._boundary)
+        now = SystemNow(
+            self._scene, self._system(self.first), self._owners, self._pull, LinesOut(value, rate)
+        )
         limits = [shot.winch_at_limit]
         inputs: dict[str, InputHealth] = dict(shot.inputs)
         for line, winch in zip(self._scene.ropes[1:], self._winches[1:], strict=True):
@@ -198,31 +198,17 @@ class JoinedRopes:
         )
         taken = replace(
             shot,
-            ropes=tuple(self._shot(r, name, shot) for r, name in enumerate(names)),
-            payloads=tuple(self._payload(one.name) for one in self._scene.payloads),
-            struts=tuple(self._strut(k, one.name) for k, one in enumerate(self._scene.struts)),
-            sheaves=tuple(self._sheave(k, one.name) for k, one in enumerate(self._scene.sheaves)),
+            ropes=rope_shots(now, shot),
+            payloads=payload_shots(now),
+            struts=strut_shots(now),
+            sheaves=sheave_shots(now),
             winches=(*shot.winches, *(w for w in (one.shot() for one in self._winches[1:]) if w)),
             winch_at_limit="; ".join(words for words in limits if words),
             inputs=inputs,
             solver=solver,
-            seabed=self._contact(),
+            seabed=contact(now),
         )
         return taken if self._lines is None else self._lines.complete(taken)
-
-    def _contact(self) -> BedContact | None:
-        """Of all ropes with the bed: the height is that of the lowest payload."""
-        found = [bed_contact(self._rope(r)) for r in self._numbers]
-        contacts = [contact for contact in found if contact is not None]
-        if not contacts:
-            return None
-        loads = [contacts[self._owners[one.name]] for one in self._scene.payloads]
-        return BedContact(
-            payload_height_m=min(one.payload_height_m for one in loads),
-            payload_push_n=sum(one.payload_push_n for one in loads),
-            rope_on_bed_m=sum(one.rope_on_bed_m for one in contacts),
-            rope_push_n=sum(one.rope_push_n for one in contacts),
-        )
 
     def lowest(self, first: Rope) -> Rope:
         """The first one: what is told of one rope is told of it."""
@@ -280,57 +266,3 @@ class JoinedRopes:
     def _nodes(self, r: int, first: int) -> Floats:
         state = self._rope(r).state
         return state.nodes[first : first + 3, : state.counts[rows.ELEMENTS] + 1]
-
-    def _payload(self, name: str) -> PayloadShot:
-        r = self._owners[name]
-        return PayloadShot(
-            name=name,
-            position_m=self._nodes(r, rows.POSITION)[:, 0].copy(),
-            velocity_m_per_s=self._nodes(r, rows.VELOCITY)[:, 0].copy(),
-        )
-
-    def _strut(self, k: int, name: str) -> StrutShot:
-        ties = self._joints.ties
-        ends = [self._joints.nodes[: rows.VELOCITY, int(ties[end, k])] for end in (FIRST, SECOND)]
-        return StrutShot(name=name, ends_m=np.array(ends), pull_n=float(ties[PULL, k]))
-
-    def _shot(self, r: int, name: str, first: Snapshot) -> RopeShot:
-        if r == 0:
-            return first_rope(first, name)
-        nodes, tension = self._nodes(r, rows.POSITION), self._tension(self._rope(r))
-        pull = float(self._pull[r, rows.PULL])
-        between = 0.5 * (tension[1:] + tension[:-1])
-        at_nodes = np.concatenate((tension[:1], between, [pull]))
-        value, rate = self._boundary
-        line = (float(value[r, 0, rows.LINE]), float(rate[r, 0, rows.LINE]))
-        downward = slice(None, None, -1)  # from its upper end, the last node
-        if runs_over_sheave(self._scene, self._scene.ropes[r]):
-            downward, line = slice(None), self._stretch(r)
-        return RopeShot(
-            name=name,
-            node_position_m=np.ascontiguousarray(nodes[:, downward].T),
-            node_tension_n=at_nodes[downward].copy(),
-            element_tension_n=tension[downward].copy(),
-            tension_top_n=pull,
-            line_out_m=line[0],
-            payout_speed_m_per_s=line[1],
-        )
-
-    def _stretch(self, r: int) -> tuple[float, float]:
-        """Unstretched length of a rope that ends at a sheave, and its rate."""
-        assert self._sheaves is not None
-        flow = int(self._sheaves.figures[FLOW_COLUMN, self._sheaves.of[r]])
-        passed, speed = self._joints.nodes[[rows.POSITION, rows.VELOCITY], flow]
-        side = float(self._sheaves.side[r])
-        return float(self._sheaves.base[r] + side * passed), float(side * speed)
-
-    def _sheave(self, k: int, name: str) -> SheaveShot:
-        assert self._sheaves is not None
-        point, flow = (int(self._sheaves.figures[row, k]) for row in (POINT, FLOW_COLUMN))
-        nodes = self._joints.nodes
-        return SheaveShot(
-            name=name,
-            position_m=nodes[: rows.VELOCITY, point].copy(),
-            passed_m=float(nodes[rows.POSITION, flow]),
-            speed_m_per_s=float(nodes[rows.VELOCITY, flow]),
-        )
