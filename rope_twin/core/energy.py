@@ -64,6 +64,14 @@ class Place(NamedTuple):
     frontal: Floats  # area that drag across the rope refers to [m²]
     skin: Floats  # area that drag along it refers to [m²]
 
+    @property
+    def length(self) -> Floats:
+        """Rope that belongs to each node [m]: half of the elements beside it, unstretched."""
+        length, half = np.zeros(len(self.arc)), 0.5 * np.diff(self.arc)
+        length[:-1] += half
+        length[1:] += half
+        return length
+
 
 class Elements(NamedTuple):
     """Elements from the lower end up; vectors (3, n), scalars (n,)."""

@@ -10,17 +10,25 @@ payload's own stiffness. Friction is Coulomb's, μ·N against the sliding veloci
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from rope_twin.core.bed import (
+    Grid,
+    ManyGrids,
+    ManyPlanes,
+    Plane,
+    Soil,
+    beds_at,
+    grid_bed,
+    plane_bed,
+)
 from rope_twin.core.energy import account
 from rope_twin.core.hooks import kernel, switching
-from rope_twin.core.jit import jit_entry, jit_within
-from rope_twin.core.joined.stack import stacks
+from rope_twin.core.jit import jit_within
 from rope_twin.core.loads import Load
 from rope_twin.core.rows import rows, span
 from rope_twin.core.state import BLOCK, CORRECTION, POSITION, RESIDUAL, VELOCITY, Floats
@@ -84,72 +92,6 @@ class SeabedParams:
         return None
 
 
-class Soil(NamedTuple):
-    """What the bed is like."""
-
-    k: float  # [N/m³]
-    k_payload: float  # [N/m]
-    chi: float  # [s/m]
-    mu: float
-
-
-class Plane(NamedTuple):
-    """A plane bed z = height + east·x + north·y."""
-
-    height: float  # at the origin [m]
-    east: float
-    north: float
-    soil: Soil
-
-
-class Grid(NamedTuple):
-    """A bed of soundings."""
-
-    top: float  # its highest z [m]
-    x: Floats  # (columns,)
-    y: Floats  # (rows,)
-    height: Floats  # z of the bed [m], (rows, columns)
-    soil: Soil
-
-
-class ManyPlanes(NamedTuple):
-    """One plane bed where ropes meet."""
-
-    bed: Plane
-    k: Floats  # stiffness under the payload of each rope [N/m], (ropes,)
-
-
-class ManyGrids(NamedTuple):
-    """One bed of soundings where ropes meet."""
-
-    bed: Grid
-    k: Floats  # stiffness under the payload of each rope [N/m], (ropes,)
-
-
-def _pick_plane(many: Any, r: int) -> Any:
-    bed = many.bed
-    soil = Soil(bed.soil.k, many.k[r], bed.soil.chi, bed.soil.mu)
-    return Plane(bed.height, bed.east, bed.north, soil)
-
-
-def _pick_grid(many: Any, r: int) -> Any:
-    bed = many.bed
-    soil = Soil(bed.soil.k, many.k[r], bed.soil.chi, bed.soil.mu)
-    return Grid(bed.top, bed.x, bed.y, bed.height, soil)
-
-
-@stacks(Plane, ManyPlanes, _pick_plane)
-def stack_planes(beds: Sequence[Plane]) -> ManyPlanes:
-    """The first one's bed, and its stiffness under each payload."""
-    return ManyPlanes(beds[0], np.array([one.soil.k_payload for one in beds]))
-
-
-@stacks(Grid, ManyGrids, _pick_grid)
-def stack_grids(beds: Sequence[Grid]) -> ManyGrids:
-    """The first one's bed, and its stiffness under each payload."""
-    return ManyGrids(beds[0], np.array([one.soil.k_payload for one in beds]))
-
-
 def build(params: SeabedParams, payload: Any, around: Any) -> Plane | Grid:
     """From the bed and the payload's weight in water."""
     weight = 0.0
@@ -168,37 +110,6 @@ def build(params: SeabedParams, payload: Any, around: Any) -> Plane | Grid:
         return Grid(float(height.max()), np.array(bed.x_m), np.array(bed.y_m), height, soil)
     assert params.depth_m is not None, "checked when it was read"
     return Plane(-params.depth_m, params.slope[0], params.slope[1], soil)
-
-
-@jit_within
-def _plane_bed(bed: Any, x: float, y: float) -> Any:
-    """Height of the bed and its slopes, east and north."""
-    return bed.height + bed.east * x + bed.north * y, bed.east, bed.north
-
-
-@jit_within
-def _cell(axis: Any, at: float) -> Any:
-    """The cell that `at` lies in, and the share of it; both held at the ends."""
-    last = axis.shape[0] - 2
-    i = 0
-    while i < last and axis[i + 1] <= at:
-        i += 1
-    return i, min(max((at - axis[i]) / (axis[i + 1] - axis[i]), 0.0), 1.0)
-
-
-@jit_within
-def _grid_bed(bed: Any, x: float, y: float) -> Any:
-    """The same of a grid, bilinear within a cell."""
-    i, a = _cell(bed.x, x)
-    j, b = _cell(bed.y, y)
-    z00, z10 = bed.height[j, i], bed.height[j, i + 1]
-    z01, z11 = bed.height[j + 1, i], bed.height[j + 1, i + 1]
-    low, high = z00 + a * (z10 - z00), z01 + a * (z11 - z01)
-    inside_x = 1.0 if bed.x[0] < x < bed.x[-1] else 0.0
-    inside_y = 1.0 if bed.y[0] < y < bed.y[-1] else 0.0
-    east = ((1.0 - b) * (z10 - z00) + b * (z11 - z01)) / (bed.x[i + 1] - bed.x[i])
-    north = (high - low) / (bed.y[j + 1] - bed.y[j])
-    return low + b * (high - low), inside_x * east, inside_y * north
 
 
 @jit_within
@@ -237,14 +148,14 @@ def _at_node(soil: Any, place: Any, node: Any, stage: Any) -> Any:
 @kernel("load", Plane)
 def plane_load(bed: Any, node: Any, stage: Any) -> Any:
     """The push on a node of the rope."""
-    z, east, north = _plane_bed(bed, node.x, node.y)
+    z, east, north = plane_bed(bed, node.x, node.y)
     return _at_node(bed.soil, (node.z - z, east, north), node, stage)
 
 
 @kernel("load", Grid)
 def grid_load(bed: Any, node: Any, stage: Any) -> Any:
     """The push on a node of the rope."""
-    z, east, north = _grid_bed(bed, node.x, node.y)
+    z, east, north = grid_bed(bed, node.x, node.y)
     return _at_node(bed.soil, (node.z - z, east, north), node, stage)
 
 
@@ -274,14 +185,14 @@ def _at_end(soil: Any, bed: Any, work: Any, stage: Any) -> None:
 def plane_load_end(bed: Any, work: Any, stage: Any) -> None:
     """The push on the payload."""
     x, y, _ = rows(work, POSITION, 0)
-    _at_end(bed.soil, _plane_bed(bed, x[0], y[0]), work, stage)
+    _at_end(bed.soil, plane_bed(bed, x[0], y[0]), work, stage)
 
 
 @kernel("load_end", Grid)
 def grid_load_end(bed: Any, work: Any, stage: Any) -> None:
     """The push on the payload."""
     x, y, _ = rows(work, POSITION, 0)
-    _at_end(bed.soil, _grid_bed(bed, x[0], y[0]), work, stage)
+    _at_end(bed.soil, grid_bed(bed, x[0], y[0]), work, stage)
 
 
 @jit_within
@@ -314,7 +225,7 @@ def grid_calm(bed: Any, work: Any, stage: Any, n: int, share: float) -> bool:
 def _pushed(bed: Any, k: Any, place: Any) -> Any:
     """Push and friction on nodes, (3, nodes), for stiffnesses k (nodes,) [N/m]."""
     v = place.velocity
-    _, east, north = _beds_at(bed, place.position[0].copy(), place.position[1].copy())
+    _, east, north = beds_at(bed, place.position[0].copy(), place.position[1].copy())
     nz = 1.0 / np.sqrt(1.0 + east * east + north * north)
     normal = np.stack([-east * nz, -north * nz, nz])
     push = normal_push(bed, k, place.position, v)
@@ -323,31 +234,9 @@ def _pushed(bed: Any, k: Any, place: Any) -> Any:
     return push * normal - bed.soil.mu * push / speed * sliding
 
 
-def _beds_at(bed: Plane | Grid, x: Floats, y: Floats) -> Floats:
-    """Height of the bed [m] and its slopes at places (n,), (3, n), for Python."""
-    found = np.zeros((3, len(x)))
-    if isinstance(bed, Plane):
-        found[0] = bed.height + bed.east * x + bed.north * y
-        found[1:] = [[bed.east], [bed.north]]
-    else:
-        _find_grid_bed(bed, x, y, found)
-    return found
-
-
-@jit_entry
-def _find_grid_bed(bed: Any, x: Any, y: Any, found: Any) -> None:
-    for i in range(x.shape[0]):
-        found[0, i], found[1, i], found[2, i] = _grid_bed(bed, x[i], y[i])
-
-
-def clearance(bed: Plane | Grid, position: Floats) -> Floats:
-    """Height above the bed [m], (n,), of positions (3, n); negative where they sink in."""
-    return np.asarray(position[2] - _beds_at(bed, position[0].copy(), position[1].copy())[0])
-
-
 def normal_push(bed: Plane | Grid, k: Any, position: Floats, velocity: Floats) -> Floats:
     """Push of the bed on places of stiffness k [N/m], (n,): k·d·(1 - χ·v_n) [N]."""
-    height, east, north = _beds_at(bed, position[0].copy(), position[1].copy())
+    height, east, north = beds_at(bed, position[0].copy(), position[1].copy())
     nz = 1.0 / np.sqrt(1.0 + east * east + north * north)
     away = (velocity[2] - east * velocity[0] - north * velocity[1]) * nz
     sunk = np.maximum((height - position[2]) * nz, 0.0)

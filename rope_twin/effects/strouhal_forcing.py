@@ -257,10 +257,7 @@ def power(shed: Any, place: Any) -> Any:
     phase, square = shed.memory[0, :n].copy(), shed.memory[2, :n].copy()
     if n > 1:
         phase[-1], square[-1] = phase[-2], square[-2]
-    length = np.zeros(n)
-    half = 0.5 * np.diff(place.arc)
-    length[:-1] += half
-    length[1:] += half
+    length = place.length
     d = np.sqrt(4.0 / pi * place.volume / length)
     u = place.flow - place.velocity
     normal = u - (u * place.tangent).sum(axis=0) * place.tangent

@@ -279,12 +279,9 @@ def power(waves: Any, place: Any) -> Any:
     """Lift and damping times velocity [W]; the hang-off's are as at the node below."""
     n = place.position.shape[1]
     own = waves.memory[:, :n].copy()
-    length = np.zeros(n)
-    half = 0.5 * np.diff(place.arc)
-    length[:-1] += half
-    length[1:] += half
     if n > 1:
         own[:, -1] = own[:, -2]
+    length = place.length
     per_diameter = np.sqrt(0.25 * pi * length / (place.volume + 1e-300))
     across = np.cross(place.flow, place.tangent, axis=0)
     speed = np.sqrt((across * across).sum(axis=0))

@@ -293,11 +293,7 @@ def power(wake: Any, place: Any) -> Any:
     q = wake.memory[Q, :n].copy()
     if n > 1:
         q[-1] = q[-2]
-    length = np.zeros(n)
-    half = 0.5 * np.diff(place.arc)
-    length[:-1] += half
-    length[1:] += half
-    k = wake.strength * np.sqrt(4.0 / pi * place.volume * length)
+    k = wake.strength * np.sqrt(4.0 / pi * place.volume * place.length)
     u = place.flow - place.velocity
     across = np.cross(u, place.tangent, axis=0)
     size = k * q * np.sqrt((across * across).sum(axis=0))

@@ -33,17 +33,13 @@ from rope_twin.core.joined.stack import stacks
 from rope_twin.core.loads import Load
 from rope_twin.core.rows import rows
 from rope_twin.core.state import FLOW_RATE, RESIDUAL, Floats
-from rope_twin.core.wave_field import LOWEST, add_water
+from rope_twin.core.wave_field import add_water
+from rope_twin.core.wave_reach import levels_to, reaches, thirds
 from rope_twin.errors import InputError
 from rope_twin.quantity import quantity, text
 from rope_twin.sea.components import DEEP, irregular_waves, regular_wave, spread
 from rope_twin.sea.components import Waves as Components
 from rope_twin.sea.spectrum import WaveSpectrum, find_spectra, jonswap, read_spectrum
-
-# Shares of what may be neglected. A cubic of four values makes 1.63 of an error that all may have.
-CUT, BETWEEN = 0.25, 0.5
-LEVELS, DEEPEST = 40, 2e3  # of the table of stretches, to this depth [m]
-REACH = 60  # halvings that find how deep a component reaches
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -193,7 +189,7 @@ def build(params: WavesParams, payload: Any, around: Any) -> Waves:
     echo = np.exp(-2.0 * sea.wave_number * sea.depth_m)
     speed = sea.amplitude_m * sea.omega / (1.0 - echo)
     felt = speed * np.maximum(sea.omega, 1.0)  # bounds velocity and its rate
-    levels = -np.append(0.0, np.geomspace(0.25, min(sea.depth_m, DEEPEST), LEVELS))
+    levels = levels_to(sea.depth_m)
     inertia = [0.0] * 3
     if payload is not None:
         inertia = [density * payload.volume_m3 + added for added in payload.added_mass_kg]
@@ -208,9 +204,9 @@ def build(params: WavesParams, payload: Any, around: Any) -> Waves:
         north=speed * np.sin(sea.heading),
         up=speed,
         echo=echo,
-        reach=_reach(sea.wave_number, felt, sea.depth_m, CUT * params.neglected_m_per_s),
+        reach=reaches(sea.wave_number, felt, sea.depth_m, params.neglected_m_per_s),
         levels=levels,
-        thirds=_thirds(levels, sea, felt, BETWEEN * params.neglected_m_per_s),
+        thirds=thirds(levels, sea.wave_number, felt, sea.depth_m, params.neglected_m_per_s),
         steepest=float(sea.amplitude_m @ sea.wave_number),
         crest=float(sea.amplitude_m.sum()),
         depth=sea.depth_m,
@@ -221,34 +217,6 @@ def build(params: WavesParams, payload: Any, around: Any) -> Waves:
         My=inertia[1],
         Mz=inertia[2],
     )
-
-
-def _reach(k: Floats, speed: Floats, depth: float, neglected: float) -> Floats:
-    """For each component the z below which it and all shorter ones bring less than `neglected`.
-
-    z is Wheeler's. The bound counts each at its largest, Σ a·ω·(e^{kz} + e^{-k(z+2h)}), by halves.
-    """
-    deepest = max(-LOWEST / float(k[0]), -depth)
-    reach = np.full(len(k), deepest)
-    for j in range(len(k)):
-        low, high = deepest, 0.0
-        for _ in range(REACH):
-            middle = 0.5 * (low + high)
-            both = np.exp(k[j:] * middle) + np.exp(-k[j:] * (middle + 2.0 * depth))
-            if float(speed[j:] @ both) > neglected:
-                high = middle
-            else:
-                low = middle
-        reach[j] = low if low > deepest else -math.inf
-    return reach
-
-
-def _thirds(levels: Floats, sea: Components, felt: Floats, error: float) -> Floats:
-    """(11·error/Σ a·ω·k⁴·(e^{kz} + e^{-k(z+2h)}))^¼ at the levels [m]; ω counts as 1/s at least."""
-    k, h = sea.wave_number, sea.depth_m
-    size = felt * k**4
-    both = np.exp(np.outer(levels, k)) + np.exp(-np.outer(levels + 2.0 * h, k))
-    return np.asarray((11.0 * error / np.maximum(both @ size, 1e-30)) ** 0.25)
 
 
 @jit_within

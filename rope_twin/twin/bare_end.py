@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+from rope_twin.core.bed import Grid, Plane
 from rope_twin.core.hooks import hooks_of
 from rope_twin.effects.fairing import Fairing, TowedFairing
 from rope_twin.effects.net import Net
 from rope_twin.effects.payload import Payload, TwoWayPayload
-from rope_twin.effects.seabed import Grid, Plane
 from rope_twin.effects.splash_zone import SplashZone
 from rope_twin.effects.waves import Waves
 

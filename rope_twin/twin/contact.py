@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.bed import Grid, Plane, clearance
 from rope_twin.core.state import Rope
-from rope_twin.effects.seabed import Grid, Plane, clearance, normal_push
+from rope_twin.effects.seabed import normal_push
 from rope_twin.twin.snapshot import BedContact
 
 

@@ -16,10 +16,10 @@ from typing import Any, Self
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.bed import Grid, Plane, clearance
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.statics.equilibrium import settle
 from rope_twin.core.step import advance
-from rope_twin.effects.seabed import Grid, Plane, clearance
 from rope_twin.errors import SceneError, StateError, phrase
 from rope_twin.scene.body_rules import refuse_body
 from rope_twin.scene.rigging_rules import refuse_joined

@@ -15,8 +15,9 @@ from rigs import Rig, march, still
 from scipy.integrate import solve_ivp
 
 from rope_twin.core import state as rows
+from rope_twin.core.bed import Grid, clearance
 from rope_twin.effects import Surroundings
-from rope_twin.effects.seabed import Grid, SeabedParams, Soundings, build, clearance
+from rope_twin.effects.seabed import SeabedParams, Soundings, build
 from rope_twin.scene.schema import Winch
 from rope_twin.twin.twin import Twin
 

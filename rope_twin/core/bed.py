@@ -1,0 +1,131 @@
+"""The shape of the seabed: a plane, or soundings, bilinear in between and level beyond."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core.jit import jit_entry, jit_within
+from rope_twin.core.joined.stack import stacks
+from rope_twin.core.state import Floats
+
+
+class Soil(NamedTuple):
+    """What the bed is like."""
+
+    k: float  # [N/m³]
+    k_payload: float  # [N/m]
+    chi: float  # [s/m]
+    mu: float
+
+
+class Plane(NamedTuple):
+    """A plane bed z = height + east·x + north·y."""
+
+    height: float  # at the origin [m]
+    east: float
+    north: float
+    soil: Soil
+
+
+class Grid(NamedTuple):
+    """A bed of soundings."""
+
+    top: float  # its highest z [m]
+    x: Floats  # (columns,)
+    y: Floats  # (rows,)
+    height: Floats  # z of the bed [m], (rows, columns)
+    soil: Soil
+
+
+class ManyPlanes(NamedTuple):
+    """One plane bed where ropes meet."""
+
+    bed: Plane
+    k: Floats  # stiffness under the payload of each rope [N/m], (ropes,)
+
+
+class ManyGrids(NamedTuple):
+    """One bed of soundings where ropes meet."""
+
+    bed: Grid
+    k: Floats  # stiffness under the payload of each rope [N/m], (ropes,)
+
+
+def _pick_plane(many: Any, r: int) -> Any:
+    bed = many.bed
+    soil = Soil(bed.soil.k, many.k[r], bed.soil.chi, bed.soil.mu)
+    return Plane(bed.height, bed.east, bed.north, soil)
+
+
+def _pick_grid(many: Any, r: int) -> Any:
+    bed = many.bed
+    soil = Soil(bed.soil.k, many.k[r], bed.soil.chi, bed.soil.mu)
+    return Grid(bed.top, bed.x, bed.y, bed.height, soil)
+
+
+@stacks(Plane, ManyPlanes, _pick_plane)
+def stack_planes(beds: Sequence[Plane]) -> ManyPlanes:
+    """The first one's bed, and its stiffness under each payload."""
+    return ManyPlanes(beds[0], np.array([one.soil.k_payload for one in beds]))
+
+
+@stacks(Grid, ManyGrids, _pick_grid)
+def stack_grids(beds: Sequence[Grid]) -> ManyGrids:
+    """The first one's bed, and its stiffness under each payload."""
+    return ManyGrids(beds[0], np.array([one.soil.k_payload for one in beds]))
+
+
+@jit_within
+def plane_bed(bed: Any, x: float, y: float) -> Any:
+    """Height of the bed and its slopes, east and north."""
+    return bed.height + bed.east * x + bed.north * y, bed.east, bed.north
+
+
+@jit_within
+def _cell(axis: Any, at: float) -> Any:
+    """The cell that `at` lies in, and the share of it; both held at the ends."""
+    last = axis.shape[0] - 2
+    i = 0
+    while i < last and axis[i + 1] <= at:
+        i += 1
+    return i, min(max((at - axis[i]) / (axis[i + 1] - axis[i]), 0.0), 1.0)
+
+
+@jit_within
+def grid_bed(bed: Any, x: float, y: float) -> Any:
+    """The same of a grid, bilinear within a cell."""
+    i, a = _cell(bed.x, x)
+    j, b = _cell(bed.y, y)
+    z00, z10 = bed.height[j, i], bed.height[j, i + 1]
+    z01, z11 = bed.height[j + 1, i], bed.height[j + 1, i + 1]
+    low, high = z00 + a * (z10 - z00), z01 + a * (z11 - z01)
+    inside_x = 1.0 if bed.x[0] < x < bed.x[-1] else 0.0
+    inside_y = 1.0 if bed.y[0] < y < bed.y[-1] else 0.0
+    east = ((1.0 - b) * (z10 - z00) + b * (z11 - z01)) / (bed.x[i + 1] - bed.x[i])
+    north = (high - low) / (bed.y[j + 1] - bed.y[j])
+    return low + b * (high - low), inside_x * east, inside_y * north
+
+
+def beds_at(bed: Plane | Grid, x: Floats, y: Floats) -> Floats:
+    """Height of the bed [m] and its slopes at places (n,), (3, n), for Python."""
+    found = np.zeros((3, len(x)))
+    if isinstance(bed, Plane):
+        found[0] = bed.height + bed.east * x + bed.north * y
+        found[1:] = [[bed.east], [bed.north]]
+    else:
+        _find_grid_bed(bed, x, y, found)
+    return found
+
+
+@jit_entry
+def _find_grid_bed(bed: Any, x: Any, y: Any, found: Any) -> None:
+    for i in range(x.shape[0]):
+        found[0, i], found[1, i], found[2, i] = grid_bed(bed, x[i], y[i])
+
+
+def clearance(bed: Plane | Grid, position: Floats) -> Floats:
+    """Height above the bed [m], (n,), of positions (3, n); negative where they sink in."""
+    return np.asarray(position[2] - beds_at(bed, position[0].copy(), position[1].copy())[0])
