@@ -10,6 +10,7 @@ import numpy as np
 from rope_twin.recording.bag_reader import find_bag
 from rope_twin.recording.heave_record import HeaveRecord, read_heave
 from rope_twin.recording.laps import (
+    Passes,
     Seam,
     Track,
     hermite,
@@ -47,32 +48,29 @@ class HeaveReplay:
         rates = record.position_m[:, None], record.velocity_m_per_s[:, None]
         track = Track(record.time_ns, *rates, record.period_ns)
         self.duration_s = float(track.end_ns) * 1e-9
-        self._laps, seam = lay_laps(track, start_s, loop)
-        self.loop_ns = self._laps.loop_ns  # of a pass; None: there is one
+        laps, seam = lay_laps(track, start_s, loop)
+        self.loop_ns = laps.loop_ns  # of a pass; None: there is one
         repeats_ns = None if seam else self.loop_ns
         recorded = record.elevation_time_ns, record.elevation_m
         surface = elevation_at(recorded, track.time_ns, repeats_ns)
-        self._first = np.stack([record.position_m, record.velocity_m_per_s, surface], axis=1)
-        self._later = self._first
+        rows = np.stack([record.position_m, record.velocity_m_per_s, surface], axis=1)
+        faded = None
         if seam is not None:
-            faded = [seam.value, seam.rate, faded_surface(seam, track.time_ns, surface)]
-            self._later = np.concatenate(
-                [np.concatenate(faded, 1), self._first[len(seam.weight) :]]
-            )
+            parts = [seam.value, seam.rate, faded_surface(seam, track.time_ns, surface)]
+            faded = np.concatenate(parts, axis=1)
+        self._passes = Passes(laps, rows, faded)
         self.note = " ".join(filter(None, [record.note, told_of(record.source, track, seam)]))
 
     def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
         """Samples with from_ns <= stamp_ns < to_ns in twin time, in order; each stamp once."""
-        found = []
-        for stamp_ns, later, index in self._laps.between(from_ns, to_ns):
-            z, v, eta = (self._later if later else self._first)[index].tolist()
-            found.append(HeaveSample(stamp_ns, z, v, None if np.isnan(eta) else eta))
-        return found
+        return [
+            HeaveSample(stamp_ns, z, v, None if np.isnan(eta) else eta)
+            for stamp_ns, (z, v, eta) in self._passes.between(from_ns, to_ns)
+        ]
 
     def is_over(self, from_ns: int) -> bool:
         """Whether there is no sample from a twin time on."""
-        rest_ns = round(self.duration_s * 1e9)
-        return self.loop_ns is None and not self.between(from_ns, from_ns + rest_ns)
+        return self._passes.is_over(from_ns, self.duration_s)
 
 
 def open_heave(

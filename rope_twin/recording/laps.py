@@ -6,8 +6,9 @@ first 10 s of the next, so a pass is 10 s shorter.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -67,6 +68,26 @@ class Laps:
         first, last = np.searchsorted(self.time_ns, [low - shift_ns, high - shift_ns])
         shift_ns -= self.start_ns
         return [(int(self.time_ns[i]) + shift_ns, later, i) for i in range(first, last)]
+
+
+class Passes:
+    """Rows of a record, a row a sample, as its passes have them by twin time."""
+
+    def __init__(self, laps: Laps, rows: Table, faded: Table | None) -> None:
+        """rows: of the first pass, (n, k); faded: what later ones begin with, None: the same."""
+        self._laps, self._first = laps, rows
+        self._later = rows if faded is None else np.concatenate([faded, rows[len(faded) :]])
+
+    def between(self, from_ns: int, to_ns: int) -> Iterator[tuple[int, Any]]:
+        """Stamp and numbers of each sample with from_ns <= stamp < to_ns, in order, each once."""
+        for stamp_ns, later, index in self._laps.between(from_ns, to_ns):
+            yield stamp_ns, (self._later if later else self._first)[index].tolist()
+
+    def is_over(self, from_ns: int, duration_s: float) -> bool:
+        """Whether a record of so long has no sample from a twin time on."""
+        if self._laps.loop_ns is not None:
+            return False
+        return not self._laps.between(from_ns, from_ns + round(duration_s * 1e9))
 
 
 def lay_laps(track: Track, start_s: float, loop: bool) -> tuple[Laps, Seam | None]:

@@ -6,7 +6,7 @@ import numpy as np
 
 from rope_twin.recording.bag_reader import find_bag
 from rope_twin.recording.heave_replay import HeaveSample, elevation_at, faded_surface
-from rope_twin.recording.laps import Seam, Track, lay_laps, told_of
+from rope_twin.recording.laps import Passes, Seam, Track, lay_laps, told_of
 from rope_twin.recording.pose_record import (
     PoseRecord,
     read_poses,
@@ -37,26 +37,24 @@ class PoseReplay:
         self.sample_period_ns = record.period_ns
         track = _track_of(record)
         self.duration_s = track.end_ns * 1e-9
-        self._laps, seam = lay_laps(track, start_s, loop)
-        self.loop_ns = self._laps.loop_ns  # of a pass; None: there is one
+        laps, seam = lay_laps(track, start_s, loop)
+        self.loop_ns = laps.loop_ns  # of a pass; None: there is one
         surface = elevation_at(record.elevation, track.time_ns, None if seam else self.loop_ns)
-        self._first = np.concatenate(
+        rows = np.concatenate(
             [record.position_m, record.velocity_m_per_s, record.orientation,
              record.rate_rad_per_s, surface[:, None]], axis=1,
         )  # fmt: skip
-        self._later = self._first
+        faded = None
         if seam is not None:
-            faded = np.concatenate(
-                [_poses_at(seam), faded_surface(seam, track.time_ns, surface)], axis=1
-            )
-            self._later = np.concatenate([faded, self._first[len(faded) :]])
+            parts = [_poses_at(seam), faded_surface(seam, track.time_ns, surface)]
+            faded = np.concatenate(parts, axis=1)
+        self._passes = Passes(laps, rows, faded)
         self.note = " ".join(filter(None, [record.note, told_of(record.source, track, seam)]))
 
     def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
         """Samples with from_ns <= stamp_ns < to_ns in twin time, in order; each stamp once."""
         found = []
-        for stamp_ns, later, index in self._laps.between(from_ns, to_ns):
-            row = (self._later if later else self._first)[index].tolist()
+        for stamp_ns, row in self._passes.between(from_ns, to_ns):
             place, velocity, turn, rate = row[:3], row[3:6], row[6:10], row[10:13]
             pose = ShipPose(stamp_ns, *map(tuple, (place, velocity, turn, rate)))
             found.append(sample_of(pose, self._arm, None if np.isnan(row[13]) else row[13]))
@@ -64,8 +62,7 @@ class PoseReplay:
 
     def is_over(self, from_ns: int) -> bool:
         """Whether there is no sample from a twin time on."""
-        rest_ns = round(self.duration_s * 1e9)
-        return self.loop_ns is None and not self.between(from_ns, from_ns + rest_ns)
+        return self._passes.is_over(from_ns, self.duration_s)
 
 
 def open_poses(

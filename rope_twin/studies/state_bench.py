@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable, Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -60,8 +63,12 @@ class Bench(Nodes):
 
     def hold(self, steps: int) -> Vector:
         """Advance with the hang-off at rest; the magnitude of the pull on it after each step."""
+        return self.follow(self.still(steps))
+
+    def still(self, steps: int) -> rows.Boundary:
+        """The motion of a hang-off at rest."""
         value = np.tile([*self.hang_off, self.length], (steps + 1, 1))
-        return self.follow(rows.Boundary(value, np.zeros_like(value)))
+        return rows.Boundary(value, np.zeros_like(value))
 
     def follow(self, boundary: rows.Boundary) -> Vector:
         """Advance with prescribed motion; the magnitude of the pull on it after each step.
@@ -76,6 +83,20 @@ class Bench(Nodes):
             raise SolverError(phrase(f"step {done + 1}", "it is not finite", "shorten the step"))
         self.time += steps * self.rope.model.step
         return pull[:, rows.PULL]
+
+
+def time_in_turns(
+    benches: Sequence[Bench], pieces: int, motion: Callable[[Bench], rows.Boundary]
+) -> list[list[float]]:
+    """Seconds that each bench takes to follow its motion, in turns, so many times."""
+    took: list[list[float]] = [[] for _ in benches]
+    for _ in range(pieces):
+        for bench, own in zip(benches, took, strict=True):
+            given = motion(bench)
+            began = time.perf_counter()
+            bench.follow(given)
+            own.append(time.perf_counter() - began)
+    return took
 
 
 def lift(height: float, duration: float) -> Motion:

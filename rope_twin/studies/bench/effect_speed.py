@@ -8,7 +8,6 @@ effect is read from its assembly.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -30,7 +29,7 @@ from rope_twin.effects.waves import Jonswap, WavesParams
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.bench.effect_code import modules_of, step_assembly, traces
-from rope_twin.studies.state_bench import Bench
+from rope_twin.studies.state_bench import Bench, time_in_turns
 from rope_twin.studies.variants import variant, with_effect
 
 BASE, STEP_S, DEPTH_M = "smooth_2km", 0.01, 2050.0
@@ -153,14 +152,8 @@ def _took(*scenes: Scene) -> list[float]:
     steps = max(1, NODE_STEPS // scenes[0].ropes[0].elements)
     for bench in benches:
         bench.follow(_heave(bench, round(SETTLE_S / STEP_S)))
-    took: list[list[float]] = [[] for _ in benches]
-    for _ in range(PIECES):
-        for bench, own in zip(benches, took, strict=True):
-            motion = _heave(bench, steps)
-            began = time.perf_counter()
-            bench.follow(motion)
-            own.append(1e6 * (time.perf_counter() - began) / steps)
-    return [float(np.median(own)) for own in took]
+    took = time_in_turns(benches, PIECES, lambda bench: _heave(bench, steps))
+    return [1e6 * float(np.median(own)) / steps for own in took]
 
 
 def _heave(bench: Bench, steps: int) -> Boundary:

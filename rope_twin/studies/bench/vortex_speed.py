@@ -5,7 +5,6 @@ How right they are is no figure of this bench: `rope_twin validate Q1 Q3 L1 L2` 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -18,7 +17,7 @@ from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.state_bench import Bench
+from rope_twin.studies.state_bench import Bench, time_in_turns
 from rope_twin.studies.variants import variant
 
 STEP_S = 1e-3
@@ -80,12 +79,8 @@ def _measured(name: str, elements: int, model: str) -> VortexRow:
     scene = _with(variant(load_scene(name), elements, STEP_S), MODELS[model])
     bench, steps = Bench(scene), max(1, NODE_STEPS // elements)
     bench.hold(round(SETTLE_S / STEP_S))
-    took = []
-    for _ in range(PIECES):
-        began = time.perf_counter()
-        bench.hold(steps)
-        took.append((time.perf_counter() - began) / steps)
-    usual, best = float(np.median(took)), min(took)
+    (took,) = time_in_turns([bench], PIECES, lambda own: own.still(steps))
+    usual, best = float(np.median(took)) / steps, min(took) / steps
     bending = any(isinstance(own, BendingParams) for own in scene.effects)
     return VortexRow(
         name, elements, bending, model, 1e9 * usual / elements, 1e9 * best / elements,
