@@ -63,9 +63,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     sense by itself.
     """
     words = list(sys.argv[1:] if argv is None else argv)
-    modules = {name.replace("_", "-"): _module(name) for name in _needed(words)}
-    args = _parser(modules).parse_args(words)
     try:
+        modules = {name.replace("_", "-"): _module(name) for name in _needed(words)}
+        args = _parser(modules).parse_args(words)
         if args.command == "run":
             return int(modules["run"].run(args, _paced))
         return int(modules[args.command].run(args))

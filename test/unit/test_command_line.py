@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from rope_twin import cli
 from rope_twin.cli import main
 
 
@@ -69,3 +70,14 @@ def test_what_cannot_be_is_told_before_anything_runs(
     assert said.err.count("\n") == 1
     assert not said.out
     assert not list(tmp_path.iterdir())
+
+
+def test_ctrl_c_while_a_command_is_loaded_ends_quietly(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def interrupted(name: str) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(cli, "_module", interrupted)
+    assert main(["run"]) == 130
+    assert capsys.readouterr() == ("", "")

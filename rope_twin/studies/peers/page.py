@@ -206,13 +206,13 @@ def _draw_case(axes: Any, rows: list[PeerRow]) -> None:
             error = "lost" if row.peer_error_pct is None else f"{row.peer_error_pct:.2g} %"
             axes.annotate(
                 error, (row.segments, row.peer_real_time_factor), fontsize=7,
-                xytext=(4, 6), textcoords="offset points",
+                xytext=(4, 6 if peer == "moordyn" else -11), textcoords="offset points",
             )  # fmt: skip
     axes.set_xlabel("segments")
     axes.set_ylabel("times real time")
     axes.label_outer()
     axes.grid(True, which="both", linewidth=0.3)
-    axes.margins(x=0.2)
+    axes.margins(x=0.3, y=0.2)  # room for the words at the points, and for the legend
     axes.legend(fontsize=7)
 
 

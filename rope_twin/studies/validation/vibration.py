@@ -29,6 +29,7 @@ STEEL = Rig(mass=3989.7 * 0.076**2, EA=4.04e10 * 0.076**2, diameter=0.8 * 0.076)
 HMPE = Rig(
     mass=495.7 * 0.0762**2, EA=56.5 * (5.795e8 * 0.0762**2 + 6.507e8 * 0.0762**3), diameter=0.0613
 )
+SHOWN_PERIODS = 4.0  # of the motion in the picture
 MOVING = 150e3  # M': 100 t of payload, 50 t of water that moves with it
 PERIODS_S = (
     ("steel", STEEL, 1e3, 5.17), ("steel", STEEL, 3e3, 9.39), ("steel", STEEL, 5e3, 12.68),
@@ -96,8 +97,10 @@ def _periods(cases: Sequence[tuple[str, Rig, float, float]] = PERIODS_S) -> Foun
         words = f"{name}, {length / 1e3:g} km: axial period"
         findings.append(within_pct(f"{words}, x·tan x = m·L/M'", ours, exact, 0.2, "s"))
         findings.append(within_pct(f"{words}, as printed", ours, printed, 0.3, "s"))
-        lines.append(Line(time, motion, f"{name}, {length / 1e3:g} km"))
-    picture = Panel("150 t after one lift of the hang-off", "time [s]", "motion [m]", tuple(lines))
+        first = time < SHOWN_PERIODS * exact
+        lines.append(Line(time[first] / exact, motion[first], f"{name}, {length / 1e3:g} km"))
+    periods = "time over the period in closed form"
+    picture = Panel("150 t after one lift of the hang-off", periods, "motion [m]", tuple(lines))
     notes = ("The printed periods have three digits: they are held to 0.3 %.",)
     return Found(tuple(findings), (picture,), notes)
 
