@@ -13,6 +13,7 @@ from rope_twin.scene.winch_parts import (
     Drum,
     EmergencyStop,
     HeaveCompensation,
+    TopSheave,
 )
 
 SWITCHES = {  # what can be switched, and the part that it needs
@@ -68,7 +69,7 @@ class Winch(_Sparing):
 
     _spared = frozenset(
         ("jerk_limit_m_per_s3", "drum", "drive", "brake", "emergency_stop", "heave_compensation",
-         "constant_tension")
+         "constant_tension", "sheave")
     )  # fmt: skip
 
     speed_limit_m_per_s: float = quantity("largest speed either way", "m/s", 0.0, 5.0)
@@ -88,3 +89,4 @@ class Winch(_Sparing):
     emergency_stop: EmergencyStop | None = text("a stop beyond the ordinary limits", None)
     heave_compensation: HeaveCompensation | None = text("pays out as the hang-off rises", None)
     constant_tension: ConstantTension | None = text("keeps a named top tension", None)
+    sheave: TopSheave | None = text("what the rope bends over at the hang-off, for fatigue", None)

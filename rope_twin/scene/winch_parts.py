@@ -7,6 +7,7 @@ from math import pi
 
 from rope_twin.quantity import quantity
 
+WIRE_PA = 1.96e11  # modulus of a rope's steel wires
 LAYER_RISE = 0.9  # a layer lies so many rope diameters above the one below, in its grooves
 
 
@@ -72,6 +73,21 @@ class HeaveCompensation:
     stroke_m: float = quantity("most that it pays out or hauls in", "m", 0.01, 100.0)
     speed_limit_m_per_s: float = quantity("largest speed either way", "m/s", 0.01, 10.0)
     acceleration_limit_m_per_s2: float = quantity("largest acceleration", "m/s²", 0.01, 50.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TopSheave:
+    """What the rope runs over at the hang-off: for the fatigue of the metres that pass it.
+
+    It has no part in the motion.
+    """
+
+    diameter_m: float = quantity("where the rope lies, in its groove", "m", 0.01, 20.0)
+    outer_wire_m: float = quantity("diameter of the rope's outer wires", "m", 1e-4, 0.05)
+
+    def bending_stress_pa(self, rope_diameter_m: float) -> float:
+        """Of an outer wire on it, E·δ/(D + d) (Reuleaux 1861; E as in Feyrer 2015, Wire Ropes)."""
+        return WIRE_PA * self.outer_wire_m / (self.diameter_m + rope_diameter_m)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,6 +22,23 @@ def _parts(scene: Scene) -> Iterator[Fault]:
             yield f"{path}.brake", what, "add `drive: {inertia_kg_m2: ..., torque_limit_n_m: ...}`"
 
 
+def _sheave(scene: Scene) -> Iterator[Fault]:
+    """Wires are thinner than the rope that they make, and a sheave wider than it."""
+    for line in scene.ropes:
+        winch = winch_of(scene, line)
+        sheave = winch.sheave if winch is not None else None
+        if winch is None or sheave is None:
+            continue
+        path = next(path for path, own in winches(scene) if own is winch)
+        thick = max(section.rope.diameter_m for section in line.made_of)
+        if sheave.diameter_m <= thick:
+            what = f"{sheave.diameter_m:g} m is not wider than the rope's {thick:g} m"
+            yield f"{path}.sheave.diameter_m", what, "give some twenty times the rope's diameter"
+        if sheave.outer_wire_m > 0.5 * thick:
+            what = f"wires of {sheave.outer_wire_m:g} m do not fit a rope of {thick:g} m"
+            yield f"{path}.sheave.outer_wire_m", what, "give the diameter of one outer wire"
+
+
 def _rows(scene: Scene) -> Iterator[Fault]:
     for path, winch in winches(scene):
         for number, row in enumerate(winch.schedule):
@@ -57,4 +74,9 @@ def _depth(scene: Scene) -> Iterator[Fault]:
             yield f"ropes[{number}].fixed_at_m", what, "tell it a line_out_m"
 
 
-WINCH_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (_parts, _rows, _depth)
+WINCH_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
+    _parts,
+    _sheave,
+    _rows,
+    _depth,
+)

@@ -2,7 +2,8 @@
 
 The pieces belong to the material: each has its distance from the lower end and keeps it while the
 winch pays out or hauls in. A piece that is aboard meets no tension of the sea: its history stands
-still until it comes out again. Bending over the sheave is not counted, only tension.
+still until it comes out again. Where the winch has a sheave, each passage bends and straightens it
+once (rope_twin.twin.wear), by a curve of stress.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import rainflow
+from numpy.typing import NDArray
 
 from rope_twin.scene.composite import ends_m
 from rope_twin.scene.schema import RopeLine
@@ -78,7 +80,10 @@ class RopeFatigue:
         InputError: the curve is one of stress, and a part of the rope is not all of steel.
     """
 
-    def __init__(self, line: RopeLine, most_line_out_m: float, piece_m: float, curve: Curve):
+    def __init__(
+        self, line: RopeLine, most_line_out_m: float, piece_m: float, curve: Curve,
+        over_sheave_pa: float = 0.0,
+    ):  # fmt: skip
         """Pieces of about `piece_m` up to the most line out that the winch has."""
         pieces = max(1, round(most_line_out_m / piece_m))
         self._middles = (np.arange(pieces) + 0.5) * most_line_out_m / pieces
@@ -88,6 +93,10 @@ class RopeFatigue:
             refuse_fibre(line)
         which = np.searchsorted(ends_m(line), self._middles, side="right")
         self._strength = [of_section[number] for number in which]
+        over = over_sheave_pa if isinstance(curve, StressCurve) else 0.0
+        areas = np.array([own.metal_area_m2 for own in self._strength])
+        self._over_sheave_n = over * areas if over else np.zeros(pieces)
+        self._aboard: NDArray[np.bool_] | None = None
         self._rows = np.full((SAMPLES_KEPT, pieces), np.nan)
         self._filled = 0
         self._turns: list[list[Vector]] = [[np.zeros(0)] for _ in range(pieces)]
@@ -98,9 +107,21 @@ class RopeFatigue:
         tension = seen.element_tension_n[::-1]
         places = np.concatenate(([0.0], 0.5 * (from_lower[1:] + from_lower[:-1]), from_lower[-1:]))
         values = np.concatenate(([seen.tension_payload_n], tension, [seen.tension_top_n]))
+        aboard = self._middles > from_lower[-1]
+        if self._aboard is not None and self._over_sheave_n.any():
+            passed = aboard != self._aboard
+            straight = np.where(passed, seen.tension_top_n, np.nan)
+            for load in (straight, straight + self._over_sheave_n, straight):
+                if passed.any():
+                    self._keep(load)
+        self._aboard = aboard
+        self._keep(np.interp(self._middles, places, values, right=np.nan))
+
+    def _keep(self, tensions: Vector) -> None:
+        """A row of the history; NaN: nothing new."""
         if self._filled == SAMPLES_KEPT:
             self._reduce()
-        self._rows[self._filled] = np.interp(self._middles, places, values, right=np.nan)
+        self._rows[self._filled] = tensions
         self._filled += 1
 
     def _reduce(self) -> None:

@@ -209,7 +209,9 @@ class WatchedTwin(Twin):
         EI = bending_stiffness(self._rope.effects)
         most = winch.most_line_out_m if winch else line.length_m
         shaken = self.asked.vibration in (MODES, DECOMPOSED)
-        return RopeWear(line, most, WearWish(curve, EI > 0.0 or shaken), EI)
+        sheave = winch.sheave if winch else None
+        bent_pa = sheave.bending_stress_pa(line.made_of[0].rope.diameter_m) if sheave else 0.0
+        return RopeWear(line, most, WearWish(curve, EI > 0.0 or shaken, bent_pa), EI)
 
     def _bent(self) -> Floats | None:
         """Curvature of the metres if it counts: of a rope that bends, and of the vibration."""

@@ -2,7 +2,12 @@
 
 A metre belongs to the material: it has its distance from the lower end and keeps it, and what it
 has used, while the winch hauls it in and pays it out again. Aboard it meets no load of the sea: its
-history stands still, as it does below a cut. Running over the sheave is not counted.
+history stands still, as it does below a cut.
+
+Where the winch has a sheave, a metre that runs over it, either way, is bent and straight again: one
+cycle of the outer wires' E·δ/(D + d) on top of the tension there, by a curve of stress. Every wire
+comes to the outside within a lay of the strands, so all places around the rope have it. Bending on
+the drum is not counted.
 
 By a curve of stress: tension over the metal area, and where the rope has a bending stiffness E·d/2
 times its curvature, at eight places around its circumference, of which the worst counts. Of a
@@ -27,6 +32,7 @@ from rope_twin.twin.endurance import Cycles, StressCurve, find_curve, metal_area
 from rope_twin.twin.findings import MaterialFatigue
 
 PIECE_M = 1.0
+OUT, ABOARD, UNKNOWN = 0, 1, 2
 AROUND = 8  # places around the circumference
 
 
@@ -36,6 +42,7 @@ class WearWish:
 
     curve: str  # name of an S-N curve
     bends: bool  # whether curvature is told besides the tension
+    over_sheave_pa: float = 0.0  # stress of bending over the sheave; 0: not counted
 
 
 class RopeWear:
@@ -60,6 +67,8 @@ class RopeWear:
         fibre = np.array([0.5 * rope.tangent_n(0.0) * rope.diameter_m for rope in made]) / area
         self._per_tension = 1.0 / strength[which]
         self._per_curvature = fibre[which] if by_stress and wish.bends else np.zeros(pieces)
+        self._over_sheave_pa = wish.over_sheave_pa if by_stress else 0.0
+        self._aboard = np.full(pieces, UNKNOWN)
         angle = 2.0 * np.pi / AROUND * np.arange(AROUND if self.bends else 1)
         self._around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         self._count = CycleCount(len(angle) * pieces)
@@ -85,11 +94,23 @@ class RopeWear:
         places = np.concatenate(([s[0]], 0.5 * (s[1:] + s[:-1]), s[-1:]))
         values = np.concatenate((tension[:1], tension, [pull_n]))
         load = np.interp(self.middles, places, values, np.nan, np.nan) * self._per_tension
+        self._run_over_sheave(s[-1], pull_n)
         if bent is None:
             loads = np.tile(load, len(self._around))
         else:
             loads = (load + self._around @ (bent * self._per_curvature)).ravel()
         self._count.take(loads, self._used)
+
+    def _run_over_sheave(self, top_m: float, pull_n: float) -> None:
+        """What has passed the hang-off since the last look, either way: bent, and straight."""
+        aboard = np.where(self.middles > top_m, ABOARD, OUT)
+        passed = (aboard != self._aboard) & (self._aboard != UNKNOWN)
+        self._aboard = aboard
+        if self._over_sheave_pa == 0.0 or not passed.any():
+            return
+        straight = np.where(passed, pull_n * self._per_tension, np.nan)
+        for load in (straight, straight + self._over_sheave_pa, straight):
+            self._count.take(np.tile(load, len(self._around)), self._used)
 
     def shot(self, line_out_m: float, counted_s: float) -> MaterialFatigue:
         """What is used so far; open cycles count half."""

@@ -117,7 +117,9 @@ def _follow(batch: Batch, ensemble: Ensemble) -> list[RopeFatigue]:
 def _fatigue(scene: Scene, wish: FatigueWish) -> RopeFatigue:
     line = scene.ropes[0]
     most = scene.winch.most_line_out_m if scene.winch else line.length_m
-    return RopeFatigue(line, most, wish.piece_m, CURVES[wish.curve])
+    sheave = scene.winch.sheave if scene.winch else None
+    bent_pa = sheave.bending_stress_pa(line.made_of[0].rope.diameter_m) if sheave else 0.0
+    return RopeFatigue(line, most, wish.piece_m, CURVES[wish.curve], bent_pa)
 
 
 def _figures(ensemble: Ensemble, number: int, seconds: float) -> Row:
