@@ -38,11 +38,11 @@ def scene_digest(scene: Scene) -> str:
     return hashlib.sha256(told.encode()).hexdigest()[:16]
 
 
-def solver_digest(scene: Scene) -> str:
+def solver_digest(scene: Scene, package: Path = _PACKAGE) -> str:
     """Of the sources of step and statics and of the effects that the scene lists."""
     effects = sorted({type(params).__module__ for params in scene.effects})
     solver = reeving if is_joined(scene) else equilibrium
-    return _digest_of((solver.__name__, *effects))
+    return _digest_of((solver.__name__, *effects), package)
 
 
 def solver_sources(modules: Sequence[str], package: Path = _PACKAGE) -> list[Path]:
@@ -67,10 +67,10 @@ def _imported(path: Path) -> Iterator[str]:
 
 
 @lru_cache(maxsize=64)
-def _digest_of(modules: tuple[str, ...]) -> str:
+def _digest_of(modules: tuple[str, ...], package: Path) -> str:
     digest = hashlib.sha256()
-    for path in solver_sources(modules):
-        digest.update(path.relative_to(_PACKAGE).as_posix().encode())
+    for path in solver_sources(modules, package):
+        digest.update(path.relative_to(package).as_posix().encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
 
 from rope_twin.core.joined import reeving
 from rope_twin.core.statics import equilibrium
-from rope_twin.scene.digest import solver_sources
+from rope_twin.scene.digest import solver_digest, solver_sources
 from rope_twin.scene.load import load_scene
 
 PACKAGE = Path(equilibrium.__file__).parents[2]
@@ -58,3 +59,25 @@ def test_an_effect_brings_what_it_imports(scene: str, source: str) -> None:
     modules = [type(params).__module__ for params in load_scene(scene).effects]
     assert source in sources(*modules)
     assert source not in sources(equilibrium.__name__)
+
+
+@pytest.mark.parametrize(
+    ("source", "aged"),
+    [
+        ("core/lanes/wide.py", {"shallow_lift", "landing", "bridle_lift"}),
+        ("core/joined/step.py", {"bridle_lift"}),
+        ("core/bed.py", {"landing"}),
+    ],
+)
+def test_one_byte_ages_what_imports_it_and_nothing_else(
+    tmp_path: Path, source: str, aged: set[str]
+) -> None:
+    """One rope, one above a bed, and ropes that meet above none."""
+    scenes = [load_scene(name) for name in ("shallow_lift", "landing", "bridle_lift")]
+    changed = tmp_path / "rope_twin"
+    for room in ("core", "effects", "sea"):
+        shutil.copytree(PACKAGE / room, changed / room, ignore=shutil.ignore_patterns("*.pyc"))
+    with (changed / source).open("a", encoding="utf-8") as file:
+        file.write("#")
+    found = {one.name for one in scenes if solver_digest(one, changed) != solver_digest(one)}
+    assert found == aged
