@@ -52,6 +52,7 @@ llvmlite.binding.set_option("numba", "-vectorize-memory-check-threshold=2000")
 
 import numba  # noqa: E402
 from numba.core import config  # noqa: E402
+from numba.core.registry import cpu_target  # noqa: E402
 
 from rope_twin.core.compiling import EntryCompiler, LinkedCompiler  # noqa: E402
 
@@ -81,6 +82,11 @@ LINKED: dict[str, Any] = {
     "no_cpython_wrapper": True,
     "pipeline_class": LinkedCompiler,
 }
+
+
+def make_ready() -> None:
+    """Load what numba loads when it is first asked for compiled code; that takes half a second."""
+    cpu_target.target_context.refresh()
 
 
 def jit(function: Any) -> Any:

@@ -13,6 +13,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rope_twin.commands.run.options import RunOptions
 from rope_twin.commands.run.summary import Progress, RunSummary
 from rope_twin.errors import InputError
+from rope_twin.ros.ahead import CompilingAhead
 from rope_twin.ros.entry import StopSignal, initialise
 from rope_twin.ros.params import overrides
 from rope_twin.ros.recorder_node import RecorderNode
@@ -69,6 +70,7 @@ class Suite:
         self._options = options
         self._nodes: dict[str, Any] = {}
         self._executor: SingleThreadedExecutor | None = None
+        self._ahead: CompilingAhead | None = None
 
     def start(self, ready: Callable[[], None], stop: StopSignal) -> None:
         """Make all nodes; the simulation comes last, when everybody listens.
@@ -80,6 +82,7 @@ class Suite:
             KeyboardInterrupt: told to stop before the twin was built; as above.
         """
         load_scene(self._options.scene)  # what is wrong with it is said before anything else
+        self._ahead = CompilingAhead(self._options)
         initialise(["rope_twin"])
         self._executor = SingleThreadedExecutor()
         for name, parameters in node_parameters(self._options).items():
@@ -88,6 +91,7 @@ class Suite:
             self._executor.add_node(node)
             if name == "simulation":
                 ready()
+                self._ahead.wait(stop)
                 stop.note = "\nending as soon as the twin is built; again: at once\n"
             if stop.requested:
                 raise KeyboardInterrupt
@@ -124,6 +128,8 @@ class Suite:
 
     def close(self) -> None:
         """End who speaks, let the recorder take what is under way, then end who listens."""
+        if self._ahead is not None:
+            self._ahead.end()
         for name in END_ORDER:
             if name not in self._nodes:
                 continue
