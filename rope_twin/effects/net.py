@@ -58,6 +58,11 @@ class NetParams:
         twined = (self.twine_m is not None, self.bar_m is not None)
         if any(twined) != all(twined) or all(twined) == (self.solidity is not None):
             return "its solidity is not given once; give solidity, or twine_m and bar_m"
+        if self.twine_m is not None and self.bar_m is not None and self.twine_m >= self.bar_m:
+            what = (
+                f"twine of {self.twine_m:g} m leaves no mesh between knots {self.bar_m:g} m apart"
+            )
+            return f"{what}; give thinner twine or wider mesh"
         if self.known_solidity() > SOLIDITY_MOST:
             what = f"solidity {self.known_solidity():.2f} is above {SOLIDITY_MOST:g}"
             return f"{what}, where nothing was measured; give thinner twine or wider mesh"

@@ -19,7 +19,7 @@ from rope_twin.scene.figures import (
 )
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Rope, Scene
-from rope_twin.scene.shedding import coarse_for_vortices, shedding_model
+from rope_twin.scene.shedding import coarse_for_vortices, odd_vortices, shedding_model
 from rope_twin.scene.water_checks import check_current, check_environment, check_water, is_air
 from rope_twin.scene.winch_checks import check_winch
 
@@ -266,5 +266,6 @@ CHECKS: tuple[Check, ...] = (
     _ship,
     check_current,
     coarse_for_vortices,
+    odd_vortices,
     check_environment,
 )

@@ -16,6 +16,9 @@ from rope_twin.effects import EFFECTS
 from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
+from rope_twin.effects.drag import DragParams
+from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
+from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.composite import Bar, tension_at_length
 from rope_twin.scene.figures import LiftFigures
@@ -174,6 +177,22 @@ def coarse_for_vortices(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         f"{_wanted(pace)}"
     )
     yield phrase(path, what, f"give these: {cost:.2g} times slower than this scene without it")
+
+
+def odd_vortices(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """A model of vortices that has nothing to shed them, or no force."""
+    listed = {type(own): own for own in scene.effects}
+    model, sea = shedding_model(scene), scene.sea_state
+    if not model:
+        return
+    moved = bool(sea.path) or sea.poses is not None
+    if CurrentParams not in listed and WavesParams not in listed and not moved:
+        what = "nothing flows past the rope, so nothing is shed"
+        yield phrase(f"effects {model}", what, "add `current`")
+    own = listed.get(StrouhalForcingParams)
+    if isinstance(own, StrouhalForcingParams) and own.drag is None and DragParams not in listed:
+        what = "its forces are shares of `drag`, which is not listed: it has none"
+        yield phrase(f"effects {model}", what, "add `drag`, or give the effect a drag of its own")
 
 
 def _rounded(value: float) -> float:

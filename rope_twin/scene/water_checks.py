@@ -14,6 +14,7 @@ from rope_twin.scene.water_rules import bed_at, bed_of
 
 LONGEST_ARM_M = 400.0  # the longest ships
 STEEPEST = 0.142  # H/L of a wave that breaks in deep water (Miche 1944)
+ANOTHER = 0.2  # of the bed's depth: what that of the waves may differ by, where the bed slopes
 SAGGING = 1.01  # rope may be so much longer than the depth and still hang
 
 
@@ -22,6 +23,8 @@ def check_water(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     yield from _ends(scene)
     yield from _depth_orders(scene)
     yield from _steepness(scene)
+    yield from _sea_steepness(scene)
+    yield from _depth_of_waves(scene)
     yield from _arm(scene)
 
 
@@ -72,6 +75,46 @@ def _steepness(scene: Scene) -> Iterator[str]:
     if height > steepest:
         what = f"a wave of {height:g} m in {period:g} s is {length:.0f} m long and would break"
         yield phrase("effects waves.regular", what, f"give at most {steepest:.1f} m, or more time")
+
+
+def _sea_steepness(scene: Scene) -> Iterator[str]:
+    """Hs over the deep-water length of Tp: at most 1/15 up to 8 s, 1/25 from 15 s on.
+
+    DNV-RP-C205, 3.5.4, linear between.
+    """
+    waves = listed_effects(scene).get("waves")
+    if not isinstance(waves, WavesParams) or waves.jonswap is None:
+        return
+    height, period = waves.jonswap.significant_height_m, waves.jonswap.peak_period_s
+    part = min(max((period - 8.0) / 7.0, 0.0), 1.0)
+    length = scene.environment.gravity_m_per_s2 * period**2 / (2.0 * pi)
+    most = length * (1.0 / 15.0 + part * (1.0 / 25.0 - 1.0 / 15.0))
+    if height > most:
+        what = f"Hs {height:g} m at Tp {period:g} s is steeper than seas are"
+        yield phrase("effects waves.jonswap", what, f"give at most {most:.1f} m, or more time")
+
+
+def _depth_of_waves(scene: Scene) -> Iterator[str]:
+    """Waves know the depth by their own key, not by the bed."""
+    waves, bed = listed_effects(scene).get("waves"), bed_of(scene)
+    if not isinstance(waves, WavesParams) or bed is None:
+        return
+    depth = -bed_at(bed, *scene.ship.hang_off_m[:2])
+    if waves.depth_m is not None:
+        if abs(waves.depth_m - depth) > ANOTHER * depth:
+            what = f"waves of water {waves.depth_m:g} m deep over a bed at {depth:g} m"
+            yield phrase("effects waves.depth_m", what, f"give {depth:g} m")
+        return
+    if waves.regular is not None:
+        period = waves.regular.period_s
+    elif waves.jonswap is not None:
+        period = waves.jonswap.peak_period_s
+    else:
+        return
+    half = 0.5 * scene.environment.gravity_m_per_s2 * period**2 / (2.0 * pi)
+    if depth < half:
+        what = f"waves of deep water, {2.0 * half:.0f} m long, over a bed at {depth:g} m feel it"
+        yield phrase("effects waves", what, f"add depth_m: {depth:g}")
 
 
 def _arm(scene: Scene) -> Iterator[str]:

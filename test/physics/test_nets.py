@@ -111,6 +111,7 @@ def test_a_towed_net_hangs_where_its_forces_say() -> None:
         (replace(PANEL, twine_m=0.003), "not given once"),
         (replace(PANEL, solidity=None), "not given once"),
         (replace(PANEL, solidity=None, twine_m=0.003, bar_m=0.01), "solidity 0.51 is above 0.35"),
+        (replace(PANEL, solidity=None, twine_m=0.02, bar_m=0.01), "leaves no mesh between knots"),
     ],
 )  # fmt: skip
 def test_what_a_net_may_not_be(params: NetParams, said: str) -> None:

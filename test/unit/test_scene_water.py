@@ -140,6 +140,30 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
         with_effect(GOOD, "waves: {regular: {height_m: 6.0, period_s: 8.0}, depth_m: 5.0}"),
         "effects waves.regular: ", ("53 m long and would break", "at most 4.0 m"),
     ),
+    "sea steeper than seas are": (
+        with_effect(GOOD, "waves: {jonswap: {significant_height_m: 12.0, peak_period_s: 4.0}}"),
+        "effects waves.jonswap: ", ("Hs 12 m at Tp 4 s", "give at most 1.7 m"),
+    ),
+    "waves of another depth than the bed's": (
+        with_effect(GOOD, "waves: {regular: {height_m: 2.0, period_s: 9.0}, depth_m: 40.0}"
+                          "\n  - seabed: {depth_m: 600.0}"),
+        "effects waves.depth_m: ", ("40 m deep over a bed at 600 m", "give 600 m"),
+    ),
+    "deep waves over a shallow bed": (
+        with_effect(GOOD, "waves: {regular: {height_m: 2.0, period_s: 12.0}}"
+                          "\n  - seabed: {depth_m: 65.0}"),
+        "effects waves: ", ("225 m long, over a bed at 65 m", "add depth_m: 65"),
+    ),
+    "vortices in no current": (
+        with_effect(GOOD[: GOOD.index("  - current")] + GOOD[GOOD.index("  - weight") :],
+                    "wake_oscillator: {}"),
+        "effects wake_oscillator: ", ("nothing flows past the rope", "add `current`"),
+    ),
+    "vortices that are a share of nothing": (
+        with_effect(spoilt("  - drag: {normal: 1.2, tangential: 0.02}\n", ""),
+                    "strouhal_forcing: {}"),
+        "effects strouhal_forcing: ", ("shares of `drag`, which is not listed", "of its own"),
+    ),
     "ship of nine kilometres": (
         spoilt("ship: {", "ship: {reference_m: [9000.0, 0.0, 0.0], "),
         "ship.reference_m: ", ("9000 m from the hang-off",),
