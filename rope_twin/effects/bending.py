@@ -12,12 +12,14 @@ vanishes divides nothing by it. Price: the element's law holds for λ. It differ
 by EI·κ², which matters only where that exceeds the tension: there, in loops tighter than
 √(EI/T), an element shortens instead of carrying compression.
 
-Ends are hinged. The hang-off may hold the rope's direction instead (half an element of curvature:
-2·EI/l_top times what q of the top element lacks of it, across).
+Ends are hinged, so is a joint where ropes meet: each has a moment at its inner nodes only. The
+hang-off may hold the rope's direction instead (half an element of curvature: 2·EI/l_top times what
+q of the top element lacks of it, across).
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import sqrt
 from typing import Any, NamedTuple
@@ -27,8 +29,9 @@ import numpy as np
 from rope_twin.core.energy import account
 from rope_twin.core.hooks import kernel
 from rope_twin.core.jit import jit, jit_within
+from rope_twin.core.joined.stack import stacks
 from rope_twin.core.rows import row, rows, span
-from rope_twin.core.state import BLOCK, LINK, POSITION, RESIDUAL, REST
+from rope_twin.core.state import BLOCK, LINK, POSITION, RESIDUAL, REST, Floats
 from rope_twin.quantity import quantity
 
 Triple = tuple[float, float, float]
@@ -59,6 +62,23 @@ class Bending(NamedTuple):
     x: float  # that direction, a unit vector, upward along the rope
     y: float
     z: float
+
+
+class ManyBendings(NamedTuple):
+    """Those of ropes that meet."""
+
+    figures: Floats  # the fields of Bending, (ropes, 5)
+
+
+def _pick(many: Any, r: int) -> Any:
+    own = many.figures[r]
+    return Bending(own[0], own[1], own[2], own[3], own[4])
+
+
+@stacks(Bending, ManyBendings, _pick)
+def stack_bendings(bendings: Sequence[Bending]) -> ManyBendings:
+    """One after the other."""
+    return ManyBendings(np.array(bendings, dtype=float))
 
 
 def build(params: BendingParams, payload: Any, environment: Any) -> Bending:

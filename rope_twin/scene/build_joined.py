@@ -17,6 +17,7 @@ from rope_twin.core.joined.hanging import laid
 from rope_twin.core.joined.joints import LOOSE, System, new_system
 from rope_twin.core.joined.reeving import reeve
 from rope_twin.core.state import ELEMENTS, POSITION, C, Floats, Rope
+from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.scene.build import build, build_effects, tables_of
 from rope_twin.scene.build_sheaves import (
@@ -138,18 +139,23 @@ def _rope(scene: Scene, number: int, own: PayloadFigures) -> Rope:
     if runs_over_sheave(scene, scene.ropes[number]):  # damped alike on both sides: as one rope
         both = build(alone(with_both_stretches(scene, number), number)).rope
         rope.sections[C] = both.sections[C]
-    payloads = {one.name: one.splash_zone for one in scene.payloads}
-    size = payloads.get(scene.ropes[number].to)
-    if size is not None:
-        sized = (size if isinstance(one, SplashZoneParams) else one for one in single.effects)
-        single = replace(single, effects=tuple(sized))
-    if scene.ropes[number].to not in payloads or own is NOTHING:
-        bare = (
-            replace(one, bottom_area_m2=0.0) if isinstance(one, SplashZoneParams) else one
-            for one in single.effects
-        )
-        single = replace(single, effects=tuple(bare))
-    return rope._replace(effects=build_effects(single, own))
+    effects = tuple(_own_params(scene, number, own, params) for params in scene.effects)
+    return rope._replace(effects=build_effects(replace(single, effects=effects), own))
+
+
+def _own_params(scene: Scene, number: int, own: PayloadFigures, params: Any) -> Any:
+    """An effect's parameters as they are of one rope."""
+    line = scene.ropes[number]
+    if isinstance(params, SplashZoneParams):
+        payloads = {one.name: one.splash_zone for one in scene.payloads}
+        params = payloads.get(line.to) or params
+        if line.to not in payloads or own is NOTHING:
+            params = replace(params, bottom_area_m2=0.0)
+    if isinstance(params, BendingParams):
+        params = line.bending or params
+        if line.from_ not in places(scene):  # a joint is a hinge
+            params = replace(params, clamped_along=None)
+    return params
 
 
 def _floats(scene: Scene, line: RopeLine) -> bool:

@@ -34,7 +34,7 @@ def scene_digest(scene: Scene) -> str:
     met: tuple[Any, ...] = (scene.hang_offs, scene.joints, scene.struts)
     met += (scene.sheaves,) if scene.sheaves else ()
     told = repr((*parts, *met, scene.time.newton_tolerance_n))
-    for key in ("poses", "splash_zone"):  # cards older than these keys hold
+    for key in ("poses", "splash_zone", "bending"):  # cards older than these keys hold
         told = told.replace(f", {key}=None", "")
     return hashlib.sha256(told.encode()).hexdigest()[:16]
 

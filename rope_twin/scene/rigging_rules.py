@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.added_mass import AddedMassParams
+from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import PayloadParams
@@ -25,8 +26,8 @@ from rope_twin.scene.schema import RopeLine, Scene, Triple, Winch
 Fault = tuple[str, str, str]
 # Effects that ropes which meet can have: they see no payload, or one of each rope's own.
 MEETING = (
-    CurrentParams, WavesParams, WeightParams, DragParams, AddedMassParams, SeabedParams,
-    PayloadParams, SplashZoneParams,
+    CurrentParams, WavesParams, WeightParams, DragParams, AddedMassParams, BendingParams,
+    SeabedParams, PayloadParams, SplashZoneParams,
 )  # fmt: skip
 
 
@@ -209,6 +210,22 @@ def _what_joints_need(scene: Scene) -> Iterator[Fault]:
         yield "effects", "`payload` is not listed: nothing that hangs here has weight", right
 
 
+def _own_bending(scene: Scene) -> Iterator[Fault]:
+    """A rope's own stiffness stands in place of the effect's; a joint is a hinge."""
+    listed = any(isinstance(own, BendingParams) for own in scene.effects)
+    for number, line in enumerate(scene.ropes):
+        path = f"ropes[{number}].bending"
+        if line.bending is None:
+            continue
+        if not listed:
+            yield path, "the effect `bending` is not listed", "list it, or leave this out"
+        elif not is_joined(scene):
+            yield path, "this is the only rope", "give the figures to the effect `bending`"
+        elif line.bending.clamped_along is not None and line.from_ not in places(scene):
+            what = f"'{line.name}' begins at '{line.from_}', which is a hinge"
+            yield f"{path}.clamped_along", what, "leave it out: a hang-off alone holds a direction"
+
+
 RIGGING_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _given,
     _own_names,
@@ -218,4 +235,5 @@ RIGGING_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _held,
     _hanging,
     _what_joints_need,
+    _own_bending,
 )

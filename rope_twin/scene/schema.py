@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
+from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.quantity import quantity, text
 from rope_twin.scene.recorded_poses import RecordedPoses
@@ -128,6 +129,9 @@ class RopeLine:
         "lower end held at x, y, z instead of a payload", "m", -2e4, 2e4, default=None
     )
     grading: Grading | None = text("shorter elements near the lower end; absent: equal", None)
+    bending: BendingParams | None = text(
+        "where ropes meet: its own, in place of the effect's", None
+    )
 
     @property
     def made_of(self) -> tuple[RopeSection, ...]:

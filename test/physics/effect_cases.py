@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from joint_rigs import triangle
+from joint_rigs import bent_ladder, triangle
 from numpy.typing import NDArray
 from rigs import Rig, march, sine
 from table_rigs import HMPE, tabled
@@ -236,4 +236,5 @@ def everything() -> dict[str, Vector]:
         "swung": swung(),
         "by_table": by_table(),
         "triangle": triangle(),
+        "bent ladder": bent_ladder(),
     }

@@ -194,3 +194,35 @@ def triangle() -> Vector:
         place = [*bench.joints[:, 0], *bench.nodes(2)[:, 0]]
         seen.append([*pulls[:, 0, rows.PULL], *place, bench.nodes(1).shape[1] - 1])
     return np.array(seen)
+
+
+def bent_ladder(steps: int = 25) -> Vector:
+    """Ropes with bending stiffness of every kind of end, one between two joints: as `triangle`.
+
+    Pulls of the four ropes, places of both joints and of the load, step by step.
+    """
+    leg = Rig(
+        length=6.0, elements=4, mass=4.0, EA=2e6, diameter=0.06, damping=2e4, load=0.0,
+        density=1025.0, drag=(1.2, 0.02), added_mass=1.0, EI=2e3, clamp=(0.5, 0.0, -1.0), step=0.02,
+        tolerance=1e-3, current=((0.0, (0.8, 0.1)), (-30.0, (0.3, 0.5))),
+    )  # fmt: skip
+    left, right, foot = (-3.0, 0.0, -5.0), (3.0, 1.0, -5.0), (3.0, 1.0, -9.0)
+    hinged = replace(leg, clamp=None)
+    load = replace(hinged, length=4.0, elements=3, load=300.0, volume=0.1)
+    lines = [
+        Line(rig=leg, low=left, high=(-6.0, 0.0, 0.0), lower=0),
+        Line(rig=hinged, low=right, high=(6.0, 0.0, 0.0), lower=1),
+        Line(rig=replace(hinged, EI=5e3), low=left, high=right, lower=0, upper=1),
+        Line(rig=load, low=foot, high=right, upper=1),
+    ]
+    bench, seen = JointBench(lines), []
+    motion = bench.still(steps)
+    t = bench.step * np.arange(steps + 1)
+    motion.value[0, :, 2] += 0.5 * np.sin(3.0 * t) ** 2
+    motion.rate[0, :, 2] = 1.5 * np.sin(6.0 * t)
+    for k in range(steps):
+        pulls = bench.follow(
+            rows.Boundary(*(np.ascontiguousarray(table[:, k : k + 2]) for table in motion))
+        )
+        seen.append([*pulls[:, 0, rows.PULL], *bench.joints.T.ravel(), *bench.nodes(3)[:, 0]])
+    return np.array(seen)

@@ -106,6 +106,13 @@ def test_plain_python_equals_compiled_joints(plain: Mapping[str, Vector]) -> Non
     assert_equal(plain["triangle"].T, compiled.T, 1e-9)
 
 
+def test_plain_python_equals_compiled_bent_joints(plain: Mapping[str, Vector]) -> None:
+    """Bent ropes that meet, one between two joints, 25 steps, 1e-9."""
+    compiled = effect_cases.bent_ladder()
+    assert np.ptp(compiled[:, :4]) > 0.1 * compiled[0, :4].max(), "the case must move"
+    assert_equal(plain["bent ladder"].T, compiled.T, 1e-9)
+
+
 def matrix(blocks: Vector) -> Vector:
     """The symmetric 3×3 block of six rows."""
     b = blocks

@@ -18,6 +18,7 @@ from rope_twin.scene.first_shape import first_places
 Place = tuple[float, float, float]
 
 DAMPING = "damping: {newton_seconds: 100000.0}"
+CLAMPED = "bending: {stiffness_n_m2: 1.0, clamped_along: [0.0, 0.0, -1.0]}"
 LEG = "rope: steel_wire_40mm, length_m: 10.0, elements: 5, " + DAMPING
 MEETING = (
     GOOD.replace("    to: tool\n", "    to: hook\n")
@@ -81,8 +82,15 @@ BAD: list[tuple[str, str, str, tuple[str, ...]]] = [
      "struts[0].between", ("3 values in the list", "give 2")),
     ("unknown key of a joint", spoilt("mass_kg: 100.0", "mas_kg: 100.0"),
      "joints[0].mas_kg", ("unknown key", "did you mean 'mass_kg'?")),
-    ("bending", spoilt("  - weight: {}", "  - weight: {}\n  - bending: {stiffness_n_m2: 1.0}"),
-     "effects", ("`bending` is listed in a scene whose ropes meet",)),
+    ("vortices", spoilt("  - weight: {}", "  - weight: {}\n  - strouhal_forcing: {}"),
+     "effects", ("`strouhal_forcing` is listed in a scene whose ropes meet",)),
+    ("bending that is not listed",
+     spoilt("from: stern,", "from: stern, bending: {stiffness_n_m2: 1.0},"),
+     "ropes[3].bending", ("the effect `bending` is not listed", "list it")),
+    ("a joint that holds a direction",
+     spoilt("from: hook, to: tool", f"{CLAMPED}, from: hook, to: tool")
+     .replace("  - weight: {}", "  - weight: {}\n  - bending: {stiffness_n_m2: 1.0}"),
+     "ropes[1].bending.clamped_along", ("begins at 'hook', which is a hinge", "hang-off alone")),
     ("no payload effect", spoilt("  - payload: {}\n", ""),
      "effects", ("`payload` is not listed", "add `- payload: {}`")),
 ]  # fmt: skip

@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.jit import jit, jit_ordered, jit_within
-from rope_twin.core.joined.chains import (
-    column,
+from rope_twin.core.joined.chains import column
+from rope_twin.core.joined.condensation import (
     eliminate_between,
     eliminate_downward,
     eliminate_upward,
@@ -27,7 +27,7 @@ from rope_twin.core.joined.chains import (
     substitute_upward,
 )
 from rope_twin.core.joined.sheaves import Sheaves, condense_flow, couple_flow, substitute_flow
-from rope_twin.core.joined.stack import Stack, load, new_stack, view_of
+from rope_twin.core.joined.stack import Stack, effects_at, load, new_stack, view_of
 from rope_twin.core.joined.ties import TIE_ROWS
 from rope_twin.core.state import (
     BLOCK,
@@ -194,19 +194,20 @@ def _couple(matrix: Any, upper: int, lower: int, P: Any) -> None:
 def _condense(system: Any, work: Any, first: int, n: int, r: int) -> None:
     """Eliminate rope r onto its joints."""
     joints, sheaves = system.joints, system.sheaves
+    effects = effects_at(system.stack.effects, r)
     low, high = joints.lower[r], joints.upper[r]
     if low == LOOSE:
-        Z, f = eliminate_upward(work, first, n)
+        Z, f = eliminate_upward(effects, work, first, n)
         if high != LOOSE:
             add_block(joints.matrix, high, Z)
             _push(joints, high, f)
             condense_flow(sheaves, joints, r, (Z, f))
     elif high == LOOSE:
-        Z, f = eliminate_downward(work, n)
+        Z, f = eliminate_downward(effects, work, n)
         add_block(joints.matrix, low, Z)
         _push(joints, low, f)
     else:
-        Z, f, D, g, P = eliminate_between(work, n)
+        Z, f, D, g, P = eliminate_between(effects, work, n)
         add_block(joints.matrix, high, Z)
         _push(joints, high, f)
         add_block(joints.matrix, low, D)
@@ -219,7 +220,7 @@ def _condense(system: Any, work: Any, first: int, n: int, r: int) -> None:
 @jit
 def _substitute(system: Any, work: Any, first: int, n: int, r: int) -> None:
     """Corrections of rope r from those of its joints."""
-    joints = system.joints
+    joints, effects = system.joints, effects_at(system.stack.effects, r)
     low, high = joints.lower[r], joints.upper[r]
     for k in range(CORRECTION, CORRECTION + 3):
         if low != LOOSE:
@@ -227,11 +228,11 @@ def _substitute(system: Any, work: Any, first: int, n: int, r: int) -> None:
         work[k, n] = joints.work[k, high] if high != LOOSE else 0.0
     substitute_flow(system.sheaves, joints, work, r, n)
     if low == LOOSE:
-        substitute_upward(work, first, n)
+        substitute_upward(effects, work, first, n)
     elif high == LOOSE:
-        substitute_downward(work, n)
+        substitute_downward(effects, work, n)
     else:
-        substitute_between(work, n)
+        substitute_between(effects, work, n)
 
 
 @jit_ordered

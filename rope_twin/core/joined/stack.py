@@ -15,7 +15,7 @@ from numba.core.types import containers
 from numba.extending import overload
 
 from rope_twin.core.jit import LINKED, jit, jit_within
-from rope_twin.core.joined.chains import CHAIN_ROWS
+from rope_twin.core.joined.condensation import chain_rows
 from rope_twin.core.state import (
     COUNTS,
     END,
@@ -77,6 +77,7 @@ def stacked_effects(ropes: Sequence[Rope]) -> tuple[Any, ...]:
 def new_stack(ropes: Sequence[Rope]) -> Stack:
     """A stack with room for these ropes, and with what never changes of them."""
     count, room = len(ropes), max(rope.state.s.shape[0] for rope in ropes)
+    lines = chain_rows(ropes[0].effects)
     sections = np.zeros((count, SECTION_ROWS, max(rope.sections.shape[1] for rope in ropes)))
     sections[:, END] = np.inf
     for r, rope in enumerate(ropes):
@@ -88,7 +89,7 @@ def new_stack(ropes: Sequence[Rope]) -> Stack:
         offset=np.zeros((count, room)),
         counts=np.zeros((count, COUNTS), np.int64),
         health=np.zeros((count, HEALTH), np.int64),
-        work=new_work(columns_for(room), count * CHAIN_ROWS).reshape(count, CHAIN_ROWS, -1),
+        work=new_work(columns_for(room), count * lines).reshape(count, lines, -1),
         sections=sections,
         effects=stacked_effects(ropes),
         law=_stacked_law([rope.law for rope in ropes]),
@@ -137,7 +138,7 @@ def _state_of(stack: Stack, r: int) -> tuple[Any, ...]:
     return stack.nodes[r], stack.s[r], stack.offset[r], stack.counts[r], stack.health[r]
 
 
-def _effects_at(effects: Any, r: Any) -> Any:
+def effects_at(effects: Any, r: Any) -> Any:
     """The effects as rope r has them."""
     return tuple(
         _PICKERS[type(effect)](effect, r) if type(effect) in _PICKERS else effect
@@ -145,7 +146,7 @@ def _effects_at(effects: Any, r: Any) -> Any:
     )
 
 
-@overload(_effects_at, jit_options=LINKED, strict=False)
+@overload(effects_at, jit_options=LINKED, strict=False)
 def _compose_effects(effects: Any, r: Any) -> Any:
     scope: dict[str, Any] = {}
     parts = []
@@ -182,6 +183,6 @@ def rope_of(stack: Any, r: int) -> Any:
         State(stack.nodes[r], stack.s[r], stack.offset[r], stack.counts[r], stack.health[r]),
         stack.work[r],
         stack.sections[r],
-        _effects_at(stack.effects, r),
+        effects_at(stack.effects, r),
         _law_at(stack.law, r),
     )

@@ -18,6 +18,7 @@ from rope_twin.core.assembly import load_lowest, load_nodes, set_flow, slope
 from rope_twin.core.elastic import growth_of, stretch, stretch_corrected, stretch_top
 from rope_twin.core.jit import LINKED, jit
 from rope_twin.core.joined.chains import column
+from rope_twin.core.joined.condensation import add_couplings
 from rope_twin.core.joined.joints import (
     LOOSE,
     TOLERANCE,
@@ -181,6 +182,7 @@ def _evaluate_rope(system: Any, stage: Any, kind: int, factor: float, r: int) ->
             set_flow(rope.effects, work, stage, done, last)
         load_nodes(rope.effects, work, stage, max(done, 1), last)
     load_lowest(rope.effects, work, stage)
+    add_couplings(rope.effects, work, stage, n, upto)
 
 
 @jit

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from rope_twin.core import terms
 from rope_twin.core.assembly import load_nodes
 from rope_twin.core.elastic import stretch_all
 from rope_twin.core.jit import compiled, jit, jit_entry
@@ -171,6 +172,7 @@ def _report_joined(rope: Any, pull: Any, row: int, time: float) -> None:
         pull[row, PULL_X + k] = work[RESIDUAL + k, n]
         square += work[RESIDUAL + k, n] ** 2
     pull[row, PULL] = square**0.5
+    terms.add_pull(rope.effects, work, n, pull, row)
 
 
 @jit

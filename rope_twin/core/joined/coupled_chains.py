@@ -1,0 +1,193 @@
+"""A chain between joints whose effects couple a node to the next two, onto its ends and back.
+
+What `chains` is to `elimination` this is to `coupled_node`: node i has the block B = c·I - K with
+the next node and d·I with the second next. What a lower joint brings comes along as three more
+columns P of forces, which a node hands on to the next two as it does its own force: delta_i =
+own - G·delta_{i+1} - H·delta_{i+2} + F·delta_0 with F = S⁻¹·P. The joint's own node begins with
+P_1 = K_0 - c_0·I and P_2 = -d_0·I. A joint is a hinge: an effect that bends the rope has a moment
+at inner nodes only, so that the chains that meet there share its force and nothing else.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rope_twin.core.coupled_node import (
+    add,
+    add_nine,
+    eliminate_coupled_node,
+    link_less,
+    onto_next,
+    scaled,
+    substituted,
+)
+from rope_twin.core.elimination import add_six, ground, spring
+from rope_twin.core.jit import jit_ordered, jit_within
+from rope_twin.core.joined.chains import column, set_column
+from rope_twin.core.state import BLOCK, CORRECTION, ELIMINATED, LINK, RESIDUAL
+
+SECOND = LINK + 1  # coupling with the second next node
+INVERSE = ELIMINATED + 12  # after own and G: 6 rows, H of a node
+FAR = LINK + 2  # 9 rows: F of a node, by columns
+COUPLED_CHAIN_ROWS = FAR + 9
+_NOTHING = (0.0, 0.0, 0.0)
+_NIL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+_NONE = (_NOTHING, _NOTHING, _NOTHING)
+
+
+@jit_within
+def _six(work: Any, first: int, i: int) -> Any:
+    """Column i of six rows."""
+    return (
+        work[first, i], work[first + 1, i], work[first + 2, i], work[first + 3, i],
+        work[first + 4, i], work[first + 5, i],
+    )  # fmt: skip
+
+
+@jit_within
+def _keep(work: Any, i: int, kept: Any) -> None:
+    """What the way back wants of node i."""
+    own, G, H = kept
+    set_column(work, ELIMINATED, i, own)
+    for k in range(3):
+        work[ELIMINATED + 3 + k, i] = G[0][k]
+        work[ELIMINATED + 6 + k, i] = G[1][k]
+        work[ELIMINATED + 9 + k, i] = G[2][k]
+    for k in range(6):
+        work[INVERSE + k, i] = H[k]
+
+
+@jit_within
+def _kept(work: Any, i: int) -> Any:
+    """The same again."""
+    G = (
+        column(work, ELIMINATED + 3, i), column(work, ELIMINATED + 6, i),
+        column(work, ELIMINATED + 9, i),
+    )  # fmt: skip
+    return column(work, ELIMINATED, i), G, _six(work, INVERSE, i)
+
+
+@jit_within
+def _node(work: Any, i: int, state: Any, K: Any, c: float) -> Any:
+    """Pivot, force and block to the next node of node i, whose next element is K.
+
+    state: what was left on it, its force, what was left on the next, and between the two.
+    """
+    S, f, _, between = state
+    pivot = add_six(add_six(S, _six(work, BLOCK, i)), K)
+    return pivot, add(f, column(work, RESIDUAL, i)), add_nine(between, link_less(c, K))
+
+
+@jit_ordered
+def _take(work: Any, i: int, state: Any, K: Any, c: float, d: float) -> Any:
+    """Eliminate node i onto the next two, in the way of which K, c and d are; what is left then."""
+    S, f, B = _node(work, i, state, K, c)
+    kept, left = eliminate_coupled_node(S, f, B, d)
+    _keep(work, i, kept)
+    return onto_next(left, state[2], K)
+
+
+@jit_ordered
+def eliminate_coupled_upward(work: Any, first: int, n: int) -> Any:
+    """From the lower end, free (first = 0) or held (1), onto node n: the block and force there."""
+    state = ground(work, first), _NOTHING, (_NIL, _NOTHING), _NONE
+    for i in range(first, n):
+        state = _take(work, i, state, spring(work, i), work[LINK, i], work[SECOND, i])
+    return state[0], state[1]
+
+
+@jit_ordered
+def eliminate_coupled_downward(work: Any, n: int) -> Any:
+    """From the hang-off n, whose motion is prescribed, onto node 0: the block and force there."""
+    state = spring(work, n - 1), _NOTHING, (_NIL, _NOTHING), _NONE
+    for i in range(n - 1, 0, -1):
+        d = work[SECOND, i - 2] if i > 1 else 0.0
+        state = _take(work, i, state, spring(work, i - 1), work[LINK, i - 1], d)
+    return state[0], state[1]
+
+
+@jit_ordered
+def _pass_on(pivot: Any, P: Any, after: Any) -> Any:
+    """Columns P of forces on a node: S⁻¹·P, and the columns of the next two nodes.
+
+    pivot: S, B and d of the node; after: the columns that the next node has so far.
+    """
+    S, B, d = pivot
+    (x, _, _), (_, to_x, far_x, _, _) = eliminate_coupled_node(S, P[0], B, d)
+    (y, _, _), (_, to_y, far_y, _, _) = eliminate_coupled_node(S, P[1], B, d)
+    (z, _, _), (_, to_z, far_z, _, _) = eliminate_coupled_node(S, P[2], B, d)
+    following = add_nine(after, (to_x, to_y, to_z))
+    return (x, y, z), following, (far_x, far_y, far_z)
+
+
+@jit_within
+def _dot(a: Any, b: Any) -> Any:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@jit_within
+def _lessened(D: Any, P: Any, F: Any) -> Any:
+    """D - Pᵀ·F, symmetric; P and F by columns."""
+    (px, py, pz), (x, y, z) = P, F
+    return (
+        D[0] - _dot(px, x), D[1] - _dot(px, y), D[2] - _dot(px, z),
+        D[3] - _dot(py, y), D[4] - _dot(py, z), D[5] - _dot(pz, z),
+    )  # fmt: skip
+
+
+@jit_ordered
+def eliminate_coupled_between(work: Any, n: int) -> Any:
+    """Onto both ends: block and force at node n, block and force at node 0, and P by columns.
+
+    P couples them: -P is the block of row n and column 0.
+    """
+    D, d = spring(work, 0), -work[SECOND, 0]
+    P = link_less(work[LINK, 0], D)  # symmetric: its rows are its columns
+    P = scaled(-1.0, P[0]), scaled(-1.0, P[1]), scaled(-1.0, P[2])
+    after, g = ((d, 0.0, 0.0), (0.0, d, 0.0), (0.0, 0.0, d)), _NOTHING
+    state = D, _NOTHING, (_NIL, _NOTHING), _NONE
+    for i in range(1, n):
+        K, c, d = spring(work, i), work[LINK, i], work[SECOND, i]
+        S, _, B = _node(work, i, state, K, c)
+        F, following, after = _pass_on((S, B, d), P, after)
+        state = _take(work, i, state, K, c, d)
+        own = column(work, ELIMINATED, i)
+        for k in range(3):
+            set_column(work, FAR + 3 * k, i, F[k])
+        D = _lessened(D, P, F)
+        g = add(g, (_dot(P[0], own), _dot(P[1], own), _dot(P[2], own)))
+        P = following
+    return state[0], state[1], D, g, P
+
+
+@jit_ordered
+def substitute_coupled_upward(work: Any, first: int, n: int) -> None:
+    """Corrections after `eliminate_coupled_upward`, where that of node n is known."""
+    near, far = column(work, CORRECTION, n), _NOTHING
+    for i in range(n - 1, first - 1, -1):
+        near, far = substituted(_kept(work, i), near, far), near
+        set_column(work, CORRECTION, i, near)
+    if first == 1:
+        set_column(work, CORRECTION, 0, _NOTHING)
+
+
+@jit_ordered
+def substitute_coupled_downward(work: Any, n: int) -> None:
+    """Corrections after `eliminate_coupled_downward`, where that of node 0 is known."""
+    near, far = column(work, CORRECTION, 0), _NOTHING
+    for i in range(1, n):
+        near, far = substituted(_kept(work, i), near, far), near
+        set_column(work, CORRECTION, i, near)
+
+
+@jit_ordered
+def substitute_coupled_between(work: Any, n: int) -> None:
+    """Corrections after `eliminate_coupled_between`, where those of both ends are known."""
+    near, far = column(work, CORRECTION, n), _NOTHING
+    x, y, z = column(work, CORRECTION, 0)
+    for i in range(n - 1, 0, -1):
+        own = substituted(_kept(work, i), near, far)
+        for k, share in enumerate((x, y, z)):
+            own = add(own, scaled(share, column(work, FAR + 3 * k, i)))
+        near, far = own, near
+        set_column(work, CORRECTION, i, near)
