@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rope_twin import Twin, load_scene
+from rope_twin import Snapshot, Twin, load_scene
+from rope_twin.commands.run.inputs import FIRST_NS, LEAD_NS, offer, open_sea
+from rope_twin.scene.card import read_card
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.rigs import Rig, march, sine
 from rope_twin.studies.variants import variant
@@ -21,6 +23,7 @@ from rope_twin.twin.ladder import FIT, LEAST_SLOTS, WAIT_S, Ladder, TwinLadder
 from rope_twin.twin.pacing import Pacer, SlotTimes, steps_in_slot
 from rope_twin.twin.rung import Rung
 from rope_twin.twin.rungs import ladder_of
+from rope_twin.twin.schedule import schedule_samples
 
 MS = 1_000_000
 RIG = Rig(length=500.0, elements=80, damping=2e5, ramp=2.0, drag=(1.2, 0.01), density=1025.0,
@@ -183,6 +186,44 @@ def going_on(twin: Twin, seconds: float, every: int) -> list[object]:
         twin.advance(every)
         shots.append(twin.snapshot())
     return shots
+
+
+def sailed(moves: Sequence[tuple[float, Rung]], seconds: float) -> dict[int, Snapshot]:
+    """deep_lift with its own sea and winch, and a rung taken at each of these times; by stamp."""
+    scene, waiting, shots = load_scene("deep_lift"), list(moves), {}
+    twin, sea, offered_ns = Twin(scene), open_sea(scene), FIRST_NS
+    assert sea is not None
+    while twin.time_ns < seconds * 1e9:
+        if waiting and twin.time_ns >= waiting[0][0] * 1e9:
+            twin.take_rung(waiting.pop(0)[1])
+        until_ns = twin.time_ns + 50 * MS + LEAD_NS
+        for heave in sea.between(offered_ns, until_ns):
+            offer(twin, heave)
+        for command in schedule_samples(scene.winch, offered_ns, until_ns):
+            twin.offer_order(command.stamp_ns, command.order)
+        offered_ns = until_ns
+        twin.advance(1)
+        shots[twin.time_ns] = twin.snapshot()
+    return shots
+
+
+def test_down_and_up_the_tension_stays_within_the_error_that_is_published() -> None:
+    """deep_lift on half its elements at 50 ms from 15 to 30 s: rms there, and after the way back.
+
+    Against the run that never left its rung, whose own error counts as well. From one sample to the
+    next the difference changes by three times as much at most, at the moves too.
+    """
+    alone = sailed((), 40.0)
+    moved = sailed([(15.0, Rung(50 * MS, 1)), (30.0, Rung(10 * MS))], 40.0)
+    scale = np.std([shot.tension_top_n for shot in alone.values()])
+    card = read_card(load_scene("deep_lift"))
+    assert card is not None
+    published = sum(card.at(*own)[0].error_rms_pct for own in ((50, 0.05), (100, 0.01)))
+    for begin, end in ((15.0, 30.0), (30.0, 40.0)):
+        stamps = [ns for ns in moved if begin < ns * 1e-9 <= end]
+        apart = [moved[ns].tension_top_n - alone[ns].tension_top_n for ns in stamps]
+        assert 100.0 * np.sqrt(np.mean(np.square(apart))) / scale <= published
+        assert 100.0 * np.abs(np.diff(apart)).max() / scale <= 3.0 * published
 
 
 def test_a_state_that_was_saved_on_a_lower_rung_goes_on_to_the_bit(tmp_path: Path) -> None:
