@@ -48,7 +48,7 @@ FITTED = (  # the bound's numbers were found on these
     BandCase("snap_vertical", 60.0), BandCase("snap_2km", 60.0),
 )  # fmt: skip
 LATER = (  # and not on these
-    BandCase("chain_on_bottom", 60.0), BandCase("hmpe_deep", 60.0),
+    BandCase("chain_on_bottom", 60.0, 8), BandCase("hmpe_deep", 60.0),
     BandCase("tow_with_net", 60.0), BandCase("rov_tether", 60.0), BandCase("grab_lift", 60.0),
     BandCase("ahc_lift", 60.0), BandCase("deep_tow_turn", 60.0), BandCase("ship_6dof", 60.0),
 )  # fmt: skip
