@@ -124,7 +124,8 @@ TOPICS: tuple[Topic, ...] = (
           "rope on it [m]; effort the bed's push on each [N]", only_with="seabed"),
     Topic("payload/rigging", "sensor_msgs/msg/JointState", Qos.STREAM, 25.0, "simulation",
           "of a rigid body: position length [m] and effort pull [N] of each sling; of a deck "
-          "height of the lowest corner above it and push; of size/x, y, z its outline [m]",
+          "height of the lowest corner above it and push; of size/x, y, z its outline [m]; of "
+          "sling_1/x, y, z where a sling holds the body [m], in frame sea",
           only_with="body"),
     Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", Qos.COMMAND, 1.0, "simulation",
           "pacing, solver, inputs: OK, WARN, ERROR with the reason"),

@@ -145,8 +145,8 @@ class Encoder:
         return template.fill(
             {
                 **self._stamp(snapshot),
-                "position": [*body.leg_length_m, *clear, *body.size_m],
-                "effort": [*body.leg_pull_n, *push, 0.0, 0.0, 0.0],
+                "position": [*body.leg_length_m, *clear, *body.size_m, *body.leg_end_m.flat],
+                "effort": [*body.leg_pull_n, *push, *[0.0] * (3 + body.leg_end_m.size)],
             }
         )
 

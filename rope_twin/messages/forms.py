@@ -117,15 +117,17 @@ def contact() -> Any:
 
 
 def rigging(legs: int, deck: bool) -> Any:
-    """Slings of a rigid body, the deck below it if there is one, and its outline."""
+    """Slings of a rigid body, the deck below it if there is one, its outline, the slings' ends."""
     names = [f"sling_{number}" for number in range(1, legs + 1)] + ["deck"] * deck
+    names += [f"size/{axis}" for axis in "xyz"]
+    names += [f"sling_{number}/{axis}" for number in range(1, legs + 1) for axis in "xyz"]
     return new(
         "sensor_msgs/msg/JointState",
         header=header(""),
-        name=[*names, "size/x", "size/y", "size/z"],
-        position=np.zeros(len(names) + 3),
+        name=names,
+        position=np.zeros(len(names)),
         velocity=np.zeros(0),
-        effort=np.zeros(len(names) + 3),
+        effort=np.zeros(len(names)),
     )
 
 

@@ -71,11 +71,18 @@ class LowerEnd:
         self._payloads: dict[str, Points] = {}
         self._outline_m: Points | None = None  # of a payload that is a rigid body
         self._pose: tuple[Points, list[float]] | None = None  # its middle and attitude
+        self._slings = np.zeros((0, 3)), np.zeros(0)  # where they hold it, and their pulls
+        self._scale_n = 0.0
         self.sight: Sight | None = None
 
-    def take_outline(self, sides_m: Points) -> None:
-        """The payload is a rigid body with these sides, (3,)."""
-        self._outline_m = sides_m
+    def take_rigging(self, names: list[str], position: Points, effort: Points) -> None:
+        """The payload is a rigid body: its sides, where slings hold it and how hard they pull."""
+        row = {name: number for number, name in enumerate(names)}
+        if "size/x" in row:
+            self._outline_m = position[[row[f"size/{axis}"] for axis in "xyz"]]
+        slings = [name for name in names if f"{name}/x" in row]
+        ends = [row[f"{name}/{axis}"] for name in slings for axis in "xyz"]
+        self._slings = position[ends].reshape(-1, 3), effort[[row[name] for name in slings]]
 
     def take_pose(self, place_m: Points, quaternion: list[float]) -> None:
         """Where the payload is, and how it is turned (x, y, z, w)."""
@@ -83,7 +90,7 @@ class LowerEnd:
 
     def show_rope(self, position_m: Points, elements_n: Points, scale_n: float) -> bool:
         """The first rope, nodes (n, 3) from the hang-off down. True if the eye has to move."""
-        self._focus = position_m[-1].copy()
+        self._focus, self._scale_n = position_m[-1].copy(), scale_n
         first = self.sight is None
         if first:
             self._take(Sight())
@@ -203,6 +210,11 @@ class LowerEnd:
                 colors=PAYLOAD_RGB, fill_mode="solid",
             ),
         )  # fmt: skip
+        ends, pulls = self._slings
+        strips = [[[0.0, 0.0, 0.0], (end - self._focus).tolist()] for end in ends]
+        colours = tension_colours(pulls, self._scale_n)
+        lines = rr.LineStrips3D(strips, colors=colours, radii=rr.Radius.ui_points(2.0))
+        self._stream.log(f"{self._path}/slings", lines)
         reach = 0.5 * float(np.sqrt(sides @ sides))
         return self._widen(np.array([center - reach, center + reach]))
 

@@ -177,10 +177,9 @@ class RopeView:
         self._elements_n = np.asarray(message.data, dtype=np.float64)
 
     def _rigging(self, message: Any, time_ns: int) -> None:
-        sizes = [f"size/{axis}" for axis in "xyz"]
-        places = [message.name.index(one) for one in sizes if one in message.name]
-        if len(places) == len(sizes):
-            self._lower_end.take_outline(np.asarray(message.position)[places])
+        position = np.asarray(message.position, dtype=np.float64)
+        pulls = np.asarray(message.effort, dtype=np.float64)
+        self._lower_end.take_rigging(list(message.name), position, pulls)
 
     def _odometry(self, message: Any, time_ns: int) -> None:
         place, turn = message.pose.pose.position, message.pose.pose.orientation

@@ -12,6 +12,7 @@ from scene_text import GOOD, assert_refused, spoilt, written
 from scipy.spatial.transform import Rotation
 
 from rope_twin import messages
+from rope_twin.core.body.state import RigidBody
 from rope_twin.effects.rigid_body import RigidBodyParams, build
 from rope_twin.errors import InputError
 from rope_twin.scene.body_rules import body_of
@@ -95,7 +96,7 @@ def test_the_size_says_what_is_not_given(tmp_path: Path) -> None:
     """Of a box of a×b×c: m·(b² + c²)/12; strips of M_z along y and M_y along z; CdA·b³/32."""
     scene = load_scene(written(tmp_path, with_body()))
     figures = payload_figures(scene.payloads[0], 1025.0)
-    *_, body = (own for own in build_effects(scene, figures) if type(own).__name__ == "RigidBody")
+    (body,) = (own for own in build_effects(scene, figures) if isinstance(own, RigidBody))
     M, CdA = figures.added_mass_kg, figures.drag_area_m2
     assert body.inertia[0, 0] == pytest.approx(20e3 / 12.0 * (2.0**2 + 1.5**2))
     assert body.inertia[2, 2] == pytest.approx(20e3 / 12.0 * (3.0**2 + 2.0**2))
@@ -154,13 +155,15 @@ def test_the_odometry_of_a_body_has_its_attitude_and_a_twist_in_its_own_axes() -
 def test_rigging_and_deck_are_told() -> None:
     encoder, shot = messages.Encoder(0), turned()
     told = messages.decode("payload/rigging", encoder.encode("payload/rigging", shot))
-    assert list(told.name) == ["sling_1", "sling_2", "deck", "size/x", "size/y", "size/z"]
-    assert list(told.position) == [6.0, 5.9, -0.002, 4.0, 3.0, 2.0]
-    assert list(told.effort) == [5e4, 0.0, 1e3, 0.0, 0.0, 0.0]
+    ends = [f"sling_{number}/{axis}" for number in (1, 2) for axis in "xyz"]
+    assert list(told.name) == ["sling_1", "sling_2", "deck", "size/x", "size/y", "size/z", *ends]
+    places = [1.0, 2.0, -3.0, 4.0, 5.0, -6.0]
+    assert list(told.position) == [6.0, 5.9, -0.002, 4.0, 3.0, 2.0, *places]
+    assert list(told.effort) == [5e4, 0.0, 1e3, *[0.0] * 9]
     assert shot.body is not None
     ashore = replace(shot, body=replace(shot.body, deck_push_n=None, deck_clearance_m=None))
     told = messages.decode("payload/rigging", encoder.encode("payload/rigging", ashore))
-    assert list(told.name) == ["sling_1", "sling_2", "size/x", "size/y", "size/z"]
+    assert list(told.name) == ["sling_1", "sling_2", "size/x", "size/y", "size/z", *ends]
     with pytest.raises(InputError, match="no rigid body; list the effect `rigid_body`"):
         encoder.encode("payload/rigging", hanging_rope())
 

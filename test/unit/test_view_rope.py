@@ -19,7 +19,7 @@ from rope_twin import messages
 from rope_twin.errors import InputError
 from rope_twin.messages import Level, Status
 from rope_twin.twin.lines_shot import Crossing, LineEvent, LinesShot, Nearest
-from rope_twin.twin.snapshot import PayloadShot, RopeShot, StrutShot, WinchShot
+from rope_twin.twin.snapshot import BodyShot, PayloadShot, RopeShot, StrutShot, WinchShot
 from rope_twin.view import depth_chart
 from rope_twin.view.rope_view import RopeView
 from rope_twin.view.sinks import FileSink
@@ -217,6 +217,32 @@ def test_the_lower_end_is_drawn_about_itself_to_scale(session: Session) -> None:
     assert np.array(bar[0][1]) == pytest.approx([2.0, 0.0, -4.0], abs=1e-3)
     assert found.column("lower_end/depth", "Points3D:labels")[-1] == ["2999.6 m deep"]
     assert found.column("lower_end/payload", "Boxes3D:labels")[-1] == ["load"]
+
+
+def test_a_rigid_body_hangs_on_its_slings(session: Session) -> None:
+    """Lines from the hook, the rope's end, to where each sling holds the body."""
+    shot = hanging_rope(21, time_s=1.0)
+    hook = shot.node_position_m[-1]
+    ends = hook + np.array([[2.0, 1.5, -5.0], [-2.0, -1.5, -5.0]])
+    body = BodyShot(
+        quaternion=np.array([0.0, 0.0, 0.0, 1.0]), angular_velocity_rad_per_s=np.zeros(3),
+        size_m=np.array([4.0, 3.0, 2.0]), leg_pull_n=np.array([5e4, 0.0]),
+        leg_length_m=np.array([5.6, 5.6]), leg_end_m=ends, deck_push_n=None, deck_clearance_m=None,
+    )  # fmt: skip
+    session.epoch()
+    session.rope(1.0)
+    middle = hook + np.array([0.0, 0.0, -6.0])
+    later = replace(
+        shot, stamp_ns=shot.stamp_ns + 200_000_000, body=body, payload_position_m=middle
+    )
+    for topic in ("payload/rigging", "payload/odometry", "rope/nodes"):
+        session.show(topic, session.encoder.encode(topic, later), EPOCH_NS + later.stamp_ns)
+    found = session.finish()
+    ((left, right),) = found.column("lower_end/slings", "LineStrips3D:strips")
+    assert np.array(left) == pytest.approx(np.array([[0, 0, 0], [2.0, 1.5, -5.0]]), abs=1e-3)
+    assert np.array(right) == pytest.approx(np.array([[0, 0, 0], [-2.0, -1.5, -5.0]]), abs=1e-3)
+    slack, taut = found.column("lower_end/slings", "LineStrips3D:colors")[-1][::-1]
+    assert slack != taut
 
 
 def test_what_a_rope_shakes_and_has_used_is_drawn_over_its_length(session: Session) -> None:
