@@ -68,7 +68,7 @@ class LowerEnd:
         self._stream = stream
         self._path = path
         self._focus = np.zeros(3)
-        self._payloads: dict[str, Points] = {}
+        self.payloads: dict[str, Points] = {}  # places by name; none: one at the rope's end
         self._outline_m: Points | None = None  # of a payload that is a rigid body
         self._pose: tuple[Points, list[float]] | None = None  # its middle and attitude
         self._slings = np.zeros((0, 3)), np.zeros(0)  # where they hold it, and their pulls
@@ -112,7 +112,7 @@ class LowerEnd:
     def place_payloads(self, names: list[str], values: Points) -> None:
         """Where payloads are: names like tool/x, a value for each."""
         rows = np.asarray(values, dtype=np.float64).reshape(-1, 3)
-        self._payloads = {
+        self.payloads = {
             name.rpartition("/")[0]: row for name, row in zip(names[::3], rows, strict=True)
         }
 
@@ -183,7 +183,7 @@ class LowerEnd:
         self._label("depth", [at[0], at[1], 0.0], f"{-self._focus[2]:.1f} m deep")
         if self._outline_m is not None and self._pose is not None:
             return self._draw_body(self._outline_m, *self._pose)
-        known = self._payloads or {"": self._focus}
+        known = self.payloads or {"": self._focus}
         every = {name: place - self._focus for name, place in known.items()}
         near = {name: at for name, at in every.items() if np.abs(at).max() < self._bounds}
         half = self.sight.half / 16.0
@@ -192,7 +192,7 @@ class LowerEnd:
             rr.Boxes3D(
                 centers=[at - [0.0, 0.0, half] for at in near.values()],
                 half_sizes=[[half] * 3] * len(near), colors=PAYLOAD_RGB, fill_mode="solid",
-                labels=list(near), show_labels=bool(self._payloads),
+                labels=list(near), show_labels=bool(self.payloads),
             ),
         )  # fmt: skip
         return False

@@ -64,6 +64,7 @@ class Overview:
         self._stream = stream
         self._path = path
         self.frame: Frame | None = None
+        self.payloads: dict[str, NDArray[np.float64]] = {}  # places; none: one at the rope's end
         self._further: dict[int, NDArray[np.float64]] = {}  # nodes of ropes but the first
 
     def show(
@@ -91,19 +92,25 @@ class Overview:
                 radii=rr.Radius.ui_points(2.5),
             ),
         )
-        half = self.frame.depth_m / 70.0
-        log(
-            f"{path}/payload",
-            rr.Boxes3D(
-                centers=drawn[-1:] - [0.0, 0.0, half], half_sizes=[[half] * 3],
-                colors=PAYLOAD_RGB, fill_mode="solid", labels=["payload"], show_labels=True,
-            ),
-        )  # fmt: skip
+        self._draw_payloads(self.frame, self.payloads or {"payload": position_m[-1]})
         log(
             f"{path}/hang_off",
             rr.Points3D(drawn[:1], radii=rr.Radius.ui_points(5.0), colors=HANG_OFF_RGB),
         )
         return moved
+
+    def _draw_payloads(self, frame: Frame, places: dict[str, NDArray[np.float64]]) -> None:
+        import rerun as rr
+
+        half = frame.depth_m / 70.0
+        self._stream.log(
+            f"{self._path}/payload",
+            rr.Boxes3D(
+                centers=frame.place(np.array(list(places.values()))) - [0.0, 0.0, half],
+                half_sizes=[[half] * 3] * len(places), colors=PAYLOAD_RGB, fill_mode="solid",
+                labels=list(places), show_labels=True,
+            ),
+        )  # fmt: skip
 
     def show_further(
         self,

@@ -233,6 +233,7 @@ class RopeView:
 
     def _payloads(self, message: Any, time_ns: int) -> None:
         self._lower_end.place_payloads(list(message.name), message.position)
+        self._overview.payloads = self._lower_end.payloads
 
     def _bars(self, message: Any, time_ns: int) -> None:
         if self._is_time("bars", time_ns):

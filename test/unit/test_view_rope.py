@@ -217,6 +217,11 @@ def test_the_lower_end_is_drawn_about_itself_to_scale(session: Session) -> None:
     assert np.array(bar[0][1]) == pytest.approx([2.0, 0.0, -4.0], abs=1e-3)
     assert found.column("lower_end/depth", "Points3D:labels")[-1] == ["2999.6 m deep"]
     assert found.column("lower_end/payload", "Boxes3D:labels")[-1] == ["load"]
+    assert found.column("overview/payload", "Boxes3D:labels") == [["payload"], ["load"]]
+    ((_, _, deep),) = found.column("overview/payload", "Boxes3D:centers")[-1]
+    frame = session.view._overview.frame
+    assert frame is not None
+    assert deep == pytest.approx(sling[-1][2] - frame.depth_m / 70.0, abs=1e-2)
 
 
 def test_a_rigid_body_hangs_on_its_slings(session: Session) -> None:
