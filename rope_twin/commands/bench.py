@@ -15,9 +15,11 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from rope_twin.errors import InputError
+from rope_twin.scene.load import scene_names
 from rope_twin.studies.bench import (
     band,
     band_page,
+    compile_time,
     effect_speed,
     ensemble_speed,
     joined_statics_speed,
@@ -37,7 +39,9 @@ from rope_twin.studies.picture import check_picture
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     """Add `bench` with its actions."""
     parser = subparsers.add_parser("bench", help="how fast the solver is, and how right")
-    names = "speed | order | ensemble | statics | effects | vortices | band | peers | report"
+    names = (
+        "speed | order | ensemble | statics | compile | effects | vortices | band | peers | report"
+    )
     actions = parser.add_subparsers(dest="action", required=True, metavar=names)
     fast = actions.add_parser(
         "speed",
@@ -52,6 +56,12 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         help="a thousand ropes together, beside one alone; some run again alone for equality",
     )
     rest = actions.add_parser("statics", help="time to come to rest, from good and bad guesses")
+    first = actions.add_parser(
+        "compile",
+        help="the first and the second start of each set of effects, against 20 s and 1 s",
+        description="Each in a fresh process with an empty cache (some seven minutes).",
+    )
+    first.add_argument("scenes", nargs="*", metavar="SCENE", help="only these (default: all)")
     each = actions.add_parser(
         "effects",
         help="what each effect costs a step, and that it costs nothing where it is not listed",
@@ -82,7 +92,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         "peers are no part of rope_twin; where they are missing it is told how to get them.",
     )
     others.add_argument("--picture", type=Path, metavar="PNG", help="draw the race, too")
-    for action in (fast, right, many, rest, each, shed, live, others):
+    for action in (fast, right, many, rest, first, each, shed, live, others):
         action.add_argument("--json", action="store_true", help="one JSON object instead of tables")
     page = actions.add_parser("report", help="speed, order, ensemble and peers as performance.md")
     page.add_argument("--into", type=Path, default=Path("docs"), metavar="DIR", help="where to")
@@ -92,7 +102,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         metavar="JSON",
         help="a race told by `bench peers --json`; peers.json beside the page, if it is there",
     )
-    for action in (fast, right, many, rest, each, shed, live, others, page):
+    for action in (fast, right, many, rest, first, each, shed, live, others, page):
         action.add_argument("--quick", action="store_true", help="a few small cases, for a test")
     parser.set_defaults(run=run)
 
@@ -108,6 +118,8 @@ def run(args: argparse.Namespace) -> int:
         return _ensemble(args, progress)
     if args.action == "statics":
         return _statics(args)
+    if args.action == "compile":
+        return _compile(args, progress)
     if args.action == "effects":
         return _effects(args, progress)
     if args.action == "vortices":
@@ -189,6 +201,18 @@ def _statics(args: argparse.Namespace) -> int:
     else:
         print_table(statics_speed.statics_table(rows))
     return 0 if all(row["found"] for row in rows) else 1
+
+
+def _compile(args: argparse.Namespace, progress: Progress) -> int:
+    """Exit code 1 if a start takes longer than its limit."""
+    scenes = args.scenes or (compile_time.QUICK if args.quick else scene_names())
+    rows = list(compile_time.compile_rows(scenes, progress.show))
+    if args.json:
+        told = [{**asdict(row), "ok": row.ok} for row in rows]
+        print(json.dumps({"rows": told}, ensure_ascii=False, allow_nan=False))
+    else:
+        print_table(compile_time.compile_table(rows))
+    return 0 if all(row.ok for row in rows) else 1
 
 
 def _effects(args: argparse.Namespace, progress: Progress) -> int:

@@ -1,0 +1,126 @@
+"""How long the first start of each set of effects takes, and the second: compiled, and from cache.
+
+A set is what a step is compiled for: the types of everything in a rope, or in ropes that meet.
+Each is started in a fresh process with an empty cache of its own, and once more with what that
+left. A start is building the twin from a scene that is read already: arrays, step and statics
+compiled, the rope at rest. Python and numba are loaded before; that takes a second of itself.
+
+Judged is the processor's time: compiling is the work of one thread, so it is what a start takes
+where a core is free for it, and other programs disturb it less than they do the clock.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from rope_twin.core.kinds import kind_of
+from rope_twin.errors import RopeTwinError, phrase
+from rope_twin.scene.build import build
+from rope_twin.scene.build_joined import build_joined
+from rope_twin.scene.figures import listed_effects
+from rope_twin.scene.load import load_scene, scene_names
+from rope_twin.scene.rigging_rules import is_joined
+from rope_twin.scene.schema import Scene
+
+COLD_LIMIT_S, WARM_LIMIT_S = 20.0, 1.0
+QUICK = ("still_water",)
+Listener = Callable[[int, int, str], None]
+# What a fresh process does; it tells what it took of the processor and on the clock [s].
+_START = """
+import json, sys, time
+from rope_twin.scene.load import load_scene
+from rope_twin.twin.twin import Twin
+scene = load_scene(sys.argv[1])
+cpu, clock = time.process_time(), time.perf_counter()
+Twin(scene)
+json.dump([time.process_time() - cpu, time.perf_counter() - clock], sys.stdout)
+"""
+
+
+@dataclass(frozen=True)
+class CompileRow:
+    """One set of effects."""
+
+    scene: str  # the one that was started
+    also: tuple[str, ...]  # scenes of the same set
+    effects: tuple[str, ...]
+    ropes: int
+    cold_s: float  # processor time of the first start
+    cold_clock_s: float
+    warm_s: float  # of the second
+    warm_clock_s: float
+    limit_s: float = COLD_LIMIT_S
+    warm_limit_s: float = WARM_LIMIT_S
+
+    @property
+    def ok(self) -> bool:
+        """Whether both are within their limits."""
+        return self.cold_s <= self.limit_s and self.warm_s <= self.warm_limit_s
+
+
+def compile_rows(scenes: Sequence[str], listen: Listener) -> Iterator[CompileRow]:
+    """A row for each set that occurs among the scenes, as they are measured.
+
+    Raises:
+        RopeTwinError: a scene cannot be loaded or started.
+    """
+    sets = distinct_sets(scenes)
+    for number, (name, *also) in enumerate(sets):
+        listen(number, len(sets), name)
+        scene = load_scene(name)
+        with tempfile.TemporaryDirectory() as folder:
+            cold, warm = _start(scene, folder), _start(scene, folder)
+        effects = tuple(listed_effects(scene))
+        yield CompileRow(name, tuple(also), effects, len(scene.ropes), *cold, *warm)
+    listen(len(sets), len(sets), "done")
+
+
+def distinct_sets(scenes: Sequence[str] = ()) -> list[list[str]]:
+    """The scenes (by default all that come with the package), those of one set together."""
+    sets: dict[str, list[str]] = {}
+    for name in scenes or scene_names():
+        sets.setdefault(_kind(load_scene(name)), []).append(name)
+    return list(sets.values())
+
+
+def compile_table(rows: Sequence[CompileRow]) -> list[tuple[str, ...]]:
+    """The rows as words, below a head."""
+    head = ("scene", "ropes", "effects", "cold s", "clock s", "warm s", "clock s", "")
+    table: list[tuple[str, ...]] = [head]
+    for row in rows:
+        told = (row.cold_s, row.cold_clock_s, row.warm_s, row.warm_clock_s)
+        cells = (f"{told[0]:.1f}", f"{told[1]:.1f}", f"{told[2]:.2f}", f"{told[3]:.2f}")
+        over = "" if row.ok else f"over {row.limit_s:g} or {row.warm_limit_s:g} s"
+        table.append((row.scene, f"{row.ropes}", f"{len(row.effects)}", *cells, over))
+    return table
+
+
+def _kind(scene: Scene) -> str:
+    """The types that its step is compiled for."""
+    if not is_joined(scene):
+        return kind_of([build(scene).rope])
+    system = build_joined(scene).system
+    return kind_of(["ropes that meet", *system.ropes[0], system.joints, system.sheaves])
+
+
+def _start(scene: Scene, cache: str) -> tuple[float, float]:
+    """Processor time and time on the clock of a start in a fresh process [s]."""
+    told = subprocess.run(
+        [sys.executable, "-c", _START, str(scene.path)],
+        env={**os.environ, "ROPE_TWIN_CACHE": cache},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if told.returncode:
+        reason = told.stderr.strip().rpartition("\n")[2]
+        right = f"`rope_twin scene check {scene.path}` may say why"
+        raise RopeTwinError(phrase(f"scene {scene.name}", f"it did not start: {reason}", right))
+    cpu_s, clock_s = json.loads(told.stdout)
+    return float(cpu_s), float(clock_s)
