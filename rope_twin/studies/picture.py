@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING
 from rope_twin.errors import InputError, phrase
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+FEW_DECADES = 200.0  # an axis whose end is less than 200 times its start is marked at 1, 2 and 5
 
 
 def check_picture(path: Path) -> None:
@@ -45,3 +48,15 @@ def write_picture(figure: Figure, path: Path, dpi: float) -> None:
     except OSError as error:
         right = "give a place that can be written"
         raise InputError(phrase(str(path), str(error.strerror), right)) from error
+
+
+def mark_decades(axes: Axes) -> None:
+    """Plain figures on both logarithmic axes, between decades too where those are few."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    for axis in (axes.xaxis, axes.yaxis):
+        low, high = axis.get_view_interval()
+        few = high < FEW_DECADES * low
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axis.set_minor_formatter(NullFormatter())

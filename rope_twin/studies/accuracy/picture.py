@@ -8,7 +8,7 @@ from typing import Any
 from rope_twin.scene.card import PEAK, RMS
 from rope_twin.studies.accuracy.page import is_still
 from rope_twin.studies.accuracy.study import Row, Study
-from rope_twin.studies.picture import check_picture, write_picture
+from rope_twin.studies.picture import check_picture, mark_decades, write_picture
 
 MARKERS = ("o", "s", "D", "^", "v", "P")  # the shorter the step, the earlier
 PANELS = ((RMS, "rms [% of std]"), (PEAK, "highest [%]"))
@@ -64,6 +64,7 @@ def _draw_panel(axes: Any, study: Study, name: str) -> None:
     axes.axhspan(bottom, max(doubt, LEAST_PCT), color="0.85", zorder=0,
                  label="reference's uncertainty")  # fmt: skip
     axes.set_ylim(bottom, high)
+    mark_decades(axes)
     axes.grid(True, which="major", linewidth=0.3)
 
 

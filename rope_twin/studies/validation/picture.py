@@ -7,11 +7,10 @@ from math import ceil
 from pathlib import Path
 from typing import Any
 
-from rope_twin.studies.picture import check_picture, write_picture
+from rope_twin.studies.picture import check_picture, mark_decades, write_picture
 from rope_twin.studies.validation.case import Panel, Row
 
 MOST_ACROSS = 3
-FEW_DECADES = 200.0  # below this ratio an axis is marked at 1, 2 and 5
 
 
 def draw_case(row: Row, path: Path) -> None:
@@ -52,9 +51,8 @@ def _draw(figure: Any, axes: Any, panel: Panel) -> None:
     if panel.log:
         axes.set_xscale("log")
         axes.set_yscale("log")
-        for axis, values in ((axes.xaxis, _all("x", panel)), (axes.yaxis, _all("y", panel))):
-            _mark_decades(axis, values)
-    elif panel.lines and all(value == round(value) for value in _all("x", panel)):
+        mark_decades(axes)
+    elif panel.lines and all(float(x) == round(float(x)) for line in panel.lines for x in line.x):
         axes.xaxis.get_major_locator().set_params(integer=True)  # modes and the like
     if any(line.label for line in panel.lines):
         axes.legend(fontsize=7)
@@ -63,19 +61,3 @@ def _draw(figure: Any, axes: Any, panel: Panel) -> None:
     axes.set_title(panel.title, fontsize=9)
     axes.set_xlabel(panel.x)
     axes.set_ylabel(panel.y)
-
-
-def _all(name: str, panel: Panel) -> list[float]:
-    """Every x or y of a panel's lines."""
-    return [float(value) for line in panel.lines for value in getattr(line, name)]
-
-
-def _mark_decades(axis: Any, values: list[float]) -> None:
-    """Plain figures on a logarithmic axis, between the decades too where it has few of them."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    some = [value for value in values if value > 0.0]
-    few = bool(some) and max(some) < FEW_DECADES * min(some)
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_formatter(NullFormatter())
