@@ -24,15 +24,17 @@ from typing import Any
 
 import numpy as np
 
+from rope_twin.core.body import afloat as body_afloat
+from rope_twin.core.body import bed as body_bed
 from rope_twin.core.body import contact as body_contact
 from rope_twin.core.body import state as body_state
-from rope_twin.core.body.kinds import kind_of
+from rope_twin.core.body.kinds import with_parts
 from rope_twin.core.body.state import Deck, Immersed, RigidBody
 from rope_twin.core.remembering import new_memory
 from rope_twin.quantity import quantity, text
 
 at = body_state
-PARTS = (body_contact,)  # which register what is built here
+PARTS = (body_afloat, body_contact, body_bed)  # which register what is built here
 Triple = tuple[float, float, float]
 STEEL = 7850.0  # kg/m³, of the hook
 MIDDLE = (0.0, 0.0, 0.0)
@@ -100,6 +102,10 @@ class RigidBodyParams:
     turning_drag_m5: Triple | None = quantity(
         "C of the moment ½·ρ·C·Ω² about its axes; absent: by strips", "m⁵", 0.0, 1e10, default=None
     )
+    footprint_m: tuple[Triple, ...] = quantity(
+        "places that touch deck and seabed, from the middle; absent: the corners of its outline",
+        "m", -100.0, 100.0, default=(),
+    )  # fmt: skip
     heading_deg: float = quantity(
         "of its x axis at the start, from east to north", "°", -360.0, 360.0, default=0.0
     )
@@ -144,10 +150,9 @@ def build(params: RigidBodyParams, payload: Any, around: Any) -> RigidBody:
     half_k = 0.25 * float(density * (payload.rising_drag_area_m2 - area[2]))
     hook_weight = params.hook_mass_kg * (1.0 - density / STEEL) * g
     points = _points(params) - G
-    legs, corners = _legs(params, points), _corners(params) - G
-    deck = _deck(params.deck, m * g)
-    parts = (Immersed(1.0), *deck)
-    return kind_of(parts)(
+    corners, carrying = _corners(params)
+    farthest = np.linalg.norm(np.vstack([points, corners - G, _box(params) - G]), axis=1).max()
+    body = RigidBody(
         memory=new_memory(1, 0, around.room),
         records=np.zeros((at.RECORDS, at.RECORD)),
         stage=_first_stage(),
@@ -171,18 +176,20 @@ def build(params: RigidBodyParams, payload: Any, around: Any) -> RigidBody:
         watered=np.array(params.centre_of_drag_m) - G,
         middle=-G,
         size=np.array(params.size_m),
-        legs=legs,
-        corners=corners,
-        parts=parts,
+        legs=_legs(params, points),
+        corners=corners - G,
+        carrying=carrying,
+        parts=(),
         heading=radians(params.heading_deg),
-        reach=float(np.sqrt((np.vstack([points, _box(params) - G]) ** 2).sum(axis=1)).max()),
-        stiffness=float(legs[:, at.STIFFNESS].sum() + len(corners) * sum(own.k for own in deck)),
+        reach=float(farthest),
+        stiffness=0.0,
     )
+    return with_parts(body, (Immersed(1.0), *_deck(params.deck, m * g / carrying)))
 
 
 def _first_stage() -> Any:
     stage = np.zeros(at.STAGE)
-    stage[at.FRESH] = 1.0
+    stage[at.FRESH] = stage[at.WET] = stage[at.WET_HELD] = 1.0
     return stage
 
 
@@ -210,9 +217,11 @@ def _box(params: RigidBodyParams) -> Any:
     return np.array(list(product((-0.5, 0.5), repeat=3))) * np.array(params.size_m)
 
 
-def _corners(params: RigidBodyParams) -> Any:
-    """Those that can touch a deck; none where there is none."""
-    return _box(params) if params.deck is not None else np.zeros((0, 3))
+def _corners(params: RigidBodyParams) -> tuple[Any, float]:
+    """Places that touch deck and bed, from its middle, and how many of them carry it."""
+    if params.footprint_m:
+        return np.array(params.footprint_m, float), float(len(params.footprint_m))
+    return _box(params), 4.0
 
 
 def _inertia(params: RigidBodyParams, m: float, G: Any) -> Any:
@@ -249,8 +258,8 @@ def _by_strips(along_axes: Any, arms: Any) -> Any:
     ])  # fmt: skip
 
 
-def _deck(params: DeckParams | None, weight: float) -> tuple[Deck, ...]:
-    """The deck, if there is one; a body stands on four corners."""
+def _deck(params: DeckParams | None, load: float) -> tuple[Deck, ...]:
+    """The deck, if there is one; load: on each corner that carries [N]."""
     if params is None:
         return ()
     own = params.heave
@@ -261,7 +270,7 @@ def _deck(params: DeckParams | None, weight: float) -> tuple[Deck, ...]:
         omega=2.0 * pi / own.period_s if own else 0.0,
         phase=radians(own.phase_deg) if own else 0.0,
         ramp=own.ramp_s if own else 0.0,
-        k=0.25 * weight / params.penetration_m,
+        k=load / params.penetration_m,
         chi=float(params.damping_s_per_m),
         mu=float(params.friction),
     )

@@ -8,7 +8,6 @@ from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.net import NetParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.rigid_body import RigidBodyParams
-from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.schema import Scene
@@ -17,7 +16,6 @@ Fault = tuple[str, str, str]
 # Effects that know a payload as a point at the rope's end.
 OF_A_POINT = {
     PayloadParams: "payload", NetParams: "net", FairingParams: "fairing",
-    SeabedParams: "seabed", SplashZoneParams: "splash_zone",
 }  # fmt: skip
 
 
@@ -46,6 +44,9 @@ def body_holds(scene: Scene) -> Iterator[Fault]:
         if name := OF_A_POINT.get(type(params), ""):
             what = f"`rigid_body` and `{name}`, which knows the payload as a point"
             yield "effects", what, f"leave out `{name}`, or take `payload` for the body"
+        if isinstance(params, SplashZoneParams) and params.height_m != own.size_m[2]:
+            what = f"{params.height_m:g} m is not the height of the body, {own.size_m[2]:g} m"
+            yield "effects.splash_zone.height_m", what, "give size_m's third figure"
     if not scene.payloads or not any(line.to for line in scene.ropes):
         what = "`rigid_body` is listed but no payload is"
         yield "effects", what, "add it under `payloads` and to the rope's `to`, or leave it out"

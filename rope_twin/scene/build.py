@@ -34,6 +34,7 @@ from rope_twin.effects.payload import TwoWayPayload
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.weight import Weight
 from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.body_meets import meet
 from rope_twin.scene.composite import (
     Bar,
     bars_of,
@@ -130,7 +131,7 @@ def build_effects(scene: Scene, figures: PayloadFigures | None) -> tuple[Any, ..
                     raise SceneError(
                         phrase(f"effect '{effect.name}'", "it has no kernel", "mend its file")
                     )
-    return tuple(built)
+    return meet(built, scene) if apart else tuple(built)
 
 
 def section_damping(scene: Scene, line: RopeLine, figures: PayloadFigures | None) -> list[float]:

@@ -184,7 +184,7 @@ def _effects(scene: Scene) -> Iterator[Fault]:
     if len(shedding) > 1:
         what = f"{' and '.join(shedding)} are models of the same vortices"
         yield "effects", what, "keep one of them"
-    if "splash_zone" in listed and "payload" not in listed:
+    if "splash_zone" in listed and not {"payload", "rigid_body"}.intersection(listed):
         what = "`splash_zone` takes off what `payload` brings, which is not listed"
         yield "effects", what, "add `- payload: {}`"
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from rigs import NOTHING, Rig
+from scipy.spatial.transform import Rotation
 
 from rope_twin import Twin
 from rope_twin.core import state as rows
@@ -15,7 +16,9 @@ from rope_twin.core.body import state as at
 from rope_twin.core.body.energy import pose_of
 from rope_twin.core.body.state import RigidBody
 from rope_twin.effects.payload import PayloadParams
-from rope_twin.effects.rigid_body import RigidBodyParams
+from rope_twin.effects.rigid_body import RigidBodyParams, Sling
+from rope_twin.effects.seabed import SeabedParams
+from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.scene.schema import Scene
 
 Vector = NDArray[np.float64]
@@ -66,3 +69,59 @@ class Hung:
     def pose(self) -> Any:
         """Where the body is."""
         return pose_of(self.body)
+
+
+def between(rig: Rig, body: RigidBodyParams, bed: SeabedParams, bottom_m2: float = 0.0) -> Scene:
+    """The body between surface and bed."""
+    zone = SplashZoneParams(height_m=body.size_m[2], bottom_area_m2=bottom_m2)
+    scene = scene_of(rig, body)
+    own = next(i for i, one in enumerate(scene.effects) if one is body)
+    return replace(
+        scene, effects=(*scene.effects[:own], bed, body, zone, *scene.effects[own + 1 :])
+    )
+
+
+class Adrift(Hung):
+    """The same between surface and bed, on a slack sling."""
+
+    def __init__(self, rig: Rig, body: RigidBodyParams, bed: SeabedParams, bottom: float = 0.0):
+        self.twin = Twin(between(rig, body, bed, bottom))
+        self.twin.advance(1)
+        self.body = body_in(self.twin)
+
+    def lay(self, place: Any, turn: Any, v: Any = NOTHING, spin: Any = NOTHING) -> None:
+        """The body is there, turned so (a rotation vector), and moves so; no force on it so far."""
+        self.record[at.X : at.X + 3] = place
+        self.record[at.Q : at.Q + 4] = Rotation.from_rotvec(turn).as_quat()
+        self.let_go(v, spin)
+
+
+def aground(turn: Any, side: float) -> Vector:
+    """A box that falls tilted into shallows of a slope: place, velocity, spin, (n, 3, 3).
+
+    turn: of the whole scene about z; side: -1 mirrors it in x.
+    """
+    follow = turn @ np.diag([side, 1.0, 1.0])
+    slope = turn @ [side * 0.1, -0.05, 0.0]
+    bed = SeabedParams(
+        depth_m=1.4, slope=(float(slope[0]), float(slope[1])), payload_penetration_m=0.05
+    )
+    sling = Sling(to_m=(0.0, 0.0, 0.6), length_m=60.0, stiffness_n_per_m=1e5)
+    body = RigidBodyParams(
+        size_m=(4.0, 3.0, 1.2), centre_of_gravity_m=(side * 0.2, 0.1, -0.1), slings=(sling,)
+    )
+    rig = replace(
+        LINE, density=1025.0, load=12e3, volume=14.4, added=(2e3, 3e3, 9e3), area=(4.0, 5.0, 12.0),
+        step=0.02, hang_off=(0.0, 0.0, 24.0),
+    )  # fmt: skip
+    hung = Adrift(rig, body, bed, 12.0)
+    lean = side * follow @ [0.2, -0.1, 0.3]
+    attitude = Rotation.from_rotvec(lean).as_matrix() @ turn
+    start = follow @ [0.3, -0.2, 0.0] + [0.0, 0.0, 0.3]
+    hung.lay(start, Rotation.from_matrix(attitude).as_rotvec(), follow @ [0.4, 0.2, -0.5])
+    seen = []
+    for _ in range(40):
+        hung.twin.advance(1)
+        pose = hung.pose()
+        seen.append([pose.centre, pose.velocity, pose.turn @ pose.spin])
+    return np.array(seen)

@@ -10,6 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from body_rigs import aground
 from joint_rigs import bent_ladder, triangle
 from numpy.typing import NDArray
 from rigs import Rig, march, sine
@@ -234,6 +235,7 @@ def everything() -> dict[str, Vector]:
         **cases,
         "together": together(),
         "swung": swung(),
+        "aground": aground(np.eye(3), 1.0)[:20].reshape(20, -1),
         "by_table": by_table(),
         "triangle": triangle(),
         "bent ladder": bent_ladder(),

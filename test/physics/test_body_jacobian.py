@@ -8,10 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 from effect_cases import SMALL, Vector, apply, params_of, some_stage, some_work
+from scipy.spatial.transform import Rotation
 
 from rope_twin.core import state as rows
 from rope_twin.core.body import state as at
+from rope_twin.core.body.balance import balance
+from rope_twin.core.body.rotation import vector
+from rope_twin.core.body.state import PlaneBed, RigidBody
+from rope_twin.core.jit import jit_entry
 from rope_twin.effects.rigid_body import DeckParams
+from rope_twin.effects.seabed import SeabedParams
+from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.scene.build import build_effects
 from rope_twin.scene.shapes import PayloadFigures
 
@@ -23,12 +30,16 @@ XX, XY, XZ, YY, YZ, ZZ = range(6)
 
 
 def moving(seed: int) -> tuple[Any, Vector]:
-    """A body under way: it turns, drifts and heels on taut slings, with corners on a deck."""
+    """A body that turns, drifts and heels on taut slings, corners on deck and bed, half afloat."""
     deck = DeckParams(height_m=-90.0, penetration_m=0.05, friction=0.4)
     params = replace(params_of("rigid_body"), deck=deck)
-    effects = build_effects(replace(SMALL.scene(), effects=(params,)), FIGURES)
+    bed = SeabedParams(depth_m=500.0, slope=(0.2, -0.1), friction=0.5)
+    zone = SplashZoneParams(height_m=1.0, bottom_area_m2=3.0)
+    effects = build_effects(replace(SMALL.scene(), effects=(bed, params, zone)), FIGURES)
+    body = next(own for own in effects if isinstance(own, RigidBody))
     work, random = some_work(seed), np.random.default_rng(seed)
-    stage = effects[0].stage
+    stage = body.stage
+    stage[at.SURFACE_Z] = 0.0
     stage[at.DECK_Z] = -1e3
     apply(effects, work.copy(), some_stage(), 0, 1)  # it is put to rest
     for place, size in ((at.TURN_HAT, 0.1), (at.FLOW_NOW, 0.5), (at.FROZEN, 0.5)):
@@ -38,6 +49,15 @@ def moving(seed: int) -> tuple[Any, Vector]:
     stage[at.L_HAT : at.L_HAT + 3] += random.normal(0.0, 300.0, 3)
     stage[at.DECK_Z] = stage[at.PLACE + 2] - 0.35
     stage[at.DECK_SPEED] = 0.2
+    bed = next(one for one in body.parts if isinstance(one, PlaneBed))
+    x, y, z = stage[at.PLACE : at.PLACE + 3]
+    lifted = bed._replace(shape=bed.shape._replace(height=z - 0.4 - 0.2 * x + 0.1 * y))
+    stage[at.SURFACE_Z : at.SURFACE_Y + 1] = z + 0.1, 0.05, -0.1
+    for where, low in ((at.WET_ARM, -0.2), (at.ARM_HELD, -0.25)):
+        stage[where : where + 3] = 0.05, -0.03, low
+    stage[at.WET], stage[at.WET_HELD] = 0.6, 0.55
+    parts = tuple(lifted if one is bed else one for one in body.parts)
+    effects = tuple(own._replace(parts=parts) if own is body else own for own in effects)
     return effects, work
 
 
@@ -71,3 +91,45 @@ def test_the_block_is_the_derivative_of_the_pull(seed: int) -> None:
     scale = np.abs(exact).max()
     assert np.abs(found - symmetric).max() < 1e-6 * scale
     assert np.abs(symmetric - np.eye(3) * SMALL.load).max() > 0.05 * scale, "it must feel the body"
+
+
+@jit_entry
+def _balance(body: Any, q: float, place: Any, speed: Any) -> None:
+    balance(body, q, (vector(place, 0), vector(speed, 0)))
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3, 4])
+def test_newtons_matrix_is_the_derivative_of_the_balance(seed: int) -> None:
+    """Of the momenta's balance to velocity and turn rate, each entry to 1e-7 of its column."""
+    effects, work = moving(seed)
+    body: Any = next(own for own in effects if isinstance(own, RigidBody))
+    stage, q = body.stage, some_stage().q
+    hook = [work[row : row + 3, 0].copy() for row in (rows.POSITION, rows.VELOCITY)]
+    hooked(effects, work)
+    sought = np.concatenate([three(stage, at.SPEED), three(stage, at.TURN_RATE)])
+    sought += np.random.default_rng(seed).normal(0.0, 0.05, 6)
+
+    def missing(change: Vector) -> Vector:
+        """What the balance misses, in the frame."""
+        stage[at.SPEED : at.SPEED + 3] = (sought + change)[:3]
+        stage[at.TURN_RATE : at.TURN_RATE + 3] = (sought + change)[3:]
+        _balance(body, q, *hook)
+        force = three(stage, at.P_HAT) + q * three(stage, at.PULL) - three(stage, at.P_NOW)
+        moment = three(stage, at.L_HAT) + q * three(stage, at.TWIST) - three(stage, at.L_NOW)
+        return np.concatenate([force, moment])
+
+    missing(np.zeros(6))
+    A, turn = body.matrix[:, :6].copy(), Rotation.from_quat(stage[at.ATTITUDE : at.ATTITUDE + 4])
+    both = np.kron(np.eye(2), turn.as_matrix())  # into body axes, and back
+    into = np.vstack([np.hstack([turn.as_matrix(), np.zeros((3, 3))]), np.eye(6)[3:]])
+    for k, axis in enumerate(into.T):
+        step = 1e-5
+        change = (missing(step * axis) - missing(-step * axis)) / (2.0 * step)
+        exact = -both.T @ change
+        for part in (slice(0, 3), slice(3, 6)):
+            assert np.abs(A[part, k] - exact[part]).max() < 1e-7 * np.abs(exact).max(), (k, part)
+
+
+def three(table: Vector, i: int) -> Vector:
+    """Three numbers."""
+    return table[i : i + 3].copy()

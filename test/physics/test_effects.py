@@ -91,6 +91,12 @@ def test_plain_python_equals_compiled_body(plain: Mapping[str, Vector]) -> None:
     assert_equal(plain["swung"].T, compiled.T, 1e-9)
 
 
+def test_plain_python_equals_compiled_body_aground(plain: Mapping[str, Vector]) -> None:
+    """A rigid body that falls tilted into shallows, half wet and aground; 20 steps, 1e-9."""
+    compiled = effect_cases.aground(np.eye(3), 1.0)[:20].reshape(20, -1)
+    assert_equal(plain["aground"].T, compiled.T, 1e-9)
+
+
 def test_plain_python_equals_compiled_table(plain: Mapping[str, Vector]) -> None:
     """A rope whose stiffness is a table, 16 steps into slack, 1e-9."""
     compiled = effect_cases.by_table()

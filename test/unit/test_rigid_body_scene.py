@@ -44,8 +44,10 @@ def listing(effect: str) -> str:
 BAD = [
     ("both a point and a body", listing("payload: {}"),
      "effects", ("`rigid_body` and `payload`", "leave out `payload`")),
-    ("a body and a seabed", listing("seabed: {depth_m: 900}"),
-     "effects", ("`rigid_body` and `seabed`", "knows the payload as a point")),
+    ("a body and a net", listing("net: {width_m: 2, height_m: 2, solidity: 0.2}"),
+     "effects", ("`rigid_body` and `net`", "knows the payload as a point")),
+    ("a splash zone of another height", listing("splash_zone: {height_m: 2.0}"),
+     "effects.splash_zone.height_m", ("2 m is not the height of the body, 1.5 m", "size_m")),
     ("no size", with_body("      size_m: [3.0, 2.0, 1.5]\n", ""), "effects[0].rigid_body",
      ("size_m missing", "outline")),
     ("a side of nothing", with_body("[3.0, 2.0, 1.5]", "[3.0, 0.0, 1.5]"),

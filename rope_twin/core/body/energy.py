@@ -19,6 +19,7 @@ from rope_twin.core.body.state import DAMPING, LENGTH, STIFFNESS, RigidBody
 from rope_twin.core.state import Floats
 
 at = body_state
+SOON = 1e-5  # for a rate [s]
 
 
 class Pose(NamedTuple):
@@ -68,16 +69,22 @@ def pulls_of(body: RigidBody, hook: Any, speed: Any) -> tuple[Floats, Floats, Fl
 
 def kinetic(body: Any, place: Any) -> Any:
     """Of body, water and hook [J]."""
-    pose, u = pose_of(body), _three(body.records[int(body.memory[0, 0])], at.WATER)
-    v, spin = pose.velocity, pose.spin
-    c = (v - u) @ pose.turn + np.cross(spin, body.watered)
+    pose, now = pose_of(body), body.records[int(body.memory[0, 0])]
+    own = 0.5 * body.m * pose.velocity @ pose.velocity + 0.5 * pose.spin @ body.inertia @ pose.spin
+    water = _of_water(body, pose, now[at.WET_THEN], _three(now, at.ARM_THEN))
+    return own + water + 0.5 * body.hook * (place.velocity**2).sum(axis=0)
+
+
+def _of_water(body: Any, pose: Pose, wet: float, arm: Floats) -> float:
+    """Kinetic energy of the added mass where so much of the body is wet [J]."""
+    u, spin = _three(body.records[int(body.memory[0, 0])], at.WATER), pose.spin
+    c = (pose.velocity - u) @ pose.turn + np.cross(spin, body.watered + arm)
     w, root = c[2], np.sqrt(c[2] ** 2 + TURN2)
     p = body.added[:3] * c
     p[2] += body.rising * (root - np.sqrt(TURN2))
-    own = 0.5 * body.m * v @ v + 0.5 * spin @ (body.inertia + np.diag(body.added[3:])) @ spin
-    water = 0.5 * (body.added[:3] * c) @ c + (pose.turn @ p) @ u
+    water = 0.5 * (body.added[:3] * c) @ c + (pose.turn @ p) @ u + 0.5 * body.added[3:] @ spin**2
     water += 0.5 * body.rising * (w * root - TURN2 * np.arcsinh(w / np.sqrt(TURN2)))
-    return own + water + 0.5 * body.hook * (place.velocity**2).sum(axis=0)
+    return float(wet * water)
 
 
 def potential(body: Any, place: Any) -> Any:
@@ -89,24 +96,33 @@ def potential(body: Any, place: Any) -> Any:
 
 
 def power(body: Any, place: Any) -> Any:
-    """Of drag, the water's acceleration and the parts, less what the slings' dampers take [W]."""
+    """Of drag, the water's acceleration and the parts, less what the slings' dampers take [W].
+
+    With it what a wetted share that grows adds to the energy of the water that is carried along.
+    """
     pose, now = pose_of(body), body.records[int(body.memory[0, 0])]
-    u, grows = _three(now, at.WATER), _three(now, at.GROWS)
-    c = (pose.velocity - u) @ pose.turn + np.cross(pose.spin, body.watered)
+    u, grows, wet, arm = (
+        _three(now, at.WATER), _three(now, at.GROWS), now[at.WET_THEN], _three(now, at.ARM_THEN)
+    )  # fmt: skip
+    h = body.watered + arm
+    c = (pose.velocity - u) @ pose.turn + np.cross(pose.spin, h)
     blend = c[2] / np.sqrt(c[2] ** 2 + TURN2)
-    k, M = body.k[:3].copy(), body.added[:3].copy()
-    k[2] += body.rising_k * blend
-    M[2] += body.rising * blend
+    k, M = wet * body.k[:3], wet * body.added[:3]
+    k[2] += wet * body.rising_k * blend
+    M[2] += wet * body.rising * blend
     drag = -np.sqrt(c @ c + 1e-20) * k * c
     swept = M * (grows @ pose.turn)
-    total = (drag + swept) @ pose.turn.T @ pose.speed(body.watered)
-    total += body.displaced * grows @ pose.speed(body.buoyed) - swept @ pose.turn.T @ u
-    total -= (body.k[3:] * np.abs(pose.spin) ** 3).sum()
+    total = (drag + swept) @ pose.turn.T @ pose.speed(h) - swept @ pose.turn.T @ u
+    total += wet * body.displaced * grows @ pose.speed(body.buoyed + arm)
+    total -= wet * (body.k[3:] * np.abs(pose.spin) ** 3).sum()
+    more, on = body.stage[at.WET_GROWS], _three(body.stage, at.ARM_GROWS)
+    then = _of_water(body, pose, wet + SOON * more, arm + SOON * on)
+    total += (then - _of_water(body, pose, wet, arm)) / SOON
     _, _, lost = pulls_of(body, place.position[:, 0], place.velocity[:, 0])
     return total - lost.sum() + power_of(body, pose)
 
 
-def _three(table: Floats, i: int) -> Floats:
+def _three(table: Floats, i: Any) -> Floats:
     return table[i : i + 3].copy()
 
 

@@ -11,7 +11,15 @@ from typing import Any
 
 from rope_twin.core.body import energy as body_energy
 from rope_twin.core.body import step as body_step
-from rope_twin.core.body.state import Deck, Immersed, RigidBody
+from rope_twin.core.body.state import (
+    STIFFNESS,
+    Afloat,
+    Deck,
+    GridBed,
+    Immersed,
+    PlaneBed,
+    RigidBody,
+)
 from rope_twin.core.energy import account
 from rope_twin.core.hooks import kernel, switching
 from rope_twin.core.remembering import remembering
@@ -31,11 +39,15 @@ def _make(parts: tuple[type, ...]) -> type[RigidBody]:
     return kind
 
 
-_WATERS = ((Immersed,),)
+_WATERS = ((Immersed,), (Afloat,))
 _DECKS: tuple[tuple[type, ...], ...] = ((), (Deck,))
-_KINDS = {sum(some, ()): _make(sum(some, ())) for some in product(_WATERS, _DECKS)}
+_BEDS: tuple[tuple[type, ...], ...] = ((), (PlaneBed,), (GridBed,))
+_KINDS = {sum(some, ()): _make(sum(some, ())) for some in product(_WATERS, _DECKS, _BEDS)}
 
 
-def kind_of(parts: tuple[Any, ...]) -> type[RigidBody]:
-    """The type of a body with these parts."""
-    return _KINDS[tuple(map(type, parts))]
+def with_parts(body: RigidBody, parts: tuple[Any, ...]) -> RigidBody:
+    """A body with these parts: what water it is in, then a deck, then the seabed."""
+    held = float(body.legs[:, STIFFNESS].sum())
+    stiffness = held + len(body.corners) * sum(getattr(one, "k", 0.0) for one in parts)
+    figures = {**body._asdict(), "parts": parts, "stiffness": stiffness}
+    return _KINDS[tuple(map(type, parts))](**figures)

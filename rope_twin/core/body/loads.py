@@ -7,7 +7,9 @@ about the centre of gravity G, in the world's directions:
 
 with the water's momentum p = R·M_A·c, c = Rᵀ(v - u) + Ω × h the velocity against the water u at
 the place h of added mass and drag. u in p is held over a substep: a current that jumps gives no
-blow; the water's acceleration brings (ρV + M_A) times itself (Morison et al. 1950).
+blow; the water's acceleration brings (ρV + M_A) times itself (Morison et al. 1950). Of a body in
+the surface M_A, I_A and drag are those of the wetted share and h is the middle of the wetted part
+(core/body/afloat.py); else the share is 1.
 
 Drag is -½·ρ·CdA_k·|c|·c_k along the body's axes and -½·ρ·C_k·|Ω_k|·Ω_k about them. Along z the
 figures blend from sinking to rising as effects/payload has it; the momentum is then
@@ -36,6 +38,7 @@ from rope_twin.core.body.change import (
 from rope_twin.core.body.parts import act_all, part
 from rope_twin.core.body.rotation import along, cross, dot, inward, outward, put, vector
 from rope_twin.core.body.state import (
+    ARM_HELD,
     D_SPEED,
     D_SPIN,
     D_TURN,
@@ -49,6 +52,9 @@ from rope_twin.core.body.state import (
     ON_HOOK,
     SHARE,
     STIFFNESS,
+    WET,
+    WET_ARM,
+    WET_HELD,
     Immersed,
 )
 from rope_twin.core.jit import jit, jit_within
@@ -62,30 +68,42 @@ def _scaled(a: Any, b: Any) -> Any:
 
 
 @jit_within
-def water_momentum(body: Any, c: Any) -> Any:
-    """M_A·c in body axes, and M along the axes at this velocity."""
+def water_momentum(body: Any, wet: float, c: Any) -> Any:
+    """M_A·c in body axes, and M along the axes at this velocity, of the wetted share."""
     root = sqrt(c[2] * c[2] + TURN2)
-    lift = body.added[2] * c[2] + body.rising * (root - sqrt(TURN2))
-    M = (body.added[0], body.added[1], body.added[2] + body.rising * c[2] / root)
+    lift = wet * (body.added[2] * c[2] + body.rising * (root - sqrt(TURN2)))
+    slope = wet * (body.added[2] + body.rising * c[2] / root)
+    M = (wet * body.added[0], wet * body.added[1], slope)
     return (M[0] * c[0], M[1] * c[1], lift), M
 
 
 @jit_within
 def _own(body: Any, spin: Any) -> Any:
     """(I + I_A)·Ω."""
+    wet = body.stage[WET_HELD]
     return (
-        dot(body.inertia[0], spin) + body.added[3] * spin[0],
-        dot(body.inertia[1], spin) + body.added[4] * spin[1],
-        dot(body.inertia[2], spin) + body.added[5] * spin[2],
+        dot(body.inertia[0], spin) + wet * body.added[3] * spin[0],
+        dot(body.inertia[1], spin) + wet * body.added[4] * spin[1],
+        dot(body.inertia[2], spin) + wet * body.added[5] * spin[2],
     )
+
+
+@jit_within
+def _held(body: Any, pose: Any) -> Any:
+    """What the momenta count from: h, velocity against the water in body axes, p and M there."""
+    _, R, v, spin = pose
+    s = body.stage
+    h = along(vector(body.watered, 0), 1.0, vector(s, ARM_HELD))
+    against = inward(R, along(v, -1.0, vector(s, FROZEN)))
+    c = along(against, 1.0, cross(spin, h))
+    p, M = water_momentum(body, s[WET_HELD], c)
+    return h, against, p, M
 
 
 @jit
 def momenta(body: Any, R: Any, v: Any, spin: Any) -> Any:
-    """P and L; u is the water's velocity that is held."""
-    h = vector(body.watered, 0)
-    against = inward(R, along(v, -1.0, vector(body.stage, FROZEN)))
-    p, _ = water_momentum(body, along(against, 1.0, cross(spin, h)))
+    """P and L; the water's velocity and the wetted share are those that are held."""
+    h, _, p, _ = _held(body, (v, R, v, spin))
     P = along(outward(R, p), body.m, v)
     return P, outward(R, along(_own(body, spin), 1.0, cross(h, p)))
 
@@ -93,11 +111,8 @@ def momenta(body: Any, R: Any, v: Any, spin: Any) -> Any:
 @jit
 def _add_momenta(body: Any, q: float, pose: Any) -> Any:
     """The changes of P and L into the matrix; the moment -(v - u) × p in body axes."""
-    _, R, v, spin = pose
-    h = vector(body.watered, 0)
-    against = inward(R, along(v, -1.0, vector(body.stage, FROZEN)))
-    p, M = water_momentum(body, along(against, 1.0, cross(spin, h)))
-    L = along(_own(body, spin), 1.0, cross(h, p))
+    h, against, p, M = _held(body, pose)
+    L = along(_own(body, pose[3]), 1.0, cross(h, p))
     for k in range(6):
         row = body.changes[k]
         dv, psi, dspin = vector(row, D_SPEED), vector(row, D_TURN), vector(row, D_SPIN)
@@ -114,17 +129,21 @@ def _add_momenta(body: Any, q: float, pose: Any) -> Any:
 def _add_drag(body: Any, q: float, pose: Any) -> Any:
     """Force and moment of the water in body axes, less those in the momenta."""
     _, R, v, spin = pose
-    h, s = vector(body.watered, 0), body.stage
+    s = body.stage
+    wet, h = s[WET], along(vector(body.watered, 0), 1.0, vector(s, WET_ARM))
     against = inward(R, along(v, -1.0, vector(s, FLOW_NOW)))
     grows = inward(R, vector(s, FLOW_GROWS))
     c = along(against, 1.0, cross(spin, h))
-    _, M = water_momentum(body, c)
+    _, M = water_momentum(body, wet, c)
     speed, root = sqrt(dot(c, c) + 1e-20), sqrt(c[2] * c[2] + TURN2)
-    k = (body.k[0], body.k[1], body.k[2] + body.rising_k * c[2] / root)
+    k = (wet * body.k[0], wet * body.k[1], wet * (body.k[2] + body.rising_k * c[2] / root))
     f = along(_scaled(M, grows), -speed, _scaled(k, c))
-    e = (body.k[3] * abs(spin[0]), body.k[4] * abs(spin[1]), body.k[5] * abs(spin[2]))
+    e = _scaled(vector(body.k, 3), (abs(spin[0]), abs(spin[1]), abs(spin[2])))
+    e = along(NONE, wet, e)
     slows = _scaled(e, spin)
-    bend = TURN2 / (root * root * root) * (body.rising * grows[2] - body.rising_k * speed * c[2])
+    bend = (
+        wet * TURN2 / (root * root * root) * (body.rising * grows[2] - body.rising_k * speed * c[2])
+    )
     for i in range(6):
         row = body.changes[i]
         psi, dspin = vector(row, D_TURN), vector(row, D_SPIN)

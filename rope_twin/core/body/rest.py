@@ -17,6 +17,7 @@ from rope_twin.core.body.loads import loads, pull_of
 from rope_twin.core.body.parts import highest_floor
 from rope_twin.core.body.rotation import along, dot, matrix_of, outward, put, turned, vector
 from rope_twin.core.body.state import (
+    ARM_HELD,
     FLOW_GROWS,
     FLOW_NOW,
     FROZEN,
@@ -26,6 +27,9 @@ from rope_twin.core.body.state import (
     RECORD,
     SHARE,
     STIFFNESS,
+    WET,
+    WET_ARM,
+    WET_HELD,
     V,
     X,
 )
@@ -169,6 +173,8 @@ def put_to_rest(body: Any, hook: Any) -> None:
     s, record = body.stage, body.records[0]
     put(s, FROZEN, vector(s, FLOW_NOW))
     put(s, FLOW_GROWS, NONE)
+    put(s, ARM_HELD, vector(s, WET_ARM))
+    s[WET_HELD] = s[WET]
     put(s, HOOK, hook)
     weight = (body.m + body.displaced) * body.g + TINY_WEIGHT
     long = body.reach

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rope_twin.core.bed import Grid, Plane
 from rope_twin.core.state import Floats
 
 
@@ -18,9 +19,12 @@ def _places(first: int, last: int, width: int = 3) -> Any:
 
 
 # A record: the body at one time. Rates of momentum and angular momentum about G, place of G,
-# velocity, spin, velocity and acceleration of the water at it, orientation.
+# velocity, spin, velocity and acceleration of the water at it, orientation; where the middle of the
+# wetted part is, from the middle of the whole, and the wetted share.
 FORCE, MOMENT, X, V, SPIN, WATER, GROWS, Q = _places(0, 24)
-RECORD = 25
+ARM_THEN = np.int64(25)
+WET_THEN = 28
+RECORD = 29
 RECORDS = 4  # now, at the end of the stage, at the start of the step, and one to write into
 
 # The stage. What it starts from: place, turn, momentum, angular momentum; the water: velocity now,
@@ -38,7 +42,11 @@ SHIP_Z = 93  # height of the hang-off at rest [m]
 FORCES = 94  # sum of the sizes of all forces on the body [N]
 SHARE = 95  # of the slings' stiffness that counts: less than 1 while rest is sought
 HOOK = np.int64(96)  # where the rope ends while rest is sought, 3 numbers [m]
-STAGE = 99
+# The wetted part: where its middle is from that of the whole, and its share; the same as the
+# momenta have it over a substep; rates; the surface above the body's middle, slopes along its x, y.
+WET_ARM, ARM_HELD, ARM_GROWS = _places(99, 108)
+WET, WET_HELD, WET_GROWS, SURFACE_Z, SURFACE_X, SURFACE_Y = 108, 109, 110, 111, 112, 113
+STAGE = 114
 
 # Columns of the matrix: A; what the hook's acceleration brings, without q; residual.
 HELD, MISS, COLUMNS = 6, 9, 10
@@ -56,6 +64,19 @@ class Immersed(NamedTuple):
     share: float  # of it: 1
 
 
+class Afloat(NamedTuple):
+    """A body in the water's surface, as a part; see core/body/afloat.py."""
+
+    columns: Floats  # middle (3), share of the volume, place along x and y from the middle, (n, 6)
+    height: float  # of the columns [m]
+    side_x: float  # sides of each [m]
+    side_y: float
+    span_x: float  # how far from the middle the surface is looked at, along x and y [m]
+    span_y: float
+    aside: Floats  # of the centre of buoyancy from the middle, (3,) [m]
+    slam: float  # ½·ρ·C_s·A of the whole bottom [kg/m]
+
+
 class Deck(NamedTuple):
     """What the body can stand on, as a part: a level plane."""
 
@@ -68,6 +89,24 @@ class Deck(NamedTuple):
     k: float  # stiffness at each corner [N/m]
     chi: float  # N = k·d·(1 - χ·v) [s/m]
     mu: float  # friction
+
+
+class PlaneBed(NamedTuple):
+    """The seabed below a body, as a part."""
+
+    shape: Plane
+    k: float  # stiffness at each corner [N/m]
+    chi: float  # N = k·d·(1 - χ·v) [s/m]
+    mu: float  # friction
+
+
+class GridBed(NamedTuple):
+    """The same of soundings."""
+
+    shape: Grid
+    k: float  # as of a PlaneBed
+    chi: float
+    mu: float
 
 
 class RigidBody(NamedTuple):
@@ -97,7 +136,8 @@ class RigidBody(NamedTuple):
     middle: Floats  # the middle of the body's outline, (3,)
     size: Floats  # its outline, (3,) [m]
     legs: Floats  # (legs, LEG)
-    corners: Floats  # places that can touch a deck, (corners, 3)
+    corners: Floats  # places that can touch a deck or the bed, (corners, 3)
+    carrying: float  # how many of them carry it where it stands
     parts: tuple[Any, ...]  # what else acts on it (core/body/parts.py)
     heading: float  # of its x axis at the start, from east to north [rad]
     reach: float  # from G to the farthest of all this [m]

@@ -17,7 +17,7 @@ from rope_twin.core.body.change import NONE
 from rope_twin.core.body.loads import momenta
 from rope_twin.core.body.parts import foresee_all
 from rope_twin.core.body.rest import put_to_rest
-from rope_twin.core.body.rotation import along, matrix_of, outward, put, quaternion, vector
+from rope_twin.core.body.rotation import along, matrix_of, outward, put, quaternion, turned, vector
 from rope_twin.core.jit import jit
 from rope_twin.core.prediction import GAMMA, K1, K2
 from rope_twin.core.rows import rows, span
@@ -61,6 +61,8 @@ def _begin(body: Any, hook: Any) -> None:
     """At rest below the hook."""
     put_to_rest(body, hook)
     put(body.records[0], at.WATER, vector(body.stage, at.FLOW_NOW))
+    put(body.records[0], at.ARM_THEN, vector(body.stage, at.WET_ARM))
+    body.records[0, at.WET_THEN] = body.stage[at.WET]
     body.stage[at.FRESH] = 0.0
 
 
@@ -71,6 +73,13 @@ def _predict_first(body: Any, q: float) -> None:
     v, spin, before = vector(now, at.V), vector(now, at.SPIN), vector(now, at.WATER)
     grown = along(vector(s, at.FLOW_NOW), -1.0, before)
     put(s, at.FROZEN, along(before, 0.5 / GAMMA, grown))  # that of the substep's middle
+    then = vector(now, at.ARM_THEN)
+    moved = along(vector(s, at.WET_ARM), -1.0, then)
+    put(s, at.ARM_HELD, along(then, 0.5 / GAMMA, moved))
+    put(s, at.ARM_GROWS, along(NONE, 0.5 / q, moved))
+    grown_wet = s[at.WET] - now[at.WET_THEN]
+    s[at.WET_HELD] = now[at.WET_THEN] + 0.5 / GAMMA * grown_wet
+    s[at.WET_GROWS] = 0.5 / q * grown_wet
     P, L = momenta(body, matrix_of(quaternion(now, at.Q)), v, spin)
     put(s, at.P_START, P)
     put(s, at.L_START, L)
@@ -103,10 +112,10 @@ def _predict_second(body: Any) -> None:
 
 @jit
 def _foresee(body: Any, rope: Any, stage: Any, pose: Any) -> None:
-    """The water at the pose foreseen for the stage, and what else the body meets there."""
-    h = outward(pose[1], vector(body.watered, 0))
-    _ask_water(body, rope, stage, along(pose[0], 1.0, h))
+    """What the body meets at the pose foreseen for the stage, and the water there."""
     foresee_all(body.parts, body, rope, stage, pose)
+    h = along(vector(body.watered, 0), 1.0, vector(body.stage, at.WET_ARM))
+    _ask_water(body, rope, stage, along(pose[0], 1.0, outward(pose[1], h)))
 
 
 def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
@@ -127,7 +136,8 @@ def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
     if kind == TRAPEZOID:
         v, spin = vector(now, at.V), vector(now, at.SPIN)
         place = along(vector(now, at.X), 2.0 * q, v)
-        _foresee(body, rope, stage, (place, matrix_of(quaternion(now, at.Q)), v, spin))
+        then = turned(quaternion(now, at.Q), along(NONE, 2.0 * q, spin))
+        _foresee(body, rope, stage, (place, matrix_of(then), v, spin))
         _predict_first(body, q)
     else:
         _predict_second(body)
@@ -194,4 +204,6 @@ def settle(body: Any, rope: Any, stage: Any, kind: int) -> None:
     put(record, at.MOMENT, vector(s, at.TWIST))
     put(record, at.WATER, vector(s, at.FLOW_NOW))
     put(record, at.GROWS, vector(s, at.FLOW_GROWS))
+    put(record, at.ARM_THEN, vector(s, at.WET_ARM))
+    record[at.WET_THEN] = s[at.WET]
     body.memory[1, 0] = float(free)

@@ -1,0 +1,100 @@
+"""A rigid body on the seabed: each of its corners is carried, rubs and lifts off by itself.
+
+The same law as for a rope's payload (effects/seabed.py), with k shared among the corners. Dropped
+from Newton's matrix: how the slope of soundings changes below a corner.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core.bed import beds_at, grid_bed, plane_bed
+from rope_twin.core.body.change import NONE
+from rope_twin.core.body.contact import CREEP, add_push
+from rope_twin.core.body.parts import part
+from rope_twin.core.body.rotation import along, dot, outward, vector
+from rope_twin.core.body.state import GridBed, PlaneBed, RigidBody
+from rope_twin.core.jit import jit
+from rope_twin.core.state import Floats
+
+
+@jit
+def _push(bed: Any, body: Any, q: float, pose: Any, r: Any, ground: Any) -> Any:
+    """Of one place r; ground: height of the bed below it and its slopes."""
+    z, east, north = ground
+    nz = 1.0 / sqrt(1.0 + east * east + north * north)
+    d = (z - pose[0][2] - dot(pose[1][2], r)) * nz
+    if not d > 0.0:
+        return NONE, NONE, 0.0
+    touch = (bed.k, bed.chi, bed.mu), d, (-east * nz, -north * nz, nz), NONE
+    return add_push(body, q, pose, r, touch)
+
+
+@part("act", PlaneBed)
+def act_on_plane(bed: Any, body: Any, q: float, pose: Any) -> Any:
+    """Of all corners on the bed."""
+    f, t, size = NONE, NONE, 0.0
+    for j in range(body.corners.shape[0]):
+        r = vector(body.corners[j], 0)
+        place = along(pose[0], 1.0, outward(pose[1], r))
+        ground = plane_bed(bed.shape, place[0], place[1])
+        more, twist, N = _push(bed, body, q, pose, r, ground)
+        f, t, size = along(f, 1.0, more), along(t, 1.0, twist), size + N
+    return f, t, size
+
+
+@part("act", GridBed)
+def act_on_grid(bed: Any, body: Any, q: float, pose: Any) -> Any:
+    """Of all corners on the bed."""
+    f, t, size = NONE, NONE, 0.0
+    for j in range(body.corners.shape[0]):
+        r = vector(body.corners[j], 0)
+        place = along(pose[0], 1.0, outward(pose[1], r))
+        ground = grid_bed(bed.shape, place[0], place[1])
+        more, twist, N = _push(bed, body, q, pose, r, ground)
+        f, t, size = along(f, 1.0, more), along(t, 1.0, twist), size + N
+    return f, t, size
+
+
+@part("floor", PlaneBed)
+def floor_of_plane(bed: Any, body: Any, place: Any) -> float:
+    """Its height there."""
+    z, _, _ = plane_bed(bed.shape, place[0], place[1])
+    return float(z)
+
+
+@part("floor", GridBed)
+def floor_of_grid(bed: Any, body: Any, place: Any) -> float:
+    """Its height there."""
+    z, _, _ = grid_bed(bed.shape, place[0], place[1])
+    return float(z)
+
+
+def bed_pushes(
+    bed: PlaneBed | GridBed, body: RigidBody, pose: Any
+) -> tuple[Floats, Floats, Floats]:
+    """Height of each corner above the bed [m], push along the normal [N], and all of it (n, 3).
+
+    pose: of core/body/energy.py.
+    """
+    places, v = pose.place(body.corners), pose.speed(body.corners)
+    found = beds_at(bed.shape, places[:, 0].copy(), places[:, 1].copy()).T
+    normal = np.column_stack([-found[:, 1:], np.ones(len(found))])
+    steep = np.sqrt((normal * normal).sum(axis=1))
+    normal /= steep[:, None]
+    above, away = places[:, 2] - found[:, 0], (v * normal).sum(axis=1)
+    sunk = np.maximum(-above / steep, 0.0)
+    push = bed.k * sunk * np.maximum(1.0 - bed.chi * away, 0.0)
+    slide = v - away[:, None] * normal
+    rub = bed.mu * push / np.sqrt((slide * slide).sum(axis=1) + CREEP**2)
+    return above, push, push[:, None] * normal - rub[:, None] * slide
+
+
+@part("power", PlaneBed)
+@part("power", GridBed)
+def power(bed: Any, body: RigidBody, pose: Any) -> float:
+    """Pushes and friction times velocity [W]; what the soil stores is given back."""
+    return float((bed_pushes(bed, body, pose)[2] * pose.speed(body.corners)).sum())

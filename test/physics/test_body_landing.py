@@ -1,0 +1,159 @@
+"""A rigid body on the seabed: it rests, falls flat, holds and slides by closed forms."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from body_rigs import LINE, Adrift, aground, between, body_in
+from rigs import march, still
+from scipy.spatial.transform import Rotation
+
+from rope_twin import Twin
+from rope_twin.core.bed import Grid, clearance
+from rope_twin.core.body import state as at
+from rope_twin.core.body.bed import bed_pushes
+from rope_twin.core.body.energy import Pose, pose_of
+from rope_twin.core.body.parts import part_of
+from rope_twin.core.body.state import GridBed, PlaneBed, RigidBody
+from rope_twin.effects.rigid_body import RigidBodyParams, Sling
+from rope_twin.effects.seabed import SeabedParams, Soundings
+from rope_twin.scene.build import build_effects
+from rope_twin.scene.schema import Winch
+from rope_twin.scene.shapes import payload_figures
+
+G, MASS, RHO, VOLUME = 9.80665, 2000.0, 1025.0, 0.6
+WEIGHT = (MASS - RHO * VOLUME) * G
+BED = SeabedParams(depth_m=30.0, payload_penetration_m=0.02, damping_s_per_m=1.0, friction=0.5)
+SLACK = Sling(to_m=(0.0, 0.0, 0.6), length_m=400.0, stiffness_n_per_m=1e5)
+LOOSE = RigidBodyParams(size_m=(4.0, 3.0, 1.2), slings=(SLACK,))
+SLINGS = tuple(
+    Sling(to_m=(x, y, 0.6), length_m=5.0, stiffness_n_per_m=4e6, damping_newton_seconds_per_m=2e4)
+    for x in (1.8, -1.8)
+    for y in (1.2, -1.2)
+)
+SUBMERGED = replace(LINE, density=RHO, volume=VOLUME, step=0.0025)
+
+
+def test_it_rests_on_a_flat_bed() -> None:
+    """Pushes add up to m·g - ρ·g·V, their middle is below that of the weight less buoyancy."""
+    body = replace(LOOSE, centre_of_gravity_m=(0.3, 0.0, -0.1))
+    twin = Twin(between(SUBMERGED, body, BED))
+    shot = twin.snapshot()
+    assert shot.body is not None
+    assert shot.seabed is not None
+    assert shot.seabed.payload_landed
+    assert shot.body.leg_pull_n.max() == 0.0
+    assert shot.seabed.payload_push_n == pytest.approx(WEIGHT, rel=1e-4)
+    own = body_in(twin)
+    pose = pose_of(own)
+    _, push, _ = bed_pushes(part_of(own, PlaneBed), own, pose)
+    at_corners, floats = pose.place(own.corners)[:, 0], pose.place(own.buoyed)[0]
+    middle = (MASS * pose.centre[0] - RHO * VOLUME * floats) / (MASS - RHO * VOLUME)
+    assert middle - floats == pytest.approx(0.3 * MASS / (MASS - RHO * VOLUME), rel=1e-2)
+    assert push @ at_corners / push.sum() == pytest.approx(middle, abs=1e-5)
+    assert push.min() == 0.0, "the upper corners touch nothing"
+    assert shot.payload_position_m[2] == pytest.approx(-30.0 + 0.6 - 0.02, abs=1e-4)
+
+
+def test_soundings_below_a_body_are_those_below_the_rope() -> None:
+    """Heights of the same grid by the seabed's own function; to round-off."""
+    given = Soundings(
+        x_m=(-9.0, 0.0, 7.0), y_m=(-9.0, 8.0), depth_m=((30.0, 31.5, 29.0), (33.0, 30.5, 28.0))
+    )
+    bed = replace(BED, depth_m=None, soundings=given)
+    scene = between(SUBMERGED, LOOSE, bed)
+    effects = build_effects(scene, payload_figures(scene.payloads[0], RHO))
+    (grid,) = (own for own in effects if isinstance(own, Grid))
+    (body,) = (own for own in effects if isinstance(own, RigidBody))
+    pose = Pose(
+        np.array([2.0, 1.0, -29.0]), np.zeros(3), np.zeros(4), np.zeros(3),
+        Rotation.from_rotvec([0.4, -0.7, 1.0]).as_matrix(),
+    )  # fmt: skip
+    above, _, _ = bed_pushes(part_of(body, GridBed), body, pose)
+    expected = clearance(grid, pose.place(body.corners).T)
+    assert above == pytest.approx(expected, abs=1e-12)
+
+
+def test_a_tilted_box_falls_flat_and_makes_no_energy() -> None:
+    """From on edge, half a metre up; energy with what the soil stores falls all the time."""
+    hung = Adrift(SUBMERGED, LOOSE, BED)
+    hung.lay((0.0, 0.0, -27.9), (0.35, -0.2, 0.4))
+    own, bed, energy = hung.body, part_of(hung.body, PlaneBed), []
+    for _ in range(200):
+        hung.twin.advance(20)
+        pose = hung.pose()
+        above, push, _ = bed_pushes(bed, own, pose)
+        assert push.min() >= 0.0
+        sunk = np.maximum(-above, 0.0)
+        moving = MASS * pose.velocity @ pose.velocity + pose.spin @ own.inertia @ pose.spin
+        energy.append(0.5 * moving + WEIGHT * pose.centre[2] + 0.5 * bed.k * sunk @ sunk)
+    drop = energy[0] - energy[-1]
+    assert drop > 0.5 * WEIGHT
+    assert np.diff(energy).max() < 2e-4 * drop
+    assert hung.pose().turn[2, 2] > 1.0 - 1e-8, "it lies flat"
+    assert hung.twin.snapshot().seabed.payload_push_n == pytest.approx(WEIGHT, rel=1e-3)
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_answers_turn_with_the_scene(mirrored: bool) -> None:
+    """A box aground in a slope's shallows, turned by 211° or mirrored in x: so are its answers."""
+    turn = Rotation.from_rotvec([0.0, 0.0, 0.0 if mirrored else 3.683]).as_matrix()
+    side = -1.0 if mirrored else 1.0
+    own, other = aground(np.eye(3), 1.0), aground(turn, side)
+    follow = turn @ np.diag([side, 1.0, 1.0])
+    scale = np.abs(own).max(axis=(0, 2), keepdims=True)[0]
+    for expected, found in zip(own, other, strict=True):
+        assert np.abs(found[:2] - expected[:2] @ follow.T).max() < 1e-8 * scale.max()
+        spin = side * expected[2] @ follow.T  # an axial vector
+        assert np.abs(found[2] - spin).max() < 1e-8 * scale[2].max()
+
+
+def on_slope(friction: float) -> tuple[Adrift, Any]:
+    """Laid on a slope of 0.2, still; with the way down."""
+    short = replace(LOOSE, slings=(replace(SLACK, length_m=4.0),))
+    hung = Adrift(SUBMERGED, short, replace(BED, slope=(0.2, 0.0), friction=friction))
+    hung.body.legs[0, at.LENGTH] = 400.0
+    lean = math.atan(0.2)
+    off = 0.6 - 0.02 * math.cos(lean)
+    hung.lay((-off * math.sin(lean), 0.0, -30.0 + off * math.cos(lean)), (0.0, -lean, 0.0))
+    return hung, np.array([-math.cos(lean), 0.0, -math.sin(lean)])
+
+
+def test_friction_holds_it_on_a_slope() -> None:
+    """It creeps at v_0·r/√(1 - r²), r the slope over μ: 4 mm/s; 1 %."""
+    hung, down = on_slope(0.5)
+    hung.twin.advance(1600)
+    r = 0.2 / 0.5
+    assert hung.pose().velocity @ down == pytest.approx(0.01 * r / math.sqrt(1 - r * r), rel=1e-2)
+
+
+def test_it_slides_where_friction_is_too_little() -> None:
+    """At (W/m)·(sin - μ·cos); 1 %."""
+    hung, down = on_slope(0.1)
+    hung.twin.advance(800)
+    lean = math.atan(0.2)
+    expected = WEIGHT / MASS * (math.sin(lean) - 0.1 * math.cos(lean)) * 2.0
+    assert hung.pose().velocity @ down == pytest.approx(expected, rel=1e-2)
+
+
+def test_rope_and_slings_go_slack_when_it_is_set_down() -> None:
+    """Lowered 1 m onto the bed: the bed carries all, the rope the hook; nothing ever pulls it."""
+    winch = Winch(speed_limit_m_per_s=0.5, acceleration_limit_m_per_s2=0.5, least_line_out_m=5.0,
+                  most_line_out_m=30.0)  # fmt: skip
+    rig = replace(SUBMERGED, mass=1.0, EA=2e7, damping=2e4, ramp=1.0, winch=winch)
+    body = replace(LOOSE, slings=SLINGS, hook_mass_kg=50.0)
+    twin = Twin(between(rig, body, replace(BED, depth_m=26.3)))
+    first = twin.snapshot()
+    assert first.seabed is not None
+    assert 0.4 < first.seabed.payload_height_m < 1.0
+    lowered = march(twin, still, 8.0, every=40, speeds=[(0.5, 0.3), (4.5, 0.0)])
+    for shot in lowered:
+        assert shot.seabed.payload_push_n >= 0.0
+        assert shot.body.leg_pull_n.min() >= 0.0
+    assert shot.body.leg_pull_n.max() == 0.0
+    assert shot.seabed.payload_push_n == pytest.approx(WEIGHT, rel=1e-3)
+    assert shot.solver.unconverged_substeps == 0
