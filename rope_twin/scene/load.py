@@ -77,6 +77,8 @@ def _scene_path(name_or_path: str | Path) -> Path:
     names = scene_names()
     if name_or_path in names:
         return _scene_folder() / f"{name_or_path}.yaml"
+    if name_or_path and path.exists():
+        return path
     right = f"{did_you_mean(name_or_path, names)} (or give the path of a YAML file)"
     raise SceneError(phrase(f"scene '{name_or_path}'", "there is no such scene", right))
 

@@ -81,3 +81,12 @@ def test_ctrl_c_while_a_command_is_loaded_ends_quietly(
     monkeypatch.setattr(cli, "_module", interrupted)
     assert main(["run"]) == 130
     assert capsys.readouterr() == ("", "")
+
+
+def test_a_folder_in_place_of_a_scene_is_called_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "mine").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert main(["scene", "check", "mine"]) == 1
+    assert capsys.readouterr().err == "mine: it is a folder; give the path of a YAML file.\n"
