@@ -2,7 +2,8 @@
 
 y(s, t) = Σ φ_i(s)·η_i(t), M_i·η̈_i + C_i·η̇_i + ω_i²·M_i·η_i = F_i(t): each mode is driven at its
 own frequency by ½·ρ·d·U²·C_l(A/d)·|φ_i| over the places that drive it, and damped by the structure
-and, elsewhere, by the water. η_i is a convolution of F_i with e^(-ζω·t)·sin(ω_d·t), taken
+and, elsewhere, by the water. A place drives one mode: among those that lock in there the one that
+moves most (shedding.leading_zones). η_i is a convolution of F_i with e^(-ζω·t)·sin(ω_d·t), taken
 recursively (eq 9): with λ = -ζω + i·ω_d and c(t) = ∫ F(τ)·e^(λ(t-τ)) dτ,
 
     c(t + h) = e^(λh)·c(t) + ∫_t^(t+h) F(τ)·e^(λ(t+h-τ)) dτ,    η = Im c/(M·ω_d),
@@ -31,6 +32,7 @@ STILL = 1e-6  # d: a mode that is not driven and moves less is left out until it
 MOST_DAMPED = 0.95  # of critical: a mode damped more does not ring
 GOLDEN = pi * (3.0 - 5.0**0.5)  # rad; times the square of its number a mode's phase at the start:
 # in proportion to the number itself, all modes would come together in one pulse
+LEAST = 1e-200  # N/m: what stays finite of a mode that nothing damps
 MOST_ELEMENTS = 6000
 PART = 12  # modes that are looked for at a time beside a running twin
 
@@ -198,22 +200,24 @@ class ModalResponse:
         span, modes, water = self.span, self.modes, self.shedding
         locked = water.locked(self._omega, span.diameter, span.speed)
         strouhal = water.strouhal * span.speed / span.diameter
-        zones = water.zones(modes.frequency, strouhal, locked)
+        c0, c2 = water.damping(self._omega, span.diameter, span.speed)
+        square = modes.shape**2
+        weight = square * span.node_length[:, None]
+        own = 2.0 * water.structural * self._omega * modes.mass
+        damping = (c0 * weight).sum(axis=0) + own
+        lift = 0.5 * water.density * span.diameter * span.speed**2 * span.node_length
+        force = lift[:, None] * np.abs(modes.shape)
+        moved = force / np.maximum(damping * self._omega, LEAST)
+        zones = water.zones(modes.frequency, strouhal, locked, moved)
         moving = self.modal_amplitude > STILL * float(span.diameter.min())
         if active is None:
             active = np.flatnonzero(zones.any(axis=0) | moving)
-        omega, shape = self._omega[active], modes.shape[:, active]
-        c0, c2 = water.damping(omega, span.diameter, span.speed)
-        square = shape * shape
-        weight = square * span.node_length[:, None]
-        lift = 0.5 * water.density * span.diameter * span.speed**2 * span.node_length
-        own = 2.0 * water.structural * omega * modes.mass[active]
         return _Drive(
             active=active,
-            force=lift[:, None] * np.abs(shape) * zones[:, active],
-            damping=(c0 * weight).sum(axis=0) + own,
-            growing=c2 * weight,
-            square=square,
+            force=(force * zones)[:, active],
+            damping=damping[active],
+            growing=(c2 * weight)[:, active],
+            square=square[:, active],
             zones=zones,
         )
 

@@ -2,7 +2,8 @@
 
 [LCD] is Le Cunff and Durand (1999), who take lift and hydrodynamic damping from Venugopal (1996).
 A mode of frequency f is locked in where the reduced velocity U/(f·d) lies in a band; there the
-lift drives it, elsewhere the water damps it.
+lift drives it, elsewhere the water damps it. What [LCD] leaves open, and the variants tried, stands
+in docs/validation.md (L1, L2): with the band and zones here both of its largest amplitudes are met.
 """
 
 from __future__ import annotations
@@ -43,7 +44,7 @@ class Lift:
         return np.where(rise < 0.0, low, self.largest * (1.0 - fall * fall))
 
 
-def nearest_zones(frequency: Floats, shedding: Floats, locked: Mask) -> Mask:
+def nearest_zones(frequency: Floats, shedding: Floats, locked: Mask, moved: Floats) -> Mask:
     """Each place drives the mode nearest to its Strouhal frequency, if that one is locked in."""
     if not len(frequency):
         return locked
@@ -54,24 +55,39 @@ def nearest_zones(frequency: Floats, shedding: Floats, locked: Mask) -> Mask:
     return zones
 
 
-def all_zones(frequency: Floats, shedding: Floats, locked: Mask) -> Mask:
+def all_zones(frequency: Floats, shedding: Floats, locked: Mask, moved: Floats) -> Mask:
     """Each place drives every mode that is locked in there."""
     return locked
 
 
-def dominant_zones(frequency: Floats, shedding: Floats, locked: Mask) -> Mask:
+def dominant_zones(frequency: Floats, shedding: Floats, locked: Mask, moved: Floats) -> Mask:
     """The mode with most shedding near it (by f_s³) takes its whole band, the next what is left."""
-    near = nearest_zones(frequency, shedding, locked)
-    power = (shedding[:, None] ** 3 * near).sum(axis=0)
-    zones, taken = np.zeros_like(locked), np.zeros(len(shedding), dtype=bool)
-    for mode in np.argsort(-power, kind="stable"):
-        if power[mode] > 0.0:
+    near = nearest_zones(frequency, shedding, locked, moved)
+    return shared_out((shedding[:, None] ** 3 * near).sum(axis=0), locked)
+
+
+def leading_zones(frequency: Floats, shedding: Floats, locked: Mask, moved: Floats) -> Mask:
+    """The mode that moves most takes its whole band, the next what is left.
+
+    Which that is tells a response in which each place drives the mode nearest to it.
+    """
+    near = nearest_zones(frequency, shedding, locked, moved)
+    return shared_out((moved * near).sum(axis=0), locked)
+
+
+def shared_out(size: Floats, locked: Mask) -> Mask:
+    """The largest of the modes takes all places that lock it in, the next what is left."""
+    zones, taken = np.zeros_like(locked), np.zeros(len(locked), dtype=bool)
+    for mode in np.argsort(-size, kind="stable"):
+        if size[mode] > 0.0:
             zones[:, mode] = locked[:, mode] & ~taken
             taken |= zones[:, mode]
     return zones
 
 
-Zones = Callable[[Floats, Floats, Mask], Mask]
+# Of the modes' frequencies, the places' own of shedding, where each mode is locked in, and how far
+# a place that drives a mode moves it, over C_l [m], (places, modes).
+Zones = Callable[[Floats, Floats, Mask, Floats], Mask]
 
 
 @dataclass(frozen=True)
@@ -79,12 +95,12 @@ class Shedding:
     """Everything that the water's side of the modal approach needs."""
 
     strouhal: float = 0.17
-    band: tuple[float, float] = (4.0, 8.0)  # of U/(f·d) in which a mode is locked in
+    band: tuple[float, float] = (5.0, 7.0)  # of U/(f·d) in which a mode is locked in
     density: float = 1025.0  # [kg/m³]
     viscosity: float = 1.3e-6  # [m²/s]
     structural: float = 0.015  # of critical, of every mode
     lift: Callable[[Floats], Floats] = Lift()
-    zones: Zones = nearest_zones
+    zones: Zones = leading_zones
 
     def still_water(self, omega: Floats, diameter: Floats) -> tuple[Floats, Floats]:
         """Damping per metre in still water, c0 + c2·(A/d)² [N·s/m²]; (places, modes)."""

@@ -13,7 +13,14 @@ from scipy.special import jn_zeros
 from rope_twin.errors import InputError
 from rope_twin.viv.lateral_modes import find_lateral_modes
 from rope_twin.viv.modal_response import ModalResponse
-from rope_twin.viv.shedding import Lift, Shedding, all_zones, dominant_zones, nearest_zones
+from rope_twin.viv.shedding import (
+    Lift,
+    Shedding,
+    all_zones,
+    dominant_zones,
+    leading_zones,
+    nearest_zones,
+)
 from rope_twin.viv.span import Span, refined
 
 L, T, M = 300.0, 100e3, 2.05
@@ -100,14 +107,18 @@ def test_amplitude_ends_where_lift_feeds_damping() -> None:
 
 
 def test_zones() -> None:
-    """Nearest modes share the rope; the dominant one takes its band; all take theirs."""
+    """Nearest modes share the rope; the dominant or leading one takes its band; all take theirs."""
     frequency, shedding = np.array([1.0, 2.0]), np.array([0.2, 1.1, 1.4, 2.1, 2.2])
     locked = np.array([[0, 0], [1, 0], [1, 1], [1, 1], [0, 1]], dtype=bool)
-    near = nearest_zones(frequency, shedding, locked)
+    moved = np.array([[1.0, 9.0], [1.0, 9.0], [1.0, 0.1], [9.0, 0.2], [9.0, 0.3]])
+    near = nearest_zones(frequency, shedding, locked, moved)
     assert near.tolist() == [[0, 0], [1, 0], [1, 0], [0, 1], [0, 1]]
-    first = dominant_zones(frequency, shedding, locked)
+    first = dominant_zones(frequency, shedding, locked, moved)
     assert first.tolist() == [[0, 0], [1, 0], [0, 1], [0, 1], [0, 1]]
-    assert all_zones(frequency, shedding, locked) is locked
+    # what the nearest places move: the first mode by 2, the second by 0.5
+    leading = leading_zones(frequency, shedding, locked, moved)
+    assert leading.tolist() == [[0, 0], [1, 0], [1, 0], [1, 0], [0, 1]]
+    assert all_zones(frequency, shedding, locked, moved) is locked
 
 
 def test_damping_outside_the_band() -> None:
