@@ -47,6 +47,7 @@ class DecomposedResponse:
         self.model = model
         self.time_s = 0.0
         self._integrate = integrator or bathe
+        self.remembered = REMEMBERED
         self._first = 1 if span.end_mass is None else 0
         self._take(span, None)
         self._angles = np.zeros(len(self.excitation.frequency))  # of the modes at `_since_s`
@@ -193,7 +194,7 @@ class DecomposedResponse:
         """Amplitude and frequency of the nodes from their running motion."""
         own = 2.0 * pi / float(self._omega0.max())
         # the mean since the start, until the start is forgotten
-        share = max(1.0 - exp(-h / (REMEMBERED * own)), h / self.time_s)
+        share = max(1.0 - exp(-h / (self.remembered * own)), h / self.time_s)
         now = np.stack([self._motion.speed, self._motion.acceleration]) ** 2
         self._squares += share * (now - self._squares)
         rate = np.sqrt(self._squares[1] / np.maximum(self._squares[0], 1e-30))

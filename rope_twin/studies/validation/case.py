@@ -82,7 +82,8 @@ class Field:
     values: Vector
     x: tuple[float, float]
     y: tuple[float, float]
-    label: str
+    label: str  # of the colours; empty: no bar of them
+    most: float | None = None  # value of the strongest colour, ±; None: the largest
 
 
 @dataclass(frozen=True)

@@ -113,8 +113,9 @@ def _judge(seen: Watched, elements: int) -> Found:
               field=Field(some, (0.0, 5.0), (0.0, float(length)), "y/D")),
         Panel("vibration", "rms [D]", ALONG,
               (Line(seen.rms, seen.s, f"{elements} elements"),)),
-        Panel("power that comes in", "W/m", ALONG, (Line(seen.power, seen.s),)),
-        Panel("frequency", "Hz", ALONG, (Line(seen.frequency, seen.s, "", "."),)),
+        Panel("power that comes in", "power [W/m]", ALONG, (Line(seen.power, seen.s),)),
+        Panel("frequency with most power", "frequency [Hz]", ALONG,
+              (Line(seen.frequency, seen.s, "", "."),)),
     )  # fmt: skip
     return Found(findings, panels, NOTES)
 

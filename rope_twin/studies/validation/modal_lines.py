@@ -158,10 +158,13 @@ def _panels(run: Record, rope: PublishedRope) -> tuple[Panel, ...]:
         Panel("motion of the last periods", "time [s]", "height [m]", field=field),
         Panel("rms of the motion", "rms/d", "height [m]", (Line(run.rms, s),)),
         Panel(
-            "Strouhal frequency, and the mode that each place drives", "[Hz]", "height [m]",
+            "shedding, and the mode that each place drives", "frequency [Hz]", "height [m]",
             (
-                Line(0.17 * run.response.span.speed / rope.diameter, s, "0.17·U/d"),
-                *(Line(row, s, "", "C1-") for row in driven.T if np.isfinite(row).any()),
+                Line(0.17 * run.response.span.speed / rope.diameter, s, "Strouhal, 0.17·U/d"),
+                *(
+                    Line(row, s, "" if k else "modes where they are driven", "C1-")
+                    for k, row in enumerate(row for row in driven.T if np.isfinite(row).any())
+                ),
             ),
         ),
     )  # fmt: skip
@@ -235,7 +238,12 @@ def modes_in_uniform_current(duration: float = 40.0) -> Found:
     panels = (
         Panel("amplitude, calm", "time [s]", "A/d", (Line(calm.time_s, total),)),
         Panel("motion with the swell", "time [s]", "height [m]", field=field),
-        Panel("peaks with the swell", "time [s]", "peaks", (Line(times, peaks, "", "."),)),
+        Panel(
+            "peaks with the swell",
+            "time [s]",
+            "peaks along the cable",
+            (Line(times, peaks, "", "."),),
+        ),
     )
     return Found(findings, panels, (SCATTER, note))
 

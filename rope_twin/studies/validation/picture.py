@@ -41,11 +41,14 @@ def draw_panels(title: str, panels: Sequence[Panel], path: Path) -> None:
 
 def _draw(figure: Any, axes: Any, panel: Panel) -> None:
     if panel.field is not None:
+        most = panel.field.most
+        least = None if most is None else -most
         image = axes.imshow(
             panel.field.values, origin="lower", aspect="auto", cmap="RdBu_r",
-            extent=(*panel.field.x, *panel.field.y),
+            extent=(*panel.field.x, *panel.field.y), vmin=least, vmax=most,
         )  # fmt: skip
-        figure.colorbar(image, ax=axes, label=panel.field.label)
+        if panel.field.label:
+            figure.colorbar(image, ax=axes, label=panel.field.label)
     for line in panel.lines:
         axes.plot(line.x, line.y, line.style, label=line.label, linewidth=1.2, markersize=4)
     if panel.log:
