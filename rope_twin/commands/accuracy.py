@@ -14,7 +14,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.bench import Progress, print_table
+from rope_twin.commands.console import Progress, print_table
 from rope_twin.commands.run.choice import find_quantity, read_amount
 from rope_twin.errors import InputError, RopeTwinError, SceneError, phrase
 from rope_twin.scene.card import card_path, known_error, read_card

@@ -9,11 +9,11 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
+from rope_twin.commands.console import Progress, print_table
 from rope_twin.errors import InputError
 from rope_twin.scene.load import scene_names
 from rope_twin.studies.bench import (
@@ -275,40 +275,3 @@ def _peers(args: argparse.Namespace, progress: Progress) -> int:
         print(raced.machine.as_text() + "\n")
         print_table(peers_page.peer_table(raced.rows))
     return 0
-
-
-def print_table(rows: Sequence[Sequence[str]], words_last: bool = False) -> None:
-    """Columns as wide as their widest cell, the first to the left, the others to the right.
-
-    A last column of words goes to the left too.
-    """
-    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
-    for line in _aligned(rows, widths, words_last):
-        print(line)
-
-
-def _aligned(rows: Sequence[Sequence[str]], widths: list[int], words_last: bool) -> Iterator[str]:
-    for row in rows:
-        cells = [row[0].ljust(widths[0])]
-        cells += [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
-        if words_last:
-            cells[-1] = row[-1]
-        yield "  ".join(cells).rstrip()
-
-
-class Progress:
-    """One changing line on a terminal, a line per case elsewhere; on standard error."""
-
-    def __init__(self, stream: TextIO | None = None) -> None:
-        self._stream = stream or sys.stderr
-
-    def show(self, done: int, total: int, what: str) -> None:
-        """So many of so many cases are done; `what` is next."""
-        bar = "#" * round(20 * done / total)
-        line = f"[{bar:<20}] {done}/{total} {what}"
-        if self._stream.isatty():
-            end = "\n" if done == total else ""
-            self._stream.write(f"\r{line:<79}{end}")
-        else:
-            self._stream.write(f"{line}\n")
-        self._stream.flush()

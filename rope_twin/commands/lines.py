@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.bench import print_table
+from rope_twin.commands.console import print_table
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.picture import check_picture

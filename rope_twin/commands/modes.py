@@ -8,7 +8,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.bench import print_table
+from rope_twin.commands.console import print_table
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.modes.modes import WAVE_PERIODS_S, Mode, Modes, find_modes
 from rope_twin.studies.modes.picture import draw_modes

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
-from rope_twin.commands.bench import Progress
+from rope_twin.commands.console import Progress
 from rope_twin.errors import SceneError
 from rope_twin.scene.card import known_error, told_bound
 from rope_twin.scene.checks import sense_checks

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.bench import Progress, print_table
+from rope_twin.commands.console import Progress, print_table
 from rope_twin.studies.picture import check_picture
 from rope_twin.studies.validation import vortex_convergence
 from rope_twin.studies.validation.case import Case, Row

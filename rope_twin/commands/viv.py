@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.commands.bench import print_table
+from rope_twin.commands.console import print_table
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.figures import lift_figures
 from rope_twin.scene.load import load_scene

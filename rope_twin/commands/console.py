@@ -1,0 +1,44 @@
+"""What commands show on a console: a table in columns, and how far a long one has come."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator, Sequence
+from typing import TextIO
+
+
+def print_table(rows: Sequence[Sequence[str]], words_last: bool = False) -> None:
+    """Columns as wide as their widest cell, the first to the left, the others to the right.
+
+    A last column of words goes to the left too.
+    """
+    widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
+    for line in _aligned(rows, widths, words_last):
+        print(line)
+
+
+def _aligned(rows: Sequence[Sequence[str]], widths: list[int], words_last: bool) -> Iterator[str]:
+    for row in rows:
+        cells = [row[0].ljust(widths[0])]
+        cells += [cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True)]
+        if words_last:
+            cells[-1] = row[-1]
+        yield "  ".join(cells).rstrip()
+
+
+class Progress:
+    """One changing line on a terminal, a line per case elsewhere; on standard error."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = stream or sys.stderr
+
+    def show(self, done: int, total: int, what: str) -> None:
+        """So many of so many cases are done; `what` is next."""
+        bar = "#" * round(20 * done / total)
+        line = f"[{bar:<20}] {done}/{total} {what}"
+        if self._stream.isatty():
+            end = "\n" if done == total else ""
+            self._stream.write(f"\r{line:<79}{end}")
+        else:
+            self._stream.write(f"{line}\n")
+        self._stream.flush()
