@@ -55,7 +55,7 @@ TOPICS: tuple[Topic, ...] = (
           "winch_schedule", "name[0] the winch, name[1] one of " + ", ".join(SWITCHES)),
     Topic("rope/cut", "sensor_msgs/msg/JointState", Qos.COMMAND, 0.0, "winch_schedule",
           "cuts the rope, once: position[0] unstretched rope from hang-off to cut [m], infinite: "
-          "at its lower end; stamp 0 means at once"),
+          "at its lower end; stamp 0 means at once; name[0] tells one of several ropes"),
     Topic("current", "std_msgs/msg/Float64MultiArray", Qos.COMMAND, 0.0, "",
           "current profile, rows of z [m], east, north [m/s], from the surface down"),
     # what the sea is doing (for the eye, not used by the rope)

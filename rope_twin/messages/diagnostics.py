@@ -169,10 +169,10 @@ def _cut(cut: CutShot, depth_m: float) -> Status:
 
 def cut_words(cut: CutShot) -> str:
     """When and where the rope was cut, for people."""
-    return (
-        f"the rope was cut at {cut.at_s:.2f} s, {cut.left_m:.1f} m below the hang-off; "
-        f"{cut.lost_m:.1f} m went down by themselves"
-    )
+    at = f"cut at {cut.at_s:.2f} s, {cut.left_m:.1f} m below"
+    if cut.rope:
+        return f"rope '{cut.rope}' was {at} its upper end; {cut.lost_m:.1f} m of it are below"
+    return f"the rope was {at} the hang-off; {cut.lost_m:.1f} m went down by themselves"
 
 
 def _band(tension_n: float, band: TensionBand) -> Status:

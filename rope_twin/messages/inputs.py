@@ -61,10 +61,10 @@ def encode_order(stamp_ns: int, order: Order, winch: str = "winch") -> tuple[str
     return topic, _joint(winch, field).fill({**values, field: (order.value,)})
 
 
-def encode_cut(stamp_ns: int, below_m: float) -> tuple[str, bytes]:
-    """Topic and message of a cut so far below the hang-off; a stamp of 0 means at once."""
+def encode_cut(stamp_ns: int, below_m: float, rope: str = "") -> tuple[str, bytes]:
+    """Topic and message of a cut so far below the upper end; a stamp of 0 means at once."""
     values = {**_stamp(stamp_ns), "position": (below_m,)}
-    return CUT_TOPIC, _joint("rope", "position").fill(values)
+    return CUT_TOPIC, _joint(rope or "rope", "position").fill(values)
 
 
 def encode_epoch(epoch_ns: int) -> bytes:

@@ -85,8 +85,8 @@ _VALUES = {  # what the one value is called in the plural, and what it is
 }
 
 
-def read_cut(data: bytes) -> tuple[int | None, float]:
-    """ROS stamp [ns] (None: at once) and place, below the hang-off [m], of a rope/cut message.
+def read_cut(data: bytes) -> tuple[int | None, float, str]:
+    """ROS stamp [ns] (None: at once), place below the upper end [m] and rope of a rope/cut message.
 
     Raises:
         InputError: if the bytes are no such message, its stamp is no time, or it does not carry
@@ -97,7 +97,8 @@ def read_cut(data: bytes) -> tuple[int | None, float]:
     if len(message.position) != 1:
         right = "there must be exactly one, the rope between hang-off and cut"
         raise InputError(phrase(CUT_TOPIC, f"{len(message.position)} positions", right))
-    return stamp_ns or None, float(message.position[0])
+    rope = str(message.name[0]) if len(message.name) else ""
+    return stamp_ns or None, float(message.position[0]), rope
 
 
 def read_current(data: bytes) -> NDArray[np.float64]:

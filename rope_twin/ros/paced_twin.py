@@ -163,8 +163,9 @@ class PacedTwin:
         """A rope/cut message; as offer_heave."""
         said = self._read(CUT_TOPIC, lambda: read_cut(data))
         if said is not None and (epoch_ns := self._epoch()) is not None:
-            stamp_ns, below_m = said
-            self.twin.offer_cut(None if stamp_ns is None else stamp_ns - epoch_ns, below_m)
+            stamp_ns, below_m, rope = said
+            at_ns = None if stamp_ns is None else stamp_ns - epoch_ns
+            self.twin.offer_cut(at_ns, below_m, rope)
 
     def offer_current(self, data: bytes) -> None:
         """A `current` message (it has no stamp and holds from now on); as offer_heave."""

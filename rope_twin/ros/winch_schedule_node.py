@@ -57,7 +57,8 @@ class WinchScheduleNode(FeedingNode):
     def publish_stretch(self, epoch_ns: int, from_ns: int, to_ns: int) -> None:
         """Publish the commands of a stretch of twin time, unless someone else commands."""
         if self._cut is not None and from_ns <= self._cut.at_ns < to_ns:
-            self.send(*encode_cut(epoch_ns + self._cut.at_ns, self._cut.below_m))
+            cut = self._cut
+            self.send(*encode_cut(epoch_ns + cut.at_ns, cut.below_m, cut.rope))
         if self._winches and not self.yielded and (others := self._other_commanders()):
             self.yielded = True
             self.get_logger().warning(

@@ -9,7 +9,10 @@ from rope_twin.errors import InputError, phrase
 
 LEAST_M = 1.0  # of rope that stays at the hang-off, and on what is at the lower end
 AT_LOWER_END = math.inf  # as a place: as near to the lower end as can be
-_FORM = "write PLACE@SECONDS: metres below the hang-off, or end, and twin time, like 1500@30"
+_FORM = (
+    "write PLACE@SECONDS: metres below the hang-off, or end, and twin time, like 1500@30, or "
+    "leg:4@30 where ropes meet"
+)
 
 
 class PlannedCut(NamedTuple):
@@ -17,17 +20,19 @@ class PlannedCut(NamedTuple):
 
     at_ns: int  # twin time
     below_m: float  # unstretched rope between hang-off and cut; infinite: at the lower end
+    rope: str = ""  # its name, where several meet; without one the first
 
 
 def read_plan(words: str) -> PlannedCut | None:
-    """A cut from PLACE@SECONDS, as `1500@30` or `end@30`; None of no words.
+    """A cut from PLACE@SECONDS, as `1500@30`, `end@30` or `leg:4@30`; None of no words.
 
     Raises:
         InputError: the words are no plan.
     """
     if not words:
         return None
-    place, _, time = words.partition("@")
+    name, _, rest = words.rpartition(":")
+    place, _, time = rest.partition("@")
     try:
         below_m = AT_LOWER_END if place.strip() == "end" else float(place)
         at_s = float(time)
@@ -37,4 +42,4 @@ def read_plan(words: str) -> PlannedCut | None:
         what = f"at {at_s:g} s, {below_m:g} m below the hang-off is not possible"
         right = f"the time is 0 or later, and at least {LEAST_M:g} m of rope hang on"
         raise InputError(phrase(f"cut {words}", what, right))
-    return PlannedCut(round(at_s * 1e9), below_m)
+    return PlannedCut(round(at_s * 1e9), below_m, name.strip())

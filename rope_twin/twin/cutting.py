@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.scene.body_rules import body_of
-from rope_twin.scene.rigging_rules import is_joined
+from rope_twin.scene.rigging_rules import is_joined, winch_of
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.shedding import shedding_model
 from rope_twin.twin.cut_plan import AT_LOWER_END, LEAST_M, PlannedCut, read_plan
 from rope_twin.twin.health import InputCounter
 from rope_twin.twin.snapshot import CutShot, InputHealth
 
+ANY = "rope"  # of a message that names none
 AHEAD_NS = 10_000_000_000  # a stamp farther in the future is a clock that is wrong
 
 
@@ -27,7 +29,11 @@ def plan_for(scene: Scene, words: str) -> PlannedCut | None:
         return None
     if why := _why_not(scene):
         raise InputError(phrase(f"cut {words}", why, "run another scene for that"))
-    most = scene.winch.most_line_out_m if scene.winch else scene.ropes[0].length_m
+    if wrong := _unknown(scene, plan.rope):
+        raise InputError(phrase(f"cut {words}", *wrong))
+    line = scene.ropes[rope_called(scene, plan.rope)]
+    winch = winch_of(scene, line)
+    most = winch.most_line_out_m if winch else line.length_m
     if most < plan.below_m < AT_LOWER_END:
         what = f"this rope is never longer than {most:g} m"
         raise InputError(phrase(f"cut {words}", what, f"give up to {most - LEAST_M:g} m, or end"))
@@ -41,16 +47,20 @@ class CutInput:
         self.counter = InputCounter("cut")
         self.done: CutShot | None = None
         self._whole = _why_not(scene)  # why this rope cannot be cut at all
-        self._waiting: tuple[int, float] | None = None  # due at [ns], metres below the hang-off
+        self._scene = scene
+        # due at [ns], metres below the upper end, which rope
+        self._waiting: tuple[int, float, int] | None = None
 
-    def offer(self, stamp_ns: int | None, below_m: float, now_ns: int) -> str:
-        """Cut so far below the hang-off, unstretched (None: at once); "" or the refusal."""
+    def offer(self, stamp_ns: int | None, below_m: float, now_ns: int, rope: str = "") -> str:
+        """Cut so far below the upper end, unstretched (None: at once); "" or the refusal."""
         fault = self._fault(stamp_ns, below_m, now_ns)
+        if fault is None and (wrong := _unknown(self._scene, rope)):
+            fault = "impossible", *wrong
         if fault is not None:
             kind, what, right = fault
             return self.counter.refuse(kind, phrase("cut", what, right))
         at_ns = now_ns if stamp_ns is None else stamp_ns
-        self._waiting = at_ns, float(below_m)
+        self._waiting = at_ns, float(below_m), rope_called(self._scene, rope)
         self.counter.accept(at_ns)
         return ""
 
@@ -60,14 +70,16 @@ class CutInput:
             return steps
         return min(steps, max(1, -(-(self._waiting[0] - now_ns) // step_ns)))
 
-    def take(self, now_ns: int, line_out_m: float) -> float | None:
-        """Length of the lower part [m] if the rope is to be cut now, else None.
+    def take(self, now_ns: int, length_m: Callable[[int], float]) -> tuple[float, int] | None:
+        """Length of the lower part [m] and which rope if one is to be cut now, else None.
 
-        A place where there is no rope by then is refused: the rope stays whole.
+        length_m: of a rope, unstretched. A place where there is no rope by then is refused: the
+        rope stays whole.
         """
         if self._waiting is None or self._waiting[0] > now_ns:
             return None
-        below_m, self._waiting = self._waiting[1], None
+        _, below_m, rope = self._waiting
+        self._waiting, line_out_m = None, length_m(rope)
         most = line_out_m - LEAST_M
         if below_m == AT_LOWER_END:
             below_m = most
@@ -76,7 +88,7 @@ class CutInput:
             right = f"right are {LEAST_M:g} to {most:.1f} m, or the lower end; the rope is whole"
             self.counter.refuse("impossible", phrase("cut", what, right))
             return None
-        return line_out_m - below_m
+        return line_out_m - below_m, rope
 
     def health(self, now_ns: int) -> dict[str, InputHealth]:
         """What became of the orders; empty while none has come."""
@@ -107,9 +119,23 @@ class CutInput:
         return None
 
 
+def rope_called(scene: Scene, name: str) -> int:
+    """The number of the rope of this name; without one, or where there is one only, the first."""
+    names = [line.name for line in scene.ropes]
+    return names.index(name) if is_joined(scene) and name in names else 0
+
+
+def _unknown(scene: Scene, name: str) -> tuple[str, str] | None:
+    """What is wrong with a rope's name, and what would be right."""
+    names = [line.name for line in scene.ropes]
+    if name in ("", ANY, *names):
+        return None
+    return f"there is no rope '{name}'", did_you_mean(name, names)
+
+
 def _why_not(scene: Scene) -> str:
-    if is_joined(scene):
-        return "ropes meet in this scene, and only a rope by itself can be cut so far"
+    if scene.sheaves:
+        return "rope runs over a sheave in this scene, and no rope of such a one can be cut so far"
     if model := shedding_model(scene):
         return f"this scene lists `{model}`, and the wake of a rope that is cut is not known"
     if body_of(scene) is not None:

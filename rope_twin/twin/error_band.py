@@ -108,7 +108,7 @@ class BandedTwin(Twin):
         twin._open_band(resting=False)
         return twin
 
-    def offer_cut(self, stamp_ns: int | None, below_m: float) -> str:
+    def offer_cut(self, stamp_ns: int | None, below_m: float, rope: str = "") -> str:
         """Refused: the companion cannot follow."""
         right = "cut it in a run without an error band"
         return phrase("cut", "the error band's companion rope cannot be cut with it", right)

@@ -30,6 +30,7 @@ from rope_twin.twin.hang_off import Moves
 from rope_twin.twin.hoisting.feel import Course, feel
 from rope_twin.twin.hoisting.line import Felt
 from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.joined_cut import advance_in_pieces, scene_of_parts, sever_joined
 from rope_twin.twin.joined_shot import (
     LinesOut,
     SystemNow,
@@ -41,6 +42,7 @@ from rope_twin.twin.joined_shot import (
 )
 from rope_twin.twin.line_watch import report_on
 from rope_twin.twin.saved_state import changing_parts
+from rope_twin.twin.severing import Place
 from rope_twin.twin.snapshot import InputHealth, Snapshot
 from rope_twin.twin.start import judge_start, no_garbage_collection
 from rope_twin.twin.winch import winch_of_rope
@@ -70,6 +72,7 @@ class JoinedRopes:
         self._boundary.value[:, :, : rows.LINE] = np.nan_to_num(self._hang_offs)[:, None]
         self._boundary.value[:, :, rows.LINE] = [[line.length_m] for line in scene.ropes]
         self._pull = np.zeros((len(scene.ropes), rows.PULL_COLUMNS))
+        self._severed = self._fresh = False  # a rope was cut, and no step was done since
 
     def find_start(self) -> Floats:
         """Bring the ropes to rest, compiling everything on the way; the first one's pull.
@@ -160,12 +163,58 @@ class JoinedRopes:
         for table, given in zip(own, boundary, strict=True):
             table[0] = given[: steps + 1]
         pull = np.zeros((len(self._numbers), steps, rows.PULL_COLUMNS))
-        done = advance_joined(self._system(first), own, pull, time, steps)
+        done = self._advance(self._system(first), own, time, pull)
         pulls[:] = pull[0]
         if done:
             self._pull = pull[:, done - 1].copy()
         self.first = first
         return done
+
+    def _advance(self, system: System, own: Boundary, time: float, pull: Floats) -> int:
+        """Step all; the first step after a cut in pieces."""
+        if not self._fresh:
+            return advance_joined(system, own, pull, time, pull.shape[1])
+        begun = advance_in_pieces(system, Boundary(*(table[:, :2] for table in own)), time)
+        if begun is None:
+            return 0
+        pull[:, :1] = begun
+        self._fresh, steps = False, pull.shape[1] - 1
+        if steps == 0:
+            return 1
+        after, rest = Boundary(*(table[:, 1:].copy() for table in own)), pull[:, 1:].copy()
+        done = advance_joined(system, after, rest, time + system.ropes[0].model.step, steps)
+        pull[:, 1:] = rest
+        return 1 + done
+
+    def part(self, first: Rope, border: Boundary, place: Place) -> tuple[JoinedRopes, float]:
+        """Cut a rope; itself, with the lower part as one rope more, and how long that is [m]."""
+        r = place.rope
+        now = Boundary(*(table[:, :1].copy() for table in self._boundary))
+        for table, given in zip(now, border, strict=True):
+            table[0, 0] = given[0]
+        system, lost_m = sever_joined(self._system(first), now, place)
+        self.first, self._ropes = system.ropes[0], system.ropes[1:]
+        self._severed = self._fresh = True
+        self._joints, self._stack = system.joints, system.stack
+        self._scene = scene_of_parts(self._scene, r, lost_m)
+        self._owners |= {name: len(self._ropes) for name, own in self._owners.items() if own == r}
+        self._hang_offs = np.vstack([self._hang_offs, np.full(3, np.nan)])
+        self._winches += (winch_of_rope(self._scene, self._scene.ropes[-1]),)
+        self._boundary = Boundary(*(np.vstack([one, one[-1:]]) for one in self._boundary))
+        self._boundary.value[-1], self._boundary.rate[-1] = 0.0, 0.0
+        self._boundary.value[-1, :, rows.LINE] = lost_m
+        self._boundary.value[r, :, rows.LINE] -= lost_m
+        self._pull = np.vstack([self._pull, np.zeros(rows.PULL_COLUMNS)])
+        return self, lost_m
+
+    def length_m(self, r: int) -> float:
+        """Unstretched length of a rope but the first [m]."""
+        state = self._rope(r).state
+        return float(state.s[state.counts[rows.ELEMENTS]])
+
+    def lose(self, r: int, lost_m: float, left_m: float) -> None:
+        """Tell the winch of a rope but the first that so much was cut off, and so much hangs on."""
+        self._winches[r].lose(lost_m, left_m)
 
     def forget(self, done: int, prescribed: int) -> None:
         """Make the border after `done` steps the first one; so many after it are prescribed."""
@@ -223,6 +272,8 @@ class JoinedRopes:
             "joined/pull": self._pull,
             "joined/winches": self._winches,
         }
+        if self._severed:
+            kept["joined/fresh"], kept["rope/model"] = self._fresh, self.first.model
         if self._lines is not None:
             kept["joined/lines"] = self._lines.known()
         for r, rope in enumerate(self._ropes, start=1):
@@ -238,6 +289,7 @@ class JoinedRopes:
         self._joints.ties[PULL] = values.pop("joined/pulls of struts")
         self._boundary = values.pop("joined/boundary")
         self._pull, self._winches = values.pop("joined/pull"), values.pop("joined/winches")
+        self._fresh = bool(values.pop("joined/fresh", False))
         if self._lines is not None:
             self._lines.take_back(values.pop("joined/lines"))
         ropes = []
@@ -246,6 +298,8 @@ class JoinedRopes:
             ropes.append(rope._replace(**parts))
             self._tension(ropes[-1])[:] = values.pop(f"joined/{r}/tension")
         self._ropes = tuple(ropes)
+        for r in self._numbers:  # a cut moves the ends of sections
+            self._stack.sections[r, :, : self._rope(r).sections.shape[1]] = self._rope(r).sections
 
     @property
     def _numbers(self) -> range:

@@ -127,9 +127,9 @@ class AccountedTwin(Twin):
     def _opened(self) -> Ledger:
         return Ledger(self.time_ns * 1e-9, self._measured())
 
-    def _sever(self, lost_m: float) -> float:
+    def _sever(self, lost_m: float, rope: int = 0) -> float:
         """As for a twin; a cut is no step: what it changes is left to the residual."""
-        lost_m = super()._sever(lost_m)
+        lost_m = super()._sever(lost_m, rope)
         self._ledger.begin_anew_at(self._measured())
         return lost_m
 

@@ -31,5 +31,13 @@ class NoOtherWinch:
     ) -> None:
         """Nothing."""
 
+    def length_m(self, r: int) -> float:
+        """There is no other rope."""
+        raise RuntimeError(f"there is no rope {r}: this scene has one")
+
+    def lose(self, r: int, lost_m: float, left_m: float) -> None:
+        """There is no other rope."""
+        raise RuntimeError(f"there is no rope {r}: this scene has one")
+
     def forget(self, done: int, prescribed: int) -> None:
         """Nothing."""

@@ -26,7 +26,7 @@ from rope_twin.twin.bare_end import is_at_end
 from rope_twin.twin.contact import bed_contact
 from rope_twin.twin.no_other_winch import NoOtherWinch
 from rope_twin.twin.saved_state import changing_parts
-from rope_twin.twin.severing import refresh_tension, step_free, without_beyond
+from rope_twin.twin.severing import Place, refresh_tension, step_free, without_beyond
 from rope_twin.twin.snapshot import (
     BedContact,
     PayloadShot,
@@ -37,7 +37,7 @@ from rope_twin.twin.snapshot import (
 )
 
 _WHOLE = (0.0, 1.0)
-_DOUBLING = (0.0, *(0.5**k for k in range(8, -1, -1)))  # parts of a step
+DOUBLING = (0.0, *(0.5**k for k in range(8, -1, -1)))  # parts of a step
 
 
 class PartedRopes(NoOtherWinch):
@@ -54,6 +54,10 @@ class PartedRopes(NoOtherWinch):
     def find_start(self) -> Floats:
         """A rope that is cut does not begin at rest."""
         raise RuntimeError("a rope is cut on the way, not at the start")
+
+    def part(self, first: Rope, border: Boundary, place: Place) -> tuple[PartedRopes, float]:
+        """A rope is cut once."""
+        raise RuntimeError("the rope is cut already")
 
     def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
         """Step both parts, one step after another; neither goes on without the other."""
@@ -72,8 +76,8 @@ class PartedRopes(NoOtherWinch):
         for kept, state in both:
             _copy(state, kept)
         h, lower = first.model.step, self._lower
-        parts = _DOUBLING if self._fresh else _WHOLE
-        value, rate = _borders(border, parts, h)
+        parts = DOUBLING if self._fresh else _WHOLE
+        value, rate = borders_at(border, parts, h)
         pulls = np.zeros((1, rows.PULL_COLUMNS))
         for k, (begin, end) in enumerate(pairwise(parts)):
             now, piece = time + begin * h, (end - begin) * h
@@ -192,7 +196,7 @@ def _copy(source: State, target: State) -> None:
         mine[...] = other
 
 
-def _borders(border: Boundary, parts: tuple[float, ...], h: float) -> tuple[Floats, Floats]:
+def borders_at(border: Boundary, parts: tuple[float, ...], h: float) -> tuple[Floats, Floats]:
     """Prescribed motion at these parts of a step, by the cubic of `core.motion`."""
     if len(parts) == 2:
         return border.value, border.rate

@@ -15,10 +15,13 @@ from rope_twin.core.step import advance
 from rope_twin.scene.build import build
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
+from rope_twin.twin.bare_end import without_load
 from rope_twin.twin.hang_off import Moves
 from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.joined import JoinedRopes
 from rope_twin.twin.no_other_winch import NoOtherWinch
+from rope_twin.twin.parted import PartedRopes
+from rope_twin.twin.severing import Place, sever
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.start import find_start
 
@@ -54,6 +57,19 @@ class Ropes(Protocol):
     def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
         """Step; boundary, pulls: of the first rope. As core's `advance`."""
 
+    def part(self, first: Rope, border: Boundary, place: Place) -> tuple[Ropes, float]:
+        """Cut a rope; what goes on, and how long the lower part is [m].
+
+        border: of the first one, now in row 0. `first` of what goes on is the first rope then.
+        Raises SolverError.
+        """
+
+    def length_m(self, r: int) -> float:
+        """Unstretched length of a rope but the first [m]."""
+
+    def lose(self, r: int, lost_m: float, left_m: float) -> None:
+        """Tell the winch of a rope but the first how much was cut off, and how much hangs on."""
+
     def forget(self, done: int, prescribed: int) -> None:
         """Make the border after `done` steps the first one; so many after it are prescribed."""
 
@@ -87,6 +103,11 @@ class OneRope(NoOtherWinch):
     def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
         """Step it."""
         return advance(first, boundary, pulls, time, len(pulls))
+
+    def part(self, first: Rope, border: Boundary, place: Place) -> tuple[Ropes, float]:
+        """Cut it."""
+        parts = sever(first, border, place, without_load(first.effects))
+        return PartedRopes(self._scene, parts.upper, parts.lower), parts.lost_m
 
     def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
         """Of the one rope."""

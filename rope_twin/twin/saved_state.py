@@ -57,6 +57,7 @@ class About:
     halvings: int = 0  # how often the scene's elements were halved
     cut_lost_m: float = 0.0  # unstretched rope that a cut took; 0: none
     cut_left_m: float = 0.0  # and what hung on then
+    cut_rope: str = ""  # which one, where several meet
     failure: str = ""  # why the solver could not go on from here
 
 

@@ -86,6 +86,7 @@ class Place(NamedTuple):
     at_m: float  # unstretched length of the part below the cut
     least_m: float  # how short the winch may haul the part above
     time: float  # now [s]
+    rope: int = 0  # which one, where several meet
 
 
 def sever(rope: Rope, border: Boundary, place: Place, bare: tuple[Any, ...]) -> Severed:
@@ -101,12 +102,12 @@ def sever(rope: Rope, border: Boundary, place: Place, bare: tuple[Any, ...]) -> 
         SolverError: the forces at a new end are not finite.
     """
     V = float(border.rate[0, rows.LINE])
-    nodes, k = _nodes_of(rope, V).with_node_at(place.at_m)
+    nodes, k = nodes_of(rope, V).with_node_at(place.at_m)
     lost = float(nodes.s[k])
-    for above in _divided(nodes.s[k:] - lost, place.least_m):
+    for above in divided(nodes.s[k:] - lost, place.least_m):
         nodes, _ = nodes.with_node_at(lost + above)
     nodes.motion[:, -1] = rope.state.nodes[:, len(rope_s(rope)) - 1]
-    upper = _upper(rope, nodes, k, bare)
+    upper = upper_part(rope, nodes, k, bare)
     lower = _lower(rope, nodes, k)
     held = border.value[0].copy()
     held[rows.LINE] -= lost
@@ -159,7 +160,7 @@ def refresh_tension(rope: Rope, payout_m_per_s: float) -> None:
     rope.work[rows.TENSION, :n] = tensions(rope, now, rope.state.offset[:n])
 
 
-def _nodes_of(rope: Rope, V: float) -> Nodes:
+def nodes_of(rope: Rope, V: float) -> Nodes:
     """Of the material: at the hang-off the rope passes with v - V·(its vector over l_rest)."""
     s = rope_s(rope).copy()
     n = len(s) - 1
@@ -168,7 +169,7 @@ def _nodes_of(rope: Rope, V: float) -> Nodes:
     return Nodes(motion, s, rope.state.offset[:n].copy(), rope.work[rows.TENSION, :n].copy())
 
 
-def _divided(s: Floats, least_m: float) -> list[float]:
+def divided(s: Floats, least_m: float) -> list[float]:
     """Nodes in the lowest element, as in a whole rope that the winch hauls in so far.
 
     The uppermost element shrinks at the sheave and must not be the lowest one too.
@@ -178,7 +179,7 @@ def _divided(s: Floats, least_m: float) -> list[float]:
     return [at for at in wanted if at < (1.0 - NEAR) * s[1]]
 
 
-def _upper(rope: Rope, nodes: Nodes, k: int, bare: tuple[Any, ...]) -> Rope:
+def upper_part(rope: Rope, nodes: Nodes, k: int, bare: tuple[Any, ...]) -> Rope:
     """What hangs on; sections that are gone end below its lower end."""
     sections = rope.sections.copy()
     sections[rows.END] -= nodes.s[k]
@@ -187,6 +188,15 @@ def _upper(rope: Rope, nodes: Nodes, k: int, bare: tuple[Any, ...]) -> Rope:
     state.health[:] = rope.state.health
     model = rope.model._replace(first_free=0)
     return _filled(rope._replace(model=model, sections=sections, effects=bare), state, part)
+
+
+def falling_part(rope: Rope, nodes: Nodes, k: int) -> Rope:
+    """What is below node k, as it is; no element of it splits or merges."""
+    motion, s = nodes.motion[:, : k + 1], nodes.s[: k + 1]
+    part = Nodes(motion, s, nodes.offset[:k], nodes.tension[:k])
+    state = _state(part, rope.state.s.shape[0] + SPARE)
+    model = rope.model._replace(split_above=np.inf, merge_below=0.0)
+    return _filled(rope._replace(model=model, sections=rope.sections.copy()), state, part)
 
 
 def _lower(rope: Rope, nodes: Nodes, k: int) -> Rope:

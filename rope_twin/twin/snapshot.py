@@ -103,6 +103,7 @@ class CutShot:
     at_s: float  # twin time
     left_m: float  # unstretched rope that hung on below the hang-off then
     lost_m: float  # unstretched length of the lower part
+    rope: str = ""  # which one, where several meet
 
 
 @dataclass(frozen=True)

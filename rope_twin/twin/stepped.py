@@ -16,20 +16,18 @@ from rope_twin.core import state as rows
 from rope_twin.errors import SolverError, StateError, phrase
 from rope_twin.scene.body_rules import refuse_body
 from rope_twin.scene.card import KnownError, known_error
-from rope_twin.scene.rigging_rules import refuse_joined
+from rope_twin.scene.rigging_rules import is_joined, refuse_joined, winch_of
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.shedding import refuse_shedding
-from rope_twin.twin.bare_end import without_load
 from rope_twin.twin.body import with_body
 from rope_twin.twin.contact import bed_contact
 from rope_twin.twin.observe import Extremes, Observation, RunStatistics, observe
-from rope_twin.twin.parted import PartedRopes
 from rope_twin.twin.prescribed import Inputs, Prescribed, Present
 from rope_twin.twin.regrid import HangOff
 from rope_twin.twin.ropes import ropes_of
 from rope_twin.twin.rung import Rung
 from rope_twin.twin.rungs import Base, carry_over, error_at, top_rung
-from rope_twin.twin.severing import Place, sever
+from rope_twin.twin.severing import Place
 from rope_twin.twin.snapshot import CutShot, Snapshot
 from rope_twin.twin.told import ToldTwin
 
@@ -124,9 +122,9 @@ class SteppedTwin(ToldTwin):
         """Step on as far as inputs tell without a look at the rope; how many steps that was."""
         began = time.perf_counter()
         with self._lock:
-            lost_m = self._cut.take(self.time_ns, float(self._boundary.value[0, rows.LINE]))
-            if lost_m is not None:
-                self._part(lost_m)
+            taken = self._cut.take(self.time_ns, self._length_m)
+            if taken is not None:
+                self._part(*taken)
             steps = self._cut.steps_before(self.time_ns, self.step_ns, steps)
             told = Inputs(self._heave, self._winch, self._ropes)
             now = Present(self.time_ns, self.step_ns, self._rope, float(self._pull[rows.PULL]))
@@ -158,28 +156,38 @@ class SteppedTwin(ToldTwin):
         self._ahead.forget(done)
         self._ropes.forget(done, self._ahead.steps)
 
-    def _part(self, lost_m: float) -> None:
-        """Cut the rope here and now, so far above its lower end [m], or at a node close by."""
-        lost_m = self._sever(lost_m)
-        self._lose(lost_m, float(self._boundary.value[0, rows.LINE]))
+    def _length_m(self, rope: int) -> float:
+        """Unstretched length of a rope now [m]."""
+        if rope > 0:
+            return self._ropes.length_m(rope)
+        return float(self._boundary.value[0, rows.LINE])
 
-    def _lose(self, lost_m: float, left_m: float) -> None:
-        """Note that the rope was cut now."""
-        self._winch.lose(lost_m, left_m)
-        self._cut.done = CutShot(self.time_ns * 1e-9, left_m, lost_m)
+    def _part(self, lost_m: float, rope: int) -> None:
+        """Cut a rope here and now, so far above its lower end [m], or at a node close by."""
+        lost_m = self._sever(lost_m, rope)
+        self._lose(lost_m, self._length_m(rope), rope)
 
-    def _sever(self, lost_m: float) -> float:
-        """Go on with the rope in two; how much of it is below the cut [m]."""
+    def _lose(self, lost_m: float, left_m: float, rope: int) -> None:
+        """Note that a rope was cut now."""
+        if rope == 0:
+            self._winch.lose(lost_m, left_m)
+        else:
+            self._ropes.lose(rope, lost_m, left_m)
+        name = self.scene.ropes[rope].name if is_joined(self.scene) else ""
+        self._cut.done = CutShot(self.time_ns * 1e-9, left_m, lost_m, name)
+
+    def _sever(self, lost_m: float, rope: int = 0) -> float:
+        """Go on with a rope in two; how much of it is below the cut [m]."""
         whole, now_s = self._rope._replace(effects=self._current.effects), self.time_ns * 1e-9
-        winch = self.scene.winch
-        place = Place(lost_m, winch.least_line_out_m if winch else math.inf, now_s)
-        parts = sever(whole, self._boundary, place, without_load(whole.effects))
-        self._rope = parts.upper
-        self._ropes = PartedRopes(self.scene, parts.upper, parts.lower)
-        self._current.effects = parts.upper.effects
-        self._boundary.value[:, rows.LINE] -= parts.lost_m
+        winch = winch_of(self.scene, self.scene.ropes[rope])
+        place = Place(lost_m, winch.least_line_out_m if winch else math.inf, now_s, rope)
+        self._ropes, lost_m = self._ropes.part(whole, self._boundary, place)
+        self._rope = self._ropes.first
+        self._current.effects = self._rope.effects
+        if rope == 0:
+            self._boundary.value[:, rows.LINE] -= lost_m
         self._card_error = KnownError(words="unknown: the rope was cut")
-        return parts.lost_m
+        return lost_m
 
     def statistics(self) -> RunStatistics:
         """The run so far."""

@@ -62,13 +62,14 @@ class ToldTwin:
         with self._lock:
             return self._current.offer(profile, self.time_ns)
 
-    def offer_cut(self, stamp_ns: int | None, below_m: float) -> str:
-        """Cut the rope so far below the hang-off (stamp None: at once); "" or the refusal.
+    def offer_cut(self, stamp_ns: int | None, below_m: float, rope: str = "") -> str:
+        """Cut a rope so far below its upper end (stamp None: at once); "" or the refusal.
 
-        below_m: unstretched [m]; infinite: as near to the lower end as can be.
+        below_m: unstretched [m]; infinite: as near to the lower end as can be. rope: its name,
+        where several meet; without one it is the first.
         """
         with self._lock:
-            return self._cut.offer(stamp_ns, below_m, self.time_ns)
+            return self._cut.offer(stamp_ns, below_m, self.time_ns, rope)
 
     @property
     def cut(self) -> CutShot | None:

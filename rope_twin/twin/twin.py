@@ -15,6 +15,7 @@ from rope_twin.core import state as rows
 from rope_twin.errors import SolverError, StateError
 from rope_twin.scene.schema import Scene
 from rope_twin.twin import saved_state
+from rope_twin.twin.cutting import rope_called
 from rope_twin.twin.saved_state import About, SavedState
 from rope_twin.twin.stepped import SteppedTwin
 
@@ -82,8 +83,9 @@ class Twin(SteppedTwin):
         if (rung := state.rung) != twin.rung:
             twin.take_rung(rung)
         if (lost_m := state.about.cut_lost_m) > 0.0:  # wherever: what is there is taken back
-            twin._sever(0.5 * float(twin._boundary.value[0, rows.LINE]))
-            twin._lose(lost_m, state.about.cut_left_m)
+            rope = rope_called(scene, state.about.cut_rope)
+            twin._sever(0.5 * twin._length_m(rope), rope)
+            twin._lose(lost_m, state.about.cut_left_m, rope)
         values = state.restore_into(twin._changing())
         twin._rope = twin._rope._replace(
             **{name: values.pop(f"rope/{name}") for name in saved_state.changing_parts(twin._rope)},
@@ -123,6 +125,7 @@ class Twin(SteppedTwin):
             payload_position_m=tuple(payload.tolist()),
             cut_lost_m=cut.lost_m if cut else 0.0,
             cut_left_m=cut.left_m if cut else 0.0,
+            cut_rope=cut.rope if cut else "",
         )
         with self._lock:
             return saved_state.take(self._changing(), about, self.scene)

@@ -128,10 +128,10 @@ class WatchedTwin(Twin):
             )
             self._tracker = tracker
 
-    def _sever(self, lost_m: float) -> float:
+    def _sever(self, lost_m: float, rope: int = 0) -> float:
         """As for a twin; what is left of the rope shakes anew."""
         self._tracker, self._hz = None, 0.0
-        return super()._sever(lost_m)
+        return super()._sever(lost_m, rope)
 
     def _advance_some(self, steps: int) -> int:
         due = self._every - self._steps % self._every

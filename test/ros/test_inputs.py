@@ -39,8 +39,8 @@ def test_an_order_comes_back_and_stamp_zero_means_at_once(order: Order) -> None:
 def test_a_cut_comes_back_and_stamp_zero_means_at_once(below_m: float) -> None:
     topic, data = encode_cut(1_234_567_890, below_m)
     assert topic == CUT_TOPIC
-    assert read_cut(data) == (1_234_567_890, below_m)
-    assert read_cut(encode_cut(0, below_m)[1]) == (None, below_m)
+    assert read_cut(data) == (1_234_567_890, below_m, "rope")
+    assert read_cut(encode_cut(0, below_m, "leg")[1]) == (None, below_m, "leg")
 
 
 def test_a_cut_without_a_place_gets_one_sentence() -> None:

@@ -236,13 +236,16 @@ def test_a_place_where_there_is_no_rope_by_then_leaves_it_whole(scene: Scene) ->
     assert "cut already" in twin.offer_cut(None, 20.0)
 
 
-def test_where_ropes_meet_or_vortices_are_shed_none_is_cut() -> None:
-    for name, words in (("two_line_lift", "ropes meet"), ("curved_pipe", "`wake_oscillator`")):
+def test_where_rope_runs_over_a_sheave_or_sheds_vortices_none_is_cut() -> None:
+    for name, words in (
+        ("two_line_loop", "runs over a sheave"),
+        ("curved_pipe", "`wake_oscillator`"),
+    ):
         assert words in CutInput(load_scene(name)).offer(None, 20.0, 0)
 
 
 def test_a_plan_that_cannot_come_true_is_refused_before_a_run(scene: Scene) -> None:
-    for name, words in (("two_line_lift", "ropes meet"), ("curved_pipe", "`wake_oscillator`")):
+    for name, words in (("two_line_loop", "a sheave"), ("curved_pipe", "`wake_oscillator`")):
         with pytest.raises(InputError, match=words):
             plan_for(load_scene(name), "20@3")
     with pytest.raises(InputError, match=r"never longer than 400 m; give up to 399 m, or end"):
@@ -289,6 +292,7 @@ def test_a_plan_is_a_place_and_a_time() -> None:
     assert read_plan("") is None
     assert read_plan("1500@30") == PlannedCut(30_000_000_000, 1500.0)
     assert read_plan("end@0.5") == PlannedCut(500_000_000, math.inf)
+    assert read_plan("leg_port:4@3") == PlannedCut(3_000_000_000, 4.0, "leg_port")
     for words in ("1500", "@3", "a@3", "1500@", "nan@3", "0.1@3", "20@-1", "20@inf"):
         with pytest.raises(InputError, match="cut"):
             read_plan(words)

@@ -174,7 +174,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default="",
         metavar="PLACE@SECONDS",
         help="cut the rope so many metres below the hang-off, or at its lower end (end), at this "
-        "twin time; both parts go on",
+        "twin time; both parts go on; where ropes meet NAME:PLACE@SECONDS cuts one of them",
     )
     add(
         "--vibration",

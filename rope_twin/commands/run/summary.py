@@ -58,7 +58,7 @@ class RunSummary:
     view: str | None = None
     state: str | None = None  # file with the saved state
     energy: dict[str, float] | None = None  # EnergyBalance.figures; None: not asked for
-    cut: dict[str, float] | None = None  # CutShot's figures; None: the rope is whole
+    cut: dict[str, Any] | None = None  # CutShot's figures; None: the rope is whole
     cut_refused: str = ""  # why a cut that was asked for was not made
     error_band: dict[str, float] | None = None  # TensionBand's figures; None: not asked for
     vibration: dict[str, float | str] | None = None  # where it is largest; None: not asked for

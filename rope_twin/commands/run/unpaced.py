@@ -138,10 +138,11 @@ class UnpacedRun:
                     self.twin.offer_order(at_ns, order, name)
                 messages.append((at_ns, *encode_order(self.epoch_ns + at_ns, order, name)))
         if self._cut is not None and self._offered_ns <= self._cut.at_ns < until_ns:
-            at_ns = self._cut.at_ns
+            cut = self._cut
+            at_ns = cut.at_ns
             if at_ns > self._known_ns.get("cut", FIRST_NS - 1):
-                self.twin.offer_cut(at_ns, self._cut.below_m)
-            messages.append((at_ns, *encode_cut(self.epoch_ns + at_ns, self._cut.below_m)))
+                self.twin.offer_cut(at_ns, cut.below_m, cut.rope)
+            messages.append((at_ns, *encode_cut(self.epoch_ns + at_ns, cut.below_m, cut.rope)))
         self._inputs.extend(sorted(messages, key=lambda message: message[0]))
         self._offered_ns = until_ns
 

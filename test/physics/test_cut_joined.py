@@ -1,0 +1,136 @@
+"""A cut where ropes meet: against one rope that is cut, and what must stay as it is."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_joint_effects import CUT, REST, WHOLE
+
+from rope_twin import Snapshot, Twin, load_scene
+from rope_twin.core import state as rows
+from rope_twin.core.state import Floats
+from rope_twin.errors import InputError
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.cut_plan import PlannedCut
+from rope_twin.twin.cutting import plan_for
+from rope_twin.twin.joined import JoinedRopes
+from rope_twin.twin.ledger import AccountedTwin
+
+
+@pytest.fixture(scope="module")
+def bridle() -> Scene:
+    return load_scene("bridle_lift")
+
+
+def heaved(twin: Twin, seconds: int) -> None:
+    """A heave of 0.3 m, known for so many seconds."""
+    for k in range(20 * seconds):
+        t = 0.05 * k
+        assert not twin.offer_heave(round(t * 1e9), 0.3 * math.sin(t), 0.3 * math.cos(t))
+
+
+def seen(scene: Path, text: str, rope: str) -> Floats:
+    """A rope of 8 m that pays out, cut 2 m below the hang-off at 2 s: top tension, load's place."""
+    scene.write_text(text + REST, encoding="utf-8")
+    twin, shots = Twin(load_scene(str(scene))), []
+    heaved(twin, 6)
+    assert not twin.offer_speed(None, 0.3)
+    assert not twin.offer_cut(2_000_000_000, 2.0, rope)
+    for _ in range(13):
+        twin.advance(50)
+        shot = twin.snapshot()
+        load = shot.payloads[-1].position_m if shot.payloads else shot.payload_position_m
+        shots.append([shot.tension_top_n, shot.line_out_m, *load])
+    assert twin.cut is not None
+    assert twin.cut.left_m == pytest.approx(2.0)
+    assert not twin.snapshot().doubtful
+    return np.array(shots)
+
+
+def test_a_rope_with_a_ring_is_cut_as_the_whole_rope(tmp_path: Path) -> None:
+    """Both parts, stepped apart there and together here, in heave, waves and splash zone.
+
+    A second on places differ by 4e-5 m, the solver's tolerance, which grows as the rope folds.
+    """
+    ring, whole = (
+        seen(tmp_path / "scene.yaml", text, rope) for text, rope in ((CUT, "hoist"), (WHOLE, ""))
+    )
+    after = slice(8, 13)
+    assert whole[after, 4].min() < whole[8, 4] - 2.0, "the load falls"
+    assert np.abs(ring[after, 0] - whole[after, 0]).max() < 5e-3, "newtons"
+    assert np.abs(ring[after, 2:] - whole[after, 2:]).max() < 1e-3
+
+
+def figures(twin: Twin) -> tuple[float, Floats]:
+    """Mass [kg] and momentum [N·s] of all rope."""
+    ropes = twin._ropes
+    assert isinstance(ropes, JoinedRopes)
+    mass, momentum = 0.0, np.zeros(3)
+    for rope in ropes._system(twin.rope).ropes:
+        n = int(rope.state.counts[rows.ELEMENTS])
+        half = 0.5 * rope.sections[rows.PER_METRE, 0] * np.diff(rope.state.s[: n + 1])
+        own = np.append(half, 0.0) + np.append(0.0, half)
+        mass += own.sum()
+        momentum += rope.state.nodes[rows.VELOCITY : rows.VELOCITY + 3, : n + 1] @ own
+    return mass, momentum
+
+
+@pytest.mark.parametrize(("number", "above_m"), [(0, 333.0), (1, 4.4), (4, 1.2)])
+def test_nothing_is_lost_at_the_cut(bridle: Scene, number: int, above_m: float) -> None:
+    """Mass and momentum of all rope, wherever it is cut; the new ends lie in one place."""
+    twin = Twin(bridle)
+    heaved(twin, 6)
+    twin.advance(400)
+    mass, momentum = figures(twin)
+    lost = twin._sever(above_m, number)
+    after, gone = figures(twin)
+    assert lost == pytest.approx(above_m, abs=0.1)
+    assert after == pytest.approx(mass, rel=1e-13)
+    np.testing.assert_allclose(gone, momentum, rtol=1e-10, atol=1e-9)
+    shot = twin.snapshot()
+    assert shot.ropes[-1].name == f"{bridle.ropes[number].name}/lower"
+    assert (shot.ropes[-1].node_position_m[0] == shot.ropes[number].node_position_m[-1]).all()
+
+
+def pulls(shot: Snapshot) -> dict[str, float]:
+    """Tension at the upper end of each rope [N]."""
+    return {rope.name: rope.tension_top_n for rope in shot.ropes}
+
+
+def test_what_a_cut_leg_held_hangs_on_the_other(bridle: Scene) -> None:
+    """All of the weight is on the other leg, the balance closes, and a saved run is the run."""
+    twin = AccountedTwin(bridle)
+    before = pulls(twin.snapshot())
+    assert not twin.offer_cut(1_000_000_000, 4.0, "leg_port")
+    twin.advance(150)
+    branch = AccountedTwin.restore(twin.capture(), bridle)
+    for one in (twin, branch):
+        one.advance(150)
+    shot, other = twin.snapshot(), branch.snapshot()
+    for rope, same in zip(shot.ropes, other.ropes, strict=True):
+        assert rope.node_position_m.tobytes() == same.node_position_m.tobytes()
+        assert rope.element_tension_n.tobytes() == same.element_tension_n.tobytes()
+    assert shot.cut == other.cut
+    assert shot.energy is not None
+    assert 0.0 <= shot.energy.residual_j < 5e-3 * shot.energy.exchanged_j
+    assert pulls(shot)["leg_port/lower"] < 1.0, "its upper end is free"
+    plain = Twin.restore(twin.capture(), bridle)
+    plain.advance(9_000)
+    after, two_legs = pulls(plain.snapshot()), 2.0 * before["leg_port"] * math.cos(math.pi / 6.0)
+    assert after["hoist"] == pytest.approx(before["hoist"], rel=0.01)
+    assert after["leg_starboard"] == pytest.approx(two_legs, rel=0.02)
+
+
+def test_each_rope_has_its_own_length_and_name(bridle: Scene) -> None:
+    """What cannot be is refused in a sentence, also before a run."""
+    twin = Twin(bridle)
+    said = twin.offer_cut(None, 3.0, "leg_prot")
+    assert "there is no rope 'leg_prot'; did you mean 'leg_port'?" in said
+    assert plan_for(bridle, "leg_port:4@3") == PlannedCut(3_000_000_000, 4.0, "leg_port")
+    with pytest.raises(InputError, match=r"never longer than 8 m; give up to 7 m, or end"):
+        plan_for(bridle, "leg_port:9@3")
+    with pytest.raises(InputError, match=r"there is no rope 'leg'"):
+        plan_for(bridle, "leg:4@3")
