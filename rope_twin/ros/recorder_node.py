@@ -1,7 +1,8 @@
 """The node that records every topic of the table, inputs too, byte for byte.
 
 The bytes go from the subscription to a queue; writing happens on the recorder's own thread. The
-log time is the publisher's own time of sending.
+log time is the publisher's own time of sending. On a machine that is too busy messages wait in the
+middleware: each call takes all that wait at its topic, and at the end all topics are emptied.
 """
 
 from __future__ import annotations
@@ -12,12 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from rclpy.clock import Clock, ClockType
-from rclpy.event_handler import SubscriptionEventCallbacks
 from rclpy.node import Node
 
 from rope_twin.errors import BagError
 from rope_twin.messages import Level, Status, encode_diagnostics
 from rope_twin.recording.recorder import BagRecorder
+from rope_twin.ros.arrivals import Arrivals
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import RecorderParams, declare
 from rope_twin.ros.qos import message_type, profile
@@ -34,9 +35,10 @@ class RecorderNode(Node):
         super().__init__("recorder", **node_options)
         self._params = declare(self, RecorderParams)
         self._recorder: BagRecorder | None = None
-        self._lost_on_the_way = 0
+        self._listening: dict[str, Any] = {}  # subscription by topic
+        self._arrivals = Arrivals()
+        self._unwritten = 0  # messages that came and could not be taken
         self._told = ""
-        self.received = 0
 
     def begin(self) -> None:
         """Make the bag and subscribe. Raises BagError if the bag cannot be made."""
@@ -44,13 +46,12 @@ class RecorderNode(Node):
         self._recorder = BagRecorder(directory, TOPICS)
         for topic in TOPICS:
             depth = 1 if topic.qos is Qos.LATCHED else _DEPTH
-            self.create_subscription(
+            self._listening[topic.name] = self.create_subscription(
                 message_type(topic),
                 topic.name,
                 self._taker(topic),
                 profile(topic.qos, depth),
                 raw=True,
-                event_callbacks=SubscriptionEventCallbacks(message_lost=self._on_lost),
             )
         diagnostics = BY_NAME["diagnostics"]
         self._diagnostics = self.create_publisher(
@@ -64,15 +65,32 @@ class RecorderNode(Node):
         """A recorder has no end of its own."""
         return False
 
+    @property
+    def received(self) -> int:
+        """Messages that have come so far."""
+        return self._arrivals.received
+
+    @property
+    def lost(self) -> int:
+        """Messages that were published and will not be in the bag, so far."""
+        if self._recorder is not None:
+            self._unwritten = self._recorder.health().lost
+        return self._arrivals.lost + self._unwritten
+
     def close(self) -> None:
-        """Write what is queued and end the bag; a disk that refuses is told in the log."""
-        recorder, self._recorder = self._recorder, None
-        if recorder is None:
+        """Take what waits, write what is queued and end the bag; what went wrong is logged."""
+        if self._recorder is None:
             return
+        for topic in self._listening:
+            self._take_waiting(topic)
+        recorder = self._recorder
         try:
             recorder.close()
         except BagError as error:
             self.get_logger().error(str(error))
+        if self.lost:
+            self._say(self.status().message)
+        self._recorder = None
 
     def status(self) -> Status:
         """How the recording goes, in words."""
@@ -86,35 +104,53 @@ class RecorderNode(Node):
             "recorded": str(health.recorded),
             "waiting": str(health.queued),
             "lost by the recorder": str(health.lost),
-            "lost on the way": str(self._lost_on_the_way),
+            "lost on the way": str(self._arrivals.lost),
             "size [MB]": f"{health.size_bytes / 1e6:.2f}",
         }
         if health.trouble:
             return Status(name, Level.ERROR, health.trouble, values)
-        if self._lost_on_the_way:
-            message = f"{self._lost_on_the_way} messages were lost before they came here"
+        if self._arrivals.lost:
+            message = (
+                f"{self._arrivals.lost} messages are missing in the bag: the machine was too busy "
+                "to take them in time"
+            )
             return Status(name, Level.WARN, message, values)
         return Status(name, Level.OK, f"recording, {health.recorded} messages so far", values)
 
     def _taker(self, topic: Topic) -> Any:
-        def take(data: bytes, info: dict[str, int]) -> None:
-            if self._recorder is not None:
-                self.received += 1
-                sent_ns = info["source_timestamp"] or time.time_ns()
-                self._recorder.write(topic.name, sent_ns, data)
+        def take(data: bytes, info: dict[str, Any]) -> None:
+            self._keep(topic.name, data, info)
+            self._take_waiting(topic.name)
 
         return take
 
-    def _on_lost(self, event: Any) -> None:
-        self._lost_on_the_way = self._lost_on_the_way + event.total_count_change
+    def _take_waiting(self, topic: str) -> None:
+        """Keep what waits at a topic: the executor's round for each message costs far more."""
+        subscription = self._listening[topic]
+        for _ in range(_DEPTH):
+            with subscription.handle:
+                found = subscription.handle.take_message(subscription.msg_type, True)
+            if found is None:
+                return
+            self._keep(topic, *found)
+
+    def _keep(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
+        if self._recorder is not None:
+            self._arrivals.count(info)
+            self._recorder.write(topic, info["source_timestamp"] or time.time_ns(), data)
 
     def _tell(self) -> None:
         status = self.status()
         now_ns = self.get_clock().now().nanoseconds
         self._diagnostics.publish(encode_diagnostics(now_ns, [status]))
-        if status.level != Level.OK and status.message != self._told:
-            self._told = status.message
-            self.get_logger().warning(status.message)
+        if status.level != Level.OK:
+            self._say(status.message)
+
+    def _say(self, message: str) -> None:
+        """Log it, once."""
+        if message != self._told:
+            self._told = message
+            self.get_logger().warning(message)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -71,6 +71,7 @@ class Suite:
         self._nodes: dict[str, Any] = {}
         self._executor: SingleThreadedExecutor | None = None
         self._ahead: CompilingAhead | None = None
+        self.not_recorded = 0  # messages, known when closed
 
     def start(self, ready: Callable[[], None], stop: StopSignal) -> None:
         """Make all nodes; the simulation comes last, when everybody listens.
@@ -135,9 +136,13 @@ class Suite:
                 continue
             if name == "recorder":
                 self._drain()
-            self._nodes[name].close()
+                self._nodes[name].close()
+                self.not_recorded = self._nodes[name].lost
+            else:
+                self._nodes[name].close()
         if self._executor is not None:
             self._executor.shutdown()
+        self._executor = None
         for node in self._nodes.values():
             node.destroy_node()
         self._nodes.clear()
@@ -170,7 +175,9 @@ def run_suite(options: RunOptions, progress: Progress) -> RunSummary:
             if progress.due:
                 progress.show(suite.summary())
         suite.simulation.close()
-        return suite.summary()
+        summary = suite.summary()
+        suite.close()
+        return replace(summary, not_recorded=suite.not_recorded)
     finally:
         suite.close()
         stop.restore()

@@ -55,6 +55,7 @@ class RunSummary:
     rung_changes: int = 0  # how often the ladder was stepped down or up
     error: str = ""  # the sentence with which the run ended early
     bag: str | None = None
+    not_recorded: int = 0  # messages that were published and are not in the bag
     view: str | None = None
     state: str | None = None  # file with the saved state
     energy: dict[str, float] | None = None  # EnergyBalance.figures; None: not asked for
@@ -116,10 +117,14 @@ class RunSummary:
                 f"{self.error_band['cost_pct']:.0f} % more time"
             )
         lines += watch_words(self.vibration, self.fatigue)
-        lines += [f"bag {self.bag}"] if self.bag else []
+        lines += [f"bag {self.bag}{self._missing_words()}"] if self.bag else []
         lines += [f"view {self.view}"] if self.view else []
         lines += [f"state {self.state}"] if self.state else []
         return "\n".join(lines)
+
+    def _missing_words(self) -> str:
+        lost = self.not_recorded
+        return f"; {lost} messages are missing in it: the machine was too busy" if lost else ""
 
     def _end_words(self) -> list[str]:
         """Where the rope is at the end; of several each one and each payload."""
