@@ -128,7 +128,7 @@ TOPICS: tuple[Topic, ...] = (
           "sling_1/x, y, z where a sling holds the body [m], in frame sea",
           only_with="body"),
     Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", Qos.COMMAND, 1.0, "simulation",
-          "pacing, solver, inputs: OK, WARN, ERROR with the reason"),
+          "pacing, solver, inputs: OK, WARN, ERROR with the reason; of the recorder too"),
     Topic("twin/epoch", "builtin_interfaces/msg/Time", Qos.LATCHED, 0.0, "simulation",
           "ROS time of the twin's t = 0; replayed inputs are stamped from it"),
 )  # fmt: skip
