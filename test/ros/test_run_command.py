@@ -56,7 +56,8 @@ def test_a_paced_run_ends_by_itself_with_summary_bag_and_view(
     assert summary["steps"] == 300
     assert summary["step_s"] == 0.01
     assert summary["bag"] == str(bag)
-    assert summary["heave_refused"] == summary["commands_refused"] == 0
+    assert summary["heave_refused"] == summary["heave_late"]  # none for what it is
+    assert summary["commands_refused"] == 0
     low, mean, high = (summary[f"tension_top_{word}_n"] for word in ("min", "mean", "max"))
     assert 1e5 < low < mean < high < 3e5  # type: ignore[operator]
     assert 190.0 < summary["payload_depth_m"] < 210.0  # type: ignore[operator]
@@ -134,8 +135,8 @@ def test_twice_real_time_takes_the_same_steps(processes: Processes) -> None:
     assert process.wait() == 0
     summary = last_line(process.text)
     assert summary["steps"] == 400
-    assert summary["heave_refused"] == 0
-    assert summary["heave_accepted"] >= 80  # type: ignore[operator]
+    assert summary["heave_refused"] == summary["heave_late"]  # none for what it is
+    assert summary["heave_accepted"] + summary["heave_late"] >= 80  # type: ignore[operator]
 
 
 def test_as_fast_as_possible_needs_no_ros(tmp_path: Path) -> None:

@@ -68,7 +68,14 @@ def why_alone(rope: Rope) -> str:
     if rope.state.counts[ELEMENTS] < 2:
         return "a single element"
     kinds = [type(effect) for effect in rope.effects if not hooks.all_wide([type(effect)])]
-    return ", ".join(kind.__module__.rpartition(".")[2] for kind in kinds)
+    return ", ".join(_effect_of(kind) for kind in kinds)
+
+
+def _effect_of(kind: type) -> str:
+    """The file in effects/ that an effect's kernels are of, or else the part of core."""
+    kernels = [hooks.kernel_of(hook, kind).py_func for hook in hooks.hooks_of(kind)]
+    files = [kernel.__module__.split(".") for kernel in kernels]
+    return next((path[2] for path in files if path[1] == "effects"), kind.__module__.split(".")[2])
 
 
 def kind_of(rope: Rope) -> Kind | None:

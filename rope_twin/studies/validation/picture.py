@@ -55,7 +55,7 @@ def _draw(figure: Any, axes: Any, panel: Panel) -> None:
         axes.set_xscale("log")
         axes.set_yscale("log")
         mark_decades(axes)
-    elif panel.lines and all(float(x) == round(float(x)) for line in panel.lines for x in line.x):
+    elif panel.lines and all(float(x).is_integer() for line in panel.lines for x in line.x):
         axes.xaxis.get_major_locator().set_params(integer=True)  # modes and the like
     if any(line.label for line in panel.lines):
         axes.legend(fontsize=7)
