@@ -31,10 +31,11 @@ def test_a_start_over_its_limit_is_told() -> None:
     assert [line[-1] for line in compile_table(rows)[1:]] == ["over 20 or 1 s", ""]
 
 
+@pytest.mark.long
 def test_a_first_start_is_measured_with_a_cache_of_its_own(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Some twelve seconds: it compiles."""
+    """Some twelve seconds: it compiles. `pytest -m long test/unit/test_compile_time.py`."""
     code = main(["bench", "compile", "--quick", "--json"])
     (row,) = json.loads(capsys.readouterr().out)["rows"]
     assert (row["scene"], row["ropes"]) == ("still_water", 1)
