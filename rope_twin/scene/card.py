@@ -97,15 +97,10 @@ class Card:
         return ""
 
     def at(self, elements: int, step_s: float) -> tuple[Rung, ...]:
-        """The rung of a setting, or those around it if it lies between rungs.
-
-        One that is finer counts as the finest; none: coarser than the ladder.
-        """
+        """The rung of a setting, or those around it if it lies between rungs; none: outside."""
         rungs = self.ladder
-        sizes = sorted({rung.elements for rung in rungs})
-        lengths = sorted({rung.step_s for rung in rungs})
-        counts = _around(min(elements, sizes[-1]), sizes)
-        steps = _around(max(step_s, lengths[0]), lengths)
+        counts = _around(elements, sorted({rung.elements for rung in rungs}))
+        steps = _around(step_s, sorted({rung.step_s for rung in rungs}))
         return tuple(one for one in rungs if one.elements in counts and one.step_s in steps)
 
 
@@ -159,8 +154,8 @@ def read_card(scene: Scene) -> Card | None:
 def known_error(scene: Scene) -> KnownError:
     """The error of the scene at its own elements and step, from its card.
 
-    Between rungs the largest error of the rungs around holds, of what is finer that of the finest;
-    of what is coarser than the ladder it is unknown, and so it is with an old card.
+    Between rungs the largest error of the rungs around holds; beyond the ladder it is unknown, and
+    so it is with an old card.
     """
     try:
         card = read_card(scene)

@@ -10,7 +10,6 @@ from dataclasses import replace
 from statistics import median
 
 from rope_twin.commands.run.options import RunOptions
-from rope_twin.commands.run.spending import spend_beyond
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.scene.card import Card, Rung, read_card, told_bound
 from rope_twin.scene.load import load_scene
@@ -61,15 +60,6 @@ def choose(args: argparse.Namespace, options: RunOptions) -> RunOptions:
     else:
         costs = measure_shares(scene, rungs, options.speed)
         rung, said = _spend(rungs, quantity, wanted, costs)
-        finest = _finest(rungs)
-        finer = spend_beyond(
-            finest,
-            costs[rungs.index(finest)],
-            wanted,
-            lambda one: measure_shares(scene, [one], options.speed)[0],
-        )
-        if finer is not None:
-            rung, said = finer[0], _told_beyond(finer, rungs, quantity, wanted)
     return replace(options, elements=rung.elements, step_s=rung.step_s, chosen=said)
 
 
@@ -194,23 +184,6 @@ def _spend(
         return rung, said + "the card has nothing better"
     share = costs[rungs.index(better)]
     return rung, said + f"{_better(better, rungs, quantity)} needs {share:.2g} %"
-
-
-def _finest(rungs: list[Rung]) -> Rung:
-    return max(rungs, key=lambda one: (one.elements, -one.step_s))
-
-
-def _told_beyond(
-    finer: tuple[Rung, float], rungs: list[Rung], quantity: Quantity, budget: float
-) -> str:
-    rung, share = finer
-    finest = _finest(rungs)
-    return (
-        f"--budget {budget:g} %: {_setting(rung)}, finer than all of the card's settings: needs "
-        f"{share:.2g} % of one core here (measured just now), {quantity.name} within "
-        f"{_told(sure_bound(finest, rungs, quantity.name), quantity)} as with the finest of them, "
-        f"{_setting(finest)}; the card has nothing better"
-    )
 
 
 def _better(rung: Rung, rungs: list[Rung], quantity: Quantity) -> str:
