@@ -44,6 +44,7 @@ class RunSummary:
     payload_depth_m: float
     heave_accepted: int
     heave_refused: int
+    heave_late: int  # of the refused: came after they were needed
     commands_accepted: int
     commands_refused: int
     lower_end: str = "payload"  # what payload_depth_m is of
@@ -213,6 +214,7 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         ],
         heave_accepted=heave.accepted if heave else 0,
         heave_refused=heave.refused if heave else 0,
+        heave_late=heave.late if heave else 0,
         commands_accepted=command.accepted if command else 0,
         commands_refused=command.refused if command else 0,
         speed=pacing.speed if pacing else 0.0,
