@@ -66,12 +66,22 @@ def atwood(
 
 
 def loop(*, wheel: float = 3000.0, step: float = 0.01, gap: float = 10.0) -> JointBench:
-    """Winch, 50 kg, sheave, 50 kg, winch: 400 m of steel wire; at rest, the wheel free.
+    """`laid_loop` at rest, the wheel free."""
+    bench = laid_loop(wheel, step, gap)
+    rest(bench)
+    let_run(bench)
+    return bench
+
+
+def laid_loop(
+    wheel: float = 3000.0, step: float = 0.01, gap: float = 10.0, elements: int = 10
+) -> JointBench:
+    """Winch, 50 kg, sheave, 50 kg, winch: 400 m of steel wire as it is laid, the wheel held.
 
     Ropes 0 and 3 hang from the winches, 1 and 2 end at the sheave, which its weight pulls down.
     """
     rig = Rig(
-        length=100.0, elements=10, mass=6.4, EA=65e6, diameter=0.04, damping=0.65e6, load=0.0,
+        length=100.0, elements=elements, mass=6.4, EA=65e6, diameter=0.04, damping=0.65e6, load=0.0,
         winch=DRUM, step=step, tolerance=1.0,
     )  # fmt: skip
     loaded = replace(rig, load=50.0)
@@ -87,8 +97,6 @@ def loop(*, wheel: float = 3000.0, step: float = 0.01, gap: float = 10.0) -> Joi
     )
     held = Wheel(1, 1, 2, mass=wheel, weight=wheel * G, inertia=FIXED)
     bench.system = reeve(bench.system, [held])
-    rest(bench)
-    let_run(bench)
     return bench
 
 

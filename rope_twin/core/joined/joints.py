@@ -112,6 +112,18 @@ def new_system(
     return System(tuple(joined), joints, stack)
 
 
+def with_flows(joints: Joints, more: int) -> Joints:
+    """Joints with so many columns more, for the flows over sheaves."""
+    count = joints.nodes.shape[1] + more
+    nodes: Floats = np.zeros((NODE_ROWS, count))
+    nodes[:, : count - more] = joints.nodes
+    return joints._replace(
+        nodes=nodes,
+        work=np.zeros((WORK_ROWS, count)),
+        matrix=np.zeros((3 * count, 3 * count)),
+    )
+
+
 @jit_within
 def first_free(stack: Any, r: int) -> int:
     """Lowest node of rope r that is free."""

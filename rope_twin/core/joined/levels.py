@@ -11,7 +11,7 @@ from collections.abc import Hashable
 import numpy as np
 
 from rope_twin.core.joined.hanging import Link, hang, laid
-from rope_twin.core.joined.joints import LOOSE, System, new_system
+from rope_twin.core.joined.joints import LOOSE, System, new_system, with_flows
 from rope_twin.core.joined.ties import ANCHORED, FIRST, LEAST, LENGTH, SECOND
 from rope_twin.core.state import ELEMENTS, END, POSITION, Floats, Rope, new_state
 from rope_twin.core.trial import TRIALS
@@ -21,10 +21,13 @@ DROPS = 25  # enough for a first guess
 
 
 def coarser(system: System, most: int) -> System:
-    """The system with so many elements a rope at most, at nodes that it has; no sheaves."""
-    joints = system.joints
+    """The system with so many elements a rope at most, at nodes that it has."""
+    joints, sheaves = system.joints, system.sheaves
     ropes = tuple(_coarser_rope(rope, most) for rope in system.ropes)
     found = new_system(ropes, list(joints.lower), list(joints.upper), joints.ties.copy())
+    if sheaves is not None:
+        flows = with_flows(found.joints, sheaves.figures.shape[1])
+        found = found._replace(joints=flows, sheaves=sheaves)
     found.joints.nodes[POSITION : POSITION + 3] = joints.nodes[POSITION : POSITION + 3]
     return found
 
@@ -82,8 +85,8 @@ def lay(system: System) -> None:
         rope.state.nodes[POSITION : POSITION + 3, : n + 1] = laid(
             found[lower], found[upper], s, up=False
         )
-    for j in range(joints.nodes.shape[1]):
-        joints.nodes[POSITION : POSITION + 3, j] = found[j]
+    for j in {*joints.lower, *joints.upper} - {LOOSE}:
+        joints.nodes[POSITION : POSITION + 3, j] = found[int(j)]
 
 
 def _ends(system: System, r: int) -> tuple[Hashable, Hashable]:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rope_twin.core.joined.joints import Joints, System
+from rope_twin.core.joined.joints import System, with_flows
 from rope_twin.core.joined.sheaves import (
     FRICTION,
     FROM,
@@ -21,15 +21,13 @@ from rope_twin.core.joined.sheaves import (
     WHEEL,
     Sheaves,
 )
-from rope_twin.core.joined.statics import settle_joined
+from rope_twin.core.joined.statics import settle_joined, settle_near
 from rope_twin.core.state import (
     EA,
     ELEMENTS,
     MOTIONS,
-    NODE_ROWS,
     POSITION,
     TENSION,
-    WORK_ROWS,
     Boundary,
     Floats,
     Rope,
@@ -87,19 +85,7 @@ def reeve(system: System, wheels: Sequence[Wheel]) -> System:
     sheaves = Sheaves(
         figures, of, side, base, np.zeros((3, len(of))), Boundary(np.zeros(size), np.zeros(size))
     )
-    return system._replace(joints=_with_columns(joints, len(wheels)), sheaves=sheaves)
-
-
-def _with_columns(joints: Joints, more: int) -> Joints:
-    """Joints with so many columns more, for flows."""
-    count = joints.nodes.shape[1] + more
-    nodes: Floats = np.zeros((NODE_ROWS, count))
-    nodes[:, : count - more] = joints.nodes
-    return joints._replace(
-        nodes=nodes,
-        work=np.zeros((WORK_ROWS, count)),
-        matrix=np.zeros((3 * count, 3 * count)),
-    )
+    return system._replace(joints=with_flows(joints, len(wheels)), sheaves=sheaves)
 
 
 def settle_reeved(system: System, place: Floats) -> Equilibrium:
@@ -115,7 +101,7 @@ def settle_reeved(system: System, place: Floats) -> Equilibrium:
     end = _settle_held(system, sheaves, place)
     sheaves.figures[WHEEL] = kept[0]
     if end.found:
-        end = settle_joined(system, place)
+        end = settle_near(system, place)
     sheaves.figures[FRICTION] = kept[1]
     _drop_round_off(system)
     return end
@@ -139,8 +125,10 @@ def _settle_held(system: System, sheaves: Sheaves, place: Floats) -> Equilibrium
     pairs = sheaves.figures[[INTO, FROM]].T.astype(int)
     slope = np.array([-sum(_stiffness(system.ropes[r]) for r in pair) for pair in pairs])
     moved, before = np.zeros(len(pairs)), np.full(len(pairs), np.nan)
+    settle = settle_joined
     for _ in range(ROUNDS):
-        end = settle_joined(system, place)
+        end = settle(system, place)
+        settle = settle_near
         pulls = np.array([[_last_tension(system.ropes[r]) for r in pair] for pair in pairs])
         apart = pulls[:, 0] - pulls[:, 1]
         if not end.found or (np.abs(apart) <= ALIKE * pulls.max(axis=1)).all():

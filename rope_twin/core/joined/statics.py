@@ -52,14 +52,20 @@ def settle_joined(system: System, place: Floats) -> Equilibrium:
     joint nothing is read. Without equilibrium the nodes end at the best shape found. The counts of
     the solver's health start from zero afterwards, length offsets of events are gone.
     """
+    if all(_count(system, r) - 1 <= LEVELS[0] for r in range(len(system.ropes))):
+        return settle_near(system, place, STEP_FIRST)
+    with np.errstate(all="ignore"):  # a shape that overflows is one that is no better
+        _boundary(system, place)
+        _settle_coarsely(system, place)
+    return settle_near(system, place)
+
+
+def settle_near(system: System, place: Floats, first: float = STEP_NEAR) -> Equilibrium:
+    """`settle_joined` from a shape that is near rest; first: the first of the long steps [s]."""
     for rope in system.ropes:
         rope.state.offset[:] = 0.0
-    with np.errstate(all="ignore"):  # a shape that overflows is one that is no better
-        boundary, first = _boundary(system, place), STEP_FIRST
-        if system.sheaves is None and any(_count(system, r) - 1 > LEVELS[0] for r in _all(system)):
-            _settle_coarsely(system, place)
-            first = STEP_NEAR
-        end = _relax(system, boundary, first)
+    with np.errstate(all="ignore"):
+        end = _relax(system, _boundary(system, place), first)
     for rope in system.ropes:
         rope.state.health[:] = 0
     return end
@@ -84,10 +90,6 @@ def _settle_coarsely(system: System, place: Floats) -> None:
         _stop(system)
         first = STEP_NEAR
     _boundary(system, place)
-
-
-def _all(system: System) -> range:
-    return range(len(system.ropes))
 
 
 def _boundary(system: System, place: Floats) -> Boundary:
