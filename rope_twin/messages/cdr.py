@@ -10,8 +10,9 @@ primitive is aligned to its own size, counted from the end of the 4-byte encapsu
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from copy import copy
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -56,6 +57,19 @@ class Slot:
     offset: int  # [bytes] from the first byte of the encapsulation header
     dtype: np.dtype[Any]
     shape: tuple[int, ...]  # () a number, (k,) a vector or list, (n, k) a list of vectors
+    length_offset: int | None = None  # of a list: where the number of its entries lies [bytes]
+
+    @property
+    def entry_bytes(self) -> int:
+        """Of a list: bytes of an entry."""
+        return int(np.prod(self.shape[1:], dtype=np.int64)) * self.dtype.itemsize
+
+    def moved(self, to: Callable[[int], int]) -> Slot:
+        """The same elsewhere."""
+        length = self.length_offset
+        return replace(
+            self, offset=to(self.offset), length_offset=None if length is None else to(length)
+        )
 
 
 class Template:
@@ -76,6 +90,44 @@ class Template:
                 f"{walk.position}"
             )
         self.slots = walk.slots
+
+    def stretched(self, counts: Mapping[str, int]) -> Template:
+        """The same with other numbers of entries in some of its lists, all as the first.
+
+        In microseconds, where making the parts of a long list and a template of them takes tenths
+        of a second. The list must have an entry already, and keep one.
+
+        Raises:
+            KeyError: if a slot does not exist.
+            ValueError: if it is no list, or one whose entries are no whole number of 8 bytes: what
+                follows would lose its alignment.
+        """
+        paths = sorted(counts, key=lambda path: self.slots[path].offset)
+        parts, read = [], 0
+        for path in paths:
+            slot, count = self.slots[path], counts[path]
+            if slot.length_offset is None or slot.entry_bytes % 8 or count < 1:
+                raise ValueError(f"{path}: it cannot have {count} entries in this way")
+            first = self.data[slot.offset : slot.offset + slot.entry_bytes]
+            parts += [self.data[read : slot.offset], count * first]
+            read = slot.offset + slot.shape[0] * slot.entry_bytes
+        data = bytearray(b"".join([*parts, self.data[read:]]))
+
+        def moved(offset: int) -> int:
+            before = [path for path in paths if self.slots[path].offset < offset]
+            slots = self.slots
+            grown = ((counts[p] - slots[p].shape[0]) * slots[p].entry_bytes for p in before)
+            return offset + sum(grown)
+
+        template = copy(self)
+        template.slots = {path: slot.moved(moved) for path, slot in self.slots.items()}
+        for path in paths:
+            slot = template.slots[path]
+            assert slot.length_offset is not None
+            template.slots[path] = replace(slot, shape=(counts[path], *slot.shape[1:]))
+            struct.pack_into("<I", data, slot.length_offset, counts[path])
+        template.data = bytes(data)
+        return template
 
     def fill(self, values: Mapping[str, Any]) -> bytes:
         """The bytes with these numbers in the named slots; the template itself stays as it is.
@@ -136,19 +188,21 @@ class _Walk:
         elif kind == Nodetype.BASE:
             self._base(value, detail[0], path)
         else:
+            length_at = None
             if kind == Nodetype.SEQUENCE:
                 self._skip(4, 4)
-            self._list(value, detail[0], path)
+                length_at = self.position - 4
+            self._list(value, detail[0], path, length_at)
 
-    def _list(self, values: Any, description: Any, path: str) -> None:
+    def _list(self, values: Any, description: Any, path: str, length_at: int | None) -> None:
         kind, detail = description
         count = len(values)
         if count == 0:  # nothing follows, not even padding
             return
         if kind == Nodetype.BASE and detail[0] in _LITTLE:
-            self._numbers(np.dtype(_LITTLE[detail[0]]), (count,), path)
+            self._numbers(np.dtype(_LITTLE[detail[0]]), (count,), path, length_at)
         elif kind == Nodetype.NAME and (uniform := _uniform(detail)):
-            self._numbers(uniform[0], (count, uniform[1]), path)
+            self._numbers(uniform[0], (count, uniform[1]), path, length_at)
         else:
             for index, value in enumerate(values):
                 self._field(value, description, f"{path}.{index}")
@@ -160,10 +214,12 @@ class _Walk:
         else:
             self._numbers(np.dtype(_LITTLE[kind]), (), path)
 
-    def _numbers(self, dtype: np.dtype[Any], shape: tuple[int, ...], path: str) -> None:
+    def _numbers(
+        self, dtype: np.dtype[Any], shape: tuple[int, ...], path: str, length_at: int | None = None
+    ) -> None:
         size = int(np.prod(shape, dtype=np.int64)) * dtype.itemsize
         self._skip(dtype.itemsize, 0)
-        self.slots[path] = Slot(self.position, dtype, shape)
+        self.slots[path] = Slot(self.position, dtype, shape, length_at)
         self.position += size
 
     def _skip(self, alignment: int, size: int) -> None:

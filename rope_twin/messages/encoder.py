@@ -37,6 +37,7 @@ class Encoder:
         self._winch = Template(forms.joint("winch", 1, 1, 1))
         self._contact = Template(forms.contact())
         self._sized: dict[str, tuple[object, Template]] = {}
+        self._rope_form: tuple[int, Template, Template] | None = None  # elements, of one, of all
         self._scale_n = 0.0
         joined = JoinedForms(frame_id)
         winch, watched = WinchForms(), WatchForms(frame_id)
@@ -195,11 +196,16 @@ class Encoder:
         count, scale_n, words = len(tension), self._scale_n, scale_words(self._scale_n)
         further, bars = tuple(one.name for one in snapshot.payloads), len(snapshot.struts)
         slings = 0 if snapshot.body is None else len(snapshot.body.leg_end_m)
-        template = self._template(
-            "rope/markers",
-            (count, scale_n, further, bars, slings),
-            lambda: forms.rope_markers(self._frame_id, count, words, further, bars, slings),
+        form = self._template(
+            "rope/markers of one element",
+            (scale_n, further, bars, slings),
+            lambda: forms.rope_markers(self._frame_id, 1, words, further, bars, slings),
         )
+        if self._rope_form is None or self._rope_form[:2] != (count, form):
+            # the winch changes the count every second or so; a point as an object takes 30 µs
+            ends_of = {"markers.0.points": 2 * count, "markers.0.colors": 2 * count}
+            self._rope_form = count, form, form.stretched(ends_of)
+        template = self._rope_form[2]
         colours = np.repeat(tension_colours(tension, scale_n), 2, axis=0)
         line_m = max(snapshot.line_out_m, _LEAST_LINE_M)
         above = snapshot.hang_off_position_m + np.array([0.0, 0.0, 2.0 * _SYMBOL_SIZE * line_m])

@@ -10,7 +10,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from rope_twin.ros.feed import Feed
-from rope_twin.ros.qos import message_type, profile
+from rope_twin.ros.qos import message_type, profile, quiet_publisher
 from rope_twin.topics import BY_NAME
 
 _PERIOD_S, _LEAST_PERIOD_S = 0.04, 0.005
@@ -47,7 +47,7 @@ class FeedingNode(Node, ABC):
         for name in topics:
             topic = BY_NAME[name]
             self._own_publishers[name] = self.create_publisher(
-                message_type(topic), name, profile(topic.qos)
+                message_type(topic), name, profile(topic.qos), event_callbacks=quiet_publisher()
             )
         self._feed = Feed(lead_s, speed, first_ns)
         period_s = max(_LEAST_PERIOD_S, _PERIOD_S / max(1.0, speed))

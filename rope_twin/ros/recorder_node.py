@@ -21,7 +21,7 @@ from rope_twin.recording.recorder import BagRecorder
 from rope_twin.ros.arrivals import Arrivals
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import RecorderParams, declare
-from rope_twin.ros.qos import message_type, profile
+from rope_twin.ros.qos import message_type, profile, quiet_listener, quiet_publisher
 from rope_twin.topics import BY_NAME, TOPICS, Qos, Topic
 
 _DEPTH = 1000  # what may wait in the middleware while this process is held up
@@ -52,10 +52,14 @@ class RecorderNode(Node):
                 self._taker(topic),
                 profile(topic.qos, depth),
                 raw=True,
+                event_callbacks=quiet_listener(),
             )
         diagnostics = BY_NAME["diagnostics"]
         self._diagnostics = self.create_publisher(
-            message_type(diagnostics), diagnostics.name, profile(diagnostics.qos)
+            message_type(diagnostics),
+            diagnostics.name,
+            profile(diagnostics.qos),
+            event_callbacks=quiet_publisher(),
         )
         self.create_timer(_TELL_S, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.get_logger().info(f"recording to {directory}")

@@ -21,7 +21,7 @@ from rope_twin.messages import Level, Status, encode_diagnostics, encode_epoch
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.paced_twin import PacedTwin
 from rope_twin.ros.params import SimulationParams, declare, read
-from rope_twin.ros.qos import message_type, profile
+from rope_twin.ros.qos import message_type, profile, quiet_publisher, unsuited
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.checks import sense_checks
 from rope_twin.scene.load import load_scene
@@ -29,7 +29,7 @@ from rope_twin.topics import BY_NAME, CUT_TOPIC, INPUTS, TOPICS, WINCH_TOPICS
 from rope_twin.twin.pacing import keep_pauses_short
 
 _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
-_POLL_S, _TELL_S = 0.02, 1.0
+_POLL_S, _TELL_S = 0.1, 1.0
 
 
 class SimulationNode(LifecycleNode):
@@ -45,7 +45,12 @@ class SimulationNode(LifecycleNode):
         self._told_finished = False
         self.paced: PacedTwin | None = None
         self._own_publishers = {
-            topic.name: self.create_publisher(message_type(topic), topic.name, profile(topic.qos))
+            topic.name: self.create_publisher(
+                message_type(topic),
+                topic.name,
+                profile(topic.qos),
+                event_callbacks=quiet_publisher(),
+            )
             for topic in TOPICS
             if topic.publisher == "simulation"
         }
@@ -228,10 +233,15 @@ class SimulationNode(LifecycleNode):
                  if self.count_publishers(name) > 1]  # fmt: skip
         twins = self.count_publishers("tension_top")
         values = {name: str(self.count_publishers(name)) for name in INPUTS}
+        deaf = [name for name in self._own_publishers if unsuited(self, BY_NAME[name])]
         if twins > 1:
             message = f"{twins} simulations publish here; give each its own ROS_DOMAIN_ID"
         elif mixed:
             message = f"more than one publisher of {', '.join(mixed)}: their samples mix"
+        elif deaf:
+            message = (
+                f"who listens to {', '.join(deaf)} and asks for more than is offered hears nothing"
+            )
         else:
             return [Status("simulation: sources", Level.OK, "one source for each input", values)]
         return [Status("simulation: sources", Level.WARN, message, values)]

@@ -13,6 +13,7 @@ from ros_bench import Bench
 from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.errors import InputError, SolverError
 from rope_twin.messages import Level, encode_heave
+from rope_twin.topics import BY_NAME, Qos
 
 pytestmark = pytest.mark.ros
 SCENE = "shallow_lift"
@@ -217,6 +218,23 @@ def test_a_heave_that_stops_is_stale_and_the_twin_goes_on(bench: Bench, running:
     steps = paced.pacer.health().steps
     bench.until(lambda: paced.last.inputs["heave"].stale, "its absence is noticed")
     assert paced.pacer.health().steps > steps
+
+
+def test_a_listener_that_gets_nothing_is_told(bench: Bench, running: Any) -> None:
+    """It asks for reliable numbers, and streams are best effort."""
+    from rope_twin.ros.qos import message_type, profile
+
+    told = bench.listen("diagnostics")
+    asked = profile(Qos.COMMAND)
+    bench.own.create_subscription(message_type(BY_NAME["tension_top"]), "tension_top", print, asked)
+    bench.until(
+        lambda: any(
+            "who listens to tension_top and asks for more"
+            in rows_of(one)["simulation: sources"].message
+            for one in told
+        ),
+        "a word on the listener",
+    )
 
 
 def test_a_step_of_the_system_clock_is_told(running: Any) -> None:

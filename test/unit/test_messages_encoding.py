@@ -14,6 +14,8 @@ from sample_snapshot import hanging_rope
 
 from rope_twin import messages
 from rope_twin.errors import InputError
+from rope_twin.messages import forms
+from rope_twin.messages.cdr import Template
 from rope_twin.topics import TOPICS, Topic
 from rope_twin.twin.snapshot import Snapshot
 
@@ -258,3 +260,24 @@ def test_a_message_cut_short_is_refused(topic: str) -> None:
 def test_unknown_topic_is_not_decoded() -> None:
     with pytest.raises(InputError, match="did you mean 'rope/nodes'"):
         messages.decode("/rope/node", b"")
+
+
+@pytest.mark.parametrize(("elements", "bars", "slings"), [(1, 0, 0), (2, 1, 3), (57, 0, 4)])
+def test_a_stretched_form_is_that_of_the_longer_rope(elements: int, bars: int, slings: int) -> None:
+    """To the byte, and with every number in the same place."""
+    ends = {"markers.0.points": 2 * elements, "markers.0.colors": 2 * elements}
+    one = Template(forms.rope_markers("sea", 1, "words", ("tool",), bars, slings))
+    long = Template(forms.rope_markers("sea", elements, "words", ("tool",), bars, slings))
+    found = one.stretched(ends)
+    assert found.data == long.data
+    assert found.slots == long.slots
+    assert found.stretched(dict.fromkeys(ends, 2)).data == one.data
+
+
+@pytest.mark.parametrize("path", ["markers.0.scale", "markers.0.pose.position"])
+def test_what_is_no_list_is_not_stretched(path: str) -> None:
+    form = Template(forms.rope_markers("sea", 1, "words"))
+    with pytest.raises(ValueError, match="cannot have 4 entries"):
+        form.stretched({path: 4})
+    with pytest.raises(ValueError, match="cannot have 0 entries"):
+        form.stretched({"markers.0.points": 0})
