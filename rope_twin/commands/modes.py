@@ -4,18 +4,24 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict
+from math import inf
 from pathlib import Path
 from typing import Any
 
 from rope_twin.commands.console import print_table
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.studies.modes.modes import WAVE_PERIODS_S, Mode, Modes, find_modes
-from rope_twin.studies.modes.picture import draw_modes
+from rope_twin.studies.modes.picture import draw_modes, draw_system_modes
+from rope_twin.studies.modes.system_modes import SystemMode, SystemModes, find_system_modes
 from rope_twin.studies.picture import check_picture
 
 COUNT = 10
 HEAD = ("mode", "Hz", "period s", "kind", "axial / in / out %", "most at m", "Strouhal Hz", "waves")
+SYSTEM_HEAD = ("mode", "Hz", "period s", "kind", "stretch %", "vertical %", "most at m", "of rope",
+               "Strouhal Hz", "waves")  # fmt: skip
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
@@ -24,7 +30,8 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         "modes",
         help="natural frequencies and modes of a scene's rope",
         description="About the static shape in the scene's current, undamped, with added mass and "
-        "both ends as in the scene: the lowest modes, then the first axial ones.",
+        "both ends as in the scene: the lowest modes, then the first axial ones. Ropes that meet "
+        "are taken together: the lowest modes, then the first that stretch them.",
     )
     parser.add_argument("scene", metavar="SCENE", help="a scene's name, or the path of a YAML file")
     parser.add_argument(
@@ -40,31 +47,47 @@ def run(args: argparse.Namespace) -> int:
     if args.picture is not None:
         check_picture(args.picture)
     scene = load_scene(args.scene)
+    if is_joined(scene):
+        system = find_system_modes(scene, args.count)
+        if args.picture is not None:
+            draw_system_modes(scene.name, system, args.picture)
+        if args.json:
+            groups = (("lowest", system.lowest), ("stretching", system.stretching))
+            _print_json({"scene": scene.name, "rows": _rows(groups)})
+        else:
+            _show_system(system)
+        return 0
     found = find_modes(scene, args.count)
     if args.picture is not None:
         draw_modes(scene.name, found, args.picture)
     if args.json:
-        print(json.dumps(_as_json(scene.name, found), ensure_ascii=False, allow_nan=False))
+        rows = _rows((("lowest", found.lowest), ("axial", found.axial)))
+        _print_json({"scene": scene.name, "strouhal_max_hz": found.strouhal_max_hz, "rows": rows})
     else:
         _show(found)
     return 0
 
 
-def _as_json(name: str, found: Modes) -> dict[str, Any]:
+def _print_json(result: dict[str, Any]) -> None:
+    print(json.dumps(result, ensure_ascii=False, allow_nan=False))
+
+
+def _rows(groups: Iterable[tuple[str, Sequence[Mode | SystemMode]]]) -> list[dict[str, Any]]:
+    """The modes without their shapes; what is infinite is null."""
     rows = []
-    for group, modes in (("lowest", found.lowest), ("axial", found.axial)):
+    for group, modes in groups:
         for number, mode in enumerate(modes, 1):
-            row = {key: value for key, value in asdict(mode).items() if key != "shape"}
+            kept = {k: v for k, v in asdict(mode).items() if k not in ("shape", "shapes")}
+            row = {key: None if value == inf else value for key, value in kept.items()}
             rows.append({"group": group, "number": number, **row})
-    return {"scene": name, "strouhal_max_hz": found.strouhal_max_hz, "rows": rows}
+    return rows
 
 
 def _show(found: Modes) -> None:
     named = [(str(k), mode) for k, mode in enumerate(found.lowest, 1)]
     named += [(f"axial {k}", mode) for k, mode in enumerate(found.axial, 1)]
     print_table([HEAD, *(_row(name, mode) for name, mode in named)])
-    low, high = WAVE_PERIODS_S
-    print(f"\nwaves: the period over the nearest of {low:g} to {high:g} s; 1 lies among them")
+    _explain_waves()
     print(
         f"Strouhal: vortices in the current where the mode moves most, 0.2·U/d; "
         f"at most {found.strouhal_max_hz:.3g} Hz along the rope"
@@ -82,4 +105,36 @@ def _row(name: str, mode: Mode) -> tuple[str, ...]:
         f"{mode.largest_at_m:.0f}",
         f"{mode.strouhal_hz:.3g}",
         f"{mode.wave_ratio:.3g}",
+    )
+
+
+def _show_system(found: SystemModes) -> None:
+    named = [(str(k), mode) for k, mode in enumerate(found.lowest, 1)]
+    named += [(f"stretching {k}", mode) for k, mode in enumerate(found.stretching, 1)]
+    print_table([SYSTEM_HEAD, *(_system_row(name, mode) for name, mode in named)])
+    _explain_waves()
+    print(
+        "stretch: the share of a mode's strain energy that is in elements which stretch; the rest"
+    )
+    print("is tension that turns. Nothing holds a free mode: it has no period")
+
+
+def _explain_waves() -> None:
+    low, high = WAVE_PERIODS_S
+    print(f"\nwaves: the period over the nearest of {low:g} to {high:g} s; 1 lies among them")
+
+
+def _system_row(name: str, mode: SystemMode) -> tuple[str, ...]:
+    held = mode.period_s < inf
+    return (
+        name,
+        f"{mode.frequency_hz:.4g}",
+        f"{mode.period_s:.4g}" if held else "-",
+        mode.kind,
+        f"{100.0 * mode.stretching_share:.0f}",
+        f"{100.0 * mode.vertical_share:.0f}",
+        f"{mode.largest_at_m:.0f}",
+        mode.rope,
+        f"{mode.strouhal_hz:.3g}",
+        f"{mode.wave_ratio:.3g}" if held else "-",
     )

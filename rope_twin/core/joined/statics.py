@@ -71,6 +71,15 @@ def settle_near(system: System, place: Floats, first: float = STEP_NEAR) -> Equi
     return end
 
 
+def weigh(system: System, place: Floats) -> None:
+    """Leave in the ropes' scratch what is there at rest: tension, stiffness, and the nodes' masses.
+
+    place: as for `settle_joined`. The blocks of nodes are mass alone, added mass with it.
+    """
+    boundary = _boundary(system, place)
+    _residual(system, boundary, np.zeros((len(system.ropes), 1, PULL_COLUMNS)))
+
+
 def _settle_coarsely(system: System, place: Floats) -> None:
     """Bring the ropes near rest on few elements, and then on some more.
 

@@ -71,10 +71,10 @@ def find_modes(scene: Scene, count: int) -> Modes:
         what = f"{count} of a rope with {len(rest.s)} free nodes"
         raise InputError(phrase("--count", what, f"give 1 to {most}"))
     K, M = _matrices(rest)
-    lowest = list(_modes(rest, *_solve(K, M, count, 0.0)))
+    lowest = list(_modes(rest, *solve(K, M, count, 0.0)))
     axial = []
     for omega in _axial_guesses(rest):
-        near = _modes(rest, *_solve(K, M, NEAR, omega * omega))
+        near = _modes(rest, *solve(K, M, NEAR, omega * omega))
         axial.append(max(near, key=lambda mode: mode.axial_share))
     speed = _speed_across(rest)
     diameter = scene.ropes[0].thinnest_m
@@ -120,7 +120,7 @@ def _coupled(couplings: Couplings, first: int) -> Any:
     return kron(between, eye_array(3)) + block_diag(own)
 
 
-def _solve(K: Any, M: Any, count: int, near: float) -> tuple[Floats, Floats]:
+def solve(K: Any, M: Any, count: int, near: float) -> tuple[Floats, Floats]:
     """Frequencies ω [rad/s], rising, and modes of which ω² lies nearest to `near`; M-normal.
 
     The start vector is fixed, so that the same scene gives the same digits.
@@ -170,7 +170,6 @@ def _modes(rest: AtRest, omega: Floats, vectors: Floats) -> Iterator[Mode]:
         size = np.sqrt((motion * motion).sum(axis=0))
         at = int(size.argmax())
         period = 2.0 * pi / w if w > 0.0 else float("inf")
-        low, high = WAVE_PERIODS_S
         shape = np.zeros((rest.place.shape[1], 3))
         shape[rest.first : -1] = motion.T / size[at]
         yield Mode(
@@ -181,10 +180,16 @@ def _modes(rest: AtRest, omega: Floats, vectors: Floats) -> Iterator[Mode]:
             in_plane_share=float(max(shares["in-plane"], 0.0)),
             out_of_plane_share=float(sideways),
             largest_at_m=float(rest.s[at]),
-            wave_ratio=float(period / min(max(period, low), high)),
+            wave_ratio=near_waves(period),
             strouhal_hz=float(STROUHAL * speed[at] / diameter),
             shape=shape[::-1].copy(),
         )
+
+
+def near_waves(period_s: float) -> float:
+    """A period over the nearest of WAVE_PERIODS_S; 1 among them."""
+    low, high = WAVE_PERIODS_S
+    return float(period_s / min(max(period_s, low), high))
 
 
 def _energy(rest: AtRest, motion: Floats) -> float:

@@ -1,0 +1,191 @@
+"""A scene's ropes that meet, at rest: what their small motion about it is made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core.joined import ties
+from rope_twin.core.joined.joints import LOOSE, System
+from rope_twin.core.joined.reeving import settle_reeved
+from rope_twin.core.joined.sheaves import (
+    FROM,
+    INTO,
+    POINT,
+    SHEAVE_MASS,
+    WHEEL,
+    Sheaves,
+)
+from rope_twin.core.joined.statics import weigh
+from rope_twin.core.state import (
+    BLOCK,
+    ELEMENTS,
+    LINE,
+    MOTIONS,
+    POSITION,
+    STIFFNESS,
+    TENSION,
+    Floats,
+    Rope,
+)
+from rope_twin.core.statics.forces import SYMMETRIC, Couplings, StillRope
+from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.build_joined import build_joined
+from rope_twin.scene.schema import Scene
+
+
+@dataclass(frozen=True)
+class StillLine:
+    """One of the ropes, n elements from its lower end up; both of its ends are nodes."""
+
+    name: str
+    place: Floats  # (3, n + 1)
+    s: Floats  # unstretched from the upper end [m], (n + 1,)
+    tension: Floats  # (n,)
+    stiffness: Floats  # dT/dl of the elements [N/m], (n,)
+    mass: Floats  # of the nodes, (n + 1, 3, 3)
+    couplings: Couplings | None  # of bending
+
+    @property
+    def directions(self) -> tuple[Floats, Floats]:
+        """Unit vectors (3, n) and lengths [m] of the elements."""
+        span = np.diff(self.place, axis=1)
+        length = np.sqrt((span * span).sum(axis=0))
+        return span / length, length
+
+
+@dataclass(frozen=True)
+class StillSystem:
+    """Ropes at rest, and how their nodes follow the unknowns: joints, free nodes, flows."""
+
+    scene: Scene
+    lines: tuple[StillLine, ...]
+    follow: Any  # sparse, (3·nodes of all ropes, unknowns)
+    joint_mass: Floats  # what sheaves weigh themselves and wheels turn with, of each unknown [kg]
+    tied: Any  # sparse stiffness of bars and tethers [N/m], (unknowns, unknowns)
+
+
+def bring_system_to_rest(scene: Scene) -> StillSystem:
+    """The scene's ropes in their current.
+
+    Raises:
+        SceneError: they cannot rest, or are slack somewhere.
+    """
+    built = build_joined(scene)
+    system = built.system
+    held = np.zeros((len(scene.ropes), MOTIONS))
+    held[:, :LINE] = np.nan_to_num(built.hang_off_m)
+    held[:, LINE] = [line.length_m for line in scene.ropes]
+    if not settle_reeved(system, held).found:
+        right = "check what holds the ropes"
+        raise SceneError(phrase(f"{scene.path}: ropes", "no static equilibrium", right))
+    weigh(system, held)
+    lines = tuple(
+        _line(scene, number, rope, held[number, LINE]) for number, rope in enumerate(system.ropes)
+    )
+    return StillSystem(scene, lines, *_unknowns(system, lines))
+
+
+def _line(scene: Scene, number: int, rope: Rope, length_m: float) -> StillLine:
+    """One rope as the weighing left it."""
+    n = int(rope.state.counts[ELEMENTS])
+    tension, name = rope.work[TENSION, :n].copy(), scene.ropes[number].name
+    if not (tension > 0.0).all():
+        slack = int((tension <= 0.0).sum())
+        what = f"{slack} of {n} elements are slack at rest, so it has no natural frequency"
+        right = "give it weight, tension or a payload"
+        raise SceneError(phrase(f"{scene.path}: ropes[{number}]", what, right))
+    still = StillRope(rope, length_m)
+    place: Floats = still.place.copy()
+    s = np.append(np.cumsum(still.rest[::-1])[::-1], 0.0)
+    mass = np.moveaxis(rope.work[BLOCK : BLOCK + 6, : n + 1][SYMMETRIC], 2, 0).copy()
+    couplings = still.couplings() if still.reach > 1 else None
+    stiffness = rope.work[STIFFNESS, :n].copy()
+    return StillLine(name, place, s, tension, stiffness, mass, couplings)
+
+
+def _unknowns(system: System, lines: tuple[StillLine, ...]) -> tuple[Any, Floats, Any]:
+    """`follow`, `joint_mass` and `tied` of a system.
+
+    Unknowns are three for each joint, three for each node that is no end and none that is held,
+    and the flow over each sheave.
+    """
+    from scipy.sparse import coo_array
+
+    joints, sheaves = system.joints, system.sheaves
+    wheels = 0 if sheaves is None else sheaves.figures.shape[1]
+    points = joints.nodes.shape[1] - wheels
+    at, count = [], points
+    for r, rope in enumerate(system.ropes):
+        n = lines[r].place.shape[1] - 1
+        own = np.full(n + 1, LOOSE)
+        free = range(int(rope.model.first_free), n)
+        own[free.start : n] = count + np.arange(len(free))
+        count += len(free)
+        if joints.lower[r] != LOOSE:
+            own[0] = joints.lower[r]
+        if joints.upper[r] != LOOSE:
+            own[n] = joints.upper[r]
+        at.append(own)
+    of = np.concatenate(at)
+    node = np.flatnonzero(of != LOOSE)
+    axes = np.arange(3)
+    rows = (3 * node[:, None] + axes).ravel()
+    columns = (3 * of[node][:, None] + axes).ravel()
+    values = np.ones(len(rows))
+    mass = np.zeros(3 * count + wheels)
+    if sheaves is not None:
+        ends = np.cumsum([len(own) for own in at]) - 1
+        for k in range(wheels):
+            more = _over(sheaves, k, lines, ends)
+            rows, values = np.append(rows, more[0]), np.append(values, more[1])
+            columns = np.append(columns, np.full(len(more[0]), 3 * count + k))
+            point = int(sheaves.figures[POINT, k])
+            mass[3 * point : 3 * point + 3] += sheaves.figures[SHEAVE_MASS, k]
+            mass[3 * count + k] += sheaves.figures[WHEEL, k]
+    size = 3 * count + wheels
+    follow = coo_array((values, (rows, columns)), shape=(3 * len(of), size)).tocsr()
+    return follow, mass, _tied(joints.ties, joints.nodes[POSITION : POSITION + 3], size)
+
+
+def _over(
+    sheaves: Sheaves, k: int, lines: tuple[StillLine, ...], ends: Any
+) -> tuple[Floats, Floats]:
+    """Rows and values by which the rope's last nodes follow the flow over sheave k.
+
+    Rope that comes over goes down the one line and up the other, stretched as it is.
+    """
+    into, out = (int(sheaves.figures[row, k]) for row in (INTO, FROM))
+    one, other = lines[into], lines[out]
+    (t, t_length), (u, u_length) = one.directions, other.directions
+    mean = 0.5 * (t_length[-1] / one.s[-2] + u_length[-1] / other.s[-2])
+    rows = np.concatenate([3 * ends[into] + np.arange(3), 3 * ends[out] + np.arange(3)])
+    return rows, np.concatenate([-mean * t[:, -1], mean * u[:, -1]])
+
+
+def _tied(held: Floats, place: Floats, size: int) -> Any:
+    """Stiffness of bars and tethers: along them their own, across them by their pull."""
+    from scipy.sparse import coo_array
+
+    matrix = coo_array((size, size)).tocsr()
+    for tie in held.T:
+        first, second = int(tie[ties.FIRST]), int(tie[ties.SECOND])
+        anchored = second == ties.ANCHORED
+        end = tie[ties.AT : ties.AT + 3] if anchored else place[:, second]
+        span = end - place[:, first]
+        length = float(np.sqrt(span @ span))
+        d = span / length
+        pull = max(tie[ties.FORCE] + tie[ties.STIFFNESS] * (length - tie[ties.LENGTH]),
+                   tie[ties.LEAST])  # fmt: skip
+        along = tie[ties.STIFFNESS] if pull > tie[ties.LEAST] else 0.0
+        block = (along - pull / length) * np.outer(d, d) + pull / length * np.eye(3)
+        spots = [(first, first, 1.0)]
+        if not anchored:
+            spots += [(second, second, 1.0), (first, second, -1.0), (second, first, -1.0)]
+        for i, j, sign in spots:
+            row, column = np.meshgrid(3 * i + np.arange(3), 3 * j + np.arange(3), indexing="ij")
+            entries = (sign * block).ravel(), (row.ravel(), column.ravel())
+            matrix = matrix + coo_array(entries, shape=(size, size)).tocsr()
+    return matrix

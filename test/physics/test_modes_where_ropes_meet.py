@@ -1,0 +1,141 @@
+"""Natural modes of ropes that meet: against one rope, pendulums, springs and a wheel."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rope_twin import load_scene
+from rope_twin.cli import main
+from rope_twin.errors import InputError
+from rope_twin.scene.rigging import Joint, Strut
+from rope_twin.scene.schema import HangOff, Payload, RopeLine, Scene
+from rope_twin.studies.modes.modes import find_modes
+from rope_twin.studies.modes.system_modes import find_system_modes
+
+LENGTH, LOAD, APART = 50.0, 50e3, 12.0
+
+
+def stiffness_n(line: RopeLine) -> float:
+    """EA [N]."""
+    assert line.rope is not None
+    assert line.rope.axial_stiffness_n is not None
+    return line.rope.axial_stiffness_n
+
+
+def lift() -> Scene:
+    """One load on two lines; the effects of all scenes here but the last."""
+    return load_scene("two_line_lift")
+
+
+def test_a_rope_in_two_parts_is_the_rope() -> None:
+    """A ring of no mass in the middle changes no frequency."""
+    scene = lift()
+    line = replace(scene.ropes[0], elements=40)
+    whole = replace(scene, ropes=(line,), hang_offs=())
+    upper = replace(line, elements=20, length_m=300.0, to="ring")
+    lower = replace(upper, name="lower", from_="ring", to=line.to)
+    parted = replace(whole, ropes=(upper, lower), joints=(Joint(name="ring"),))
+    expected, found = find_modes(whole, 8), find_system_modes(parted, 8)
+    ours = [mode.frequency_hz for mode in found.lowest]
+    assert ours == pytest.approx([mode.frequency_hz for mode in expected.lowest], rel=1e-5)
+    first = found.stretching[0]
+    assert first.frequency_hz == pytest.approx(expected.axial[0].frequency_hz, rel=1e-5)
+    assert first.kind == "stretching"
+    assert first.vertical_share > 0.99
+    assert (first.rope, first.largest_at_m) == ("lower", 300.0)
+
+
+def hung_bar() -> Scene:
+    """Two loads, kept apart by a bar, each on a line of its own: a bifilar pendulum."""
+    scene = lift()
+    load = Payload(
+        name="fore_load", mass_kg=LOAD, displaced_volume_m3=1.0,
+        added_mass_kg=(0.0, 0.0, 0.0), drag_area_m2=(1.0, 1.0, 1.0),
+    )  # fmt: skip
+    fore = replace(scene.ropes[0], length_m=LENGTH, elements=20, to="fore_load")
+    aft = replace(fore, name="aft", from_="aft_sheave", to="aft_load")
+    bar = Strut(
+        name="bar", between=("fore_load", "aft_load"), length_m=APART, stiffness_n_per_m=1e9
+    )
+    half = 0.5 * APART
+    return replace(
+        scene,
+        ropes=(fore, aft),
+        payloads=(load, replace(load, name="aft_load")),
+        struts=(bar,),
+        hang_offs=(HangOff(name="aft_sheave", at_m=(-half, 0.0, 0.0)),),
+        winch=None,
+        ship=replace(scene.ship, hang_off_m=(half, 0.0, 0.0)),
+        effects=tuple(
+            replace(one, profile=((0.0, (1e-9, 0.0)),)) if hasattr(one, "profile") else one
+            for one in scene.effects
+        ),
+    )
+
+
+def test_bifilar_pendulum() -> None:
+    """It swings both ways and twists with √(W/(M·L)); it bounces and rolls with √(EA/(L·M))."""
+    scene = hung_bar()
+    rope, stiffness = scene.ropes[0].rope, stiffness_n(scene.ropes[0])
+    assert rope is not None
+    found = find_system_modes(scene, 3)
+    weight = (LOAD - 1.0 * scene.environment.water_density_kg_per_m3) * 9.80665
+    stretched = LENGTH * (1.0 + weight / stiffness)
+    swing = math.sqrt(weight / (LOAD * stretched)) / (2.0 * math.pi)
+    assert [mode.frequency_hz for mode in found.lowest] == pytest.approx([swing] * 3, rel=5e-3)
+    assert all(mode.kind == "swinging" for mode in found.lowest)
+    mass = LOAD + rope.mass_kg_per_m * LENGTH / 3.0
+    bounce = math.sqrt(stiffness / (LENGTH * mass)) / (2.0 * math.pi)
+    ours = [mode.frequency_hz for mode in found.stretching[:2]]
+    assert ours == pytest.approx([bounce] * 2, rel=2e-3)
+    assert all(mode.vertical_share > 0.99 for mode in found.stretching[:2])
+
+
+def test_a_load_under_one_hook_spins_freely() -> None:
+    """Nothing holds the bridle's spin about the hoist: the first mode has no period."""
+    found = find_system_modes(load_scene("bridle_lift"), 2)
+    assert [mode.kind for mode in found.lowest] == ["free", "swinging"]
+    assert found.lowest[0].frequency_hz == 0.0
+    assert found.lowest[0].vertical_share < 1e-3
+
+
+def test_wheel_between_two_springs() -> None:
+    """A heavy wheel, a heavy sheave and two springs without mass: two frequencies."""
+    scene = load_scene("two_line_loop")
+    wheel, block = 2e5, 2e4
+    sheave = replace(scene.sheaves[0], wheel_inertia_kg=wheel, mass_kg=block)
+    small = tuple(replace(one, mass_kg=1200.0) for one in scene.payloads)
+    scene = replace(scene, sheaves=(sheave,), payloads=small)
+    soft = [line.length_m / stiffness_n(line) for line in scene.ropes]
+    left, right = 1.0 / (soft[0] + soft[1]), 1.0 / (soft[2] + soft[3])
+    assert sheave.tether is not None
+    K = np.array([[left + right, right - left],
+                  [right - left, left + right + sheave.tether.stiffness_n_per_m]])  # fmt: skip
+    slow = np.linalg.eigvals(K / np.array([[wheel], [block]])).min()
+    found = find_system_modes(scene, 1).stretching[0]
+    assert found.frequency_hz == pytest.approx(math.sqrt(slow) / (2.0 * math.pi), rel=0.03)
+
+
+def test_more_modes_than_there_are() -> None:
+    """One sentence says how many."""
+    with pytest.raises(InputError, match=r"--count: 5000 of ropes with 3\d\d ways to move; give 1"):
+        find_system_modes(lift(), 5000)
+
+
+def test_the_command_shows_them(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    """A table, an object with null for what is infinite, and a picture."""
+    picture = tmp_path / "modes.png"
+    assert main(["modes", "bridle_lift", "--count", "2", "--picture", str(picture)]) == 0
+    assert "free" in capsys.readouterr().out
+    assert picture.stat().st_size > 10_000
+    assert main(["modes", "bridle_lift", "--count", "2", "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)["rows"]
+    assert [row["group"] for row in rows] == ["lowest"] * 2 + ["stretching"] * 3
+    assert rows[0]["period_s"] is None
+    assert rows[1]["rope"] in {"sling_port", "sling_starboard", "leg_port", "leg_starboard"}
