@@ -10,6 +10,8 @@ from math import isfinite
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.body.energy import pose_of
+from rope_twin.core.body.state import RigidBody
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.statics.equilibrium import settle
 from rope_twin.core.statics.forces import Equilibrium
@@ -44,6 +46,7 @@ def find_start(scene: Scene, rope: Rope) -> Floats:
     nodes = rope.state.nodes
     with no_garbage_collection():
         end = settle(rope, line.length_m)
+    _judge_body(scene, rope)
     judge_start(
         scene, end, float(nodes[rows.POSITION + 2, : rope.state.counts[rows.ELEMENTS]].max())
     )
@@ -54,6 +57,19 @@ def find_start(scene: Scene, rope: Rope) -> Floats:
     pull: Floats = np.zeros((1, rows.PULL_COLUMNS))
     advance(spare, boundary, pull, 0.0, 1)
     return pull.reshape(rows.PULL_COLUMNS)
+
+
+def _judge_body(scene: Scene, rope: Rope) -> None:
+    """Whether the rope's rigid body, if it has one, rests somewhere.
+
+    Raises:
+        SceneError: it slides away.
+    """
+    for own in rope.effects:
+        if isinstance(own, RigidBody) and not np.isfinite(pose_of(own).velocity).all():
+            what = "the body finds no rest: friction does not hold it and its slings are slack"
+            right = "shorten the slings or the rope, raise friction, or lay it on a flatter bed"
+            raise SceneError(phrase(f"{scene.path}: effects.rigid_body", what, right))
 
 
 def judge_start(scene: Scene, end: Equilibrium, highest_m: float) -> None:

@@ -108,8 +108,9 @@ def aground(turn: Any, side: float) -> Vector:
     )
     sling = Sling(to_m=(0.0, 0.0, 0.6), length_m=60.0, stiffness_n_per_m=1e5)
     body = RigidBodyParams(
-        size_m=(4.0, 3.0, 1.2), centre_of_gravity_m=(side * 0.2, 0.1, -0.1), slings=(sling,)
-    )
+        size_m=(4.0, 3.0, 1.2), centre_of_gravity_m=(side * 0.2, 0.1, -0.1), slings=(sling,),
+        heading_deg=float(np.degrees(np.arctan2(turn[1, 0], turn[0, 0]))),
+    )  # fmt: skip
     rig = replace(
         LINE, density=1025.0, load=12e3, volume=14.4, added=(2e3, 3e3, 9e3), area=(4.0, 5.0, 12.0),
         step=0.02, hang_off=(0.0, 0.0, 24.0),

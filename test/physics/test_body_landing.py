@@ -21,6 +21,7 @@ from rope_twin.core.body.parts import part_of
 from rope_twin.core.body.state import GridBed, PlaneBed, RigidBody
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.seabed import SeabedParams, Soundings
+from rope_twin.errors import SceneError
 from rope_twin.scene.build import build_effects
 from rope_twin.scene.schema import Winch
 from rope_twin.scene.shapes import payload_figures
@@ -110,6 +111,41 @@ def test_answers_turn_with_the_scene(mirrored: bool) -> None:
         assert np.abs(found[:2] - expected[:2] @ follow.T).max() < 1e-8 * scale.max()
         spin = side * expected[2] @ follow.T  # an axial vector
         assert np.abs(found[2] - spin).max() < 1e-8 * scale[2].max()
+
+
+@pytest.mark.parametrize("length_m", [400.0, 12.0])
+def test_friction_lets_it_rest_on_a_slope_below_its_angle(length_m: float) -> None:
+    """Slings slack: it creeps by the closed form, as steadily a second later.
+
+    It leans downhill against its corners' springs: F·h over 4·k·b² - W·h, F along its own x and y.
+    """
+    slack = replace(LOOSE, slings=(replace(SLACK, length_m=length_m),))
+    twin = Twin(between(SUBMERGED, slack, replace(BED, slope=(0.2, 0.1), friction=0.5)))
+    normal = np.array([-0.2, -0.1, 1.0]) / math.sqrt(1.05)
+    down = np.array([-0.2, -0.1, -0.05]) / math.sqrt(0.0525)
+    r = math.hypot(0.2, 0.1) / 0.5
+    for _ in range(2):
+        pose, shot = pose_of(body_in(twin)), twin.snapshot()
+        assert pose.velocity == pytest.approx(0.01 * r / math.sqrt(1 - r * r) * down, abs=1e-8)
+        pull = WEIGHT * np.hypot(0.2, 0.1) / math.sqrt(1.05) * down @ pose.turn
+        springs = WEIGHT / 0.02 * np.array([2.0, 1.5]) ** 2 - WEIGHT * 0.6
+        assert (normal @ pose.turn)[:2] == pytest.approx(-pull[:2] * 0.6 / springs, rel=1e-3)
+        assert pose.turn[1, 0] == pytest.approx(0.0, abs=0.02), "it keeps its heading"
+        assert shot.body.leg_pull_n.max() == 0.0
+        assert shot.seabed.payload_push_n == pytest.approx(WEIGHT / math.sqrt(1.05), rel=1e-6)
+        twin.advance(400)
+
+
+def test_beyond_the_friction_angle_slings_hold_it_or_it_is_refused() -> None:
+    """With slack slings it would slide away; slings that end its slide leave it at rest."""
+    steep = replace(BED, slope=(0.2, 0.0), friction=0.1)
+    long = replace(LOOSE, size_m=(1.0, 0.8, 1.2), slings=(replace(SLACK, length_m=500.0),))
+    with pytest.raises(SceneError, match="friction does not hold it and its slings are slack"):
+        Twin(between(SUBMERGED, long, steep))  # it would slide for 480 m
+    short = replace(LOOSE, slings=(replace(SLACK, length_m=12.0),))
+    twin = Twin(between(SUBMERGED, short, steep))
+    assert twin.snapshot().body.leg_pull_n.max() > 0.2 * WEIGHT
+    assert np.abs(pose_of(body_in(twin)).velocity).max() == 0.0
 
 
 def on_slope(friction: float) -> tuple[Adrift, Any]:

@@ -10,14 +10,15 @@ from math import sqrt
 from typing import Any
 
 import numpy as np
+from numba.extending import overload
 
-from rope_twin.core.bed import beds_at, grid_bed, plane_bed
+from rope_twin.core.bed import Plane, beds_at, grid_bed, plane_bed
 from rope_twin.core.body.change import NONE
 from rope_twin.core.body.contact import CREEP, add_push
 from rope_twin.core.body.parts import part
 from rope_twin.core.body.rotation import along, dot, outward, vector
 from rope_twin.core.body.state import GridBed, PlaneBed, RigidBody
-from rope_twin.core.jit import jit
+from rope_twin.core.jit import LINKED, jit
 from rope_twin.core.state import Floats
 
 
@@ -33,43 +34,38 @@ def _push(bed: Any, body: Any, q: float, pose: Any, r: Any, ground: Any) -> Any:
     return add_push(body, q, pose, r, touch)
 
 
-@part("act", PlaneBed)
-def act_on_plane(bed: Any, body: Any, q: float, pose: Any) -> Any:
+def _ground(shape: Any, x: Any, y: Any) -> Any:
+    """Height of the bed below a place and its slopes, east and north."""
+    return plane_bed(shape, x, y) if isinstance(shape, Plane) else grid_bed(shape, x, y)
+
+
+@overload(_ground, jit_options=LINKED, strict=False)
+def _ground_by_type(shape: Any, x: Any, y: Any) -> Any:
+    chosen = plane_bed if shape.instance_class is Plane else grid_bed
+
+    def choice(shape: Any, x: Any, y: Any) -> Any:
+        return chosen(shape, x, y)
+
+    return choice
+
+
+@part("act", PlaneBed, GridBed)
+def act(bed: Any, body: Any, q: float, pose: Any) -> Any:
     """Of all corners on the bed."""
     f, t, size = NONE, NONE, 0.0
     for j in range(body.corners.shape[0]):
         r = vector(body.corners[j], 0)
         place = along(pose[0], 1.0, outward(pose[1], r))
-        ground = plane_bed(bed.shape, place[0], place[1])
+        ground = _ground(bed.shape, place[0], place[1])
         more, twist, N = _push(bed, body, q, pose, r, ground)
         f, t, size = along(f, 1.0, more), along(t, 1.0, twist), size + N
     return f, t, size
 
 
-@part("act", GridBed)
-def act_on_grid(bed: Any, body: Any, q: float, pose: Any) -> Any:
-    """Of all corners on the bed."""
-    f, t, size = NONE, NONE, 0.0
-    for j in range(body.corners.shape[0]):
-        r = vector(body.corners[j], 0)
-        place = along(pose[0], 1.0, outward(pose[1], r))
-        ground = grid_bed(bed.shape, place[0], place[1])
-        more, twist, N = _push(bed, body, q, pose, r, ground)
-        f, t, size = along(f, 1.0, more), along(t, 1.0, twist), size + N
-    return f, t, size
-
-
-@part("floor", PlaneBed)
-def floor_of_plane(bed: Any, body: Any, place: Any) -> float:
+@part("floor", PlaneBed, GridBed)
+def floor(bed: Any, body: Any, place: Any) -> float:
     """Its height there."""
-    z, _, _ = plane_bed(bed.shape, place[0], place[1])
-    return float(z)
-
-
-@part("floor", GridBed)
-def floor_of_grid(bed: Any, body: Any, place: Any) -> float:
-    """Its height there."""
-    z, _, _ = grid_bed(bed.shape, place[0], place[1])
+    z, _, _ = _ground(bed.shape, place[0], place[1])
     return float(z)
 
 
@@ -93,8 +89,7 @@ def bed_pushes(
     return above, push, push[:, None] * normal - rub[:, None] * slide
 
 
-@part("power", PlaneBed)
-@part("power", GridBed)
+@part("power", PlaneBed, GridBed)
 def power(bed: Any, body: RigidBody, pose: Any) -> float:
     """Pushes and friction times velocity [W]; what the soil stores is given back."""
     return float((bed_pushes(bed, body, pose)[2] * pose.speed(body.corners)).sum())

@@ -26,8 +26,8 @@ from rope_twin.core.jit import LINKED, jit
 _KERNELS: dict[str, dict[type, Any]] = {"act": {}, "foresee": {}, "floor": {}, "power": {}}
 
 
-def part(hook: str, kind: type) -> Callable[[Any], Any]:
-    """Register a function of a part's type for a hook.
+def part(hook: str, *kinds: type) -> Callable[[Any], Any]:
+    """Register a function of parts of these types for a hook.
 
     Raises:
         ValueError: unknown hook.
@@ -36,7 +36,8 @@ def part(hook: str, kind: type) -> Callable[[Any], Any]:
         raise ValueError(f"unknown hook '{hook}' of a part; known: {', '.join(_KERNELS)}")
 
     def register(function: Any) -> Any:
-        _KERNELS[hook][kind] = made = function if hook == "power" else jit(function)
+        made = function if hook == "power" else jit(function)
+        _KERNELS[hook].update(dict.fromkeys(kinds, made))
         return made
 
     return register

@@ -107,6 +107,7 @@ def _settle_forces(still: StillRope, near: bool = False) -> Equilibrium:
     S = element_forces(place, forces) if near else first_forces(still, hold, forces.load)
     shape = shape_of(still, law, hold, S)
     move, newton, rounds, found = np.inf, near, 0, False
+    tension = float(shape.forces.tension.max())
     while rounds < ROUNDS and np.isfinite(shape.size):
         rounds += 1
         if rounds <= SURE or is_off(shape.S, shape.forces.tension):
