@@ -10,7 +10,9 @@ from rope_twin.effects.waves import WavesParams
 from rope_twin.scene.schema import Scene
 
 Fault = tuple[str, str, str]
-GAP = 3.0  # a step of a spectrum's frequencies is a hole when it is so many times both beside it
+# A step of a spectrum's frequencies is a hole when it is so many times both beside it: one row that
+# is missing among even ones doubles it; the first and the last have but one beside them.
+GAP, GAP_AT_AN_END = 1.8, 3.0
 
 
 def bed_at(bed: SeabedParams, x: float, y: float) -> float:
@@ -54,7 +56,8 @@ def _spectrum(scene: Scene) -> Iterator[Fault]:
         steps = [high - low for low, high in pairwise(frequency)]
         for k, step in enumerate(steps):
             beside = [steps[j] for j in (k - 1, k + 1) if 0 <= j < len(steps)]
-            if beside and step > GAP * max(beside):
+            most = GAP if len(beside) == 2 else GAP_AT_AN_END
+            if beside and step > most * max(beside):
                 what = (
                     f"the spectrum has a gap from {frequency[k]:g} to {frequency[k + 1]:g} Hz, "
                     f"among steps of {max(beside):.3g} Hz"

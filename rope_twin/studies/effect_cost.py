@@ -1,9 +1,9 @@
 """What each effect costs a scene, and what it changes in the top tension.
 
 An effect that the scene lists is taken out, one that it does not list is put in with parameters
-that the scene itself or common practice suggests; everything else stays, the ship's motion too,
-even where the ship rides on the waves that are taken out. Each effect by itself: what two change
-together is not the sum of what each does.
+that the scene itself or common practice suggests (studies/usual_effects.py), which it tells;
+everything else stays, the ship's motion too, even where the ship rides on the waves that are taken
+out. Each effect by itself: what two change together is not the sum of what each does.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ from typing import Any
 import numpy as np
 
 from rope_twin.effects import EFFECTS, Effect
-from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import RopeTwinError
 from rope_twin.scene.figures import listed_effects
 from rope_twin.scene.rigging_rules import is_joined
@@ -26,11 +25,11 @@ from rope_twin.scene.rules import faults
 from rope_twin.scene.schema import Scene, SeaState
 from rope_twin.studies.accuracy.run import Course, Setting, Trial
 from rope_twin.studies.bench.band import fed
+from rope_twin.studies.usual_effects import suggested
 from rope_twin.studies.variants import with_effect
 from rope_twin.twin.twin import Twin
 
 LOOK_S = 0.5
-TYPICAL: dict[str, dict[str, Any]] = {"drag": {"normal": 1.2, "tangential": 0.02}}
 Listener = Callable[[int, int, str], None]
 
 
@@ -126,38 +125,6 @@ def _row(scene: Scene, effect: Effect, whole: Ran, run: Callable[[Scene], Ran]) 
     )
 
 
-def suggested(effect: Effect, scene: Scene) -> Any:
-    """Parameters for an effect that the scene does not list; a str: what it would need."""
-    given = {**TYPICAL.get(effect.name, {}), **_known(effect.name, scene)}
-    missing = [
-        field
-        for field in dataclasses.fields(effect.params)
-        if field.default is dataclasses.MISSING
-        and field.default_factory is dataclasses.MISSING
-        and field.name not in given
-    ]
-    if missing:
-        return "it needs " + ", ".join(f"{field.name} ({_about(field)})" for field in missing)
-    params = effect.params(**given)
-    complaint = params.check() if hasattr(params, "check") else None
-    return f"the scene has no data for it: {complaint}" if complaint else params
-
-
-def _known(name: str, scene: Scene) -> dict[str, Any]:
-    """What the scene says that serves an effect which it does not list."""
-    if name == "seabed":
-        waves = next((own for own in scene.effects if isinstance(own, WavesParams)), None)
-        return {"depth_m": waves.depth_m} if waves and waves.depth_m else {}
-    if name == "splash_zone" and scene.payloads:
-        shape = scene.payloads[0].shape
-        height = getattr(shape, "height_m", getattr(shape, "diameter_m", None))
-        if height is not None:
-            sides = [getattr(shape, side, None) for side in ("length_m", "width_m")]
-            flat = sides[0] * sides[1] if sides[0] and sides[1] else 0.0
-            return {"height_m": height, "bottom_area_m2": flat}
-    return {}
-
-
 def _sound(scene: Scene) -> Scene:
     """The scene, if no rule of scenes is broken; the motion of its ship is given already.
 
@@ -200,11 +167,6 @@ def _words(params: Any) -> str:
         if getattr(params, field.name) != field.default
     }
     return ", ".join(f"{name} {value}" for name, value in given.items())
-
-
-def _about(field: dataclasses.Field[Any]) -> str:
-    quantity = field.metadata.get("quantity")
-    return quantity.about if quantity else str(field.metadata.get("about", ""))
 
 
 def effect_table(study: EffectStudy) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -18,7 +19,8 @@ from rope_twin.effects.weight import WeightParams
 from rope_twin.errors import RopeTwinError
 from rope_twin.scene.schema import Scene
 from rope_twin.studies import effect_cost
-from rope_twin.studies.effect_cost import EffectRow, effect_table, measure_effects, suggested
+from rope_twin.studies.effect_cost import EffectRow, effect_table, measure_effects
+from rope_twin.studies.usual_effects import suggested
 
 BY_NAME = {effect.name: effect for effect in EFFECTS}
 
@@ -31,37 +33,48 @@ def bare(*effects: Any) -> Scene:
 
 def test_a_payload_changes_the_tension_by_its_weight(monkeypatch: pytest.MonkeyPatch) -> None:
     """155.9 kN in still water, mean and maximum; a step costs something."""
-    some = tuple(BY_NAME[name] for name in ("payload", "bending"))
+    some = tuple(BY_NAME[name] for name in ("payload", "net"))
     monkeypatch.setattr(effect_cost, "EFFECTS", some)
     said = []
     study = measure_effects(
         bare(WeightParams(), PayloadParams()), 2.0, lambda *words: said.append(words)
     )
-    payload, bending = study.rows
+    payload, net = study.rows
     weight = (20000.0 - 1025.0 * 4.0) * 9.80665
     assert study.as_it_is.us_per_step > 0.0
     assert payload.listed
     assert payload.mean_change_n == pytest.approx(weight, rel=1e-6)
     assert payload.max_change_n == pytest.approx(weight, rel=1e-6)
     assert payload.us_per_step is not None
-    assert bending.why_not == "it needs stiffness_n_m2 (bending stiffness EI)"
-    assert bending.us_per_step is None
+    assert net.why_not == "it needs width_m (width of a panel), height_m (height of a panel)"
+    assert net.us_per_step is None
     assert said[-1] == (4, 4, "done")
     lines = list(effect_table(study))
     assert lines[4].split()[:2] == ["payload", "yes"]
     assert lines[4].split()[3:5] == ["+155.93", "+155.93"]
-    assert lines[5].endswith("it needs stiffness_n_m2 (bending stiffness EI)")
+    assert lines[5].endswith(net.why_not)
 
 
-def test_what_the_scene_knows_is_taken() -> None:
+def test_what_the_scene_knows_is_taken_and_else_what_is_usual() -> None:
+    """A solid rod's E·π·d⁴/64; the box of the payload; the depth that the waves have, or more."""
     scene = bare(WeightParams(), PayloadParams())
     assert suggested(BY_NAME["splash_zone"], scene).height_m == 2.5
     assert suggested(BY_NAME["added_mass"], scene).normal == 1.0
     assert suggested(BY_NAME["drag"], scene).normal == 1.2
-    assert suggested(BY_NAME["current"], scene).startswith("the scene has no data for it: ")
-    assert "depth_m" in suggested(BY_NAME["seabed"], scene)
+    lowest = scene.ship.hang_off_m[2] - scene.winch.most_line_out_m
+    assert suggested(BY_NAME["current"], scene).profile[-1] == (lowest, (0.1, 0.0))
+    assert suggested(BY_NAME["seabed"], scene).depth_m == 10.0 - lowest
+    rope = scene.ropes[0].rope
+    modulus = rope.tangent_n(0.0) / (math.pi * rope.diameter_m**2 / 4)
+    rod = modulus * math.pi * rope.diameter_m**4 / 64
+    assert suggested(BY_NAME["bending"], scene).stiffness_n_m2 == pytest.approx(rod)
+    box = scene.payloads[0].shape
+    assert suggested(BY_NAME["rigid_body"], scene).size_m[2] == box.height_m
+    assert suggested(BY_NAME["fairing"], scene).face_m2 == box.length_m * box.width_m
     waves = WavesParams(regular=RegularWave(height_m=2.0, period_s=8.0), depth_m=300.0)
     assert suggested(BY_NAME["seabed"], bare(waves)).depth_m == 300.0
+    ashore = replace(scene, payloads=(replace(scene.payloads[0], shape=None),))
+    assert suggested(BY_NAME["rigid_body"], ashore).startswith("it needs size_m")
 
 
 def test_what_breaks_a_rule_is_not_run() -> None:

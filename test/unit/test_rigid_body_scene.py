@@ -46,6 +46,8 @@ BAD = [
      "effects", ("`rigid_body` and `payload`", "leave out `payload`")),
     ("a body and a net", listing("net: {width_m: 2, height_m: 2, solidity: 0.2}"),
      "effects", ("`rigid_body` and `net`", "knows the payload as a point")),
+    ("a body and a fairing", listing("fairing: {face_m2: 2.0}"),
+     "effects", ("`rigid_body` and `fairing`", "take `payload` for the body")),
     ("a splash zone of another height", listing("splash_zone: {height_m: 2.0}"),
      "effects.splash_zone.height_m", ("2 m is not the height of the body, 1.5 m", "size_m")),
     ("no size", with_body("      size_m: [3.0, 2.0, 1.5]\n", ""), "effects[0].rigid_body",

@@ -65,6 +65,9 @@ BAD: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "spectrum with a gap": (
         measured("gap.csv"), "effects", ("gap from 0.06 to 0.2 Hz", "among steps of 0.01 Hz"),
     ),
+    "spectrum without one of its rows": (
+        measured("row.csv"), "effects", ("gap from 0.06 to 0.08 Hz", "among steps of 0.01 Hz"),
+    ),
     "spectrum that is not there": (
         measured("./no.csv"), "effects[4].waves.measured", ("no.csv: neither a file nor a name",),
     ),
@@ -80,6 +83,7 @@ def test_what_cannot_be_is_refused_in_one_sentence(tmp_path: Path, fault: str) -
     """At the key, with the numbers and the way out; tables lie beside the scene."""
     (tmp_path / "hole.csv").write_text(f"{HEAD}0.05,1\n0.06,2\n0.07,\n0.08,2\n")
     (tmp_path / "gap.csv").write_text(f"{HEAD}0.05,1\n0.06,2\n0.20,2\n0.21,1\n")
+    (tmp_path / "row.csv").write_text(f"{HEAD}0.05,1\n0.06,2\n0.08,2\n0.09,1\n")
     text, place, words = BAD[fault]
     assert_refused(text, place, words, tmp_path)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from rope_twin.core import jit
@@ -21,11 +19,10 @@ def step_assembly(scene: Scene) -> str:
     return jit.assembly(advance_steps, arguments)
 
 
-def modules_of(scene: Scene, params: object) -> tuple[str, ...]:
-    """The modules that the kernels of one of the scene's effects are written in."""
-    alone = replace(scene, effects=tuple(own for own in scene.effects if own is not params))
-    without = {type(effect) for effect in build(alone).rope.effects}
-    kinds = [type(own) for own in build(scene).rope.effects if type(own) not in without]
+def modules_of(scene: Scene, without: Scene) -> tuple[str, ...]:
+    """The modules of the kernels that a scene has and another has not: those of one effect."""
+    others = {type(effect) for effect in build(without).rope.effects}
+    kinds = [type(own) for own in build(scene).rope.effects if type(own) not in others]
     kernels = [kernel_of(hook, kind) for kind in kinds for hook in hooks_of(kind)]
     return tuple(sorted({kernel.py_func.__module__ for kernel in kernels}))
 

@@ -19,6 +19,7 @@ from rope_twin.effects import EFFECTS
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.net import NetParams
+from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
@@ -54,9 +55,9 @@ ADDED: dict[str, Any] = {
     "net": NetParams(width_m=12.0, height_m=8.0, twine_m=0.003, bar_m=0.03, panels=2),
     "fairing": FairingParams(face_m2=4.0),
 }  # fmt: skip
-NEEDED = ("weight", "payload")  # without them there is no lift to time
 TOGETHER = ("waves", "seabed")  # beside the base's own: the sea that a lift usually has
 AMPLITUDE_M, PERIOD_S = 1.5, 8.0
+HELD_STRAIN = 5e-3  # of the rope without a payload: it stays taut while the hang-off heaves
 SETTLE_S, PIECES, NODE_STEPS = 1.0, 15, 100_000  # node-steps of a piece
 Listener = Callable[[int, int, str], None]
 
@@ -92,8 +93,8 @@ def effect_speeds(elements: int, names: Sequence[str], listen: Listener) -> Iter
 
 
 def all_names() -> tuple[str, ...]:
-    """The effects that a lift can be without."""
-    return tuple(effect.name for effect in EFFECTS if effect.name not in NEEDED)
+    """All effects."""
+    return tuple(effect.name for effect in EFFECTS)
 
 
 def speed_table(rows: Sequence[EffectSpeed]) -> list[tuple[str, ...]]:
@@ -125,15 +126,24 @@ def _measured(base: Scene, name: str, codes: dict[tuple[type, ...], str]) -> Eff
     if listed is None:
         listed, without, whole = ADDED[name], base, with_effect(base, ADDED[name])
     else:
-        kept = tuple(own for own in base.effects if own is not listed)
-        without, whole = replace(base, effects=kept), base
+        without, whole = _without(base, listed), base
     kinds = tuple(type(own) for own in without.effects)
     if kinds not in codes:
         codes[kinds] = step_assembly(without)
-    symbols = sum(traces(codes[kinds], module) for module in modules_of(whole, listed))
+    symbols = sum(traces(codes[kinds], module) for module in modules_of(whole, without))
     off, again, on = _took(without, without, whole)
     elements = base.ropes[0].elements
     return EffectSpeed(name, elements, off, again, on, symbols, 1e6 * STEP_S / on)
+
+
+def _without(base: Scene, listed: Any) -> Scene:
+    """The base less an effect; without the payload the rope is held where that hung."""
+    kept = tuple(own for own in base.effects if own is not listed)
+    if not isinstance(listed, PayloadParams):
+        return replace(base, effects=kept)
+    line, (x, y, z) = base.ropes[0], base.ship.hang_off_m
+    held = replace(line, to="", fixed_at_m=(x, y, z - (1.0 + HELD_STRAIN) * line.length_m))
+    return replace(base, effects=kept, payloads=(), ropes=(held,))
 
 
 def _together(base: Scene) -> EffectSpeed:
