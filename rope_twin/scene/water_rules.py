@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 
+import numpy as np
+
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.scene.schema import Scene
@@ -13,12 +15,14 @@ Fault = tuple[str, str, str]
 # A step of a spectrum's frequencies is a hole when it is so many times both beside it: one row that
 # is missing among even ones doubles it; the first and the last have but one beside them.
 GAP, GAP_AT_AN_END = 1.8, 3.0
+BURIED_M = 1.0  # as an anchor may be
 
 
 def bed_at(bed: SeabedParams, x: float, y: float) -> float:
-    """Height of the bed below a place [m]; with soundings that of the deepest one."""
-    if bed.soundings is not None:
-        return -max(max(row) for row in bed.soundings.depth_m)
+    """Height of the bed below a place [m]; of soundings as effects/seabed.py has it."""
+    told = bed.soundings
+    if told is not None:
+        return -float(np.interp(y, told.y_m, [np.interp(x, told.x_m, row) for row in told.depth_m]))
     assert bed.depth_m is not None, "checked when it was read"
     return -bed.depth_m + bed.slope[0] * x + bed.slope[1] * y
 
@@ -45,6 +49,20 @@ def _held_sheaves(scene: Scene) -> Iterator[Fault]:
             yield path, what, "hold it at the bed or above, or deepen `seabed`"
 
 
+def _held_ends(scene: Scene) -> Iterator[Fault]:
+    """A rope's fixed end is not held inside the bed."""
+    bed = bed_of(scene)
+    for number, line in enumerate(scene.ropes):
+        if bed is None or line.fixed_at_m is None:
+            continue
+        x, y, z = line.fixed_at_m
+        low = bed_at(bed, x, y)
+        if z < low - BURIED_M:
+            what = f"the lower end is held at z = {z:g} m, below the bed at {low:g} m"
+            right = "hold it at the bed or above, or deepen `seabed`"
+            yield f"ropes[{number}].fixed_at_m", what, right
+
+
 def _spectrum(scene: Scene) -> Iterator[Fault]:
     """A measured spectrum has no hole, over which its neighbours would be joined by a line."""
     waves = [k for k, own in enumerate(scene.effects) if isinstance(own, WavesParams)]
@@ -66,4 +84,8 @@ def _spectrum(scene: Scene) -> Iterator[Fault]:
                 return
 
 
-WATER_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (_held_sheaves, _spectrum)
+WATER_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
+    _held_sheaves,
+    _held_ends,
+    _spectrum,
+)

@@ -15,6 +15,11 @@ from rope_twin.share import share_dir
 
 LOOP = (share_dir() / "config" / "scenes" / "two_line_loop.yaml").read_text()
 WEIGHT = "  - weight: {}\n"
+CHAIN = (share_dir() / "config" / "scenes" / "chain_on_bottom.yaml").read_text()
+SHALLOWS = (  # 1500 m deep at the sheave, 1700 m to the west of it
+    "seabed: {soundings: {x_m: [-500, 500], y_m: [-500, 500], depth_m: [[1700, 1300], [1700, 1300]]"
+    "}}"
+)
 HELD = "at_m: [0.0, 0.0, -1550.0]"
 FIRST_ROW = "{at_s: 0.0, speed_m_per_s: 0.5}"
 HEAD = "frequency_hz,S_1996-01-01T00Z_m2_per_hz\n"
@@ -58,6 +63,13 @@ BAD: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "sheave above the water": (
         LOOP.replace(HELD, "at_m: [0.0, 0.0, 50.0]"),
         "sheaves[0].tether.at_m", ("is held 50 m above the water", "give a negative z"),
+    ),
+    "sheave in a shallow": (
+        with_effect(LOOP, SHALLOWS), "sheaves[0].tether.at_m", ("below the bed at -1500 m",),
+    ),
+    "fixed end below the bed": (
+        CHAIN.replace("seabed: {depth_m: 300.0}", "seabed: {depth_m: 290.0}"),
+        "ropes[0].fixed_at_m", ("z = -300 m, below the bed at -290 m", "deepen `seabed`"),
     ),
     "spectrum without a value": (
         measured("./hole.csv"), "effects[4].waves.measured", ("hole.csv, line 4: ''", "finite"),
