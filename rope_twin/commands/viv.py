@@ -5,18 +5,20 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from rope_twin.commands.console import print_table
+from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.figures import lift_figures
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.shedding import shedding_model, vortex_words
+from rope_twin.scene.shedding import model_beside, shedding_model, vortex_words
 from rope_twin.studies.viv.beside import beside_json, beside_table, draw_beside, run_shaken
 from rope_twin.studies.viv.moving import MovingRun, draw_moving, run_moving
 from rope_twin.studies.viv.own import run_own
@@ -24,6 +26,7 @@ from rope_twin.studies.viv.own_picture import own_figures, own_words, write_own
 from rope_twin.studies.viv.picture import check_folder, write_all
 from rope_twin.studies.viv.study import Fatigue, VivRun, count_fatigue, run_viv
 from rope_twin.twin.endurance import CURVES, StressCurve, find_curve
+from rope_twin.twin.shaking import shedding_of
 from rope_twin.viv.shedding import Shedding
 
 SHOWN = 10  # modes in the table, those that move most
@@ -43,11 +46,13 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     parser.add_argument("--for", dest="duration", type=float, default=300.0, metavar="S",
                         help="simulated time; its second half counts (default: 300 s)")  # fmt: skip
     parser.add_argument("--into", type=Path, metavar="DIR", help="pictures and Parquet tables")
-    parser.add_argument("--strouhal", type=float, default=Shedding.strouhal, metavar="ST",
-                        help="Strouhal number (default: %(default)s)")  # fmt: skip
-    parser.add_argument("--structural", type=float, default=Shedding.structural, metavar="ZETA",
-                        help="structural damping of every mode over critical "
-                        "(default: %(default)s, an assumption)")  # fmt: skip
+    parser.add_argument("--strouhal", type=float, metavar="ST",
+                        help="Strouhal number (default: that of the scene's modal_vibration, else "
+                        f"{Shedding.strouhal:g})")  # fmt: skip
+    parser.add_argument("--structural", type=float, metavar="ZETA",
+                        help="structural damping of every mode over critical (default: that of the "
+                        f"scene's modal_vibration, else {Shedding.structural:g}, an assumption)",
+                        )  # fmt: skip
     curves = ", ".join(name for name, one in CURVES.items() if isinstance(one, StressCurve))
     parser.add_argument("--curve", default="stranded_wire", help=f"S-N curve of stress: {curves}")
     parser.add_argument("--moving", type=float, metavar="S",
@@ -70,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
         ("--strouhal", args.strouhal, 0.05, 0.5),
         ("--structural", args.structural, 0.0, 0.5),
     ):
-        if not low <= value <= high:
+        if value is not None and not low <= value <= high:
             raise InputError(phrase(name, f"{value:g}", f"give {low:g} to {high:g}"))
     curve = find_curve("--curve", args.curve)
     if not isinstance(curve, StressCurve):
@@ -84,8 +89,7 @@ def run(args: argparse.Namespace) -> int:
         return _beside(args, scene)
     if args.own:
         return _own(args, scene)
-    density = scene.environment.water_density_kg_per_m3
-    shedding = Shedding(strouhal=args.strouhal, density=density, structural=args.structural)
+    shedding = _shedding(args, scene)
     found = run_viv(scene, shedding, args.duration)
     fatigue = count_fatigue(found, scene, curve)
     files = write_all(scene.name, found, fatigue, args.into) if args.into is not None else []
@@ -109,11 +113,30 @@ def run(args: argparse.Namespace) -> int:
                 f"tension {own['rms_constant_max_diameters']:.3g}; modes found {own['solves']} "
                 f"times, {own['cost_of_real_time']:.2%} of real time in all"
             )
-        if model := shedding_model(scene):
-            print(f"(in modes; what the scene's own {model} does to the rope: --own)")
+        if words := _of_its_own(scene):
+            print(words)
         for path in files:
             print(path)
     return 0
+
+
+def _shedding(args: argparse.Namespace, scene: Scene) -> Shedding:
+    """The scene's own figures if it lists these modes, with what the options say instead."""
+    params, density = model_beside(scene), scene.environment.water_density_kg_per_m3
+    own = Shedding(density=density)
+    if isinstance(params, ModalVibrationParams):
+        own = shedding_of(params, density)
+    given = {"strouhal": args.strouhal, "structural": args.structural}
+    return replace(own, **{name: value for name, value in given.items() if value is not None})
+
+
+def _of_its_own(scene: Scene) -> str:
+    """Where to see what the scene's own model does; "" if it lists none."""
+    model = shedding_model(scene)
+    if model_beside(scene) is not None:
+        run = f"`rope_twin run {scene.name}`"
+        return f"(in modes, at constant tension; what {model} does to a rope that moves: {run})"
+    return f"(in modes; what the scene's own {model} does to the rope: --own)" if model else ""
 
 
 def _own(args: argparse.Namespace, scene: Scene) -> int:

@@ -14,8 +14,10 @@ from rope_twin.effects import (
     added_mass,
     bending,
     current,
+    decomposed_force,
     drag,
     fairing,
+    modal_vibration,
     net,
     payload,
     rigid_body,
@@ -48,6 +50,7 @@ class Effect:
     params: type
     build: Callable[[Any, Any, Any], Any]  # params, payload figures, surroundings
     sheds: bool = False  # a model of vortex-induced vibration: a scene has one at most
+    beside: bool = False  # such a model that is computed beside the step, on places of its own
 
 
 EFFECTS: tuple[Effect, ...] = (
@@ -74,6 +77,20 @@ EFFECTS: tuple[Effect, ...] = (
         travelling_waves.TravellingWavesParams,
         travelling_waves.build,
         sheds=True,
+    ),
+    Effect(
+        "modal_vibration",
+        modal_vibration.ModalVibrationParams,
+        modal_vibration.build,
+        sheds=True,
+        beside=True,
+    ),
+    Effect(
+        "decomposed_force",
+        decomposed_force.DecomposedForceParams,
+        decomposed_force.build,
+        sheds=True,
+        beside=True,
     ),
     Effect("seabed", seabed.SeabedParams, seabed.build),
     Effect("payload", payload.PayloadParams, payload.build),

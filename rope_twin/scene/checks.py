@@ -19,7 +19,12 @@ from rope_twin.scene.figures import (
 )
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Rope, Scene
-from rope_twin.scene.shedding import coarse_for_vortices, odd_vortices, shedding_model
+from rope_twin.scene.shedding import (
+    coarse_for_vortices,
+    model_beside,
+    odd_vortices,
+    shedding_model,
+)
 from rope_twin.scene.water_checks import check_current, check_environment, check_water, is_air
 from rope_twin.scene.winch_checks import check_winch
 
@@ -106,7 +111,8 @@ def _elements(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         right = f"give at least {ceil(line.length_m / LONGEST_ELEMENT_M)} (4 m where slack matters)"
         yield phrase("ropes[0].elements", what, right)
     length = figures.shortest_element_m
-    if length < SHORTEST_ELEMENT_M and line.grading is None and not shedding_model(scene):
+    fine = line.grading is not None or (shedding_model(scene) and model_beside(scene) is None)
+    if length < SHORTEST_ELEMENT_M and not fine:
         what = f"elements of {length:.2f} m cost time and bring no accuracy"
         right = f"{max(3, floor(line.length_m / SHORTEST_ELEMENT_M))} elements are plenty"
         yield phrase("ropes[0].elements", what, right)

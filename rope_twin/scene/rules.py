@@ -184,6 +184,11 @@ def _effects(scene: Scene) -> Iterator[Fault]:
     if len(shedding) > 1:
         what = f"{' and '.join(shedding)} are models of the same vortices"
         yield "effects", what, "keep one of them"
+    beside = [effect.name for effect in EFFECTS if effect.beside and effect.name in listed]
+    drag = next((own for own in scene.effects if isinstance(own, DragParams)), None)
+    if beside and drag is not None and (drag.over_reynolds or not drag.relative):
+        what = f"`{beside[0]}` makes one drag coefficient grow, and `drag` has no such one"
+        yield "effects", what, "leave `over_reynolds` and `relative` out of `drag`"
     if "splash_zone" in listed and not {"payload", "rigid_body"}.intersection(listed):
         what = "`splash_zone` takes off what `payload` brings, which is not listed"
         yield "effects", what, "add `- payload: {}`"

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import floor, hypot, inf, log10, pi, sqrt
+from typing import Any
 
 import numpy as np
 
@@ -49,6 +50,12 @@ def shedding_model(scene: Scene) -> str:
     return ""
 
 
+def model_beside(scene: Scene) -> Any:
+    """Parameters of the scene's model of vortices if it is computed beside the step, or None."""
+    kinds = tuple(effect.params for effect in EFFECTS if effect.beside)
+    return next((own for own in scene.effects if isinstance(own, kinds)), None)
+
+
 def strouhal_number(scene: Scene) -> float:
     """Of the scene's model of vortices, or the usual one."""
     numbers = (getattr(own, "strouhal_number", None) for own in scene.effects)
@@ -66,8 +73,20 @@ def refuse_shedding(scene: Scene, what: str) -> None:
         raise SceneError(phrase(f"{scene.path}: effects.{model}", what, "leave the model out here"))
 
 
+def refuse_beside(scene: Scene, what: str, right: str) -> None:
+    """For what looks at the motion of the rope itself; what: why that is not enough.
+
+    Raises:
+        SceneError: the scene's model of vortices is computed beside the step.
+    """
+    if model_beside(scene) is not None:
+        raise SceneError(phrase(f"{scene.path}: effects.{shedding_model(scene)}", what, right))
+
+
 def why_no_card(scene: Scene) -> str:
     """Why a scene has no accuracy card; "" if it has one."""
+    if model_beside(scene) is not None:
+        return "its drag grows by what is computed beside the step, and a ladder is of bare steps"
     if shedding_model(scene):
         return "its vortices converge by themselves: `rope_twin validate --convergence` tells how"
     elements = sum(line.elements for line in scene.ropes)
@@ -140,6 +159,11 @@ def vortex_words(scene: Scene, figures: LiftFigures) -> str:
     if pace is None:
         return ""
     cost = _cost(scene, figures, pace)
+    if model_beside(scene) is not None:
+        return (
+            f"{shedding_model(scene)}: lock-in at {pace.frequency_hz:.3g} Hz is computed beside "
+            "the step, on places of its own; it wants nothing of this scene's elements and step."
+        )
     told = (
         f"{shedding_model(scene)}: {_wanted(pace)}; this scene gives "
         f"{figures.longest_element_m:.3g} m and {1e3 * scene.time.step_s:.3g} ms"
@@ -164,7 +188,7 @@ def _cost(scene: Scene, figures: LiftFigures, pace: Pace) -> float:
 
 def coarse_for_vortices(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     """What the fastest lock-in wants of elements and steps, if the scene gives less."""
-    pace = expected_pace(scene, figures)
+    pace = None if model_beside(scene) is not None else expected_pace(scene, figures)
     if pace is None:
         return
     element, step = figures.longest_element_m, scene.time.step_s
@@ -193,6 +217,9 @@ def odd_vortices(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if isinstance(own, StrouhalForcingParams) and own.drag is None and DragParams not in listed:
         what = "its forces are shares of `drag`, which is not listed: it has none"
         yield phrase(f"effects {model}", what, "add `drag`, or give the effect a drag of its own")
+    if model_beside(scene) is not None and DragParams not in listed:
+        what = "the drag that it makes grow is not listed, so the rope does not feel it"
+        yield phrase(f"effects {model}", what, "add `drag`")
 
 
 def _rounded(value: float) -> float:

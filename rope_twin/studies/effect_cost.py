@@ -3,7 +3,9 @@
 An effect that the scene lists is taken out, one that it does not list is put in with parameters
 that the scene itself or common practice suggests (studies/usual_effects.py), which it tells;
 everything else stays, the ship's motion too, even where the ship rides on the waves that are taken
-out. Each effect by itself: what two change together is not the sum of what each does.
+out. A model of vortices beside the step is no matter of the bare steps: with and without it the
+scene is run by its twin. Each effect by itself: what two change together is not the sum of what
+each does.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ import dataclasses
 import statistics
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -23,6 +26,7 @@ from rope_twin.scene.figures import listed_effects
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.rules import faults
 from rope_twin.scene.schema import Scene, SeaState
+from rope_twin.scene.shedding import model_beside
 from rope_twin.studies.accuracy.run import Course, Setting, Trial
 from rope_twin.studies.bench.band import fed
 from rope_twin.studies.usual_effects import suggested
@@ -74,7 +78,8 @@ def measure_effects(scene: Scene, seconds: float, listen: Listener) -> EffectStu
     Raises:
         RopeTwinError: the scene as it is cannot run so long.
     """
-    course = None if is_joined(scene) else Course(scene, seconds, LOOK_S)
+    by_twin = is_joined(scene) or model_beside(scene) is not None
+    course = None if by_twin else Course(scene, seconds, LOOK_S)
     listed = listed_effects(scene)
     count = len(EFFECTS) + 2
     listen(0, count, "as it is")
@@ -82,7 +87,9 @@ def measure_effects(scene: Scene, seconds: float, listen: Listener) -> EffectStu
     rows = []
     for number, effect in enumerate(EFFECTS, start=1):
         listen(number, count, effect.name)
-        rows.append(_row(scene, effect, whole, lambda other: _run(other, course, seconds)))
+        own = None if effect.beside else course
+        base = _run(scene, own, seconds) if own is not course else whole
+        rows.append(_row(scene, effect, base, partial(_run, course=own, seconds=seconds)))
     listen(len(EFFECTS) + 1, count, "as it is, again")
     again = _run(scene, course, seconds)
     listen(count, count, "done")
@@ -139,7 +146,7 @@ def _sound(scene: Scene) -> Scene:
 
 def _run(scene: Scene, course: Course | None, seconds: float) -> Ran:
     if course is None:
-        return _run_joined(scene, seconds)
+        return _run_twin(scene, seconds)
     own = copy.copy(course)
     own.scene = scene
     trial = Trial(own, Setting(scene.ropes[0].elements, scene.time.step_s))
@@ -148,8 +155,8 @@ def _run(scene: Scene, course: Course | None, seconds: float) -> Ran:
     return Ran(us_per_step, float(np.mean(tension)), float(np.max(tension)))
 
 
-def _run_joined(scene: Scene, seconds: float) -> Ran:
-    """Ropes that meet: by their twin, the median over its publish periods, inputs included."""
+def _run_twin(scene: Scene, seconds: float) -> Ran:
+    """By its twin, the median over its publish periods, inputs included."""
     twin = Twin(scene)
     took, before = [], twin.statistics()
     for _ in fed(twin, seconds):

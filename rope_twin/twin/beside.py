@@ -2,8 +2,8 @@
 
 The twin steps the rope at the pace of ship and winch. Once a second its tension, length and the
 water across it are taken; the modes are then looked for, some at each look, and followed a second
-later, so that no look takes long and a run as fast as possible equals a paced one. The twin's own
-motion is not changed.
+later, so that no look takes long and a run as fast as possible equals a paced one. Where
+the scene does not list the model (twin/shaking.py), the twin's own motion is not changed.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from rope_twin.twin.findings import RopeVibration
 from rope_twin.twin.own_motion import AVERAGED, relative_flow, sides, tangents
 from rope_twin.twin.vibration import span_of_rope
 from rope_twin.twin.wear import turned
-from rope_twin.viv.decomposed import decomposed
+from rope_twin.viv.decomposed import Decomposed
 from rope_twin.viv.decomposed_response import DecomposedResponse
 from rope_twin.viv.lateral_modes import ModeSearch
 from rope_twin.viv.modal_response import ModalResponse
@@ -50,13 +50,20 @@ class Beside:
     """A model's response, from rest, as the twin goes on."""
 
     def __init__(
-        self, model: str, rope: Rope, span_of: Callable[[Rope], Span], response: Any
+        self,
+        model: str,
+        rope: Rope,
+        span_of: Callable[[Rope], Span],
+        response: Any,
+        every_s: float = EVERY_S,
     ) -> None:
+        """`model`: what it is called; `every_s`: its modes are found again so often."""
         self.model, self._span_of, self._response = model, span_of, response
+        self._every_s = every_s
         self._searched: Span | None = None
         self._search: ModeSearch | None = None
         self._flow = _at_shares(rope)
-        self._since_s, self.solves, self.note = EVERY_S, 1, ""
+        self._since_s, self.solves, self.note = every_s, 1, ""
         span = span_of(rope)
         response.follow(span, response.search(span))  # in parts as from now on: the same digits
         self.told = self.words(span)
@@ -69,7 +76,7 @@ class Beside:
         highest = f" up to {found.frequency.max():.3g} Hz" if len(found.frequency) else ""
         return (
             f"vibration {self.model}: {len(found.frequency)} modes{highest} on "
-            f"{len(self._response.span.s)} places, found again every {EVERY_S:g} s in "
+            f"{len(self._response.span.s)} places, found again every {self._every_s:g} s in "
             f"{took_ms:.0f} ms, steps of {1e3 * self._response.step_s:.3g} ms."
         )
 
@@ -78,7 +85,7 @@ class Beside:
         share = 1.0 - float(np.exp(-sample_s * vortices_hz / AVERAGED))
         self._flow = self._flow + share * (_at_shares(rope) - self._flow)
         self._since_s += sample_s
-        if self._since_s >= EVERY_S - 1e-9:
+        if self._since_s >= self._every_s - 1e-9:
             self._since_s = 0.0
             self._follow(rope)
         elif self._search is not None:
@@ -87,20 +94,26 @@ class Beside:
 
     def shot(self, rope: Rope) -> RopeVibration:
         """What is told of it, at the nodes of the rope."""
-        response = self._response
-        s = response.span.s - response.span.s[-1]
-        below = _along(rope)
-        amplitude = getattr(response, "amplitudes", response.amplitude)
         return RopeVibration(
             model=self.model,
-            cross_flow=np.interp(below, s, amplitude)[::-1].copy(),
-            cross_flow_hz=np.interp(below, s, response.dominant_hz)[::-1].copy(),
+            cross_flow=self.amplitudes(rope)[::-1].copy(),
+            cross_flow_hz=self._at_nodes(rope, self._response.dominant_hz)[::-1].copy(),
             in_line=None,
             in_line_hz=None,
-            every_s=EVERY_S,
+            every_s=self._every_s,
             solves=self.solves,
             note=self.note,
         )
+
+    def amplitudes(self, rope: Rope) -> Floats:
+        """At the nodes of the rope, from the lower end up [d]."""
+        response = self._response
+        return self._at_nodes(rope, getattr(response, "amplitudes", response.amplitude))
+
+    def _at_nodes(self, rope: Rope, values: Floats) -> Floats:
+        """What the response has at its places, at the nodes of the rope."""
+        s = self._response.span.s
+        return np.interp(_along(rope), s - s[-1], values)
 
     def bent(self, rope: Rope, middles: Floats) -> Floats:
         """Curvature of the vibration at material coordinates [1/m], as `turned` has it."""
@@ -146,34 +159,36 @@ class Beside:
             self.note = f"the modes are those from before: {error}"
 
 
-def beside_modes(rope: Rope, shedding: Shedding) -> Beside:
+def beside_modes(
+    rope: Rope, shedding: Shedding, name: str = "modes", every_s: float = EVERY_S
+) -> Beside:
     """Response in natural modes (Le Cunff and Durand 1999).
 
     Raises:
         InputError: the rope is slack somewhere.
     """
-    return Beside("modes", rope, span_of_rope, ModalResponse(span_of_rope(rope), shedding))
+    return Beside(name, rope, span_of_rope, ModalResponse(span_of_rope(rope), shedding), every_s)
 
 
-def beside_decomposed(rope: Rope, density: float) -> Beside:
-    """Forces taken apart in phase, with varying added mass (Ge 2018).
+def beside_decomposed(
+    rope: Rope, model: Decomposed, name: str = "decomposed", every_s: float = EVERY_S
+) -> Beside:
+    """Forces taken apart in phase (Ge 2018).
 
     Raises:
         InputError: the rope is slack somewhere.
     """
-    model = decomposed()
-    model = type(model)(model.table, density=density)
 
     def span_of(rope: Rope) -> Span:
         span = span_of_rope(rope, moved_water=False)
         if not (span.tension > 0.0).all():
             return span  # of which no modes are found
-        moved = span.mass + density * 0.25 * np.pi * span.diameter[:-1] ** 2
+        moved = span.mass + model.density * 0.25 * np.pi * span.diameter[:-1] ** 2
         slowest = float(np.sqrt((span.tension / moved).min()))
         fastest = model.band[1] * float((span.speed / span.diameter).max())
         return refined(span, max(slowest / max(fastest, 1e-9) / PER_WAVE, span.s[-1] / 6000.0))
 
-    return Beside("decomposed", rope, span_of, DecomposedResponse(span_of(rope), model))
+    return Beside(name, rope, span_of, DecomposedResponse(span_of(rope), model), every_s)
 
 
 def _along(rope: Rope) -> Floats:

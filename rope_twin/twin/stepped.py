@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,7 +19,7 @@ from rope_twin.scene.body_rules import refuse_body
 from rope_twin.scene.card import KnownError, known_error
 from rope_twin.scene.rigging_rules import is_joined, refuse_joined, winch_of
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.shedding import refuse_shedding
+from rope_twin.scene.shedding import model_beside, refuse_shedding
 from rope_twin.twin.body import with_body
 from rope_twin.twin.contact import bed_contact
 from rope_twin.twin.observe import Extremes, Observation, RunStatistics, observe
@@ -31,6 +32,9 @@ from rope_twin.twin.severing import Place
 from rope_twin.twin.snapshot import CutShot, Snapshot
 from rope_twin.twin.told import ToldTwin
 
+if TYPE_CHECKING:
+    from rope_twin.twin.shaking import Shaking
+
 STEPS_PER_CALL = 256
 
 
@@ -42,6 +46,7 @@ class SteppedTwin(ToldTwin):
     """
 
     told = ""  # what there is to say before it runs
+    _shaking: Shaking | None = None  # where the scene's model of vortices is beside the step
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -61,6 +66,11 @@ class SteppedTwin(ToldTwin):
         self._run, self._recent = Extremes(), Extremes()
         self._pull = self._ropes.find_start()
         self._recent.take([float(self._pull[rows.PULL])])
+        if model_beside(scene) is not None:
+            from rope_twin.twin.shaking import Shaking  # here: its filters take a second to load
+
+            self._shaking = Shaking(scene, self.rope)
+            self.told = self._shaking.tracker.told
 
     @property
     def steps(self) -> int:
@@ -121,6 +131,8 @@ class SteppedTwin(ToldTwin):
     def _advance_some(self, steps: int) -> int:
         """Step on as far as inputs tell without a look at the rope; how many steps that was."""
         began = time.perf_counter()
+        if self._shaking is not None:
+            steps = min(steps, self._shaking.steps_to_look(self._steps))
         with self._lock:
             taken = self._cut.take(self.time_ns, self._length_m)
             if taken is not None:
@@ -140,6 +152,9 @@ class SteppedTwin(ToldTwin):
             tensions = pulls[:done, rows.PULL].tolist()
             self._run.take(tensions)
             self._recent.take(tensions)
+        if self._shaking is not None and self._shaking.steps_to_look(self._steps) == 0:
+            currents = self._current.counter.health(self.time_ns, False).accepted
+            self._shaking.look(self.rope, self._boundary, self._steps, currents)
         self._computing_s += time.perf_counter() - began
         if done < steps:
             raise SolverError(
@@ -228,4 +243,6 @@ class SteppedTwin(ToldTwin):
         if contact is not None:
             taken = replace(taken, seabed=contact)
         taken = replace(taken, winches=() if winch is None else (winch,), cut=self._cut.done)
+        if self._shaking is not None:
+            taken = replace(taken, vibration=self._shaking.shot(self.rope))
         return self._ropes.complete(taken, self.time_ns)

@@ -22,7 +22,7 @@ from rope_twin.twin.stepped import SteppedTwin
 # What the scene or the caller gives; everything else changes and belongs to a saved state.
 _GIVEN = (
     "scene", "step_s", "step_ns", "failure_folder", "_card_error", "_lock", "_pulls", "_rope",
-    "_ropes", "_base", "_ahead",
+    "_ropes", "_base", "_ahead", "_shaking", "told",
 )  # fmt: skip
 
 
@@ -96,6 +96,8 @@ class Twin(SteppedTwin):
         twin._ahead.boundary = values.pop("_boundary")
         twin._ahead.steps = values.pop("_prescribed")
         twin._ropes.take_back(values, twin._rope)
+        if twin._shaking is not None:
+            twin._shaking.take_back(values.pop("shaking"))
         vars(twin).update(values)
         return twin
 
@@ -136,4 +138,6 @@ class Twin(SteppedTwin):
         parts = saved_state.changing_parts(self._rope)
         rope = {f"rope/{name}": getattr(self._rope, name) for name in parts}
         ahead = {"_boundary": self._ahead.boundary, "_prescribed": self._ahead.steps}
+        if self._shaking is not None:
+            kept["shaking"] = self._shaking.kept()
         return kept | rope | ahead | {"rope/tension": self._tension} | self._ropes.changing()

@@ -18,22 +18,21 @@ from rope_twin.core.state import Floats
 from rope_twin.errors import InputError, StateError, phrase
 from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.shedding import shedding_model, strouhal_number
+from rope_twin.scene.shedding import model_beside, shedding_model, strouhal_number
 from rope_twin.twin.beside import Beside, beside_decomposed, beside_modes
 from rope_twin.twin.findings import MaterialFatigue, RopeVibration
+from rope_twin.twin.looks import is_another_pace, steps_between, vortices_hz
 from rope_twin.twin.memory import recall
-from rope_twin.twin.own_motion import OwnMotion, diameters, fastest_hz, tangents
-from rope_twin.twin.pacing import steps_in_slot
+from rope_twin.twin.own_motion import OwnMotion
 from rope_twin.twin.rung import Rung
 from rope_twin.twin.saved_state import IF_ASKED, SavedState, load_state
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.watch import DECOMPOSED, MODES, MOTION, Watch
 from rope_twin.twin.wear import RopeWear, WearWish, bending_stiffness, curvature
+from rope_twin.viv.decomposed import decomposed
 from rope_twin.viv.shedding import Shedding
 
-PER_PERIOD = 24  # looks per period of the fastest vortices: a crest is met to 0.9 %
-FASTER, SLOWER = 1.25, 0.5  # times what the looks are made for: then they are made anew
 SECOND_NS = 1_000_000_000  # between two sums of the fatigue
 
 
@@ -54,6 +53,10 @@ class WatchedTwin(Twin):
             what = "the scene lists no model of vortices, so nothing shakes its rope"
             right = f"list one of them, or ask for one beside the twin: {MODES}, {DECOMPOSED}"
             raise InputError(phrase(f"vibration {MOTION}", what, right))
+        if self.asked.vibration and model_beside(scene) is not None:
+            what = f"the scene's own {model} tells how the rope shakes without being asked"
+            right = "leave it out"
+            raise InputError(phrase(f"vibration {self.asked.vibration}", what, right))
         if self.asked.vibration in (MODES, DECOMPOSED) and model:
             what = f"the scene's own {model} shakes its rope already"
             raise InputError(phrase(f"vibration {self.asked.vibration}", what, f"ask for {MOTION}"))
@@ -64,7 +67,7 @@ class WatchedTwin(Twin):
         self._profiles = 0  # currents that had come by then
         self._every = self._steps_between()
         self._tracker = self._beside()  # of the twin's own motion when the water first moves
-        self.told = self._tracker.told if isinstance(self._tracker, Beside) else ""
+        self.told = self._tracker.told if isinstance(self._tracker, Beside) else self.told
         self._counting_from_ns, self._second = self.time_ns, -1
         self._fatigue: MaterialFatigue | None = None
         self._watch_s = self._watched_s = 0.0  # time spent on it, and the twin's time meanwhile
@@ -84,7 +87,9 @@ class WatchedTwin(Twin):
     def snapshot(self) -> Snapshot:
         """A frozen copy of the present, with what is known."""
         taken = super().snapshot()
-        return replace(taken, vibration=self._vibration(), fatigue=self._fatigue)
+        if self._shaking is None:
+            taken = replace(taken, vibration=self._vibration())
+        return replace(taken, fatigue=self._fatigue)
 
     def take_rung(self, rung: Rung) -> None:
         """As for a twin."""
@@ -98,7 +103,7 @@ class WatchedTwin(Twin):
         if self._wear is not None:
             changing[f"{IF_ASKED}wear"] = self._wear
             changing[f"{IF_ASKED}counting_from_ns"] = self._counting_from_ns
-        if self._tracker is not None:
+        if self._tracker is not None and self._shaking is None:
             changing[f"{IF_ASKED}model"] = self.asked.vibration
             changing[f"{IF_ASKED}tracker"] = self._tracker.kept()
             changing[f"{IF_ASKED}looks"] = [self._hz, self._profiles]
@@ -134,9 +139,11 @@ class WatchedTwin(Twin):
         return super()._sever(lost_m, rope)
 
     def _advance_some(self, steps: int) -> int:
-        due = self._every - self._steps % self._every
+        shaking = self._shaking
+        own = self._every - self._steps % self._every
+        due = own if shaking is None else shaking.steps_to_look(self._steps)
         done = super()._advance_some(min(steps, due))
-        if self._steps % self._every == 0:
+        if done == due:
             began = time.perf_counter()
             self._look()
             spent = time.perf_counter() - began
@@ -152,7 +159,7 @@ class WatchedTwin(Twin):
         if new:
             self._keep_pace()
         rope = self.rope
-        if self._tracker is not None:
+        if self._tracker is not None and self._shaking is None:
             self._tracker.take(rope, self._every * self.step_s, self._hz)
         if self._wear is not None:
             if self._cut.done:
@@ -165,50 +172,39 @@ class WatchedTwin(Twin):
 
     def _keep_pace(self) -> None:
         """Look more often where vortices are faster; a new current may also make them slower."""
-        if not (self.asked.vibration or shedding_model(self.scene)):
+        if self._shaking is not None or not (self.asked.vibration or shedding_model(self.scene)):
             return
-        hz, profiles = (
-            self._fastest_hz(),
-            self._current.counter.health(self.time_ns, False).accepted,
-        )
-        slower = profiles != self._profiles and hz < SLOWER * self._hz
-        if hz > FASTER * self._hz or slower:
+        hz = vortices_hz(self.rope, self._boundary, self._strouhal)
+        profiles = self._current.counter.health(self.time_ns, False).accepted
+        if is_another_pace(hz, self._hz, profiles != self._profiles):
             self._hz, self._profiles = hz, profiles
             self._every = self._steps_between()
             if self.asked.vibration == MOTION:
                 self._tracker = self._of_own_motion() if hz > 0.0 else None
 
-    def _fastest_hz(self) -> float:
-        """Of the vortices, by the water's velocity less the hang-off's."""
-        rope = self.rope
-        n = int(rope.state.counts[rows.ELEMENTS])
-        flow = rope.work[rows.FLOW : rows.FLOW + 3, :n] - self._boundary.rate[0, :3, None]
-        flow[2] = 0.0  # heave and waves' vertical motion run along the rope
-        along = tangents(rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1])[:, :n]
-        return fastest_hz(flow, along, diameters(rope)[:n], self._strouhal)
-
     def _steps_between(self) -> int:
-        """Steps from one look to the next: at most a slot."""
-        slot = steps_in_slot(self.step_s)
-        if self._hz == 0.0:
-            return slot
-        return max(1, min(slot, int(1.0 / (PER_PERIOD * self._hz * self.step_s) + 1e-9)))
+        """Steps from one look to the next."""
+        return steps_between(self._hz, self.step_s)
 
     def _of_own_motion(self) -> OwnMotion:
         return OwnMotion(self.rope, self._every * self.step_s, self._hz)
 
     def _beside(self) -> OwnMotion | Beside | None:
-        """The model beside the twin that is asked for, from rest."""
+        """The scene's own model, or that beside the twin which is asked for, from rest."""
+        if self._shaking is not None:
+            return self._shaking.tracker
         density = self.scene.environment.water_density_kg_per_m3
         if self.asked.vibration == MODES:
             return beside_modes(self.rope, Shedding(strouhal=self._strouhal, density=density))
-        return beside_decomposed(self.rope, density) if self.asked.vibration == DECOMPOSED else None
+        if self.asked.vibration == DECOMPOSED:
+            return beside_decomposed(self.rope, replace(decomposed(), density=density))
+        return None
 
     def _new_wear(self, curve: str) -> RopeWear:
         line, winch = self.scene.ropes[0], self.scene.winch
         EI = bending_stiffness(self._rope.effects)
         most = winch.most_line_out_m if winch else line.length_m
-        shaken = self.asked.vibration in (MODES, DECOMPOSED)
+        shaken = self._shaking is not None or self.asked.vibration in (MODES, DECOMPOSED)
         sheave = winch.sheave if winch else None
         bent_pa = sheave.bending_stress_pa(line.made_of[0].rope.diameter_m) if sheave else 0.0
         return RopeWear(line, most, WearWish(curve, EI > 0.0 or shaken, bent_pa), EI)

@@ -100,8 +100,7 @@ def analyse(span: Span, model: Decomposed, search: ModeSearch | None = None) -> 
     if model.varying:
         for _ in range(ROUNDS):
             reduced = _reduced(frequency, span)
-            amplitude = np.full_like(reduced, model.first_amplitude)
-            local = model.table.added_mass_at(amplitude, reduced)
+            local = model.table.added_mass_along(model.first_amplitude, reduced)
             mean = ((local * weight) * water[:, None]).sum(axis=0) / (water @ weight)
             mean = 0.5 * (added + mean)
             done = np.abs(mean - added).max(initial=0.0) < SAME

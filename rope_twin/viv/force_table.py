@@ -37,6 +37,12 @@ class ForceTable(NamedTuple):
         """C_a."""
         return self._at(self.added_mass, amplitude, frequency)
 
+    def added_mass_along(self, amplitude: float, frequency: Floats) -> Floats:
+        """C_a of one amplitude for all frequencies: to be asked for again and again."""
+        (j,), (v,) = _place(self.amplitude, np.array([amplitude]))
+        row = (1.0 - v) * self.added_mass[:, j] + v * self.added_mass[:, j + 1]
+        return np.asarray(np.interp(frequency, self.frequency, row))
+
     def _at(self, values: Floats, amplitude: Floats, frequency: Floats) -> Floats:
         i, u = _place(self.frequency, frequency)
         j, v = _place(self.amplitude, amplitude)

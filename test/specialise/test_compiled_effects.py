@@ -13,7 +13,11 @@ import pytest
 from rope_twin import load_scene
 from rope_twin.core.elastic import stretch
 from rope_twin.core.jit import assembly
+from rope_twin.core.loads import add_load
+from rope_twin.core.state import Stage
+from rope_twin.core.vortices.drag_growth import DragGrowth
 from rope_twin.effects import EFFECTS
+from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.weight import WeightParams
 from rope_twin.scene.build import build
@@ -84,6 +88,17 @@ def test_a_table_of_stiffness_leaves_no_trace_where_there_is_none(whole: str) ->
     assert law in assembly(stretch, arguments)
     assert law not in whole
     assert "by_stiffness" in whole
+
+
+def test_drag_that_grows_leaves_no_trace_where_it_does_not(whole: str) -> None:
+    """Its kernels are in the loads of a rope whose vortices are beside the step."""
+    module = "rope_twin.core.vortices.drag_growth"
+    scene = main_job()
+    rope = build(replace(scene, effects=(*scene.effects, ModalVibrationParams()))).rope
+    grown = tuple(own for own in rope.effects if isinstance(own, DragGrowth))
+    arguments = (grown, rope.work, Stage(0.0, 1.0, 1.0, 0.0), 0, 1)
+    assert symbols(assembly(add_load, arguments), module)
+    assert not symbols(whole, module)
 
 
 def test_the_node_loop_of_drag_is_vectorised(whole: str, bare: str) -> None:

@@ -13,7 +13,7 @@ from rope_twin.scene.build import build
 from rope_twin.scene.build_joined import build_joined
 from rope_twin.scene.rigging_rules import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.shedding import refuse_shedding
+from rope_twin.scene.shedding import refuse_shedding, why_no_card
 from rope_twin.studies.accuracy.run import Setting
 
 LONGEST_STEP_S = 0.2  # the longest that a scene may have
@@ -70,7 +70,7 @@ def make_plan(scene: Scene, seconds: float | None = None) -> Plan:
         InputError: the window is too short, or the scene's elements cannot be varied.
     """
     where = f"scene {scene.name}"
-    refuse_shedding(scene, "fewer elements lose its vortices, so no card tells of it")
+    refuse_shedding(scene, why_no_card(scene))
     if any(line.grading is not None and line.grading.nodes_m is not None for line in scene.ropes):
         right = "give the lowest element's length and its growth instead"
         raise InputError(phrase(where, "grading.nodes_m holds the elements fixed", right))

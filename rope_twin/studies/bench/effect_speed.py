@@ -17,7 +17,9 @@ import numpy as np
 from rope_twin.core.state import Boundary
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.bending import BendingParams
+from rope_twin.effects.decomposed_force import DecomposedForceParams
 from rope_twin.effects.fairing import FairingParams
+from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.net import NetParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
@@ -43,6 +45,8 @@ ADDED: dict[str, Any] = {
     "strouhal_forcing": StrouhalForcingParams(limit_diameters=1.0),
     "wake_oscillator": WakeOscillatorParams(),
     "travelling_waves": TravellingWavesParams(),
+    "modal_vibration": ModalVibrationParams(),  # in the step: the drag that it makes grow
+    "decomposed_force": DecomposedForceParams(),
     "seabed": SeabedParams(depth_m=DEPTH_M),
     "rigid_body": RigidBodyParams(
         size_m=(4.0, 3.0, 2.5),

@@ -16,7 +16,7 @@ import numpy as np
 from rope_twin.core.state import Floats
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.shedding import shedding_model
+from rope_twin.scene.shedding import refuse_beside, shedding_model
 from rope_twin.studies.modes.rest import water_at
 from rope_twin.studies.rigs import march
 from rope_twin.studies.validation.case import Field, Line, Panel
@@ -115,6 +115,8 @@ def run_shaken(scene: Scene, duration_s: float) -> Shaken:
         what = "it lists no model of vortices"
         right = "list wake_oscillator, strouhal_forcing or travelling_waves"
         raise SceneError(phrase(f"{scene.path}: effects", what, right))
+    what = "its vibration is no motion of the nodes, which are compared here"
+    refuse_beside(scene, what, "take --moving, which compares heave with constant tension in modes")
     heave, speeds = regular_motion(scene)
     twin = Twin(scene)
     every = max(1, round(SAMPLE_S / twin.step_s))

@@ -23,15 +23,16 @@ from rope_twin.errors import InputError, SceneError, phrase
 from rope_twin.scene.composite import ends_m
 from rope_twin.scene.figures import lift_figures
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.shedding import expected_pace, shedding_model
+from rope_twin.scene.shedding import expected_pace, refuse_beside, shedding_model
 from rope_twin.studies.rigs import march
 from rope_twin.studies.viv.moving import regular_motion
-from rope_twin.studies.viv.study import YEAR_S, amplified_drag
+from rope_twin.studies.viv.study import YEAR_S
 from rope_twin.twin.endurance import metal_area
 from rope_twin.twin.findings import MaterialFatigue
 from rope_twin.twin.own_motion import SLOW, relative_flow, sides, tangents
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.wear import RopeWear, WearWish, bending_stiffness, curvature
+from rope_twin.viv.drag import amplified_drag
 
 PLACES = 200  # along the rope, over its length at the time
 PER_PERIOD = 24  # looks per period of the fastest vortices
@@ -155,6 +156,8 @@ def _expected_hz(scene: Scene) -> float:
         what = "it lists no model of vortices"
         right = "list wake_oscillator, strouhal_forcing or travelling_waves, or leave --own out"
         raise SceneError(phrase(f"{scene.path}: effects", what, right))
+    what, right = "its vibration is no motion of the nodes", "leave --own out: it is told in modes"
+    refuse_beside(scene, what, right)
     pace = expected_pace(scene, lift_figures(scene))
     if pace is None:
         what = "nothing flows, so no vortices"

@@ -18,6 +18,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.studies.fatigue import stress_damage
 from rope_twin.studies.viv.scene import SceneSpan, span_of
 from rope_twin.twin.endurance import StressCurve, metal_area
+from rope_twin.viv.drag import amplified_drag
 from rope_twin.viv.modal_response import ModalResponse
 from rope_twin.viv.shedding import Shedding
 from rope_twin.viv.span import Floats
@@ -101,11 +102,6 @@ class Fatigue:
     from_top_m: Floats
     stress_rms_pa: Floats  # NaN where the rope is not all of steel
     damage_per_year: Floats  # Miner's sum; NaN likewise
-
-
-def amplified_drag(rms: Floats) -> Floats:
-    """1 + 1.043·(2·rms/d)^0.65 (Vandiver 1983); rms over the diameter."""
-    return np.asarray(1.0 + 1.043 * (2.0 * rms) ** 0.65)
 
 
 def run_viv(scene: Scene, shedding: Shedding, duration_s: float) -> VivRun:

@@ -1,0 +1,53 @@
+"""Forces of vortices taken apart in phase, with varying added mass, and the drag of the rope then.
+
+[GE] Ge, Added mass effect on VIV for flexible risers (2018); [SJTU] thesis on ultra-slender
+flexible structures, ch. 5. The part of the lift in phase with the motion, C_Lv(A/D, f·D/U), drives
+the rope where it is positive and damps it elsewhere, the part against it is an added mass
+C_a(A/D, f·D/U); both from a table (config/viv, whose head tells where it comes from). A
+pre-analysis tells which mode each place drives and at which true frequency; amplitude and frequency
+are read from the running motion. All this is computed beside the step, on places of its own
+(rope_twin.viv.decomposed_response, rope_twin.twin.shaking), and the pre-analysis is made again as
+tension and line out change: elements and step of the scene need not resolve it.
+
+What it does to the rope is in the step: the drag coefficient at each node grows by
+a·(2·rms/d)^b (Vandiver 1983: a = 1.043, b = 0.65), with the rms that the response has there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from rope_twin.core.vortices.drag_growth import DragGrowth, new_growth
+from rope_twin.quantity import quantity
+
+
+@dataclass(frozen=True, kw_only=True)
+class DecomposedForceParams:
+    """The published figures; structural damping, which [GE] does not print, is as in [LCD]."""
+
+    band: tuple[float, float] = quantity(
+        "f·D/U between which a mode can be locked in", "", 0.02, 1.0, default=(0.125, 0.2)
+    )
+    added_mass: float | None = quantity(
+        "C_a everywhere; absent: that of the table, which varies", "", 0.0, 10.0, default=None
+    )
+    damping_fraction: float = quantity(
+        "structural damping over critical", "", 0.0, 0.5, default=0.015
+    )
+    modes_every_s: float = quantity("modes are found again so often", "s", 0.1, 60.0, default=1.0)
+    drag_growth: tuple[float, float] = quantity(
+        "a and b of 1 + a·(2·rms/d)^b, which multiplies the drag coefficient", "", 0.0, 5.0,
+        default=(1.043, 0.65),
+    )  # fmt: skip
+
+    def check(self) -> str | None:
+        """A band that rises."""
+        if not self.band[0] < self.band[1]:
+            return f"band from {self.band[0]:g} to {self.band[1]:g}; give the lower one first"
+        return None
+
+
+def build(params: DecomposedForceParams, payload: Any, around: Any) -> DragGrowth:
+    """From the rope's drag and the water."""
+    return new_growth(0.5 * around.water_density_kg_per_m3 * around.drag_normal, around.room)

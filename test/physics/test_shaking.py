@@ -1,0 +1,138 @@
+"""Models that a scene lists and that are computed beside the step: what they tell and do."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from rigs import Vector, march, sine, still
+from test_vibration import CABLE
+from test_vibration_live import WINCH, watched
+
+from rope_twin import Snapshot, Twin
+from rope_twin.core.vortices.drag_growth import GROWTH, DragGrowth
+from rope_twin.effects.decomposed_force import DecomposedForceParams
+from rope_twin.effects.drag import DragParams
+from rope_twin.effects.modal_vibration import ModalVibrationParams
+from rope_twin.errors import InputError
+from rope_twin.scene.schema import Scene
+from rope_twin.studies.viv.study import run_viv
+from rope_twin.twin.findings import RopeVibration
+from rope_twin.twin.watch import MODES, MOTION
+from rope_twin.viv.shedding import Shedding
+
+MODELS = [ModalVibrationParams(), DecomposedForceParams()]
+ENOUGH_S = 60.0
+
+
+def shaken(model: Any, scene: Scene | None = None) -> Scene:
+    scene = CABLE.scene() if scene is None else scene
+    return replace(scene, effects=(*scene.effects, model))
+
+
+def shaking(shot: Snapshot) -> RopeVibration:
+    assert shot.vibration is not None
+    return shot.vibration
+
+
+def settled(scene: Scene) -> tuple[Snapshot, Twin]:
+    twin = Twin(scene)
+    twin.advance(round(ENOUGH_S / twin.step_s))
+    return twin.snapshot(), twin
+
+
+def grown(twin: Twin) -> Vector:
+    """g of the free nodes, from the lower end up."""
+    own = next(effect for effect in twin.rope.effects if isinstance(effect, DragGrowth))
+    return np.array(own.memory[GROWTH, : len(twin.snapshot().element_tension_n)])
+
+
+def test_it_shakes_as_the_study_of_the_scene_does() -> None:
+    """`rope_twin viv` has the rope at rest: without growth of the drag the twin is that, too."""
+    scene = shaken(ModalVibrationParams(drag_growth=(0.0, 1.0)))
+    shot, _ = settled(scene)
+    alone = run_viv(scene, Shedding(), ENOUGH_S)
+    seen = shaking(shot)
+    expected = np.interp(shot.arc_length_m, alone.from_top_m[::-1], alone.rms()[::-1])
+    assert (seen.model, seen.note) == ("modal_vibration", "")
+    assert seen.cross_flow.max() / np.sqrt(2.0) == pytest.approx(expected.max(), rel=0.03)
+    assert np.abs(seen.cross_flow / np.sqrt(2.0) - expected).max() < 0.03
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_rope_leans_by_the_drag_that_grew(model: Any) -> None:
+    """As far as a rope whose drag coefficient is that much larger all along, on the mean."""
+    shot, twin = settled(shaken(model))
+    growth = grown(twin)
+    rms = shaking(shot).cross_flow[:0:-1] / np.sqrt(2.0)
+    assert growth == pytest.approx(1.043 * (2.0 * rms) ** 0.65, abs=1e-6)
+    assert growth.mean() > 0.8
+
+    def lean(scene: Scene) -> float:
+        seen, _ = settled(scene)
+        return float(seen.node_position_m[-1, 0])
+
+    # what counts of f(s) for the lean of the lower end is ∫f·s ds/T: of the rope further up more
+    s = twin.rope.state.s[: len(growth)]
+    share = s / shot.node_tension_n[:0:-1]
+    factor = 1.0 + float((growth * share).sum() / share.sum())
+    own = CABLE.scene()
+    more = DragParams(normal=1.2 * factor, tangential=0.02)
+    dragged = tuple(more if isinstance(one, DragParams) else one for one in own.effects)
+    found, plain = float(shot.node_position_m[-1, 0]), lean(own)
+    assert found == pytest.approx(lean(replace(own, effects=dragged)), rel=0.03)
+    assert found > 1.7 * plain
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_it_goes_on_from_a_state_and_from_a_branch_to_the_bit(model: Any) -> None:
+    """Under heave and payout, saved between two searches; watched for wear it is the same run."""
+    scene = shaken(model, replace(CABLE, diameter=0.032, winch=WINCH).scene())
+    course: Any = (sine(0.3, 6.0), 6.0, 1, [(2.0, 2.0)])
+    twin, worn = Twin(scene), watched(scene, "", "stranded_wire")
+    for own in (twin, worn):
+        list(march(own, *course))
+        own.advance(17)
+    others = [Twin.restore(twin.capture(), scene), twin.branch(), worn]
+    others.append(type(worn).restore(worn.capture(), scene))
+    (last,) = list(march(twin, sine(0.3, 6.0), 4.0, 200))
+    assert len(last.element_tension_n) > 40
+    assert shaking(last).cross_flow.max() > 0.05
+    for other in others:
+        (same,) = list(march(other, sine(0.3, 6.0), 4.0, 200))
+        assert np.array_equal(last.element_tension_n, same.element_tension_n)
+        assert np.array_equal(shaking(last).cross_flow, shaking(same).cross_flow)
+        assert np.array_equal(grown(twin), grown(other))
+    assert same.fatigue is not None
+    assert same.fatigue.bending
+    assert same.fatigue.used.max() > 0.0
+
+
+def test_a_rope_that_goes_slack_keeps_its_modes_and_says_so() -> None:
+    twin = Twin(shaken(ModalVibrationParams()))
+    notes = [shaking(shot).note for shot in march(twin, sine(4.0, 4.0), 10.0, 5)]
+    assert any("elements are slack" in note for note in notes)
+    assert "" in notes
+    assert twin.snapshot().solver.unconverged_substeps == 0
+
+
+def test_without_a_current_it_keeps_still() -> None:
+    """And shakes when one comes: looks are made for it then."""
+    scene = replace(CABLE, current=((0.0, (0.0, 0.0)),)).scene()
+    twin = Twin(shaken(DecomposedForceParams(), scene))
+    (shot,) = list(march(twin, still, 3.0, 150))
+    assert shaking(shot).cross_flow.max() == 0.0
+    assert grown(twin).max() == 0.0
+    assert twin.offer_current(np.array([[0.0, 0.3, 0.0]])) == ""
+    (shot,) = list(march(twin, still, 20.0, 1000))
+    assert shaking(shot).cross_flow.max() > 0.2
+    assert grown(twin).max() > 0.3
+
+
+@pytest.mark.parametrize("asked", [MODES, MOTION])
+def test_it_is_told_without_being_asked(asked: str) -> None:
+    words = rf"vibration {asked}: the scene's own modal_vibration tells .* asked; leave it out"
+    with pytest.raises(InputError, match=words):
+        watched(shaken(ModalVibrationParams()), asked)
