@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable
 
 from rope_twin.cadence import SNAPSHOT_TOPICS, due_topics, slot_of
@@ -26,6 +27,7 @@ class Announcer:
         self._publish = publish
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
+        self.processor_s = 0.0  # that publishing has used
         self.error = ""  # newest message that could not be published; empty while all is well
 
     def start(self, epoch_ns: int, first: Snapshot) -> None:
@@ -51,10 +53,12 @@ class Announcer:
             self._thread = None
 
     def _run(self, encoder: Encoder) -> None:
+        before_s = self.processor_s - time.thread_time()
         while True:
             snapshot = self._handover.take(timeout_s=0.05)
             if snapshot is not None:
                 self._announce(encoder, snapshot)
+                self.processor_s = before_s + time.thread_time()
             elif self._stopping.is_set():
                 return
 

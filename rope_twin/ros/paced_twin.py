@@ -14,6 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TypeVar
 
+from rope_twin.commands.run.core_share import CoreShare
 from rope_twin.commands.run.summary import RunSummary, summarise
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import Status, statuses
@@ -88,6 +89,8 @@ class PacedTwin:
         self._ignored = 0  # inputs that came while there was no epoch to place them
         self._clocks: tuple[int, int] | None = None  # ROS and steady time of the newest begin
         self._lock = threading.Lock()
+        self._process_s = 0.0  # processor time of the whole process in earlier pacing
+        self._process_at_s: float | None = None  # the same at the newest begin; None: halted
         self.epoch_ns: int | None = None
 
     def begin(self, ros_now_ns: int) -> int:
@@ -106,6 +109,7 @@ class PacedTwin:
         if at_ns > 0:
             self.twin.doubt_inputs()
         self._announcer.start(epoch_ns, self.last)
+        self._process_at_s = time.process_time()
         self.pacer.start(steady_now_ns + lead_ns + delay_ns)
         return epoch_ns
 
@@ -113,6 +117,7 @@ class PacedTwin:
         """Stop after the slot at hand; all that was computed is published, the state is saved."""
         self.pacer.stop()
         self._announcer.stop()
+        self._process_s, self._process_at_s = self._processor_s(), None
         self.epoch_ns = None
         if self._keeper is not None:
             self._keeper.finish()
@@ -127,8 +132,18 @@ class PacedTwin:
         kept = self._keeper.health() if self._keeper is not None else None
         state = str(kept.path) if kept is not None and kept.saved_s is not None else None
         changes = self.ladder.changes if self.ladder is not None else 0
-        summary = summarise(self.twin, self.last, self.pacer.health())
-        return replace(summary, state=state, rung_changes=changes)
+        health = self.pacer.health()
+        summary = summarise(self.twin, self.last, health)
+        share = None
+        if health.granted_s > 0.0:
+            used_s = (health.processor_s, self._announcer.processor_s, self._processor_s())
+            share = CoreShare(*(100.0 * one / health.granted_s for one in used_s)).figures()
+        return replace(summary, state=state, rung_changes=changes, core_share=share)
+
+    def _processor_s(self) -> float:
+        """Processor time of the whole process while it was paced."""
+        at_s = self._process_at_s
+        return self._process_s + (0.0 if at_s is None else time.process_time() - at_s)
 
     def sayings(self) -> Iterator[str]:
         """What the ladder has done since it was asked last, a sentence each."""

@@ -11,7 +11,7 @@ import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.digest import scene_digest, solver_digest
@@ -21,6 +21,16 @@ from rope_twin.scene.schema import Scene
 FORMAT = 1
 FOLDER = "cards"
 RMS, PEAK = "tension_rms", "tension_peak"  # quantities that every card has
+
+
+class Setting(NamedTuple):
+    """What a run is made with; of ropes that meet the elements of the first."""
+
+    elements: int
+    step_s: float
+
+    def __str__(self) -> str:
+        return f"{self.elements} elements at {1e3 * self.step_s:g} ms"
 
 
 @dataclass(frozen=True)
@@ -85,6 +95,12 @@ class Card:
         own = (rung for rung in self.rungs if rung.newton_tolerance_n is None)
         return tuple(sorted(own, key=lambda rung: (rung.elements, rung.step_s)))
 
+    @property
+    def finest(self) -> Setting:
+        """The most elements and the shortest step of the ladder."""
+        rungs = self.ladder
+        return Setting(max(one.elements for one in rungs), min(one.step_s for one in rungs))
+
     def age(self, scene: Scene) -> str:
         """Why it says nothing about the scene any more; "" if it does."""
         now = [line.elements for line in scene.ropes]
@@ -97,10 +113,13 @@ class Card:
         return ""
 
     def at(self, elements: int, step_s: float) -> tuple[Rung, ...]:
-        """The rung of a setting, or those around it if it lies between rungs; none: outside."""
-        rungs = self.ladder
-        counts = _around(elements, sorted({rung.elements for rung in rungs}))
-        steps = _around(step_s, sorted({rung.step_s for rung in rungs}))
+        """The rung of a setting, or those around it if it lies between rungs.
+
+        One that is finer counts as the finest; none: coarser than the ladder.
+        """
+        rungs, finest = self.ladder, self.finest
+        counts = _around(min(elements, finest.elements), sorted({one.elements for one in rungs}))
+        steps = _around(max(step_s, finest.step_s), sorted({one.step_s for one in rungs}))
         return tuple(one for one in rungs if one.elements in counts and one.step_s in steps)
 
 
@@ -154,8 +173,9 @@ def read_card(scene: Scene) -> Card | None:
 def known_error(scene: Scene) -> KnownError:
     """The error of the scene at its own elements and step, from its card.
 
-    Between rungs the largest error of the rungs around holds; beyond the ladder it is unknown, and
-    so it is with an old card.
+    Between rungs the largest error of the rungs around holds, of what is finer that of the finest:
+    no better one is claimed than was measured. Of what is coarser than the ladder it is unknown,
+    and so it is with an old card.
     """
     try:
         card = read_card(scene)
@@ -173,7 +193,11 @@ def known_error(scene: Scene) -> KnownError:
         )
     if any(math.isnan(rung.error_rms_pct) for rung in around):
         return KnownError(peak_pct=peak, words="unknown: the run does not converge (see its card)")
-    return KnownError(rms, peak, f"at most, in the card's run of {card.seconds:g} s")
+    words = f"at most, in the card's run of {card.seconds:g} s"
+    finest = card.finest
+    if scene.ropes[0].elements > finest.elements or scene.time.step_s < finest.step_s:
+        words += ", which ends at a coarser setting"
+    return KnownError(rms, peak, words)
 
 
 _REMAKE = "make it again with `rope_twin accuracy SCENE`"

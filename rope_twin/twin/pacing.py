@@ -83,6 +83,8 @@ class PacingHealth:
     worst_lateness_s: float = 0.0  # of the end of a slot
     behind_s: float = 0.0  # how long the slot at hand is overdue right now
     computing_s: float = 0.0  # time spent in `advance`
+    granted_s: float = 0.0  # steady time of the slots that were done
+    processor_s: float = 0.0  # that the worker used in them, waking and waiting included
     real_time_factor: float = 0.0  # simulated time over computing_s; 0 before the first slot
     lost_snapshots: int = 0  # computed but never taken, because the publisher was too slow
     priority: bool = False  # the system let the worker run ahead of ordinary threads
@@ -175,6 +177,7 @@ class Pacer:
         self._health = replace(self._health, priority=take_priority())
         slot = 0
         earliest_ns = origin_ns
+        processor_s = time.thread_time()
         while not self._halt.is_set():
             begin_ns = max(origin_ns + round(slot * self.period_ns), earliest_ns)
             self._clock.wait_until(begin_ns, self._halt)
@@ -187,6 +190,8 @@ class Pacer:
             due_ns = origin_ns + round(slot * self.period_ns)
             earliest_ns = began_ns + round(self.period_ns / CATCH_UP)
             late = self._judge(due_ns)
+            used_s, processor_s = time.thread_time() - processor_s, time.thread_time()
+            self._health = replace(self._health, processor_s=self._health.processor_s + used_s)
             if self._has_changed(late):
                 origin_ns, slot = due_ns, 0
             self._due_ns = origin_ns + round((slot + 1) * self.period_ns)
@@ -218,7 +223,11 @@ class Pacer:
         computing_s = self._health.computing_s + computed_ns * 1e-9
         factor = self._simulated_ns * 1e-9 / computing_s if computing_s > 0.0 else 0.0
         self._health = replace(
-            self._health, steps=steps, computing_s=computing_s, real_time_factor=factor
+            self._health,
+            steps=steps,
+            computing_s=computing_s,
+            granted_s=self._health.granted_s + self.period_ns * 1e-9,
+            real_time_factor=factor,
         )
         self._handover.put(self.last)
         return True

@@ -139,6 +139,26 @@ def test_twice_real_time_takes_the_same_steps(processes: Processes) -> None:
     assert summary["heave_accepted"] + summary["heave_late"] >= 80  # type: ignore[operator]
 
 
+@pytest.mark.ros
+def test_a_budget_is_spent_and_its_use_told(processes: Processes) -> None:
+    """Finer than the card's finest setting, 160 elements at 5 ms, in steps that fill slots."""
+    process = processes.cli(
+        "run", "shallow_lift", "--for", "2", "--headless", "--json", "--no-record",
+        "--budget", "20%",
+    )  # fmt: skip
+    assert process.wait() == 0
+    summary = last_line(process.text)
+    assert summary["elements"] * 0.02 / summary["step_s"] > 160 * 4  # type: ignore[operator]
+    share = summary["core_share"]
+    assert isinstance(share, dict)
+    assert share["asked_pct"] == 20.0
+    assert share["calibrated_pct"] > 0.0
+    assert 0.0 < share["steps_pct"] < share["process_pct"]
+    assert 0.0 < share["publishing_pct"] < share["process_pct"]
+    assert str(summary["chosen"]).startswith("--budget 20 %: ")
+    assert summary["tension_top_error_pct"] != "unknown"
+
+
 def test_as_fast_as_possible_needs_no_ros(tmp_path: Path) -> None:
     script = (
         "import sys\n"

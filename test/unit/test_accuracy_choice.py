@@ -19,13 +19,19 @@ from card_samples import (
     write_card,
 )
 
-from rope_twin.cli import main
-from rope_twin.commands.run import choice
+from rope_twin.cli import _parser, main
+from rope_twin.commands import run as run_command
+from rope_twin.commands.run import calibration, choice
+from rope_twin.commands.run.calibration import Cost, measure_shares
+from rope_twin.commands.run.options import read_options
+from rope_twin.commands.run.spending import AIM, CEILING_PCT, LEAST, MOST, Bought, spend
+from rope_twin.errors import InputError
 from rope_twin.scene import card
-from rope_twin.scene.card import Rung, read_card
+from rope_twin.scene.card import Rung, Setting, known_error, read_card
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy.choice import cheapest_within, most_accurate, sure_bound
 from rope_twin.studies.variants import variant
+from rope_twin.twin.pacing import SLOT_S, steps_in_slot
 from rope_twin.twin.twin import Twin
 
 
@@ -148,9 +154,9 @@ def test_a_snapshot_has_its_error(tmp_path: Path) -> None:
     assert Twin(scene).snapshot().card_error.rms_pct == pytest.approx(
         error_pct(20, 0.01) + UNCERTAINTY_PCT
     )
-    finer = Twin(variant(scene, 500))
-    assert math.isnan(finer.snapshot().card_error.rms_pct)
-    assert math.isnan(finer.branch().snapshot().card_error.rms_pct)
+    coarser = Twin(variant(scene, 5))
+    assert math.isnan(coarser.snapshot().card_error.rms_pct)
+    assert math.isnan(coarser.branch().snapshot().card_error.rms_pct)
 
 
 NO_AMOUNT = "it is not possible; write a number above 0 and its unit, like 1%."
@@ -200,7 +206,7 @@ def test_shares_are_measured_on_this_machine(tmp_path: Path) -> None:
     """Whatever speed the card's machine had."""
     scene = carded_scene(tmp_path)
     slow = [replace(rung, real_time_factor=1e-3) for rung in rungs_of(scene)]
-    assert all(0.0 < share < 100.0 for share in choice.measure_shares(scene, slow, 1.0))
+    assert all(0.0 < share < 100.0 for share in measure_shares(scene, slow, 1.0))
 
 
 def test_a_share_is_what_a_slot_and_its_steps_cost(
@@ -208,9 +214,85 @@ def test_a_share_is_what_a_slot_and_its_steps_cost(
 ) -> None:
     """A slot of 20 ms costs 100 µs and 10 µs for each step of two solves."""
     scene = carded_scene(tmp_path)
-    monkeypatch.setattr(choice, "_slot_costs", lambda twin: (100e-6, 10e-6))
+    monkeypatch.setattr(calibration, "_slot_costs", lambda twin: (100e-6, 10e-6))
     rungs = rungs_of(scene)[:3]  # 5, 10 and 20 ms
-    assert choice.measure_shares(scene, rungs, 1.0) == pytest.approx([0.7, 0.6, 0.55])
-    assert choice.measure_shares(scene, rungs, 2.0) == pytest.approx([1.4, 1.2, 1.1])
+    assert measure_shares(scene, rungs, 1.0) == pytest.approx([0.7, 0.6, 0.55])
+    assert measure_shares(scene, rungs, 2.0) == pytest.approx([1.4, 1.2, 1.1])
     busy = [replace(rung, solves_per_step=4.0) for rung in rungs]
-    assert choice.measure_shares(scene, busy, 1.0) == pytest.approx([0.9, 0.7, 0.6])
+    assert measure_shares(scene, busy, 1.0) == pytest.approx([0.9, 0.7, 0.6])
+
+
+def plain_cost(setting: Setting) -> Cost:
+    """A slot that costs 0.4 %, 100 ns a node and step, and 2 µs a node for messages."""
+    steps = 0.4 + 1e-5 * setting.elements / setting.step_s
+    return Cost(steps, 1e-3 * setting.elements)
+
+
+@pytest.mark.parametrize("budget", [1.0, 3.0, 10.0, 30.0, 60.0])
+@pytest.mark.parametrize("start", [Setting(40, 0.005), Setting(100, 0.02), Setting(20, 0.01)])
+def test_a_budget_is_spent_on_elements_and_steps_alike(budget: float, start: Setting) -> None:
+    """25 to 33 % where 30 % are given, with what sending the messages takes."""
+    found = spend(start, budget, 20_000, plain_cost)
+    assert isinstance(found, Bought)
+    setting, cost = found.setting, found.cost
+    assert cost == plain_cost(setting)
+    assert LEAST * min(budget, CEILING_PCT / AIM) <= cost.pct <= MOST * budget
+    finer_elements, finer_step = setting.elements / start.elements, start.step_s / setting.step_s
+    assert finer_elements >= 1.0
+    assert finer_step >= 1.0
+    assert 0.5 <= finer_elements / finer_step <= 2.0
+    assert steps_in_slot(setting.step_s) * setting.step_s == pytest.approx(SLOT_S)
+    assert found.better.elements > setting.elements
+    assert found.better.step_s < setting.step_s
+    assert found.better_pct > cost.pct
+
+
+def test_what_a_budget_is_not_enough_for_is_not_bought() -> None:
+    start = Setting(400, 0.005)
+    share = plain_cost(start).pct
+    assert spend(start, share, 20_000, plain_cost) == plain_cost(start)
+    found = spend(start, 1.15 * share, 20_000, plain_cost)
+    assert isinstance(found, Bought)
+    assert found.setting == start
+
+
+def test_a_rope_has_no_more_elements_than_it_may_and_slots_keep_room() -> None:
+    found = spend(Setting(100, 0.005), 30.0, 150, plain_cost)
+    assert isinstance(found, Bought)
+    assert found.setting.elements == 150
+    full = spend(Setting(100, 0.005), 100.0, 20_000, plain_cost)
+    assert isinstance(full, Bought)
+    assert 0.9 * CEILING_PCT <= full.cost.pct <= 1.05 * CEILING_PCT
+
+
+def test_finer_than_the_ladder_the_finest_bound_holds(tmp_path: Path) -> None:
+    scene = carded_scene(tmp_path)
+    finest = known_error(variant(scene, 40, 0.005))
+    for finer in (variant(scene, 500, 0.001), variant(scene, 500, 0.005)):
+        found = known_error(finer)
+        assert (found.rms_pct, found.peak_pct) == (finest.rms_pct, finest.peak_pct)
+        assert found.words == finest.words + ", which ends at a coarser setting"
+    coarse = known_error(variant(scene, 500, 0.02))
+    assert coarse.rms_pct == pytest.approx(error_pct(40, 0.02) + UNCERTAINTY_PCT)
+    assert math.isnan(known_error(variant(scene, 500, 0.05)).rms_pct)
+
+
+@pytest.mark.parametrize("budget", ["20%", "0.0001%"])
+def test_a_budget_is_told_with_what_the_next_setting_costs(tmp_path: Path, budget: str) -> None:
+    """Measured, so that no number is expected; too little is one sentence."""
+    scene = carded_scene(tmp_path)
+    words = ["run", str(scene.path), "--no-record", "--budget", budget]
+    args = _parser({"run": run_command}).parse_args(words)
+    if budget == "0.0001%":
+        with pytest.raises(
+            InputError, match=r"the cheapest setting of the card needs .* give more"
+        ):
+            choice.choose(args, read_options(args))
+        return
+    options = choice.choose(args, read_options(args))
+    assert (options.elements or 0) >= 10
+    assert options.budget_pct == 20.0
+    assert options.calibrated_pct is not None
+    assert options.chosen.startswith(f"--budget 20 %: {options.elements} elements at ")
+    assert "; next better, " in options.chosen
+    assert " needs about " in options.chosen

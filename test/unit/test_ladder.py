@@ -127,6 +127,24 @@ def test_a_rung_that_must_be_left_again_soon_is_waited_for_longer(machine: Machi
     assert waits[2] > 1.8 * waits[1]
 
 
+def test_a_setting_that_a_budget_bought_is_the_best_rung_of_its_ladder() -> None:
+    """Finer than the card's: down from 0.5 ms and 301 elements, and all of them come back."""
+    scene = variant(load_scene("shallow_lift"), 301, 0.0005)
+    rungs = ladder_of(scene)
+    work = [1.0 / (rung.step_ns << rung.halvings) for rung in rungs]
+    assert rungs[0] == Rung(500_000)
+    assert work == sorted(work, reverse=True)
+    twin = Twin(scene)
+    twin.advance(40)
+    before_n = twin.snapshot().tension_top_n
+    for rung, elements in ((rungs[-1], 301 >> rungs[-1].halvings), (rungs[0], 301)):
+        twin.take_rung(rung)
+        twin.advance(steps_in_slot(rung.step_s))
+        found = twin.snapshot()
+        assert abs(len(found.element_tension_n) - elements) <= rungs[-1].halvings
+        assert found.tension_top_n == pytest.approx(before_n, rel=1e-2)
+
+
 def test_before_the_start_it_takes_the_rung_that_fits_at_once(machine: Machine) -> None:
     assert not machine.ladder.start_at(0.5)
     assert machine.ladder.start_at(1.0)

@@ -50,6 +50,9 @@ def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
     else:
         summary = _with_speed_alone(paced(options, progress), options)
     summary = replace(_of_its_sea(summary, options), chosen=options.chosen)
+    if summary.core_share is not None:
+        asked = {"asked_pct": options.budget_pct, "calibrated_pct": options.calibrated_pct}
+        summary = replace(summary, core_share=summary.core_share | asked)
     progress.finish()
     if summary.error:
         progress.say(summary.error)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import argparse
 import math
-import time
-from collections.abc import Sequence
 from dataclasses import replace
-from statistics import median
+from functools import partial
 
+from rope_twin.commands.run.calibration import measure_setting, measure_shares
 from rope_twin.commands.run.options import RunOptions
+from rope_twin.commands.run.spending import CEILING_PCT, Bought, spend
 from rope_twin.errors import InputError, did_you_mean, phrase
-from rope_twin.scene.card import Card, Rung, read_card, told_bound
+from rope_twin.scene.card import Card, Rung, Setting, read_card, told_bound
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy.choice import (
@@ -22,13 +22,9 @@ from rope_twin.studies.accuracy.choice import (
     sure_bound,
 )
 from rope_twin.studies.accuracy.figures import BY_NAME, Quantity
-from rope_twin.studies.variants import variant
-from rope_twin.twin.pacing import SLOT_S, steps_in_slot
-from rope_twin.twin.twin import Twin
+from rope_twin.twin.pacing import SLOT_S
 
-SLOTS, PAUSE_S = 20, 0.002  # of the calibration: the pause cools the caches, as pacing does
-FEW, MANY = 1, 4  # steps in a slot
-SOLVES_AT_REST = 2.0  # per step
+MOST_ELEMENTS = 20_000  # of a rope of a scene
 
 
 def choose(args: argparse.Namespace, options: RunOptions) -> RunOptions:
@@ -57,10 +53,17 @@ def choose(args: argparse.Namespace, options: RunOptions) -> RunOptions:
     rungs = _ladder(card, quantity, options.speed > 0.0, option)
     if option == "--within":
         rung, said = _buy(rungs, quantity, wanted, card)
-    else:
-        costs = measure_shares(scene, rungs, options.speed)
-        rung, said = _spend(rungs, quantity, wanted, costs)
-    return replace(options, elements=rung.elements, step_s=rung.step_s, chosen=said)
+        return replace(options, elements=rung.elements, step_s=rung.step_s, chosen=said)
+    bought = _spend(scene, rungs, quantity, wanted, options)
+    (elements, step_s), said = bought.setting, _told_spending(bought, card, rungs, quantity, wanted)
+    return replace(
+        options,
+        elements=elements,
+        step_s=step_s,
+        chosen=said,
+        budget_pct=wanted,
+        calibrated_pct=bought.cost.pct,
+    )
 
 
 def read_amount(option: str, words: str, unit: str) -> float:
@@ -78,41 +81,6 @@ def read_amount(option: str, words: str, unit: str) -> float:
         right = f"write a number above 0 and its unit, like 1{unit}"
         raise InputError(phrase(f"{option} {words}", "it is not possible", right))
     return amount
-
-
-def measure_shares(scene: Scene, rungs: Sequence[Rung], speed: float) -> list[float]:
-    """Share of one core [%] that the steps of each rung need on this machine, measured now.
-
-    A rope at rest is stepped in slots with pauses between, as a paced run does: in each slot a few
-    steps and then many, so that what a slot costs and what a step costs are told apart. The solves
-    that the card counted in each rung scale the latter. Takes about a second.
-    """
-    costs: dict[int, tuple[float, float]] = {}
-    shares = []
-    for rung in rungs:
-        if rung.elements not in costs:
-            costs[rung.elements] = _slot_costs(Twin(variant(scene, rung.elements)))
-        slot_s, step_s = costs[rung.elements]
-        steps = steps_in_slot(rung.step_s)
-        busy_s = slot_s + steps * step_s * rung.solves_per_step / SOLVES_AT_REST
-        shares.append(100.0 * busy_s / (steps * rung.step_s) * speed)
-    return shares
-
-
-def _slot_costs(twin: Twin) -> tuple[float, float]:
-    """What a slot costs besides its steps, and what a step costs [s]."""
-    took = {FEW: [0.0] * SLOTS, MANY: [0.0] * SLOTS}
-    twin.advance(MANY)
-    for steps, times in took.items():
-        for slot in range(SLOTS):
-            time.sleep(PAUSE_S)
-            began = time.perf_counter()
-            twin.advance(steps)
-            twin.snapshot()
-            times[slot] = time.perf_counter() - began
-    few, many = median(took[FEW]), median(took[MANY])
-    step_s = max(many - few, 0.0) / (MANY - FEW)
-    return max(few - FEW * step_s, 0.0), step_s
 
 
 def find_quantity(name: str | None) -> Quantity:
@@ -167,23 +135,43 @@ def _buy(rungs: list[Rung], quantity: Quantity, target: float, card: Card) -> tu
 
 
 def _spend(
-    rungs: list[Rung], quantity: Quantity, budget: float, costs: list[float]
-) -> tuple[Rung, str]:
-    rung = most_accurate(rungs, quantity.name, costs, budget)
-    if rung is None:
-        what = f"the cheapest setting of the card needs {min(costs):.2g} % here"
-        raise InputError(phrase(f"--budget {budget:g}%", what, "give more"))
-    bound = sure_bound(rung, rungs, quantity.name)
-    said = (
-        f"--budget {budget:g} %: {_setting(rung)}, the most accurate that fits: needs "
-        f"{costs[rungs.index(rung)]:.2g} % of one core here (measured just now), {quantity.name} "
-        f"within {_told(bound, quantity)}; "
+    scene: Scene, rungs: list[Rung], quantity: Quantity, budget: float, options: RunOptions
+) -> Bought:
+    """The ladder's most accurate rung that fits, refined until the budget is used."""
+    costs = measure_shares(scene, rungs, options.speed)
+    own = [line.elements for line in scene.ropes]
+    most = MOST_ELEMENTS * own[0] // max(own)
+    least = min(costs)
+    while (rung := most_accurate(rungs, quantity.name, costs, budget)) is not None:
+        start = Setting(rung.elements, rung.step_s)
+        measure = partial(measure_setting, scene, options, solves_per_step=rung.solves_per_step)
+        bought = spend(start, budget, most, measure)
+        if isinstance(bought, Bought):
+            return bought
+        costs[rungs.index(rung)] = math.inf  # with its messages it does not fit
+        least = bought.pct
+    what = f"the cheapest setting of the card needs {least:.2g} % here"
+    raise InputError(phrase(f"--budget {budget:g}%", what, "give more"))
+
+
+def _told_spending(
+    bought: Bought, card: Card, rungs: list[Rung], quantity: Quantity, budget: float
+) -> str:
+    """What was chosen, why, and what the next better setting would cost."""
+    setting, cost = bought.setting, bought.cost
+    bounds = (sure_bound(rung, rungs, quantity.name) for rung in card.at(*setting) if rung in rungs)
+    finest = card.finest
+    within = f"{quantity.name} within {_told(max(bounds, default=math.nan), quantity)}"
+    if setting.elements > finest.elements or setting.step_s < finest.step_s:
+        within += ", the card's bound where it ends (finer was not measured)"
+    why = "the most accurate that fits"
+    if cost.pct >= 0.95 * CEILING_PCT:
+        why += f" in {CEILING_PCT:g} %, since the rest of each slot stays free"
+    return (
+        f"--budget {budget:g} %: {setting}, {why}: steps need {cost.steps_pct:.3g} % of one core "
+        f"here and messages {cost.publishing_pct:.2g} % (measured just now; sending comes on top), "
+        f"{within}; next better, {bought.better}, needs about {bought.better_pct:.2g} %"
     )
-    better = next_better(rungs, quantity.name, bound, costs)
-    if better is None:
-        return rung, said + "the card has nothing better"
-    share = costs[rungs.index(better)]
-    return rung, said + f"{_better(better, rungs, quantity)} needs {share:.2g} %"
 
 
 def _better(rung: Rung, rungs: list[Rung], quantity: Quantity) -> str:
@@ -192,7 +180,7 @@ def _better(rung: Rung, rungs: list[Rung], quantity: Quantity) -> str:
 
 
 def _setting(rung: Rung) -> str:
-    return f"{rung.elements} elements at {1e3 * rung.step_s:g} ms"
+    return str(Setting(rung.elements, rung.step_s))
 
 
 def _told(bound: float, quantity: Quantity) -> str:

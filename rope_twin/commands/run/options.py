@@ -44,6 +44,8 @@ class RunOptions:
     elements: int | None = None  # in place of the scene's; None: the scene's
     step_s: float | None = None  # likewise
     chosen: str = ""  # why these, in one sentence
+    budget_pct: float | None = None  # of one core, if --budget asked
+    calibrated_pct: float | None = None  # what of it was measured for them, before the run
     cut: str = ""  # cut the rope: PLACE@SECONDS, judged; empty: never
     error_band: bool = False  # keep a band around the top tension
     watch: Watch | None = None  # vibration and fatigue to be kept
@@ -160,7 +162,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     bought.add_argument(
         "--budget",
         metavar="SHARE",
-        help="take the most accurate ones that need this share of one core here, like 30%%",
+        help="take the most accurate ones that this share of one core is enough for, like 30%%",
     )
     add("--of", metavar="QUANTITY", help="whose error that is (default: tension_rms)")
     add(

@@ -10,6 +10,7 @@ import time
 from dataclasses import dataclass, field
 from typing import Any, Protocol, TextIO
 
+from rope_twin.commands.run.core_share import CoreShare
 from rope_twin.commands.run.watch_summary import fatigue_figures, vibration_figures, watch_words
 from rope_twin.effects import EFFECTS
 from rope_twin.messages.diagnostics import cut_words
@@ -53,6 +54,7 @@ class RunSummary:
     payloads: list[dict[str, Any]] = field(default_factory=list)
     speed: float = 1.0  # 0: as fast as possible
     chosen: str = ""  # why these elements and this step, if --within or --budget asked
+    core_share: dict[str, float | None] | None = None  # CoreShare's figures; None: not paced
     rung_changes: int = 0  # how often the ladder was stepped down or up
     error: str = ""  # the sentence with which the run ended early
     bag: str | None = None
@@ -100,6 +102,8 @@ class RunSummary:
             f"{self.late_steps} steps late"
             + (f" (worst {self.worst_lateness_s * 1e3:.1f} ms)" if self.late_steps else ""),
         ]
+        if self.core_share is not None:
+            lines.append(CoreShare(**self.core_share).words())  # type: ignore[arg-type]
         if self.rung_changes:
             lines.append(f"{self.rung_changes} steps down or up the ladder of accuracy")
         if self.cut is not None:

@@ -42,6 +42,7 @@ from rope_twin.twin.schedule import schedule_samples
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.winch import input_of
 
+ENOUGH_S = 3.0  # of computing say how fast a model is
 BLIND_S = 1.0  # steps without a look at the rope, where only the speed is wanted
 
 Message = tuple[int, str, bytes]  # twin time [ns], topic, CDR
@@ -171,7 +172,7 @@ def measure_alone(options: RunOptions, time_s: float) -> float:
     end_ns = run.twin.time_ns + time_s * 1e9
     factors = []
     try:
-        while run.twin.time_ns < end_ns:
+        while run.twin.time_ns < end_ns and run.twin.statistics().computing_s < ENOUGH_S:
             before = run.twin.statistics()
             run.advance_blindly(min(time_s, BLIND_S))
             after = run.twin.statistics()
