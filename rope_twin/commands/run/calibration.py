@@ -24,7 +24,7 @@ from rope_twin.twin.twin import Twin
 SLOTS, PAUSE_S = 20, 0.002  # of a rung: the pause cools the caches, as pacing does
 FEW, MANY = 1, 4  # steps in a slot
 SOLVES_AT_REST = 2.0  # per step
-WARM_UP, PACED_SLOTS = 4, 24  # of a setting: a whole number of rounds of all topics
+WARM_UP, PACED_SLOTS = 4, 40  # of a setting: a whole number of rounds of all topics
 
 
 class Cost(NamedTuple):
@@ -77,7 +77,7 @@ def _slot_costs(twin: Twin) -> tuple[float, float]:
 def measure_setting(
     scene: Scene, options: RunOptions, setting: Setting, solves_per_step: float
 ) -> Cost:
-    """What a run with these options costs at a setting: half a second of it, paced, from rest.
+    """What a run with these options costs at a setting: most of a second of it, paced, from rest.
 
     solves_per_step: what the card counted where the rope moves; it scales the steps.
     """
