@@ -17,6 +17,8 @@ from numba.core import compiler_machinery, typed_passes, types, untyped_passes
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 
+from rope_twin.core.lowering import Lowering, NoPhis, OneAssignment
+
 _PASSES = (
     untyped_passes.TranslateByteCode,
     untyped_passes.FixupArgs,
@@ -24,12 +26,11 @@ _PASSES = (
     untyped_passes.RewriteSemanticConstants,
     untyped_passes.DeadBranchPrune,  # where a part of a struct is None
     untyped_passes.GenericRewrites,  # a tuple's item by its number
-    untyped_passes.ReconstructSSA,
+    OneAssignment,
 )
 _TYPED_PASSES = (
-    typed_passes.PreLowerStripPhis,
-    typed_passes.IRLegalization,
-    typed_passes.NativeLowering,
+    NoPhis,
+    Lowering,
     typed_passes.NoPythonBackend,
 )
 
@@ -91,6 +92,13 @@ class _EntryLibrary(JITCodeLibrary):  # type: ignore[misc]
         _visit(self, called_first)
         self._linking_libraries = [one for one in reversed(called_first) if one is not self]
         super().finalize()
+
+    def _optimize_final_module(self) -> None:
+        """Nobody else calls what was linked: what has one caller goes into it, the rest is gone."""
+        for function in self._final_module.functions:
+            if function.linkage == llvm.Linkage.linkonce_odr and not function.is_declaration:
+                function.linkage = "internal"
+        super()._optimize_final_module()
 
 
 def _visit(library: Any, visited: dict[Any, None]) -> None:

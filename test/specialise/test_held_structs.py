@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numba
 import numpy as np
+from llvmlite import ir
 from numba.core.registry import cpu_target
 
 from rope_twin.core.jit import OPTIONS, jit
@@ -56,16 +57,18 @@ def test_fields_of_a_held_struct_are_those_of_the_struct() -> None:
     assert _sum_up.py_func(outer) == expected
 
 
-def test_a_held_struct_is_one_argument() -> None:
-    """Of the kernel that it is handed on to; as itself it would be one for each number in it."""
+def test_a_held_struct_is_one_pointer() -> None:
+    """To the kernel that it is handed on to; as itself it would be all that is in it."""
     border = np.zeros((2, 2))
     outer = Outer(Inner(np.zeros((2, 3)), 3, (7.0, 8.0)), Boundary(border, border))
-    assert arguments_of(HeldType(numba.typeof(outer))) == 1
-    assert arguments_of(numba.typeof(outer)) > 25
+    (pointer,) = arguments_of(HeldType(numba.typeof(outer)))
+    assert isinstance(pointer, ir.PointerType)
+    (whole,) = arguments_of(numba.typeof(outer))
+    assert whole == pointer.pointee
 
 
-def arguments_of(kind: Any) -> int:
-    """Numbers and pointers that a kernel gets for an argument of this type."""
+def arguments_of(kind: Any) -> list[Any]:
+    """LLVM's types of what a kernel gets for an argument of this type."""
     convention = cpu_target.target_context.call_conv
     with_none = len(convention.get_function_type(numba.types.none, ()).args)
-    return len(convention.get_function_type(numba.types.none, (kind,)).args) - with_none
+    return list(convention.get_function_type(numba.types.none, (kind,)).args[with_none:])

@@ -1,9 +1,9 @@
 """A struct that kernels hand on by its address.
 
-A struct goes from kernel to kernel as one argument for each number in it, and each of its arrays is
-ten: a system of ropes that meet is two hundred, which every kernel takes apart and puts together
-again, and the compiler reads it all. `hold(struct)` leaves it in one place, and is handed on as one
-pointer; a field is read where it is asked for. It lives as long as the kernel that holds it, and
+In machine code a struct goes from kernel to kernel as one word for each number in it, and each of
+its arrays is ten: a system of ropes that meet is two hundred, which every call copies.
+`hold(struct)` leaves it in one place, and is handed on as one pointer; a field is read where it is
+asked for. It lives as long as the kernel that holds it, and
 its fields are not written to (what its arrays hold is).
 
 Loops over nodes take arrays as ever: a compiler that cannot see who else knows an address reads it
