@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rigs import NOTHING, Rig
+from rigs import NOTHING, STILL_WATER, Rig
 from scipy.spatial.transform import Rotation
 
 from rope_twin import Twin
@@ -15,6 +15,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.body import state as at
 from rope_twin.core.body.energy import pose_of
 from rope_twin.core.body.state import RigidBody
+from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.seabed import SeabedParams
@@ -27,11 +28,17 @@ LINE = Rig(length=20.0, elements=4, mass=0.01, EA=1e8, diameter=0.001, load=2000
 
 
 def scene_of(rig: Rig, body: RigidBodyParams) -> Scene:
-    """The rig's scene with the body in place of the point."""
+    """The rig's scene with the body in place of the point.
+
+    One with a deck lists no current, as the shipped scene with a deck: one step serves both.
+    """
     scene = rig.scene()
-    kept = tuple(own for own in scene.effects if not isinstance(own, PayloadParams))
-    at_payload = next(i for i, own in enumerate(scene.effects) if isinstance(own, PayloadParams))
-    return replace(scene, effects=(*kept[:at_payload], body, *kept[at_payload:]))
+    left_out: tuple[type, ...] = (PayloadParams,)
+    if body.deck is not None:
+        assert rig.current == STILL_WATER
+        left_out = (PayloadParams, CurrentParams)
+    kept = tuple(own for own in scene.effects if not isinstance(own, left_out))
+    return replace(scene, effects=(*kept, body))
 
 
 def body_in(twin: Twin) -> Any:
@@ -96,7 +103,7 @@ class Adrift(Hung):
         self.let_go(v, spin)
 
 
-def aground(turn: Any, side: float) -> Vector:
+def aground(turn: Any, side: float, steps: int = 40) -> Vector:
     """A box that falls tilted into shallows of a slope: place, velocity, spin, (n, 3, 3).
 
     turn: of the whole scene about z; side: -1 mirrors it in x.
@@ -121,7 +128,7 @@ def aground(turn: Any, side: float) -> Vector:
     start = follow @ [0.3, -0.2, 0.0] + [0.0, 0.0, 0.3]
     hung.lay(start, Rotation.from_matrix(attitude).as_rotvec(), follow @ [0.4, 0.2, -0.5])
     seen = []
-    for _ in range(40):
+    for _ in range(steps):
         hung.twin.advance(1)
         pose = hung.pose()
         seen.append([pose.centre, pose.velocity, pose.turn @ pose.spin])

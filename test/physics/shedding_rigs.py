@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from rigs import Bench, Rig, Vector
+from rigs import Bench, Rig, Vector, with_nothing_below
 
 from rope_twin.scene.schema import Scene, Winch
 
@@ -60,7 +60,7 @@ class Cylinder:
             added_mass=1.0, step=self.step, tolerance=1e-6,
         )  # fmt: skip
         scene = rig.scene()
-        return replace(scene, effects=(*scene.effects, *effects))
+        return with_nothing_below(replace(scene, effects=(*scene.effects, *effects)))
 
     def run(self, bench: Bench, seconds: float) -> Vector:
         """Places in line and across [m] of a node after every step, (steps, 2)."""

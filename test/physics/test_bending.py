@@ -11,7 +11,7 @@ import pytest
 from cut_rigs import VACUUM, parts, swinging
 from effect_cases import some_stage
 from payout_rigs import HMPE_SEA, KELVIN_VOIGT_S, SEA, STEEL
-from rigs import Bench, Rig, Vector, frequency, march, sine
+from rigs import Bench, Rig, Vector, frequency, march, sine, with_nothing_below
 from scipy.integrate import solve_bvp  # type: ignore[import-untyped]
 from test_payout_events import JUMP, assert_smooth
 
@@ -107,7 +107,7 @@ def beam_frequency(elements: int, mode: int) -> tuple[float, float]:
     rig = replace(
         BEAM, elements=elements, fixed_at=(stretched, 0.0, 0.0), step=1.0 / (1000.0 * exact)
     )
-    bench = Bench(rig.scene())
+    bench = Bench(with_nothing_below(rig.scene()))
     shape = np.sin(mode * math.pi * np.linspace(0.0, 1.0, elements + 1))
     bench.position[2] = 1e-4 * shape
     bench.acceleration[2] = -((2.0 * math.pi * exact) ** 2) * bench.position[2]

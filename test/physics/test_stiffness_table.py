@@ -8,7 +8,7 @@ from math import pi, sqrt
 import numpy as np
 import pytest
 from payout_rigs import WINCH
-from rigs import Bench, Rig, frequency, march, sine, still, top_tension
+from rigs import Bench, Rig, frequency, march, sine, still, top_tension, with_nothing_below
 from table_rigs import HMPE, tabled
 
 from rope_twin import Twin
@@ -54,7 +54,8 @@ def test_small_waves_follow_the_tangent(load: float) -> None:
     """A fixed rope without weight, plucked along by 1 mm: its first mode is c/2L, c = √(T'/m)."""
     rig = replace(RIG, fixed_at=(0.0, 0.0, -1000.0), gravity=0.0, damping=0.0, step=0.005)
     strain = HMPE.strain_at(load * 9.80665)
-    bench = Bench(tabled(replace(rig, fixed_at=(0.0, 0.0, -1000.0 * (1.0 + strain))), HMPE))
+    stretched = replace(rig, fixed_at=(0.0, 0.0, -1000.0 * (1.0 + strain)))
+    bench = Bench(with_nothing_below(tabled(stretched, HMPE)))
     s = bench.rope.state.s[: bench.n + 1]
     bench.position[2] += 1e-3 * np.sin(pi * s / s[-1])
     moved = []

@@ -12,6 +12,9 @@ import pytest
 from rope_twin import load_scene
 from rope_twin.commands import scene as command
 from rope_twin.effects import EFFECTS
+from rope_twin.effects.added_mass import AddedMassParams
+from rope_twin.effects.current import CurrentParams
+from rope_twin.effects.drag import DragParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.effects.waves import RegularWave, WavesParams
@@ -36,9 +39,15 @@ def test_a_payload_changes_the_tension_by_its_weight(monkeypatch: pytest.MonkeyP
     some = tuple(BY_NAME[name] for name in ("payload", "net"))
     monkeypatch.setattr(effect_cost, "EFFECTS", some)
     said = []
-    study = measure_effects(
-        bare(WeightParams(), PayloadParams()), 2.0, lambda *words: said.append(words)
+    still = CurrentParams(profile=((0.0, (0.0, 0.0)),))
+    usual = (
+        still,
+        WeightParams(),
+        DragParams(normal=1.2, tangential=0.02),
+        AddedMassParams(normal=1.0),
     )
+    scene = bare(*usual, PayloadParams())  # at rest in still water
+    study = measure_effects(scene, 2.0, lambda *words: said.append(words))
     payload, net = study.rows
     weight = (20000.0 - 1025.0 * 4.0) * 9.80665
     assert study.as_it_is.us_per_step > 0.0
