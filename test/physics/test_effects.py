@@ -85,7 +85,7 @@ def test_plain_python_equals_compiled_steps(plain: Mapping[str, Vector]) -> None
 
 
 def test_plain_python_equals_compiled_body(plain: Mapping[str, Vector]) -> None:
-    """A rigid body on slings that go slack, 60 steps, 1e-9."""
+    """A rigid body on slings that go slack, 30 steps, 1e-9."""
     compiled = effect_cases.swung()
     assert compiled[:, 1].min() == 0.0, "the case must go slack"
     assert_equal(plain["swung"].T, compiled.T, 1e-9)
@@ -93,7 +93,7 @@ def test_plain_python_equals_compiled_body(plain: Mapping[str, Vector]) -> None:
 
 def test_plain_python_equals_compiled_body_aground(plain: Mapping[str, Vector]) -> None:
     """A rigid body that falls tilted into shallows, half wet and aground; 20 steps, 1e-9."""
-    compiled = effect_cases.aground(np.eye(3), 1.0)[:20].reshape(20, -1)
+    compiled = effect_cases.touching()
     assert_equal(plain["aground"].T, compiled.T, 1e-9)
 
 

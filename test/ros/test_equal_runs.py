@@ -19,13 +19,14 @@ COMPARED = ("tension_top", "tension_payload", "payload/odometry", "winch/state",
             "rope/nodes", "hang_off/wrench", "rope/markers")  # fmt: skip
 
 
-def messages(bag: Path, topic: str) -> list[bytes]:
+def messages(bag: Path) -> dict[str, list[bytes]]:
     with BagReader(bag) as reader:
-        return [data for _, data in reader.messages(f"/{topic}")]
+        topics = (*COMPARED, "ship/heave", "twin/epoch")
+        return {topic: [data for _, data in reader.messages(f"/{topic}")] for topic in topics}
 
 
-def epoch_ns(bag: Path) -> int:
-    epoch = decode("twin/epoch", messages(bag, "twin/epoch")[0])
+def epoch_ns(told: dict[str, list[bytes]]) -> int:
+    epoch = decode("twin/epoch", told["twin/epoch"][0])
     return int(epoch.sec) * 1_000_000_000 + int(epoch.nanosec)
 
 
@@ -41,15 +42,17 @@ def test_paced_and_unpaced_bags_hold_the_same_bytes(processes: Processes, tmp_pa
     assert paced["heave_accepted"] >= 20 * SECONDS + 2
     assert paced["commands_accepted"] >= 10 * SECONDS
     options = RunOptions(scene="deep_lift", for_s=SECONDS, speed=0.0, record=tmp_path / "unpaced")
-    unpaced = run_unpaced(options, lambda run: None, epoch_ns(tmp_path / "paced"))
+    heard = messages(tmp_path / "paced")
+    unpaced = run_unpaced(options, lambda run: None, epoch_ns(heard))
     assert unpaced.steps == paced["steps"] == 500
+    told = messages(tmp_path / "unpaced")
     for topic in COMPARED:
-        assert messages(tmp_path / "unpaced", topic) == messages(tmp_path / "paced", topic), topic
+        assert told[topic] == heard[topic], topic
     for key in ("tension_top_max_n", "tension_top_mean_n", "tension_top_min_n", "line_out_m",
                 "payload_depth_m"):  # fmt: skip
         assert getattr(unpaced, key) == paced[key], key
-    inputs = messages(tmp_path / "unpaced", "ship/heave")
-    assert messages(tmp_path / "paced", "ship/heave")[: len(inputs)] == inputs
+    inputs = told["ship/heave"]
+    assert heard["ship/heave"][: len(inputs)] == inputs
 
 
 def test_the_comparison_can_fail(tmp_path: Path) -> None:
@@ -59,5 +62,6 @@ def test_the_comparison_can_fail(tmp_path: Path) -> None:
             scene="shallow_lift", for_s=2.0, speed=0.0, record=tmp_path / name, bag_start_s=start_s
         )
         run_unpaced(options, lambda run: None, 10**18)
+    one, other = messages(tmp_path / "one"), messages(tmp_path / "other")
     for topic in ("tension_top", "payload/odometry"):
-        assert messages(tmp_path / "one", topic) != messages(tmp_path / "other", topic)
+        assert one[topic] != other[topic]

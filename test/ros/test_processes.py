@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from ros_bench import Bench
 from ros_messages import BAD
-from ros_process import Processes, until_running
+from ros_process import Process, Processes, until_running
 
 from rope_twin.recording.bag_reader import BagReader
 
@@ -177,19 +177,37 @@ def test_bad_messages_from_another_process_do_not_end_it(
 
 
 @pytest.mark.parametrize("name", ENTRIES)
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_each_entry_ends_cleanly_when_told(
-    bench: Bench, processes: Processes, tmp_path: Path, name: str, number: int
+def test_each_entry_ends_cleanly_on_ctrl_c(
+    bench: Bench, processes: Processes, tmp_path: Path, name: str
 ) -> None:
-    parameters = {
-        "recorder": {"directory": str(tmp_path / "bag")},
-        "viewer": {"file": str(tmp_path / "run.rrd")},
-    }.get(name, {"scene": SCENE})
-    process = processes.node(name, **parameters)
+    """Alone, with nobody to hear or to tell."""
+    process = entry(processes, name, tmp_path)
     bench.until(lambda: name in bench.own.get_node_names(), f"{name} is there", 60.0)
-    process.send(number)
+    process.send(signal.SIGINT)
     assert process.wait() == 0, process.text
     assert "Traceback" not in process.text
+
+
+def test_all_entries_end_cleanly_when_told(
+    bench: Bench, processes: Processes, tmp_path: Path
+) -> None:
+    """Together, each while the others are there."""
+    started = [entry(processes, name, tmp_path) for name in ENTRIES]
+    bench.until(lambda: set(ENTRIES) <= set(bench.own.get_node_names()), "all are there", 60.0)
+    for process in started:
+        process.send(signal.SIGTERM)
+    for process in started:
+        assert process.wait() == 0, process.text
+        assert "Traceback" not in process.text
+
+
+def entry(processes: Processes, name: str, folder: Path) -> Process:
+    """One of ENTRIES, started."""
+    parameters = {
+        "recorder": {"directory": str(folder / "bag")},
+        "viewer": {"file": str(folder / "run.rrd")},
+    }.get(name, {"scene": SCENE})
+    return processes.node(name, **parameters)
 
 
 @pytest.mark.parametrize(

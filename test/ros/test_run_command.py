@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 from ros_process import Processes
 
+from rope_twin.cli import main
 from rope_twin.recording.bag_reader import BagReader
 from rope_twin.topics import TOPICS
 
@@ -225,19 +227,32 @@ def test_a_solver_that_gives_up_ends_the_run_with_its_sentence_and_the_bag(
         (["run", "--bag-start", "-3"], "at least 0 s"),
         (["run", "--speed", "0", "--for", "1", "--processes"], "without ROS"),
         (["run", "--speed", "0", "--for", "1", "--bag", "no_such_sea"], "no_such_sea"),
-        (["run", "no_such_scene", "--headless"], "there is no such scene"),
     ],
 )
 def test_what_cannot_be_run_gets_one_sentence_and_exit_code_1(
-    arguments: list[str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    arguments: list[str],
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
-    import os
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 1
+    out, err = capfd.readouterr()
+    assert words in err
+    assert len(err.strip().splitlines()) == 1
+    assert out == ""
+    assert list(tmp_path.iterdir()) == []  # nothing was made on disk for nothing
 
+
+def test_a_process_that_cannot_run_says_no_more_than_its_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join([os.getcwd(), *sys.path[:0]]))
     monkeypatch.chdir(tmp_path)
-    done = run(*arguments)
+    done = run("run", "no_such_scene", "--headless")
     assert done.returncode == 1
-    assert words in done.stderr
+    assert "there is no such scene" in done.stderr
     assert len(done.stderr.strip().splitlines()) == 1
     assert done.stdout == ""
     assert list(tmp_path.iterdir()) == []  # nothing was made on disk for nothing
