@@ -11,6 +11,14 @@ import pytest
 from hypothesis import Phase, settings
 
 ROS = Path(__file__).parent / "ros"
+# Files whose entries reach the same kernels: of a step read as assembly, of ropes that meet.
+ALIKE = {
+    "test_compiled_effects.py": "assembly",
+    "test_bench_command.py": "assembly",
+    "test_cut_joined.py": "joined",
+    "test_joined_energy.py": "joined",
+    "test_joined_bending.py": "joined",
+}
 
 # A counterexample is printed as found: shrinking it takes minutes where an example is a simulation.
 PHASES = (Phase.explicit, Phase.reuse, Phase.generate)
@@ -22,8 +30,9 @@ settings.load_profile("repeated")
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """A file's tests share a worker and its fixtures; those over ROS all share one.
 
-    They start processes of their own, whose pace should not depend on each other.
+    They start processes of their own, whose pace should not depend on each other. So do files that
+    compile the same kernels into entries of their own: a worker translates a kernel once.
     """
     for item in items:
-        group = "ros" if ROS in item.path.parents else str(item.path)
+        group = "ros" if ROS in item.path.parents else ALIKE.get(item.path.name, str(item.path))
         item.add_marker(pytest.mark.xdist_group(group))
