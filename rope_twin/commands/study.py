@@ -107,6 +107,8 @@ def _file(words: str) -> Path:
     folder = share_dir() / "config" / "studies"
     known = [file.stem for file in folder.glob("*.yaml")]
     if words not in known:
+        if words and path.exists():
+            return path
         right = f"{did_you_mean(words, known)} (or give the path of a YAML file)"
         raise InputError(phrase(f"study '{words}'", "there is no such study", right))
     return folder / f"{words}.yaml"

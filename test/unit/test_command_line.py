@@ -83,10 +83,11 @@ def test_ctrl_c_while_a_command_is_loaded_ends_quietly(
     assert capsys.readouterr() == ("", "")
 
 
-def test_a_folder_in_place_of_a_scene_is_called_one(
+def test_a_folder_in_place_of_a_file_is_called_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "mine").mkdir()
     monkeypatch.chdir(tmp_path)
-    assert main(["scene", "check", "mine"]) == 1
-    assert capsys.readouterr().err == "mine: it is a folder; give the path of a YAML file.\n"
+    for command in (["scene", "check"], ["run"], ["study"]):
+        assert main([*command, "mine"]) == 1
+        assert capsys.readouterr().err == "mine: it is a folder; give the path of a YAML file.\n"

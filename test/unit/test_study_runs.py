@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import signal
@@ -114,10 +115,23 @@ def test_two_worker_processes_bring_the_same_rows(whole: Path, tmp_path: Path) -
     assert rows_of(into) == rows_of(whole)
 
 
-def test_no_scheduler_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("address", "what"),
+    [
+        ("tcp:/nowhere", "it is no address"),
+        ("foo", "it is no address"),
+        ("tcp://127.0.0.1:9", "no Dask scheduler answers"),
+    ],
+)
+def test_no_scheduler_there(
+    address: str, what: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One sentence, and no client is left behind to complain of itself."""
     words = ["study", str(written(tmp_path)), "--into", str(tmp_path / "rows")]
-    assert main([*words, "--scheduler", "tcp:/nowhere"]) == 1
-    assert "--scheduler tcp:/nowhere: no Dask scheduler answers" in capsys.readouterr().err
+    assert main([*words, "--scheduler", address]) == 1
+    gc.collect()
+    told = capsys.readouterr().err.splitlines()
+    assert told[-1].startswith(f"--scheduler {address}: {what}")
 
 
 def test_a_folder_is_of_one_study_and_one_process(whole: Path, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+import socket
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
@@ -106,8 +107,9 @@ def _on_cluster(batches: Sequence[Batch], address: str) -> Iterator[list[Row]]:
     import distributed
 
     try:
+        _knock(address)
         client = distributed.Client(address, timeout=CONNECT_S, set_as_default=False)
-    except (OSError, ValueError, TypeError) as error:
+    except OSError as error:
         what = f"no Dask scheduler answers there within {CONNECT_S} s"
         right = "start one with `dask scheduler` and workers with `dask worker ADDRESS`"
         raise InputError(phrase(f"--scheduler {address}", what, right)) from error
@@ -118,6 +120,23 @@ def _on_cluster(batches: Sequence[Batch], address: str) -> Iterator[list[Row]]:
         futures = client.map(run_batch, batches, pure=False, retries=RETRIES)
         for future in distributed.as_completed(futures, loop=client.loop):
             yield _result(future, address)
+
+
+def _knock(address: str) -> None:
+    """See that somebody is there: a client that was made in vain complains when it is collected.
+
+    Raises:
+        InputError: it is no address.
+        OSError: nobody answers.
+    """
+    from distributed.comm import get_address_host_port
+
+    try:
+        place = get_address_host_port(address)
+    except (ValueError, KeyError, NotImplementedError) as error:
+        right = "give host and port as the scheduler tells them, like tcp://10.0.0.5:8786"
+        raise InputError(phrase(f"--scheduler {address}", "it is no address", right)) from error
+    socket.create_connection(place, CONNECT_S).close()
 
 
 def _result(future: Any, address: str) -> list[Row]:
