@@ -15,6 +15,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
+from rope_twin.effects.bending import BendingParams
 from rope_twin.errors import InputError, StateError, phrase
 from rope_twin.scene.rigging_rules import refuse_joined
 from rope_twin.scene.schema import Scene
@@ -60,9 +61,9 @@ class WatchedTwin(Twin):
         if self.asked.vibration in (MODES, DECOMPOSED) and model:
             what = f"the scene's own {model} shakes its rope already"
             raise InputError(phrase(f"vibration {self.asked.vibration}", what, f"ask for {MOTION}"))
+        wear = self._new_wear(scene) if self.asked.fatigue else None  # what it refuses: at once
         super().__init__(scene)
-        self._strouhal = strouhal_number(scene)
-        self._wear = self._new_wear(self.asked.fatigue) if self.asked.fatigue else None
+        self._strouhal, self._wear = strouhal_number(scene), wear
         self._hz = 0.0  # of the vortices that the looks are made for
         self._profiles = 0  # currents that had come by then
         self._every = self._steps_between()
@@ -200,14 +201,14 @@ class WatchedTwin(Twin):
             return beside_decomposed(self.rope, replace(decomposed(), density=density))
         return None
 
-    def _new_wear(self, curve: str) -> RopeWear:
-        line, winch = self.scene.ropes[0], self.scene.winch
-        EI = bending_stiffness(self._rope.effects)
+    def _new_wear(self, scene: Scene) -> RopeWear:
+        line, winch = scene.ropes[0], scene.winch
+        EI = sum(own.stiffness_n_m2 for own in scene.effects if isinstance(own, BendingParams))
         most = winch.most_line_out_m if winch else line.length_m
         shaken = self._shaking is not None or self.asked.vibration in (MODES, DECOMPOSED)
         sheave = winch.sheave if winch else None
         bent_pa = sheave.bending_stress_pa(line.made_of[0].rope.diameter_m) if sheave else 0.0
-        return RopeWear(line, most, WearWish(curve, EI > 0.0 or shaken, bent_pa), EI)
+        return RopeWear(line, most, WearWish(self.asked.fatigue, EI > 0.0 or shaken, bent_pa), EI)
 
     def _bent(self) -> Floats | None:
         """Curvature of the metres if it counts: of a rope that bends, and of the vibration."""

@@ -192,6 +192,14 @@ def test_what_cannot_be_told_is_refused() -> None:
     assert STEEL.twin().snapshot().vibration is None
 
 
+def test_a_rope_of_fibre_is_refused_before_its_step_is_compiled(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Twin, "__init__", lambda *given: pytest.fail("the twin is built"))
+    with pytest.raises(InputError, match="not all of steel"):
+        watched(load_scene("hmpe_lift"))
+
+
 def test_stress_of_bending_is_that_of_the_curvature() -> None:
     """A rope bent along an arc: E·d/2·κ at two of eight places, 1/√2 of it at four."""
     rig = replace(STEEL, EI=100.0)
