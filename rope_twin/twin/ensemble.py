@@ -30,11 +30,11 @@ from rope_twin.scene.schema import Scene
 from rope_twin.scene.shedding import refuse_shedding
 from rope_twin.twin.borders import Borders, WinchTrack
 from rope_twin.twin.heave_series import HeaveSeries
-from rope_twin.twin.lanes import sort_into_groups, take_turn
+from rope_twin.twin.lanes import compile_lanes, sort_into_groups, take_turn
 from rope_twin.twin.member import Member, MemberFigures, Scratch, Start
 from rope_twin.twin.schedule import Sample
 from rope_twin.twin.snapshot import Snapshot
-from rope_twin.twin.start import find_start
+from rope_twin.twin.start import find_start, no_garbage_collection
 
 BATCH_S = 8.0  # a member's turn; less than the 10 s that commands may be known ahead
 LOOK_S = 0.5
@@ -178,6 +178,11 @@ class Ensemble:
         """Those that can go on, by whom they take their turn with."""
         going = [one for one in self._members if not one.failure]
         return sort_into_groups(going, self.abreast if len(self) >= FEW else 1)
+
+    def make_ready(self) -> None:
+        """Compile what the first turn needs, so that it takes no longer than the next."""
+        with no_garbage_collection():
+            compile_lanes(self._groups())
 
     def lanes(self) -> Lanes:
         """How many members take their next turn in lanes, and why the others do not."""

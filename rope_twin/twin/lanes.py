@@ -11,7 +11,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from rope_twin.core.lanes.group import Kind
+from rope_twin.core.lanes.group import Group, Kind
 from rope_twin.core.lanes.step import Run
 from rope_twin.core.lanes.wide import LANES
 from rope_twin.core.state import ELEMENTS, PULL_COLUMNS, TENSION, Boundary, Floats
@@ -33,6 +33,14 @@ def sort_into_groups(members: Iterable[Member], abreast: int = LANES) -> list[li
             whole = kind is not None and len(some) >= LEAST
             groups += [some] if whole else [[member] for member in some]
     return groups
+
+
+def compile_lanes(groups: Iterable[Sequence[Member]]) -> None:
+    """Compile the step in lanes for groups that have several members, where it is not yet."""
+    kinds = (some[0].kind() for some in groups if len(some) > 1)
+    by_types = {tuple(own[0] for own in kind.effects): kind for kind in kinds if kind is not None}
+    for kind in by_types.values():
+        Group(kind, 0).advance(Run(0.0, 0, 0, 0, 0, 1))  # no step at all
 
 
 def take_turn(members: Sequence[Member], steps: int, look_steps: int, scratch: Scratch) -> None:

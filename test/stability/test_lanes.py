@@ -17,6 +17,7 @@ from lone_twins import SECOND_NS, alone, differing, sea, variations
 from numba.core.errors import NumbaError
 from small_scene import SMALL_SCENE, small_scene
 
+import rope_twin.core.lanes.group as group_module
 import rope_twin.twin.ensemble as ensemble_module
 import rope_twin.twin.lanes as lanes_module
 from rope_twin import load_scene
@@ -110,6 +111,23 @@ def test_any_number_of_members(
     rest = members % LANES
     expected = [LANES] * (members // LANES) + [rest] * (rest >= lanes_module.LEAST)
     assert groups == (expected if members >= LANES else [])
+
+
+def test_what_a_turn_needs_is_compiled_before_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So that the time of the first turn is that of its steps."""
+    asked: list[object] = []
+    compiled = group_module.compiled
+    monkeypatch.setattr(group_module, "_COMPILED", {})
+    monkeypatch.setattr(
+        group_module, "compiled", lambda *given: asked.append(given) or compiled(*given)
+    )
+    ensemble = Ensemble(small_scene(tmp_path), [calm(number) for number in range(LANES)])
+    ensemble.make_ready()
+    assert len(asked) == 1
+    ensemble.advance(0.5)
+    assert len(asked) == 1
 
 
 def test_splits_slack_and_calm_side_by_side(tmp_path: Path) -> None:

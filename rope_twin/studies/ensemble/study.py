@@ -38,7 +38,7 @@ class StudyResult:
     step_s: float
     threads: int
     lanes: Lanes
-    starting_s: float  # real time spent on building and on finding where each rope starts
+    starting_s: float  # real time spent on building, compiling and finding where each rope starts
     computing_s: float  # real time spent on stepping
 
     @property
@@ -94,6 +94,7 @@ def run_study(
         raise InputError(phrase("--sea-offset", "the scene's ship lies still", "leave it out"))
     ensemble = Ensemble(scene, variations(scene, plan, seconds), look_s, threads)
     lanes = ensemble.lanes()
+    ensemble.make_ready()
     started = time.perf_counter()
     report(0.0, 0.0)
     while ensemble.time_ns < round(seconds * 1e9):
