@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import sys
+import textwrap
 from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
@@ -23,6 +25,8 @@ from rope_twin.studies.effect_cost import effect_table, measure_effects
 from rope_twin.twin.ensemble import whole_steps
 from rope_twin.twin.hoisting.orders import MOTIONS, Order
 from rope_twin.twin.schedule import motion_of
+
+WIDEST = 100  # columns of the list, on a terminal that has more
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
@@ -77,8 +81,11 @@ def _measure(scene: Scene, seconds: float, as_json: bool) -> int:
 def _list() -> int:
     names = scene_names()
     width = max((len(name) for name in names), default=0)
+    columns = min(shutil.get_terminal_size((WIDEST, 24)).columns, WIDEST)
     for name in names:
-        print(f"{name:{width}}  {load_scene(name).about}")
+        words = f"{name:{width}}  {load_scene(name).about}"
+        indent = " " * (width + 2)
+        print(textwrap.fill(words, max(columns, width + 20), subsequent_indent=indent))
     return 0
 
 

@@ -7,7 +7,7 @@ import pytest
 from scene_text import GOOD, spoilt, written
 
 from rope_twin.commands import scene
-from rope_twin.scene.load import scene_names
+from rope_twin.scene.load import load_scene, scene_names
 
 
 def command(*words: str) -> int:
@@ -19,11 +19,17 @@ def command(*words: str) -> int:
     return code
 
 
-def test_list_has_a_line_for_each_scene(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(("columns", "most"), [(60, 60), (300, 100)])
+def test_list_tells_each_scene_as_wide_as_the_terminal(
+    columns: int, most: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A name begins a line, what does not fit stands below the words; 100 columns at most."""
+    monkeypatch.setenv("COLUMNS", str(columns))
     assert command("list") == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[0] for line in lines] == scene_names()
-    assert all(len(line.split()) > 3 for line in lines)
+    assert [line.split()[0] for line in lines if line[0] != " "] == scene_names()
+    assert all(load_scene(name).about.split()[-1] in " ".join(lines) for name in scene_names())
+    assert most - 20 < max(len(line) for line in lines) <= most
 
 
 def test_show_tells_parts_and_what_follows(capsys: pytest.CaptureFixture[str]) -> None:
