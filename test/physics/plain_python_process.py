@@ -1,4 +1,7 @@
-"""A process of its own (NUMBA_DISABLE_JIT=1): the results of effect_cases into an .npz file."""
+"""A process of its own (NUMBA_DISABLE_JIT=1): the results of effect_cases into an .npz file.
+
+A second one tells where rigid bodies rest.
+"""
 
 from __future__ import annotations
 
@@ -8,4 +11,5 @@ import numpy as np
 from effect_cases import everything
 
 if __name__ == "__main__":
-    np.savez(sys.argv[1], allow_pickle=False, **everything())
+    with np.load(sys.argv[2]) as rest:
+        np.savez(sys.argv[1], allow_pickle=False, **everything(dict(rest)))

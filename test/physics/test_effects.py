@@ -25,6 +25,7 @@ from effect_cases import (
     some_stage,
     some_work,
     together,
+    with_bodies,
 )
 from symmetry_cases import Turn, lowered, scene_of
 
@@ -45,8 +46,12 @@ def plain(tmp_path_factory: pytest.TempPathFactory) -> Mapping[str, Vector]:
     """The same results from a process whose kernels are plain Python."""
     folder, file = Path(__file__).parent, tmp_path_factory.mktemp("plain") / "plain.npz"
     path = os.pathsep.join([str(folder), *sys.path])
+    at: dict[str, Vector] = {}
+    with_bodies(at)
+    rest = file.with_name("rest.npz")
+    np.savez(rest, allow_pickle=False, **at)
     subprocess.run(
-        [sys.executable, str(folder / "plain_python_process.py"), str(file)],
+        [sys.executable, str(folder / "plain_python_process.py"), str(file), str(rest)],
         env={**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": path},
         check=True,
     )
