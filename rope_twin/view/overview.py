@@ -20,6 +20,8 @@ from rope_twin.view.ticks import round_step, ticks_over
 _FACTORS = (50, 20, 10, 5, 2, 1)
 _WIDE = 0.25  # the rope is drawn this wide at most, in parts of its depth ...
 _TOO_WIDE = 0.6  # ... and the factor falls when motion has made it wider than this
+# in parts of the depth: room for a name and for the depth scale, and what is seen sideways
+_NAME, _SCALE, _SEEN = 0.1, 0.3, 0.9
 _LINES = (130, 132, 140)
 _WORDS = (205, 205, 210)
 _SEA = (70, 130, 200)
@@ -33,6 +35,7 @@ class Frame:
     factor: int  # of distances sideways
     depth_m: float  # of the lowest node
     aside: tuple[float, float]  # unit vector east, north that points to the right in the picture
+    wide: float = 0.0  # how far right the rope goes, as drawn
 
     def place(self, position_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Positions (n, 3) as drawn."""
@@ -54,7 +57,8 @@ def frame_for(position_m: NDArray[np.float64]) -> Frame:
     straight = width < 1e-4 * depth
     if straight:  # which way it leans does not matter: look north
         return Frame(factor, depth, (1.0, 0.0))
-    return Frame(factor, depth, (float(off[far, 0] / width), float(off[far, 1] / width)))
+    aside = (float(off[far, 0] / width), float(off[far, 1] / width))
+    return Frame(factor, depth, aside, factor * width)
 
 
 class Overview:
@@ -203,11 +207,17 @@ def _has_left(frame: Frame, position_m: NDArray[np.float64]) -> bool:
 
 
 def eye(frame: Frame) -> tuple[list[float], list[float]]:
-    """Where the eye is and where it looks, for rerun's 55 degrees of view in a tall window."""
+    """Where the eye is and where it looks, for rerun's 55 degrees of view in a tall window.
+
+    A rope that goes far aside is in it with the name of what hangs there, and so is the scale.
+    """
     deepest = float(ticks_over(0.999 * frame.depth_m)[-1])
     right_e, right_n = frame.aside
-    target = np.array(frame.spot(0.04 * deepest, -0.53 * deepest))
+    right = frame.wide / deepest + _NAME
+    middle = max(0.04, 0.5 * (right - _SCALE))
+    farther = max(1.0, (right + _SCALE) / _SEEN)
+    target = np.array(frame.spot(middle * deepest, -0.53 * deepest))
     back = np.array([right_n, -right_e, 0.0])  # a quarter turn: the drift points to the right
-    away = 1.45 * deepest / (2.0 * math.tan(math.radians(27.5)))
+    away = farther * 1.45 * deepest / (2.0 * math.tan(math.radians(27.5)))
     position = target + away * back + np.array([0.0, 0.0, 0.10 * deepest])
     return position.tolist(), target.tolist()

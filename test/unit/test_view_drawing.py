@@ -95,3 +95,15 @@ def test_the_drift_points_to_the_right_wherever_it_goes(
     height = np.abs(frame.place(rope)[:, 2] - target[2])
     assert (away > 0.0).all()
     assert (height / away < np.tan(np.radians(27.5))).all()
+
+
+@pytest.mark.parametrize("aside_m", [0.0, 20.0, 64.0, 150.0])
+def test_a_rope_far_aside_is_in_the_picture_with_its_name_and_the_scale(aside_m: float) -> None:
+    """The pane shows 0.345 of the eye's distance to either side: measured in a picture."""
+    rope = leaning(aside_m, 0.0, 140.0)
+    frame = frame_for(rope)
+    position, target = (np.array(point) for point in eye(frame))
+    half = 0.345 * np.linalg.norm((target - position)[:2])
+    name, scale = 0.09 * 140.0, 0.26 * 140.0
+    assert frame.place(rope)[:, 0].max() + name < target[0] + half
+    assert -scale > target[0] - half
