@@ -40,6 +40,9 @@ class DecomposedForceParams:
         "a and b of 1 + a·(2·rms/d)^b, which multiplies the drag coefficient", "", 0.0, 5.0,
         default=(1.043, 0.65),
     )  # fmt: skip
+    drag: float | None = quantity(
+        "C_d that grows; absent: `normal` of the effect `drag`", "", 0.0, 10.0, default=None
+    )
 
     def check(self) -> str | None:
         """A band that rises."""
@@ -50,4 +53,5 @@ class DecomposedForceParams:
 
 def build(params: DecomposedForceParams, payload: Any, around: Any) -> DragGrowth:
     """From the rope's drag and the water."""
-    return new_growth(0.5 * around.water_density_kg_per_m3 * around.drag_normal, around.room)
+    drag = around.drag_normal if params.drag is None else params.drag
+    return new_growth(0.5 * around.water_density_kg_per_m3 * drag, around.room)

@@ -25,6 +25,7 @@ from rope_twin.scene.rising import TwoWayShape
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.scene.sea_rules import SEA_RULES
 from rope_twin.scene.sheave_rules import sheaves_hold
+from rope_twin.scene.shedding import model_beside, shedding_model
 from rope_twin.scene.water_rules import WATER_RULES
 from rope_twin.scene.winch_rules import WINCH_RULES
 
@@ -184,14 +185,21 @@ def _effects(scene: Scene) -> Iterator[Fault]:
     if len(shedding) > 1:
         what = f"{' and '.join(shedding)} are models of the same vortices"
         yield "effects", what, "keep one of them"
-    beside = [effect.name for effect in EFFECTS if effect.beside and effect.name in listed]
-    drag = next((own for own in scene.effects if isinstance(own, DragParams)), None)
-    if beside and drag is not None and (drag.over_reynolds or not drag.relative):
-        what = f"`{beside[0]}` makes one drag coefficient grow, and `drag` has no such one"
-        yield "effects", what, "leave `over_reynolds` and `relative` out of `drag`"
     if "splash_zone" in listed and not {"payload", "rigid_body"}.intersection(listed):
         what = "`splash_zone` takes off what `payload` brings, which is not listed"
         yield "effects", what, "add `- payload: {}`"
+
+
+def _drag_that_grows(scene: Scene) -> Iterator[Fault]:
+    """A model of vortices beside the step makes one coefficient grow."""
+    own, model = model_beside(scene), shedding_model(scene)
+    drag = next((one for one in scene.effects if isinstance(one, DragParams)), None)
+    if own is None or own.drag is not None or drag is None:
+        return
+    if drag.over_reynolds or not drag.relative:
+        what = f"`{model}` makes one drag coefficient grow, and `drag` has no such one"
+        right = f"give `{model}` a `drag` of its own, or leave over_reynolds and relative out"
+        yield "effects", what, right
 
 
 def _own_splash_zone(scene: Scene) -> Iterator[Fault]:
@@ -243,6 +251,7 @@ RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _schedule,
     *WINCH_RULES,
     _effects,
+    _drag_that_grows,
     body_holds,
     _two_ways,
     _at_the_end,

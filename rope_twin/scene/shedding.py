@@ -217,9 +217,10 @@ def odd_vortices(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if isinstance(own, StrouhalForcingParams) and own.drag is None and DragParams not in listed:
         what = "its forces are shares of `drag`, which is not listed: it has none"
         yield phrase(f"effects {model}", what, "add `drag`, or give the effect a drag of its own")
-    if model_beside(scene) is not None and DragParams not in listed:
+    beside = model_beside(scene)
+    if beside is not None and beside.drag is None and DragParams not in listed:
         what = "the drag that it makes grow is not listed, so the rope does not feel it"
-        yield phrase(f"effects {model}", what, "add `drag`")
+        yield phrase(f"effects {model}", what, "add `drag`, or give the effect a drag of its own")
 
 
 def _rounded(value: float) -> float:

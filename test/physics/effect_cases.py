@@ -74,8 +74,8 @@ PARAMS: dict[str, Any] = {
     "strouhal_forcing": StrouhalForcingParams(drag=1.2, in_line=0.2),
     "wake_oscillator": WakeOscillatorParams(set="facchinetti", start_per_s=5.0, shape_over_s=2.0),
     "travelling_waves": TravellingWavesParams(strouhal=0.2, periods=0.5, ramp_s=0.5),
-    "modal_vibration": ModalVibrationParams(modes_every_s=0.5),
-    "decomposed_force": DecomposedForceParams(added_mass=1.0, modes_every_s=0.5),
+    "modal_vibration": ModalVibrationParams(modes_every_s=0.5, drag=1.2),
+    "decomposed_force": DecomposedForceParams(added_mass=1.0, modes_every_s=0.5, drag=0.7),
     "seabed": SeabedParams(
         depth_m=50.0, slope=(0.1, -0.05), stiffness_n_per_m3=1e4, damping_s_per_m=0.2, friction=0.0
     ),

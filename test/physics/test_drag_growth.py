@@ -71,11 +71,9 @@ def test_block_and_work_are_those_of_its_force(name: str, seed: int) -> None:
     """A = -dR/da, which is symmetric, and what it says of its energy is force times velocity."""
     random = np.random.default_rng(seed)
     effects, work = data_of(name), some_work(seed)
-    growth = effects[0]
-    growth = growth._replace(kn=700.0)
+    (growth,) = effects
     growth.memory[GROWTH] = random.uniform(0.2, 1.5, growth.memory.shape[1])
     work[rows.FLOW : rows.FLOW + 3] = random.normal(0.0, 0.6, (3, NODES))
-    effects = (growth,)
     result = loads(effects, work)
     for node in range(NODES):
         exact = jacobian(effects, work, node)
