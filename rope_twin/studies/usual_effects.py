@@ -2,8 +2,8 @@
 
 What the scene itself says comes first; what it does not say is what is usual at sea: a current of
 0.5 m/s at the surface and 0.1 m/s at the lowest place that the rope reaches, the waves of sea state
-4 (STANAG 4194), a bed 10 m below that place. The rope bends as a solid rod, EI = EA·d²/16: an upper
-bound, that of wires which do not slip. The payload's face and sides are its shape's.
+4 (STANAG 4194), a bed 10 m below that place. The uppermost rope's EI is a solid rod's, EA·d²/16: an
+upper bound, that of wires which do not slip. The payload's face and sides are its shape's.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def _usual(name: str, scene: Scene) -> dict[str, Any]:
         depth = -bed_at(bed, *scene.ship.hang_off_m[:2]) if bed is not None else None
         return {"jonswap": SEA_STATE_4, "depth_m": depth}
     if name == "bending":
-        rope = line.made_of[0].rope
+        rope = line.made_of[-1].rope  # that from the winch: a chain below it does not bend
         return {"stiffness_n_m2": rope.tangent_n(0.0) * rope.diameter_m**2 / 16.0}
     if name == "seabed" and lowest < 0.0:
         waves = next((own for own in scene.effects if isinstance(own, WavesParams)), None)
