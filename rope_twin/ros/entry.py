@@ -12,12 +12,12 @@ from types import FrameType
 from typing import Any, Protocol
 
 import rclpy
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
 from rope_twin.errors import InputError, RopeTwinError, phrase
-from rope_twin.ros.executor import SuiteExecutor
+from rope_twin.ros.executor import make_executor
 
 _USAGE = "parameters are given as --ros-args -p NAME:=VALUE"
 PARENT = "ROPE_TWIN_PARENT"  # environment: process id of the suite that started this node
@@ -90,11 +90,11 @@ def run_node(make: Callable[[], Any], args: list[str] | None = None) -> int:
     """Run one node until it has finished or is told to stop; the exit code."""
     stop = StopSignal()
     node: Any = None
-    executor: SuiteExecutor | None = None
+    executor: SingleThreadedExecutor | None = None
     try:
         initialise(args)
         node = make()
-        executor = SuiteExecutor()
+        executor = make_executor()
         executor.add_node(node)
         if not stop.requested:
             node.begin()
@@ -117,7 +117,7 @@ def _orphaned() -> bool:
     return parent is not None and parent != str(os.getppid())
 
 
-def _end(node: Any, executor: SuiteExecutor | None) -> None:
+def _end(node: Any, executor: SingleThreadedExecutor | None) -> None:
     if node is not None:
         node.close()
     if executor is not None:

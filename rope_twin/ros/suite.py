@@ -8,13 +8,14 @@ from dataclasses import replace
 from typing import Any
 
 import rclpy
+from rclpy.executors import SingleThreadedExecutor
 
 from rope_twin.commands.run.options import RunOptions
 from rope_twin.commands.run.summary import Progress, RunSummary
 from rope_twin.errors import InputError
 from rope_twin.ros.ahead import CompilingAhead
 from rope_twin.ros.entry import StopSignal, initialise
-from rope_twin.ros.executor import SuiteExecutor
+from rope_twin.ros.executor import make_executor
 from rope_twin.ros.params import overrides
 from rope_twin.ros.recorder_node import RecorderNode
 from rope_twin.ros.sea_state_node import SeaStateNode
@@ -69,7 +70,7 @@ class Suite:
     def __init__(self, options: RunOptions) -> None:
         self._options = options
         self._nodes: dict[str, Any] = {}
-        self._executor: SuiteExecutor | None = None
+        self._executor: SingleThreadedExecutor | None = None
         self._ahead: CompilingAhead | None = None
         self.not_recorded = 0  # messages, known when closed
 
@@ -85,7 +86,7 @@ class Suite:
         load_scene(self._options.scene)  # what is wrong with it is said before anything else
         self._ahead = CompilingAhead(self._options)
         initialise(["rope_twin"])
-        self._executor = SuiteExecutor()
+        self._executor = make_executor()
         for name, parameters in node_parameters(self._options).items():
             node = _make(name, parameters)
             self._nodes[name] = node

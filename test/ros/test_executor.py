@@ -103,3 +103,16 @@ def test_a_callback_that_raises_is_heard_of(served: Served) -> None:
 def test_nothing_to_do_ends_at_the_timeout(served: Served) -> None:
     served.executor.spin_once(timeout_sec=0.0)
     served.executor.spin_once(timeout_sec=0.05)
+
+
+def test_an_rclpy_of_other_make_serves_by_its_own(
+    served: Served, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Earlier releases run what they take elsewhere: theirs is used then."""
+    from rclpy.executors import SingleThreadedExecutor
+
+    from rope_twin.ros.executor import SuiteExecutor, make_executor
+
+    assert isinstance(make_executor(), SuiteExecutor)
+    monkeypatch.setattr(SingleThreadedExecutor, "_execute_timer", None, raising=False)
+    assert type(make_executor()) is SingleThreadedExecutor
