@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,12 +11,13 @@ import pytest
 from scene_text import GOOD
 
 from rope_twin import load_scene
+from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.errors import SceneError
 from rope_twin.scene.checks import sense_checks
 from rope_twin.scene.figures import lift_figures
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.shedding import expected_pace
+from rope_twin.scene.shedding import expected_pace, vortex_words, why_no_card
 from rope_twin.studies.rigs import Rig
 from rope_twin.twin.ensemble import Ensemble, Variation
 from rope_twin.twin.error_band import BandedTwin
@@ -79,4 +81,27 @@ def test_two_models_in_one_scene_are_an_error(tmp_path: Path) -> None:
     one = "  - wake_oscillator: {set: qu}\n  - drag:"
     path.write_text(GOOD.replace("  - drag:", one), encoding="utf-8")
     with pytest.raises(SceneError, match="there is no set 'qu'; known: qu_metrikine, "):
+        load_scene(path)
+
+
+def test_a_model_beside_the_step_wants_nothing_of_the_grid_and_one_drag(tmp_path: Path) -> None:
+    """Its lock-in is told, no scene is too coarse for it, and it is a model like the others."""
+    scene = CABLE.scene()
+    scene = replace(scene, effects=(*scene.effects, ModalVibrationParams()))
+    words = vortex_words(scene, lift_figures(scene))
+    assert words.startswith("modal_vibration: lock-in at 12.8 Hz is computed beside the step")
+    assert not [told for told in sense_checks(scene) if "vortices" in told]
+    assert "beside the step" in why_no_card(scene)
+    path = tmp_path / "beside.yaml"
+    for more, words in (
+        ("  - decomposed_force: {}\n  - wake_oscillator: {}", "keep one of them"),
+        ("  - modal_vibration: {}\n  - decomposed_force: {}", "keep one of them"),
+        ("  - modal_vibration: {band: [7.0, 5.0]}", "band from 7 to 5; give the lower one first"),
+    ):
+        path.write_text(GOOD.replace("  - drag:", f"{more}\n  - drag:"), encoding="utf-8")
+        with pytest.raises(SceneError, match=words):
+            load_scene(path)
+    spread = "  - decomposed_force: {}\n  - drag: {over_reynolds: [[1000.0, 1.2], [100000.0, 1.0]],"
+    path.write_text(re.sub(r"  - drag: *\{", spread, GOOD), encoding="utf-8")
+    with pytest.raises(SceneError, match="`decomposed_force` makes one drag coefficient grow"):
         load_scene(path)
