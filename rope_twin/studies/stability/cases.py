@@ -11,7 +11,16 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
-from rope_twin.studies.stability import cut, inputs, long, snap, start, vortices, winch
+from rope_twin.studies.stability import (
+    cut,
+    inputs,
+    long,
+    snap,
+    start,
+    vortices,
+    vortices_beside,
+    winch,
+)
 from rope_twin.studies.stability.check import Case, Check
 
 CASES: tuple[Case, ...] = (
@@ -22,6 +31,7 @@ CASES: tuple[Case, ...] = (
     *inputs.CASES,
     *long.CASES,
     *vortices.CASES,
+    *vortices_beside.CASES,
 )
 
 
