@@ -205,7 +205,7 @@ class WatchedTwin(Twin):
         line, winch = scene.ropes[0], scene.winch
         EI = sum(own.stiffness_n_m2 for own in scene.effects if isinstance(own, BendingParams))
         most = winch.most_line_out_m if winch else line.length_m
-        shaken = self._shaking is not None or self.asked.vibration in (MODES, DECOMPOSED)
+        shaken = model_beside(scene) is not None or self.asked.vibration in (MODES, DECOMPOSED)
         sheave = winch.sheave if winch else None
         bent_pa = sheave.bending_stress_pa(line.made_of[0].rope.diameter_m) if sheave else 0.0
         return RopeWear(line, most, WearWish(self.asked.fatigue, EI > 0.0 or shaken, bent_pa), EI)
