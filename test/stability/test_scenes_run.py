@@ -1,4 +1,7 @@
-"""Every scene that comes with the package runs, under heave and its own winch schedule."""
+"""Every scene that comes with the package runs, under heave and its own winch schedule.
+
+A minute of each: `pytest -m long test/stability/test_scenes_run.py`.
+"""
 
 from __future__ import annotations
 
@@ -12,20 +15,21 @@ from rope_twin import Twin, load_scene
 from rope_twin.scene.load import scene_names
 from rope_twin.twin.schedule import schedule_samples
 
-SECONDS = 60
+SOME_S, LONG_S = 20, 60
 SAMPLE_NS = 50_000_000
 AMPLITUDE_M, PERIOD_S = 2.0, 9.0
 
 
 @pytest.mark.parametrize("name", scene_names())
-def test_a_scene_runs_for_a_minute(name: str) -> None:
+@pytest.mark.parametrize("seconds", [SOME_S, pytest.param(LONG_S, marks=pytest.mark.long)])
+def test_a_scene_runs(name: str, seconds: int) -> None:
     """Finite, every step converged, the pull between nothing and the rope's breaking load."""
     scene = load_scene(name)
     twin = Twin(scene)
     omega = 2.0 * math.pi / PERIOD_S
     second_ns = 1_000_000_000
     tensions = []
-    for second in range(SECONDS):
+    for second in range(seconds):
         for stamp in range(second * second_ns, (second + 1) * second_ns + 1, SAMPLE_NS):
             angle = omega * stamp * 1e-9
             z, v = AMPLITUDE_M * math.sin(angle), AMPLITUDE_M * omega * math.cos(angle)
@@ -38,7 +42,7 @@ def test_a_scene_runs_for_a_minute(name: str) -> None:
         assert not not_finite(shot)
         assert not shot.doubtful
         tensions += [shot.tension_top_min_n, shot.tension_top_max_n]
-    assert shot.time_s == pytest.approx(SECONDS)
+    assert shot.time_s == pytest.approx(seconds)
     weakest = min(section.rope.breaking_load_n for section in scene.ropes[0].made_of)
     assert 0.0 <= np.min(tensions) < np.max(tensions) < weakest
     assert np.ptp(tensions) > 0.02 * np.mean(tensions), "the ship heaves"
