@@ -19,8 +19,8 @@ from rope_twin.commands.run.choice import find_quantity, read_amount
 from rope_twin.errors import InputError, RopeTwinError, SceneError, phrase
 from rope_twin.scene.card import card_path, known_error, read_card
 from rope_twin.scene.load import load_scene, scene_names
+from rope_twin.scene.rules.shedding import why_no_card
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.shedding import why_no_card
 from rope_twin.studies.accuracy import page as accuracy_page
 from rope_twin.studies.accuracy import study as accuracy
 from rope_twin.studies.accuracy import within as accuracy_within

@@ -30,7 +30,7 @@ from rope_twin.studies.ensemble.study import (
     run_study,
 )
 from rope_twin.studies.variants import variant
-from rope_twin.twin.ensemble import LOOK_S, Lanes, cores
+from rope_twin.twin.ensemble.ensemble import LOOK_S, Lanes, cores
 
 NAMES = {
     "tension_top_max_n": "highest top tension [kN]",

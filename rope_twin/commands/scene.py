@@ -17,14 +17,14 @@ from typing import Any
 from rope_twin.commands.console import Progress
 from rope_twin.errors import SceneError
 from rope_twin.scene.card import known_error, told_bound
-from rope_twin.scene.checks import sense_checks
+from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.figures import LiftFigures, lift_figures, listed_effects, stretch_m
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.schema import RopeLine, Scene, ScheduleRow, SeaState, Winch
 from rope_twin.studies.effect_cost import effect_table, measure_effects
-from rope_twin.twin.ensemble import whole_steps
+from rope_twin.twin.ensemble.ensemble import whole_steps
 from rope_twin.twin.hoisting.orders import MOTIONS, Order
-from rope_twin.twin.schedule import motion_of
+from rope_twin.twin.hoisting.schedule import motion_of
 
 WIDEST = 100  # columns of the list, on a terminal that has more
 

@@ -23,7 +23,7 @@ from rope_twin.sea.spectrum import (
     jonswap,
     read_spectrum,
 )
-from rope_twin.twin.irregular_sea import synthesise
+from rope_twin.twin.motion.irregular_sea import synthesise
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

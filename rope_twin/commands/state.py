@@ -8,7 +8,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from rope_twin.twin.saved_state import SavedState, load_state
+from rope_twin.twin.saving.saved_state import SavedState, load_state
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:

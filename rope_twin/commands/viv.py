@@ -16,17 +16,17 @@ from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.figures import lift_figures
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.rigging_rules import is_joined
+from rope_twin.scene.rules.rigging import is_joined
+from rope_twin.scene.rules.shedding import model_beside, shedding_model, vortex_words
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.shedding import model_beside, shedding_model, vortex_words
 from rope_twin.studies.viv.beside import beside_json, beside_table, draw_beside, run_shaken
 from rope_twin.studies.viv.moving import MovingRun, draw_moving, run_moving
 from rope_twin.studies.viv.own import run_own
 from rope_twin.studies.viv.own_picture import own_figures, own_words, write_own
 from rope_twin.studies.viv.picture import check_folder, write_all
 from rope_twin.studies.viv.study import Fatigue, VivRun, count_fatigue, run_viv
-from rope_twin.twin.endurance import CURVES, StressCurve, find_curve
-from rope_twin.twin.shaking import shedding_of
+from rope_twin.twin.fatigue.endurance import CURVES, StressCurve, find_curve
+from rope_twin.twin.vibration.shaking import shedding_of
 from rope_twin.viv.shedding import Shedding
 
 SHOWN = 10  # modes in the table, those that move most

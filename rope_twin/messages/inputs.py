@@ -9,7 +9,7 @@ from rope_twin.messages import forms
 from rope_twin.messages.cdr import Template, serialise
 from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC
 from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION, Order
-from rope_twin.twin.ship_pose import ShipPose
+from rope_twin.twin.motion.ship_pose import ShipPose
 
 ORDER_FIELDS = {SPEED: "velocity", LENGTH: "position", DEPTH: "position", TENSION: "effort"}
 

@@ -18,8 +18,8 @@ from rope_twin.recording.laps import (
     told_of,
 )
 from rope_twin.recording.stamped_rows import GAP_PERIODS, Stamps, Table, Vector
-from rope_twin.twin.irregular_sea import SeaRecord
-from rope_twin.twin.ship_pose import ShipPose
+from rope_twin.twin.motion.irregular_sea import SeaRecord
+from rope_twin.twin.motion.ship_pose import ShipPose
 
 
 @dataclass(frozen=True)

@@ -26,8 +26,8 @@ from rope_twin.recording.stamped_rows import (
 )
 from rope_twin.scene.recorded_poses import RecordedPoses
 from rope_twin.topics import BY_NAME
-from rope_twin.twin.ship import HEAVE_LIMIT_M
-from rope_twin.twin.ship_pose import MOST_TILT_DEG, UNIT_WITHIN
+from rope_twin.twin.motion.ship import HEAVE_LIMIT_M
+from rope_twin.twin.motion.ship_pose import MOST_TILT_DEG, UNIT_WITHIN
 
 _ODOMETRY, _POSE_STAMPED = BY_NAME["ship/odometry"].type_name, "geometry_msgs/msg/PoseStamped"
 _PLACE, _TURN, _VELOCITY, _RATE = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)
@@ -125,7 +125,7 @@ def _pose(pose: Any) -> tuple[float, ...]:
 
 
 def _judge(values: Table) -> Faults:
-    """What no ship's pose is like, as the twin would refuse it (twin/ship_pose.py)."""
+    """What no ship's pose is like, as the twin would refuse it (twin/motion/ship_pose.py)."""
     with np.errstate(invalid="ignore", over="ignore"):
         size = np.sqrt((values[:, _TURN] ** 2).sum(axis=1))
         upward = 1.0 - 2.0 * (values[:, _TURN][:, :2] ** 2).sum(axis=1)

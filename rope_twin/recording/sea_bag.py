@@ -12,7 +12,7 @@ from rope_twin.messages import encode_elevation, encode_heave
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.sea.spectrum import Vector
 from rope_twin.topics import BY_NAME
-from rope_twin.twin.irregular_sea import SeaRecord
+from rope_twin.twin.motion.irregular_sea import SeaRecord
 
 START_NS = (
     946_684_800 * 10**9

@@ -1,7 +1,7 @@
 """The ship's pose from a table of responses on the scene's waves, or a way given in a table.
 
 Both are sampled as a recorded pose would have been: what moves the hang-off is computed by the same
-function as of a topic (`twin/ship_pose.py`).
+function as of a topic (`twin/motion/ship_pose.py`).
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from rope_twin.scene.schema import Scene
 from rope_twin.sea.components import Waves
 from rope_twin.sea.responses import Responses
 from rope_twin.sea.way import Way, read_way
-from rope_twin.twin.hang_off import lever_arm
-from rope_twin.twin.ship_pose import Quaternion, ShipPose, Vector3, hang_off_motion, turned
+from rope_twin.twin.motion.hang_off import lever_arm
+from rope_twin.twin.motion.ship_pose import Quaternion, ShipPose, Vector3, hang_off_motion, turned
 
 Floats = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.winch import SWITCHES
 from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC
 from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION, Order
-from rope_twin.twin.ship_pose import ShipPose
+from rope_twin.twin.motion.ship_pose import ShipPose
 
 _NANOSECONDS = 1_000_000_000
 

@@ -31,17 +31,17 @@ from rope_twin.ros.run_status import (
     saving_row,
 )
 from rope_twin.scene.rigging import WINCH
-from rope_twin.scene.rigging_rules import is_joined
+from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.topics import CUT_TOPIC, INPUTS
+from rope_twin.twin.accuracy.ladder import TwinLadder
 from rope_twin.twin.handover import Handover, handover_depth
-from rope_twin.twin.keeper import Keeper
 from rope_twin.twin.kinds import twin_kind
-from rope_twin.twin.ladder import TwinLadder
 from rope_twin.twin.pacing import Pacer, steps_in_slot
+from rope_twin.twin.saving.keeper import Keeper
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.watch import Watch
+from rope_twin.twin.vibration.watch import Watch
 
 START_LEAD_S = 0.5  # from the epoch's publication to t = 0, for others to get ready ...
 AWAITED_LEAD_S = 1.5  # ... and, from this one's making, where others have yet to find each other

@@ -25,7 +25,7 @@ from rope_twin.ros.qos import message_type, profile
 from rope_twin.ros.run_status import RUN_ROW
 from rope_twin.ros.suite import END_ORDER, node_parameters, where
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.rigging_rules import winches_by_name
+from rope_twin.scene.rules.rigging import winches_by_name
 from rope_twin.topics import BY_NAME, CUT_TOPIC
 
 _WAIT_S = 0.1

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from rope_twin.commands.run.summary import RunSummary
 from rope_twin.messages import Level, Status
-from rope_twin.twin.keeper import SavingHealth
-from rope_twin.twin.ladder import TwinLadder
+from rope_twin.twin.accuracy.ladder import TwinLadder
+from rope_twin.twin.saving.keeper import SavingHealth
 from rope_twin.twin.snapshot import Snapshot
 
 RUN_ROW = "simulation: run"

@@ -23,7 +23,7 @@ from rope_twin.ros.paced_twin import PacedTwin
 from rope_twin.ros.params import SimulationParams, declare, read
 from rope_twin.ros.qos import message_type, profile, quiet_publisher, unsuited
 from rope_twin.scene.change import at_setting
-from rope_twin.scene.checks import sense_checks
+from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.load import load_scene
 from rope_twin.topics import BY_NAME, CUT_TOPIC, INPUTS, TOPICS, WINCH_TOPICS
 from rope_twin.twin.pacing import keep_pauses_short

@@ -17,12 +17,12 @@ from rope_twin.ros.entry import run_node
 from rope_twin.ros.feeding import FeedingNode
 from rope_twin.ros.params import WinchScheduleParams, declare
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.rigging_rules import winches_by_name
+from rope_twin.scene.rules.rigging import winches_by_name
 from rope_twin.scene.schema import Winch
 from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC, WINCH_TOPICS
-from rope_twin.twin.cut_plan import PlannedCut
-from rope_twin.twin.cutting import plan_for
-from rope_twin.twin.schedule import motion_of, schedule_samples
+from rope_twin.twin.cutting.cut_plan import PlannedCut
+from rope_twin.twin.cutting.cutting import plan_for
+from rope_twin.twin.hoisting.schedule import motion_of, schedule_samples
 
 TOPIC = "winch/speed_command"
 

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.arrays.grid import elements_with
 from rope_twin.scene.digest import scene_digest, solver_digest
-from rope_twin.scene.grid import elements_with
 from rope_twin.scene.schema import Scene
 
 FORMAT = 1

@@ -16,7 +16,7 @@ from typing import Any
 
 from rope_twin.core.joined import reeving
 from rope_twin.core.statics import equilibrium
-from rope_twin.scene.rigging_rules import is_joined
+from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.schema import Rope, RopeLine, Scene
 
 _ROOMS = ("rope_twin.core", "rope_twin.effects", "rope_twin.sea")

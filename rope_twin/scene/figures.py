@@ -13,18 +13,18 @@ from typing import Any
 import numpy as np
 
 from rope_twin.effects import EFFECTS
-from rope_twin.scene.build import find_payload, hanging_bars, section_damping
-from rope_twin.scene.build_joined import alone
-from rope_twin.scene.composite import (
+from rope_twin.scene.arrays.build import find_payload, hanging_bars, section_damping
+from rope_twin.scene.arrays.composite import (
     Bar,
     damping_fraction,
     end_mass_kg,
     first_axial_frequency,
 )
-from rope_twin.scene.grid import least_line_out_m, node_coordinates
-from rope_twin.scene.rigging_rules import is_joined
+from rope_twin.scene.arrays.grid import least_line_out_m, node_coordinates
+from rope_twin.scene.arrays.joined import alone
+from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.schema import Rope, RopeLine, Scene, Winch
-from rope_twin.scene.shapes import PayloadFigures, payload_figures
+from rope_twin.scene.shapes.shapes import PayloadFigures, payload_figures
 
 SCHEDULE_HORIZON_S = 86400.0  # how far ahead a winch schedule is followed
 

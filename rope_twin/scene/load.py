@@ -10,13 +10,13 @@ from typing import Any
 from rope_twin.effects import EFFECTS
 from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.scene.document import Item, Place, kind, read_document
-from rope_twin.scene.motion_rules import beside
 from rope_twin.scene.reader import read_choice, read_object
 from rope_twin.scene.ropes import rope_presets
-from rope_twin.scene.rules import faults
+from rope_twin.scene.rules.motion import beside
+from rope_twin.scene.rules.relations import faults
+from rope_twin.scene.rules.sea import is_path
 from rope_twin.scene.schema import Rope, Scene
-from rope_twin.scene.sea_rules import is_path
-from rope_twin.scene.shapes import SHAPES
+from rope_twin.scene.shapes.shapes import SHAPES
 from rope_twin.sea.columns import is_path as is_table_path
 from rope_twin.share import share_dir
 

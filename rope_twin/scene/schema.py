@@ -172,7 +172,7 @@ class Payload:
 
     name: str = text("its name")
     mass_kg: float = quantity("mass in air", "kg", 0.0, 1e7)
-    shape: Shape | None = text("a shape of rope_twin.scene.shapes, as `box: {...}`", None)
+    shape: Shape | None = text("a shape of rope_twin.scene.shapes.shapes, as `box: {...}`", None)
     displaced_volume_m3: float | None = quantity("volume", "m³", 0.0, 1e5, default=None)
     added_mass_kg: Triple | None = quantity(
         "added mass along x, y, z", "kg", 0.0, 1e8, default=None

@@ -17,7 +17,7 @@ from rope_twin.sea.columns import find_table, read_columns
 from rope_twin.sea.spectrum import Vector
 
 FOLDER = "ways"
-FASTEST_M_PER_S = 15.0  # as the twin believes at its input (twin/ship.py)
+FASTEST_M_PER_S = 15.0  # as the twin believes at its input (twin/motion/ship.py)
 TRIALS = 8  # places between two rows where the spline's speed is looked at
 
 

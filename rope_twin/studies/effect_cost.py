@@ -23,10 +23,10 @@ import numpy as np
 from rope_twin.effects import EFFECTS, Effect
 from rope_twin.errors import RopeTwinError
 from rope_twin.scene.figures import listed_effects
-from rope_twin.scene.rigging_rules import is_joined
-from rope_twin.scene.rules import faults
+from rope_twin.scene.rules.relations import faults
+from rope_twin.scene.rules.rigging import is_joined
+from rope_twin.scene.rules.shedding import model_beside
 from rope_twin.scene.schema import Scene, SeaState
-from rope_twin.scene.shedding import model_beside
 from rope_twin.studies.accuracy.run import Course, Setting, Trial
 from rope_twin.studies.bench.band import fed
 from rope_twin.studies.usual_effects import suggested

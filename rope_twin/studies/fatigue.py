@@ -3,7 +3,7 @@
 The pieces belong to the material: each has its distance from the lower end and keeps it while the
 winch pays out or hauls in. A piece that is aboard meets no tension of the sea: its history stands
 still until it comes out again. Where the winch has a sheave, each passage bends and straightens it
-once (rope_twin.twin.wear), by a curve of stress.
+once (rope_twin.twin.fatigue.wear), by a curve of stress.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 import rainflow
 from numpy.typing import NDArray
 
-from rope_twin.scene.composite import ends_m
+from rope_twin.scene.arrays.composite import ends_m
 from rope_twin.scene.schema import RopeLine
-from rope_twin.twin.endurance import (
+from rope_twin.twin.fatigue.endurance import (
     Curve,
     Cycles,
     StressCurve,

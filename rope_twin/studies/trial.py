@@ -17,9 +17,9 @@ from rope_twin.core.statics.equilibrium import find_equilibrium
 from rope_twin.core.step import advance
 from rope_twin.errors import InputError, SolverError, phrase
 from rope_twin.recording.regular_heave import RegularSea
-from rope_twin.scene.build import build
+from rope_twin.scene.arrays.build import build
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.ship import ramp
+from rope_twin.twin.motion.ship import ramp
 
 Vector = NDArray[np.float64]
 

@@ -48,7 +48,7 @@ class EnergyBalance:
 
 @dataclass(frozen=True)
 class TensionBand:
-    """Where the top tension of a converged solution lies, 95 % of the time (twin/error_band.py)."""
+    """Where the top tension of a converged solution lies, 95 % of the time (`error_band.py`)."""
 
     low_n: float
     high_n: float
@@ -58,7 +58,7 @@ class TensionBand:
 
 @dataclass(frozen=True)
 class RopeVibration:
-    """How the rope shakes (twin/vibration.py). Rows run from the hang-off (row 0) down.
+    """How the rope shakes (twin/vibration/in_modes.py). Rows run from the hang-off (row 0) down.
 
     An amplitude is √2 times the rms over some periods, over the rope's diameter.
     """
@@ -81,7 +81,7 @@ class RopeVibration:
 
 @dataclass(frozen=True)
 class MaterialFatigue:
-    """Fatigue used of each metre of the rope's material (twin/wear.py), from the lower end up."""
+    """Fatigue used of each metre of the rope's material (`wear.py`), from the lower end up."""
 
     curve: str  # name of the S-N curve
     counted_s: float  # over this time

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from rope_twin.twin.error_band import BandedTwin
+from rope_twin.twin.accuracy.error_band import BandedTwin
 from rope_twin.twin.ledger import AccountedTwin
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.watch import Watch
+from rope_twin.twin.vibration.watch import Watch
 
 
 class AccountedBandedTwin(AccountedTwin, BandedTwin):
@@ -19,7 +19,9 @@ def twin_kind(energy: bool, error_band: bool, watch: Watch | None = None) -> typ
         kind = AccountedBandedTwin if error_band else AccountedTwin
     if not watch:
         return kind
-    from rope_twin.twin.watched import WatchedTwin  # here: its filters take a second to load
+    from rope_twin.twin.vibration.watched import (
+        WatchedTwin,  # here: its filters take a second to load
+    )
 
     parts = (WatchedTwin,) if kind is Twin else (WatchedTwin, kind)
     return type(f"Watched{kind.__name__}", parts, {"asked": watch})

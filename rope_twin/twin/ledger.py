@@ -23,9 +23,9 @@ from rope_twin.core.joined.energy import SystemBorder, lost
 from rope_twin.core.state import Floats, Rope
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.schema import Scene
+from rope_twin.twin.accuracy.rung import Rung
 from rope_twin.twin.findings import EnergyBalance
-from rope_twin.twin.rung import Rung
-from rope_twin.twin.saved_state import SavedState
+from rope_twin.twin.saving.saved_state import SavedState
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 

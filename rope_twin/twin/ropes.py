@@ -12,16 +12,16 @@ from rope_twin.core.energy import measure
 from rope_twin.core.joined.energy import SystemBorder, of_one
 from rope_twin.core.state import PULL_X, PULL_Z, Boundary, Floats, Rope
 from rope_twin.core.step import advance
-from rope_twin.scene.build import build
-from rope_twin.scene.rigging_rules import is_joined
+from rope_twin.scene.arrays.build import build
+from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.bare_end import without_load
-from rope_twin.twin.hang_off import Moves
+from rope_twin.twin.cutting.bare_end import without_load
+from rope_twin.twin.cutting.parted import PartedRopes
+from rope_twin.twin.cutting.severing import Place, sever
+from rope_twin.twin.hoisting.no_other_winch import NoOtherWinch
 from rope_twin.twin.hoisting.orders import Order
-from rope_twin.twin.joined import JoinedRopes
-from rope_twin.twin.no_other_winch import NoOtherWinch
-from rope_twin.twin.parted import PartedRopes
-from rope_twin.twin.severing import Place, sever
+from rope_twin.twin.joined.joined import JoinedRopes
+from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.start import find_start
 

@@ -15,25 +15,25 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.errors import SolverError, StateError, phrase
-from rope_twin.scene.body_rules import refuse_body
 from rope_twin.scene.card import KnownError, known_error
-from rope_twin.scene.rigging_rules import is_joined, refuse_joined, winch_of
+from rope_twin.scene.rules.body import refuse_body
+from rope_twin.scene.rules.rigging import is_joined, refuse_joined, winch_of
+from rope_twin.scene.rules.shedding import model_beside, refuse_shedding
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.shedding import model_beside, refuse_shedding
+from rope_twin.twin.accuracy.regrid import HangOff
+from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.accuracy.rungs import Base, carry_over, error_at, top_rung
 from rope_twin.twin.body import with_body
 from rope_twin.twin.contact import bed_contact
+from rope_twin.twin.cutting.severing import Place
+from rope_twin.twin.motion.prescribed import Inputs, Prescribed, Present
 from rope_twin.twin.observe import Extremes, Observation, RunStatistics, observe
-from rope_twin.twin.prescribed import Inputs, Prescribed, Present
-from rope_twin.twin.regrid import HangOff
 from rope_twin.twin.ropes import ropes_of
-from rope_twin.twin.rung import Rung
-from rope_twin.twin.rungs import Base, carry_over, error_at, top_rung
-from rope_twin.twin.severing import Place
 from rope_twin.twin.snapshot import CutShot, Snapshot
 from rope_twin.twin.told import ToldTwin
 
 if TYPE_CHECKING:
-    from rope_twin.twin.shaking import Shaking
+    from rope_twin.twin.vibration.shaking import Shaking
 
 STEPS_PER_CALL = 256
 
@@ -67,7 +67,9 @@ class SteppedTwin(ToldTwin):
         self._pull = self._ropes.find_start()
         self._recent.take([float(self._pull[rows.PULL])])
         if model_beside(scene) is not None:
-            from rope_twin.twin.shaking import Shaking  # here: its filters take a second to load
+            from rope_twin.twin.vibration.shaking import (
+                Shaking,  # here: its filters take a second to load
+            )
 
             self._shaking = Shaking(scene, self.rope)
             self.told = self._shaking.tracker.told

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.cutting import CutInput
-from rope_twin.twin.hang_off import HangOffTrack
+from rope_twin.twin.cutting.cutting import CutInput
 from rope_twin.twin.hoisting.orders import SPEED, Order
+from rope_twin.twin.hoisting.winch import winch_of_rope
+from rope_twin.twin.motion.hang_off import HangOffTrack
+from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.ropes import Ropes
-from rope_twin.twin.ship_pose import ShipPose
 from rope_twin.twin.snapshot import CutShot, InputHealth
 from rope_twin.twin.water import CurrentInput
-from rope_twin.twin.winch import winch_of_rope
 
 
 class ToldTwin:

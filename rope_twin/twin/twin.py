@@ -14,9 +14,9 @@ from typing import Any, Self
 from rope_twin.core import state as rows
 from rope_twin.errors import SolverError, StateError
 from rope_twin.scene.schema import Scene
-from rope_twin.twin import saved_state
-from rope_twin.twin.cutting import rope_called
-from rope_twin.twin.saved_state import About, SavedState
+from rope_twin.twin.cutting.cutting import rope_called
+from rope_twin.twin.saving import saved_state
+from rope_twin.twin.saving.saved_state import About, SavedState
 from rope_twin.twin.stepped import SteppedTwin
 
 # What the scene or the caller gives; everything else changes and belongs to a saved state.

@@ -14,9 +14,9 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.cut_plan import PlannedCut
-from rope_twin.twin.cutting import plan_for
-from rope_twin.twin.joined import JoinedRopes
+from rope_twin.twin.cutting.cut_plan import PlannedCut
+from rope_twin.twin.cutting.cutting import plan_for
+from rope_twin.twin.joined.joined import JoinedRopes
 from rope_twin.twin.ledger import AccountedTwin
 
 

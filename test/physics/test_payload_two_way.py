@@ -18,15 +18,15 @@ from rope_twin.core.hooks import all_wide
 from rope_twin.core.lanes.wide import LANES
 from rope_twin.effects import Surroundings
 from rope_twin.effects.payload import Payload, PayloadParams, TwoWayPayload, build
-from rope_twin.scene.grab_shapes import Grab
 from rope_twin.scene.rising import Rising
-from rope_twin.scene.rules import faults
+from rope_twin.scene.rules.relations import faults
 from rope_twin.scene.schema import Payload as PayloadScene
 from rope_twin.scene.schema import RegularHeave, Scene, ScheduleRow, SeaState, Winch
-from rope_twin.scene.shapes import PayloadFigures, payload_figures
+from rope_twin.scene.shapes.grab import Grab
+from rope_twin.scene.shapes.shapes import PayloadFigures, payload_figures
 from rope_twin.studies.ensemble.plan import make_plan, read_axis
 from rope_twin.studies.ensemble.study import variations
-from rope_twin.twin.ensemble import Ensemble
+from rope_twin.twin.ensemble.ensemble import Ensemble
 from rope_twin.twin.twin import Twin
 
 WATER = Surroundings(1025.0, 9.80665, 0.0)

@@ -13,7 +13,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.energy import measure
 from rope_twin.core.state import Floats, Rope
 from rope_twin.scene.schema import Winch
-from rope_twin.twin.rung import Rung
+from rope_twin.twin.accuracy.rung import Rung
 
 COARSE, TWICE, TOP = Rung(10_000_000, 1), Rung(10_000_000, 2), Rung(10_000_000)
 WINCH = Winch(

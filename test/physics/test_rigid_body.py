@@ -18,11 +18,11 @@ from rope_twin.core.body import state as at
 from rope_twin.core.body.energy import pose_of, pulls_of
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.errors import SceneError
-from rope_twin.twin.ensemble import Ensemble, Variation
-from rope_twin.twin.error_band import BandedTwin
+from rope_twin.twin.accuracy.error_band import BandedTwin
+from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.accuracy.rungs import ladder_of
+from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.ledger import AccountedTwin
-from rope_twin.twin.rung import Rung
-from rope_twin.twin.rungs import ladder_of
 
 G, RHO = 9.80665, 1025.0
 ADRIFT = replace(LINE, gravity=0.0, density=RHO, step=0.01)

@@ -20,7 +20,7 @@ from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.viv.study import run_viv
 from rope_twin.twin.findings import RopeVibration
-from rope_twin.twin.watch import MODES, MOTION
+from rope_twin.twin.vibration.watch import MODES, MOTION
 from rope_twin.viv.shedding import Shedding
 
 MODELS = [ModalVibrationParams(), DecomposedForceParams()]

@@ -8,7 +8,7 @@ import pytest
 
 from rope_twin import load_scene
 from rope_twin.scene.figures import lift_figures, listed_effects
-from rope_twin.scene.shapes import payload_figures
+from rope_twin.scene.shapes.shapes import payload_figures
 
 RHO, G = 1025.0, 9.81
 

@@ -11,7 +11,7 @@ from rigs import Rig, march, sine
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import RegularHeave, SeaState, Winch
 from rope_twin.studies.viv.moving import run_moving
-from rope_twin.twin.vibration import Vibration, span_of_twin
+from rope_twin.twin.vibration.in_modes import Vibration, span_of_twin
 from rope_twin.viv.lateral_modes import find_lateral_modes
 from rope_twin.viv.modal_response import ModalResponse
 from rope_twin.viv.shedding import Shedding

@@ -17,8 +17,8 @@ from rope_twin.twin.findings import RopeVibration
 from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration import span_of_twin
-from rope_twin.twin.watch import DECOMPOSED, MODES, Watch
+from rope_twin.twin.vibration.in_modes import span_of_twin
+from rope_twin.twin.vibration.watch import DECOMPOSED, MODES, Watch
 from rope_twin.viv.decomposed import decomposed
 from rope_twin.viv.decomposed_response import DecomposedResponse
 from rope_twin.viv.lateral_modes import ModeSearch, find_lateral_modes

@@ -14,7 +14,7 @@ from rope_twin.errors import BagError, InputError, SceneError
 from rope_twin.messages import decode, encode_epoch, encode_speed
 from rope_twin.recording.heave_replay import open_heave
 from rope_twin.scene.load import load_scene
-from rope_twin.twin.schedule import schedule_samples
+from rope_twin.twin.hoisting.schedule import schedule_samples
 
 pytestmark = pytest.mark.ros
 S = 1_000_000_000

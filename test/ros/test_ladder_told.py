@@ -8,7 +8,7 @@ from rope_twin.messages import Level, Status
 from rope_twin.ros.paced_twin import PacedTwin
 from rope_twin.ros.params import SimulationParams
 from rope_twin.scene.load import load_scene
-from rope_twin.twin.rung import Rung
+from rope_twin.twin.accuracy.rung import Rung
 
 
 def paced(**parameters: object) -> PacedTwin:

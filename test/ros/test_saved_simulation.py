@@ -21,7 +21,7 @@ from rope_twin.commands.run.unpaced import run_unpaced
 from rope_twin.errors import InputError
 from rope_twin.messages import decode
 from rope_twin.recording.bag_reader import BagReader
-from rope_twin.twin.saved_state import load_state
+from rope_twin.twin.saving.saved_state import load_state
 
 pytestmark = pytest.mark.ros
 SCENE = "shallow_lift"

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rope_twin.scene.schema import ScheduleRow, Winch
-from rope_twin.twin.schedule import COMMAND_PERIOD_NS, SpeedSample, schedule_samples
+from rope_twin.twin.hoisting.schedule import COMMAND_PERIOD_NS, SpeedSample, schedule_samples
 
 S = 1_000_000_000
 

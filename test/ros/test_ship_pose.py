@@ -9,7 +9,7 @@ import pytest
 from ros_bench import Bench
 
 from rope_twin.messages import encode_heave, encode_pose
-from rope_twin.twin.ship_pose import ShipPose
+from rope_twin.twin.motion.ship_pose import ShipPose
 
 pytestmark = pytest.mark.ros
 SCENE = "deep_tow_turn"

@@ -20,7 +20,7 @@ from rope_twin.effects import EFFECTS
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.weight import WeightParams
-from rope_twin.scene.build import build
+from rope_twin.scene.arrays.build import build
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.bench.effect_code import step_assembly
 from rope_twin.studies.bench.effect_code import traces as symbols

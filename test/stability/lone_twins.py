@@ -10,9 +10,9 @@ from small_scene import figures
 from rope_twin import Snapshot, Twin
 from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.ensemble import Variation
-from rope_twin.twin.heave_series import HeaveSeries
-from rope_twin.twin.schedule import SpeedSample
+from rope_twin.twin.ensemble.ensemble import Variation
+from rope_twin.twin.hoisting.schedule import SpeedSample
+from rope_twin.twin.motion.heave_series import HeaveSeries
 
 SAMPLE_NS = 50_000_000
 SECOND_NS = 1_000_000_000

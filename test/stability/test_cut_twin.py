@@ -18,15 +18,15 @@ from rope_twin.errors import InputError, StateError
 from rope_twin.messages import Level, statuses
 from rope_twin.recording.bag_reader import BagReader
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.cut_plan import PlannedCut, read_plan
-from rope_twin.twin.cutting import CutInput, plan_for
-from rope_twin.twin.error_band import BandedTwin
+from rope_twin.twin.accuracy.error_band import BandedTwin
+from rope_twin.twin.accuracy.ladder import TwinLadder
+from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.cutting.cut_plan import PlannedCut, read_plan
+from rope_twin.twin.cutting.cutting import CutInput, plan_for
 from rope_twin.twin.hoisting.orders import LENGTH, Order
-from rope_twin.twin.ladder import TwinLadder
 from rope_twin.twin.ledger import AccountedTwin
 from rope_twin.twin.pacing import SlotTimes
-from rope_twin.twin.rung import Rung
-from rope_twin.twin.saved_state import load_state
+from rope_twin.twin.saving.saved_state import load_state
 
 Kind = TypeVar("Kind", bound=Twin)
 AT_S, BELOW_M = 2.505, 80.0  # between two borders of steps

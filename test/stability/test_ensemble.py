@@ -14,16 +14,16 @@ from hypothesis import strategies as st
 from lone_twins import SECOND_NS, alone, differing, sea, variations
 from small_scene import small_scene
 
-import rope_twin.twin.member as member_module
+import rope_twin.twin.ensemble.member as member_module
 from rope_twin import Twin
 from rope_twin.core.step import advance
 from rope_twin.errors import InputError, SceneError
 from rope_twin.scene.change import Change
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.ensemble import Ensemble, Variation
-from rope_twin.twin.heave_series import HeaveSeries
-from rope_twin.twin.member import Scratch
-from rope_twin.twin.schedule import SpeedSample
+from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
+from rope_twin.twin.ensemble.member import Scratch
+from rope_twin.twin.hoisting.schedule import SpeedSample
+from rope_twin.twin.motion.heave_series import HeaveSeries
 
 
 @settings(max_examples=8, deadline=None)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from rope_twin.scene.schema import Winch as WinchScene
-from rope_twin.twin.ship import HeaveTrack
-from rope_twin.twin.winch import Winch
+from rope_twin.twin.hoisting.winch import Winch
+from rope_twin.twin.motion.ship import HeaveTrack
 
 SAMPLE_NS, STEP_NS, AHEAD_NS = 50_000_000, 10_000_000, 350_000_000
 PAUSE_NS = 4_000_000_000

@@ -15,11 +15,11 @@ from rope_twin.core import state as rows
 from rope_twin.core.joined.statics import settle_joined
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError
-from rope_twin.scene.build import build
-from rope_twin.scene.build_joined import build_joined, point_figures
+from rope_twin.scene.arrays.build import build
+from rope_twin.scene.arrays.joined import build_joined, point_figures
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.variants import variant
-from rope_twin.twin.ensemble import Ensemble, Variation
+from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 
 SAMPLE_NS, AHEAD_NS = 50_000_000, 200_000_000
 

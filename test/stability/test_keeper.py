@@ -11,8 +11,8 @@ from small_scene import small_scene
 import rope_twin.twin.ropes as twin_module
 from rope_twin import Twin
 from rope_twin.errors import SolverError, StateError
-from rope_twin.twin.keeper import Keeper
-from rope_twin.twin.saved_state import SavedState, load_state
+from rope_twin.twin.saving.keeper import Keeper
+from rope_twin.twin.saving.saved_state import SavedState, load_state
 
 
 @pytest.fixture

@@ -18,8 +18,8 @@ from numba.core.errors import NumbaError
 from small_scene import SMALL_SCENE, small_scene
 
 import rope_twin.core.lanes.group as group_module
-import rope_twin.twin.ensemble as ensemble_module
-import rope_twin.twin.lanes as lanes_module
+import rope_twin.twin.ensemble.ensemble as ensemble_module
+import rope_twin.twin.ensemble.lanes as lanes_module
 from rope_twin import load_scene
 from rope_twin.core.fold import eliminate, push
 from rope_twin.core.jit import OPTIONS, jit, jit_entry
@@ -38,12 +38,12 @@ from rope_twin.core.state import (
     WORK_ROWS,
 )
 from rope_twin.errors import InputError
-from rope_twin.scene.build import build
+from rope_twin.scene.arrays.build import build
 from rope_twin.scene.change import Change
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.ensemble import Ensemble, Variation
-from rope_twin.twin.heave_series import HeaveSeries
-from rope_twin.twin.schedule import SpeedSample
+from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
+from rope_twin.twin.hoisting.schedule import SpeedSample
+from rope_twin.twin.motion.heave_series import HeaveSeries
 
 TWO_SECTIONS = """\
     sections:

@@ -14,7 +14,7 @@ from small_scene import digest, small_scene
 
 from rope_twin import Snapshot, Twin
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.saved_state import SavedState
+from rope_twin.twin.saving.saved_state import SavedState
 
 END = 2050
 # At rest; before the commands; queue and splits; in the gap; being led back; hauling in, merges.

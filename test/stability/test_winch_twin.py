@@ -20,10 +20,10 @@ from rope_twin.scene.winch_parts import (
     EmergencyStop,
     HeaveCompensation,
 )
-from rope_twin.twin.ensemble import Ensemble, Variation
-from rope_twin.twin.heave_series import HeaveSeries
+from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.hoisting.orders import Order
-from rope_twin.twin.schedule import OrderSample
+from rope_twin.twin.hoisting.schedule import OrderSample
+from rope_twin.twin.motion.heave_series import HeaveSeries
 
 S = 1_000_000_000
 HEAVE = tuple((k * S // 20, math.sin(0.04 * k), 0.8 * math.cos(0.04 * k)) for k in range(-2, 400))

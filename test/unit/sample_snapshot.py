@@ -8,7 +8,7 @@ import numpy as np
 
 from rope_twin.scene.card import KnownError
 from rope_twin.twin.findings import MaterialFatigue, RopeVibration, TensionBand
-from rope_twin.twin.ship_pose import ShipPose
+from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.snapshot import BedContact, BodyShot, InputHealth, Snapshot, SolverHealth
 
 

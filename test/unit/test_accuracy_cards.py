@@ -9,7 +9,7 @@ import pytest
 
 from rope_twin.scene.card import FOLDER, card_path, read_card
 from rope_twin.scene.load import load_scene, scene_names
-from rope_twin.scene.shedding import why_no_card
+from rope_twin.scene.rules.shedding import why_no_card
 from rope_twin.share import share_dir
 from rope_twin.studies.accuracy import study as accuracy
 from rope_twin.studies.accuracy.figures import BY_NAME

@@ -18,7 +18,7 @@ from rope_twin.recording.heave_replay import HeaveReplay, open_heave, replay_sea
 from rope_twin.sea.heave_response import BoxHull
 from rope_twin.sea.spectrum import find_spectra, jonswap, read_spectrum
 from rope_twin.share import share_dir
-from rope_twin.twin.irregular_sea import synthesise
+from rope_twin.twin.motion.irregular_sea import synthesise
 
 SECOND = 1_000_000_000
 

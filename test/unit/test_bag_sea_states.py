@@ -17,7 +17,7 @@ from rope_twin.recording.heave_record import read_heave
 from rope_twin.sea.heave_response import BoxHull
 from rope_twin.sea.spectrum import find_spectra, read_spectrum
 from rope_twin.share import share_dir
-from rope_twin.twin.irregular_sea import synthesise
+from rope_twin.twin.motion.irregular_sea import synthesise
 
 README = (share_dir() / "bags" / "README.md").read_text(encoding="utf-8")
 COMMANDS = {

@@ -12,7 +12,7 @@ from rope_twin.errors import InputError, SceneError
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.studies.bench import band, band_page
 from rope_twin.studies.bench.band import BandRow
-from rope_twin.twin.error_band import refuse_band
+from rope_twin.twin.accuracy.error_band import refuse_band
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rope_twin.studies.fatigue import count_cycles
-from rope_twin.twin.cycle_count import CycleCount, Numbers
-from rope_twin.twin.endurance import Cycles, Vector
+from rope_twin.twin.fatigue.cycle_count import CycleCount, Numbers
+from rope_twin.twin.fatigue.endurance import Cycles, Vector
 
 
 def cost(which: Numbers, cycles: Cycles) -> Vector:

@@ -24,15 +24,15 @@ from rope_twin.core import state as rows
 from rope_twin.errors import SceneError
 from rope_twin.messages import decode, statuses
 from rope_twin.recording.mcap_scan import McapScan, StoredMessage
-from rope_twin.scene.build import build
+from rope_twin.scene.arrays.build import build
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.bench import band
 from rope_twin.studies.bench.band import BandCase
 from rope_twin.studies.rigs import Rig, march, sine
 from rope_twin.studies.variants import variant
-from rope_twin.twin import error_band
-from rope_twin.twin.error_band import BandedTwin
-from rope_twin.twin.error_bound import ErrorBand, Recent, acceleration_jumps, border_before
+from rope_twin.twin.accuracy import error_band
+from rope_twin.twin.accuracy.error_band import BandedTwin
+from rope_twin.twin.accuracy.error_bound import ErrorBand, Recent, acceleration_jumps, border_before
 from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.snapshot import Snapshot

@@ -24,8 +24,8 @@ from rope_twin.studies.fatigue import (
     stress_damage,
     turning_points,
 )
-from rope_twin.twin.endurance import CURVES, Cycles, StressCurve, find_curve, strength_of
-from rope_twin.twin.ensemble import Ensemble
+from rope_twin.twin.ensemble.ensemble import Ensemble
+from rope_twin.twin.fatigue.endurance import CURVES, Cycles, StressCurve, find_curve, strength_of
 from rope_twin.twin.snapshot import Snapshot
 
 STEEL = rope_preset("steel_wire_40mm")

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rope_twin.errors import InputError
-from rope_twin.twin.heave_series import HeaveSeries
-from rope_twin.twin.ship import HeaveTrack
+from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.motion.ship import HeaveTrack
 
 Sample = tuple[int, float, float]
 

@@ -17,13 +17,13 @@ from rope_twin.scene.card import read_card
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.rigs import Rig, march, sine
 from rope_twin.studies.variants import variant
+from rope_twin.twin.accuracy.ladder import FIT, LEAST_SLOTS, WAIT_S, Ladder, TwinLadder
+from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.accuracy.rungs import ladder_of
 from rope_twin.twin.handover import Handover
+from rope_twin.twin.hoisting.schedule import schedule_samples
 from rope_twin.twin.kinds import twin_kind
-from rope_twin.twin.ladder import FIT, LEAST_SLOTS, WAIT_S, Ladder, TwinLadder
 from rope_twin.twin.pacing import Pacer, SlotTimes, steps_in_slot
-from rope_twin.twin.rung import Rung
-from rope_twin.twin.rungs import ladder_of
-from rope_twin.twin.schedule import schedule_samples
 
 MS = 1_000_000
 RIG = Rig(length=500.0, elements=80, damping=2e5, ramp=2.0, drag=(1.2, 0.01), density=1025.0,

@@ -27,7 +27,7 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.recorded_poses import RecordedPoses
 from rope_twin.scene.schema import Ship
 from rope_twin.topics import BY_NAME, Qos, Topic
-from rope_twin.twin.ship_pose import ShipPose, hang_off_motion
+from rope_twin.twin.motion.ship_pose import ShipPose, hang_off_motion
 
 ARM = (10.0, 18.0, 12.0)
 SECOND = 1_000_000_000

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from scene_text import GOOD, spoilt, written
 
-from rope_twin.scene.checks import sense_checks
+from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.figures import lift_figures, schedule_meets_limit, stretch_m
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.ropes import rope_preset

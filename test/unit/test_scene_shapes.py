@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rope_twin.errors import SceneError
-from rope_twin.scene.flooded_shapes import Skip, SuctionAnchor, Template, perforation_factor
-from rope_twin.scene.outline_shapes import Box, Cylinder, Sphere, depth_factor
 from rope_twin.scene.schema import Payload
-from rope_twin.scene.shapes import SHAPES, payload_figures
+from rope_twin.scene.shapes.flooded import Skip, SuctionAnchor, Template, perforation_factor
+from rope_twin.scene.shapes.outline import Box, Cylinder, Sphere, depth_factor
+from rope_twin.scene.shapes.shapes import SHAPES, payload_figures
 
 sizes = st.floats(0.05, 50.0)
 

@@ -8,8 +8,8 @@ import pytest
 from scene_text import GOOD, assert_refused, spoilt, written
 
 from rope_twin.cli import main
-from rope_twin.scene.build_joined import build_joined
-from rope_twin.scene.checks import sense_checks
+from rope_twin.scene.arrays.joined import build_joined
+from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.load import load_scene
 from rope_twin.share import share_dir
 

@@ -9,7 +9,7 @@ from rope_twin.errors import InputError
 from rope_twin.sea.heave_response import BoxHull, heave_response
 from rope_twin.sea.phases import random_phases
 from rope_twin.sea.spectrum import find_spectra, jonswap, read_spectrum
-from rope_twin.twin.irregular_sea import synthesise
+from rope_twin.twin.motion.irregular_sea import synthesise
 
 MEASURED = read_spectrum(find_spectra("ndbc_46042_1996"), "1996-10-16T00Z")
 HULL = BoxHull()

@@ -14,14 +14,14 @@ from rope_twin import load_scene
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.errors import SceneError
-from rope_twin.scene.checks import sense_checks
+from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.figures import lift_figures
+from rope_twin.scene.rules.shedding import expected_pace, vortex_words, why_no_card
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.shedding import expected_pace, vortex_words, why_no_card
 from rope_twin.studies.rigs import Rig
-from rope_twin.twin.ensemble import Ensemble, Variation
-from rope_twin.twin.error_band import BandedTwin
-from rope_twin.twin.rungs import ladder_of
+from rope_twin.twin.accuracy.error_band import BandedTwin
+from rope_twin.twin.accuracy.rungs import ladder_of
+from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 
 CABLE = Rig(
     length=300.0, elements=400, mass=1.728, EA=5e6, diameter=0.02, density=1025.0, load=10.2e3,

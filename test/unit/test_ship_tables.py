@@ -15,8 +15,8 @@ from rope_twin.scene.schema import Ship
 from rope_twin.sea.responses import COLUMNS, read_responses
 from rope_twin.sea.way import read_way
 from rope_twin.share import share_dir
-from rope_twin.twin.hang_off import HangOffTrack
-from rope_twin.twin.ship_pose import ShipPose
+from rope_twin.twin.motion.hang_off import HangOffTrack
+from rope_twin.twin.motion.ship_pose import ShipPose
 
 HEAD = "t_s,x_m,y_m,z_m\n"
 WAYS = {

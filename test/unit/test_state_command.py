@@ -21,7 +21,7 @@ from rope_twin.commands.run.summary import RunSummary
 from rope_twin.commands.run.unpaced import run_unpaced
 from rope_twin.recording.bag_reader import BagReader
 from rope_twin.topics import TOPICS, WINCH_TOPICS
-from rope_twin.twin.saved_state import load_state
+from rope_twin.twin.saving.saved_state import load_state
 
 SCENE = "shallow_lift"
 EPOCH_NS = 10**18

@@ -25,7 +25,7 @@ from rope_twin.studies.ensemble.plan import Plan
 from rope_twin.studies.ensemble.study import variations
 from rope_twin.studies.parameter_study.file import read_study
 from rope_twin.studies.parameter_study.folder import StudyFolder
-from rope_twin.twin.ensemble import Ensemble
+from rope_twin.twin.ensemble.ensemble import Ensemble
 
 PATIENCE_S = 300.0
 Row = dict[str, Any]

@@ -11,11 +11,11 @@ from rope_twin import Twin
 from rope_twin.core.state import Floats
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.waves import RegularWave, WavesParams
-from rope_twin.scene.build import build
+from rope_twin.scene.arrays.build import build
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene, SeaState
 from rope_twin.studies.variants import variant
-from rope_twin.twin.surface_layer import THIRD, error_per_difference, surplus_m
+from rope_twin.twin.accuracy.surface_layer import THIRD, error_per_difference, surplus_m
 
 ELEMENTS, STEP_S, SECONDS, RAMP_S = 50, 0.02, 6.0, 2.0
 

@@ -23,8 +23,8 @@ from rope_twin.errors import InputError
 from rope_twin.recording.bag_reader import BagReader
 from rope_twin.scene.schema import Scene
 from rope_twin.share import share_dir
-from rope_twin.twin.line_watch import LineReport, LineWatch, lines_of, report_on
-from rope_twin.twin.lines_shot import Crossing, LineEvent, LinesShot, Nearest
+from rope_twin.twin.joined.line_watch import LineReport, LineWatch, lines_of, report_on
+from rope_twin.twin.joined.lines_shot import Crossing, LineEvent, LinesShot, Nearest
 
 DEPTH = 1000.0
 

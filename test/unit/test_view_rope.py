@@ -18,7 +18,7 @@ from sample_snapshot import hanging_rope
 from rope_twin import messages
 from rope_twin.errors import InputError
 from rope_twin.messages import Level, Status
-from rope_twin.twin.lines_shot import Crossing, LineEvent, LinesShot, Nearest
+from rope_twin.twin.joined.lines_shot import Crossing, LineEvent, LinesShot, Nearest
 from rope_twin.twin.snapshot import BodyShot, PayloadShot, RopeShot, StrutShot, WinchShot
 from rope_twin.view import depth_chart
 from rope_twin.view.rope_view import RopeView

@@ -22,13 +22,13 @@ from rope_twin.scene.schema import Scene, Winch
 from rope_twin.scene.winch_parts import TopSheave
 from rope_twin.studies.fatigue import RopeFatigue
 from rope_twin.studies.rigs import Rig, march, sine, still
-from rope_twin.twin.endurance import CURVES
+from rope_twin.twin.fatigue.endurance import CURVES
+from rope_twin.twin.fatigue.wear import turned
 from rope_twin.twin.kinds import twin_kind
-from rope_twin.twin.own_motion import OwnMotion, diameters
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.watch import Watch
-from rope_twin.twin.wear import turned
+from rope_twin.twin.vibration.own_motion import OwnMotion, diameters
+from rope_twin.twin.vibration.watch import Watch
 
 STEEL = Rig(length=100.0, elements=20, mass=6.4, EA=6.5e7, diameter=0.032, damping=5e4, load=5e3)
 AREA = 6.4 / 7850.0  # of metal

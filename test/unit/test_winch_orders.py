@@ -11,8 +11,8 @@ from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.scene.winch_parts import Brake, ConstantTension, Drive, Drum, EmergencyStop
 from rope_twin.twin.hoisting.line import Felt
 from rope_twin.twin.hoisting.orders import Order
-from rope_twin.twin.schedule import OrderSample, SpeedSample, schedule_samples
-from rope_twin.twin.winch import Winch
+from rope_twin.twin.hoisting.schedule import OrderSample, SpeedSample, schedule_samples
+from rope_twin.twin.hoisting.winch import Winch
 
 S = 1_000_000_000
 PLAIN = WinchScene(

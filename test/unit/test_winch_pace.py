@@ -14,7 +14,7 @@ from rope_twin.scene.winch_parts import Drum
 from rope_twin.twin.hoisting.line import LineOut, Wish
 from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.hoisting.pace import AccelerationLimited, JerkLimited, Pace
-from rope_twin.twin.winch import Winch
+from rope_twin.twin.hoisting.winch import Winch
 
 ROUND_OFF_M = 1e-9
 LEAST_M, MOST_M = 20.0, 80.0

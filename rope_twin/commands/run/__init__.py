@@ -85,7 +85,7 @@ def _with_speed_alone(summary: RunSummary, options: RunOptions) -> RunSummary:
 
 def _unpaced(options: RunOptions, progress: Progress) -> RunSummary:
     from rope_twin.commands.run.unpaced import run_unpaced
-    from rope_twin.scene.checks import sense_checks
+    from rope_twin.scene.checks.rope import sense_checks
     from rope_twin.scene.load import load_scene
 
     for warning in sense_checks(load_scene(options.scene)):
@@ -103,8 +103,8 @@ def _tell_of_vortices(options: RunOptions, progress: Progress) -> None:
     from rope_twin.scene.change import at_setting
     from rope_twin.scene.figures import lift_figures
     from rope_twin.scene.load import load_scene
-    from rope_twin.scene.rigging_rules import is_joined
-    from rope_twin.scene.shedding import shedding_model, vortex_words
+    from rope_twin.scene.rules.rigging import is_joined
+    from rope_twin.scene.rules.shedding import shedding_model, vortex_words
 
     scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
     if not shedding_model(scene) or is_joined(scene):

@@ -1,7 +1,7 @@
 """What moves the ship in a run, chosen in one place for every runner.
 
-With the winch schedule (`rope_twin.twin.schedule`) this is all that a run feeds to its twin, with
-the same stamps whether it is paced over ROS or not.
+With the winch schedule (`rope_twin.twin.hoisting.schedule`) this is all that a run feeds to its
+twin, with the same stamps whether it is paced over ROS or not.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from rope_twin.recording.ship_sea import ShipOnWaves, WayOfHangOff, open_way
 from rope_twin.recording.wave_sea import sea_of_waves
 from rope_twin.scene.recorded_poses import RecordedPoses
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.heave_series import HeaveSeries
+from rope_twin.twin.motion.heave_series import HeaveSeries
 from rope_twin.twin.twin import Twin
 
 FIRST_NS = -100_000_000  # samples begin this early, so that t = 0 lies between two of them

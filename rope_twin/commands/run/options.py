@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.twin.cut_plan import read_plan
-from rope_twin.twin.endurance import CURVES
-from rope_twin.twin.state_file import check_place
-from rope_twin.twin.watch import MODELS, Watch
+from rope_twin.twin.cutting.cut_plan import read_plan
+from rope_twin.twin.fatigue.endurance import CURVES
+from rope_twin.twin.saving.state_file import check_place
+from rope_twin.twin.vibration.watch import MODELS, Watch
 
 if TYPE_CHECKING:
-    from rope_twin.twin.saved_state import About
+    from rope_twin.twin.saving.saved_state import About
 
 SPEED_LOW, SPEED_HIGH = 0.01, 5.0  # beyond, messages come faster than Python takes them
 
@@ -266,7 +266,7 @@ def _begin(args: argparse.Namespace) -> About:
         StateError: it is no sound state.
         InputError: the run would end before it begins.
     """
-    from rope_twin.twin.saved_state import load_state
+    from rope_twin.twin.saving.saved_state import load_state
 
     about = load_state(args.start_from).about
     if args.for_s is not None and args.for_s <= about.time_s:

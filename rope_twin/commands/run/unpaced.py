@@ -33,14 +33,14 @@ from rope_twin.messages import (
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.rigging_rules import winches_by_name
+from rope_twin.scene.rules.rigging import winches_by_name
 from rope_twin.topics import TOPICS
-from rope_twin.twin.cutting import plan_for
+from rope_twin.twin.cutting.cutting import plan_for
+from rope_twin.twin.hoisting.schedule import schedule_samples
+from rope_twin.twin.hoisting.winch import input_of
 from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.pacing import keep_pauses_short, steps_in_slot
-from rope_twin.twin.schedule import schedule_samples
 from rope_twin.twin.snapshot import Snapshot
-from rope_twin.twin.winch import input_of
 
 ENOUGH_S = 3.0  # of computing say how fast a model is
 BLIND_S = 1.0  # steps without a look at the rope, where only the speed is wanted

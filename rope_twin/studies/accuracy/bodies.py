@@ -12,9 +12,9 @@ from rope_twin.core.joined.reeving import settle_reeved
 from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.state import Boundary, Floats, Ints
 from rope_twin.core.step import advance
-from rope_twin.scene.build import build
-from rope_twin.scene.build_joined import build_joined
-from rope_twin.scene.rigging_rules import is_joined
+from rope_twin.scene.arrays.build import build
+from rope_twin.scene.arrays.joined import build_joined
+from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.start import find_start, judge_start
 

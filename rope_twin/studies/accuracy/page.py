@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rope_twin.scene.card import PEAK, RMS, told_bound
-from rope_twin.scene.rigging_rules import is_joined
+from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy.choice import cheapest_within
 from rope_twin.studies.accuracy.figures import QUANTITIES, STILL

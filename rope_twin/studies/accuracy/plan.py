@@ -9,11 +9,11 @@ import math
 from dataclasses import dataclass
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.scene.build import build
-from rope_twin.scene.build_joined import build_joined
-from rope_twin.scene.rigging_rules import is_joined
+from rope_twin.scene.arrays.build import build
+from rope_twin.scene.arrays.joined import build_joined
+from rope_twin.scene.rules.rigging import is_joined
+from rope_twin.scene.rules.shedding import refuse_shedding, why_no_card
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.shedding import refuse_shedding, why_no_card
 from rope_twin.studies.accuracy.run import Setting
 
 LONGEST_STEP_S = 0.2  # the longest that a scene may have

@@ -19,14 +19,14 @@ from rope_twin.commands.run.inputs import FIRST_NS, open_sea, series_of
 from rope_twin.core import state as rows
 from rope_twin.errors import SolverError, phrase
 from rope_twin.recording.ship_sea import sample_of
-from rope_twin.scene.rigging_rules import is_joined, places, winch_of
+from rope_twin.scene.rules.rigging import is_joined, places, winch_of
 from rope_twin.scene.schema import RopeLine, Scene, Triple
 from rope_twin.studies.accuracy.bodies import body_of
 from rope_twin.studies.bench.band import fed
 from rope_twin.studies.variants import variant
-from rope_twin.twin.borders import Borders, WinchTrack, foreseen
-from rope_twin.twin.hang_off import lever_arm
-from rope_twin.twin.heave_series import HeaveSeries
+from rope_twin.twin.ensemble.borders import Borders, WinchTrack, foreseen
+from rope_twin.twin.motion.hang_off import lever_arm
+from rope_twin.twin.motion.heave_series import HeaveSeries
 from rope_twin.twin.twin import Twin
 
 Vector = NDArray[np.float64]

@@ -14,7 +14,7 @@ from typing import Any
 from rope_twin.errors import RopeTwinError
 from rope_twin.scene.card import FORMAT
 from rope_twin.scene.digest import scene_digest, solver_digest
-from rope_twin.scene.rigging_rules import is_joined
+from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy.figures import BY_NAME, QUANTITIES, Values, differences, values
 from rope_twin.studies.accuracy.plan import Plan

@@ -20,10 +20,10 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.trial import Vector
 from rope_twin.studies.variants import variant
-from rope_twin.twin.error_band import BandedTwin, bed_below, nodes_on
+from rope_twin.twin.accuracy.error_band import BandedTwin, bed_below, nodes_on
 from rope_twin.twin.findings import TensionBand
+from rope_twin.twin.hoisting.schedule import schedule_samples
 from rope_twin.twin.pacing import steps_in_slot
-from rope_twin.twin.schedule import schedule_samples
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 

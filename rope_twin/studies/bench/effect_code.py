@@ -8,7 +8,7 @@ from rope_twin.core import jit
 from rope_twin.core.hooks import hooks_of, kernel_of
 from rope_twin.core.state import MOTIONS, PULL_COLUMNS, Boundary
 from rope_twin.core.step import advance_steps
-from rope_twin.scene.build import build
+from rope_twin.scene.arrays.build import build
 from rope_twin.scene.schema import Scene
 
 

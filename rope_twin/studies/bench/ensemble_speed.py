@@ -22,7 +22,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.studies.ensemble.plan import Axis, Plan, make_plan
 from rope_twin.studies.ensemble.study import SEA_OFFSET, variations
 from rope_twin.studies.variants import variant
-from rope_twin.twin.ensemble import Ensemble, Variation
+from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 

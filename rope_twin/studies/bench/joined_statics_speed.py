@@ -13,7 +13,7 @@ from rope_twin.core.joined.joints import LOOSE
 from rope_twin.core.joined.statics import settle_joined
 from rope_twin.core.state import ELEMENTS, LINE, MOTIONS, POSITION, Floats
 from rope_twin.core.statics.forces import Equilibrium
-from rope_twin.scene.build_joined import build_joined
+from rope_twin.scene.arrays.joined import build_joined
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.bench.statics_speed import COIL_M, NODES, REPETITIONS, StaticsRow

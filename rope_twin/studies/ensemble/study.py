@@ -16,9 +16,9 @@ from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.figures import lift_figures
 from rope_twin.scene.schema import Scene, SeaState
 from rope_twin.studies.ensemble.plan import Plan
-from rope_twin.twin.ensemble import BATCH_S, Ensemble, Lanes, Variation, whole_steps
-from rope_twin.twin.heave_series import HeaveSeries
-from rope_twin.twin.member import MemberFigures
+from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Lanes, Variation, whole_steps
+from rope_twin.twin.ensemble.member import MemberFigures
+from rope_twin.twin.motion.heave_series import HeaveSeries
 
 SEA_OFFSET = "sea offset"  # the axis that moves a member along the recorded sea [s]
 QUANTILES = (0.0, 0.05, 0.5, 0.95, 1.0)

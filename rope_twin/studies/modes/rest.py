@@ -11,8 +11,8 @@ from rope_twin.core.statics.equilibrium import settle
 from rope_twin.core.statics.forces import SYMMETRIC, Couplings, Elastic, StillRope
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError, phrase
-from rope_twin.scene.body_rules import refuse_body
-from rope_twin.scene.build import build
+from rope_twin.scene.arrays.build import build
+from rope_twin.scene.rules.body import refuse_body
 from rope_twin.scene.schema import Scene
 
 

@@ -20,8 +20,8 @@ from rope_twin.studies.ensemble.study import AFTER_NS, Seas
 from rope_twin.studies.fatigue import RopeFatigue
 from rope_twin.studies.parameter_study.design import Made, StudyRun
 from rope_twin.studies.parameter_study.file import FatigueWish, Study
-from rope_twin.twin.endurance import CURVES
-from rope_twin.twin.ensemble import BATCH_S, Ensemble, Variation
+from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Variation
+from rope_twin.twin.fatigue.endurance import CURVES
 
 Row = dict[str, Any]
 CHANGED = "; the card is of the scene before its numbers were varied"

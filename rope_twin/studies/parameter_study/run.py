@@ -13,13 +13,13 @@ from typing import Any
 from rope_twin.core.lanes.wide import LANES
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.scene.digest import solver_digest
-from rope_twin.scene.rigging_rules import refuse_joined
+from rope_twin.scene.rules.rigging import refuse_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.parameter_study.batch import Batch, Row, cut_into_batches, run_batch
 from rope_twin.studies.parameter_study.design import design_runs, made_of
 from rope_twin.studies.parameter_study.file import Study
 from rope_twin.studies.parameter_study.folder import StudyFolder
-from rope_twin.twin.ensemble import cores, whole_steps
+from rope_twin.twin.ensemble.ensemble import cores, whole_steps
 
 Report = Callable[[int, int], None]  # runs done, runs in all
 CONNECT_S = 10

@@ -33,7 +33,7 @@ from rope_twin.studies.peers.decks import (
     figures,
     moordyn_deck,
 )
-from rope_twin.twin.ship import ramp
+from rope_twin.twin.motion.ship import ramp
 
 PEERS = {"moordyn": "2.7.2", "cabledyn": "0.3.0"}  # the versions that the settings were found for
 CALL_S = 0.02  # MoorDyn is called so often at least; its own steps are shorter or this

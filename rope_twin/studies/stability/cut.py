@@ -15,15 +15,15 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Boundary, Rope
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.errors import SolverError, phrase
-from rope_twin.scene.build import build
+from rope_twin.scene.arrays.build import build
 from rope_twin.studies.rigs import NOTHING, WATER, Rig
 from rope_twin.studies.stability.check import Case, Check, all_converged, off
 from rope_twin.studies.stability.rigs import Arrays
 from rope_twin.studies.state_bench import Vector
-from rope_twin.twin.bare_end import without_load
 from rope_twin.twin.contact import bed_contact
-from rope_twin.twin.parted import PartedRopes
-from rope_twin.twin.severing import Place, sever, without_beyond
+from rope_twin.twin.cutting.bare_end import without_load
+from rope_twin.twin.cutting.parted import PartedRopes
+from rope_twin.twin.cutting.severing import Place, sever, without_beyond
 
 WIRE = Rig(length=1000.0, elements=500, step=1e-3, tolerance=1.0)
 WET_WIRE = replace(

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core.state import Floats
-from rope_twin.scene.rigging_rules import winches_by_name
+from rope_twin.scene.rules.rigging import winches_by_name
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.heave_response import BoxHull
 from rope_twin.sea.spectrum import jonswap
-from rope_twin.twin.irregular_sea import SeaRecord, synthesise
-from rope_twin.twin.line_watch import LineWatch
-from rope_twin.twin.lines_shot import LineEvent, Nearest
-from rope_twin.twin.schedule import schedule_samples
+from rope_twin.twin.hoisting.schedule import schedule_samples
+from rope_twin.twin.joined.line_watch import LineWatch
+from rope_twin.twin.joined.lines_shot import LineEvent, Nearest
+from rope_twin.twin.motion.irregular_sea import SeaRecord, synthesise
 from rope_twin.twin.twin import Twin
 
 # Hs [m] and Tp [s] of sea states (STANAG 4194)

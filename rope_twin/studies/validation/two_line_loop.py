@@ -7,7 +7,7 @@ from math import inf
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.two_lines.runs import LineRun, record_of, run_lines
 from rope_twin.studies.validation.case import Case, Found, Line, Panel, between, shown
-from rope_twin.twin.lines_shot import LineEvent
+from rope_twin.twin.joined.lines_shot import LineEvent
 from rope_twin.twin.twin import Twin
 
 LINES = ("main", "haulback")

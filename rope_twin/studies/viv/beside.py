@@ -15,8 +15,8 @@ import numpy as np
 
 from rope_twin.core.state import Floats
 from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.rules.shedding import refuse_beside, shedding_model
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.shedding import refuse_beside, shedding_model
 from rope_twin.studies.modes.rest import water_at
 from rope_twin.studies.rigs import march
 from rope_twin.studies.validation.case import Field, Line, Panel

@@ -17,7 +17,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.studies.picture import write_picture
 from rope_twin.studies.rigs import Motion, Speeds, march, still
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration import Vibration
+from rope_twin.twin.vibration.in_modes import Vibration
 from rope_twin.viv.modal_response import ModalResponse
 from rope_twin.viv.shedding import Shedding
 from rope_twin.viv.span import Floats

@@ -7,7 +7,7 @@ in time by a Butterworth filter, and the rest is told across the flow and with i
 Drag amplification is that of the run: the mean of |u_n|·u_n over |U_n|·U_n, with the water's
 velocity relative to the rope across it, u_n, and its mean, U_n. Stress is that of bending, E·d/2
 times the curvature of the rope as the nodes have it, in the direction in which it is largest; the
-damage is that of tension and bending together (rope_twin.twin.wear), per year of the run.
+damage is that of tension and bending together (rope_twin.twin.fatigue.wear), per year of the run.
 """
 
 from __future__ import annotations
@@ -20,18 +20,18 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
 from rope_twin.errors import InputError, SceneError, phrase
-from rope_twin.scene.composite import ends_m
+from rope_twin.scene.arrays.composite import ends_m
 from rope_twin.scene.figures import lift_figures
+from rope_twin.scene.rules.shedding import expected_pace, refuse_beside, shedding_model
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.shedding import expected_pace, refuse_beside, shedding_model
 from rope_twin.studies.rigs import march
 from rope_twin.studies.viv.moving import regular_motion
 from rope_twin.studies.viv.study import YEAR_S
-from rope_twin.twin.endurance import metal_area
+from rope_twin.twin.fatigue.endurance import metal_area
+from rope_twin.twin.fatigue.wear import RopeWear, WearWish, bending_stiffness, curvature
 from rope_twin.twin.findings import MaterialFatigue
-from rope_twin.twin.own_motion import SLOW, relative_flow, sides, tangents
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.wear import RopeWear, WearWish, bending_stiffness, curvature
+from rope_twin.twin.vibration.own_motion import SLOW, relative_flow, sides, tangents
 from rope_twin.viv.drag import amplified_drag
 
 PLACES = 200  # along the rope, over its length at the time

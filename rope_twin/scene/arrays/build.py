@@ -1,0 +1,235 @@
+"""From a scene to arrays: the model, a state in static equilibrium's neighbourhood, the effects."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import ceil, pi
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.body.state import RigidBody
+from rope_twin.core.hooks import hooks_of, work_rows
+from rope_twin.core.sections import SAME_PLACE
+from rope_twin.core.state import (
+    ELEMENTS,
+    POSITION,
+    Floats,
+    Model,
+    State,
+    Table,
+    columns_for,
+    new_state,
+    new_work,
+)
+from rope_twin.core.state import Rope as CoreRope
+from rope_twin.core.trial import TRIALS
+from rope_twin.effects import EFFECTS, Surroundings
+from rope_twin.effects.added_mass import AddedMassParams
+from rope_twin.effects.bending import BendingParams
+from rope_twin.effects.drag import DragParams
+from rope_twin.effects.payload import Payload as PayloadEffect
+from rope_twin.effects.payload import TwoWayPayload
+from rope_twin.effects.rigid_body import RigidBodyParams
+from rope_twin.effects.weight import Weight
+from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.arrays.body_meets import meet
+from rope_twin.scene.arrays.composite import (
+    Bar,
+    bars_of,
+    damping_newton_seconds,
+    end_mass_kg,
+    ends_m,
+)
+from rope_twin.scene.arrays.grid import least_line_out_m, node_coordinates
+from rope_twin.scene.rules.rigging import refuse_joined
+from rope_twin.scene.schema import Payload, RopeLine, Scene
+from rope_twin.scene.shapes.shapes import PayloadFigures, payload_figures
+from rope_twin.scene.stiffness import cubics
+
+SPLIT_ABOVE, MERGE_BELOW = 1.5, 0.4  # times the element length; leaves a hysteresis of 0.1
+ABSORB_S = 1.0
+SPARE_NODES = 4  # the hang-off, a top element not yet merged, and one to spare
+TOLERANCE_SHARE, TOLERANCE_LEAST_N, TOLERANCE_MOST_N = 0.003, 1.0, 500.0
+
+
+@dataclass(frozen=True)
+class Built:
+    """The arrays of a scene."""
+
+    rope: CoreRope
+    static_top_tension_n: float  # of a rope that hangs straight
+
+
+def build(scene: Scene) -> Built:
+    """Arrays for the scene's rope with a straight, stretched first guess of its shape.
+
+    Raises:
+        SceneError: ropes meet, an effect has no kernel, or a payload does not give its figures.
+    """
+    refuse_joined(scene)
+    line = scene.ropes[0]
+    payload = find_payload(scene, line)
+    density = scene.environment.water_density_kg_per_m3
+    figures = payload_figures(payload, density) if payload else None
+    effects = build_effects(scene, figures)
+    sections = _sections(scene, line, figures)
+    s = node_coordinates(line, least_line_out_m(scene))
+    tension = _static_tension(effects, sections, s)
+    top = float(tension[-1])
+    length = float(s[-1] - s[-2])
+    model = Model(
+        element_length=length,
+        split_above=SPLIT_ABOVE * length,
+        merge_below=MERGE_BELOW * length,
+        absorb=ABSORB_S,
+        first_free=1 if line.fixed_at_m is not None else 0,
+        step=scene.time.step_s,
+        tolerance=scene.time.newton_tolerance_n or _tolerance(top),
+    )
+    elements = len(s) - 1
+    state = new_state(_room(scene, line, s))
+    state.counts[ELEMENTS] = elements
+    state.s[: elements + 1] = s
+    _place(state, scene, line, tension)
+    work = new_work(columns_for(state.s.shape[0]), work_rows(effects))
+    return Built(CoreRope(model, state, work, sections, effects, _law(line)), top)
+
+
+def _room(scene: Scene, line: RopeLine, s: Floats) -> int:
+    """Nodes that the arrays of a rope with nodes at these places must hold."""
+    most = scene.winch.most_line_out_m if scene.winch else line.length_m
+    to_come = ceil((most - line.length_m) / float(s[-1] - s[-2])) + len(line.made_of)
+    return len(s) - 1 + to_come + SPARE_NODES + TRIALS
+
+
+def find_payload(scene: Scene, line: RopeLine) -> Payload | None:
+    """The payload at the line's lower end, or None if that end is fixed."""
+    return next((payload for payload in scene.payloads if payload.name == line.to), None)
+
+
+def build_effects(scene: Scene, figures: PayloadFigures | None) -> tuple[Any, ...]:
+    """The kernels' data of the effects that the scene lists, in the order of EFFECTS."""
+    water = scene.environment
+    Ca = sum(own.normal for own in scene.effects if isinstance(own, AddedMassParams))
+    Cd = sum(own.normal for own in scene.effects if isinstance(own, DragParams))
+    line = scene.ropes[0]
+    room = _room(scene, line, node_coordinates(line, least_line_out_m(scene)))
+    density, gravity = water.water_density_kg_per_m3, water.gravity_m_per_s2
+    EI = sum(own.stiffness_n_m2 for own in scene.effects if isinstance(own, BendingParams))
+    around = Surroundings(density, gravity, Ca, room, Cd, EI)
+    apart = any(isinstance(own, RigidBodyParams) for own in scene.effects)
+    built = []
+    for effect in EFFECTS:
+        for params in scene.effects:
+            if type(params) is effect.params:
+                # a body hangs below the rope's end: to other effects that end carries nothing
+                own = None if apart and not isinstance(params, RigidBodyParams) else figures
+                built.append(effect.build(params, own, around))
+                if not hooks_of(type(built[-1])):
+                    raise SceneError(
+                        phrase(f"effect '{effect.name}'", "it has no kernel", "mend its file")
+                    )
+    return meet(built, scene) if apart else tuple(built)
+
+
+def section_damping(scene: Scene, line: RopeLine, figures: PayloadFigures | None) -> list[float]:
+    """c of T = E(strain) + c·strain rate [N·s] of each section, independent of the elements."""
+    bars = hanging_bars(scene, line, figures, line.length_m)
+    return damping_newton_seconds(line.damping, bars, end_mass_kg(figures), line.elements)
+
+
+def hanging_bars(
+    scene: Scene, line: RopeLine, figures: PayloadFigures | None, line_out_m: float
+) -> list[Bar]:
+    """The sections of the rope as it hangs at rest in still water with so much line out."""
+    water = scene.environment
+    load = 0.0
+    if figures is not None:
+        submerged = figures.mass_kg - water.water_density_kg_per_m3 * figures.volume_m3
+        load = submerged * water.gravity_m_per_s2
+    return bars_of(line, line_out_m, load, water)
+
+
+def _sections(scene: Scene, line: RopeLine, figures: PayloadFigures | None) -> Floats:
+    """The rope's figures per metre, (rows.SECTION_ROWS, sections)."""
+    columns = np.zeros((rows.SECTION_ROWS, len(line.made_of)))
+    columns[rows.END] = ends_m(line)
+    columns[rows.C] = section_damping(scene, line, figures)
+    drag = next((params for params in scene.effects if isinstance(params, DragParams)), None)
+    for column, section in zip(columns.T, line.made_of, strict=True):
+        rope = section.rope
+        d = rope.hydrodynamic_diameter_m
+        frontal, skin = d, pi * d
+        if drag is not None and rope.drag_normal is not None:
+            frontal = rope.diameter_m * rope.drag_normal / drag.normal
+        if drag is not None and rope.drag_tangential is not None:
+            skin = pi * rope.diameter_m * rope.drag_tangential / drag.tangential
+        column[rows.EA] = rope.tangent_n(0.0)
+        column[rows.PER_METRE :] = rope.mass_kg_per_m, 0.25 * pi * d**2, frontal, skin
+    return columns
+
+
+def _law(line: RopeLine) -> Table | None:
+    """The table of all sections if one of them has one: else none."""
+    if not any(section.rope.axial_stiffness for section in line.made_of):
+        return None
+    return tables_of(line)
+
+
+def tables_of(line: RopeLine) -> Table:
+    """Tension over strain of each section; a straight line where it has no table."""
+    ropes = [section.rope for section in line.made_of]
+    return cubics(
+        [
+            rope.axial_stiffness.table
+            if rope.axial_stiffness
+            else ((0.0, 0.0), (1.0, rope.tangent_n(0.0)))
+            for rope in ropes
+        ]
+    )
+
+
+def _static_tension(effects: tuple[Any, ...], sections: Floats, s: Floats) -> Floats:
+    """Tension [N] at these places of a rope that hangs straight, by the scene's effects."""
+    ends = (PayloadEffect, TwoWayPayload, RigidBody)
+    tension = np.full(len(s), sum(e.W for e in effects if isinstance(e, ends)), float)
+    for effect in effects:
+        if not isinstance(effect, Weight):
+            continue
+        low = 0.0
+        for end, mass, volume in sections[[rows.END, rows.PER_METRE, rows.PER_METRE + 1]].T:
+            weight = effect.g * (mass - effect.density * volume)
+            tension += weight * np.clip(s - low, 0.0, end - low)
+            low = end
+    return tension
+
+
+def _tolerance(top_tension: float) -> float:
+    """Largest tension mismatch of an accepted stage [N]."""
+    share = TOLERANCE_SHARE * abs(top_tension)
+    return min(max(share, TOLERANCE_LEAST_N), TOLERANCE_MOST_N)
+
+
+def _place(state: State, scene: Scene, line: RopeLine, tension: Floats) -> None:
+    """First guess: hanging straight and stretched, or straight to the fixed end."""
+    n = int(state.counts[ELEMENTS])
+    top = np.array(scene.ship.hang_off_m)
+    s = state.s[: n + 1]
+    if line.fixed_at_m is not None:
+        low = np.array(line.fixed_at_m)
+        state.nodes[POSITION : POSITION + 3, : n + 1] = low[:, None] + (top - low)[:, None] * (
+            s / s[-1]
+        )
+        return
+    strain = np.zeros(n)
+    for section, end in zip(
+        reversed(line.made_of), reversed([0.0, *ends_m(line)[:-1]]), strict=True
+    ):
+        for e in np.flatnonzero((s[:-1] >= end - SAME_PLACE) & (strain == 0.0)):
+            strain[e] = section.rope.strain_at(0.5 * float(tension[e] + tension[e + 1]))
+    depth: Floats = np.concatenate([[0.0], np.cumsum(np.diff(s) * (1.0 + strain))])
+    state.nodes[POSITION, : n + 1] = top[0]
+    state.nodes[POSITION + 1, : n + 1] = top[1]
+    state.nodes[POSITION + 2, : n + 1] = top[2] - depth[-1] + depth

@@ -1,0 +1,198 @@
+"""From a scene whose ropes meet to a core's System.
+
+Each rope is built as if it were alone with all that hangs in the scene at its lower end, which
+gives its elements, its damping (a fraction is of that mode) and its tolerance; then it gets the
+payload that it really has, and its place.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core.joined import ties
+from rope_twin.core.joined.hanging import laid
+from rope_twin.core.joined.joints import LOOSE, System, new_system
+from rope_twin.core.joined.reeving import reeve
+from rope_twin.core.state import ELEMENTS, POSITION, C, Floats, Rope
+from rope_twin.effects.bending import BendingParams
+from rope_twin.effects.splash_zone import SplashZoneParams
+from rope_twin.scene.arrays.build import build, build_effects, tables_of
+from rope_twin.scene.arrays.composite import weight_n_per_m
+from rope_twin.scene.arrays.first_shape import first_places
+from rope_twin.scene.arrays.sheaves import (
+    ends_of,
+    room_for,
+    runs_over_sheave,
+    tethers,
+    wheels,
+    with_both_stretches,
+)
+from rope_twin.scene.rigging import WINCH
+from rope_twin.scene.rules.rigging import places, winch_of
+from rope_twin.scene.schema import Payload, RopeLine, Scene
+from rope_twin.scene.shapes.shapes import PayloadFigures, payload_figures
+
+STEEL_KG_PER_M3 = 7850.0
+NOTHING = PayloadFigures(0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+@dataclass(frozen=True)
+class BuiltSystem:
+    """The arrays of a scene whose ropes meet."""
+
+    system: System
+    owners: dict[str, int]  # the rope at whose lower end each payload or joint is
+    hang_off_m: Floats  # of each rope, (ropes, 3); NaN where the upper end is a joint
+
+
+def alone(scene: Scene, number: int) -> Scene:
+    """One rope of the scene by itself, with all payloads and joints at its lower end."""
+    line = scene.ropes[number]
+    winch = winch_of(scene, line)
+    if runs_over_sheave(scene, line):
+        winch = room_for(scene, line)
+    total = NOTHING
+    for figures in point_figures(scene).values():
+        total = _sum(total, figures)
+    load = Payload(
+        name="load",
+        mass_kg=total.mass_kg,
+        displaced_volume_m3=total.volume_m3,
+        added_mass_kg=total.added_mass_kg,
+        drag_area_m2=total.drag_area_m2,
+    )
+    top = places(scene).get(line.from_, scene.ship.hang_off_m)
+    return replace(
+        scene,
+        ropes=(replace(line, from_=WINCH, to="load", fixed_at_m=None),),
+        payloads=(load,),
+        joints=(),
+        struts=(),
+        sheaves=(),
+        hang_offs=(),
+        winch=winch,
+        ship=replace(scene.ship, hang_off_m=top),
+    )
+
+
+def point_figures(scene: Scene) -> dict[str, PayloadFigures]:
+    """Mass, volume, added mass and drag of each payload and joint, with its half of the bars."""
+    density = scene.environment.water_density_kg_per_m3
+    found = {one.name: payload_figures(one, density) for one in scene.payloads}
+    found |= {one.name: _steel(one.mass_kg) for one in scene.joints}
+    for strut in scene.struts:
+        for name in strut.between:
+            found[name] = _sum(found[name], _steel(0.5 * strut.mass_kg))
+    return found
+
+
+def build_joined(scene: Scene) -> BuiltSystem:
+    """Ropes, joints and bars with a first guess of their shape.
+
+    Raises:
+        SceneError: as for a scene of one rope.
+    """
+    owners: dict[str, int] = {}
+    for number, line in enumerate(scene.ropes):
+        if line.to:
+            owners.setdefault(line.to, number)
+    figures, where = point_figures(scene), first_places(scene)
+    tables = any(one.rope.axial_stiffness for line in scene.ropes for one in line.made_of)
+    ropes: list[Rope] = []
+    for number, line in enumerate(scene.ropes):
+        own = figures.get(line.to, NOTHING) if owners.get(line.to) == number else NOTHING
+        rope = _rope(scene, number, own)
+        first, last = ends_of(scene, line)
+        low = np.array(line.fixed_at_m) if line.fixed_at_m else where[first]
+        n = int(rope.state.counts[ELEMENTS])
+        rope.state.nodes[POSITION : POSITION + 3, : n + 1] = laid(
+            low, where[last], rope.state.s[: n + 1], _floats(scene, line)
+        )
+        first_free = 1 if line.fixed_at_m else 0
+        tolerance = ropes[0].model.tolerance if ropes else rope.model.tolerance
+        model = rope.model._replace(first_free=first_free, tolerance=tolerance)
+        law = tables_of(line) if tables else None
+        ropes.append(rope._replace(model=model, law=law))
+    joint_of = {name: number for number, name in enumerate(_meetings(scene))}
+    hang_offs = places(scene)
+    unknown = (np.nan,) * 3
+    ends = [[joint_of.get(name, LOOSE) for name in ends_of(scene, line)] for line in scene.ropes]
+    lower, upper = (list(some) for some in zip(*ends, strict=True))
+    held = np.hstack([_ties(scene, joint_of), tethers(scene, joint_of)])
+    return BuiltSystem(
+        reeve(new_system(tuple(ropes), lower, upper, held), wheels(scene, joint_of)),
+        owners,
+        np.array([hang_offs.get(line.from_, unknown) for line in scene.ropes], dtype=float),
+    )
+
+
+def _rope(scene: Scene, number: int, own: PayloadFigures) -> Rope:
+    """A rope's arrays, with effects that see what is at its lower end, and how large it is.
+
+    Where that is no payload nothing slams on the surface.
+    """
+    single = alone(scene, number)
+    rope = build(single).rope
+    if runs_over_sheave(scene, scene.ropes[number]):  # damped alike on both sides: as one rope
+        both = build(alone(with_both_stretches(scene, number), number)).rope
+        rope.sections[C] = both.sections[C]
+    effects = tuple(_own_params(scene, number, own, params) for params in scene.effects)
+    return rope._replace(effects=build_effects(replace(single, effects=effects), own))
+
+
+def _own_params(scene: Scene, number: int, own: PayloadFigures, params: Any) -> Any:
+    """An effect's parameters as they are of one rope."""
+    line = scene.ropes[number]
+    if isinstance(params, SplashZoneParams):
+        payloads = {one.name: one.splash_zone for one in scene.payloads}
+        params = payloads.get(line.to) or params
+        if line.to not in payloads or own is NOTHING:
+            params = replace(params, bottom_area_m2=0.0)
+    if isinstance(params, BendingParams):
+        params = line.bending or params
+        if line.from_ not in places(scene):  # a joint is a hinge
+            params = replace(params, clamped_along=None)
+    return params
+
+
+def _floats(scene: Scene, line: RopeLine) -> bool:
+    """Whether the rope as a whole is lighter than water."""
+    lengths = line.lengths_m(line.length_m)
+    weights = (weight_n_per_m(one.rope, scene.environment) for one in line.made_of)
+    return sum(w * length for w, length in zip(weights, lengths, strict=True)) < 0.0
+
+
+def _meetings(scene: Scene) -> list[str]:
+    """Payloads and joints that more than one rope or a bar ends at."""
+    ends = [name for line in scene.ropes for name in (line.from_, line.to)]
+    ends += [name for strut in scene.struts for name in strut.between]
+    points: list[Any] = [*scene.payloads, *scene.joints, *scene.sheaves]
+    barred = {name for strut in scene.struts for name in strut.between}
+    return [one.name for one in points if ends.count(one.name) > 1 or one.name in barred]
+
+
+def _ties(scene: Scene, joint_of: dict[str, int]) -> Floats:
+    """The bars as ties that push, (TIE_ROWS, struts)."""
+    made = np.zeros((ties.TIE_ROWS, len(scene.struts)))
+    for column, strut in zip(made.T, scene.struts, strict=True):
+        column[ties.FIRST], column[ties.SECOND] = (joint_of[name] for name in strut.between)
+        column[ties.LENGTH] = strut.length_m
+        column[ties.STIFFNESS] = strut.stiffness_n_per_m
+        column[ties.DAMPING] = strut.damping_newton_seconds_per_m
+        column[ties.LEAST] = -np.inf
+    return made
+
+
+def _steel(mass_kg: float) -> PayloadFigures:
+    return replace(NOTHING, mass_kg=mass_kg, volume_m3=mass_kg / STEEL_KG_PER_M3)
+
+
+def _sum(one: PayloadFigures, other: PayloadFigures) -> PayloadFigures:
+    x, y, z = (a + b for a, b in zip(one.added_mass_kg, other.added_mass_kg, strict=True))
+    u, v, w = (a + b for a, b in zip(one.drag_area_m2, other.drag_area_m2, strict=True))
+    return PayloadFigures(
+        one.mass_kg + other.mass_kg, one.volume_m3 + other.volume_m3, (x, y, z), (u, v, w)
+    )

@@ -1,0 +1,277 @@
+"""Sense checks: what a scene may say but hardly means, told in numbers with the way out.
+
+A check never stops anything and changes nothing. Each yields sentences `where: what; way out.`
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from math import ceil, floor, sqrt
+
+from rope_twin.errors import phrase
+from rope_twin.scene.arrays.composite import Bar, tension_at_length
+from rope_twin.scene.arrays.joined import alone
+from rope_twin.scene.checks.water import check_current, check_environment, check_water, is_air
+from rope_twin.scene.checks.winch import check_winch
+from rope_twin.scene.figures import (
+    LiftFigures,
+    lift_figures,
+    listed_effects,
+    schedule_meets_limit,
+)
+from rope_twin.scene.rules.rigging import is_joined
+from rope_twin.scene.rules.shedding import (
+    coarse_for_vortices,
+    model_beside,
+    odd_vortices,
+    shedding_model,
+)
+from rope_twin.scene.schema import Rope, Scene
+
+SAFETY_FACTOR = 3.0  # of breaking load over static load, common for lifting wire
+LONGEST_ELEMENT_M, SHORTEST_ELEMENT_M = 50.0, 0.5
+LARGEST_DAMPING = 0.1  # of critical
+# Measured with TR-BDF2 on snapping ropes: peak 0.2, 1 and 6 % low at T/h = 200, 100 and 40.
+STEPS_PER_PERIOD = 100.0
+STEPS_PER_ROPE_WAVE = 10.0
+STEPS_PER_WAVE = 50.0
+SHORTEST_WAVE_S = 2.5  # 0.4 Hz, the end of a measured wave spectrum
+SHORTEST_RAMP_S = 2.0
+WAVE_SPEEDS_M_PER_S = (800.0, 12000.0)  # nylon and polyester to HMPE under load
+ROPE_DENSITIES_KG_PER_M3 = (300.0, 9000.0)
+
+Check = Callable[[Scene, LiftFigures], Iterator[str]]
+
+
+def sense_checks(scene: Scene) -> list[str]:
+    """Every warning about a scene, one sentence each; an empty list if nothing stands out.
+
+    Raises:
+        SceneError: if the payload's figures cannot be known.
+    """
+    if is_joined(scene):
+        return list(_joined(scene))
+    figures = lift_figures(scene)
+    return [warning for check in CHECKS for warning in check(scene, figures)]
+
+
+def _joined(scene: Scene) -> Iterator[str]:
+    """Of the first rope with all that hangs on it, and the elements and figures of the others."""
+    yield from sense_checks(alone(scene, 0))
+    for number in range(1, len(scene.ropes)):
+        own = alone(scene, number)
+        figures = lift_figures(own)
+        for check in (_elements, _rope_figures, _damping):
+            for warning in check(own, figures):
+                yield warning.replace("ropes[0]", f"ropes[{number}]", 1)
+
+
+def _load(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    line = scene.ropes[0]
+    lengths = {"ropes[0]": (line.length_m, "")}
+    if scene.winch:
+        most = scene.winch.most_line_out_m
+        lengths["winch.most_line_out_m"] = (most, f" with {most:g} m out")
+    for path, (length, when) in lengths.items():
+        rope, tension = figures.weakest(length)
+        breaking = rope.breaking_load_n
+        if line.fixed_at_m or tension <= breaking / SAFETY_FACTOR:
+            continue
+        top = "top tension" if len(figures.bars) == 1 else f"tension of {_called(rope)}"
+        what = (
+            f"static {top} {tension / 1e3:.0f} kN{when} against a breaking load of "
+            f"{breaking / 1e3:.0f} kN"
+        )
+        if tension >= breaking:
+            yield phrase(path, f"{what}: the rope breaks", "take a stronger rope or a lighter load")
+            return
+        what = f"{what}, a safety factor of {breaking / tension:.2f}"
+        yield phrase(path, what, f"below {SAFETY_FACTOR:g} take a stronger rope or a lighter load")
+        return
+
+
+def _fixed_end(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    line = scene.ropes[0]
+    if not line.fixed_at_m:
+        return
+    weakest = min(bar.rope.breaking_load_n for bar in figures.bars)
+    tension = tension_at_length(figures.bars, figures.chord_m)
+    if tension > weakest / SAFETY_FACTOR:
+        what = (
+            f"the fixed end is {figures.chord_m:.1f} m from the hang-off, which stretches "
+            f"{line.length_m:g} m of rope to {tension / 1e3:.0f} kN"
+        )
+        yield phrase("ropes[0].fixed_at_m", what, "give more rope, or a nearer end")
+
+
+def _elements(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    line, length = scene.ropes[0], figures.longest_element_m
+    if length > LONGEST_ELEMENT_M:
+        what = f"elements of {length:.1f} m are coarse for waves and bends of the rope"
+        right = f"give at least {ceil(line.length_m / LONGEST_ELEMENT_M)} (4 m where slack matters)"
+        yield phrase("ropes[0].elements", what, right)
+    length = figures.shortest_element_m
+    fine = line.grading is not None or (shedding_model(scene) and model_beside(scene) is None)
+    if length < SHORTEST_ELEMENT_M and not fine:
+        what = f"elements of {length:.2f} m cost time and bring no accuracy"
+        right = f"{max(3, floor(line.length_m / SHORTEST_ELEMENT_M))} elements are plenty"
+        yield phrase("ropes[0].elements", what, right)
+
+
+def _rope_figures(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    for number, bar in enumerate(figures.bars):
+        path = "ropes[0].rope" if len(figures.bars) == 1 else f"ropes[0].sections[{number}].rope"
+        yield from _one_rope(path, bar)
+
+
+def _one_rope(path: str, bar: Bar) -> Iterator[str]:
+    rope, speed = bar.rope, sqrt(bar.stiffness_n / bar.rope.mass_kg_per_m)
+    low, high = WAVE_SPEEDS_M_PER_S
+    if not low <= speed <= high:
+        what = f"axial waves run at {speed:.0f} m/s (steel wire 3200, polyester 2500, HMPE 8500)"
+        yield phrase(path, what, "check axial_stiffness_n [N] and mass_kg_per_m")
+    density = rope.mass_kg_per_m / (0.785398 * rope.hydrodynamic_diameter_m**2)
+    low, high = ROPE_DENSITIES_KG_PER_M3
+    if not low <= density <= high:
+        what = f"its mass over its volume is {density:.0f} kg/m³ (steel wire 7900, HMPE 975)"
+        yield phrase(path, what, "check mass_kg_per_m and hydrodynamic_diameter_m")
+
+
+def _called(rope: Rope) -> str:
+    return rope.about or f"the {1e3 * rope.diameter_m:g} mm rope"
+
+
+def _payload_floats(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    if figures.payload is None:
+        return
+    in_air = figures.payload.mass_kg * scene.environment.gravity_m_per_s2
+    weight, volume = figures.payload_weight_n, figures.payload.volume_m3
+    if weight >= 0.05 * in_air and weight > 0.0:
+        return
+    state = "floats" if weight <= 0.0 else "nearly floats"
+    what = (
+        f"it {state}: {in_air / 1e3:.1f} kN in air displaces {volume:.2f} m³ and weighs "
+        f"{weight / 1e3:.1f} kN in water"
+    )
+    right = "give more mass_kg, or the displaced_volume_m3 of a frame or flooded body"
+    yield phrase("payloads[0]", what, right)
+
+
+def _rope_floats(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    line = scene.ropes[0]
+    lift = -figures.rope_weight_n_per_m * line.length_m
+    if figures.payload is None or lift <= max(figures.payload_weight_n, 0.0) / SAFETY_FACTOR:
+        return
+    what = (
+        f"the rope floats with {lift / 1e3:.2f} kN over {line.length_m:g} m against "
+        f"{figures.payload_weight_n / 1e3:.2f} kN of payload"
+    )
+    yield phrase("ropes[0]", what, "give a heavier payload, or it hangs slack or rises")
+
+
+def _effects(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    listed = listed_effects(scene)
+    if "weight" not in listed:
+        what = "`weight` is not listed: the rope weighs nothing and does not float either"
+        yield phrase("effects", what, "add `- weight: {}`")
+    if scene.payloads and not {"payload", "rigid_body"}.intersection(listed):
+        what = f"`payload` is not listed: '{scene.payloads[0].name}' has no mass, weight or drag"
+        yield phrase("effects", what, "add `- payload: {}`")
+    if "waves" in listed and "drag" not in listed:
+        what = "`waves` is listed without `drag`: the rope feels its acceleration alone"
+        yield phrase("effects", what, "add `- drag: {normal: ..., tangential: ...}`")
+    if "current" in listed and "drag" not in listed:
+        what = "`current` is listed without `drag`: the rope does not feel it"
+        yield phrase("effects", what, "add `- drag: {normal: ..., tangential: ...}`")
+
+
+def _bending(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    bending = listed_effects(scene).get("bending")
+    if scene.winch and bending and bending.clamped_along is not None:
+        what = "rope from a winch is held in one direction (it jerks where elements split)"
+        yield phrase("effects bending.clamped_along", what, "leave it out, or the winch")
+
+
+def _step(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    step = scene.time.step_s
+    rope_wave = 2.0 * scene.ropes[0].length_m / figures.axial_wave_speed_m_per_s
+    limits = [
+        (rope_wave, STEPS_PER_ROPE_WAVE, "the rope's own axial wave", "that wave is damped away"),
+        (SHORTEST_WAVE_S, STEPS_PER_WAVE, "the shortest sea waves", "they are cut off"),
+    ]
+    if figures.payload is not None:
+        name = "the first axial period of rope and payload"
+        limits.append((figures.first_axial_period_s, STEPS_PER_PERIOD, name, "snap peaks too low"))
+    for period, steps, name, loss in limits:
+        if step * steps > period * (1.0 + 1e-9):
+            what = f"{step:g} s is coarse for {name}, {period:.3g} s ({loss})"
+            yield phrase("time.step_s", what, f"give {period / steps:.2g} s or less")
+
+
+def _damping(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    path, fraction = "ropes[0].damping", figures.damping_fraction
+    line = scene.ropes[0]
+    if line.damping.fraction_of_one_element is not None:
+        c = max(figures.damping_newton_seconds)
+        what = (
+            f"given per element: {line.elements} elements make {c:.3g} N·s of it, "
+            f"{100.0 * fraction:.2g} % of critical on the first axial mode, twice as many half that"
+        )
+        right = f"give `fraction_of_first_axial_mode: {fraction:.3g}`, so that it stays as it is"
+        yield phrase(path, what, right)
+    if fraction > LARGEST_DAMPING:
+        what = f"{100.0 * fraction:.0f} % of critical on the first axial mode"
+        yield phrase(path, what, "steel wire has 1 to 2 %, HMPE 3 to 5 %")
+    if fraction == 0.0:
+        what = "without damping a snap's peak has no limit as elements get shorter"
+        yield phrase(path, what, "steel wire has 1 to 2 % of critical, HMPE 3 to 5 %")
+
+
+def _schedule(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    winch = scene.winch
+    if winch is None:
+        return
+    met = schedule_meets_limit(winch, scene.ropes[0].length_m)
+    if met is not None:
+        when, limit = met
+        name = "most_line_out_m" if limit == winch.most_line_out_m else "least_line_out_m"
+        what = f"it drives the line out against {name} ({limit:g} m) after {when:.0f} s"
+        right = "the winch stops there; let the schedule return, or change the limit"
+        yield phrase("winch.schedule", what, right)
+    fastest = max((row.speed_m_per_s or 0.0 for row in winch.schedule), default=0.0)
+    sinking = figures.sinking_speed_m_per_s(scene.environment.water_density_kg_per_m3)
+    if figures.payload is not None and fastest > sinking:
+        what = f"it lowers at {fastest:g} m/s but the payload sinks at {sinking:.2f} m/s"
+        yield phrase("winch.schedule", what, "lower more slowly, or the rope falls slack")
+
+
+def _ship(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    height, ramp = scene.ship.hang_off_m[2], scene.ship.motion_ramp_s
+    if height > 0.0 and not is_air(scene):
+        what = f"{height:g} m above the water; this version treats the rope there as under water"
+        yield phrase("ship.hang_off_m[2]", what, "expect a little too much buoyancy and drag")
+    if scene.sea_state.moves and ramp < SHORTEST_RAMP_S:
+        what = f"the ship's motion is there within {ramp:g} s, which kicks the resting rope"
+        yield phrase("ship.motion_ramp_s", what, "give 8 s or so")
+
+
+CHECKS: tuple[Check, ...] = (
+    _load,
+    _fixed_end,
+    _elements,
+    _rope_figures,
+    _payload_floats,
+    _rope_floats,
+    _effects,
+    _bending,
+    _step,
+    _damping,
+    _schedule,
+    check_winch,
+    check_water,
+    _ship,
+    check_current,
+    coarse_for_vortices,
+    odd_vortices,
+    check_environment,
+)

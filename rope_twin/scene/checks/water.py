@@ -1,0 +1,171 @@
+"""Sense checks of the water: depths, waves, current, density; and of gravity."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from math import dist, hypot, pi, tanh
+
+from rope_twin.effects.waves import WavesParams
+from rope_twin.errors import phrase
+from rope_twin.scene.figures import LiftFigures, listed_effects
+from rope_twin.scene.rules.rigging import places, winches_by_name
+from rope_twin.scene.rules.water import bed_at, bed_of
+from rope_twin.scene.schema import Scene
+
+LONGEST_ARM_M = 400.0  # the longest ships
+STEEPEST = 0.142  # H/L of a wave that breaks in deep water (Miche 1944)
+ANOTHER = 0.2  # of the bed's depth: what that of the waves may differ by, where the bed slopes
+SAGGING = 1.01  # rope may be so much longer than the depth and still hang
+
+
+def check_water(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """Of ropes, winches and waves."""
+    yield from _ends(scene)
+    yield from _depth_orders(scene)
+    yield from _steepness(scene)
+    yield from _sea_steepness(scene)
+    yield from _depth_of_waves(scene)
+    yield from _arm(scene)
+
+
+def _ends(scene: Scene) -> Iterator[str]:
+    bed = bed_of(scene)
+    line, (x, y, z) = scene.ropes[0], scene.ship.hang_off_m
+    if line.fixed_at_m is not None and line.fixed_at_m[2] > 0.0:
+        what = f"the lower end is held {line.fixed_at_m[2]:g} m above the water"
+        yield phrase("ropes[0].fixed_at_m", what, "depths are negative: z counts up")
+    if bed is None:
+        return
+    height = z - bed_at(bed, x, y)
+    if line.fixed_at_m is None and line.length_m > SAGGING * height:
+        what = f"{line.length_m:g} m of rope are out over a bed {height:g} m below the hang-off"
+        right = "payload and rope begin lying on it; give less rope if they are to hang"
+        yield phrase("ropes[0].length_m", what, right)
+
+
+def _depth_orders(scene: Scene) -> Iterator[str]:
+    """Depths that the winch cannot reach, by its rope or for the bed."""
+    bed, hang_offs = bed_of(scene), places(scene)
+    for name, winch in winches_by_name(scene).items():
+        x, y, z = hang_offs[name]
+        for number, row in enumerate(winch.schedule):
+            if row.payload_depth_m is None:
+                continue
+            where = f"schedule of winch '{name}', row {number}"
+            most = winch.most_line_out_m - z
+            if row.payload_depth_m > most:
+                what = f"a depth of {row.payload_depth_m:g} m needs more rope than there is"
+                yield phrase(where, what, f"give at most {most:g} m, or raise most_line_out_m")
+            elif bed is not None and -row.payload_depth_m < bed_at(bed, x, y):
+                what = f"a depth of {row.payload_depth_m:g} m is below the bed"
+                yield phrase(where, what, f"the bed is at {-bed_at(bed, x, y):g} m there")
+
+
+def _steepness(scene: Scene) -> Iterator[str]:
+    waves = listed_effects(scene).get("waves")
+    if not isinstance(waves, WavesParams) or waves.regular is None:
+        return
+    height, period = waves.regular.height_m, waves.regular.period_s
+    deep = scene.environment.gravity_m_per_s2 * period**2 / (2.0 * pi)
+    length, depth = deep, waves.depth_m
+    if depth is not None and deep > 0.0:
+        for _ in range(50):  # L = L₀·tanh(2π·d/L), halfway each time
+            length = 0.5 * (length + deep * tanh(2.0 * pi * depth / length))
+    steepest = STEEPEST * length * (1.0 if depth is None else tanh(2.0 * pi * depth / length))
+    if height > steepest:
+        what = f"a wave of {height:g} m in {period:g} s is {length:.0f} m long and would break"
+        yield phrase("effects waves.regular", what, f"give at most {steepest:.1f} m, or more time")
+
+
+def _sea_steepness(scene: Scene) -> Iterator[str]:
+    """Hs over the deep-water length of Tp: at most 1/15 up to 8 s, 1/25 from 15 s on.
+
+    DNV-RP-C205, 3.5.4, linear between.
+    """
+    waves = listed_effects(scene).get("waves")
+    if not isinstance(waves, WavesParams) or waves.jonswap is None:
+        return
+    height, period = waves.jonswap.significant_height_m, waves.jonswap.peak_period_s
+    part = min(max((period - 8.0) / 7.0, 0.0), 1.0)
+    length = scene.environment.gravity_m_per_s2 * period**2 / (2.0 * pi)
+    most = length * (1.0 / 15.0 + part * (1.0 / 25.0 - 1.0 / 15.0))
+    if height > most:
+        what = f"Hs {height:g} m at Tp {period:g} s is steeper than seas are"
+        yield phrase("effects waves.jonswap", what, f"give at most {most:.1f} m, or more time")
+
+
+def _depth_of_waves(scene: Scene) -> Iterator[str]:
+    """Waves know the depth by their own key, not by the bed."""
+    waves, bed = listed_effects(scene).get("waves"), bed_of(scene)
+    if not isinstance(waves, WavesParams) or bed is None:
+        return
+    depth = -bed_at(bed, *scene.ship.hang_off_m[:2])
+    if waves.depth_m is not None:
+        if abs(waves.depth_m - depth) > ANOTHER * depth:
+            what = f"waves of water {waves.depth_m:g} m deep over a bed at {depth:g} m"
+            yield phrase("effects waves.depth_m", what, f"give {depth:g} m")
+        return
+    if waves.regular is not None:
+        period = waves.regular.period_s
+    elif waves.jonswap is not None:
+        period = waves.jonswap.peak_period_s
+    else:
+        return
+    half = 0.5 * scene.environment.gravity_m_per_s2 * period**2 / (2.0 * pi)
+    if depth < half:
+        what = f"waves of deep water, {2.0 * half:.0f} m long, over a bed at {depth:g} m feel it"
+        yield phrase("effects waves", what, f"add depth_m: {depth:g}")
+
+
+def _arm(scene: Scene) -> Iterator[str]:
+    if scene.ship.reference_m is None:
+        return
+    arm = dist(scene.ship.reference_m, scene.ship.hang_off_m)
+    if arm > LONGEST_ARM_M:
+        what = f"it is {arm:.0f} m from the hang-off"
+        yield phrase("ship.reference_m", what, f"a ship has arms of at most {LONGEST_ARM_M:g} m")
+
+
+def check_current(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """Of a profile that does not reach from the hang-off to the rope's end."""
+    current = listed_effects(scene).get("current")
+    if current is None or current.layers is not None:  # two layers are all there is
+        return
+    length = scene.winch.most_line_out_m if scene.winch else scene.ropes[0].length_m
+    top = scene.ship.hang_off_m[2]
+    bottom = scene.ropes[0].fixed_at_m[2] if scene.ropes[0].fixed_at_m else top - length
+    (first, first_velocity), (last, last_velocity) = current.points[0], current.points[-1]
+    if first < min(top, 0.0) and hypot(*first_velocity) > 0.0:
+        yield _held(first, first_velocity, "above", f"{min(top, 0.0):g} m")
+    if last > bottom and hypot(*last_velocity) > 0.0:
+        yield _held(last, last_velocity, "below", f"{bottom:g} m")
+
+
+def _held(z: float, velocity: tuple[float, float], side: str, reach: str) -> str:
+    east, north = velocity
+    what = (
+        f"{side} its row at z = {z:g} m the value there ({east:g} east, {north:g} north m/s) is "
+        f"held, as far as the rope's end at z = {reach}"
+    )
+    return phrase("effects current.profile", what, "add a row there")
+
+
+def is_air(scene: Scene) -> bool:
+    """Whether all of it stays above the water, in air, which then stands in for the water."""
+    longest = scene.winch.most_line_out_m if scene.winch else scene.ropes[0].length_m
+    density = scene.environment.water_density_kg_per_m3
+    return 1.0 <= density <= 1.4 and scene.ship.hang_off_m[2] > longest
+
+
+def check_environment(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """Of the water's density and of gravity."""
+    density, gravity = (
+        scene.environment.water_density_kg_per_m3,
+        scene.environment.gravity_m_per_s2,
+    )
+    if not 990.0 <= density <= 1060.0 and not is_air(scene):
+        what = f"{density:g} kg/m³ is neither fresh nor sea water"
+        yield phrase("environment.water_density_kg_per_m3", what, "sea water has 1025")
+    if not 9.76 <= gravity <= 9.84:
+        what = f"{gravity:g} m/s² is not the Earth's"
+        yield phrase("environment.gravity_m_per_s2", what, "standard gravity is 9.80665")

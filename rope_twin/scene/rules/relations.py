@@ -1,0 +1,262 @@
+"""What must hold between the values of a scene: references, order, limits.
+
+Each rule yields its faults as (path in the file, what is wrong, what would be right); the reader
+has already checked every value by itself.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from collections.abc import Callable, Iterator
+from itertools import pairwise
+
+from rope_twin.effects import EFFECTS
+from rope_twin.effects.drag import DragParams
+from rope_twin.effects.fairing import FairingParams
+from rope_twin.effects.net import NetParams
+from rope_twin.effects.splash_zone import SplashZoneParams
+from rope_twin.scene.arrays.composite import ends_m
+from rope_twin.scene.arrays.grid import grading_faults
+from rope_twin.scene.rising import TwoWayShape
+from rope_twin.scene.rules.body import body_holds
+from rope_twin.scene.rules.motion import MOTION_RULES
+from rope_twin.scene.rules.rigging import RIGGING_RULES, is_joined, winch_of, winches
+from rope_twin.scene.rules.sea import SEA_RULES
+from rope_twin.scene.rules.sheaves import sheaves_hold
+from rope_twin.scene.rules.shedding import model_beside, shedding_model
+from rope_twin.scene.rules.water import WATER_RULES
+from rope_twin.scene.rules.winch import WINCH_RULES
+from rope_twin.scene.schema import Scene, Winch
+
+Fault = tuple[str, str, str]
+
+
+def faults(scene: Scene) -> Iterator[Fault]:
+    """Every fault between the values of a scene, in the order of RULES."""
+    for rule in RULES:
+        yield from rule(scene)
+
+
+def _names(scene: Scene) -> Iterator[Fault]:
+    ropes = [line.name for line in scene.ropes]
+    payloads = [payload.name for payload in scene.payloads]
+    for key, names in (("ropes", ropes), ("payloads", payloads)):
+        counts = Counter(names)
+        for number, name in enumerate(names):
+            if not name:
+                yield f"{key}[{number}].name", "the name is empty", "give it a name"
+            if counts[name] > 1:
+                what = f"{counts[name]} {key} are named '{name}'"
+                yield f"{key}[{number}].name", what, "give each its own name"
+
+
+def _payload_figures(scene: Scene) -> Iterator[Fault]:
+    for number, payload in enumerate(scene.payloads):
+        given = {
+            "displaced_volume_m3": payload.displaced_volume_m3,
+            "added_mass_kg": payload.added_mass_kg,
+            "drag_area_m2": payload.drag_area_m2,
+        }
+        missing = [name for name, value in given.items() if value is None]
+        if payload.shape is None and missing:
+            what = f"without a shape {', '.join(missing)} cannot be known"
+            yield f"payloads[{number}]", what, "add a shape, or these keys"
+
+
+def _one_of_rope_and_sections(scene: Scene) -> Iterator[Fault]:
+    for number, line in enumerate(scene.ropes):
+        path = f"ropes[{number}]"
+        if line.rope is not None and line.sections:
+            right = "keep `rope` (all of one kind) or `sections` (several, from the lower end up)"
+            yield path, "both `rope` and `sections` are given", right
+        elif line.rope is None and not line.sections:
+            right = "add `rope` (a preset's name or figures), or `sections`"
+            yield path, "it is not said what it is made of", right
+
+
+def _section_lengths(scene: Scene) -> Iterator[Fault]:
+    for number, line in enumerate(scene.ropes):
+        path = f"ropes[{number}].sections"
+        for k, section in enumerate(line.sections[:-1]):
+            if section.length_m is None:
+                what = "only the topmost section may do without a length"
+                yield f"{path}[{k}]", what, "add length_m"
+                return
+        lengths = [section.length_m for section in line.sections]
+        winch = winch_of(scene, line)
+        needed = winch.most_line_out_m if winch else line.length_m
+        if lengths and lengths[-1] is not None:
+            total = sum(length or 0.0 for length in lengths)
+            if total < needed:
+                what = f"the sections are {total:g} m long together, of {needed:g} m of rope"
+                right = "lengthen one, or leave the topmost one's length_m out: it then has no end"
+                yield path, what, right
+        out = sum(end < line.length_m for end in ends_m(line)) + 1
+        if out > line.elements:
+            what = f"{line.elements} elements for {out} sections that are out"
+            yield f"ropes[{number}].elements", what, f"give at least {out}"
+
+
+def _own_drag(scene: Scene) -> Iterator[Fault]:
+    drag = next((params for params in scene.effects if isinstance(params, DragParams)), None)
+    for number, line in enumerate(scene.ropes):
+        for section in line.made_of if drag is not None else ():
+            for name in ("normal", "tangential"):
+                own = getattr(section.rope, f"drag_{name}", None)
+                if own is not None and getattr(drag, name) == 0.0:
+                    what = (
+                        f"drag.{name} is 0 but {section.rope.about or 'a rope'} has its own {own:g}"
+                    )
+                    right = "give the scene's coefficient a value, or leave the rope's own out"
+                    yield f"ropes[{number}]", what, right
+
+
+def _grading(scene: Scene) -> Iterator[Fault]:
+    for number, line in enumerate(scene.ropes):
+        if line.grading is not None:
+            winch = winch_of(scene, line)
+            least = winch.least_line_out_m if winch else None
+            path = f"ropes[{number}].grading"
+            yield from ((path, *words) for words in grading_faults(line, line.grading))
+            lowest = line.grading.lowest_m or (line.grading.nodes_m or (0.0,))[0]
+            if least is not None and lowest >= least:
+                what = f"the lowest element is {lowest:g} m, the winch hauls in to {least:g} m"
+                yield path, what, "shorten it, or raise least_line_out_m"
+
+
+def _damping(scene: Scene) -> Iterator[Fault]:
+    for number, line in enumerate(scene.ropes):
+        given = [value for value in dataclasses.astuple(line.damping) if value is not None]
+        if len(given) != 1:
+            what = ("no damping is", "", "two dampings are", "three dampings are")[len(given)]
+            right = "give exactly one of newton_seconds and fraction_of_first_axial_mode"
+            yield f"ropes[{number}].damping", f"{what} given", right
+
+
+def _line_out(scene: Scene) -> Iterator[Fault]:
+    for path, winch in winches(scene):
+        least, most = winch.least_line_out_m, winch.most_line_out_m
+        if least >= most:
+            what = f"{least:g} m is not below most_line_out_m ({most:g} m)"
+            yield f"{path}.least_line_out_m", what, "give a smaller one"
+            return
+    for number, line in enumerate(scene.ropes):
+        own = winch_of(scene, line)
+        if own and not own.least_line_out_m <= line.length_m <= own.most_line_out_m:
+            reach = f"{own.least_line_out_m:g} to {own.most_line_out_m:g} m"
+            what = f"{line.length_m:g} m lies outside the winch's {reach}"
+            right = "change it, or least_line_out_m or most_line_out_m of the winch"
+            yield f"ropes[{number}].length_m", what, right
+
+
+def _schedule(scene: Scene) -> Iterator[Fault]:
+    for path, winch in winches(scene):
+        yield from _one_schedule(path, winch)
+
+
+def _one_schedule(path: str, winch: Winch) -> Iterator[Fault]:
+    for number, row in enumerate(winch.schedule):
+        if row.speed_m_per_s is not None and abs(row.speed_m_per_s) > winch.speed_limit_m_per_s:
+            what = f"{row.speed_m_per_s:g} m/s is over the winch's {winch.speed_limit_m_per_s:g}"
+            right = "slow it down, or raise speed_limit_m_per_s"
+            yield f"{path}.schedule[{number}].speed_m_per_s", what, right
+    for number, (before, after) in enumerate(pairwise(winch.schedule), start=1):
+        beside = after.at_s == before.at_s and bool(after.switch) != bool(before.switch)
+        if after.at_s <= before.at_s and not beside:
+            what = f"{after.at_s:g} s comes after {before.at_s:g} s in the list"
+            yield f"{path}.schedule[{number}].at_s", what, "order the rows by time, each time once"
+    repeat, where = winch.schedule_repeats_every_s, f"{path}.schedule_repeats_every_s"
+    if repeat is None:
+        return
+    if not winch.schedule:
+        yield where, "there is no schedule to repeat", "add `schedule`, or leave this out"
+    elif repeat <= winch.schedule[-1].at_s:
+        what = f"{repeat:g} s cuts off the row at {winch.schedule[-1].at_s:g} s"
+        yield where, what, "give more than the time of the last row"
+
+
+def _effects(scene: Scene) -> Iterator[Fault]:
+    names = {effect.params: effect.name for effect in EFFECTS}
+    listed = [names[type(params)] for params in scene.effects]
+    if "payload" in listed and not (scene.payloads or scene.joints):
+        yield "effects", "`payload` is listed but no payload is", "add `payloads`, or leave it out"
+    shedding = [effect.name for effect in EFFECTS if effect.sheds and effect.name in listed]
+    if len(shedding) > 1:
+        what = f"{' and '.join(shedding)} are models of the same vortices"
+        yield "effects", what, "keep one of them"
+    if "splash_zone" in listed and not {"payload", "rigid_body"}.intersection(listed):
+        what = "`splash_zone` takes off what `payload` brings, which is not listed"
+        yield "effects", what, "add `- payload: {}`"
+
+
+def _drag_that_grows(scene: Scene) -> Iterator[Fault]:
+    """A model of vortices beside the step makes one coefficient grow."""
+    own, model = model_beside(scene), shedding_model(scene)
+    drag = next((one for one in scene.effects if isinstance(one, DragParams)), None)
+    if own is None or own.drag is not None or drag is None:
+        return
+    if drag.over_reynolds or not drag.relative:
+        what = f"`{model}` makes one drag coefficient grow, and `drag` has no such one"
+        right = f"give `{model}` a `drag` of its own, or leave over_reynolds and relative out"
+        yield "effects", what, right
+
+
+def _own_splash_zone(scene: Scene) -> Iterator[Fault]:
+    """A payload's own size in the splash zone stands in place of the effect's."""
+    listed = any(isinstance(own, SplashZoneParams) for own in scene.effects)
+    for number, payload in enumerate(scene.payloads):
+        path = f"payloads[{number}].splash_zone"
+        if payload.splash_zone is not None and not listed:
+            yield path, "the effect `splash_zone` is not listed", "list it, or leave this out"
+        elif payload.splash_zone is not None and not is_joined(scene):
+            yield path, "this is the only payload", "give the figures to the effect `splash_zone`"
+
+
+def _at_the_end(scene: Scene) -> Iterator[Fault]:
+    """What hangs at the lower end needs a payload there."""
+    for own in scene.effects:
+        if isinstance(own, NetParams | FairingParams) and not scene.payloads:
+            name = "net" if isinstance(own, NetParams) else "fairing"
+            what = f"`{name}` is at the payload, and there is none"
+            yield "effects", what, "give the rope a payload, or leave it out"
+
+
+def _two_ways(scene: Scene) -> Iterator[Fault]:
+    """A payload that rises by other figures than it sinks."""
+    splashes = any(isinstance(own, SplashZoneParams) for own in scene.effects)
+    for number, payload in enumerate(scene.payloads):
+        if payload.rising is None and not isinstance(payload.shape, TwoWayShape):
+            continue
+        what = f"'{payload.name}' rises by other figures than it sinks"
+        if splashes:
+            right = "leave out `splash_zone`, which knows one set, or `rising` (and give a box)"
+            yield f"payloads[{number}]", what, right
+        elif is_joined(scene):
+            right = "where ropes meet give one set: leave out `rising`, or take another shape"
+            yield f"payloads[{number}]", what, right
+
+
+RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
+    _names,
+    *RIGGING_RULES,
+    sheaves_hold,
+    _payload_figures,
+    _one_of_rope_and_sections,
+    _section_lengths,
+    _own_drag,
+    _grading,
+    _damping,
+    _line_out,
+    _schedule,
+    *WINCH_RULES,
+    _effects,
+    _drag_that_grows,
+    body_holds,
+    _two_ways,
+    _at_the_end,
+    _own_splash_zone,
+    *SEA_RULES,
+    *MOTION_RULES,
+    *WATER_RULES,
+)

@@ -1,0 +1,92 @@
+"""What must hold of the sea that moves a scene's ship: a record, a sine, or waves."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from math import pi
+from pathlib import Path
+
+from rope_twin.effects.waves import WavesParams
+from rope_twin.errors import did_you_mean
+from rope_twin.scene.schema import Scene
+from rope_twin.share import share_dir
+
+Fault = tuple[str, str, str]
+FASTEST_HEAVE_M_PER_S = 15.0  # as the twin believes at its input (twin/motion/ship.py)
+
+
+def bag_path(scene: Scene) -> Path | None:
+    """Where the bag of a scene lies (whether it exists or not); None without a bag."""
+    poses = scene.sea_state.poses
+    bag = scene.sea_state.bag or (poses.bag if poses else "")
+    if not bag:
+        return None
+    if is_path(bag):
+        return scene.path.parent / bag
+    return share_dir() / "bags" / bag
+
+
+def is_path(bag: str) -> bool:
+    """Whether a bag is given by a path rather than by a name in bags/."""
+    return "/" in bag or bag.startswith(".") or bag.endswith(".mcap")
+
+
+def _bag(scene: Scene) -> Iterator[Fault]:
+    path, sea = bag_path(scene), scene.sea_state
+    if path is None or path.is_dir() or path.is_file():
+        return
+    where, bag = "sea_state.bag", sea.bag
+    if sea.poses is not None and not bag:
+        where, bag = "sea_state.poses.bag", sea.poses.bag
+    if is_path(bag):
+        yield where, f"there is no bag at {path}", "give a bag's folder or .mcap file"
+        return
+    known = [folder.name for folder in path.parent.glob("*") if folder.is_dir()]
+    right = did_you_mean(bag, known) if known else "give the path of a bag"
+    yield where, f"there is no bag '{bag}' in bags/", right
+
+
+def _regular_heave(scene: Scene) -> Iterator[Fault]:
+    sea = scene.sea_state
+    if sea.heave is None:
+        return
+    if sea.bag:
+        what = f"both `bag` ('{sea.bag}') and `heave` are given"
+        yield "sea_state", what, "keep the record or the sine"
+    if not sea.loop:
+        right = "leave `loop` out, it is for bags"
+        yield "sea_state.loop", "a regular heave has no end to stop at", right
+    fastest = 2.0 * pi * sea.heave.amplitude_m / sea.heave.period_s
+    if fastest > FASTEST_HEAVE_M_PER_S:
+        what = f"it moves the ship at up to {fastest:.1f} m/s"
+        right = (
+            f"a ship stays within {FASTEST_HEAVE_M_PER_S:g} m/s: lower it, or lengthen its period"
+        )
+        yield "sea_state.heave", what, right
+
+
+def _on_waves(scene: Scene) -> Iterator[Fault]:
+    sea = scene.sea_state
+    if sea.on_waves is None:
+        return
+    waves = next((own for own in scene.effects if isinstance(own, WavesParams)), None)
+    if waves is None:
+        yield "sea_state.on_waves", "`waves` is not listed", "add the effect `waves`"
+        return
+    if sea.bag or sea.heave is not None or sea.path:
+        yield "sea_state", "the ship rides on the waves and on a record", "keep one of them"
+    if sea.start_s != 0.0 or not sea.loop:
+        right = "leave `start_s` and `loop` out, they are for records"
+        yield "sea_state", "waves begin with the scene and have no end", right
+    if waves.ramp_s != scene.ship.motion_ramp_s:
+        what = (
+            f"the sea rises over {waves.ramp_s:g} s, the ship over {scene.ship.motion_ramp_s:g} s"
+        )
+        yield "ship.motion_ramp_s", what, "give `ramp_s` of `waves` and this one alike"
+
+
+SEA_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
+    _bag,
+    _regular_heave,
+    _on_waves,
+)

@@ -1,0 +1,229 @@
+"""Scenes with a model of vortex-induced vibration: what cannot step them, and what they ask for.
+
+The fastest vortices along the rope set the pace: a wave of that frequency on the rope as it hangs
+must be resolved in place and in time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import floor, hypot, inf, log10, pi, sqrt
+from typing import Any
+
+import numpy as np
+
+from rope_twin.effects import EFFECTS
+from rope_twin.effects.added_mass import AddedMassParams
+from rope_twin.effects.bending import BendingParams
+from rope_twin.effects.current import CurrentParams
+from rope_twin.effects.drag import DragParams
+from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
+from rope_twin.effects.waves import WavesParams
+from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.arrays.composite import Bar, tension_at_length
+from rope_twin.scene.figures import LiftFigures
+from rope_twin.scene.schema import Scene
+
+# Linear elements shorten a wave by (π/n)²/6: 0.4 % at 20. TR-BDF2 is 0.01 % off in period and takes
+# next to nothing at 200 steps; the wake, which is damped by 5 % only, wants no more than that.
+ELEMENTS_PER_WAVE, STEPS_PER_PERIOD = 20.0, 200.0
+PLACES = 64  # along the rope that are looked at
+STROUHAL = 0.17  # where the model has no number of its own
+MOST_ELEMENTS = 5000  # of a scene with a card: its reference has up to four times as many
+
+
+@dataclass(frozen=True)
+class Pace:
+    """The fastest lock-in to expect, and what resolves it."""
+
+    frequency_hz: float
+    element_m: float  # at most
+    step_s: float  # at most
+
+
+def shedding_model(scene: Scene) -> str:
+    """Name of the scene's model of vortex-induced vibration, or ""."""
+    for effect in EFFECTS:
+        if effect.sheds and any(type(params) is effect.params for params in scene.effects):
+            return effect.name
+    return ""
+
+
+def model_beside(scene: Scene) -> Any:
+    """Parameters of the scene's model of vortices if it is computed beside the step, or None."""
+    kinds = tuple(effect.params for effect in EFFECTS if effect.beside)
+    return next((own for own in scene.effects if isinstance(own, kinds)), None)
+
+
+def strouhal_number(scene: Scene) -> float:
+    """Of the scene's model of vortices, or the usual one."""
+    numbers = (getattr(own, "strouhal_number", None) for own in scene.effects)
+    return next((number for number in numbers if number is not None), STROUHAL)
+
+
+def refuse_shedding(scene: Scene, what: str) -> None:
+    """For what cannot step such a scene; what: why not.
+
+    Raises:
+        SceneError: the scene has a model of vortex-induced vibration.
+    """
+    model = shedding_model(scene)
+    if model:
+        raise SceneError(phrase(f"{scene.path}: effects.{model}", what, "leave the model out here"))
+
+
+def refuse_beside(scene: Scene, what: str, right: str) -> None:
+    """For what looks at the motion of the rope itself; what: why that is not enough.
+
+    Raises:
+        SceneError: the scene's model of vortices is computed beside the step.
+    """
+    if model_beside(scene) is not None:
+        raise SceneError(phrase(f"{scene.path}: effects.{shedding_model(scene)}", what, right))
+
+
+def why_no_card(scene: Scene) -> str:
+    """Why a scene has no accuracy card; "" if it has one."""
+    if model_beside(scene) is not None:
+        return "its drag grows by what is computed beside the step, and a ladder is of bare steps"
+    if shedding_model(scene):
+        return "its vortices converge by themselves: `rope_twin validate --convergence` tells how"
+    elements = sum(line.elements for line in scene.ropes)
+    if elements > MOST_ELEMENTS:
+        return f"a ladder around its {elements} elements would take hours"
+    return ""
+
+
+def expected_pace(scene: Scene, figures: LiftFigures) -> Pace | None:
+    """Of the scene's model as the rope hangs straight; None: it has none, or nothing flows."""
+    if not shedding_model(scene):
+        return None
+    z, tension, bars = _hanging(scene, figures)
+    speed = _current(scene, z)
+    Ca = sum(own.normal for own in scene.effects if isinstance(own, AddedMassParams))
+    EI = sum(own.stiffness_n_m2 for own in scene.effects if isinstance(own, BendingParams))
+    strouhal = strouhal_number(scene)
+    fastest, shortest = 0.0, inf
+    for u, T, bar in zip(speed, tension, bars, strict=True):
+        d = bar.rope.hydrodynamic_diameter_m
+        frequency = strouhal * u / d
+        if frequency <= 0.0 or T <= 0.0:
+            continue
+        moved = Ca * scene.environment.water_density_kg_per_m3 * 0.25 * pi * d * d
+        inertia = (bar.rope.mass_kg_per_m + moved) * (2.0 * pi * frequency) ** 2
+        # dispersion of a beam under tension, EI·k⁴ + T·k² = m·ω²
+        square = 2.0 * inertia / (T + sqrt(T * T + 4.0 * EI * inertia))
+        fastest = max(fastest, frequency)
+        shortest = min(shortest, 2.0 * pi / sqrt(square))
+    if fastest == 0.0:
+        return None
+    return Pace(fastest, shortest / ELEMENTS_PER_WAVE, 1.0 / (STEPS_PER_PERIOD * fastest))
+
+
+def _hanging(scene: Scene, figures: LiftFigures) -> tuple[list[float], list[float], list[Bar]]:
+    """Height [m], tension [N] and section of places from the lower end up."""
+    line, top = scene.ropes[0], scene.ship.hang_off_m
+    held = tension_at_length(figures.bars, figures.chord_m) if line.fixed_at_m else 0.0
+    low = line.fixed_at_m[2] if line.fixed_at_m else top[2] - line.length_m
+    weight = sum(bar.weight_n_per_m * bar.length_m for bar in figures.bars)
+    rise = (top[2] - low) / line.length_m  # of a straight rope
+    z, tension, bars = [], [], []
+    for s in (np.arange(PLACES) + 0.5) / PLACES * line.length_m:
+        below, at = 0.0, 0.0
+        for bar in figures.bars:
+            inside = min(max(float(s) - at, 0.0), bar.length_m)
+            below += bar.weight_n_per_m * inside
+            at += bar.length_m
+            if inside < bar.length_m or bar is figures.bars[-1]:
+                break
+        z.append(low + rise * float(s))
+        bars.append(bar)
+        tension.append((held - 0.5 * weight if held else figures.payload_weight_n) + below)
+    return z, tension, bars
+
+
+def _current(scene: Scene, z: list[float]) -> list[float]:
+    """Speed of the current at these heights [m/s]."""
+    own = next((one for one in scene.effects if isinstance(one, CurrentParams)), None)
+    if own is None:
+        return [0.0] * len(z)
+    heights = [row[0] for row in reversed(own.points)]
+    parts = [np.interp(z, heights, [row[1][k] for row in reversed(own.points)]) for k in (0, 1)]
+    return [hypot(east, north) for east, north in zip(*parts, strict=True)]
+
+
+def vortex_words(scene: Scene, figures: LiftFigures) -> str:
+    """What the scene's model of vortices wants and gets, before a run; "" if it has none."""
+    pace = expected_pace(scene, figures)
+    if pace is None:
+        return ""
+    cost = _cost(scene, figures, pace)
+    if model_beside(scene) is not None:
+        return (
+            f"{shedding_model(scene)}: lock-in at {pace.frequency_hz:.3g} Hz is computed beside "
+            "the step, on places of its own; it wants nothing of this scene's elements and step."
+        )
+    told = (
+        f"{shedding_model(scene)}: {_wanted(pace)}; this scene gives "
+        f"{figures.longest_element_m:.3g} m and {1e3 * scene.time.step_s:.3g} ms"
+    )
+    if cost <= 1.0:
+        return f"{told}."
+    return f"{told}, too coarse; right ones are {cost:.2g} times slower than this scene without it."
+
+
+def _wanted(pace: Pace) -> str:
+    return (
+        f"lock-in at {pace.frequency_hz:.3g} Hz wants elements under "
+        f"{_rounded(pace.element_m):g} m and steps under {_rounded(1e3 * pace.step_s):g} ms"
+    )
+
+
+def _cost(scene: Scene, figures: LiftFigures, pace: Pace) -> float:
+    """Times as many elements and steps as the scene has; the model's own work is not in it."""
+    elements = max(figures.longest_element_m / pace.element_m, 1.0)
+    return elements * max(scene.time.step_s / pace.step_s, 1.0)
+
+
+def coarse_for_vortices(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """What the fastest lock-in wants of elements and steps, if the scene gives less."""
+    pace = None if model_beside(scene) is not None else expected_pace(scene, figures)
+    if pace is None:
+        return
+    element, step = figures.longest_element_m, scene.time.step_s
+    cost = _cost(scene, figures, pace)
+    if cost <= 1.0:
+        return
+    path = "ropes[0].elements" if element > pace.element_m else "time.step_s"
+    what = (
+        f"elements of {element:.3g} m and steps of {1e3 * step:.3g} ms are coarse for vortices: "
+        f"{_wanted(pace)}"
+    )
+    yield phrase(path, what, f"give these: {cost:.2g} times slower than this scene without it")
+
+
+def odd_vortices(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """A model of vortices that has nothing to shed them, or no force."""
+    listed = {type(own): own for own in scene.effects}
+    model, sea = shedding_model(scene), scene.sea_state
+    if not model:
+        return
+    moved = bool(sea.path) or sea.poses is not None
+    if CurrentParams not in listed and WavesParams not in listed and not moved:
+        what = "nothing flows past the rope, so nothing is shed"
+        yield phrase(f"effects {model}", what, "add `current`")
+    own = listed.get(StrouhalForcingParams)
+    if isinstance(own, StrouhalForcingParams) and own.drag is None and DragParams not in listed:
+        what = "its forces are shares of `drag`, which is not listed: it has none"
+        yield phrase(f"effects {model}", what, "add `drag`, or give the effect a drag of its own")
+    beside = model_beside(scene)
+    if beside is not None and beside.drag is None and DragParams not in listed:
+        what = "the drag that it makes grow is not listed, so the rope does not feel it"
+        yield phrase(f"effects {model}", what, "add `drag`, or give the effect a drag of its own")
+
+
+def _rounded(value: float) -> float:
+    """Two digits, downward."""
+    place = 10.0 ** (floor(log10(value)) - 1)
+    return floor(value / place) * place

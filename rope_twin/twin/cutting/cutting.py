@@ -1,0 +1,143 @@
+"""The order to cut the rope: judged when it comes, kept until it is due, done once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.scene.rules.body import body_of
+from rope_twin.scene.rules.rigging import is_joined, winch_of
+from rope_twin.scene.rules.shedding import shedding_model
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.cutting.cut_plan import AT_LOWER_END, LEAST_M, PlannedCut, read_plan
+from rope_twin.twin.health import InputCounter
+from rope_twin.twin.snapshot import CutShot, InputHealth
+
+ANY = "rope"  # of a message that names none
+AHEAD_NS = 10_000_000_000  # a stamp farther in the future is a clock that is wrong
+
+
+def plan_for(scene: Scene, words: str) -> PlannedCut | None:
+    """As `read_plan`, of a scene in which it can come true.
+
+    Raises:
+        InputError: also if it never can.
+    """
+    plan = read_plan(words)
+    if plan is None:
+        return None
+    if why := _why_not(scene):
+        raise InputError(phrase(f"cut {words}", why, "run another scene for that"))
+    if wrong := _unknown(scene, plan.rope):
+        raise InputError(phrase(f"cut {words}", *wrong))
+    line = scene.ropes[rope_called(scene, plan.rope)]
+    winch = winch_of(scene, line)
+    most = winch.most_line_out_m if winch else line.length_m
+    if most < plan.below_m < AT_LOWER_END:
+        what = f"this rope is never longer than {most:g} m"
+        raise InputError(phrase(f"cut {words}", what, f"give up to {most - LEAST_M:g} m, or end"))
+    return plan
+
+
+class CutInput:
+    """Takes one order; the rope is cut once."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.counter = InputCounter("cut")
+        self.done: CutShot | None = None
+        self._whole = _why_not(scene)  # why this rope cannot be cut at all
+        self._scene = scene
+        # due at [ns], metres below the upper end, which rope
+        self._waiting: tuple[int, float, int] | None = None
+
+    def offer(self, stamp_ns: int | None, below_m: float, now_ns: int, rope: str = "") -> str:
+        """Cut so far below the upper end, unstretched (None: at once); "" or the refusal."""
+        fault = self._fault(stamp_ns, below_m, now_ns)
+        if fault is None and (wrong := _unknown(self._scene, rope)):
+            fault = "impossible", *wrong
+        if fault is not None:
+            kind, what, right = fault
+            return self.counter.refuse(kind, phrase("cut", what, right))
+        at_ns = now_ns if stamp_ns is None else stamp_ns
+        self._waiting = at_ns, float(below_m), rope_called(self._scene, rope)
+        self.counter.accept(at_ns)
+        return ""
+
+    def steps_before(self, now_ns: int, step_ns: int, steps: int) -> int:
+        """How many of the steps from now on come before it is due."""
+        if self._waiting is None:
+            return steps
+        return min(steps, max(1, -(-(self._waiting[0] - now_ns) // step_ns)))
+
+    def take(self, now_ns: int, length_m: Callable[[int], float]) -> tuple[float, int] | None:
+        """Length of the lower part [m] and which rope if one is to be cut now, else None.
+
+        length_m: of a rope, unstretched. A place where there is no rope by then is refused: the
+        rope stays whole.
+        """
+        if self._waiting is None or self._waiting[0] > now_ns:
+            return None
+        _, below_m, rope = self._waiting
+        self._waiting, line_out_m = None, length_m(rope)
+        most = line_out_m - LEAST_M
+        if below_m == AT_LOWER_END:
+            below_m = most
+        if not LEAST_M <= below_m <= most:
+            what = f"{below_m:g} m below the hang-off is not on the {line_out_m:.1f} m of rope"
+            right = f"right are {LEAST_M:g} to {most:.1f} m, or the lower end; the rope is whole"
+            self.counter.refuse("impossible", phrase("cut", what, right))
+            return None
+        return line_out_m - below_m, rope
+
+    def health(self, now_ns: int) -> dict[str, InputHealth]:
+        """What became of the orders; empty while none has come."""
+        health = self.counter.health(now_ns, False)
+        return {"cut": health} if health.accepted or health.refused else {}
+
+    def _fault(
+        self, stamp_ns: int | None, below_m: float, now_ns: int
+    ) -> tuple[str, str, str] | None:
+        if self._whole:
+            return "impossible", self._whole, "run another scene for that"
+        if self.done is not None or self._waiting is not None:
+            already = "the rope is cut already" if self.done else "a cut is waiting already"
+            return "repeated", already, "a rope is cut once"
+        if math.isnan(below_m):
+            return "non_finite", "its place is not a number", "give metres below the hang-off"
+        if below_m < LEAST_M:
+            right = f"at least {LEAST_M:g} m of rope stay there"
+            return "impossible", f"{below_m:g} m below the hang-off", right
+        if stamp_ns is None:
+            return None
+        if stamp_ns < now_ns:
+            late = f"it came {(now_ns - stamp_ns) * 1e-6:.0f} ms after it was due"
+            return "late", late, "raise the input delay by more than that, or leave the stamp 0"
+        if stamp_ns > now_ns + AHEAD_NS:
+            far = f"stamp {stamp_ns * 1e-9:.1f} s lies more than 10 s ahead"
+            return "impossible", far, "sender and twin must share one clock"
+        return None
+
+
+def rope_called(scene: Scene, name: str) -> int:
+    """The number of the rope of this name; without one, or where there is one only, the first."""
+    names = [line.name for line in scene.ropes]
+    return names.index(name) if is_joined(scene) and name in names else 0
+
+
+def _unknown(scene: Scene, name: str) -> tuple[str, str] | None:
+    """What is wrong with a rope's name, and what would be right."""
+    names = [line.name for line in scene.ropes]
+    if name in ("", ANY, *names):
+        return None
+    return f"there is no rope '{name}'", did_you_mean(name, names)
+
+
+def _why_not(scene: Scene) -> str:
+    if scene.sheaves:
+        return "rope runs over a sheave in this scene, and no rope of such a one can be cut so far"
+    if model := shedding_model(scene):
+        return f"this scene lists `{model}`, and the wake of a rope that is cut is not known"
+    if body_of(scene) is not None:
+        return "this scene lists `rigid_body`, and a rope is cut above a point only so far"
+    return ""

@@ -1,0 +1,164 @@
+"""A rope cut in two where ropes meet: the system of the parts, and its first step.
+
+The lower part is one rope more. Its upper end is a joint at which nothing else ends, so that it
+moves freely; what was at the rope's lower end, a joint or a payload, is at that of the lower part.
+The upper part hangs on where the rope did, with nothing at its lower end. All of them go on in one
+step, whether what is below the cut still hangs on other ropes or falls by itself.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.joined.joints import LOOSE, System, new_system
+from rope_twin.core.joined.step import advance_joined
+from rope_twin.core.state import Boundary, Floats, Rope
+from rope_twin.errors import SolverError, phrase
+from rope_twin.scene.schema import RopeLine, Scene
+from rope_twin.twin.cutting.bare_end import without_load
+from rope_twin.twin.cutting.parted import DOUBLING, borders_at
+from rope_twin.twin.cutting.severing import (
+    INSTANT_S,
+    Nodes,
+    Place,
+    divided,
+    falling_part,
+    nodes_of,
+    upper_part,
+)
+
+_A = slice(rows.ACCELERATION, rows.ACCELERATION + 3)
+
+
+class SeveredSystem(NamedTuple):
+    """Ropes that meet, one of them in two; the lower part is the last rope."""
+
+    system: System
+    lost_m: float  # unstretched length of the lower part
+
+
+def sever_joined(system: System, border: Boundary, place: Place) -> SeveredSystem:
+    """Cut a rope of a system without sheaves; the system is left as it is.
+
+    border: of all ropes, (ropes, 1, MOTIONS).
+
+    Raises:
+        SolverError: the forces at a new end are not finite.
+    """
+    r, joints = place.rope, system.joints
+    whole = system.ropes[r]
+    at_ship = bool(joints.upper[r] == LOOSE)
+    nodes, k = nodes_of(
+        whole, float(border.rate[r, 0, rows.LINE]) if at_ship else 0.0
+    ).with_node_at(place.at_m)
+    lost = float(nodes.s[k])
+    for above in divided(nodes.s[k:] - lost, place.least_m) if at_ship else ():
+        nodes, _ = nodes.with_node_at(lost + above)
+    nodes, k = _of_two_elements(nodes, k)
+    nodes.motion[:, -1] = whole.state.nodes[:, int(whole.state.counts[rows.ELEMENTS])]
+    upper = upper_part(whole, nodes, k, without_load(whole.effects))
+    lower = falling_part(whole, nodes, k)
+    ropes = [*system.ropes, lower]
+    ropes[r] = upper
+    below = [*joints.lower.tolist(), int(joints.lower[r])]
+    below[r] = LOOSE
+    tolerance = min(system.ropes[0].model.tolerance, upper.model.tolerance, lower.model.tolerance)
+    ropes[0] = ropes[0]._replace(model=ropes[0].model._replace(tolerance=tolerance))
+    above_it = [*joints.upper.tolist(), joints.nodes.shape[1]]
+    parts = new_system(tuple(ropes), below, above_it, joints.ties)
+    for own, before in zip(parts.ropes, ropes, strict=True):
+        n = int(before.state.counts[rows.ELEMENTS])
+        own.work[rows.TENSION, :n] = before.work[rows.TENSION, :n]
+    _find_accelerations(parts, (r, len(ropes) - 1), _with_one_more(border), place.time)
+    return SeveredSystem(parts, lost)
+
+
+def scene_of_parts(scene: Scene, number: int, lost_m: float) -> Scene:
+    """The scene as it is then: the rope ends nowhere, the last rope comes from nowhere."""
+    line = scene.ropes[number]
+    upper = replace(line, to="", fixed_at_m=None)
+    lower: RopeLine = replace(line, name=f"{line.name}/lower", from_="", length_m=lost_m)
+    lines = [*scene.ropes, lower]
+    lines[number] = upper
+    return replace(scene, ropes=tuple(lines))
+
+
+def advance_in_pieces(system: System, boundary: Boundary, time: float) -> Floats | None:
+    """The first step after a cut, in doubling pieces (see `parted`); None: all is as before.
+
+    boundary: (ropes, 2, MOTIONS). Returns the ropes' pulls at its end, (ropes, 1, PULL_COLUMNS).
+    """
+    pull = np.zeros((len(system.ropes), 1, rows.PULL_COLUMNS))
+    kept = copy.deepcopy(([rope.state for rope in system.ropes], system.joints))
+    h = system.ropes[0].model.step
+    each = [borders_at(Boundary(*own), DOUBLING, h) for own in zip(*boundary, strict=True)]
+    value, rate = (np.array(tables) for tables in zip(*each, strict=True))
+    for k, (begin, end) in enumerate(pairwise(DOUBLING)):
+        some = Boundary(value[:, k : k + 2].copy(), rate[:, k : k + 2].copy())
+        piece = _with_step(system, (end - begin) * h)
+        if advance_joined(piece, some, pull, time + begin * h, 1) < 1:
+            for rope, state in zip(system.ropes, kept[0], strict=True):
+                for mine, other in zip(rope.state, state, strict=True):
+                    mine[...] = other
+            for mine, other in zip(system.joints[2:4], kept[1][2:4], strict=True):
+                mine[...] = other
+            return None
+    system.ropes[0].state.health[rows.STEPS] -= len(DOUBLING) - 2
+    return pull
+
+
+def _with_step(system: System, step: float) -> System:
+    return system._replace(
+        ropes=tuple(rope._replace(model=rope.model._replace(step=step)) for rope in system.ropes)
+    )
+
+
+def _of_two_elements(nodes: Nodes, k: int) -> tuple[Nodes, int]:
+    """Both parts of two elements at least, as a rope between joints has to be."""
+    if k == 1:
+        nodes, _ = nodes.with_node_at(0.5 * float(nodes.s[1]))
+        k = 2
+    if k == len(nodes.s) - 2:
+        nodes, _ = nodes.with_node_at(0.5 * float(nodes.s[k] + nodes.s[k + 1]))
+    return nodes, k
+
+
+def _with_one_more(border: Boundary) -> Boundary:
+    """A border with a row for the lower part, of which nothing is read."""
+    return Boundary(*(np.concatenate([table, table[-1:]]) for table in border))
+
+
+def _find_accelerations(
+    system: System, parts: tuple[int, int], border: Boundary, time: float
+) -> None:
+    """Give the parts' nodes the acceleration that their forces are, all else as it is."""
+    value, rate = border
+    both = Boundary(
+        np.concatenate([value, value + INSTANT_S * rate], axis=1),
+        np.concatenate([rate, rate], axis=1),
+    )
+    pull = np.zeros((len(system.ropes), 1, rows.PULL_COLUMNS))
+    still = [
+        rope._replace(model=rope.model._replace(split_above=np.inf, merge_below=0.0))
+        for rope in system.ropes
+    ]
+    for _ in range(2):
+        trial = copy.deepcopy(_with_step(system._replace(ropes=tuple(still)), INSTANT_S))
+        if advance_joined(trial, both, pull, time, 1) < 1:
+            what = "the forces at its new end are not finite"
+            raise SolverError(phrase("the rope's cut", what, "check the scene"))
+        for r in parts:
+            _take_accelerations(system.ropes[r], trial.ropes[r], held=r == parts[0])
+        system.joints.nodes[_A, -1] = trial.joints.nodes[_A, -1]
+
+
+def _take_accelerations(rope: Rope, trial: Rope, *, held: bool) -> None:
+    """held: the upper end keeps its own."""
+    n = int(rope.state.counts[rows.ELEMENTS]) + (0 if held else 1)
+    rope.state.nodes[_A, :n] = trial.state.nodes[_A, :n]

@@ -1,0 +1,222 @@
+"""What a twin has besides its first rope once that was cut: the part that falls, stepped beside it.
+
+The first rope is then what still hangs; the two touch no more. All that was at the rope's lower end
+is at that of the lower part, the water is the same.
+
+A release runs up and down from the cut through elements that go slack behind it, the first of them
+in less than a step. So the first step is taken in pieces that double, from 1/256 of it on: in one
+piece it would gain energy, up to 2 % of what was stored in stretch (20 m elements, 10 ms).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.energy import Power, Store, measure
+from rope_twin.core.joined.energy import SystemBorder
+from rope_twin.core.state import Boundary, Floats, Rope, State
+from rope_twin.core.step import advance
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.contact import bed_contact
+from rope_twin.twin.cutting.bare_end import is_at_end
+from rope_twin.twin.cutting.severing import Place, refresh_tension, step_free, without_beyond
+from rope_twin.twin.hoisting.no_other_winch import NoOtherWinch
+from rope_twin.twin.saving.saved_state import changing_parts
+from rope_twin.twin.snapshot import (
+    BedContact,
+    PayloadShot,
+    RopeShot,
+    Snapshot,
+    SolverHealth,
+    first_rope,
+)
+
+_WHOLE = (0.0, 1.0)
+DOUBLING = (0.0, *(0.5**k for k in range(8, -1, -1)))  # parts of a step
+
+
+class PartedRopes(NoOtherWinch):
+    """The lower part of a rope that was cut, and the step of both."""
+
+    def __init__(self, scene: Scene, first: Rope, lower: Rope) -> None:
+        """`lower`: as `sever` leaves it, with the effects that the rope had."""
+        self.first = first
+        self._scene, self._lower = scene, lower
+        self._kept, self._kept_lower = first.state.copy(), lower.state.copy()
+        self._fresh = True  # no step was done since the cut
+        self._unconverged = 0  # substeps of the lower part at the last snapshot
+
+    def find_start(self) -> Floats:
+        """A rope that is cut does not begin at rest."""
+        raise RuntimeError("a rope is cut on the way, not at the start")
+
+    def part(self, first: Rope, border: Boundary, place: Place) -> tuple[PartedRopes, float]:
+        """A rope is cut once."""
+        raise RuntimeError("the rope is cut already")
+
+    def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
+        """Step both parts, one step after another; neither goes on without the other."""
+        self.first = first
+        self._share_water(first)
+        for row in range(len(pulls)):
+            now = time + row * first.model.step
+            own = Boundary(*(table[row : row + 2] for table in boundary))
+            if not self._step_both(first, own, now, pulls[row]):
+                return row
+        return len(pulls)
+
+    def _step_both(self, first: Rope, border: Boundary, time: float, pull: Floats) -> bool:
+        """One step of both, in doubling pieces if it is the first; False: they are as before."""
+        both = ((self._kept, first.state), (self._kept_lower, self._lower.state))
+        for kept, state in both:
+            _copy(state, kept)
+        h, lower = first.model.step, self._lower
+        parts = DOUBLING if self._fresh else _WHOLE
+        value, rate = borders_at(border, parts, h)
+        pulls = np.zeros((1, rows.PULL_COLUMNS))
+        for k, (begin, end) in enumerate(pairwise(parts)):
+            now, piece = time + begin * h, (end - begin) * h
+            some = Boundary(value[k : k + 2], rate[k : k + 2])
+            upper = first._replace(model=first.model._replace(step=piece))
+            falling = lower._replace(model=lower.model._replace(step=piece))
+            if not step_free(falling, now) or advance(upper, some, pulls, now, 1) < 1:
+                for kept, state in both:
+                    _copy(kept, state)
+                refresh_tension(first, float(border.rate[0, rows.LINE]))
+                refresh_tension(lower, 0.0)
+                return False
+        for _, state in both:  # in how many pieces is nobody's business
+            state.health[rows.STEPS] -= len(parts) - 2
+        self._fresh, pull[:] = False, pulls[0]
+        return True
+
+    def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
+        """The first rope's snapshot with both parts, and with what was at the rope's lower end."""
+        lower = without_beyond(self._lower)
+        part = self._shot(lower)
+        unconverged = int(lower.state.health[rows.SUBSTEPS_UNCONVERGED])
+        doubtful = shot.doubtful or unconverged > self._unconverged
+        self._unconverged = unconverged
+        x, v = (lower.state.nodes[k : k + 3, 0].copy() for k in (rows.POSITION, rows.VELOCITY))
+        return replace(
+            shot,
+            tension_payload_n=float(part.element_tension_n[-1]),
+            payload_position_m=x,
+            payload_velocity_m_per_s=v,
+            ropes=(first_rope(shot, self._scene.ropes[0].name), part),
+            payloads=tuple(PayloadShot(one.name, x, v) for one in self._scene.payloads),
+            seabed=self._contact(lower),
+            solver=_both(shot.solver, lower.state.health),
+            doubtful=doubtful,
+        )
+
+    def changing(self) -> dict[str, Any]:
+        """What a restart needs besides what the twin has itself."""
+        parts = {name: getattr(self._lower, name) for name in changing_parts(self._lower)}
+        kept: dict[str, Any] = {f"lower/{name}": part for name, part in parts.items()}
+        kept["lower/model"], kept["rope/model"] = self._lower.model, self.first.model
+        kept["lower/effects"], kept["lower/fresh"] = self._lower.effects, self._fresh
+        kept["lower/tension"] = self._tension
+        return kept
+
+    def take_back(self, values: dict[str, Any], first: Rope) -> None:
+        """Take out of the values what `changing` gave; first: the first rope as it is now."""
+        names = (*changing_parts(self._lower), "model", "effects")
+        parts = {name: values.pop(f"lower/{name}") for name in names}
+        self.first, self._lower = first, self._lower._replace(**parts)
+        self._tension[:] = values.pop("lower/tension")
+        self._fresh = values.pop("lower/fresh")
+
+    def lowest(self, first: Rope) -> Rope:
+        """The rope at whose lower end the payload is."""
+        return self._lower
+
+    def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
+        """Energy and power of both parts; pull, speed: of the upper one."""
+        self._share_water(first)
+        low = measure(self._lower, np.zeros(3), time, 0.0)
+        high = measure(first, pull[rows.PULL_X : rows.PULL_Z + 1], time, speed)
+        return SystemBorder(
+            Store(*(a + b for a, b in zip(low.store, high.store, strict=True))),
+            Power(*(a + b for a, b in zip(low.power, high.power, strict=True))),
+            (low.elements, high.elements),
+            0.0,
+        )
+
+    @property
+    def _tension(self) -> Floats:
+        """Of the lower part's elements [N], a view of the scratch."""
+        return self._lower.work[rows.TENSION, : self._lower.state.counts[rows.ELEMENTS]]
+
+    def _share_water(self, first: Rope) -> None:
+        """Take the first rope's effects but for those of the lower end."""
+        pairs = zip(self._lower.effects, first.effects, strict=True)
+        if any(own is not live for own, live in pairs if not is_at_end(own)):
+            self._lower = self._lower._replace(
+                effects=tuple(
+                    own if is_at_end(own) else live
+                    for own, live in zip(self._lower.effects, first.effects, strict=True)
+                )
+            )
+
+    def _shot(self, lower: Rope) -> RopeShot:
+        n = int(lower.state.counts[rows.ELEMENTS])
+        tension = lower.work[rows.TENSION, :n][::-1].copy()
+        between = 0.5 * (tension[1:] + tension[:-1])
+        places = lower.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1]
+        return RopeShot(
+            name=f"{self._scene.ropes[0].name}/lower",
+            node_position_m=np.ascontiguousarray(places[:, ::-1].T),
+            node_tension_n=np.concatenate([[0.0], between, tension[-1:]]),
+            element_tension_n=tension,
+            tension_top_n=0.0,
+            line_out_m=float(lower.state.s[n]),
+            payout_speed_m_per_s=0.0,
+        )
+
+    def _contact(self, lower: Rope) -> BedContact | None:
+        """Of both parts with the bed; the payload is that of the lower one."""
+        high, low, all_of_it = (bed_contact(rope) for rope in (self.first, lower, self._lower))
+        if high is None or low is None or all_of_it is None:
+            return None
+        return replace(
+            low,
+            rope_on_bed_m=low.rope_on_bed_m + high.rope_on_bed_m,
+            rope_push_n=all_of_it.rope_push_n + high.rope_push_n,  # with the free end's
+        )
+
+
+def _copy(source: State, target: State) -> None:
+    for mine, other in zip(target, source, strict=True):
+        mine[...] = other
+
+
+def borders_at(border: Boundary, parts: tuple[float, ...], h: float) -> tuple[Floats, Floats]:
+    """Prescribed motion at these parts of a step, by the cubic of `core.motion`."""
+    if len(parts) == 2:
+        return border.value, border.rate
+    u = np.array(parts)[:, None]
+    (y0, y1), (d0, d1) = border.value, border.rate * h
+    c2, c3 = 3.0 * (y1 - y0) - 2.0 * d0 - d1, 2.0 * (y0 - y1) + d0 + d1
+    value = y0 + u * (d0 + u * (c2 + u * c3))
+    rate = (d0 + u * (2.0 * c2 + u * 3.0 * c3)) / h
+    value[-1], rate[-1] = border.value[1], border.rate[1]
+    return value, rate
+
+
+def _both(upper: SolverHealth, lower: Any) -> SolverHealth:
+    """Counts of both parts; steps are the same."""
+    return replace(
+        upper,
+        solves=upper.solves + int(lower[rows.SOLVES]),
+        solves_max_per_stage=max(upper.solves_max_per_stage, int(lower[rows.SOLVES_MAX])),
+        substeps=upper.substeps + int(lower[rows.SUBSTEPS]),
+        substeps_max_per_step=max(upper.substeps_max_per_step, int(lower[rows.SUBSTEPS_MAX])),
+        rejected_substeps=upper.rejected_substeps + int(lower[rows.REJECTED]),
+        unconverged_substeps=upper.unconverged_substeps + int(lower[rows.SUBSTEPS_UNCONVERGED]),
+    )

@@ -1,0 +1,88 @@
+"""Rainflow counting of many series while they grow (ASTM E1049-85, 5.4.4): nothing is read twice.
+
+Of each series only the turning points whose range is still open are kept. With every new one the
+last two ranges are compared: a range that the next one covers is a cycle, or half of one if it
+holds the first point. What stays open counts as half cycles when somebody asks. All series are
+looked at together, by array; a sum does not depend on how the samples came in pieces.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.twin.fatigue.endurance import Cycles, Vector
+
+Numbers = NDArray[np.int64]
+Cost = Callable[[Numbers, Cycles], Vector]  # of which series each cycle is; what each of them uses
+ROOM = 16  # open turning points of a series at first
+
+
+class CycleCount:
+    """So many series, from their first value on; a NaN is no value and changes nothing."""
+
+    def __init__(self, series: int) -> None:
+        self.used = np.zeros(series)  # by closed cycles
+        self.cycles = np.zeros(series)  # closed
+        self._last = np.full(series, np.inf)  # newest value, inf: none yet
+        self._way = np.zeros(series)  # 1 up, -1 down, 0 not known yet
+        self._open = np.zeros((series, ROOM))  # turning points
+        self._count = np.zeros(series, np.int64)
+
+    def take(self, values: Vector, cost: Cost) -> None:
+        """The next value of each series."""
+        begun = np.isfinite(self._last)
+        new = np.where(np.isnan(values), self._last, values)
+        with np.errstate(invalid="ignore"):
+            way = np.where(begun, np.sign(new - self._last), 0.0)
+        turned = np.flatnonzero((way != 0.0) & (way != self._way))
+        if len(turned):
+            self._push(turned, self._last[turned], cost)
+            self._way[turned] = way[turned]
+        self._last = new
+
+    def total(self, cost: Cost) -> Vector:
+        """What all cycles use, the open ones as half cycles, (series,)."""
+        end = copy.deepcopy(self)
+        begun = np.flatnonzero(end._count > 0)
+        end._push(begun, end._last[begun], cost)
+        deepest = int(end._count.max(initial=0))
+        for k in range(deepest - 1):
+            some = np.flatnonzero(end._count > k + 1)
+            end._close(some, end._open[some, k], end._open[some, k + 1], 0.5, cost)
+        return end.used
+
+    def _push(self, which: Numbers, points: Vector, cost: Cost) -> None:
+        """A turning point of these series, and the cycles that it closes."""
+        if int(self._count.max(initial=0)) + 1 >= self._open.shape[1]:
+            self._open = np.hstack([self._open, np.zeros_like(self._open)])
+        kept, count = self._open, self._count
+        kept[which, count[which]] = points
+        count[which] += 1
+        which = which[count[which] >= 3]
+        while len(which):
+            at = count[which]
+            low, middle, high = (kept[which, at - k] for k in (3, 2, 1))
+            covered = np.abs(high - middle) >= np.abs(middle - low)
+            which, at = which[covered], at[covered]
+            low, middle, high = low[covered], middle[covered], high[covered]
+            first = at == 3
+            self._close(which, low, middle, np.where(first, 0.5, 1.0), cost)
+            halves, wholes = which[first], which[~first]
+            kept[halves, 0], kept[halves, 1] = middle[first], high[first]
+            count[halves] -= 1
+            kept[wholes, at[~first] - 3] = high[~first]
+            count[wholes] -= 2
+            which = which[count[which] >= 3]
+
+    def _close(
+        self, which: Numbers, one: Vector, other: Vector, count: Vector | float, cost: Cost
+    ) -> None:
+        if len(which):
+            counts = np.broadcast_to(np.asarray(count, dtype=np.float64), one.shape)
+            cycles = Cycles(np.abs(other - one), 0.5 * (one + other), counts)
+            self.used[which] += cost(which, cycles)
+            self.cycles[which] += counts

@@ -1,0 +1,322 @@
+"""What a twin of ropes that meet has besides its first rope, and that rope's winch and hang-off.
+
+The first rope stays where a twin of one rope has it; here are the others, the joints, further
+winches and hang-offs, and the step of all of them together.
+"""
+
+from __future__ import annotations
+
+import copy
+import logging
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.joined.energy import SystemBorder, measure_system
+from rope_twin.core.joined.joints import LOOSE, System
+from rope_twin.core.joined.reeving import settle_reeved
+from rope_twin.core.joined.step import advance_joined
+from rope_twin.core.joined.ties import PULL
+from rope_twin.core.state import Boundary, Floats, Rope
+from rope_twin.errors import did_you_mean, phrase
+from rope_twin.scene.arrays.joined import build_joined
+from rope_twin.scene.checks.rope import SAFETY_FACTOR
+from rope_twin.scene.rigging import WINCH
+from rope_twin.scene.rules.rigging import winch_of
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.cutting.joined_cut import advance_in_pieces, scene_of_parts, sever_joined
+from rope_twin.twin.cutting.severing import Place
+from rope_twin.twin.hoisting.feel import Course, feel
+from rope_twin.twin.hoisting.line import Felt
+from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.hoisting.winch import winch_of_rope
+from rope_twin.twin.joined.line_watch import report_on
+from rope_twin.twin.joined.shot import (
+    LinesOut,
+    SystemNow,
+    contact,
+    payload_shots,
+    rope_shots,
+    sheave_shots,
+    strut_shots,
+)
+from rope_twin.twin.motion.hang_off import Moves
+from rope_twin.twin.saving.saved_state import changing_parts
+from rope_twin.twin.snapshot import InputHealth, Snapshot
+from rope_twin.twin.start import judge_start, no_garbage_collection
+
+_log = logging.getLogger(__name__)
+
+
+class JoinedRopes:
+    """Everything of several ropes that is not the first one's.
+
+    Raises:
+        SceneError: the scene cannot be built.
+    """
+
+    def __init__(self, scene: Scene, steps: int) -> None:
+        """Room for the borders of so many steps."""
+        built = build_joined(scene)
+        self._scene = scene
+        self._ropes, self._joints = built.system.ropes[1:], built.system.joints
+        self._stack, self._sheaves = built.system.stack, built.system.sheaves
+        self._owners, self._hang_offs = built.owners, built.hang_off_m
+        self._lines = report_on(scene)
+        self.first = built.system.ropes[0]
+        self._winches = tuple(winch_of_rope(scene, line) for line in scene.ropes)
+        size = (len(scene.ropes), steps + 1, rows.MOTIONS)
+        self._boundary = Boundary(np.zeros(size), np.zeros(size))
+        self._boundary.value[:, :, : rows.LINE] = np.nan_to_num(self._hang_offs)[:, None]
+        self._boundary.value[:, :, rows.LINE] = [[line.length_m] for line in scene.ropes]
+        self._pull = np.zeros((len(scene.ropes), rows.PULL_COLUMNS))
+        self._severed = self._fresh = False  # a rope was cut, and no step was done since
+
+    def find_start(self) -> Floats:
+        """Bring the ropes to rest, compiling everything on the way; the first one's pull.
+
+        Raises:
+            SceneError: there is no equilibrium, or the ropes float.
+        """
+        with no_garbage_collection():
+            end = settle_reeved(self._system(self.first), self._boundary.value[:, 0])
+        highest = max(float(self._nodes(r, rows.POSITION)[2, :-1].max()) for r in self._numbers)
+        judge_start(self._scene, end, highest)
+        self._warn_of_loads()
+        system = copy.deepcopy(self._system(self.first))
+        still = Boundary(*(np.ascontiguousarray(table[:, :2]) for table in self._boundary))
+        pull = np.zeros((len(system.ropes), 1, rows.PULL_COLUMNS))
+        advance_joined(system, still, pull, 0.0, 1)
+        self._pull = pull[:, 0].copy()
+        first: Floats = self._pull[0]
+        return first
+
+    def _warn_of_loads(self) -> None:
+        """Tell of ropes that are too weak for what hangs on them; of the first, checks do."""
+        for r, line in enumerate(self._scene.ropes[1:], start=1):
+            breaking = min(one.rope.breaking_load_n for one in line.made_of)
+            tension = float(self._tension(self._rope(r)).max())
+            if tension > breaking / SAFETY_FACTOR:
+                what = (
+                    f"'{line.name}' carries {tension / 1e3:.0f} kN at rest against a breaking load "
+                    f"of {breaking / 1e3:.0f} kN, a safety factor of {breaking / tension:.2f}"
+                )
+                right = f"below {SAFETY_FACTOR:g} take a stronger rope, or a steeper bridle"
+                _log.warning(phrase(f"{self._scene.path}: ropes[{r}]", what, right))
+
+    def offer(self, name: str, stamp_ns: int | None, order: Order, now_ns: int) -> str:
+        """An order for the winch of this name; "" or why it was refused."""
+        names = [line.from_ for line in self._scene.ropes]
+        if name not in names:
+            right = did_you_mean(name, [WINCH, *(one.name for one in self._scene.hang_offs)])
+            return phrase("winch command", f"there is no winch '{name}'", right)
+        return self._winches[names.index(name)].take(stamp_ns, order, now_ns)
+
+    def doubt(self) -> None:
+        """Commands known for times to come may no longer hold."""
+        for winch in self._winches[1:]:
+            winch.doubt()
+
+    def newest_ns(self) -> dict[str, int]:
+        """Stamp of the newest accepted command of each winch but the first, where there is one."""
+        newest: dict[str, int] = {}
+        for winch in self._winches[1:]:
+            newest |= winch.newest_ns()
+        return newest
+
+    def feel(self, time_ns: int) -> bool:
+        """Whether a winch but the first asks what its rope is like for the step from then on."""
+        return any(winch.feels(time_ns) for winch in self._winches[1:])
+
+    def prescribe(
+        self, row: int, from_ns: int, step_s: float, heave: tuple[float, float], moves: Moves
+    ) -> None:
+        """Hang-offs and line out at border `row`.
+
+        heave: of the ship, and its rate; moves: how poses move the hang-offs that they move.
+        """
+        value, rate = self._boundary
+        for r in self._numbers[1:]:
+            if self._joints.upper[r] == LOOSE:
+                still = (0.0, 0.0)
+                moved, moving = moves.get(r, ((*still, heave[0]), (*still, heave[1])))
+                value[r, row, : rows.LINE] = self._hang_offs[r] + np.array(moved)
+                rate[r, row, : rows.LINE] = moving
+                felt = self._felt(r, row) if self._winches[r].feels(from_ns) else None
+                line = self._winches[r].step(from_ns, step_s, moving[2], felt)
+                value[r, row, rows.LINE], rate[r, row, rows.LINE] = line
+
+    def _felt(self, r: int, row: int) -> Felt:
+        """What the winch of a rope feels ahead of the step that ends at border `row`."""
+        borders = self._boundary.value[r, row - 1 : row + 1]
+        heave = float(borders[0, rows.Z] - self._hang_offs[r, 2])
+        course = Course(heave, self._winches[r].payout_m_per_s2)
+        pull = float(self._pull[r, rows.PULL])
+        return feel(self._rope(r), self._scene.ropes[r], pull, borders, course)
+
+    def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
+        """`advance` of all ropes; boundary, pulls: of the first one, as there."""
+        steps = len(pulls)
+        own = Boundary(*(table[:, : steps + 1].copy() for table in self._boundary))
+        for table, given in zip(own, boundary, strict=True):
+            table[0] = given[: steps + 1]
+        pull = np.zeros((len(self._numbers), steps, rows.PULL_COLUMNS))
+        done = self._advance(self._system(first), own, time, pull)
+        pulls[:] = pull[0]
+        if done:
+            self._pull = pull[:, done - 1].copy()
+        self.first = first
+        return done
+
+    def _advance(self, system: System, own: Boundary, time: float, pull: Floats) -> int:
+        """Step all; the first step after a cut in pieces."""
+        if not self._fresh:
+            return advance_joined(system, own, pull, time, pull.shape[1])
+        begun = advance_in_pieces(system, Boundary(*(table[:, :2] for table in own)), time)
+        if begun is None:
+            return 0
+        pull[:, :1] = begun
+        self._fresh, steps = False, pull.shape[1] - 1
+        if steps == 0:
+            return 1
+        after, rest = Boundary(*(table[:, 1:].copy() for table in own)), pull[:, 1:].copy()
+        done = advance_joined(system, after, rest, time + system.ropes[0].model.step, steps)
+        pull[:, 1:] = rest
+        return 1 + done
+
+    def part(self, first: Rope, border: Boundary, place: Place) -> tuple[JoinedRopes, float]:
+        """Cut a rope; itself, with the lower part as one rope more, and how long that is [m]."""
+        r = place.rope
+        now = Boundary(*(table[:, :1].copy() for table in self._boundary))
+        for table, given in zip(now, border, strict=True):
+            table[0, 0] = given[0]
+        system, lost_m = sever_joined(self._system(first), now, place)
+        self.first, self._ropes = system.ropes[0], system.ropes[1:]
+        self._severed = self._fresh = True
+        self._joints, self._stack = system.joints, system.stack
+        self._scene = scene_of_parts(self._scene, r, lost_m)
+        self._owners |= {name: len(self._ropes) for name, own in self._owners.items() if own == r}
+        self._hang_offs = np.vstack([self._hang_offs, np.full(3, np.nan)])
+        self._winches += (winch_of_rope(self._scene, self._scene.ropes[-1]),)
+        self._boundary = Boundary(*(np.vstack([one, one[-1:]]) for one in self._boundary))
+        self._boundary.value[-1], self._boundary.rate[-1] = 0.0, 0.0
+        self._boundary.value[-1, :, rows.LINE] = lost_m
+        self._boundary.value[r, :, rows.LINE] -= lost_m
+        self._pull = np.vstack([self._pull, np.zeros(rows.PULL_COLUMNS)])
+        return self, lost_m
+
+    def length_m(self, r: int) -> float:
+        """Unstretched length of a rope but the first [m]."""
+        state = self._rope(r).state
+        return float(state.s[state.counts[rows.ELEMENTS]])
+
+    def lose(self, r: int, lost_m: float, left_m: float) -> None:
+        """Tell the winch of a rope but the first that so much was cut off, and so much hangs on."""
+        self._winches[r].lose(lost_m, left_m)
+
+    def forget(self, done: int, prescribed: int) -> None:
+        """Make the border after `done` steps the first one; so many after it are prescribed."""
+        for table in self._boundary:
+            table[:, : prescribed + 1] = table[:, done : done + prescribed + 1]
+
+    def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
+        """Energy and power of all ropes now; pull, speed: of the first one."""
+        pulls, speeds = self._pull.copy(), self._boundary.rate[:, 0, rows.LINE].copy()
+        pulls[0], speeds[0] = pull, speed
+        return measure_system(self._system(first), pulls, speeds, time)
+
+    def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
+        """The snapshot of the first rope, with all ropes and payloads."""
+        value, rate = (table[:, 0, rows.LINE] for table in self._boundary)
+        now = SystemNow(
+            self._scene, self._system(self.first), self._owners, self._pull, LinesOut(value, rate)
+        )
+        limits = [shot.winch_at_limit]
+        inputs: dict[str, InputHealth] = dict(shot.inputs)
+        for line, winch in zip(self._scene.ropes[1:], self._winches[1:], strict=True):
+            if winch_of(self._scene, line):
+                inputs |= winch.health(now_ns)
+                limits += [f"{line.from_}: {winch.at_limit}"] if winch.at_limit else []
+        health = np.sum([rope.state.health for rope in self._ropes], axis=0)
+        solver = replace(
+            shot.solver,
+            splits=shot.solver.splits + int(health[rows.SPLITS]),
+            merges=shot.solver.merges + int(health[rows.MERGES]),
+        )
+        taken = replace(
+            shot,
+            ropes=rope_shots(now, shot),
+            payloads=payload_shots(now),
+            struts=strut_shots(now),
+            sheaves=sheave_shots(now),
+            winches=(*shot.winches, *(w for w in (one.shot() for one in self._winches[1:]) if w)),
+            winch_at_limit="; ".join(words for words in limits if words),
+            inputs=inputs,
+            solver=solver,
+            seabed=contact(now),
+        )
+        return taken if self._lines is None else self._lines.complete(taken)
+
+    def lowest(self, first: Rope) -> Rope:
+        """The first one: what is told of one rope is told of it."""
+        return first
+
+    def changing(self) -> dict[str, Any]:
+        """What a restart needs besides what the twin has itself."""
+        kept: dict[str, Any] = {
+            "joined/nodes": self._joints.nodes,
+            "joined/pulls of struts": self._joints.ties[PULL],
+            "joined/boundary": self._boundary,
+            "joined/pull": self._pull,
+            "joined/winches": self._winches,
+        }
+        if self._severed:
+            kept["joined/fresh"], kept["rope/model"] = self._fresh, self.first.model
+        if self._lines is not None:
+            kept["joined/lines"] = self._lines.known()
+        for r, rope in enumerate(self._ropes, start=1):
+            parts = {name: getattr(rope, name) for name in changing_parts(rope)}
+            kept |= {f"joined/{r}/{name}": part for name, part in parts.items()}
+            kept[f"joined/{r}/tension"] = self._tension(rope)
+        return kept
+
+    def take_back(self, values: dict[str, Any], first: Rope) -> None:
+        """Take out of the values what `changing` gave; first: the first rope as it is now."""
+        self.first = first
+        self._joints = self._joints._replace(nodes=values.pop("joined/nodes"))
+        self._joints.ties[PULL] = values.pop("joined/pulls of struts")
+        self._boundary = values.pop("joined/boundary")
+        self._pull, self._winches = values.pop("joined/pull"), values.pop("joined/winches")
+        self._fresh = bool(values.pop("joined/fresh", False))
+        if self._lines is not None:
+            self._lines.take_back(values.pop("joined/lines"))
+        ropes = []
+        for r, rope in enumerate(self._ropes, start=1):
+            parts = {name: values.pop(f"joined/{r}/{name}") for name in changing_parts(rope)}
+            ropes.append(rope._replace(**parts))
+            self._tension(ropes[-1])[:] = values.pop(f"joined/{r}/tension")
+        self._ropes = tuple(ropes)
+        for r in self._numbers:  # a cut moves the ends of sections
+            self._stack.sections[r, :, : self._rope(r).sections.shape[1]] = self._rope(r).sections
+
+    @property
+    def _numbers(self) -> range:
+        return range(1 + len(self._ropes))
+
+    def _system(self, first: Rope) -> System:
+        """All ropes; current and the like are those of the first one (see core/joined/stack.py)."""
+        return System((first, *self._ropes), self._joints, self._stack, self._sheaves)
+
+    def _rope(self, r: int) -> Rope:
+        return self.first if r == 0 else self._ropes[r - 1]
+
+    @staticmethod
+    def _tension(rope: Rope) -> Floats:
+        """Of the elements [N], a view of the scratch."""
+        return rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]]
+
+    def _nodes(self, r: int, first: int) -> Floats:
+        state = self._rope(r).state
+        return state.nodes[first : first + 3, : state.counts[rows.ELEMENTS] + 1]

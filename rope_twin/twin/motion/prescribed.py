@@ -1,0 +1,94 @@
+"""What is prescribed to the rope: hang-off and line out at the borders of the next steps.
+
+It follows from what a twin is told, heave or poses and orders to its winch, and where the winch
+feels the rope, from the rope as the last step left it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.state import Rope
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.hoisting.feel import Course, feel
+from rope_twin.twin.hoisting.winch import Winch
+from rope_twin.twin.motion.hang_off import HangOffTrack
+from rope_twin.twin.motion.ship import ramp
+from rope_twin.twin.ropes import Ropes
+
+
+class Inputs(NamedTuple):
+    """What tells of the motion."""
+
+    heave: HangOffTrack
+    winch: Winch
+    ropes: Ropes  # with the winches of the others
+
+
+class Present(NamedTuple):
+    """The rope at the end of the last step."""
+
+    time_ns: int
+    step_ns: int  # of the next steps
+    rope: Rope
+    pull_n: float  # on the hang-off
+
+
+class Prescribed:
+    """Hang-off and line out from now on; row 0 of the tables is the present."""
+
+    def __init__(self, scene: Scene, steps: int, length_m: float) -> None:
+        """Room for so many steps; length_m: the line out at the start."""
+        self._ship, self._line = scene.ship, scene.ropes[0]
+        borders = (steps + 1, rows.MOTIONS)
+        self.boundary = rows.Boundary(np.zeros(borders), np.zeros(borders))
+        self.boundary.value[:] = [*scene.ship.hang_off_m, length_m]
+        self.steps = 0  # ahead whose borders are filled in
+
+    def forget(self, done: int) -> None:
+        """Make the border after `done` steps the first row; what lies after it is still to come."""
+        self.steps -= done
+        for table in self.boundary:
+            table[: self.steps + 1] = table[done : done + self.steps + 1]
+
+    def fill(self, steps: int, inputs: Inputs, now: Present) -> int:
+        """Hang-off motion and line out at the borders of the next steps, from the inputs.
+
+        Steps that an earlier call prescribed and could not do keep what they were given. Where a
+        winch feels the rope, the next step must be done first: returns how many can be done now.
+        """
+        for row in range(self.steps + 1, steps + 1):
+            begin_ns = now.time_ns + (row - 1) * now.step_ns
+            felt = inputs.winch.feels(begin_ns)
+            if row > 1 and (felt or inputs.ropes.feel(begin_ns)):
+                return row - 1
+            self._fill_border(row, inputs, now._replace(time_ns=begin_ns), felt)
+            self.steps = row
+        return steps
+
+    def _fill_border(self, row: int, inputs: Inputs, now: Present, felt: bool) -> None:
+        """The border at the end of the step that begins now; felt: the winch asks for the rope."""
+        begin_ns, border_ns = now.time_ns, now.time_ns + now.step_ns
+        *rest, rest_z = self._ship.hang_off_m
+        value, rate = self.boundary
+        z, v = inputs.heave.at(border_ns)
+        share, share_rate = ramp(border_ns * 1e-9, self._ship.motion_ramp_s)
+        heave = (share * z, share * v + share_rate * z)
+        if inputs.heave.posed:  # else x and y are those of rest in every row
+            for k, (aside, moving) in enumerate(inputs.heave.aside_at(border_ns)):
+                value[row, k] = rest[k] + share * aside
+                rate[row, k] = share * moving + share_rate * aside
+        value[row, rows.Z], rate[row, rows.Z] = rest_z + heave[0], heave[1]
+        rope = None
+        if felt:
+            borders = value[row - 1 : row + 1]
+            course = Course(float(borders[0, rows.Z]) - rest_z, inputs.winch.payout_m_per_s2)
+            rope = feel(now.rope, self._line, now.pull_n, borders, course)
+        step_s = now.rope.model.step
+        length, speed = inputs.winch.step(begin_ns, step_s, heave[1], rope)
+        value[row, rows.LINE], rate[row, rows.LINE] = length, speed
+        moves = inputs.heave.further_at(border_ns, (share, share_rate))
+        inputs.ropes.prescribe(row, begin_ns, step_s, heave, moves)

@@ -1,0 +1,158 @@
+"""The file of a saved state: two lines of text, a JSON header, the arrays; every byte is checked.
+
+    rope_twin state 1
+    sha256 <64 hex digits> header <bytes> total <bytes>
+    { ... }                        JSON; `arrays` lists name, type and shape in the order below
+    <arrays>                       C order, little-endian, nothing between them
+
+The check-sum is over all that follows the second line. A file is written beside its final place,
+forced to the disk and renamed, so that whoever reads sees the old one or the new one, never half.
+There is nothing in it that could be executed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rope_twin.errors import StateError, phrase
+from rope_twin.twin.saving.memory import Arrays
+
+VERSION = 1
+_FIRST = re.compile(rb"rope_twin state (\d{1,9})\n")
+_SECOND = re.compile(rb"sha256 ([0-9a-f]{64}) header (\d{1,12}) total (\d{1,15})\n")
+_ANOTHER = "take another saved state, or start without one"
+
+
+def check_place(path: Path, option: str) -> None:
+    """That a file can be made at `path`, before hours are spent on what is to be in it.
+
+    Raises:
+        StateError: it cannot; `option` says who asked for it.
+    """
+    if path.is_dir() or not os.access(path.resolve().parent, os.W_OK):
+        raise StateError(phrase(option, "it cannot be written",
+                                "name a file in a folder that can be written to"))  # fmt: skip
+
+
+def write_state(path: Path, header: dict[str, Any], arrays: Arrays) -> None:
+    """Write a file in place of whatever is at `path`.
+
+    Raises:
+        StateError: the disk does not take it; what was at `path` is still there.
+    """
+    data = _encode(header, arrays)
+    part = path.with_name(f".{path.name}.part")
+    try:
+        with part.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        part.replace(path)
+        _sync_folder(path.parent)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise StateError(
+            phrase(
+                str(path),
+                f"the state cannot be written ({error.strerror or error})",
+                "name a file in a folder that can be written to",
+            )
+        ) from error
+
+
+def read_state(path: Path) -> tuple[dict[str, Any], Arrays]:
+    """Header and arrays of a file.
+
+    Raises:
+        StateError: there is none, it is no saved state, of another version, cut off or damaged.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise _refusal(path, f"it cannot be read ({error.strerror or error})",
+                       "name a file that a run has saved") from error  # fmt: skip
+    first = _FIRST.match(data)
+    if first is None:
+        raise _refusal(path, "it is no saved state", "its first line must be 'rope_twin state 1'")
+    if int(first[1]) != VERSION:
+        raise _refusal(path, f"it has version {int(first[1])} of the format",
+                       f"this program reads version {VERSION}")  # fmt: skip
+    second = _SECOND.match(data, first.end())
+    if second is None:
+        raise _refusal(path, "its second line is damaged", _ANOTHER)
+    header_bytes, total = int(second[2]), int(second[3])
+    body = memoryview(data)[second.end() :]
+    if len(data) < total:
+        raise _refusal(path, f"it is cut off after {len(data)} of {total} bytes", _ANOTHER)
+    if len(data) > total or hashlib.sha256(body).hexdigest().encode() != second[1]:
+        raise _refusal(path, "it is damaged (its check-sum is another)", _ANOTHER)
+    try:
+        header = json.loads(bytes(body[:header_bytes]))
+        return header, _cut(header["arrays"], body[header_bytes:])
+    except (ValueError, KeyError, TypeError) as error:
+        raise _refusal(path, f"its header does not describe it ({error})", _ANOTHER) from error
+
+
+def _refusal(path: Path, what: str, right: str) -> StateError:
+    return StateError(phrase(f"saved state {path}", what, right))
+
+
+def _encode(header: dict[str, Any], arrays: Arrays) -> bytes:
+    """The whole file."""
+    described = [
+        {"name": name, "type": _little(array).str, "shape": array.shape}
+        for name, array in arrays.items()
+    ]
+    text = json.dumps({**header, "arrays": described}, indent=1, allow_nan=False) + "\n"
+    head = text.encode()
+    body = b"".join(
+        [head, *(array.astype(_little(array), order="C").tobytes() for array in arrays.values())]
+    )
+    first = f"rope_twin state {VERSION}\n"
+    digest = hashlib.sha256(body).hexdigest()
+    total = 0
+    while True:  # the second line holds the length of the whole, its own included
+        second = f"sha256 {digest} header {len(head)} total {total}\n"
+        length = len(first) + len(second) + len(body)
+        if length == total:
+            return first.encode() + second.encode() + body
+        total = length
+
+
+def _little(array: Any) -> np.dtype[Any]:
+    dtype: np.dtype[Any] = array.dtype
+    return dtype.newbyteorder("<")
+
+
+def _cut(described: list[dict[str, Any]], body: memoryview) -> Arrays:
+    """The arrays that follow the header; ValueError if it describes others."""
+    arrays: Arrays = {}
+    at = 0
+    for entry in described:
+        kind, shape = np.dtype(entry["type"]), tuple(entry["shape"])
+        if kind.kind not in "fiub":
+            raise ValueError(f"an array of {kind}")
+        end = at + kind.itemsize * int(np.prod(shape, dtype=np.int64))
+        arrays[entry["name"]] = (
+            np.frombuffer(body[at:end], kind).reshape(shape).astype(kind.newbyteorder("="))
+        )
+        at = end
+    if at != len(body):
+        raise ValueError("the arrays are of another length")
+    return arrays
+
+
+def _sync_folder(folder: Path) -> None:
+    """Force the new name to the disk."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,206 @@
+"""Vibration computed beside a running twin: models that know a rope by its modes.
+
+The twin steps the rope at the pace of ship and winch. Once a second its tension, length and the
+water across it are taken; the modes are then looked for, some at each look, and followed a second
+later, so that no look takes long and a run as fast as possible equals a paced one. Where
+the scene does not list the model (twin/vibration/shaking.py), the twin's own motion is not changed.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.state import Floats, Rope
+from rope_twin.errors import InputError
+from rope_twin.twin.fatigue.wear import turned
+from rope_twin.twin.findings import RopeVibration
+from rope_twin.twin.vibration.in_modes import span_of_rope
+from rope_twin.twin.vibration.own_motion import AVERAGED, relative_flow, sides, tangents
+from rope_twin.viv.decomposed import Decomposed
+from rope_twin.viv.decomposed_response import DecomposedResponse
+from rope_twin.viv.lateral_modes import ModeSearch
+from rope_twin.viv.modal_response import ModalResponse
+from rope_twin.viv.shedding import Shedding
+from rope_twin.viv.span import Span, refined
+
+EVERY_S = 1.0
+PER_WAVE = 24  # elements per wave at the highest frequency that can be driven
+SHARES = np.linspace(0.0, 1.0, 65)  # of the rope, from the lower end up: where the flow is kept
+_PLACE = slice(rows.POSITION, rows.POSITION + 3)
+
+
+class KeptBeside(NamedTuple):
+    """What it goes on from."""
+
+    response: Any
+    searched: Span  # of the search that is under way
+    searching: bool
+    flow: Floats
+    since_s: float
+    solves: int
+    note: str
+
+
+class Beside:
+    """A model's response, from rest, as the twin goes on."""
+
+    def __init__(
+        self,
+        model: str,
+        rope: Rope,
+        span_of: Callable[[Rope], Span],
+        response: Any,
+        every_s: float = EVERY_S,
+    ) -> None:
+        """`model`: what it is called; `every_s`: its modes are found again so often."""
+        self.model, self._span_of, self._response = model, span_of, response
+        self._every_s = every_s
+        self._searched: Span | None = None
+        self._search: ModeSearch | None = None
+        self._flow = _at_shares(rope)
+        self._since_s, self.solves, self.note = every_s, 1, ""
+        span = span_of(rope)
+        response.follow(span, response.search(span))  # in parts as from now on: the same digits
+        self.told = self.words(span)
+
+    def words(self, span: Span) -> str:
+        """What it costs, measured here and now."""
+        began = time.perf_counter()
+        found = self._response.search(span).found()
+        took_ms = 1e3 * (time.perf_counter() - began)
+        highest = f" up to {found.frequency.max():.3g} Hz" if len(found.frequency) else ""
+        return (
+            f"vibration {self.model}: {len(found.frequency)} modes{highest} on "
+            f"{len(self._response.span.s)} places, found again every {self._every_s:g} s in "
+            f"{took_ms:.0f} ms, steps of {1e3 * self._response.step_s:.3g} ms."
+        )
+
+    def take(self, rope: Rope, sample_s: float, vortices_hz: float) -> None:
+        """Go on by the time since the last look."""
+        share = 1.0 - float(np.exp(-sample_s * vortices_hz / AVERAGED))
+        self._flow = self._flow + share * (_at_shares(rope) - self._flow)
+        self._since_s += sample_s
+        if self._since_s >= self._every_s - 1e-9:
+            self._since_s = 0.0
+            self._follow(rope)
+        elif self._search is not None:
+            self._search.go_on()
+        self._response.advance(sample_s)
+
+    def shot(self, rope: Rope) -> RopeVibration:
+        """What is told of it, at the nodes of the rope."""
+        return RopeVibration(
+            model=self.model,
+            cross_flow=self.amplitudes(rope)[::-1].copy(),
+            cross_flow_hz=self._at_nodes(rope, self._response.dominant_hz)[::-1].copy(),
+            in_line=None,
+            in_line_hz=None,
+            every_s=self._every_s,
+            solves=self.solves,
+            note=self.note,
+        )
+
+    def amplitudes(self, rope: Rope) -> Floats:
+        """At the nodes of the rope, from the lower end up [d]."""
+        response = self._response
+        return self._at_nodes(rope, getattr(response, "amplitudes", response.amplitude))
+
+    def _at_nodes(self, rope: Rope, values: Floats) -> Floats:
+        """What the response has at its places, at the nodes of the rope."""
+        s = self._response.span.s
+        return np.interp(_along(rope), s - s[-1], values)
+
+    def bent(self, rope: Rope, middles: Floats) -> Floats:
+        """Curvature of the vibration at material coordinates [1/m], as `turned` has it."""
+        span = self._response.span
+        n = int(rope.state.counts[rows.ELEMENTS])
+        s, y, h = rope.state.s[: n + 1], self._response.motion, span.s[1] - span.s[0]
+        curve = np.zeros(len(y))
+        curve[1:-1] = (y[2:] - 2.0 * y[1:-1] + y[:-2]) / (h * h)
+        at = span.s[-1] + np.interp(middles, s, _along(rope))
+        place = rope.state.nodes[_PLACE, : n + 1]
+        shares = np.linspace(0.0, 1.0, n + 1)
+        flow = np.stack([np.interp(shares, SHARES, part) for part in self._flow])
+        across = turned(sides(place, flow)[0], tangents(place))
+        there = np.stack([np.interp(middles, s, part) for part in across])
+        return np.asarray(there * np.interp(at, span.s, curve, 0.0, 0.0))
+
+    def kept(self) -> KeptBeside:
+        """From which `take_back` goes on."""
+        searched = self._searched or self._response.kept()[0]
+        return KeptBeside(
+            self._response.kept(), searched, self._search is not None, self._flow, self._since_s,
+            self.solves, self.note,
+        )  # fmt: skip
+
+    def take_back(self, kept: KeptBeside) -> None:
+        """Go on from there."""
+        self._response.take_back(kept.response)
+        if kept.searching:
+            self._searched, self._search = kept.searched, self._response.search(kept.searched)
+        self._flow, self._since_s, self.solves = kept.flow, kept.since_s, kept.solves
+        self.note = kept.note
+
+    def _follow(self, rope: Rope) -> None:
+        """Take the modes of a second ago, and look for those of now."""
+        if self._search is not None and self._searched is not None:
+            self._response.follow(self._searched, self._search)
+            self.solves += 1
+        self._searched = self._search = None
+        try:
+            span = self._span_of(rope)
+            self._searched, self._search, self.note = span, self._response.search(span), ""
+        except InputError as error:
+            self.note = f"the modes are those from before: {error}"
+
+
+def beside_modes(
+    rope: Rope, shedding: Shedding, name: str = "modes", every_s: float = EVERY_S
+) -> Beside:
+    """Response in natural modes (Le Cunff and Durand 1999).
+
+    Raises:
+        InputError: the rope is slack somewhere.
+    """
+    return Beside(name, rope, span_of_rope, ModalResponse(span_of_rope(rope), shedding), every_s)
+
+
+def beside_decomposed(
+    rope: Rope, model: Decomposed, name: str = "decomposed", every_s: float = EVERY_S
+) -> Beside:
+    """Forces taken apart in phase (Ge 2018).
+
+    Raises:
+        InputError: the rope is slack somewhere.
+    """
+
+    def span_of(rope: Rope) -> Span:
+        span = span_of_rope(rope, moved_water=False)
+        if not (span.tension > 0.0).all():
+            return span  # of which no modes are found
+        moved = span.mass + model.density * 0.25 * np.pi * span.diameter[:-1] ** 2
+        slowest = float(np.sqrt((span.tension / moved).min()))
+        fastest = model.band[1] * float((span.speed / span.diameter).max())
+        return refined(span, max(slowest / max(fastest, 1e-9) / PER_WAVE, span.s[-1] / 6000.0))
+
+    return Beside(name, rope, span_of, DecomposedResponse(span_of(rope), model), every_s)
+
+
+def _along(rope: Rope) -> Floats:
+    """Of the nodes, along the stretched rope from the hang-off, less than 0 [m]."""
+    n = int(rope.state.counts[rows.ELEMENTS])
+    steps = np.diff(rope.state.nodes[_PLACE, : n + 1], axis=1)
+    along = np.concatenate([[0.0], np.cumsum(np.sqrt((steps * steps).sum(axis=0)))])
+    return np.asarray(along - along[-1])
+
+
+def _at_shares(rope: Rope) -> Floats:
+    """Water less rope at shares of its nodes [m/s], (3, shares)."""
+    flow = relative_flow(rope)
+    own = np.linspace(0.0, 1.0, flow.shape[1])
+    return np.stack([np.interp(SHARES, own, part) for part in flow])

@@ -1,0 +1,34 @@
+"""How often a rope is looked at: often enough for its fastest vortices, at least once a slot."""
+
+from __future__ import annotations
+
+from rope_twin.core import state as rows
+from rope_twin.core.state import Boundary, Rope
+from rope_twin.twin.pacing import steps_in_slot
+from rope_twin.twin.vibration.own_motion import diameters, fastest_hz, tangents
+
+PER_PERIOD = 24  # looks per period of the fastest vortices: a crest is met to 0.9 %
+FASTER, SLOWER = 1.25, 0.5  # times what the looks are made for: then they are made anew
+
+
+def vortices_hz(rope: Rope, boundary: Boundary, strouhal: float) -> float:
+    """Of the fastest vortices, by the water's velocity less the hang-off's [Hz]."""
+    n = int(rope.state.counts[rows.ELEMENTS])
+    flow = rope.work[rows.FLOW : rows.FLOW + 3, :n] - boundary.rate[0, :3, None]
+    flow[2] = 0.0  # heave and waves' vertical motion run along the rope
+    along = tangents(rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1])[:, :n]
+    return fastest_hz(flow, along, diameters(rope)[:n], strouhal)
+
+
+def steps_between(hz: float, step_s: float) -> int:
+    """Steps from one look to the next where the fastest vortices have this frequency."""
+    slot = steps_in_slot(step_s)
+    if hz == 0.0:
+        return slot
+    return max(1, min(slot, int(1.0 / (PER_PERIOD * hz * step_s) + 1e-9)))
+
+
+def is_another_pace(hz: float, made_for_hz: float, other_current: bool) -> bool:
+    """Whether looks are to be made anew; only another current makes them less frequent."""
+    slower = other_current and hz < SLOWER * made_for_hz
+    return hz > FASTER * made_for_hz or slower

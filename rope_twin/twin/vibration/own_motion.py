@@ -1,0 +1,195 @@
+"""How the twin's own rope shakes: amplitude and frequency at its nodes, across and in line.
+
+The places of the nodes are filtered as they come: what is slower than a fifth of the fastest
+vortices (ship, waves, winch, sway) is left out by a Butterworth filter of fourth order. Of what is
+left, across the rope and split into across the flow and with it, the mean square is kept over the
+last ten periods of those vortices. The frequency is Rice's (1944) mean frequency of upward
+crossings of zero, √(m₂/m₀)/2π, taken as tan(ω·h/2) = rms(y - y before)/rms(y + y before): exact for
+a sine.
+
+The flow is the running mean of the water's velocity less the rope's. Nodes are material points; one
+that is new takes what its neighbours have.
+"""
+
+from __future__ import annotations
+
+from math import exp, pi
+from typing import Any
+
+import numpy as np
+from scipy.signal import butter, sosfilt, sosfilt_zi
+
+from rope_twin.core import state as rows
+from rope_twin.core.state import Floats, Rope
+from rope_twin.twin.findings import RopeVibration
+from rope_twin.twin.vibration.watch import MOTION
+
+SLOW = 0.2  # of the fastest vortices' frequency: slower motion is not shaking
+ORDER = 4
+BLOCK = 8  # samples that are filtered together
+SETTLING, AVERAGED, LEAST = 10.0, 10.0, 2.0  # periods: of the filter, of the mean, before a figure
+STILL_M = 1e-7  # what moves less has no frequency
+_PLACE = slice(rows.POSITION, rows.POSITION + 3)
+_VELOCITY = slice(rows.VELOCITY, rows.VELOCITY + 3)
+_FLOW = slice(rows.FLOW, rows.FLOW + 3)
+
+
+class OwnMotion:
+    """Opened at a rope; then `take` it at equal times. Rows from the lower end up."""
+
+    def __init__(self, rope: Rope, sample_s: float, vortices_hz: float) -> None:
+        """`vortices_hz`: of the fastest that are expected."""
+        self._sample_s, self._hz = sample_s, vortices_hz
+        slowest, rate = SLOW * vortices_hz, 1.0 / sample_s
+        self._filter = butter(ORDER, slowest, "highpass", fs=rate, output="sos")
+        self._s, place = _marks(rope), _places(rope)
+        self._memory = sosfilt_zi(self._filter)[:, :, None, None] * place
+        self._flow = relative_flow(rope)
+        self._waiting: list[Floats] = []  # places that are not filtered yet
+        self._sides = sides(place, self._flow)  # unit vectors while they wait
+        self._before = np.zeros((2, place.shape[1]))
+        # of squares: motion, rise, sum; averaged once and, against their ripple, once more
+        self._first, self._means = np.zeros((2, 3, 2, place.shape[1]))
+        self._taken = 0
+
+    @property
+    def known(self) -> bool:
+        """Whether there is a figure yet."""
+        periods = self._taken * self._sample_s * self._hz
+        return periods >= SETTLING + LEAST
+
+    def take(self, rope: Rope, sample_s: float, vortices_hz: float) -> None:
+        """One instant, as long after the one before as it was opened for."""
+        s = _marks(rope)
+        if len(s) != len(self._s) or not np.array_equal(s[:-1], self._s[:-1]):
+            self._work_off()
+            self._carry_over(s)
+        self._s = s
+        place = _places(rope)
+        share = 1.0 - exp(-self._sample_s * self._hz / AVERAGED)
+        self._flow = self._flow + share * (relative_flow(rope) - self._flow)
+        if not self._waiting:
+            self._sides = sides(place, self._flow)
+        self._waiting.append(place)
+        if len(self._waiting) == BLOCK:
+            self._work_off()
+
+    def shot(self, rope: Rope) -> RopeVibration | None:
+        """What is told of it, at the nodes; None: nothing yet."""
+        if not self.known:
+            return None
+        s, diameter = _marks(rope), diameters(rope)  # an element may have split since the look
+
+        def now(values: Floats) -> Floats:
+            return np.interp(s, self._s, values)
+
+        (across, along), (across_hz, along_hz) = self.amplitudes_m(), self.frequencies_hz()
+        return RopeVibration(
+            model=MOTION,
+            cross_flow=(now(across) / diameter)[::-1],
+            cross_flow_hz=now(across_hz)[::-1],
+            in_line=(now(along) / diameter)[::-1],
+            in_line_hz=now(along_hz)[::-1],
+            every_s=0.0,
+            solves=0,
+            note="",
+        )
+
+    def bent(self, rope: Rope, middles: Floats) -> Floats | None:
+        """Its curvature is the rope's own."""
+        return None
+
+    def kept(self) -> OwnMotion:
+        """From which `take_back` goes on."""
+        return self
+
+    def take_back(self, kept: OwnMotion) -> None:
+        """Go on from there."""
+        vars(self).update(vars(kept))
+
+    def amplitudes_m(self) -> Floats:
+        """√2 times the rms, across and with the flow, at the nodes of the last look, (2, nodes)."""
+        return np.asarray(np.sqrt(2.0 * self._means[0]))
+
+    def frequencies_hz(self) -> Floats:
+        """Of both, 0 where nothing moves, (2, nodes)."""
+        _, rise, total = self._means
+        moves = (self.amplitudes_m() > STILL_M) & (total > 0.0)
+        ratio = np.sqrt(rise / np.where(moves, total, 1.0))
+        return np.where(moves, np.arctan(ratio) / (pi * self._sample_s), 0.0)
+
+    def _work_off(self) -> None:
+        """Filter what waits and add it to the means."""
+        if not self._waiting:
+            return
+        fast, self._memory = sosfilt(self._filter, np.stack(self._waiting), axis=0, zi=self._memory)
+        self._waiting = []
+        settled = round(SETTLING / (self._hz * self._sample_s))
+        forgotten = 1.0 - exp(-2.0 * self._sample_s * self._hz / AVERAGED)
+        for moved in np.einsum("skn,rkn->rsn", self._sides, fast):
+            self._taken += 1
+            if self._taken > settled:
+                share = max(forgotten, 1.0 / (self._taken - settled))
+                now = np.stack([moved, moved - self._before, moved + self._before]) ** 2
+                self._first += share * (now - self._first)
+                self._means += share * (self._first - self._means)
+            self._before = moved
+
+    def _carry_over(self, s: Floats) -> None:
+        """To nodes with other material coordinates."""
+        high = np.clip(np.searchsorted(self._s, s), 1, len(self._s) - 1)
+        low = high - 1
+        share = np.clip((s - self._s[low]) / (self._s[high] - self._s[low]), 0.0, 1.0)
+        for name in ("_memory", "_flow", "_sides", "_before", "_first", "_means"):
+            kept = getattr(self, name)
+            setattr(self, name, kept[..., low] * (1.0 - share) + kept[..., high] * share)
+
+
+def relative_flow(rope: Rope) -> Floats:
+    """Water less rope at the nodes [m/s], (3, nodes); the hang-off has that of the node below."""
+    n = int(rope.state.counts[rows.ELEMENTS])
+    relative = rope.work[_FLOW, : n + 1] - rope.state.nodes[_VELOCITY, : n + 1]
+    relative[:, n] = relative[:, n - 1]
+    return np.asarray(relative)
+
+
+def fastest_hz(flow: Floats, along: Floats, diameter: Floats, strouhal: float) -> float:
+    """Of the vortices, St·|U across the rope|/d at nodes [Hz]."""
+    across = flow - (flow * along).sum(axis=0) * along
+    return float((strouhal * np.sqrt((across * across).sum(axis=0)) / diameter).max())
+
+
+def tangents(place: Floats) -> Floats:
+    """Unit vectors along the rope at its nodes, upward, (3, nodes)."""
+    step = np.diff(place, axis=1)
+    along = np.concatenate([step[:, :1], step[:, 1:] + step[:, :-1], step[:, -1:]], axis=1)
+    return np.asarray(along / np.sqrt((along * along).sum(axis=0)))
+
+
+def diameters(rope: Rope) -> Floats:
+    """That the water sees, at the nodes [m], (nodes,)."""
+    n, sections = int(rope.state.counts[rows.ELEMENTS]), rope.sections
+    s = rope.state.s[: n + 1]
+    which = np.searchsorted(sections[rows.END], 0.5 * (s[1:] + s[:-1]), side="right")
+    diameter = np.sqrt(4.0 * sections[rows.PER_METRE + 1, which] / pi)
+    return np.append(diameter, diameter[-1])
+
+
+def _marks(rope: Rope) -> Floats:
+    return np.array(rope.state.s[: int(rope.state.counts[rows.ELEMENTS]) + 1])
+
+
+def _places(rope: Rope) -> Floats:
+    return np.array(rope.state.nodes[_PLACE, : int(rope.state.counts[rows.ELEMENTS]) + 1])
+
+
+def sides(place: Floats, flow: Floats) -> Floats:
+    """Unit vectors across rope and flow, and across the rope with the flow, (2, 3, nodes)."""
+    along = tangents(place)
+    across: Any = np.cross(flow, along, axis=0)
+    size = np.sqrt((across * across).sum(axis=0))
+    east = np.zeros_like(along)
+    east[0] = 1.0
+    across = np.where(size > 1e-9, across, np.cross(east, along, axis=0))
+    across = across / np.maximum(np.sqrt((across * across).sum(axis=0)), 1e-12)
+    return np.stack([across, np.cross(along, across, axis=0)])

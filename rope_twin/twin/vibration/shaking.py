@@ -1,0 +1,146 @@
+"""A model of vortices that a scene lists and that is computed beside the step, and its drag.
+
+`modal_vibration` and `decomposed_force` know the rope by its modes, on places of their own
+(`beside.py`). At each look they go on by the time since the one before, and the drag coefficient
+at the rope's nodes grows with the rms that they have there (core/vortices/drag_growth.py). The
+rope's lean and tension then change what the model finds when it looks for its modes again.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from functools import singledispatch
+from math import sqrt
+from typing import Any, NamedTuple
+
+from rope_twin.core.state import Boundary, Rope
+from rope_twin.core.vortices.drag_growth import DragGrowth, set_growth
+from rope_twin.effects.decomposed_force import DecomposedForceParams
+from rope_twin.effects.modal_vibration import ModalVibrationParams
+from rope_twin.scene.rules.shedding import model_beside, shedding_model, strouhal_number
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.findings import RopeVibration
+from rope_twin.twin.vibration.beside import Beside, KeptBeside, beside_decomposed, beside_modes
+from rope_twin.twin.vibration.looks import is_another_pace, steps_between, vortices_hz
+from rope_twin.viv.decomposed import decomposed
+from rope_twin.viv.drag import amplified_drag
+from rope_twin.viv.shedding import Lift, Shedding
+
+
+class KeptShaking(NamedTuple):
+    """What it goes on from."""
+
+    tracker: KeptBeside
+    hz: float
+    currents: int
+    looked: int
+    second: int
+
+
+class Shaking:
+    """From rest.
+
+    Raises:
+        InputError: the rope is slack somewhere.
+    """
+
+    def __init__(self, scene: Scene, rope: Rope) -> None:
+        self.hz, self._currents = 0.0, 0  # of the vortices that the looks are made for
+        self._looked, self._second = 0, -1  # the step of the last look, the second of its time
+        self._strouhal, self._step_s = strouhal_number(scene), scene.time.step_s
+        self._every = steps_between(0.0, self._step_s)
+        params = model_beside(scene)
+        self._growth: tuple[float, float] = params.drag_growth
+        density = scene.environment.water_density_kg_per_m3
+        self.tracker: Beside = _tracker(params, rope, density, shedding_model(scene))
+        self._took_s = self._looked_s = 0.0  # time spent on it, and the twin's time meanwhile
+
+    @property
+    def every(self) -> int:
+        """Steps between two looks."""
+        return self._every
+
+    def steps_to_look(self, steps: int) -> int:
+        """How many are left until the next look, after so many."""
+        return self._looked + self._every - steps
+
+    def look(self, rope: Rope, boundary: Boundary, steps: int, currents: int) -> None:
+        """Go on by the time since the last look, and let the drag grow with the motion.
+
+        boundary: row 0 now; steps: done by the twin; currents: how many have come.
+        """
+        began = time.perf_counter()
+        since_s = (steps - self._looked) * self._step_s
+        self._looked = steps
+        self._keep_pace(rope, boundary, currents)
+        self.tracker.take(rope, since_s, self.hz)
+        rms = self.tracker.amplitudes(rope) / sqrt(2.0)
+        grown = amplified_drag(rms, self._growth) - 1.0
+        for own in rope.effects:
+            if isinstance(own, DragGrowth):
+                set_growth(own, rope.state, grown)
+        self._looked_s += since_s
+        self._took_s += time.perf_counter() - began
+
+    def shot(self, rope: Rope) -> RopeVibration:
+        """What is told of it."""
+        cost_pct = 100.0 * self._took_s / max(self._looked_s, self._step_s)
+        return replace(self.tracker.shot(rope), cost_pct=cost_pct)
+
+    def kept(self) -> KeptShaking:
+        """From which `take_back` goes on."""
+        return KeptShaking(self.tracker.kept(), self.hz, self._currents, self._looked, self._second)
+
+    def take_back(self, kept: KeptShaking) -> None:
+        """Go on from there."""
+        self.tracker.take_back(kept.tracker)
+        self.hz, self._currents = kept.hz, kept.currents
+        self._looked, self._second = kept.looked, kept.second
+        self._every = steps_between(self.hz, self._step_s)
+
+    def _keep_pace(self, rope: Rope, boundary: Boundary, currents: int) -> None:
+        """Once a second: look more often where vortices are faster."""
+        second = int(self._looked * self._step_s + 1e-9)
+        if second == self._second:
+            return
+        self._second = second
+        hz = vortices_hz(rope, boundary, self._strouhal)
+        if is_another_pace(hz, self.hz, currents != self._currents):
+            self.hz, self._currents = hz, currents
+            self._every = steps_between(hz, self._step_s)
+
+
+@singledispatch
+def _tracker(params: Any, rope: Rope, density: float, name: str) -> Beside:
+    """The model as a scene gives it, of a rope at rest."""
+    raise TypeError(f"{name} is not computed beside the step")
+
+
+@_tracker.register
+def _modes(params: ModalVibrationParams, rope: Rope, density: float, name: str) -> Beside:
+    return beside_modes(rope, shedding_of(params, density), name, params.modes_every_s)
+
+
+@_tracker.register
+def _decomposed(params: DecomposedForceParams, rope: Rope, density: float, name: str) -> Beside:
+    fixed = params.added_mass
+    model = replace(
+        decomposed(fixed is None, params.damping_fraction),
+        fixed_added_mass=1.0 if fixed is None else fixed,
+        band=params.band,
+        density=density,
+    )
+    return beside_decomposed(rope, model, name, params.modes_every_s)
+
+
+def shedding_of(params: ModalVibrationParams, density: float) -> Shedding:
+    """The water's side of the modal approach as a scene gives it."""
+    return Shedding(
+        strouhal=params.strouhal,
+        band=params.band,
+        density=density,
+        viscosity=params.viscosity_m2_per_s,
+        structural=params.damping_fraction,
+        lift=Lift(*params.lift, *params.lift_at),
+    )

@@ -1,0 +1,231 @@
+"""What an operator sees of a rope besides its tension: how it shakes, and the fatigue it has used.
+
+Both are parts of a twin that are there only where a run asks for them; the run is the same to the
+bit. They look at the rope at equal times, often enough for the fastest vortices.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.state import Floats
+from rope_twin.effects.bending import BendingParams
+from rope_twin.errors import InputError, StateError, phrase
+from rope_twin.scene.rules.rigging import refuse_joined
+from rope_twin.scene.rules.shedding import model_beside, shedding_model, strouhal_number
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.fatigue.wear import RopeWear, WearWish, bending_stiffness, curvature
+from rope_twin.twin.findings import MaterialFatigue, RopeVibration
+from rope_twin.twin.saving.memory import recall
+from rope_twin.twin.saving.saved_state import IF_ASKED, SavedState, load_state
+from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.twin import Twin
+from rope_twin.twin.vibration.beside import Beside, beside_decomposed, beside_modes
+from rope_twin.twin.vibration.looks import is_another_pace, steps_between, vortices_hz
+from rope_twin.twin.vibration.own_motion import OwnMotion
+from rope_twin.twin.vibration.watch import DECOMPOSED, MODES, MOTION, Watch
+from rope_twin.viv.decomposed import decomposed
+from rope_twin.viv.shedding import Shedding
+
+SECOND_NS = 1_000_000_000  # between two sums of the fatigue
+
+
+class WatchedTwin(Twin):
+    """A twin that is watched as `asked` says. A saved state holds what was counted and averaged.
+
+    Raises:
+        SceneError: as for a twin, or ropes meet.
+        InputError: what is asked for does not hold for the scene.
+    """
+
+    asked: ClassVar[Watch]
+
+    def __init__(self, scene: Scene) -> None:
+        refuse_joined(scene, "what watches vibration or fatigue")
+        model = shedding_model(scene)
+        if self.asked.vibration == MOTION and not model:
+            what = "the scene lists no model of vortices, so nothing shakes its rope"
+            right = f"list one of them, or ask for one beside the twin: {MODES}, {DECOMPOSED}"
+            raise InputError(phrase(f"vibration {MOTION}", what, right))
+        if self.asked.vibration and model_beside(scene) is not None:
+            what = f"the scene's own {model} tells how the rope shakes without being asked"
+            right = "leave it out"
+            raise InputError(phrase(f"vibration {self.asked.vibration}", what, right))
+        if self.asked.vibration in (MODES, DECOMPOSED) and model:
+            what = f"the scene's own {model} shakes its rope already"
+            raise InputError(phrase(f"vibration {self.asked.vibration}", what, f"ask for {MOTION}"))
+        wear = self._new_wear(scene) if self.asked.fatigue else None  # what it refuses: at once
+        super().__init__(scene)
+        self._strouhal, self._wear = strouhal_number(scene), wear
+        self._hz = 0.0  # of the vortices that the looks are made for
+        self._profiles = 0  # currents that had come by then
+        self._every = self._steps_between()
+        self._tracker = self._beside()  # of the twin's own motion when the water first moves
+        self.told = self._tracker.told if isinstance(self._tracker, Beside) else self.told
+        self._counting_from_ns, self._second = self.time_ns, -1
+        self._fatigue: MaterialFatigue | None = None
+        self._watch_s = self._watched_s = 0.0  # time spent on it, and the twin's time meanwhile
+
+    @classmethod
+    def restore(cls, saved: str | Path | SavedState, scene: Scene) -> Self:
+        """As for a twin.
+
+        Raises:
+            StateError: also if its fatigue was counted by another curve.
+        """
+        state = saved if isinstance(saved, SavedState) else load_state(saved)
+        twin = super().restore(state, scene)
+        twin._take_back(state)
+        return twin
+
+    def snapshot(self) -> Snapshot:
+        """A frozen copy of the present, with what is known."""
+        taken = super().snapshot()
+        if self._shaking is None:
+            taken = replace(taken, vibration=self._vibration())
+        return replace(taken, fatigue=self._fatigue)
+
+    def take_rung(self, rung: Rung) -> None:
+        """As for a twin."""
+        super().take_rung(rung)
+        self._every = self._steps_between()
+
+    def _changing(self) -> dict[str, Any]:
+        own = ("told", "_strouhal", "_wear", "_tracker", "_hz", "_profiles", "_every",
+               "_counting_from_ns", "_second", "_fatigue", "_watch_s", "_watched_s")  # fmt: skip
+        changing = {name: value for name, value in super()._changing().items() if name not in own}
+        if self._wear is not None:
+            changing[f"{IF_ASKED}wear"] = self._wear
+            changing[f"{IF_ASKED}counting_from_ns"] = self._counting_from_ns
+        if self._tracker is not None and self._shaking is None:
+            changing[f"{IF_ASKED}model"] = self.asked.vibration
+            changing[f"{IF_ASKED}tracker"] = self._tracker.kept()
+            changing[f"{IF_ASKED}looks"] = [self._hz, self._profiles]
+        return changing
+
+    def _take_back(self, state: SavedState) -> None:
+        """What was counted and averaged, as far as it was and is asked for."""
+        kept = {
+            name.removeprefix(IF_ASKED): plain
+            for name, plain in state.memory.items()
+            if name.startswith(IF_ASKED)
+        }
+        self._counting_from_ns = kept.get("counting_from_ns", self.time_ns)
+        if self._wear is not None and "wear" in kept:
+            begun = kept["wear"]["fields"]["name"]
+            if begun != self._wear.name:
+                what = f"its fatigue was counted by the curve {begun}, not {self._wear.name}"
+                raise StateError(phrase(f"saved state {state.source}", what, f"ask for {begun}"))
+            self._wear = recall(kept["wear"], self._wear, state.arrays, f"{IF_ASKED}wear")
+        self._tracker = self._beside()
+        if self.asked.vibration and kept.get("model") == self.asked.vibration:
+            self._hz, self._profiles = kept["looks"]
+            self._every = self._steps_between()
+            tracker = self._tracker or self._of_own_motion()
+            tracker.take_back(
+                recall(kept["tracker"], tracker.kept(), state.arrays, f"{IF_ASKED}tracker")
+            )
+            self._tracker = tracker
+
+    def _sever(self, lost_m: float, rope: int = 0) -> float:
+        """As for a twin; what is left of the rope shakes anew."""
+        self._tracker, self._hz = None, 0.0
+        return super()._sever(lost_m, rope)
+
+    def _advance_some(self, steps: int) -> int:
+        shaking = self._shaking
+        own = self._every - self._steps % self._every
+        due = own if shaking is None else shaking.steps_to_look(self._steps)
+        done = super()._advance_some(min(steps, due))
+        if done == due:
+            began = time.perf_counter()
+            self._look()
+            spent = time.perf_counter() - began
+            self._watch_s += spent
+            self._watched_s += self._every * self.step_s
+            self._computing_s += spent
+        return done
+
+    def _look(self) -> None:
+        """Take the rope as it is now; once a second see how fast the vortices are, and sum up."""
+        second = self.time_ns // SECOND_NS
+        new, self._second = second != self._second, second
+        if new:
+            self._keep_pace()
+        rope = self.rope
+        if self._tracker is not None and self._shaking is None:
+            self._tracker.take(rope, self._every * self.step_s, self._hz)
+        if self._wear is not None:
+            if self._cut.done:
+                self._wear.cut_off(self._cut.done.lost_m)
+            self._wear.take(rope, float(self._pull[rows.PULL]), self._bent())
+            if new:
+                counted_s = (self.time_ns - self._counting_from_ns) * 1e-9
+                line_out = float(self._boundary.value[0, rows.LINE])
+                self._fatigue = self._wear.shot(line_out, counted_s)
+
+    def _keep_pace(self) -> None:
+        """Look more often where vortices are faster; a new current may also make them slower."""
+        if self._shaking is not None or not (self.asked.vibration or shedding_model(self.scene)):
+            return
+        hz = vortices_hz(self.rope, self._boundary, self._strouhal)
+        profiles = self._current.counter.health(self.time_ns, False).accepted
+        if is_another_pace(hz, self._hz, profiles != self._profiles):
+            self._hz, self._profiles = hz, profiles
+            self._every = self._steps_between()
+            if self.asked.vibration == MOTION:
+                self._tracker = self._of_own_motion() if hz > 0.0 else None
+
+    def _steps_between(self) -> int:
+        """Steps from one look to the next."""
+        return steps_between(self._hz, self.step_s)
+
+    def _of_own_motion(self) -> OwnMotion:
+        return OwnMotion(self.rope, self._every * self.step_s, self._hz)
+
+    def _beside(self) -> OwnMotion | Beside | None:
+        """The scene's own model, or that beside the twin which is asked for, from rest."""
+        if self._shaking is not None:
+            return self._shaking.tracker
+        density = self.scene.environment.water_density_kg_per_m3
+        if self.asked.vibration == MODES:
+            return beside_modes(self.rope, Shedding(strouhal=self._strouhal, density=density))
+        if self.asked.vibration == DECOMPOSED:
+            return beside_decomposed(self.rope, replace(decomposed(), density=density))
+        return None
+
+    def _new_wear(self, scene: Scene) -> RopeWear:
+        line, winch = scene.ropes[0], scene.winch
+        EI = sum(own.stiffness_n_m2 for own in scene.effects if isinstance(own, BendingParams))
+        most = winch.most_line_out_m if winch else line.length_m
+        shaken = model_beside(scene) is not None or self.asked.vibration in (MODES, DECOMPOSED)
+        sheave = winch.sheave if winch else None
+        bent_pa = sheave.bending_stress_pa(line.made_of[0].rope.diameter_m) if sheave else 0.0
+        return RopeWear(line, most, WearWish(self.asked.fatigue, EI > 0.0 or shaken, bent_pa), EI)
+
+    def _bent(self) -> Floats | None:
+        """Curvature of the metres if it counts: of a rope that bends, and of the vibration."""
+        if self._wear is None or not self._wear.bends:
+            return None
+        lost_m = self._cut.done.lost_m if self._cut.done else 0.0
+        middles = self._wear.middles - lost_m
+        bent = np.zeros((2, len(middles)))
+        if bending_stiffness(self._rope.effects) > 0.0:
+            s, own = curvature(self._rope)
+            bent += [np.interp(middles, s, part) for part in own]
+        shaken = self._tracker.bent(self._rope, middles) if self._tracker is not None else None
+        return bent if shaken is None else bent + shaken
+
+    def _vibration(self) -> RopeVibration | None:
+        shaking = self._tracker.shot(self._rope) if self._tracker is not None else None
+        if shaking is None:
+            return None
+        watched_s = max(self._watched_s, self.step_s)
+        return replace(shaking, cost_pct=100.0 * self._watch_s / watched_s)
