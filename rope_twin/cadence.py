@@ -10,10 +10,9 @@ from rope_twin.topics import TOPICS
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.snapshot import Snapshot
 
+_OF_ITS_OWN = ("diagnostics", "twin/epoch")  # made from more or less than a snapshot
 _FROM_SNAPSHOT = tuple(
-    topic
-    for topic in TOPICS
-    if topic.publisher == "simulation" and (topic.rate_hz >= 5.0 or topic.only_with)
+    topic for topic in TOPICS if topic.publisher == "simulation" and topic.name not in _OF_ITS_OWN
 )
 SNAPSHOT_TOPICS = tuple(topic for topic in _FROM_SNAPSHOT if not topic.only_with)
 EXTRA_TOPICS = tuple(topic for topic in _FROM_SNAPSHOT if topic.only_with)

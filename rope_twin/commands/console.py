@@ -1,10 +1,39 @@
-"""What commands show on a console: a table in columns, and how far a long one has come."""
+"""What commands show on a console: a table in columns, and how far a long run has come."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Sequence
-from typing import TextIO
+from collections.abc import Callable, Iterator, Sequence
+from typing import Protocol, TextIO, TypeVar
+
+
+class Timed(Protocol):
+    """A case that knows its name and what it takes."""
+
+    @property
+    def id(self) -> str:
+        """Its name on the command line."""
+
+    @property
+    def seconds(self) -> float:
+        """What it takes, roughly."""
+
+
+C = TypeVar("C", bound=Timed)
+R = TypeVar("R")
+
+
+def run_each(cases: Sequence[C], run_case: Callable[[C], R]) -> Iterator[R]:
+    """What becomes of each case, as it ends; on a terminal a line tells which one is running."""
+    live = sys.stderr.isatty()
+    for number, case in enumerate(cases, 1):
+        if live:
+            words = f"{number} of {len(cases)}: {case.id}, about {case.seconds:.0f} s"
+            print(f"\r\033[K{words}", end="", file=sys.stderr, flush=True)
+        row = run_case(case)
+        if live:
+            print("\r\033[K", end="", file=sys.stderr, flush=True)
+        yield row
 
 
 def print_table(rows: Sequence[Sequence[str]], words_last: bool = False) -> None:

@@ -20,7 +20,8 @@ from rope_twin.scene.card import known_error, told_bound
 from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.figures import LiftFigures, lift_figures, listed_effects, stretch_m
 from rope_twin.scene.load import load_scene, scene_names
-from rope_twin.scene.schema import RopeLine, Scene, ScheduleRow, SeaState, Winch
+from rope_twin.scene.schema import RopeLine, Scene, ScheduleRow, Winch
+from rope_twin.scene.sea_state import SeaState
 from rope_twin.studies.effect_cost import effect_table, measure_effects
 from rope_twin.twin.ensemble.ensemble import whole_steps
 from rope_twin.twin.hoisting.orders import MOTIONS, Order

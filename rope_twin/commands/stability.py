@@ -8,12 +8,11 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import sys
-from collections.abc import Callable, Sequence
 from typing import Any
 
+from rope_twin.commands.console import run_each
 from rope_twin.studies.stability.cases import CASES, Row, choose_cases, run_case
-from rope_twin.studies.stability.check import Case, Check
+from rope_twin.studies.stability.check import Check
 
 MARKDOWN_HEAD = "| id | hard | held against | nearest to its limit | figure | limit | holds |"
 
@@ -34,32 +33,23 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the cases and print a row as each ends; 1 if one does not hold."""
     cases = choose_cases(args.ids)
-    if args.json:
-        rows = _run_all(cases, lambda row: None)
-        print(json.dumps([_as_json(row) for row in rows], indent=1, ensure_ascii=False))
-    elif args.markdown:
+    if args.markdown:
         print(f"{MARKDOWN_HEAD}\n|{' --- |' * 7}", flush=True)
-        rows = _run_all(cases, lambda row: print(_as_markdown(row), flush=True))
-    else:
+    elif not args.json:
         print(f"{'case':<{_width()}}  holds  {'figure':>12}  {'limit':>12}  what", flush=True)
-        rows = _run_all(cases, _print_row)
+    rows = []
+    for row in run_each(cases, run_case):
+        rows.append(row)
+        if args.markdown:
+            print(_as_markdown(row), flush=True)
+        elif not args.json:
+            _print_row(row)
+    if args.json:
+        print(json.dumps([_as_json(row) for row in rows], indent=1, ensure_ascii=False))
+    elif not args.markdown:
         held = sum(row.ok for row in rows)
         print(f"{held} of {len(rows)} hold, {sum(row.seconds for row in rows):.0f} s")
     return 0 if all(row.ok for row in rows) else 1
-
-
-def _run_all(cases: Sequence[Case], show: Callable[[Row], None]) -> list[Row]:
-    """Every row; which case is running is told on a terminal."""
-    rows = []
-    for number, case in enumerate(cases, 1):
-        if sys.stderr.isatty():
-            words = f"{number} of {len(cases)}: {case.id}, about {case.seconds:.0f} s"
-            print(f"\r\033[K{words}", end="", file=sys.stderr, flush=True)
-        rows.append(run_case(case))
-        if sys.stderr.isatty():
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
-        show(rows[-1])
-    return rows
 
 
 def _width() -> int:

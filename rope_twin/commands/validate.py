@@ -8,14 +8,13 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.console import Progress, print_table
+from rope_twin.commands.console import Progress, print_table, run_each
 from rope_twin.studies.picture import check_picture
 from rope_twin.studies.validation import vortex_convergence
-from rope_twin.studies.validation.case import Case, Row
+from rope_twin.studies.validation.case import Row
 from rope_twin.studies.validation.page import (
     CONVERGENCE_PICTURE,
     PAGE,
@@ -68,7 +67,7 @@ def run(args: argparse.Namespace) -> int:
         check_picture(args.into / PICTURES / "case.png")
         check_page(args.into)
     rows = []
-    for row in _run_all(cases):
+    for row in run_each(cases, run_case):
         rows.append(row)
         if not (args.json or args.markdown):
             _print_case(row)
@@ -107,18 +106,6 @@ def _converge(args: argparse.Namespace) -> int:
         draw_panels(title, vortex_convergence.panels(rows), picture)
         print(write_page(read_results(args.into), args.into), file=sys.stderr)
     return 0 if all(row.converged for row in rows) else 1
-
-
-def _run_all(cases: Sequence[Case]) -> Iterator[Row]:
-    """Every row; which case is running is told on a terminal."""
-    for number, case in enumerate(cases, 1):
-        if sys.stderr.isatty():
-            words = f"{number} of {len(cases)}: {case.id}, about {case.seconds:.0f} s"
-            print(f"\r\033[K{words}", end="", file=sys.stderr, flush=True)
-        row = run_case(case)
-        if sys.stderr.isatty():
-            print("\r\033[K", end="", file=sys.stderr, flush=True)
-        yield row
 
 
 def _print_case(row: Row) -> None:

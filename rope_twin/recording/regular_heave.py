@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import cos, pi, sin
 
 from rope_twin.recording.heave_replay import HeaveSample
-from rope_twin.scene.schema import RegularHeave
+from rope_twin.scene.sea_state import RegularHeave
 
 SAMPLE_PERIOD_NS = 50_000_000  # 20 Hz, the rate of ship/heave
 

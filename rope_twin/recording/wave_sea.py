@@ -61,7 +61,8 @@ def sea_of_waves(scene: Scene) -> WaveSea | ShipOnWaves | None:
     riding = scene.sea_state.on_waves
     if riding is None:
         return None
-    params = next(own for own in scene.effects if isinstance(own, WavesParams))
+    params = scene.listed(WavesParams)
+    assert params is not None, "checked when the scene was read"
     waves = components_of(params, scene.environment.gravity_m_per_s2)
     if riding.responses:
         return ShipOnWaves(waves, read_responses(riding.responses), scene)

@@ -8,6 +8,7 @@ from rope_twin.quantity import quantity, text
 
 Triple = tuple[float, float, float]
 
+STEEL_KG_PER_M3 = 7850.0  # of what masses "in air, of steel" are made of
 WINCH = "winch"  # the name by which ropes call the ship's first hang-off
 
 

@@ -26,7 +26,8 @@ from rope_twin.scene.figures import listed_effects
 from rope_twin.scene.rules.relations import faults
 from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.rules.shedding import model_beside
-from rope_twin.scene.schema import Scene, SeaState
+from rope_twin.scene.schema import Scene
+from rope_twin.scene.sea_state import SeaState
 from rope_twin.studies.accuracy.run import Course, Setting, Trial
 from rope_twin.studies.bench.band import fed
 from rope_twin.studies.usual_effects import suggested

@@ -49,7 +49,7 @@ class Bench(Nodes):
     """
 
     def __init__(self, scene: Scene) -> None:
-        self.rope = build(scene).rope
+        self.rope = build(scene)
         self.length = scene.ropes[0].length_m
         self.hang_off = scene.ship.hang_off_m
         self.time = 0.0

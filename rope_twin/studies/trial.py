@@ -47,7 +47,7 @@ class Trial:
     def __init__(self, scene: Scene, seconds: float) -> None:
         self.scene = scene
         self.steps = round(seconds / scene.time.step_s)
-        self._rope = build(scene).rope
+        self._rope = build(scene)
         find_equilibrium(self._rope, scene.ropes[0].length_m)
         self._start = self._rope.state.copy()
         self._boundary = _motion(scene, self.steps)

@@ -54,7 +54,7 @@ def _usual(name: str, scene: Scene) -> dict[str, Any]:
         rope = line.made_of[-1].rope  # that from the winch: a chain below it does not bend
         return {"stiffness_n_m2": rope.tangent_n(0.0) * rope.diameter_m**2 / 16.0}
     if name == "seabed" and lowest < 0.0:
-        waves = next((own for own in scene.effects if isinstance(own, WavesParams)), None)
+        waves = scene.listed(WavesParams)
         known = waves.depth_m if waves is not None else None
         return {"depth_m": CLEARANCE_M - lowest if known is None else known}
     return _by_shape(name, _sides(scene))

@@ -94,7 +94,7 @@ class OneRope(NoOtherWinch):
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        self.first = build(scene).rope
+        self.first = build(scene)
 
     def find_start(self) -> Floats:
         """Bring it to rest; its pull on the hang-off. Raises SceneError."""

@@ -38,7 +38,7 @@ class Line:
 
     def rope(self) -> rows.Rope:
         """Its arrays; the payload at its lower end is the rig's."""
-        rope = build(self.rig.scene()).rope
+        rope = build(self.rig.scene())
         n = int(rope.state.counts[rows.ELEMENTS])
         share = rope.state.s[: n + 1] / rope.state.s[n]
         low, high = np.array([self.low, self.high])

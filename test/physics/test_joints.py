@@ -42,7 +42,7 @@ def waved(steps: int, amplitude: float, length: float, step: float) -> rows.Boun
 
 def both_ways(amplitude: float, steps: int) -> tuple[Vector, JointBench, rows.Rope, Vector]:
     """The pull of one rope, and that of the same rope in three parts, under the same motion."""
-    rope = build(ROPE.scene()).rope
+    rope = build(ROPE.scene())
     n = ROPE.elements
     rope.state.nodes[:3, : n + 1] = np.array([0.0, 0.0, 1.0])[:, None] * (
         rope.state.s[: n + 1] - ROPE.length

@@ -21,7 +21,8 @@ from rope_twin.effects.payload import Payload, PayloadParams, TwoWayPayload, bui
 from rope_twin.scene.rising import Rising
 from rope_twin.scene.rules.relations import faults
 from rope_twin.scene.schema import Payload as PayloadScene
-from rope_twin.scene.schema import RegularHeave, Scene, ScheduleRow, SeaState, Winch
+from rope_twin.scene.schema import Scene, ScheduleRow, Winch
+from rope_twin.scene.sea_state import RegularHeave, SeaState
 from rope_twin.scene.shapes.grab import Grab
 from rope_twin.scene.shapes.shapes import PayloadFigures, payload_figures
 from rope_twin.studies.ensemble.plan import make_plan, read_axis

@@ -17,7 +17,8 @@ from rope_twin.core import state as rows
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.recording.ship_sea import ShipOnWaves
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.schema import OnWaves, SeaState, Ship
+from rope_twin.scene.schema import Ship
+from rope_twin.scene.sea_state import OnWaves, SeaState
 from rope_twin.sea.box_motion import box_responses, table_of
 from rope_twin.sea.components import Waves
 from rope_twin.sea.heave_response import BoxHull, heave_response

@@ -109,7 +109,7 @@ GUESSES: list[Guess] = [as_built, horizontal, half_down, coiled, upward, folded]
 
 def rest_of(rig: Rig, guess: Guess = as_built) -> tuple[Rope, Equilibrium]:
     """The rig's rope at rest, from a guess; a fixed lower end stays where it is."""
-    rope = build(rig.scene()).rope
+    rope = build(rig.scene())
     place = rope.state.nodes[rows.POSITION : rows.POSITION + 3, : rig.elements + 1]
     low = place[:, 0].copy()
     guess(place, rig)
@@ -218,7 +218,7 @@ def test_what_rests_is_left_alone() -> None:
 def test_no_equilibrium_is_told() -> None:
     """Forces that are not finite leave no shape at rest: one sentence, and no start."""
     scene = replace(DEEP, elements=10).scene()
-    rope = build(scene).rope
+    rope = build(scene)
     rope.state.nodes[2, 3] = np.nan
     with pytest.raises(
         SceneError, match=r"no static equilibrium \(forces on the rope are not finite\); check"

@@ -73,7 +73,7 @@ def test_the_command_runs_a_sweep(
     page = (tmp_path / "validation.md").read_text()
     assert row["words"] in page
     assert (tmp_path / "images" / "validation_convergence.png").stat().st_size > 5_000
-    with pytest.raises(InputError, match="no convergence study is there of 'Q9'; known: L2"):
+    with pytest.raises(InputError, match="there is no case 'Q9'; known: L2"):
         study.choose_sweeps(["Q9"])
 
 

@@ -221,7 +221,7 @@ def test_sections_of_one_rope(tmp_path: Path) -> None:
 )
 def test_what_is_not_stepped_in_lanes(name: str, reason: str) -> None:
     """Ropes with a table of stiffness, effects that couple nodes, effects that branch."""
-    rope = build(load_scene(name)).rope
+    rope = build(load_scene(name))
     assert why_alone(rope) == reason
     assert (kind_of(rope) is None) == bool(reason)
 

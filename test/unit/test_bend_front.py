@@ -55,7 +55,7 @@ def pulls(n: int, length: float, h: float, tau: float, bend_s: float) -> Floats:
 
 def left_of_a_bend(scene: str) -> tuple[float, float]:
     """Error of the first step and the largest of the next five, of the largest difference."""
-    rope = build(load_scene(scene)).rope
+    rope = build(load_scene(scene))
     EA, m, c = (float(rope.sections[row, 0]) for row in (rows.EA, rows.PER_METRE, rows.C))
     h, tau = rope.model.step, c / EA / rope.model.step
     l0 = rope.model.element_length / (h * np.sqrt(EA / m))

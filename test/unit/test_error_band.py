@@ -197,7 +197,7 @@ def test_a_rope_that_stays_taut_after_a_snap_rings_on() -> None:
 
 
 def test_a_payload_on_the_bed_makes_the_error_rough() -> None:
-    rope = build(load_scene("landing")).rope
+    rope = build(load_scene("landing"))
     rope.state.nodes[rows.POSITION + 2, :] = -100.0
     bed = error_band.bed_below(rope)
     assert bed is not None

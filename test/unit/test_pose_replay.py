@@ -24,8 +24,8 @@ from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.heave_replay import open_heave
 from rope_twin.recording.pose_replay import PoseReplay, open_poses
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.recorded_poses import RecordedPoses
 from rope_twin.scene.schema import Ship
+from rope_twin.scene.sea_state import RecordedPoses
 from rope_twin.topics import BY_NAME, Qos, Topic
 from rope_twin.twin.motion.ship_pose import ShipPose, hang_off_motion
 

@@ -19,7 +19,7 @@ from rope_twin.recording.regular_heave import SAMPLE_PERIOD_NS, RegularSea
 from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rules.sea import FASTEST_HEAVE_M_PER_S
-from rope_twin.scene.schema import RegularHeave
+from rope_twin.scene.sea_state import RegularHeave
 from rope_twin.twin.motion.ship import VELOCITY_LIMIT_M_PER_S, HeaveTrack, ramp
 
 SEA = "sea_state: {start_s: 10.0, loop: true}"

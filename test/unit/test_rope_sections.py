@@ -105,7 +105,7 @@ def test_refused(name: str, tmp_path: Path) -> None:
 def test_sections_become_nodes_and_figures(tmp_path: Path) -> None:
     """A chain of 20 m, 400 m of HMPE and steel wire, on 50 elements."""
     scene = load_scene(written(tmp_path, JOINED))
-    line, rope = scene.ropes[0], build(scene).rope
+    line, rope = scene.ropes[0], build(scene)
     s = rope.state.s[:51]
     assert s[[0, 2, 42, 50]] == pytest.approx([0.0, 20.0, 420.0, 500.0], abs=1e-12)
     assert rope.sections[rows.END] == pytest.approx([20.0, 420.0, np.inf])

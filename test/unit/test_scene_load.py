@@ -12,7 +12,8 @@ from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.figures import lift_figures, listed_effects
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.ropes import rope_preset
-from rope_twin.scene.schema import Rope, ScheduleRow, SeaState
+from rope_twin.scene.schema import Rope, ScheduleRow
+from rope_twin.scene.sea_state import SeaState
 from rope_twin.scene.shapes.shapes import Box, Cylinder, Sphere
 
 SHIPPED = {"deep_lift", "shallow_lift", "hmpe_lift", "storm", "still_water"}

@@ -13,7 +13,8 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.waves import RegularWave, WavesParams
 from rope_twin.scene.arrays.build import build
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.schema import Scene, SeaState
+from rope_twin.scene.schema import Scene
+from rope_twin.scene.sea_state import SeaState
 from rope_twin.studies.variants import variant
 from rope_twin.twin.accuracy.surface_layer import THIRD, error_per_difference, surplus_m
 
@@ -57,7 +58,7 @@ def test_the_surplus_is_that_of_the_sum_over_nodes(k: float, length: float) -> N
 
 
 def test_a_rope_without_waves_has_richardsons_third() -> None:
-    assert error_per_difference(build(load_scene("deep_lift")).rope) == THIRD
+    assert error_per_difference(build(load_scene("deep_lift"))) == THIRD
 
 
 @pytest.mark.parametrize(("period_s", "share"), [(2.0, 0.753), (3.0, 0.527), (6.0, 0.351)])
@@ -66,7 +67,7 @@ def test_the_error_of_a_rope_in_waves_is_that_share_of_the_difference(
 ) -> None:
     """Waves of 6 to 56 m on elements of 8 m; the truth is extrapolated."""
     scene = in_regular_waves(period_s)
-    told = error_per_difference(build(variant(scene, ELEMENTS, STEP_S)).rope)
+    told = error_per_difference(build(variant(scene, ELEMENTS, STEP_S)))
     assert told == pytest.approx(share, abs=0.001)
     coarse, own, finer, finest = (tensions(scene, n * ELEMENTS // 2) for n in (1, 2, 8, 16))
     exact = finest + (finest - finer) / 3.0

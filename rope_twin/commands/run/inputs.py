@@ -16,8 +16,8 @@ from rope_twin.recording.pose_replay import PoseReplay, open_poses
 from rope_twin.recording.regular_heave import RegularSea
 from rope_twin.recording.ship_sea import ShipOnWaves, WayOfHangOff, open_way
 from rope_twin.recording.wave_sea import sea_of_waves
-from rope_twin.scene.recorded_poses import RecordedPoses
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.sea_state import RecordedPoses
 from rope_twin.twin.motion.heave_series import HeaveSeries
 from rope_twin.twin.twin import Twin
 
@@ -53,8 +53,8 @@ def open_sea(
 
     Raises:
         BagError: one sentence on what is wrong with the bag.
-        InputError: a topic is named but there is no bag to look for it in, two bags are, the
-            or a table that the scene names is wrong.
+        InputError: a topic is named but there is no bag to look for it in, heave and poses are
+            both given, or a table that the scene names is wrong.
     """
     if bag and poses:
         right = "give heave or poses of the ship, not both"

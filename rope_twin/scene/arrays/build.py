@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import ceil, pi
 from typing import Any
 
@@ -54,15 +53,7 @@ SPARE_NODES = 4  # the hang-off, a top element not yet merged, and one to spare
 TOLERANCE_SHARE, TOLERANCE_LEAST_N, TOLERANCE_MOST_N = 0.003, 1.0, 500.0
 
 
-@dataclass(frozen=True)
-class Built:
-    """The arrays of a scene."""
-
-    rope: CoreRope
-    static_top_tension_n: float  # of a rope that hangs straight
-
-
-def build(scene: Scene) -> Built:
+def build(scene: Scene) -> CoreRope:
     """Arrays for the scene's rope with a straight, stretched first guess of its shape.
 
     Raises:
@@ -77,7 +68,6 @@ def build(scene: Scene) -> Built:
     sections = _sections(scene, line, figures)
     s = node_coordinates(line, least_line_out_m(scene))
     tension = _static_tension(effects, sections, s)
-    top = float(tension[-1])
     length = float(s[-1] - s[-2])
     model = Model(
         element_length=length,
@@ -86,7 +76,7 @@ def build(scene: Scene) -> Built:
         absorb=ABSORB_S,
         first_free=1 if line.fixed_at_m is not None else 0,
         step=scene.time.step_s,
-        tolerance=scene.time.newton_tolerance_n or _tolerance(top),
+        tolerance=scene.time.newton_tolerance_n or _tolerance(float(tension[-1])),
     )
     elements = len(s) - 1
     state = new_state(_room(scene, line, s))
@@ -94,7 +84,7 @@ def build(scene: Scene) -> Built:
     state.s[: elements + 1] = s
     _place(state, scene, line, tension)
     work = new_work(columns_for(state.s.shape[0]), work_rows(effects))
-    return Built(CoreRope(model, state, work, sections, effects, _law(line)), top)
+    return CoreRope(model, state, work, sections, effects, _law(line))
 
 
 def _room(scene: Scene, line: RopeLine, s: Floats) -> int:
@@ -119,7 +109,7 @@ def build_effects(scene: Scene, figures: PayloadFigures | None) -> tuple[Any, ..
     density, gravity = water.water_density_kg_per_m3, water.gravity_m_per_s2
     EI = sum(own.stiffness_n_m2 for own in scene.effects if isinstance(own, BendingParams))
     around = Surroundings(density, gravity, Ca, room, Cd, EI)
-    apart = any(isinstance(own, RigidBodyParams) for own in scene.effects)
+    apart = scene.listed(RigidBodyParams) is not None
     built = []
     for effect in EFFECTS:
         for params in scene.effects:
@@ -157,7 +147,7 @@ def _sections(scene: Scene, line: RopeLine, figures: PayloadFigures | None) -> F
     columns = np.zeros((rows.SECTION_ROWS, len(line.made_of)))
     columns[rows.END] = ends_m(line)
     columns[rows.C] = section_damping(scene, line, figures)
-    drag = next((params for params in scene.effects if isinstance(params, DragParams)), None)
+    drag = scene.listed(DragParams)
     for column, section in zip(columns.T, line.made_of, strict=True):
         rope = section.rope
         d = rope.hydrodynamic_diameter_m

@@ -30,12 +30,11 @@ from rope_twin.scene.arrays.sheaves import (
     wheels,
     with_both_stretches,
 )
-from rope_twin.scene.rigging import WINCH
+from rope_twin.scene.rigging import STEEL_KG_PER_M3, WINCH
 from rope_twin.scene.rules.rigging import places, winch_of
 from rope_twin.scene.schema import Payload, RopeLine, Scene
 from rope_twin.scene.shapes.shapes import PayloadFigures, payload_figures
 
-STEEL_KG_PER_M3 = 7850.0
 NOTHING = PayloadFigures(0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
@@ -135,9 +134,9 @@ def _rope(scene: Scene, number: int, own: PayloadFigures) -> Rope:
     Where that is no payload nothing slams on the surface.
     """
     single = alone(scene, number)
-    rope = build(single).rope
+    rope = build(single)
     if runs_over_sheave(scene, scene.ropes[number]):  # damped alike on both sides: as one rope
-        both = build(alone(with_both_stretches(scene, number), number)).rope
+        both = build(alone(with_both_stretches(scene, number), number))
         rope.sections[C] = both.sections[C]
     effects = tuple(_own_params(scene, number, own, params) for params in scene.effects)
     return rope._replace(effects=build_effects(replace(single, effects=effects), own))

@@ -13,9 +13,9 @@ import numpy as np
 from rope_twin.core.joined import ties
 from rope_twin.core.joined.reeving import Wheel
 from rope_twin.core.state import Floats
+from rope_twin.scene.rigging import STEEL_KG_PER_M3
 from rope_twin.scene.schema import RopeLine, Scene, Winch
 
-STEEL_KG_PER_M3 = 7850.0
 LEAST_ELEMENTS = 2.0  # of a stretch: what is left of it when it has all but run out
 
 

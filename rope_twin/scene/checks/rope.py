@@ -6,7 +6,7 @@ A check never stops anything and changes nothing. Each yields sentences `where: 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from math import ceil, floor, sqrt
+from math import ceil, floor, pi, sqrt
 
 from rope_twin.errors import phrase
 from rope_twin.scene.arrays.composite import Bar, tension_at_length
@@ -130,7 +130,7 @@ def _one_rope(path: str, bar: Bar) -> Iterator[str]:
     if not low <= speed <= high:
         what = f"axial waves run at {speed:.0f} m/s (steel wire 3200, polyester 2500, HMPE 8500)"
         yield phrase(path, what, "check axial_stiffness_n [N] and mass_kg_per_m")
-    density = rope.mass_kg_per_m / (0.785398 * rope.hydrodynamic_diameter_m**2)
+    density = rope.mass_kg_per_m / (0.25 * pi * rope.hydrodynamic_diameter_m**2)
     low, high = ROPE_DENSITIES_KG_PER_M3
     if not low <= density <= high:
         what = f"its mass over its volume is {density:.0f} kg/m³ (steel wire 7900, HMPE 975)"

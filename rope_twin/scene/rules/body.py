@@ -10,9 +10,9 @@ from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.rules.fault import Fault
 from rope_twin.scene.schema import Scene
 
-Fault = tuple[str, str, str]
 # Effects that know a payload as a point at the rope's end.
 OF_A_POINT = {
     PayloadParams: "payload", NetParams: "net", FairingParams: "fairing",
@@ -21,7 +21,7 @@ OF_A_POINT = {
 
 def body_of(scene: Scene) -> RigidBodyParams | None:
     """What the scene says of its payload as a rigid body; None where it is a point."""
-    return next((own for own in scene.effects if isinstance(own, RigidBodyParams)), None)
+    return scene.listed(RigidBodyParams)
 
 
 def refuse_body(scene: Scene, what: str) -> None:

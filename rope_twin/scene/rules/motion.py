@@ -8,12 +8,11 @@ import numpy as np
 
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.errors import InputError
+from rope_twin.scene.rules.fault import Fault
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.columns import is_path
 from rope_twin.sea.responses import read_responses
 from rope_twin.sea.way import read_way
-
-Fault = tuple[str, str, str]
 
 
 def beside(scene: Scene, name_or_path: str) -> str:
@@ -60,7 +59,7 @@ def _responses(scene: Scene) -> Iterator[Fault]:
             right = "give `responses`, or leave `heading_deg` out"
             yield "sea_state.on_waves", "a box hull heads into its sea whatever its heading", right
         return
-    waves = next((own for own in scene.effects if isinstance(own, WavesParams)), None)
+    waves = scene.listed(WavesParams)
     if waves is None:
         return  # told already
     parts = components_of(waves, scene.environment.gravity_m_per_s2)

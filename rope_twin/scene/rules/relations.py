@@ -20,6 +20,7 @@ from rope_twin.scene.arrays.composite import ends_m
 from rope_twin.scene.arrays.grid import grading_faults
 from rope_twin.scene.rising import TwoWayShape
 from rope_twin.scene.rules.body import body_holds
+from rope_twin.scene.rules.fault import Fault
 from rope_twin.scene.rules.motion import MOTION_RULES
 from rope_twin.scene.rules.rigging import RIGGING_RULES, is_joined, winch_of, winches
 from rope_twin.scene.rules.sea import SEA_RULES
@@ -28,8 +29,6 @@ from rope_twin.scene.rules.shedding import model_beside, shedding_model
 from rope_twin.scene.rules.water import WATER_RULES
 from rope_twin.scene.rules.winch import WINCH_RULES
 from rope_twin.scene.schema import Scene, Winch
-
-Fault = tuple[str, str, str]
 
 
 def faults(scene: Scene) -> Iterator[Fault]:
@@ -99,7 +98,7 @@ def _section_lengths(scene: Scene) -> Iterator[Fault]:
 
 
 def _own_drag(scene: Scene) -> Iterator[Fault]:
-    drag = next((params for params in scene.effects if isinstance(params, DragParams)), None)
+    drag = scene.listed(DragParams)
     for number, line in enumerate(scene.ropes):
         for section in line.made_of if drag is not None else ():
             for name in ("normal", "tangential"):
@@ -193,7 +192,7 @@ def _effects(scene: Scene) -> Iterator[Fault]:
 def _drag_that_grows(scene: Scene) -> Iterator[Fault]:
     """A model of vortices beside the step makes one coefficient grow."""
     own, model = model_beside(scene), shedding_model(scene)
-    drag = next((one for one in scene.effects if isinstance(one, DragParams)), None)
+    drag = scene.listed(DragParams)
     if own is None or own.drag is not None or drag is None:
         return
     if drag.over_reynolds or not drag.relative:
@@ -204,7 +203,7 @@ def _drag_that_grows(scene: Scene) -> Iterator[Fault]:
 
 def _own_splash_zone(scene: Scene) -> Iterator[Fault]:
     """A payload's own size in the splash zone stands in place of the effect's."""
-    listed = any(isinstance(own, SplashZoneParams) for own in scene.effects)
+    listed = scene.listed(SplashZoneParams) is not None
     for number, payload in enumerate(scene.payloads):
         path = f"payloads[{number}].splash_zone"
         if payload.splash_zone is not None and not listed:
@@ -224,7 +223,7 @@ def _at_the_end(scene: Scene) -> Iterator[Fault]:
 
 def _two_ways(scene: Scene) -> Iterator[Fault]:
     """A payload that rises by other figures than it sinks."""
-    splashes = any(isinstance(own, SplashZoneParams) for own in scene.effects)
+    splashes = scene.listed(SplashZoneParams) is not None
     for number, payload in enumerate(scene.payloads):
         if payload.rising is None and not isinstance(payload.shape, TwoWayShape):
             continue

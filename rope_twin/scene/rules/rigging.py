@@ -21,9 +21,9 @@ from rope_twin.effects.waves import WavesParams
 from rope_twin.effects.weight import WeightParams
 from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.scene.rigging import WINCH
+from rope_twin.scene.rules.fault import Fault
 from rope_twin.scene.schema import RopeLine, Scene, Triple, Winch
 
-Fault = tuple[str, str, str]
 # Effects that ropes which meet can have: they see no payload, or one of each rope's own.
 MEETING = (
     CurrentParams, WavesParams, WeightParams, DragParams, AddedMassParams, BendingParams,
@@ -212,7 +212,7 @@ def _what_joints_need(scene: Scene) -> Iterator[Fault]:
 
 def _own_bending(scene: Scene) -> Iterator[Fault]:
     """A rope's own stiffness stands in place of the effect's; a joint is a hinge."""
-    listed = any(isinstance(own, BendingParams) for own in scene.effects)
+    listed = scene.listed(BendingParams) is not None
     for number, line in enumerate(scene.ropes):
         path = f"ropes[{number}].bending"
         if line.bending is None:

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import did_you_mean
+from rope_twin.scene.rules.fault import Fault
 from rope_twin.scene.schema import Scene
 from rope_twin.share import share_dir
 
-Fault = tuple[str, str, str]
 FASTEST_HEAVE_M_PER_S = 15.0  # as the twin believes at its input (twin/motion/ship.py)
 
 
@@ -69,7 +69,7 @@ def _on_waves(scene: Scene) -> Iterator[Fault]:
     sea = scene.sea_state
     if sea.on_waves is None:
         return
-    waves = next((own for own in scene.effects if isinstance(own, WavesParams)), None)
+    waves = scene.listed(WavesParams)
     if waves is None:
         yield "sea_state.on_waves", "`waves` is not listed", "add the effect `waves`"
         return

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from rope_twin.scene.rigging import Sheave
+from rope_twin.scene.rules.fault import Fault
 from rope_twin.scene.rules.rigging import places
 from rope_twin.scene.schema import RopeLine, Scene
-
-Fault = tuple[str, str, str]
 
 
 def lines_at(scene: Scene, sheave: Sheave) -> list[int]:

@@ -145,7 +145,7 @@ def _hanging(scene: Scene, figures: LiftFigures) -> tuple[list[float], list[floa
 
 def _current(scene: Scene, z: list[float]) -> list[float]:
     """Speed of the current at these heights [m/s]."""
-    own = next((one for one in scene.effects if isinstance(one, CurrentParams)), None)
+    own = scene.listed(CurrentParams)
     if own is None:
         return [0.0] * len(z)
     heights = [row[0] for row in reversed(own.points)]

@@ -9,9 +9,9 @@ import numpy as np
 
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams
+from rope_twin.scene.rules.fault import Fault
 from rope_twin.scene.schema import Scene
 
-Fault = tuple[str, str, str]
 # A step of a spectrum's frequencies is a hole when it is so many times both beside it: one row that
 # is missing among even ones doubles it; the first and the last have but one beside them.
 GAP, GAP_AT_AN_END = 1.8, 3.0
@@ -29,7 +29,7 @@ def bed_at(bed: SeabedParams, x: float, y: float) -> float:
 
 def bed_of(scene: Scene) -> SeabedParams | None:
     """The scene's bed, if it has one."""
-    return next((own for own in scene.effects if isinstance(own, SeabedParams)), None)
+    return scene.listed(SeabedParams)
 
 
 def _held_sheaves(scene: Scene) -> Iterator[Fault]:
@@ -65,23 +65,21 @@ def _held_ends(scene: Scene) -> Iterator[Fault]:
 
 def _spectrum(scene: Scene) -> Iterator[Fault]:
     """A measured spectrum has no hole, over which its neighbours would be joined by a line."""
-    waves = [k for k, own in enumerate(scene.effects) if isinstance(own, WavesParams)]
-    for number in waves:
-        measured = scene.effects[number].measured
-        if measured is None:
-            continue
-        frequency = measured.spectrum().frequency_hz.tolist()
-        steps = [high - low for low, high in pairwise(frequency)]
-        for k, step in enumerate(steps):
-            beside = [steps[j] for j in (k - 1, k + 1) if 0 <= j < len(steps)]
-            most = GAP if len(beside) == 2 else GAP_AT_AN_END
-            if beside and step > most * max(beside):
-                what = (
-                    f"the spectrum has a gap from {frequency[k]:g} to {frequency[k + 1]:g} Hz, "
-                    f"among steps of {max(beside):.3g} Hz"
-                )
-                yield "effects", what, "add the rows in between, with 0 where there is no energy"
-                return
+    waves = scene.listed(WavesParams)
+    if waves is None or waves.measured is None:
+        return
+    frequency = waves.measured.spectrum().frequency_hz.tolist()
+    steps = [high - low for low, high in pairwise(frequency)]
+    for k, step in enumerate(steps):
+        beside = [steps[j] for j in (k - 1, k + 1) if 0 <= j < len(steps)]
+        most = GAP if len(beside) == 2 else GAP_AT_AN_END
+        if beside and step > most * max(beside):
+            what = (
+                f"the spectrum has a gap from {frequency[k]:g} to {frequency[k + 1]:g} Hz, "
+                f"among steps of {max(beside):.3g} Hz"
+            )
+            yield "effects", what, "add the rows in between, with 0 where there is no energy"
+            return
 
 
 WATER_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (

@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 
 from rope_twin.errors import did_you_mean
+from rope_twin.scene.rules.fault import Fault
 from rope_twin.scene.rules.rigging import winch_of, winches
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.winch import SWITCHES, ScheduleRow, Winch
-
-Fault = tuple[str, str, str]
 
 
 def _parts(scene: Scene) -> Iterator[Fault]:

@@ -54,7 +54,7 @@ class RopeBody:
     """One rope; its motion is (steps + 1, MOTIONS)."""
 
     def __init__(self, scene: Scene) -> None:
-        self._rope = build(scene).rope
+        self._rope = build(scene)
         find_start(scene, self._rope)
         self._start = self._rope.state.copy()
         rope = self._rope

@@ -97,7 +97,7 @@ def _plan(scene: Scene, seconds: float | None, reach: Reach) -> Plan:
         raise InputError(phrase("--for", f"{seconds:g} s is too short", f"give {least:g} or more"))
     counts = _counts(own.elements, reach.doublings)
     ropes = sum(line.elements for line in scene.ropes) / own.elements
-    first = build_joined(scene).system.ropes[0] if is_joined(scene) else build(scene).rope
+    first = build_joined(scene).system.ropes[0] if is_joined(scene) else build(scene)
     tolerance = first.model.tolerance
     ladder = [Setting(count, _whole(factor * h)) for count in counts for factor in factors]
     others = [Setting(own.elements, h, min(part * tolerance, 1e4)) for part in TOLERANCES]

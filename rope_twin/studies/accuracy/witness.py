@@ -113,7 +113,7 @@ class _Rope:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         line, water = scene.ropes[0], scene.environment
-        built, rope = build(scene).rope, line.rope
+        built, rope = build(scene), line.rope
         find_start(scene, built)
         assert rope is not None
         assert rope.axial_stiffness_n is not None

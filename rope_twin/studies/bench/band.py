@@ -15,9 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rope_twin.commands.run.inputs import FIRST_NS, LEAD_NS, offer, open_sea
-from rope_twin.errors import InputError, SolverError, did_you_mean, phrase
+from rope_twin.errors import SolverError
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
+from rope_twin.studies.choosing import choose
 from rope_twin.studies.trial import Vector
 from rope_twin.studies.variants import variant
 from rope_twin.twin.accuracy.error_band import BandedTwin, bed_below, nodes_on
@@ -90,12 +91,7 @@ def choose_cases(names: Sequence[str]) -> tuple[BandCase, ...]:
     Raises:
         InputError: a scene without a case.
     """
-    known = [case.scene for case in FULL]
-    for name in names:
-        if name not in known:
-            what = f"there is no case of '{name}'"
-            raise InputError(phrase("bench band", what, did_you_mean(name, known)))
-    return tuple(case for case in FULL if not names or case.scene in names)
+    return choose("bench band", FULL, names, lambda case: case.scene)
 
 
 def measure_bands(cases: Sequence[BandCase], listen: Listener) -> Iterator[BandRow]:

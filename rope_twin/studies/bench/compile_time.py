@@ -104,7 +104,7 @@ def compile_table(rows: Sequence[CompileRow]) -> list[tuple[str, ...]]:
 def _kind(scene: Scene) -> str:
     """The types that its step is compiled for."""
     if not is_joined(scene):
-        return kind_of([build(scene).rope])
+        return kind_of([build(scene)])
     system = build_joined(scene).system
     return kind_of(["ropes that meet", *system.ropes[0], system.joints, system.sheaves])
 

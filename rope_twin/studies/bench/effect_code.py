@@ -15,14 +15,14 @@ from rope_twin.scene.schema import Scene
 def step_assembly(scene: Scene) -> str:
     """Assembly of the step for the scene's effects; it takes some ten seconds."""
     border = np.zeros((2, MOTIONS))
-    arguments = (build(scene).rope, Boundary(border, border), np.zeros((1, PULL_COLUMNS)), 0.0, 1)
+    arguments = (build(scene), Boundary(border, border), np.zeros((1, PULL_COLUMNS)), 0.0, 1)
     return jit.assembly(advance_steps, arguments)
 
 
 def modules_of(scene: Scene, without: Scene) -> tuple[str, ...]:
     """The modules of the kernels that a scene has and another has not: those of one effect."""
-    others = {type(effect) for effect in build(without).rope.effects}
-    kinds = [type(own) for own in build(scene).rope.effects if type(own) not in others]
+    others = {type(effect) for effect in build(without).effects}
+    kinds = [type(own) for own in build(scene).effects if type(own) not in others]
     kernels = [kernel_of(hook, kind) for kind in kinds for hook in hooks_of(kind)]
     return tuple(sorted({kernel.py_func.__module__ for kernel in kernels}))
 

@@ -95,7 +95,7 @@ def _on_a_bed(name: str) -> Scene:
 
 def _timed(scene: Scene, guess: str) -> tuple[float, Equilibrium]:
     """Milliseconds of one search and how it ended."""
-    rope, line = build(scene).rope, scene.ropes[0]
+    rope, line = build(scene), scene.ropes[0]
     place = rope.state.nodes[POSITION : POSITION + 3, : line.elements + 1]
     first = 1 if line.fixed_at_m is not None else 0
     start = GUESSES[guess](place - place[:, -1:], line.length_m)

@@ -39,7 +39,7 @@ def bring_to_rest(scene: Scene) -> AtRest:
         SceneError: it cannot rest, is slack somewhere, or carries a rigid body.
     """
     refuse_body(scene, "the modes of a rope with a body that swings by itself are not known")
-    rope, line = build(scene).rope, scene.ropes[0]
+    rope, line = build(scene), scene.ropes[0]
     end = settle(rope, line.length_m)
     if not end.found:
         raise SceneError(

@@ -7,10 +7,11 @@ nearest to its own.
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
+from rope_twin.errors import RopeTwinError
+from rope_twin.studies.choosing import choose
 from rope_twin.studies.stability import (
     cut,
     inputs,
@@ -63,18 +64,7 @@ def choose_cases(ids: Sequence[str]) -> tuple[Case, ...]:
     Raises:
         InputError: an id that no case has.
     """
-    known = {case.id for case in CASES}
-    for name in ids:
-        if name not in known:
-            what = f"there is no case '{name}'"
-            raise InputError(phrase("stability", what, did_you_mean(name, known)))
-    return tuple(case for case in CASES if not ids or case.id in ids)
-
-
-def run_cases(cases: Iterable[Case]) -> Iterator[Row]:
-    """Run them one after another; a row as each ends."""
-    for case in cases:
-        yield run_case(case)
+    return choose("stability", CASES, ids, lambda case: case.id)
 
 
 def run_case(case: Case) -> Row:

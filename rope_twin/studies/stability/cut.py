@@ -227,7 +227,7 @@ def land(below: int) -> list[Check]:
     rig = WET_WIRE
     scene = rig.scene()
     scene = replace(scene, effects=(*scene.effects[:-1], BED, scene.effects[-1]))
-    whole = Part(rig, build(scene).rope)
+    whole = Part(rig, build(scene))
     whole.settle()
     parts = Parts(whole, below)
     parts.hold(round(SINK_S / rig.step))

@@ -21,7 +21,7 @@ class Arrays(Nodes):
 
     def __init__(self, rig: Rig) -> None:
         self.rig = rig
-        self.rope = build(rig.scene()).rope
+        self.rope = build(rig.scene())
         self.length = rig.length
 
     @property

@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
-from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
+from rope_twin.errors import RopeTwinError
+from rope_twin.studies.choosing import choose
 from rope_twin.studies.validation import (
     convergence,
     curved_pipe,
@@ -59,12 +60,7 @@ def choose_cases(ids: Sequence[str]) -> tuple[Case, ...]:
     Raises:
         InputError: an id that no case has.
     """
-    known = [case.id for case in CASES]
-    for name in ids:
-        if name not in known:
-            what = f"there is no case '{name}'"
-            raise InputError(phrase("validate", what, did_you_mean(name, known)))
-    return tuple(case for case in CASES if not ids or case.id in ids)
+    return choose("validate", CASES, ids, lambda case: case.id)
 
 
 def run_case(case: Case) -> Row:

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from rope_twin.effects.travelling_waves import TravellingWavesParams
-from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.errors import InputError, phrase
+from rope_twin.studies.choosing import choose
 from rope_twin.studies.validation import curved_pipe, modal_lines, wave_lines
 from rope_twin.studies.validation.case import Line, Panel, Vector
 from rope_twin.studies.viv.rigs import LCD_CABLE, lcd_current
@@ -159,12 +160,7 @@ def choose_sweeps(ids: Sequence[str]) -> tuple[Sweep, ...]:
     Raises:
         InputError: a case that has none.
     """
-    known = sorted({sweep.case for sweep in SWEEPS})
-    for name in ids:
-        if name not in known:
-            what = f"no convergence study is there of '{name}'"
-            raise InputError(phrase("validate --convergence", what, did_you_mean(name, known)))
-    return tuple(sweep for sweep in SWEEPS if not ids or sweep.case in ids)
+    return choose("validate --convergence", SWEEPS, ids, lambda sweep: sweep.case)
 
 
 def measure(sweeps: Sequence[Sweep], listen: Listener) -> Iterator[Convergence]:

@@ -41,7 +41,7 @@ def span_of(scene: Scene) -> SceneSpan:
         what = "no current, so no vortices"
         raise SceneError(phrase(f"{scene.path}: effects", what, "add the effect 'current'"))
     rest = bring_to_rest(scene)
-    sections = build(scene).rope.sections
+    sections = build(scene).sections
     steps = np.diff(rest.place, axis=1)
     length = np.sqrt((steps * steps).sum(axis=0))
     unstretched = np.concatenate([[0.0], np.cumsum(rest.rest)])

@@ -240,7 +240,7 @@ def _member_scene(scene: Scene, own: Variation, number: int) -> Scene:
 
 def _find_start(scene: Scene) -> Start:
     """The scene's rope at rest, or why there is none."""
-    rope = build(scene).rope
+    rope = build(scene)
     try:
         pull, failure = find_start(scene, rope), ""
     except SceneError as error:
