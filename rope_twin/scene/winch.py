@@ -76,7 +76,7 @@ class Winch(_Sparing):
     acceleration_limit_m_per_s2: float = quantity("largest acceleration", "m/s²", 1e-3, 10.0)
     least_line_out_m: float = quantity("never hauls in beyond this", "m", 1.0, 2e4)
     most_line_out_m: float = quantity("rope there is", "m", 1.0, 2e4)
-    schedule: tuple[ScheduleRow, ...] = text("speed over time", ())
+    schedule: tuple[ScheduleRow, ...] = text("what it is told, over time", ())
     schedule_repeats_every_s: float | None = quantity(
         "the schedule starts again after this", "s", 1.0, 1e6, default=None
     )

@@ -1,10 +1,19 @@
-"""What became of an input's samples: counted, with the newest refusal in words."""
+"""What becomes of an input's samples: counted, with the newest refusal in words."""
 
 from __future__ import annotations
 
 from collections import Counter
 
+from rope_twin.errors import phrase
 from rope_twin.twin.snapshot import InputHealth
+
+AHEAD_NS = 10_000_000_000  # a stamp farther in the future is a clock that is wrong
+
+
+def too_far_ahead(what: str, stamp_ns: int, now_ns: int) -> str:
+    """The refusal of a sample from so far in the future."""
+    ahead = f"stamp {stamp_ns * 1e-9:.1f} s lies {(stamp_ns - now_ns) * 1e-9:.1f} s ahead"
+    return phrase(what, ahead, "sender and twin must share one clock")
 
 
 class InputCounter:

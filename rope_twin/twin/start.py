@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from math import isfinite
 
@@ -17,6 +17,7 @@ from rope_twin.core.statics.equilibrium import settle
 from rope_twin.core.statics.forces import Equilibrium
 from rope_twin.core.step import advance
 from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.checks.rope import SAFETY_FACTOR
 from rope_twin.scene.schema import Scene
 
 AFLOAT_M = 1.0
@@ -98,3 +99,20 @@ def judge_start(scene: Scene, end: Equilibrium, highest_m: float) -> None:
                 "give the payload more weight in water or take a heavier rope",
             )
         )
+
+
+def weak_ropes(scene: Scene, tensions: Sequence[Floats]) -> Iterator[str]:
+    """A warning for each rope but the first that is too weak for what hangs on it at rest.
+
+    tensions: of the elements of these ropes [N]. The first rope's load is among the sense checks.
+    """
+    for number, (line, tension) in enumerate(zip(scene.ropes[1:], tensions, strict=True), start=1):
+        breaking = min(one.rope.breaking_load_n for one in line.made_of)
+        load = float(tension.max())
+        if load > breaking / SAFETY_FACTOR:
+            what = (
+                f"'{line.name}' carries {load / 1e3:.0f} kN at rest against a breaking load "
+                f"of {breaking / 1e3:.0f} kN, a safety factor of {breaking / load:.2f}"
+            )
+            right = f"below {SAFETY_FACTOR:g} take a stronger rope, or a steeper bridle"
+            yield phrase(f"{scene.path}: ropes[{number}]", what, right)

@@ -30,6 +30,7 @@ from rope_twin.twin.motion.prescribed import Inputs, Prescribed, Present
 from rope_twin.twin.observe import Extremes, Observation, RunStatistics, observe
 from rope_twin.twin.ropes import ropes_of
 from rope_twin.twin.snapshot import CutShot, Snapshot
+from rope_twin.twin.stuck import no_next_state
 from rope_twin.twin.told import ToldTwin
 
 if TYPE_CHECKING:
@@ -159,13 +160,7 @@ class SteppedTwin(ToldTwin):
             self._shaking.look(self.rope, self._boundary, self._steps, currents)
         self._computing_s += time.perf_counter() - began
         if done < steps:
-            raise SolverError(
-                phrase(
-                    f"step {self._steps + 1} at {self.time_ns * 1e-9:.2f} s",
-                    "the rope's next state is not finite even at 1/32 of the step",
-                    "the last good state is kept; shorten the step or check the scene",
-                )
-            )
+            raise SolverError(no_next_state(self._steps + 1, self.time_ns * 1e-9))
         return done
 
     def _forget_borders(self, done: int) -> None:

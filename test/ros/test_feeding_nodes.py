@@ -164,7 +164,7 @@ def test_the_schedule_is_stamped_exactly_from_the_epoch(bench: Bench) -> None:
     bench.until(lambda: len(heard) >= 12, "commands")
     wanted = schedule_samples(load_scene(SCENE).winch, 0, 10 * S)[: len(heard)]
     assert [stamp_ns(m) - epoch_ns for m in heard] == [sample.stamp_ns for sample in wanted]
-    assert [list(m.velocity) for m in heard] == [[sample.speed_m_per_s] for sample in wanted]
+    assert [list(m.velocity) for m in heard] == [[sample.order.value] for sample in wanted]
 
 
 def test_the_schedule_yields_for_good_to_who_takes_the_winch(bench: Bench) -> None:

@@ -42,7 +42,8 @@ from rope_twin.scene.arrays.build import build
 from rope_twin.scene.change import Change
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
-from rope_twin.twin.hoisting.schedule import SpeedSample
+from rope_twin.twin.hoisting.orders import SPEED, Order
+from rope_twin.twin.hoisting.schedule import OrderSample
 from rope_twin.twin.motion.heave_series import HeaveSeries
 
 TWO_SECTIONS = """\
@@ -71,7 +72,9 @@ def calm(number: int) -> Variation:
 def paying(number: int) -> Variation:
     """One whose winch runs at a speed of its own, out and in again: splits and merges."""
     speed = 1.5 - 0.1 * (number % 3)
-    commands = tuple(SpeedSample(k * SECOND_NS, v) for k, v in ((0, speed), (9, -speed)))
+    commands = tuple(
+        OrderSample(k * SECOND_NS, Order(SPEED, v)) for k, v in ((0, speed), (9, -speed))
+    )
     return Variation(heave=HeaveSeries.of(sea(1.0, 8.0, 40.0)), commands=commands)
 
 

@@ -115,7 +115,7 @@ def test_a_jerk_limited_start_is_the_cubic_of_the_closed_form() -> None:
     """t·(j·t²/6) while the acceleration grows, then parabolas."""
     acceleration, jerk, step_s = 0.3, 0.5, 0.01
     winch = winch_of(2.0, acceleration, jerk, 50.0)
-    winch.offer(None, 2.0, 0)
+    winch.take(None, Order("speed", 2.0), 0)
     lines = ran(winch, 2.0, step_s)
     grown = acceleration / jerk
     for t in (0.2, 0.5, 1.0, 2.0):

@@ -18,13 +18,13 @@ from rope_twin.errors import InputError, phrase
 from rope_twin.scene.schema import Ship
 from rope_twin.scene.schema import Winch as WinchScene
 from rope_twin.twin.hoisting.orders import FEELING
-from rope_twin.twin.hoisting.schedule import Sample, motion_of, schedule_samples
+from rope_twin.twin.hoisting.schedule import OrderSample, motion_of, schedule_samples
 from rope_twin.twin.hoisting.winch import Winch
 from rope_twin.twin.motion.heave_series import HeaveSeries
 from rope_twin.twin.motion.ship import ramp
 
 
-def foreseen(scene: WinchScene | None, commands: Sequence[Sample] | None) -> bool:
+def foreseen(scene: WinchScene | None, commands: Sequence[OrderSample] | None) -> bool:
     """Whether the line out follows from commands and heave alone, not from the rope's tension."""
     if scene is None:
         return True
@@ -44,7 +44,7 @@ class WinchTrack:
         self,
         scene: WinchScene | None,
         length_m: float,
-        commands: Sequence[Sample] | None,
+        commands: Sequence[OrderSample] | None,
         step_s: float,
     ) -> None:
         """`commands` None: the schedule of the scene.

@@ -11,12 +11,12 @@ from rope_twin.core import state as rows
 from rope_twin.core.lanes.group import Group, Kind, kind_of
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance
-from rope_twin.errors import phrase
 from rope_twin.scene.card import KnownError
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.borders import Borders
 from rope_twin.twin.observe import Extremes, Observation, observe
 from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.stuck import no_next_state
 
 
 class Scratch:
@@ -136,7 +136,7 @@ class Member:
         stepped = advance(rope, ahead, pulls, self.steps * self._step_ns * 1e-9, some)
         self.steps += stepped
         if stepped < some:
-            self.failure = self._failure()
+            self.failure = no_next_state(self.steps + 1, self.steps * self.scene.time.step_s)
         elif self.steps % look_steps == 0:
             self._look(work)
         return stepped
@@ -161,13 +161,6 @@ class Member:
         self._looks += 1
         elements = self._rope.state.counts[rows.ELEMENTS]
         self._slack_looks += bool(work[rows.TENSION, :elements].min() <= 0.0)
-
-    def _failure(self) -> str:
-        return phrase(
-            f"step {self.steps + 1} at {self.steps * self.scene.time.step_s:.2f} s",
-            "the rope's next state is not finite even at 1/32 of the step",
-            "the last good state is kept; shorten the step or check the scene",
-        )
 
     def figures(self) -> MemberFigures:
         """What it did so far."""

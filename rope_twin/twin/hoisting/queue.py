@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections import deque
 
 from rope_twin.errors import phrase
-from rope_twin.twin.health import InputCounter
+from rope_twin.twin.health import AHEAD_NS, InputCounter, too_far_ahead
 from rope_twin.twin.hoisting.orders import Order
 
-AHEAD_NS = 10_000_000_000  # a stamp farther in the future is a clock that is wrong
 DONE = 32  # orders that are remembered after they took effect
 
 Stamped = tuple[int | None, str, float]  # twin time [ns] (None: at once), kind and value
@@ -55,9 +54,7 @@ class OrderQueue:
                     f"it came {(now_ns - stamp_ns) * 1e-6:.0f} ms after it was due",
                     "raise the input delay by more than that, or leave the stamp 0"))  # fmt: skip
             if stamp_ns > now_ns + AHEAD_NS:
-                return refuse("impossible", phrase(
-                    "winch command", f"stamp {stamp_ns * 1e-9:.1f} s lies more than 10 s ahead",
-                    "sender and twin must share one clock"))  # fmt: skip
+                return refuse("impossible", too_far_ahead("winch command", stamp_ns, now_ns))
             self._newest_ns = stamp_ns
         self.counter.accept(now_ns if stamp_ns is None else stamp_ns)
         self._queue((stamp_ns, order.kind, float(order.value)))

@@ -1,4 +1,4 @@
-"""The winch schedule of a scene as stamped speed commands, the same for every runner."""
+"""The winch schedule of a scene as stamped orders, the same for every runner."""
 
 from __future__ import annotations
 
@@ -17,30 +17,14 @@ _MOTION_OF = {  # key of a row and the order that it is
 
 
 @dataclass(frozen=True)
-class SpeedSample:
-    """The winch is to run at this speed from this twin time on."""
-
-    stamp_ns: int
-    speed_m_per_s: float  # + pays out
-
-    @property
-    def order(self) -> Order:
-        """The same as an order."""
-        return Order(SPEED, self.speed_m_per_s)
-
-
-@dataclass(frozen=True)
 class OrderSample:
-    """The winch is to do this from this twin time on; anything but a speed."""
+    """The winch is to do this from this twin time on."""
 
     stamp_ns: int
     order: Order
 
 
-Sample = SpeedSample | OrderSample
-
-
-def schedule_samples(winch: Winch | None, from_ns: int, to_ns: int) -> list[Sample]:
+def schedule_samples(winch: Winch | None, from_ns: int, to_ns: int) -> list[OrderSample]:
     """The commands with `from_ns <= stamp_ns < to_ns` (twin time), in order.
 
     Motions stand on the 10 Hz grid and, so that no change waits for the grid, at each row's own
@@ -53,10 +37,10 @@ def schedule_samples(winch: Winch | None, from_ns: int, to_ns: int) -> list[Samp
     first = -(-from_ns // COMMAND_PERIOD_NS) * COMMAND_PERIOD_NS
     stamps = set(range(first, to_ns, COMMAND_PERIOD_NS))
     stamps.update(_row_instants(winch, from_ns, to_ns))
-    samples: list[Sample] = []
+    samples: list[OrderSample] = []
     for stamp in sorted(stamps):
         samples += [OrderSample(stamp, Order(word)) for word in _switches_at(winch, stamp)]
-        samples.append(_sample(stamp, scheduled_motion(winch, stamp)))
+        samples.append(OrderSample(stamp, scheduled_motion(winch, stamp)))
     return samples
 
 
@@ -78,12 +62,6 @@ def motion_of(row: ScheduleRow) -> Order | None:
         if (value := getattr(row, key)) is not None:
             return Order(kind, value)
     return None
-
-
-def _sample(stamp_ns: int, order: Order) -> Sample:
-    if order.kind == SPEED:
-        return SpeedSample(stamp_ns, order.value)
-    return OrderSample(stamp_ns, order)
 
 
 def _switches_at(winch: Winch, stamp_ns: int) -> list[str]:

@@ -36,8 +36,6 @@ from rope_twin.twin.snapshot import InputHealth, WinchShot
 STALE_NS = 2_000_000_000
 END_SHARE = 0.75  # of the least line out: a winch that could not stop before is stopped there
 
-__all__ = ["LineOut", "Winch", "command_input", "input_of", "switch_input", "winch_of_rope"]
-
 
 def command_input(name: str) -> str:
     """The name of the input that commands the winch of this name, in counts and diagnostics."""
@@ -55,7 +53,7 @@ def input_of(order: Order, name: str) -> str:
 
 
 class Winch:
-    """One winch; `offer` takes commands, `step` moves on by one time step."""
+    """One winch; `take` takes orders, `step` moves on by one time step."""
 
     def __init__(
         self, scene: WinchScene | None, length_m: float, name: str = WINCH, diameter_m: float = 0.0
@@ -103,10 +101,6 @@ class Winch:
             return True
         due = self._orders.last_due(time_ns) if self._orders.waiting else None
         return (self._kind if due is None else due.kind) in FEELING
-
-    def offer(self, stamp_ns: int | None, speed_m_per_s: float, now_ns: int) -> str:
-        """Take a speed (None: at once); returns "" or the sentence of its refusal."""
-        return self.take(stamp_ns, Order(SPEED, speed_m_per_s), now_ns)
 
     def take(self, stamp_ns: int | None, order: Order, now_ns: int) -> str:
         """Take an order (None: at once); returns "" or the sentence of its refusal."""
@@ -246,7 +240,7 @@ class Winch:
         outward = wish.speed_m_per_s > 0.0
         self._nominal, held = pace.move(self._nominal, wish, step_s)
         limit = scene.most_line_out_m if outward else scene.least_line_out_m
-        if held and limit == (wish.high_m if outward else wish.low_m) and self._kind != "length":
+        if held and limit == (wish.high_m if outward else wish.low_m) and self._kind != LENGTH:
             return f"held at the {'most' if outward else 'least'} line out, {limit:g} m"
         return goal.words()
 

@@ -22,7 +22,6 @@ from rope_twin.core.joined.ties import PULL
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.errors import did_you_mean, phrase
 from rope_twin.scene.arrays.joined import build_joined
-from rope_twin.scene.checks.rope import SAFETY_FACTOR
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rules.rigging import winch_of
 from rope_twin.scene.schema import Scene
@@ -45,7 +44,7 @@ from rope_twin.twin.joined.shot import (
 from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.saving.saved_state import changing_parts
 from rope_twin.twin.snapshot import InputHealth, Snapshot
-from rope_twin.twin.start import judge_start, no_garbage_collection
+from rope_twin.twin.start import judge_start, no_garbage_collection, weak_ropes
 
 _log = logging.getLogger(__name__)
 
@@ -84,7 +83,8 @@ class JoinedRopes:
             end = settle_reeved(self._system(self.first), self._boundary.value[:, 0])
         highest = max(float(self._nodes(r, rows.POSITION)[2, :-1].max()) for r in self._numbers)
         judge_start(self._scene, end, highest)
-        self._warn_of_loads()
+        for warning in weak_ropes(self._scene, [self._tension(rope) for rope in self._ropes]):
+            _log.warning(warning)
         system = copy.deepcopy(self._system(self.first))
         still = Boundary(*(np.ascontiguousarray(table[:, :2]) for table in self._boundary))
         pull = np.zeros((len(system.ropes), 1, rows.PULL_COLUMNS))
@@ -92,19 +92,6 @@ class JoinedRopes:
         self._pull = pull[:, 0].copy()
         first: Floats = self._pull[0]
         return first
-
-    def _warn_of_loads(self) -> None:
-        """Tell of ropes that are too weak for what hangs on them; of the first, checks do."""
-        for r, line in enumerate(self._scene.ropes[1:], start=1):
-            breaking = min(one.rope.breaking_load_n for one in line.made_of)
-            tension = float(self._tension(self._rope(r)).max())
-            if tension > breaking / SAFETY_FACTOR:
-                what = (
-                    f"'{line.name}' carries {tension / 1e3:.0f} kN at rest against a breaking load "
-                    f"of {breaking / 1e3:.0f} kN, a safety factor of {breaking / tension:.2f}"
-                )
-                right = f"below {SAFETY_FACTOR:g} take a stronger rope, or a steeper bridle"
-                _log.warning(phrase(f"{self._scene.path}: ropes[{r}]", what, right))
 
     def offer(self, name: str, stamp_ns: int | None, order: Order, now_ns: int) -> str:
         """An order for the winch of this name; "" or why it was refused."""

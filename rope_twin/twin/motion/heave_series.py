@@ -13,9 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.twin.motion.ship import HEAVE_LIMIT_M, STALE_NS, VELOCITY_LIMIT_M_PER_S
-
-JUMP_M = 0.01  # what a position may change by at once
+from rope_twin.twin.motion.ship import HEAVE_LIMIT_M, JUMP_M, STALE_NS, VELOCITY_LIMIT_M_PER_S
 
 
 @dataclass(frozen=True, eq=False)

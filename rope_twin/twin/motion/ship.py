@@ -17,13 +17,13 @@ import math
 from bisect import bisect_left, bisect_right
 
 from rope_twin.errors import phrase
-from rope_twin.twin.health import InputCounter
+from rope_twin.twin.health import AHEAD_NS, InputCounter, too_far_ahead
 
 HEAVE_LIMIT_M = 30.0
 VELOCITY_LIMIT_M_PER_S = 15.0
+JUMP_M = 0.01  # what a position may change by at once: the resolution of a sensor
 JUMP_WINDOW_NS = 2_000_000_000  # after a longer gap any possible position is believed
-AHEAD_NS = 10_000_000_000  # a first stamp farther in the future is a clock that is wrong
-LEAP_NS = 2_000_000_000  # and so is a later one that leaps so far ahead of both present and last
+LEAP_NS = 2_000_000_000  # of a later stamp than the first, ahead of both present and last
 KEEP_NS = 5_000_000_000
 STALE_NS = 500_000_000
 GAP_DECAY_S = 1.0
@@ -113,9 +113,7 @@ class HeaveTrack:
         ahead_ns = stamp_ns - (now or 0)
         leap_ns = min(ahead_ns, stamp_ns - self._stamps[-1]) if self._stamps else ahead_ns
         if leap_ns > (LEAP_NS if self._stamps else AHEAD_NS):
-            return refuse("impossible", phrase(
-                "heave", f"stamp {stamp_ns * 1e-9:.1f} s lies {ahead_ns * 1e-9:.1f} s ahead",
-                "sender and twin must share one clock"))  # fmt: skip
+            return refuse("impossible", too_far_ahead("heave", stamp_ns, now or 0))
         jump = self.jump(stamp_ns, z)
         return refuse("impossible", jump) if jump else ""
 
@@ -124,7 +122,7 @@ class HeaveTrack:
         if self._stamps and 0 < stamp_ns - self._stamps[-1] <= JUMP_WINDOW_NS:
             seconds = (stamp_ns - self._stamps[-1]) * 1e-9
             jump = z - self._samples[-1][0]
-            if abs(jump) > VELOCITY_LIMIT_M_PER_S * seconds + 0.01:
+            if abs(jump) > VELOCITY_LIMIT_M_PER_S * seconds + JUMP_M:
                 return phrase(
                     "heave", f"it jumps by {jump:.2f} m in {seconds:.3f} s",
                     f"a ship moves by at most {VELOCITY_LIMIT_M_PER_S:g} m/s")  # fmt: skip
@@ -215,7 +213,7 @@ class HeaveTrack:
     def _note(self, time_ns: int, known: bool) -> None:
         """Say what is done about a gap."""
         if known and self._rejoining(time_ns):
-            self.counter.say("samples are back; the motion is led over to them within 2 s")
+            self.counter.say(f"samples are back; the motion is led over to them in {REJOIN_S:g} s")
         elif known:
             self.counter.say("")
         elif not self._stamps:

@@ -23,7 +23,9 @@ from rope_twin.errors import StateError
 
 Arrays = dict[str, NDArray[Any]]
 
-_CONSTANT = tuple(f"rope_twin.scene.{part}" for part in ("schema", "winch", "winch_parts"))
+_CONSTANT = tuple(
+    f"rope_twin.scene.{part}" for part in ("schema", "sea_state", "winch", "winch_parts")
+)
 # a current may have gained rows, a rope elements, and what is beside it goes with them
 _OF_ANY_LENGTH = {"effects", "tension", "watch", "shaking"}
 
