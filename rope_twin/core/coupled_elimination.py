@@ -1,18 +1,12 @@
 """The direct solve where effects couple a node to the next two (core/coupled_node), for a chain.
 
-Compiled code takes it from both ends at once, one chain in each SIMD lane: a single chain is bound
-by the latency of its own recursion. Pair k is the nodes first + k and n - 1 - k; the two or three
-nodes that are left in the middle are eliminated by themselves. What the way back wants of a pair is
-a record of 36 numbers, 24 in the rows ELIMINATED and 12 in FACTOR, where records lie end to end.
-`eliminate_coupled_plainly` goes from the lower end to the hang-off; a test holds both against a
-dense solve.
+`eliminate_coupled_plainly` goes from the lower end to the hang-off. Compiled code takes
+`core/coupled_fold`, from both ends at once; a test holds both against a dense solve.
 """
 
 from __future__ import annotations
 
 from typing import Any
-
-from numba.core import config
 
 from rope_twin.core.coupled_node import (
     add,
@@ -20,58 +14,46 @@ from rope_twin.core.coupled_node import (
     eliminate_coupled_node,
     link_less,
     onto_next,
+    push_coupled_node,
+    scaled,
     substituted,
 )
-from rope_twin.core.elimination import add_six, ground, hold_ends, solve_symmetric, spring
-from rope_twin.core.jit import jit_ordered, jit_ordered_within, jit_within
-from rope_twin.core.rows import row, rows, span
-from rope_twin.core.simd import gather, lane, load, pair, store
+from rope_twin.core.elimination import add_six, ground, hold_ends, six, spring
+from rope_twin.core.jit import jit, jit_ordered, jit_within
+from rope_twin.core.rows import row
 from rope_twin.core.state import (
-    AXIAL,
     BLOCK,
     CORRECTION,
-    DIRECTION,
     ELIMINATED,
     FACTOR,
-    GEOMETRIC,
     LINK,
     RESIDUAL,
 )
 
-RECORD, MORE = 24, 12  # numbers of a pair in ELIMINATED, and in FACTOR
 SECOND = LINK + 1  # coupling with the second next node
 
 
 @jit_within
-def _column(work: Any, first: int, i: int) -> Any:
+def column(work: Any, first: int, i: int) -> Any:
     """Column i of three rows."""
     return work[first, i], work[first + 1, i], work[first + 2, i]
 
 
-@jit_within
-def _six(work: Any, first: int, i: int) -> Any:
-    """Column i of six rows."""
-    return (
-        work[first, i], work[first + 1, i], work[first + 2, i], work[first + 3, i],
-        work[first + 4, i], work[first + 5, i],
-    )  # fmt: skip
-
-
 @jit_ordered
-def _single_node(work: Any, i: int, state: Any, K: Any, c: float, d: float) -> Any:
+def single_node(work: Any, i: int, state: Any, K: Any, c: float, d: float) -> Any:
     """Eliminate node i by itself, whose next element is K, and its couplings c and d.
 
     state: what was left on it, its force, what was left on the next, and between the two.
     """
     S, f, carried, between = state
-    S = add_six(add_six(S, _six(work, BLOCK, i)), K)
-    f = add(f, _column(work, RESIDUAL, i))
+    S = add_six(add_six(S, six(work, BLOCK, i)), K)
+    f = add(f, column(work, RESIDUAL, i))
     kept, left = eliminate_coupled_node(S, f, add_nine(between, link_less(c, K)), d)
     return kept, onto_next(left, carried, K)
 
 
 @jit_within
-def _set(work: Any, i: int, delta: Any) -> None:
+def set_correction(work: Any, i: int, delta: Any) -> None:
     """The correction of a node."""
     for k in range(3):
         work[CORRECTION + k, i] = delta[k]
@@ -85,194 +67,63 @@ def eliminate_coupled_plainly(work: Any, first: int, n: int) -> None:
     state = ground(work, first), nothing, (nil, nothing), (nothing, nothing, nothing)
     for i in range(first, n):
         c, d = work[LINK, i], work[LINK + 1, i]
-        (own, G, H), state = _single_node(work, i, state, spring(work, i), c, d)
+        (own, G, I), state = single_node(work, i, state, spring(work, i), c, d)
         for k in range(3):
             work[ELIMINATED + k, i] = own[k]
             work[ELIMINATED + 3 + k, i] = G[0][k]
             work[ELIMINATED + 6 + k, i] = G[1][k]
             work[ELIMINATED + 9 + k, i] = G[2][k]
         for k in range(6):
-            work[FACTOR + k, i] = H[k]
-    near, far = nothing, nothing
-    for i in range(n - 1, first - 1, -1):
-        G = (
-            _column(work, ELIMINATED + 3, i), _column(work, ELIMINATED + 6, i),
-            _column(work, ELIMINATED + 9, i),
-        )  # fmt: skip
-        kept = _column(work, ELIMINATED, i), G, _six(work, FACTOR, i)
-        near, far = substituted(kept, near, far), near
-        _set(work, i, near)
-    hold_ends(work, first, n)
+            work[FACTOR + k, i] = I[k]
+    _substitute_plainly(work, first, n)
 
 
 @jit_within
-def _gathered_six(work: Any, i: int, j: int) -> Any:
-    """Blocks of the nodes i and j."""
-    xx, xy, xz, yy, yz, zz = span(work, BLOCK, 6, 0)
-    return (
-        gather(xx, i, j), gather(xy, i, j), gather(xz, i, j), gather(yy, i, j), gather(yz, i, j),
-        gather(zz, i, j),
-    )  # fmt: skip
-
-
-@jit_ordered_within
-def _springs(work: Any, i: int, e: int) -> Any:
-    """K of the elements i and e."""
-    tx, ty, tz = rows(work, DIRECTION, 0)
-    x, y, z = gather(tx, i, e), gather(ty, i, e), gather(tz, i, e)
-    a, b = gather(row(work, AXIAL, 0), i, e), gather(row(work, GEOMETRIC, 0), i, e)
-    ax, ay = a * x, a * y
-    return ax * x + b, ax * y, ax * z, ay * y + b, ay * z, (a * z) * z + b
-
-
-@jit_ordered_within
-def _paired_node(work: Any, i: int, j: int, k: int, state: Any) -> Any:
-    """Eliminate node i onto those above it and node j onto those below; record k is kept."""
-    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
-    S, f, carried, between = state
-    K = _springs(work, i, j - 1)
-    S = add_six(add_six(S, _gathered_six(work, i, j)), K)
-    f = (f[0] + gather(Rx, i, j), f[1] + gather(Ry, i, j), f[2] + gather(Rz, i, j))
-    B = add_nine(between, link_less(gather(row(work, LINK, 0), i, j - 1), K))
-    kept, left = eliminate_coupled_node(S, f, B, gather(row(work, SECOND, 0), i, j - 2))
-    _store(work, k, kept)
-    return onto_next(left, carried, K)
-
-
-@jit_within
-def _store(work: Any, k: int, kept: Any) -> None:
-    """Record k."""
-    own, G, H = kept
-    record = row(work, ELIMINATED, RECORD * k)
-    store(record, 0, own[0])
-    store(record, 2, own[1])
-    store(record, 4, own[2])
-    store(record, 6, G[0][0])
-    store(record, 8, G[0][1])
-    store(record, 10, G[0][2])
-    store(record, 12, G[1][0])
-    store(record, 14, G[1][1])
-    store(record, 16, G[1][2])
-    store(record, 18, G[2][0])
-    store(record, 20, G[2][1])
-    store(record, 22, G[2][2])
-    more = row(work, FACTOR, MORE * k)
-    store(more, 0, H[0])
-    store(more, 2, H[1])
-    store(more, 4, H[2])
-    store(more, 6, H[3])
-    store(more, 8, H[4])
-    store(more, 10, H[5])
-
-
-@jit_within
-def _stored(work: Any, k: int) -> Any:
-    """Record k again."""
-    r, m = row(work, ELIMINATED, RECORD * k), row(work, FACTOR, MORE * k)
+def _plainly_kept(work: Any, i: int) -> Any:
+    """What `eliminate_coupled_plainly` left of node i."""
     G = (
-        (load(r, 6), load(r, 8), load(r, 10)), (load(r, 12), load(r, 14), load(r, 16)),
-        (load(r, 18), load(r, 20), load(r, 22)),
+        column(work, ELIMINATED + 3, i), column(work, ELIMINATED + 6, i),
+        column(work, ELIMINATED + 9, i),
     )  # fmt: skip
-    H = (load(m, 0), load(m, 2), load(m, 4), load(m, 6), load(m, 8), load(m, 10))
-    return (load(r, 0), load(r, 2), load(r, 4)), G, H
-
-
-@jit_within
-def _paired(a: Any, b: Any) -> Any:
-    """Pairs of the numbers of two symmetric matrices."""
-    return (
-        pair(a[0], b[0]), pair(a[1], b[1]), pair(a[2], b[2]), pair(a[3], b[3]), pair(a[4], b[4]),
-        pair(a[5], b[5]),
-    )  # fmt: skip
-
-
-@jit_within
-def _paired_three(a: Any, b: Any) -> Any:
-    """Pairs of the numbers of two vectors."""
-    return pair(a[0], b[0]), pair(a[1], b[1]), pair(a[2], b[2])
-
-
-@jit_within
-def _lanes(p: Any, k: int) -> Any:
-    """Lane k of three pairs."""
-    return lane(p[0], k), lane(p[1], k), lane(p[2], k)
-
-
-@jit_within
-def _six_lanes(p: Any, k: int) -> Any:
-    """Lane k of six pairs."""
-    return lane(p[0], k), lane(p[1], k), lane(p[2], k), lane(p[3], k), lane(p[4], k), lane(p[5], k)
-
-
-@jit_within
-def _lanes_of(state: Any, k: int) -> Any:
-    """Lane k of what was left: see `_single_node`."""
-    S, f, (second, far), (x, y, z) = state
-    carried = (_six_lanes(second, k), _lanes(far, k))
-    return _six_lanes(S, k), _lanes(f, k), carried, (_lanes(x, k), _lanes(y, k), _lanes(z, k))
+    return column(work, ELIMINATED, i), G, six(work, FACTOR, i)
 
 
 @jit_ordered
-def _solve_middle(work: Any, middle: int, rest: int, below: Any, above: Any) -> Any:
-    """The 2 or 3 nodes from `middle` on: delta of the lowest two, then of the highest two, inwards.
-
-    below, above: what the chains left on the lowest and on the highest of them.
-    """
-    nothing = (0.0, 0.0, 0.0)
-    nil = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    high, low = middle + rest - 1, middle + rest - 2
-    kept = nothing, (nothing, nothing, nothing), nil
-    if rest == 3:
-        c, d = work[LINK, middle], work[LINK + 1, middle]
-        kept, below = _single_node(work, middle, below, spring(work, middle), c, d)
-    S, f, (S_next, f_next), between = below
-    S_high, f_high, (S_low, f_low), (x, y, z) = above
-    turned = (x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2])
-    after = add_six(S_next, S_high), add(f_next, f_high)
-    state = add_six(S, S_low), add(f, f_low), after, add_nine(between, turned)
-    kept_low, state = _single_node(work, low, state, spring(work, low), work[LINK, low], 0.0)
-    (delta_high, _, _), _ = _single_node(work, high, state, nil, 0.0, 0.0)
-    delta_low = substituted(kept_low, delta_high, nothing)
-    _set(work, high, delta_high)
-    _set(work, low, delta_low)
-    near, far = delta_low, delta_high
-    if rest == 3:
-        near, far = substituted(kept, delta_low, delta_high), delta_low
-        _set(work, middle, near)
-    return near, far, delta_high, delta_low
+def push_coupled_plainly(work: Any, first: int, n: int) -> None:
+    """Corrections for another residual, by the factors that `eliminate_coupled_plainly` left."""
+    f = carried = (0.0, 0.0, 0.0)
+    for i in range(first, n):
+        _, G, I = _plainly_kept(work, i)
+        force = add(f, column(work, RESIDUAL, i))
+        own, pushed, far = push_coupled_node(force, G, I, work[SECOND, i])
+        f, carried = add(carried, pushed), far
+        for k in range(3):
+            work[ELIMINATED + k, i] = own[k]
+    _substitute_plainly(work, first, n)
 
 
 @jit_ordered
-def _eliminate_coupled_folded(work: Any, first: int, n: int) -> None:
-    """Corrections of the nodes first <= i < n; they are 0 at n and below first."""
-    dx, dy, dz = rows(work, CORRECTION, 0)
-    if n - first == 1:
-        delta = solve_symmetric(
-            add_six(add_six(ground(work, first), spring(work, first)), _six(work, BLOCK, first)),
-            _column(work, RESIDUAL, first),
-        )
-        _set(work, first, delta)
-        hold_ends(work, first, n)
-        return
-    pairs = (n - first - 2) // 2
-    zero = pair(0.0, 0.0)
-    none = (zero, zero, zero)
-    S = _paired(ground(work, first), spring(work, n - 1))
-    state = S, none, ((zero, zero, zero, zero, zero, zero), none), (none, none, none)
-    for k in range(pairs):
-        state = _paired_node(work, first + k, n - 1 - k, k, state)
-    near_low, far_low, near_high, far_high = _solve_middle(
-        work, first + pairs, n - first - 2 * pairs, _lanes_of(state, 0), _lanes_of(state, 1)
-    )
-    near, far = _paired_three(near_low, near_high), _paired_three(far_low, far_high)
-    for k in range(pairs - 1, -1, -1):
-        near, far = substituted(_stored(work, k), near, far), near
-        x, y, z = near
-        i, j = first + k, n - 1 - k
-        dx[i], dx[j] = lane(x, 0), lane(x, 1)
-        dy[i], dy[j] = lane(y, 0), lane(y, 1)
-        dz[i], dz[j] = lane(z, 0), lane(z, 1)
+def _substitute_plainly(work: Any, first: int, n: int) -> None:
+    """Corrections from the hang-off down."""
+    near = far = (0.0, 0.0, 0.0)
+    for i in range(n - 1, first - 1, -1):
+        d = work[SECOND, i]
+        near, far = substituted(_plainly_kept(work, i), near, scaled(d, far)), near
+        set_correction(work, i, near)
     hold_ends(work, first, n)
 
 
-eliminate_coupled = eliminate_coupled_plainly if config.DISABLE_JIT else _eliminate_coupled_folded
+@jit
+def take_links(work: Any, n: int) -> None:
+    """Residual less what the corrections of other nodes change in it by the couplings."""
+    c, d = row(work, LINK, 0), row(work, SECOND, 0)
+    for k in range(3):
+        R, delta = work[RESIDUAL + k], work[CORRECTION + k]
+        for i in range(n):
+            R[i] -= c[i] * delta[i + 1]
+        for i in range(1, n):
+            R[i] -= c[i - 1] * delta[i - 1]
+        for i in range(n - 1):
+            R[i] -= d[i] * delta[i + 2]
+        for i in range(2, n):
+            R[i] -= d[i - 2] * delta[i - 2]

@@ -114,7 +114,8 @@ def eliminate_coupled_node(S: Any, f: Any, B: Any, d: Any) -> Any:
     S: its pivot (xx, xy, xz, yy, yz, zz); f: its force; B: the block to the next node by rows; d:
     the coupling to the second next. Returns
 
-    - what the way back needs, own, G and H of delta = own - G·next - H·second: S⁻¹·f, S⁻¹·B, d·S⁻¹;
+    - what the way back needs, own, G and I of delta = own - G·next - I·(d·second): S⁻¹·f, S⁻¹·B and
+      S⁻¹;
     - what the node leaves: V and D⁻¹·V, of which the next gets -Vᵀ·D⁻¹·V; then -Bᵀ·own, -d·own,
       -d²·S⁻¹ and, between the two, -d·Bᵀ·S⁻¹ by rows.
     """
@@ -125,7 +126,7 @@ def eliminate_coupled_node(S: Any, f: Any, B: Any, d: Any) -> Any:
     x, y, z = scaled(w0, a), scaled(w1, b), scaled(w2, c)
     gy = less(y, l21, z)
     gx = less(less(x, l10, gy), l20, z)
-    H = times_six(d, inverse(L))
+    I = inverse(L)
     g1 = f[1] - l10 * f[0]
     g2 = f[2] - l20 * f[0] - l21 * g1
     h0, h1, h2 = w0 * f[0], w1 * g1, w2 * g2
@@ -140,8 +141,22 @@ def eliminate_coupled_node(S: Any, f: Any, B: Any, d: Any) -> Any:
         (minus * gx[0], minus * gy[0], minus * z[0]), (minus * gx[1], minus * gy[1], minus * z[1]),
         (minus * gx[2], minus * gy[2], minus * z[2]),
     )  # fmt: skip
-    left = ((a, b, c), (x, y, z)), pushed, scaled(minus, own), times_six(minus, H), between
-    return (own, (gx, gy, z), H), left
+    far = times_six(minus, times_six(d, I))
+    left = ((a, b, c), (x, y, z)), pushed, scaled(minus, own), far, between
+    return (own, (gx, gy, z), I), left
+
+
+@jit_ordered_within
+def push_coupled_node(f: Any, G: Any, I: Any, d: Any) -> Any:
+    """own for another force on a node eliminated before, and the forces for the next two nodes."""
+    own = apply(I, f)
+    x, y, z = G
+    pushed = (
+        0.0 - (x[0] * f[0] + y[0] * f[1] + z[0] * f[2]),
+        0.0 - (x[1] * f[0] + y[1] * f[1] + z[1] * f[2]),
+        0.0 - (x[2] * f[0] + y[2] * f[1] + z[2] * f[2]),
+    )
+    return own, pushed, scaled(0.0 - d, own)
 
 
 @jit_ordered_within
@@ -157,9 +172,9 @@ def onto_next(left: Any, carried: Any, K: Any) -> Any:
 
 @jit_ordered_within
 def substituted(kept: Any, near: Any, far: Any) -> Any:
-    """delta of a node: own - G·next - H·second."""
-    own, G, H = kept
-    x, y, z = apply(H, far)
+    """delta of a node from that of the next, and d times that of the second next."""
+    own, G, I = kept
+    x, y, z = apply(I, far)
     px, py, pz = near
     gx, gy, gz = G
     return (

@@ -100,6 +100,15 @@ def push_node(gain: Any, inverse: Any, f: Any) -> Any:
 
 
 @jit_within
+def six(work: Any, first: int, i: int) -> Any:
+    """Column i of six rows."""
+    return (
+        work[first, i], work[first + 1, i], work[first + 2, i], work[first + 3, i],
+        work[first + 4, i], work[first + 5, i],
+    )  # fmt: skip
+
+
+@jit_within
 def spring(work: Any, e: int) -> Any:
     """K of element e: xx, xy, xz, yy, yz, zz."""
     x, y, z = work[DIRECTION, e], work[DIRECTION + 1, e], work[DIRECTION + 2, e]

@@ -19,6 +19,7 @@ from rope_twin.core.elimination import (
     hold_ends,
     push_node,
     push_plainly,
+    six,
     solve_symmetric,
     spring,
 )
@@ -79,22 +80,13 @@ def _paired_node(work: Any, i: int, j: int, k: int, Z: Any, f: Any) -> Any:
 
 
 @jit_within
-def _six(work: Any, first: int, i: int) -> Any:
-    """Column i of six rows."""
-    return (
-        work[first, i], work[first + 1, i], work[first + 2, i], work[first + 3, i],
-        work[first + 4, i], work[first + 5, i],
-    )  # fmt: skip
-
-
-@jit_within
-def _lanes(p: Any, k: int) -> Any:
+def lanes(p: Any, k: int) -> Any:
     """Lane k of three pairs."""
     return lane(p[0], k), lane(p[1], k), lane(p[2], k)
 
 
 @jit_within
-def _six_lanes(p: Any, k: int) -> Any:
+def six_lanes(p: Any, k: int) -> Any:
     """Lane k of six pairs."""
     return lane(p[0], k), lane(p[1], k), lane(p[2], k), lane(p[3], k), lane(p[4], k), lane(p[5], k)
 
@@ -132,11 +124,11 @@ def _eliminate_folded(work: Any, first: int, n: int) -> None:
     Z_below, f_below = Z, f
     if rounds > pairs:
         Z, f = _paired_node(work, middle, middle + 1, pairs, Z, f)
-    S = add_six(add_six(_six_lanes(Z_below, 0), _six_lanes(Z, 1)), _six(work, BLOCK, middle))
+    S = add_six(add_six(six_lanes(Z_below, 0), six_lanes(Z, 1)), six(work, BLOCK, middle))
     kept = row(work, ELIMINATED, RECORD * rounds)
     for k in range(6):
         kept[k] = S[k]
-    _substitute_all(work, first, n, _lanes(f_below, 0), _lanes(f, 1))
+    _substitute_all(work, first, n, lanes(f_below, 0), lanes(f, 1))
 
 
 @jit_within
@@ -171,7 +163,7 @@ def _push_folded(work: Any, first: int, n: int) -> None:
     f_below = f
     if rounds > pairs:
         f = _pushed_pair(work, middle, middle + 1, pairs, f)
-    _substitute_all(work, first, n, _lanes(f_below, 0), _lanes(f, 1))
+    _substitute_all(work, first, n, lanes(f_below, 0), lanes(f, 1))
 
 
 @jit_ordered

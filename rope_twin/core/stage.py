@@ -19,12 +19,13 @@ from numba.extending import overload
 from rope_twin.core import hooks, terms
 from rope_twin.core.again import count_left
 from rope_twin.core.assembly import load_lowest, load_nodes, set_flow, slope
-from rope_twin.core.coupled_elimination import eliminate_coupled
+from rope_twin.core.coupled_elimination import take_links
+from rope_twin.core.coupled_fold import eliminate_coupled, push_coupled
 from rope_twin.core.elastic import count_unexpected, growth_of, stretch, stretch_top
 from rope_twin.core.fold import eliminate, push
 from rope_twin.core.jit import LINKED, jit
 from rope_twin.core.prediction import correct, predict_on, predict_trapezoid
-from rope_twin.core.remembering import predict_memories, remembers
+from rope_twin.core.remembering import predict_memories
 from rope_twin.core.rows import rows
 from rope_twin.core.state import ELEMENTS, RESIDUAL, SOLVES, SOLVES_MAX
 
@@ -79,22 +80,28 @@ def _choose_balance(effects: Any) -> Any:
     return lambda effects: False
 
 
-def _keeps_factors(kinds: Any) -> bool:
-    """Whether an elimination serves another stage: not where what is remembered has gone on."""
-    kinds = list(kinds)
-    return not (hooks.couples(kinds) or remembers(kinds))
+@jit
+def _push_links(work: Any, first: int, n: int) -> None:
+    """The corrections by old factors; what the couplings make of them is taken off the residual."""
+    push_coupled(work, first, n)
+    take_links(work, n)
 
 
-def _serves(effects: Any, rope: Any, stage: Any) -> Any:
-    """Whether the factors that there are solve the stage, as far as the effects' types let them."""
-    return _keeps_factors(map(type, effects)) and _is_solved_again(rope, stage)
+def _push(effects: Any, work: Any, first: Any, n: Any) -> Any:
+    """The corrections by the factors that there are, as far as the effects' types couple nodes."""
+    solve = _push_links if hooks.couples(map(type, effects)) else push
+    solve(work, first, n)
 
 
-@overload(_serves, jit_options=LINKED, strict=False)
-def _choose_factors(effects: Any, rope: Any, stage: Any) -> Any:
-    if _keeps_factors(effect.instance_class for effect in effects):
-        return lambda effects, rope, stage: _is_solved_again(rope, stage)
-    return lambda effects, rope, stage: False
+@overload(_push, jit_options=LINKED, strict=False)
+def _choose_push(effects: Any, work: Any, first: Any, n: Any) -> Any:
+    coupled = hooks.couples(effect.instance_class for effect in effects)
+    solve = _push_links if coupled else push
+
+    def call(effects: Any, work: Any, first: Any, n: Any) -> None:
+        solve(work, first, n)
+
+    return call
 
 
 @jit
@@ -106,7 +113,7 @@ def _is_solved_again(rope: Any, stage: Any) -> bool:
     effects, work, n = rope.effects, rope.work, rope.state.counts[ELEMENTS]
     if not terms.is_calm(effects, work, stage, n, 0.0):
         return False
-    push(work, rope.model.first_free, n)
+    _push(effects, work, rope.model.first_free, n)
     rope.state.health[SOLVES] += 1
     if count_left(rope, stage, CHUNK) == 0 and terms.is_calm(effects, work, stage, n, 1.0):
         return True
@@ -125,7 +132,7 @@ def solve_stage(rope: Any, stage: Any, kind: int, cap: int, pending: float, agai
     state, work = rope.state, rope.work
     n, first = state.counts[ELEMENTS], rope.model.first_free
     _evaluate(rope, stage, kind, 0.0, pending)
-    if again and _serves(rope.effects, rope, stage):
+    if again and _is_solved_again(rope, stage):
         return PENDING
     for correction in range(1, cap + 1):
         _eliminate(rope.effects, work, first, n)

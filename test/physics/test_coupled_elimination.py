@@ -9,7 +9,8 @@ import pytest
 from test_elimination import Vector, chain, solve
 
 from rope_twin.core import state as rows
-from rope_twin.core.coupled_elimination import eliminate_coupled
+from rope_twin.core.coupled_elimination import take_links
+from rope_twin.core.coupled_fold import eliminate_coupled, push_coupled
 from rope_twin.core.jit import jit_entry
 
 
@@ -17,6 +18,18 @@ from rope_twin.core.jit import jit_entry
 def solve_coupled(work: Any, first: int, n: int) -> None:
     """(A + K + couplings)·delta = R."""
     eliminate_coupled(work, first, n)
+
+
+@jit_entry
+def solve_again(work: Any, first: int, n: int) -> None:
+    """The same for another R, by the factors that there are."""
+    push_coupled(work, first, n)
+
+
+@jit_entry
+def less_links(work: Any, n: int) -> None:
+    """R less what other nodes' corrections make of it by the couplings."""
+    take_links(work, n)
 
 
 def bent_chain(n: int, stiffness: float, seed: int) -> Vector:
@@ -82,3 +95,38 @@ def test_equals_the_plain_elimination_without_couplings(first: int) -> None:
     solve_coupled(work, first, 60)
     place = slice(rows.CORRECTION, rows.CORRECTION + 3)
     assert np.abs(work[place] - plain[place]).max() < 1e-11 * np.abs(plain[place]).max()
+
+
+@pytest.mark.parametrize("first", [0, 1])
+@pytest.mark.parametrize("n", [2, 3, 4, 5, 60])
+def test_factors_serve_another_force(first: int, n: int) -> None:
+    """Corrections by old factors are those of a solve anew; of twice the force, twice as large."""
+    work = bent_chain(n, 1e3, n)
+    solve_coupled(work, first, n)
+    place = slice(rows.CORRECTION, rows.CORRECTION + 3)
+    once = work[place].copy()
+    work[rows.RESIDUAL : rows.RESIDUAL + 3] *= 2.0
+    solve_again(work, first, n)
+    assert np.abs(work[place] - 2.0 * once).max() < 1e-12 * np.abs(once).max()
+    force = np.random.default_rng(7).normal(size=(3, work.shape[1]))
+    anew = work.copy()
+    for one in (work, anew):
+        one[rows.RESIDUAL : rows.RESIDUAL + 3] = force
+    solve_again(work, first, n)
+    solve_coupled(anew, first, n)
+    assert np.abs(work[place] - anew[place]).max() < 1e-9 * np.abs(anew[place]).max()
+
+
+def test_couplings_take_their_share_of_the_residual() -> None:
+    """R - (couplings)·delta, by the whole matrix with and without them."""
+    n = 9
+    work = bent_chain(n, 10.0, 4)
+    solve_coupled(work, 0, n)
+    before = work[rows.RESIDUAL : rows.RESIDUAL + 3, :n].T.ravel()
+    delta = work[rows.CORRECTION : rows.CORRECTION + 3, :n].T.ravel()
+    bare = work.copy()
+    bare[rows.LINK : rows.LINK + 2] = 0.0
+    expected = before - (matrix(work, n) - matrix(bare, n)) @ delta
+    less_links(work, n)
+    after = work[rows.RESIDUAL : rows.RESIDUAL + 3, :n].T.ravel()
+    assert np.abs(after - expected).max() < 1e-12 * np.abs(before).max()

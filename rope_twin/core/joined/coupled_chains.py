@@ -3,7 +3,7 @@
 What `chains` is to `elimination` this is to `coupled_node`: node i has the block B = c·I - K with
 the next node and d·I with the second next. What a lower joint brings comes along as three more
 columns P of forces, which a node hands on to the next two as it does its own force: delta_i =
-own - G·delta_{i+1} - H·delta_{i+2} + F·delta_0 with F = S⁻¹·P. The joint's own node begins with
+own - G·delta_{i+1} - S⁻¹·d·delta_{i+2} + F·delta_0 with F = S⁻¹·P. The joint's own node begins with
 P_1 = K_0 - c_0·I and P_2 = -d_0·I. A joint is a hinge: an effect that bends the rope has a moment
 at inner nodes only, so that the chains that meet there share its force and nothing else.
 """
@@ -27,7 +27,7 @@ from rope_twin.core.joined.chains import column, set_column
 from rope_twin.core.state import BLOCK, CORRECTION, ELIMINATED, LINK, RESIDUAL
 
 SECOND = LINK + 1  # coupling with the second next node
-INVERSE = ELIMINATED + 12  # after own and G: 6 rows, H of a node
+INVERSE = ELIMINATED + 12  # after own and G: 6 rows, S⁻¹ of a node
 FAR = LINK + 2  # 9 rows: F of a node, by columns
 COUPLED_CHAIN_ROWS = FAR + 9
 _NOTHING = (0.0, 0.0, 0.0)
@@ -47,14 +47,14 @@ def _six(work: Any, first: int, i: int) -> Any:
 @jit_within
 def _keep(work: Any, i: int, kept: Any) -> None:
     """What the way back wants of node i."""
-    own, G, H = kept
+    own, G, inverse = kept
     set_column(work, ELIMINATED, i, own)
     for k in range(3):
         work[ELIMINATED + 3 + k, i] = G[0][k]
         work[ELIMINATED + 6 + k, i] = G[1][k]
         work[ELIMINATED + 9 + k, i] = G[2][k]
     for k in range(6):
-        work[INVERSE + k, i] = H[k]
+        work[INVERSE + k, i] = inverse[k]
 
 
 @jit_within
@@ -165,7 +165,7 @@ def substitute_coupled_upward(work: Any, first: int, n: int) -> None:
     """Corrections after `eliminate_coupled_upward`, where that of node n is known."""
     near, far = column(work, CORRECTION, n), _NOTHING
     for i in range(n - 1, first - 1, -1):
-        near, far = substituted(_kept(work, i), near, far), near
+        near, far = substituted(_kept(work, i), near, scaled(work[SECOND, i], far)), near
         set_column(work, CORRECTION, i, near)
     if first == 1:
         set_column(work, CORRECTION, 0, _NOTHING)
@@ -176,7 +176,8 @@ def substitute_coupled_downward(work: Any, n: int) -> None:
     """Corrections after `eliminate_coupled_downward`, where that of node 0 is known."""
     near, far = column(work, CORRECTION, 0), _NOTHING
     for i in range(1, n):
-        near, far = substituted(_kept(work, i), near, far), near
+        d = work[SECOND, i - 2] if i > 1 else 0.0
+        near, far = substituted(_kept(work, i), near, scaled(d, far)), near
         set_column(work, CORRECTION, i, near)
 
 
@@ -186,7 +187,7 @@ def substitute_coupled_between(work: Any, n: int) -> None:
     near, far = column(work, CORRECTION, n), _NOTHING
     x, y, z = column(work, CORRECTION, 0)
     for i in range(n - 1, 0, -1):
-        own = substituted(_kept(work, i), near, far)
+        own = substituted(_kept(work, i), near, scaled(work[SECOND, i], far))
         for k, share in enumerate((x, y, z)):
             own = add(own, scaled(share, column(work, FAR + 3 * k, i)))
         near, far = own, near
