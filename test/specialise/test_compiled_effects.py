@@ -94,7 +94,7 @@ def test_drag_that_grows_leaves_no_trace_where_it_does_not(whole: str) -> None:
     """Its kernels are in the loads of a rope whose vortices are beside the step."""
     module = "rope_twin.core.vortices.drag_growth"
     scene = main_job()
-    rope = build(replace(scene, effects=(*scene.effects, ModalVibrationParams()))).rope
+    rope = build(replace(scene, effects=(*scene.effects, ModalVibrationParams())))
     grown = tuple(own for own in rope.effects if isinstance(own, DragGrowth))
     arguments = (grown, rope.work, Stage(0.0, 1.0, 1.0, 0.0), 0, 1)
     assert symbols(assembly(add_load, arguments), module)
