@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from typing import NamedTuple
 
 from rope_twin.scene.winch import SWITCHES
 from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION
@@ -16,10 +17,26 @@ from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION
 class Qos(Enum):
     """The rows of quality of service that the suite uses."""
 
-    STREAM = "stream"  # best effort, depth 1: only the newest matters
-    SENSOR = "sensor"  # best effort, depth 50: every sample counts, none is asked for again
-    COMMAND = "command"  # reliable, depth 10
-    LATCHED = "latched"  # reliable, transient local, depth 1: late joiners get it too
+    STREAM = "stream"  # only the newest matters
+    SENSOR = "sensor"  # every sample counts, none is asked for again
+    COMMAND = "command"  # every one arrives
+    LATCHED = "latched"  # late joiners get the newest too
+
+
+class QosRow(NamedTuple):
+    """What a row of quality of service asks of the middleware."""
+
+    reliable: bool  # else best effort
+    for_late_joiners: bool  # transient local, else volatile
+    depth: int
+
+
+QOS_ROWS = {
+    Qos.STREAM: QosRow(reliable=False, for_late_joiners=False, depth=1),
+    Qos.SENSOR: QosRow(reliable=False, for_late_joiners=False, depth=50),
+    Qos.COMMAND: QosRow(reliable=True, for_late_joiners=False, depth=10),
+    Qos.LATCHED: QosRow(reliable=True, for_late_joiners=True, depth=1),
+}
 
 
 @dataclass(frozen=True)

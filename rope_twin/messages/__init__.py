@@ -16,7 +16,6 @@ from rope_twin.messages.inputs import (
     encode_heave,
     encode_order,
     encode_pose,
-    encode_speed,
 )
 from rope_twin.messages.status import Level, Status, encode_diagnostics
 
@@ -32,7 +31,6 @@ __all__ = [
     "encode_heave",
     "encode_order",
     "encode_pose",
-    "encode_speed",
     "statuses",
 ]
 

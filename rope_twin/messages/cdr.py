@@ -148,6 +148,20 @@ class Template:
         return bytes(data)
 
 
+class Templates:
+    """Templates of topics whose messages change in size or names: each made anew when that does."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, tuple[object, Template]] = {}
+
+    def get(self, topic: str, key: object, make: Callable[[], Any]) -> Template:
+        """The template of a topic as long as `key` is the same; else a new one of `make()`."""
+        known = self._known.get(topic)
+        if known is None or known[0] != key:
+            known = self._known[topic] = (key, Template(make()))
+        return known[1]
+
+
 @cache
 def _scalar_format(dtype: np.dtype[Any]) -> str:
     return "<" + dtype.char

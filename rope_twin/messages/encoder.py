@@ -12,7 +12,7 @@ import numpy as np
 
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.messages import forms
-from rope_twin.messages.cdr import Template
+from rope_twin.messages.cdr import Template, Templates
 from rope_twin.messages.colours import scale_above, tension_colours
 from rope_twin.messages.joined import JoinedForms, all_elements, line_events
 from rope_twin.messages.watched import WatchForms
@@ -33,10 +33,12 @@ class Encoder:
         self._number = Template(forms.number())
         self._wrench = Template(forms.wrench(frame_id))
         self._odometry = Template(forms.odometry(frame_id, "payload"))
-        self._band = Template(forms.range_of("tension_top"))
-        self._winch = Template(forms.joint("winch", 1, 1, 1))
-        self._contact = Template(forms.contact())
-        self._sized: dict[str, tuple[object, Template]] = {}
+        self._band = Template(
+            forms.joint_state(("tension_top_low", "tension_top_high"), ("effort",))
+        )
+        self._winch = Template(forms.joint_state(("winch",), ("position", "velocity", "effort")))
+        self._contact = Template(forms.joint_state(("payload", "rope"), ("position", "effort")))
+        self._sized = Templates()
         self._rope_form: tuple[int, Template, Template] | None = None  # elements, of one, of all
         self._scale_n = 0.0
         joined = JoinedForms(frame_id)
@@ -92,14 +94,6 @@ class Encoder:
         sec, nanosec = forms.split(self._epoch_ns + snapshot.stamp_ns)
         return {f"{path}.sec": sec, f"{path}.nanosec": nanosec}
 
-    def _template(self, topic: str, key: object, build: Callable[[], Any]) -> Template:
-        """The template of a topic whose size changes; a new one when `key` does."""
-        known = self._sized.get(topic)
-        if known is None or known[0] != key:
-            known = (key, Template(build()))
-            self._sized[topic] = known
-        return known[1]
-
     def _tension_top(self, snapshot: Snapshot) -> bytes:
         return self._number.fill({"data": snapshot.tension_top_n})
 
@@ -138,11 +132,12 @@ class Encoder:
         if body is None:
             right = "list the effect `rigid_body`"
             raise InputError(phrase("encode", "the payload is no rigid body", right))
-        legs, deck = len(body.leg_pull_n), body.deck_push_n is not None
-        template = self._template(
-            "payload/rigging", (legs, deck), lambda: forms.rigging(legs, deck)
+        legs, decks = len(body.leg_pull_n), int(body.deck_push_n is not None)
+        names = forms.rigging_names(legs, decks)
+        template = self._sized.get(
+            "payload/rigging", names, lambda: forms.joint_state(names, ("position", "effort"))
         )
-        clear, push = [body.deck_clearance_m] * deck, [body.deck_push_n] * deck
+        clear, push = [body.deck_clearance_m] * decks, [body.deck_push_n] * decks
         return template.fill(
             {
                 **self._stamp(snapshot),
@@ -175,12 +170,12 @@ class Encoder:
 
     def _tension(self, snapshot: Snapshot) -> bytes:
         count = len(snapshot.element_tension_n)
-        template = self._template("tension", count, lambda: forms.row_of_numbers("element", count))
+        template = self._sized.get("tension", count, lambda: forms.row_of_numbers("element", count))
         return template.fill({"data": snapshot.element_tension_n})
 
     def _rope_nodes(self, snapshot: Snapshot) -> bytes:
         count = len(snapshot.node_position_m)
-        template = self._template(
+        template = self._sized.get(
             "rope/nodes", count, lambda: forms.point_cloud(self._frame_id, count)
         )
         points = np.empty((count, 4), dtype="<f4")
@@ -196,7 +191,7 @@ class Encoder:
         count, scale_n, words = len(tension), self._scale_n, scale_words(self._scale_n)
         further, bars = tuple(one.name for one in snapshot.payloads), len(snapshot.struts)
         slings = 0 if snapshot.body is None else len(snapshot.body.leg_end_m)
-        form = self._template(
+        form = self._sized.get(
             "rope/markers of one element",
             (scale_n, further, bars, slings),
             lambda: forms.rope_markers(self._frame_id, 1, words, further, bars, slings),

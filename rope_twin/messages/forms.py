@@ -8,6 +8,7 @@ those of `sea` and twists need no turning.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
@@ -80,75 +81,18 @@ def odometry(frame_id: str, child_frame_id: str) -> Any:
     )
 
 
-def joint(name: str, position: int, velocity: int, effort: int) -> Any:
-    """A joint with room for so many positions, velocities and efforts (each 0 or 1)."""
-    return new(
-        "sensor_msgs/msg/JointState",
-        header=header(""),
-        name=[name],
-        position=np.zeros(position),
-        velocity=np.zeros(velocity),
-        effort=np.zeros(effort),
-    )
+def joint_state(names: Sequence[str], fields: Collection[str]) -> Any:
+    """Joints of these names with a number each in these of position, velocity and effort."""
+    sizes = {name: len(names) * (name in fields) for name in ("position", "velocity", "effort")}
+    numbers = {name: np.zeros(size) for name, size in sizes.items()}
+    return new("sensor_msgs/msg/JointState", header=header(""), name=list(names), **numbers)
 
 
-def range_of(quantity: str) -> Any:
-    """Low and high of a quantity, as the efforts of a joint state: it has names and a stamp."""
-    return new(
-        "sensor_msgs/msg/JointState",
-        header=header(""),
-        name=[f"{quantity}_low", f"{quantity}_high"],
-        position=np.zeros(0),
-        velocity=np.zeros(0),
-        effort=np.zeros(2),
-    )
-
-
-def contact() -> Any:
-    """Payload and rope on the seabed."""
-    return new(
-        "sensor_msgs/msg/JointState",
-        header=header(""),
-        name=["payload", "rope"],
-        position=np.zeros(2),
-        velocity=np.zeros(0),
-        effort=np.zeros(2),
-    )
-
-
-def rigging(legs: int, deck: bool) -> Any:
+def rigging_names(legs: int, decks: int) -> list[str]:
     """Slings of a rigid body, the deck below it if there is one, its outline, the slings' ends."""
-    names = [f"sling_{number}" for number in range(1, legs + 1)] + ["deck"] * deck
+    names = [f"sling_{number}" for number in range(1, legs + 1)] + ["deck"] * decks
     names += [f"size/{axis}" for axis in "xyz"]
-    names += [f"sling_{number}/{axis}" for number in range(1, legs + 1) for axis in "xyz"]
-    return new(
-        "sensor_msgs/msg/JointState",
-        header=header(""),
-        name=names,
-        position=np.zeros(len(names)),
-        velocity=np.zeros(0),
-        effort=np.zeros(len(names)),
-    )
-
-
-def joints(names: tuple[str, ...], *, effort: bool) -> Any:
-    """Several joints with a position and a velocity each, and an effort."""
-    count = len(names)
-    return new(
-        "sensor_msgs/msg/JointState",
-        header=header(""),
-        name=list(names),
-        position=np.zeros(count),
-        velocity=np.zeros(count),
-        effort=np.zeros(count if effort else 0),
-    )
-
-
-def joint_positions(names: tuple[str, ...]) -> Any:
-    """Several joints with a position each and nothing else."""
-    form = joints(names, effort=False)
-    form.velocity = form.velocity[:0]
-    return form
+    return names + [f"sling_{number}/{axis}" for number in range(1, legs + 1) for axis in "xyz"]
 
 
 def row_of_numbers(label: str, count: int) -> Any:

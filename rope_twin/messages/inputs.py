@@ -43,11 +43,6 @@ def encode_elevation(stamp_ns: int, elevation_m: float) -> bytes:
     return _elevation().fill({**_stamp(stamp_ns), "point": (0.0, 0.0, elevation_m)})
 
 
-def encode_speed(stamp_ns: int, speed_m_per_s: float, winch: str = "winch") -> bytes:
-    """winch/speed_command: + pays out; a stamp of 0 means at once; winch: its name."""
-    return _speed(winch).fill({**_stamp(stamp_ns), "velocity": (speed_m_per_s,)})
-
-
 def encode_order(stamp_ns: int, order: Order, winch: str = "winch") -> tuple[str, bytes]:
     """Topic and message of an order to a winch; a stamp of 0 means at once.
 
@@ -93,14 +88,6 @@ def _elevation() -> Template:
 
 
 @cache
-def _speed(winch: str) -> Template:
-    return Template(forms.joint(winch, 0, 1, 0))
-
-
-@cache
 def _joint(names: str, field: str) -> Template:
     """Of joints with these names, a line each, and room for one value in the field, if any."""
-    sizes = (int(field == own) for own in ("position", "velocity", "effort"))
-    joint = forms.joint("", *sizes)
-    joint.name = names.split("\n")
-    return Template(joint)
+    return Template(forms.joint_state(names.split("\n"), (field,)))

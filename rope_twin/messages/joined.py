@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from rope_twin.messages import forms
-from rope_twin.messages.cdr import Template, new, serialise
+from rope_twin.messages.cdr import Templates, new, serialise
 from rope_twin.twin.snapshot import Snapshot
 
 _AXES = ("x", "y", "z")
@@ -20,7 +19,7 @@ class JoinedForms:
 
     def __init__(self, frame_id: str) -> None:
         self._frame_id = frame_id
-        self._known: dict[str, tuple[object, Template]] = {}
+        self._sized = Templates()
 
     def ropes_state(self, snapshot: Snapshot, stamp: dict[str, int]) -> bytes:
         """Length, payout speed and upper tension of each rope; length and pull of each bar."""
@@ -31,7 +30,11 @@ class JoinedForms:
             for s in struts
         ]
         names = tuple(row[0] for row in rows)
-        template = self._template("ropes/state", names, lambda: forms.joints(names, effort=True))
+        template = self._sized.get(
+            "ropes/state",
+            names,
+            lambda: forms.joint_state(names, ("position", "velocity", "effort")),
+        )
         columns = zip(("position", "velocity", "effort"), (1, 2, 3), strict=True)
         values = {name: [row[k] for row in rows] for name, k in columns} if rows else {}
         return template.fill({**stamp, **values})
@@ -40,8 +43,8 @@ class JoinedForms:
         """Position and velocity of each payload along x, y and z."""
         payloads = snapshot.payloads
         names = tuple(f"{one.name}/{axis}" for one in payloads for axis in _AXES)
-        template = self._template(
-            "payloads/state", names, lambda: forms.joints(names, effort=False)
+        template = self._sized.get(
+            "payloads/state", names, lambda: forms.joint_state(names, ("position", "velocity"))
         )
         values: dict[str, Any] = {}
         if payloads:
@@ -57,7 +60,9 @@ class JoinedForms:
             for end in ("from", "to")
             for axis in _AXES
         )
-        template = self._template("bars/state", names, lambda: forms.joint_positions(names))
+        template = self._sized.get(
+            "bars/state", names, lambda: forms.joint_state(names, ("position",))
+        )
         ends = [bar.ends_m.ravel() for bar in snapshot.struts]
         return template.fill({**stamp, **({"position": np.concatenate(ends)} if ends else {})})
 
@@ -73,14 +78,16 @@ class JoinedForms:
                 named = zip(CROSSING_FIGURES, figures, strict=True)
                 rows += [(f"crossing_{k}/{name}", value) for name, value in named]
         names = tuple(name for name, _ in rows)
-        template = self._template("lines/crossings", names, lambda: forms.joint_positions(names))
+        template = self._sized.get(
+            "lines/crossings", names, lambda: forms.joint_state(names, ("position",))
+        )
         return template.fill({**stamp, **({"position": [v for _, v in rows]} if rows else {})})
 
     def ropes_nodes(self, snapshot: Snapshot, stamp: dict[str, int]) -> bytes:
         """x, y, z, tension and rope of each node."""
         counts = [len(rope.node_position_m) for rope in snapshot.ropes]
         count = sum(counts)
-        template = self._template(
+        template = self._sized.get(
             "ropes/nodes", count, lambda: forms.ropes_cloud(self._frame_id, count)
         )
         if count == 0:
@@ -90,12 +97,6 @@ class JoinedForms:
         points[:, 3] = np.concatenate([rope.node_tension_n for rope in snapshot.ropes])
         points[:, 4] = np.repeat(np.arange(len(counts)), counts)
         return template.fill({**stamp, "data": points.view(np.uint8).ravel()})
-
-    def _template(self, topic: str, key: object, build: Callable[[], Any]) -> Template:
-        known = self._known.get(topic)
-        if known is None or known[0] != key:
-            known = self._known[topic] = (key, Template(build()))
-        return known[1]
 
 
 def line_events(snapshot: Snapshot) -> bytes:

@@ -6,7 +6,7 @@ import numpy as np
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import forms
-from rope_twin.messages.cdr import Template
+from rope_twin.messages.cdr import Templates
 from rope_twin.twin.findings import RopeVibration
 from rope_twin.twin.snapshot import Snapshot
 
@@ -18,8 +18,7 @@ class WatchForms:
 
     def __init__(self, frame_id: str) -> None:
         self._frame_id = frame_id
-        self._cloud: tuple[tuple[int, tuple[str, ...]], Template] | None = None
-        self._table: tuple[int, Template] | None = None
+        self._sized = Templates()
 
     def vibration(self, snapshot: Snapshot, stamp: dict[str, int]) -> bytes:
         """x, y, z of each node, and amplitude and frequency there."""
@@ -29,10 +28,9 @@ class WatchForms:
         columns = vibration_columns(shaking)
         place = snapshot.node_position_m
         key = (len(place), ("x", "y", "z", *columns))
-        if self._cloud is None or self._cloud[0] != key:
-            self._cloud = key, Template(forms.cloud(self._frame_id, *key))
+        template = self._sized.get("rope/vibration", key, lambda: forms.cloud(self._frame_id, *key))
         points = np.column_stack([place, *columns.values()]).astype("<f4")
-        return self._cloud[1].fill({**stamp, "data": points.view(np.uint8).ravel()})
+        return template.fill({**stamp, "data": points.view(np.uint8).ravel()})
 
     def fatigue(self, snapshot: Snapshot) -> bytes:
         """Rows of COLUMNS, one for each metre."""
@@ -40,10 +38,11 @@ class WatchForms:
         if wear is None:
             raise InputError(phrase("encode", "the snapshot has no fatigue", "ask for it"))
         count = len(wear.used)
-        if self._table is None or self._table[0] != count:
-            self._table = count, Template(forms.table_of_numbers("metre", count, COLUMNS))
+        template = self._sized.get(
+            "rope/fatigue", count, lambda: forms.table_of_numbers("metre", count, COLUMNS)
+        )
         table = np.column_stack([wear.from_lower_end_m, wear.from_hang_off_m, wear.used])
-        return self._table[1].fill({"data": table.ravel()})
+        return template.fill({"data": table.ravel()})
 
 
 def vibration_columns(shaking: RopeVibration) -> dict[str, np.ndarray]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rope_twin.messages import forms
-from rope_twin.messages.cdr import Template, new, serialise
+from rope_twin.messages.cdr import Templates, new, serialise
 from rope_twin.twin.hoisting.orders import MOTIONS
 from rope_twin.twin.snapshot import Snapshot, WinchShot
 
@@ -12,7 +12,7 @@ class WinchForms:
     """Holds the template of the parts; one per encoder."""
 
     def __init__(self) -> None:
-        self._known: tuple[tuple[str, ...], Template] | None = None
+        self._sized = Templates()
 
     def mode(self, snapshot: Snapshot) -> bytes:
         """What each winch was told and what holds it back, in words."""
@@ -27,10 +27,11 @@ class WinchForms:
             for name, value in (("target", winch.target), *winch.figures)
         ]
         names = tuple(name for name, _ in rows)
-        if self._known is None or self._known[0] != names:
-            self._known = names, Template(forms.joint_positions(names))
+        template = self._sized.get(
+            "winch/parts", names, lambda: forms.joint_state(names, ("position",))
+        )
         values = {"position": [value for _, value in rows]} if rows else {}
-        return self._known[1].fill({**stamp, **values})
+        return template.fill({**stamp, **values})
 
 
 def mode_words(winch: WinchShot) -> str:

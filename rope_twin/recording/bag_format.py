@@ -15,7 +15,7 @@ import yaml
 
 from rope_twin.errors import BagError, did_you_mean, phrase
 from rope_twin.messages.cdr import typestore
-from rope_twin.topics import Qos, Topic
+from rope_twin.topics import QOS_ROWS, Qos, Topic
 
 METADATA_VERSION = 9
 ROS_DISTRO = "kilted"
@@ -23,12 +23,6 @@ OWN_RECORD = "rope_twin"  # name of the MCAP metadata record with the bag's own 
 ROSBAG_RECORD = "rosbag2"  # name of the one that rosbag2 looks for
 
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}  # rosbag2's infinite duration
-_POLICIES: dict[Qos, tuple[int, str, str]] = {  # depth, reliability, durability
-    Qos.STREAM: (1, "best_effort", "volatile"),
-    Qos.SENSOR: (50, "best_effort", "volatile"),
-    Qos.COMMAND: (10, "reliable", "volatile"),
-    Qos.LATCHED: (1, "reliable", "transient_local"),
-}
 
 
 @dataclass(frozen=True)
@@ -83,12 +77,12 @@ def describe_topic(topic: Topic) -> RecordedTopic:
 
 
 def _qos_text(qos: Qos) -> str:
-    depth, reliability, durability = _POLICIES[qos]
+    row = QOS_ROWS[qos]
     profile = {
         "history": "keep_last",
-        "depth": depth,
-        "reliability": reliability,
-        "durability": durability,
+        "depth": row.depth,
+        "reliability": "reliable" if row.reliable else "best_effort",
+        "durability": "transient_local" if row.for_late_joiners else "volatile",
         "deadline": _FOREVER,
         "lifespan": _FOREVER,
         "liveliness": "automatic",

@@ -44,7 +44,6 @@ class HeaveReplay:
         """Raises BagError if `start_s` is not inside the record."""
         self.source = record.source
         self.skipped = record.skipped
-        self.sample_period_ns = record.period_ns
         rates = record.position_m[:, None], record.velocity_m_per_s[:, None]
         track = Track(record.time_ns, *rates, record.period_ns)
         self.duration_s = float(track.end_ns) * 1e-9

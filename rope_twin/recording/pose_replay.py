@@ -34,7 +34,6 @@ class PoseReplay:
     ) -> None:
         """arm_m: from the reference point to the hang-off. Raises BagError for a bad start."""
         self.source, self._arm = f"ship's poses of {record.source}", arm_m
-        self.sample_period_ns = record.period_ns
         track = _track_of(record)
         self.duration_s = track.end_ns * 1e-9
         laps, seam = lay_laps(track, start_s, loop)

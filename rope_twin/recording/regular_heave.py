@@ -5,9 +5,8 @@ from __future__ import annotations
 from math import cos, pi, sin
 
 from rope_twin.recording.heave_replay import HeaveSample
+from rope_twin.recording.sampling import stamps_between
 from rope_twin.scene.sea_state import RegularHeave
-
-SAMPLE_PERIOD_NS = 50_000_000  # 20 Hz, the rate of ship/heave
 
 
 class RegularSea:
@@ -32,8 +31,7 @@ class RegularSea:
 
     def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
         """Samples with from_ns <= stamp_ns < to_ns in twin time, in order."""
-        first, end = -(-from_ns // SAMPLE_PERIOD_NS), -(-to_ns // SAMPLE_PERIOD_NS)
-        stamps = [number * SAMPLE_PERIOD_NS for number in range(first, end)]
+        stamps = stamps_between(from_ns, to_ns).tolist()
         return [HeaveSample(stamp, *self.at(stamp * 1e-9), None) for stamp in stamps]
 
     def is_over(self, from_ns: int) -> bool:

@@ -14,9 +14,7 @@ from rope_twin.sea.spectrum import Vector
 from rope_twin.topics import BY_NAME
 from rope_twin.twin.motion.irregular_sea import SeaRecord
 
-START_NS = (
-    946_684_800 * 10**9
-)  # 2000-01-01T00:00:00Z: a date that nobody takes for the measurement's
+START_NS = 946_684_800 * 10**9  # 2000-01-01, a date that nobody takes for the measurement's
 RESOLUTION = 2.0**-13  # 0.12 mm and 0.12 mm/s: finer than any motion sensor, and it compresses
 
 

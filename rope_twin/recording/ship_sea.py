@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.recording.heave_replay import HeaveSample
-from rope_twin.recording.regular_heave import SAMPLE_PERIOD_NS
+from rope_twin.recording.sampling import stamps_between
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.components import Waves
 from rope_twin.sea.responses import Responses
@@ -31,11 +31,6 @@ def sample_of(pose: ShipPose, arm_m: Vector3, elevation_m: float | None) -> Heav
     return HeaveSample(pose.stamp_ns, place[2], velocity[2], elevation_m, pose, aside)
 
 
-def _stamps(from_ns: int, to_ns: int) -> NDArray[np.int64]:
-    first, end = -(-from_ns // SAMPLE_PERIOD_NS), -(-to_ns // SAMPLE_PERIOD_NS)
-    return np.arange(first, end, dtype=np.int64) * SAMPLE_PERIOD_NS
-
-
 class ShipOnWaves:
     """Poses of a ship that answers each component of the waves that the rope feels.
 
@@ -51,8 +46,8 @@ class ShipOnWaves:
         self._bow = float(np.radians(scene.sea_state.on_waves.heading_deg))  # type: ignore[union-attr]
         self._omega = waves.omega
         x, y, _ = scene.ship.hang_off_m
-        self._surface = _at_place(waves, x, y)
-        wave = _at_place(waves, x - self._arm[0], y - self._arm[1])
+        self._surface = wave_at(waves, x, y)
+        wave = wave_at(waves, x - self._arm[0], y - self._arm[1])
         frequency = waves.omega / (2.0 * np.pi)
         self._answer = wave * responses.at(frequency, waves.heading - self._bow)
         self.source = (
@@ -85,7 +80,7 @@ class ShipOnWaves:
     def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
         """Samples with from_ns <= stamp_ns < to_ns in twin time, in order."""
         found = []
-        for stamp in _stamps(from_ns, to_ns).tolist():
+        for stamp in stamps_between(from_ns, to_ns).tolist():
             surface = (self._surface * np.exp(1j * self._omega * (stamp * 1e-9))).sum().real
             found.append(sample_of(self.pose(stamp), self._arm, float(surface)))
         return found
@@ -95,7 +90,8 @@ class ShipOnWaves:
         return False
 
 
-def _at_place(waves: Waves, x: float, y: float) -> NDArray[np.complex128]:
+def wave_at(waves: Waves, x: float, y: float) -> NDArray[np.complex128]:
+    """a·exp(-i(k·x + φ)) of each component at a place [m], (components,)."""
     along = waves.wave_number * (x * np.cos(waves.heading) + y * np.sin(waves.heading))
     return np.asarray(waves.amplitude_m * np.exp(-1j * (along + waves.phase)))
 
@@ -134,7 +130,7 @@ class WayOfHangOff:
 
     def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
         """Samples with from_ns <= stamp_ns < to_ns in twin time, in order."""
-        stamps = _stamps(from_ns, to_ns)
+        stamps = stamps_between(from_ns, to_ns)
         times = np.asarray(stamps * 1e-9 + self._start_s, np.float64)
         known = times <= self._way.end_s
         place, velocity = self._way.at(times[known])

@@ -6,8 +6,8 @@ import numpy as np
 
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.recording.heave_replay import HeaveSample
-from rope_twin.recording.regular_heave import SAMPLE_PERIOD_NS
-from rope_twin.recording.ship_sea import ShipOnWaves
+from rope_twin.recording.sampling import stamps_between
+from rope_twin.recording.ship_sea import ShipOnWaves, wave_at
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.components import Waves
 from rope_twin.sea.heave_response import BoxHull, heave_response
@@ -26,8 +26,7 @@ class WaveSea:
 
     def __init__(self, waves: Waves, hull: BoxHull, x: float, y: float) -> None:
         self.source = f"waves of Hs {waves.significant_height_m:.3g} m; {hull.describe()}"
-        along = waves.wave_number * (x * np.cos(waves.heading) + y * np.sin(waves.heading))
-        self._wave = waves.amplitude_m * np.exp(-1j * (along + waves.phase))
+        self._wave = wave_at(waves, x, y)
         self._heave = self._wave * heave_response(hull, waves.omega / (2.0 * np.pi))
         self._omega = waves.omega
 
@@ -40,8 +39,7 @@ class WaveSea:
 
     def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
         """Samples with from_ns <= stamp_ns < to_ns in twin time, in order."""
-        first, end = -(-from_ns // SAMPLE_PERIOD_NS), -(-to_ns // SAMPLE_PERIOD_NS)
-        stamps = np.arange(first, end, dtype=np.int64) * SAMPLE_PERIOD_NS
+        stamps = stamps_between(from_ns, to_ns)
         times = np.asarray(stamps * 1e-9, dtype=np.float64)
         samples = zip(stamps, *self.at(times), strict=True)
         return [HeaveSample(int(stamp), float(z), float(v), float(eta))

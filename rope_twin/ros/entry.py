@@ -9,7 +9,7 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
-from typing import Any, Protocol
+from typing import Protocol
 
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -25,7 +25,7 @@ _WAIT_S = 0.1  # the longest wait in the executor: how soon a signal is noticed
 
 
 class SuiteNode(Protocol):
-    """What every node of the suite offers beside rclpy's Node."""
+    """What every node of the suite offers; `destroy_node` is rclpy's own."""
 
     @property
     def finished(self) -> bool:
@@ -36,6 +36,9 @@ class SuiteNode(Protocol):
 
     def close(self) -> None:
         """End cleanly: threads joined, files closed. Harmless when called twice."""
+
+    def destroy_node(self) -> None:
+        """Let go of the middleware."""
 
 
 class StopSignal:
@@ -86,10 +89,10 @@ def initialise(args: list[str] | None) -> None:
         raise InputError(phrase("arguments", f"'{others[0]}' is not understood", _USAGE))
 
 
-def run_node(make: Callable[[], Any], args: list[str] | None = None) -> int:
+def run_node(make: Callable[[], SuiteNode], args: list[str] | None = None) -> int:
     """Run one node until it has finished or is told to stop; the exit code."""
     stop = StopSignal()
-    node: Any = None
+    node: SuiteNode | None = None
     executor: SingleThreadedExecutor | None = None
     try:
         initialise(args)
@@ -117,7 +120,7 @@ def _orphaned() -> bool:
     return parent is not None and parent != str(os.getppid())
 
 
-def _end(node: Any, executor: SingleThreadedExecutor | None) -> None:
+def _end(node: SuiteNode | None, executor: SingleThreadedExecutor | None) -> None:
     if node is not None:
         node.close()
     if executor is not None:

@@ -8,26 +8,19 @@ from typing import Any
 from rclpy.event_handler import PublisherEventCallbacks, SubscriptionEventCallbacks
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from rope_twin.topics import Qos, Topic
-
-_BEST_EFFORT = ReliabilityPolicy.BEST_EFFORT
-_RELIABLE = ReliabilityPolicy.RELIABLE
-_ROWS: dict[Qos, tuple[ReliabilityPolicy, DurabilityPolicy, int]] = {
-    Qos.STREAM: (_BEST_EFFORT, DurabilityPolicy.VOLATILE, 1),
-    Qos.SENSOR: (_BEST_EFFORT, DurabilityPolicy.VOLATILE, 50),
-    Qos.COMMAND: (_RELIABLE, DurabilityPolicy.VOLATILE, 10),
-    Qos.LATCHED: (_RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL, 1),
-}
+from rope_twin.topics import QOS_ROWS, Qos, Topic
 
 
 def profile(qos: Qos, depth: int | None = None) -> QoSProfile:
     """The profile of a row; a listener that must not lose anything asks for more `depth`."""
-    reliability, durability, row_depth = _ROWS[qos]
+    row = QOS_ROWS[qos]
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
-        depth=row_depth if depth is None else depth,
-        reliability=reliability,
-        durability=durability,
+        depth=row.depth if depth is None else depth,
+        reliability=ReliabilityPolicy.RELIABLE if row.reliable else ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL
+        if row.for_late_joiners
+        else DurabilityPolicy.VOLATILE,
     )
 
 
@@ -39,11 +32,11 @@ def message_type(topic: Topic) -> Any:
 
 def unsuited(node: Any, topic: Topic) -> bool:
     """Whether somebody listens to one of our topics and asks for more than it offers."""
-    reliability, durability, _ = _ROWS[topic.qos]
+    row = QOS_ROWS[topic.qos]
     asked = [end.qos_profile for end in node.get_subscriptions_info_by_topic(topic.name)]
     return any(
-        (one.reliability == _RELIABLE and reliability == _BEST_EFFORT)
-        or (one.durability == DurabilityPolicy.TRANSIENT_LOCAL and durability != one.durability)
+        (one.reliability == ReliabilityPolicy.RELIABLE and not row.reliable)
+        or (one.durability == DurabilityPolicy.TRANSIENT_LOCAL and not row.for_late_joiners)
         for one in asked
     )
 

@@ -72,9 +72,14 @@ def _open(params: SeaStateParams) -> Sea | None:
         spectrum = jonswap(params.significant_height_m, params.peak_period_s)
         sea = synthesise(spectrum, BoxHull(), params.seed)
         return replay_sea(sea, params.start_s, params.loop)
-    scene = load_scene(params.scene)
-    bag = params.bag, params.topic, params.start_s, params.loop, params.poses
-    return open_sea(scene, *bag)
+    return open_sea(
+        load_scene(params.scene),
+        params.bag,
+        params.topic,
+        params.start_s,
+        params.loop,
+        params.poses,
+    )
 
 
 def main(args: list[str] | None = None) -> int:

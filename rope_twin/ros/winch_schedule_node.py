@@ -22,9 +22,8 @@ from rope_twin.scene.schema import Winch
 from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC, WINCH_TOPICS
 from rope_twin.twin.cutting.cut_plan import PlannedCut
 from rope_twin.twin.cutting.cutting import plan_for
+from rope_twin.twin.hoisting.orders import SPEED
 from rope_twin.twin.hoisting.schedule import motion_of, schedule_samples
-
-TOPIC = "winch/speed_command"
 
 
 class WinchScheduleNode(FeedingNode):
@@ -84,7 +83,7 @@ def topics_of(winches: Iterable[Winch]) -> tuple[str, ...]:
     """Where these winches' schedules publish; a speed in any case, for before their first row."""
     rows = [row for winch in winches for row in winch.schedule]
     motions = {motion.kind for row in rows if (motion := motion_of(row))}
-    found = {TOPIC, *(ORDER_TOPICS[kind] for kind in motions)}
+    found = {ORDER_TOPICS[SPEED], *(ORDER_TOPICS[kind] for kind in motions)}
     if any(row.switch for row in rows):
         found.add(SWITCH_TOPIC)
     return tuple(topic for topic in WINCH_TOPICS if topic in found)

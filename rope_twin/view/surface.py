@@ -36,37 +36,32 @@ class Surface:
         if self._at is None:
             self._at = position_m[0] * [1.0, 1.0, 0.0]
             self._draw_scale(self._at)
-        count = int(np.searchsorted(position_m[0, 2] - position_m[:, 2], SHOWN_M)) + 1
-        nodes = position_m[: max(count, 2)] - self._at
-        self._stream.log(
-            f"{self._path}/rope",
-            rr.LineStrips3D(
-                np.stack([nodes[:-1], nodes[1:]], axis=1),
-                colors=tension_colours(elements_n[: len(nodes) - 1], scale_n),
-                radii=rr.Radius.ui_points(3.0),
-            ),
-        )
-        self._stream.log(
-            f"{self._path}/hang_off",
-            rr.Points3D(nodes[:1], radii=0.5, colors=HANG_OFF_RGB),
-        )
+        self._draw_upper_end(f"{self._path}/rope", position_m - self._at, elements_n, scale_n)
+        top = position_m[:1] - self._at
+        self._stream.log(f"{self._path}/hang_off", rr.Points3D(top, radii=0.5, colors=HANG_OFF_RGB))
         self._stream.log(
             f"{self._path}/hang_off/words",
-            rr.Points3D(nodes[:1] + _BESIDE, labels=["hang-off"], show_labels=True,
+            rr.Points3D(top + _BESIDE, labels=["hang-off"], show_labels=True,
                         colors=_WORDS, radii=rr.Radius.ui_points(0.0)),
         )  # fmt: skip
 
     def show_further(self, number: int, position_m: NDArray[np.float64],
                      elements_n: NDArray[np.float64], scale_n: float) -> None:  # fmt: skip
         """The upper end of one of further ropes, if it is near the surface."""
-        import rerun as rr
-
         if self._at is None or position_m[0, 2] < -SHOWN_M:
             return
-        count = int(np.searchsorted(position_m[0, 2] - position_m[:, 2], SHOWN_M)) + 1
-        nodes = position_m[: max(count, 2)] - self._at
+        path = f"{self._path}/rope/{number}"
+        self._draw_upper_end(path, position_m - self._at, elements_n, scale_n)
+
+    def _draw_upper_end(self, path: str, nodes_m: NDArray[np.float64],
+                        elements_n: NDArray[np.float64], scale_n: float) -> None:  # fmt: skip
+        """As much of a rope as is shown, its elements in the colours of their tension."""
+        import rerun as rr
+
+        count = int(np.searchsorted(nodes_m[0, 2] - nodes_m[:, 2], SHOWN_M)) + 1
+        nodes = nodes_m[: max(count, 2)]
         self._stream.log(
-            f"{self._path}/rope/{number}",
+            path,
             rr.LineStrips3D(
                 np.stack([nodes[:-1], nodes[1:]], axis=1),
                 colors=tension_colours(elements_n[: len(nodes) - 1], scale_n),

@@ -7,8 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rope_twin.messages import encode_heave, encode_speed
+from rope_twin.messages import encode_heave, encode_order
 from rope_twin.messages.cdr import new, serialise
+from rope_twin.twin.hoisting.orders import SPEED, Order
 
 NAN, INF = math.nan, math.inf
 S = 1_000_000_000
@@ -28,6 +29,11 @@ def joint(velocity: list[float], sec: int = 3, nanosec: int = 5) -> bytes:
             effort=empty,
         )
     )
+
+
+def encode_speed(stamp_ns: int, speed_m_per_s: float) -> bytes:
+    """A winch/speed_command; a stamp of 0 means at once."""
+    return encode_order(stamp_ns, Order(SPEED, speed_m_per_s))[1]
 
 
 def multi_array(numbers: list[float], sizes: list[int] | None = None, offset: int = 0) -> bytes:

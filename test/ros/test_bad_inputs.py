@@ -7,9 +7,9 @@ import time
 import numpy as np
 import pytest
 from ros_bench import Bench
-from ros_messages import BAD, multi_array
+from ros_messages import BAD, encode_speed, multi_array
 
-from rope_twin.messages import Level, Status, encode_heave, encode_speed
+from rope_twin.messages import Level, Status, encode_heave
 
 pytestmark = pytest.mark.ros
 INPUT_ROW = {"ship/heave": "heave", "winch/speed_command": "winch command", "current": "current"}

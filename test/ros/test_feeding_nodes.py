@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 from ros_bench import Bench
+from ros_messages import encode_speed
 
 from rope_twin.commands.run.inputs import open_sea
 from rope_twin.errors import BagError, InputError, SceneError
-from rope_twin.messages import decode, encode_epoch, encode_speed
+from rope_twin.messages import decode, encode_epoch
 from rope_twin.recording.heave_replay import open_heave
 from rope_twin.scene.load import load_scene
 from rope_twin.twin.hoisting.schedule import schedule_samples

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from ros_messages import joint, multi_array
 
 from rope_twin.errors import InputError
-from rope_twin.messages import encode_cut, encode_heave, encode_order, encode_speed
+from rope_twin.messages import encode_cut, encode_heave, encode_order
 from rope_twin.ros.inputs import read_current, read_cut, read_heave, read_order
 from rope_twin.topics import CUT_TOPIC, WINCH_TOPICS
 from rope_twin.twin.hoisting.orders import Order
@@ -46,10 +46,6 @@ def test_a_cut_comes_back_and_stamp_zero_means_at_once(below_m: float) -> None:
 def test_a_cut_without_a_place_gets_one_sentence() -> None:
     with pytest.raises(InputError, match="rope/cut: 0 positions"):
         read_cut(joint([0.5]))
-
-
-def test_a_speed_is_what_it_always_was() -> None:
-    assert encode_order(7, Order("speed", 0.5)) == (SPEED_TOPIC, encode_speed(7, 0.5))
 
 
 @pytest.mark.parametrize("sizes", [[2, 3], [], [6]])

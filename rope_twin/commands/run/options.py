@@ -15,6 +15,7 @@ from rope_twin.twin.cutting.cut_plan import read_plan
 from rope_twin.twin.fatigue.endurance import CURVES
 from rope_twin.twin.saving.state_file import check_place
 from rope_twin.twin.vibration.watch import MODELS, Watch
+from rope_twin.view.sinks import has_screen
 
 if TYPE_CHECKING:
     from rope_twin.twin.saving.saved_state import About
@@ -51,11 +52,6 @@ class RunOptions:
     watch: Watch | None = None  # vibration and fatigue to be kept
 
     @property
-    def sea(self) -> tuple[str, str, float, bool, str]:
-        """What is to move the ship: bag, topic, start [s], whether in a loop, bag of poses."""
-        return self.bag, self.topic, self.bag_start_s, True, self.poses
-
-    @property
     def failure_folder(self) -> Path:
         """Takes the state that the solver cannot leave: beside what the run leaves anyway."""
         made = self.record or self.save
@@ -64,8 +60,7 @@ class RunOptions:
     @property
     def screen(self) -> bool:
         """Whether a window can be opened (and is wanted)."""
-        shown = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-        return bool(shown) and not self.headless
+        return has_screen() and not self.headless
 
     @property
     def view_file(self) -> Path | None:

@@ -61,7 +61,9 @@ class UnpacedRun:
         """
         scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
         self._cut = plan_for(scene, options.cut)
-        self._sea = open_sea(scene, *options.sea)
+        self._sea = open_sea(
+            scene, options.bag, options.topic, options.bag_start_s, poses=options.poses
+        )
         self._options = options
         start = options.start_from
         kind = twin_kind(options.energy, options.error_band, options.watch)
