@@ -143,45 +143,91 @@ def _slope(work: Any, row: int, e: int) -> float:
     return float((work[row, e + 1] - work[row, e]) / work[REST, e])
 
 
+@jit_within
+def _weight(work: Any, i: int, j: int) -> float:
+    """How much node i counts in the difference q_j - q_{j-1} at node j [1/m]."""
+    low, up = 1.0 / work[REST, j - 1], 1.0 / work[REST, j]
+    if i < j:
+        return float(low)
+    return float(up if i > j else -(low + up))
+
+
+@jit
+def _add_at(bending: Any, work: Any, p: float, i: int, n: int) -> None:
+    """What the moments at node i and beside it make of its force and block."""
+    for j in range(max(i - 1, 1), min(i + 1, n - 1) + 1):
+        EI, weight = 2.0 * bending.EI / (work[REST, j - 1] + work[REST, j]), _weight(work, i, j)
+        for k in range(3):
+            bend = _slope(work, POSITION + k, j) - _slope(work, POSITION + k, j - 1)
+            work[RESIDUAL + k, i] -= weight * (EI * bend)
+        for k in (0, 3, 5):
+            work[BLOCK + k, i] += p * EI * weight * weight
+
+
+@jit_within
+def _inner_force(places: Any, over: Any, moments: Any) -> float:
+    """One component of the force on the third of five places by the moments about it.
+
+    over: 1 over the four rest lengths between them; moments: of each weight times EI/l.
+    """
+    (p, q, r, s, t), (a, b, c, d), (low, here, up) = places, over, moments
+    below, above = b * (r - q), c * (s - r)
+    return float(here * (above - below) - low * (below - a * (q - p)) - up * (d * (t - s) - above))
+
+
+@jit
+def _add_inside(bending: Any, work: Any, stiffness: float, n: int) -> None:
+    """The same for the nodes 2 <= i < n - 1, whose three moments are all of inner nodes."""
+    px, py, pz = rows(work, POSITION, 0)
+    qx, qy, qz = rows(work, POSITION, 1)
+    rx, ry, rz = rows(work, POSITION, 2)
+    sx, sy, sz = rows(work, POSITION, 3)
+    tx, ty, tz = rows(work, POSITION, 4)
+    rest = row(work, REST, 0)
+    Rx, Ry, Rz = rows(work, RESIDUAL, 2)
+    Axx, _, _, Ayy, _, Azz = span(work, BLOCK, 6, 2)
+    EI = 2.0 * bending.EI
+    for i in range(n - 3):
+        k, l, m, o = rest[i], rest[i + 1], rest[i + 2], rest[i + 3]
+        a, b, c, d = 1.0 / k, 1.0 / l, 1.0 / m, 1.0 / o
+        low, here, up = b * (EI / (k + l)), (b + c) * (EI / (l + m)), c * (EI / (m + o))
+        over, moments = (a, b, c, d), (low, here, up)
+        Rx[i] += _inner_force((px[i], qx[i], rx[i], sx[i], tx[i]), over, moments)
+        Ry[i] += _inner_force((py[i], qy[i], ry[i], sy[i], ty[i]), over, moments)
+        Rz[i] += _inner_force((pz[i], qz[i], rz[i], sz[i], tz[i]), over, moments)
+        own = stiffness * (low * b + here * (b + c) + up * c)
+        Axx[i] += own
+        Ayy[i] += own
+        Azz[i] += own
+
+
+@jit
+def _add_links(bending: Any, work: Any, stiffness: float, n: int) -> None:
+    """p times the moments' stiffness between a node and the next, and the second next."""
+    rest, near, far = row(work, REST, 0), work[LINK], work[LINK + 1]
+    EI = 2.0 * stiffness * bending.EI
+    for i in range(1, n - 1):
+        k, l, m = rest[i - 1], rest[i], rest[i + 1]
+        a, b, c = 1.0 / k, 1.0 / l, 1.0 / m
+        near[i] -= b * ((a + b) * (EI / (k + l)) + (b + c) * (EI / (l + m)))
+    for i in range(n - 1):
+        l, m = rest[i], rest[i + 1]
+        far[i] += EI / (l * m * (l + m))
+    # both ends' own links are of one moment
+    near[0] -= EI / (rest[0] * rest[0] * rest[1])
+    near[n - 1] -= EI / (rest[n - 1] * rest[n - 1] * rest[n - 2])
+
+
 @kernel("couple", Bending)
 def couple(bending: Any, work: Any, stage: Any, n: int) -> None:
     """Each inner node's moment EI·r'' pulls at it and its neighbours; p times its stiffness."""
-    x, y, z = rows(work, POSITION, 0)
-    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
-    Axx, _, _, Ayy, _, Azz = span(work, BLOCK, 6, 0)
-    rest = row(work, REST, 0)
-    above = 1.0 / rest[0]
-    qx, qy, qz = above * (x[1] - x[0]), above * (y[1] - y[0]), above * (z[1] - z[0])
-    for j in range(1, n):
-        below, above = above, 1.0 / rest[j]
-        both = below + above
-        EI = 2.0 * bending.EI / (rest[j - 1] + rest[j])
-        px, py, pz = qx, qy, qz
-        qx, qy, qz = above * (x[j + 1] - x[j]), above * (y[j + 1] - y[j]), above * (z[j + 1] - z[j])
-        mx, my, mz = EI * (qx - px), EI * (qy - py), EI * (qz - pz)
-        Rx[j - 1] -= below * mx
-        Ry[j - 1] -= below * my
-        Rz[j - 1] -= below * mz
-        Rx[j] += both * mx
-        Ry[j] += both * my
-        Rz[j] += both * mz
-        Rx[j + 1] -= above * mx
-        Ry[j + 1] -= above * my
-        Rz[j + 1] -= above * mz
-        k = stage.p * EI
-        low, middle, high = k * below * below, k * both * both, k * above * above
-        Axx[j - 1] += low
-        Ayy[j - 1] += low
-        Azz[j - 1] += low
-        Axx[j] += middle
-        Ayy[j] += middle
-        Azz[j] += middle
-        Axx[j + 1] += high
-        Ayy[j + 1] += high
-        Azz[j + 1] += high
-        work[LINK, j - 1] -= k * below * both
-        work[LINK, j] -= k * both * above
-        work[LINK + 1, j - 1] += k * below * above
+    if n > 1:
+        _add_inside(bending, work, stage.p, n)
+        _add_links(bending, work, stage.p, n)
+        for i in range(2):
+            _add_at(bending, work, stage.p, i, n)
+        for i in range(max(n - 1, 2), n + 1):
+            _add_at(bending, work, stage.p, i, n)
     _hold(bending, work, stage.p, n)
 
 
