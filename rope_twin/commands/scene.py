@@ -247,13 +247,15 @@ def _derived(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
         top = figures.top_tension_n(line.length_m)
         rope, most = figures.weakest(line.length_m)
         factor = f", safety factor {rope.breaking_load_n / most:.2f}" if most > 0.0 else ""
+        dry = figures.hung.dry_share(line.length_m)
+        air = f", {100.0 * dry:.0f} % of the payload above the water" if dry > 0.0 else ""
         added, drag = figures.payload.added_mass_kg, figures.payload.drag_area_m2
         rows += [
             ("payload in water", f"{figures.payload_weight_n / 1e3:.1f} kN"),
             ("payload added mass", " / ".join(f"{mass:.0f}" for mass in added) + " kg (x / y / z)"),
             ("payload drag area", " / ".join(f"{area:.2f}" for area in drag) + " m² (x / y / z)"),
             ("payload sinks at", f"{figures.sinking_speed_m_per_s(density):.2f} m/s, rope slack"),
-            ("static top tension", f"{top / 1e3:.1f} kN{factor}"),
+            ("static top tension", f"{top / 1e3:.1f} kN{factor}{air}"),
             ("static stretch", f"{stretch_m(figures):.2f} m"),
         ]
     return [

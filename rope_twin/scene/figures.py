@@ -22,6 +22,7 @@ from rope_twin.scene.arrays.composite import (
 )
 from rope_twin.scene.arrays.grid import least_line_out_m, node_coordinates
 from rope_twin.scene.arrays.joined import alone
+from rope_twin.scene.hung_load import HungLoad, hung_load
 from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.schema import Rope, RopeLine, Scene, Winch
 from rope_twin.scene.shapes.shapes import PayloadFigures, payload_figures
@@ -38,6 +39,7 @@ class LiftFigures:
     bars: tuple[Bar, ...]  # the sections as they hang at the start, from the lower end up
     rope_weight_n_per_m: float  # in water, mean of what is out; negative: it floats
     payload_weight_n: float  # in water, 0 at a fixed end
+    hung: HungLoad  # payload and hook, which weigh more above the water
     longest_element_m: float
     shortest_element_m: float
     axial_wave_speed_m_per_s: float  # √(EA/m); of several sections the length over the travel time
@@ -47,12 +49,12 @@ class LiftFigures:
     chord_m: float  # hang-off to a fixed lower end; 0 with a payload
 
     def top_tension_n(self, line_out_m: float) -> float:
-        """Static tension at the hang-off with so much rope out: W + w·L [N]."""
+        """Static tension at the hang-off with so much rope out: W(L) + w·L [N]."""
         return self.upper_ends(line_out_m)[-1][1]
 
     def upper_ends(self, line_out_m: float) -> list[tuple[Rope, float]]:
         """Each section that is out, and the static tension at its upper end [N]."""
-        ends, tension = [], self.payload_weight_n
+        ends, tension = [], self.hung.weight_n(line_out_m)
         for bar, length in zip(self.bars, self.line.lengths_m(line_out_m), strict=True):
             tension += bar.weight_n_per_m * length
             if length > 0.0:
@@ -78,13 +80,15 @@ def lift_figures(scene: Scene) -> LiftFigures:
     Raises:
         SceneError: if the payload's figures cannot be known.
     """
-    if is_joined(scene):
+    joined = is_joined(scene)
+    if joined:
         scene = alone(scene, 0)
     line, water = scene.ropes[0], scene.environment
     density = water.water_density_kg_per_m3
     payload = find_payload(scene, line)
     known = payload_figures(payload, density) if payload else None
     submerged = known.mass_kg - density * known.volume_m3 if known else 0.0
+    weight = submerged * water.gravity_m_per_s2
     mass, bars = end_mass_kg(known), hanging_bars(scene, line, known, line.length_m)
     damping = section_damping(scene, line, known)
     elements = np.diff(node_coordinates(line, least_line_out_m(scene)))
@@ -93,7 +97,8 @@ def lift_figures(scene: Scene) -> LiftFigures:
         payload=known,
         bars=tuple(bars),
         rope_weight_n_per_m=sum(b.weight_n_per_m * b.length_m for b in bars) / line.length_m,
-        payload_weight_n=submerged * water.gravity_m_per_s2,
+        payload_weight_n=weight,
+        hung=HungLoad(weight) if joined else hung_load(scene, known),
         longest_element_m=float(elements.max()),
         shortest_element_m=float(elements.min()),
         axial_wave_speed_m_per_s=line.length_m / sum(bar.travel_s for bar in bars),

@@ -54,6 +54,7 @@ class Shown:
 
     frame: overview.Frame | None = None  # of the whole rope
     close: Eye | None = None  # of its lower end
+    upper: Eye | None = None  # of hang-off and sea
     plots: tuple[Plot, ...] = ()  # besides those that every run has
     ranges: Ranges = field(default_factory=dict)  # of the plot of an entity; else by its data
     charts: tuple[str, ...] = ()  # which of VIBRATION and FATIGUE there is something of
@@ -64,7 +65,7 @@ def layout(shown: Shown, live: bool) -> Any:
     import rerun.blueprint as rrb
 
     left = rrb.Vertical(_whole_rope(shown.frame), _lower_end(shown.close), row_shares=[5, 3])
-    below: Any = _surface()
+    below: Any = _surface(shown.upper or surface.Sight().eye())
     if shown.charts:
         below = rrb.Tabs(*(_chart(*_CHARTS[name]) for name in shown.charts), below, active_tab=0)
     middle = rrb.Vertical(_profile(), below, row_shares=[5, 4])
@@ -140,12 +141,11 @@ def _whole_rope(frame: overview.Frame | None) -> Any:
     )
 
 
-def _surface() -> Any:
+def _surface(sight: Eye) -> Any:
     import rerun.blueprint as rrb
 
-    eye = rrb.EyeControls3D(
-        position=surface.EYE, look_target=surface.TARGET, eye_up=(0.0, 0.0, 1.0)
-    )
+    position, target = sight
+    eye = rrb.EyeControls3D(position=position, look_target=target, eye_up=(0.0, 0.0, 1.0))
     return rrb.Spatial3DView(
         origin=SURFACE,
         name="Hang-off and sea surface, to scale",

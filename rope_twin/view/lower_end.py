@@ -61,6 +61,13 @@ class Sight:
         return (target + away * back + [0.0, 0.0, 0.12 * away]).tolist(), target.tolist()
 
 
+def depth_in_words(depth_m: float) -> str:
+    """Where the lower end is; in the air as well."""
+    if depth_m >= 0.0:
+        return f"{depth_m:.1f} m deep"
+    return f"{-depth_m:.1f} m above the water"
+
+
 class LowerEnd:
     """Draws below `path`; `sight` is another when the eye has to move, None before the first."""
 
@@ -180,7 +187,7 @@ class LowerEnd:
 
         assert self.sight is not None
         at = self.sight.spot(0.4 * self.sight.half, 0.0)
-        self._label("depth", [at[0], at[1], 0.0], f"{-self._focus[2]:.1f} m deep")
+        self._label("depth", [at[0], at[1], 0.0], depth_in_words(-self._focus[2]))
         if self._outline_m is not None and self._pose is not None:
             return self._draw_body(self._outline_m, *self._pose)
         known = self.payloads or {"": self._focus}

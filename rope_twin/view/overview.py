@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 
 from rope_twin.messages.colours import tension_colours
 from rope_twin.messages.forms import HANG_OFF_RGB, PAYLOAD_RGB
-from rope_twin.view.ticks import round_step, ticks_over
+from rope_twin.view.ticks import depth_words, depths_over, round_step
 
 _FACTORS = (50, 20, 10, 5, 2, 1)
-_WIDE = 0.25  # the rope is drawn this wide at most, in parts of its depth ...
+_WIDE = 0.25  # the rope is drawn this wide at most, in parts of its height ...
 _TOO_WIDE = 0.6  # ... and the factor falls when motion has made it wider than this
-# in parts of the depth: room for a name and for the depth scale, and what is seen sideways
+_GONE = 0.3  # a hang-off that is under way is put back into the middle so far from it
+# in parts of the scale: room for a name and for the depth scale, and what is seen sideways
 _NAME, _SCALE, _SEEN = 0.1, 0.3, 0.9
 _LINES = (130, 132, 140)
 _WORDS = (205, 205, 210)
@@ -36,29 +37,54 @@ class Frame:
     depth_m: float  # of the lowest node
     aside: tuple[float, float]  # unit vector east, north that points to the right in the picture
     wide: float = 0.0  # how far right the rope goes, as drawn
+    above_m: float = 0.0  # how far the highest node is above the water
+    at_m: tuple[float, float] = (0.0, 0.0)  # east, north of the hang-off, the middle of the picture
+
+    @property
+    def depths_m(self) -> NDArray[np.float64]:
+        """Ticks of the depth scale, from above; negative above the water."""
+        return depths_over(self.above_m, 0.999 * self.depth_m)
+
+    @property
+    def high_m(self) -> float:
+        """From end to end of that scale."""
+        depths = self.depths_m
+        return float(depths[-1] - depths[0])
+
+    def gone_m(self, position_m: NDArray[np.float64]) -> float:
+        """How far aside from the middle the hang-off of a rope (n, 3) is."""
+        return float(np.hypot(*(position_m[0, :2] - self.at_m)))
 
     def place(self, position_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Positions (n, 3) as drawn."""
-        return np.asarray(position_m * np.array([self.factor, self.factor, 1.0]))
+        from_hang_off = position_m - np.array([*self.at_m, 0.0])
+        return np.asarray(from_hang_off * np.array([self.factor, self.factor, 1.0]))
 
     def spot(self, right: float, height_m: float) -> list[float]:
         """A point in the plane of the picture; `right` as drawn."""
         return [self.aside[0] * right, self.aside[1] * right, height_m]
 
 
-def frame_for(position_m: NDArray[np.float64]) -> Frame:
-    """The picture that suits a rope (n, 3)."""
-    depth = max(float(-position_m[:, 2].min()), 1.0)
+def frame_for(position_m: NDArray[np.float64], gone_m: float = 0.0) -> Frame:
+    """The picture that suits a rope (n, 3) whose hang-off was seen to go so far aside [m]."""
+    depth, above = _reach(position_m)
+    high, at = depth + above, (float(position_m[0, 0]), float(position_m[0, 1]))
     off = position_m[:, :2] - position_m[0, :2]
     distance = np.hypot(off[:, 0], off[:, 1])
     far = int(distance.argmax())
     width = float(distance[far])
-    factor = next((f for f in _FACTORS if f * width <= _WIDE * depth), 1)
-    straight = width < 1e-4 * depth
+    factor = next((f for f in _FACTORS if f * max(width, gone_m) <= _WIDE * high), 1)
+    straight = width < 1e-4 * high
     if straight:  # which way it leans does not matter: look north
-        return Frame(factor, depth, (1.0, 0.0))
+        return Frame(factor, depth, (1.0, 0.0), above_m=above, at_m=at)
     aside = (float(off[far, 0] / width), float(off[far, 1] / width))
-    return Frame(factor, depth, aside, factor * width)
+    return Frame(factor, depth, aside, factor * width, above, at)
+
+
+def _reach(position_m: NDArray[np.float64]) -> tuple[float, float]:
+    """Depth of the lowest node, 1 m at least, and height of the highest above the water [m]."""
+    heights = position_m[:, 2]
+    return max(float(-heights.min()), 1.0), max(float(heights.max()), 0.0)
 
 
 class Overview:
@@ -81,9 +107,10 @@ class Overview:
         import rerun as rr
 
         every = np.concatenate([position_m, *self._further.values()])
-        moved = self.frame is None or _has_left(self.frame, every)
+        moved = self.frame is None or has_left(self.frame, every)
         if moved:
-            self.frame = frame_for(every)
+            gone_m = 0.0 if self.frame is None else self.frame.gone_m(position_m)
+            self.frame = frame_for(every, gone_m)
             self._draw_scales(self.frame)
         assert self.frame is not None
         drawn = self.frame.place(position_m)
@@ -106,7 +133,7 @@ class Overview:
     def _draw_payloads(self, frame: Frame, places: dict[str, NDArray[np.float64]]) -> None:
         import rerun as rr
 
-        half = frame.depth_m / 70.0
+        half = (frame.depth_m + frame.above_m) / 70.0
         self._stream.log(
             f"{self._path}/payload",
             rr.Boxes3D(
@@ -157,13 +184,12 @@ class Overview:
         """A depth scale left of the rope, the sea, and how long a distance sideways looks."""
         import rerun as rr
 
-        depths = ticks_over(0.999 * frame.depth_m)
-        deepest = float(depths[-1])
-        left, tick = -0.11 * deepest, 0.012 * deepest
-        lines = [[frame.spot(left, 0.0), frame.spot(left, -deepest)]]
+        depths, high = frame.depths_m, frame.high_m
+        left, tick = -0.11 * high, 0.012 * high
+        lines = [[frame.spot(left, -depths[0]), frame.spot(left, -depths[-1])]]
         lines += [[frame.spot(left - tick, -d), frame.spot(left, -d)] for d in depths]
-        bar_m = round_step(0.2 * deepest / frame.factor, most=1) / 2.0
-        low = -1.08 * deepest
+        bar_m = round_step(0.2 * high / frame.factor, most=1) / 2.0
+        low = -depths[-1] - 0.08 * high
         end = frame.factor * bar_m
         lines += [[frame.spot(0.0, low), frame.spot(end, low)]]
         lines += [[frame.spot(x, low - tick), frame.spot(x, low + tick)] for x in (0.0, end)]
@@ -172,8 +198,8 @@ class Overview:
             path,
             rr.LineStrips3D(lines, colors=_LINES, radii=rr.Radius.ui_points(0.75)),
         )
-        places = [frame.spot(left - 0.09 * deepest, 0.018 * deepest - d) for d in depths]
-        words = [f"{depth:g} m" for depth in depths]
+        places = [frame.spot(left - 0.09 * high, 0.018 * high - d) for d in depths]
+        words = [f"{depth_words(depth)} m" for depth in depths]
         places.append(frame.spot(0.5 * end, low))
         words.append(f"{bar_m:g} m sideways")
         log(
@@ -181,7 +207,7 @@ class Overview:
             rr.Points3D(places, labels=words, show_labels=True, colors=_WORDS,
                         radii=rr.Radius.ui_points(0.0)),
         )  # fmt: skip
-        self._draw_sea(0.085 * deepest)
+        self._draw_sea(0.085 * high)
 
     def _draw_sea(self, half: float) -> None:
         import rerun as rr
@@ -197,13 +223,16 @@ class Overview:
         )
 
 
-def _has_left(frame: Frame, position_m: NDArray[np.float64]) -> bool:
-    """Whether the rope no longer fits the picture, or has become small in it."""
-    depth = float(-position_m[:, 2].min())
-    off = position_m[:, :2] - position_m[0, :2]
+def has_left(frame: Frame, position_m: NDArray[np.float64]) -> bool:
+    """Whether the rope no longer fits the picture, has become small in it or is under way."""
+    depth, above = _reach(position_m)
+    high, drawn = depth + above, frame.depth_m + frame.above_m
+    off = position_m[:, :2] - frame.at_m
     width = frame.factor * float(np.hypot(off[:, 0], off[:, 1]).max())
-    grown = depth > 1.15 * frame.depth_m or depth < 0.5 * frame.depth_m
-    return grown or (frame.factor > 1 and width > _TOO_WIDE * max(depth, frame.depth_m))
+    beyond = max(depth - frame.depth_m, above - frame.above_m)
+    resized = beyond > 0.15 * drawn or high < 0.5 * drawn
+    gone = frame.factor * frame.gone_m(position_m) > _GONE * drawn
+    return resized or gone or (frame.factor > 1 and width > _TOO_WIDE * max(high, drawn))
 
 
 def eye(frame: Frame) -> tuple[list[float], list[float]]:
@@ -211,13 +240,13 @@ def eye(frame: Frame) -> tuple[list[float], list[float]]:
 
     A rope that goes far aside is in it with the name of what hangs there, and so is the scale.
     """
-    deepest = float(ticks_over(0.999 * frame.depth_m)[-1])
+    high, top = frame.high_m, -float(frame.depths_m[0])
     right_e, right_n = frame.aside
-    right = frame.wide / deepest + _NAME
+    right = frame.wide / high + _NAME
     middle = max(0.04, 0.5 * (right - _SCALE))
     farther = max(1.0, (right + _SCALE) / _SEEN)
-    target = np.array(frame.spot(middle * deepest, -0.53 * deepest))
+    target = np.array(frame.spot(middle * high, top - 0.53 * high))
     back = np.array([right_n, -right_e, 0.0])  # a quarter turn: the drift points to the right
-    away = farther * 1.45 * deepest / (2.0 * math.tan(math.radians(27.5)))
-    position = target + away * back + np.array([0.0, 0.0, 0.10 * deepest])
+    away = farther * 1.45 * high / (2.0 * math.tan(math.radians(27.5)))
+    position = target + away * back + np.array([0.0, 0.0, 0.10 * high])
     return position.tolist(), target.tolist()

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.messages.colours import SLACK_RGB, shade, tension_colours
-from rope_twin.view.ticks import ticks_over
+from rope_twin.view.ticks import depth_words, depths_over, ticks_over
 
 WIDTH, HEIGHT = 1250.0, 1000.0
 RANGE_S = 60.0  # the thin curves: least and most tension over this time
@@ -34,7 +34,7 @@ class Profile:
     def __init__(self, stream: Any, path: str) -> None:
         self._stream = stream
         self._path = path
-        self._axes: tuple[float, float] = (0.0, 0.0)
+        self._scale_n, self._top_m, self._deepest_m = 0.0, 0.0, 0.0
         self._history: deque[tuple[int, NDArray[np.float64]]] = deque()
 
     def show(self, time_ns: int, depth_m: NDArray[np.float64], nodes_n: NDArray[np.float64],
@@ -42,10 +42,11 @@ class Profile:
         """The curve of this instant: depths and tensions (n,) of nodes, tensions of elements."""
         import rerun as rr
 
-        axes = (scale_n, float(ticks_over(float(depth_m.max()))[-1]))
-        if axes != self._axes:
-            self._axes = axes
-            self._draw_axes()
+        if self._outgrown(scale_n, depth_m):
+            depths_m = depths_over(-float(depth_m.min()), float(depth_m.max()))
+            self._scale_n = scale_n
+            self._top_m, self._deepest_m = float(depths_m[0]), float(depths_m[-1])
+            self._draw_axes(depths_m)
         curve = self._place(nodes_n, depth_m)
         below_m = np.maximum.accumulate(depth_m - depth_m[0])
         along = below_m / max(float(below_m[-1]), 1.0)
@@ -68,9 +69,20 @@ class Profile:
             ),
         )  # fmt: skip
 
+    def _outgrown(self, scale_n: float, depth_m: NDArray[np.float64]) -> bool:
+        """Whether the axes have to be other ones; a payload that heaves over a tick is no reason.
+
+        A hang-off at the water that heaves out of the chart is none either.
+        """
+        low, high = float(depth_m.max()), float(depth_m.min())
+        tall = self._deepest_m - self._top_m
+        small = low - min(high, 0.0) < 0.5 * tall and depths_over(-high, low)[-1] < self._deepest_m
+        above = depths_over(-high, max(low, self._deepest_m))[0] < self._top_m
+        return scale_n != self._scale_n or low > self._deepest_m or small or bool(above)
+
     def _place(self, tension_n: NDArray[np.float64], depth_m: NDArray[np.float64]) -> Any:
-        scale_n, deepest_m = self._axes
-        return np.stack([tension_n / scale_n * WIDTH, depth_m / deepest_m * HEIGHT], axis=-1)
+        down = (depth_m - self._top_m) / (self._deepest_m - self._top_m)
+        return np.stack([tension_n / self._scale_n * WIDTH, down * HEIGHT], axis=-1)
 
     def _range(self, time_ns: int, tension_n: NDArray[np.float64]) -> Any:
         """Least and most tension along the rope over RANGE_S; starts anew after a jump back."""
@@ -83,12 +95,12 @@ class Profile:
         rows = np.stack([row for _, row in history])
         return rows.min(axis=0), rows.max(axis=0)
 
-    def _draw_axes(self) -> None:
+    def _draw_axes(self, depths_m: NDArray[np.float64]) -> None:
         import rerun as rr
 
-        scale_n, deepest_m = self._axes
-        forces_n, depths_m = ticks_over(scale_n, most=5), ticks_over(deepest_m)
-        across, down = forces_n / scale_n * WIDTH, depths_m / deepest_m * HEIGHT
+        forces_n = ticks_over(self._scale_n, most=5)
+        across = forces_n / self._scale_n * WIDTH
+        down = (depths_m - depths_m[0]) / (depths_m[-1] - depths_m[0]) * HEIGHT
         log, path = self._stream.log, f"{self._path}/axes"
         grid = [[[x, 0.0], [x, HEIGHT]] for x in across if x <= WIDTH]
         grid += [[[0.0, y], [WIDTH, y]] for y in down]
@@ -97,7 +109,7 @@ class Profile:
         self._label(f"{path}/tension", [[x, _UNDER] for x in across if x <= WIDTH],
                     [f"{force / 1000.0:g}" for force in forces_n[across <= WIDTH]])  # fmt: skip
         self._label(f"{path}/depth", [[_ASIDE, y - _LIFT] for y in down],
-                    [f"{depth:g}" for depth in depths_m])  # fmt: skip
+                    [depth_words(depth) for depth in depths_m])  # fmt: skip
         # the colour bar: strips side by side (2-D boxes cannot be filled)
         places = (np.arange(_STRIPS) + 0.5) / _STRIPS
         top, bottom = HEIGHT + 1.8 * _BAR, HEIGHT + 2.8 * _BAR

@@ -124,7 +124,8 @@ class RopeView:
         close = None if sight is None else sight.eye()
         plots = tuple(self._figures.plots)
         charts = self._watched.shown
-        shown = Shown(self._overview.frame, close, plots, ranges or {}, charts)
+        upper = self._surface.sight.eye()
+        shown = Shown(self._overview.frame, close, upper, plots, ranges or {}, charts)
         self._sink.stream.send_blueprint(layout(shown, self._sink.live))
 
     def _take(self, name: str, message: Any, time_ns: int) -> None:
@@ -199,10 +200,13 @@ class RopeView:
         peak_n = float(max(elements_n.max(), nodes_n.max()))
         if peak_n > self._scale_n:
             self._scale_n = scale_above(peak_n)
-        moved = self._overview.show(position, elements_n, self._scale_n)
-        if self._lower_end.show_rope(position, elements_n, self._scale_n) or moved:
+        moved = (
+            self._overview.show(position, elements_n, self._scale_n),
+            self._lower_end.show_rope(position, elements_n, self._scale_n),
+            self._surface.show_rope(position, elements_n, self._scale_n),
+        )
+        if any(moved):
             self._arrange()
-        self._surface.show_rope(position, elements_n, self._scale_n)
         self._profile.show(time_ns, -position[:, 2], nodes_n, elements_n, self._scale_n)
 
     def _further_ropes(self, message: Any, time_ns: int) -> None:

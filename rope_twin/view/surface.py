@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,15 +10,36 @@ from numpy.typing import NDArray
 
 from rope_twin.messages.colours import tension_colours
 from rope_twin.messages.forms import HANG_OFF_RGB
+from rope_twin.view.ticks import depths_over
 
-PATCH_M = 7.0  # half the side of the patch of sea
-SHOWN_M = 60.0  # so much of the rope is drawn here
-EYE, TARGET = (-4.0, -19.0, 6.5), (-1.0, 0.0, -0.6)  # relative to the hang-off at rest
+# Of a hang-off at the water, in metres; of one above it all grows by `Sight.size`.
+PATCH = 7.0  # half the side of the patch of sea
+SCALE = 6.0  # the scale of height, up and down
+EYE, TARGET = (-4.0, -19.0, 6.5), (-1.0, 0.0, -0.6)  # relative to the middle of what is seen
 _BESIDE = np.array([2.2, 0.0, 0.4])
+SHOWN_M = 60.0  # so much of the rope is drawn here
 _SEA = (52, 118, 190)
 _WAVE = (120, 175, 230)
 _LINES = (130, 132, 140)
 _WORDS = (205, 205, 210)
+
+
+@dataclass(frozen=True)
+class Sight:
+    """How the picture is taken, so that hang-off and water are both in it."""
+
+    above_m: float = 0.0  # the hang-off above mean water level
+
+    @property
+    def size(self) -> float:
+        """How much larger than for a hang-off at the water everything is."""
+        return 1.0 + 0.5 * self.above_m / SCALE
+
+    def eye(self) -> tuple[list[float], list[float]]:
+        """Where the eye is and where it looks, relative to the water below the hang-off."""
+        middle = np.array([0.0, 0.0, 0.5 * self.above_m])
+        place, target = middle + self.size * np.array(EYE), middle + self.size * np.array(TARGET)
+        return place.tolist(), target.tolist()
 
 
 class Surface:
@@ -27,23 +49,28 @@ class Surface:
         self._stream = stream
         self._path = path
         self._at: NDArray[np.float64] | None = None
+        self.sight = Sight()
 
     def show_rope(self, position_m: NDArray[np.float64], elements_n: NDArray[np.float64],
-                  scale_n: float) -> None:  # fmt: skip
-        """The upper end of the rope: nodes (n, 3) from the hang-off down."""
+                  scale_n: float) -> bool:  # fmt: skip
+        """The upper end of the rope: nodes (n, 3) from the hang-off down. True: a new sight."""
         import rerun as rr
 
+        first = self._at is None
         if self._at is None:
             self._at = position_m[0] * [1.0, 1.0, 0.0]
-            self._draw_scale(self._at)
+            self.sight = Sight(max(float(position_m[0, 2]), 0.0))
+            self._draw_scale()
         self._draw_upper_end(f"{self._path}/rope", position_m - self._at, elements_n, scale_n)
-        top = position_m[:1] - self._at
-        self._stream.log(f"{self._path}/hang_off", rr.Points3D(top, radii=0.5, colors=HANG_OFF_RGB))
+        top, size = position_m[:1] - self._at, self.sight.size
+        ball = rr.Points3D(top, radii=0.5 * size, colors=HANG_OFF_RGB)
+        self._stream.log(f"{self._path}/hang_off", ball)
         self._stream.log(
             f"{self._path}/hang_off/words",
-            rr.Points3D(top + _BESIDE, labels=["hang-off"], show_labels=True,
+            rr.Points3D(top + size * _BESIDE, labels=["hang-off"], show_labels=True,
                         colors=_WORDS, radii=rr.Radius.ui_points(0.0)),
         )  # fmt: skip
+        return first
 
     def show_further(self, number: int, position_m: NDArray[np.float64],
                      elements_n: NDArray[np.float64], scale_n: float) -> None:  # fmt: skip
@@ -73,10 +100,11 @@ class Surface:
         """The water surface at the ship."""
         import rerun as rr
 
-        side = np.linspace(-PATCH_M, PATCH_M, 7)
-        lines = [[[x, -PATCH_M, elevation_m], [x, PATCH_M, elevation_m]] for x in side]
-        lines += [[[-PATCH_M, y, elevation_m], [PATCH_M, y, elevation_m]] for y in side]
-        corners = [[x, y, elevation_m] for x in (-PATCH_M, PATCH_M) for y in (-PATCH_M, PATCH_M)]
+        half = PATCH * self.sight.size
+        side = np.linspace(-half, half, 7)
+        lines = [[[x, -half, elevation_m], [x, half, elevation_m]] for x in side]
+        lines += [[[-half, y, elevation_m], [half, y, elevation_m]] for y in side]
+        corners = [[x, y, elevation_m] for x in (-half, half) for y in (-half, half)]
         self._stream.log(
             f"{self._path}/sea",
             rr.Mesh3D(vertex_positions=corners, triangle_indices=[[0, 2, 3], [0, 3, 1]],
@@ -87,21 +115,22 @@ class Surface:
             rr.LineStrips3D(lines, colors=_WAVE, radii=rr.Radius.ui_points(0.5)),
         )
 
-    def _draw_scale(self, at: NDArray[np.float64]) -> None:
-        """Height above mean water level, every 2 m, a little to the left of the rope."""
+    def _draw_scale(self) -> None:
+        """Height above mean water level, a little to the left of the rope."""
         import rerun as rr
 
-        heights = np.arange(-6.0, 6.1, 2.0)
-        x = -PATCH_M - 2.0
-        lines = [[[x, 0.0, -6.0], [x, 0.0, 6.0]]]
-        lines += [[[x - 0.3, 0.0, z], [x, 0.0, z]] for z in heights]
+        size = self.sight.size
+        heights = -depths_over(self.sight.above_m + SCALE, SCALE * size)
+        x = (-PATCH - 2.0) * size
+        lines = [[[x, 0.0, heights[-1]], [x, 0.0, heights[0]]]]
+        lines += [[[x - 0.3 * size, 0.0, z], [x, 0.0, z]] for z in heights]
         thin = rr.Radius.ui_points(0.75)
         self._stream.log(
             f"{self._path}/scale", rr.LineStrips3D(lines, colors=_LINES, radii=thin), static=True
         )
         self._stream.log(
             f"{self._path}/scale/words",
-            rr.Points3D([[x - 2.0, 0.0, z + 0.35] for z in heights],
+            rr.Points3D([[x - 2.0 * size, 0.0, z + 0.35 * size] for z in heights],
                         labels=[f"{z:+g} m" if z else "0 m" for z in heights], show_labels=True,
                         colors=_WORDS, radii=rr.Radius.ui_points(0.0)),
             static=True,

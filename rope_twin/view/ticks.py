@@ -7,6 +7,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+_ABOVE = 0.25  # of a step: what reaches so far above the water has its place in the scale
+_OVER = 0.1  # of a step: what may stick out of it there, as a crane that heaves
 _MARGIN = 0.1  # at either end, in parts of the range or of a step
 _MOST = 5.5
 
@@ -24,6 +26,23 @@ def ticks_over(span: float, most: int = 7) -> NDArray[np.float64]:
     """0, step, 2 step, ... up to the first tick at or beyond `span`."""
     step = round_step(span, most)
     return np.asarray(np.arange(math.ceil(max(span, step) / step - 1e-9) + 1) * step)
+
+
+def depths_over(highest_m: float, deepest_m: float, most: int = 7) -> NDArray[np.float64]:
+    """Ticks of depth over what lies between a height above the water and a depth, from above.
+
+    Negative depths are heights; of a hang-off that hardly rises above the water there are none.
+    """
+    deepest_m, highest_m = max(deepest_m, 0.0), max(highest_m, 0.0)
+    step = round_step(max(deepest_m + highest_m, 1e-9), most)
+    above = math.ceil(highest_m / step - _OVER) if highest_m > _ABOVE * step else 0
+    below = math.ceil(max(deepest_m, 0.0 if above else step) / step - 1e-9)
+    return np.asarray(np.arange(-above, below + 1) * step)
+
+
+def depth_words(depth_m: float) -> str:
+    """A tick's figure: of a height above the water with a plus."""
+    return f"{depth_m:g}" if depth_m >= 0.0 else f"+{-depth_m:g}"
 
 
 def decade_range(low: float, high: float) -> tuple[float, float]:

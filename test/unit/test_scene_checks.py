@@ -298,3 +298,17 @@ def test_warnings_follow_the_scene_not_the_file() -> None:
     line: RopeLine = dataclasses.replace(scene.ropes[0], damping=Damping(newton_seconds=0.0))
     assert sense_checks(scene) == []
     assert len(sense_checks(dataclasses.replace(scene, ropes=(line,)))) == 1
+
+
+def test_a_payload_above_the_water_weighs_what_it_weighs_in_air(tmp_path: Path) -> None:
+    """Static tension, safety factor and what the drive must hold took it for submerged."""
+    above = GOOD.replace("effects:\n", "effects:\n  - splash_zone: {height_m: 3.0}\n")
+    scene = load_scene(written(tmp_path, above))
+    ship = dataclasses.replace(scene.ship, hang_off_m=(0.0, 0.0, 600.0))
+    figures = lift_figures(dataclasses.replace(scene, ship=ship))
+    per_metre = (6.38352 - 1025.0 * 8.0424772e-4) * 9.80665
+    in_air, lift = 20000.0 * 9.80665, 1025.0 * 9.0 * 9.80665
+    assert figures.top_tension_n(500.0) == pytest.approx(in_air + 500.0 * per_metre)
+    assert figures.top_tension_n(600.0) == pytest.approx(in_air - 0.5 * lift + 600.0 * per_metre)
+    assert figures.top_tension_n(700.0) == pytest.approx(in_air - lift + 700.0 * per_metre)
+    assert figures.hung.dry_share(500.0) == 1.0

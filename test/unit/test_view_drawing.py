@@ -7,8 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rope_twin.view.overview import eye, frame_for
-from rope_twin.view.ticks import decade_range, round_step, ticks_over
+from rope_twin.view import surface
+from rope_twin.view.lower_end import depth_in_words
+from rope_twin.view.overview import eye, frame_for, has_left
+from rope_twin.view.ticks import decade_range, depth_words, depths_over, round_step, ticks_over
 
 SPANS = st.floats(1e-6, 1e9)
 VALUES = st.floats(-1e6, 1e6)
@@ -107,3 +109,74 @@ def test_a_rope_far_aside_is_in_the_picture_with_its_name_and_the_scale(aside_m:
     name, scale = 0.09 * 140.0, 0.26 * 140.0
     assert frame.place(rope)[:, 0].max() + name < target[0] + half
     assert -scale > target[0] - half
+
+
+@pytest.mark.parametrize(
+    ("highest_m", "deepest_m", "depths"),
+    [
+        (0.0, 3000.0, [0, 500, 1000, 1500, 2000, 2500, 3000]),
+        (2.0, 3000.0, [0, 500, 1000, 1500, 2000, 2500, 3000]),  # a hang-off at the water heaves
+        (25.0, 3.0, [-25, -20, -15, -10, -5, 0, 5]),
+        (25.0, -4.0, [-25, -20, -15, -10, -5, 0]),  # all of it in the air
+        (40.0, 90.0, [-40, -20, 0, 20, 40, 60, 80, 100]),
+        (25.4, 3.0, [-25, -20, -15, -10, -5, 0, 5]),  # a crane tip that heaves
+    ],
+)
+def test_the_depth_scale_begins_at_a_crane_above_the_water(
+    highest_m: float, deepest_m: float, depths: list[float]
+) -> None:
+    assert depths_over(highest_m, deepest_m).tolist() == depths
+
+
+def test_heights_are_told_with_a_plus() -> None:
+    assert [depth_words(depth) for depth in (-20.0, 0.0, 20.0)] == ["+20", "0", "20"]
+    assert depth_in_words(2.44) == "2.4 m deep"
+    assert depth_in_words(-7.0) == "7.0 m above the water"
+
+
+@given(st.floats(0.0, 60.0), st.floats(1.0, 3000.0), st.floats(0.0, 50.0))
+def test_all_of_a_rope_from_a_crane_is_in_the_picture(
+    height_m: float, length_m: float, aside_m: float
+) -> None:
+    rope = leaning(min(aside_m, 0.2 * length_m), 0.0, length_m) + np.array([0.0, 0.0, height_m])
+    frame = frame_for(rope)
+    drawn = frame.place(rope)
+    position, target = (np.array(point) for point in eye(frame))
+    forward = target - position
+    away = (drawn - position) @ forward / np.linalg.norm(forward)
+    assert (away > 0.0).all()
+    assert (np.abs(drawn[:, 2] - target[2]) / away < np.tan(np.radians(27.5))).all()
+
+
+def test_a_hang_off_away_from_the_origin_is_in_the_middle_of_the_picture() -> None:
+    """Its place was multiplied with the factor of distances sideways: the rope was nowhere."""
+    at = np.array([12.0, 15.0, 0.0])
+    rope = leaning(2.0, 0.0, 400.0)
+    frame, moved = frame_for(rope), frame_for(rope + at)
+    assert frame.factor > 1
+    assert moved.place(rope + at) == pytest.approx(frame.place(rope))
+    assert eye(moved) == eye(frame)
+
+
+def test_a_ship_under_way_stays_in_the_picture() -> None:
+    frame = frame_for(leaning(0.0, 0.0, 400.0))
+    assert frame.factor == 50
+    assert not has_left(frame, leaning(0.0, 0.0, 400.0) + np.array([2.0, 0.0, 0.0]))
+    away = leaning(0.0, 0.0, 400.0) + np.array([3.0, 0.0, 0.0])
+    assert has_left(frame, away)
+    frame = frame_for(away, frame.gone_m(away))
+    assert frame.factor == 20  # so that a ship that surges does not do this at every wave
+    assert not has_left(frame, leaning(0.0, 0.0, 400.0) - np.array([2.0, 0.0, 0.0]))
+
+
+@given(st.floats(0.0, 80.0))
+def test_hang_off_and_water_are_in_one_picture(above_m: float) -> None:
+    """And a hang-off at the water is seen as ever."""
+    position, target = (np.array(point) for point in surface.Sight(above_m).eye())
+    forward = (target - position) / np.linalg.norm(target - position)
+    up = np.cross(np.cross(forward, [0.0, 0.0, 1.0]), forward)
+    for height in (0.0, above_m):
+        spot = np.array([0.0, 0.0, height]) - position
+        assert abs(spot @ up) / (spot @ forward) < np.tan(np.radians(27.5))
+    if above_m == 0.0:
+        assert (tuple(position), tuple(target)) == (surface.EYE, surface.TARGET)

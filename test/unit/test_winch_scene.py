@@ -116,3 +116,25 @@ def test_what_a_winch_can_hardly_mean_is_warned_about(
         assert any(words in one for one in told), told
     else:
         assert not [one for one in told if "winch.drive" in one]
+
+
+@pytest.mark.parametrize(
+    ("row", "warned"),
+    [
+        ("{at_s: 20.0, switch: compensate}", True),
+        ("{at_s: 0.0, switch: compensate}", False),
+        ("{at_s: 20.0, switch: stop_compensating}", False),
+    ],
+)
+def test_who_switches_compensation_on_later_is_told_that_it_is_on(
+    row: str, warned: bool, tmp_path: Path
+) -> None:
+    first = "{at_s: 0.0, speed_m_per_s: 0.5}"
+    text = with_parts(HEAVE).replace(first, f"{first}\n    - {row}", 1)
+    told = [w for w in sense_checks(load_scene(written(tmp_path, text))) if "from the start" in w]
+    assert bool(told) == warned
+    if warned:
+        assert told[0].startswith(
+            "winch.heave_compensation: it is on from the start, and switched on at 20 s; "
+            "begin with {at_s: 0.0, switch: stop_compensating}"
+        )

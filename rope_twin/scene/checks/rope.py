@@ -70,7 +70,9 @@ def _load(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     line = scene.ropes[0]
     lengths = {"ropes[0]": (line.length_m, "")}
     if scene.winch:
-        most = scene.winch.most_line_out_m
+        least, most = scene.winch.least_line_out_m, scene.winch.most_line_out_m
+        if figures.hung.dry_share(least) > 0.0:
+            lengths["winch.least_line_out_m"] = (least, f" with {least:g} m out, out of the water,")
         lengths["winch.most_line_out_m"] = (most, f" with {most:g} m out")
     for path, (length, when) in lengths.items():
         rope, tension = figures.weakest(length)

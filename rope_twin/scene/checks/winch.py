@@ -8,6 +8,7 @@ from rope_twin.errors import phrase
 from rope_twin.scene.figures import LiftFigures
 from rope_twin.scene.schema import Scene
 
+ON, OFF = "compensate", "stop_compensating"
 LONGEST_STEP = 0.5  # of the time of an axial wave along the rope (see twin/hoisting/feel.py)
 
 
@@ -15,6 +16,7 @@ def check_winch(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     """Of the first rope's winch."""
     yield from _holding(scene, figures)
     yield from _feedback(scene, figures)
+    yield from _compensates_from_the_start(scene)
 
 
 def _holding(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -51,3 +53,15 @@ def _feedback(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         )
         right = f"give at most {LONGEST_STEP * travel:.2g} s, or a longer least_line_out_m"
         yield phrase(f"winch.{part}", what, right)
+
+
+def _compensates_from_the_start(scene: Scene) -> Iterator[str]:
+    """Who switches it on later hardly means that it is on before."""
+    winch = scene.winch
+    if winch is None or winch.heave_compensation is None:
+        return
+    switches = [row for row in winch.schedule if row.switch in (ON, OFF)]
+    if switches and switches[0].switch == ON and switches[0].at_s > 0.0:
+        what = f"it is on from the start, and switched on at {switches[0].at_s:g} s"
+        right = f"begin with {{at_s: 0.0, switch: {OFF}}} if it is to wait until then"
+        yield phrase("winch.heave_compensation", what, right)

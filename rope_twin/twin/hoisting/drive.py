@@ -46,7 +46,7 @@ class Drive:
         after, self._torque, whole = self.pull(
             before, wanted, moment, self._params.torque_limit_n_m
         )
-        self._at_limit = "" if whole else self._limit_words(before, moment)
+        self._at_limit = "" if whole else self._limit_words(before, wanted, after, moment)
         return after
 
     def pull(
@@ -76,13 +76,15 @@ class Drive:
         """The motor is off: the brake has the drum."""
         self._torque, self._at_limit = 0.0, ""
 
-    def _limit_words(self, before: LineOut, moment: Moment) -> str:
+    def _limit_words(self, before: LineOut, wanted: LineOut, after: LineOut, moment: Moment) -> str:
+        """A drum that runs away renders under little pull too: its inertia is held back."""
         assert moment.felt is not None
         layer, radius = self._machine.layer(before.length_m)
         limit = self._params.torque_limit_n_m / radius
         return (
             f"renders: {moment.felt.pull_n * 1e-3:.0f} kN on the rope, the drive gives "
-            f"{limit * 1e-3:.0f} kN on layer {layer}"
+            f"{limit * 1e-3:.0f} kN on layer {layer}, line {after.speed_m_per_s:+.2f} m/s where "
+            f"{wanted.speed_m_per_s:+.2f} is wanted"
         )
 
     def words(self) -> str:
