@@ -9,9 +9,10 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rope_twin.commands.console import Progress, print_table
 from rope_twin.errors import InputError
@@ -36,99 +37,60 @@ from rope_twin.studies.peers import vortices as vortex_peer
 from rope_twin.studies.picture import check_picture
 
 
+class Action(NamedTuple):
+    """One thing that can be measured."""
+
+    measure: Callable[[argparse.Namespace, Progress], int]  # returns the exit code
+    about: str
+    description: str = ""
+    options: tuple[Callable[[argparse.ArgumentParser], None], ...] = ()  # besides --quick
+
+
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     """Add `bench` with its actions."""
     parser = subparsers.add_parser("bench", help="how fast the solver is, and how right")
-    names = (
-        "speed | order | ensemble | statics | compile | effects | vortices | band | peers | report"
-    )
-    actions = parser.add_subparsers(dest="action", required=True, metavar=names)
-    fast = actions.add_parser(
-        "speed",
-        help="cost of a step and error of the top tension, 20 to 7,000 nodes",
-        description="Runs the study's scenes on one core, a minute of twin time each, against "
-        "converged references (some three minutes in all).",
-    )
-    right = actions.add_parser("order", help="orders of convergence in step and element length")
-    right.add_argument("--picture", type=Path, metavar="PNG", help="draw them, too")
-    many = actions.add_parser(
-        "ensemble",
-        help="a thousand ropes together, beside one alone; some run again alone for equality",
-    )
-    rest = actions.add_parser("statics", help="time to come to rest, from good and bad guesses")
-    first = actions.add_parser(
-        "compile",
-        help="the first and the second start of each set of effects, against 20 s and 1 s",
-        description="Each in a fresh process with an empty cache (some seven minutes).",
-    )
-    first.add_argument("scenes", nargs="*", metavar="SCENE", help="only these (default: all)")
-    each = actions.add_parser(
-        "effects",
-        help="what each effect costs a step, and that it costs nothing where it is not listed",
-        description="Steps 1,000 elements with the effect, without it, and without it again, in "
-        "turns, and looks for it in the compiled code (some five minutes, most of them compiling).",
-    )
-    shed = actions.add_parser(
-        "vortices",
-        help="cost of the vortex models at steps of 1 ms, and MoorDyn's model on the curved pipe",
-        description="MoorDyn is no part of rope_twin; where it is missing it is told how to get "
-        "it, and the rest runs without.",
-    )
-    live = actions.add_parser(
-        "band",
-        help="whether the live error band holds, and what it costs, in every scene",
-        description="Runs the scenes with an error band and beside them references on four times "
-        "the elements with a quarter of the step or finer (some fifteen minutes).",
-    )
-    live.add_argument("scenes", nargs="*", metavar="SCENE", help="only these (default: all)")
-    live.add_argument(
-        "--into", type=Path, metavar="DIR",
-        help=f"put the rows into DIR/{band_page.PAGE} as each is found (other scenes' are kept)",
-    )  # fmt: skip
-    others = actions.add_parser(
-        "peers",
-        help="MoorDyn and CableDyn on the same scenes, and rope_twin at the same error",
-        description="Searches each peer's best setting and races it (some eight minutes). The "
-        "peers are no part of rope_twin; where they are missing it is told how to get them.",
-    )
-    others.add_argument("--picture", type=Path, metavar="PNG", help="draw the race, too")
-    for action in (fast, right, many, rest, first, each, shed, live, others):
-        action.add_argument("--json", action="store_true", help="one JSON object instead of tables")
-    page = actions.add_parser("report", help="speed, order, ensemble and peers as performance.md")
-    page.add_argument("--into", type=Path, default=Path("docs"), metavar="DIR", help="where to")
-    page.add_argument(
-        "--peers",
-        type=Path,
-        metavar="JSON",
-        help="a race told by `bench peers --json`; peers.json beside the page, if it is there",
-    )
-    for action in (fast, right, many, rest, first, each, shed, live, others, page):
-        action.add_argument("--quick", action="store_true", help="a few small cases, for a test")
+    actions = parser.add_subparsers(dest="action", required=True, metavar=" | ".join(ACTIONS))
+    for name, action in ACTIONS.items():
+        own = actions.add_parser(name, help=action.about, description=action.description or None)
+        for declare in action.options:
+            declare(own)
+        own.add_argument("--quick", action="store_true", help="a few small cases, for a test")
+        own.set_defaults(measure=action.measure)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Do what the action says; raises RopeTwinError."""
-    progress = Progress()
-    if args.action == "speed":
-        return _speed(args, progress)
-    if args.action == "order":
-        return _order(args, progress)
-    if args.action == "ensemble":
-        return _ensemble(args, progress)
-    if args.action == "statics":
-        return _statics(args)
-    if args.action == "compile":
-        return _compile(args, progress)
-    if args.action == "effects":
-        return _effects(args, progress)
-    if args.action == "vortices":
-        return _vortices(args, progress)
-    if args.action == "band":
-        return _band(args, progress)
-    if args.action == "peers":
-        return _peers(args, progress)
-    return _report(args, progress)
+    return int(args.measure(args, Progress()))
+
+
+def _json_option(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of tables")
+
+
+def _picture_option(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--picture", type=Path, metavar="PNG", help="draw it, too")
+
+
+def _scenes_option(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("scenes", nargs="*", metavar="SCENE", help="only these (default: all)")
+
+
+def _rows_option(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--into", type=Path, metavar="DIR",
+        help=f"put the rows into DIR/{band_page.PAGE} as each is found (other scenes' are kept)",
+    )  # fmt: skip
+
+
+def _page_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--into", type=Path, default=Path("docs"), metavar="DIR", help="where to")
+    parser.add_argument(
+        "--peers",
+        type=Path,
+        metavar="JSON",
+        help="a race told by `bench peers --json`; peers.json beside the page, if it is there",
+    )
 
 
 def _report(args: argparse.Namespace, progress: Progress) -> int:
@@ -191,7 +153,7 @@ def _ensemble(args: argparse.Namespace, progress: Progress) -> int:
     return 1 if any(row.unequal for row in rows) else 0
 
 
-def _statics(args: argparse.Namespace) -> int:
+def _statics(args: argparse.Namespace, progress: Progress) -> int:
     """Exit code 1 if a rope does not come to rest."""
     nodes = 100 if args.quick else statics_speed.NODES
     rows = [*statics_speed.statics_rows(nodes=nodes)]
@@ -275,3 +237,64 @@ def _peers(args: argparse.Namespace, progress: Progress) -> int:
         print(raced.machine.as_text() + "\n")
         print_table(peers_page.peer_table(raced.rows))
     return 0
+
+
+ACTIONS = {
+    "speed": Action(
+        _speed,
+        "cost of a step and error of the top tension, 20 to 7,000 nodes",
+        "Runs the study's scenes on one core, a minute of twin time each, against converged "
+        "references (some three minutes in all).",
+        (_json_option,),
+    ),
+    "order": Action(
+        _order,
+        "orders of convergence in step and element length",
+        options=(_picture_option, _json_option),
+    ),
+    "ensemble": Action(
+        _ensemble,
+        "a thousand ropes together, beside one alone; some run again alone for equality",
+        options=(_json_option,),
+    ),
+    "statics": Action(
+        _statics, "time to come to rest, from good and bad guesses", options=(_json_option,)
+    ),
+    "compile": Action(
+        _compile,
+        "the first and the second start of each set of effects, against 20 s and 1 s",
+        "Each in a fresh process with an empty cache (some seven minutes).",
+        (_scenes_option, _json_option),
+    ),
+    "effects": Action(
+        _effects,
+        "what each effect costs a step, and that it costs nothing where it is not listed",
+        "Steps 1,000 elements with the effect, without it, and without it again, in turns, and "
+        "looks for it in the compiled code (some five minutes, most of them compiling).",
+        (_json_option,),
+    ),
+    "vortices": Action(
+        _vortices,
+        "cost of the vortex models at steps of 1 ms, and MoorDyn's model on the curved pipe",
+        "MoorDyn is no part of rope_twin; where it is missing it is told how to get it, and the "
+        "rest runs without.",
+        (_json_option,),
+    ),
+    "band": Action(
+        _band,
+        "whether the live error band holds, and what it costs, in every scene",
+        "Runs the scenes with an error band and beside them references on four times the elements "
+        "with a quarter of the step or finer (some fifteen minutes).",
+        (_scenes_option, _rows_option, _json_option),
+    ),
+    "peers": Action(
+        _peers,
+        "MoorDyn and CableDyn on the same scenes, and rope_twin at the same error",
+        "Searches each peer's best setting and races it (some eight minutes). The peers are no "
+        "part of rope_twin; where they are missing it is told how to get them.",
+        (_picture_option, _json_option),
+    ),
+    "report": Action(
+        _report, "speed, order, ensemble and peers as performance.md", options=(_page_options,)
+    ),
+}

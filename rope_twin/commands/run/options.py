@@ -76,7 +76,15 @@ class RunOptions:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the options."""
+    """Declare the options, in groups as the help shows them."""
+    _add_run(parser)
+    _add_motion(parser.add_argument_group("what moves the ship"))
+    _add_kept(parser.add_argument_group("what is kept"))
+    _add_accuracy(parser.add_argument_group("accuracy"))
+    _add_watched(parser.add_argument_group("on the way"))
+
+
+def _add_run(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add(
         "scene",
@@ -85,13 +93,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="name of a scene (see `rope_twin scene list`) or path of one "
         "(default: that of --from, or deep_lift)",
     )
-    add(
-        "--for",
-        dest="for_s",
-        type=float,
-        metavar="SECONDS",
-        help="end at this twin time (default: run until Ctrl-C)",
-    )
+    add("--for", dest="for_s", type=float, metavar="SECONDS",
+        help="end at this twin time (default: run until Ctrl-C)")  # fmt: skip
     add(
         "--speed",
         type=float,
@@ -100,6 +103,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="twin time over real time; 0: as fast as possible, without ROS (default: 1)",
     )
     add("--headless", action="store_true", help="open no window, even where there is a screen")
+    add("--processes", action="store_true", help="each node as a process of its own")
+    add("--json", action="store_true", help="last line of the output: one JSON object")
+
+
+def _add_motion(group: argparse._ArgumentGroup) -> None:
+    add = group.add_argument
     add(
         "--bag",
         default="",
@@ -113,15 +122,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="recorded poses of the ship to replay in its place: a name in bags/ or a path",
     )
     add("--topic", default="", metavar="NAME", help="topic of heave or poses in that bag")
-    add(
-        "--bag-start",
-        dest="bag_start_s",
-        type=float,
-        default=0.0,
-        metavar="SECONDS",
-        help="start this far into that bag",
-    )
-    record = parser.add_mutually_exclusive_group()
+    add("--bag-start", dest="bag_start_s", type=float, default=0.0, metavar="SECONDS",
+        help="start this far into that bag")  # fmt: skip
+
+
+def _add_kept(group: argparse._ArgumentGroup) -> None:
+    record = group.add_mutually_exclusive_group()
     record.add_argument(
         "--record",
         type=Path,
@@ -129,25 +135,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="bag directory to make (default: recordings/SCENE_DATE_TIME)",
     )
     record.add_argument("--no-record", action="store_true", help="record nothing")
-    add(
-        "--save",
-        type=Path,
-        metavar="FILE",
-        help="save the state there at the end, and every 10 s if the run is paced",
-    )
-    add(
-        "--from",
-        dest="start_from",
-        type=Path,
-        metavar="FILE",
-        help="go on from a saved state (default: begin at rest)",
-    )
-    add(
-        "--energy",
-        action="store_true",
-        help="keep the energy balance and tell its residual (steps one by one, slower)",
-    )
-    bought = parser.add_mutually_exclusive_group()
+    add = group.add_argument
+    add("--save", type=Path, metavar="FILE",
+        help="save the state there at the end, and every 10 s if the run is paced")  # fmt: skip
+    add("--from", dest="start_from", type=Path, metavar="FILE",
+        help="go on from a saved state (default: begin at rest)")  # fmt: skip
+
+
+def _add_accuracy(group: argparse._ArgumentGroup) -> None:
+    bought = group.add_mutually_exclusive_group()
     bought.add_argument(
         "--within",
         metavar="ERROR",
@@ -159,12 +155,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="SHARE",
         help="take the most accurate ones that this share of one core is enough for, like 30%%",
     )
-    add("--of", metavar="QUANTITY", help="whose error that is (default: tension_rms)")
+    add = group.add_argument
+    add("--of", metavar="QUANTITY", help="the quantity whose error that is (default: tension_rms)")
     add(
         "--error-band",
         action="store_true",
         help="keep a band around the top tension in which the converged one lies (half as much "
         "work again)",
+    )
+
+
+def _add_watched(group: argparse._ArgumentGroup) -> None:
+    add = group.add_argument
+    add(
+        "--energy",
+        action="store_true",
+        help="keep the energy balance and tell its residual (steps one by one, slower)",
+    )
+    add("--vibration", default="", metavar="MODEL",
+        help=f"keep how the rope shakes over depth, by one of {', '.join(MODELS)}")  # fmt: skip
+    add(
+        "--fatigue",
+        default="",
+        metavar="CURVE",
+        help="keep the fatigue used of each metre of the rope's material, by an S-N curve: "
+        + ", ".join(CURVES),
     )
     add(
         "--cut",
@@ -173,21 +188,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="cut the rope so many metres below the hang-off, or at its lower end (end), at this "
         "twin time; both parts go on; where ropes meet NAME:PLACE@SECONDS cuts one of them",
     )
-    add(
-        "--vibration",
-        default="",
-        metavar="MODEL",
-        help=f"keep how the rope shakes over depth, by {', '.join(MODELS)}",
-    )
-    add(
-        "--fatigue",
-        default="",
-        metavar="CURVE",
-        help="keep the fatigue used of each metre of the rope's material, by an S-N curve: "
-        + ", ".join(CURVES),
-    )
-    add("--processes", action="store_true", help="each node as a process of its own")
-    add("--json", action="store_true", help="last line of the output: one JSON object")  # fmt: skip
 
 
 def read_options(args: argparse.Namespace) -> RunOptions:
