@@ -16,6 +16,7 @@ from rope_twin.core.body.balance import balance
 from rope_twin.core.body.rotation import vector
 from rope_twin.core.body.state import PlaneBed, RigidBody
 from rope_twin.core.jit import jit_entry
+from rope_twin.core.terms import is_calm
 from rope_twin.effects.rigid_body import DeckParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
@@ -91,6 +92,49 @@ def test_the_block_is_the_derivative_of_the_pull(seed: int) -> None:
     scale = np.abs(exact).max()
     assert np.abs(found - symmetric).max() < 1e-6 * scale
     assert np.abs(symmetric - np.eye(3) * SMALL.load).max() > 0.05 * scale, "it must feel the body"
+
+
+@jit_entry
+def _is_calm(body: Any, work: Any, stage: Any) -> bool:
+    return bool(is_calm((body,), work, stage, 1, 1.0))
+
+
+@pytest.mark.parametrize("size", [1.0, 30.0])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_it_is_calm_where_the_pull_is_as_foretold(seed: int, size: float) -> None:
+    """To within what is allowed, as the pull itself tells and the block foretells; 1 %."""
+    effects, work = moving(seed)
+    body, stage = next(own for own in effects if isinstance(own, RigidBody)), some_stage()
+    change = np.random.default_rng(seed).normal(0.0, size, 3)
+    moved = work.copy()
+    for row, weight in (
+        (rows.ACCELERATION, 1.0),
+        (rows.VELOCITY, stage.q),
+        (rows.POSITION, stage.p),
+    ):
+        moved[row : row + 3, 0] += weight * change
+    before, after = hooked(effects, work), hooked(effects, moved)
+    b = before[3:]
+    A = np.array([[b[XX], b[XY], b[XZ]], [b[XY], b[YY], b[YZ]], [b[XZ], b[YZ], b[ZZ]]])
+    miss = float(np.linalg.norm(after[:3] - before[:3] + A @ change))
+    assert miss > 1e-6 * np.abs(A @ change).max(), "slings are not linear"
+    told = []
+    for share in (1.01, 0.99):
+        hooked(effects, work)
+        work[rows.CORRECTION : rows.CORRECTION + 3, 0] = change
+        body.stage[at.ALLOWED] = share * miss
+        told.append(_is_calm(body, work, stage))
+    assert told == [True, False]
+
+
+def test_a_body_without_balance_is_never_taken_for_balanced() -> None:
+    """Its pull is infinite: a maximum leaves out what is not a number."""
+    effects, work = moving(1)
+    body = next(own for own in effects if isinstance(own, RigidBody))
+    body.stage[at.P_HAT] = np.nan
+    assert np.all(np.isinf(hooked(effects, work)[:3]))
+    body.stage[at.ALLOWED] = np.inf
+    assert not _is_calm(body, work, some_stage())
 
 
 @jit_entry

@@ -29,7 +29,7 @@ def _make(parts: tuple[type, ...]) -> type[RigidBody]:
     """A type of body whose kernels and accounts are registered."""
     name = "RigidBody" + "".join(part.__name__ for part in parts)
     kind = type(name, (RigidBody,), {"__slots__": (), "__module__": __name__})
-    for hook in ("start", "predict", "load_end", "settle"):
+    for hook in ("start", "predict", "load_end", "calm", "settle"):
         kernel(hook, kind)(getattr(body_step, hook))
     for told in ("kinetic", "potential", "power"):
         account(f"{told}_end", kind)(getattr(body_energy, told))

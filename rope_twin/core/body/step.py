@@ -7,7 +7,7 @@ kernels for each type of body.
 
 from __future__ import annotations
 
-from math import nan
+from math import inf, nan
 from typing import Any
 
 from rope_twin.core.assembly import set_flow
@@ -17,7 +17,16 @@ from rope_twin.core.body.change import NONE
 from rope_twin.core.body.loads import momenta
 from rope_twin.core.body.parts import foresee_all
 from rope_twin.core.body.rest import put_to_rest
-from rope_twin.core.body.rotation import along, matrix_of, outward, put, quaternion, turned, vector
+from rope_twin.core.body.rotation import (
+    along,
+    dot,
+    matrix_of,
+    outward,
+    put,
+    quaternion,
+    turned,
+    vector,
+)
 from rope_twin.core.jit import jit
 from rope_twin.core.prediction import GAMMA, K1, K2
 from rope_twin.core.rows import rows, span
@@ -25,6 +34,7 @@ from rope_twin.core.stage import TRAPEZOID
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
+    CORRECTION,
     ELEMENTS,
     FLOW,
     FLOW_RATE,
@@ -123,6 +133,8 @@ def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
     if low > 0:
         return
     s, work, q = body.stage, rope.work, stage.q
+    s[at.ALLOWED] = rope.model.tolerance
+    s[at.SOLVED_PLACE] = nan  # for no motion of the hook yet
     if s[at.FRESH] > 0.0:
         hook = (work[POSITION, 0], work[POSITION + 1, 0], work[POSITION + 2, 0])
         _foresee(body, rope, stage, (hook, matrix_of((0.0, 0.0, 0.0, 1.0)), NONE, NONE))
@@ -146,10 +158,30 @@ def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
         _foresee(body, rope, stage, (place, matrix_of(quaternion(s, at.ATTITUDE)), v, spin))
 
 
+@jit
+def _solve(body: Any, q: float, hook: Any) -> bool:
+    """Whether the balance is found for this motion of the hook, which is kept."""
+    found = solve(body, q, hook)
+    put(body.stage, at.SOLVED_PLACE, hook[0] if found else (nan, nan, nan))
+    put(body.stage, at.SOLVED_SPEED, hook[1])
+    return bool(found)
+
+
+@jit
+def _is_solved(body: Any, q: float, hook: Any) -> bool:
+    """The same; not again for the motion that it was last found for."""
+    x, v = hook
+    x0, v0 = vector(body.stage, at.SOLVED_PLACE), vector(body.stage, at.SOLVED_SPEED)
+    there = x[0] == x0[0] and x[1] == x0[1] and x[2] == x0[2]
+    if there and v[0] == v0[0] and v[1] == v0[1] and v[2] == v0[2]:
+        return True
+    return bool(_solve(body, q, hook))
+
+
 def load_end(body: Any, work: Any, stage: Any) -> None:
     """R_0 += pull of the slings on the hook, its own weight and inertia; A_0 likewise.
 
-    Not a number where the body finds no balance: the step is then halved.
+    Infinite where the body finds no balance: the step is then halved (a NaN is no maximum).
     """
     x, y, z = rows(work, POSITION, 0)
     vx, vy, vz = rows(work, VELOCITY, 0)
@@ -162,9 +194,12 @@ def load_end(body: Any, work: Any, stage: Any) -> None:
         put(s, at.FLOW_NOW, (ux[0], uy[0], uz[0]))
         _begin(body, hook[0])
         _predict_first(body, stage.q)
-    solved = solve(body, stage.q, hook)
-    f = vector(s, at.ON_HOOK) if solved else (nan, nan, nan)
+    solved = _solve(body, stage.q, hook)
+    f = vector(s, at.ON_HOOK) if solved else (inf, inf, inf)
     Z = left_on_hook(body, stage.q)
+    put(s, at.TOLD, f)
+    put(s, at.TOLD_SLOPE, (Z[0], Z[1], Z[2]))
+    put(s, at.TOLD_ELSE, (Z[3], Z[4], Z[5]))
     m = body.hook
     Rx[0] += f[0] - m * ax[0]
     Ry[0] += f[1] - m * ay[0]
@@ -177,12 +212,33 @@ def load_end(body: Any, work: Any, stage: Any) -> None:
     Azz[0] += Z[5] + m
 
 
+def calm(body: Any, work: Any, stage: Any, n: int, share: float) -> bool:
+    """Whether the pull on the hook that share·delta moves is what the rope's equations took it for.
+
+    Slings that tighten, a deck or the bed that is touched would make it another.
+    """
+    if share == 0.0:
+        return True
+    x, y, z = rows(work, POSITION, 0)
+    vx, vy, vz = rows(work, VELOCITY, 0)
+    dx, dy, dz = rows(work, CORRECTION, 0)
+    s, p, q = body.stage, share * stage.p, share * stage.q
+    d = dx[0], dy[0], dz[0]
+    place, speed = (x[0], y[0], z[0]), (vx[0], vy[0], vz[0])
+    if not _is_solved(body, stage.q, (along(place, p, d), along(speed, q, d))):
+        return False
+    (xx, xy, xz), (yy, yz, zz) = vector(s, at.TOLD_SLOPE), vector(s, at.TOLD_ELSE)
+    change = outward(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)), d)
+    miss = along(along(vector(s, at.ON_HOOK), -1.0, vector(s, at.TOLD)), share, change)
+    return bool(dot(miss, miss) <= s[at.ALLOWED] * s[at.ALLOWED])
+
+
 def settle(body: Any, rope: Any, stage: Any, kind: int) -> None:
     """The stage's body, for the hook's motion as found; the second one leaves a new record."""
     work, s = rope.work, body.stage
     place = (work[POSITION, 0], work[POSITION + 1, 0], work[POSITION + 2, 0])
     speed = (work[VELOCITY, 0], work[VELOCITY + 1, 0], work[VELOCITY + 2, 0])
-    solved = solve(body, stage.q, (place, speed))
+    solved = _is_solved(body, stage.q, (place, speed))
     if kind == TRAPEZOID:
         put(s, at.X_MIDDLE, vector(s, at.PLACE))
         put(s, at.TURN_MIDDLE, vector(s, at.TURN))
