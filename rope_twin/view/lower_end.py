@@ -20,6 +20,7 @@ _LEAST_M = 5.0  # so much is seen above, below and beside at least
 _NEAR_M = 80.0  # what ends farther away belongs to another part of the picture
 _ROOM = 1.25
 _GROWN = 1.2  # the eye moves when things are so many times farther than they were
+_WATER = (120, 175, 230)
 _LINES = (130, 132, 140)
 _WORDS = (205, 205, 210)
 
@@ -80,6 +81,7 @@ class LowerEnd:
         self._pose: tuple[Points, list[float]] | None = None  # its middle and attitude
         self._slings = np.zeros((0, 3)), np.zeros(0)  # where they hold it, and their pulls
         self._scale_n = 0.0
+        self._at_water = False  # the water's surface is in sight
         self.sight: Sight | None = None
 
     def take_rigging(self, names: list[str], position: Points, effort: Points) -> None:
@@ -186,8 +188,14 @@ class LowerEnd:
         import rerun as rr
 
         assert self.sight is not None
-        at = self.sight.spot(0.4 * self.sight.half, 0.0)
-        self._label("depth", [at[0], at[1], 0.0], depth_in_words(-self._focus[2]))
+        middle, aside = self._focus, 0.4 * self.sight.half
+        if self._outline_m is not None and self._pose is not None:
+            middle = self._pose[0]
+            aside = max(aside, 0.5 * float(np.hypot(*self._outline_m[:2])) + 0.2 * self.sight.half)
+        at = self.sight.spot(aside, 0.0)
+        words = depth_in_words(-float(middle[2]))
+        self._label("depth", [at[0], at[1], float(middle[2] - self._focus[2])], words)
+        self._draw_water(self.sight)
         if self._outline_m is not None and self._pose is not None:
             return self._draw_body(self._outline_m, *self._pose)
         known = self.payloads or {"": self._focus}
@@ -203,6 +211,18 @@ class LowerEnd:
             ),
         )  # fmt: skip
         return False
+
+    def _draw_water(self, sight: Sight) -> None:
+        """The mean water level, where it is in sight."""
+        import rerun as rr
+
+        up = -float(self._focus[2]) - sight.middle
+        before, self._at_water = self._at_water, abs(up) < sight.half
+        if before or self._at_water:
+            level = [[sight.spot(side * sight.half, up) for side in (-1.0, 1.0)]]
+            thin = rr.Radius.ui_points(0.75)
+            strips = rr.LineStrips3D(level[: self._at_water], colors=_WATER, radii=thin)
+            self._stream.log(f"{self._path}/water", strips)
 
     def _draw_body(self, sides: Points, place: Points, quaternion: list[float]) -> bool:
         """A rigid body as large as it is and turned as it is. True if the eye has to move."""

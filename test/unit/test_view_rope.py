@@ -248,6 +248,24 @@ def test_a_rigid_body_hangs_on_its_slings(session: Session) -> None:
     assert np.array(right) == pytest.approx(np.array([[0, 0, 0], [-2.0, -1.5, -5.0]]), abs=1e-3)
     slack, taut = found.column("lower_end/slings", "LineStrips3D:colors")[-1][::-1]
     assert slack != taut
+    deep = f"{-middle[2]:.1f} m deep"
+    assert found.column("lower_end/depth", "Points3D:labels")[-1] == [deep], "of the body"
+
+
+def test_the_water_is_drawn_where_the_lower_end_passes_it(session: Session) -> None:
+    """As a line at its height, which is gone once the rope's end is far below."""
+    shot = hanging_rope(21, time_s=1.0)
+    session.epoch()
+    for k, height_m in enumerate((2.0, -2.0, -400.0, -401.0)):
+        nodes = shot.node_position_m - [0.0, 0.0, shot.node_position_m[-1, 2] - height_m]
+        session.rope(1.0 + 0.2 * k, node_position_m=nodes, payload_position_m=nodes[-1])
+    found = session.finish()
+    above, below, gone = found.column("lower_end/water", "LineStrips3D:strips")
+    for strips, height_m in ((above, -2.0), (below, 2.0)):
+        assert np.array(strips[0])[:, 2] == pytest.approx([height_m] * 2, abs=1e-3)
+    assert gone == []
+    words = found.column("lower_end/depth", "Points3D:labels")
+    assert words[:2] == [["2.0 m above the water"], ["2.0 m deep"]]
 
 
 def test_what_a_rope_shakes_and_has_used_is_drawn_over_its_length(session: Session) -> None:
