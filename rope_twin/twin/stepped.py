@@ -86,6 +86,11 @@ class SteppedTwin(ToldTwin):
         return self._rope._replace(effects=self._current.effects)
 
     @property
+    def shaking(self) -> Shaking | None:
+        """The scene's model of vortices if it is beside the step; for the thread that advances."""
+        return self._shaking
+
+    @property
     def rung(self) -> Rung:
         """Elements and step that it goes with at present."""
         return self._rung

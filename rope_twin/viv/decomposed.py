@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi
+from typing import NamedTuple
 
 import numpy as np
 
@@ -70,46 +71,101 @@ def displaced(span: Span, density: float) -> Floats:
     return density * 0.25 * pi * span.diameter**2 * span.node_length
 
 
-def search_modes(span: Span, model: Decomposed, part: int = MOST) -> ModeSearch:
-    """For the candidates, `part` modes at a time; span.mass is without added mass.
+class ExcitationSearch:
+    """What a current does to each mode, some modes at a time: for who has no time for all at once.
+
+    Of a group of modes after the other: their shapes, then their true frequencies and powers.
+    span.mass is without added mass.
 
     Raises:
         InputError: the rope is slack somewhere.
     """
-    share = 0.5 * (_per_metre(span, model)[1:] + _per_metre(span, model)[:-1])
-    moved = span._replace(mass=span.mass + model.fixed_added_mass * share)
-    fastest = float((span.speed / span.diameter).max())
-    return ModeSearch(moved, 1.5 * model.band[1] * fastest, part)
+
+    def __init__(self, span: Span, model: Decomposed, part: int = MOST) -> None:
+        """`part`: about so many modes at a time."""
+        self.span, self._model, self._part = span, model, part
+        share = 0.5 * (_per_metre(span, model)[1:] + _per_metre(span, model)[:-1])
+        moved = span._replace(mass=span.mass + model.fixed_added_mass * share)
+        fastest = float((span.speed / span.diameter).max())
+        self._search = ModeSearch(moved, 1.5 * model.band[1] * fastest, part)
+        self._expected = self._search.left  # parts, as far as is known before
+        self._modes: LateralModes | None = None
+        self._parts: list[_Part] = []
+
+    @property
+    def left(self) -> int:
+        """How often it can go on."""
+        if self._modes is None:
+            return self._search.left + 1 + self._expected
+        return -(-len(self._modes.frequency) // self._part) - len(self._parts)
+
+    def go_on(self) -> None:
+        """The next ones, if any are left."""
+        if self._search.left:
+            self._search.go_on()
+        elif self._modes is None:
+            self._modes = self._search.found()
+        elif self.left:
+            first = self._part * len(self._parts)
+            some = _some(self._modes, slice(first, first + self._part))
+            self._parts.append(_excited(self.span, self._model, some))
+
+    def found(self) -> Excitation:
+        """Of all of them, with what is left of the search."""
+        while self.left:
+            self.go_on()
+        modes = self._modes or self._search.found()
+        none = _Part(*np.zeros((3, 0)), np.zeros((len(self.span.s), 0), dtype=bool))
+        parts = self._parts or [none]
+        frequency, added, power, band = (
+            np.concatenate(own, axis=-1) for own in zip(*parts, strict=True)
+        )
+        zones = _share_out(power, band, self._model.candidate)
+        return Excitation(modes, frequency, added, power, zones)
 
 
-def analyse(span: Span, model: Decomposed, search: ModeSearch | None = None) -> Excitation:
+def analyse(span: Span, model: Decomposed) -> Excitation:
     """Candidate modes, their power and true frequency; span.mass is without added mass.
 
-    `search`: where the modes were looked for before.
-
     Raises:
         InputError: the rope is slack somewhere.
     """
-    water = displaced(span, model.density)
-    modes = (search or search_modes(span, model)).found()
-    weight = modes.shape**2
-    dry = span.node_mass @ weight
-    wet = modes.mass
+    return ExcitationSearch(span, model).found()
+
+
+class _Part(NamedTuple):
+    """Of some modes, (modes,) or (nodes, modes)."""
+
+    frequency: Floats
+    added_mass: Floats
+    power: Floats
+    band: Mask
+
+
+def _some(modes: LateralModes, which: slice) -> LateralModes:
+    shape = np.ascontiguousarray(modes.shape[:, which])
+    return LateralModes(modes.frequency[which], shape, modes.mass[which])
+
+
+def _excited(span: Span, model: Decomposed, modes: LateralModes) -> _Part:
+    """True frequencies, and the powers at them."""
+    square = modes.shape**2
+    weight = displaced(span, model.density)[:, None] * square
+    dry, wet, moved = span.node_mass @ square, modes.mass, weight.sum(axis=0)
     added = np.full(len(wet), model.fixed_added_mass)
     frequency = modes.frequency.copy()
     if model.varying:
         for _ in range(ROUNDS):
             reduced = _reduced(frequency, span)
             local = model.table.added_mass_along(model.first_amplitude, reduced)
-            mean = ((local * weight) * water[:, None]).sum(axis=0) / (water @ weight)
-            mean = 0.5 * (added + mean)
+            mean = 0.5 * (added + np.einsum("nk,nk->k", local, weight) / moved)
             done = np.abs(mean - added).max(initial=0.0) < SAME
             added = mean
-            frequency = modes.frequency * np.sqrt(wet / (dry + added * (water @ weight)))
+            frequency = modes.frequency * np.sqrt(wet / (dry + added * moved))
             if done:
                 break
     power, band = _powers(span, model, modes, frequency)
-    return Excitation(modes, frequency, added, power, _share_out(power, band, model.candidate))
+    return _Part(frequency, added, power, band)
 
 
 def _per_metre(span: Span, model: Decomposed) -> Floats:
@@ -127,7 +183,7 @@ def _powers(
     """Π of each mode, and where its f·D/U lies in the band."""
     reduced, omega = _reduced(frequency, span), 2.0 * pi * frequency
     band: Mask = (reduced >= model.band[0]) & (reduced <= model.band[1])
-    lift = model.table.lift_at(np.full_like(reduced, model.first_amplitude), reduced)
+    lift = model.table.lift_along(model.first_amplitude, reduced)
     push = 0.5 * model.density * (span.diameter * span.speed**2 * span.node_length)[:, None]
     force = (band * push * np.maximum(lift, 0.0) * np.abs(modes.shape)).sum(axis=0)
     speed = model.first_amplitude * span.diameter[:, None] * omega

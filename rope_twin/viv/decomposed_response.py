@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rope_twin.viv.decomposed import Decomposed, Excitation, analyse, displaced, search_modes
+from rope_twin.viv.decomposed import Decomposed, Excitation, ExcitationSearch, displaced
 from rope_twin.viv.integrators import Integrator, Matrices, Motion, bathe, upper_bands
-from rope_twin.viv.lateral_modes import ModeSearch, stiffness
+from rope_twin.viv.lateral_modes import stiffness
 from rope_twin.viv.span import Floats, Span
 
 PER_PERIOD = 24  # steps per period of the fastest driven mode
@@ -57,19 +57,19 @@ class DecomposedResponse:
         self._squares = np.zeros((2, len(still)))  # running mean of ẏ², ÿ²
         self.amplitude, self.omega = still, self._omega0.copy()
 
-    def search(self, span: Span) -> ModeSearch:
-        """For the modes of a rope that has changed, to be followed when it is through.
+    def search(self, span: Span) -> ExcitationSearch:
+        """For what drives a rope that has changed, to be followed when it is through.
 
         Raises:
             InputError: it is slack somewhere.
         """
-        return search_modes(span, self.model, PART)
+        return ExcitationSearch(span, self.model, PART)
 
-    def follow(self, span: Span, search: ModeSearch | None = None) -> None:
+    def follow(self, span: Span, search: ExcitationSearch | None = None) -> None:
         """The rope has changed: other tension, length or current. Motion goes on as it is.
 
         Modes, powers and true frequencies are found again; a mode keeps its phase by its number.
-        `search`: where the modes were looked for before.
+        `search`: where they were looked for before.
 
         Raises:
             InputError: it is slack somewhere; the old modes are kept.
@@ -112,11 +112,11 @@ class DecomposedResponse:
         self._angles, self._since_s, self.time_s = kept.angles, kept.since_s, kept.time_s
         self._angle = self._angles_of_nodes()
 
-    def _take(self, span: Span, search: ModeSearch | None) -> None:
+    def _take(self, span: Span, search: ExcitationSearch | None) -> None:
         """What the rope makes of the water and of each node."""
         model = self.model
         self.span = span
-        self.excitation: Excitation = analyse(span, model, search)
+        self.excitation: Excitation = (search or ExcitationSearch(span, model)).found()
         free = slice(self._first, -1)
         driven = self.excitation.driven
         frequency = float(driven.max())
@@ -129,7 +129,7 @@ class DecomposedResponse:
         ]  # ½·ρ·D·U² times length [N]
         self._water, self._dry = displaced(span, model.density)[free], span.node_mass[free]
         self._diameter, self._speed = span.diameter[free], np.maximum(span.speed[free], 1e-6)
-        self._bands = upper_bands(stiffness(span).tocsr()[free, free], 3)
+        self._bands = _bands(span)[:, free]
 
     def _below_top(self) -> Floats:
         """Of the free nodes, less than 0 [m]."""
@@ -172,10 +172,9 @@ class DecomposedResponse:
     def _advance(self, h: float) -> None:
         model = self.model
         reduced = self.omega / (2.0 * pi) * self._diameter / self._speed
-        lift = model.table.lift_at(self.amplitude, reduced)
-        added = np.full(len(lift), model.fixed_added_mass)
-        if model.varying:
-            added = model.table.added_mass_at(self.amplitude, reduced)
+        lift, added = model.table.both_at(self.amplitude, reduced)
+        if not model.varying:
+            added = np.full(len(lift), model.fixed_added_mass)
         mass = np.maximum(self._dry + added * self._water, 0.1 * self._dry)
         against = self._push * np.maximum(-lift, 0.0)
         size = np.maximum(self.amplitude, LEAST) * self._diameter
@@ -201,3 +200,14 @@ class DecomposedResponse:
         known = np.sqrt(2.0 * self._squares[0]) > LEAST * self._diameter * self._omega0
         self.omega = np.where(known, rate, self._omega0)
         self.amplitude = np.sqrt(2.0 * self._squares[0]) / self.omega / self._diameter
+
+
+def _bands(span: Span) -> Floats:
+    """Stiffness between all nodes in LAPACK's upper form, no wider than it is."""
+    if span.stiffness > 0.0:
+        return upper_bands(stiffness(span).tocsr(), 3)
+    k = span.tension / np.diff(span.s)
+    bands = np.zeros((2, len(span.s)))
+    bands[0, 1:], bands[1, :-1] = -k, k
+    bands[1, 1:] += k
+    return bands

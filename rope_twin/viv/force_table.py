@@ -37,17 +37,30 @@ class ForceTable(NamedTuple):
         """C_a."""
         return self._at(self.added_mass, amplitude, frequency)
 
+    def both_at(self, amplitude: Floats, frequency: Floats) -> tuple[Floats, Floats]:
+        """C_Lv and C_a."""
+        both = np.stack([self.lift, self.added_mass])
+        lift, added_mass = self._at(both, amplitude, frequency)
+        return lift, added_mass
+
+    def lift_along(self, amplitude: float, frequency: Floats) -> Floats:
+        """C_Lv of one amplitude for all frequencies."""
+        return self._along(self.lift, amplitude, frequency)
+
     def added_mass_along(self, amplitude: float, frequency: Floats) -> Floats:
         """C_a of one amplitude for all frequencies: to be asked for again and again."""
+        return self._along(self.added_mass, amplitude, frequency)
+
+    def _along(self, values: Floats, amplitude: float, frequency: Floats) -> Floats:
         (j,), (v,) = _place(self.amplitude, np.array([amplitude]))
-        row = (1.0 - v) * self.added_mass[:, j] + v * self.added_mass[:, j + 1]
+        row = (1.0 - v) * values[:, j] + v * values[:, j + 1]
         return np.asarray(np.interp(frequency, self.frequency, row))
 
     def _at(self, values: Floats, amplitude: Floats, frequency: Floats) -> Floats:
         i, u = _place(self.frequency, frequency)
         j, v = _place(self.amplitude, amplitude)
-        low = (1.0 - v) * values[i, j] + v * values[i, j + 1]
-        high = (1.0 - v) * values[i + 1, j] + v * values[i + 1, j + 1]
+        low = (1.0 - v) * values[..., i, j] + v * values[..., i, j + 1]
+        high = (1.0 - v) * values[..., i + 1, j] + v * values[..., i + 1, j + 1]
         return np.asarray((1.0 - u) * low + u * high)
 
 

@@ -4,7 +4,7 @@ K of the tension, which varies along the rope, and of bending, EI·|y''|² on th
 with hinged ends ([LCD] eqs 1 and 2: Le Cunff and Durand 1999; Irvine 1981, ch. 3). Unlike
 `studies.modes` it knows the rope as a line, not in three dimensions: fast enough to be asked again
 while a twin runs. Without bending the matrix has three diagonals (LAPACK's MRRR, Dhillon and
-Parlett 2004); with it, shift and invert at zero on the sparse one.
+Parlett 2004); with it, shift and invert on the sparse one.
 """
 
 from __future__ import annotations
@@ -42,8 +42,6 @@ def find_lateral_modes(span: Span, highest_hz: float) -> LateralModes:
 class ModeSearch:
     """The modes of a rope up to a frequency, some at a time: for who has no time for all at once.
 
-    With bending they are found all at once.
-
     Raises:
         InputError: as for all of them.
     """
@@ -61,23 +59,28 @@ class ModeSearch:
         self.span, self.highest_hz = span, highest_hz
         self._first = 1 if span.end_mass is None else 0
         self._mass = span.node_mass[self._first : -1]
-        parts = 1 if span.stiffness > 0.0 else max(1, ceil(expected / part))
+        parts = max(1, ceil(expected / part))
         # a string's frequencies lie equally far apart
         edges = 2.0 * pi * highest_hz * np.arange(parts + 1) / parts
         self._bands = [(-1.0 if low == 0.0 else low * low, high * high)
                        for low, high in pairwise(edges.tolist())]  # fmt: skip
         self._parts: list[tuple[Floats, Floats]] = []
 
+    @property
+    def left(self) -> int:
+        """How often it can go on."""
+        return len(self._bands) - len(self._parts)
+
     def go_on(self) -> None:
         """The next ones, if any are left."""
-        if len(self._parts) < len(self._bands):
+        if self.left:
             band = self._bands[len(self._parts)]
             solve = _three_diagonals if self.span.stiffness == 0.0 else _sparse
             self._parts.append(solve(self.span, self._mass, self._first, band))
 
     def found(self) -> LateralModes:
         """All of them, with what is left of the search."""
-        while len(self._parts) < len(self._bands):
+        while self.left:
             self.go_on()
         squares = np.concatenate([part[0] for part in self._parts])
         vectors = np.concatenate([part[1] for part in self._parts], axis=1)
@@ -115,18 +118,28 @@ def _three_diagonals(
 def _sparse(
     span: Span, mass: Floats, first: int, band: tuple[float, float]
 ) -> tuple[Floats, Floats]:
-    """The same with bending: as many as a string has, which bending only makes fewer."""
+    """The same with bending: as many as a string has there, which bending only makes fewer.
+
+    Those nearest to the middle of the band, or from the lowest up, until some are beyond it.
+    """
     from scipy.sparse import diags_array
     from scipy.sparse.linalg import eigsh
 
-    root, top = diags_array(1.0 / np.sqrt(mass)), band[1]
+    root, (low, top) = diags_array(1.0 / np.sqrt(mass)), band
     K = (root @ stiffness(span)[first:-1, first:-1] @ root).tocsc()
-    wanted = ceil(modes_below(span, np.sqrt(top) / (2.0 * pi))) + SPARE
-    count = min(wanted, len(mass) - 2)
+    edges = np.sqrt([max(low, 0.0), top])
+    middle = 0.0 if low < 0.0 else float(edges.mean()) ** 2
+    wanted = ceil(modes_below(span, float(np.diff(edges)[0]) / (2.0 * pi)))
+    wanted += SPARE if low < 0.0 else 2 * SPARE
     start = np.random.default_rng(1).standard_normal(len(mass))  # the same digits each time
-    squares, vectors = eigsh(K, k=count, sigma=0.0, which="LM", v0=start)
+    while True:
+        count = min(wanted, len(mass) - 2)
+        squares, vectors = eigsh(K, k=count, sigma=middle, which="LM", v0=start)
+        if count < wanted or (squares.max() > top and (low < 0.0 or squares.min() <= low)):
+            break
+        wanted *= 2
     order = np.argsort(squares)
-    order = order[squares[order] <= top]
+    order = order[(squares[order] > low) & (squares[order] <= top)]
     return squares[order], vectors[:, order]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from typing import Any
 
@@ -108,6 +109,29 @@ def test_it_goes_on_from_a_state_and_from_a_branch_to_the_bit(model: Any) -> Non
     assert same.fatigue is not None
     assert same.fatigue.bending
     assert same.fatigue.used.max() > 0.0
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("every_s", [1.0, 0.2])
+def test_what_is_followed_was_found_before_in_equal_shares(model: Any, every_s: float) -> None:
+    """No look pays for a search that others should have made."""
+    rig = replace(CABLE, diameter=0.032, current=((0.0, (1.2, 0.0)),))
+    twin = Twin(shaken(replace(model, modes_every_s=every_s), rig.scene()))
+    assert twin.shaking is not None
+    tracker, left = twin.shaking.tracker, []
+    for _ in range(round(3.0 / twin.step_s)):
+        twin.advance(1)
+        search = tracker._search
+        assert search is not None
+        left.append(search.left)
+    assert tracker.solves == 1 + round(3.0 / every_s - 0.5)
+    shares = [before - after for before, after in itertools.pairwise(left) if after <= before]
+    assert max(left) > 3
+    assert max(shares) <= 1 + max(left) // round(every_s / twin.step_s - 1)
+    # where a search begins nothing is left of the one before
+    begun = range(round(every_s / twin.step_s), len(left), round(every_s / twin.step_s))
+    assert [left[number - 1] for number in begun] == [0] * len(begun)
+    assert all(left[number] > 3 for number in begun)
 
 
 def test_a_rope_that_goes_slack_keeps_its_modes_and_says_so() -> None:

@@ -19,7 +19,7 @@ from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.in_modes import span_of_twin
 from rope_twin.twin.vibration.watch import DECOMPOSED, MODES, Watch
-from rope_twin.viv.decomposed import decomposed
+from rope_twin.viv.decomposed import ExcitationSearch, decomposed
 from rope_twin.viv.decomposed_response import DecomposedResponse
 from rope_twin.viv.lateral_modes import ModeSearch, find_lateral_modes
 from rope_twin.viv.modal_response import ModalResponse
@@ -46,17 +46,35 @@ def fine_span(ends: bool = True) -> Span:
     return span if ends else span._replace(end_mass=None)
 
 
-@pytest.mark.parametrize("ends", [True, False])
+@pytest.mark.parametrize(("ends", "EI"), [(True, 0.0), (False, 0.0), (True, 5e3), (False, 1e5)])
 @pytest.mark.parametrize("part", [1, 7, 400])
-def test_modes_found_in_parts_are_those_found_at_once(part: int, ends: bool) -> None:
-    span = fine_span(ends)
+def test_modes_found_in_parts_are_those_found_at_once(part: int, ends: bool, EI: float) -> None:
+    span = fine_span(ends)._replace(stiffness=EI)
     whole = find_lateral_modes(span, 3.0)
     search = ModeSearch(span, 3.0, part)
+    assert search.left > 10 / part
     search.go_on()
     found = search.found()
     assert len(found.frequency) == len(whole.frequency) > 15
     assert found.frequency == pytest.approx(whole.frequency, rel=1e-9)
     assert np.abs(found.shape - whole.shape).max() < 1e-6
+
+
+@pytest.mark.parametrize("varying", [True, False])
+def test_what_drives_a_rope_is_the_same_in_parts(varying: bool) -> None:
+    span, model = fine_span()._replace(speed=np.linspace(0.1, 0.5, 202)), decomposed(varying)
+    span = span._replace(mass=0.5 * span.mass)
+    whole = ExcitationSearch(span, model).found()
+    search = ExcitationSearch(span, model, 5)
+    promised = search.left
+    for _ in range(promised):
+        search.go_on()
+    assert (search.left, promised > 5) == (0, True)
+    found = search.found()
+    assert found.dominant == whole.dominant > 5
+    assert found.frequency == pytest.approx(whole.frequency, rel=1e-5)
+    assert found.power == pytest.approx(whole.power, rel=1e-4)
+    assert np.array_equal(found.zones, whole.zones)
 
 
 def test_followed_to_the_same_rope_the_decomposed_response_goes_on_as_it_was() -> None:

@@ -1,15 +1,17 @@
 """Vibration computed beside a running twin: models that know a rope by its modes.
 
 The twin steps the rope at the pace of ship and winch. Once a second its tension, length and the
-water across it are taken; the modes are then looked for, some at each look, and followed a second
-later, so that no look takes long and a run as fast as possible equals a paced one. Where
-the scene does not list the model (twin/vibration/shaking.py), the twin's own motion is not changed.
+water across it are taken; the modes and what drives them are then looked for, some at each look,
+and followed a second later. So no look takes long, and a run as fast as
+possible equals a paced one: what is done at which look does not hang on the machine. Where the
+scene does not list the model (twin/vibration/shaking.py), the twin's own motion is not changed.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from math import ceil
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +23,7 @@ from rope_twin.twin.fatigue.wear import turned
 from rope_twin.twin.findings import RopeVibration
 from rope_twin.twin.vibration.in_modes import span_of_rope
 from rope_twin.twin.vibration.own_motion import AVERAGED, relative_flow, sides, tangents
-from rope_twin.viv.decomposed import Decomposed
+from rope_twin.viv.decomposed import Decomposed, ExcitationSearch
 from rope_twin.viv.decomposed_response import DecomposedResponse
 from rope_twin.viv.lateral_modes import ModeSearch
 from rope_twin.viv.modal_response import ModalResponse
@@ -61,7 +63,7 @@ class Beside:
         self.model, self._span_of, self._response = model, span_of, response
         self._every_s = every_s
         self._searched: Span | None = None
-        self._search: ModeSearch | None = None
+        self._search: ModeSearch | ExcitationSearch | None = None
         self._flow = _at_shares(rope)
         self._since_s, self.solves, self.note = every_s, 1, ""
         span = span_of(rope)
@@ -71,13 +73,15 @@ class Beside:
     def words(self, span: Span) -> str:
         """What it costs, measured here and now."""
         began = time.perf_counter()
-        found = self._response.search(span).found()
+        search = self._response.search(span)
+        parts = search.left
+        found = search.found()
         took_ms = 1e3 * (time.perf_counter() - began)
         highest = f" up to {found.frequency.max():.3g} Hz" if len(found.frequency) else ""
         return (
             f"vibration {self.model}: {len(found.frequency)} modes{highest} on "
             f"{len(self._response.span.s)} places, found again every {self._every_s:g} s in "
-            f"{took_ms:.0f} ms, steps of {1e3 * self._response.step_s:.3g} ms."
+            f"{took_ms:.0f} ms, {parts} parts, steps of {1e3 * self._response.step_s:.3g} ms."
         )
 
     def take(self, rope: Rope, sample_s: float, vortices_hz: float) -> None:
@@ -89,7 +93,9 @@ class Beside:
             self._since_s = 0.0
             self._follow(rope)
         elif self._search is not None:
-            self._search.go_on()
+            looks = max(1, round((self._every_s - self._since_s) / sample_s))
+            for _ in range(ceil(self._search.left / looks)):
+                self._search.go_on()
         self._response.advance(sample_s)
 
     def shot(self, rope: Rope) -> RopeVibration:
@@ -143,6 +149,7 @@ class Beside:
         self._response.take_back(kept.response)
         if kept.searching:
             self._searched, self._search = kept.searched, self._response.search(kept.searched)
+            self._search.found()  # at once: what is left of it would not be spread any more
         self._flow, self._since_s, self.solves = kept.flow, kept.since_s, kept.solves
         self.note = kept.note
 
