@@ -110,7 +110,8 @@ TOPICS: tuple[Topic, ...] = (
           "rope coloured by tension, payload, hang-off"),
     Topic("rope/vibration", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 5.0, "simulation",
           "how the rope shakes: x, y, z [m] of each node, from the hang-off down, cross_flow "
-          "[A/d], cross_flow_hz, and in_line, in_line_hz where the model has them; if asked for, "
+          "[A/d], cross_flow_hz, in_line, in_line_hz where the model has them, and "
+          "drag_amplification, what it multiplies the rope's drag by (1: nothing); if asked for, "
           "or the scene's model is beside the step",
           only_with="vibration"),
     Topic("rope/fatigue", "std_msgs/msg/Float64MultiArray", Qos.STREAM, 1.0, "simulation",

@@ -195,6 +195,7 @@ def _vibration(snapshot: Snapshot, shaking: RopeVibration) -> Status:
         "largest cross-flow amplitude [d]": f"{shaking.cross_flow[at]:.3g}",
         "its frequency [Hz]": f"{shaking.cross_flow_hz[at]:.3g}",
         "below the hang-off [m]": f"{snapshot.arc_length_m[at]:.1f}",
+        "largest drag amplification": f"{shaking.drag_amplification.max():.3g}",
         "cost of watching [% of real time]": f"{shaking.cost_pct:.2g}",
     }
     if shaking.every_s > 0.0:

@@ -21,7 +21,7 @@ class WatchForms:
         self._sized = Templates()
 
     def vibration(self, snapshot: Snapshot, stamp: dict[str, int]) -> bytes:
-        """x, y, z of each node, and amplitude and frequency there."""
+        """x, y, z of each node, and amplitude, frequency and drag there."""
         shaking = snapshot.vibration
         if shaking is None:
             raise InputError(phrase("encode", "the snapshot has no vibration", "ask for it"))
@@ -50,4 +50,4 @@ def vibration_columns(shaking: RopeVibration) -> dict[str, np.ndarray]:
     columns = {"cross_flow": shaking.cross_flow, "cross_flow_hz": shaking.cross_flow_hz}
     if shaking.in_line is not None and shaking.in_line_hz is not None:
         columns |= {"in_line": shaking.in_line, "in_line_hz": shaking.in_line_hz}
-    return columns
+    return columns | {"drag_amplification": shaking.drag_amplification}

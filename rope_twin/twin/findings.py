@@ -68,6 +68,7 @@ class RopeVibration:
     cross_flow_hz: Vector  # its frequency; 0 where nothing moves, (nodes,)
     in_line: Vector | None  # likewise with the current; None: the model has no such motion
     in_line_hz: Vector | None
+    drag_amplification: Vector  # what it multiplies the rope's mean drag by; 1: none, (nodes,)
     every_s: float  # how often a model beside the twin finds the rope's modes again; 0: it has none
     solves: int  # how often it has
     note: str  # one sentence if the modes could not be found again

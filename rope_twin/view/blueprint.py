@@ -40,7 +40,7 @@ _PLOTS = (
 
 # entity, title and panels of what a run may be asked to tell of its rope
 _CHARTS = {
-    VIBRATION: (VIBRATION, "Vibration over length below the hang-off [m]", 2),
+    VIBRATION: (VIBRATION, "Vibration over length below the hang-off [m]", 3),
     FATIGUE: (FATIGUE, "Fatigue used over length below the hang-off [m]", 1),
 }
 LIVE_S = 120.0  # so far back reach the plots of a live window

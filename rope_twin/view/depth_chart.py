@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rope_twin.view.ticks import ticks_over
 
-WIDTH, HEIGHT, GAP = 560.0, 1000.0, 130.0
+WIDTH, HEIGHT, GAP = 560.0, 1000.0, 110.0
 _GRID = (66, 68, 76)
 _WORDS = (205, 205, 210)
 _HEAD, _LIFT = -95.0, 30.0  # title above the panel; rerun hangs a label below its point
@@ -80,9 +80,8 @@ class DepthChart:
         hair = rr.Radius.ui_points(0.5)
         self._stream.log(f"{self._path}/grid", rr.LineStrips2D(grid, colors=_GRID, radii=hair))
         self._label("values", [[at, HEIGHT] for at in x], [f"{value:g}" for value in across])
-        self._label(
-            "depths", [[self._left - 60.0, at - _LIFT] for at in y], [f"{d:g}" for d in down]
-        )
+        if self._left == 0.0:  # those beside it have the same depths, and no room for them
+            self._label("depths", [[-60.0, at - _LIFT] for at in y], [f"{d:g}" for d in down])
         names = ", ".join(curve.name for curve in curves)
         middle = self._left + 0.5 * WIDTH
         self._label("title", [[middle, _HEAD]], [f"{self._title}: {names}"])

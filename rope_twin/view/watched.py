@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from rope_twin.view.depth_chart import Curve, DepthChart
 
 VIBRATION, FATIGUE = "vibration", "fatigue"
-CROSS_FLOW_RGB, IN_LINE_RGB, USED_RGB = (253, 231, 37), (53, 183, 160), (242, 106, 90)
+CROSS_FLOW_RGB, IN_LINE_RGB = (253, 231, 37), (53, 183, 160)
+DRAG_RGB, USED_RGB = (111, 168, 255), (242, 106, 90)
 
 
 class WatchedCharts:
@@ -20,10 +21,14 @@ class WatchedCharts:
         self.shown: tuple[str, ...] = ()
         self._amplitude = DepthChart(stream, f"{VIBRATION}/amplitude", "A/d", 0)
         self._frequency = DepthChart(stream, f"{VIBRATION}/frequency", "Hz", 1)
+        self._drag = DepthChart(stream, f"{VIBRATION}/drag", "drag", 2)
         self._used = DepthChart(stream, FATIGUE, "share of life used", 0)
 
     def show_vibration(self, columns: dict[str, NDArray[np.float64]]) -> bool:
-        """Columns of `rope/vibration` by name; True if it is the first of its kind."""
+        """Columns of `rope/vibration` by name; True if it is the first of its kind.
+
+        Bags of before the drag was told have no column of it.
+        """
         place = np.stack([columns[axis] for axis in "xyz"])
         steps = np.sqrt((np.diff(place, axis=1) ** 2).sum(axis=0))
         depth = np.concatenate([[0.0], np.cumsum(steps)])
@@ -34,6 +39,10 @@ class WatchedCharts:
             frequency.append(Curve("in-line", _moving(columns["in_line_hz"]), IN_LINE_RGB))
         self._amplitude.show(depth, amplitude)
         self._frequency.show(depth, frequency)
+        if "drag_amplification" in columns:
+            self._drag.show(
+                depth, [Curve("amplification", columns["drag_amplification"], DRAG_RGB)]
+            )
         return self._is_first(VIBRATION)
 
     def show_fatigue(self, table: NDArray[np.float64]) -> bool:

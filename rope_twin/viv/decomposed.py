@@ -115,8 +115,8 @@ class ExcitationSearch:
         while self.left:
             self.go_on()
         modes = self._modes or self._search.found()
-        none = _Part(*np.zeros((3, 0)), np.zeros((len(self.span.s), 0), dtype=bool))
-        parts = self._parts or [none]
+        none, nowhere = np.zeros(0), np.zeros((len(self.span.s), 0), dtype=bool)
+        parts = self._parts or [_Part(none, none, none, nowhere)]
         frequency, added, power, band = (
             np.concatenate(own, axis=-1) for own in zip(*parts, strict=True)
         )

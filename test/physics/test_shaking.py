@@ -70,6 +70,7 @@ def test_the_rope_leans_by_the_drag_that_grew(model: Any) -> None:
     rms = shaking(shot).cross_flow[:0:-1] / np.sqrt(2.0)
     assert growth == pytest.approx(1.043 * (2.0 * rms) ** 0.65, abs=1e-6)
     assert growth.mean() > 0.8
+    assert shaking(shot).drag_amplification[:0:-1] == pytest.approx(1.0 + growth, abs=1e-6)
 
     def lean(scene: Scene) -> float:
         seen, _ = settled(scene)

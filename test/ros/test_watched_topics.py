@@ -31,11 +31,13 @@ def test_a_process_that_listens_hears_them_and_the_recorder_keeps_them(
     recorder.send(signal.SIGINT)
     assert recorder.wait() == 0
     cloud = shaking[-1]
-    assert [field.name for field in cloud.fields] == ["x", "y", "z", "cross_flow", "cross_flow_hz"]
-    points = np.frombuffer(bytes(cloud.data), "<f4").reshape(-1, 5)
+    names = ["x", "y", "z", "cross_flow", "cross_flow_hz", "drag_amplification"]
+    assert [field.name for field in cloud.fields] == names
+    points = np.frombuffer(bytes(cloud.data), "<f4").reshape(-1, 6)
     assert len(points) == cloud.width
     assert points[0, 2] > points[-1, 2]
     assert (points[:, 3] >= 0.0).all()
+    assert (points[:, 5] == 1.0).all()  # the twin does not feel what is beside it
     table = np.array(used[-1].data).reshape(-1, 3)
     assert (np.diff(table[:, 0]) > 0.0).all()
     assert (table[:, 2] >= 0.0).all()

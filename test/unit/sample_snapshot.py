@@ -54,7 +54,16 @@ def hanging_rope(
         seabed=BedContact(-0.03, 9.5e4, 12.0, 600.0),
         band=TensionBand(float(element[0]) - 40.0, float(element[0]) + 40.0, 40.0, 25.0),
         vibration=RopeVibration(
-            "motion", 0.5 * swing, 2.0 + swing, 0.1 * swing, 4.0 + swing, 0.0, 0, "", 1.5
+            "motion",
+            0.5 * swing,
+            2.0 + swing,
+            0.1 * swing,
+            4.0 + swing,
+            1.0 + swing,
+            0.0,
+            0,
+            "",
+            1.5,
         ),
         fatigue=MaterialFatigue(
             "stranded_wire", 2.0, length_m - arc, arc, 1e-9 * np.arange(nodes), False

@@ -194,6 +194,7 @@ def test_the_cloud_of_vibration_names_what_its_model_knows(in_line: bool) -> Non
     cloud = messages.decode("rope/vibration", data)
     names = ["x", "y", "z", "cross_flow", "cross_flow_hz"]
     names += ["in_line", "in_line_hz"] if in_line else []
+    names += ["drag_amplification"]
     assert [field.name for field in cloud.fields] == names
     assert cloud.width * cloud.point_step == len(cloud.data) == 7 * 4 * len(names)
     points = np.frombuffer(cloud.data.tobytes(), "<f4").reshape(7, len(names))

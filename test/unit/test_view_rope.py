@@ -17,7 +17,7 @@ from sample_snapshot import hanging_rope
 
 from rope_twin import messages
 from rope_twin.errors import InputError
-from rope_twin.messages import Level, Status
+from rope_twin.messages import Level, Status, watched
 from rope_twin.twin.joined.lines_shot import Crossing, LineEvent, LinesShot, Nearest
 from rope_twin.twin.snapshot import BodyShot, PayloadShot, RopeShot, StrutShot, WinchShot
 from rope_twin.view import depth_chart
@@ -282,8 +282,26 @@ def test_what_a_rope_shakes_and_has_used_is_drawn_over_its_length(session: Sessi
     assert down[0] == 0.0
     assert across == pytest.approx(across.max() * shot.vibration.cross_flow / 0.5, abs=1e-3)
     assert 0.4 * depth_chart.WIDTH < across.max() <= depth_chart.WIDTH
+    (strip,) = found.column("vibration/drag/amplification", "LineStrips2D:strips")[0]
+    across = np.array(strip)[:, 0] - 2.0 * (depth_chart.WIDTH + depth_chart.GAP)
+    assert across == pytest.approx(across.max() * shot.vibration.drag_amplification / 2.0, abs=1e-3)
     for entity in ("vibration/frequency/in-line", "vibration/amplitude/title", "fatigue/grid"):
         assert entity in found.entities
+
+
+def test_a_bag_of_before_the_drag_was_told_is_drawn_without_it(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session.epoch()
+    session.rope(1.0)
+    shot = hanging_rope(21, time_s=1.0)
+    columns = {name: vars(shot.vibration)[name] for name in ("cross_flow", "cross_flow_hz")}
+    monkeypatch.setattr(watched, "vibration_columns", lambda shaking: columns)
+    old = session.encoder.encode("rope/vibration", shot)
+    session.show("rope/vibration", old, EPOCH_NS + 10**9)
+    entities = session.finish().entities
+    assert "vibration/amplitude/cross-flow" in entities
+    assert not [name for name in entities if name.startswith("vibration/drag")]
 
 
 def test_without_a_band_nothing_of_it_is_drawn(session: Session) -> None:

@@ -279,6 +279,13 @@ def test_shaking_of_known_amplitude_and_frequency_is_told(hz: float) -> None:
     across_hz, along_hz = tracker.frequencies_hz()
     assert across_hz[2:-2] == pytest.approx(hz, rel=0.002)
     assert along_hz[3:-3] == pytest.approx(2.0 * hz, rel=0.005)
+    # mean of |u|·u of a flow of 0.5 m/s past that motion, over 0.25 (m/s)²
+    angle = np.linspace(0.0, 2.0 * np.pi, 200, endpoint=False)[:, None]
+    rate = 2.0 * np.pi * hz * 0.032 * shape
+    u = 0.5 - 2.0 * rate * 0.2 * np.cos(2.0 * angle + 0.3), 0.7 * rate * np.cos(angle)
+    expected = (np.hypot(*u) * u[0]).mean(axis=0) / 0.25
+    assert expected.max() > 1.05
+    assert tracker.drag_amplification() == pytest.approx(expected, rel=0.01)
 
 
 def test_nothing_is_told_before_the_filter_has_settled() -> None:

@@ -18,6 +18,7 @@ def vibration_figures(snapshot: Snapshot) -> Figures | None:
         "cross_flow_diameters": float(shaking.cross_flow[at]),
         "frequency_hz": float(shaking.cross_flow_hz[at]),
         "from_hang_off_m": float(snapshot.arc_length_m[at]),
+        "drag_amplification": float(shaking.drag_amplification.max()),
         "cost_pct": shaking.cost_pct,
         "solves": shaking.solves,
     }
@@ -48,7 +49,8 @@ def watch_words(vibration: Figures | None, fatigue: Figures | None) -> list[str]
         lines.append(
             f"vibration ({vibration['model']}): at most {vibration['cross_flow_diameters']:.3g} "
             f"diameters, at {vibration['frequency_hz']:.3g} Hz, "
-            f"{vibration['from_hang_off_m']:.4g} m below the hang-off; watching took "
+            f"{vibration['from_hang_off_m']:.4g} m below the hang-off; drag up to "
+            f"{vibration['drag_amplification']:.3g} times; watching took "
             f"{vibration['cost_pct']:.2g} % of real time"
         )
     if fatigue is not None:

@@ -106,6 +106,7 @@ class Beside:
             cross_flow_hz=self._at_nodes(rope, self._response.dominant_hz)[::-1].copy(),
             in_line=None,
             in_line_hz=None,
+            drag_amplification=np.ones(len(_along(rope))),  # the twin does not know of it
             every_s=self._every_s,
             solves=self.solves,
             note=self.note,

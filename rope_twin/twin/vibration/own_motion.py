@@ -7,8 +7,10 @@ last ten periods of those vortices. The frequency is Rice's (1944) mean frequenc
 crossings of zero, √(m₂/m₀)/2π, taken as tan(ω·h/2) = rms(y - y before)/rms(y + y before): exact for
 a sine.
 
-The flow is the running mean of the water's velocity less the rope's. Nodes are material points; one
-that is new takes what its neighbours have.
+The flow is the running mean of the water's velocity less the rope's. What shaking multiplies the
+drag by is the mean of |s - w|·(s - w)·s over that of |s|³, with the velocity w of the fast motion
+and what is slow of water less rope, s, across the rope: waves, sway and ship are in both. Nodes are
+material points; one that is new takes what its neighbours have.
 """
 
 from __future__ import annotations
@@ -29,6 +31,11 @@ ORDER = 4
 BLOCK = 8  # samples that are filtered together
 SETTLING, AVERAGED, LEAST = 10.0, 10.0, 2.0  # periods: of the filter, of the mean, before a figure
 STILL_M = 1e-7  # what moves less has no frequency
+STILL_M_PER_S = 1e-3  # water that flows slower drags nothing
+CARRIED_OVER = (
+    "_memory", "_slow_memory", "_flow", "_sides", "_before", "_first", "_means", "_first_drag",
+    "_drag",
+)  # fmt: skip
 _PLACE = slice(rows.POSITION, rows.POSITION + 3)
 _VELOCITY = slice(rows.VELOCITY, rows.VELOCITY + 3)
 _FLOW = slice(rows.FLOW, rows.FLOW + 3)
@@ -42,14 +49,18 @@ class OwnMotion:
         self._sample_s, self._hz = sample_s, vortices_hz
         slowest, rate = SLOW * vortices_hz, 1.0 / sample_s
         self._filter = butter(ORDER, slowest, "highpass", fs=rate, output="sos")
+        self._slow_filter = butter(ORDER, slowest, "lowpass", fs=rate, output="sos")
         self._s, place = _marks(rope), _places(rope)
-        self._memory = sosfilt_zi(self._filter)[:, :, None, None] * place
         self._flow = relative_flow(rope)
-        self._waiting: list[Floats] = []  # places that are not filtered yet
+        self._memory = sosfilt_zi(self._filter)[:, :, None, None] * place
+        self._slow_memory = sosfilt_zi(self._slow_filter)[:, :, None, None] * self._flow
+        self._waiting: list[Floats] = []  # places and flows that are not filtered yet
         self._sides = sides(place, self._flow)  # unit vectors while they wait
         self._before = np.zeros((2, place.shape[1]))
         # of squares: motion, rise, sum; averaged once and, against their ripple, once more
         self._first, self._means = np.zeros((2, 3, 2, place.shape[1]))
+        # of drag times flow, shaken and not
+        self._first_drag, self._drag = np.zeros((2, 2, place.shape[1]))
         self._taken = 0
 
     @property
@@ -67,10 +78,11 @@ class OwnMotion:
         self._s = s
         place = _places(rope)
         share = 1.0 - exp(-self._sample_s * self._hz / AVERAGED)
-        self._flow = self._flow + share * (relative_flow(rope) - self._flow)
+        flow = relative_flow(rope)
+        self._flow = self._flow + share * (flow - self._flow)
         if not self._waiting:
             self._sides = sides(place, self._flow)
-        self._waiting.append(place)
+        self._waiting.append(np.stack([place, flow]))
         if len(self._waiting) == BLOCK:
             self._work_off()
 
@@ -90,6 +102,7 @@ class OwnMotion:
             cross_flow_hz=now(across_hz)[::-1],
             in_line=(now(along) / diameter)[::-1],
             in_line_hz=now(along_hz)[::-1],
+            drag_amplification=now(self.drag_amplification())[::-1],
             every_s=0.0,
             solves=0,
             note="",
@@ -118,21 +131,34 @@ class OwnMotion:
         ratio = np.sqrt(rise / np.where(moves, total, 1.0))
         return np.where(moves, np.arctan(ratio) / (pi * self._sample_s), 0.0)
 
+    def drag_amplification(self) -> Floats:
+        """What shaking multiplies the mean drag by; 1 where the water stands still, (nodes,)."""
+        shaken, steady = self._drag
+        flows = steady > STILL_M_PER_S**3
+        return np.where(flows, shaken / np.where(flows, steady, 1.0), 1.0)
+
     def _work_off(self) -> None:
         """Filter what waits and add it to the means."""
         if not self._waiting:
             return
-        fast, self._memory = sosfilt(self._filter, np.stack(self._waiting), axis=0, zi=self._memory)
+        places, flows = np.stack(self._waiting, axis=1)
+        fast, self._memory = sosfilt(self._filter, places, axis=0, zi=self._memory)
+        slow, self._slow_memory = sosfilt(self._slow_filter, flows, axis=0, zi=self._slow_memory)
         self._waiting = []
         settled = round(SETTLING / (self._hz * self._sample_s))
         forgotten = 1.0 - exp(-2.0 * self._sample_s * self._hz / AVERAGED)
-        for moved in np.einsum("skn,rkn->rsn", self._sides, fast):
+        both = np.einsum("skn,qrkn->rqsn", self._sides, np.stack([fast, slow]))
+        for moved, streaming in both:
             self._taken += 1
             if self._taken > settled:
                 share = max(forgotten, 1.0 / (self._taken - settled))
-                now = np.stack([moved, moved - self._before, moved + self._before]) ** 2
+                rise = moved - self._before
+                now = np.stack([moved, rise, moved + self._before]) ** 2
                 self._first += share * (now - self._first)
                 self._means += share * (self._first - self._means)
+                drag = _drags(streaming, rise / self._sample_s)
+                self._first_drag += share * (drag - self._first_drag)
+                self._drag += share * (self._first_drag - self._drag)
             self._before = moved
 
     def _carry_over(self, s: Floats) -> None:
@@ -140,9 +166,17 @@ class OwnMotion:
         high = np.clip(np.searchsorted(self._s, s), 1, len(self._s) - 1)
         low = high - 1
         share = np.clip((s - self._s[low]) / (self._s[high] - self._s[low]), 0.0, 1.0)
-        for name in ("_memory", "_flow", "_sides", "_before", "_first", "_means"):
+        for name in CARRIED_OVER:
             kept = getattr(self, name)
             setattr(self, name, kept[..., low] * (1.0 - share) + kept[..., high] * share)
+
+
+def _drags(flow: Floats, fast: Floats) -> Floats:
+    """|u|·u·flow of a rope that moves and of one that does not; (2, nodes) each, to (2, nodes)."""
+    shaken = flow - fast
+    return np.stack(
+        [np.sqrt((own * own).sum(axis=0)) * (own * flow).sum(axis=0) for own in (shaken, flow)]
+    )
 
 
 def relative_flow(rope: Rope) -> Floats:

@@ -14,7 +14,7 @@ from functools import singledispatch
 from math import sqrt
 from typing import Any, NamedTuple
 
-from rope_twin.core.state import Boundary, Rope
+from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.vortices.drag_growth import DragGrowth, set_growth
 from rope_twin.effects.decomposed_force import DecomposedForceParams
 from rope_twin.effects.modal_vibration import ModalVibrationParams
@@ -75,8 +75,7 @@ class Shaking:
         self._looked = steps
         self._keep_pace(rope, boundary, currents)
         self.tracker.take(rope, since_s, self.hz)
-        rms = self.tracker.amplitudes(rope) / sqrt(2.0)
-        grown = amplified_drag(rms, self._growth) - 1.0
+        grown = self._amplified(rope) - 1.0
         for own in rope.effects:
             if isinstance(own, DragGrowth):
                 set_growth(own, rope.state, grown)
@@ -86,7 +85,12 @@ class Shaking:
     def shot(self, rope: Rope) -> RopeVibration:
         """What is told of it."""
         cost_pct = 100.0 * self._took_s / max(self._looked_s, self._step_s)
-        return replace(self.tracker.shot(rope), cost_pct=cost_pct)
+        amplified = self._amplified(rope)[::-1].copy()
+        return replace(self.tracker.shot(rope), drag_amplification=amplified, cost_pct=cost_pct)
+
+    def _amplified(self, rope: Rope) -> Floats:
+        """What the drag is multiplied by at the nodes, from the lower end up."""
+        return amplified_drag(self.tracker.amplitudes(rope) / sqrt(2.0), self._growth)
 
     def kept(self) -> KeptShaking:
         """From which `take_back` goes on."""
