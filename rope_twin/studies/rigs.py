@@ -31,6 +31,7 @@ from rope_twin.scene.schema import (
     Time,
     Winch,
 )
+from rope_twin.twin.motion.ship import ramp
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 
@@ -63,7 +64,7 @@ class Rig:
     density: float = 0.0  # vacuum
     gravity: float = 9.80665
     current: Profile = STILL_WATER
-    drag: tuple[float, float] = (0.0, 0.0)  # normal on d, tangential on pi·d
+    drag: tuple[float, float] = (0.0, 0.0)  # normal on d, tangential on π·d
     added_mass: float = 0.0  # coefficient across the rope
     EI: float | None = None  # N·m²
     clamp: Triple | None = None  # direction in which the hang-off holds a rope with EI
@@ -153,7 +154,7 @@ class Rig:
 
 
 def sine(amplitude: float, period: float) -> Motion:
-    """Motion a·sin(2·pi·t/T) and its velocity; the ship's ramp fades it in."""
+    """Motion a·sin(2π·t/T) and its velocity; the ship's ramp fades it in."""
     omega = 2.0 * math.pi / period
 
     def at(time: float) -> tuple[float, float]:
@@ -164,13 +165,12 @@ def sine(amplitude: float, period: float) -> Motion:
 
 
 def faded(motion: Motion, fade: float) -> Motion:
-    """A motion that starts from rest: times u³·(10 - 15u + 6u²), u = t/fade up to 1."""
+    """A motion that starts from rest, faded in as the ship's is."""
 
     def at(time: float) -> tuple[float, float]:
         z, v = motion(time)
-        u = min(time / fade, 1.0)
-        share = u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
-        return share * z, share * v + 30.0 * u * u * (1.0 - u) ** 2 / fade * z
+        share, rate = ramp(time, fade)
+        return share * z, share * v + rate * z
 
     return at
 

@@ -15,6 +15,7 @@ from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.arrays.build import build
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.rigs import Motion
+from rope_twin.twin.motion.ship import ramp
 
 Vector = NDArray[np.float64]
 AT_REST = 1e-9  # of the length: what the search for rest may leave
@@ -103,11 +104,8 @@ def lift(height: float, duration: float) -> Motion:
     """From 0 to `height` within `duration`, smooth (quintic), then at rest."""
 
     def at(time: float) -> tuple[float, float]:
-        if time >= duration:
-            return height, 0.0
-        u = time / duration
-        rate = 30.0 * u * u * (1.0 - u) ** 2 / duration
-        return height * u**3 * (10.0 - 15.0 * u + 6.0 * u * u), height * rate
+        share, rate = ramp(time, duration)
+        return height * share, height * rate
 
     return at
 

@@ -19,9 +19,8 @@ from rope_twin.recording.regular_heave import RegularSea
 from rope_twin.recording.sampling import SAMPLE_PERIOD_NS
 from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.rules.sea import FASTEST_HEAVE_M_PER_S
 from rope_twin.scene.sea_state import RegularHeave
-from rope_twin.twin.motion.ship import VELOCITY_LIMIT_M_PER_S, HeaveTrack, ramp
+from rope_twin.twin.motion.ship import HeaveTrack, ramp
 
 SEA = "sea_state: {start_s: 10.0, loop: true}"
 SINE = "heave: {amplitude_m: 1.5, period_s: 8.0}"
@@ -57,10 +56,6 @@ def test_a_bad_one_gets_its_sentence(
     words: str, place: str, told: tuple[str, ...], tmp_path: Path
 ) -> None:
     assert_refused(with_sea(words), place, told, tmp_path)
-
-
-def test_the_fastest_heave_of_a_scene_is_what_the_twin_believes() -> None:
-    assert FASTEST_HEAVE_M_PER_S == VELOCITY_LIMIT_M_PER_S
 
 
 def test_a_start_without_a_ramp_is_warned_of(tmp_path: Path) -> None:

@@ -10,9 +10,8 @@ from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import did_you_mean
 from rope_twin.scene.rules.fault import Fault
 from rope_twin.scene.schema import Scene
+from rope_twin.sea.way import FASTEST_M_PER_S
 from rope_twin.share import share_dir
-
-FASTEST_HEAVE_M_PER_S = 15.0  # as the twin believes at its input (twin/motion/ship.py)
 
 
 def bag_path(scene: Scene) -> Path | None:
@@ -57,11 +56,9 @@ def _regular_heave(scene: Scene) -> Iterator[Fault]:
         right = "leave `loop` out, it is for bags"
         yield "sea_state.loop", "a regular heave has no end to stop at", right
     fastest = 2.0 * pi * sea.heave.amplitude_m / sea.heave.period_s
-    if fastest > FASTEST_HEAVE_M_PER_S:
+    if fastest > FASTEST_M_PER_S:
         what = f"it moves the ship at up to {fastest:.1f} m/s"
-        right = (
-            f"a ship stays within {FASTEST_HEAVE_M_PER_S:g} m/s: lower it, or lengthen its period"
-        )
+        right = f"a ship stays within {FASTEST_M_PER_S:g} m/s: lower it, or lengthen its period"
         yield "sea_state.heave", what, right
 
 

@@ -174,9 +174,8 @@ class Seas:
         whole = replace(state, start_s=0.0)
         record = self._records.get(whole)
         if record is None or (whole.loop and record.end_ns < start_ns + self._length_ns):
-            reach_ns = (
-                2 * start_ns + self._length_ns
-            )  # more than needed: offsets to come are like it
+            # more than this member needs: offsets to come are like its own
+            reach_ns = 2 * start_ns + self._length_ns
             record = self._records[whole] = _recorded(whole, _rounded_up(reach_ns))
         return record.starting_at(start_ns)
 

@@ -55,7 +55,8 @@ class Variable:
         ways = [self.from_ is not None or self.to is not None, bool(self.values), bool(self.names),
                 bool(self.cases)]  # fmt: skip
         if sum(ways) != 1:
-            return f"{sum(ways)} ways of saying what it can be; give one of from and to, values, names, cases"  # noqa: E501
+            right = "give one of from and to, values, names, cases"
+            return f"{sum(ways)} ways of saying what it can be; {right}"
         if self.cases:
             if self.path or not self.name:
                 return "cases have paths of their own; give `name` and leave `path` out"

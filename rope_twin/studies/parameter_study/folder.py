@@ -9,7 +9,6 @@ from __future__ import annotations
 import fcntl
 import importlib.util
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Self
@@ -17,6 +16,7 @@ from typing import IO, TYPE_CHECKING, Any, Self
 from rope_twin.errors import InputError, phrase
 from rope_twin.studies.parameter_study.batch import Row
 from rope_twin.studies.parameter_study.file import Study
+from rope_twin.whole_file import write_whole
 
 if TYPE_CHECKING:
     import pyarrow
@@ -80,7 +80,7 @@ class StudyFolder:
                 raise InputError(phrase(str(self._folder), what, right))
             return
         told = {"study": self._study.name, "scene": self._study.scene, "stamp": stamp}
-        _write_whole(mark, json.dumps(told, ensure_ascii=False).encode())
+        write_whole(mark, json.dumps(told, ensure_ascii=False).encode())
 
     def done(self) -> set[int]:
         """Numbers of the runs whose rows are there."""
@@ -121,7 +121,7 @@ class StudyFolder:
         table = pyarrow.Table.from_pylist(list(rows), schema=self._schema(rows[0]))
         sink = pyarrow.BufferOutputStream()
         parquet.write_table(table, sink)
-        _write_whole(path, sink.getvalue().to_pybytes())
+        write_whole(path, sink.getvalue().to_pybytes())
 
     def _schema(self, row: Row) -> pyarrow.Schema:
         """Types by column, whatever the first row happens to lack."""
@@ -137,13 +137,3 @@ class StudyFolder:
             return pyarrow.list_(pyarrow.float64()) if name in _LISTS else pyarrow.float64()
 
         return pyarrow.schema([(name, kind(name)) for name in row])
-
-
-def _write_whole(path: Path, data: bytes) -> None:
-    """Write a file that is whole or not there, whenever the process ends."""
-    beside = path.with_name(f".{path.name}.new")
-    with beside.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    beside.replace(path)

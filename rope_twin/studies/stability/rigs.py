@@ -100,5 +100,5 @@ class Arrays(Nodes):
 
 
 def sine(amplitude: float, period: float, fade: float = 8.0) -> Motion:
-    """Heave a·sin(2·pi·t/T) and its velocity, faded in over `fade` [s]."""
+    """Heave a·sin(2π·t/T) and its velocity, faded in over `fade` [s]."""
     return faded(rigs.sine(amplitude, period), fade)

@@ -13,7 +13,7 @@ from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
 from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.scene.schema import Winch
-from rope_twin.studies.rigs import WATER, Rig, march, still
+from rope_twin.studies.rigs import WATER, Motion, Rig, march, still
 from rope_twin.studies.stability.check import Case, Check, all_converged
 from rope_twin.twin.ledger import AccountedTwin
 from rope_twin.twin.snapshot import Snapshot
@@ -34,26 +34,32 @@ AFTER_S, FRESH_S, LOOK_S = 60.0, 100.0, 20.0  # the last of both counts
 SWAY_HZ = 1.0  # slower is the rope's swing in the current, which takes minutes to end
 GAIN_PCT = 0.01  # of the energy lost: what rounding may bring between two looks
 BEGIN_S, PERIOD_S, END_S = 20.0, 2.5, 40.0  # of a heave that lets the rope go slack
+AMPLITUDE_M = 2.0
 
 
-def _heave(time: float) -> tuple[float, float]:
-    """From 0 to 4 m and back in 2.5 s, from rest to rest."""
-    if not BEGIN_S < time < END_S:
-        return 0.0, 0.0
+def slackening_heave(amplitude_m: float) -> Motion:
+    """From 0 to twice the amplitude and back in 2.5 s, from rest to rest, for 20 s."""
     omega = 2.0 * math.pi / PERIOD_S
-    angle = omega * (time - BEGIN_S)
-    return 2.0 * (1.0 - math.cos(angle)), 2.0 * omega * math.sin(angle)
+
+    def at(time: float) -> tuple[float, float]:
+        if not BEGIN_S < time < END_S:
+            return 0.0, 0.0
+        angle = omega * (time - BEGIN_S)
+        return amplitude_m * (1.0 - math.cos(angle)), amplitude_m * omega * math.sin(angle)
+
+    return at
 
 
 def _through_it_all(model: Any) -> list[Check]:
     """Current at once, lock-in, slack and snap in it, 20 m hauled through it, lock-in again."""
     scene = RIG.scene()
     twin = Twin(replace(scene, effects=(*scene.effects, model)))
-    list(march(twin, _heave, 5.0, 10))
+    heave = slackening_heave(AMPLITUDE_M)
+    list(march(twin, heave, 5.0, 10))
     twin.offer_current(np.array([[0.0, SPEED, 0.0]]))
-    locked = list(march(twin, _heave, 15.0, 2))
-    rough = list(march(twin, _heave, 20.0, 5))
-    hauled = list(march(twin, _heave, 30.0, 5, speeds=[(42.0, -1.0), (62.0, 0.0)]))
+    locked = list(march(twin, heave, 15.0, 2))
+    rough = list(march(twin, heave, 20.0, 5))
+    hauled = list(march(twin, heave, 30.0, 5, speeds=[(42.0, -1.0), (62.0, 0.0)]))
     after = list(march(twin, still, AFTER_S, 2))
     shots = (*locked, *rough, *hauled, *after)
     least = min(float(shot.element_tension_n.min()) for shot in shots)

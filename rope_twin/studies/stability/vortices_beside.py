@@ -19,6 +19,7 @@ from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.scene.schema import Winch
 from rope_twin.studies.rigs import WATER, Rig, march, still
 from rope_twin.studies.stability.check import Case, Check, all_converged, off
+from rope_twin.studies.stability.vortices import slackening_heave
 from rope_twin.twin.findings import RopeVibration
 from rope_twin.twin.ledger import AccountedTwin
 from rope_twin.twin.snapshot import Snapshot
@@ -38,27 +39,19 @@ SAME_PCT, HZ_PCT = 20.0, 5.0  # of a fresh rope's amplitude, on the mean of rope
 LEAN_PCT = 10.0  # of the growth of its drag, and of how far downstream it hangs
 LEFT_J_PCT = 0.5  # residual of the energy balance over what was exchanged
 LOOK_S, FRESH_S = 40.0, 200.0  # the last of both counts; its own sway takes minutes to end
-BEGIN_S, PERIOD_S, END_S = 20.0, 2.5, 40.0  # of a heave that lets the rope go slack
-
-
-def _heave(time: float) -> tuple[float, float]:
-    """From 0 to 5 m and back in 2.5 s, from rest to rest."""
-    if not BEGIN_S < time < END_S:
-        return 0.0, 0.0
-    omega = 2.0 * math.pi / PERIOD_S
-    angle = omega * (time - BEGIN_S)
-    return 2.5 * (1.0 - math.cos(angle)), 2.5 * omega * math.sin(angle)
+AMPLITUDE_M = 2.5  # of the heave
 
 
 def _through_it_all(model: Any) -> list[Check]:
     """Current at once, lock-in, slack and snap in it, 20 m hauled through it, lock-in again."""
     scene = RIG.scene()
     twin = AccountedTwin(replace(scene, effects=(*scene.effects, model)))
-    list(march(twin, _heave, 5.0, 10))
+    heave = slackening_heave(AMPLITUDE_M)
+    list(march(twin, heave, 5.0, 10))
     twin.offer_current(np.array([[0.0, SPEED, 0.0]]))
-    locked = list(march(twin, _heave, 15.0, 5))
-    rough = list(march(twin, _heave, 20.0, 5))
-    hauled = list(march(twin, _heave, 30.0, 5, speeds=[(42.0, -1.0), (62.0, 0.0)]))
+    locked = list(march(twin, heave, 15.0, 5))
+    rough = list(march(twin, heave, 20.0, 5))
+    hauled = list(march(twin, heave, 30.0, 5, speeds=[(42.0, -1.0), (62.0, 0.0)]))
     after = list(march(twin, still, FRESH_S - LOOK_S, 5))
     before, (last, growth) = after[-1], _looked(twin)
     shots = [*locked, *rough, *hauled, *after, *last]

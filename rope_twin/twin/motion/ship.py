@@ -17,10 +17,11 @@ import math
 from bisect import bisect_left, bisect_right
 
 from rope_twin.errors import phrase
+from rope_twin.sea.way import FASTEST_M_PER_S
 from rope_twin.twin.health import AHEAD_NS, InputCounter, too_far_ahead
 
 HEAVE_LIMIT_M = 30.0
-VELOCITY_LIMIT_M_PER_S = 15.0
+VELOCITY_LIMIT_M_PER_S = FASTEST_M_PER_S
 JUMP_M = 0.01  # what a position may change by at once: the resolution of a sensor
 JUMP_WINDOW_NS = 2_000_000_000  # after a longer gap any possible position is believed
 LEAP_NS = 2_000_000_000  # of a later stamp than the first, ahead of both present and last

@@ -5,9 +5,8 @@
     { ... }                        JSON; `arrays` lists name, type and shape in the order below
     <arrays>                       C order, little-endian, nothing between them
 
-The check-sum is over all that follows the second line. A file is written beside its final place,
-forced to the disk and renamed, so that whoever reads sees the old one or the new one, never half.
-There is nothing in it that could be executed.
+The check-sum is over all that follows the second line. There is never half a file (`whole_file`),
+and nothing in it that could be executed.
 """
 
 from __future__ import annotations
@@ -23,6 +22,7 @@ import numpy as np
 
 from rope_twin.errors import StateError, phrase
 from rope_twin.twin.saving.memory import Arrays
+from rope_twin.whole_file import write_whole
 
 VERSION = 1
 _FIRST = re.compile(rb"rope_twin state (\d{1,9})\n")
@@ -48,16 +48,9 @@ def write_state(path: Path, header: dict[str, Any], arrays: Arrays) -> None:
         StateError: the disk does not take it; what was at `path` is still there.
     """
     data = _encode(header, arrays)
-    part = path.with_name(f".{path.name}.part")
     try:
-        with part.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(path)
-        _sync_folder(path.parent)
+        write_whole(path, data)
     except OSError as error:
-        part.unlink(missing_ok=True)
         raise StateError(
             phrase(
                 str(path),
@@ -147,12 +140,3 @@ def _cut(described: list[dict[str, Any]], body: memoryview) -> Arrays:
     if at != len(body):
         raise ValueError("the arrays are of another length")
     return arrays
-
-
-def _sync_folder(folder: Path) -> None:
-    """Force the new name to the disk."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
