@@ -159,6 +159,7 @@ def build(params: RigidBodyParams, payload: Any, around: Any) -> RigidBody:
         matrix=np.zeros((6, at.COLUMNS)),
         hold=np.zeros((3, at.MISS)),
         changes=np.zeros((6, at.CHANGES)),
+        told=np.zeros(at.TOLD),
         W=float((m - displaced) * g + hook_weight),
         hook=float(params.hook_mass_kg),
         hook_weight=float(hook_weight),

@@ -122,7 +122,7 @@ def test_it_is_calm_where_the_pull_is_as_foretold(seed: int, size: float) -> Non
     for share in (1.01, 0.99):
         hooked(effects, work)
         work[rows.CORRECTION : rows.CORRECTION + 3, 0] = change
-        body.stage[at.ALLOWED] = share * miss
+        body.told[at.ALLOWED] = share * miss
         told.append(_is_calm(body, work, stage))
     assert told == [True, False]
 
@@ -133,7 +133,7 @@ def test_a_body_without_balance_is_never_taken_for_balanced() -> None:
     body = next(own for own in effects if isinstance(own, RigidBody))
     body.stage[at.P_HAT] = np.nan
     assert np.all(np.isinf(hooked(effects, work)[:3]))
-    body.stage[at.ALLOWED] = np.inf
+    body.told[at.ALLOWED] = np.inf
     assert not _is_calm(body, work, some_stage())
 
 

@@ -46,12 +46,14 @@ HOOK = np.int64(96)  # where the rope ends while rest is sought, 3 numbers [m]
 # momenta have it over a substep; rates; the surface above the body's middle, slopes along its x, y.
 WET_ARM, ARM_HELD, ARM_GROWS = _places(99, 108)
 WET, WET_HELD, WET_GROWS, SURFACE_Z, SURFACE_X, SURFACE_Y = 108, 109, 110, 111, 112, 113
+STAGE = 114
+
 # What the rope's equations were last told: the pull on the hook, and minus its derivative, as xx,
 # xy, xz, yy, yz, zz. The motion of the hook that the balance was last found for; how far the pull
 # may be another than foretold [N].
-TOLD, TOLD_SLOPE, TOLD_ELSE, SOLVED_PLACE, SOLVED_SPEED = _places(114, 129)
-ALLOWED = 129
-STAGE = 130
+TOLD_PULL, TOLD_SLOPE, TOLD_ELSE, SOLVED_PLACE, SOLVED_SPEED = _places(0, 15)
+ALLOWED = 15
+TOLD = 16
 
 # Columns of the matrix: A; what the hook's acceleration brings, without q; residual.
 HELD, MISS, COLUMNS = 6, 9, 10
@@ -124,6 +126,7 @@ class RigidBody(NamedTuple):
     hold: Floats  # scratch: changes of the slings' pull with what is sought, and with the
     # acceleration of the hook, (3, 9)
     changes: Floats  # scratch, (6, CHANGES)
+    told: Floats  # scratch, (TOLD,)
     W: float  # weight in water, the hook's with it [N]
     hook: float  # its mass [kg]
     hook_weight: float  # in water [N]

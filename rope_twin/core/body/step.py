@@ -133,8 +133,8 @@ def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
     if low > 0:
         return
     s, work, q = body.stage, rope.work, stage.q
-    s[at.ALLOWED] = rope.model.tolerance
-    s[at.SOLVED_PLACE] = nan  # for no motion of the hook yet
+    body.told[at.ALLOWED] = rope.model.tolerance
+    body.told[at.SOLVED_PLACE] = nan  # for no motion of the hook yet
     if s[at.FRESH] > 0.0:
         hook = (work[POSITION, 0], work[POSITION + 1, 0], work[POSITION + 2, 0])
         _foresee(body, rope, stage, (hook, matrix_of((0.0, 0.0, 0.0, 1.0)), NONE, NONE))
@@ -162,8 +162,8 @@ def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
 def _solve(body: Any, q: float, hook: Any) -> bool:
     """Whether the balance is found for this motion of the hook, which is kept."""
     found = solve(body, q, hook)
-    put(body.stage, at.SOLVED_PLACE, hook[0] if found else (nan, nan, nan))
-    put(body.stage, at.SOLVED_SPEED, hook[1])
+    put(body.told, at.SOLVED_PLACE, hook[0] if found else (nan, nan, nan))
+    put(body.told, at.SOLVED_SPEED, hook[1])
     return bool(found)
 
 
@@ -171,7 +171,7 @@ def _solve(body: Any, q: float, hook: Any) -> bool:
 def _is_solved(body: Any, q: float, hook: Any) -> bool:
     """The same; not again for the motion that it was last found for."""
     x, v = hook
-    x0, v0 = vector(body.stage, at.SOLVED_PLACE), vector(body.stage, at.SOLVED_SPEED)
+    x0, v0 = vector(body.told, at.SOLVED_PLACE), vector(body.told, at.SOLVED_SPEED)
     there = x[0] == x0[0] and x[1] == x0[1] and x[2] == x0[2]
     if there and v[0] == v0[0] and v[1] == v0[1] and v[2] == v0[2]:
         return True
@@ -197,9 +197,9 @@ def load_end(body: Any, work: Any, stage: Any) -> None:
     solved = _solve(body, stage.q, hook)
     f = vector(s, at.ON_HOOK) if solved else (inf, inf, inf)
     Z = left_on_hook(body, stage.q)
-    put(s, at.TOLD, f)
-    put(s, at.TOLD_SLOPE, (Z[0], Z[1], Z[2]))
-    put(s, at.TOLD_ELSE, (Z[3], Z[4], Z[5]))
+    put(body.told, at.TOLD_PULL, f)
+    put(body.told, at.TOLD_SLOPE, (Z[0], Z[1], Z[2]))
+    put(body.told, at.TOLD_ELSE, (Z[3], Z[4], Z[5]))
     m = body.hook
     Rx[0] += f[0] - m * ax[0]
     Ry[0] += f[1] - m * ay[0]
@@ -222,15 +222,16 @@ def calm(body: Any, work: Any, stage: Any, n: int, share: float) -> bool:
     x, y, z = rows(work, POSITION, 0)
     vx, vy, vz = rows(work, VELOCITY, 0)
     dx, dy, dz = rows(work, CORRECTION, 0)
-    s, p, q = body.stage, share * stage.p, share * stage.q
+    told, p, q = body.told, share * stage.p, share * stage.q
     d = dx[0], dy[0], dz[0]
     place, speed = (x[0], y[0], z[0]), (vx[0], vy[0], vz[0])
     if not _is_solved(body, stage.q, (along(place, p, d), along(speed, q, d))):
         return False
-    (xx, xy, xz), (yy, yz, zz) = vector(s, at.TOLD_SLOPE), vector(s, at.TOLD_ELSE)
+    (xx, xy, xz), (yy, yz, zz) = vector(told, at.TOLD_SLOPE), vector(told, at.TOLD_ELSE)
     change = outward(((xx, xy, xz), (xy, yy, yz), (xz, yz, zz)), d)
-    miss = along(along(vector(s, at.ON_HOOK), -1.0, vector(s, at.TOLD)), share, change)
-    return bool(dot(miss, miss) <= s[at.ALLOWED] * s[at.ALLOWED])
+    miss = along(vector(body.stage, at.ON_HOOK), -1.0, vector(told, at.TOLD_PULL))
+    miss = along(miss, share, change)
+    return bool(dot(miss, miss) <= told[at.ALLOWED] * told[at.ALLOWED])
 
 
 def settle(body: Any, rope: Any, stage: Any, kind: int) -> None:
