@@ -257,6 +257,13 @@ def _pacing(pacing: PacingHealth) -> Status:
     return Status("simulation: pacing", level, message, values)
 
 
+def _why_refused(health: InputHealth) -> str:
+    """The newest refusal, and what is being done about a gap at present."""
+    if health.refusal and health.note != health.refusal:
+        return f"{health.refusal.removesuffix('.')}; now: {health.note}"
+    return health.refusal or health.note or "no reason given"
+
+
 def _input(name: str, health: InputHealth) -> Status:
     words = name.replace("_", " ")
     age = "never" if math.isinf(health.age_s) else f"{health.age_s:.3f}"
@@ -279,7 +286,7 @@ def _input(name: str, health: InputHealth) -> Status:
             title,
             Level.WARN,
             f"{counted(health.refused, 'sample')} refused since the start; the newest: "
-            f"{health.note or 'no reason given'}",
+            f"{_why_refused(health)}",
             values,
         )
     if not health.accepted:

@@ -59,4 +59,5 @@ class InputCounter:
             age_s=max(age, 0.0),
             stale=stale,
             note=self._remark or self._refusal,
+            refusal=self._refusal,
         )

@@ -35,7 +35,7 @@ class Ropes(Protocol):
         """Bring them to rest; the first one's pull on its hang-off. Raises SceneError."""
 
     def offer(self, name: str, stamp_ns: int | None, order: Order, now_ns: int) -> str:
-        """An order for another winch than the first; "" or why it was refused."""
+        """An order for another of the scene's winches than the first; "" or why it was refused."""
 
     def doubt(self) -> None:
         """Commands for those winches that are known for times to come may no longer hold."""

@@ -41,7 +41,8 @@ class InputHealth:
     impossible: int = 0
     age_s: float = float("inf")  # since the newest accepted sample; inf: none yet
     stale: bool = False
-    note: str = ""  # one sentence on the newest refusal or on what is done about a gap
+    note: str = ""  # one sentence on what is done about a gap, else on the newest refusal
+    refusal: str = ""  # the newest one's sentence
 
     @property
     def refused(self) -> int:

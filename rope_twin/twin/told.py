@@ -7,7 +7,9 @@ import threading
 import numpy as np
 from numpy.typing import NDArray
 
+from rope_twin.errors import did_you_mean, phrase
 from rope_twin.scene.rigging import WINCH
+from rope_twin.scene.rules.rigging import winches_by_name
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.cutting.cutting import CutInput
 from rope_twin.twin.hoisting.orders import SPEED, Order
@@ -29,6 +31,7 @@ class ToldTwin:
         self._current = CurrentInput(ropes.first.effects)
         self._cut = CutInput(scene)
         self._ropes = ropes
+        self._winch_names = tuple(winches_by_name(scene))
         self._time_ns = 0
 
     @property
@@ -51,11 +54,19 @@ class ToldTwin:
         return self.offer_order(stamp_ns, Order(SPEED, speed_m_per_s), winch)
 
     def offer_order(self, stamp_ns: int | None, order: Order, winch: str = WINCH) -> str:
-        """Command or switch the winch at a hang-off (stamp None: at once); "" or the refusal."""
+        """Command or switch the winch at a hang-off (stamp None: at once); "" or the refusal.
+
+        An order for a winch that is not there counts as refused at the first one.
+        """
         with self._lock:
-            if winch != WINCH:
-                return self._ropes.offer(winch, stamp_ns, order, self.time_ns)
-            return self._winch.take(stamp_ns, order, self.time_ns)
+            if winch == WINCH:
+                return self._winch.take(stamp_ns, order, self.time_ns)
+            if winch not in self._winch_names:
+                known = self._winch_names
+                right = did_you_mean(winch, known) if known else "this scene has none"
+                sentence = phrase("winch command", f"there is no winch '{winch}'", right)
+                return self._winch.refuse(order, sentence)
+            return self._ropes.offer(winch, stamp_ns, order, self.time_ns)
 
     def offer_current(self, profile: NDArray[np.float64]) -> str:
         """A current profile, rows of z, east, north from the surface down; "" or the refusal."""

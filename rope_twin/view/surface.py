@@ -12,9 +12,9 @@ from rope_twin.messages.colours import tension_colours
 from rope_twin.messages.forms import HANG_OFF_RGB
 from rope_twin.view.ticks import depths_over
 
-# Of a hang-off at the water, in metres; of one above it all grows by `Sight.size`.
+# Of a hang-off at the water, in metres; of one above it all but the scale grows by `Sight.size`.
 PATCH = 7.0  # half the side of the patch of sea
-SCALE = 6.0  # the scale of height, up and down
+SCALE = 6.0  # the scale of height goes so far below the water and above the hang-off
 EYE, TARGET = (-4.0, -19.0, 6.5), (-1.0, 0.0, -0.6)  # relative to the middle of what is seen
 _BESIDE = np.array([2.2, 0.0, 0.4])
 SHOWN_M = 60.0  # so much of the rope is drawn here
@@ -120,7 +120,7 @@ class Surface:
         import rerun as rr
 
         size = self.sight.size
-        heights = -depths_over(self.sight.above_m + SCALE, SCALE * size)
+        heights = -depths_over(self.sight.above_m + SCALE, SCALE)
         x = (-PATCH - 2.0) * size
         lines = [[[x, 0.0, heights[-1]], [x, 0.0, heights[0]]]]
         lines += [[[x - 0.3 * size, 0.0, z], [x, 0.0, z]] for z in heights]

@@ -20,6 +20,7 @@ from rope_twin.scene.arrays.joined import build_joined, point_figures
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.variants import variant
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
+from rope_twin.twin.hoisting.orders import Order
 
 SAMPLE_NS, AHEAD_NS = 50_000_000, 200_000_000
 
@@ -119,6 +120,11 @@ def test_each_winch_is_commanded_by_its_name(two_lines: Scene) -> None:
     before = twin.snapshot()
     refusal = twin.offer_speed(None, 0.1, "aft_sheaf")
     assert "there is no winch 'aft_sheaf'; did you mean 'aft_sheave'?" in refusal
+    assert twin.snapshot().inputs["winch_command"].refusal == refusal, "nobody else tells of it"
+    stop = Order("emergency_stop")
+    refusal = twin.offer_order(None, stop, "hook")
+    told = twin.snapshot().inputs["winch_switch"]
+    assert (told.impossible, told.refusal) == (1, refusal)
     assert twin.offer_speed(None, 0.1, "aft_sheave") == ""
     for _ in range(20):
         twin.advance(100)

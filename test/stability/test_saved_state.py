@@ -13,6 +13,8 @@ from saved_runs import run_until
 from small_scene import digest, small_scene
 
 from rope_twin import Snapshot, Twin
+from rope_twin.commands.run.options import RunOptions
+from rope_twin.commands.run.unpaced import measure_alone
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.saving.saved_state import SavedState
 
@@ -123,3 +125,15 @@ def test_effects_of_their_own_memory_are_in_it(tmp_path: Path) -> None:
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout == "restored and branch are the run; without the memory they are not\n"
+
+
+def test_the_speed_of_the_model_alone_is_measured_from_a_long_run_s_state_too(
+    scene: Scene, tmp_path: Path
+) -> None:
+    """It was 0 once the saved run had computed for 3 s: the state knows that time."""
+    twin = Twin(scene)
+    twin.advance(10)
+    twin._computing_s = 100.0
+    twin.save(tmp_path / "long.state")
+    options = RunOptions(scene=str(scene.path), start_from=tmp_path / "long.state")
+    assert measure_alone(options, 0.5) > 0.0

@@ -129,6 +129,16 @@ def test_a_residual_beside_nothing_is_round_off() -> None:
             Level.WARN,
             "3 samples refused since the start; the newest: heave of 90 m is impossible",
         ),
+        (
+            InputHealth(accepted=7, late=1, refusal="it came late.", note="samples are back"),
+            Level.WARN,
+            "1 sample refused since the start; the newest: it came late; now: samples are back",
+        ),
+        (
+            InputHealth(accepted=7, late=1, refusal="it came late.", note="it came late."),
+            Level.WARN,
+            "the newest: it came late.",
+        ),
         (InputHealth(accepted=7, age_s=4.2, stale=True), Level.ERROR, "no heave for 4.200 s"),
         (InputHealth(stale=True, note="fading out"), Level.ERROR, "stale: fading out"),
     ],

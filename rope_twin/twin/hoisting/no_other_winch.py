@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from rope_twin.errors import phrase
 from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.motion.hang_off import Moves
 
@@ -11,9 +10,8 @@ class NoOtherWinch:
     """That part of `Ropes` for a rope by itself, whole or cut."""
 
     def offer(self, name: str, stamp_ns: int | None, order: Order, now_ns: int) -> str:
-        """There is no other winch."""
-        what = f"there is no winch '{name}'"
-        return phrase("winch command", what, "leave the name out: this scene has one at most")
+        """There is no other winch, and nobody asks for one that is not there."""
+        raise RuntimeError(f"there is no winch {name}")
 
     def doubt(self) -> None:
         """Nothing."""

@@ -23,6 +23,7 @@ from rope_twin.twin.hoisting.orders import (
     EMERGENCY_STOP,
     FEELING,
     LENGTH,
+    MOTIONS,
     RESET,
     SPEED,
     Order,
@@ -104,11 +105,16 @@ class Winch:
 
     def take(self, stamp_ns: int | None, order: Order, now_ns: int) -> str:
         """Take an order (None: at once); returns "" or the sentence of its refusal."""
-        queue = self._switches if order.kind in SWITCHES else self._orders
         fault = find_fault(order, self._scene)
         if fault is not None:
-            return queue.counter.refuse(*fault)
+            return self.refuse(order, fault.sentence, fault.kind)
+        queue = self._orders if order.kind in MOTIONS else self._switches
         return queue.offer(stamp_ns, order, now_ns)
+
+    def refuse(self, order: Order, sentence: str, kind: str = "impossible") -> str:
+        """Count an order that is not for this winch; returns the sentence."""
+        queue = self._orders if order.kind in MOTIONS else self._switches
+        return queue.counter.refuse(kind, sentence)
 
     def newest_ns(self) -> dict[str, int]:
         """Stamp of the newest accepted order and switch, by the name of the input."""
@@ -118,9 +124,11 @@ class Winch:
     def health(self, now_ns: int) -> dict[str, InputHealth]:
         """What became of the commands, by the name of the input; of switches where it has any."""
         told = {self.counter.name: self.counter.health(now_ns, self.stale(now_ns))}
-        if self._scene is not None and any(getattr(self._scene, key) for key in SWITCHES.values()):
-            own = self._switches.counter
-            told[own.name] = own.health(now_ns, False)
+        own = self._switches.counter
+        switches = own.health(now_ns, False)
+        equipped = any(getattr(self._scene, key, None) for key in SWITCHES.values())
+        if equipped or switches.refused:
+            told[own.name] = switches
         return told
 
     def stale(self, now_ns: int) -> bool:

@@ -20,9 +20,7 @@ from rope_twin.core.joined.reeving import settle_reeved
 from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.joined.ties import PULL
 from rope_twin.core.state import Boundary, Floats, Rope
-from rope_twin.errors import did_you_mean, phrase
 from rope_twin.scene.arrays.joined import build_joined
-from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rules.rigging import winch_of
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.cutting.joined_cut import advance_in_pieces, scene_of_parts, sever_joined
@@ -96,9 +94,6 @@ class JoinedRopes:
     def offer(self, name: str, stamp_ns: int | None, order: Order, now_ns: int) -> str:
         """An order for the winch of this name; "" or why it was refused."""
         names = [line.from_ for line in self._scene.ropes]
-        if name not in names:
-            right = did_you_mean(name, [WINCH, *(one.name for one in self._scene.hang_offs)])
-            return phrase("winch command", f"there is no winch '{name}'", right)
         return self._winches[names.index(name)].take(stamp_ns, order, now_ns)
 
     def doubt(self) -> None:
