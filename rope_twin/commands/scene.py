@@ -208,6 +208,8 @@ def _word(value: Any) -> str:
         case dict():
             inner = [f"{name} {_word(part)}" for name, part in value.items() if part is not None]
             return f"({', '.join(inner)})"
+        case (float(), float()) | (float(), float(), float()):
+            return f"({', '.join(f'{part:g}' for part in value)})"
         case tuple():
             return f"{len(value)} rows"
         case float():

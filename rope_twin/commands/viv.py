@@ -15,7 +15,7 @@ from rope_twin.commands.console import print_table
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.figures import lift_figures
-from rope_twin.scene.load import load_scene
+from rope_twin.scene.load import argument_for, load_scene
 from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.rules.shedding import model_beside, shedding_model, vortex_words
 from rope_twin.scene.schema import Scene
@@ -134,7 +134,7 @@ def _of_its_own(scene: Scene) -> str:
     """Where to see what the scene's own model does; "" if it lists none."""
     model = shedding_model(scene)
     if model_beside(scene) is not None:
-        run = f"`rope_twin run {scene.name}`"
+        run = f"`rope_twin run {argument_for(scene)}`"
         return f"(in modes, at constant tension; what {model} does to a rope that moves: {run})"
     return f"(in modes; what the scene's own {model} does to the rope: --own)" if model else ""
 

@@ -60,6 +60,13 @@ def scene_names() -> list[str]:
     return sorted(path.stem for path in _scene_folder().glob("*.yaml"))
 
 
+def argument_for(scene: Scene) -> str:
+    """What a command line takes for a scene: the name of one in config/scenes, else its path."""
+    if scene.name in scene_names() and scene.path == _scene_folder() / f"{scene.name}.yaml":
+        return scene.name
+    return str(scene.path)
+
+
 def _scene_folder() -> Path:
     try:
         return share_dir() / "config" / "scenes"

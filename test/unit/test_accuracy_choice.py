@@ -199,7 +199,8 @@ def test_without_a_valid_card_nothing_is_bought(
     card.card_path(scene).unlink()
     assert main(unpaced(scene, "--within", "1%")) == 1
     said = capsys.readouterr().err
-    assert "it has no accuracy card; make it with `rope_twin accuracy small`." in said
+    right = f"make it with `rope_twin accuracy {scene.path}`."
+    assert f"it has no accuracy card; {right}" in said, "what it names can be typed"
 
 
 def test_shares_are_measured_on_this_machine(tmp_path: Path) -> None:

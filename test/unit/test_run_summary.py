@@ -34,3 +34,7 @@ def test_where_ropes_meet_it_is_every_rope_and_payload() -> None:
     assert ends[1].endswith("6.0 kN at its upper end")
     assert ends[3] == "port at 107.6 m depth, starboard at 107.6 m depth"
     assert RunSummary.from_values(summary.as_values()) == summary
+    one = replace(summary, ropes=[summary.ropes[0] | {"elements": 1}])
+    head, _, _, end, *_ = one.as_text().splitlines()
+    assert "on 1 element with" in head
+    assert "on 1 element, " in end

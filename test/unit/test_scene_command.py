@@ -95,3 +95,9 @@ def test_a_bad_scene_gets_one_sentence_and_one(
     assert out == ""
     assert err.startswith(f"{path}, line 8, ropes[0].elements: the text 'many' is not a number; ")
     assert err.count("\n") == 1
+
+
+def test_a_slope_is_told_in_figures(capsys: pytest.CaptureFixture[str]) -> None:
+    """Not as a table of two rows."""
+    assert command("show", "landing") == 0
+    assert "seabed depth_m 400, slope (0.02, 0)," in " ".join(capsys.readouterr().out.split())

@@ -12,7 +12,7 @@ from rope_twin.commands.run.options import RunOptions
 from rope_twin.commands.run.spending import CEILING_PCT, Bought, spend
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.scene.card import Card, Rung, Setting, read_card, told_bound
-from rope_twin.scene.load import load_scene
+from rope_twin.scene.load import argument_for, load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy.choice import (
     best_bound,
@@ -98,7 +98,7 @@ def _current_card(scene: Scene, option: str) -> Card:
     card = read_card(scene)
     why = "it has no accuracy card" if card is None else card.age(scene)
     if card is None or why:
-        right = f"make it with `rope_twin accuracy {scene.name}`"
+        right = f"make it with `rope_twin accuracy {argument_for(scene)}`"
         raise InputError(phrase(f"{option}, scene {scene.name}", why, right))
     return card
 

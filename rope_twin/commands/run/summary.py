@@ -14,6 +14,7 @@ from rope_twin.commands.run.core_share import CoreShare
 from rope_twin.commands.run.watch_summary import fatigue_figures, vibration_figures, watch_words
 from rope_twin.effects import EFFECTS
 from rope_twin.messages.diagnostics import cut_words
+from rope_twin.messages.status import counted
 from rope_twin.scene.card import told_bound
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import CutShot, Snapshot
@@ -87,8 +88,8 @@ class RunSummary:
         elements = sum(rope["elements"] for rope in self.ropes) or self.elements
         of = f" of {self.ropes[0]['name']}" if self.ropes else ""
         lines = [
-            f"scene {self.scene}: {self.steps} steps of {self.step_s:g} s on {elements} "
-            f"elements with {', '.join(self.effects)}",
+            f"scene {self.scene}: {self.steps} steps of {self.step_s:g} s on "
+            f"{counted(elements, 'element')} with {', '.join(self.effects)}",
             f"top tension{of} {_kn(self.tension_top_min_n)} to {_kn(self.tension_top_max_n)}, "
             f"mean {_kn(self.tension_top_mean_n)}",
             self._error_words(),
@@ -137,7 +138,8 @@ class RunSummary:
             depth = f"{self.lower_end} at {self.payload_depth_m:.1f} m depth"
             return [f"line out {self.line_out_m:.1f} m, {depth}"]
         words = [
-            f"rope {rope['name']}: {rope['length_m']:.1f} m on {rope['elements']} elements, "
+            f"rope {rope['name']}: {rope['length_m']:.1f} m on "
+            f"{counted(rope['elements'], 'element')}, "
             f"{_kn(float(rope['tension_top_n']))} at its upper end"
             for rope in self.ropes
         ]

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.card import Rung, read_card, told_bound
+from rope_twin.scene.load import argument_for
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy.choice import best_bound, cheapest_within
 from rope_twin.studies.accuracy.figures import Quantity, differences
@@ -66,7 +67,7 @@ def check_scene(scene: Scene, quantity: Quantity, within: float) -> Bought:
     card = read_card(scene)
     why = "it has no accuracy card" if card is None else card.age(scene)
     if card is None or why:
-        right = f"make it with `rope_twin accuracy {scene.name}`"
+        right = f"make it with `rope_twin accuracy {argument_for(scene)}`"
         raise SceneError(phrase(f"scene {scene.name}", why, right))
     known = [rung for rung in card.ladder if not math.isnan(rung.bound(quantity.name))]
     rung = cheapest_within(known, quantity.name, within)
