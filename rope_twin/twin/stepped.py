@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.errors import SolverError, StateError, phrase
+from rope_twin.errors import InputError, SolverError, StateError, phrase
 from rope_twin.scene.card import KnownError, known_error
 from rope_twin.scene.rules.body import refuse_body
 from rope_twin.scene.rules.rigging import is_joined, refuse_joined, winch_of
@@ -121,8 +121,12 @@ class SteppedTwin(ToldTwin):
         """Step on.
 
         Raises:
+            InputError: a twin cannot go back.
             SolverError: the next state would not be finite; the last good one is kept.
         """
+        if steps < 0:
+            what = f"{steps} steps would lead back in time"
+            raise InputError(phrase("advance", what, "restore an earlier saved state"))
         while steps > 0:
             steps -= self._advance_some(min(steps, STEPS_PER_CALL))
 

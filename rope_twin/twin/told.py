@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike
 
 from rope_twin.errors import did_you_mean, phrase
 from rope_twin.scene.rigging import WINCH
@@ -68,10 +68,10 @@ class ToldTwin:
                 return self._winch.refuse(order, sentence)
             return self._ropes.offer(winch, stamp_ns, order, self.time_ns)
 
-    def offer_current(self, profile: NDArray[np.float64]) -> str:
+    def offer_current(self, profile: ArrayLike) -> str:
         """A current profile, rows of z, east, north from the surface down; "" or the refusal."""
         with self._lock:
-            return self._current.offer(profile, self.time_ns)
+            return self._current.offer(np.asarray(profile, dtype=float), self.time_ns)
 
     def offer_cut(self, stamp_ns: int | None, below_m: float, rope: str = "") -> str:
         """Cut a rope so far below its upper end (stamp None: at once); "" or the refusal.

@@ -15,6 +15,7 @@ from small_scene import digest, small_scene
 from rope_twin import Snapshot, Twin
 from rope_twin.commands.run.options import RunOptions
 from rope_twin.commands.run.unpaced import measure_alone
+from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.saving.saved_state import SavedState
 
@@ -137,3 +138,12 @@ def test_the_speed_of_the_model_alone_is_measured_from_a_long_run_s_state_too(
     twin.save(tmp_path / "long.state")
     options = RunOptions(scene=str(scene.path), start_from=tmp_path / "long.state")
     assert measure_alone(options, 0.5) > 0.0
+
+
+def test_a_twin_does_not_go_back_and_takes_a_current_in_plain_rows(scene: Scene) -> None:
+    """Steps below zero were passed over in silence, and a list had no shape."""
+    twin = Twin(scene)
+    with pytest.raises(InputError, match="-5 steps would lead back in time; restore"):
+        twin.advance(-5)
+    assert twin.steps == 0
+    assert twin.offer_current([[0.0, 0.5, 0.0], [-100.0, 0.1, 0.0]]) == ""
