@@ -57,10 +57,13 @@ class Surface:
         import rerun as rr
 
         first = self._at is None
+        below = position_m[0] * [1.0, 1.0, 0.0]
         if self._at is None:
-            self._at = position_m[0] * [1.0, 1.0, 0.0]
+            self._at = below
             self.sight = Sight(max(float(position_m[0, 2]), 0.0))
             self._draw_scale()
+        if np.linalg.norm(below - self._at) > PATCH * self.sight.size:
+            self._at = below  # a ship under way takes its piece of sea along
         self._draw_upper_end(f"{self._path}/rope", position_m - self._at, elements_n, scale_n)
         top, size = position_m[:1] - self._at, self.sight.size
         ball = rr.Points3D(top, radii=0.5 * size, colors=HANG_OFF_RGB)

@@ -206,6 +206,16 @@ def test_the_water_is_drawn_where_the_lower_end_passes_it(session: Session) -> N
     assert words[:2] == [["2.0 m above the water"], ["2.0 m deep"]]
 
 
+def test_a_ship_under_way_takes_its_piece_of_sea_along(session: Session) -> None:
+    """Its hang-off was drawn where it went: after 20 m it had left the picture."""
+    session.epoch()
+    places = hanging_rope(21).node_position_m
+    for k, east_m in enumerate((0.0, 5.0, 120.0)):
+        session.rope(0.2 * k, node_position_m=places + np.array([east_m, 0.0, 0.0]))
+    drawn = session.finish().column("surface/hang_off", "Points3D:positions")
+    assert [spot[0] for (spot,) in drawn] == pytest.approx([0.0, 5.0, 0.0], abs=0.01)
+
+
 def test_what_a_rope_shakes_and_has_used_is_drawn_over_its_length(session: Session) -> None:
     """Amplitudes on a scale from 0 to a round number, from the hang-off down; aboard is not."""
     session.epoch()
