@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -21,6 +21,7 @@ from rope_twin.studies.bench import (
     band,
     band_page,
     compile_time,
+    effect_page,
     effect_speed,
     ensemble_speed,
     joined_statics_speed,
@@ -76,11 +77,13 @@ def _scenes_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help="only these (default: all)")
 
 
+def _effects_option(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("effects", nargs="*", metavar="EFFECT", help="only these (default: all)")
+
+
 def _rows_option(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--into", type=Path, metavar="DIR",
-        help=f"put the rows into DIR/{band_page.PAGE} as each is found (other scenes' are kept)",
-    )  # fmt: skip
+    text = "put each row into the page in DIR as it is found; others are kept"
+    parser.add_argument("--into", type=Path, metavar="DIR", help=text)
 
 
 def _page_options(parser: argparse.ArgumentParser) -> None:
@@ -91,6 +94,14 @@ def _page_options(parser: argparse.ArgumentParser) -> None:
         metavar="JSON",
         help="a race told by `bench peers --json`; peers.json beside the page, if it is there",
     )
+
+
+def _tell(args: argparse.Namespace, rows: Sequence[Any], table: Sequence[Sequence[str]]) -> None:
+    """Rows as one JSON object or as a table."""
+    if args.json:
+        print(json.dumps({"rows": rows}, ensure_ascii=False, allow_nan=False))
+    else:
+        print_table(table)
 
 
 def _report(args: argparse.Namespace, progress: Progress) -> int:
@@ -134,11 +145,7 @@ def _order(args: argparse.Namespace, progress: Progress) -> int:
     curves = orders.measure_orders(orders.QUICK if args.quick else orders.FULL, progress.show)
     if args.picture is not None:
         draw_orders(curves, args.picture)
-    if args.json:
-        rows = [asdict(curve) for curve in curves]
-        print(json.dumps({"rows": rows}, ensure_ascii=False, allow_nan=False))
-    else:
-        print_table(performance_page.order_table(curves))
+    _tell(args, [asdict(curve) for curve in curves], performance_page.order_table(curves))
     return 0
 
 
@@ -146,10 +153,7 @@ def _ensemble(args: argparse.Namespace, progress: Progress) -> int:
     """Exit code 1 if a member differs from a twin of its own."""
     cases = ensemble_speed.QUICK if args.quick else ensemble_speed.FULL
     rows = ensemble_speed.ensemble_rows(cases, progress.show)
-    if args.json:
-        print(json.dumps({"rows": [asdict(row) for row in rows]}, allow_nan=False))
-    else:
-        print_table(ensemble_speed.ensemble_table(rows))
+    _tell(args, [asdict(row) for row in rows], ensemble_speed.ensemble_table(rows))
     return 1 if any(row.unequal for row in rows) else 0
 
 
@@ -158,10 +162,7 @@ def _statics(args: argparse.Namespace, progress: Progress) -> int:
     nodes = 100 if args.quick else statics_speed.NODES
     rows = [*statics_speed.statics_rows(nodes=nodes)]
     rows += joined_statics_speed.joined_statics_rows(nodes=nodes)
-    if args.json:
-        print(json.dumps({"rows": rows}, allow_nan=False))
-    else:
-        print_table(statics_speed.statics_table(rows))
+    _tell(args, rows, statics_speed.statics_table(rows))
     return 0 if all(row["found"] for row in rows) else 1
 
 
@@ -169,22 +170,30 @@ def _compile(args: argparse.Namespace, progress: Progress) -> int:
     """Exit code 1 if a start takes longer than its limit."""
     scenes = args.scenes or (compile_time.QUICK if args.quick else scene_names())
     rows = list(compile_time.compile_rows(scenes, progress.show))
-    if args.json:
-        told = [{**asdict(row), "ok": row.ok} for row in rows]
-        print(json.dumps({"rows": told}, ensure_ascii=False, allow_nan=False))
-    else:
-        print_table(compile_time.compile_table(rows))
+    told = [{**asdict(row), "ok": row.ok} for row in rows]
+    _tell(args, told, compile_time.compile_table(rows))
     return 0 if all(row.ok for row in rows) else 1
+
+
+def _kept(rows: Iterator[Any], into: Path | None, page: Any) -> Iterator[Any]:
+    """The rows as they come; each goes onto the page of a folder, if one is given."""
+    if into is not None:
+        page.check_page(into)
+    for row in rows:
+        if into is not None:
+            page.keep_rows([row], into)
+        yield row
+    if into is not None:
+        print(into / page.PAGE, file=sys.stderr)
 
 
 def _effects(args: argparse.Namespace, progress: Progress) -> int:
     """Exit code 1 if a scene's code contains an effect that it does not list."""
-    nodes, names = (50, ("current",)) if args.quick else (1000, effect_speed.all_names())
-    rows = list(effect_speed.effect_speeds(nodes, names, progress.show))
-    if args.json:
-        print(json.dumps({"rows": [asdict(row) for row in rows]}, allow_nan=False))
-    else:
-        print_table(effect_speed.speed_table(rows))
+    nodes, names = (50, ["current"]) if args.quick else (1000, args.effects)
+    names = effect_speed.choose_names(names)
+    found = effect_speed.effect_speeds(nodes, names, progress.show)
+    rows = list(_kept(found, args.into, effect_page))
+    _tell(args, [effect_page.as_json(row) for row in rows], effect_page.effect_table(rows))
     return 1 if any(row.symbols_off for row in rows) else 0
 
 
@@ -209,19 +218,8 @@ def _vortices(args: argparse.Namespace, progress: Progress) -> int:
 def _band(args: argparse.Namespace, progress: Progress) -> int:
     """Exit code 1 if a scene is not held, or by a bound that is too wide."""
     cases = band.QUICK if args.quick else band.choose_cases(args.scenes)
-    if args.into is not None:
-        band_page.check_page(args.into)
-    rows = []
-    for row in band.measure_bands(cases, progress.show):
-        rows.append(row)
-        if args.into is not None:
-            band_page.keep_rows([row], args.into)
-    if args.json:
-        print(json.dumps({"rows": [asdict(row) for row in rows]}, allow_nan=False))
-    else:
-        print_table(band_page.band_table(rows))
-    if args.into is not None:
-        print(args.into / band_page.PAGE, file=sys.stderr)
+    rows = list(_kept(band.measure_bands(cases, progress.show), args.into, band_page))
+    _tell(args, [asdict(row) for row in rows], band_page.band_table(rows))
     return 0 if all(row.ok for row in rows) else 1
 
 
@@ -269,9 +267,9 @@ ACTIONS = {
     "effects": Action(
         _effects,
         "what each effect costs a step, and that it costs nothing where it is not listed",
-        "Steps 1,000 elements with the effect, without it, and without it again, in turns, and "
+        "Steps 1,000 elements without the effect, without it again, and with it, in turns, and "
         "looks for it in the compiled code (some five minutes, most of them compiling).",
-        (_json_option,),
+        (_effects_option, _rows_option, _json_option),
     ),
     "vortices": Action(
         _vortices,

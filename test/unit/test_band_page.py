@@ -44,7 +44,7 @@ def row_of(scene: str, held_pct: float = 97.0, ratio: float = 3.0) -> BandRow:
 
 def test_rows_are_kept_on_the_page_as_they_are_found(tmp_path: Path) -> None:
     page = tmp_path / band_page.PAGE
-    with pytest.raises(InputError, match=r"it has no place for the scenes .*; give a folder with"):
+    with pytest.raises(InputError, match=r"it has no place for the rows .*; give a folder with"):
         band_page.keep_rows([row_of("storm")], tmp_path)
     page.write_text(f"before\n{band_page.BEGIN}\nold\n{band_page.END}\nafter\n")
     band_page.keep_rows([row_of("storm")], tmp_path)

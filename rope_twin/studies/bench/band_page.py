@@ -12,9 +12,11 @@ from pathlib import Path
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.studies.bench.band import FITTED, FULL, HELD_PCT, LATER, RATIO, BandCase, BandRow
+from rope_twin.studies.bench.marked_page import MarkedPage
 
 PAGE, STORED = "error_band.md", "error_band.json"
 BEGIN, END = "<!-- written by rope_twin bench band -->", "<!-- end of what is written -->"
+MARKED = MarkedPage(PAGE, BEGIN, END)
 HEAD = (
     "scene", "s", "standard deviation kN", "error N", "doubt N", "bound N", "bound / error",
     "held %", "or doubtful %", "cost %", "reference",
@@ -69,7 +71,7 @@ def check_page(folder: Path) -> None:
     Raises:
         InputError: there is none, or it has no marks.
     """
-    _around(folder / PAGE)
+    MARKED.around(folder)
 
 
 def keep_rows(rows: Sequence[BandRow], folder: Path) -> Path:
@@ -78,13 +80,11 @@ def keep_rows(rows: Sequence[BandRow], folder: Path) -> Path:
     Raises:
         InputError: what the folder holds cannot be read.
     """
-    before, after = _around(folder / PAGE)
     found = {row.scene: row for row in (*read_rows(folder), *rows)}
     kept = [found[case.scene] for case in FULL if case.scene in found]
+    page = MARKED.write(folder, as_section(kept))
     text = json.dumps({"rows": [asdict(row) for row in kept]}, indent=1, allow_nan=False)
     (folder / STORED).write_text(text + "\n", encoding="utf-8")
-    page = folder / PAGE
-    page.write_text(f"{before}{BEGIN}\n{as_section(kept)}\n{END}{after}", encoding="utf-8")
     return page
 
 
@@ -106,13 +106,3 @@ def _part(title: str, cases: Sequence[BandCase], rows: Sequence[BandRow]) -> lis
     head, *cells = band_table([row for row in rows if row.scene in names])
     lines = [f"\n{title}\n", f"| {' | '.join(head)} |", f"|{' --- |' * len(head)}"]
     return lines + [f"| {' | '.join(line)} |" for line in cells]
-
-
-def _around(path: Path) -> tuple[str, str]:
-    """What stands before and after the marks."""
-    text = path.read_text("utf-8") if path.exists() else ""
-    if BEGIN not in text or END not in text:
-        what = f"it has no place for the scenes ('{BEGIN}' ... '{END}')"
-        raise InputError(phrase(str(path), what, f"give a folder with docs/{PAGE}"))
-    before, rest = text.split(BEGIN, 1)
-    return before, rest.split(END, 1)[1]

@@ -1,0 +1,41 @@
+"""A page that a command writes a part of, between two marks."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+from rope_twin.errors import InputError, phrase
+
+
+class MarkedPage(NamedTuple):
+    """Which page, and between which lines."""
+
+    name: str  # of the file
+    begin: str
+    end: str
+
+    def around(self, folder: Path) -> tuple[str, str]:
+        """What stands before and after the marks on a folder's page.
+
+        Raises:
+            InputError: there is no such page, or it has no marks.
+        """
+        path = folder / self.name
+        text = path.read_text("utf-8") if path.exists() else ""
+        if self.begin not in text or self.end not in text:
+            what = f"it has no place for the rows ('{self.begin}' ... '{self.end}')"
+            raise InputError(phrase(str(path), what, f"give a folder with docs/{self.name}"))
+        before, rest = text.split(self.begin, 1)
+        return before, rest.split(self.end, 1)[1]
+
+    def write(self, folder: Path, section: str) -> Path:
+        """Put a text between the marks; the page.
+
+        Raises:
+            InputError: there is no such page, or it has no marks.
+        """
+        before, after = self.around(folder)
+        path = folder / self.name
+        path.write_text(f"{before}{self.begin}\n{section}\n{self.end}{after}", encoding="utf-8")
+        return path
