@@ -8,6 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from rope_twin import Snapshot, Twin, load_scene
+from rope_twin.core import state as rows
+from rope_twin.core.jit import jit_entry
+from rope_twin.core.joined.stage import _count_left
 from rope_twin.core.state import Floats
 
 LINE = "rope: steel_wire_40mm, damping: {newton_seconds: 5.0e+5}"
@@ -86,3 +89,19 @@ def test_a_rope_cut_by_a_ring_is_the_whole_rope(tmp_path: Path) -> None:
     assert whole[:, 1].min() < 0.05 * whole[:, 2].max(), "slack on the bed"
     scale = np.abs(whole).max(axis=0)
     assert (np.abs(cut - whole).max(axis=0) < 1e-5 * scale).all(), "found: 4e-6 after a snap"
+
+
+@jit_entry
+def left(work: Floats, low: int, high: int, most: float) -> int:
+    """Nodes that are left with more than `most`."""
+    return int(_count_left(work, low, high, most))
+
+
+def test_a_node_whose_force_is_not_a_number_is_not_in_balance() -> None:
+    """Of three nodes one is below the tolerance of 5 N, one above, one not a number."""
+    work = rows.new_work(8)
+    work[rows.RESIDUAL : rows.RESIDUAL + 3, 1] = 3.0, 0.0, 3.9
+    work[rows.RESIDUAL : rows.RESIDUAL + 3, 2] = 3.0, 0.0, 4.1
+    assert (left(work, 0, 2, 5.0), left(work, 0, 3, 5.0)) == (0, 1)
+    work[rows.RESIDUAL + 1, 3] = np.nan
+    assert left(work, 0, 4, 5.0) == 2

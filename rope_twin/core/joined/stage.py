@@ -61,13 +61,13 @@ RELOAD = np.int64(3)  # after TRAPEZOID, BDF2 and SEARCH: motion and tension are
 
 
 @jit
-def _largest(work: Any, low: int, high: int) -> float:
-    """Square of the largest force left on the nodes low <= i < high [N²]."""
-    most = 0.0
+def _count_left(work: Any, low: int, high: int, most: float) -> int:
+    """How many of the nodes low <= i < high are left with a force above `most` [N], or with NaN."""
+    count = 0
     for i in range(low, high):
         x, y, z = column(work, RESIDUAL, i)
-        most = max(most, x * x + y * y + z * z)
-    return most
+        count += not x * x + y * y + z * z <= most * most
+    return count
 
 
 @jit
@@ -75,11 +75,12 @@ def _is_balanced(system: Any, stage: Any) -> bool:
     """Whether no node or joint is left with a force above the tolerance, all loads taken anew."""
     _evaluate(system, stage, RELOAD, 0.0)
     stack, joints = system.stack, system.joints
-    most = _largest(joints.work, ZERO, joints.nodes.shape[1])
+    most = stack.model[0, TOLERANCE]
+    left = _count_left(joints.work, ZERO, joints.nodes.shape[1], most)
     for r in range(stack.counts.shape[0]):
-        most = max(most, _largest(stack.work[r], first_free(stack, r), stack.counts[r, ELEMENTS]))
-    tolerance = stack.model[0, TOLERANCE]
-    return bool(most <= tolerance * tolerance)
+        n = stack.counts[r, ELEMENTS]
+        left += _count_left(stack.work[r], first_free(stack, r), n, most)
+    return bool(left == 0)
 
 
 def _balances(effects: Any, system: Any, stage: Any) -> Any:
