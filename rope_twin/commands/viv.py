@@ -62,8 +62,8 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
                         help="in place of modes: both scenes by the vortex model that each lists, "
                         "side by side")  # fmt: skip
     parser.add_argument("--own", action="store_true",
-                        help="in place of modes: by the vortex model that the scene lists, "
-                        "stepping with the rope")  # fmt: skip
+                        help="in place of modes: by the vortex model that the scene lists, in "
+                        "the run of its twin")  # fmt: skip
     parser.add_argument("--json", action="store_true", help="one JSON object instead of words")
     parser.set_defaults(run=run)
 
@@ -133,9 +133,6 @@ def _shedding(args: argparse.Namespace, scene: Scene) -> Shedding:
 def _of_its_own(scene: Scene) -> str:
     """Where to see what the scene's own model does; "" if it lists none."""
     model = shedding_model(scene)
-    if model_beside(scene) is not None:
-        run = f"`rope_twin run {argument_for(scene)}`"
-        return f"(in modes, at constant tension; what {model} does to a rope that moves: {run})"
     return f"(in modes; what the scene's own {model} does to the rope: --own)" if model else ""
 
 

@@ -19,6 +19,7 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
+from rope_twin.studies.viv.own import run_own
 from rope_twin.studies.viv.study import run_viv
 from rope_twin.twin.findings import RopeVibration
 from rope_twin.twin.vibration.watch import MODES, MOTION
@@ -86,6 +87,36 @@ def test_the_rope_leans_by_the_drag_that_grew(model: Any) -> None:
     found, plain = float(shot.node_position_m[-1, 0]), lean(own)
     assert found == pytest.approx(lean(replace(own, effects=dragged)), rel=0.03)
     assert found > 1.7 * plain
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_the_study_by_its_own_model_tells_what_the_twin_does(model: Any) -> None:
+    """`rope_twin viv --own`, of looks at the motion itself, and what the twin tells live."""
+    scene = shaken(model, replace(CABLE, diameter=0.032).scene())
+    found = run_own(scene, 30.0, "stranded_wire")
+    shots = [shot for shot in march(Twin(scene), still, 30.0, 5) if shot.time_s >= 15.0]
+    seen = [shaking(shot) for shot in shots]
+    depth = shots[0].arc_length_m
+
+    def at_nodes(values: Vector) -> Vector:
+        return np.interp(depth, found.from_hang_off_m, values)
+
+    rms = np.sqrt(0.5 * np.mean([own.cross_flow**2 for own in seen], axis=0))
+    assert rms.max() > 0.2
+    assert np.abs(at_nodes(found.rms[0]) - rms).mean() < 0.05 * rms.max()
+    drag = np.mean([own.drag_amplification for own in seen], axis=0)
+    assert at_nodes(found.drag_amplification) == pytest.approx(drag, rel=0.03)
+    hertz = np.average(at_nodes(found.frequency_hz[0]), weights=rms)
+    live = [np.average(own.cross_flow_hz, weights=rms) for own in seen]
+    assert hertz == pytest.approx(np.mean(live), rel=0.05)
+    # a wave of that frequency bends the wire by k²·A, k = 2π·f·√(m/T)
+    moved = 6.4 + 1025.0 * np.pi * 0.016**2
+    square = (2.0 * np.pi * hertz) ** 2 * moved / float(shots[-1].node_tension_n.mean())
+    modulus = 6.5e7 / (6.4 / 7850.0)
+    stress = modulus * 0.016 * square * 0.032 * rms.max()
+    assert found.stress_rms_pa.max() == pytest.approx(stress, rel=0.3)
+    assert found.damage_per_year.max() > 0.0
+    assert np.isnan(found.rms[1]).all()
 
 
 @pytest.mark.parametrize("model", MODELS)

@@ -16,8 +16,15 @@ from rope_twin.cli import main
 from rope_twin.core.state import Floats
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import InputError, SceneError
-from rope_twin.scene.schema import Scene
-from rope_twin.studies.viv.own import OwnRun, _amplification, _figures, _worst_rms, run_own
+from rope_twin.scene.schema import Scene, Time
+from rope_twin.studies.viv.own import (
+    OwnRun,
+    _amplification,
+    _even,
+    _figures,
+    _worst_rms,
+    run_own,
+)
 from rope_twin.twin.findings import MaterialFatigue
 
 U = 0.5
@@ -30,14 +37,31 @@ def relative(in_line: float, across: float) -> Floats:
     return np.stack(rows, axis=1)[:, :, None]
 
 
+def amplified(across: Floats) -> Floats:
+    return _amplification(across, np.ones(across.shape[::2]))
+
+
 def test_drag_amplification_of_a_sine() -> None:
     """In line mean(|u|·u)/U² is 1 + a²/2U²; across it is the mean of √(U² + b²·sin²)/U."""
-    assert _amplification(relative(0.0, 0.0)) == pytest.approx(1.0)
-    assert _amplification(relative(0.3, 0.0)) == pytest.approx(1.0 + 0.5 * (0.3 / U) ** 2)
+    assert amplified(relative(0.0, 0.0)) == pytest.approx(1.0)
+    assert amplified(relative(0.3, 0.0)) == pytest.approx(1.0 + 0.5 * (0.3 / U) ** 2)
     sine = np.sin(2.0 * math.pi * np.arange(0.0, 1.0, 0.001))
     expected = np.sqrt(U**2 + (0.8 * sine) ** 2).mean() / U
-    assert _amplification(relative(0.0, 0.8)) == pytest.approx(expected)
-    assert _amplification(relative(0.3, 0.8) * 0.0) == pytest.approx(1.0)
+    assert amplified(relative(0.0, 0.8)) == pytest.approx(expected)
+    assert amplified(relative(0.3, 0.8) * 0.0) == pytest.approx(1.0)
+    grown = np.linspace(1.5, 2.5, 10_000)[:, None]
+    assert _amplification(relative(0.0, 0.0), grown) == pytest.approx(2.0)
+
+
+def test_looks_at_another_pace_are_made_even() -> None:
+    """From 20 ms to 10 ms: on 10 ms all the way; equal ones stay as they are."""
+    t = np.concatenate([np.arange(0.0, 1.0, 0.02), np.arange(1.0, 2.0, 0.01)])
+    even, line, table = _even(t, 3.0 * t, np.stack([t, -t], axis=1))
+    assert even == pytest.approx(np.arange(0.0, 1.995, 0.01))
+    assert line == pytest.approx(3.0 * even)
+    assert table[:, 1] == pytest.approx(-even)
+    (same,) = _even(even)
+    assert same is even
 
 
 def test_the_worst_direction_of_bending() -> None:
@@ -94,6 +118,26 @@ def test_a_scene_and_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert np.isnan(along["damage_per_year"]).all()
 
 
+def test_a_scene_beside_the_step_and_its_files(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """In line its model has no motion: nothing is told of one."""
+    words = ["viv", "vortices_modal", "--own", "--for", "10", "--into", str(tmp_path)]
+    assert main(words) == 0
+    printed = capsys.readouterr()
+    assert "computed beside the step" in printed.err
+    assert "in line none in its model" in printed.out
+    assert "what the model's growth of the drag makes of it" in printed.out
+    along = pyarrow.parquet.read_table(tmp_path / "own_along.parquet").to_pydict()
+    motion = pyarrow.parquet.read_table(tmp_path / "own_motion.parquet").to_pydict()
+    assert 0.05 < max(along["rms_diameters"]) < 1.0
+    assert np.isnan(along["in_line_rms_diameters"]).all()
+    assert not [name for name in motion if name.startswith("x_over_d")]
+    some = [np.std(motion[name]) for name in motion if name.startswith("y_over_d")]
+    assert max(some) == pytest.approx(max(along["rms_diameters"]), rel=0.1)
+    assert (tmp_path / "own_motion.png").stat().st_size > 20_000
+
+
 def test_stress_is_known_of_steel() -> None:
     """E·d/2 of a wire of 7850 kg/m³, and of the thickness that the water sees."""
     scene = load_scene("viv_calm")
@@ -111,11 +155,16 @@ def without(scene: Scene, kind: type) -> Scene:
 def test_what_cannot_be_shaken_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     """One sentence each, before anything is stepped."""
     cable = load_scene("cable_waves")
-    with pytest.raises(SceneError, match="lists no model of vortices; list wake_oscillator"):
+    with pytest.raises(SceneError, match="lists no model of vortices; list one of them"):
         run_own(load_scene("still_water"), 60.0, "stranded_wire")
     with pytest.raises(SceneError, match="nothing flows, so no vortices; give 'current' a speed"):
         run_own(without(cable, CurrentParams), 60.0, "stranded_wire")
     with pytest.raises(InputError, match=r"5 s are too short for vortices of 1.7 Hz; give 12 or"):
         run_own(cable, 5.0, "stranded_wire")
+    slow = replace(load_scene("vortices_modal"), time=Time(step_s=0.1))
+    with pytest.raises(
+        InputError, match=r"100 ms are 3.8 looks in a period of 2.65 Hz; give 94 ms"
+    ):
+        run_own(slow, 60.0, "stranded_wire")
     assert main(["viv", "cable_waves", "--own", "--moving", "1"]) == 1
     assert "--own: --moving is a rope in modes; leave one of them out" in capsys.readouterr().err

@@ -1,52 +1,44 @@
 """A scene's rope as its own model of vortices shakes it: what a VIV engineer asks of the run.
 
-The model steps with the rope; nothing here is lagged or in modes. Of the motion of the nodes what
-is slower than a fifth of the fastest vortices (ship, winch, sway) is left out, forward and backward
-in time by a Butterworth filter, and the rest is told across the flow and with it.
+Where the model steps with the rope, of the motion of the nodes what is slower than a fifth of the
+fastest vortices (ship, winch, sway) is left out, forward and backward in time by a Butterworth
+filter, and the rest is told across the flow and with it. Where it is computed beside the step, its
+motion is told as it is; it has none in line.
 
-Drag amplification is that of the run: the mean of |u_n|·u_n over |U_n|·U_n, with the water's
-velocity relative to the rope across it, u_n, and its mean, U_n. Stress is that of bending, E·d/2
-times the curvature of the rope as the nodes have it, in the direction in which it is largest; the
+Drag amplification is that of the run: the mean of f·|u_n|·u_n over |U_n|·U_n, with the water's
+velocity relative to the rope across it, u_n, its mean, U_n, and f, what a model beside the step
+multiplies the drag coefficient by. Stress is that of bending, E·d/2 times the curvature of the rope
+as the nodes have it, or of the motion beside the step, in the direction in which it is largest; the
 damage is that of tension and bending together (rope_twin.twin.fatigue.wear), per year of the run.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.state import Floats, Rope
+from rope_twin.core.state import Floats
+from rope_twin.effects import EFFECTS
 from rope_twin.errors import InputError, SceneError, phrase
 from rope_twin.scene.arrays.composite import ends_m
 from rope_twin.scene.figures import lift_figures
-from rope_twin.scene.rules.shedding import expected_pace, refuse_beside, shedding_model
+from rope_twin.scene.rules.shedding import expected_pace, shedding_model
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.rigs import march
 from rope_twin.studies.viv.moving import regular_motion
+from rope_twin.studies.viv.own_looks import PLACES, Look, looks_of, marched
 from rope_twin.studies.viv.study import YEAR_S
 from rope_twin.twin.fatigue.endurance import metal_area
-from rope_twin.twin.fatigue.wear import RopeWear, WearWish, bending_stiffness, curvature
+from rope_twin.twin.fatigue.wear import RopeWear, WearWish, bending_stiffness
 from rope_twin.twin.findings import MaterialFatigue
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.own_motion import SLOW, relative_flow, sides, tangents
+from rope_twin.twin.vibration.own_motion import SLOW
 from rope_twin.viv.drag import amplified_drag
 
-PLACES = 200  # along the rope, over its length at the time
-PER_PERIOD = 24  # looks per period of the fastest vortices
 STEADY = 0.5  # of a run: the part that counts
 LEAST_PERIODS = 10  # of the fastest vortices in that part
-_PLACE = slice(rows.POSITION, rows.POSITION + 3)
-
-
-class _Look(NamedTuple):
-    """One instant at the places, from the hang-off down."""
-
-    place: Floats  # (3, places)
-    across: Floats  # water less rope, across it [m/s], (3, places)
-    bent: Floats  # curvature [1/m], (2, places)
+SHEDDING = tuple(effect.name for effect in EFFECTS if effect.sheds)
 
 
 @dataclass(frozen=True)
@@ -59,7 +51,8 @@ class OwnRun:
     every_s: float
     from_hang_off_m: Floats  # unstretched, at the end, (places,)
     time_s: Floats  # (times,)
-    motion: Floats  # across the flow and with it, over the diameter, (2, times, places)
+    # across the flow and with it (NaN: its model has none), over the diameter, (2, times, places)
+    motion: Floats
     tension_top_n: Floats  # (times,)
     drag_amplification: Floats  # (places,)
     stress_rms_pa: Floats  # of bending; NaN where no stress is known, (places,)
@@ -69,6 +62,11 @@ class OwnRun:
     def rms(self) -> Floats:
         """Of the motion over the diameter, across the flow and with it, (2, places)."""
         return np.asarray(self.motion.std(axis=1))
+
+    @property
+    def in_line(self) -> bool:
+        """Whether its model has a motion with the flow."""
+        return bool(np.isfinite(self.motion[1]).all())
 
     @property
     def frequency_hz(self) -> Floats:
@@ -121,32 +119,29 @@ def run_own(scene: Scene, duration_s: float, curve: str) -> OwnRun:
         raise InputError(phrase("--for", what, f"give {least:.2g} or more"))
     heave, speeds = regular_motion(scene)
     twin = Twin(scene)
-    every = max(1, int(1.0 / (PER_PERIOD * hz * twin.step_s)))
-    wear = _wear(scene, twin, curve)
-    looks: list[_Look] = []
-    seen = []
-    for shot in march(twin, heave, duration_s, every, speeds):
+    looks, wear = looks_of(twin, hz), _wear(scene, twin, curve)
+    taken: list[Look] = []
+    seen: list[tuple[float, float]] = []  # time, top tension
+    for shot in marched(twin, heave, duration_s, speeds, looks.steps):
         if shot.time_s < STEADY * duration_s:
             continue
-        rope = twin.rope
-        if not looks:
-            split = _sides(rope)
-        looks.append(_look(rope))
+        taken.append(looks.look())
         seen.append((shot.time_s, shot.tension_top_n))
         if wear is not None:
-            s, bent = curvature(rope)
-            pieces = np.stack([np.interp(wear.middles, s, part) for part in bent])
-            wear.take(rope, shot.tension_top_n, pieces)
+            wear.take(twin.rope, shot.tension_top_n, looks.bent(wear.middles))
     line_out = float(twin.rope.state.s[int(twin.rope.state.counts[rows.ELEMENTS])])
     from_top = np.linspace(0.0, line_out, PLACES)
-    place, across, bent = (np.array(part) for part in zip(*looks, strict=True))
     thick, stiff = _figures(scene, line_out - from_top, bending_stiffness(twin.rope.effects))
-    times, pulls = (np.array(part) for part in zip(*seen, strict=True))
-    every_s = every * twin.step_s
-    moved = np.einsum("skp,tkp->stp", split, place) / thick
+    times, pulls, *parts = _even(
+        *(np.array(part) for part in (*zip(*seen, strict=True), *zip(*taken, strict=True)))
+    )
+    moved, across, grown, bent = parts
+    every_s = float(times[-1] - times[0]) / (len(times) - 1)
+    motion = moved.transpose(1, 0, 2) / thick
     return OwnRun(
-        scene.name, shedding_model(scene), hz, every_s, from_top, times, _fast(moved, hz, every_s),
-        pulls, _amplification(across), stiff * _worst_rms(bent),
+        scene.name, shedding_model(scene), hz, every_s, from_top, times,
+        _fast(motion, hz, every_s) if looks.drifts else motion, pulls,
+        _amplification(across, grown), stiff * _worst_rms(bent),
         None if wear is None else wear.shot(line_out, len(times) * every_s),
     )  # fmt: skip
 
@@ -154,37 +149,13 @@ def run_own(scene: Scene, duration_s: float, curve: str) -> OwnRun:
 def _expected_hz(scene: Scene) -> float:
     if not shedding_model(scene):
         what = "it lists no model of vortices"
-        right = "list wake_oscillator, strouhal_forcing or travelling_waves, or leave --own out"
+        right = f"list one of them ({', '.join(SHEDDING)}), or leave --own out"
         raise SceneError(phrase(f"{scene.path}: effects", what, right))
-    what, right = "its vibration is no motion of the nodes", "leave --own out: it is told in modes"
-    refuse_beside(scene, what, right)
     pace = expected_pace(scene, lift_figures(scene))
     if pace is None:
         what = "nothing flows, so no vortices"
         raise SceneError(phrase(f"{scene.path}: effects", what, "give 'current' a speed"))
     return pace.frequency_hz
-
-
-def _look(rope: Rope) -> _Look:
-    n = int(rope.state.counts[rows.ELEMENTS])
-    s, place = rope.state.s[: n + 1], rope.state.nodes[_PLACE, : n + 1]
-    along, flow = tangents(place), relative_flow(rope)
-    across = flow - (flow * along).sum(axis=0) * along
-    return _Look(*(_at_places(s, part) for part in (place, across, curvature(rope)[1])))
-
-
-def _at_places(s: Floats, values: Floats) -> Floats:
-    at = np.linspace(s[-1], s[0], PLACES)
-    return np.stack([np.interp(at, s, part) for part in values])
-
-
-def _sides(rope: Rope) -> Floats:
-    """Unit vectors across rope and water, and across the rope with the water, (2, 3, places)."""
-    n = int(rope.state.counts[rows.ELEMENTS])
-    water = rope.work[rows.FLOW : rows.FLOW + 3, : n + 1].copy()
-    water[:, n] = water[:, n - 1]
-    both = sides(rope.state.nodes[_PLACE, : n + 1], water)
-    return np.stack([_at_places(rope.state.s[: n + 1], own) for own in both])
 
 
 def _figures(scene: Scene, from_lower_m: Floats, EI: float) -> tuple[Floats, Floats]:
@@ -221,17 +192,32 @@ def _fast(motion: Floats, hz: float, every_s: float) -> Floats:
     return np.asarray(filtered)
 
 
-def _amplification(across: Floats) -> Floats:
-    """Mean drag over that of the mean velocity, (times, 3, places) to (places,).
+def _amplification(across: Floats, grown: Floats) -> Floats:
+    """Mean drag over that of the mean velocity, 1 where the water stands still, (places,).
 
-    1 where the water stands still.
+    across: (times, 3, places); grown: what the coefficient is multiplied by, (times, places).
     """
     speed = np.sqrt((across * across).sum(axis=1, keepdims=True))
-    drag, mean = (speed * across).mean(axis=0), across.mean(axis=0)
+    drag, mean = (grown[:, None] * speed * across).mean(axis=0), across.mean(axis=0)
     still = (mean * mean).sum(axis=0)
     flows = still > 1e-12
     shaken = (drag * mean).sum(axis=0) / np.sqrt(np.where(flows, still, 1.0))
     return np.where(flows, shaken / np.where(flows, still, 1.0), 1.0)
+
+
+def _even(times: Floats, *values: Floats) -> list[Floats]:
+    """At equal times, the shortest that lie between; a pace may have been taken up on the way."""
+    every = float(np.diff(times).min())
+    if np.diff(times).max() < (1.0 + 1e-6) * every:
+        return [times, *values]
+    grid = times[0] + every * np.arange(int((times[-1] - times[0]) / every + 1e-9) + 1)
+    low = np.clip(np.searchsorted(times, grid, side="right") - 1, 0, len(times) - 2)
+    share = (grid - times[low]) / (times[low + 1] - times[low])
+    even = [grid]
+    for own in values:
+        part = share.reshape(-1, *[1] * (own.ndim - 1))
+        even.append(own[low] * (1.0 - part) + own[low + 1] * part)
+    return even
 
 
 def _worst_rms(bent: Floats) -> Floats:

@@ -45,7 +45,7 @@ def own_figures(run: OwnRun) -> dict[str, Any]:
         "rms_max_diameters": float(across[at]),
         "rms_max_at_m": float(run.from_hang_off_m[at]),
         "frequency_there_hz": float(run.frequency_hz[0, at]),
-        "in_line_rms_max_diameters": float(with_flow.max()),
+        "in_line_rms_max_diameters": float(with_flow.max()) if run.in_line else None,
         "drag_amplification_max": float(run.drag_amplification.max()),
         "drag_amplification_mean": float(run.drag_amplification.mean()),
         "drag_amplification_vandiver_max": float(run.vandiver.max()),
@@ -59,14 +59,18 @@ def own_figures(run: OwnRun) -> dict[str, Any]:
 def own_words(run: OwnRun) -> str:
     """The same in words."""
     told = own_figures(run)
+    in_line = "none in its model"
+    if run.in_line:
+        in_line = f"{told['in_line_rms_max_diameters']:.3g}"
+    cause = "relative velocity makes of it" if run.in_line else "growth of the drag makes of it"
     words = (
         f"{run.model}, the last {told['steady_s']:.4g} s: largest rms A/d "
         f"{told['rms_max_diameters']:.3g} at {told['rms_max_at_m']:.4g} m below the hang-off, "
-        f"{told['frequency_there_hz']:.3g} Hz; in line {told['in_line_rms_max_diameters']:.3g}\n"
+        f"{told['frequency_there_hz']:.3g} Hz; in line {in_line}\n"
         "(published VIV codes differ among each other by a factor of 1.7)\n"
         f"mean drag {told['drag_amplification_max']:.3g} times that without vibration at most, "
-        f"{told['drag_amplification_mean']:.3g} in the mean: what the model's relative velocity "
-        "makes of it (Vandiver 1983 of such a motion: "
+        f"{told['drag_amplification_mean']:.3g} in the mean: what the model's {cause} "
+        "(Vandiver 1983 of such a motion: "
         f"{told['drag_amplification_vandiver_max']:.3g})"
     )
     if run.fatigue is None:
@@ -86,10 +90,10 @@ def _along(run: OwnRun) -> list[Panel]:
     def panel(title: str, x: str, *lines: tuple[Floats, str]) -> Panel:
         return Panel(title, x, BELOW, tuple(Line(values, depth, label) for values, label in lines))
 
-    (across, with_flow), (across_hz, in_line_hz) = run.rms, run.frequency_hz
+    sides = ("across the flow", "in line") if run.in_line else ("across the flow",)
     return [
-        panel("rms of the motion", "rms/d", (across, "across the flow"), (with_flow, "in line")),
-        panel("mean frequency", "[Hz]", (across_hz, "across the flow"), (in_line_hz, "in line")),
+        panel("rms of the motion", "rms/d", *zip(run.rms, sides, strict=False)),
+        panel("mean frequency", "[Hz]", *zip(run.frequency_hz, sides, strict=False)),
         panel("drag amplification", "", (run.drag_amplification, "of the run"),
               (run.vandiver, "Vandiver 1983 of this motion")),
         panel("bending stress, rms", "[MPa]", (1e-6 * run.stress_rms_pa, "")),
@@ -105,11 +109,12 @@ def _in_time(run: OwnRun) -> list[Panel]:
     frequency, power = run.spectra()
     some = frequency < 3.0 * mean_hz
     level = np.log10(np.maximum(power[some], 1e-6 * power.max()))
+    with_flow = Panel("in line with it", "time [s]", BELOW,
+                      field=Field(run.motion[1, -shown:].T[::-1], times, depth, "x/d"))  # fmt: skip
     return [
         Panel("across the flow, last periods", "time [s]", BELOW,
               field=Field(run.motion[0, -shown:].T[::-1], times, depth, "y/d")),
-        Panel("in line with it", "time [s]", BELOW,
-              field=Field(run.motion[1, -shown:].T[::-1], times, depth, "x/d")),
+        *([with_flow] if run.in_line else []),
         Panel("spectra across the flow", "[Hz]", BELOW,
               field=Field(level.T[::-1], (0.0, float(frequency[some][-1])), depth,
                           "log10 of power [d²/Hz]")),
@@ -137,5 +142,6 @@ def _motion_table(run: OwnRun) -> dict[str, Any]:
     for place in places:
         at = f"{run.from_hang_off_m[place]:.2f}_m"
         columns[f"y_over_d_at_{at}"] = run.motion[0, :, place]
-        columns[f"x_over_d_at_{at}"] = run.motion[1, :, place]
+        if run.in_line:
+            columns[f"x_over_d_at_{at}"] = run.motion[1, :, place]
     return columns

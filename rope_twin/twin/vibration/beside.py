@@ -122,6 +122,17 @@ class Beside:
         s = self._response.span.s
         return np.interp(_along(rope), s - s[-1], values)
 
+    def moved(self, rope: Rope, marks: Floats) -> Floats:
+        """Across the flow, at material coordinates [m]."""
+        span = self._response.span
+        found = np.interp(self._places(rope, marks), span.s, self._response.motion, 0.0, 0.0)
+        return np.asarray(found)
+
+    def _places(self, rope: Rope, marks: Floats) -> Floats:
+        """Where material coordinates are on the response's own line [m]."""
+        s = rope.state.s[: int(rope.state.counts[rows.ELEMENTS]) + 1]
+        return np.asarray(self._response.span.s[-1] + np.interp(marks, s, _along(rope)))
+
     def bent(self, rope: Rope, middles: Floats) -> Floats:
         """Curvature of the vibration at material coordinates [1/m], as `turned` has it."""
         span = self._response.span
@@ -129,7 +140,7 @@ class Beside:
         s, y, h = rope.state.s[: n + 1], self._response.motion, span.s[1] - span.s[0]
         curve = np.zeros(len(y))
         curve[1:-1] = (y[2:] - 2.0 * y[1:-1] + y[:-2]) / (h * h)
-        at = span.s[-1] + np.interp(middles, s, _along(rope))
+        at = self._places(rope, middles)
         place = rope.state.nodes[_PLACE, : n + 1]
         shares = np.linspace(0.0, 1.0, n + 1)
         flow = np.stack([np.interp(shares, SHARES, part) for part in self._flow])

@@ -75,7 +75,7 @@ class Shaking:
         self._looked = steps
         self._keep_pace(rope, boundary, currents)
         self.tracker.take(rope, since_s, self.hz)
-        grown = self._amplified(rope) - 1.0
+        grown = self.amplified(rope) - 1.0
         for own in rope.effects:
             if isinstance(own, DragGrowth):
                 set_growth(own, rope.state, grown)
@@ -85,10 +85,10 @@ class Shaking:
     def shot(self, rope: Rope) -> RopeVibration:
         """What is told of it."""
         cost_pct = 100.0 * self._took_s / max(self._looked_s, self._step_s)
-        amplified = self._amplified(rope)[::-1].copy()
+        amplified = self.amplified(rope)[::-1].copy()
         return replace(self.tracker.shot(rope), drag_amplification=amplified, cost_pct=cost_pct)
 
-    def _amplified(self, rope: Rope) -> Floats:
+    def amplified(self, rope: Rope) -> Floats:
         """What the drag is multiplied by at the nodes, from the lower end up."""
         return amplified_drag(self.tracker.amplitudes(rope) / sqrt(2.0), self._growth)
 

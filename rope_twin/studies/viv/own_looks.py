@@ -1,0 +1,169 @@
+"""Looks at a rope that the scene's own model of vortices shakes, at equal times.
+
+A model that steps with the rope moves its nodes. One that is computed beside the step
+(rope_twin.twin.vibration.shaking) has a motion of its own, across the flow only, and lets the drag
+grow; it is looked at when it has just gone on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.state import Floats, Rope
+from rope_twin.errors import InputError, phrase
+from rope_twin.studies.rigs import Motion, Speeds, march
+from rope_twin.twin.fatigue.wear import bending_stiffness, curvature
+from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.twin import Twin
+from rope_twin.twin.vibration.own_motion import relative_flow, sides, tangents
+from rope_twin.twin.vibration.shaking import Shaking
+
+PLACES = 200  # along the rope, over its length at the time
+PER_PERIOD = 24  # looks per period of the fastest vortices
+LEAST_PER_PERIOD = 4.0  # of a model that goes on once a step at most
+AHEAD_S = 5.0  # so far ahead `march` offers what the winch is told
+_PLACE = slice(rows.POSITION, rows.POSITION + 3)
+
+
+class Look(NamedTuple):
+    """One instant at the places, from the hang-off down."""
+
+    moved: Floats  # across the flow and with it, of its model [m]; NaN: it has none, (2, places)
+    across: Floats  # water less rope, across it [m/s], (3, places)
+    grown: Floats  # what the drag coefficient is multiplied by, (places,)
+    bent: Floats  # curvature [1/m], (2, places)
+
+
+class Looks(Protocol):
+    """How a rope is looked at."""
+
+    drifts: bool  # whether its motion has slow parts that are none of its vortices
+
+    def steps(self) -> int:
+        """To the next look."""
+
+    def look(self) -> Look:
+        """Now."""
+
+    def bent(self, middles: Floats) -> Floats:
+        """Curvature at material coordinates [1/m], (2, places)."""
+
+
+def looks_of(twin: Twin, vortices_hz: float) -> Looks:
+    """As the scene's model wants it.
+
+    Raises:
+        InputError: steps are too long to look at vortices of that frequency.
+    """
+    if twin.shaking is None:
+        return _AtNodes(twin, vortices_hz)
+    per_period = 1.0 / (vortices_hz * twin.step_s)
+    if per_period < LEAST_PER_PERIOD:
+        what = (
+            f"steps of {1e3 * twin.step_s:.3g} ms are {per_period:.2g} looks in a period of "
+            f"{vortices_hz:.3g} Hz"
+        )
+        right = f"give {1e3 / (LEAST_PER_PERIOD * vortices_hz):.2g} ms or less for --own"
+        raise InputError(phrase(f"{twin.scene.path}: time.step_s", what, right))
+    return _Beside(twin, twin.shaking)
+
+
+def marched(
+    twin: Twin, heave: Motion, duration_s: float, speeds: Speeds, steps: Callable[[], int]
+) -> Iterator[Snapshot]:
+    """As `march`, with as many steps each time as are asked for then.
+
+    Raises:
+        SolverError: as `march` does.
+    """
+    told_s, total = -1.0, round(duration_s / twin.step_s)
+    while twin.steps + (count := steps()) <= total:
+        ahead_s = (twin.steps + count) * twin.step_s + AHEAD_S
+        due = [one for one in speeds if told_s < one[0] <= ahead_s]
+        told_s = ahead_s
+        yield from march(twin, heave, count * twin.step_s, count, due)
+
+
+class _AtNodes:
+    """A model that moves the nodes."""
+
+    drifts = True
+
+    def __init__(self, twin: Twin, vortices_hz: float) -> None:
+        self._twin = twin
+        self._every = max(1, int(1.0 / (PER_PERIOD * vortices_hz * twin.step_s)))
+        self._split: Floats | None = None  # unit vectors of the first look
+
+    def steps(self) -> int:
+        return self._every
+
+    def look(self) -> Look:
+        rope = self._twin.rope
+        s, place = _marks(rope), rope.state.nodes[_PLACE, : len(_marks(rope))]
+        if self._split is None:
+            self._split = _sides(rope)
+        moved = np.einsum("skp,kp->sp", self._split, _at_places(s, place))
+        bent = _at_places(s, curvature(rope)[1])
+        return Look(moved, _at_places(s, _across(rope)), np.ones(PLACES), bent)
+
+    def bent(self, middles: Floats) -> Floats:
+        s, own = curvature(self._twin.rope)
+        return np.stack([np.interp(middles, s, part) for part in own])
+
+
+class _Beside:
+    """A model that has a motion of its own."""
+
+    drifts = False
+
+    def __init__(self, twin: Twin, shaking: Shaking) -> None:
+        self._twin, self._shaking = twin, shaking
+
+    def steps(self) -> int:
+        return self._shaking.steps_to_look(self._twin.steps)
+
+    def look(self) -> Look:
+        rope, tracker = self._twin.rope, self._shaking.tracker
+        s = _marks(rope)
+        at = np.linspace(s[-1], 0.0, PLACES)
+        moved = np.stack([tracker.moved(rope, at), np.full(PLACES, np.nan)])
+        grown = np.interp(at, s, self._shaking.amplified(rope))
+        return Look(moved, _at_places(s, _across(rope)), grown, self.bent(at))
+
+    def bent(self, middles: Floats) -> Floats:
+        """Of the model, and of the rope where the scene lists its bending."""
+        rope = self._twin.rope
+        bent = self._shaking.tracker.bent(rope, middles)
+        if bending_stiffness(rope.effects) > 0.0:
+            s, own = curvature(rope)
+            bent = bent + np.stack([np.interp(middles, s, part) for part in own])
+        return bent
+
+
+def _marks(rope: Rope) -> Floats:
+    """Material coordinates of the nodes, from the lower end up."""
+    return np.asarray(rope.state.s[: int(rope.state.counts[rows.ELEMENTS]) + 1])
+
+
+def _across(rope: Rope) -> Floats:
+    """Water less rope across it at the nodes, (3, nodes)."""
+    along, flow = tangents(rope.state.nodes[_PLACE, : len(_marks(rope))]), relative_flow(rope)
+    return np.asarray(flow - (flow * along).sum(axis=0) * along)
+
+
+def _at_places(s: Floats, values: Floats) -> Floats:
+    at = np.linspace(s[-1], s[0], PLACES)
+    return np.stack([np.interp(at, s, part) for part in values])
+
+
+def _sides(rope: Rope) -> Floats:
+    """Unit vectors across rope and water, and across the rope with the water, (2, 3, places)."""
+    s = _marks(rope)
+    water = rope.work[rows.FLOW : rows.FLOW + 3, : len(s)].copy()
+    water[:, -1] = water[:, -2]
+    both = sides(rope.state.nodes[_PLACE, : len(s)], water)
+    return np.stack([_at_places(s, own) for own in both])
