@@ -56,8 +56,18 @@ def test_heave_widens_what_constant_tension_keeps_narrow(
     assert Path(told["files"][0]).stat().st_size > 20_000
 
 
+def test_a_model_beside_the_step_is_set_beside_another() -> None:
+    """Its own motion, at its own pace; heave in the scene moves the tension."""
+    run = run_shaken(load_scene("vortices_modal"), 10.0)
+    told = run.figures()
+    assert run.every_s == pytest.approx(0.01)
+    assert told.tension_max_n - told.tension_min_n > 3e3
+    assert 0.05 < told.rms_max_diameters < 1.0
+    assert 1.0 < told.frequency_hz < 2.66
+
+
 def test_what_has_no_vortices_or_no_current_is_refused() -> None:
-    with pytest.raises(SceneError, match="effects: it lists no model of vortices; list wake_osc"):
+    with pytest.raises(SceneError, match="effects: it lists no model of vortices; list one"):
         run_shaken(load_scene("smooth_2km"), 1.0)
     calm = load_scene("viv_calm")
     still = tuple(

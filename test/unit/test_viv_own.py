@@ -20,11 +20,11 @@ from rope_twin.scene.schema import Scene, Time
 from rope_twin.studies.viv.own import (
     OwnRun,
     _amplification,
-    _even,
     _figures,
     _worst_rms,
     run_own,
 )
+from rope_twin.studies.viv.own_looks import made_even
 from rope_twin.twin.findings import MaterialFatigue
 
 U = 0.5
@@ -53,14 +53,14 @@ def test_drag_amplification_of_a_sine() -> None:
     assert _amplification(relative(0.0, 0.0), grown) == pytest.approx(2.0)
 
 
-def test_looks_at_another_pace_are_made_even() -> None:
+def test_looks_at_another_pace_are_mademade_even() -> None:
     """From 20 ms to 10 ms: on 10 ms all the way; equal ones stay as they are."""
     t = np.concatenate([np.arange(0.0, 1.0, 0.02), np.arange(1.0, 2.0, 0.01)])
-    even, line, table = _even(t, 3.0 * t, np.stack([t, -t], axis=1))
+    even, line, table = made_even(t, 3.0 * t, np.stack([t, -t], axis=1))
     assert even == pytest.approx(np.arange(0.0, 1.995, 0.01))
     assert line == pytest.approx(3.0 * even)
     assert table[:, 1] == pytest.approx(-even)
-    (same,) = _even(even)
+    (same,) = made_even(even)
     assert same is even
 
 

@@ -73,16 +73,6 @@ def refuse_shedding(scene: Scene, what: str) -> None:
         raise SceneError(phrase(f"{scene.path}: effects.{model}", what, "leave the model out here"))
 
 
-def refuse_beside(scene: Scene, what: str, right: str) -> None:
-    """For what looks at the motion of the rope itself; what: why that is not enough.
-
-    Raises:
-        SceneError: the scene's model of vortices is computed beside the step.
-    """
-    if model_beside(scene) is not None:
-        raise SceneError(phrase(f"{scene.path}: effects.{shedding_model(scene)}", what, right))
-
-
 def why_no_card(scene: Scene) -> str:
     """Why a scene has no accuracy card; "" if it has one."""
     if model_beside(scene) is not None:

@@ -1,8 +1,9 @@
 """Two scenes with a model of vortices each, side by side: VIV under heave against that at rest.
 
-Both twins run with their own regular heave and winch schedule, their model stepping with the rope:
-what tension does to the vibration is in the rope itself, no mode is solved for. Motion is taken
-across the current at the surface, of the nodes as the grid has them, over the rope's diameter.
+Both twins run with their own regular heave and winch schedule. Where their model steps with the
+rope, what tension does to the vibration is in the rope itself, no mode is solved for; motion is
+taken across the current at the surface, of the nodes as the grid has them, over the rope's
+diameter. Where it is computed beside the step, its own motion is taken whenever it has gone on.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ import numpy as np
 
 from rope_twin.core.state import Floats
 from rope_twin.errors import SceneError, phrase
-from rope_twin.scene.rules.shedding import refuse_beside, shedding_model
+from rope_twin.scene.rules.shedding import shedding_model
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.modes.rest import water_at
-from rope_twin.studies.rigs import march
 from rope_twin.studies.validation.case import Field, Line, Panel
 from rope_twin.studies.validation.picture import draw_panels
 from rope_twin.studies.viv.moving import regular_motion
+from rope_twin.studies.viv.own_looks import made_even, marched
 from rope_twin.twin.twin import Twin
 
 PLACES = 150  # along the rope, over its length at the time
@@ -113,25 +114,30 @@ def run_shaken(scene: Scene, duration_s: float) -> Shaken:
     model, across = shedding_model(scene), _across(scene)
     if not model:
         what = "it lists no model of vortices"
-        right = "list wake_oscillator, strouhal_forcing or travelling_waves"
-        raise SceneError(phrase(f"{scene.path}: effects", what, right))
-    what = "its vibration is no motion of the nodes, which are compared here"
-    refuse_beside(scene, what, "take --moving, which compares heave with constant tension in modes")
+        raise SceneError(phrase(f"{scene.path}: effects", what, "list one of them"))
     heave, speeds = regular_motion(scene)
     twin = Twin(scene)
-    every = max(1, round(SAMPLE_S / twin.step_s))
+    own, every = twin.shaking, max(1, round(SAMPLE_S / twin.step_s))
     share = np.linspace(0.0, 1.0, PLACES)
+
+    def steps() -> int:
+        return every if own is None else own.steps_to_look(twin.steps)
+
     rows = []
-    for shot in march(twin, heave, duration_s, every, speeds):
-        if shot.time_s >= 0.5 * duration_s:
-            at = shot.arc_length_m / shot.arc_length_m[-1]
-            place = np.interp(share, at, shot.node_position_m @ across)
-            rows.append((shot.time_s, shot.tension_top_n, place))
-    times, pulls, places = zip(*rows, strict=True)
-    motion = np.array(places) / scene.ropes[0].thinnest_m
+    for shot in marched(twin, heave, duration_s, speeds, steps):
+        if shot.time_s < 0.5 * duration_s:
+            continue
+        line_m = shot.arc_length_m[-1]
+        if own is None:
+            place = np.interp(share, shot.arc_length_m / line_m, shot.node_position_m @ across)
+        else:
+            place = own.tracker.moved(twin.rope, (1.0 - share) * line_m)
+        rows.append((shot.time_s, shot.tension_top_n, place))
+    times, pulls, places = made_even(*(np.array(part) for part in zip(*rows, strict=True)))
+    motion = places / scene.ropes[0].thinnest_m
     return Shaken(
-        scene.name, model, every * twin.step_s, share, np.array(times),
-        motion - motion.mean(axis=0), np.array(pulls),
+        scene.name, model, float(times[-1] - times[0]) / (len(times) - 1), share, times,
+        motion - motion.mean(axis=0), pulls,
     )  # fmt: skip
 
 

@@ -27,7 +27,7 @@ from rope_twin.scene.figures import lift_figures
 from rope_twin.scene.rules.shedding import expected_pace, shedding_model
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.viv.moving import regular_motion
-from rope_twin.studies.viv.own_looks import PLACES, Look, looks_of, marched
+from rope_twin.studies.viv.own_looks import PLACES, Look, looks_of, made_even, marched
 from rope_twin.studies.viv.study import YEAR_S
 from rope_twin.twin.fatigue.endurance import metal_area
 from rope_twin.twin.fatigue.wear import RopeWear, WearWish, bending_stiffness
@@ -132,7 +132,7 @@ def run_own(scene: Scene, duration_s: float, curve: str) -> OwnRun:
     line_out = float(twin.rope.state.s[int(twin.rope.state.counts[rows.ELEMENTS])])
     from_top = np.linspace(0.0, line_out, PLACES)
     thick, stiff = _figures(scene, line_out - from_top, bending_stiffness(twin.rope.effects))
-    times, pulls, *parts = _even(
+    times, pulls, *parts = made_even(
         *(np.array(part) for part in (*zip(*seen, strict=True), *zip(*taken, strict=True)))
     )
     moved, across, grown, bent = parts
@@ -203,21 +203,6 @@ def _amplification(across: Floats, grown: Floats) -> Floats:
     flows = still > 1e-12
     shaken = (drag * mean).sum(axis=0) / np.sqrt(np.where(flows, still, 1.0))
     return np.where(flows, shaken / np.where(flows, still, 1.0), 1.0)
-
-
-def _even(times: Floats, *values: Floats) -> list[Floats]:
-    """At equal times, the shortest that lie between; a pace may have been taken up on the way."""
-    every = float(np.diff(times).min())
-    if np.diff(times).max() < (1.0 + 1e-6) * every:
-        return [times, *values]
-    grid = times[0] + every * np.arange(int((times[-1] - times[0]) / every + 1e-9) + 1)
-    low = np.clip(np.searchsorted(times, grid, side="right") - 1, 0, len(times) - 2)
-    share = (grid - times[low]) / (times[low + 1] - times[low])
-    even = [grid]
-    for own in values:
-        part = share.reshape(-1, *[1] * (own.ndim - 1))
-        even.append(own[low] * (1.0 - part) + own[low + 1] * part)
-    return even
 
 
 def _worst_rms(bent: Floats) -> Floats:

@@ -88,6 +88,21 @@ def marched(
         yield from march(twin, heave, count * twin.step_s, count, due)
 
 
+def made_even(times: Floats, *values: Floats) -> list[Floats]:
+    """At equal times, the shortest that lie between; a pace may have been taken up on the way."""
+    every = float(np.diff(times).min())
+    if np.diff(times).max() < (1.0 + 1e-6) * every:
+        return [times, *values]
+    grid = times[0] + every * np.arange(int((times[-1] - times[0]) / every + 1e-9) + 1)
+    low = np.clip(np.searchsorted(times, grid, side="right") - 1, 0, len(times) - 2)
+    share = (grid - times[low]) / (times[low + 1] - times[low])
+    even = [grid]
+    for own in values:
+        part = share.reshape(-1, *[1] * (own.ndim - 1))
+        even.append(own[low] * (1.0 - part) + own[low + 1] * part)
+    return even
+
+
 class _AtNodes:
     """A model that moves the nodes."""
 
