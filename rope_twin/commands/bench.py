@@ -29,6 +29,7 @@ from rope_twin.studies.bench import (
     performance_page,
     speed,
     statics_speed,
+    vortex_pace,
     vortex_speed,
 )
 from rope_twin.studies.bench.order_picture import draw_orders
@@ -200,15 +201,19 @@ def _effects(args: argparse.Namespace, progress: Progress) -> int:
 def _vortices(args: argparse.Namespace, progress: Progress) -> int:
     cases = vortex_speed.QUICK if args.quick else vortex_speed.FULL
     rows, raced = list(vortex_speed.vortex_rows(cases, progress.show)), None
+    paced = vortex_pace.QUICK if args.quick else vortex_pace.FULL
+    paces = list(vortex_pace.pace_rows(paced, progress.show))
     try:
         plan = vortex_peer.QUICK if args.quick else vortex_peer.FULL
         raced = list(vortex_peer.race_vortices(plan, progress.show))
     except InputError as missing:
         print(missing, file=sys.stderr)
     if args.json:
-        print(json.dumps({"rows": rows, "peer": raced}, allow_nan=False))
+        print(json.dumps({"rows": rows, "pace": paces, "peer": raced}, allow_nan=False))
         return 0
     print_table(vortex_speed.vortex_table(rows))
+    print()
+    print_table(vortex_pace.pace_table(paces))
     if raced is not None:
         print()
         print_table(vortex_peer.race_table(raced))
@@ -273,7 +278,8 @@ ACTIONS = {
     ),
     "vortices": Action(
         _vortices,
-        "cost of the vortex models at steps of 1 ms, and MoorDyn's model on the curved pipe",
+        "cost of the vortex models at steps of 1 ms, how fast those beside the step and [LCD]'s "
+        "run, and MoorDyn's model on the curved pipe",
         "MoorDyn is no part of rope_twin; where it is missing it is told how to get it, and the "
         "rest runs without.",
         (_json_option,),

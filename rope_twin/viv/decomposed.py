@@ -19,8 +19,10 @@ import numpy as np
 from rope_twin.viv.force_table import ForceTable, fitted_forces
 from rope_twin.viv.lateral_modes import MOST, LateralModes, ModeSearch
 from rope_twin.viv.shedding import Mask
-from rope_twin.viv.span import Floats, Span
+from rope_twin.viv.span import Floats, Span, refined
 
+PER_WAVE = 24  # elements per wave at the highest frequency that can be driven
+MOST_ELEMENTS = 6000
 ROUNDS = 60
 SAME = 1e-6  # C_a that two rounds agree to
 STILL = 1e-6  # m/s: water slower than this is still
@@ -166,6 +168,17 @@ def _excited(span: Span, model: Decomposed, modes: LateralModes) -> _Part:
                 break
     power, band = _powers(span, model, modes, frequency)
     return _Part(frequency, added, power, band)
+
+
+def fine_enough(span: Span, model: Decomposed) -> Span:
+    """In elements for waves of the highest frequency that can be driven; a slack rope as it is."""
+    if not (span.tension > 0.0).all():
+        return span  # of which no modes are found
+    moved = span.mass + _per_metre(span, model)[:-1]
+    slowest = float(np.sqrt((span.tension / moved).min()))
+    fastest = model.band[1] * float((span.speed / span.diameter).max())
+    longest = slowest / max(fastest, 1e-9) / PER_WAVE
+    return refined(span, max(longest, span.s[-1] / MOST_ELEMENTS))
 
 
 def _per_metre(span: Span, model: Decomposed) -> Floats:

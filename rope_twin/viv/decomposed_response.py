@@ -88,6 +88,11 @@ class DecomposedResponse:
         self.omega = np.interp(now, before, self.omega)
 
     @property
+    def frequency(self) -> Floats:
+        """True ones, of the modes that the current may drive [Hz]."""
+        return self.excitation.frequency
+
+    @property
     def dominant_hz(self) -> Floats:
         """Frequency of the nodes by their running motion; 0 where nothing moves, (nodes,)."""
         return self._all(np.where(self.amplitude > 0.0, self.omega / (2.0 * pi), 0.0))

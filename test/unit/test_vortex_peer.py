@@ -49,6 +49,12 @@ def test_a_race_of_equal_elements_and_step(capfd: pytest.CaptureFixture[str]) ->
         assert row["best_factor"] >= row["real_time_factor"] > 0.0
         per_step_s = 1e-9 * row["ns_per_node_step"] * row["nodes"]
         assert row["real_time_factor"] == pytest.approx(1e-3 / per_step_s)
+    assert [(row["rope"], row["model"]) for row in told["pace"]] == [
+        ("[LCD] riser", "modal_vibration"), ("[LCD] riser", "decomposed_force"),
+    ]  # fmt: skip
+    for row in told["pace"]:
+        assert row["best_factor"] >= row["real_time_factor"] > 0.0
+        assert row["modes"] >= 7 < row["places"]
     if not HERE:
         assert told["peer"] is None
         assert "get it with `pip install moordyn==2.7.2`" in said

@@ -23,15 +23,14 @@ from rope_twin.twin.fatigue.wear import turned
 from rope_twin.twin.findings import RopeVibration
 from rope_twin.twin.vibration.in_modes import span_of_rope
 from rope_twin.twin.vibration.own_motion import AVERAGED, relative_flow, sides, tangents
-from rope_twin.viv.decomposed import Decomposed, ExcitationSearch
+from rope_twin.viv.decomposed import Decomposed, ExcitationSearch, fine_enough
 from rope_twin.viv.decomposed_response import DecomposedResponse
 from rope_twin.viv.lateral_modes import ModeSearch
 from rope_twin.viv.modal_response import ModalResponse
 from rope_twin.viv.shedding import Shedding
-from rope_twin.viv.span import Span, refined
+from rope_twin.viv.span import Span
 
 EVERY_S = 1.0
-PER_WAVE = 24  # elements per wave at the highest frequency that can be driven
 SHARES = np.linspace(0.0, 1.0, 65)  # of the rope, from the lower end up: where the flow is kept
 _PLACE = slice(rows.POSITION, rows.POSITION + 3)
 
@@ -69,6 +68,11 @@ class Beside:
         span = span_of(rope)
         response.follow(span, response.search(span))  # in parts as from now on: the same digits
         self.told = self.words(span)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Places that it answers at, and modes that it knows."""
+        return len(self._response.span.s), len(self._response.frequency)
 
     def words(self, span: Span) -> str:
         """What it costs, measured here and now."""
@@ -199,13 +203,7 @@ def beside_decomposed(
     """
 
     def span_of(rope: Rope) -> Span:
-        span = span_of_rope(rope, moved_water=False)
-        if not (span.tension > 0.0).all():
-            return span  # of which no modes are found
-        moved = span.mass + model.density * 0.25 * np.pi * span.diameter[:-1] ** 2
-        slowest = float(np.sqrt((span.tension / moved).min()))
-        fastest = model.band[1] * float((span.speed / span.diameter).max())
-        return refined(span, max(slowest / max(fastest, 1e-9) / PER_WAVE, span.s[-1] / 6000.0))
+        return fine_enough(span_of_rope(rope, moved_water=False), model)
 
     return Beside(name, rope, span_of, DecomposedResponse(span_of(rope), model), every_s)
 
