@@ -15,7 +15,7 @@ from rope_twin.commands.console import print_table
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.figures import lift_figures
-from rope_twin.scene.load import argument_for, load_scene
+from rope_twin.scene.load import load_scene
 from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.rules.shedding import model_beside, shedding_model, vortex_words
 from rope_twin.scene.schema import Scene
