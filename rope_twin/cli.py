@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from rope_twin.errors import RopeTwinError, did_you_mean
 
 if TYPE_CHECKING:
+    from rope_twin.commands.console import FigureProgress
     from rope_twin.commands.run.options import RunOptions
-    from rope_twin.commands.run.summary import Progress, RunSummary
+    from rope_twin.commands.run.summary import RunSummary
 
 # The commands in the order of the help: module name (with _) and name on the command line (with -).
 COMMANDS = (
@@ -108,7 +109,7 @@ def _version() -> str:
         return "(not installed)"
 
 
-def _paced(options: RunOptions, progress: Progress) -> RunSummary:
+def _paced(options: RunOptions, progress: FigureProgress) -> RunSummary:
     """The ROS suite, imported only when a paced run asks for it."""
     if options.processes:
         from rope_twin.ros.processes import run_processes

@@ -14,7 +14,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.console import Progress, print_table
+from rope_twin.commands.console import CaseProgress, print_table
 from rope_twin.commands.run.choice import find_quantity, read_amount
 from rope_twin.errors import InputError, RopeTwinError, SceneError, phrase
 from rope_twin.scene.card import card_path, known_error, read_card
@@ -90,7 +90,7 @@ def _check(args: argparse.Namespace) -> int:
     scenes = [load_scene(name) for name in names]
     if args.all:
         scenes = [scene for scene in scenes if not why_no_card(scene)]
-    progress = Progress()
+    progress = CaseProgress()
     rows = list(accuracy_within.check_scenes(scenes, quantity, within, progress.show))
     if args.json:
         told = [{**asdict(row), "ok": row.ok} for row in rows]
@@ -107,7 +107,7 @@ def _make(args: argparse.Namespace, scene: Scene) -> int:
     if not args.no_card:
         _check_place(path)
     plan = make_plan(scene, args.for_s)
-    study = accuracy.measure_accuracy(scene, plan, Progress().show)
+    study = accuracy.measure_accuracy(scene, plan, CaseProgress().show)
     card = accuracy.as_card(study)
     if args.json:
         print(json.dumps(card, ensure_ascii=False, allow_nan=False))

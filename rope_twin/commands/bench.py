@@ -14,7 +14,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from rope_twin.commands.console import Progress, print_table
+from rope_twin.commands.console import CaseProgress, print_table
 from rope_twin.errors import InputError
 from rope_twin.scene.load import scene_names
 from rope_twin.studies.bench import (
@@ -42,7 +42,7 @@ from rope_twin.studies.picture import check_picture
 class Action(NamedTuple):
     """One thing that can be measured."""
 
-    measure: Callable[[argparse.Namespace, Progress], int]  # returns the exit code
+    measure: Callable[[argparse.Namespace, CaseProgress], int]  # returns the exit code
     about: str
     description: str = ""
     options: tuple[Callable[[argparse.ArgumentParser], None], ...] = ()  # besides --quick
@@ -63,7 +63,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Do what the action says; raises RopeTwinError."""
-    return int(args.measure(args, Progress()))
+    return int(args.measure(args, CaseProgress()))
 
 
 def _json_option(parser: argparse.ArgumentParser) -> None:
@@ -105,7 +105,7 @@ def _tell(args: argparse.Namespace, rows: Sequence[Any], table: Sequence[Sequenc
         print_table(table)
 
 
-def _report(args: argparse.Namespace, progress: Progress) -> int:
+def _report(args: argparse.Namespace, progress: CaseProgress) -> int:
     check_picture(args.into / performance_page.PICTURE)
     stored = args.into / peers_page.STORED if args.peers is None else args.peers
     raced = peers_page.read_race(stored) if args.peers or stored.exists() else None
@@ -125,7 +125,7 @@ def _report(args: argparse.Namespace, progress: Progress) -> int:
     return 0
 
 
-def _speed(args: argparse.Namespace, progress: Progress) -> int:
+def _speed(args: argparse.Namespace, progress: CaseProgress) -> int:
     result = speed.measure_speed(speed.QUICK if args.quick else speed.FULL, progress.show)
     if args.json:
         print(json.dumps(asdict(result), ensure_ascii=False, allow_nan=False))
@@ -140,7 +140,7 @@ def _speed(args: argparse.Namespace, progress: Progress) -> int:
     return 0
 
 
-def _order(args: argparse.Namespace, progress: Progress) -> int:
+def _order(args: argparse.Namespace, progress: CaseProgress) -> int:
     if args.picture is not None:
         check_picture(args.picture)
     curves = orders.measure_orders(orders.QUICK if args.quick else orders.FULL, progress.show)
@@ -150,7 +150,7 @@ def _order(args: argparse.Namespace, progress: Progress) -> int:
     return 0
 
 
-def _ensemble(args: argparse.Namespace, progress: Progress) -> int:
+def _ensemble(args: argparse.Namespace, progress: CaseProgress) -> int:
     """Exit code 1 if a member differs from a twin of its own."""
     cases = ensemble_speed.QUICK if args.quick else ensemble_speed.FULL
     rows = ensemble_speed.ensemble_rows(cases, progress.show)
@@ -158,7 +158,7 @@ def _ensemble(args: argparse.Namespace, progress: Progress) -> int:
     return 1 if any(row.unequal for row in rows) else 0
 
 
-def _statics(args: argparse.Namespace, progress: Progress) -> int:
+def _statics(args: argparse.Namespace, progress: CaseProgress) -> int:
     """Exit code 1 if a rope does not come to rest."""
     nodes = 100 if args.quick else statics_speed.NODES
     rows = [*statics_speed.statics_rows(nodes=nodes)]
@@ -167,7 +167,7 @@ def _statics(args: argparse.Namespace, progress: Progress) -> int:
     return 0 if all(row["found"] for row in rows) else 1
 
 
-def _compile(args: argparse.Namespace, progress: Progress) -> int:
+def _compile(args: argparse.Namespace, progress: CaseProgress) -> int:
     """Exit code 1 if a start takes longer than its limit."""
     scenes = args.scenes or (compile_time.QUICK if args.quick else scene_names())
     rows = list(compile_time.compile_rows(scenes, progress.show))
@@ -188,7 +188,7 @@ def _kept(rows: Iterator[Any], into: Path | None, page: Any) -> Iterator[Any]:
         print(into / page.PAGE, file=sys.stderr)
 
 
-def _effects(args: argparse.Namespace, progress: Progress) -> int:
+def _effects(args: argparse.Namespace, progress: CaseProgress) -> int:
     """Exit code 1 if a scene's code contains an effect that it does not list."""
     nodes, names = (50, ["current"]) if args.quick else (1000, args.effects)
     names = effect_speed.choose_names(names)
@@ -198,7 +198,7 @@ def _effects(args: argparse.Namespace, progress: Progress) -> int:
     return 1 if any(row.symbols_off for row in rows) else 0
 
 
-def _vortices(args: argparse.Namespace, progress: Progress) -> int:
+def _vortices(args: argparse.Namespace, progress: CaseProgress) -> int:
     cases = vortex_speed.QUICK if args.quick else vortex_speed.FULL
     rows, raced = list(vortex_speed.vortex_rows(cases, progress.show)), None
     paced = vortex_pace.QUICK if args.quick else vortex_pace.FULL
@@ -220,7 +220,7 @@ def _vortices(args: argparse.Namespace, progress: Progress) -> int:
     return 0
 
 
-def _band(args: argparse.Namespace, progress: Progress) -> int:
+def _band(args: argparse.Namespace, progress: CaseProgress) -> int:
     """Exit code 1 if a scene is not held, or by a bound that is too wide."""
     cases = band.QUICK if args.quick else band.choose_cases(args.scenes)
     rows = list(_kept(band.measure_bands(cases, progress.show), args.into, band_page))
@@ -228,7 +228,7 @@ def _band(args: argparse.Namespace, progress: Progress) -> int:
     return 0 if all(row.ok for row in rows) else 1
 
 
-def _peers(args: argparse.Namespace, progress: Progress) -> int:
+def _peers(args: argparse.Namespace, progress: CaseProgress) -> int:
     if args.picture is not None:
         check_picture(args.picture)
     raced = peers.race(peers.QUICK if args.quick else peers.FULL, progress.show)

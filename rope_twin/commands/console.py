@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol, TextIO, TypeVar
 
@@ -55,7 +56,7 @@ def _aligned(rows: Sequence[Sequence[str]], widths: list[int], words_last: bool)
         yield "  ".join(cells).rstrip()
 
 
-class Progress:
+class CaseProgress:
     """One changing line on a terminal, a line per case elsewhere; on standard error."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
@@ -71,3 +72,49 @@ class Progress:
         else:
             self._stream.write(f"{line}\n")
         self._stream.flush()
+
+
+class Shown(Protocol):
+    """What has a line for people."""
+
+    def as_progress(self) -> str:
+        """The line."""
+
+
+class FigureProgress:
+    """One changing line on a terminal, a line every ten seconds elsewhere; on standard error."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = stream or sys.stderr
+        self._live = self._stream.isatty()
+        self._period_s = 0.5 if self._live else 10.0
+        self._next_s = 0.0
+        self._width = 0
+
+    @property
+    def due(self) -> bool:
+        """Whether it is time for the next line."""
+        return time.monotonic() >= self._next_s
+
+    def show(self, figures: Shown) -> None:
+        """Their line, now."""
+        self._next_s = time.monotonic() + self._period_s
+        line = figures.as_progress()
+        if self._live:
+            self._stream.write("\r" + line.ljust(self._width))
+            self._width = len(line)
+        else:
+            self._stream.write(line + "\n")
+        self._stream.flush()
+
+    def say(self, sentence: str) -> None:
+        """A line of its own."""
+        self.finish()
+        self._stream.write(sentence + "\n")
+        self._stream.flush()
+
+    def finish(self) -> None:
+        """Leave the changing line."""
+        if self._width:
+            self._stream.write("\n")
+            self._width = 0

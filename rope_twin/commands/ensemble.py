@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.run.summary import Progress
+from rope_twin.commands.console import FigureProgress
 from rope_twin.core.lanes.wide import LANES
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.load import load_scene
@@ -107,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
     if args.sea_offset is not None:
         axes.append(read_range("--sea-offset", SEA_OFFSET, args.sea_offset))
     plan = make_plan(axes, args.members, args.seed)
-    progress = Progress()
+    progress = FigureProgress()
 
     def report(time_s: float, real_s: float) -> None:
         if progress.due:

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import asdict
 from typing import Any
 
-from rope_twin.commands.console import Progress
+from rope_twin.commands.console import CaseProgress
 from rope_twin.errors import SceneError
 from rope_twin.scene.card import known_error, told_bound
 from rope_twin.scene.checks.rope import sense_checks
@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
 def _measure(scene: Scene, seconds: float, as_json: bool) -> int:
     """Raises RopeTwinError."""
     whole_steps("--for", seconds, scene.time.step_s)
-    study = measure_effects(scene, seconds, Progress().show)
+    study = measure_effects(scene, seconds, CaseProgress().show)
     if as_json:
         print(json.dumps(asdict(study), ensure_ascii=False, allow_nan=False))
     else:

@@ -68,27 +68,13 @@ def _add_make(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
     make.add_argument(
         "--out", metavar="DIR", type=Path, required=True, help="directory of the new bag"
     )
-    make.add_argument(
-        "--duration",
-        type=float,
-        default=1200.0,
-        metavar="S",
-        help="length, also of the loop [s] (default: %(default)g)",
-    )
-    make.add_argument(
-        "--rate",
-        type=float,
-        default=20.0,
-        metavar="HZ",
-        help="of the heave [Hz] (default: %(default)g)",
-    )
-    make.add_argument(
-        "--elevation-rate",
-        type=float,
-        default=4.0,
-        metavar="HZ",
-        help="of the wave elevation [Hz] (default: %(default)g)",
-    )
+    for option, default, unit, what in (
+        ("--duration", 1200.0, "S", "length, also of the loop [s]"),
+        ("--rate", 20.0, "HZ", "of the heave [Hz]"),
+        ("--elevation-rate", 4.0, "HZ", "of the wave elevation [Hz]"),
+    ):
+        words = f"{what} (default: %(default)g)"
+        make.add_argument(option, type=float, default=default, metavar=unit, help=words)
     make.add_argument(
         "--hull", type=float, nargs=4, metavar=("L", "B", "T", "CB"),
         default=(hull.length_m, hull.breadth_m, hull.draught_m, hull.block_coefficient),

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.run.summary import Progress
+from rope_twin.commands.console import FigureProgress
 from rope_twin.core.lanes.wide import LANES
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.share import share_dir
@@ -79,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
     into = args.into or Path(f"study_{study.name}")
     check_parquet()
     check_picture(into / PICTURE)
-    progress, began, before = Progress(), time.monotonic(), [-1]
+    progress, began, before = FigureProgress(), time.monotonic(), [-1]
 
     def report(done: int, total: int) -> None:
         if before[0] < 0:

@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.console import Progress, print_table, run_each
+from rope_twin.commands.console import CaseProgress, print_table, run_each
 from rope_twin.studies.picture import check_picture
 from rope_twin.studies.validation import vortex_convergence
 from rope_twin.studies.validation.case import Row
@@ -92,7 +92,7 @@ def _converge(args: argparse.Namespace) -> int:
     if args.into is not None:
         check_picture(args.into / PICTURES / CONVERGENCE_PICTURE)
         check_page(args.into)
-    rows = list(vortex_convergence.measure(sweeps, Progress().show))
+    rows = list(vortex_convergence.measure(sweeps, CaseProgress().show))
     stored = vortex_convergence.as_json(rows)
     if args.json:
         print(json.dumps(stored, ensure_ascii=False, allow_nan=False))

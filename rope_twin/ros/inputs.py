@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import decode
+from rope_twin.messages.forms import NANOSECONDS
 from rope_twin.messages.inputs import ORDER_FIELDS
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.winch import SWITCHES
 from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC
 from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION, Order
 from rope_twin.twin.motion.ship_pose import ShipPose
-
-_NANOSECONDS = 1_000_000_000
 
 
 def read_heave(data: bytes) -> tuple[int, float, float]:
@@ -128,8 +127,8 @@ def read_current(data: bytes) -> NDArray[np.float64]:
 
 
 def _stamp_ns(topic: str, stamp: Any) -> int:
-    if not 0 <= stamp.nanosec < _NANOSECONDS:
+    if not 0 <= stamp.nanosec < NANOSECONDS:
         raise InputError(
             phrase(topic, f"a stamp with {stamp.nanosec} ns", "they must be below 1000000000")
         )
-    return int(stamp.sec) * _NANOSECONDS + int(stamp.nanosec)
+    return int(stamp.sec) * NANOSECONDS + int(stamp.nanosec)

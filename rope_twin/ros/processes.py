@@ -16,8 +16,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
 from rope_twin.cadence import SNAPSHOT_TOPICS
+from rope_twin.commands.console import FigureProgress
 from rope_twin.commands.run.options import RunOptions
-from rope_twin.commands.run.summary import Progress, RunSummary
+from rope_twin.commands.run.summary import RunSummary
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import decode
 from rope_twin.ros.entry import PARENT, StopSignal, initialise
@@ -115,7 +116,7 @@ def _awaited(options: RunOptions) -> str:
     return " ".join(topics)
 
 
-def run_processes(options: RunOptions, progress: Progress) -> RunSummary:
+def run_processes(options: RunOptions, progress: FigureProgress) -> RunSummary:
     """Start, watch and end the processes.
 
     Raises:
@@ -145,7 +146,7 @@ def run_processes(options: RunOptions, progress: Progress) -> RunSummary:
 class _Watch:
     """Spins the monitor while processes live and end."""
 
-    def __init__(self, processes: Processes, progress: Progress) -> None:
+    def __init__(self, processes: Processes, progress: FigureProgress) -> None:
         self._processes = processes
         self._progress = progress
         self._codes: dict[str, int] = {}

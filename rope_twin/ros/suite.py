@@ -10,8 +10,9 @@ from typing import Any
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
+from rope_twin.commands.console import FigureProgress
 from rope_twin.commands.run.options import RunOptions
-from rope_twin.commands.run.summary import Progress, RunSummary
+from rope_twin.commands.run.summary import RunSummary
 from rope_twin.errors import InputError
 from rope_twin.ros.ahead import CompilingAhead
 from rope_twin.ros.entry import StopSignal, initialise
@@ -160,7 +161,7 @@ class Suite:
                 received, quiet_since = recorder.received, time.monotonic()
 
 
-def run_suite(options: RunOptions, progress: Progress) -> RunSummary:
+def run_suite(options: RunOptions, progress: FigureProgress) -> RunSummary:
     """Run until the end of `for_s`, Ctrl-C or a solver that cannot go on; then end cleanly.
 
     Raises:

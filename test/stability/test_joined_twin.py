@@ -160,7 +160,7 @@ def test_a_restored_run_and_a_branch_are_the_run(two_lines: Scene, tmp_path: Pat
 def test_what_steps_one_rope_says_so(bridle: Scene) -> None:
     """Ensembles and studies refuse in one sentence."""
     for refused in (build, lambda scene: Ensemble(scene, [Variation()])):
-        with pytest.raises(SceneError, match="ropes meet here, and this steps one rope"):
+        with pytest.raises(SceneError, match="ropes meet here, and this is for scenes of one rope"):
             refused(bridle)
 
 

@@ -8,15 +8,16 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from rope_twin.commands.console import FigureProgress
 from rope_twin.commands.run.options import RunOptions, add_arguments, read_options
 
 ALONE_S = 60.0  # so much of a paced run is repeated without waiting, to measure the model alone
 
 if TYPE_CHECKING:
-    from rope_twin.commands.run.summary import Progress, RunSummary
+    from rope_twin.commands.run.summary import RunSummary
     from rope_twin.commands.run.unpaced import UnpacedRun
 
-    PacedRunner = Callable[[RunOptions, Progress], RunSummary]
+    PacedRunner = Callable[[RunOptions, FigureProgress], RunSummary]
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -34,9 +35,7 @@ def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
         RopeTwinError: the run could not start; one sentence.
     """
     options = read_options(args)
-    from rope_twin.commands.run.summary import Progress
-
-    progress = Progress()
+    progress = FigureProgress()
     if any(given is not None for given in (args.within, args.budget, args.of)):
         from rope_twin.commands.run.choice import choose
 
@@ -83,7 +82,7 @@ def _with_speed_alone(summary: RunSummary, options: RunOptions) -> RunSummary:
     return replace(summary, real_time_factor=measure_alone(options, time_s))
 
 
-def _unpaced(options: RunOptions, progress: Progress) -> RunSummary:
+def _unpaced(options: RunOptions, progress: FigureProgress) -> RunSummary:
     from rope_twin.commands.run.unpaced import run_unpaced
     from rope_twin.scene.checks.rope import sense_checks
     from rope_twin.scene.load import load_scene
@@ -98,7 +97,7 @@ def _unpaced(options: RunOptions, progress: Progress) -> RunSummary:
     return run_unpaced(options, report, say=progress.say)
 
 
-def _tell_of_vortices(options: RunOptions, progress: Progress) -> None:
+def _tell_of_vortices(options: RunOptions, progress: FigureProgress) -> None:
     """What the scene's model of vortices wants of elements and steps, and what it gets."""
     from rope_twin.scene.change import at_setting
     from rope_twin.scene.figures import lift_figures

@@ -5,10 +5,8 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
-import sys
-import time
 from dataclasses import dataclass, field
-from typing import Any, Protocol, TextIO
+from typing import Any
 
 from rope_twin.commands.run.core_share import CoreShare
 from rope_twin.commands.run.watch_summary import fatigue_figures, vibration_figures, watch_words
@@ -17,7 +15,7 @@ from rope_twin.messages.diagnostics import cut_words
 from rope_twin.messages.status import counted
 from rope_twin.scene.card import told_bound
 from rope_twin.twin.pacing import PacingHealth
-from rope_twin.twin.snapshot import CutShot, Snapshot
+from rope_twin.twin.snapshot import CutShot, RopeShot, Snapshot
 from rope_twin.twin.twin import Twin
 
 
@@ -94,22 +92,36 @@ class RunSummary:
             f"mean {_kn(self.tension_top_mean_n)}",
             self._error_words(),
             *self._end_words(),
-            f"the model alone runs {self.real_time_factor:.0f} times real time"
-            + (
-                f" ({self.paced_real_time_factor:.0f} times in its slots, woken each time)"
-                if self.paced_real_time_factor is not None
-                else ""
-            ),
-            f"{self.late_steps} steps late"
-            + (f" (worst {self.worst_lateness_s * 1e3:.1f} ms)" if self.late_steps else ""),
+            *self._pace_words(),
         ]
+        if self.cut is not None:
+            lines.append(cut_words(CutShot(**self.cut)))
+        lines += [self.cut_refused] if self.cut_refused else []
+        lines += self._trust_words()
+        lines += watch_words(self.vibration, self.fatigue)
+        lines += [f"bag {self.bag}{self._missing_words()}"] if self.bag else []
+        lines += [f"view {self.view}"] if self.view else []
+        lines += [f"state {self.state}"] if self.state else []
+        return "\n".join(lines)
+
+    def _pace_words(self) -> list[str]:
+        """How fast it is, and what came late."""
+        fast = f"the model alone runs {self.real_time_factor:.0f} times real time"
+        if self.paced_real_time_factor is not None:
+            fast += f" ({self.paced_real_time_factor:.0f} times in its slots, woken each time)"
+        late = f"{self.late_steps} steps late"
+        if self.late_steps:
+            late += f" (worst {self.worst_lateness_s * 1e3:.1f} ms)"
+        lines = [fast, late]
         if self.core_share is not None:
             lines.append(CoreShare(**self.core_share).words())  # type: ignore[arg-type]
         if self.rung_changes:
             lines.append(f"{self.rung_changes} steps down or up the ladder of accuracy")
-        if self.cut is not None:
-            lines.append(cut_words(CutShot(**self.cut)))
-        lines += [self.cut_refused] if self.cut_refused else []
+        return lines
+
+    def _trust_words(self) -> list[str]:
+        """The energy's balance and the band of the tension, where asked for."""
+        lines = []
         if self.energy is not None:
             numerical, part = self.energy["residual_j"], self.energy["residual_pct"]
             lines.append(
@@ -122,11 +134,7 @@ class RunSummary:
                 f"{_kn(self.error_band['high_n'])} (±{self.error_band['bound_n']:.3g} N); it took "
                 f"{self.error_band['cost_pct']:.0f} % more time"
             )
-        lines += watch_words(self.vibration, self.fatigue)
-        lines += [f"bag {self.bag}{self._missing_words()}"] if self.bag else []
-        lines += [f"view {self.view}"] if self.view else []
-        lines += [f"state {self.state}"] if self.state else []
-        return "\n".join(lines)
+        return lines
 
     def _missing_words(self) -> str:
         lost = self.not_recorded
@@ -178,6 +186,15 @@ def _kn(newtons: float) -> str:
     return f"{newtons / 1e3:.1f} kN"
 
 
+def _rope_figures(rope: RopeShot) -> dict[str, Any]:
+    return {
+        "name": rope.name,
+        "elements": len(rope.element_tension_n),
+        "length_m": rope.line_out_m,
+        "tension_top_n": rope.tension_top_n,
+    }
+
+
 def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> RunSummary:
     """The figures at the snapshot; `pacing` None: as fast as possible, nothing can be late."""
     statistics = twin.statistics()
@@ -206,15 +223,7 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         line_out_m=snapshot.line_out_m,
         payload_depth_m=-float(snapshot.payload_position_m[2]),
         lower_end="payload" if twin.scene.payloads else "lower end",
-        ropes=[
-            {
-                "name": rope.name,
-                "elements": len(rope.element_tension_n),
-                "length_m": rope.line_out_m,
-                "tension_top_n": rope.tension_top_n,
-            }
-            for rope in snapshot.ropes
-        ],
+        ropes=[_rope_figures(rope) for rope in snapshot.ropes],
         payloads=[
             {"name": one.name, "depth_m": -float(one.position_m[2])} for one in snapshot.payloads
         ],
@@ -242,49 +251,3 @@ def effect_names(parameters: tuple[object, ...]) -> list[str]:
         for effect in EFFECTS
         if isinstance(value, effect.params)
     ]
-
-
-class Shown(Protocol):
-    """What has a line for people."""
-
-    def as_progress(self) -> str:
-        """The line."""
-
-
-class Progress:
-    """Shows one changing line on a terminal, a line every ten seconds elsewhere."""
-
-    def __init__(self, stream: TextIO | None = None) -> None:
-        self._stream = stream or sys.stderr
-        self._live = self._stream.isatty()
-        self._period_s = 0.5 if self._live else 10.0
-        self._next_s = 0.0
-        self._width = 0
-
-    @property
-    def due(self) -> bool:
-        """Whether it is time for the next line."""
-        return time.monotonic() >= self._next_s
-
-    def show(self, summary: Shown) -> None:
-        """Show the figures."""
-        self._next_s = time.monotonic() + self._period_s
-        line = summary.as_progress()
-        if self._live:
-            self._stream.write("\r" + line.ljust(self._width))
-            self._width = len(line)
-        else:
-            self._stream.write(line + "\n")
-        self._stream.flush()
-
-    def say(self, sentence: str) -> None:
-        """A line of its own."""
-        self.finish()
-        self._stream.write(sentence + "\n")
-        self._stream.flush()
-
-    def finish(self) -> None:
-        """Leave the changing line."""
-        if self._width:
-            self._stream.write("\n")
-            self._width = 0

@@ -46,8 +46,8 @@ def refuse_joined(scene: Scene, addition: str = "") -> None:
     """
     if not is_joined(scene):
         return
-    what = f"ropes meet here, and {addition or 'this'} {'is for' if addition else 'steps'} one rope"
-    right = "`rope_twin run` and the simulation node step them; give a scene of one rope here"
+    what = f"ropes meet here, and {addition or 'this'} is for scenes of one rope"
+    right = "give a scene of one rope, or step this one with `rope_twin run`"
     if addition:
         right = "leave it out, or give a scene of one rope"
     raise SceneError(phrase(f"{scene.path}: ropes", what, right))
@@ -107,7 +107,7 @@ def _own_names(scene: Scene) -> Iterator[Fault]:
                 yield f"{key}[{number}].name", "the name is empty", "give it a name"
             if counts[name] > 1:
                 what = f"'{name}' is the name of another payload, joint or hang-off too"
-                right = "two payloads cannot hang at one point: give each a name of its own"
+                right = "give each a name of its own"
                 yield f"{key}[{number}].name", what, right
 
 

@@ -35,6 +35,7 @@ from rope_twin.core.state import (
 from rope_twin.core.step import advance
 from rope_twin.effects.weight import Weight
 from rope_twin.errors import SolverError, phrase
+from rope_twin.scene.arrays.build import TOLERANCE_LEAST_N, TOLERANCE_SHARE
 from rope_twin.scene.arrays.grid import ROOM, halvings
 from rope_twin.twin.elements import elements_of, tensions
 
@@ -43,7 +44,6 @@ BEYOND_M = 1e9  # length of the section that is not there
 AHEAD_M = 1.0  # where its upper end is held: so far beyond the free end
 INSTANT_S = 1e-6
 SPARE = 16  # nodes: those put in, and the one beyond
-TOLERANCE_SHARE, TOLERANCE_LEAST_N = 0.003, 1.0  # as for a whole rope, of the part's own weight
 _X, _V, _A = (slice(k, k + 3) for k in (rows.POSITION, rows.VELOCITY, rows.ACCELERATION))
 
 
