@@ -1,4 +1,4 @@
-"""`rope_twin scene list | show | check | measure`: what scenes there are, what one needs.
+"""`rope_twin scene list | keys | show | check | measure`: what scenes there are, what one needs.
 
 Exit code 0, or 1 with one sentence on standard error; warnings alone leave it 0.
 """
@@ -15,10 +15,11 @@ from dataclasses import asdict
 from typing import Any
 
 from rope_twin.commands.console import CaseProgress
-from rope_twin.errors import SceneError
+from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.scene.card import known_error, told_bound
 from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.figures import LiftFigures, lift_figures, listed_effects, stretch_m
+from rope_twin.scene.keys import scene_keys
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.schema import RopeLine, Scene, ScheduleRow, Winch
 from rope_twin.scene.sea_state import SeaState
@@ -32,11 +33,16 @@ WIDEST = 100  # columns of the list, on a terminal that has more
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     """Add `scene` with its actions."""
-    parser = subparsers.add_parser("scene", help="list, show, check or measure scenes")
+    parser = subparsers.add_parser(
+        "scene", help="list, show, check or measure scenes, and their keys"
+    )
     actions = parser.add_subparsers(
-        dest="action", required=True, metavar="list | show | check | measure"
+        dest="action", required=True, metavar="list | keys | show | check | measure"
     )
     actions.add_parser("list", help="the scenes that come with the package")
+    keys = actions.add_parser("keys", help="what a scene's file can say, with units and ranges")
+    about = "only keys with this in their path, as winch.drum (default: all)"
+    keys.add_argument("part", metavar="PART", nargs="?", default="", help=about)
     show = actions.add_parser("show", help="what a scene holds and what follows from it")
     show.add_argument("scene", metavar="NAME", help="a scene's name, or the path of a YAML file")
     check = actions.add_parser("check", help="read a scene strictly and tell what looks odd")
@@ -59,6 +65,8 @@ def run(args: argparse.Namespace) -> int:
     try:
         if args.action == "list":
             return _list()
+        if args.action == "keys":
+            return _keys(args.part)
         scene = load_scene(args.scene)
         if args.action == "measure":
             return _measure(scene, args.for_s, args.json)
@@ -82,12 +90,33 @@ def _measure(scene: Scene, seconds: float, as_json: bool) -> int:
 def _list() -> int:
     names = scene_names()
     width = max((len(name) for name in names), default=0)
-    columns = min(shutil.get_terminal_size((WIDEST, 24)).columns, WIDEST)
+    columns = _columns()
     for name in names:
         words = f"{name:{width}}  {load_scene(name).about}"
         indent = " " * (width + 2)
         print(textwrap.fill(words, max(columns, width + 20), subsequent_indent=indent))
     return 0
+
+
+def _keys(part: str) -> int:
+    """Raises SceneError: no key has this in its path."""
+    every = scene_keys()
+    shown = [key for key in every if part in key.path]
+    if not shown:
+        names = {name for key in every for name in key.path.replace("[]", "").split(".")}
+        raise SceneError(
+            phrase(f"'{part}'", "no key of a scene has this", did_you_mean(part, names))
+        )
+    for key in shown:
+        left_out = {None: "needed", "absent": ""}.get(key.default, f"{key.default} if left out")
+        words = ", ".join(filter(None, (key.wants, key.range, left_out)))
+        line = f"{key.path}: {key.meaning} ({words})"
+        print(textwrap.fill(line, _columns(), subsequent_indent="    ", break_on_hyphens=False))
+    return 0
+
+
+def _columns() -> int:
+    return min(shutil.get_terminal_size((WIDEST, 24)).columns, WIDEST)
 
 
 def _check(scene: Scene) -> int:

@@ -172,7 +172,7 @@ class Payload:
 
     name: str = text("its name")
     mass_kg: float = quantity("mass in air", "kg", 0.0, 1e7)
-    shape: Shape | None = text("a shape of rope_twin.scene.shapes.shapes, as `box: {...}`", None)
+    shape: Shape | None = text("one of the shapes, as `box: {...}`", None)
     displaced_volume_m3: float | None = quantity("volume", "m³", 0.0, 1e5, default=None)
     added_mass_kg: Triple | None = quantity(
         "added mass along x, y, z", "kg", 0.0, 1e8, default=None
@@ -251,7 +251,7 @@ class Scene:
     ship: Ship = text("the ship", Ship())
     sea_state: SeaState = text("the sea that moves the ship", SeaState())
     environment: Environment = text("water and gravity", Environment())
-    effects: tuple[Any, ...] = text("parameter objects of rope_twin.effects, in EFFECTS order", ())
+    effects: tuple[Any, ...] = text("what is simulated, each as `- drag: {...}`", ())
     time: Time = text("step and tolerance")
 
     def listed(self, kind: type[Params]) -> Params | None:

@@ -1,0 +1,86 @@
+"""The keys of a scene's file, as told: those that are read, with what they mean."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+
+from rope_twin.cli import main
+from rope_twin.scene.keys import scene_keys
+from rope_twin.scene.load import load_scene, scene_names
+
+KNOWN = {key.path: key for key in scene_keys()}
+
+
+def paths_in(value: object, path: str = "") -> set[str]:
+    """Paths of all keys below a value as YAML reads it."""
+    found: set[str] = set()
+    if isinstance(value, dict):
+        for name, child in value.items():
+            at = f"{path}.{name}" if path else str(name)
+            found |= {at} | paths_in(child, at)
+    elif isinstance(value, list):
+        for child in value:
+            found |= paths_in(child, f"{path}[]")
+    return found
+
+
+@pytest.mark.parametrize("name", scene_names())
+def test_every_key_of_a_scene_is_told(name: str) -> None:
+    document = yaml.safe_load(load_scene(name).path.read_text(encoding="utf-8"))
+    paths = {
+        re.sub(r"^hang_offs\[\]\.winch\.", "winch.", path).replace(
+            "ropes[].sections[].rope.", "ropes[].rope."
+        )
+        for path in paths_in(document)
+    }
+    assert paths <= set(KNOWN)
+
+
+def test_each_says_what_it_means_and_no_path_comes_twice() -> None:
+    assert all(key.meaning and key.wants for key in KNOWN.values())
+    assert len(KNOWN) == len(scene_keys())
+    drum = KNOWN["winch.drum.turns_per_layer"]
+    assert (drum.wants, drum.range, drum.default) == ("number", "1 to 1000", None)
+    assert KNOWN["hang_offs[].winch"].wants == "mapping as winch"
+    assert KNOWN["effects[].waves.components"].default == "200"
+    assert KNOWN["ropes[].fixed_at_m"].wants == "3 numbers"
+    assert KNOWN["effects[].current.over_time"].wants == "rows of 2 numbers"
+
+
+def test_what_is_needed_is_refused_where_it_is_missing(tmp_path: Path) -> None:
+    """`needed` is what the reader asks for: a time without its step."""
+    assert KNOWN["time.step_s"].default is None
+    text = load_scene("still_water").path.read_text(encoding="utf-8")
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(re.sub(r"^time:.*$", "time: {}", text, flags=re.MULTILINE), encoding="utf-8")
+    with pytest.raises(Exception, match="step_s missing"):
+        load_scene(scene)
+
+
+def test_a_part_of_them_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["scene", "keys", "winch.drum"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert (
+        lines[1]
+        == "winch.drum.core_radius_m: radius of the bare drum, r_0 (number, 0.05 to 10 m, needed)"
+    )
+    assert len(lines) == 3
+
+
+def test_a_part_that_is_not_there_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["scene", "keys", "drumm"]) == 1
+    assert capsys.readouterr().err.strip().endswith("did you mean 'drum'?")
+
+
+def test_the_package_is_a_command_too() -> None:
+    told = subprocess.run(
+        [sys.executable, "-m", "rope_twin", "scene", "keys", "time.step_s"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert told.stdout == "time.step_s: time step (number, 1e-05 to 0.2 s, needed)\n"
