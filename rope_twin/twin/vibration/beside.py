@@ -21,8 +21,8 @@ from rope_twin.core.state import Floats, Rope
 from rope_twin.errors import InputError
 from rope_twin.twin.fatigue.wear import turned
 from rope_twin.twin.findings import RopeVibration
-from rope_twin.twin.vibration.in_modes import span_of_rope
 from rope_twin.twin.vibration.own_motion import AVERAGED, relative_flow, sides, tangents
+from rope_twin.twin.vibration.rope_span import span_of_rope
 from rope_twin.viv.decomposed import Decomposed, ExcitationSearch, fine_enough
 from rope_twin.viv.decomposed_response import DecomposedResponse
 from rope_twin.viv.lateral_modes import ModeSearch

@@ -11,16 +11,11 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-import numpy as np
-
-from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
-from rope_twin.effects.added_mass import AddedMass
-from rope_twin.effects.bending import Bending
-from rope_twin.effects.payload import Payload, TwoWayPayload
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.rules.rigging import refuse_joined
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.vibration.rope_span import span_of_rope
 from rope_twin.viv.modal_response import ModalResponse
 from rope_twin.viv.shedding import Shedding
 from rope_twin.viv.span import Span
@@ -90,32 +85,3 @@ class Vibration:
 def span_of_twin(twin: Twin) -> Span:
     """The rope as it is now, with the water across it relative to its own motion."""
     return span_of_rope(twin.rope)
-
-
-def span_of_rope(rope: rows.Rope, moved_water: bool = True) -> Span:
-    """The same of its arrays; `moved_water`: with its added mass."""
-    n, sections, work = int(rope.state.counts[rows.ELEMENTS]), rope.sections, rope.work
-    place = rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1]
-    velocity = rope.state.nodes[rows.VELOCITY : rows.VELOCITY + 3, :n]
-    steps = np.diff(place, axis=1)
-    length = np.sqrt((steps * steps).sum(axis=0))
-    s = rope.state.s[: n + 1]
-    which = np.searchsorted(sections[rows.END], 0.5 * (s[1:] + s[:-1]), side="right")
-    mass, volume = sections[rows.PER_METRE : rows.PER_METRE + 2, which]
-    added = sum(own.density for own in rope.effects if isinstance(own, AddedMass))
-    added = added if moved_water else 0.0
-    payload = [own for own in rope.effects if isinstance(own, Payload | TwoWayPayload)]
-    diameter = np.sqrt(4.0 * volume / np.pi)
-    direction = steps / length
-    relative = work[rows.FLOW : rows.FLOW + 3, :n] - velocity
-    across = relative - (relative * direction).sum(axis=0) * direction
-    speed = np.sqrt((across * across).sum(axis=0))
-    return Span(
-        s=np.concatenate([[0.0], np.cumsum(length)]),
-        tension=work[rows.TENSION, :n].copy(),
-        mass=(mass + added * volume) * np.diff(s) / length,
-        diameter=np.append(diameter, diameter[-1]),
-        speed=np.append(speed, speed[-1]),
-        stiffness=sum(own.EI for own in rope.effects if isinstance(own, Bending)),
-        end_mass=sum(own.Mx for own in payload) if rope.model.first_free == 0 else None,
-    )
