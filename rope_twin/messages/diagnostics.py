@@ -15,6 +15,7 @@ from rope_twin.twin.snapshot import BedContact, CutShot, InputHealth, Snapshot
 
 GAIN_PCT = 0.1  # of the energy exchanged: what integrating the work may be wrong by
 BEHIND_S = 0.5  # further behind than this, what is published is no longer the present
+LATE_FOR_S = 60.0  # a late step is warned of for so long
 
 
 def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
@@ -248,10 +249,12 @@ def _pacing(pacing: PacingHealth) -> Status:
         level, message = Level.ERROR, f"stopped: {pacing.error}"
     elif pacing.behind_s > BEHIND_S:
         level, message = Level.ERROR, f"{pacing.behind_s:.2f} s behind its grid; {late}"
-    elif pacing.late_steps:
+    elif pacing.late_ago_s is not None and pacing.late_ago_s < LATE_FOR_S:
         level, message = Level.WARN, late
     elif not pacing.running:
         level, message = Level.OK, "paused"
+    elif pacing.late_steps:
+        level, message = Level.OK, f"every step of the last minute ended in time; {late}"
     else:
         level, message = Level.OK, "every step ended in time"
     return Status("simulation: pacing", level, message, values)

@@ -81,6 +81,7 @@ class PacingHealth:
     steps: int = 0
     late_steps: int = 0
     worst_lateness_s: float = 0.0  # of the end of a slot
+    late_ago_s: float | None = None  # since the last late slot ended; None: there was none
     behind_s: float = 0.0  # how long the slot at hand is overdue right now
     computing_s: float = 0.0  # time spent in `advance`
     granted_s: float = 0.0  # steady time of the slots that were done
@@ -125,6 +126,7 @@ class Pacer:
         self._thread: threading.Thread | None = None
         self._due_ns = 0
         self._took_ns = 0
+        self._late_ns: int | None = None
         self._health = PacingHealth(speed=speed)
         self.last: Snapshot | None = None
 
@@ -167,10 +169,13 @@ class Pacer:
 
     def health(self) -> PacingHealth:
         """The present figures; may be called from any thread."""
-        health = self._health
-        overdue_ns = self._clock.now_ns() - self._due_ns if health.running else 0
+        health, late_ns, now_ns = self._health, self._late_ns, self._clock.now_ns()
+        overdue_ns = now_ns - self._due_ns if health.running else 0
         return replace(
-            health, behind_s=max(0, overdue_ns) * 1e-9, lost_snapshots=self._handover.lost
+            health,
+            behind_s=max(0, overdue_ns) * 1e-9,
+            late_ago_s=None if late_ns is None else (now_ns - late_ns) * 1e-9,
+            lost_snapshots=self._handover.lost,
         )
 
     def _run(self, origin_ns: int) -> None:
@@ -252,8 +257,10 @@ class Pacer:
 
     def _judge(self, due_ns: int) -> bool:
         """Count the slot's steps as late if it ended after it was due; whether it did."""
-        late_s = (self._clock.now_ns() - due_ns) * 1e-9
+        now_ns = self._clock.now_ns()
+        late_s = (now_ns - due_ns) * 1e-9
         if late_s > 0.0:
+            self._late_ns = now_ns
             self._health = replace(
                 self._health,
                 late_steps=self._health.late_steps + self._steps,

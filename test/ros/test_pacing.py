@@ -100,6 +100,7 @@ def test_slots_begin_on_the_absolute_grid() -> None:
     assert [handover.take(0.0).step for _ in range(6)] == [2, 4, 6, 8, 10, 12]  # type: ignore[union-attr]
     health = pacer.health()
     assert (health.steps, health.late_steps, health.worst_lateness_s) == (12, 0, 0.0)
+    assert health.late_ago_s is None
     assert health.error == ""
     assert not health.running
 
@@ -138,6 +139,9 @@ def test_a_late_slot_is_counted_and_made_up_without_skipping_a_step() -> None:
     assert health.late_steps == 2 * late_slots > 0
     assert health.worst_lateness_s == pytest.approx(0.075)
     assert health.behind_s == 0.0
+    last_late = max(k for k, began in enumerate(twin.began_ns) if began + MS > (k + 1) * SLOT)
+    since = twin.began_ns[-1] - twin.began_ns[last_late]
+    assert health.late_ago_s == pytest.approx(since * 1e-9, abs=2e-3)
 
 
 def test_a_twin_slower_than_its_grid_says_how_far_behind_it_is() -> None:

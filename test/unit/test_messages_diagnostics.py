@@ -68,7 +68,16 @@ def test_start_up_is_told_until_the_motion_is_all_there() -> None:
     [
         (replace(GOOD, error="the rope cannot be stepped on"), Level.ERROR, "cannot be stepped"),
         (replace(GOOD, behind_s=1.5), Level.ERROR, "1.50 s behind"),
-        (replace(GOOD, late_steps=2, worst_lateness_s=0.004), Level.WARN, "2 steps ended late"),
+        (
+            replace(GOOD, late_steps=2, worst_lateness_s=0.004, late_ago_s=3.0),
+            Level.WARN,
+            "2 steps ended late",
+        ),
+        (
+            replace(GOOD, late_steps=2, worst_lateness_s=0.004, late_ago_s=61.0),
+            Level.OK,
+            "every step of the last minute ended in time; 2 steps ended late since the start",
+        ),
         (replace(GOOD, running=False), Level.OK, "paused"),
     ],
 )
