@@ -85,7 +85,8 @@ TOPICS: tuple[Topic, ...] = (
           "what its rms error is at most, by the scene's card [% of its standard deviation]; NaN: "
           "unknown"),
     Topic("tension_top/band", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
-          "where the converged top tension lies: effort low, high [N]; with an error band only",
+          "where the converged top tension lies: effort low, high [N], then those of each further "
+          "rope from the ship; with an error band only",
           only_with="band"),
     Topic("tension_payload", "std_msgs/msg/Float64", Qos.STREAM, 50.0, "simulation",
           "tension at the payload [N]"),

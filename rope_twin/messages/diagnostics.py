@@ -38,7 +38,7 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
     if snapshot.energy is not None:
         rows.append(_energy(snapshot.energy))
     if snapshot.band is not None:
-        rows.append(_band(snapshot.tension_top_n, snapshot.band))
+        rows.append(_band(snapshot, snapshot.band))
     if snapshot.vibration is not None:
         rows.append(_vibration(snapshot, snapshot.vibration))
     if snapshot.fatigue is not None:
@@ -176,7 +176,8 @@ def cut_words(cut: CutShot) -> str:
     return f"the rope was {at} the hang-off; {cut.lost_m:.1f} m went down by themselves"
 
 
-def _band(tension_n: float, band: TensionBand) -> Status:
+def _band(snapshot: Snapshot, band: TensionBand) -> Status:
+    tension_n = snapshot.tension_top_n
     values = {
         "low [N]": f"{band.low_n:.6g}",
         "high [N]": f"{band.high_n:.6g}",
@@ -185,6 +186,9 @@ def _band(tension_n: float, band: TensionBand) -> Status:
     }
     if tension_n > 0.0:
         values["bound of the error [% of the tension]"] = f"{100.0 * band.bound_n / tension_n:.3g}"
+    for one in snapshot.ropes[1:]:
+        if one.band is not None:
+            values[f"bound of the error of '{one.name}' [N]"] = f"{one.band.bound_n:.3g}"
     message = f"the top tension is within {band.bound_n:.3g} N of the converged one"
     return Status("simulation: error band", Level.OK, message, values)
 

@@ -33,9 +33,6 @@ class Encoder:
         self._number = Template(forms.number())
         self._wrench = Template(forms.wrench(frame_id))
         self._odometry = Template(forms.odometry(frame_id, "payload"))
-        self._band = Template(
-            forms.joint_state(("tension_top_low", "tension_top_high"), ("effort",))
-        )
         self._winch = Template(forms.joint_state(("winch",), ("position", "velocity", "effort")))
         self._contact = Template(forms.joint_state(("payload", "rope"), ("position", "effort")))
         self._sized = Templates()
@@ -104,7 +101,14 @@ class Encoder:
         band = snapshot.band
         if band is None:
             raise InputError(phrase("encode", "the snapshot has no error band", "ask for one"))
-        return self._band.fill({**self._stamp(snapshot), "effort": [band.low_n, band.high_n]})
+        bands = {"tension_top": band}
+        bands |= {one.name: one.band for one in snapshot.ropes[1:] if one.band is not None}
+        names = tuple(f"{name}_{edge}" for name in bands for edge in ("low", "high"))
+        template = self._sized.get(
+            "tension_top/band", names, lambda: forms.joint_state(names, ("effort",))
+        )
+        edges = [edge for one in bands.values() for edge in (one.low_n, one.high_n)]
+        return template.fill({**self._stamp(snapshot), "effort": edges})
 
     def _tension_payload(self, snapshot: Snapshot) -> bytes:
         return self._number.fill({"data": snapshot.tension_payload_n})

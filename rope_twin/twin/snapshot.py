@@ -118,6 +118,7 @@ class RopeShot:
     tension_top_n: float  # its pull on the hang-off or joint at its upper end, or on its sheave
     line_out_m: float  # its unstretched length
     payout_speed_m_per_s: float  # + paying out
+    band: TensionBand | None = None  # of a rope from the ship, where a run asks for it
 
 
 @dataclass(frozen=True)

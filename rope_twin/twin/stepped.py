@@ -26,6 +26,7 @@ from rope_twin.twin.accuracy.rungs import Base, carry_over, error_at, top_rung
 from rope_twin.twin.body import with_body
 from rope_twin.twin.contact import bed_contact
 from rope_twin.twin.cutting.severing import Place
+from rope_twin.twin.joined.joined import JoinedRopes
 from rope_twin.twin.motion.prescribed import Inputs, Prescribed, Present
 from rope_twin.twin.observe import Extremes, Observation, RunStatistics, observe
 from rope_twin.twin.ropes import ropes_of
@@ -89,6 +90,11 @@ class SteppedTwin(ToldTwin):
     def shaking(self) -> Shaking | None:
         """The scene's model of vortices if it is beside the step; for the thread that advances."""
         return self._shaking
+
+    @property
+    def joined(self) -> JoinedRopes | None:
+        """The ropes, where several meet."""
+        return self._ropes if isinstance(self._ropes, JoinedRopes) else None
 
     @property
     def rung(self) -> Rung:

@@ -169,7 +169,7 @@ class RopeView:
             self._series["plots/tension/top"].add(time_ns, float(message.effort[0]) / 1000.0)
 
     def _band(self, message: Any, time_ns: int) -> None:
-        for (path, name, rgb), force in zip(BAND_CURVES, message.effort, strict=True):
+        for (path, name, rgb), force in zip(BAND_CURVES, message.effort[:2], strict=True):
             if path not in self._series:
                 self._add_curve(path, name, rgb)
             self._series[path].add(time_ns, float(force) / 1000.0)

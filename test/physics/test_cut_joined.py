@@ -69,7 +69,7 @@ def figures(twin: Twin) -> tuple[float, Floats]:
     ropes = twin._ropes
     assert isinstance(ropes, JoinedRopes)
     mass, momentum = 0.0, np.zeros(3)
-    for rope in ropes._system(twin.rope).ropes:
+    for rope in ropes.system(twin.rope).ropes:
         n = int(rope.state.counts[rows.ELEMENTS])
         half = 0.5 * rope.sections[rows.PER_METRE, 0] * np.diff(rope.state.s[: n + 1])
         own = np.append(half, 0.0) + np.append(0.0, half)

@@ -18,7 +18,6 @@ from rope_twin.core.body import state as at
 from rope_twin.core.body.energy import pose_of, pulls_of
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.errors import SceneError
-from rope_twin.twin.accuracy.error_band import BandedTwin
 from rope_twin.twin.accuracy.rung import Rung
 from rope_twin.twin.accuracy.rungs import ladder_of
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
@@ -346,12 +345,10 @@ def test_it_goes_on_from_a_saved_state_to_the_bit() -> None:
 
 
 def test_what_cannot_step_a_body_says_so() -> None:
-    """Ensemble, error band and other rungs, in one sentence each."""
+    """Ensemble and other rungs, in one sentence each."""
     scene = scene_of(LINE, TEMPLATE)
     with pytest.raises(SceneError, match="members that start alike would share it"):
         Ensemble(scene, [Variation()])
-    with pytest.raises(SceneError, match="a companion on half the elements would swing it"):
-        BandedTwin(scene)
     with pytest.raises(SceneError, match="cannot be carried over to another grid"):
         Twin(scene).take_rung(Rung(10_000_000))
     assert len(ladder_of(scene)) == 1

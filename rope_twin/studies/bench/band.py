@@ -3,8 +3,8 @@
 Every scene runs with its own sea and winch. The reference is the same scene on four times the
 elements with a quarter of the step, or finer where a case says so; one on half of that tells how
 far to trust it. Where the rope never was slack nor on the bed both are of second order and
-extrapolated (Richardson 1911), and the doubt is what that adds; where it was, the doubt is the
-whole difference of the two.
+extrapolated (Richardson 1911), and the doubt is what that adds; where it was, or where the current
+jumps between layers, the doubt is the whole difference of the two.
 """
 
 from __future__ import annotations
@@ -15,13 +15,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from rope_twin.commands.run.inputs import FIRST_NS, LEAD_NS, offer, open_sea
+from rope_twin.core import state as rows
+from rope_twin.core.joined.levels import take_places
+from rope_twin.core.joined.statics import settle_near
 from rope_twin.errors import SolverError
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.rules.rigging import is_joined, winches_by_name
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.choosing import choose
 from rope_twin.studies.trial import Vector
 from rope_twin.studies.variants import variant
-from rope_twin.twin.accuracy.error_band import BandedTwin, bed_below, nodes_on
+from rope_twin.twin.accuracy.difference import has_layers
+from rope_twin.twin.accuracy.error_band import BandedTwin
 from rope_twin.twin.findings import TensionBand
 from rope_twin.twin.hoisting.schedule import schedule_samples
 from rope_twin.twin.pacing import steps_in_slot
@@ -53,11 +58,18 @@ LATER = (  # and not on these
     BandCase("tow_with_net", 60.0), BandCase("rov_tether", 60.0), BandCase("grab_lift", 60.0),
     BandCase("ahc_lift", 60.0), BandCase("deep_tow_turn", 60.0), BandCase("ship_6dof", 60.0),
 )  # fmt: skip
-FULL = (*FITTED, *LATER)
-QUICK = (BandCase("shallow_lift", 25.0), BandCase("storm", 30.0))
+MEETING = (  # ropes that meet, and payloads that are rigid bodies
+    BandCase("bridle_lift", 60.0), BandCase("two_line_lift", 80.0),
+    BandCase("two_line_landing", 130.0), BandCase("two_line_loop", 80.0),
+    BandCase("two_line_14km", 60.0), BandCase("manifold_lift", 180.0),
+)  # fmt: skip
+FULL = (*FITTED, *LATER, *MEETING)
+BLOWS = (BandCase("lift_off", 80.0),)  # of a load on a deck, by chance others on each grid
+KNOWN = (*FULL, *BLOWS)
+QUICK = (BandCase("shallow_lift", 25.0), BandCase("storm", 30.0), BandCase("bridle_lift", 20.0))
 FROM_S = 2.0  # before, the ship's motion has hardly begun and neither has an error
 HELD_PCT, RATIO = 95.0, 5.0  # what a band must hold at least, and be wider than the error at most
-RUNS = 3  # of each scene for the cost: the middle one counts
+RUNS, COST_S = 3, 30.0  # of each scene for the cost, so long at most: the middle one counts
 Listener = Callable[[int, int, str], None]
 
 
@@ -86,12 +98,12 @@ class BandRow:
 
 
 def choose_cases(names: Sequence[str]) -> tuple[BandCase, ...]:
-    """The cases of these scenes in the order of FULL; all if there are none.
+    """The cases of these scenes in the order of KNOWN; all of FULL if there are none.
 
     Raises:
         InputError: a scene without a case.
     """
-    return choose("bench band", FULL, names, lambda case: case.scene)
+    return choose("bench band", KNOWN, names, lambda case: case.scene) if names else FULL
 
 
 def measure_bands(cases: Sequence[BandCase], listen: Listener) -> Iterator[BandRow]:
@@ -109,14 +121,11 @@ def measure_bands(cases: Sequence[BandCase], listen: Listener) -> Iterator[BandR
 def measure_band(case: BandCase) -> BandRow:
     """One scene."""
     scene = load_scene(case.scene)
-    twin, seen, rough = BandedTwin(scene), [], False
-    bed = bed_below(twin.rope)
-    for shot in fed(twin, case.seconds):
-        seen.append(shot)
-        slack = shot.element_tension_n.min() <= 0.0
-        rough = rough or slack or (bed is not None and nodes_on(bed, twin.rope) > 0)
+    twin = BandedTwin(scene)
+    seen = list(fed(twin, case.seconds))
+    rough = has_layers(twin.rope) or any(map(_is_rough, seen))
     middle, fine = (
-        np.array([s.tension_top_n for s in fed(Twin(_finer(scene, times)), case.seconds)])
+        np.array([s.tension_top_n for s in fed(_reference(scene, times), case.seconds)])
         for times in (case.times // 2, case.times)
     )
     doubt = np.abs(fine - middle) / (1.0 if rough else 3.0)
@@ -143,6 +152,18 @@ def measure_band(case: BandCase) -> BandRow:
     )
 
 
+def _is_rough(shot: Snapshot) -> bool:
+    """Whether something is slack, or on bed or deck: the error is of first order then."""
+    pulls = [one.element_tension_n for one in shot.ropes] or [shot.element_tension_n]
+    bed, body, stands = shot.seabed, shot.body, False
+    if bed is not None:
+        stands = bed.payload_height_m <= 0.0 or bed.rope_on_bed_m > 0.0
+    if body is not None:
+        pulls.append(body.leg_pull_n)
+        stands = stands or (body.deck_clearance_m is not None and body.deck_clearance_m <= 0.0)
+    return stands or any(float(some.min()) <= 0.0 for some in pulls)
+
+
 def _band_of(shot: Snapshot) -> TensionBand:
     if shot.band is None:
         raise SolverError(f"{shot.time_s:g} s: the band's companion could not go on.")
@@ -151,7 +172,7 @@ def _band_of(shot: Snapshot) -> TensionBand:
 
 def _cost_pct(scene: Scene, case: BandCase) -> float:
     """Of another run of the scene with a band."""
-    *_, last = fed(BandedTwin(scene), case.seconds)
+    *_, last = fed(BandedTwin(scene), min(case.seconds, COST_S))
     return _band_of(last).cost_pct
 
 
@@ -161,21 +182,45 @@ def fed(twin: Twin, seconds: float) -> Iterator[Snapshot]:
     Raises:
         SolverError: a step that is not finite.
     """
-    sea, winch = open_sea(twin.scene), twin.scene.winch
+    sea, named = open_sea(twin.scene), winches_by_name(twin.scene)
     steps, offered_ns = steps_in_slot(twin.step_s), FIRST_NS
     while twin.time_ns < round(seconds * 1e9):
         until_ns = twin.time_ns + steps * twin.step_ns + LEAD_NS
         for heave in sea.between(offered_ns, until_ns) if sea else ():
             offer(twin, heave)
-        for command in schedule_samples(winch, offered_ns, until_ns):
-            twin.offer_order(command.stamp_ns, command.order)
+        for name, winch in named.items():
+            for command in schedule_samples(winch, offered_ns, until_ns):
+                twin.offer_order(command.stamp_ns, command.order, name)
         offered_ns = until_ns
         twin.advance(steps)
         yield twin.snapshot()
 
 
-def _finer(scene: Scene, times: int) -> Scene:
-    return variant(scene, times * scene.ropes[0].elements, scene.time.step_s / times)
+def _reference(scene: Scene, times: int) -> Twin:
+    """The scene on so many times the elements with as small a part of the step, from the same rest.
+
+    Where ropes meet what hangs there may turn without a force, as a bar does that hangs from one
+    rope: how it lies at rest is by chance, and another on each grid. So the finer one begins with
+    the shape of the coarser.
+    """
+    finer = Twin(variant(scene, times * scene.ropes[0].elements, scene.time.step_s / times))
+    if is_joined(scene) and not scene.sheaves:
+        begin_alike(finer, Twin(scene))
+    return finer
+
+
+def begin_alike(finer: Twin, own: Twin) -> None:
+    """Bring ropes that meet to rest near where those of the same scene rest on fewer elements."""
+    assert finer.joined is not None
+    assert own.joined is not None
+    system = finer.joined.system(finer.rope)
+    place = np.zeros((len(system.ropes), rows.MOTIONS))
+    for row, rope in zip(place, system.ropes, strict=True):
+        top = int(rope.state.counts[rows.ELEMENTS])
+        row[: rows.LINE] = rope.state.nodes[rows.POSITION : rows.POSITION + 3, top]
+        row[rows.LINE] = rope.state.s[top]
+    take_places(system, own.joined.system(own.rope))
+    settle_near(system, place)
 
 
 def _share(holds: Vector) -> float:

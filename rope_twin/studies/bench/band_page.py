@@ -11,7 +11,17 @@ from dataclasses import asdict
 from pathlib import Path
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.studies.bench.band import FITTED, FULL, HELD_PCT, LATER, RATIO, BandCase, BandRow
+from rope_twin.studies.bench.band import (
+    BLOWS,
+    FITTED,
+    HELD_PCT,
+    KNOWN,
+    LATER,
+    MEETING,
+    RATIO,
+    BandCase,
+    BandRow,
+)
 from rope_twin.studies.bench.marked_page import MarkedPage
 
 PAGE, STORED = "error_band.md", "error_band.json"
@@ -81,7 +91,7 @@ def keep_rows(rows: Sequence[BandRow], folder: Path) -> Path:
         InputError: what the folder holds cannot be read.
     """
     found = {row.scene: row for row in (*read_rows(folder), *rows)}
-    kept = [found[case.scene] for case in FULL if case.scene in found]
+    kept = [found[case.scene] for case in KNOWN if case.scene in found]
     page = MARKED.write(folder, as_section(kept))
     text = json.dumps({"rows": [asdict(row) for row in kept]}, indent=1, allow_nan=False)
     (folder / STORED).write_text(text + "\n", encoding="utf-8")
@@ -97,6 +107,8 @@ def as_section(rows: Sequence[BandRow]) -> str:
         *(f"Not so: {row.scene}." for row in rows if not row.ok),
         *_part("Scenes on which the numbers were found:", FITTED, rows),
         *_part("Scenes that came later:", LATER, rows),
+        *_part("Ropes that meet, and payloads that are rigid bodies:", MEETING, rows),
+        *_part("Where blows decide (run only if named):", BLOWS, rows),
     ]
     return "\n".join(lines)
 

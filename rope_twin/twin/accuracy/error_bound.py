@@ -25,9 +25,11 @@ each failure has a rule of its own:
 - A motion that comes in samples bends at each of them: its acceleration jumps, and the first step
   afterwards is wrong by more than the next ones. That step has a safety of its own; the others are
   not judged by the companion's steps over such a bend.
+- Where the current jumps between two layers the error is of first order, too, and follows the
+  elements as they pass the jump (`difference`): the difference itself is taken, of some more time.
 - Waves that die within an element load the rope by an error of first order: the difference is as
   large as the error then. How much of a third is wrong there follows from the waves alone
-  (`twin.surface_layer`).
+  (`surface_layer`).
 
 The safeties were found on the shipped scenes against converged references, the same for all, and
 are tested there: `rope_twin bench band`.
@@ -103,11 +105,16 @@ class Fading:
 class ErrorBand:
     """From the difference to the companion to a bound on the error of the top tension."""
 
-    def __init__(self, rest_n: float, step_s: float, share: float = THIRD) -> None:
+    def __init__(
+        self, rest_n: float, step_s: float, share: float = THIRD, whole_s: float = 0.0
+    ) -> None:
         """`rest_n`: the tension of the rope at rest; `step_s`: its step.
 
-        `share`: of a difference that is the rope's error where its motion is smooth.
+        `share`: of a difference that is the rope's error where its motion is smooth; `whole_s`: for
+        so long a difference counts whole.
         """
+        self._whole = Recent(whole_s)
+        self._counts_whole = whole_s > 0.0
         self._smooth, self._rings = SMOOTH * share, RINGS * share
         self._loose_n, self._least_n = LOOSE * rest_n, LOOSE_LEAST * rest_n
         self._weight = min(EVERY * step_s / MEAN_S, 1.0)  # of a difference in a mean
@@ -135,6 +142,8 @@ class ErrorBand:
         self._all.take(time_s, difference_n)
         self._rough.take(time_s, difference_n)
         self._kept.take(time_s, difference_n)
+        if self._counts_whole:
+            self._whole.take(time_s, difference_n)
         if time_s < self._rough_until_s and self._now_n >= self._loose_n:
             self._rough_mean += self._weight * (difference_n - self._rough_mean)
             self._rough_ringing.raise_to(time_s, ROUGHLY_RINGS * self._rough_mean)
@@ -163,7 +172,7 @@ class ErrorBand:
 
     def bound_n(self, time_s: float) -> float:
         """The tension of the newest step is at most this wrong, 95 % of the time."""
-        return self._bound_n(time_s) + self._kicked.now(time_s)
+        return max(self._bound_n(time_s), self._whole.largest(time_s)) + self._kicked.now(time_s)
 
     def _bound_n(self, time_s: float) -> float:
         if self._now_n < self._loose_n:

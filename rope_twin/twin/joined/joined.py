@@ -68,7 +68,9 @@ class JoinedRopes:
         self._boundary = Boundary(np.zeros(size), np.zeros(size))
         self._boundary.value[:, :, : rows.LINE] = np.nan_to_num(self._hang_offs)[:, None]
         self._boundary.value[:, :, rows.LINE] = [[line.length_m] for line in scene.ropes]
-        self._pull = np.zeros((len(scene.ropes), rows.PULL_COLUMNS))
+        self.pull = np.zeros((len(scene.ropes), rows.PULL_COLUMNS))  # now, of each rope
+        self.pulls = self.pull[:, None]  # and after each step of the last call,
+        self.moved = self._boundary  # which began at the first of these borders
         self._severed = self._fresh = False  # a rope was cut, and no step was done since
 
     def find_start(self) -> Floats:
@@ -78,17 +80,17 @@ class JoinedRopes:
             SceneError: there is no equilibrium, or the ropes float.
         """
         with no_garbage_collection():
-            end = settle_reeved(self._system(self.first), self._boundary.value[:, 0])
+            end = settle_reeved(self.system(self.first), self._boundary.value[:, 0])
         highest = max(float(self._nodes(r, rows.POSITION)[2, :-1].max()) for r in self._numbers)
         judge_start(self._scene, end, highest)
         for warning in weak_ropes(self._scene, [self._tension(rope) for rope in self._ropes]):
             _log.warning(warning)
-        system = copy.deepcopy(self._system(self.first))
+        system = copy.deepcopy(self.system(self.first))
         still = Boundary(*(np.ascontiguousarray(table[:, :2]) for table in self._boundary))
         pull = np.zeros((len(system.ropes), 1, rows.PULL_COLUMNS))
         advance_joined(system, still, pull, 0.0, 1)
-        self._pull = pull[:, 0].copy()
-        first: Floats = self._pull[0]
+        self.pull, self.pulls = pull[:, 0].copy(), pull
+        first: Floats = self.pull[0]
         return first
 
     def offer(self, name: str, stamp_ns: int | None, order: Order, now_ns: int) -> str:
@@ -135,22 +137,32 @@ class JoinedRopes:
         borders = self._boundary.value[r, row - 1 : row + 1]
         heave = float(borders[0, rows.Z] - self._hang_offs[r, 2])
         course = Course(heave, self._winches[r].payout_m_per_s2)
-        pull = float(self._pull[r, rows.PULL])
+        pull = float(self.pull[r, rows.PULL])
         return feel(self._rope(r), self._scene.ropes[r], pull, borders, course)
 
     def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
         """`advance` of all ropes; boundary, pulls: of the first one, as there."""
         steps = len(pulls)
+        own = self.borders(boundary, steps)
+        pull = np.zeros((len(self._numbers), steps, rows.PULL_COLUMNS))
+        done = self._advance(self.system(first), own, time, pull)
+        pulls[:] = pull[0]
+        self.pulls, self.moved = pull, own
+        if done:
+            self.pull = pull[:, done - 1].copy()
+        self.first = first
+        return done
+
+    def system(self, first: Rope) -> System:
+        """All ropes; current and the like are those of the first one (see core/joined/stack.py)."""
+        return System((first, *self._ropes), self._joints, self._stack, self._sheaves)
+
+    def borders(self, boundary: Boundary, steps: int) -> Boundary:
+        """Those of the next steps of all ropes, (ropes, steps + 1, MOTIONS); given: the first's."""
         own = Boundary(*(table[:, : steps + 1].copy() for table in self._boundary))
         for table, given in zip(own, boundary, strict=True):
             table[0] = given[: steps + 1]
-        pull = np.zeros((len(self._numbers), steps, rows.PULL_COLUMNS))
-        done = self._advance(self._system(first), own, time, pull)
-        pulls[:] = pull[0]
-        if done:
-            self._pull = pull[:, done - 1].copy()
-        self.first = first
-        return done
+        return own
 
     def _advance(self, system: System, own: Boundary, time: float, pull: Floats) -> int:
         """Step all; the first step after a cut in pieces."""
@@ -174,7 +186,7 @@ class JoinedRopes:
         now = Boundary(*(table[:, :1].copy() for table in self._boundary))
         for table, given in zip(now, border, strict=True):
             table[0, 0] = given[0]
-        system, lost_m = sever_joined(self._system(first), now, place)
+        system, lost_m = sever_joined(self.system(first), now, place)
         self.first, self._ropes = system.ropes[0], system.ropes[1:]
         self._severed = self._fresh = True
         self._joints, self._stack = system.joints, system.stack
@@ -186,7 +198,7 @@ class JoinedRopes:
         self._boundary.value[-1], self._boundary.rate[-1] = 0.0, 0.0
         self._boundary.value[-1, :, rows.LINE] = lost_m
         self._boundary.value[r, :, rows.LINE] -= lost_m
-        self._pull = np.vstack([self._pull, np.zeros(rows.PULL_COLUMNS)])
+        self.pull = np.vstack([self.pull, np.zeros(rows.PULL_COLUMNS)])
         return self, lost_m
 
     def length_m(self, r: int) -> float:
@@ -205,15 +217,15 @@ class JoinedRopes:
 
     def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
         """Energy and power of all ropes now; pull, speed: of the first one."""
-        pulls, speeds = self._pull.copy(), self._boundary.rate[:, 0, rows.LINE].copy()
+        pulls, speeds = self.pull.copy(), self._boundary.rate[:, 0, rows.LINE].copy()
         pulls[0], speeds[0] = pull, speed
-        return measure_system(self._system(first), pulls, speeds, time)
+        return measure_system(self.system(first), pulls, speeds, time)
 
     def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
         """The snapshot of the first rope, with all ropes and payloads."""
         value, rate = (table[:, 0, rows.LINE] for table in self._boundary)
         now = SystemNow(
-            self._scene, self._system(self.first), self._owners, self._pull, LinesOut(value, rate)
+            self._scene, self.system(self.first), self._owners, self.pull, LinesOut(value, rate)
         )
         limits = [shot.winch_at_limit]
         inputs: dict[str, InputHealth] = dict(shot.inputs)
@@ -251,7 +263,7 @@ class JoinedRopes:
             "joined/nodes": self._joints.nodes,
             "joined/pulls of struts": self._joints.ties[PULL],
             "joined/boundary": self._boundary,
-            "joined/pull": self._pull,
+            "joined/pull": self.pull,
             "joined/winches": self._winches,
         }
         if self._severed:
@@ -270,7 +282,7 @@ class JoinedRopes:
         self._joints = self._joints._replace(nodes=values.pop("joined/nodes"))
         self._joints.ties[PULL] = values.pop("joined/pulls of struts")
         self._boundary = values.pop("joined/boundary")
-        self._pull, self._winches = values.pop("joined/pull"), values.pop("joined/winches")
+        self.pull, self._winches = values.pop("joined/pull"), values.pop("joined/winches")
         self._fresh = bool(values.pop("joined/fresh", False))
         if self._lines is not None:
             self._lines.take_back(values.pop("joined/lines"))
@@ -286,10 +298,6 @@ class JoinedRopes:
     @property
     def _numbers(self) -> range:
         return range(1 + len(self._ropes))
-
-    def _system(self, first: Rope) -> System:
-        """All ropes; current and the like are those of the first one (see core/joined/stack.py)."""
-        return System((first, *self._ropes), self._joints, self._stack, self._sheaves)
 
     def _rope(self, r: int) -> Rope:
         return self.first if r == 0 else self._ropes[r - 1]

@@ -1,0 +1,222 @@
+"""A companion of half the elements and twice the step beside what a twin steps, by the same code.
+
+Of one rope, or of ropes that meet: every rope is halved; joints, bars, sheaves and bodies are the
+same. Hang-offs, line out and current are the twin's to the bit.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.body.state import RigidBody
+from rope_twin.core.joined.joints import LOOSE, System, new_system, with_flows
+from rope_twin.core.joined.reeving import settle_reeved
+from rope_twin.core.joined.sheaves import FLOW_COLUMN
+from rope_twin.core.joined.step import advance_joined
+from rope_twin.core.state import ELEMENTS, Boundary, Floats, Rope
+from rope_twin.core.statics.equilibrium import settle
+from rope_twin.core.step import advance
+from rope_twin.twin.accuracy.error_bound import EVERY
+from rope_twin.twin.accuracy.regrid import HangOff, coarser
+from rope_twin.twin.stepped import STEPS_PER_CALL
+
+FEW = 4  # elements: a rope of fewer keeps them, for ropes that meet have two at least
+
+
+class Companion(Protocol):
+    """What runs beside the twin."""
+
+    rests: bool  # it began at rest
+    waiting: int  # steps of the twin that it has not done
+
+    def follow(
+        self, boundary: Boundary, done: int, effects: Any, time_s: float
+    ) -> list[float] | None:
+        """Do what the twin has done, `done` steps up to `time_s`; the top tension of each step.
+
+        boundary: of the twin's first rope, row 0 before those steps. None: its next state would not
+        be finite.
+        """
+
+    def further(self, r: int) -> list[float]:
+        """The same of another rope that hangs from the ship; of the last call."""
+
+
+class HalfRope:
+    """The same rope on half the elements."""
+
+    def __init__(
+        self, rope: Rope, at: HangOff, border: tuple[Floats, Floats], resting: bool
+    ) -> None:
+        """`border`: value and rate of the prescribed motion now; `resting`: it is to rest."""
+        half = coarser(rope, at)
+        self._effects = EffectsApart(rope.effects)
+        self._rope = half._replace(
+            model=half.model._replace(step=EVERY * rope.model.step), effects=self._effects.own
+        )
+        self.rests = resting and settle(self._rope, float(border[0][rows.LINE])).found
+        room = (STEPS_PER_CALL // EVERY + 2, rows.MOTIONS)
+        self._ahead = Boundary(np.zeros(room), np.zeros(room))
+        self._ahead.value[0], self._ahead.rate[0] = border
+        self.waiting = 0
+        self._pulls = np.zeros((STEPS_PER_CALL, rows.PULL_COLUMNS))
+
+    def follow(
+        self, boundary: Boundary, done: int, effects: Any, time_s: float
+    ) -> list[float] | None:
+        """As a companion does."""
+        first = EVERY - self.waiting  # row of the border at which its next step ends
+        steps, self.waiting = divmod(self.waiting + done, EVERY)
+        if steps == 0:
+            return []
+        value, rate = self._ahead
+        value[1 : steps + 1] = boundary.value[first : done + 1 : EVERY]
+        rate[1 : steps + 1] = boundary.rate[first : done + 1 : EVERY]
+        if self._effects.given is not effects:
+            self._rope = self._rope._replace(effects=self._effects.take(effects))
+        step = self._rope.model.step
+        start_s = time_s - (self.waiting / EVERY + steps) * step
+        if advance(self._rope, self._ahead, self._pulls, start_s, steps) < steps:
+            return None
+        value[0], rate[0] = value[steps], rate[steps]
+        tensions: list[float] = self._pulls[:steps, rows.PULL].tolist()
+        return tensions
+
+    def further(self, r: int) -> list[float]:
+        """There is none."""
+        raise KeyError(r)
+
+
+class Meeting(Protocol):
+    """A twin's ropes that meet, after a call of `advance`."""
+
+    pull: Floats  # of each rope now, (ropes, PULL_COLUMNS)
+    moved: Boundary  # hang-offs and line out of all, (ropes, steps + 1, MOTIONS), of the last call
+
+    def system(self, first: Rope) -> System:
+        """All of them."""
+
+    def borders(self, boundary: Boundary, steps: int) -> Boundary:
+        """The same of the steps to come."""
+
+
+class HalfSystem:
+    """The same ropes that meet, each on half the elements."""
+
+    def __init__(
+        self, ropes: Meeting, first: Rope, boundary: Boundary, border: int, resting: bool
+    ) -> None:
+        """boundary: of the first rope, row `border` the present; `resting`: they are to rest."""
+        self._ropes, whole = ropes, ropes.system(first)
+        value, rate = (table[:, border] for table in ropes.borders(boundary, border))
+        joints = whole.joints
+        # of the ropes that hang from the ship: what is prescribed to them now
+        self.hang_offs = {
+            r: (value[r].copy(), rate[r].copy())
+            for r, upper in enumerate(joints.upper)
+            if upper == LOOSE
+        }
+        self.made_fast = [
+            bool(lower == LOOSE and rope.model.first_free == 1)
+            for lower, rope in zip(joints.lower, whole.ropes, strict=True)
+        ]
+        self._system = halved(whole, ropes.pull, rate[:, rows.LINE])
+        self.rests = resting and settle_reeved(self._system, value).found
+        self._now = value.copy(), rate.copy()
+        self.waiting = 0
+        self._pulls = np.zeros((len(whole.ropes), 0, rows.PULL_COLUMNS))
+
+    def follow(
+        self, boundary: Boundary, done: int, effects: Any, time_s: float
+    ) -> list[float] | None:
+        """As a companion does."""
+        first = EVERY - self.waiting
+        steps, self.waiting = divmod(self.waiting + done, EVERY)
+        if steps == 0:
+            return []
+        moved, room = self._ropes.moved, (len(self._now[0]), steps + 1, rows.MOTIONS)
+        ahead = Boundary(np.empty(room), np.empty(room))
+        for table, now, given in zip(ahead, self._now, moved, strict=True):
+            table[:, 0], table[:, 1:] = now, given[:, first : done + 1 : EVERY]
+        system = self._system
+        if system.ropes[0].effects is not effects:
+            ropes = (system.ropes[0]._replace(effects=effects), *system.ropes[1:])
+            self._system = system = system._replace(ropes=ropes)
+        step = system.ropes[0].model.step
+        start_s = time_s - (self.waiting / EVERY + steps) * step
+        self._pulls = np.zeros((len(system.ropes), steps, rows.PULL_COLUMNS))
+        if advance_joined(system, ahead, self._pulls, start_s, steps) < steps:
+            return None
+        self._now = ahead.value[:, steps], ahead.rate[:, steps]
+        return self.further(0)
+
+    def further(self, r: int) -> list[float]:
+        """Of rope r."""
+        tensions: list[float] = self._pulls[r, :, rows.PULL].tolist()
+        return tensions
+
+
+class EffectsApart:
+    """The twin's effects with a rigid body apart: where that is, is kept in the effect itself."""
+
+    def __init__(self, effects: tuple[Any, ...]) -> None:
+        self._bodies = {
+            place: copy.deepcopy(one)
+            for place, one in enumerate(effects)
+            if isinstance(one, RigidBody)
+        }
+        self.own = self.take(effects)
+
+    def take(self, effects: tuple[Any, ...]) -> tuple[Any, ...]:
+        """Take what the twin has now (another current): the same tuple where there is no body."""
+        self.given = effects
+        if self._bodies:
+            effects = tuple(self._bodies.get(place, one) for place, one in enumerate(effects))
+        self.own = effects
+        return effects
+
+
+def halved(whole: System, pull: Floats, payout_m_per_s: Floats) -> System:
+    """The system with every rope on every second node and twice the step; joints stay as they are.
+
+    pull: of each rope on its hang-off or upper joint, (ropes, PULL_COLUMNS); payout: of those that
+    hang from the ship, (ropes,).
+    """
+    passing = _passing_m_per_s(whole)
+    ropes = []
+    for r, rope in enumerate(whole.ropes):
+        loose = whole.joints.upper[r] == LOOSE
+        speed = float(payout_m_per_s[r]) if loose else passing[r]
+        at = HangOff(pull[r, rows.PULL_X : rows.PULL_Z + 1].copy(), speed)
+        half = rope if int(rope.state.counts[ELEMENTS]) < FEW else coarser(rope, at)
+        ropes.append(half._replace(model=half.model._replace(step=EVERY * rope.model.step)))
+    return _joined_as(whole, ropes)
+
+
+def _passing_m_per_s(whole: System) -> list[float]:
+    """How fast each rope grows at a sheave; 0 where there is none."""
+    sheaves = whole.sheaves
+    if sheaves is None:
+        return [0.0] * len(whole.ropes)
+    speeds = []
+    for of, side in zip(sheaves.of, sheaves.side, strict=True):
+        flow = int(sheaves.figures[FLOW_COLUMN, of]) if of >= 0 else -1
+        passes = float(side) * float(whole.joints.nodes[rows.VELOCITY, flow]) if of >= 0 else 0.0
+        speeds.append(passes)
+    return speeds
+
+
+def _joined_as(whole: System, ropes: Sequence[Rope]) -> System:
+    """These ropes where the system's meet, its joints and sheaves as they are, of its own."""
+    joints, sheaves = whole.joints, whole.sheaves
+    found = new_system(tuple(ropes), list(joints.lower), list(joints.upper), joints.ties.copy())
+    if sheaves is not None:
+        flows = with_flows(found.joints, sheaves.figures.shape[1])
+        found = found._replace(joints=flows, sheaves=copy.deepcopy(sheaves))
+    found.joints.nodes[:] = joints.nodes
+    return found

@@ -1,0 +1,54 @@
+"""The upper end of a rope that hangs from the ship, and the band around the tension there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rope_twin.core.state import Boundary, Floats
+from rope_twin.twin.accuracy.error_bound import (
+    EVERY,
+    Border,
+    ErrorBand,
+    acceleration_jumps,
+    border_before,
+)
+
+
+class Top:
+    """Number of the rope, its band, and the border before the last one of its prescribed motion."""
+
+    def __init__(
+        self, rope: int, band: ErrorBand, now: tuple[Floats, Floats], step_s: float
+    ) -> None:
+        """`now`: value and rate of the prescribed motion."""
+        self.rope, self.band = rope, band
+        self._before: Border = border_before(*now, step_s)
+
+    def jumps(self, boundary: Boundary, done: int, step_s: float) -> list[float]:
+        """Of the prescribed acceleration where each of the steps just done begins [m/s²]."""
+        value, rate = (table[: done + 1] for table in boundary)
+        found = acceleration_jumps(self._before, value, rate, step_s)
+        self._before = value[done - 1].tolist(), rate[done - 1].tolist()
+        return found
+
+    def judge(
+        self,
+        times: tuple[float, float],
+        jumps: Sequence[float],
+        own: Sequence[float],
+        followed: Sequence[float],
+        waiting: int,
+    ) -> None:
+        """Take in the steps just done and what the companion did of them.
+
+        times: of the last step, and a step [s]; own, followed: the top tensions; waiting: steps
+        that the companion had not done before.
+        """
+        now_s, h = times
+        band, done = self.band, len(own)
+        for k, jump in enumerate(jumps):
+            at_s = now_s - (done - 1 - k) * h
+            band.take(at_s, jump, own[k])
+            turn, between = divmod(waiting + k + 1, EVERY)
+            if not between:
+                band.compare(at_s, abs(followed[turn - 1] - own[k]))
