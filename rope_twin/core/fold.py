@@ -1,8 +1,8 @@
 """The elimination of core/elimination from both ends at once, one chain in each SIMD lane.
 
 A single chain is bound by the latency of its own recursion. Pair k is the nodes first + k and
-n - 1 - k; the chains meet in the middle. What is kept of a pair is a record of 36
-numbers; records lie end to end in the rows ELIMINATED.
+n - 1 - k; the chains meet in the middle. What is kept of a pair is a record of 36 numbers; records
+lie end to end in the rows ELIMINATED.
 """
 
 from __future__ import annotations

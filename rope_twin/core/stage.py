@@ -2,8 +2,8 @@
 
 The tension-only energy is convex in a, so there is one minimum. A stage is accepted when every
 tension is what the linearisation expected of it and, where an effect's loads come or go, every
-node is in balance; from the fourth correction on a secant line
-search keeps Newton from overshooting between slack and taut (plain steps suffice before).
+node is in balance; from the fourth correction on a secant line search keeps Newton from
+overshooting between slack and taut (plain steps suffice before).
 
 A stage may begin with the factors of the one before (core/again).
 """
@@ -60,12 +60,12 @@ def _choose_elimination(effects: Any, work: Any, first: Any, n: Any) -> Any:
 
 @jit
 def _is_balanced(rope: Any) -> bool:
-    """Whether no node is left with a force above the tolerance."""
+    """Whether no node is left with a force above the tolerance, or with one that is no number."""
     Rx, Ry, Rz = rows(rope.work, RESIDUAL, 0)
-    most = 0.0
+    most, left = rope.model.tolerance * rope.model.tolerance, 0
     for i in range(rope.model.first_free, rope.state.counts[ELEMENTS]):
-        most = max(most, Rx[i] * Rx[i] + Ry[i] * Ry[i] + Rz[i] * Rz[i])
-    return bool(most <= rope.model.tolerance * rope.model.tolerance)
+        left += not Rx[i] * Rx[i] + Ry[i] * Ry[i] + Rz[i] * Rz[i] <= most
+    return bool(left == 0)
 
 
 def _switches(effects: Any) -> Any:

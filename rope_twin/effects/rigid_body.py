@@ -166,7 +166,7 @@ def build(params: RigidBodyParams, payload: Any, around: Any) -> RigidBody:
         m=m,
         g=float(g),
         displaced=displaced,
-        inertia=_inertia(params, m, G),
+        inertia=_inertia(params, m),
         added=np.concatenate([added, _added_inertia(params, added)])
         + np.array([0.0, 0.0, half_added, 0.0, 0.0, 0.0]),
         rising=half_added,
@@ -225,7 +225,7 @@ def _corners(params: RigidBodyParams) -> tuple[Any, float]:
     return _box(params), 4.0
 
 
-def _inertia(params: RigidBodyParams, m: float, G: Any) -> Any:
+def _inertia(params: RigidBodyParams, m: float) -> Any:
     """About the centre of gravity, (3, 3)."""
     if params.inertia_kg_m2 is not None:
         return np.diag(params.inertia_kg_m2)

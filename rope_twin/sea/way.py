@@ -17,7 +17,7 @@ from rope_twin.sea.columns import find_table, read_columns
 from rope_twin.sea.spectrum import Vector
 
 FOLDER = "ways"
-FASTEST_M_PER_S = 15.0  # as the twin believes at its input (twin/motion/ship.py)
+FASTEST_M_PER_S = 15.0  # no ship is faster; at its input the twin refuses more, too
 TRIALS = 8  # places between two rows where the spline's speed is looked at
 
 

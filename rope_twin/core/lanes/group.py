@@ -10,7 +10,7 @@ from numba.core import config
 
 from rope_twin.core import hooks
 from rope_twin.core.jit import compiled
-from rope_twin.core.lanes.step import Run, advance_lanes_steps
+from rope_twin.core.lanes.step import TALLIES, Run, advance_lanes_steps
 from rope_twin.core.lanes.wide import ALIGNMENT, ALL, LANES
 from rope_twin.core.sections import SAME_PLACE
 from rope_twin.core.state import (
@@ -38,8 +38,6 @@ from rope_twin.core.state import (
     State,
 )
 from rope_twin.core.trial import TRIALS
-
-SOLVES_DONE, SOLVES_MOST, STEPS_DONE, SLACK_LOOKS, TALLIES = range(5)
 
 _OWN_FIGURES = ("element_length", "split_above", "merge_below", "tolerance")  # of the Model
 

@@ -45,6 +45,8 @@ from rope_twin.core.state import (
 from rope_twin.core.step import OFFSET_GONE, _report
 from rope_twin.core.trial import load_trials_of
 
+SOLVES_DONE, SOLVES_MOST, STEPS_DONE, SLACK_LOOKS, TALLIES = range(5)  # rows of a lane's tally
+
 
 class Run(NamedTuple):
     """Which steps to do, of a batch."""
@@ -251,12 +253,12 @@ def advance_lanes_steps(
         _keep(rope, mask)
         _finish(rope, place, borders, pulls, step, now + h)
         _fade_offsets(rope, arrays.state, lowest, kept)
-        tallies[0] = tallies[0] + choose(mask, solves, 0.0)
-        tallies[1] = max(tallies[1], choose(mask, most, 0.0))
-        tallies[2] = tallies[2] + choose(mask, 1.0, 0.0)
+        tallies[SOLVES_DONE] = tallies[SOLVES_DONE] + choose(mask, solves, 0.0)
+        tallies[SOLVES_MOST] = max(tallies[SOLVES_MOST], choose(mask, most, 0.0))
+        tallies[STEPS_DONE] = tallies[STEPS_DONE] + choose(mask, 1.0, 0.0)
         if (run.before + step + 1) % run.look == 0:
             slack = mask_of(_slack(rope) & kept)
-            tallies[3] = tallies[3] + choose(slack, 1.0, 0.0)
+            tallies[SLACK_LOOKS] = tallies[SLACK_LOOKS] + choose(slack, 1.0, 0.0)
         if kept != wanted:
             return int((step + 1) * (ALL + 1) + (wanted - kept))
     return int(steps * (ALL + 1))
