@@ -63,7 +63,10 @@ def test_what_is_needed_is_refused_where_it_is_missing(tmp_path: Path) -> None:
         load_scene(scene)
 
 
-def test_a_part_of_them_is_shown(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_part_of_them_is_shown(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
     assert main(["scene", "keys", "winch.drum"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert (

@@ -71,7 +71,7 @@ BAD: list[tuple[str, str, str, tuple[str, ...]]] = [
             "joints:\n  - {name: ring}\n"),
      "joints[0]", ("only one rope ends at 'ring'", "hang a payload on it")),
     ("two payloads at one point", spoilt("name: hook, mass", "name: tool, mass"),
-     "payloads[0].name", ("'tool' is the name of another", "two payloads cannot hang at one")),
+     "payloads[0].name", ("'tool' is the name of another", "give each a name of its own")),
     ("hang-off without a rope", spoilt("from: stern, to: hook", "from: hook, to: tool"),
      "hang_offs[0]", ("no rope comes from 'stern'",)),
     ("bar to nowhere", spoilt("between: [hook, tool]", "between: [hook, tol]"),

@@ -53,7 +53,7 @@ def test_drag_amplification_of_a_sine() -> None:
     assert _amplification(relative(0.0, 0.0), grown) == pytest.approx(2.0)
 
 
-def test_looks_at_another_pace_are_mademade_even() -> None:
+def test_looks_at_another_pace_are_made_even() -> None:
     """From 20 ms to 10 ms: on 10 ms all the way; equal ones stay as they are."""
     t = np.concatenate([np.arange(0.0, 1.0, 0.02), np.arange(1.0, 2.0, 0.01)])
     even, line, table = made_even(t, 3.0 * t, np.stack([t, -t], axis=1))
@@ -118,10 +118,14 @@ def test_a_scene_and_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert np.isnan(along["damage_per_year"]).all()
 
 
+@pytest.mark.long
 def test_a_scene_beside_the_step_and_its_files(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """In line its model has no motion: nothing is told of one."""
+    """In line its model has no motion: nothing is told of one.
+
+    `pytest -n 0 -m long test/unit/test_viv_own.py`
+    """
     words = ["viv", "vortices_modal", "--own", "--for", "10", "--into", str(tmp_path)]
     assert main(words) == 0
     printed = capsys.readouterr()
