@@ -10,6 +10,7 @@ from math import sqrt
 from typing import Any
 
 from rope_twin.core import loads, terms
+from rope_twin.core.guards import FOLDED2
 from rope_twin.core.jit import jit, jit_sum
 from rope_twin.core.rows import row, rows, span
 from rope_twin.core.state import (
@@ -54,7 +55,7 @@ def load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> None
     """Residual R and block A of the nodes 1 <= low <= i < high.
 
     R_i = T_i·t_i - T_{i-1}·t_{i-1} - MASS·a + loads; A_i = MASS·I + what the effects add. The
-    tangent is the mean direction of both elements; 1e-12 keeps a folded rope off 0/0.
+    tangent is the mean direction of both elements.
     """
     nodes = loads.seen(work, low)
     T, T_below = row(work, TENSION, low), row(work, TENSION, low - 1)
@@ -64,7 +65,7 @@ def load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> None
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
     for i in range(high - low):
         x, y, z = bx[i] + tx[i], by[i] + ty[i], bz[i] + tz[i]
-        inverse = 1.0 / sqrt(x * x + y * y + z * z + 1e-12)
+        inverse = 1.0 / sqrt(x * x + y * y + z * z + FOLDED2)
         load = loads.load_of(effects, stage, nodes, (x * inverse, y * inverse, z * inverse), i)
         Rx[i] = T[i] * tx[i] - T_below[i] * bx[i] + load.x
         Ry[i] = T[i] * ty[i] - T_below[i] * by[i] + load.y

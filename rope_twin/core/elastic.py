@@ -12,6 +12,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
+from rope_twin.core.guards import CRUSHED2
 from rope_twin.core.jit import jit, jit_within
 from rope_twin.core.lanes.wide import choose, count_beyond
 from rope_twin.core.law import pull_of
@@ -66,7 +67,7 @@ def _stretched(part: Any, apart: Any, weights: Any, e: int) -> Any:
     dx, dy, dz, wx, wy, wz = apart
     p, q, growth = weights
     l0 = rest[e]
-    length = sqrt(dx * dx + dy * dy + dz * dz + 1e-16 * l0 * l0)
+    length = sqrt(dx * dx + dy * dy + dz * dz + CRUSHED2 * l0 * l0)
     inverse = 1.0 / length
     dx *= inverse
     dy *= inverse

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from numba.extending import overload
 
+from rope_twin.core.guards import FOLDED2
 from rope_twin.core.hooks import kernels, kernels_by_place, members, written_out
 from rope_twin.core.jit import LINKED, jit, jit_within
 from rope_twin.core.rows import rows, span
@@ -136,7 +137,7 @@ def _set_tangents(work: Any, low: int, high: int) -> None:
     mx, my, mz = rows(work, TANGENT, low)
     for i in range(high - low):
         x, y, z = bx[i] + tx[i], by[i] + ty[i], bz[i] + tz[i]
-        inverse = 1.0 / sqrt(x * x + y * y + z * z + 1e-12)
+        inverse = 1.0 / sqrt(x * x + y * y + z * z + FOLDED2)
         mx[i] = x * inverse
         my[i] = y * inverse
         mz[i] = z * inverse

@@ -38,6 +38,8 @@ from rope_twin.core.trial import AFTER, HIGH, LOW, MIDDLE, TRIALS, along
 FORCED_SPLIT = 4.0  # times split_above: an element this long splits even when slack
 SAG_LIMIT = 0.05  # a new node farther off the chord than this part of it stays on the chord
 NEWTON = 10
+# A move of a new node that is none: of the element that it splits, and [m]
+PLACED, PLACED_M = 1e-13, 1e-12
 SMALLEST_REST = 1e-3  # m
 SMALLEST_STEPS = 2.0  # and at least so many steps of payout
 
@@ -125,7 +127,7 @@ def _find_equilibrium(rope: Any, growth: float, middle: int) -> bool:
         work[POSITION, middle] += dx
         work[POSITION + 1, middle] += dy
         work[POSITION + 2, middle] += dz
-        if sqrt(dx * dx + dy * dy + dz * dz) < 1e-13 * 2.0 * half + 1e-12:
+        if sqrt(dx * dx + dy * dy + dz * dz) < PLACED * 2.0 * half + PLACED_M:
             return True
     return False
 

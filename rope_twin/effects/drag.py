@@ -20,6 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
+from rope_twin.core.guards import NONE_AT_ALL, STILL2
 from rope_twin.core.hooks import kernel
 from rope_twin.core.jit import jit_within
 from rope_twin.core.loads import Load
@@ -90,7 +91,7 @@ def _load(kn: float, kt: float, node: Any, relative: Any, q: float) -> Any:
     rx, ry, rz = relative
     s = rx * x + ry * y + rz * z
     nx, ny, nz = rx - s * x, ry - s * y, rz - s * z
-    speed = sqrt(nx * nx + ny * ny + nz * nz + 1e-20)
+    speed = sqrt(nx * nx + ny * ny + nz * nz + STILL2)
     kn = kn * node.frontal
     cn = kn * speed
     ct = kt * node.skin * abs(s)
@@ -125,8 +126,8 @@ def load(drag: Any, node: Any, stage: Any) -> Any:
 @jit_within
 def _factor(drag: Any, speed: float, node: Any) -> Any:
     """What multiplies kn at a speed across the rope; the last row's beyond the table."""
-    re = drag.scale * speed * node.volume / (node.frontal + 1e-300)
-    at = log(max(re, 1e-300))
+    re = drag.scale * speed * node.volume / (node.frontal + NONE_AT_ALL)
+    at = log(max(re, NONE_AT_ALL))
     last = drag.log_re.shape[0] - 1
     i = 0
     while i < last - 1 and drag.log_re[i + 1] < at:
@@ -167,8 +168,8 @@ def reynolds_power(drag: Any, place: Any) -> Any:
     u = place.velocity - place.flow
     across = u - (u * place.tangent).sum(axis=0) * place.tangent
     speed = np.sqrt((across * across).sum(axis=0))
-    re = drag.scale * speed * place.volume / (place.frontal + 1e-300)
-    factor = np.interp(np.log(np.maximum(re, 1e-300)), drag.log_re, drag.factor)
+    re = drag.scale * speed * place.volume / (place.frontal + NONE_AT_ALL)
+    factor = np.interp(np.log(np.maximum(re, NONE_AT_ALL)), drag.log_re, drag.factor)
     return _power(drag.drag, place, u, factor)
 
 

@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
+from rope_twin.core.guards import NONE_AT_ALL
 from rope_twin.core.hooks import kernel
 from rope_twin.core.rows import rows, span
 from rope_twin.core.state import BLOCK, FLOW, RESIDUAL, VELOCITY
@@ -101,7 +102,9 @@ def load_end(fairing: Any, work: Any, stage: Any) -> None:
 def towed_end(fairing: Any, work: Any, stage: Any) -> None:
     """R_0 += share(t)·F·e."""
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
-    share = 1.0 if stage.time >= fairing.ramp else max(stage.time, 0.0) / (fairing.ramp + 1e-300)
+    share = (
+        1.0 if stage.time >= fairing.ramp else max(stage.time, 0.0) / (fairing.ramp + NONE_AT_ALL)
+    )
     Rx[0] += share * fairing.force * fairing.x
     Ry[0] += share * fairing.force * fairing.y
     Rz[0] += share * fairing.force * fairing.z

@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
+from rope_twin.core.guards import FOLDED2, NONE_AT_ALL, STILL2, UNSHED
 from rope_twin.core.hooks import kernel
 from rope_twin.core.jit import jit, jit_within
 from rope_twin.core.prediction import K1, K2
@@ -122,7 +123,7 @@ def start(shed: Any, rope: Any) -> None:
 @jit_within
 def frequency(shed: Any, speed: float, per_diameter: float) -> Any:
     """f [Hz] at a speed across the rope; 0 where nothing is shed."""
-    re = speed * shed.per_viscosity / (per_diameter + 1e-300)
+    re = speed * shed.per_viscosity / (per_diameter + NONE_AT_ALL)
     strouhal = shed.strouhal + shed.rise * max(re - STROUHAL_TO, 0.0)
     return strouhal * speed * per_diameter if re > SHEDS_FROM else 0.0
 
@@ -133,7 +134,7 @@ def _across(u: Any, v: Any, w: Any, x: Any, y: Any, z: Any) -> Any:
     along = u * x + v * y + w * z
     u, v, w = u - along * x, v - along * y, w - along * z
     lift = (v * z - w * y, w * x - u * z, u * y - v * x)
-    return (u, v, w), lift, sqrt(u * u + v * v + w * w + 1e-20)
+    return (u, v, w), lift, sqrt(u * u + v * v + w * w + STILL2)
 
 
 @jit
@@ -143,7 +144,7 @@ def _first_rate(shed: Any, rope: Any, i: int) -> Any:
     x = work[DIRECTION, i] + work[DIRECTION, low]
     y = work[DIRECTION + 1, i] + work[DIRECTION + 1, low]
     z = work[DIRECTION + 2, i] + work[DIRECTION + 2, low]
-    inverse = 1.0 / sqrt(x * x + y * y + z * z + 1e-12)
+    inverse = 1.0 / sqrt(x * x + y * y + z * z + FOLDED2)
     _, _, speed = _across(
         work[FLOW, i] - nodes[VELOCITY, i], work[FLOW + 1, i] - nodes[VELOCITY + 1, i],
         work[FLOW + 2, i] - nodes[VELOCITY + 2, i], inverse * x, inverse * y, inverse * z,
@@ -157,7 +158,7 @@ def predict(shed: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
     memory, work, c = shed.memory, rope.work, stage.q
     for i in range(low, high):
         length = 0.5 * (work[REST, i] + work[REST, i - 1]) if i > 0 else 0.5 * work[REST, i]
-        memory[PER_DIAMETER, i] = sqrt(0.25 * pi * length / (work[VOLUME, i] + 1e-300))
+        memory[PER_DIAMETER, i] = sqrt(0.25 * pi * length / (work[VOLUME, i] + NONE_AT_ALL))
         memory[STRENGTH, i] = shed.strength * length / memory[PER_DIAMETER, i]
         if memory[1, i] == UNKNOWN:
             memory[1, i] = _first_rate(shed, rope, i)
@@ -179,7 +180,7 @@ def _solve(shed: Any, c: float, i: int, water: Any, across: Any) -> Any:
     f = frequency(shed, water, memory[PER_DIAMETER, i])
     phase = memory[PHASE_HAT, i] + c * 2.0 * pi * f
     square = (memory[SQUARE_HAT, i] + c * f * across * across) / (1.0 + c * f)
-    amplitude = sqrt(2.0 * max(square, 0.0)) / (2.0 * pi * f + 1e-12)
+    amplitude = sqrt(2.0 * max(square, 0.0)) / (2.0 * pi * f + UNSHED)
     share = max(1.0 - shed.per_limit * amplitude * memory[PER_DIAMETER, i], 0.0)
     sheds = 1.0 if f > 0.0 else 0.0
     growth = f * (across * across - square)
@@ -266,7 +267,7 @@ def power(shed: Any, place: Any) -> Any:
     re = speed * d * shed.per_viscosity
     strouhal = shed.strouhal + shed.rise * np.maximum(re - STROUHAL_TO, 0.0)
     f = np.where(re > SHEDS_FROM, strouhal * speed / d, 0.0)
-    amplitude = np.sqrt(2.0 * square) / (2.0 * pi * f + 1e-12)
+    amplitude = np.sqrt(2.0 * square) / (2.0 * pi * f + UNSHED)
     share = shed.lift * np.maximum(1.0 - shed.per_limit * amplitude / d, 0.0)
     force = share * np.sin(phase) * lift + shed.in_line * np.sin(2.0 * phase) * normal
     force *= f > 0.0

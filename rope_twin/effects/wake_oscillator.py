@@ -34,6 +34,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
+from rope_twin.core.guards import STILL2
 from rope_twin.core.hooks import kernel
 from rope_twin.core.jit import jit
 from rope_twin.core.prediction import GAMMA, K1, K2
@@ -233,7 +234,7 @@ def load_nodes(wake: Any, work: Any, stage: Any, low: int, high: int) -> None:
         along = u * x + v * y + w * z
         u, v, w = u - along * x, v - along * y, w - along * z
         lx, ly, lz = v * z - w * y, w * x - u * z, u * y - v * x
-        speed = sqrt(u * u + v * v + w * w + 1e-20)
+        speed = sqrt(u * u + v * v + w * w + STILL2)
         k = strength[i]
         size = k * q * speed
         Rx[i] += size * lx

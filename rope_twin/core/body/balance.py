@@ -50,6 +50,7 @@ from rope_twin.core.jit import jit
 
 CAP, HALVINGS = 60, 8
 BALANCED, KEPT = 1e-9, 1e-12  # what may be left, of the forces and of the momenta
+NO_LOAD = 1e-200  # N·s: what may be left of a body that nothing acts on
 ROUND_OFF = 1e-15  # of a place, what its round-off may be: stiff slings feel it
 
 
@@ -82,7 +83,7 @@ def balance(body: Any, q: float, hook: Any) -> float:
     P_hat, L_hat = vector(s, P_HAT), vector(s, L_HAT)
     kept = sqrt(dot(P_hat, P_hat)) + sqrt(dot(L_hat, L_hat)) / body.reach
     blur = ROUND_OFF * (sqrt(dot(x, x)) + body.reach) * body.stiffness
-    allowed = q * (BALANCED * s[FORCES] + blur) + KEPT * kept + 1e-200
+    allowed = q * (BALANCED * s[FORCES] + blur) + KEPT * kept + NO_LOAD
     turns = sqrt(dot(turn_lost, turn_lost)) / body.reach
     return float((sqrt(dot(lost, lost)) + turns) / allowed)
 

@@ -57,6 +57,7 @@ from rope_twin.core.body.state import (
     WET_HELD,
     Immersed,
 )
+from rope_twin.core.guards import STILL2, TOUCHING2
 from rope_twin.core.jit import jit, jit_within
 
 TURN2 = 0.05**2  # δ² of the blend from sinking to rising [m²/s²]
@@ -135,7 +136,7 @@ def _add_drag(body: Any, q: float, pose: Any) -> Any:
     grows = inward(R, vector(s, FLOW_GROWS))
     c = along(against, 1.0, cross(spin, h))
     _, M = water_momentum(body, wet, c)
-    speed, root = sqrt(dot(c, c) + 1e-20), sqrt(c[2] * c[2] + TURN2)
+    speed, root = sqrt(dot(c, c) + STILL2), sqrt(c[2] * c[2] + TURN2)
     k = (wet * body.k[0], wet * body.k[1], wet * (body.k[2] + body.rising_k * c[2] / root))
     f = along(_scaled(M, grows), -speed, _scaled(k, c))
     e = _scaled(vector(body.k, 3), (abs(spin[0]), abs(spin[1]), abs(spin[2])))
@@ -179,7 +180,7 @@ def pull_of(leg: Any, share: float, d: Any, e: Any) -> Any:
     if L == 0.0:
         pull = along(along(NONE, k, d), c, e)
         return pull, 1.0, sqrt(dot(pull, pull))
-    length = sqrt(dot(d, d) + 1e-20)
+    length = sqrt(dot(d, d) + TOUCHING2)
     n = along(NONE, 1.0 / length, d)
     T = k * (length - L) + c * dot(n, e)
     if not T > 0.0:

@@ -41,6 +41,7 @@ from rope_twin.core.body.state import (
     X,
 )
 from rope_twin.core.body.state import Q as ATTITUDE
+from rope_twin.core.guards import NONE_AT_ALL
 from rope_twin.core.jit import jit
 
 ROUNDS, BISECTIONS = 400, 60
@@ -158,7 +159,7 @@ def _step(body: Any, drag: float) -> Any:
     eliminate(A)
     change, turn = (A[0, MISS], A[1, MISS], A[2, MISS]), (A[3, MISS], A[4, MISS], A[5, MISS])
     far = max(sqrt(dot(change, change)) / body.reach, sqrt(dot(turn, turn)))
-    share = min(1.0, FARTHEST / (far + 1e-300))
+    share = min(1.0, FARTHEST / (far + NONE_AT_ALL))
     return along(NONE, share, change), along(NONE, share, turn)
 
 

@@ -14,9 +14,8 @@ from __future__ import annotations
 from math import cos, sin, sqrt
 from typing import Any
 
+from rope_twin.core.guards import UNTURNED2
 from rope_twin.core.jit import jit, jit_within
-
-TINY = 1e-40  # keeps the angle off 0/0
 
 
 @jit_within
@@ -84,7 +83,7 @@ def inward(R: Any, a: Any) -> Any:
 def turned(Q: Any, theta: Any) -> Any:
     """Q·exp(θ), of length 1."""
     x, y, z, w = Q
-    angle = sqrt(dot(theta, theta) + TINY)
+    angle = sqrt(dot(theta, theta) + UNTURNED2)
     size, c = sin(0.5 * angle) / angle, cos(0.5 * angle)
     a, b, d = size * theta[0], size * theta[1], size * theta[2]
     return normalised(
@@ -107,7 +106,7 @@ def normalised(Q: Any) -> Any:
 @jit
 def angular_velocity(theta: Any, rate: Any) -> Any:
     """Ω = J(θ)·dθ/dt, in body axes."""
-    angle = sqrt(dot(theta, theta) + TINY)
+    angle = sqrt(dot(theta, theta) + UNTURNED2)
     half = sin(0.5 * angle) / angle
     once = cross(theta, rate)
     out = along(rate, -2.0 * half * half, once)

@@ -13,6 +13,7 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
+from rope_twin.core.guards import TIED2
 from rope_twin.core.jit import jit, jit_within
 from rope_twin.core.joined.chains import column
 from rope_twin.core.state import CORRECTION, POSITION, RESIDUAL, VELOCITY
@@ -43,7 +44,7 @@ def pull_ties(ties: Any, work: Any, p: float, q: float) -> None:
     for k in range(ties.shape[1]):
         x, y, z = _difference(ties, work, POSITION, k, column(ties, AT, k))
         vx, vy, vz = _difference(ties, work, VELOCITY, k, still)
-        length = sqrt(x * x + y * y + z * z + 1e-16)  # m²: off 0/0 where the ends meet
+        length = sqrt(x * x + y * y + z * z + TIED2)
         x, y, z = x / length, y / length, z / length
         rate = x * vx + y * vy + z * vz
         pull = ties[FORCE, k] + ties[STIFFNESS, k] * (length - ties[LENGTH, k])

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rope_twin.core.guards import SMALLEST
 from rope_twin.core.state import Floats
 from rope_twin.core.statics.forces import SYMMETRIC, Elastic, Equilibrium, Forces, StillRope
 from rope_twin.core.statics.shape import (
@@ -47,7 +48,6 @@ NEAR = 1e-2  # of the rope's length: from there on elements and loads are worth 
 BUNCHED = 1e-2  # of the rope's length: the first loads are those of a rope this near its hang-off
 FAST = 0.3  # rest is found; while each move is less than this part of the last, it gets better
 SAME = 1e-9  # of the rope's length: a move that changes nothing
-TINY = float(np.finfo(float).tiny)
 
 
 def settle_pair(still: StillRope, enough: tuple[float, float]) -> Equilibrium:
@@ -124,7 +124,7 @@ def _elements(law: Elastic, S: Floats, span: Floats, eps: float) -> tuple[Floats
     m = np.sqrt((S * S).sum(axis=0) + eps * eps)
     r = span - S / law.stiffness
     miss = r * m - law.slack * S
-    r *= np.minimum(1.0, law.slack / (np.sqrt((r * r).sum(axis=0)) + TINY))
+    r *= np.minimum(1.0, law.slack / (np.sqrt((r * r).sum(axis=0)) + SMALLEST))
     half, length = 0.5 / m * S, law.slack + m / law.stiffness
     xx, yy, zz = length - 2.0 * r * half
     xy, xz, yz = (-r[k] * half[c] - r[c] * half[k] for k, c in ((0, 1), (0, 2), (1, 2)))

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rope_twin.core.guards import SMALLEST
 from rope_twin.core.state import Floats
 from rope_twin.core.statics.forces import Elastic, Forces, StillRope
 
@@ -20,7 +21,7 @@ STUCK = 1e-3  # share of a correction below which it leads nowhere
 PERTURBATION = 1e-7  # of an element's length: a node's move that shows how the loads change
 OFF = 1e-6  # of the largest tension: one this far from the tangent asks for a new one
 SMALL_PULL_N = 1e-6
-TINY = float(np.finfo(float).tiny)
+NO_SPAN_M = 1e-9  # both ends in one place
 
 
 def largest(vectors: Floats) -> float:
@@ -55,14 +56,14 @@ def first_forces(still: StillRope, hold: Floats | None, load: Floats) -> Floats:
     below -= load[:, :1]
     chord = still.place[:, -1] - hold
     pull = float(np.linalg.norm(below[:, -1])) + SMALL_PULL_N
-    span = max(float(np.linalg.norm(chord)), 1e-9)
+    span = max(float(np.linalg.norm(chord)), NO_SPAN_M)
     return (0.5 * below[:, -1] + pull * chord / span)[:, None] - below
 
 
 def element_forces(place: Floats, forces: Forces) -> Floats:
     """What the elements of a shape pass on as they are: their tension along them."""
     span = np.diff(place, axis=1)
-    length: Floats = np.sqrt((span * span).sum(axis=0)) + TINY
+    length: Floats = np.sqrt((span * span).sum(axis=0)) + SMALLEST
     return forces.tension / length * span
 
 
@@ -84,7 +85,7 @@ def refreshed(still: StillRope, law: Elastic, place: Floats) -> Elastic:
 
 def _laid(still: StillRope, law: Elastic, S: Floats) -> Floats:
     """Nodes where the elements lie along their forces."""
-    size = np.sqrt((S * S).sum(axis=0)) + TINY
+    size = np.sqrt((S * S).sum(axis=0)) + SMALLEST
     span = (law.slack / size + 1.0 / law.stiffness) * S
     top = still.place[:, -1:]
     return np.concatenate([(top - np.cumsum(span[:, ::-1], axis=1))[:, ::-1], top], axis=1)
@@ -153,7 +154,7 @@ def _pull(
 
 def _gap(law: Elastic, chord: Floats, S: Floats, blunt: float) -> tuple[Floats, Floats]:
     """Chord less what elements under these forces span [m], and its compliance [m/N]."""
-    size = np.sqrt((S * S).sum(axis=0) + blunt * blunt) + TINY
+    size = np.sqrt((S * S).sum(axis=0) + blunt * blunt) + SMALLEST
     lateral = law.slack / size + 1.0 / law.stiffness
     along = S * (law.slack / size**3)
     return chord - S @ lateral, np.eye(3) * lateral.sum() - along @ S.T
@@ -165,9 +166,9 @@ def newton_change(still: StillRope, law: Elastic, shape: Shape) -> Floats:
     K_e = (|S|/l)·(I - t·tᵀ) + stiffness·t·tᵀ, the inverse of the element's compliance.
     """
 
-    size = np.sqrt((shape.S * shape.S).sum(axis=0)) + TINY
+    size = np.sqrt((shape.S * shape.S).sum(axis=0)) + SMALLEST
     t = shape.S / size
-    lateral = size / np.maximum(law.slack + size / law.stiffness, TINY)
+    lateral = size / np.maximum(law.slack + size / law.stiffness, SMALLEST)
     K = (law.stiffness - lateral) * t[:, None] * t[None, :]
     K[range(3), range(3)] += lateral
     move = solve_blocks(still, K, -load_change(still, shape), shape.miss)

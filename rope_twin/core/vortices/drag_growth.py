@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import account
+from rope_twin.core.guards import STILL2
 from rope_twin.core.hooks import kernel
 from rope_twin.core.jit import jit
 from rope_twin.core.remembering import new_memory, remembering
@@ -94,7 +95,7 @@ def load_nodes(growth: Any, work: Any, stage: Any, low: int, high: int) -> None:
         nx, ny, nz = vx[i] - ux[i], vy[i] - uy[i], vz[i] - uz[i]
         along = nx * x + ny * y + nz * z
         nx, ny, nz = nx - along * x, ny - along * y, nz - along * z
-        speed = sqrt(nx * nx + ny * ny + nz * nz + 1e-20)
+        speed = sqrt(nx * nx + ny * ny + nz * nz + STILL2)
         k = growth.kn * frontal[i] * grown[i]
         c = k * speed
         Rx[i] -= c * nx

@@ -10,6 +10,7 @@ from typing import Any
 
 from rope_twin.core.assembly import set_flow
 from rope_twin.core.elastic import stretch_all
+from rope_twin.core.guards import NONE_AT_ALL, STOPPED
 from rope_twin.core.jit import jit, jit_within
 from rope_twin.core.rows import row, rows
 from rope_twin.core.state import ELEMENTS, FLOW, POSITION, REST, TANGENT, VOLUME, Stage
@@ -52,7 +53,7 @@ def set_shape(rope: Any, shape: Any) -> None:
         dx = nodes[POSITION, i + 1] - nodes[POSITION, low]
         dy = nodes[POSITION + 1, i + 1] - nodes[POSITION + 1, low]
         dz = nodes[POSITION + 2, i + 1] - nodes[POSITION + 2, low]
-        inverse = 1.0 / sqrt(dx * dx + dy * dy + dz * dz + 1e-300)
+        inverse = 1.0 / sqrt(dx * dx + dy * dy + dz * dz + NONE_AT_ALL)
         x[i], y[i], z[i] = inverse * dx, inverse * dy, inverse * dz
 
 
@@ -92,10 +93,10 @@ def set_shedding(wake: Any, work: Any, own: Any, low: int, high: int) -> None:
     ux, uy, uz = rows(work, FLOW, low)
     volume = row(work, VOLUME, low)
     for i in range(high - low):
-        per_diameter = sqrt(0.25 * pi * length[i] / (volume[i] + 1e-300))
+        per_diameter = sqrt(0.25 * pi * length[i] / (volume[i] + NONE_AT_ALL))
         (x, y, z), speed, A, e = _shed(wake, (ux[i], uy[i], uz[i]), (tx[i], ty[i], tz[i]))
         omega[i] = 2.0 * pi * wake.strouhal * speed * per_diameter
         epsilon[i] = e
         length[i] *= wake.strength / per_diameter
-        scale = A * per_diameter / (speed + 1e-9)
+        scale = A * per_diameter / (speed + STOPPED)
         bx[i], by[i], bz[i] = scale * x, scale * y, scale * z

@@ -22,6 +22,7 @@ from __future__ import annotations
 from math import pi, sin, sqrt
 from typing import Any
 
+from rope_twin.core.guards import NONE_AT_ALL
 from rope_twin.core.jit import jit_within
 
 WAVES = 24  # half waves along the rope that smooth noise is made of
@@ -42,7 +43,7 @@ def smooth_noise(share: float) -> Any:
 def faded(drive: Any, omega: Any) -> Any:
     """A·y' as the wake feels it, and the derivative of that to A·y'."""
     x, limit = drive * drive, (FASTEST * omega) ** 2
-    s = limit * limit / (limit * limit + x * x + 1e-300)
+    s = limit * limit / (limit * limit + x * x + NONE_AT_ALL)
     return s * drive, s * (4.0 * s - 3.0)
 
 
