@@ -53,6 +53,29 @@ def single_node(work: Any, i: int, state: Any, K: Any, c: float, d: float) -> An
 
 
 @jit_within
+def keep(work: Any, factors: int, i: int, kept: Any) -> None:
+    """What the way back wants of node i; its S⁻¹ goes into six rows from `factors` on."""
+    own, G, inverse = kept
+    for k in range(3):
+        work[ELIMINATED + k, i] = own[k]
+        work[ELIMINATED + 3 + k, i] = G[0][k]
+        work[ELIMINATED + 6 + k, i] = G[1][k]
+        work[ELIMINATED + 9 + k, i] = G[2][k]
+    for k in range(6):
+        work[factors + k, i] = inverse[k]
+
+
+@jit_within
+def kept_of(work: Any, factors: int, i: int) -> Any:
+    """The same again."""
+    G = (
+        column(work, ELIMINATED + 3, i), column(work, ELIMINATED + 6, i),
+        column(work, ELIMINATED + 9, i),
+    )  # fmt: skip
+    return column(work, ELIMINATED, i), G, six(work, factors, i)
+
+
+@jit_within
 def set_correction(work: Any, i: int, delta: Any) -> None:
     """The correction of a node."""
     for k in range(3):
@@ -67,25 +90,9 @@ def eliminate_coupled_plainly(work: Any, first: int, n: int) -> None:
     state = ground(work, first), nothing, (nil, nothing), (nothing, nothing, nothing)
     for i in range(first, n):
         c, d = work[LINK, i], work[LINK + 1, i]
-        (own, G, I), state = single_node(work, i, state, spring(work, i), c, d)
-        for k in range(3):
-            work[ELIMINATED + k, i] = own[k]
-            work[ELIMINATED + 3 + k, i] = G[0][k]
-            work[ELIMINATED + 6 + k, i] = G[1][k]
-            work[ELIMINATED + 9 + k, i] = G[2][k]
-        for k in range(6):
-            work[FACTOR + k, i] = I[k]
+        kept, state = single_node(work, i, state, spring(work, i), c, d)
+        keep(work, FACTOR, i, kept)
     _substitute_plainly(work, first, n)
-
-
-@jit_within
-def _plainly_kept(work: Any, i: int) -> Any:
-    """What `eliminate_coupled_plainly` left of node i."""
-    G = (
-        column(work, ELIMINATED + 3, i), column(work, ELIMINATED + 6, i),
-        column(work, ELIMINATED + 9, i),
-    )  # fmt: skip
-    return column(work, ELIMINATED, i), G, six(work, FACTOR, i)
 
 
 @jit_ordered
@@ -93,7 +100,7 @@ def push_coupled_plainly(work: Any, first: int, n: int) -> None:
     """Corrections for another residual, by the factors that `eliminate_coupled_plainly` left."""
     f = carried = (0.0, 0.0, 0.0)
     for i in range(first, n):
-        _, G, I = _plainly_kept(work, i)
+        _, G, I = kept_of(work, FACTOR, i)
         force = add(f, column(work, RESIDUAL, i))
         own, pushed, far = push_coupled_node(force, G, I, work[SECOND, i])
         f, carried = add(carried, pushed), far
@@ -108,7 +115,7 @@ def _substitute_plainly(work: Any, first: int, n: int) -> None:
     near = far = (0.0, 0.0, 0.0)
     for i in range(n - 1, first - 1, -1):
         d = work[SECOND, i]
-        near, far = substituted(_plainly_kept(work, i), near, scaled(d, far)), near
+        near, far = substituted(kept_of(work, FACTOR, i), near, scaled(d, far)), near
         set_correction(work, i, near)
     hold_ends(work, first, n)
 

@@ -15,7 +15,7 @@ from typing import Any
 from rope_twin.core import loads
 from rope_twin.core.assembly import set_flow
 from rope_twin.core.guards import CRUSHED2
-from rope_twin.core.jit import jit
+from rope_twin.core.jit import jit, jit_within
 from rope_twin.core.sections import section_above
 from rope_twin.core.state import (
     ACCELERATION,
@@ -103,6 +103,14 @@ def load_trials_of(rope: Any, stage: Any, A: float, lower: float, here: int, oth
             work[RESIDUAL + k, slot] = 0.0
     set_flow(rope.effects, work, stage, low, slots)
     loads.add_load(rope.effects, work, stage, low, slots)
+
+
+@jit_within
+def set_trials(memory: Any, row: int, value: float, rope: Any) -> None:
+    """One value at every trial node, in a row of what an effect remembers."""
+    slots = rope.state.s.shape[0]
+    for slot in range(slots - TRIALS, slots):
+        memory[row, slot] = value
 
 
 @jit

@@ -16,14 +16,13 @@ a·(2·rms/d)^b (Vandiver 1983: a = 1.043, b = 0.65), with the rms that the resp
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-from rope_twin.core.vortices.drag_growth import DragGrowth, new_growth
+from rope_twin.core.vortices.drag_growth import DragGrowthParams, build_growth
 from rope_twin.quantity import quantity
 
 
 @dataclass(frozen=True, kw_only=True)
-class DecomposedForceParams:
+class DecomposedForceParams(DragGrowthParams):
     """The published figures; structural damping, which [GE] does not print, is as in [LCD]."""
 
     band: tuple[float, float] = quantity(
@@ -31,17 +30,6 @@ class DecomposedForceParams:
     )
     added_mass: float | None = quantity(
         "C_a everywhere; absent: that of the table, which varies", "", 0.0, 10.0, default=None
-    )
-    damping_fraction: float = quantity(
-        "structural damping over critical", "", 0.0, 0.5, default=0.015
-    )
-    modes_every_s: float = quantity("modes are found again so often", "s", 0.1, 60.0, default=1.0)
-    drag_growth: tuple[float, float] = quantity(
-        "a and b of 1 + a·(2·rms/d)^b, which multiplies the drag coefficient", "", 0.0, 5.0,
-        default=(1.043, 0.65),
-    )  # fmt: skip
-    drag: float | None = quantity(
-        "C_d that grows; absent: `normal` of the effect `drag`", "", 0.0, 10.0, default=None
     )
 
     def check(self) -> str | None:
@@ -51,7 +39,4 @@ class DecomposedForceParams:
         return None
 
 
-def build(params: DecomposedForceParams, payload: Any, around: Any) -> DragGrowth:
-    """From the rope's drag and the water."""
-    drag = around.drag_normal if params.drag is None else params.drag
-    return new_growth(0.5 * around.water_density_kg_per_m3 * drag, around.room)
+build = build_growth

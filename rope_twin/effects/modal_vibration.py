@@ -13,14 +13,13 @@ a·(2·rms/d)^b (Vandiver 1983: a = 1.043, b = 0.65), with the rms that the resp
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-from rope_twin.core.vortices.drag_growth import DragGrowth, new_growth
+from rope_twin.core.vortices.drag_growth import DragGrowthParams, build_growth
 from rope_twin.quantity import quantity
 
 
 @dataclass(frozen=True, kw_only=True)
-class ModalVibrationParams:
+class ModalVibrationParams(DragGrowthParams):
     """The published figures; lift and growth of the drag are of Venugopal and Vandiver."""
 
     strouhal: float = quantity("Strouhal number St", "", 0.05, 0.5, default=0.17)
@@ -33,18 +32,7 @@ class ModalVibrationParams:
     lift_at: tuple[float, float] = quantity(
         "A/d at the largest C_l, and where C_l ends", "", 0.01, 10.0, default=(0.5, 1.0)
     )
-    damping_fraction: float = quantity(
-        "structural damping of every mode over critical", "", 0.0, 0.5, default=0.015
-    )
     viscosity_m2_per_s: float = quantity("of the water, ν", "m²/s", 1e-7, 1e-4, default=1.3e-6)
-    modes_every_s: float = quantity("modes are found again so often", "s", 0.1, 60.0, default=1.0)
-    drag_growth: tuple[float, float] = quantity(
-        "a and b of 1 + a·(2·rms/d)^b, which multiplies the drag coefficient", "", 0.0, 5.0,
-        default=(1.043, 0.65),
-    )  # fmt: skip
-    drag: float | None = quantity(
-        "C_d that grows; absent: `normal` of the effect `drag`", "", 0.0, 10.0, default=None
-    )
 
     def check(self) -> str | None:
         """A band and a lift that rise."""
@@ -60,7 +48,4 @@ class ModalVibrationParams:
         return self.strouhal
 
 
-def build(params: ModalVibrationParams, payload: Any, around: Any) -> DragGrowth:
-    """From the rope's drag and the water."""
-    drag = around.drag_normal if params.drag is None else params.drag
-    return new_growth(0.5 * around.water_density_kg_per_m3 * drag, around.room)
+build = build_growth

@@ -46,7 +46,7 @@ from rope_twin.core.state import (
     VOLUME,
     Floats,
 )
-from rope_twin.core.trial import TRIALS
+from rope_twin.core.trial import set_trials
 from rope_twin.quantity import quantity
 
 CARRIED = 4  # φ and its rate, m and its rate
@@ -242,13 +242,11 @@ def settle(shed: Any, rope: Any, stage: Any, kind: int) -> None:
 def _set_trials(shed: Any, rope: Any) -> None:
     """The vortices at the trial nodes are those of the highest free node, per metre."""
     memory, top = shed.memory, rope.state.counts[ELEMENTS] - 1
-    length = 0.5 * (rope.work[REST, top] + rope.work[REST, top - 1])
-    slots = rope.state.s.shape[0]
-    for slot in range(slots - TRIALS, slots):
-        memory[PHASE_HAT, slot] = memory[CARRIED, top]
-        memory[SQUARE_HAT, slot] = memory[CARRIED + 2, top]
-        memory[PER_DIAMETER, slot] = memory[PER_DIAMETER, top]
-        memory[STRENGTH, slot] = memory[STRENGTH, top] / length
+    per_metre = 1.0 / (0.5 * (rope.work[REST, top] + rope.work[REST, top - 1]))
+    set_trials(memory, PHASE_HAT, memory[CARRIED, top], rope)
+    set_trials(memory, SQUARE_HAT, memory[CARRIED + 2, top], rope)
+    set_trials(memory, PER_DIAMETER, memory[PER_DIAMETER, top], rope)
+    set_trials(memory, STRENGTH, per_metre * memory[STRENGTH, top], rope)
 
 
 @account("power", StrouhalForcing)

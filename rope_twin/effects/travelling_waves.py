@@ -46,7 +46,7 @@ from rope_twin.core.state import (
     VOLUME,
     Floats,
 )
-from rope_twin.core.trial import TRIALS
+from rope_twin.core.trial import set_trials
 from rope_twin.core.vortices.half_waves import (
     across,
     hold_frequencies,
@@ -264,14 +264,13 @@ def settle(waves: Any, rope: Any, stage: Any, kind: int) -> None:
 def _set_trials(waves: Any, rope: Any) -> None:
     """At the trial nodes the lift is that of the highest free node, per metre, and stays."""
     memory, top = waves.memory, rope.state.counts[ELEMENTS] - 1
-    slots = rope.state.s.shape[0]
-    length = memory[LENGTH, top]
-    for slot in range(slots - TRIALS, slots):
-        for k in (COSINE, OMEGA_NOW, PER_DIAMETER):
-            memory[k, slot] = memory[k, top]
-        memory[SQUARE_HAT, slot], memory[SHARE, slot] = memory[CARRIED + SQUARE, top], 0.0
-        memory[DAMPING, slot] = memory[DAMPING, top] / length
-        memory[STRENGTH, slot] = memory[STRENGTH, top] / length
+    per_metre = 1.0 / memory[LENGTH, top]
+    for k in (COSINE, OMEGA_NOW, PER_DIAMETER):
+        set_trials(memory, k, memory[k, top], rope)
+    set_trials(memory, SQUARE_HAT, memory[CARRIED + SQUARE, top], rope)
+    set_trials(memory, SHARE, 0.0, rope)
+    for k in (DAMPING, STRENGTH):
+        set_trials(memory, k, per_metre * memory[k, top], rope)
 
 
 @account("power", TravellingWaves)

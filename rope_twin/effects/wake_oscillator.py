@@ -51,7 +51,7 @@ from rope_twin.core.state import (
     VELOCITY,
     Floats,
 )
-from rope_twin.core.trial import TRIALS
+from rope_twin.core.trial import set_trials
 from rope_twin.core.vortices import shedding
 from rope_twin.core.vortices.van_der_pol import faded, smooth_noise, solve_wake, wake_of
 from rope_twin.quantity import quantity, text
@@ -278,13 +278,13 @@ def settle(wake: Any, rope: Any, stage: Any, kind: int) -> None:
 @jit
 def _set_trials(wake: Any, rope: Any, stage: Any) -> None:
     """The wake of the trial nodes is that of the highest free node, per metre, and stays."""
-    memory, top, slots = wake.memory, rope.state.counts[ELEMENTS] - 1, rope.state.s.shape[0]
-    length = 0.5 * (rope.work[REST, top] + rope.work[REST, top - 1])
-    for slot in range(slots - TRIALS, slots):
-        for k in range(HAT, STRENGTH):
-            memory[k, slot] = 0.0
-        memory[HAT, slot] = memory[GUESS, slot] = memory[CARRIED + Q, top]
-        memory[STRENGTH, slot] = memory[STRENGTH, top] / length
+    memory, top = wake.memory, rope.state.counts[ELEMENTS] - 1
+    per_metre = 1.0 / (0.5 * (rope.work[REST, top] + rope.work[REST, top - 1]))
+    for k in range(HAT, STRENGTH):
+        set_trials(memory, k, 0.0, rope)
+    for k in (HAT, GUESS):
+        set_trials(memory, k, memory[CARRIED + Q, top], rope)
+    set_trials(memory, STRENGTH, per_metre * memory[STRENGTH, top], rope)
 
 
 @account("power", WakeOscillator)

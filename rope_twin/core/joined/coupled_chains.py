@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from rope_twin.core.coupled_elimination import SECOND, keep, kept_of
 from rope_twin.core.coupled_node import (
     add,
     add_nine,
@@ -21,12 +22,11 @@ from rope_twin.core.coupled_node import (
     scaled,
     substituted,
 )
-from rope_twin.core.elimination import add_six, ground, spring
+from rope_twin.core.elimination import add_six, ground, six, spring
 from rope_twin.core.jit import jit_ordered, jit_within
 from rope_twin.core.joined.chains import column, set_column
 from rope_twin.core.state import BLOCK, CORRECTION, ELIMINATED, LINK, RESIDUAL
 
-SECOND = LINK + 1  # coupling with the second next node
 INVERSE = ELIMINATED + 12  # after own and G: 6 rows, S⁻¹ of a node
 FAR = LINK + 2  # 9 rows: F of a node, by columns
 COUPLED_CHAIN_ROWS = FAR + 9
@@ -36,45 +36,13 @@ _NONE = (_NOTHING, _NOTHING, _NOTHING)
 
 
 @jit_within
-def _six(work: Any, first: int, i: int) -> Any:
-    """Column i of six rows."""
-    return (
-        work[first, i], work[first + 1, i], work[first + 2, i], work[first + 3, i],
-        work[first + 4, i], work[first + 5, i],
-    )  # fmt: skip
-
-
-@jit_within
-def _keep(work: Any, i: int, kept: Any) -> None:
-    """What the way back wants of node i."""
-    own, G, inverse = kept
-    set_column(work, ELIMINATED, i, own)
-    for k in range(3):
-        work[ELIMINATED + 3 + k, i] = G[0][k]
-        work[ELIMINATED + 6 + k, i] = G[1][k]
-        work[ELIMINATED + 9 + k, i] = G[2][k]
-    for k in range(6):
-        work[INVERSE + k, i] = inverse[k]
-
-
-@jit_within
-def _kept(work: Any, i: int) -> Any:
-    """The same again."""
-    G = (
-        column(work, ELIMINATED + 3, i), column(work, ELIMINATED + 6, i),
-        column(work, ELIMINATED + 9, i),
-    )  # fmt: skip
-    return column(work, ELIMINATED, i), G, _six(work, INVERSE, i)
-
-
-@jit_within
 def _node(work: Any, i: int, state: Any, K: Any, c: float) -> Any:
     """Pivot, force and block to the next node of node i, whose next element is K.
 
     state: what was left on it, its force, what was left on the next, and between the two.
     """
     S, f, _, between = state
-    pivot = add_six(add_six(S, _six(work, BLOCK, i)), K)
+    pivot = add_six(add_six(S, six(work, BLOCK, i)), K)
     return pivot, add(f, column(work, RESIDUAL, i)), add_nine(between, link_less(c, K))
 
 
@@ -83,7 +51,7 @@ def _take(work: Any, i: int, state: Any, K: Any, c: float, d: float) -> Any:
     """Eliminate node i onto the next two, in the way of which K, c and d are; what is left then."""
     S, f, B = _node(work, i, state, K, c)
     kept, left = eliminate_coupled_node(S, f, B, d)
-    _keep(work, i, kept)
+    keep(work, INVERSE, i, kept)
     return onto_next(left, state[2], K)
 
 
@@ -165,7 +133,7 @@ def substitute_coupled_upward(work: Any, first: int, n: int) -> None:
     """Corrections after `eliminate_coupled_upward`, where that of node n is known."""
     near, far = column(work, CORRECTION, n), _NOTHING
     for i in range(n - 1, first - 1, -1):
-        near, far = substituted(_kept(work, i), near, scaled(work[SECOND, i], far)), near
+        near, far = substituted(kept_of(work, INVERSE, i), near, scaled(work[SECOND, i], far)), near
         set_column(work, CORRECTION, i, near)
     if first == 1:
         set_column(work, CORRECTION, 0, _NOTHING)
@@ -177,7 +145,7 @@ def substitute_coupled_downward(work: Any, n: int) -> None:
     near, far = column(work, CORRECTION, 0), _NOTHING
     for i in range(1, n):
         d = work[SECOND, i - 2] if i > 1 else 0.0
-        near, far = substituted(_kept(work, i), near, scaled(d, far)), near
+        near, far = substituted(kept_of(work, INVERSE, i), near, scaled(d, far)), near
         set_column(work, CORRECTION, i, near)
 
 
@@ -187,7 +155,7 @@ def substitute_coupled_between(work: Any, n: int) -> None:
     near, far = column(work, CORRECTION, n), _NOTHING
     x, y, z = column(work, CORRECTION, 0)
     for i in range(n - 1, 0, -1):
-        own = substituted(_kept(work, i), near, scaled(work[SECOND, i], far))
+        own = substituted(kept_of(work, INVERSE, i), near, scaled(work[SECOND, i], far))
         for k, share in enumerate((x, y, z)):
             own = add(own, scaled(share, column(work, FAR + 3 * k, i)))
         near, far = own, near

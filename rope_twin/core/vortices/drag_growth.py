@@ -8,6 +8,7 @@ material (core/remembering.py) through the winch, splits and merges.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import sqrt
 from typing import Any, NamedTuple
 
@@ -16,7 +17,6 @@ import numpy as np
 from rope_twin.core.energy import account
 from rope_twin.core.guards import STILL2
 from rope_twin.core.hooks import kernel
-from rope_twin.core.jit import jit
 from rope_twin.core.remembering import new_memory, remembering
 from rope_twin.core.rows import row, rows, span
 from rope_twin.core.state import (
@@ -30,11 +30,29 @@ from rope_twin.core.state import (
     Floats,
     State,
 )
-from rope_twin.core.trial import TRIALS
+from rope_twin.core.trial import TRIALS, set_trials
+from rope_twin.quantity import quantity
 
 CARRIED = 1  # g
 GROWTH, GROWTH_NEXT = 0, CARRIED
 NODES = 3 * CARRIED  # where remembering notes the nodes that the numbers are of
+
+
+@dataclass(frozen=True, kw_only=True)
+class DragGrowthParams:
+    """What the models beside the step have in common; the figures of the growth are Vandiver's."""
+
+    damping_fraction: float = quantity(
+        "structural damping of every mode over critical", "", 0.0, 0.5, default=0.015
+    )
+    modes_every_s: float = quantity("modes are found again so often", "s", 0.1, 60.0, default=1.0)
+    drag_growth: tuple[float, float] = quantity(
+        "a and b of 1 + a·(2·rms/d)^b, which multiplies the drag coefficient", "", 0.0, 5.0,
+        default=(1.043, 0.65),
+    )  # fmt: skip
+    drag: float | None = quantity(
+        "C_d that grows; absent: `normal` of the effect `drag`", "", 0.0, 10.0, default=None
+    )
 
 
 class DragGrowth(NamedTuple):
@@ -44,9 +62,11 @@ class DragGrowth(NamedTuple):
     kn: float  # ½·ρ·Cdn, of the drag that grows [kg/m³]
 
 
-def new_growth(kn: float, room: int) -> DragGrowth:
-    """None yet, for a rope of so many nodes."""
-    return DragGrowth(new_memory(CARRIED, 0, room), float(kn))
+def build_growth(params: DragGrowthParams, payload: Any, around: Any) -> DragGrowth:
+    """None yet; from the rope's drag and the water."""
+    drag = around.drag_normal if params.drag is None else params.drag
+    kn = 0.5 * around.water_density_kg_per_m3 * drag
+    return DragGrowth(new_memory(CARRIED, 0, around.room), float(kn))
 
 
 def set_growth(growth: DragGrowth, state: State, values: Floats) -> None:
@@ -60,13 +80,6 @@ def set_growth(growth: DragGrowth, state: State, values: Floats) -> None:
 
 
 remembering(DragGrowth, CARRIED)
-
-
-@jit
-def _set_trials(memory: Any, n: int, slots: int) -> None:
-    """At the trial nodes it is that of the highest free node."""
-    for slot in range(slots - TRIALS, slots):
-        memory[GROWTH, slot] = memory[GROWTH, n - 1]
 
 
 @kernel("start", DragGrowth)
@@ -112,11 +125,11 @@ def load_nodes(growth: Any, work: Any, stage: Any, low: int, high: int) -> None:
 
 @kernel("settle", DragGrowth)
 def settle(growth: Any, rope: Any, stage: Any, kind: int) -> None:
-    """What it was before the stage it is after."""
+    """What it was before the stage it is after; the trial nodes have the highest free node's."""
     memory, n = growth.memory, rope.state.counts[ELEMENTS]
     for i in range(n):
         memory[GROWTH_NEXT, i] = memory[GROWTH, i]
-    _set_trials(memory, n, rope.state.s.shape[0])
+    set_trials(memory, GROWTH, memory[GROWTH, n - 1], rope)
 
 
 @account("power", DragGrowth)
