@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
+from rope_twin.scene.load import load_scene
+from rope_twin.scene.rigging import WINCH
+from rope_twin.scene.rules.rigging import places, winches_by_name
 from rope_twin.scene.winch import ScheduleRow
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.scene.winch_parts import Brake, ConstantTension, Drive, Drum, EmergencyStop
 from rope_twin.twin.hoisting.line import Felt
 from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.hoisting.schedule import OrderSample, schedule_samples
-from rope_twin.twin.hoisting.winch import Winch
+from rope_twin.twin.hoisting.winch import Winch, winch_of_rope
 
 S = 1_000_000_000
 PLAIN = WinchScene(
@@ -125,6 +129,33 @@ def test_a_depth_out_of_the_line_s_reach_is_told() -> None:
     assert winch.take(None, Order("depth", 400.0), 0) == ""
     stepped(winch, 1.0)
     assert "needs 400.0 m of line; the winch has 20 to 200 m" in winch.at_limit
+
+
+@pytest.mark.parametrize(
+    ("name", "winch_name"), [("deep_lift", WINCH), ("two_line_lift", "aft_sheave")]
+)
+def test_a_depth_that_no_rope_of_the_winch_reaches_is_refused(name: str, winch_name: str) -> None:
+    """Not even as long as it is when it breaks: all of it times 1 + MBL/EA, from the hang-off."""
+    scene = load_scene(name)
+    line = next(line for line in scene.ropes if line.from_ == winch_name)
+    winch, own = winch_of_rope(scene, line), winches_by_name(scene)[winch_name]
+    EA = line.made_of[0].rope.axial_stiffness_n
+    assert EA is not None
+    whole = own.most_line_out_m * (1.0 + line.made_of[0].rope.breaking_load_n / EA)
+    reach = whole - places(scene)[winch_name][2]
+    assert winch.take(None, Order("depth", reach - 0.1), 0) == ""
+    sentence = winch.take(None, Order("depth", reach + 0.1), 0)
+    assert f"m of rope reach {reach:.1f} m, stretched until it breaks" in sentence
+    assert winch.health(0)[winch.counter.name].impossible == 1
+    winch.lose(50.0, line.length_m - 50.0)
+    assert "stretched" in winch.take(None, Order("depth", reach - 40.0), 0), "the rope was cut"
+
+
+def test_what_hangs_on_a_sheave_may_be_lowered_by_the_other_winch() -> None:
+    scene = load_scene("two_line_loop")
+    assert scene.winch is not None
+    winch = winch_of_rope(scene, replace(scene.ropes[0], to=scene.sheaves[0].name))
+    assert winch.take(None, Order("depth", 2.0 * scene.winch.most_line_out_m), 0) == ""
 
 
 def test_a_tension_beyond_the_winch_s_speed_is_told() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 
@@ -37,6 +38,17 @@ class Felt(NamedTuple):
     def at_speed(self, V: float) -> float:
         """The pull with which it would go on at a payout speed of 0 from this one [N]."""
         return self.free_n + self.hold * self.parting_m_per_s + self.brace * V
+
+
+class Hung(NamedTuple):
+    """The rope that a winch is given, as far as its orders and its drum are about it."""
+
+    diameter_m: float  # on the drum
+    stretch: float  # most of its length over the unstretched one: it breaks then
+    hang_off_m: float  # height of the hang-off above the mean water level, at rest
+
+
+UNKNOWN_ROPE = Hung(0.0, math.inf, 0.0)
 
 
 class Moment(NamedTuple):

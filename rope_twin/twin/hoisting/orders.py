@@ -8,6 +8,7 @@ from typing import NamedTuple
 from rope_twin.errors import did_you_mean, phrase
 from rope_twin.scene.winch import SWITCHES
 from rope_twin.scene.winch import Winch as WinchScene
+from rope_twin.twin.hoisting.line import Hung
 
 IMPOSSIBLE_M_PER_S = 10.0
 DEEPEST_M = 12_000.0
@@ -40,8 +41,8 @@ class Fault(NamedTuple):
     sentence: str
 
 
-def find_fault(order: Order, winch: WinchScene | None) -> Fault | None:
-    """What no winch of this scene can do about an order, whenever it comes."""
+def find_fault(order: Order, winch: WinchScene | None, hung: Hung) -> Fault | None:
+    """What no winch of this scene, with this rope, can do about an order, whenever it comes."""
     if winch is None:
         return _impossible("this scene has no winch", "add a winch to the scene")
     kind, value = order
@@ -56,10 +57,10 @@ def find_fault(order: Order, winch: WinchScene | None) -> Fault | None:
     if not math.isfinite(value):
         what = f"{kind} {value} {MOTIONS[kind]}"
         return Fault("non_finite", phrase("winch command", what, "it must be a finite number"))
-    return _out_of_reach(order, winch)
+    return _out_of_reach(order, winch, hung)
 
 
-def _out_of_reach(order: Order, winch: WinchScene) -> Fault | None:
+def _out_of_reach(order: Order, winch: WinchScene, hung: Hung) -> Fault | None:
     kind, value = order
     least, most = winch.least_line_out_m, winch.most_line_out_m
     if kind == SPEED and abs(value) > IMPOSSIBLE_M_PER_S:
@@ -70,6 +71,9 @@ def _out_of_reach(order: Order, winch: WinchScene) -> Fault | None:
         return _impossible(f"length {value:g} m", right)
     if kind == DEPTH and not 0.0 <= value <= DEEPEST_M:
         right = f"depth counts from the mean water level down, 0 to {DEEPEST_M:g} m"
+        return _impossible(f"depth {value:g} m", right)
+    if kind == DEPTH and value > (deepest := most * hung.stretch - hung.hang_off_m):
+        right = f"this winch's {most:g} m of rope reach {deepest:.1f} m, stretched until it breaks"
         return _impossible(f"depth {value:g} m", right)
     if kind == TENSION and winch.constant_tension is None:
         what = "'tension' but this winch has no constant tension"

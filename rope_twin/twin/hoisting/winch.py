@@ -8,15 +8,16 @@ own line too: a winch that has rendered goes on from where it is.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from rope_twin.scene.rigging import WINCH
-from rope_twin.scene.rules.rigging import winch_of
+from rope_twin.scene.rules.rigging import places, winch_of
 from rope_twin.scene.schema import RopeLine, Scene
 from rope_twin.scene.winch import SWITCHES
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.twin.hoisting.goals import goals_of
-from rope_twin.twin.hoisting.line import Felt, LineOut, Moment
+from rope_twin.twin.hoisting.line import UNKNOWN_ROPE, Felt, Hung, LineOut, Moment
 from rope_twin.twin.hoisting.orders import (
     COMPENSATE,
     DEPTH,
@@ -57,14 +58,18 @@ class Winch:
     """One winch; `take` takes orders, `step` moves on by one time step."""
 
     def __init__(
-        self, scene: WinchScene | None, length_m: float, name: str = WINCH, diameter_m: float = 0.0
+        self,
+        scene: WinchScene | None,
+        length_m: float,
+        name: str = WINCH,
+        hung: Hung = UNKNOWN_ROPE,
     ) -> None:
-        """`name`: of the hang-off that it stands at; `diameter_m`: of the rope on its drum."""
+        """`name`: of the hang-off that it stands at; `hung`: the rope on it."""
         self._orders = OrderQueue(command_input(name))
         self._switches = SwitchQueue(switch_input(name))
         self.counter, self._name = self._orders.counter, name
         self.at_limit = ""
-        self._scene = scene
+        self._scene, self._hung = scene, hung
         self._line = self._nominal = LineOut(length_m, 0.0)
         self._kind, self._value = SPEED, 0.0
         self._goal = 0  # of the goals, the one that the kind of order names
@@ -74,7 +79,9 @@ class Winch:
         self._goals = () if scene is None else goals_of(scene)
         self._pace = None if scene is None else _pace_of(scene)
         self._adding = () if scene is None else adding_parts(scene)
-        self._looking, self._holding = ((), ()) if scene is None else drum_parts(scene, diameter_m)
+        self._looking, self._holding = (
+            ((), ()) if scene is None else drum_parts(scene, hung.diameter_m)
+        )
 
     def doubt(self) -> None:
         """Who commands was away: from its first new stamp on, its new plan replaces the old.
@@ -105,7 +112,7 @@ class Winch:
 
     def take(self, stamp_ns: int | None, order: Order, now_ns: int) -> str:
         """Take an order (None: at once); returns "" or the sentence of its refusal."""
-        fault = find_fault(order, self._scene)
+        fault = find_fault(order, self._scene, self._hung)
         if fault is not None:
             return self.refuse(order, fault.sentence, fault.kind)
         queue = self._orders if order.kind in MOTIONS else self._switches
@@ -289,8 +296,20 @@ class Winch:
 
 def winch_of_rope(scene: Scene, line: RopeLine) -> Winch:
     """The winch at the upper end of a rope of the scene; without one its line never changes."""
-    diameter = line.made_of[-1].rope.diameter_m
-    return Winch(winch_of(scene, line), line.length_m, line.from_, diameter)
+    winch = winch_of(scene, line)
+    return Winch(
+        winch, line.length_m, line.from_, UNKNOWN_ROPE if winch is None else _hung(scene, line)
+    )
+
+
+def _hung(scene: Scene, line: RopeLine) -> Hung:
+    """Its rope; what comes over a sheave from another winch reaches as deep as that pays out."""
+    ropes = [section.rope for section in line.made_of]
+    stretch = 1.0 + max(rope.strain_at(rope.breaking_load_n) for rope in ropes)
+    over_sheave = line.to in {sheave.name for sheave in scene.sheaves}
+    return Hung(
+        ropes[-1].diameter_m, math.inf if over_sheave else stretch, places(scene)[line.from_][2]
+    )
 
 
 def _pace_of(scene: WinchScene) -> Pace:
