@@ -18,11 +18,11 @@ from rope_twin.errors import InputError, SceneError, StateError
 from rope_twin.messages import decode, statuses
 from rope_twin.recording.bag_reader import BagReader
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.schema import Scene, Winch
+from rope_twin.scene.schema import RopeSection, Scene, Winch
 from rope_twin.scene.winch_parts import TopSheave
 from rope_twin.studies.fatigue import RopeFatigue
 from rope_twin.studies.rigs import Rig, march, sine, still
-from rope_twin.twin.fatigue.endurance import CURVES
+from rope_twin.twin.fatigue.endurance import CURVES, other_than_wire
 from rope_twin.twin.fatigue.wear import turned
 from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.snapshot import Snapshot
@@ -190,6 +190,21 @@ def test_what_cannot_be_told_is_refused() -> None:
         watched(load_scene("bridle_lift"))
     assert twin_kind(False, False, Watch()) is Twin
     assert STEEL.twin().snapshot().vibration is None
+
+
+def test_a_section_that_is_no_wire_is_told_of() -> None:
+    """Links of chain displace more than a bar of their diameter."""
+    scene = STEEL.scene()
+    assert watched(scene).told == ""
+    link = replace(scene.ropes[0].rope, diameter_m=0.032 / 1.8)
+    sections = (RopeSection(rope=link, length_m=40.0),
+                RopeSection(rope=scene.ropes[0].rope, length_m=60.0))  # fmt: skip
+    chained = replace(scene, ropes=(replace(scene.ropes[0], rope=None, sections=sections),))
+    words = "stranded_wire is a curve of wire rope, and of rope 'rope' section 1 is chain; "
+    assert watched(chained).told.startswith(f"fatigue: {words}")
+    riser, cable = (load_scene(name).ropes[0] for name in ("riser_300m", "deep_tow_turn"))
+    assert "section 1 is a pipe" in other_than_wire(riser, "stranded_wire", 8.6e6)
+    assert "section 1 is not all of steel" in other_than_wire(cable, "six_strand_tension", 0.0)
 
 
 def test_a_rope_of_fibre_is_refused_before_its_step_is_compiled(

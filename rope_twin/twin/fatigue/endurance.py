@@ -132,6 +132,28 @@ def metal_area(rope: Rope, EI: float) -> float:
     return pipe_area(EI, rope.tangent_n(0.0), rope.diameter_m) or strength_of(rope).metal_area_m2
 
 
+def kind_of(rope: Rope, EI: float) -> str:
+    """What a rope with this bending stiffness is other than steel wire, in words; "": it is wire.
+
+    Links of chain displace more than a bar of their diameter, wires less.
+    """
+    if pipe_area(EI, rope.tangent_n(0.0), rope.diameter_m) > 0.0:
+        return "a pipe"
+    if np.isnan(strength_of(rope).metal_area_m2):
+        return "not all of steel"
+    return "chain" if rope.hydrodynamic_diameter_m > rope.diameter_m else ""
+
+
+def other_than_wire(line: RopeLine, name: str, EI: float) -> str:
+    """One sentence on the sections that a curve of wire does not hold for; "": it holds for all."""
+    kinds = [(number, kind_of(one.rope, EI)) for number, one in enumerate(line.made_of, start=1)]
+    others = [f"section {number} is {kind}" for number, kind in kinds if kind]
+    if not others:
+        return ""
+    what = f"{name} is a curve of wire rope, and of rope '{line.name}' {', '.join(others)}"
+    return phrase("fatigue", what, "what it tells of those metres compares them and is no life")
+
+
 def refuse_fibre(line: RopeLine, EI: float = 0.0) -> None:
     """For a curve of stress.
 

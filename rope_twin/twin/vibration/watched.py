@@ -21,6 +21,7 @@ from rope_twin.scene.rules.rigging import refuse_joined
 from rope_twin.scene.rules.shedding import model_beside, shedding_model, strouhal_number
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.fatigue.endurance import other_than_wire
 from rope_twin.twin.fatigue.wear import RopeWear, WearWish, bending_stiffness, curvature
 from rope_twin.twin.findings import MaterialFatigue, RopeVibration
 from rope_twin.twin.saving.memory import recall
@@ -69,6 +70,9 @@ class WatchedTwin(Twin):
         self._every = self._steps_between()
         self._tracker = self._beside()  # of the twin's own motion when the water first moves
         self.told = self._tracker.told if isinstance(self._tracker, Beside) else self.told
+        if self.asked.fatigue:
+            others = other_than_wire(scene.ropes[0], self.asked.fatigue, _stiffness(scene))
+            self.told = "; ".join(words for words in (self.told, others) if words)
         self._counting_from_ns, self._second = self.time_ns, -1
         self._fatigue: MaterialFatigue | None = None
         self._watch_s = self._watched_s = 0.0  # time spent on it, and the twin's time meanwhile
@@ -203,7 +207,7 @@ class WatchedTwin(Twin):
 
     def _new_wear(self, scene: Scene) -> RopeWear:
         line, winch = scene.ropes[0], scene.winch
-        EI = sum(own.stiffness_n_m2 for own in scene.effects if isinstance(own, BendingParams))
+        EI = _stiffness(scene)
         most = winch.most_line_out_m if winch else line.length_m
         shaken = model_beside(scene) is not None or self.asked.vibration in (MODES, DECOMPOSED)
         sheave = winch.sheave if winch else None
@@ -229,3 +233,8 @@ class WatchedTwin(Twin):
             return None
         watched_s = max(self._watched_s, self.step_s)
         return replace(shaking, cost_pct=100.0 * self._watch_s / watched_s)
+
+
+def _stiffness(scene: Scene) -> float:
+    """EI of its rope [N·m²]; 0: it has none."""
+    return sum(own.stiffness_n_m2 for own in scene.effects if isinstance(own, BendingParams))
