@@ -21,6 +21,7 @@ from rope_twin.studies.validation.page import (
     PICTURES,
     as_json,
     check_page,
+    flat_rows,
     keep_convergence,
     keep_results,
     markdown_table,
@@ -45,7 +46,9 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     )
     parser.add_argument("ids", metavar="ID", nargs="*", help="cases to run (default: all)")
     form = parser.add_mutually_exclusive_group()
-    form.add_argument("--json", action="store_true", help="one JSON list of cases at the end")
+    form.add_argument(
+        "--json", action="store_true", help="one JSON object: a row a number, and the cases"
+    )
     form.add_argument("--markdown", action="store_true", help="a table as in docs/validation.md")
     parser.add_argument(
         "--into", type=Path, metavar="DIR",
@@ -74,7 +77,9 @@ def run(args: argparse.Namespace) -> int:
         if args.into is not None and row.found.panels:
             draw_case(row, args.into / PICTURES / picture_name(row.case.id))
     if args.json:
-        print(json.dumps([as_json(row) for row in rows], indent=1, ensure_ascii=False))
+        results = [as_json(row) for row in rows]
+        told = {"rows": flat_rows(results), "cases": results}
+        print(json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False))
     elif args.markdown:
         print(markdown_table(as_json(row) for row in rows))
     else:

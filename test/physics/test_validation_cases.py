@@ -92,9 +92,13 @@ def test_an_unknown_case_is_refused() -> None:
 
 
 def test_the_command_tells_ours_beside_theirs(capsys: pytest.CaptureFixture[str]) -> None:
-    """S2 as JSON: every row has both numbers."""
+    """S2 as JSON: every row has both numbers, as in its case."""
     assert main(["validate", "S2", "--json"]) == 0
-    (result,) = json.loads(capsys.readouterr().out)
+    told = json.loads(capsys.readouterr().out)
+    (result,) = told["cases"]
     assert result["id"] == "S2"
     assert result["met"]
-    assert all(row["ours"] is not None and row["published"] for row in result["rows"])
+    assert len(told["rows"]) == len(result["rows"])
+    assert all(row["ours"] is not None and row["published"] for row in told["rows"])
+    assert {row["id"] for row in told["rows"]} == {"S2"}
+    assert all(row["pass"] is not False and row["source"] for row in told["rows"])

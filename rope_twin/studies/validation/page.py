@@ -48,6 +48,25 @@ def _finding_as_json(finding: Finding) -> dict[str, Any]:
     }
 
 
+def flat_rows(results: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One row for each number of these cases' plain results, for programs that read a table.
+
+    A case that could not run has one row, which does not pass, with its reason as the quantity;
+    `pass` is None where a number is shown and not judged.
+    """
+    rows: list[dict[str, Any]] = []
+    for result in results:
+        ends = {"id": result["id"], "source": result["source"]}
+        found = result["rows"]
+        if result["refusal"]:
+            empty = {"ours": None, "unit": "", "published": "", "tolerance": "", "met": False}
+            found = [{"quantity": result["refusal"], **empty}]
+        for row in found:
+            told = {key: value for key, value in row.items() if key != "met"}
+            rows.append({**ends, **told, "pass": row["met"]})
+    return rows
+
+
 def table_rows(result: dict[str, Any]) -> list[list[str]]:
     """Cells of HEAD for a case's plain results."""
     if result["refusal"]:
