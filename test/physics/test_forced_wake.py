@@ -27,3 +27,32 @@ def test_the_region_begins_below_where_the_free_cylinder_vibrates() -> None:
     amplitude, frequency = wake_cylinder.FREE[5.0]
     at = np.array([5.0 / frequency]), np.array([amplitude])
     assert forced_wake.mean_power(forced_wake.KEPT, UPRIGHT, *at) > 0.0
+
+
+@pytest.mark.parametrize("pair", [forced_wake.SET.upright, forced_wake.SET.inclined])
+def test_ends_and_amplitudes_are_those_of_the_closed_form(pair: tuple[float, float]) -> None:
+    """The root of the balance by numpy, against |1 - (St·V_r)²| = β·V_r and what goes with it."""
+    lower, upper = wake_cylinder.ends(pair[0])
+    assert lower * upper == pytest.approx(1.0 / forced_wake.SET.strouhal**2, rel=1e-12)
+    y = np.linspace(0.02, 1.3, 641)
+    for end, outward in ((lower, -1.0), (upper, 1.0)):
+        inside, outside = end - 1e-3 * outward, end + 1e-3 * outward
+        assert max(wake_cylinder.mean_power(inside, one, *pair) for one in y) > 0.0
+        assert max(wake_cylinder.mean_power(outside, one, *pair) for one in y) < 0.0
+    for reduced in np.linspace(lower + 0.02, upper - 0.02, 9):
+        found = wake_cylinder.largest_amplitude(reduced, pair)
+        assert found == pytest.approx(wake_cylinder.highest(reduced, pair), rel=1e-6)
+
+
+def test_what_the_wake_starts_from_does_not_move_the_ends() -> None:
+    """One amplitude of q for each forced motion there: no hysteresis, from a small or a large q."""
+    lower, upper = wake_cylinder.ends(UPRIGHT[0])
+    reduced, y = np.array([lower + 0.1, lower + 0.3, upper - 0.1]), np.array([0.55, 0.4, 0.7])
+    powers = [
+        forced_wake.mean_power(forced_wake.KEPT._replace(first=first), UPRIGHT, reduced, y)
+        for first in (0.01, 8.0)
+    ]
+    np.testing.assert_allclose(powers[0], powers[1], rtol=1e-4)
+    st, epsilon = forced_wake.SET.strouhal, UPRIGHT[1]
+    for at in (lower, upper):  # the cubic's derivative has no root: (Ω² - 1)² > (ε·Ω)²/3
+        assert (1.0 - (st * at) ** 2) ** 2 > (epsilon * st * at) ** 2 / 3.0

@@ -27,6 +27,7 @@ class Reading(NamedTuple):
     drag: str = "U"  # times C_D·y'
     pace: str = "V"  # of ω_s
     driven_by: str = "acceleration"
+    first: float = 0.5  # q that the wake starts from
 
 
 class Region(NamedTuple):
@@ -40,6 +41,8 @@ class Region(NamedTuple):
 KEPT = Reading("kept: lift on V·U, drag on U, pace by V, driven by acceleration")
 READINGS = (
     KEPT,
+    Reading("the same, the wake starts from q 0.01", first=0.01),
+    Reading("the same, the wake starts from q 8", first=8.0),
     Reading("lift on U²", lift="UU"),
     Reading("lift on V²", lift="VV"),
     Reading("drag on V", drag="V"),
@@ -60,7 +63,7 @@ def mean_power(reading: Reading, pair: tuple[float, float], reduced: Vector, y: 
         push = -np.sin(t) if reading.driven_by == "acceleration" else np.cos(t)
         return rate, A * y * push - epsilon * shed * (q * q - 1.0) * rate - shed**2 * q
 
-    q, rate, total = np.full(V.shape, 0.5), np.zeros(V.shape), np.zeros(V.shape)
+    q, rate, total = np.full(V.shape, reading.first), np.zeros(V.shape), np.zeros(V.shape)
     for k in range(PERIODS * PER_PERIOD):
         t = k * h
         v1, a1 = slope(q, rate, t)

@@ -74,6 +74,27 @@ def largest_amplitude(reduced: float, pair: tuple[float, float]) -> float:
     return float(brentq(lambda y: mean_power(reduced, y, *pair), grid[k], grid[k + 1]))
 
 
+def ends(A: float) -> tuple[float, float]:
+    """V_r at which the region ends, in closed form: |1 - (St·V_r)²| = β·V_r, β = C_L0·A/(8π·C_D).
+
+    With g = ε·Ω·(Q/4 - 1) and d = Ω² - 1 the part of q in phase with the velocity is g·Q/(A·y), and
+    (A·y)² = (d² + g²)·Q: power comes in where g² + d² < 2·β·V_r·g, which some g > 0 meets as long
+    as |d| < β·V_r. ε drops out, and the ends' product is 1/St².
+    """
+    beta, st = SET.lift * A / (8.0 * pi * DRAG), SET.strouhal
+    root = sqrt(beta * beta + 4.0 * st * st)
+    return (root - beta) / (2.0 * st * st), (root + beta) / (2.0 * st * st)
+
+
+def highest(reduced: float, pair: tuple[float, float]) -> float:
+    """ŷ up to which power comes in between the ends, in closed form: the larger g of `ends`."""
+    A, epsilon = pair
+    omega = SET.strouhal * reduced
+    half, d = SET.lift * A * reduced / (8.0 * pi * DRAG), omega * omega - 1.0
+    g = half + sqrt(half * half - d * d)
+    return sqrt(2.0 * half * g * 4.0 * (1.0 + g / (epsilon * omega))) / A
+
+
 def _edge(pair: tuple[float, float], inside: float, outside: float) -> float:
     """V_r at which the region of positive power ends, by halves."""
     for _ in range(12):
@@ -99,6 +120,13 @@ def _forced(readings: bool = True) -> Found:
         within_pct("A 1, ε 0.1: lower end of the region", _edge(inclined, 6.0, 4.0), 5.7, 2.0),
         within_pct("A 1, ε 0.1: upper end of the region", _edge(inclined, 6.0, 8.0), 6.1, 2.0),
     ]
+    lower, upper = ends(upright[0])
+    findings += [
+        shown("A 4: lower end, in closed form", lower, "5.4"),
+        shown("A 4: upper end, in closed form", upper, "6.8"),
+        shown("lower end that 6.8 goes with, 1/(6.8·St²)", 1.0 / (6.8 * SET.strouhal**2), "5.4"),
+        shown("upper end that 5.4 goes with, 1/(5.4·St²)", 1.0 / (5.4 * SET.strouhal**2), "6.8"),
+    ]
     own = {V: (V / ratio, y) for V, (y, ratio) in FREE.items() if 5.0 <= V <= 7.0}
     findings.append(shown("Q3 at V_r 5: V_r on the frequency it vibrates at", own[5.0][0], "5.27"))
     findings.append(
@@ -109,13 +137,22 @@ def _forced(readings: bool = True) -> Found:
 
 
 WHY_FORCED = (
-    "The lower end of the region for A 4, ε 0.05 is not met: by harmonic balance the region of "
-    "positive power reaches down to V_r 5.07, at ŷ 0.5; at ŷ 0.12, and again at 0.9, it begins at "
-    "5.4. All six amplitudes, the upper end, and both ends for A 1, ε 0.1 are met.",
-    "The asked 5.4 disagrees with Q3, which is met to 0.2 %: by its reference the cylinder on "
-    "springs vibrates at V_r 5 with f/f_n 0.948 and y/D 0.724, which is 5.27 on its own frequency, "
-    "with damping that power must come in for. No oscillator that meets Q3 there can have a "
-    "region that begins at 5.4; 5.1 would be the digit that the other ends are given to.",
+    "The lower end of the region for A 4, ε 0.05 is not met, and 5.4 cannot be one end of a region "
+    "of eqs 15-17 and 24-29 whose other end is 6.8. In closed form, by harmonic balance, the ends "
+    "lie where |1 - (St·V_r)²| = β·V_r with β = C_L0·A/(8π·C_D), so that their product is 1/St² = "
+    "34.6 whatever A, ε, C_L0 and C_D are: with 6.8 goes 5.09, with 5.4 goes 6.41. The other pair "
+    "of ends asked keeps to it (5.7·6.1 = 34.8; 5.4·6.8 = 36.7), and so do ours. All six "
+    "amplitudes, the upper end, and both ends for A 1, ε 0.1 are met.",
+    "It is no matter of hysteresis, of the way that V_r is swept or of what the wake starts from: "
+    "the amplitude of q is single wherever |1 - (St·V_r)²| > ε·St·V_r/√3, that is below V_r 5.80 "
+    "and above 5.97 for A 4, ε 0.05 (5.71 and 6.05 for A 1, ε 0.1), and stepped from a small and "
+    "from a large q the region is the same. Nor of damping: it moves both ends inward, and what "
+    "moves the lower one to 5.4, 1.75 times the drag, moves the upper one to 6.41.",
+    "At ŷ 0.12, and again at 0.9, the region does begin at 5.4: the end as read off at one "
+    "amplitude, or misread for 5.1, are what is left. The paper's figure is not at hand. It "
+    "disagrees with Q3 too, which is met to 0.2 %: by its reference the cylinder on springs "
+    "vibrates at V_r 5 with f/f_n 0.948 and y/D 0.724, which is 5.27 on its own frequency, with "
+    "damping that power must come in for.",
     "What was tried, by another program than the harmonic balance: the oscillator stepped in time "
     "on a grid of 0.05 in V_r and ŷ; U is the speed that the moving cylinder feels. Where the "
     "power's sign changes does not depend on a root that lift and drag have in common, so the "
