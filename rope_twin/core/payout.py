@@ -135,55 +135,75 @@ def _find_equilibrium(rope: Any, growth: float, middle: int) -> bool:
 @jit
 def _split(rope: Any, stage: Any, lower: float) -> None:
     """A new node in the top element, `lower` above the element's lower end."""
-    state, work, sections = rope.state, rope.work, rope.sections
-    n, V = state.counts[ELEMENTS], stage.V
-    e, slots = n - 1, state.s.shape[0]
-    low, middle, high, after = slots + LOW, slots + MIDDLE, slots + HIGH, slots + AFTER
-    rest, T = work[REST, e], work[TENSION, e]
-    upper = rest - lower
+    state, work = rope.state, rope.work
+    e = state.counts[ELEMENTS] - 1
+    rest = work[REST, e]
     xi = lower / rest
-    share_low, share_up = xi * state.offset[e], (1.0 - xi) * state.offset[e]
+    shares = xi * state.offset[e], (1.0 - xi) * state.offset[e]
+    if work[TENSION, e] > 0.0:
+        shares = _balance_parts(rope, stage.V, lower, shares)
+    _insert(rope, e, lower, shares)
+
+
+@jit
+def _balance_parts(rope: Any, V: float, lower: float, shares: Any) -> Any:
+    """Put the new node to where the rope hangs; the offsets of both parts that keep the tensions.
+
+    They keep the acceleration below and the pull on the hang-off as they are; a section that begins
+    at the new node brings its own weight for the rope above it. shares: of the offset so far.
+    """
+    state, work, sections = rope.state, rope.work, rope.sections
+    e, slots = state.counts[ELEMENTS] - 1, state.s.shape[0]
+    low, middle, high, after = slots + LOW, slots + MIDDLE, slots + HIGH, slots + AFTER
+    (share_low, share_up), rest, T = shares, work[REST, e], work[TENSION, e]
+    upper = rest - lower
+    T_low = T + 0.5 * upper * along(work, low, e)
+    T_up = T - 0.5 * (rest * along(work, high, e) - upper * along(work, after, e))
+    below = section_above(sections, state.s[e])
+    above = section_above(sections, state.s[e] + lower)
+    set_element(work, sections, below, low, lower)
+    set_element(work, sections, above, middle, upper)
+    state.offset[low], state.offset[middle] = share_low, share_up
+    for k in range(3):  # the element to the hang-off sees its geometric velocity
+        work[VELOCITY + k, high] = state.nodes[VELOCITY + k, e + 1]
+    growth = V / upper
+    _place_middle(rope, rest, growth, middle)
+    if above != below:
+        _keep_strain_rate(rope, V, rest, upper)
+    stretch(rope.law, work, state.offset, 1.0, 0.0, 0.0, low, middle)
+    stretch(rope.law, work, state.offset, 1.0, 0.0, growth, middle, high)
+    if work[TENSION, low] > 0.0 and T_low > 0.0:
+        share_low += (T_low - work[TENSION, low]) / work[STIFFNESS, low]
+    if work[TENSION, middle] > 0.0 and T_up > 0.0:
+        share_up += (T_up - work[TENSION, middle]) / work[STIFFNESS, middle]
+    state.offset[low], state.offset[middle] = 0.0, 0.0
+    return share_low, share_up
+
+
+@jit
+def _place_middle(rope: Any, rest: float, growth: float, middle: int) -> None:
+    """From the chord into equilibrium, if it is found near the chord."""
+    work = rope.work
     cx, cy, cz = work[POSITION, middle], work[POSITION + 1, middle], work[POSITION + 2, middle]
-    if T > 0.0:
-        # tensions that keep the acceleration below and the pull on the hang-off as they are;
-        # a section that begins at the new node brings its own weight for the rope above it
-        T_low = T + 0.5 * upper * along(work, low, e)
-        T_up = T - 0.5 * (rest * along(work, high, e) - upper * along(work, after, e))
-        below = section_above(sections, state.s[e])
-        above = section_above(sections, state.s[e] + lower)
-        set_element(work, sections, below, low, lower)
-        set_element(work, sections, above, middle, upper)
-        state.offset[low], state.offset[middle] = share_low, share_up
-        for k in range(3):  # the element to the hang-off sees its geometric velocity
-            work[VELOCITY + k, high] = state.nodes[VELOCITY + k, n]
-        growth = V / upper
-        found = _find_equilibrium(rope, growth, middle)
-        ox, oy, oz = (
-            work[POSITION, middle] - cx,
-            work[POSITION + 1, middle] - cy,
-            work[POSITION + 2, middle] - cz,
-        )
-        if not found or sqrt(ox * ox + oy * oy + oz * oz) > SAG_LIMIT * rest:
-            work[POSITION, middle], work[POSITION + 1, middle], work[POSITION + 2, middle] = (
-                cx,
-                cy,
-                cz,
-            )
-        if above != below:
-            _keep_strain_rate(rope, V, rest, upper)
-        stretch(rope.law, rope.work, rope.state.offset, 1.0, 0.0, 0.0, low, middle)
-        stretch(rope.law, rope.work, rope.state.offset, 1.0, 0.0, growth, middle, high)
-        if work[TENSION, low] > 0.0 and T_low > 0.0:
-            share_low += (T_low - work[TENSION, low]) / work[STIFFNESS, low]
-        if work[TENSION, middle] > 0.0 and T_up > 0.0:
-            share_up += (T_up - work[TENSION, middle]) / work[STIFFNESS, middle]
-        state.offset[low], state.offset[middle] = 0.0, 0.0
+    found = _find_equilibrium(rope, growth, middle)
+    x, y, z = work[POSITION, middle], work[POSITION + 1, middle], work[POSITION + 2, middle]
+    ox, oy, oz = x - cx, y - cy, z - cz
+    if not found or sqrt(ox * ox + oy * oy + oz * oz) > SAG_LIMIT * rest:
+        work[POSITION, middle], work[POSITION + 1, middle] = cx, cy
+        work[POSITION + 2, middle] = cz
+
+
+@jit
+def _insert(rope: Any, e: int, lower: float, offsets: Any) -> None:
+    """Trial node MIDDLE becomes a node, element e two."""
+    state, work, n = rope.state, rope.work, e + 1
+    middle = state.s.shape[0] + MIDDLE
     for k in range(NODE_ROWS):
         state.nodes[k, n + 1] = state.nodes[k, n]
         state.nodes[k, n] = work[k, middle]
     state.s[n + 1] = state.s[n]
     state.s[n] = state.s[e] + lower
-    state.offset[e], state.offset[n] = share_low, share_up
+    state.offset[e], state.offset[n] = offsets
     state.counts[LOWEST_OFFSET] = min(state.counts[LOWEST_OFFSET], e)
     state.counts[ELEMENTS] = n + 1
     state.health[SPLITS] += 1
