@@ -21,7 +21,6 @@ from rope_twin import Twin
 from rope_twin.commands.run.options import RunOptions
 from rope_twin.commands.run.unpaced import UnpacedRun, run_unpaced
 from rope_twin.core import state as rows
-from rope_twin.errors import SceneError
 from rope_twin.messages import decode, statuses
 from rope_twin.recording.mcap_scan import McapScan, StoredMessage
 from rope_twin.scene.arrays.build import build
@@ -33,7 +32,6 @@ from rope_twin.studies.variants import variant
 from rope_twin.twin.accuracy import error_band
 from rope_twin.twin.accuracy.error_band import BandedTwin
 from rope_twin.twin.accuracy.error_bound import ErrorBand, Recent, acceleration_jumps, border_before
-from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.snapshot import Snapshot
 
@@ -317,20 +315,3 @@ def test_in_every_scene_the_error_lies_under_the_bound(case: BandCase) -> None:
     (row,) = band.measure_bands([case], lambda *_: None)
     assert row.held_pct >= 95.0
     assert row.ratio <= 5.0
-
-
-@pytest.mark.parametrize("name", ["emergency_stop", "abandonment_and_recovery"])
-def test_a_winch_that_answers_to_the_tension_has_no_band(name: str) -> None:
-    """Its companion would be given a line out that follows from the error that it is to find."""
-    with pytest.raises(SceneError, match=r"winch: its drive, .*run such a scene without a band"):
-        BandedTwin(load_scene(name))
-
-
-def test_an_order_that_feels_the_rope_leaves_the_band_unknown() -> None:
-    """From the order on, and until the companion knows again."""
-    twin = BandedTwin(load_scene("shallow_lift"))
-    twin.advance(100)
-    assert twin.snapshot().band is not None
-    twin.offer_order(None, Order("depth", 195.0))
-    twin.advance(100)
-    assert twin.snapshot().band is None

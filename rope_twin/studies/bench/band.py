@@ -3,8 +3,9 @@
 Every scene runs with its own sea and winch. The reference is the same scene on four times the
 elements with a quarter of the step, or finer where a case says so; one on half of that tells how
 far to trust it. Where the rope never was slack nor on the bed both are of second order and
-extrapolated (Richardson 1911), and the doubt is what that adds; where it was, or where the current
-jumps between layers, the doubt is the whole difference of the two.
+extrapolated (Richardson 1911), and the doubt is what that adds; where it was, where the current
+jumps between layers or a winch answers to the tension, the doubt is the whole difference of the
+two.
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from rope_twin.studies.trial import Vector
 from rope_twin.studies.variants import variant
 from rope_twin.twin.accuracy.difference import has_layers
 from rope_twin.twin.accuracy.error_band import BandedTwin
+from rope_twin.twin.ensemble.borders import foreseen
 from rope_twin.twin.findings import TensionBand
 from rope_twin.twin.hoisting.schedule import schedule_samples
 from rope_twin.twin.pacing import steps_in_slot
@@ -63,10 +65,16 @@ MEETING = (  # ropes that meet, and payloads that are rigid bodies
     BandCase("two_line_landing", 130.0), BandCase("two_line_loop", 80.0),
     BandCase("two_line_14km", 60.0), BandCase("manifold_lift", 180.0),
 )  # fmt: skip
-FULL = (*FITTED, *LATER, *MEETING)
+ANSWERING = (  # winches whose line out follows from the tension: each has one of its own
+    BandCase("emergency_stop", 80.0, 8), BandCase("abandonment_and_recovery", 140.0, 8),
+)  # fmt: skip
+FULL = (*FITTED, *LATER, *MEETING, *ANSWERING)
 BLOWS = (BandCase("lift_off", 80.0),)  # of a load on a deck, by chance others on each grid
 KNOWN = (*FULL, *BLOWS)
-QUICK = (BandCase("shallow_lift", 25.0), BandCase("storm", 30.0), BandCase("bridle_lift", 20.0))
+QUICK = (
+    BandCase("shallow_lift", 25.0), BandCase("storm", 30.0), BandCase("bridle_lift", 20.0),
+    BandCase("emergency_stop", 60.0),
+)  # fmt: skip
 FROM_S = 2.0  # before, the ship's motion has hardly begun and neither has an error
 HELD_PCT, RATIO = 95.0, 5.0  # what a band must hold at least, and be wider than the error at most
 RUNS, COST_S = 3, 30.0  # of each scene for the cost, so long at most: the middle one counts
@@ -123,7 +131,8 @@ def measure_band(case: BandCase) -> BandRow:
     scene = load_scene(case.scene)
     twin = BandedTwin(scene)
     seen = list(fed(twin, case.seconds))
-    rough = has_layers(twin.rope) or any(map(_is_rough, seen))
+    smooth = foreseen(scene.winch, None) and not has_layers(twin.rope)
+    rough = not smooth or any(map(_is_rough, seen))
     middle, fine = (
         np.array([s.tension_top_n for s in fed(_reference(scene, times), case.seconds)])
         for times in (case.times // 2, case.times)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.studies.bench.band import (
+    ANSWERING,
     BLOWS,
     FITTED,
     HELD_PCT,
@@ -108,6 +109,7 @@ def as_section(rows: Sequence[BandRow]) -> str:
         *_part("Scenes on which the numbers were found:", FITTED, rows),
         *_part("Scenes that came later:", LATER, rows),
         *_part("Ropes that meet, and payloads that are rigid bodies:", MEETING, rows),
+        *_part("Winches that answer to the tension:", ANSWERING, rows),
         *_part("Where blows decide (run only if named):", BLOWS, rows),
     ]
     return "\n".join(lines)

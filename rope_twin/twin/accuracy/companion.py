@@ -1,7 +1,8 @@
 """A companion of half the elements and twice the step beside what a twin steps, by the same code.
 
 Of one rope, or of ropes that meet: every rope is halved; joints, bars, sheaves and bodies are the
-same. Hang-offs, line out and current are the twin's to the bit.
+same. Hang-offs, line out and current are the twin's to the bit, but for a rope whose winch answers
+to it: there the companion has a winch of its own.
 """
 
 from __future__ import annotations
@@ -18,10 +19,12 @@ from rope_twin.core.joined.joints import LOOSE, System, new_system, with_flows
 from rope_twin.core.joined.reeving import settle_reeved
 from rope_twin.core.joined.sheaves import FLOW_COLUMN
 from rope_twin.core.joined.step import advance_joined
+from rope_twin.core.remembering import remembers
 from rope_twin.core.state import ELEMENTS, Boundary, Floats, Rope
 from rope_twin.core.statics.equilibrium import settle
 from rope_twin.core.step import advance
 from rope_twin.twin.accuracy.error_bound import EVERY
+from rope_twin.twin.accuracy.own_winch import OwnWinch
 from rope_twin.twin.accuracy.regrid import HangOff, coarser
 from rope_twin.twin.stepped import STEPS_PER_CALL
 
@@ -48,13 +51,21 @@ class Companion(Protocol):
 
 
 class HalfRope:
-    """The same rope on half the elements."""
+    """The same rope on half the elements, or on as many where its winch answers to it."""
 
     def __init__(
-        self, rope: Rope, at: HangOff, border: tuple[Floats, Floats], resting: bool
+        self,
+        rope: Rope,
+        at: HangOff,
+        border: tuple[Floats, Floats],
+        resting: bool,
+        elements: bool = True,
     ) -> None:
-        """`border`: value and rate of the prescribed motion now; `resting`: it is to rest."""
-        half = coarser(rope, at)
+        """`border`: value and rate of the prescribed motion now; `resting`: it is to rest.
+
+        elements: whether these are halved, or only the step doubled.
+        """
+        half = coarser(rope, at) if elements else copy.deepcopy(rope)
         self._effects = EffectsApart(rope.effects)
         self._rope = half._replace(
             model=half.model._replace(step=EVERY * rope.model.step), effects=self._effects.own
@@ -64,7 +75,9 @@ class HalfRope:
         self._ahead = Boundary(np.zeros(room), np.zeros(room))
         self._ahead.value[0], self._ahead.rate[0] = border
         self.waiting = 0
+        self.winch: OwnWinch | None = None  # once the twin's feels its rope
         self._pulls = np.zeros((STEPS_PER_CALL, rows.PULL_COLUMNS))
+        self._pull_n = float(np.linalg.norm(at.pull_n))
 
     def follow(
         self, boundary: Boundary, done: int, effects: Any, time_s: float
@@ -81,11 +94,26 @@ class HalfRope:
             self._rope = self._rope._replace(effects=self._effects.take(effects))
         step = self._rope.model.step
         start_s = time_s - (self.waiting / EVERY + steps) * step
-        if advance(self._rope, self._ahead, self._pulls, start_s, steps) < steps:
+        if self._advance(start_s, steps) < steps:
             return None
         value[0], rate[0] = value[steps], rate[steps]
         tensions: list[float] = self._pulls[:steps, rows.PULL].tolist()
+        self._pull_n = tensions[-1]
         return tensions
+
+    def _advance(self, start_s: float, steps: int) -> int:
+        """Step on through the borders ahead; how many steps that was."""
+        if self.winch is None:
+            return advance(self._rope, self._ahead, self._pulls, start_s, steps)
+        pull_n, step = self._pull_n, self._rope.model.step
+        for k in range(steps):
+            borders = Boundary(*(table[k : k + 2] for table in self._ahead))
+            begin_s = start_s + k * step
+            self.winch.prescribe(self._rope, round(begin_s * 1e9), borders, pull_n)
+            if advance(self._rope, borders, self._pulls[k:], begin_s, 1) < 1:
+                return k
+            pull_n = float(self._pulls[k, rows.PULL])
+        return steps
 
     def further(self, r: int) -> list[float]:
         """There is none."""
@@ -162,21 +190,25 @@ class HalfSystem:
 
 
 class EffectsApart:
-    """The twin's effects with a rigid body apart: where that is, is kept in the effect itself."""
+    """The twin's effects, those apart that keep their state in themselves.
+
+    A rigid body knows where it is; vortices have a phase or a wake at each node, which the core
+    carries over to the companion's nodes by their marks.
+    """
 
     def __init__(self, effects: tuple[Any, ...]) -> None:
-        self._bodies = {
+        self._apart = {
             place: copy.deepcopy(one)
             for place, one in enumerate(effects)
-            if isinstance(one, RigidBody)
+            if isinstance(one, RigidBody) or remembers([type(one)])
         }
         self.own = self.take(effects)
 
     def take(self, effects: tuple[Any, ...]) -> tuple[Any, ...]:
-        """Take what the twin has now (another current): the same tuple where there is no body."""
+        """Take what the twin has now (another current): the same tuple where none is apart."""
         self.given = effects
-        if self._bodies:
-            effects = tuple(self._bodies.get(place, one) for place, one in enumerate(effects))
+        if self._apart:
+            effects = tuple(self._apart.get(place, one) for place, one in enumerate(effects))
         self.own = effects
         return effects
 

@@ -6,6 +6,9 @@ differs from the rope's by three times the rope's error (Richardson 1911), in sp
 together, at a quarter of the rope's work. What the difference says elsewhere: `error_bound`.
 
 Where ropes meet the companion is of all of them, and each rope that hangs from the ship has a band.
+Where a winch answers to the tension the companion has one of its own (`own_winch`). What such a
+winch makes wrong is of first order in the step, and longer elements may hide it: a companion of a
+scene with such a winch has twice the step and all elements.
 """
 
 from __future__ import annotations
@@ -18,18 +21,21 @@ from typing import Any, Self
 from rope_twin.core import state as rows
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.errors import SceneError, StateError, phrase
-from rope_twin.scene.rules.rigging import winches
+from rope_twin.scene.rigging import WINCH
+from rope_twin.scene.rules.rigging import is_joined, winches
 from rope_twin.scene.rules.shedding import refuse_shedding
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.accuracy.companion import Companion, HalfRope, HalfSystem
 from rope_twin.twin.accuracy.difference import share_of_difference, whole_for_s
 from rope_twin.twin.accuracy.error_bound import ErrorBand
+from rope_twin.twin.accuracy.own_winch import OwnWinch
 from rope_twin.twin.accuracy.regrid import HangOff
 from rope_twin.twin.accuracy.rung import Rung
 from rope_twin.twin.accuracy.sights import Bed, Sight, bed_below, is_slack, nodes_on, touches
 from rope_twin.twin.accuracy.top import Top
 from rope_twin.twin.ensemble.borders import foreseen
 from rope_twin.twin.findings import TensionBand
+from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.saving.saved_state import SavedState
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
@@ -62,6 +68,15 @@ class BandedTwin(Twin):
             raise StateError(phrase("saved state", what, "go on without an error band"))
         twin._open_band(resting=False)
         return twin
+
+    def offer_order(self, stamp_ns: int | None, order: Order, winch: str = WINCH) -> str:
+        """As for a twin; the companion's winch takes it too."""
+        fault = super().offer_order(stamp_ns, order, winch)
+        half = self._companion
+        if not fault and isinstance(half, HalfRope) and half.winch is not None:
+            with self._lock:
+                half.winch.take(stamp_ns, order, self.time_ns)
+        return fault
 
     def offer_cut(self, stamp_ns: int | None, below_m: float, rope: str = "") -> str:
         """Refused: the companion cannot follow."""
@@ -112,7 +127,8 @@ class BandedTwin(Twin):
         if joined is None:
             pull = self._pulls[border - 1] if border else self._pull
             at = HangOff(pull[rows.PULL_X : rows.PULL_Z + 1].copy(), float(rate[rows.LINE]))
-            self._companion = HalfRope(self._rope, at, (value, rate), resting)
+            halves = foreseen(self.scene.winch, None)
+            self._companion = HalfRope(self._rope, at, (value, rate), resting, halves)
             now = {0: (value, rate)}
         else:
             self._companion = half = HalfSystem(joined, self._rope, self._boundary, border, resting)
@@ -135,16 +151,27 @@ class BandedTwin(Twin):
 
     def _forget_borders(self, done: int) -> None:
         """Let the companion follow while the borders of the steps just done are still there."""
-        # of an order just given: line out depends on the error
-        if self._winch.feels(self.time_ns) or self._ropes.feel(self.time_ns):
-            self._known_from_s = max(self._known_from_s, self.time_ns * 1e-9 + SETTLING_S)
+        answers = self._winch.feels(self.time_ns)
         if done:
             began = time.perf_counter()
-            self._judge(done)
+            self._judge(done, answers)
             self._band_s += time.perf_counter() - began
+        if isinstance(self._companion, HalfRope):
+            if answers:
+                self._share_winch(self._companion)
+        elif answers or self._ropes.feel(self.time_ns):
+            # of an order just given: line out depends on the error
+            self._known_from_s = max(self._known_from_s, self.time_ns * 1e-9 + SETTLING_S)
         super()._forget_borders(done)
 
-    def _judge(self, done: int) -> None:
+    def _share_winch(self, half: HalfRope) -> None:
+        """The first step is ahead in which the winch asks what the rope is like."""
+        if half.winch is None and not half.waiting:
+            with self._lock:
+                half.winch = OwnWinch(self._winch, self.scene)
+
+    def _judge(self, done: int, answers: bool) -> None:
+        """Answers: the line out follows from the rope."""
         now_s, h = self.time_ns * 1e-9, self.step_s
         waiting = self._companion.waiting
         followed = self._companion.follow(self._boundary, done, self._current.effects, now_s)
@@ -153,8 +180,11 @@ class BandedTwin(Twin):
             return
         joined, own = self.joined, self._pulls[:done, rows.PULL].tolist()
         if joined is None:
-            jumps = self._tops[0].jumps(self._boundary, done, h)
-            self._tops[0].judge((now_s, h), jumps, own, followed, waiting)
+            (top,) = self._tops
+            jumps = (top.no_jumps if answers else top.jumps)(self._boundary, done, h)
+            top.judge((now_s, h), jumps, own, followed, waiting)
+            if answers:
+                top.band.answer(now_s)
         else:
             each = [top.jumps(_of(joined.moved, top.rope), done, h) for top in self._tops]
             jumps = [sum(some) for some in zip(*each, strict=True)]
@@ -203,11 +233,13 @@ def refuse_band(scene: Scene) -> None:
     """Say so if a companion cannot tell the error of such a scene.
 
     Raises:
-        SceneError: vortices, or a winch that answers to the tension.
+        SceneError: vortices, or where ropes meet a winch that answers to the tension.
     """
     refuse_shedding(scene, "a companion on half the elements cannot tell of vortices")
+    if not is_joined(scene):
+        return
     for path, winch in winches(scene):
         if not foreseen(winch, None):
             what = "its drive, brake, or an order by depth or tension answers to the tension"
-            right = "the companion's line out is the rope's; run such a scene without a band"
+            right = "where ropes meet the companion's line out is theirs; run it without a band"
             raise SceneError(phrase(f"{scene.path}: {path}", what, right))

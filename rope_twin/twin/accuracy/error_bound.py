@@ -27,6 +27,8 @@ each failure has a rule of its own:
   not judged by the companion's steps over such a bend.
 - Where the current jumps between two layers the error is of first order, too, and follows the
   elements as they pass the jump (`difference`): the difference itself is taken, of some more time.
+- A winch that answers to the tension takes that of one step for its next: an error of first order
+  in the step, and the difference itself is taken.
 - Waves that die within an element load the rope by an error of first order: the difference is as
   large as the error then. How much of a third is wrong there follows from the waves alone
   (`surface_layer`).
@@ -161,6 +163,10 @@ class ErrorBand:
         """The lower end stands on the bed: the same, and the rope keeps it for some seconds."""
         self._rough_until_s = time_s + ROUGH_S
         self._stood_until_s = time_s + LAID_S
+
+    def answer(self, time_s: float) -> None:
+        """The line out follows from the rope's tension: its error is of first order in the step."""
+        self._rough_until_s = time_s + ROUGH_S
 
     def lay(self, time_s: float) -> None:
         """A node of the rope has come down on the bed."""

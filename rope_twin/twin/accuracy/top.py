@@ -31,6 +31,12 @@ class Top:
         self._before = value[done - 1].tolist(), rate[done - 1].tolist()
         return found
 
+    def no_jumps(self, boundary: Boundary, done: int, step_s: float) -> list[float]:
+        """As if there were none: a line that follows from the rope bends at every step."""
+        value, rate = boundary
+        self._before = value[done - 1].tolist(), rate[done - 1].tolist()
+        return [0.0] * done
+
     def judge(
         self,
         times: tuple[float, float],
