@@ -70,20 +70,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run it and show it; raises RopeTwinError."""
-    for name, value, low, high in (
-        ("--for", args.duration, 1.0, 36000.0),
-        ("--strouhal", args.strouhal, 0.05, 0.5),
-        ("--structural", args.structural, 0.0, 0.5),
-    ):
-        if value is not None and not low <= value <= high:
-            raise InputError(phrase(name, f"{value:g}", f"give {low:g} to {high:g}"))
-    curve = find_curve("--curve", args.curve)
-    if not isinstance(curve, StressCurve):
-        raise InputError(
-            phrase("--curve", f"'{args.curve}' is one of tension", "give one of stress")
-        )
-    if args.into is not None:
-        check_folder(args.into)
+    curve = _checked(args)
     scene = load_scene(args.scene)
     if args.beside is not None:
         return _beside(args, scene)
@@ -104,20 +91,32 @@ def run(args: argparse.Namespace) -> int:
         if moving is not None:
             told["moving"] = _moving(moving)
         print(json.dumps(told, ensure_ascii=False, allow_nan=False))
-    else:
-        _show(found, fatigue)
-        if moving is not None:
-            own = _moving(moving)
-            print(
-                f"beside the twin: rms A/d at most {own['rms_max_diameters']:.3g}, at constant "
-                f"tension {own['rms_constant_max_diameters']:.3g}; modes found {own['solves']} "
-                f"times, {own['cost_of_real_time']:.2%} of real time in all"
-            )
-        if words := _of_its_own(scene):
-            print(words)
-        for path in files:
-            print(path)
+        return 0
+    _show(found, fatigue)
+    _show_moving(moving)
+    if words := _of_its_own(scene):
+        print(words)
+    for path in files:
+        print(path)
     return 0
+
+
+def _checked(args: argparse.Namespace) -> StressCurve:
+    """The curve that is named; raises InputError for an option that cannot be."""
+    for name, value, low, high in (
+        ("--for", args.duration, 1.0, 36000.0),
+        ("--strouhal", args.strouhal, 0.05, 0.5),
+        ("--structural", args.structural, 0.0, 0.5),
+    ):
+        if value is not None and not low <= value <= high:
+            raise InputError(phrase(name, f"{value:g}", f"give {low:g} to {high:g}"))
+    curve = find_curve("--curve", args.curve)
+    if not isinstance(curve, StressCurve):
+        what = f"'{args.curve}' is one of tension"
+        raise InputError(phrase("--curve", what, "give one of stress"))
+    if args.into is not None:
+        check_folder(args.into)
+    return curve
 
 
 def _shedding(args: argparse.Namespace, scene: Scene) -> Shedding:
@@ -189,6 +188,17 @@ def _moving(run: MovingRun) -> dict[str, float]:
         "cost_of_real_time": run.cost,
         "slack_share": run.slack_share,
     }
+
+
+def _show_moving(run: MovingRun | None) -> None:
+    if run is None:
+        return
+    own = _moving(run)
+    print(
+        f"beside the twin: rms A/d at most {own['rms_max_diameters']:.3g}, at constant "
+        f"tension {own['rms_constant_max_diameters']:.3g}; modes found {own['solves']} "
+        f"times, {own['cost_of_real_time']:.2%} of real time in all"
+    )
 
 
 def _summary(found: VivRun, fatigue: Fatigue) -> dict[str, Any]:

@@ -192,7 +192,28 @@ class Encoder:
         peak_n = float(tension.max())
         if peak_n > self._scale_n:
             self._scale_n = scale_above(peak_n)
-        count, scale_n, words = len(tension), self._scale_n, scale_words(self._scale_n)
+        line_m = max(snapshot.line_out_m, _LEAST_LINE_M)
+        values = {
+            "markers.0.points": ends,
+            "markers.0.colors": np.repeat(tension_colours(tension, self._scale_n), 2, axis=0),
+            "markers.0.scale": (_LINE_WIDTH * line_m, 0.0, 0.0),
+            **_symbols(snapshot, line_m),
+        }
+        last = 4 + len(snapshot.payloads)
+        if snapshot.struts:
+            values[f"markers.{last}.points"] = np.concatenate([s.ends_m for s in snapshot.struts])
+            values[f"markers.{last}.scale"] = (2.0 * _LINE_WIDTH * line_m, 0.0, 0.0)
+            last += 1
+        if snapshot.body is not None:
+            values |= _body_markers(snapshot, snapshot.body, last, line_m)
+            last += len(snapshot.body.leg_end_m) > 0
+        for index in range(last):
+            values |= self._stamp(snapshot, f"markers.{index}.header.stamp")
+        return self._markers_form(snapshot, len(tension)).fill(values)
+
+    def _markers_form(self, snapshot: Snapshot, count: int) -> Template:
+        """Of so many elements, made from the form of one: the winch changes their number."""
+        scale_n, words = self._scale_n, scale_words(self._scale_n)
         further, bars = tuple(one.name for one in snapshot.payloads), len(snapshot.struts)
         slings = 0 if snapshot.body is None else len(snapshot.body.leg_end_m)
         form = self._sized.get(
@@ -204,33 +225,25 @@ class Encoder:
             # the winch changes the count every second or so; a point as an object takes 30 µs
             ends_of = {"markers.0.points": 2 * count, "markers.0.colors": 2 * count}
             self._rope_form = count, form, form.stretched(ends_of)
-        template = self._rope_form[2]
-        colours = np.repeat(tension_colours(tension, scale_n), 2, axis=0)
-        line_m = max(snapshot.line_out_m, _LEAST_LINE_M)
-        above = snapshot.hang_off_position_m + np.array([0.0, 0.0, 2.0 * _SYMBOL_SIZE * line_m])
-        values: dict[str, Any] = {
-            "markers.0.points": ends,
-            "markers.0.colors": colours,
-            "markers.0.scale": (_LINE_WIDTH * line_m, 0.0, 0.0),
-            "markers.1.pose.position": snapshot.payload_position_m,
-            "markers.1.scale": (_SYMBOL_SIZE * line_m,) * 3,
-            "markers.2.pose.position": snapshot.hang_off_position_m,
-            "markers.2.scale": (_SYMBOL_SIZE * line_m,) * 3,
-            "markers.3.pose.position": above,
-            "markers.3.scale": (0.0, 0.0, _TEXT_HEIGHT * line_m),
-        }
-        for index, payload in enumerate(snapshot.payloads, start=4):
-            values[f"markers.{index}.pose.position"] = payload.position_m
-            values[f"markers.{index}.scale"] = (_SYMBOL_SIZE * line_m,) * 3
-        last = 4 + len(further)
-        if bars:
-            values[f"markers.{last}.points"] = np.concatenate([s.ends_m for s in snapshot.struts])
-            values[f"markers.{last}.scale"] = (2.0 * _LINE_WIDTH * line_m, 0.0, 0.0)
-        if snapshot.body is not None:
-            values |= _body_markers(snapshot, snapshot.body, last + (bars > 0), line_m)
-        for index in range(last + (bars > 0) + (slings > 0)):
-            values |= self._stamp(snapshot, f"markers.{index}.header.stamp")
-        return template.fill(values)
+        return self._rope_form[2]
+
+
+def _symbols(snapshot: Snapshot, line_m: float) -> dict[str, Any]:
+    """Payload, hang-off, the text above it, and further payloads, sized by the line out."""
+    size = (_SYMBOL_SIZE * line_m,) * 3
+    values: dict[str, Any] = {
+        "markers.1.pose.position": snapshot.payload_position_m,
+        "markers.1.scale": size,
+        "markers.2.pose.position": snapshot.hang_off_position_m,
+        "markers.2.scale": size,
+        "markers.3.pose.position": snapshot.hang_off_position_m
+        + np.array([0.0, 0.0, 2.0 * _SYMBOL_SIZE * line_m]),
+        "markers.3.scale": (0.0, 0.0, _TEXT_HEIGHT * line_m),
+    }
+    for index, payload in enumerate(snapshot.payloads, start=4):
+        values[f"markers.{index}.pose.position"] = payload.position_m
+        values[f"markers.{index}.scale"] = size
+    return values
 
 
 def _body_markers(snapshot: Snapshot, body: BodyShot, slings: int, line_m: float) -> dict[str, Any]:

@@ -115,16 +115,8 @@ def _measure(scene: Scene, case: Case) -> EnsembleRow:
     starting_s = time.perf_counter() - began
     ensemble.advance(WARM_S)
     alone.advance(WARM_S)
-    together, apart, single, shares = [], [], [], []
-    for _ in range(case.repetitions):
-        before, busy_s = time.perf_counter(), time.process_time()
-        together.append(_ns(ensemble, case.seconds) * ensemble.threads)
-        busy_s = time.process_time() - busy_s
-        shares.append(busy_s / (ensemble.threads * (time.perf_counter() - before)))
-        ensemble.abreast = 1
-        apart.append(_ns(ensemble, case.seconds) * ensemble.threads)
-        ensemble.abreast = LANES
-        single.append(_ns(alone, single_s))
+    turns = [_turn(ensemble, alone, case.seconds, single_s) for _ in range(case.repetitions)]
+    together, apart, single, shares = zip(*turns, strict=True)
     rate = _node_steps_per_s(scene, case.members) / ensemble.threads
     checked = sorted({0, case.members // 2, case.members - 1})[:CHECKED]
     unequal = sum(
@@ -151,6 +143,22 @@ def _measure(scene: Scene, case: Case) -> EnsembleRow:
         checked=len(checked),
         unequal=unequal,
     )
+
+
+def _turn(
+    ensemble: Ensemble, alone: Ensemble, seconds: float, single_s: float
+) -> tuple[float, float, float, float]:
+    """Nanoseconds of a thread for a node and step: in lanes, without, and of one rope; and what
+    share of the threads' time in lanes was the processor's.
+    """
+    began, busy_s = time.perf_counter(), time.process_time()
+    together = _ns(ensemble, seconds) * ensemble.threads
+    busy_s = time.process_time() - busy_s
+    share = busy_s / (ensemble.threads * (time.perf_counter() - began))
+    ensemble.abreast = 1
+    apart = _ns(ensemble, seconds) * ensemble.threads
+    ensemble.abreast = LANES
+    return together, apart, _ns(alone, single_s), share
 
 
 def _plan(scene: Scene, members: int) -> Plan:

@@ -106,18 +106,9 @@ def _line(scene: Scene, number: int, rope: Rope, length_m: float) -> StillLine:
     return StillLine(name, place, s, tension, stiffness, mass, couplings)
 
 
-def _unknowns(system: System, lines: tuple[StillLine, ...]) -> tuple[Any, Floats, Any]:
-    """`follow`, `joint_mass` and `tied` of a system.
-
-    Unknowns are three for each joint, three for each node that is no end and none that is held,
-    and the flow over each sheave.
-    """
-    from scipy.sparse import coo_array
-
-    joints, sheaves = system.joints, system.sheaves
-    wheels = 0 if sheaves is None else sheaves.figures.shape[1]
-    points = joints.nodes.shape[1] - wheels
-    at, count = [], points
+def _numbers(system: System, lines: tuple[StillLine, ...], points: int) -> tuple[list[Any], int]:
+    """Of each rope's nodes the place among joints and free nodes, or LOOSE; how many there are."""
+    joints, at, count = system.joints, [], points
     for r, rope in enumerate(system.ropes):
         n = lines[r].place.shape[1] - 1
         own = np.full(n + 1, LOOSE)
@@ -129,6 +120,20 @@ def _unknowns(system: System, lines: tuple[StillLine, ...]) -> tuple[Any, Floats
         if joints.upper[r] != LOOSE:
             own[n] = joints.upper[r]
         at.append(own)
+    return at, count
+
+
+def _unknowns(system: System, lines: tuple[StillLine, ...]) -> tuple[Any, Floats, Any]:
+    """`follow`, `joint_mass` and `tied` of a system.
+
+    Unknowns are three for each joint, three for each node that is no end and none that is held,
+    and the flow over each sheave.
+    """
+    from scipy.sparse import coo_array
+
+    joints, sheaves = system.joints, system.sheaves
+    wheels = 0 if sheaves is None else sheaves.figures.shape[1]
+    at, count = _numbers(system, lines, joints.nodes.shape[1] - wheels)
     of = np.concatenate(at)
     node = np.flatnonzero(of != LOOSE)
     axes = np.arange(3)

@@ -17,6 +17,7 @@ from rope_twin.twin.hoisting.schedule import schedule_samples
 from rope_twin.twin.joined.line_watch import LineWatch
 from rope_twin.twin.joined.lines_shot import LineEvent, Nearest
 from rope_twin.twin.motion.irregular_sea import SeaRecord, synthesise
+from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 
 # Hs [m] and Tp [s] of sea states (STANAG 4194)
@@ -81,42 +82,61 @@ def run_lines(
     scene = twin.scene
     watch, heave = LineWatch(scene), _Heave(sea)
     tops = [line[0] for line in watch.lines]
-    times, tensions, sheaves, crossings = [], [], [], []
-    nearest: list[Nearest] = []
-    events: list[LineEvent] = []
+    seen = _Seen()
     for second in range(seconds):
         _offer(twin, scene, second, heave)
         for _ in range(SAMPLES_PER_S):
             twin.advance(round(1.0 / (SAMPLES_PER_S * twin.step_s)))
             shot = twin.snapshot()
-            near, happened = watch.look(shot)
-            nearest.append(near)
-            events += happened
-            for event in happened:
+            for event in seen.take(shot, watch):
                 tell(event)
-            times.append(shot.time_s)
-            tensions.append([shot.ropes[number].tension_top_n for number in tops])
-            sheaves.append(-float(shot.sheaves[0].position_m[2]))
-            crossings.append([one.depth_m for one in watch.crossings])
     factor = twin.statistics().real_time_factor
-    at_end = [
-        np.concatenate([shot.ropes[number].node_position_m for number in line])
-        for line in watch.lines
-    ]
-    flat = tuple(np.stack([x[:, :2] @ watch.plane, -x[:, 2]], axis=1) for x in at_end)
     return LineRun(
         sea="calm" if sea is None else sea.source,
-        time_s=np.array(times),
-        tension_n=np.array(tensions).T,
-        sheave_m=np.array(sheaves),
-        nearest=nearest,
-        events=events,
-        crossing_m=crossings,
+        time_s=np.array(seen.times),
+        tension_n=np.array(seen.tensions).T,
+        sheave_m=np.array(seen.sheaves),
+        nearest=seen.nearest,
+        events=seen.events,
+        crossing_m=seen.crossings,
         turned_up=watch.turned_up,
         noise=_listen(twin, scene, seconds, heave, tops) if sea is None else None,
-        lines_m=(flat[0], flat[1]),
+        lines_m=_flat(shot, watch),
         real_time_factor=factor,
     )
+
+
+class _Seen:
+    """What is kept of every sample."""
+
+    def __init__(self) -> None:
+        self.times: list[float] = []
+        self.tensions: list[list[float]] = []
+        self.sheaves: list[float] = []
+        self.crossings: list[list[float]] = []
+        self.nearest: list[Nearest] = []
+        self.events: list[LineEvent] = []
+
+    def take(self, shot: Snapshot, watch: LineWatch) -> list[LineEvent]:
+        """One sample; crossings that began or ended since the last."""
+        near, happened = watch.look(shot)
+        self.nearest.append(near)
+        self.events += happened
+        self.times.append(shot.time_s)
+        self.tensions.append([shot.ropes[line[0]].tension_top_n for line in watch.lines])
+        self.sheaves.append(-float(shot.sheaves[0].position_m[2]))
+        self.crossings.append([one.depth_m for one in watch.crossings])
+        return happened
+
+
+def _flat(shot: Snapshot, watch: LineWatch) -> tuple[Floats, Floats]:
+    """Both lines along their plane and down, (nodes, 2)."""
+    places = (
+        np.concatenate([shot.ropes[number].node_position_m for number in line])
+        for line in watch.lines
+    )
+    one, other = (np.stack([x[:, :2] @ watch.plane, -x[:, 2]], axis=1) for x in places)
+    return one, other
 
 
 class _Heave:
