@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from rope_twin.scene.card import PEAK, RMS, told_bound
 from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.schema import Scene
+from rope_twin.studies import markdown
 from rope_twin.studies.accuracy.choice import cheapest_within
 from rope_twin.studies.accuracy.figures import QUANTITIES, STILL
 from rope_twin.studies.accuracy.reference import FORMAL_ORDER, Doubt
@@ -61,8 +60,8 @@ def as_markdown(study: Study, card: dict[str, object], picture: str) -> str:
         still=still,
         machine=study.machine.as_text(),
         met=_of_which(study.scene),
-        rows=_markdown(row_table(study)),
-        doubts=_markdown(doubt_table(study)),
+        rows=markdown.table(row_table(study)),
+        doubts=markdown.table(doubt_table(study)),
         notes="\n".join(f"- {line}" for line in notes(study)),
         scene_digest=card["scene_digest"],
         solver_digest=card["solver_digest"],
@@ -203,8 +202,3 @@ def _order(order: float | None) -> str:
     if order is None:
         return "–"
     return f"> {FORMAL_ORDER:g}" if order > FORMAL_ORDER + 0.5 else f"{order:.1f}"
-
-
-def _markdown(rows: Sequence[Sequence[str]]) -> str:
-    rule = ["---"] * len(rows[0])
-    return "\n".join("| " + " | ".join(row) + " |" for row in (rows[0], rule, *rows[1:]))

@@ -5,12 +5,11 @@ The rows are kept in a file beside the page: a run of some scenes leaves the oth
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.studies import markdown
 from rope_twin.studies.bench.band import (
     ANSWERING,
     BLOWS,
@@ -23,7 +22,7 @@ from rope_twin.studies.bench.band import (
     BandCase,
     BandRow,
 )
-from rope_twin.studies.bench.marked_page import MarkedPage
+from rope_twin.studies.bench.marked_page import MarkedPage, read_stored, store
 
 PAGE, STORED = "error_band.md", "error_band.json"
 BEGIN, END = "<!-- written by rope_twin bench band -->", "<!-- end of what is written -->"
@@ -66,14 +65,7 @@ def read_rows(folder: Path) -> list[BandRow]:
     Raises:
         InputError: the file cannot be read.
     """
-    path = folder / STORED
-    if not path.exists():
-        return []
-    try:
-        return [BandRow(**row) for row in json.loads(path.read_text("utf-8"))["rows"]]
-    except (ValueError, KeyError, TypeError) as error:
-        right = "delete it and run `rope_twin bench band` again"
-        raise InputError(phrase(str(path), f"it holds no rows ({error})", right)) from error
+    return read_stored(folder / STORED, lambda row: BandRow(**row), "rope_twin bench band")
 
 
 def check_page(folder: Path) -> None:
@@ -94,8 +86,7 @@ def keep_rows(rows: Sequence[BandRow], folder: Path) -> Path:
     found = {row.scene: row for row in (*read_rows(folder), *rows)}
     kept = [found[case.scene] for case in KNOWN if case.scene in found]
     page = MARKED.write(folder, as_section(kept))
-    text = json.dumps({"rows": [asdict(row) for row in kept]}, indent=1, allow_nan=False)
-    (folder / STORED).write_text(text + "\n", encoding="utf-8")
+    store(folder / STORED, [asdict(row) for row in kept])
     return page
 
 
@@ -117,6 +108,5 @@ def as_section(rows: Sequence[BandRow]) -> str:
 
 def _part(title: str, cases: Sequence[BandCase], rows: Sequence[BandRow]) -> list[str]:
     names = {case.scene for case in cases}
-    head, *cells = band_table([row for row in rows if row.scene in names])
-    lines = [f"\n{title}\n", f"| {' | '.join(head)} |", f"|{' --- |' * len(head)}"]
-    return lines + [f"| {' | '.join(line)} |" for line in cells]
+    table = band_table([row for row in rows if row.scene in names])
+    return [f"\n{title}\n", markdown.table(table)]

@@ -5,15 +5,14 @@ The rows are kept in a file beside the page: a run of some effects leaves the ot
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rope_twin.errors import InputError, phrase
+from rope_twin.studies import markdown
 from rope_twin.studies.bench.effect_speed import TOGETHER_NAME, EffectSpeed, all_names
-from rope_twin.studies.bench.marked_page import MarkedPage
+from rope_twin.studies.bench.marked_page import MarkedPage, read_stored, store
 from rope_twin.studies.bench.paired import Ratio
 from rope_twin.studies.machine import this_machine
 
@@ -57,14 +56,7 @@ def read_rows(folder: Path) -> list[EffectSpeed]:
     Raises:
         InputError: the file cannot be read.
     """
-    path = folder / STORED
-    if not path.exists():
-        return []
-    try:
-        return [_row(dict(row)) for row in json.loads(path.read_text("utf-8"))["rows"]]
-    except (ValueError, KeyError, TypeError) as error:
-        right = "delete it and run `rope_twin bench effects` again"
-        raise InputError(phrase(str(path), f"it holds no rows ({error})", right)) from error
+    return read_stored(folder / STORED, _row, "rope_twin bench effects")
 
 
 def _row(told: dict[str, Any]) -> EffectSpeed:
@@ -92,23 +84,19 @@ def keep_rows(rows: Sequence[EffectSpeed], folder: Path) -> Path:
     found = {row.effect: row for row in (*read_rows(folder), *rows)}
     kept = [found[name] for name in (*all_names(), TOGETHER_NAME) if name in found]
     page = MARKED.write(folder, as_section(kept, this_machine().as_text()))
-    text = json.dumps({"rows": [as_json(row) for row in kept]}, indent=1, allow_nan=False)
-    (folder / STORED).write_text(text + "\n", encoding="utf-8")
+    store(folder / STORED, [as_json(row) for row in kept])
     return page
 
 
 def as_section(rows: Sequence[EffectSpeed], machine: str) -> str:
     """What stands between the marks."""
     same = sum(row.off_over_base.holds_one for row in rows)
-    head, *cells = effect_table(rows)
     lines = [
         f"In {same} of {len(rows)} rows 1 lies in the interval of the same scene again over itself"
         f" (99 % each). The last row was measured on",
         "",
         f"{machine}.",
         "",
-        f"| {' | '.join(head)} |",
-        f"|{' --- |' * len(head)}",
-        *(f"| {' | '.join(line)} |" for line in cells),
+        markdown.table(effect_table(rows)),
     ]
     return "\n".join(lines)

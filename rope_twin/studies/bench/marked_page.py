@@ -1,11 +1,15 @@
-"""A page that a command writes a part of, between two marks."""
+"""A page that a command writes a part of, between two marks, and the rows kept beside it."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 from rope_twin.errors import InputError, phrase
+
+Row = TypeVar("Row")
 
 
 class MarkedPage(NamedTuple):
@@ -39,3 +43,24 @@ class MarkedPage(NamedTuple):
         path = folder / self.name
         path.write_text(f"{before}{self.begin}\n{section}\n{self.end}{after}", encoding="utf-8")
         return path
+
+
+def read_stored(path: Path, as_row: Callable[[dict[str, Any]], Row], command: str) -> list[Row]:
+    """The rows that a file holds; none if there is no file.
+
+    Raises:
+        InputError: the file cannot be read; `command` makes it anew.
+    """
+    if not path.exists():
+        return []
+    try:
+        return [as_row(dict(row)) for row in json.loads(path.read_text("utf-8"))["rows"]]
+    except (ValueError, KeyError, TypeError) as error:
+        right = f"delete it and run `{command}` again"
+        raise InputError(phrase(str(path), f"it holds no rows ({error})", right)) from error
+
+
+def store(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+    """Put rows into a file that `read_stored` reads."""
+    text = json.dumps({"rows": list(rows)}, indent=1, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")

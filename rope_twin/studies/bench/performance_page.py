@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rope_twin.core.lanes.wide import LANES
+from rope_twin.studies import markdown
 from rope_twin.studies.bench.ensemble_speed import EnsembleRow, ensemble_table
 from rope_twin.studies.bench.orders import Curve
 from rope_twin.studies.bench.speed import FIT_FROM, Basis, Row, Speed
@@ -113,13 +114,13 @@ def as_markdown(speed: Speed, curves: Sequence[Curve], many: Sequence[EnsembleRo
     return _PAGE.format(
         machine=speed.machine.as_text() + ".",
         seconds=speed.seconds,
-        speed=_markdown(speed_table(speed.rows)),
-        snaps=_markdown(speed_table(speed.snaps)),
+        speed=markdown.table(speed_table(speed.rows)),
+        snaps=markdown.table(speed_table(speed.snaps)),
         exponents=exponent_words(speed),
-        basis=_markdown(basis_table(speed.references)),
+        basis=markdown.table(basis_table(speed.references)),
         picture=PICTURE.as_posix(),
-        orders=_markdown(order_table(curves)),
-        ensembles=_markdown(ensemble_table(many)),
+        orders=markdown.table(order_table(curves)),
+        ensembles=markdown.table(ensemble_table(many)),
         lanes=LANES,
         roots=ROOTS,
         divisions=DIVISIONS,
@@ -200,9 +201,3 @@ def _span(curve: Curve) -> str:
         f"{scale * size:.3g}" for size in (curve.sizes[0], curve.sizes[-1], curve.reference_size)
     )
     return f"{first} to {last} {unit}, against {finest}"
-
-
-def _markdown(table: Table) -> str:
-    lines = [f"| {' | '.join(row)} |" for row in table]
-    rule = "|" + " --- |" * len(table[0])
-    return "\n".join([lines[0], rule, *lines[1:]])

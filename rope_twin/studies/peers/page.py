@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.errors import InputError, phrase
+from rope_twin.studies import markdown
 from rope_twin.studies.machine import Machine
 from rope_twin.studies.peers.race import LIMIT_PCT, SEARCHED, PeerRace, PeerRow
 from rope_twin.studies.picture import check_picture, write_picture
@@ -74,8 +75,8 @@ def as_section(race: PeerRace) -> str:
         machine=race.machine.as_text() + ".",
         limit=race.limit_pct,
         doubt=max(row.doubt_pct for row in race.rows),
-        best=_markdown(best_table(race.rows)),
-        table=_markdown(peer_table(race.rows)),
+        best=markdown.table(best_table(race.rows)),
+        table=markdown.table(peer_table(race.rows)),
         searched=SEARCHED,
         refused="".join(
             f"- CableDyn does not run {n}: `{why}`.\n" for n, why in race.refused.items()
@@ -159,11 +160,6 @@ def _factor(value: float | None) -> str:
     if value is None:
         return ""
     return f"{value:,.0f}" if value >= 9.95 else f"{value:.2g}"
-
-
-def _markdown(table: Table) -> str:
-    lines = [f"| {' | '.join(row)} |" for row in table]
-    return "\n".join([lines[0], "|" + " --- |" * len(table[0]), *lines[1:]])
 
 
 def draw_race(race: PeerRace, path: Path) -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.errors import InputError, phrase
+from rope_twin.studies import markdown
 from rope_twin.studies.validation import vortex_convergence
 from rope_twin.studies.validation.case import Finding, Row
 from rope_twin.studies.validation.registry import CASES, order_of_ids
@@ -93,10 +94,7 @@ def _number(value: float | None, unit: str) -> str:
 
 def markdown_table(results: Iterable[dict[str, Any]]) -> str:
     """All rows as one table."""
-    lines = [f"| {' | '.join(HEAD)} |", f"|{' --- |' * len(HEAD)}"]
-    for result in results:
-        lines += [f"| {' | '.join(cells)} |" for cells in table_rows(result)]
-    return "\n".join(lines)
+    return markdown.table([HEAD, *(cells for result in results for cells in table_rows(result))])
 
 
 def keep_results(rows: Iterable[Row], folder: Path) -> list[dict[str, Any]]:
@@ -173,8 +171,8 @@ def _body(results: list[dict[str, Any]]) -> Iterable[str]:
     for result in results:
         yield f"\n### {result['id']}: {result['about']}\n"
         yield f"Source: {result['source']}. Takes {result['seconds']:.0f} s.\n"
-        yield "| quantity | ours | published | tolerance | met |\n| --- | --- | --- | --- | --- |"
-        yield from (f"| {' | '.join(cells[1:-1])} |" for cells in table_rows(result))
+        head = ("quantity", "ours", "published", "tolerance", "met")
+        yield markdown.table([head, *(cells[1:-1] for cells in table_rows(result))])
         for note in result["notes"]:
             yield f"\n{note}"
         if result["picture"]:
@@ -205,9 +203,7 @@ def _refined(rows: Sequence[dict[str, Any]]) -> Iterable[str]:
     yield f"\n### Convergence of {names} over element length and step\n"
     yield "`rope_twin validate --convergence`; off is off the finest run of a sweep.\n"
     yield from (f"- {row['words']}" for row in rows)
-    head, *cells = vortex_convergence.table(rows)
-    yield f"\n| {' | '.join(head)} |\n|{' --- |' * len(head)}"
-    yield from (f"| {' | '.join(line)} |" for line in cells)
+    yield f"\n{markdown.table(vortex_convergence.table(rows))}"
     yield f"\n![convergence]({PICTURES}/{CONVERGENCE_PICTURE})"
 
 
