@@ -7,8 +7,10 @@ import os
 import platform
 import time
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 
+from rope_twin.core.jit import source_digest
 from rope_twin.core.yardstick import chain
 
 LINKS, REPETITIONS = 1_000_000, 15
@@ -25,12 +27,14 @@ class Machine:
     multiply_add_ns: float  # one dependent multiply-add; best of REPETITIONS
     python: str
     numba: str
+    run: str = ""  # which day, and which solver; empty: not known
 
     def as_text(self) -> str:
         """One line."""
         return (
             f"{self.processor}, {self.cores} cores, load {self.load:.1f}; a dependent multiply-add "
             f"takes {self.multiply_add_ns:.2f} ns; Python {self.python}, numba {self.numba}"
+            f"{self.run and '; '}{self.run}"
         )
 
 
@@ -43,6 +47,7 @@ def this_machine() -> Machine:
         multiply_add_ns=_time_chain(),
         python=platform.python_version(),
         numba=importlib.metadata.version("numba"),
+        run=f"{datetime.now(UTC).date()}, solver {source_digest()[:8]}",
     )
 
 

@@ -20,7 +20,8 @@ ROOTS, DIVISIONS = 2 * (3 + 2), 2 * (2 + 2 + 1)
 _PAGE = """\
 # How fast, how right
 
-Written by `rope_twin bench report`; the figures are those of its last run. Edit
+Written by `rope_twin bench report`; the figures are those of its last run, by the solver that is
+named with the machine (`rope_twin bench speed` prints the present one's name). Edit
 `rope_twin/studies/bench/performance_page.py`, not this page.
 
 {machine}
