@@ -30,6 +30,8 @@ _SCOPES = [
     *(f"work {k}" for k in range(WORK_ROWS)),
     *(f"nodes {k}" for k in range(NODE_ROWS)),
     "offset",
+    "sea",  # core/wave_rows
+    *(f"scratch {k}" for k in range(5)),
 ]
 _KNOWN: WeakKeyDictionary[Any, dict[str, tuple[Any, Any]]] = WeakKeyDictionary()
 _DECLARED: WeakKeyDictionary[Any, dict[str, Any]] = WeakKeyDictionary()

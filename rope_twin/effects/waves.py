@@ -14,7 +14,8 @@ Rope and payload feel the acceleration: the rope by ρ·A·(a + Ca·a_n) per met
 
 Short cuts: components are sorted from long to short, and a node takes only so many that the rest of
 them together, Σ a·ω·e^{k·z}, is negligible there; nodes between others may take what a cubic gives
-(core/wave_field). Both together stay under `neglected_m_per_s`.
+(core/wave_field); angles are turned from those of a place close by, by a series (core/wave_sums).
+All together stay under `neglected_m_per_s`.
 """
 
 from __future__ import annotations
@@ -34,7 +35,18 @@ from rope_twin.core.loads import Load
 from rope_twin.core.rows import rows
 from rope_twin.core.state import FLOW_RATE, RESIDUAL, Floats
 from rope_twin.core.wave_field import add_water
-from rope_twin.core.wave_reach import levels_to, reaches, thirds
+from rope_twin.core.wave_reach import asides, echoes, levels_to, lowest, reaches, thirds
+from rope_twin.core.wave_rows import (
+    ASIDE,
+    BLOCK,
+    ECHO,
+    LEVEL,
+    MOST,
+    REACH,
+    SEA_ROWS,
+    THIRD,
+    UP,
+)
 from rope_twin.errors import InputError
 from rope_twin.quantity import quantity, text
 from rope_twin.sea.components import DEEP, irregular_waves, regular_wave, spread
@@ -90,7 +102,7 @@ class WavesParams:
     regular: RegularWave | None = text("one wave", None)
     jonswap: Jonswap | None = text("a sea by height and period", None)
     measured: Measured | None = text("a measured spectrum", None)
-    components: int = quantity("into how many waves a spectrum is taken apart", "", 2, 2000, 200)
+    components: int = quantity("into how many waves a spectrum is taken apart", "", 2, MOST, 200)
     seed: int = quantity("picks their phases", "", 0, 2**31, 1)
     heading_deg: float = quantity(
         "where waves travel to: 0 east, 90 north", "°", -360.0, 360.0, 0.0
@@ -114,23 +126,13 @@ class WavesParams:
 
 
 class Waves(NamedTuple):
-    """What the kernels see: components from long to short, (n,) each."""
+    """What the kernels see: components from long to short, in blocks."""
 
-    kx: Floats  # wave number east [1/m]
-    ky: Floats  # and north
-    k: Floats  # [1/m]
-    omega: Floats  # [rad/s]
-    phase: Floats  # [rad]
-    amplitude: Floats  # [m]
-    east: Floats  # a·ω·cos β/(1 - e^{-2kh}) [m/s]
-    north: Floats  # a·ω·sin β/(1 - e^{-2kh})
-    up: Floats  # a·ω/(1 - e^{-2kh})
-    echo: Floats  # e^{-2kh}: what the bottom throws back
-    reach: Floats  # below this z [m] the components from here on are left out
-    levels: Floats  # from the surface down [m], and for each of them the
-    thirds: Floats  # third of the longest stretch [m] that a cubic serves below it
+    table: Floats  # figures of components, blocks and levels (core/wave_rows), (SEA_ROWS, any)
+    blocks: int
+    levels: int
     steepest: float  # Σ a·k, slope of the surface
-    crest: float  # Σ a [m]
+    lowest: float  # z of nodes [m] below which there are no waves
     depth: float  # [m]
     ramp: float  # [s]
     density: float  # of the water [kg/m³]
@@ -150,8 +152,7 @@ class ManyWaves(NamedTuple):
 def _pick_waves(many: Any, r: int) -> Any:
     sea, m = many.sea, many.inertia[r]
     return Waves(
-        sea.kx, sea.ky, sea.k, sea.omega, sea.phase, sea.amplitude, sea.east, sea.north, sea.up,
-        sea.echo, sea.reach, sea.levels, sea.thirds, sea.steepest, sea.crest, sea.depth, sea.ramp,
+        sea.table, sea.blocks, sea.levels, sea.steepest, sea.lowest, sea.depth, sea.ramp,
         sea.density, sea.Ca, m[0], m[1], m[2],
     )  # fmt: skip
 
@@ -186,30 +187,32 @@ def build(params: WavesParams, payload: Any, around: Any) -> Waves:
     """From the sea, the payload's volume and added mass, and the rope's added mass."""
     density = around.water_density_kg_per_m3
     sea = components_of(params, around.gravity_m_per_s2)
-    echo = np.exp(-2.0 * sea.wave_number * sea.depth_m)
-    speed = sea.amplitude_m * sea.omega / (1.0 - echo)
+    k, a, depth = sea.wave_number, sea.amplitude_m, sea.depth_m
+    speed = a * sea.omega / (1.0 - np.exp(-2.0 * k * depth))
     felt = speed * np.maximum(sea.omega, 1.0)  # bounds velocity and its rate
-    levels = levels_to(sea.depth_m)
+    levels, neglected = levels_to(depth), params.neglected_m_per_s
+    reach = reaches(k, felt, depth, neglected)[::BLOCK]
+    blocks = len(reach)
+    table = np.zeros((SEA_ROWS, max(blocks * BLOCK, len(levels), blocks + 1)))
+    table[: UP + 1, : len(k)] = (
+        k * np.cos(sea.heading), k * np.sin(sea.heading), sea.omega, sea.phase, a, k,
+        speed * np.cos(sea.heading), speed * np.sin(sea.heading), speed,
+    )  # fmt: skip
+    table[REACH, :blocks] = reach
+    table[ECHO, :blocks] = echoes(k[::BLOCK], depth)
+    table[ASIDE, : blocks + 1] = asides(np.append(reach, 0.0), k, a, felt, depth, neglected)
+    table[LEVEL, : len(levels)] = levels
+    table[THIRD, : len(levels)] = thirds(levels, k, felt, depth, neglected)
     inertia = [0.0] * 3
     if payload is not None:
         inertia = [density * payload.volume_m3 + added for added in payload.added_mass_kg]
     return Waves(
-        kx=sea.wave_number * np.cos(sea.heading),
-        ky=sea.wave_number * np.sin(sea.heading),
-        k=sea.wave_number,
-        omega=sea.omega,
-        phase=sea.phase,
-        amplitude=sea.amplitude_m,
-        east=speed * np.cos(sea.heading),
-        north=speed * np.sin(sea.heading),
-        up=speed,
-        echo=echo,
-        reach=reaches(sea.wave_number, felt, sea.depth_m, params.neglected_m_per_s),
-        levels=levels,
-        thirds=thirds(levels, sea.wave_number, felt, sea.depth_m, params.neglected_m_per_s),
-        steepest=float(sea.amplitude_m @ sea.wave_number),
-        crest=float(sea.amplitude_m.sum()),
-        depth=sea.depth_m,
+        table=table,
+        blocks=blocks,
+        levels=len(levels),
+        steepest=float(a @ k),
+        lowest=lowest(float(reach[0]), float(a.sum()), depth),
+        depth=depth,
         ramp=params.ramp_s,
         density=density,
         Ca=around.added_mass,

@@ -15,7 +15,7 @@ from scipy.optimize import brentq
 
 from rope_twin.core import state as rows
 from rope_twin.core.jit import jit_entry
-from rope_twin.core.wave_field import cos_sin, decay
+from rope_twin.core.wave_sums import cos_sin, decay
 from rope_twin.effects import Surroundings
 from rope_twin.effects.waves import (
     Jonswap,
@@ -130,13 +130,14 @@ def test_published_form_of_a_deep_wave() -> None:
 
 
 @pytest.mark.parametrize(
-    ("spacing", "slope"), [(2.0, (0.05, -0.02)), (0.2, (0.0, 0.0)), (2.0, (0.8, 0.6))]
+    ("spacing", "slope"),
+    [(2.0, (0.05, -0.02)), (0.2, (0.0, 0.0)), (2.0, (0.8, 0.6)), (3.0, (0.02, 0.0))],
 )
 def test_what_nodes_leave_out_is_bounded(spacing: float, slope: tuple[float, float]) -> None:
     """200 components: under `neglected_m_per_s` off the full sum, which itself is far larger.
 
-    On a steep rope, an upright one of fine elements, where most nodes take what a cubic gives, and
-    one at 45°; the water's acceleration by as much.
+    On a steep rope, an upright one of fine elements, where most nodes take what a cubic gives, one
+    at 45°, and one whose nodes all turn angles; the water's acceleration by as much.
     """
     z = np.arange(-400.0, 0.0, spacing)
     place = np.stack([slope[0] * z, slope[1] * z, z])
@@ -149,6 +150,31 @@ def test_what_nodes_leave_out_is_bounded(spacing: float, slope: tuple[float, flo
         assert off.max() > 0.0
         assert np.sqrt(((rate - du) ** 2).sum(axis=0))[1:].max() <= neglected
         assert np.abs(u).max() > 0.3
+
+
+def test_a_sea_without_short_cuts_is_airys() -> None:
+    """The full sum of 200 components to 1e-12 of what they are together, along a steep rope."""
+    z = np.linspace(-60.0, 1.0, 62)
+    place = np.stack([0.05 * z, -0.02 * z, z])
+    sea = components_of(SEA, G)
+    _, u, du = airy(sea, place, 77.7)
+    found, rate = kernel_at(replace(SEA, neglected_m_per_s=0.0), place, 77.7)
+    speed = sea.amplitude_m * sea.omega
+    assert np.abs(found - u)[:, 1:].max() < 1e-12 * speed.sum()
+    assert np.abs(rate - du)[:, 1:].max() < 1e-12 * (speed * sea.omega).sum()
+
+
+def test_waves_over_a_bed_that_all_troughs_together_would_lay_dry() -> None:
+    """200 components whose amplitudes sum up to more than the depth are there down to the bed."""
+    params = replace(SEA, depth_m=8.0)
+    sea = components_of(params, G)
+    assert sea.amplitude_m.sum() > 8.0
+    place = np.stack([np.zeros(16), np.zeros(16), np.linspace(-7.5, 0.5, 16)])
+    _, u, _ = airy(sea, place, 77.7)
+    found, _ = kernel_at(params, place, 77.7)
+    assert np.abs(u).max() > 0.3
+    off = np.sqrt(((found - u) ** 2).sum(axis=0))[1:]
+    assert off.max() <= params.neglected_m_per_s
 
 
 def test_a_spectrum_taken_apart_keeps_its_height() -> None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from rope_twin.core.state import Floats, Rope
+from rope_twin.core.wave_rows import AMPLITUDE, OMEGA, K
 from rope_twin.effects.waves import Waves
 from rope_twin.twin.accuracy.error_bound import THIRD
 
@@ -35,7 +36,8 @@ def error_per_difference(rope: Rope) -> float:
     if sea is None:
         return THIRD
     length = rope.model.element_length
-    error, twice = (surplus_m(sea.k, times * length) for times in (1.0, 2.0))
-    push = sea.amplitude * sea.omega**2
+    own = sea.table[:, sea.table[AMPLITUDE] > 0.0]
+    error, twice = (surplus_m(own[K], times * length) for times in (1.0, 2.0))
+    push = own[AMPLITUDE] * own[OMEGA] ** 2
     share = np.linalg.norm(push * error) / np.linalg.norm(push * (twice - error))
     return max(float(share), THIRD)
