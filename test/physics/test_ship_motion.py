@@ -17,7 +17,7 @@ from rope_twin.core import state as rows
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.recording.ship_sea import ShipOnWaves
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.schema import Ship
+from rope_twin.scene.schema import Scene, Ship
 from rope_twin.scene.sea_state import OnWaves, SeaState
 from rope_twin.sea.box_motion import box_responses, table_of
 from rope_twin.sea.components import Waves
@@ -197,13 +197,19 @@ def test_a_way_is_followed() -> None:
     )
 
 
+def fed(scene: Scene, until_ns: int) -> Twin:
+    """A twin that has its scene's own sea up to then."""
+    sea, twin = open_sea(scene), Twin(scene)
+    assert sea is not None
+    for sample in sea.between(FIRST_NS, until_ns):
+        assert offer(twin, sample) == ""
+    return twin
+
+
 def test_studies_and_twins_see_the_same_motion() -> None:
     """A course, as accuracy studies step it, prescribes what a twin that is fed prescribes."""
     scene = load_scene("ship_6dof")
-    sea, twin = open_sea(scene), Twin(scene)
-    assert sea is not None
-    for sample in sea.between(FIRST_NS, 2_000_000_000):
-        offer(twin, sample)
+    twin = fed(scene, 2_000_000_000)
     course = Course(scene, 1.0, 0.1).motion(scene.time.step_s)
     for row in range(1, 51):
         twin.advance(1)
@@ -214,10 +220,7 @@ def test_studies_and_twins_see_the_same_motion() -> None:
 def test_a_saved_state_keeps_the_way_aside() -> None:
     """A twin that goes on from a saved state moves on as the one that was saved."""
     scene = load_scene("deep_tow_turn")
-    sea, twin = open_sea(scene), Twin(scene)
-    assert sea is not None
-    for sample in sea.between(FIRST_NS, 4_000_000_000):
-        offer(twin, sample)
+    twin = fed(scene, 4_000_000_000)
     twin.advance(100)
     other = Twin.restore(twin.capture(), scene)
     for one in (twin, other):

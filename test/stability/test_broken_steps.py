@@ -34,6 +34,13 @@ def started(folder: Path) -> Twin:
     return twin
 
 
+def unbroken(folder: Path, steps: int) -> Snapshot:
+    """After so many steps of a twin whose core does not break."""
+    twin = started(folder)
+    twin.advance(steps)
+    return twin.snapshot()
+
+
 class BrokenCore:
     """The core's advance, whose loads are spoilt from step BREAKS_AT on while `broken`."""
 
@@ -94,9 +101,7 @@ def test_the_last_good_state_is_kept(tmp_path: Path, core: BrokenCore) -> None:
     kept = twin.snapshot()
     assert not not_finite(kept)
     core.broken = False
-    other = started(tmp_path)
-    other.advance(BREAKS_AT)
-    assert not differences(kept, other.snapshot(), 1e-12)
+    assert not differences(kept, unbroken(tmp_path, BREAKS_AT), 1e-12)
 
 
 def test_it_goes_on_once_the_cause_is_gone(tmp_path: Path, core: BrokenCore) -> None:
@@ -108,9 +113,7 @@ def test_it_goes_on_once_the_cause_is_gone(tmp_path: Path, core: BrokenCore) -> 
         assert twin.steps == BREAKS_AT
     core.broken = False
     twin.advance(900 - BREAKS_AT)
-    other = started(tmp_path)
-    other.advance(900)
-    assert not differences(twin.snapshot(), other.snapshot(), 0.0)
+    assert not differences(twin.snapshot(), unbroken(tmp_path, 900), 0.0)
 
 
 def test_the_state_that_it_cannot_leave_is_kept_in_a_file(tmp_path: Path, core: BrokenCore) -> None:
@@ -131,9 +134,7 @@ def test_the_state_that_it_cannot_leave_is_kept_in_a_file(tmp_path: Path, core: 
     assert again.steps == BREAKS_AT
     core.broken = False
     again.advance(900 - BREAKS_AT)
-    other = started(tmp_path)
-    other.advance(900)
-    assert not differences(again.snapshot(), other.snapshot(), 0.0)
+    assert not differences(again.snapshot(), unbroken(tmp_path, 900), 0.0)
 
 
 def test_a_folder_that_takes_no_file_is_told_too(tmp_path: Path, core: BrokenCore) -> None:

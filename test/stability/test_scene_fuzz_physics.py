@@ -8,24 +8,20 @@ reaches, and with the ship at rest energy never appears from nothing.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from small_scene import not_finite
+from weather import UNHURRIED, Weather, that_rests, weathers
 
 from rope_twin import Snapshot, Twin
-from rope_twin.errors import SceneError
 from rope_twin.scene.schema import Winch
 from rope_twin.studies.rigs import WATER, Rig, march
 from rope_twin.studies.stability.rigs import Arrays, sine
 
 WATER_DRAG = st.tuples(st.floats(0.5, 2.0), st.floats(0.005, 0.05))  # normal, tangential
-UNHURRIED = {
-    "deadline": None,
-    "suppress_health_check": [HealthCheck.too_slow, HealthCheck.filter_too_much],
-}
 
 
 def spread(low: float, high: float) -> st.SearchStrategy[float]:
@@ -63,26 +59,7 @@ def rigs(draw: st.DrawFn) -> Rig:
     )
 
 
-@dataclass(frozen=True)
-class Sea:
-    """What happens to the rig."""
-
-    amplitude: float
-    period: float
-    payout: float
-    current: tuple[float, float]
-
-
-seas = st.builds(
-    Sea,
-    st.floats(0.0, 6.0),
-    st.floats(4.0, 20.0),
-    st.floats(-2.0, 2.0),
-    st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0)),
-)
-
-
-def started(rig: Rig, sea: Sea) -> Twin:
+def started(rig: Rig, weather: Weather) -> Twin:
     """The twin, if the scene has an equilibrium that does not float."""
     winch = Winch(
         speed_limit_m_per_s=2.0,
@@ -90,12 +67,8 @@ def started(rig: Rig, sea: Sea) -> Twin:
         least_line_out_m=min(2.0, rig.length),
         most_line_out_m=rig.length + 100.0,
     )
-    profile = ((0.0, sea.current), (-rig.length, (0.0, 0.0)))
-    try:
-        return replace(rig, winch=winch, current=profile).twin()
-    except SceneError:
-        assume(False)
-        raise
+    profile = ((0.0, weather.current_m_per_s), (-rig.length, (0.0, 0.0)))
+    return that_rests(replace(rig, winch=winch, current=profile).twin)
 
 
 def reach(shot: Snapshot, rig: Rig) -> float:
@@ -108,13 +81,13 @@ def reach(shot: Snapshot, rig: Rig) -> float:
 
 
 @settings(max_examples=15, **UNHURRIED)
-@given(rig=rigs(), sea=seas)
-def test_a_rope_stays_a_rope(rig: Rig, sea: Sea) -> None:
+@given(rig=rigs(), weather=weathers(6.0, 20.0))
+def test_a_rope_stays_a_rope(rig: Rig, weather: Weather) -> None:
     """20 s of heave, payout and current; a look each half second."""
     assume(rig.top_weight > 0.0 and rig.load_weight >= 0.0)
-    twin = started(rig, sea)
-    speeds = [(1.0, sea.payout), (12.0, -sea.payout)]
-    heave = sine(sea.amplitude, sea.period)
+    twin = started(rig, weather)
+    speeds = [(1.0, weather.payout_m_per_s), (12.0, -weather.payout_m_per_s)]
+    heave = sine(weather.amplitude_m, weather.period_s)
     every = round(0.5 / rig.step)
     for shot in march(twin, heave, 20.0, every, speeds):
         assert not not_finite(shot)

@@ -50,18 +50,28 @@ def slackening_heave(amplitude_m: float) -> Motion:
     return at
 
 
+def treat_roughly(
+    twin: Twin, amplitude_m: float, speed: float, every: int
+) -> tuple[list[Snapshot], list[Snapshot]]:
+    """A current at once, 15 s of lock-in, then slack and snap in it and 20 m hauled through it.
+
+    What was seen in lock-in, every so many steps, and in all of the rest.
+    """
+    heave = slackening_heave(amplitude_m)
+    list(march(twin, heave, 5.0, 10))
+    twin.offer_current(np.array([[0.0, speed, 0.0]]))
+    locked = list(march(twin, heave, 15.0, every))
+    rough = list(march(twin, heave, 20.0, 5))
+    return locked, rough + list(march(twin, heave, 30.0, 5, speeds=[(42.0, -1.0), (62.0, 0.0)]))
+
+
 def _through_it_all(model: Any) -> list[Check]:
     """Current at once, lock-in, slack and snap in it, 20 m hauled through it, lock-in again."""
     scene = RIG.scene()
     twin = Twin(replace(scene, effects=(*scene.effects, model)))
-    heave = slackening_heave(AMPLITUDE_M)
-    list(march(twin, heave, 5.0, 10))
-    twin.offer_current(np.array([[0.0, SPEED, 0.0]]))
-    locked = list(march(twin, heave, 15.0, 2))
-    rough = list(march(twin, heave, 20.0, 5))
-    hauled = list(march(twin, heave, 30.0, 5, speeds=[(42.0, -1.0), (62.0, 0.0)]))
+    locked, rough = treat_roughly(twin, AMPLITUDE_M, SPEED, 2)
     after = list(march(twin, still, AFTER_S, 2))
-    shots = (*locked, *rough, *hauled, *after)
+    shots = (*locked, *rough, *after)
     least = min(float(shot.element_tension_n.min()) for shot in shots)
     return [
         Check("largest amplitude in lock-in, diameters", _across(locked[250:]), SELF_LIMIT, ""),

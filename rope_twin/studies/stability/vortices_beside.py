@@ -19,7 +19,7 @@ from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.scene.schema import Winch
 from rope_twin.studies.rigs import WATER, Rig, march, still
 from rope_twin.studies.stability.check import Case, Check, all_converged, off
-from rope_twin.studies.stability.vortices import slackening_heave
+from rope_twin.studies.stability.vortices import treat_roughly
 from rope_twin.twin.findings import RopeVibration
 from rope_twin.twin.ledger import AccountedTwin
 from rope_twin.twin.snapshot import Snapshot
@@ -46,15 +46,10 @@ def _through_it_all(model: Any) -> list[Check]:
     """Current at once, lock-in, slack and snap in it, 20 m hauled through it, lock-in again."""
     scene = RIG.scene()
     twin = AccountedTwin(replace(scene, effects=(*scene.effects, model)))
-    heave = slackening_heave(AMPLITUDE_M)
-    list(march(twin, heave, 5.0, 10))
-    twin.offer_current(np.array([[0.0, SPEED, 0.0]]))
-    locked = list(march(twin, heave, 15.0, 5))
-    rough = list(march(twin, heave, 20.0, 5))
-    hauled = list(march(twin, heave, 30.0, 5, speeds=[(42.0, -1.0), (62.0, 0.0)]))
+    locked, rough = treat_roughly(twin, AMPLITUDE_M, SPEED, 5)
     after = list(march(twin, still, FRESH_S - LOOK_S, 5))
     before, (last, growth) = after[-1], _looked(twin)
-    shots = [*locked, *rough, *hauled, *after, *last]
+    shots = [*locked, *rough, *after, *last]
     least = min(float(shot.element_tension_n.min()) for shot in shots)
     residual = before.energy.residual_pct if before.energy is not None else math.nan
     return [
