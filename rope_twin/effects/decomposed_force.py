@@ -10,7 +10,7 @@ are read from the running motion. All this is computed beside the step, on place
 again as tension and line out change: elements and step of the scene need not resolve it.
 
 What it does to the rope is in the step: the drag coefficient at each node grows by
-a·(2·rms/d)^b (Vandiver 1983: a = 1.043, b = 0.65), with the rms that the response has there.
+a·(2·rms/d)^b (Vandiver 1983: a = 1.043, b = 0.65), the mean of the rope that the node stands for.
 """
 
 from __future__ import annotations

@@ -66,3 +66,16 @@ def extended(at: Floats, s: Floats, values: Floats) -> Floats:
     last = (values[-1] - values[-2]) / (s[-1] - s[-2])
     found[high] = values[-1] + (at[high] - s[-1]) * last
     return found
+
+
+def mean_around(at: Floats, s: Floats, values: Floats) -> Floats:
+    """Mean of `values`, linear between `s`, over the halves beside each of `at`, both rising.
+
+    So a sum over coarse nodes has all of what goes up and down between them. Beyond the ends of `s`
+    the end's value holds.
+    """
+    edges = np.concatenate([at[:1], 0.5 * (at[1:] + at[:-1]), at[-1:]])
+    knots = np.union1d(edges, s)
+    found = np.interp(knots, s, values)
+    whole = np.concatenate([[0.0], np.cumsum(0.5 * (found[1:] + found[:-1]) * np.diff(knots))])
+    return np.asarray(np.diff(whole[np.searchsorted(knots, edges)]) / np.diff(edges))

@@ -110,7 +110,7 @@ class Beside:
             cross_flow_hz=self._at_nodes(rope, self._response.dominant_hz)[::-1].copy(),
             in_line=None,
             in_line_hz=None,
-            drag_amplification=np.ones(len(_along(rope))),  # the twin does not know of it
+            drag_amplification=np.ones(len(along(rope))),  # the twin does not know of it
             every_s=self._every_s,
             solves=self.solves,
             note=self.note,
@@ -118,13 +118,18 @@ class Beside:
 
     def amplitudes(self, rope: Rope) -> Floats:
         """At the nodes of the rope, from the lower end up [d]."""
+        return self._at_nodes(rope, self.at_places()[1])
+
+    def at_places(self) -> tuple[Floats, Floats]:
+        """Its own places along the rope, as `along` has them [m], and the amplitude there [d]."""
         response = self._response
-        return self._at_nodes(rope, getattr(response, "amplitudes", response.amplitude))
+        s = response.span.s
+        return s - s[-1], getattr(response, "amplitudes", response.amplitude)
 
     def _at_nodes(self, rope: Rope, values: Floats) -> Floats:
         """What the response has at its places, at the nodes of the rope."""
         s = self._response.span.s
-        return np.interp(_along(rope), s - s[-1], values)
+        return np.interp(along(rope), s - s[-1], values)
 
     def moved(self, rope: Rope, marks: Floats) -> Floats:
         """Across the flow, at material coordinates [m]."""
@@ -135,7 +140,7 @@ class Beside:
     def _places(self, rope: Rope, marks: Floats) -> Floats:
         """Where material coordinates are on the response's own line [m]."""
         s = rope.state.s[: int(rope.state.counts[rows.ELEMENTS]) + 1]
-        return np.asarray(self._response.span.s[-1] + np.interp(marks, s, _along(rope)))
+        return np.asarray(self._response.span.s[-1] + np.interp(marks, s, along(rope)))
 
     def bent(self, rope: Rope, middles: Floats) -> Floats:
         """Curvature of the vibration at material coordinates [1/m], as `turned` has it."""
@@ -208,7 +213,7 @@ def beside_decomposed(
     return Beside(name, rope, span_of, DecomposedResponse(span_of(rope), model), every_s)
 
 
-def _along(rope: Rope) -> Floats:
+def along(rope: Rope) -> Floats:
     """Of the nodes, along the stretched rope from the hang-off, less than 0 [m]."""
     n = int(rope.state.counts[rows.ELEMENTS])
     steps = np.diff(rope.state.nodes[_PLACE, : n + 1], axis=1)

@@ -2,7 +2,7 @@
 
 `modal_vibration` and `decomposed_force` know the rope by its modes, on places of their own
 (`beside.py`). At each look they go on by the time since the one before, and the drag coefficient
-at the rope's nodes grows with the rms that they have there (core/vortices/drag_growth.py). The
+at the rope's nodes grows with the rms of the rope around them (core/vortices/drag_growth.py). The
 rope's lean and tension then change what the model finds when it looks for its modes again.
 """
 
@@ -21,11 +21,18 @@ from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.scene.rules.shedding import model_beside, shedding_model, strouhal_number
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.findings import RopeVibration
-from rope_twin.twin.vibration.beside import Beside, KeptBeside, beside_decomposed, beside_modes
+from rope_twin.twin.vibration.beside import (
+    Beside,
+    KeptBeside,
+    along,
+    beside_decomposed,
+    beside_modes,
+)
 from rope_twin.twin.vibration.looks import is_another_pace, steps_between, vortices_hz
 from rope_twin.viv.decomposed import decomposed
 from rope_twin.viv.drag import amplified_drag
 from rope_twin.viv.shedding import Lift, Shedding
+from rope_twin.viv.span import mean_around
 
 
 class KeptShaking(NamedTuple):
@@ -89,8 +96,13 @@ class Shaking:
         return replace(self.tracker.shot(rope), drag_amplification=amplified, cost_pct=cost_pct)
 
     def amplified(self, rope: Rope) -> Floats:
-        """What the drag is multiplied by at the nodes, from the lower end up."""
-        return amplified_drag(self.tracker.amplitudes(rope) / sqrt(2.0), self._growth)
+        """What the drag is multiplied by at the nodes, from the lower end up.
+
+        A node has the mean over the rope that it stands for: half a wave may lie between two.
+        """
+        s, amplitude = self.tracker.at_places()
+        grown = amplified_drag(amplitude / sqrt(2.0), self._growth) - 1.0
+        return 1.0 + mean_around(along(rope), s, grown)
 
     def kept(self) -> KeptShaking:
         """From which `take_back` goes on."""

@@ -1,0 +1,30 @@
+"""Means of what goes up and down between coarse nodes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from rope_twin.viv.span import mean_around
+
+
+def test_means_of_a_straight_line_and_of_a_kink() -> None:
+    """A line's mean is its value in the middle of the share; |x| by hand."""
+    at, s = np.array([-9.0, -5.0, -2.0, 0.0]), np.array([-9.0, -7.5, -3.0, 0.0])
+    middles = np.array([-8.0, -5.25, -2.25, -0.5])
+    np.testing.assert_allclose(mean_around(at, s, 2.0 * s + 1.0), 2.0 * middles + 1.0)
+    kink = mean_around(
+        np.array([-2.0, 0.5, 1.0]), np.array([-2.0, 0.0, 1.0]), np.array([2, 0, 1.0])
+    )
+    np.testing.assert_allclose(kink, [1.375, (0.5 * 0.75**2 + 0.5 * 0.75**2) / 1.5, 0.875])
+
+
+def test_nothing_between_coarse_nodes_is_missed() -> None:
+    """Thirty half waves of sin², five nodes: the shares add up to the integral, ½ of the length."""
+    s = np.linspace(-90.0, 0.0, 901)
+    at = np.array([-90.0, -61.0, -40.0, -7.0, 0.0])
+    values = np.sin(np.pi * s / 3.0) ** 2
+    shares = 0.5 * (np.append(np.diff(at), 0.0) + np.append(0.0, np.diff(at)))
+    assert (mean_around(at, s, values) * shares).sum() == pytest.approx(45.0, rel=1e-12)
+    # beyond the ends the last value holds: a rope that has been paid out since
+    assert mean_around(np.array([-10.0, -5.0]), s[-31:], values[-31:] + 1.0)[0] == 1.0
