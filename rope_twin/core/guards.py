@@ -16,6 +16,7 @@ SMALLEST = sys.float_info.min  # the same of forces, in arrays of numpy
 
 STILL2 = 1e-20  # (m/s)²: a body that goes with its water still has a speed, 1e-10 m/s
 STOPPED = 1e-9  # m/s, rad/s or N: water that stands, a wake that does, rope without pull
+NO_WAVES = 1e-30  # any unit: no component is felt so deep, and nothing of it can be wrong
 UNSHED = 1e-12  # rad/s: a node that sheds nothing has no amplitude, whatever it remembers
 
 FOLDED2 = 1e-12  # of two unit tangents' sum: rope folded back on itself has no mean direction

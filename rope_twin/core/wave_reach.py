@@ -12,6 +12,7 @@ import math
 
 import numpy as np
 
+from rope_twin.core.guards import NO_WAVES
 from rope_twin.core.state import Floats
 from rope_twin.core.wave_sums import LOWEST
 
@@ -74,7 +75,7 @@ def thirds(levels: Floats, k: Floats, speed: Floats, depth: float, neglected: fl
     (11·error/Σ a·ω·k⁴·(e^{kz} + e^{-k(z+2h)}))^¼, where ω counts as 1/s at least.
     """
     error, size = BETWEEN * neglected, speed * k**4
-    return np.asarray((11.0 * error / np.maximum(_both(levels, k, depth) @ size, 1e-30)) ** 0.25)
+    return np.asarray((11.0 * error / np.maximum(_both(levels, k, depth) @ size, NO_WAVES)) ** 0.25)
 
 
 def asides(
@@ -91,7 +92,7 @@ def asides(
         return np.zeros(len(levels))
     both = _both(np.maximum(levels, deepest(k, depth)), k, depth)
     wrong = both @ (speed * k**6) + both @ (speed * k) * float(a @ k**6) / room
-    return np.minimum((720.0 * TURN * neglected / np.maximum(wrong, 1e-30)) ** (1 / 6), FARTHEST)
+    return np.minimum((720.0 * TURN * neglected / np.maximum(wrong, NO_WAVES)) ** (1 / 6), FARTHEST)
 
 
 def _both(levels: Floats, k: Floats, depth: float) -> Floats:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 
@@ -149,13 +148,6 @@ def test_a_depth_that_no_rope_of_the_winch_reaches_is_refused(name: str, winch_n
     assert winch.health(0)[winch.counter.name].impossible == 1
     winch.lose(50.0, line.length_m - 50.0)
     assert "stretched" in winch.take(None, Order("depth", reach - 40.0), 0), "the rope was cut"
-
-
-def test_what_hangs_on_a_sheave_may_be_lowered_by_the_other_winch() -> None:
-    scene = load_scene("two_line_loop")
-    assert scene.winch is not None
-    winch = winch_of_rope(scene, replace(scene.ropes[0], to=scene.sheaves[0].name))
-    assert winch.take(None, Order("depth", 2.0 * scene.winch.most_line_out_m), 0) == ""
 
 
 def test_a_tension_beyond_the_winch_s_speed_is_told() -> None:

@@ -8,7 +8,6 @@ own line too: a winch that has rendered goes on from where it is.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 from rope_twin.scene.rigging import WINCH
@@ -303,13 +302,10 @@ def winch_of_rope(scene: Scene, line: RopeLine) -> Winch:
 
 
 def _hung(scene: Scene, line: RopeLine) -> Hung:
-    """Its rope; what comes over a sheave from another winch reaches as deep as that pays out."""
+    """Its rope."""
     ropes = [section.rope for section in line.made_of]
     stretch = 1.0 + max(rope.strain_at(rope.breaking_load_n) for rope in ropes)
-    over_sheave = line.to in {sheave.name for sheave in scene.sheaves}
-    return Hung(
-        ropes[-1].diameter_m, math.inf if over_sheave else stretch, places(scene)[line.from_][2]
-    )
+    return Hung(ropes[-1].diameter_m, stretch, places(scene)[line.from_][2])
 
 
 def _pace_of(scene: WinchScene) -> Pace:
