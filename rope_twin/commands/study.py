@@ -16,6 +16,7 @@ from typing import Any
 
 from rope_twin.commands.console import FigureProgress
 from rope_twin.core.lanes.wide import LANES
+from rope_twin.effects.bending import BendingParams
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.share import share_dir
 from rope_twin.studies.parameter_study.file import read_study
@@ -24,6 +25,7 @@ from rope_twin.studies.parameter_study.picture import draw_study
 from rope_twin.studies.parameter_study.run import run_parameter_study
 from rope_twin.studies.parameter_study.table import study_lines
 from rope_twin.studies.picture import check_picture
+from rope_twin.twin.fatigue.endurance import other_than_wire
 
 PICTURE = "study.png"
 BAR = 24
@@ -79,6 +81,11 @@ def run(args: argparse.Namespace) -> int:
     into = args.into or Path(f"study_{study.name}")
     check_parquet()
     check_picture(into / PICTURE)
+    if study.fatigue is not None:
+        bending = scene.listed(BendingParams)
+        EI = bending.stiffness_n_m2 if bending is not None else 0.0
+        if words := other_than_wire(scene.ropes[0], study.fatigue.curve, EI):
+            print(words, file=sys.stderr)
     progress, began, before = FigureProgress(), time.monotonic(), [-1]
 
     def report(done: int, total: int) -> None:

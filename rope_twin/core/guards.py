@@ -1,8 +1,8 @@
 """What keeps a quotient off 0/0: added to a divisor that may vanish, or under its root.
 
-Each is added, never compared with, so that the law stays smooth where its divisor goes through 0;
-and each is far below what a figure of a scene can show. Where a guard is a square, its name is of
-the length or speed that it is the square of.
+In a law it is added, never compared with, so that the law stays smooth where its divisor goes
+through 0; and it is far below what a figure of a scene can show. A guard whose name ends with 2 is
+a square.
 """
 
 from __future__ import annotations

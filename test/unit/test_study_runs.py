@@ -19,6 +19,7 @@ import pytest
 from study_text import GOOD, written
 
 from rope_twin.cli import main
+from rope_twin.commands import study
 from rope_twin.errors import InputError
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.ensemble.plan import Plan
@@ -44,6 +45,18 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def rows_of(folder: Path) -> list[Row]:
     rows: list[Row] = parquet.read_table(folder / "runs.parquet").to_pylist()
     return [{key: value for key, value in row.items() if key != "took_s"} for row in rows]
+
+
+def test_a_curve_of_wire_for_chain_is_told_of_before_anything_runs(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = written(tmp_path, "about: a\nscene: chain_on_bottom\nseconds: 1.0\nvary:\n"
+                   "  - {path: effects.drag.normal, values: [1.2]}\n"
+                   "fatigue: {curve: stranded_wire}\n")  # fmt: skip
+    monkeypatch.setattr(study, "run_parameter_study", lambda *given: sys.exit(7))
+    with pytest.raises(SystemExit, match="7"):
+        main(["study", str(path), "--into", str(tmp_path / "rows")])
+    assert "rope 'mooring' section 1 is chain" in capsys.readouterr().err
 
 
 def test_a_row_for_each_run(whole: Path, capsys: pytest.CaptureFixture[str]) -> None:
