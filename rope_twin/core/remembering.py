@@ -60,6 +60,11 @@ def remembers(kinds: Iterable[type]) -> bool:
     return any(kind in _REMEMBERED for kind in kinds)
 
 
+def numbers_carried(kind: type) -> int:
+    """How many numbers an effect of this type carries on at each node; 0: it does not remember."""
+    return _REMEMBERED.get(kind, 0)
+
+
 def new_memory(count: int, own: int, room: int) -> Any:
     """Memory for `count` numbers carried on and `own` rows of the effect, for `room` nodes."""
     return np.zeros((3 * count + 1 + own, room + 1))

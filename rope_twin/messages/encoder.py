@@ -248,7 +248,8 @@ def _symbols(snapshot: Snapshot, line_m: float) -> dict[str, Any]:
 
 def _body_markers(snapshot: Snapshot, body: BodyShot, slings: int, line_m: float) -> dict[str, Any]:
     """The payload as a box of its own sides, no smaller than the symbol; its slings."""
-    hook = np.broadcast_to(snapshot.node_position_m[-1], body.leg_end_m.shape)
+    lowest = snapshot.ropes[-1] if snapshot.ropes else snapshot  # the other part of a rope in two
+    hook = np.broadcast_to(lowest.node_position_m[-1], body.leg_end_m.shape)
     larger = max(1.0, _SYMBOL_SIZE * line_m / float(body.size_m.max()))
     return {
         "markers.1.pose.orientation": body.quaternion,

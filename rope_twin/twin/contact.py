@@ -30,7 +30,7 @@ def bed_contact(rope: Rope) -> BedContact | None:
     lying = (lump[:-1] + lump[1:])[height <= 0.0]
     load_height, load_push = height[0], normal_push(bed, bed.soil.k_payload, x[:, :1], v[:, :1])
     body = next((effect for effect in rope.effects if isinstance(effect, RigidBody)), None)
-    if body is not None:  # of its lowest corner, and of all
+    if body is not None and len(body.corners):  # of its lowest corner, and of all
         load_height, load_push, _ = bed_pushes(
             part_of(body, PlaneBed, GridBed), body, pose_of(body)
         )

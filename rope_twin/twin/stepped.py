@@ -250,7 +250,7 @@ class SteppedTwin(ToldTwin):
         )
         self._unconverged = unconverged
         self._recent = Extremes()
-        taken = with_body(taken, self._rope)
+        taken = with_body(taken, self._ropes.lowest(self._rope))
         contact = bed_contact(self._rope)
         if contact is not None:
             taken = replace(taken, seabed=contact)

@@ -81,6 +81,7 @@ class LowerEnd:
         self._pose: tuple[Points, list[float]] | None = None  # its middle and attitude
         self._slings = np.zeros((0, 3)), np.zeros(0)  # where they hold it, and their pulls
         self._scale_n = 0.0
+        self._falls = 0  # > 0: the body hangs on the part below a cut, which was seen just now
         self._at_water = False  # the water's surface is in sight
         self.sight: Sight | None = None
 
@@ -99,24 +100,36 @@ class LowerEnd:
 
     def show_rope(self, position_m: Points, elements_n: Points, scale_n: float) -> bool:
         """The first rope, nodes (n, 3) from the hang-off down. True if the eye has to move."""
-        self._focus, self._scale_n = position_m[-1].copy(), scale_n
+        self._scale_n, self._falls = scale_n, max(0, self._falls - 1)
+        if not self._falls:
+            self._focus = position_m[-1].copy()
         first = self.sight is None
         if first:
             self._take(Sight())
         self._draw("rope", position_m, elements_n, scale_n)
+        if self._falls:  # the payload is drawn with the rope that it hangs on
+            return first
         return self._draw_payloads() or first
 
     def show_further(
         self, number: int, position_m: Points, elements_n: Points, scale_n: float
     ) -> bool:
-        """One of further ropes, if it comes near. True if the eye has to move."""
+        """One of further ropes, if it comes near. True if the eye has to move.
+
+        Besides a rigid body the only one is the part below a cut, and the eye falls with it.
+        """
+        moved = False
+        if self._outline_m is not None and self.sight is not None:
+            self._focus, self._falls = position_m[-1].copy(), 2
+            moved = self._draw_payloads()
         away = position_m - self._focus
         near = np.sqrt((away**2).sum(axis=1)) < _NEAR_M
         if self.sight is None or not near.any():
             return False
-        moved = near.all() and self._widen(away)  # else it is no sling, but goes on elsewhere
+        if near.all():  # else it is no sling, but goes on elsewhere
+            moved |= self._widen(away)
         self._draw(f"rope/{number}", position_m, elements_n, scale_n)
-        return bool(moved)
+        return moved
 
     def place_payloads(self, names: list[str], values: Points) -> None:
         """Where payloads are: names like tool/x, a value for each."""

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from rope_twin.core.bed import Grid, Plane
+from rope_twin.core.body import state as at
+from rope_twin.core.body.state import LEG, Afloat, RigidBody
 from rope_twin.core.hooks import hooks_of
 from rope_twin.effects.fairing import Fairing, TowedFairing
 from rope_twin.effects.net import Net
@@ -37,6 +41,43 @@ def without_load(effects: tuple[Any, ...]) -> tuple[Any, ...]:
 def _bare(effect: Any) -> Any:
     if isinstance(effect, Plane | Grid):  # the bed stays, what stood on it is gone
         return effect._replace(soil=effect.soil._replace(k_payload=0.0))
+    if isinstance(effect, RigidBody):
+        return _parked(effect)
     if type(effect) not in _WITHOUT:
         raise TypeError(f"{type(effect).__name__} loads the lower end: say here what is none of it")
     return effect._replace(**_WITHOUT[type(effect)])
+
+
+def _parked(body: RigidBody) -> RigidBody:
+    """A body of this type that no sling holds, that nothing pulls and that touches nothing.
+
+    It rests where this one is, and its equations are 0 = 0: what it adds to the rope's is 0.
+    """
+    records, now = np.zeros_like(body.records), body.records[int(body.memory[0, 0])]
+    for first, count in ((at.X, 3), (at.Q, 4), (at.WATER, 3)):
+        records[0, first : first + count] = now[first : first + count]
+    memory = body.memory.copy()
+    memory[0] = 0.0  # the record that holds
+    return body._replace(
+        memory=memory,
+        records=records,
+        parts=tuple(_untouched(part) for part in body.parts),
+        legs=np.zeros((0, LEG)),
+        corners=np.zeros((0, 3)),
+        added=np.zeros(6),
+        k=np.zeros(6),
+        W=0.0,
+        hook=0.0,
+        hook_weight=0.0,
+        g=0.0,
+        displaced=0.0,
+        rising=0.0,
+        rising_k=0.0,
+    )
+
+
+def _untouched(part: Any) -> Any:
+    """A part of a body that weighs nothing and has no corners."""
+    if isinstance(part, Afloat):
+        return part._replace(columns=np.zeros((0, part.columns.shape[1])), slam=0.0)
+    return part

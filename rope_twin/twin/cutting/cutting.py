@@ -137,6 +137,7 @@ def _why_not(scene: Scene) -> str:
         return "rope runs over a sheave in this scene, and no rope of such a one can be cut so far"
     if model := shedding_model(scene):
         return f"this scene lists `{model}`, and the wake of a rope that is cut is not known"
-    if body_of(scene) is not None:
-        return "this scene lists `rigid_body`, and a rope is cut above a point only so far"
+    body = body_of(scene)
+    if body is not None and body.deck is not None and body.deck.with_ship:
+        return "the body stands on a deck that heaves with the ship, which what falls cannot follow"
     return ""

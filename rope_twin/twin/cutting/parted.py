@@ -24,6 +24,7 @@ from rope_twin.core.step import advance
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.contact import bed_contact
 from rope_twin.twin.cutting.bare_end import is_at_end
+from rope_twin.twin.cutting.carried import carried_arrays, is_carried
 from rope_twin.twin.cutting.severing import Place, refresh_tension, step_free, without_beyond
 from rope_twin.twin.hoisting.no_other_winch import NoOtherWinch
 from rope_twin.twin.saving.saved_state import changing_parts
@@ -75,6 +76,8 @@ class PartedRopes(NoOtherWinch):
         both = ((self._kept, first.state), (self._kept_lower, self._lower.state))
         for kept, state in both:
             _copy(state, kept)
+        carried = carried_arrays(first.effects + self._lower.effects)
+        carried_then = [one.copy() for one in carried]
         h, lower = first.model.step, self._lower
         parts = DOUBLING if self._fresh else _WHOLE
         value, rate = borders_at(border, parts, h)
@@ -87,6 +90,8 @@ class PartedRopes(NoOtherWinch):
             if not step_free(falling, now) or advance(upper, some, pulls, now, 1) < 1:
                 for kept, state in both:
                     _copy(kept, state)
+                for one, then in zip(carried, carried_then, strict=True):
+                    one[...] = then
                 refresh_tension(first, float(border.rate[0, rows.LINE]))
                 refresh_tension(lower, 0.0)
                 return False
@@ -103,6 +108,8 @@ class PartedRopes(NoOtherWinch):
         doubtful = shot.doubtful or unconverged > self._unconverged
         self._unconverged = unconverged
         x, v = (lower.state.nodes[k : k + 3, 0].copy() for k in (rows.POSITION, rows.VELOCITY))
+        if shot.body is not None:  # of the lower part already
+            x, v = shot.payload_position_m, shot.payload_velocity_m_per_s
         return replace(
             shot,
             tension_payload_n=float(part.element_tension_n[-1]),
@@ -154,15 +161,13 @@ class PartedRopes(NoOtherWinch):
         return self._lower.work[rows.TENSION, : self._lower.state.counts[rows.ELEMENTS]]
 
     def _share_water(self, first: Rope) -> None:
-        """Take the first rope's effects but for those of the lower end."""
-        pairs = zip(self._lower.effects, first.effects, strict=True)
-        if any(own is not live for own, live in pairs if not is_at_end(own)):
-            self._lower = self._lower._replace(
-                effects=tuple(
-                    own if is_at_end(own) else live
-                    for own, live in zip(self._lower.effects, first.effects, strict=True)
-                )
-            )
+        """Take the first rope's effects but for those that are this part's own."""
+        shared = tuple(
+            own if is_at_end(own) or is_carried(own) else live
+            for own, live in zip(self._lower.effects, first.effects, strict=True)
+        )
+        if any(own is not now for own, now in zip(self._lower.effects, shared, strict=True)):
+            self._lower = self._lower._replace(effects=shared)
 
     def _shot(self, lower: Rope) -> RopeShot:
         n = int(lower.state.counts[rows.ELEMENTS])

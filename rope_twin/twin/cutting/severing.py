@@ -37,6 +37,7 @@ from rope_twin.effects.weight import Weight
 from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.arrays.build import TOLERANCE_LEAST_N, TOLERANCE_SHARE
 from rope_twin.scene.arrays.grid import ROOM, halvings
+from rope_twin.twin.cutting.carried import of_part, own_copies
 from rope_twin.twin.elements import elements_of, tensions
 
 NEAR = 0.01  # of an element: a node so near is where the rope is cut
@@ -187,7 +188,8 @@ def upper_part(rope: Rope, nodes: Nodes, k: int, bare: tuple[Any, ...]) -> Rope:
     state = _state(part, rope.state.s.shape[0] + SPARE)
     state.health[:] = rope.state.health
     model = rope.model._replace(first_free=0)
-    return _filled(rope._replace(model=model, sections=sections, effects=bare), state, part)
+    effects = of_part(bare, nodes.s[k:-1], float(nodes.s[k]), SPARE)
+    return _filled(rope._replace(model=model, sections=sections, effects=effects), state, part)
 
 
 def falling_part(rope: Rope, nodes: Nodes, k: int) -> Rope:
@@ -214,7 +216,8 @@ def _lower(rope: Rope, nodes: Nodes, k: int) -> Rope:
     state = _state(part, rope.state.s.shape[0] + SPARE)
     model = rope.model._replace(split_above=np.inf, merge_below=0.0)
     law = None if rope.law is None else _with_nothing(rope.law)
-    lower = rope._replace(model=model, sections=sections, law=law)
+    effects = of_part(rope.effects, nodes.s[: k + 1], 0.0, SPARE)
+    lower = rope._replace(model=model, sections=sections, law=law, effects=effects)
     return _filled(lower, state, part)
 
 
@@ -262,7 +265,8 @@ def _find_accelerations(part: Rope, border: Boundary, time: float) -> None:
     n, pull = int(part.state.counts[rows.ELEMENTS]), np.zeros((1, rows.PULL_COLUMNS))
     for _ in range(2):
         work = new_work(columns_for(part.state.s.shape[0]), work_rows(part.effects))
-        trial = part._replace(model=model, state=part.state.copy(), work=work)
+        own = own_copies(part.effects)
+        trial = part._replace(model=model, state=part.state.copy(), work=work, effects=own)
         if advance(trial, both, pull, time, 1) < 1:
             what = "the forces at its new end are not finite"
             raise SolverError(phrase("the rope's cut", what, "check the scene"))

@@ -1,0 +1,68 @@
+"""What effects carry from step to step by themselves (core/remembering.py), for a rope in two.
+
+Each part has arrays of its own for it, so that neither moves what the other goes on from. Nodes
+keep their numbers; the node put in at the cut takes those between its neighbours', as where an
+element splits.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core.remembering import numbers_carried
+from rope_twin.core.state import Floats
+
+
+def is_carried(effect: Any) -> bool:
+    """Whether an effect remembers, so that two ropes cannot share it."""
+    return numbers_carried(type(effect)) > 0
+
+
+def of_part(effects: tuple[Any, ...], s: Floats, lost_m: float, spare: int) -> tuple[Any, ...]:
+    """The effects for a part of their rope.
+
+    Args:
+        effects: of the whole rope, or the same without what is at its lower end.
+        s: of the part's free nodes, in the whole rope [m].
+        lost_m: the part begins so far above the whole rope's lower end.
+        spare: for how many nodes more than the whole rope's.
+    """
+    return tuple(
+        own._replace(memory=_memory_of(own, s, lost_m, spare)) if is_carried(own) else own
+        for own in own_copies(effects)
+    )
+
+
+def own_copies(effects: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The effects, those that remember with copies of all their arrays."""
+    return tuple(_copy(own) if is_carried(own) else own for own in effects)
+
+
+def carried_arrays(effects: tuple[Any, ...]) -> list[Floats]:
+    """All arrays of the effects that remember, themselves."""
+    return [part for own in effects if is_carried(own) for part in own if _is_array(part)]
+
+
+def _copy(effect: Any) -> Any:
+    arrays = {name: part.copy() for name, part in effect._asdict().items() if _is_array(part)}
+    return effect._replace(**arrays)
+
+
+def _is_array(part: Any) -> bool:
+    return isinstance(part, np.ndarray)
+
+
+def _memory_of(effect: Any, s: Floats, lost_m: float, spare: int) -> Floats:
+    """Memory for these nodes: numbers interpolated, rows of its own as at the nearest node."""
+    memory, k = effect.memory, numbers_carried(type(effect))
+    old, n = int(memory[3 * k, -1]), len(s)
+    marks = memory[3 * k, :old]
+    new: Floats = np.zeros((memory.shape[0], memory.shape[1] + spare))
+    for r in range(k):
+        new[r, :n] = np.interp(s, marks, memory[r, :old])
+    nearest = np.abs(s[:, None] - marks).argmin(axis=1)
+    new[3 * k + 1 :, :n] = memory[3 * k + 1 :, nearest]
+    new[3 * k, :n], new[3 * k, -1] = s - lost_m, n
+    return new

@@ -1,0 +1,170 @@
+"""A twin whose rope is cut above a rigid body: told, published, seen, saved, or refused."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_scene import digest, not_finite
+
+from rope_twin import Snapshot, Twin, load_scene
+from rope_twin.commands.run.options import RunOptions
+from rope_twin.commands.run.unpaced import run_unpaced
+from rope_twin.effects.rigid_body import DeckParams, RigidBodyParams
+from rope_twin.recording.bag_reader import BagReader
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.cutting.cutting import CutInput
+from rope_twin.view.rope_view import RopeView
+from rope_twin.view.sinks import FileSink
+from rope_twin.view.view_bag import play
+
+AT_S, BELOW_M, EVERY = 1.002, 12.0, 100
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return load_scene("manifold_lift")
+
+
+def told(twin: Twin) -> Twin:
+    assert not twin.offer_speed(500_000_000, 0.25)
+    assert not twin.offer_cut(round(AT_S * 1e9), BELOW_M)
+    return twin
+
+
+def ends(twin: Twin, last: int = 1600) -> list[Snapshot]:
+    """A snapshot every 100 steps, stepped one by one: waves know the time to its last bit."""
+    shots = []
+    while twin.steps < last:
+        twin.advance(1)
+        if twin.steps % EVERY == 0:
+            shots.append(twin.snapshot())
+    return shots
+
+
+def every_bit(shots: list[Snapshot]) -> str:
+    """Of what a snapshot of one rope and a body has, and of the lower part."""
+    tables = [rope.node_position_m.tobytes() for shot in shots for rope in shot.ropes]
+    return digest(shots) + b"".join(tables).hex()
+
+
+@pytest.fixture(scope="module")
+def run(scene: Scene) -> list[Snapshot]:
+    return ends(told(Twin(scene)))
+
+
+def test_the_body_is_told_where_it_falls(run: list[Snapshot]) -> None:
+    """Place, attitude and slings are those of the part below; the one above has no payload."""
+    before, after = run[3], run[-1]
+    assert before.cut is None
+    assert before.body is not None
+    assert (before.body.leg_pull_n > 0.0).all()
+    assert after.cut is not None
+    upper, lower = after.ropes
+    assert after.body is not None
+    assert len(after.body.leg_pull_n) == 4
+    hook = lower.node_position_m[-1]
+    legs = np.linalg.norm(hook - after.body.leg_end_m, axis=1)
+    np.testing.assert_allclose(after.body.leg_length_m, legs, rtol=1e-12)
+    assert after.payload_position_m[2] < before.payload_position_m[2] - 5.0
+    assert (after.payloads[0].position_m == after.payload_position_m).all()
+    assert upper.node_position_m[-1, 2] > 20.0
+    assert after.tension_top_n < 0.01 * before.tension_top_n
+    assert after.seabed is not None
+    assert after.seabed.payload_height_m < 45.0 + after.payload_position_m[2]
+    assert not not_finite(after)
+
+
+@pytest.mark.parametrize("moment", [300, 401, 900])
+def test_a_run_goes_on_from_a_file_and_on_a_branch(
+    scene: Scene, run: list[Snapshot], tmp_path: Path, moment: int
+) -> None:
+    """With the cut to come, in the step after it and on the way down; to the bit."""
+    twin = told(Twin(scene))
+    ends(twin, moment)
+    twin.save(tmp_path / "cut.state")
+    rest = [shot for shot in run if shot.step > moment]
+    assert every_bit(ends(twin.branch())) == every_bit(rest)
+    assert every_bit(ends(Twin.restore(tmp_path / "cut.state", scene))) == every_bit(rest)
+
+
+@pytest.mark.parametrize("below_m", [1.0, math.inf])
+def test_cut_at_once_at_either_end(scene: Scene, below_m: float) -> None:
+    """At t = 0, where the body rests; a metre of rope hangs on, or stays on the hook."""
+    twin = Twin(scene)
+    assert not twin.offer_cut(None, below_m)
+    still = twin.snapshot()
+    twin.advance(40)
+    shot = twin.snapshot()
+    assert twin.cut is not None
+    fallen_m = still.payload_position_m[2] - shot.payload_position_m[2]
+    slack_s = 0.01  # until the slings are, with the hook of 1.5 t on them
+    assert 0.5 * 9.81 * (0.1 - slack_s) ** 2 < fallen_m < 0.5 * 9.81 * 0.1**2
+    assert shot.solver.unconverged_substeps == 0
+
+
+def test_a_step_that_fails_leaves_body_and_ropes_as_they_were(scene: Scene) -> None:
+    """The part above cannot go on: the part below, which was stepped before, goes back."""
+    twin = told(Twin(scene))
+    twin.advance(500)
+    other = twin.branch()
+    n = int(twin.rope.state.counts[0])
+    kept = twin.rope.state.nodes[3, 1:n].copy()
+    twin.rope.state.nodes[3, 1:n] = math.inf
+    with pytest.raises(Exception, match=r"(?i)finite|step"):
+        twin.advance(1)
+    twin.rope.state.nodes[3, 1:n] = kept
+    for one in (twin, other):
+        one.advance(100)
+    assert every_bit([twin.snapshot()]) == every_bit([other.snapshot()])
+
+
+def test_a_deck_that_heaves_with_the_ship_is_refused_in_a_sentence(scene: Scene) -> None:
+    body = scene.listed(RigidBodyParams)
+    assert body is not None
+    for with_ship in (True, False):
+        own = replace(body, deck=DeckParams(height_m=5.0, with_ship=with_ship))
+        on_deck = replace(
+            scene, effects=tuple(own if one is body else one for one in scene.effects)
+        )
+        said = CutInput(on_deck).offer(None, 12.0, 0)
+        assert ("deck that heaves with the ship" in said) == with_ship
+
+
+def test_a_bag_tells_of_the_body_after_the_cut_and_is_seen(scene: Scene, tmp_path: Path) -> None:
+    """Rigging and both ropes on their topics; the picture falls with the body."""
+    options = RunOptions(
+        scene="manifold_lift", for_s=3.0, speed=0.0, record=tmp_path / "bag", cut=f"{BELOW_M}@1.0"
+    )
+    summary = run_unpaced(options, lambda run: None)
+    assert "cut at 1.00 s, 12.0 m below the hang-off" in summary.as_text()
+    with BagReader(tmp_path / "bag") as reader:
+        counts = {name.strip("/"): content.messages for name, content in reader.topics.items()}
+    assert counts["rope/cut"] == 1
+    assert counts["payload/rigging"] == counts["rope/nodes"] == pytest.approx(76, abs=2)
+    assert counts["ropes/nodes"] == pytest.approx(50, abs=2)
+    view = RopeView(FileSink(tmp_path / "seen.rrd", footer=True))
+    play(tmp_path / "bag", view)
+    falls = view._lower_end._focus
+    view.close()
+    assert falls[2] == pytest.approx(summary_depth(tmp_path / "bag"), abs=1.2)
+    assert falls[2] < 1.0, "the rope above ends 28 m higher"
+
+
+def summary_depth(bag: Path) -> float:
+    """Where the hook is at the end, by the bag's last nodes of all ropes."""
+
+    class Last:
+        z = 0.0
+
+        def show(self, topic: str, message: object, time_ns: int) -> None:
+            if topic == "ropes/nodes":
+                data = np.asarray(message.data, dtype=np.uint8)  # type: ignore[attr-defined]
+                self.z = float(data.view("<f4").reshape(-1, 5)[-1, 2])
+
+    last = Last()
+    play(bag, last)
+    return last.z
