@@ -75,7 +75,8 @@ def mean_around(at: Floats, s: Floats, values: Floats) -> Floats:
     the end's value holds.
     """
     edges = np.concatenate([at[:1], 0.5 * (at[1:] + at[:-1]), at[-1:]])
-    knots = np.union1d(edges, s)
-    found = np.interp(knots, s, values)
-    whole = np.concatenate([[0.0], np.cumsum(0.5 * (found[1:] + found[:-1]) * np.diff(knots))])
-    return np.asarray(np.diff(whole[np.searchsorted(knots, edges)]) / np.diff(edges))
+    found = np.interp(edges, s, values)
+    whole = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(s))])
+    below = np.maximum(np.searchsorted(s, edges, side="right") - 1, 0)
+    up_to = whole[below] + 0.5 * (found + values[below]) * (edges - s[below])
+    return np.asarray(np.diff(up_to) / np.diff(edges))
