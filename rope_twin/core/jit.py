@@ -55,6 +55,7 @@ from numba.core import config  # noqa: E402
 from numba.core.registry import cpu_target  # noqa: E402
 
 from rope_twin.core.compiling import EntryCompiler, LinkedCompiler  # noqa: E402
+from rope_twin.core.kept_code import KeptCode  # noqa: E402
 
 config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]  # in case numba was imported before us
 
@@ -105,8 +106,11 @@ def jit_ordered(function: Any) -> Any:
 
 
 def jit_entry(function: Any) -> Any:
-    """Compile a kernel that Python calls."""
-    return numba.njit(cache=True, **OPTIONS)(function)
+    """Compile a kernel that Python calls, and keep its code on disk."""
+    entry = numba.njit(**OPTIONS)(function)
+    if entry is not function:  # plain Python has nothing to keep
+        entry._cache = KeptCode(function)
+    return entry
 
 
 def jit_within(function: Any) -> Any:

@@ -1,0 +1,102 @@
+"""Compiled code on disk: it is taken from there when it is whole, and made again when it is not.
+
+The entry is the smallest that there is; the last test starts whole scenes at once, with nothing
+compiled:
+
+    pytest -n 0 -m long test/specialise/test_kept_code.py
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+CHAIN = """
+from rope_twin.core.yardstick import chain
+print(chain(1.0, 0.5, 1.0, 3), sum(chain.stats.cache_hits.values()))
+"""
+LIFT = """
+import sys
+from rope_twin import Twin, load_scene
+twin = Twin(load_scene(sys.argv[1]))
+twin.advance(500)
+now = twin.snapshot()
+print(now.node_position_m.tobytes().hex(), now.element_tension_n.tobytes().hex())
+"""
+CHAINED = "1.875"  # 1, 1.5, 1.75, 1.875
+
+
+def _start(cache: Path, program: str, *arguments: str) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-c", program, *arguments],
+        env={**os.environ, "ROPE_TWIN_CACHE": str(cache)},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def _said(process: subprocess.Popen[str]) -> tuple[list[str], str]:
+    """The words that a process wrote, and what it complained of."""
+    out, complaint = process.communicate(timeout=300.0)
+    assert process.returncode == 0, complaint
+    return out.split(), complaint
+
+
+def _flip_a_bit(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda path: path.write_bytes(b""),
+        lambda path: path.write_bytes(path.read_bytes()[:-1]),
+        lambda path: path.write_bytes(b"no code at all"),
+        _flip_a_bit,
+    ],
+    ids=["empty", "cut short", "another file", "a bit"],
+)
+def test_damaged_code_is_told_and_compiled_again(
+    tmp_path: Path, damage: Callable[[Path], None]
+) -> None:
+    assert _said(_start(tmp_path, CHAIN)) == ([CHAINED, "0"], "")
+    assert _said(_start(tmp_path, CHAIN)) == ([CHAINED, "1"], "")
+    (kept,) = tmp_path.rglob("*.nbc")
+    damage(kept)
+    words, complaint = _said(_start(tmp_path, CHAIN))
+    assert words == [CHAINED, "0"]
+    assert complaint.strip() == f"compiled code is damaged, it is compiled again: {kept}"
+    assert _said(_start(tmp_path, CHAIN)) == ([CHAINED, "1"], "")
+
+
+def test_code_that_cannot_be_kept_is_told_and_runs(tmp_path: Path) -> None:
+    """A folder in the place of the file: nothing can be read from it or written to it."""
+    _said(_start(tmp_path, CHAIN))
+    (kept,) = tmp_path.rglob("*.nbc")
+    kept.unlink()
+    kept.mkdir()
+    words, complaint = _said(_start(tmp_path, CHAIN))
+    assert words == [CHAINED, "0"]
+    assert "cannot be read" in complaint
+    assert "is not kept" in complaint
+    assert list(kept.parent.iterdir()) == [kept]
+
+
+@pytest.mark.long
+def test_scenes_that_start_at_once_find_their_own_code_later(tmp_path: Path) -> None:
+    """Two of one set and one of another, with nothing compiled, and again: the same to the bit."""
+    scenes = ("still_water", "still_water", "deep_lift")
+    first = [_start(tmp_path, LIFT, scene) for scene in scenes]
+    cold = [_said(process) for process in first]
+    warm = [_said(_start(tmp_path, LIFT, scene)) for scene in scenes]
+    assert cold == warm
+    assert cold[0] == cold[1] != cold[2]
+    assert len(list(tmp_path.rglob("step.advance_steps-*.nbc"))) == 2
