@@ -8,8 +8,10 @@ same: the same loads, the same arithmetic, the same order.
 
 from __future__ import annotations
 
+import operator
 from typing import Any
 
+from llvmlite.ir import IRBuilder
 from numba.core import ir_utils, lowering, ssa, typed_passes, types, untyped_passes
 from numba.core.compiler_machinery import register_pass
 from numba.core.datamodel import default_manager
@@ -19,6 +21,17 @@ from numba.core.types import containers
 _PACKAGE = "rope_twin"
 _UNIFORM = (containers.UniTuple, containers.NamedUniTuple)
 _TUPLES = (containers.Tuple, containers.NamedTuple, *_UNIFORM)
+# What numba writes for two numbers of double precision.
+_ARITHMETIC = {
+    operator.add: IRBuilder.fadd,
+    operator.iadd: IRBuilder.fadd,
+    operator.sub: IRBuilder.fsub,
+    operator.isub: IRBuilder.fsub,
+    operator.mul: IRBuilder.fmul,
+    operator.imul: IRBuilder.fmul,
+}
+_DOUBLES = (types.float64, types.float64)
+_COMPARED = {operator.lt: "<", operator.le: "<=", operator.gt: ">", operator.ge: ">="}
 
 
 def _is_ours(kind: Any) -> bool:
@@ -80,6 +93,23 @@ class _Lower(lowering.Lower):  # type: ignore[misc]
             self._blk_local_varmap[name] = value
         else:
             self.builder.store(value, self.getvar(name))
+
+    def lower_binop(self, resty: Any, expr: Any, op: Any) -> Any:
+        """Sum, product or order of two numbers; numba looks their code up among all operators'."""
+        asked = self.fndesc.calltypes[expr]
+        if tuple(asked.args) != _DOUBLES or not (op in _ARITHMETIC or op in _COMPARED):
+            return super().lower_binop(resty, expr, op)
+        names = expr.lhs.name, expr.rhs.name
+        values = [self.loadvar(name) for name in names]
+        values = [
+            self.context.cast(self.builder, value, self.typeof(name), types.float64)
+            for name, value in zip(names, values, strict=True)
+        ]
+        if op in _COMPARED:
+            found = self.builder.fcmp_ordered(_COMPARED[op], *values)
+        else:
+            found = _ARITHMETIC[op](self.builder, *values)
+        return self.context.cast(self.builder, found, asked.return_type, resty)
 
     def lower_getitem(self, resty: Any, expr: Any, value: Any, index: Any, signature: Any) -> Any:
         """A number of a table, or (numba) whatever else is asked for."""
