@@ -12,7 +12,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 from rope_twin.core.joined import reeving
 from rope_twin.core.statics import equilibrium
@@ -31,11 +30,8 @@ def scene_digest(scene: Scene) -> str:
     if sea.poses is not None:
         sea = replace(sea, poses=replace(sea.poses, bag=Path(sea.poses.bag).name))
     parts = (ropes, scene.payloads, scene.winch, scene.ship, sea, scene.environment, scene.effects)
-    met: tuple[Any, ...] = (scene.hang_offs, scene.joints, scene.struts)
-    met += (scene.sheaves,) if scene.sheaves else ()
+    met = (scene.hang_offs, scene.joints, scene.struts, scene.sheaves)
     told = repr((*parts, *met, scene.time.newton_tolerance_n))
-    for key in ("poses", "splash_zone", "bending"):  # cards older than these keys hold
-        told = told.replace(f", {key}=None", "")
     return hashlib.sha256(told.encode()).hexdigest()[:16]
 
 
