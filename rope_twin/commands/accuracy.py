@@ -19,7 +19,6 @@ from rope_twin.commands.run.choice import find_quantity, read_amount
 from rope_twin.errors import InputError, RopeTwinError, SceneError, phrase
 from rope_twin.scene.card import card_path, known_error, read_card
 from rope_twin.scene.load import load_scene, scene_names
-from rope_twin.scene.rules.shedding import why_no_card
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy import page as accuracy_page
 from rope_twin.studies.accuracy import study as accuracy
@@ -72,8 +71,6 @@ def run(args: argparse.Namespace) -> int:
         return _make(args, load_scene(args.scene))
     refused = 0
     for name in scene_names():
-        if why_no_card(load_scene(name)):
-            continue  # --status tells
         try:
             _make(args, load_scene(name))
         except RopeTwinError as error:  # the others still get theirs
@@ -88,8 +85,6 @@ def _check(args: argparse.Namespace) -> int:
     within = read_amount("--within", args.within, quantity.unit)
     names = scene_names() if args.all else [args.scene]
     scenes = [load_scene(name) for name in names]
-    if args.all:
-        scenes = [scene for scene in scenes if not why_no_card(scene)]
     progress = CaseProgress()
     rows = list(accuracy_within.check_scenes(scenes, quantity, within, progress.show))
     if args.json:
@@ -189,11 +184,10 @@ def _status(as_json: bool) -> int:
         scene = load_scene(name)
         try:
             card = read_card(scene)
-            none = f"none: {why_no_card(scene)}" if why_no_card(scene) else "no card"
-            said = none if card is None else card.age(scene) or "current"
+            said = "no card" if card is None else card.age(scene) or "current"
         except SceneError as error:
             said = str(error)
-        fine = fine and (said == "current" or bool(why_no_card(scene)))
+        fine = fine and said == "current"
         error_pct = known_error(scene).rms_pct
         known = error_pct == error_pct
         rows.append({"scene": name, "card": said, "error_rms_pct": error_pct if known else None})

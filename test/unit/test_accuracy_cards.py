@@ -9,7 +9,6 @@ import pytest
 
 from rope_twin.scene.card import FOLDER, card_path, read_card
 from rope_twin.scene.load import load_scene, scene_names
-from rope_twin.scene.rules.shedding import why_no_card
 from rope_twin.share import share_dir
 from rope_twin.studies.accuracy import study as accuracy
 from rope_twin.studies.accuracy.figures import BY_NAME
@@ -85,7 +84,7 @@ def test_a_card_is_what_a_new_run_finds() -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", [n for n in scene_names() if not why_no_card(load_scene(n))])
+@pytest.mark.parametrize("name", scene_names())
 def test_every_scene_has_a_current_card(name: str) -> None:
     """`pytest -m long test/unit/test_accuracy_cards.py`, some ten minutes: before a release."""
     scene = load_scene(name)

@@ -16,7 +16,7 @@ from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.errors import SceneError
 from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.figures import lift_figures
-from rope_twin.scene.rules.shedding import expected_pace, vortex_words, why_no_card
+from rope_twin.scene.rules.shedding import expected_pace, vortex_words
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.rigs import Rig
 from rope_twin.twin.accuracy.error_band import BandedTwin
@@ -91,7 +91,6 @@ def test_a_model_beside_the_step_wants_nothing_of_the_grid_and_one_drag(tmp_path
     words = vortex_words(scene, lift_figures(scene))
     assert words.startswith("modal_vibration: lock-in at 12.8 Hz is computed beside the step")
     assert not [told for told in sense_checks(scene) if "vortices" in told]
-    assert "beside the step" in why_no_card(scene)
     path = tmp_path / "beside.yaml"
     for more, words in (
         ("  - decomposed_force: {}\n  - wake_oscillator: {}", "keep one of them"),

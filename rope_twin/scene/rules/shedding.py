@@ -30,7 +30,6 @@ from rope_twin.scene.schema import Scene
 ELEMENTS_PER_WAVE, STEPS_PER_PERIOD = 20.0, 200.0
 PLACES = 64  # along the rope that are looked at
 STROUHAL = 0.17  # where the model has no number of its own
-MOST_ELEMENTS = 5000  # of a scene with a card: its reference has up to four times as many
 
 
 @dataclass(frozen=True)
@@ -71,18 +70,6 @@ def refuse_shedding(scene: Scene, what: str) -> None:
     model = shedding_model(scene)
     if model:
         raise SceneError(phrase(f"{scene.path}: effects.{model}", what, "leave the model out here"))
-
-
-def why_no_card(scene: Scene) -> str:
-    """Why a scene has no accuracy card; "" if it has one."""
-    if model_beside(scene) is not None:
-        return "its drag grows by what is computed beside the step, and a ladder is of bare steps"
-    if shedding_model(scene):
-        return "its vortices converge by themselves: `rope_twin validate --convergence` tells how"
-    elements = sum(line.elements for line in scene.ropes)
-    if elements > MOST_ELEMENTS:
-        return f"a ladder around its {elements} elements would take hours"
-    return ""
 
 
 def expected_pace(scene: Scene, figures: LiftFigures) -> Pace | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from typing import Any, Protocol
 
 import numpy as np
@@ -15,6 +16,7 @@ from rope_twin.core.step import advance
 from rope_twin.scene.arrays.build import build
 from rope_twin.scene.arrays.joined import build_joined
 from rope_twin.scene.rules.rigging import is_joined
+from rope_twin.scene.rules.shedding import model_beside
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.start import find_start, judge_start
 
@@ -47,22 +49,23 @@ def body_of(scene: Scene) -> Body:
     Raises:
         SceneError: it cannot be built, or has no equilibrium.
     """
-    return JoinedBody(scene) if is_joined(scene) else RopeBody(scene)
+    if is_joined(scene):
+        return JoinedBody(scene)
+    return RopeBody(scene) if model_beside(scene) is None else ShakenBody(scene)
 
 
 class RopeBody:
     """One rope; its motion is (steps + 1, MOTIONS)."""
 
     def __init__(self, scene: Scene) -> None:
-        self._rope = build(scene)
-        find_start(scene, self._rope)
-        self._start = self._rope.state.copy()
-        rope = self._rope
+        self._rope = rope = build(scene)
+        find_start(scene, rope)
+        self._start = copy.deepcopy(rope)  # wakes and a rigid body are kept in the effects
         self.memory_mb = _memory_mb((rope.state, rope.work, rope.sections, rope.effects, rope.law))
 
     def begin(self) -> None:
         """Back to rest."""
-        self._rope = self._rope._replace(state=self._start.copy())
+        self._rope = copy.deepcopy(self._start)
 
     def advance(self, motion: Boundary, time: float, steps: int) -> tuple[int, Floats]:
         """How many steps were done, and the top tension after each."""
@@ -81,6 +84,43 @@ class RopeBody:
     def health(self) -> Ints:
         """The solver's counts since the beginning."""
         return self._rope.state.health
+
+
+class ShakenBody(RopeBody):
+    """One rope with a model of vortices beside the step, which looks at it as a twin's does."""
+
+    def __init__(self, scene: Scene) -> None:
+        super().__init__(scene)
+        self._scene = scene
+        self._shake()
+
+    def begin(self) -> None:
+        """Back to rest, in still water."""
+        super().begin()
+        self._shake()
+
+    def advance(self, motion: Boundary, time: float, steps: int) -> tuple[int, Floats]:
+        """How many steps were done, and the top tension after each."""
+        pull, done = np.zeros((steps, rows.PULL_COLUMNS)), 0
+        while done < steps:
+            count = min(steps - done, self._shaking.steps_to_look(self._steps))
+            part = Boundary(*(table[done : done + count + 1] for table in motion))
+            at_s = time + done * self._rope.model.step
+            went = advance(self._rope, part, pull[done : done + count], at_s, count)
+            done, self._steps = done + went, self._steps + went
+            if went < count:
+                break
+            if self._shaking.steps_to_look(self._steps) == 0:
+                now = Boundary(*(table[done:] for table in motion))
+                self._shaking.look(self._rope, now, self._steps, 0)
+        return done, pull[:, rows.PULL]
+
+    def _shake(self) -> None:
+        from rope_twin.twin.vibration.shaking import (
+            Shaking,  # here: its filters take a second to load
+        )
+
+        self._shaking, self._steps = Shaking(self._scene, self._rope), 0
 
 
 class JoinedBody:

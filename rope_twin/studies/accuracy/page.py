@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from rope_twin.scene.card import PEAK, RMS, told_bound
+from rope_twin.scene.figures import lift_figures
 from rope_twin.scene.rules.rigging import is_joined
+from rope_twin.scene.rules.shedding import model_beside, vortex_words
 from rope_twin.scene.schema import Scene
 from rope_twin.studies import markdown
 from rope_twin.studies.accuracy.choice import cheapest_within
@@ -111,8 +113,8 @@ def summary(study: Study) -> list[str]:
 
 
 def notes(study: Study) -> list[str]:
-    """What does not converge, the witness, and settings that failed."""
-    lines = [f"Witness: {study.witness}."]
+    """What does not converge, the witness, vortices, and settings that failed."""
+    lines = [f"Witness: {study.witness}.", *_of_vortices(study.scene)]
     for quantity in QUANTITIES:
         doubt = study.reference.doubts[quantity.name]
         if doubt.uncertainty is None:
@@ -124,6 +126,17 @@ def notes(study: Study) -> list[str]:
             "but that which the solver's dissipation sets."
         )
     return lines + [f"Not run: {failure}" for failure in study.failures]
+
+
+def _of_vortices(scene: Scene) -> list[str]:
+    """What the fastest lock-in wants, and that errors of the tension do not tell of it."""
+    words = "" if is_joined(scene) else vortex_words(scene, lift_figures(scene))
+    if not words or model_beside(scene) is not None:
+        return [words] if words else []
+    return [
+        f"{words.removesuffix('.')}. The errors above are of the tension and the payload: what is "
+        "coarser than that does not tell how the rope vibrates."
+    ]
 
 
 def row_table(study: Study) -> Table:

@@ -12,7 +12,6 @@ from rope_twin.errors import InputError, phrase
 from rope_twin.scene.arrays.build import build
 from rope_twin.scene.arrays.joined import build_joined
 from rope_twin.scene.rules.rigging import is_joined
-from rope_twin.scene.rules.shedding import refuse_shedding, why_no_card
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy.run import Setting
 
@@ -70,7 +69,6 @@ def make_plan(scene: Scene, seconds: float | None = None) -> Plan:
         InputError: the window is too short, or the scene's elements cannot be varied.
     """
     where = f"scene {scene.name}"
-    refuse_shedding(scene, why_no_card(scene))
     if any(line.grading is not None and line.grading.nodes_m is not None for line in scene.ropes):
         right = "give the lowest element's length and its growth instead"
         raise InputError(phrase(where, "grading.nodes_m holds the elements fixed", right))
