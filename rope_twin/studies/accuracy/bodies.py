@@ -120,7 +120,8 @@ class ShakenBody(RopeBody):
             Shaking,  # here: its filters take a second to load
         )
 
-        self._shaking, self._steps = Shaking(self._scene, self._rope), 0
+        self._shaking = Shaking(self._scene, self._rope)
+        self._steps = 0
 
 
 class JoinedBody:
