@@ -147,7 +147,7 @@ def test_the_run_is_that_of_the_command(tmp_path: Path) -> None:
 def test_the_run_of_a_rope_with_vortices_is_that_of_the_command(name: str) -> None:
     """The wake's memory, and what a model beside the step makes of the drag; also the second time.
 
-    The first look of the card is timed or told by runs after it, so each begins in still water.
+    The first look of the card is timed or told by runs after it, so each begins at rest.
     """
     scene = load_scene(name)
     elements, step_s = 20, 0.01

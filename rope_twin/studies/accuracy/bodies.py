@@ -92,10 +92,11 @@ class ShakenBody(RopeBody):
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene)
         self._scene = scene
+        self._steps: int = 0  # done since the beginning
         self._shake()
 
     def begin(self) -> None:
-        """Back to rest, in still water."""
+        """Back to rest, and nothing shakes yet."""
         super().begin()
         self._shake()
 
