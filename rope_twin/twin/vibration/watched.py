@@ -72,7 +72,7 @@ class WatchedTwin(Twin):
         self.told = self._tracker.told if isinstance(self._tracker, Beside) else self.told
         if self.asked.fatigue:
             others = other_than_wire(scene.ropes[0], self.asked.fatigue, _stiffness(scene))
-            self.told = "; ".join(words for words in (self.told, others) if words)
+            self.told = "\n".join(words for words in (self.told, others) if words)
         self._counting_from_ns, self._second = self.time_ns, -1
         self._fatigue: MaterialFatigue | None = None
         self._watch_s = self._watched_s = 0.0  # time spent on it, and the twin's time meanwhile
