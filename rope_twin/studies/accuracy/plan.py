@@ -12,7 +12,7 @@ from rope_twin.errors import InputError, phrase
 from rope_twin.scene.arrays.build import build
 from rope_twin.scene.arrays.joined import build_joined
 from rope_twin.scene.rules.rigging import is_joined
-from rope_twin.scene.rules.shedding import model_beside, shedding_model
+from rope_twin.scene.rules.shedding import shedding_model
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy.run import Setting
 
@@ -25,7 +25,7 @@ FINER_MOST = 4  # elements of the reference over those of the finest rung
 MOST_WORK = 800e6  # nodes times steps of everything together: about a minute and a half
 DEAR = 2.0  # a scene whose nodes cost more than twice as much has a short ladder
 COMPONENTS = 14.0  # so many waves cost a node as much as all else
-VORTICES = 1.4  # what a model of vortices in the step costs a node beside all else, at most
+VORTICES = 1.4  # what a model of vortices costs a node beside all else, at most
 SHORTEST_WINDOW = 10  # looks
 
 
@@ -82,8 +82,8 @@ def make_plan(scene: Scene, seconds: float | None = None) -> Plan:
 def dearness(scene: Scene) -> float:
     """What a node and step cost beside those of a rope without waves and vortices."""
     components = sum(int(getattr(one, "components", 0)) for one in scene.effects)
-    shed = bool(shedding_model(scene)) and model_beside(scene) is None
-    return 1.0 + components / COMPONENTS + (VORTICES if shed else 0.0)
+    vortices = VORTICES if shedding_model(scene) else 0.0
+    return 1.0 + components / COMPONENTS + vortices
 
 
 def _plan(scene: Scene, seconds: float | None, reach: Reach) -> Plan:
