@@ -38,6 +38,7 @@ from rope_twin.twin.accuracy.ladder import TwinLadder
 from rope_twin.twin.handover import Handover, handover_depth
 from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.pacing import Pacer, steps_in_slot
+from rope_twin.twin.precedence import fall_back, follow_ahead
 from rope_twin.twin.saving.keeper import Keeper
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
@@ -109,6 +110,7 @@ class PacedTwin:
         if at_ns > 0:
             self.twin.doubt_inputs()
         self._announcer.start(epoch_ns, self.last)
+        follow_ahead()
         self._process_at_s = time.process_time()
         self.pacer.start(steady_now_ns + lead_ns + delay_ns)
         return epoch_ns
@@ -121,6 +123,7 @@ class PacedTwin:
         self.epoch_ns = None
         if self._keeper is not None:
             self._keeper.finish()
+        fall_back()
 
     @property
     def last(self) -> Snapshot:

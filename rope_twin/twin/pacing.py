@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import gc
 import logging
-import os
 import sys
 import threading
 import time
@@ -24,10 +23,10 @@ from typing import NamedTuple, Protocol
 
 from rope_twin.errors import SolverError
 from rope_twin.twin.handover import Handover
+from rope_twin.twin.precedence import step_ahead
 from rope_twin.twin.snapshot import Snapshot
 
 CATCH_UP = 4.0  # a twin that is behind runs at most this many times faster than its grid
-PRIORITY = 10  # of 1 to 99: ahead of ordinary threads, behind those of the system
 SLOT_S = 0.02  # the longest publish period of a scalar: 50 Hz
 
 _log = logging.getLogger(__name__)
@@ -179,7 +178,7 @@ class Pacer:
         )
 
     def _run(self, origin_ns: int) -> None:
-        self._health = replace(self._health, priority=take_priority())
+        self._health = replace(self._health, priority=step_ahead())
         slot = 0
         earliest_ns = origin_ns
         processor_s = time.thread_time()
@@ -272,15 +271,6 @@ class Pacer:
 def steps_in_slot(step_s: float, slot_s: float = SLOT_S) -> int:
     """The most whole steps that fit into a publish period; 1 if a step is longer than that."""
     return max(1, int(slot_s / step_s + 1e-9))
-
-
-def take_priority() -> bool:
-    """Let this thread run ahead of ordinary ones, where the system allows it (root, or rtprio)."""
-    try:
-        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(PRIORITY))
-    except (AttributeError, OSError):
-        return False
-    return True
 
 
 def keep_pauses_short() -> None:

@@ -45,6 +45,7 @@ class Keeper:
         self._kept_step = twin.steps  # the newest step that a file has or needs
         self._failed = False
         self._writer = ThreadPoolExecutor(max_workers=1, thread_name_prefix="twin-state")
+        self._writer.submit(int)  # its thread begins now, not within a slot
         self._writing: Future[None] | None = None
         self._health = SavingHealth(path)
 
