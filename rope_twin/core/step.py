@@ -63,6 +63,7 @@ from rope_twin.core.state import (
     Rope,
     Stage,
 )
+from rope_twin.core.subnormals import flush, restore
 from rope_twin.core.trial import HIGH, load_trials
 
 HALVINGS = 5  # down to h/32
@@ -225,6 +226,14 @@ def recall_tension(rope: Any, boundary: Any, row: int, time: float) -> None:
 @jit_entry
 def advance_steps(rope: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
     """What `advance` compiles."""
+    was = flush()
+    done = _advance(rope, boundary, pull, time, steps)
+    restore(was)
+    return int(done)
+
+
+@jit
+def _advance(rope: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
     state, work = rope.state, rope.work
     n = state.counts[ELEMENTS]
     copy(state.nodes, ZERO, work, ZERO, n + 1)

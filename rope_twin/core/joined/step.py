@@ -45,6 +45,7 @@ from rope_twin.core.state import (
     Stage,
 )
 from rope_twin.core.step import HALVINGS, finish, stage_at
+from rope_twin.core.subnormals import flush, restore
 
 OUT, BACK = np.int64(0), np.int64(1)  # ways to copy: from the state to scratch, and back
 
@@ -205,7 +206,9 @@ def _recall(system: Any, boundary: Any, row: int, time: float) -> None:
 @jit_entry
 def advance_joined_steps(system: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
     """What `advance_joined` compiles."""
+    was = flush()
     done = _advance(hold(system), hold(boundary), pull, time, steps)
+    restore(was)
     return int(done)
 
 

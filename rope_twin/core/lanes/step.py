@@ -43,6 +43,7 @@ from rope_twin.core.state import (
     State,
 )
 from rope_twin.core.step import OFFSET_GONE, _report
+from rope_twin.core.subnormals import flush, restore
 from rope_twin.core.trial import load_trials_of
 
 SOLVES_DONE, SOLVES_MOST, STEPS_DONE, SLACK_LOOKS, TALLIES = range(5)  # rows of a lane's tally
@@ -231,6 +232,16 @@ def advance_lanes_steps(
     arrays: Any, place: Any, lowest: Any, tally: Any, boundary: Any, pull: Any, run: Any
 ) -> int:
     """What `advance_lanes` compiles."""
+    was = flush()
+    done = _advance(arrays, place, lowest, tally, boundary, pull, run)
+    restore(was)
+    return int(done)
+
+
+@jit
+def _advance(
+    arrays: Any, place: Any, lowest: Any, tally: Any, boundary: Any, pull: Any, run: Any
+) -> int:
     rope = _wide_rope(arrays)
     borders = Boundary(table(boundary.value), table(boundary.rate))
     pulls, tallies = table(pull), table(tally)

@@ -65,8 +65,7 @@ TOGETHER = ("waves", "seabed")  # beside the base's own: the sea that a lift usu
 TOGETHER_NAME = "with waves and seabed"
 AMPLITUDE_M, PERIOD_S = 1.5, 8.0
 HELD_STRAIN = 5e-3  # of the rope without a payload: it stays taut while the hang-off heaves
-# While a sea rises what moves rope sideways fades along it to numbers below 1e-308, on which a
-# processor is slow: the first seconds of waves cost a third more, and are not what is asked for.
+# Settled is what is asked for: while a sea rises, less of it is there.
 SETTLE_S, SETS, ROUNDS, NODE_STEPS = 10.0, 6, 8, 60_000  # node-steps of a piece
 Listener = Callable[[int, int, str], None]
 
