@@ -236,10 +236,12 @@ def test_a_place_where_there_is_no_rope_by_then_leaves_it_whole(scene: Scene) ->
     assert "cut already" in twin.offer_cut(None, 20.0)
 
 
-def test_where_rope_runs_over_a_sheave_or_sheds_vortices_none_is_cut() -> None:
+def test_where_no_rope_can_be_cut_a_sentence_says_why() -> None:
     for name, words in (
         ("two_line_loop", "runs over a sheave"),
-        ("curved_pipe", "`wake_oscillator`"),
+        ("curved_pipe", "`wake_oscillator` beside `bending`"),
+        ("vortices_modal", "`modal_vibration` knows the rope by its modes"),
+        ("vortices_decomposed", "`decomposed_force` knows the rope by its modes"),
     ):
         assert words in CutInput(load_scene(name)).offer(None, 20.0, 0)
 

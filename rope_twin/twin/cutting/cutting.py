@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from rope_twin.effects.bending import BendingParams
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.scene.rules.body import body_of
 from rope_twin.scene.rules.rigging import is_joined, winch_of
-from rope_twin.scene.rules.shedding import shedding_model
+from rope_twin.scene.rules.shedding import model_beside, shedding_model
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.cutting.cut_plan import AT_LOWER_END, LEAST_M, PlannedCut, read_plan
 from rope_twin.twin.health import AHEAD_NS, InputCounter
@@ -135,8 +136,11 @@ def _unknown(scene: Scene, name: str) -> tuple[str, str] | None:
 def _why_not(scene: Scene) -> str:
     if scene.sheaves:
         return "rope runs over a sheave in this scene, and no rope of such a one can be cut so far"
-    if model := shedding_model(scene):
-        return f"this scene lists `{model}`, and the wake of a rope that is cut is not known"
+    model = shedding_model(scene)
+    if model_beside(scene) is not None:
+        return f"`{model}` knows the rope by its modes, and slack rope that falls has none"
+    if model and scene.listed(BendingParams) is not None:
+        return f"`{model}` beside `bending` cannot tell the free end of a rope that is cut"
     body = body_of(scene)
     if body is not None and body.deck is not None and body.deck.with_ship:
         return "the body stands on a deck that heaves with the ship, which what falls cannot follow"

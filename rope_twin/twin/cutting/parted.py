@@ -146,7 +146,8 @@ class PartedRopes(NoOtherWinch):
     def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
         """Energy and power of both parts; pull, speed: of the upper one."""
         self._share_water(first)
-        low = measure(self._lower, np.zeros(3), time, 0.0)
+        with np.errstate(divide="ignore"):  # the node beyond the free end has no diameter
+            low = measure(self._lower, np.zeros(3), time, 0.0)
         high = measure(first, pull[rows.PULL_X : rows.PULL_Z + 1], time, speed)
         return SystemBorder(
             Store(*(a + b for a, b in zip(low.store, high.store, strict=True))),

@@ -10,7 +10,8 @@ The upper part hangs on as before, with nothing at its lower end. The lower part
 end. The step holds the uppermost node of a rope, so this one goes on beyond its end in a section
 without mass, volume, area, stiffness and damping, which can neither pull nor weigh: the end is free
 to the bit. The node that holds that section goes ahead of the end along it, so that the end's
-tangent is the rope's own. Effects that bend the rope see a section so long that it resists nothing.
+tangent is the rope's own. Effects that bend the rope see a section so long that it resists nothing;
+those that shed vortices count the rope between nodes, and see one of 2 mm: 1 mm more at the end.
 """
 
 from __future__ import annotations
@@ -20,7 +21,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.hooks import work_rows
+from rope_twin.core.hooks import hooks_of, work_rows
+from rope_twin.core.payout import SMALLEST_REST
 from rope_twin.core.sections import SAME_PLACE
 from rope_twin.core.state import (
     Boundary,
@@ -37,11 +39,12 @@ from rope_twin.effects.weight import Weight
 from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.arrays.build import TOLERANCE_LEAST_N, TOLERANCE_SHARE
 from rope_twin.scene.arrays.grid import ROOM, halvings
-from rope_twin.twin.cutting.carried import of_part, own_copies
+from rope_twin.twin.cutting.carried import is_carried, of_part, own_copies
 from rope_twin.twin.elements import elements_of, tensions
 
 NEAR = 0.01  # of an element: a node so near is where the rope is cut
 BEYOND_M = 1e9  # length of the section that is not there
+BEYOND_SHEDDING_M = 2.0 * SMALLEST_REST  # the same where nodes shed: as short as can be
 AHEAD_M = 1.0  # where its upper end is held: so far beyond the free end
 INSTANT_S = 1e-6
 SPARE = 16  # nodes: those put in, and the one beyond
@@ -138,7 +141,7 @@ def ahead_of(lower: Rope) -> tuple[Floats, Floats]:
     value, rate = np.zeros(rows.MOTIONS), np.zeros(rows.MOTIONS)
     value[:3] = x + AHEAD_M / max(float(np.linalg.norm(along)), 1e-9) * along
     rate[:3] = lower.state.nodes[_V, end]
-    value[rows.LINE] = lower.state.s[end] + BEYOND_M
+    value[rows.LINE] = lower.state.s[end + 1]
     return value, rate
 
 
@@ -209,7 +212,7 @@ def _lower(rope: Rope, nodes: Nodes, k: int) -> Rope:
     sections[rows.END, -1] = np.inf
     part = Nodes(
         np.insert(nodes.motion[:, : k + 1], k + 1, nodes.motion[:, k], axis=1),
-        np.append(nodes.s[: k + 1], lost + BEYOND_M),
+        np.append(nodes.s[: k + 1], lost + _beyond_m(rope.effects)),
         np.append(nodes.offset[:k], 0.0),
         np.append(nodes.tension[:k], 0.0),
     )
@@ -219,6 +222,12 @@ def _lower(rope: Rope, nodes: Nodes, k: int) -> Rope:
     effects = of_part(rope.effects, nodes.s[: k + 1], 0.0, SPARE)
     lower = rope._replace(model=model, sections=sections, law=law, effects=effects)
     return _filled(lower, state, part)
+
+
+def _beyond_m(effects: tuple[Any, ...]) -> float:
+    """How long the section is that is not there."""
+    sheds = any(is_carried(own) and "load_nodes" in hooks_of(type(own)) for own in effects)
+    return BEYOND_SHEDDING_M if sheds else BEYOND_M
 
 
 def _with_nothing(law: Table) -> Table:
