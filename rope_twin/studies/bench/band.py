@@ -68,12 +68,16 @@ MEETING = (  # ropes that meet, and payloads that are rigid bodies
 ANSWERING = (  # winches whose line out follows from the tension: each has one of its own
     BandCase("emergency_stop", 80.0, 8), BandCase("abandonment_and_recovery", 140.0, 8),
 )  # fmt: skip
-FULL = (*FITTED, *LATER, *MEETING, *ANSWERING)
+VORTICES = (  # in the step
+    BandCase("strouhal_lift", 60.0), BandCase("cable_waves", 60.0), BandCase("viv_calm", 120.0),
+    BandCase("viv_in_heave", 120.0), BandCase("sonde_cast", 120.0), BandCase("curved_pipe", 60.0),
+)  # fmt: skip
+FULL = (*FITTED, *LATER, *MEETING, *ANSWERING, *VORTICES)
 BLOWS = (BandCase("lift_off", 80.0),)  # of a load on a deck, by chance others on each grid
 KNOWN = (*FULL, *BLOWS)
 QUICK = (
     BandCase("shallow_lift", 25.0), BandCase("storm", 30.0), BandCase("bridle_lift", 20.0),
-    BandCase("emergency_stop", 60.0),
+    BandCase("emergency_stop", 60.0), BandCase("cable_waves", 10.0), BandCase("sonde_cast", 30.0),
 )  # fmt: skip
 FROM_S = 2.0  # before, the ship's motion has hardly begun and neither has an error
 HELD_PCT, RATIO = 95.0, 5.0  # what a band must hold at least, and be wider than the error at most

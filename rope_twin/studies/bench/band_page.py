@@ -19,6 +19,7 @@ from rope_twin.studies.bench.band import (
     LATER,
     MEETING,
     RATIO,
+    VORTICES,
     BandCase,
     BandRow,
 )
@@ -101,6 +102,7 @@ def as_section(rows: Sequence[BandRow]) -> str:
         *_part("Scenes that came later:", LATER, rows),
         *_part("Ropes that meet, and payloads that are rigid bodies:", MEETING, rows),
         *_part("Winches that answer to the tension:", ANSWERING, rows),
+        *_part("Vortices in the step:", VORTICES, rows),
         *_part("Where blows decide (run only if named):", BLOWS, rows),
     ]
     return "\n".join(lines)

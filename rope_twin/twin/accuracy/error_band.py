@@ -20,14 +20,16 @@ from typing import Any, Self
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Boundary, Floats, Rope
+from rope_twin.effects.wake_oscillator import WakeOscillator
 from rope_twin.errors import SceneError, StateError, phrase
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rules.rigging import is_joined, winches
-from rope_twin.scene.rules.shedding import refuse_shedding
+from rope_twin.scene.rules.shedding import model_beside, refuse_shedding, strouhal_number
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.accuracy.companion import Companion, HalfRope, HalfSystem
 from rope_twin.twin.accuracy.difference import share_of_difference, whole_for_s
-from rope_twin.twin.accuracy.error_bound import ErrorBand
+from rope_twin.twin.accuracy.error_bound import EVERY, RINGS, ErrorBand
+from rope_twin.twin.accuracy.out_of_step import OutOfStep
 from rope_twin.twin.accuracy.own_winch import OwnWinch
 from rope_twin.twin.accuracy.regrid import HangOff
 from rope_twin.twin.accuracy.rung import Rung
@@ -91,10 +93,10 @@ class BandedTwin(Twin):
         rest = self._computing_s - self._band_s
         cost = 100.0 * self._band_s / rest if rest > 0.0 else 0.0
         first, *others = self._tops
-        band = _around(taken.tension_top_n, first.band.bound_n(taken.time_s), cost)
+        band = _around(taken.tension_top_n, first.bound_n(taken.time_s), cost)
         ropes = list(taken.ropes)
         for top in others:
-            shot, bound = ropes[top.rope], top.band.bound_n(taken.time_s)
+            shot, bound = ropes[top.rope], top.bound_n(taken.time_s)
             ropes[top.rope] = replace(shot, band=_around(shot.tension_top_n, bound, cost))
         if ropes:
             ropes[0] = replace(ropes[0], band=band)
@@ -141,9 +143,14 @@ class BandedTwin(Twin):
         self._known_from_s = 0.0 if settled else self.time_ns * 1e-9 + SETTLING_S
 
     def _top(self, r: int, rope: Rope, now: tuple[Floats, Floats]) -> Top:
-        share = share_of_difference(rope, self.joined is not None)
-        band = ErrorBand(self._rests_n[r], self.step_s, share, whole_for_s(rope))
-        return Top(r, band, now, self.step_s)
+        share, rest_n = share_of_difference(rope, self.joined is not None), self._rests_n[r]
+        vortices = None
+        if any(isinstance(one, WakeOscillator) for one in rope.effects):
+            pace = strouhal_number(self.scene), EVERY * self.step_s
+            vortices = OutOfStep(rest_n, *pace, self._companion.rests)
+        rings = RINGS if vortices is None else 0.0
+        band = ErrorBand(rest_n, self.step_s, share, whole_for_s(rope), rings)
+        return Top(r, band, now, self.step_s, vortices)
 
     def _changing(self) -> dict[str, Any]:
         own = ("_rests_n", "_band_s", "_companion", "_tops", "_sight", "_known_from_s", "_look_s")
@@ -206,6 +213,9 @@ class BandedTwin(Twin):
             if is_slack(ropes):
                 for top in self._tops:
                     top.band.slacken(now_s)
+            vortices = self._tops[0].vortices
+            if vortices is not None:
+                vortices.look(now_s, self.rope, self._boundary)
             if self._sight.has_ground:
                 self._look_at_bed(self._sight.bed, now_s)
 
@@ -233,9 +243,11 @@ def refuse_band(scene: Scene) -> None:
     """Say so if a companion cannot tell the error of such a scene.
 
     Raises:
-        SceneError: vortices, or where ropes meet a winch that answers to the tension.
+        SceneError: vortices beside the step, or where ropes meet a winch that answers to the
+            tension.
     """
-    refuse_shedding(scene, "a companion on half the elements cannot tell of vortices")
+    if model_beside(scene) is not None:
+        refuse_shedding(scene, "a companion cannot tell by how much the vibration is wrong")
     if not is_joined(scene):
         return
     for path, winch in winches(scene):

@@ -29,6 +29,7 @@ each failure has a rule of its own:
   elements as they pass the jump (`difference`): the difference itself is taken, of some more time.
 - A winch that answers to the tension takes that of one step for its next: an error of first order
   in the step, and the difference itself is taken.
+- Vortices that set their own pace run out of step for good, and do not ring: `out_of_step`.
 - Waves that die within an element load the rope by an error of first order: the difference is as
   large as the error then. How much of a third is wrong there follows from the waves alone
   (`surface_layer`).
@@ -108,16 +109,21 @@ class ErrorBand:
     """From the difference to the companion to a bound on the error of the top tension."""
 
     def __init__(
-        self, rest_n: float, step_s: float, share: float = THIRD, whole_s: float = 0.0
+        self,
+        rest_n: float,
+        step_s: float,
+        share: float = THIRD,
+        whole_s: float = 0.0,
+        rings: float = RINGS,
     ) -> None:
         """`rest_n`: the tension of the rope at rest; `step_s`: its step.
 
         `share`: of a difference that is the rope's error where its motion is smooth; `whole_s`: for
-        so long a difference counts whole.
+        so long a difference counts whole; `rings`: times that error for what has rung.
         """
         self._whole = Recent(whole_s)
         self._counts_whole = whole_s > 0.0
-        self._smooth, self._rings = SMOOTH * share, RINGS * share
+        self._smooth, self._rings = SMOOTH * share, rings * share
         self._loose_n, self._least_n = LOOSE * rest_n, LOOSE_LEAST * rest_n
         self._weight = min(EVERY * step_s / MEAN_S, 1.0)  # of a difference in a mean
         self._all, self._unbent = Recent(WINDOW_S), Recent(SHORT_S)  # differences

@@ -12,16 +12,22 @@ from rope_twin.twin.accuracy.error_bound import (
     acceleration_jumps,
     border_before,
 )
+from rope_twin.twin.accuracy.out_of_step import OutOfStep
 
 
 class Top:
     """Number of the rope, its band, and the border before the last one of its prescribed motion."""
 
     def __init__(
-        self, rope: int, band: ErrorBand, now: tuple[Floats, Floats], step_s: float
+        self,
+        rope: int,
+        band: ErrorBand,
+        now: tuple[Floats, Floats],
+        step_s: float,
+        vortices: OutOfStep | None = None,
     ) -> None:
-        """`now`: value and rate of the prescribed motion."""
-        self.rope, self.band = rope, band
+        """`now`: value and rate of the prescribed motion; `vortices`: where they set their pace."""
+        self.rope, self.band, self.vortices = rope, band, vortices
         self._before: Border = border_before(*now, step_s)
 
     def jumps(self, boundary: Boundary, done: int, step_s: float) -> list[float]:
@@ -58,3 +64,10 @@ class Top:
             turn, between = divmod(waiting + k + 1, EVERY)
             if not between:
                 band.compare(at_s, abs(followed[turn - 1] - own[k]))
+                if self.vortices is not None:
+                    self.vortices.take(at_s, own[k], followed[turn - 1])
+
+    def bound_n(self, time_s: float) -> float:
+        """The tension of the newest step is at most this wrong, 95 % of the time."""
+        bound = self.band.bound_n(time_s)
+        return bound if self.vortices is None else max(bound, self.vortices.bound_n(time_s))

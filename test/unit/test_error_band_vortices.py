@@ -1,0 +1,115 @@
+"""The live error band with vortices in the step: the companion's own wakes, and their phase."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from rope_twin import Twin
+from rope_twin.errors import SceneError
+from rope_twin.scene.load import load_scene
+from rope_twin.studies.bench.band import fed
+from rope_twin.studies.variants import variant
+from rope_twin.twin.accuracy.error_band import BandedTwin
+from rope_twin.twin.accuracy.out_of_step import AMPLITUDE, OutOfStep
+
+H, HZ = 0.01, 2.0  # the companion's step [s]; the vortices' frequency [Hz]
+OMEGA = 2.0 * math.pi * 2.0 * HZ  # of the top tension
+
+
+@pytest.mark.parametrize("name", ["sonde_cast", "cable_waves", "strouhal_lift"])
+def test_the_companion_has_wakes_of_its_own(name: str) -> None:
+    """The run is the same to the bit, and the companion a rope of half the elements, shaken too."""
+    scene = load_scene(name)
+    twin, found = BandedTwin(scene), []
+    shots = []
+    for shot in fed(twin, 2.0):
+        shots.append(shot.tension_top_n)
+        found.append(twin._companion._pull_n)  # type: ignore[attr-defined]
+    assert shots == [shot.tension_top_n for shot in fed(Twin(scene), 2.0)]
+    half = Twin(variant(scene, scene.ropes[0].elements // 2, 2.0 * scene.time.step_s))
+    alone = [shot.tension_top_n for shot in fed(half, 2.0)]
+    assert np.allclose(found, alone, rtol=5e-8)  # rest is found that exactly
+
+
+def followed(
+    phase: Callable[[float], float], seconds: float, slow_n: float = 0.0
+) -> tuple[OutOfStep, list[tuple[float, float]]]:
+    """Vibrations of 100 N, the companion ahead by a phase: what it found; error and bound.
+
+    The error is what a third of the phase makes; slow_n: a heave that both have.
+    """
+    found, rows = OutOfStep(50e3, 0.2, H, resting=True), []
+    found.keep_pace(HZ)
+    for k in range(1, int(seconds / H)):
+        t = k * H
+        heave = 50e3 + slow_n * math.sin(2.0 * math.pi * t / 8.0)
+        own, ahead = math.sin(OMEGA * t), math.sin(OMEGA * t + phase(t))
+        found.take(t, heave + 100.0 * own, heave + 100.0 * ahead)
+        right = math.sin(OMEGA * t - phase(t) / 3.0)
+        rows.append((100.0 * abs(own - right), found.bound_n(t)))
+    return found, rows
+
+
+@pytest.mark.parametrize("slow_n", [0.0, 5e3])
+@pytest.mark.parametrize("turns_per_s", [0.02, -0.02])
+def test_a_phase_is_followed_over_whole_turns_and_a_third_of_it_bounded(
+    turns_per_s: float, slow_n: float
+) -> None:
+    """Beside a heave fifty times as high; the companion laps the rope twice in 100 s."""
+    found, rows = followed(lambda t: 2.0 * math.pi * turns_per_s * t, 100.0, slow_n)
+    assert found.phase_rad is not None
+    late = 4.0  # s, of a mean over so many
+    expected = 2.0 * math.pi * turns_per_s * (100.0 - late)
+    assert found.phase_rad == pytest.approx(expected, abs=0.15)
+    errors, bounds = np.transpose(rows[int(10.0 / H) :])
+    assert np.mean(errors <= bounds) > 0.99
+    assert np.median(bounds) < 3.0 * np.median(errors)
+    assert bounds.max() < 2.0 * AMPLITUDE * 110.0  # two vibrations differ by no more
+
+
+def test_without_a_phase_the_bound_is_of_vibrations_that_oppose_each_other() -> None:
+    """Other frequencies; and a companion that began in the middle of the vibration."""
+    found, rows = followed(lambda t: 12.0 * t, 20.0)
+    assert found.phase_rad is None
+    assert 2.0 * 100.0 < rows[-1][1] < 2.0 * AMPLITUDE * 110.0
+    began = OutOfStep(50e3, 0.2, H, resting=False)
+    began.keep_pace(HZ)
+    for k in range(1, 1000):
+        both = 50e3 + 100.0 * math.sin(OMEGA * H * k)
+        began.take(H * k, both, both)
+    assert began.phase_rad is None
+    assert began.bound_n(10.0) > 200.0
+
+
+def test_what_does_not_vibrate_is_not_out_of_step() -> None:
+    found = OutOfStep(50e3, 0.2, H, resting=True)
+    found.keep_pace(HZ)
+    for k in range(1, 1000):
+        found.take(H * k, 50e3, 50e3)
+    assert found.bound_n(10.0) == 0.0
+
+
+def test_a_restored_twin_does_not_know_how_far_its_vortices_are_out_of_step() -> None:
+    """What it has been through is not in the new companion."""
+    twin = BandedTwin(load_scene("sonde_cast"))
+    for _ in fed(twin, 8.0):
+        pass
+    knows = twin._tops[0].vortices
+    again = BandedTwin.restore(twin.capture(), twin.scene)
+    again.advance(1000)
+    lost = again._tops[0].vortices
+    assert knows is not None
+    assert lost is not None
+    assert knows.phase_rad is not None
+    assert lost.phase_rad is None
+    assert lost.bound_n(again.time_ns * 1e-9) > 100.0
+
+
+@pytest.mark.parametrize("name", ["vortices_modal", "vortices_decomposed"])
+def test_vortices_beside_the_step_have_no_band(name: str) -> None:
+    with pytest.raises(SceneError, match=r"effects\.\w+: a companion cannot tell by how much"):
+        BandedTwin(load_scene(name))
