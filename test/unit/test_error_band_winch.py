@@ -88,6 +88,18 @@ def test_an_order_by_depth_on_the_way_gives_the_companion_a_winch() -> None:
     assert float(half_of(twin)._ahead.rate[0, rows.LINE]) == pytest.approx(0.4, abs=0.1)
 
 
+def test_a_new_plan_after_a_pause_reaches_both_winches() -> None:
+    """It comes with stamps before those of the old one, which it replaces."""
+    twin = BandedTwin(load_scene("emergency_stop"))
+    twin.advance(10)
+    assert twin.offer_order(3_000_000_000, Order("speed", -0.5)) == ""
+    twin.doubt_inputs()
+    assert twin.offer_order(1_000_000_000, Order("speed", 0.5)) == ""
+    twin.advance(490)
+    for rate in (twin._boundary.rate, half_of(twin)._ahead.rate):
+        assert rate[0, rows.LINE] == pytest.approx(0.5, abs=0.01)
+
+
 def test_while_a_winch_answers_the_difference_itself_counts() -> None:
     calm, answers = ErrorBand(100e3, 0.01), ErrorBand(100e3, 0.01)
     answers.answer(0.0)

@@ -80,6 +80,14 @@ class BandedTwin(Twin):
                 half.winch.take(stamp_ns, order, self.time_ns)
         return fault
 
+    def doubt_inputs(self) -> None:
+        """As for a twin; the companion's winch takes the new plan too."""
+        super().doubt_inputs()
+        half = self._companion
+        if isinstance(half, HalfRope) and half.winch is not None:
+            with self._lock:
+                half.winch.doubt()
+
     def offer_cut(self, stamp_ns: int | None, below_m: float, rope: str = "") -> str:
         """Refused: the companion cannot follow."""
         right = "cut it in a run without an error band"
