@@ -32,6 +32,15 @@ LOOK_S = 1.0  # between two looks at how fast the vortices are
 LEAST = 1e-6  # of the tension at rest: a vibration
 
 
+class _Pace:
+    """How fast vortices are, by functions whose filters take a second to load: before a run."""
+
+    def __init__(self) -> None:
+        from rope_twin.twin.vibration.looks import is_another_pace, vortices_hz
+
+        self.is_another_pace, self.vortices_hz = is_another_pace, vortices_hz
+
+
 class OutOfStep:
     """Of one companion; `take` gets both tensions after each of its steps."""
 
@@ -40,6 +49,7 @@ class OutOfStep:
 
         resting: the companion has been there since the rope rested.
         """
+        self._pace = _Pace()
         self._strouhal, self._hz, self._look_s = strouhal, 0.0, 0.0
         self._least = 0.5 * (LEAST * rest_n) ** 2
         self._step_s, self._weight = step_s, 0.0
@@ -62,14 +72,9 @@ class OutOfStep:
         """How fast the vortices are, once a second."""
         if time_s < self._look_s:
             return
-        from rope_twin.twin.vibration.looks import (
-            is_another_pace,  # here: its filters take a second to load
-            vortices_hz,
-        )
-
         self._look_s = time_s + LOOK_S
-        hz = vortices_hz(rope, boundary, self._strouhal)
-        if is_another_pace(hz, self._hz, False):
+        hz = self._pace.vortices_hz(rope, boundary, self._strouhal)
+        if self._pace.is_another_pace(hz, self._hz, False):
             self.keep_pace(hz)
 
     def keep_pace(self, hz: float) -> None:
