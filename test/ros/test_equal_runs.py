@@ -19,9 +19,10 @@ COMPARED = ("tension_top", "tension_payload", "payload/odometry", "winch/state",
             "rope/nodes", "hang_off/wrench", "rope/markers")  # fmt: skip
 
 
-def messages(bag: Path) -> dict[str, list[bytes]]:
+def messages(
+    bag: Path, topics: tuple[str, ...] = (*COMPARED, "ship/heave", "twin/epoch")
+) -> dict[str, list[bytes]]:
     with BagReader(bag) as reader:
-        topics = (*COMPARED, "ship/heave", "twin/epoch")
         return {topic: [data for _, data in reader.messages(f"/{topic}")] for topic in topics}
 
 
@@ -53,6 +54,30 @@ def test_paced_and_unpaced_bags_hold_the_same_bytes(processes: Processes, tmp_pa
         assert getattr(unpaced, key) == paced[key], key
     inputs = told["ship/heave"]
     assert heard["ship/heave"][: len(inputs)] == inputs
+
+
+def test_so_do_they_where_the_rope_is_cut_above_a_body(
+    processes: Processes, tmp_path: Path
+) -> None:
+    """Both parts and the slings, from before the cut until the body is in the water."""
+    process = processes.cli(
+        "run", "manifold_lift", "--for", "3", "--cut", "end@1.003", "--headless", "--json",
+        "--record", str(tmp_path / "paced"),
+    )  # fmt: skip
+    assert process.wait(120) == 0
+    paced = json.loads(process.text.strip().splitlines()[-1])
+    assert paced["cut"]["left_m"] == pytest.approx(21.0, abs=0.01)
+    names = ("tension_top", "ropes/nodes", "payload/odometry", "payload/rigging", "twin/epoch")
+    heard = messages(tmp_path / "paced", names)
+    options = RunOptions(
+        scene="manifold_lift", for_s=3.0, speed=0.0, record=tmp_path / "unpaced", cut="end@1.003"
+    )
+    unpaced = run_unpaced(options, lambda run: None, epoch_ns(heard))
+    assert unpaced.payload_depth_m == paced["payload_depth_m"] > 2.0
+    told = messages(tmp_path / "unpaced", names)
+    for topic in names[:-1]:
+        assert len(told[topic]) > 40
+        assert told[topic] == heard[topic], topic
 
 
 def test_the_comparison_can_fail(tmp_path: Path) -> None:
