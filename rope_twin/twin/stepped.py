@@ -211,6 +211,8 @@ class SteppedTwin(ToldTwin):
         self._ropes, lost_m = self._ropes.part(whole, self._boundary, place)
         self._rope = self._ropes.first
         self._current.effects = self._rope.effects
+        if self._shaking is not None:
+            self._shaking.part(whole, self._rope)
         if rope == 0:
             self._boundary.value[:, rows.LINE] -= lost_m
         self._card_error = KnownError(words="unknown: the rope was cut")

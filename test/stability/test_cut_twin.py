@@ -240,8 +240,6 @@ def test_where_no_rope_can_be_cut_a_sentence_says_why() -> None:
     for name, words in (
         ("two_line_loop", "runs over a sheave"),
         ("curved_pipe", "`wake_oscillator` beside `bending`"),
-        ("vortices_modal", "`modal_vibration` knows the rope by its modes"),
-        ("vortices_decomposed", "`decomposed_force` knows the rope by its modes"),
     ):
         assert words in CutInput(load_scene(name)).offer(None, 20.0, 0)
 

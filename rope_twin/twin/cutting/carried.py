@@ -11,8 +11,10 @@ from typing import Any
 
 import numpy as np
 
+from rope_twin.core.hooks import hooks_of
 from rope_twin.core.remembering import numbers_carried
 from rope_twin.core.state import Floats
+from rope_twin.core.vortices.drag_growth import GROWTH, DragGrowth
 
 
 def is_carried(effect: Any) -> bool:
@@ -33,6 +35,20 @@ def of_part(effects: tuple[Any, ...], s: Floats, lost_m: float, spare: int) -> t
         own._replace(memory=_memory_of(own, s, lost_m, spare)) if is_carried(own) else own
         for own in own_copies(effects)
     )
+
+
+def sheds_in_step(effect: Any) -> bool:
+    """Whether it is a model of vortices that are shed at the nodes, inside the step."""
+    at_nodes = is_carried(effect) and "load_nodes" in hooks_of(type(effect))
+    return at_nodes and not isinstance(effect, DragGrowth)
+
+
+def without_growth(effects: tuple[Any, ...]) -> tuple[Any, ...]:
+    """The same for rope that falls: slack rope has no modes, so no drag grows by its vibration."""
+    for own in effects:
+        if isinstance(own, DragGrowth):
+            own.memory[GROWTH] = 0.0
+    return effects
 
 
 def own_copies(effects: tuple[Any, ...]) -> tuple[Any, ...]:

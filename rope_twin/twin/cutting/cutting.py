@@ -137,9 +137,8 @@ def _why_not(scene: Scene) -> str:
     if scene.sheaves:
         return "rope runs over a sheave in this scene, and no rope of such a one can be cut so far"
     model = shedding_model(scene)
-    if model_beside(scene) is not None:
-        return f"`{model}` knows the rope by its modes, and slack rope that falls has none"
-    if model and scene.listed(BendingParams) is not None:
+    in_step = model and model_beside(scene) is None
+    if in_step and scene.listed(BendingParams) is not None:
         return f"`{model}` beside `bending` cannot tell the free end of a rope that is cut"
     body = body_of(scene)
     if body is not None and body.deck is not None and body.deck.with_ship:

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.hooks import hooks_of, work_rows
+from rope_twin.core.hooks import work_rows
 from rope_twin.core.payout import SMALLEST_REST
 from rope_twin.core.sections import SAME_PLACE
 from rope_twin.core.state import (
@@ -39,7 +39,7 @@ from rope_twin.effects.weight import Weight
 from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.arrays.build import TOLERANCE_LEAST_N, TOLERANCE_SHARE
 from rope_twin.scene.arrays.grid import ROOM, halvings
-from rope_twin.twin.cutting.carried import is_carried, of_part, own_copies
+from rope_twin.twin.cutting.carried import of_part, own_copies, sheds_in_step, without_growth
 from rope_twin.twin.elements import elements_of, tensions
 
 NEAR = 0.01  # of an element: a node so near is where the rope is cut
@@ -219,14 +219,14 @@ def _lower(rope: Rope, nodes: Nodes, k: int) -> Rope:
     state = _state(part, rope.state.s.shape[0] + SPARE)
     model = rope.model._replace(split_above=np.inf, merge_below=0.0)
     law = None if rope.law is None else _with_nothing(rope.law)
-    effects = of_part(rope.effects, nodes.s[: k + 1], 0.0, SPARE)
+    effects = without_growth(of_part(rope.effects, nodes.s[: k + 1], 0.0, SPARE))
     lower = rope._replace(model=model, sections=sections, law=law, effects=effects)
     return _filled(lower, state, part)
 
 
 def _beyond_m(effects: tuple[Any, ...]) -> float:
     """How long the section is that is not there."""
-    sheds = any(is_carried(own) and "load_nodes" in hooks_of(type(own)) for own in effects)
+    sheds = any(sheds_in_step(own) for own in effects)
     return BEYOND_SHEDDING_M if sheds else BEYOND_M
 
 

@@ -102,6 +102,16 @@ class Beside:
                 self._search.go_on()
         self._response.advance(sample_s)
 
+    def part(self, hangs_on: float) -> None:
+        """The rope was cut, and this share of its elements hangs on.
+
+        It goes on shaking as it did until its own modes are found, which are looked for at once.
+        """
+        shares = 1.0 - hangs_on * (1.0 - SHARES)
+        self._flow = np.stack([np.interp(shares, SHARES, part) for part in self._flow])
+        self._searched = self._search = None
+        self._since_s = self._every_s
+
     def shot(self, rope: Rope) -> RopeVibration:
         """What is told of it, at the nodes of the rope."""
         return RopeVibration(

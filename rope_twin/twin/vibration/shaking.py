@@ -14,7 +14,7 @@ from functools import singledispatch
 from math import sqrt
 from typing import Any, NamedTuple
 
-from rope_twin.core.state import Boundary, Floats, Rope
+from rope_twin.core.state import ELEMENTS, Boundary, Floats, Rope
 from rope_twin.core.vortices.drag_growth import DragGrowth, set_growth
 from rope_twin.effects.decomposed_force import DecomposedForceParams
 from rope_twin.effects.modal_vibration import ModalVibrationParams
@@ -88,6 +88,11 @@ class Shaking:
                 set_growth(own, rope.state, grown)
         self._looked_s += since_s
         self._took_s += time.perf_counter() - began
+
+    def part(self, whole: Rope, upper: Rope) -> None:
+        """The rope was cut: what hangs on has modes of its own."""
+        n, left = (int(rope.state.counts[ELEMENTS]) for rope in (whole, upper))
+        self.tracker.part(min(left / n, 1.0))
 
     def shot(self, rope: Rope) -> RopeVibration:
         """What is told of it."""

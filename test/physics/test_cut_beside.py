@@ -1,0 +1,82 @@
+"""A rope cut while a model beside the step shakes it: what hangs on has modes of its own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from cut_rigs import fallen
+
+from rope_twin import Twin, load_scene
+from rope_twin.core import state as rows
+from rope_twin.core.vortices.drag_growth import GROWTH, DragGrowth
+from rope_twin.twin.vibration.rope_span import span_of_rope
+
+SCENES = pytest.mark.parametrize("name", ["vortices_modal", "vortices_decomposed"])
+STEPS_PER_S = 100
+
+
+def shaken(name: str) -> Twin:
+    """After half a minute."""
+    twin = Twin(load_scene(name))
+    twin.advance(30 * STEPS_PER_S)
+    return twin
+
+
+def growth_of(effects: tuple[object, ...]) -> np.ndarray:
+    """Of the drag, at the nodes."""
+    own = next(one for one in effects if isinstance(one, DragGrowth))
+    return np.asarray(own.memory[GROWTH])
+
+
+@SCENES
+def test_what_hangs_on_has_its_own_modes_and_what_falls_is_not_shaken(name: str) -> None:
+    """Twenty seconds later they are those of a bare rope of its length and tension."""
+    twin = shaken(name)
+    before = twin.snapshot().vibration
+    assert before is not None
+    assert not twin.offer_cut(None, 300.0)
+    twin.advance(1)
+    after, n = twin.snapshot().vibration, int(twin.rope.state.counts[rows.ELEMENTS])
+    assert after is not None
+    from_top = 10  # nodes: it goes on as it was
+    np.testing.assert_allclose(
+        after.cross_flow[:from_top], before.cross_flow[:from_top], rtol=0.2, atol=0.02
+    )
+    assert growth_of(twin.rope.effects)[: n - 1].min() > 0.0
+    lower = fallen(twin)
+    assert not growth_of(lower.effects)[: int(lower.state.counts[rows.ELEMENTS]) + 1].any()
+    assert twin.shaking is not None
+    twin.advance(20 * STEPS_PER_S)
+    now = twin.snapshot().vibration
+    assert now is not None
+    assert now.solves >= before.solves + 18
+    assert not now.note
+    span = span_of_rope(twin.rope)
+    assert span.end_mass == 0.0, "nothing hangs on it"
+    response = twin.shaking.tracker._response
+    own = response.span
+    assert own.s[-1] - own.s[0] == pytest.approx(300.0, rel=2e-3)
+    assert own.tension[0] < 0.02 * own.tension[-1], "down to its free end"
+    assert 0.02 < now.cross_flow.max() < 2.0
+
+
+@SCENES
+def test_it_goes_on_to_the_bit(name: str) -> None:
+    """From a saved state and on a branch, right after the cut and later."""
+    twin = shaken(name)
+    assert not twin.offer_cut(None, 300.0)
+    others = []
+    for steps in (1, 230):
+        twin.advance(steps)
+        others += [Twin.restore(twin.capture(), twin.scene), twin.branch()]
+    due = twin.steps + 170
+    for one in (twin, *others):
+        one.advance(due - one.steps)
+    kept = twin.snapshot()
+    assert kept.vibration is not None
+    for one in others:
+        shot = one.snapshot()
+        assert shot.vibration is not None
+        assert (shot.vibration.cross_flow == kept.vibration.cross_flow).all()
+        for rope, own in zip(shot.ropes, kept.ropes, strict=True):
+            assert (rope.node_position_m == own.node_position_m).all()
