@@ -53,10 +53,6 @@ def test_a_value_that_begins_with_minus_stands_behind_an_equals_sign(
         ("view sea_1p2m --screenshot a.jpg", "--screenshot a.jpg: pictures are PNG; end it in .pn"),
         ("validate P9 --into {folder}", "{folder}/validation.md: it has no place for the cases"),
         ("study sea_and_lod", "study 'sea_and_lod': there is no such study; did you mean 'sea_an"),
-        (
-            "run emergency_stop --speed 0 --for 1 --no-record --error-band",
-            "winch: its drive, brake, or an order by depth",
-        ),
         ("run bridle_lift --speed 0 --for 1 --no-record --fatigue spiral_wire", "ropes meet here"),
         ("ensemble deep_lift --members 2 --look 0 --vary time.step_s=1..2", "--look: 0.0 s is not"),
     ],

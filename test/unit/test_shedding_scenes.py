@@ -19,7 +19,6 @@ from rope_twin.scene.figures import lift_figures
 from rope_twin.scene.rules.shedding import expected_pace, vortex_words
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.rigs import Rig
-from rope_twin.twin.accuracy.error_band import BandedTwin
 from rope_twin.twin.accuracy.rungs import ladder_of
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 
@@ -59,12 +58,10 @@ def test_a_scene_too_coarse_is_told_what_it_costs() -> None:
 
 
 def test_what_carries_no_wakes_says_so() -> None:
-    """Ensembles, error bands, other grids; a paced twin keeps its step and elements."""
+    """Ensembles, other grids; a paced twin keeps its step and elements."""
     scene = shedding(replace(CABLE, elements=40))
     with pytest.raises(SceneError, match=r"effects.wake_oscillator: .* share their wakes"):
         Ensemble(scene, [Variation(), Variation()])
-    with pytest.raises(SceneError, match=r"effects.wake_oscillator: a companion on half"):
-        BandedTwin(scene)
     assert len(ladder_of(scene)) == 1
     assert len(ladder_of(CABLE.scene())) > 1
 
