@@ -16,7 +16,7 @@ from rope_twin.twin.pacing import SLOT_S
 
 # Of the budget, in steps and messages: the rest is for the middleware and the other threads of the
 # process, which no calibration sees, and for what they push out of the caches.
-AIM, LEAST, MOST = 0.70, 0.67, 0.73
+AIM, LEAST, MOST = 0.63, 0.60, 0.66
 ROUNDS, BALANCED = 8, 4  # of measuring; in the first ones the step is chosen anew
 GROWTH = 16.0  # from round to round at most: what hardly costs tells little of what costs much
 IN_SLOT = (1, 2, 4, 5, 8, 10, 16, 20, 25, 32, 40, 50, 80, 100, 125, 160, 200)  # steps: whole slots
