@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.commands.console import FigureProgress
-from rope_twin.core.lanes.wide import LANES
+from rope_twin.core.compiler.wide import LANES
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.commands.console import FigureProgress
-from rope_twin.core.lanes.wide import LANES
+from rope_twin.core.compiler.wide import LANES
 from rope_twin.effects.bending import BendingParams
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.share import share_dir

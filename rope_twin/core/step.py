@@ -10,22 +10,24 @@ from __future__ import annotations
 from math import exp, isfinite, sqrt
 from typing import Any
 
-from rope_twin.core import terms
-from rope_twin.core.elastic import stretch_all
-from rope_twin.core.jit import compiled, jit, jit_entry, jit_sum
-from rope_twin.core.motion import place_hang_off, prescribed
-from rope_twin.core.payout import change_elements, split_length
-from rope_twin.core.prediction import GAMMA, accept
-from rope_twin.core.remembering import (
+from rope_twin.core.acting import terms
+from rope_twin.core.compiler.jit import compiled, jit, jit_entry, jit_sum
+from rope_twin.core.compiler.rows import copy
+from rope_twin.core.compiler.subnormals import flush, restore
+from rope_twin.core.payout.events import change_elements, split_length
+from rope_twin.core.payout.motion import place_hang_off, prescribed
+from rope_twin.core.payout.trial import HIGH, load_trials
+from rope_twin.core.rope.elastic import stretch_all
+from rope_twin.core.rope.sections import set_lengths, set_top_length
+from rope_twin.core.solve.prediction import GAMMA, accept
+from rope_twin.core.solve.remembering import (
     accept_memories,
     begin_step,
     keep_memories,
     return_memories,
     settle_memories,
 )
-from rope_twin.core.rows import copy
-from rope_twin.core.sections import set_lengths, set_top_length
-from rope_twin.core.stage import (
+from rope_twin.core.solve.stage import (
     BDF2,
     CAP,
     CONVERGED,
@@ -63,8 +65,6 @@ from rope_twin.core.state import (
     Rope,
     Stage,
 )
-from rope_twin.core.subnormals import flush, restore
-from rope_twin.core.trial import HIGH, load_trials
 
 HALVINGS = 5  # down to h/32
 OFFSET_GONE = 1e-15  # a fading length offset below this part of its element is 0

@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from rope_twin.core.acting.hooks import kernel, switching
+from rope_twin.core.acting.loads import Load
 from rope_twin.core.bed import (
     Grid,
     ManyGrids,
@@ -26,11 +28,9 @@ from rope_twin.core.bed import (
     grid_bed,
     plane_bed,
 )
+from rope_twin.core.compiler.jit import jit_within
+from rope_twin.core.compiler.rows import rows, span
 from rope_twin.core.energy import account
-from rope_twin.core.hooks import kernel, switching
-from rope_twin.core.jit import jit_within
-from rope_twin.core.loads import Load
-from rope_twin.core.rows import rows, span
 from rope_twin.core.state import BLOCK, CORRECTION, POSITION, RESIDUAL, VELOCITY, Floats
 from rope_twin.quantity import quantity, text
 

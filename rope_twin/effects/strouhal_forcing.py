@@ -26,14 +26,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rope_twin.core.acting.hooks import kernel
+from rope_twin.core.compiler.jit import jit, jit_within
+from rope_twin.core.compiler.rows import rows, span
 from rope_twin.core.energy import account
 from rope_twin.core.guards import FOLDED2, NONE_AT_ALL, STILL2, UNSHED
-from rope_twin.core.hooks import kernel
-from rope_twin.core.jit import jit, jit_within
-from rope_twin.core.prediction import K1, K2
-from rope_twin.core.remembering import new_memory, remembering
-from rope_twin.core.rows import rows, span
-from rope_twin.core.stage import TRAPEZOID
+from rope_twin.core.payout.trial import set_trials
+from rope_twin.core.solve.prediction import K1, K2
+from rope_twin.core.solve.remembering import new_memory, remembering
+from rope_twin.core.solve.stage import TRAPEZOID
 from rope_twin.core.state import (
     BLOCK,
     DIRECTION,
@@ -46,7 +47,6 @@ from rope_twin.core.state import (
     VOLUME,
     Floats,
 )
-from rope_twin.core.trial import set_trials
 from rope_twin.quantity import quantity
 
 CARRIED = 4  # φ and its rate, m and its rate

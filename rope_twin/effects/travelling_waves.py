@@ -25,15 +25,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.cosine import cosine
+from rope_twin.core.acting.hooks import kernel
+from rope_twin.core.compiler.cosine import cosine
+from rope_twin.core.compiler.jit import jit
+from rope_twin.core.compiler.rows import row, rows, span
 from rope_twin.core.energy import account
 from rope_twin.core.guards import NONE_AT_ALL, STOPPED
-from rope_twin.core.hooks import kernel
-from rope_twin.core.jit import jit
-from rope_twin.core.prediction import K1, K2
-from rope_twin.core.remembering import new_memory, remembering
-from rope_twin.core.rows import row, rows, span
-from rope_twin.core.stage import BDF2, TRAPEZOID
+from rope_twin.core.payout.trial import set_trials
+from rope_twin.core.solve.prediction import K1, K2
+from rope_twin.core.solve.remembering import new_memory, remembering
+from rope_twin.core.solve.stage import BDF2, TRAPEZOID
 from rope_twin.core.state import (
     BLOCK,
     ELEMENTS,
@@ -46,7 +47,6 @@ from rope_twin.core.state import (
     VOLUME,
     Floats,
 )
-from rope_twin.core.trial import set_trials
 from rope_twin.core.vortices.half_waves import (
     across,
     hold_frequencies,

@@ -33,14 +33,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rope_twin.core.acting.hooks import kernel
+from rope_twin.core.compiler.jit import jit
+from rope_twin.core.compiler.rows import rows, span
 from rope_twin.core.energy import account
 from rope_twin.core.guards import STILL2
-from rope_twin.core.hooks import kernel
-from rope_twin.core.jit import jit
-from rope_twin.core.prediction import GAMMA, K1, K2
-from rope_twin.core.remembering import new_memory, remembering
-from rope_twin.core.rows import rows, span
-from rope_twin.core.stage import BDF2, TRAPEZOID
+from rope_twin.core.payout.trial import set_trials
+from rope_twin.core.solve.prediction import GAMMA, K1, K2
+from rope_twin.core.solve.remembering import new_memory, remembering
+from rope_twin.core.solve.stage import BDF2, TRAPEZOID
 from rope_twin.core.state import (
     BLOCK,
     ELEMENTS,
@@ -51,7 +52,6 @@ from rope_twin.core.state import (
     VELOCITY,
     Floats,
 )
-from rope_twin.core.trial import set_trials
 from rope_twin.core.vortices import shedding
 from rope_twin.core.vortices.van_der_pol import faded, smooth_noise, solve_wake, wake_of
 from rope_twin.quantity import quantity, text

@@ -14,7 +14,7 @@ Rope and payload feel the acceleration: the rope by ρ·A·(a + Ca·a_n) per met
 
 Short cuts: components are sorted from long to short, and a node takes only so many that the rest of
 them together, Σ a·ω·e^{k·z}, is negligible there; nodes between others may take what a cubic gives
-(core/wave_field); angles are turned from those of a place close by, by a series (core/wave_sums).
+(core/waves/field); angles are turned from those of a place close by, by a series (core/waves/sums).
 All together stay under `neglected_m_per_s`.
 """
 
@@ -27,16 +27,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rope_twin.core.acting.hooks import kernel
+from rope_twin.core.acting.loads import Load
+from rope_twin.core.compiler.jit import jit_within
+from rope_twin.core.compiler.rows import rows
 from rope_twin.core.energy import account
-from rope_twin.core.hooks import kernel
-from rope_twin.core.jit import jit_within
 from rope_twin.core.joined.stack import stacks
-from rope_twin.core.loads import Load
-from rope_twin.core.rows import rows
 from rope_twin.core.state import FLOW_RATE, RESIDUAL, Floats
-from rope_twin.core.wave_field import add_water
-from rope_twin.core.wave_reach import asides, echoes, levels_to, lowest, reaches, thirds
-from rope_twin.core.wave_rows import (
+from rope_twin.core.waves.field import add_water
+from rope_twin.core.waves.reach import asides, echoes, levels_to, lowest, reaches, thirds
+from rope_twin.core.waves.rows import (
     ASIDE,
     BLOCK,
     ECHO,
@@ -128,7 +128,7 @@ class WavesParams:
 class Waves(NamedTuple):
     """What the kernels see: components from long to short, in blocks."""
 
-    table: Floats  # figures of components, blocks and levels (core/wave_rows), (SEA_ROWS, any)
+    table: Floats  # figures of components, blocks and levels (core/waves/rows), (SEA_ROWS, any)
     blocks: int
     levels: int
     steepest: float  # Σ a·k, slope of the surface

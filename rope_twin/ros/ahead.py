@@ -14,7 +14,7 @@ import signal
 import sys
 
 from rope_twin.commands.run.options import RunOptions
-from rope_twin.core.jit import make_ready
+from rope_twin.core.compiler.jit import make_ready
 from rope_twin.ros.entry import StopSignal
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene

@@ -11,11 +11,11 @@ from payout_rigs import SEA
 from rigs import Bench
 
 from rope_twin.core import state as rows
-from rope_twin.core.again import SHARE, count_left
-from rope_twin.core.jit import jit_entry
-from rope_twin.core.prediction import GAMMA
-from rope_twin.core.remembering import begin_step
-from rope_twin.core.stage import BDF2, SEARCH, TRAPEZOID, _eliminate, _evaluate, _push
+from rope_twin.core.compiler.jit import jit_entry
+from rope_twin.core.solve.again import SHARE, count_left
+from rope_twin.core.solve.prediction import GAMMA
+from rope_twin.core.solve.remembering import begin_step
+from rope_twin.core.solve.stage import BDF2, SEARCH, TRAPEZOID, _eliminate, _evaluate, _push
 from rope_twin.core.state import Boundary, Floats
 from rope_twin.core.step import stage_at
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams

@@ -11,9 +11,9 @@ from dataclasses import replace
 import pytest
 
 from rope_twin import load_scene
-from rope_twin.core.elastic import stretch
-from rope_twin.core.jit import assembly
-from rope_twin.core.loads import add_load
+from rope_twin.core.acting.loads import add_load
+from rope_twin.core.compiler.jit import assembly
+from rope_twin.core.rope.elastic import stretch
 from rope_twin.core.state import Stage
 from rope_twin.core.vortices.drag_growth import DragGrowth
 from rope_twin.effects import EFFECTS

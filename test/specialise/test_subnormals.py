@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from rope_twin import Twin, load_scene
-from rope_twin.core.jit import jit_entry
+from rope_twin.core.compiler.jit import jit_entry
+from rope_twin.core.compiler.subnormals import FLUSHED, HAS_REGISTER, flush, restore
 from rope_twin.core.state import VELOCITY
-from rope_twin.core.subnormals import FLUSHED, HAS_REGISTER, flush, restore
 
 SMALLEST, FADED = np.finfo(float).tiny, 1e-310
 

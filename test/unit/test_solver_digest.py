@@ -43,7 +43,7 @@ def test_a_module_in_a_folder_is_followed(tmp_path: Path) -> None:
 
 def test_one_rope_depends_on_its_own_statics_and_step() -> None:
     one = sources(equilibrium.__name__)
-    assert {"core/step.py", "core/statics/shape.py", "core/lanes/wide.py"} <= one
+    assert {"core/step.py", "core/statics/shape.py", "core/compiler/wide.py"} <= one
     assert not any(name.startswith(("core/joined/", "core/body/")) for name in one)
 
 
@@ -64,7 +64,7 @@ def test_an_effect_brings_what_it_imports(scene: str, source: str) -> None:
 @pytest.mark.parametrize(
     ("source", "aged"),
     [
-        ("core/lanes/wide.py", {"shallow_lift", "landing", "bridle_lift"}),
+        ("core/compiler/wide.py", {"shallow_lift", "landing", "bridle_lift"}),
         ("core/joined/step.py", {"bridle_lift"}),
         ("core/bed.py", {"landing"}),
     ],

@@ -25,7 +25,6 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core.assembly import set_flow
 from rope_twin.core.body import state as at
 from rope_twin.core.body.change import (
     NONE,
@@ -37,9 +36,10 @@ from rope_twin.core.body.change import (
 from rope_twin.core.body.parts import part
 from rope_twin.core.body.rotation import along, cross, dot, inward, outward, put, vector
 from rope_twin.core.body.state import Afloat, RigidBody
-from rope_twin.core.jit import jit, jit_within
+from rope_twin.core.compiler.jit import jit, jit_within
+from rope_twin.core.payout.trial import LOW
+from rope_twin.core.solve.assembly import set_flow
 from rope_twin.core.state import POSITION, SURFACE, Floats
-from rope_twin.core.trial import LOW
 
 FEW = 1e-12  # a share that counts as dry
 

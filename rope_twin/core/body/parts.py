@@ -8,8 +8,8 @@ A part is a NamedTuple among a body's `parts`; its file registers kernels by `@p
 - `floor(part, body, place)`: the height at which the body's corners there would touch it.
 - `power(part, body, pose)`, plain Python: what it brings to the body [W]; pose: of body_energy.
 
-The types pick the code while numba compiles (as of effects, core/hooks.py): a part that is absent
-leaves none.
+The types pick the code while numba compiles (as of effects, core/acting/hooks.py): a part that is
+absent leaves none.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from typing import Any
 
 from numba.extending import overload
 
+from rope_twin.core.acting.hooks import written_out
 from rope_twin.core.body.rotation import along
-from rope_twin.core.hooks import written_out
-from rope_twin.core.jit import LINKED, jit
+from rope_twin.core.compiler.jit import LINKED, jit
 
 _KERNELS: dict[str, dict[type, Any]] = {"act": {}, "foresee": {}, "floor": {}, "power": {}}
 

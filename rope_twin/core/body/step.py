@@ -1,8 +1,8 @@
 """How a rigid body joins the rope's stages: predicted, solved for the hook's motion, settled.
 
-The number of the record that holds is what it remembers (core/remembering.py): so a substep that
-is rejected, or a step that fails, leaves the body as it was. core/body/kinds.py registers these
-kernels for each type of body.
+The number of the record that holds is what it remembers (core/solve/remembering.py): so a substep
+that is rejected, or a step that fails, leaves the body as it was. core/body/kinds.py registers
+these kernels for each type of body.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ from __future__ import annotations
 from math import inf, nan
 from typing import Any
 
-from rope_twin.core.assembly import set_flow
 from rope_twin.core.body import state as body_state
 from rope_twin.core.body.balance import left_on_hook, solve
 from rope_twin.core.body.change import NONE
@@ -27,10 +26,12 @@ from rope_twin.core.body.rotation import (
     turned,
     vector,
 )
-from rope_twin.core.jit import jit
-from rope_twin.core.prediction import GAMMA, K1, K2
-from rope_twin.core.rows import rows, span
-from rope_twin.core.stage import TRAPEZOID
+from rope_twin.core.compiler.jit import jit
+from rope_twin.core.compiler.rows import rows, span
+from rope_twin.core.payout.trial import LOW
+from rope_twin.core.solve.assembly import set_flow
+from rope_twin.core.solve.prediction import GAMMA, K1, K2
+from rope_twin.core.solve.stage import TRAPEZOID
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
@@ -42,7 +43,6 @@ from rope_twin.core.state import (
     RESIDUAL,
     VELOCITY,
 )
-from rope_twin.core.trial import LOW
 
 at = body_state
 

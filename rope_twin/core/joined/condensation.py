@@ -11,9 +11,9 @@ from typing import Any
 
 from numba.extending import overload
 
-from rope_twin.core import terms
-from rope_twin.core.hooks import couples
-from rope_twin.core.jit import LINKED, jit
+from rope_twin.core.acting import terms
+from rope_twin.core.acting.hooks import couples
+from rope_twin.core.compiler.jit import LINKED, jit
 from rope_twin.core.joined import chains, coupled_chains
 from rope_twin.core.joined.chains import column
 from rope_twin.core.state import BLOCK, RESIDUAL

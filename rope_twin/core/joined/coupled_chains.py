@@ -12,8 +12,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.coupled_elimination import SECOND, keep, kept_of
-from rope_twin.core.coupled_node import (
+from rope_twin.core.compiler.jit import jit_ordered, jit_within
+from rope_twin.core.joined.chains import column, set_column
+from rope_twin.core.solve.coupled_elimination import SECOND, keep, kept_of
+from rope_twin.core.solve.coupled_node import (
     add,
     add_nine,
     eliminate_coupled_node,
@@ -22,9 +24,7 @@ from rope_twin.core.coupled_node import (
     scaled,
     substituted,
 )
-from rope_twin.core.elimination import add_six, ground, six, spring
-from rope_twin.core.jit import jit_ordered, jit_within
-from rope_twin.core.joined.chains import column, set_column
+from rope_twin.core.solve.elimination import add_six, ground, six, spring
 from rope_twin.core.state import BLOCK, CORRECTION, ELIMINATED, LINK, RESIDUAL
 
 INVERSE = ELIMINATED + 12  # after own and G: 6 rows, S⁻¹ of a node

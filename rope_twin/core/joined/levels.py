@@ -13,8 +13,8 @@ import numpy as np
 from rope_twin.core.joined.hanging import Link, hang, laid
 from rope_twin.core.joined.joints import LOOSE, System, new_system, with_flows
 from rope_twin.core.joined.ties import ANCHORED, FIRST, LEAST, LENGTH, SECOND
+from rope_twin.core.payout.trial import TRIALS
 from rope_twin.core.state import ELEMENTS, END, POSITION, Floats, Rope, new_state
-from rope_twin.core.trial import TRIALS
 
 SPARE_NODES = 4
 DROPS = 25  # enough for a first guess

@@ -22,6 +22,7 @@ from rope_twin.core.joined.sheaves import (
     Sheaves,
 )
 from rope_twin.core.joined.statics import settle_joined, settle_near
+from rope_twin.core.payout.trial import TRIALS
 from rope_twin.core.state import (
     EA,
     ELEMENTS,
@@ -33,7 +34,6 @@ from rope_twin.core.state import (
     Rope,
 )
 from rope_twin.core.statics.forces import Equilibrium
-from rope_twin.core.trial import TRIALS
 
 HELD = 1e30  # kg: inertia of a wheel that nothing turns
 ROUNDS = 12

@@ -6,13 +6,13 @@ a joint's place is, with the same time stepping; it takes a column of `joints` (
 that a restart, a halved step and the joints' solve know of it without a word.
 
 The rope that passes has x = x_sheave, v = v_sheave - V·q and a = a_sheave - A·q - 2·V·dq/dt, with q
-the last element's vector over its rest length and V, A the rates of L. These are the motion of
-the rope's last node in its kernels, so that an element needs no term for the rope that enters it.
-In small motions the node goes by B·du, B = -q on one side and +q on the other: the flow has the
+the last element's vector over its rest length and V, A the rates of L. These are the motion of the
+rope's last node in its kernels, so that an element needs no term for the rope that enters it. In
+small motions the node goes by B·du, B = -q on one side and +q on the other: the flow has the
 balance ΣB·R of the half elements there, that is F = F' of the pulls just beside the sheave less
-friction and inertia of the wheel, and no jump when an element splits or merges there, which keeps
-F (core/payout.py). On the sheave act -F·t - F'·t' + m·V²·(q + q'), the last one what turning the
-stream of rope takes, by the balance of momentum of what is at the sheave.
+friction and inertia of the wheel, and no jump when an element splits or merges there, which keeps F
+(core/payout/events.py). On the sheave act -F·t - F'·t' + m·V²·(q + q'), the last one what turning
+the stream of rope takes, by the balance of momentum of what is at the sheave.
 
 Dropped from the Jacobian, not from the balance: the derivatives of the stream's pull, of 2·V·dq/dt
 and of the elements' mass to u, which are V·q/l and p·load/EA of what stays.
@@ -23,10 +23,10 @@ from __future__ import annotations
 from math import acos, nan, sqrt, tanh
 from typing import Any, NamedTuple
 
-from rope_twin.core.jit import jit, jit_within
+from rope_twin.core.compiler.jit import jit, jit_within
 from rope_twin.core.joined.chains import column
 from rope_twin.core.joined.stack import rope_of
-from rope_twin.core.sections import set_top_length
+from rope_twin.core.rope.sections import set_top_length
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,

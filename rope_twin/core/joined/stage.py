@@ -1,4 +1,4 @@
-"""One implicit stage of ropes that meet: Newton over all of them at once, as in core/stage.py.
+"""One implicit stage of ropes that meet: Newton over all of them at once, as in core/solve/stage.
 
 The same passes, acceptance and line search; only the solve goes over the joints. A stage is
 accepted when every tension in the system is what the linearisation expected of it and, where an
@@ -13,10 +13,8 @@ from typing import Any
 import numpy as np
 from numba.extending import overload
 
-from rope_twin.core import hooks
-from rope_twin.core.assembly import load_lowest, load_nodes, set_flow, slope
-from rope_twin.core.elastic import growth_of, stretch, stretch_corrected, stretch_top
-from rope_twin.core.jit import LINKED, jit
+from rope_twin.core.acting import hooks
+from rope_twin.core.compiler.jit import LINKED, jit
 from rope_twin.core.joined.chains import column
 from rope_twin.core.joined.condensation import add_couplings
 from rope_twin.core.joined.joints import (
@@ -32,8 +30,10 @@ from rope_twin.core.joined.joints import (
 from rope_twin.core.joined.sheaves import add_sheaves, pass_end
 from rope_twin.core.joined.stack import rope_of
 from rope_twin.core.joined.ties import add_ties, count_unexpected_ties, expect_pulls, pull_ties
-from rope_twin.core.prediction import correct, predict_bdf2, predict_trapezoid
-from rope_twin.core.stage import (
+from rope_twin.core.rope.elastic import growth_of, stretch, stretch_corrected, stretch_top
+from rope_twin.core.solve.assembly import load_lowest, load_nodes, set_flow, slope
+from rope_twin.core.solve.prediction import correct, predict_bdf2, predict_trapezoid
+from rope_twin.core.solve.stage import (
     BDF2,
     CHUNK,
     CONVERGED,

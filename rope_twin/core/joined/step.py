@@ -7,18 +7,19 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core import terms
-from rope_twin.core.assembly import load_nodes
-from rope_twin.core.elastic import stretch_all
-from rope_twin.core.jit import compiled, jit, jit_entry
-from rope_twin.core.joined.held import hold
+from rope_twin.core.acting import terms
+from rope_twin.core.compiler.held import hold
+from rope_twin.core.compiler.jit import compiled, jit, jit_entry
+from rope_twin.core.compiler.subnormals import flush, restore
 from rope_twin.core.joined.joints import LOOSE, STEP, Joined, System, place_ends
 from rope_twin.core.joined.sheaves import finish_at_sheave, is_at_sheave, pass_end
 from rope_twin.core.joined.stack import load, rope_of, stacked_effects, store
 from rope_twin.core.joined.stage import end_rope, solve_joined
-from rope_twin.core.prediction import GAMMA
-from rope_twin.core.sections import set_lengths
-from rope_twin.core.stage import (
+from rope_twin.core.rope.elastic import stretch_all
+from rope_twin.core.rope.sections import set_lengths
+from rope_twin.core.solve.assembly import load_nodes
+from rope_twin.core.solve.prediction import GAMMA
+from rope_twin.core.solve.stage import (
     BDF2,
     CAP,
     CONVERGED,
@@ -45,7 +46,6 @@ from rope_twin.core.state import (
     Stage,
 )
 from rope_twin.core.step import HALVINGS, finish, stage_at
-from rope_twin.core.subnormals import flush, restore
 
 OUT, BACK = np.int64(0), np.int64(1)  # ways to copy: from the state to scratch, and back
 

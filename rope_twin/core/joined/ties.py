@@ -13,8 +13,8 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
+from rope_twin.core.compiler.jit import jit, jit_within
 from rope_twin.core.guards import TIED2
-from rope_twin.core.jit import jit, jit_within
 from rope_twin.core.joined.chains import column
 from rope_twin.core.state import CORRECTION, POSITION, RESIDUAL, VELOCITY
 

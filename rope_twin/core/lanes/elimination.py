@@ -1,10 +1,13 @@
-"""The direct solve of `core/elimination` for ropes in lanes, in the same order of operations."""
+"""`core/solve/elimination` for ropes in lanes, in the same order of operations."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.elimination import (
+from rope_twin.core.compiler.jit import jit_ordered, jit_ordered_within
+from rope_twin.core.compiler.rows import row, rows, span
+from rope_twin.core.compiler.wide import choose
+from rope_twin.core.solve.elimination import (
     add_six,
     eliminate_node,
     ground,
@@ -13,9 +16,6 @@ from rope_twin.core.elimination import (
     solve_symmetric,
     spring,
 )
-from rope_twin.core.jit import jit_ordered, jit_ordered_within
-from rope_twin.core.lanes.wide import choose
-from rope_twin.core.rows import row, rows, span
 from rope_twin.core.state import (
     AXIAL,
     BLOCK,

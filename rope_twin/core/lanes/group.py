@@ -8,11 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba.core import config
 
-from rope_twin.core import hooks
-from rope_twin.core.jit import compiled
+from rope_twin.core.acting import hooks
+from rope_twin.core.compiler.jit import compiled
+from rope_twin.core.compiler.wide import ALIGNMENT, ALL, LANES
 from rope_twin.core.lanes.step import TALLIES, Run, advance_lanes_steps
-from rope_twin.core.lanes.wide import ALIGNMENT, ALL, LANES
-from rope_twin.core.sections import SAME_PLACE
+from rope_twin.core.payout.trial import TRIALS
+from rope_twin.core.rope.sections import SAME_PLACE
 from rope_twin.core.state import (
     COUNTS,
     ELEMENTS,
@@ -37,7 +38,6 @@ from rope_twin.core.state import (
     Rope,
     State,
 )
-from rope_twin.core.trial import TRIALS
 
 _OWN_FIGURES = ("element_length", "split_above", "merge_below", "tolerance")  # of the Model
 

@@ -1,22 +1,23 @@
-"""One implicit stage of ropes in lanes: Newton as in `core/stage`, each lane until it converges.
+"""One implicit stage of ropes in lanes: Newton as in `core/solve/stage`.
 
 A lane that has converged is held while others go on, and keeps the factors of its last elimination,
-which its BDF2 stage begins with (core/again). What is rare does not happen here: a lane that wants
-the line search, or whose factors do not serve, is given up, and its rope takes the step by itself.
+which its BDF2 stage begins with (core/solve/again). What is rare does not happen here: a lane that
+wants the line search, or whose factors do not serve, is given up, and its rope takes the step by
+itself.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.again import count_left
-from rope_twin.core.assembly import load_lowest, load_nodes, set_flow
-from rope_twin.core.elastic import growth_of, stretch, stretch_all, stretch_corrected
-from rope_twin.core.jit import jit
+from rope_twin.core.compiler.jit import jit
+from rope_twin.core.compiler.wide import ALL, choose, mask_of
 from rope_twin.core.lanes.elimination import eliminate_wide, push_wide, substitute_wide
-from rope_twin.core.lanes.wide import ALL, choose, mask_of
-from rope_twin.core.prediction import correct, predict_bdf2, predict_trapezoid
-from rope_twin.core.stage import CHUNK, SEARCH_FROM, TRAPEZOID
+from rope_twin.core.rope.elastic import growth_of, stretch, stretch_all, stretch_corrected
+from rope_twin.core.solve.again import count_left
+from rope_twin.core.solve.assembly import load_lowest, load_nodes, set_flow
+from rope_twin.core.solve.prediction import correct, predict_bdf2, predict_trapezoid
+from rope_twin.core.solve.stage import CHUNK, SEARCH_FROM, TRAPEZOID
 from rope_twin.core.state import ELEMENTS
 
 SPAN = 4

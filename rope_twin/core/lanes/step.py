@@ -11,16 +11,18 @@ from typing import Any, NamedTuple
 
 from numba.extending import overload
 
-from rope_twin.core.jit import LINKED, jit, jit_entry
+from rope_twin.core.compiler.jit import LINKED, jit, jit_entry
+from rope_twin.core.compiler.rows import node_rows, row, rows
+from rope_twin.core.compiler.subnormals import flush, restore
+from rope_twin.core.compiler.wide import ALL, LANES, bits, choose, mask_of
 from rope_twin.core.lanes.stage import solve_stage
 from rope_twin.core.lanes.tables import table, tiles, wide
-from rope_twin.core.lanes.wide import ALL, LANES, bits, choose, mask_of
-from rope_twin.core.motion import place_hang_off, prescribed
-from rope_twin.core.payout import SMALLEST_REST, SMALLEST_STEPS
-from rope_twin.core.prediction import GAMMA
-from rope_twin.core.rows import node_rows, row, rows
-from rope_twin.core.sections import SAME_PLACE, set_element, set_top_of
-from rope_twin.core.stage import BDF2, TRAPEZOID
+from rope_twin.core.payout.events import SMALLEST_REST, SMALLEST_STEPS
+from rope_twin.core.payout.motion import place_hang_off, prescribed
+from rope_twin.core.payout.trial import load_trials_of
+from rope_twin.core.rope.sections import SAME_PLACE, set_element, set_top_of
+from rope_twin.core.solve.prediction import GAMMA
+from rope_twin.core.solve.stage import BDF2, TRAPEZOID
 from rope_twin.core.state import (
     ACCELERATION,
     ELEMENTS,
@@ -43,8 +45,6 @@ from rope_twin.core.state import (
     State,
 )
 from rope_twin.core.step import OFFSET_GONE, _report
-from rope_twin.core.subnormals import flush, restore
-from rope_twin.core.trial import load_trials_of
 
 SOLVES_DONE, SOLVES_MOST, STEPS_DONE, SLACK_LOOKS, TALLIES = range(5)  # rows of a lane's tally
 

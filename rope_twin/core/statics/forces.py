@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.hooks import couples, switches
-from rope_twin.core.jit import jit_entry
+from rope_twin.core.acting.hooks import couples, switches
+from rope_twin.core.acting.terms import add_couplings
+from rope_twin.core.compiler.jit import jit_entry
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
@@ -35,7 +36,6 @@ from rope_twin.core.state import (
     Stage,
 )
 from rope_twin.core.step import advance
-from rope_twin.core.terms import add_couplings
 
 INSTANT = 1e-15  # s
 PROBED_STRAIN = 1e-3

@@ -3,7 +3,7 @@
 Per metre -½·ρ·d·Cdn·g·|n|·n with n the rope's velocity through the water across itself and g what
 the drag coefficient has grown by, 0 where the rope keeps still. g is one number at each node, set
 between two steps by who knows the vibration; over a step it stays. It is carried with the rope's
-material (core/remembering.py) through the winch, splits and merges.
+material (core/solve/remembering.py) through the winch, splits and merges.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rope_twin.core.acting.hooks import kernel
+from rope_twin.core.compiler.rows import row, rows, span
 from rope_twin.core.energy import account
 from rope_twin.core.guards import STILL2
-from rope_twin.core.hooks import kernel
-from rope_twin.core.remembering import new_memory, remembering
-from rope_twin.core.rows import row, rows, span
+from rope_twin.core.payout.trial import TRIALS, set_trials
+from rope_twin.core.solve.remembering import new_memory, remembering
 from rope_twin.core.state import (
     BLOCK,
     ELEMENTS,
@@ -30,7 +31,6 @@ from rope_twin.core.state import (
     Floats,
     State,
 )
-from rope_twin.core.trial import TRIALS, set_trials
 from rope_twin.quantity import quantity
 
 CARRIED = 1  # g

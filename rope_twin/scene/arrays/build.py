@@ -8,9 +8,10 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.acting.hooks import hooks_of, work_rows
 from rope_twin.core.body.state import RigidBody
-from rope_twin.core.hooks import hooks_of, work_rows
-from rope_twin.core.sections import SAME_PLACE
+from rope_twin.core.payout.trial import TRIALS
+from rope_twin.core.rope.sections import SAME_PLACE
 from rope_twin.core.state import (
     ELEMENTS,
     POSITION,
@@ -23,7 +24,6 @@ from rope_twin.core.state import (
     new_work,
 )
 from rope_twin.core.state import Rope as CoreRope
-from rope_twin.core.trial import TRIALS
 from rope_twin.effects import EFFECTS, Surroundings
 from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.bending import BendingParams

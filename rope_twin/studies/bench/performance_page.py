@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from rope_twin.core.lanes.wide import LANES
+from rope_twin.core.compiler.wide import LANES
 from rope_twin.studies import markdown
 from rope_twin.studies.bench.ensemble_speed import EnsembleRow, ensemble_table
 from rope_twin.studies.bench.orders import Curve

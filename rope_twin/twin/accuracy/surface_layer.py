@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from rope_twin.core.state import Floats, Rope
-from rope_twin.core.wave_rows import AMPLITUDE, OMEGA, K
+from rope_twin.core.waves.rows import AMPLITUDE, OMEGA, K
 from rope_twin.effects.waves import Waves
 from rope_twin.twin.accuracy.error_bound import THIRD
 

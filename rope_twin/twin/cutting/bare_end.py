@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from rope_twin.core.acting.hooks import hooks_of
 from rope_twin.core.bed import Grid, Plane
 from rope_twin.core.body import state as at
 from rope_twin.core.body.state import LEG, Afloat, RigidBody
-from rope_twin.core.hooks import hooks_of
 from rope_twin.effects.fairing import Fairing, TowedFairing
 from rope_twin.effects.net import Net
 from rope_twin.effects.payload import Payload, TwoWayPayload

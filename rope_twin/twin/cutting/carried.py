@@ -1,4 +1,4 @@
-"""What effects carry from step to step by themselves (core/remembering.py), for a rope in two.
+"""What effects carry from step to step by themselves (core/solve/remembering), for a rope in two.
 
 Each part has arrays of its own for it, so that neither moves what the other goes on from. Nodes
 keep their numbers; the node put in at the cut takes those between its neighbours', as where an
@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core.hooks import hooks_of
-from rope_twin.core.remembering import numbers_carried
+from rope_twin.core.acting.hooks import hooks_of
+from rope_twin.core.solve.remembering import numbers_carried
 from rope_twin.core.state import Floats
 from rope_twin.core.vortices.drag_growth import GROWTH, DragGrowth
 

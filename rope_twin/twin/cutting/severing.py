@@ -21,9 +21,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.hooks import work_rows
-from rope_twin.core.payout import SMALLEST_REST
-from rope_twin.core.sections import SAME_PLACE
+from rope_twin.core.acting.hooks import work_rows
+from rope_twin.core.payout.events import SMALLEST_REST
+from rope_twin.core.rope.sections import SAME_PLACE
 from rope_twin.core.state import (
     Boundary,
     Floats,

@@ -11,9 +11,9 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
+from rope_twin.core.compiler.wide import LANES
 from rope_twin.core.lanes.group import Group, Kind
 from rope_twin.core.lanes.step import Run
-from rope_twin.core.lanes.wide import LANES
 from rope_twin.core.state import ELEMENTS, PULL_COLUMNS, TENSION, Boundary, Floats
 from rope_twin.twin.ensemble.member import Batch, Member, Scratch
 

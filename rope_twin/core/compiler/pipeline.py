@@ -1,0 +1,225 @@
+"""The short way through numba, for kernels that are linked into the entry that Python calls.
+
+A step is a hundred kernels. By numba's own way each is linked with all that it calls, optimised,
+and made machine code of, again and again on the way up; its syntax tree is walked anew after each
+of thirty passes; and what `a + b` is of two numbers is asked of all templates at each of a thousand
+places. Here a kernel is typed and translated to LLVM's language, and no more: the entry links all
+of them once and has them optimised together.
+"""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import llvmlite.binding as llvm
+from numba.core import compiler_machinery, typed_passes, types, untyped_passes
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import Compiler
+
+from rope_twin.core.compiler.lowering import Lowering, NoPhis, OneAssignment
+
+_PASSES = (
+    untyped_passes.TranslateByteCode,
+    untyped_passes.FixupArgs,
+    untyped_passes.IRProcessing,
+    untyped_passes.RewriteSemanticConstants,
+    untyped_passes.DeadBranchPrune,  # where a part of a struct is None
+    untyped_passes.GenericRewrites,  # a tuple's item by its number
+    OneAssignment,
+)
+_TYPED_PASSES = (
+    NoPhis,
+    Lowering,
+    typed_passes.NoPythonBackend,
+)
+
+
+# The signatures of calls that were found, and what implements them: by typing context and options.
+_KNOWN: WeakKeyDictionary[Any, dict[str, dict[Any, Any]]] = WeakKeyDictionary()
+
+
+class _LinkedCodegen:
+    """numba's code generator, for code that has no place in memory of its own."""
+
+    def __init__(self, codegen: Any) -> None:
+        self._codegen = codegen
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._codegen, name)
+
+    def set_env(self, name: str, env: Any) -> None:
+        """Nothing: there is no variable to set."""
+
+
+class _LinkedLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """Code that the entry links, optimises and translates together with all other."""
+
+    _shared_module: Any
+
+    @property
+    def codegen(self) -> Any:
+        return _LinkedCodegen(self._codegen)
+
+    def _optimize_functions(self, ll_module: Any) -> None:
+        """numba's passes over each function, less those that are only called here."""
+        ll_module.data_layout = self._codegen._data_layout
+        for function in ll_module.functions:
+            if not function.is_declaration:
+                passes, builder = self._codegen._function_pass_manager()
+                passes.run(function, builder)
+
+    def finalize(self) -> None:
+        """Nothing to link or to optimise here."""
+        self._finalize_dynamic_globals()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        return 0
+
+    def _get_module_for_linking(self) -> Any:
+        """The module, whose functions the entry may leave out where nobody calls them."""
+        self._ensure_finalized()
+        if self._shared_module is None:
+            for function in self._final_module.functions:
+                if not function.is_declaration and function.linkage == llvm.Linkage.external:
+                    function.linkage = "linkonce_odr"
+            self._shared_module = self._final_module
+        return self._shared_module
+
+
+class _EntryLibrary(JITCodeLibrary):  # type: ignore[misc]
+    """Code that Python calls: all kernels that it reaches are linked into it, once each."""
+
+    def finalize(self) -> None:
+        """Link, optimise and translate.
+
+        Who calls comes before what is called: LLVM leaves out what nobody has asked for so far.
+        """
+        called_first: dict[Any, None] = {}
+        _visit(self, called_first)
+        self._linking_libraries = [one for one in reversed(called_first) if one is not self]
+        super().finalize()
+
+    def _optimize_final_module(self) -> None:
+        """Nobody else calls what was linked: what has one caller goes into it, the rest is gone."""
+        for function in self._final_module.functions:
+            if function.linkage == llvm.Linkage.linkonce_odr and not function.is_declaration:
+                function.linkage = "internal"
+        super()._optimize_final_module()
+
+
+def _visit(library: Any, visited: dict[Any, None]) -> None:
+    """Put a library after those that it calls."""
+    if isinstance(library, _EntryLibrary | _LinkedLibrary):
+        for called in library._linking_libraries:
+            if called not in visited:
+                _visit(called, visited)
+    visited[library] = None
+
+
+class _Typing:
+    """numba's typing context, which remembers what was found of a call.
+
+    A question comes back whenever another of the kernel's types is known. The answer may depend on
+    the options that the kernel is compiled with; where the callee is compiled for it, its function
+    is told to numba again, who keeps but the last one.
+    """
+
+    def __init__(self, context: Any, options: str) -> None:
+        self._context = context
+        self._known = _KNOWN.setdefault(context, {}).setdefault(options, {})
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._context, name)
+
+    def resolve_function_type(self, function: Any, args: Any, kws: Any) -> Any:
+        """The signature of a call."""
+        asked = self._context._lookup_global(function) or function
+        if kws or not isinstance(asked, types.Function | types.Dispatcher):
+            return self._context.resolve_function_type(function, args, kws)
+        key, chosen = (asked, tuple(args)), getattr(asked, "_impl_keys", {})
+        if key not in self._known:
+            found = self._context.resolve_function_type(function, args, kws)
+            if found is None:
+                return None
+            self._known[key] = found, chosen.get(found.args)
+        found, implementation = self._known[key]
+        if implementation is not None:
+            chosen[found.args] = implementation
+        return found
+
+
+@compiler_machinery.register_pass(mutates_CFG=True, analysis_only=False)
+class _Inference(typed_passes.NopythonTypeInference):  # type: ignore[misc]
+    """numba's inference of types, which asks no question twice."""
+
+    _name = "rope_twin_inference"
+
+    def run_pass(self, state: Any) -> bool:
+        context = state.typingctx
+        state.typingctx = _Typing(context, repr(state.flags))
+        try:
+            return bool(super().run_pass(state))
+        finally:
+            state.typingctx = context
+
+
+class _Passes(compiler_machinery.PassManager):  # type: ignore[misc]
+    """Passes without a look at the whole function after each: those that need it take it."""
+
+    def _runPass(self, index: int, one: Any, state: Any) -> None:
+        one.analysis = self._analysis
+        one.run_initialization(state)
+        one.run_pass(state)
+        one.run_finalizer(state)
+
+
+class LinkedCompiler(Compiler):  # type: ignore[misc]
+    """Compile a kernel as far as its entry needs it."""
+
+    def define_pipelines(self) -> Any:
+        state = self.state
+        state["library"] = _LinkedLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        passes = _Passes("rope_twin")
+        for one in (*_PASSES, _Inference, *_TYPED_PASSES):
+            passes.add_pass(one)
+        passes.finalize()
+        return [passes]
+
+
+@contextmanager
+def _in_one_go() -> Iterator[None]:
+    """Without two things that take a tenth of the time and serve nobody until all is compiled.
+
+    Garbage is collected afterwards: what is made of a kernel stays until then, and is looked
+    through again and again. And of each of thirty thousand calls of LLVM numba tells a stopwatch of
+    every kernel that waits for this one, a dozen.
+    """
+    collects, calls = gc.isenabled(), llvm.ffi.lib._lock
+    told, calls._cblist = calls._cblist, []
+    gc.disable()
+    try:
+        yield
+    finally:
+        calls._cblist = told
+        if collects:
+            gc.enable()
+
+
+class EntryCompiler(Compiler):  # type: ignore[misc]
+    """Compile a kernel that Python calls, and with it all that it reaches."""
+
+    def compile_extra(self, func: Any) -> Any:
+        with _in_one_go():
+            return super().compile_extra(func)
+
+    def define_pipelines(self) -> Any:
+        state = self.state
+        library = _EntryLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
+        library.enable_object_caching()
+        state["library"] = library
+        return super().define_pipelines()

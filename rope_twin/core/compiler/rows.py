@@ -1,0 +1,201 @@
+"""Rows of a matrix, for loops over nodes or elements.
+
+`rows(work, POSITION, low)` gives the x, y and z rows from column `low` on, `row(work, MASS, low)`
+one of them, `span` several, `node_rows(nodes, POSITION, low)` rows of the state. The row's number
+is part of its compiled type: a row never overlaps another, and LLVM is told so (scoped no-alias
+metadata). Without that it compares every row that a loop writes with every one that it touches
+before it dares to vectorise, at each entry of the loop: for the loads of the effects some three
+hundred comparisons, more work than the 64 nodes of a chunk.
+
+Rows are not bounds-checked and take no negative index. Plain Python gets numpy views.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Any
+from weakref import WeakKeyDictionary
+
+from llvmlite import ir
+from numba.core import config, types
+from numba.core.types import containers
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, models, register_model
+
+from rope_twin.core.compiler.jit import jit
+from rope_twin.core.state import NODE_ROWS, WORK_ROWS
+
+_DOUBLE = ir.DoubleType()
+_SCOPES = [
+    *(f"work {k}" for k in range(WORK_ROWS)),
+    *(f"nodes {k}" for k in range(NODE_ROWS)),
+    "offset",
+    "sea",  # core/waves/rows
+    *(f"scratch {k}" for k in range(5)),
+]
+_KNOWN: WeakKeyDictionary[Any, dict[str, tuple[Any, Any]]] = WeakKeyDictionary()
+_DECLARED: WeakKeyDictionary[Any, dict[str, Any]] = WeakKeyDictionary()
+
+
+class RowType(types.Type):
+    """numba's type of one row of one matrix."""
+
+    def __init__(self, scope: str) -> None:
+        super().__init__(name=f"Row({scope})")
+        self.scope = scope
+
+
+@register_model(RowType)
+class _RowModel(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, kind: Any) -> None:
+        super().__init__(manager, kind, _DOUBLE.as_pointer())
+
+
+def _scope(module: Any, name: str) -> Any:
+    """Metadata of a row's scope, made once per module."""
+    declared = _DECLARED.setdefault(module, {})
+    if name not in declared:
+        declared[name] = module.add_metadata([name, module.add_metadata(["rope_twin rows"])])
+    return declared[name]
+
+
+def tell_apart(module: Any, access: Any, kind: RowType) -> None:
+    """Mark a load or store as one of this row and of no other."""
+    known = _KNOWN.setdefault(module, {})
+    if kind.scope not in known:
+        others = [_scope(module, name) for name in _SCOPES if name != kind.scope]
+        own = module.add_metadata([_scope(module, kind.scope)])
+        known[kind.scope] = own, module.add_metadata(others)
+    mine, not_mine = known[kind.scope]
+    access.set_metadata("alias.scope", mine)
+    access.set_metadata("noalias", not_mine)
+
+
+@infer_global(operator.getitem)
+class _Get(AbstractTemplate):  # type: ignore[misc]
+    def generic(self, arguments: Any, keywords: Any) -> Any:
+        row, index = arguments
+        if isinstance(row, RowType) and isinstance(index, types.Integer):
+            return signature(types.float64, row, types.intp)
+        return None
+
+
+@infer_global(operator.setitem)
+class _Set(AbstractTemplate):  # type: ignore[misc]
+    def generic(self, arguments: Any, keywords: Any) -> Any:
+        row, index, _ = arguments
+        if isinstance(row, RowType) and isinstance(index, types.Integer):
+            return signature(types.none, row, types.intp, types.float64)
+        return None
+
+
+@lower_builtin(operator.getitem, RowType, types.Integer)
+def _get(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+    pointer, index = arguments
+    value = builder.load(builder.gep(pointer, [index]))
+    tell_apart(builder.module, value, sig.args[0])
+    return value
+
+
+@lower_builtin(operator.setitem, RowType, types.Integer, types.Float)
+def _set(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+    pointer, index, value = arguments
+    tell_apart(builder.module, builder.store(value, builder.gep(pointer, [index])), sig.args[0])
+    return context.get_dummy_value()
+
+
+def _pointers(name: str, table: Any, first: Any, count: int, low: Any) -> Any:
+    """Typing and code of `count` rows from the literal `first`, beginning at column `low`."""
+    number = first.literal_value
+    if not isinstance(table, types.Array):  # of wide numbers: it knows where its rows are
+        result, code = table.pointers(name, number, count)
+        return result(table, first, types.intp), code
+    kinds = [RowType(f"{name} {number + k}") for k in range(count)]
+    result = kinds[0] if count == 1 else containers.BaseTuple.from_types(kinds)
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        array = context.make_array(sig.args[0])(context, builder, arguments[0])
+        columns = builder.extract_value(array.shape, 1)
+        pointers = []
+        for k in range(count):
+            at = builder.mul(columns, ir.Constant(columns.type, number + k))
+            pointers.append(builder.gep(array.data, [builder.add(at, arguments[-1])]))
+        return pointers[0] if count == 1 else context.make_tuple(builder, result, pointers)
+
+    return result(*(kind for kind in (table, first, types.intp))), generate
+
+
+@intrinsic(prefer_literal=True)
+def _row(context: Any, work: Any, first: Any, low: Any) -> Any:
+    return _pointers("work", work, first, 1, low)
+
+
+@intrinsic(prefer_literal=True)
+def _rows(context: Any, work: Any, first: Any, low: Any) -> Any:
+    return _pointers("work", work, first, 3, low)
+
+
+@intrinsic(prefer_literal=True)
+def _span(context: Any, work: Any, first: Any, count: Any, low: Any) -> Any:
+    kind, generate = _pointers("work", work, first, count.literal_value, low)
+    return kind.return_type(work, first, count, types.intp), generate
+
+
+@intrinsic(prefer_literal=True)
+def _node_rows(context: Any, nodes: Any, first: Any, low: Any) -> Any:
+    return _pointers("nodes", nodes, first, 3, low)
+
+
+@intrinsic
+def _offset_row(context: Any, offset: Any, low: Any) -> Any:
+    if not isinstance(offset, types.Array):
+        row_of, code = offset.row("offset")
+        return row_of(offset, types.intp), code
+    kind = RowType("offset")
+
+    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+        array = context.make_array(sig.args[0])(context, builder, arguments[0])
+        return builder.gep(array.data, [arguments[1]])
+
+    return kind(offset, types.intp), generate
+
+
+def _views(table: Any, first: int, low: int, count: int) -> Any:
+    views = tuple(table[first + k, low:] for k in range(count))
+    return views[0] if count == 1 else views
+
+
+if config.DISABLE_JIT:
+
+    def row(work: Any, first: int, low: int) -> Any:
+        """Row `first` of work from column `low` on."""
+        return _views(work, first, low, 1)
+
+    def rows(work: Any, first: int, low: int) -> Any:
+        """Three rows of work, x, y, z."""
+        return _views(work, first, low, 3)
+
+    def span(work: Any, first: int, count: int, low: int) -> Any:
+        """Several rows of work."""
+        return _views(work, first, low, count)
+
+    def node_rows(nodes: Any, first: int, low: int) -> Any:
+        """Three rows of state.nodes, x, y, z."""
+        return _views(nodes, first, low, 3)
+
+    def offset_row(offset: Any, low: int) -> Any:
+        """State.offset."""
+        return offset[low:]
+
+else:
+    row, rows, span, node_rows = _row, _rows, _span, _node_rows
+    offset_row = _offset_row
+
+
+@jit
+def copy(source: Any, first: int, target: Any, first_target: int, n: int) -> None:
+    """Copy position, velocity and acceleration of the nodes 0 <= i < n."""
+    for k in range(NODE_ROWS):
+        a, b = source[first + k], target[first_target + k]
+        for i in range(n):
+            b[i] = a[i]

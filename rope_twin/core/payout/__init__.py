@@ -1,0 +1,1 @@
+"""Rope through the sheave, and what moves it."""

@@ -1,0 +1,222 @@
+"""Elements that only pull: T = max(0, E(strain) + c·strain rate), and their stiffness blocks.
+
+E is EA·strain, or a table where the rope has one (core/rope/law.py).
+
+One max() over the sum keeps the law continuous and convex: a damper never pushes and there is no
+jump c·rate at first contact. Discretisation and guard: lumped mass rope with element directions
+t = Δx/l; l² is kept off zero by (1e-8·rest)² for an element whose nodes meet.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+from typing import Any
+
+from rope_twin.core.compiler.jit import jit, jit_within
+from rope_twin.core.compiler.rows import offset_row, row, rows
+from rope_twin.core.compiler.wide import choose, count_beyond
+from rope_twin.core.guards import CRUSHED2
+from rope_twin.core.rope.law import pull_of
+from rope_twin.core.state import (
+    AXIAL,
+    CHANGE,
+    CORRECTION,
+    DAMPING,
+    DIRECTION,
+    ELEMENTS,
+    GEOMETRIC,
+    POSITION,
+    REST,
+    SECTION,
+    STIFFNESS,
+    TENSION,
+    VELOCITY,
+)
+
+
+@jit_within
+def _apart(motion: Any, e: int) -> Any:
+    """Position and velocity of an element's upper node less that of its lower one."""
+    px, py, pz, nx, ny, nz, vx, vy, vz, wx, wy, wz = motion
+    return (
+        nx[e] - px[e], ny[e] - py[e], nz[e] - pz[e],
+        wx[e] - vx[e], wy[e] - vy[e], wz[e] - vz[e],
+    )  # fmt: skip
+
+
+@jit_within
+def _corrected(motion: Any, deltas: Any, weights: Any, e: int) -> Any:
+    """The same of nodes whose motion wants a correction yet."""
+    px, py, pz, nx, ny, nz, vx, vy, vz, wx, wy, wz = motion
+    dx, dy, dz, ex, ey, ez = deltas
+    p, q, _ = weights
+    return (
+        (nx[e] + p * ex[e]) - (px[e] + p * dx[e]),
+        (ny[e] + p * ey[e]) - (py[e] + p * dy[e]),
+        (nz[e] + p * ez[e]) - (pz[e] + p * dz[e]),
+        (wx[e] + q * ex[e]) - (vx[e] + q * dx[e]),
+        (wy[e] + q * ey[e]) - (vy[e] + q * dy[e]),
+        (wz[e] + q * ez[e]) - (vz[e] + q * dz[e]),
+    )  # fmt: skip
+
+
+@jit_within
+def _stretched(part: Any, apart: Any, weights: Any, e: int) -> Any:
+    """Direction, tension, AXIAL and GEOMETRIC of element e, as `stretch` says."""
+    law, rest, slack, section, stiffness, damping = part
+    dx, dy, dz, wx, wy, wz = apart
+    p, q, growth = weights
+    l0 = rest[e]
+    length = sqrt(dx * dx + dy * dy + dz * dz + CRUSHED2 * l0 * l0)
+    inverse = 1.0 / length
+    dx *= inverse
+    dy *= inverse
+    dz *= inverse
+    closing = dx * wx + dy * wy + dz * wz
+    elastic, k = pull_of(law, section, stiffness, e, length + slack[e] - l0, l0)
+    pull = elastic + damping[e] * (closing - growth * length)
+    taut = pull > 0.0
+    pull = choose(taut, pull, 0.0)
+    across = p * pull * inverse
+    along = p * (k - growth * damping[e]) + q * damping[e] - across
+    return dx, dy, dz, pull, choose(taut, max(along, 0.0), 0.0), across
+
+
+@jit_within
+def _part(law: Any, work: Any, offset: Any, low: int) -> Any:
+    """The law and rows of the elements from `low` on."""
+    stiffness, damping = row(work, STIFFNESS, low), row(work, DAMPING, low)
+    return (
+        law, row(work, REST, low), offset_row(offset, low), row(work, SECTION, low), stiffness,
+        damping,
+    )  # fmt: skip
+
+
+@jit_within
+def _motion(work: Any, low: int) -> Any:
+    """Position and velocity of the elements' lower and upper nodes: rows."""
+    px, py, pz = rows(work, POSITION, low)
+    nx, ny, nz = rows(work, POSITION, low + 1)
+    vx, vy, vz = rows(work, VELOCITY, low)
+    wx, wy, wz = rows(work, VELOCITY, low + 1)
+    return px, py, pz, nx, ny, nz, vx, vy, vz, wx, wy, wz
+
+
+@jit
+def stretch(
+    law: Any, work: Any, offset: Any, p: float, q: float, growth: float, low: int, high: int
+) -> None:
+    """Direction, tension and stiffness blocks of the elements low <= e < high.
+
+    T = E((l + offset - rest)/rest) + DAMPING·(t·Δv - growth·l), where growth [1/s] is the rate of
+    the rest length over that length; STIFFNESS is E's tangent over rest. The block of an element is
+    AXIAL·t·tᵀ + GEOMETRIC·I with GEOMETRIC = p·T/l and AXIAL = p·(STIFFNESS - growth·DAMPING) +
+    q·DAMPING - GEOMETRIC, both 0 when slack. The derivative of the direction inside the strain rate
+    is dropped, which keeps the block symmetric; Newton then needs no more solves (measured).
+    """
+    part, motion = _part(law, work, offset, low), _motion(work, low)
+    tx, ty, tz = rows(work, DIRECTION, low)
+    T, axial, geometric = row(work, TENSION, low), row(work, AXIAL, low), row(work, GEOMETRIC, low)
+    for e in range(high - low):
+        x, y, z, pull, along, across = _stretched(part, _apart(motion, e), (p, q, growth), e)
+        tx[e] = x
+        ty[e] = y
+        tz[e] = z
+        T[e] = pull
+        axial[e] = along
+        geometric[e] = across
+
+
+@jit
+def stretch_corrected(rope: Any, stage: Any, growth: float, low: int, high: int) -> int:
+    """`stretch` after a correction; how many tensions are not what the linearisation expected.
+
+    It expected T + (AXIAL + GEOMETRIC)·t·Δdelta, T itself where slack. NaN is never expected.
+    """
+    work, tolerance = rope.work, rope.model.tolerance
+    part = _part(rope.law, work, rope.state.offset, low)
+    motion, weights = _motion(work, low), (stage.p, stage.q, growth)
+    dx, dy, dz = rows(work, CORRECTION, low)
+    nx, ny, nz = rows(work, CORRECTION, low + 1)
+    tx, ty, tz = rows(work, DIRECTION, low)
+    T, axial, geometric = row(work, TENSION, low), row(work, AXIAL, low), row(work, GEOMETRIC, low)
+    wrong = 0
+    for e in range(high - low):
+        more = tx[e] * (nx[e] - dx[e]) + ty[e] * (ny[e] - dy[e]) + tz[e] * (nz[e] - dz[e])
+        expected = T[e] + (axial[e] + geometric[e]) * more
+        x, y, z, pull, along, across = _stretched(part, _apart(motion, e), weights, e)
+        wrong = count_beyond(wrong, pull, expected, tolerance)
+        tx[e] = x
+        ty[e] = y
+        tz[e] = z
+        T[e] = pull
+        axial[e] = along
+        geometric[e] = across
+    return wrong
+
+
+@jit
+def count_unexpected(rope: Any, stage: Any, growth: float, low: int, high: int) -> int:
+    """The same where motion is not corrected yet; direction and tension are as if it were."""
+    work, tolerance = rope.work, rope.model.tolerance
+    part = _part(rope.law, work, rope.state.offset, low)
+    motion, weights = _motion(work, low), (stage.p, stage.q, growth)
+    deltas = (*rows(work, CORRECTION, low), *rows(work, CORRECTION, low + 1))
+    tx, ty, tz = rows(work, DIRECTION, low)
+    T, axial, geometric = row(work, TENSION, low), row(work, AXIAL, low), row(work, GEOMETRIC, low)
+    wrong = 0
+    for e in range(high - low):
+        dx, dy, dz, ex, ey, ez = deltas
+        more = tx[e] * (ex[e] - dx[e]) + ty[e] * (ey[e] - dy[e]) + tz[e] * (ez[e] - dz[e])
+        expected = T[e] + (axial[e] + geometric[e]) * more
+        apart = _corrected(motion, deltas, weights, e)
+        x, y, z, pull, _, _ = _stretched(part, apart, weights, e)
+        wrong = count_beyond(wrong, pull, expected, tolerance)
+        tx[e] = x
+        ty[e] = y
+        tz[e] = z
+        T[e] = pull
+    return wrong
+
+
+@jit
+def find_change(rope: Any, stage: Any, growth: float, low: int, high: int, column: int) -> None:
+    """Likewise direction and tension; the change of the elements' forces from `column` on."""
+    work = rope.work
+    part = _part(rope.law, work, rope.state.offset, low)
+    motion, weights = _motion(work, low), (stage.p, stage.q, growth)
+    deltas = (*rows(work, CORRECTION, low), *rows(work, CORRECTION, low + 1))
+    tx, ty, tz = rows(work, DIRECTION, low)
+    T = row(work, TENSION, low)
+    cx, cy, cz = rows(work, CHANGE, column)
+    for e in range(high - low):
+        apart = _corrected(motion, deltas, weights, e)
+        x, y, z, pull, _, _ = _stretched(part, apart, weights, e)
+        cx[e] = pull * x - T[e] * tx[e]
+        cy[e] = pull * y - T[e] * ty[e]
+        cz[e] = pull * z - T[e] * tz[e]
+        tx[e] = x
+        ty[e] = y
+        tz[e] = z
+        T[e] = pull
+
+
+@jit_within
+def growth_of(rope: Any, stage: Any) -> Any:
+    """Rate of the top element's rest length over that length [1/s]."""
+    return stage.V / rope.work[REST, rope.state.counts[ELEMENTS] - 1]
+
+
+@jit
+def stretch_top(rope: Any, stage: Any) -> None:
+    """The top element, which grows at the payout speed V."""
+    top, growth = rope.state.counts[ELEMENTS] - 1, growth_of(rope, stage)
+    stretch(rope.law, rope.work, rope.state.offset, stage.p, stage.q, growth, top, top + 1)
+
+
+@jit
+def stretch_all(rope: Any, stage: Any) -> None:
+    """All elements."""
+    top = rope.state.counts[ELEMENTS] - 1
+    stretch(rope.law, rope.work, rope.state.offset, stage.p, stage.q, 0.0, top - top, top)
+    stretch_top(rope, stage)

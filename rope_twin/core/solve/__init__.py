@@ -1,0 +1,1 @@
+"""One implicit stage: prediction, assembly, and the direct solve."""

@@ -1,0 +1,294 @@
+"""The solve of core/solve/coupled_elimination from both ends at once, one chain in each SIMD lane.
+
+A single chain is bound by the latency of its own recursion. Pair k is the nodes first + k and
+n - 1 - k; the two or three nodes that are left in the middle are eliminated by themselves. What the
+way back wants of a pair is a record of 36 numbers, 24 in the rows ELIMINATED and 12 in FACTOR,
+where records lie end to end; after the last one in ELIMINATED stand the matrices that both chains
+left on the middle.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numba.core import config
+
+from rope_twin.core.compiler.jit import jit_ordered, jit_ordered_within, jit_within
+from rope_twin.core.compiler.rows import row, rows, span
+from rope_twin.core.compiler.simd import gather, lane, load, pair, store
+from rope_twin.core.solve.coupled_elimination import (
+    SECOND,
+    column,
+    eliminate_coupled_plainly,
+    push_coupled_plainly,
+    set_correction,
+    single_node,
+)
+from rope_twin.core.solve.coupled_node import (
+    add,
+    add_nine,
+    eliminate_coupled_node,
+    link_less,
+    onto_next,
+    push_coupled_node,
+    scaled,
+    substituted,
+)
+from rope_twin.core.solve.elimination import (
+    add_six,
+    ground,
+    hold_ends,
+    six,
+    solve_symmetric,
+    spring,
+)
+from rope_twin.core.solve.fold import lanes, six_lanes
+from rope_twin.core.state import (
+    AXIAL,
+    BLOCK,
+    CORRECTION,
+    DIRECTION,
+    ELIMINATED,
+    FACTOR,
+    GEOMETRIC,
+    LINK,
+    RESIDUAL,
+)
+
+RECORD, MORE = 24, 12  # numbers of a pair in ELIMINATED, and in FACTOR
+
+
+@jit_within
+def _gathered_six(work: Any, i: int, j: int) -> Any:
+    """Blocks of the nodes i and j."""
+    xx, xy, xz, yy, yz, zz = span(work, BLOCK, 6, 0)
+    return (
+        gather(xx, i, j), gather(xy, i, j), gather(xz, i, j), gather(yy, i, j), gather(yz, i, j),
+        gather(zz, i, j),
+    )  # fmt: skip
+
+
+@jit_ordered_within
+def _springs(work: Any, i: int, e: int) -> Any:
+    """K of the elements i and e."""
+    tx, ty, tz = rows(work, DIRECTION, 0)
+    x, y, z = gather(tx, i, e), gather(ty, i, e), gather(tz, i, e)
+    a, b = gather(row(work, AXIAL, 0), i, e), gather(row(work, GEOMETRIC, 0), i, e)
+    ax, ay = a * x, a * y
+    return ax * x + b, ax * y, ax * z, ay * y + b, ay * z, (a * z) * z + b
+
+
+@jit_ordered_within
+def _paired_node(work: Any, i: int, j: int, k: int, state: Any) -> Any:
+    """Eliminate node i onto those above it and node j onto those below; record k is kept."""
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    S, f, carried, between = state
+    K = _springs(work, i, j - 1)
+    S = add_six(add_six(S, _gathered_six(work, i, j)), K)
+    f = (f[0] + gather(Rx, i, j), f[1] + gather(Ry, i, j), f[2] + gather(Rz, i, j))
+    B = add_nine(between, link_less(gather(row(work, LINK, 0), i, j - 1), K))
+    kept, left = eliminate_coupled_node(S, f, B, gather(row(work, SECOND, 0), i, j - 2))
+    _store(work, k, kept)
+    return onto_next(left, carried, K)
+
+
+@jit_within
+def _store(work: Any, k: int, kept: Any) -> None:
+    """Record k."""
+    own, G, I = kept
+    record = row(work, ELIMINATED, RECORD * k)
+    store(record, 0, own[0])
+    store(record, 2, own[1])
+    store(record, 4, own[2])
+    store(record, 6, G[0][0])
+    store(record, 8, G[0][1])
+    store(record, 10, G[0][2])
+    store(record, 12, G[1][0])
+    store(record, 14, G[1][1])
+    store(record, 16, G[1][2])
+    store(record, 18, G[2][0])
+    store(record, 20, G[2][1])
+    store(record, 22, G[2][2])
+    more = row(work, FACTOR, MORE * k)
+    store(more, 0, I[0])
+    store(more, 2, I[1])
+    store(more, 4, I[2])
+    store(more, 6, I[3])
+    store(more, 8, I[4])
+    store(more, 10, I[5])
+
+
+@jit_within
+def _stored(work: Any, k: int) -> Any:
+    """Record k again."""
+    r, m = row(work, ELIMINATED, RECORD * k), row(work, FACTOR, MORE * k)
+    G = (
+        (load(r, 6), load(r, 8), load(r, 10)), (load(r, 12), load(r, 14), load(r, 16)),
+        (load(r, 18), load(r, 20), load(r, 22)),
+    )  # fmt: skip
+    I = (load(m, 0), load(m, 2), load(m, 4), load(m, 6), load(m, 8), load(m, 10))
+    return (load(r, 0), load(r, 2), load(r, 4)), G, I
+
+
+@jit_within
+def _paired(a: Any, b: Any) -> Any:
+    """Pairs of the numbers of two symmetric matrices."""
+    return (
+        pair(a[0], b[0]), pair(a[1], b[1]), pair(a[2], b[2]), pair(a[3], b[3]), pair(a[4], b[4]),
+        pair(a[5], b[5]),
+    )  # fmt: skip
+
+
+@jit_within
+def _paired_three(a: Any, b: Any) -> Any:
+    """Pairs of the numbers of two vectors."""
+    return pair(a[0], b[0]), pair(a[1], b[1]), pair(a[2], b[2])
+
+
+@jit_within
+def _lanes_of(state: Any, k: int) -> Any:
+    """Lane k of what was left: see `single_node`."""
+    S, f, (second, far), (x, y, z) = state
+    carried = (six_lanes(second, k), lanes(far, k))
+    return six_lanes(S, k), lanes(f, k), carried, (lanes(x, k), lanes(y, k), lanes(z, k))
+
+
+@jit_ordered
+def _solve_middle(work: Any, middle: int, rest: int, below: Any, above: Any) -> Any:
+    """The 2 or 3 nodes from `middle` on: delta of the lowest two, then of the highest two, inwards.
+
+    below, above: what the chains left on the lowest and on the highest of them.
+    """
+    nothing = (0.0, 0.0, 0.0)
+    nil = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    high, low = middle + rest - 1, middle + rest - 2
+    kept = nothing, (nothing, nothing, nothing), nil
+    if rest == 3:
+        c, d = work[LINK, middle], work[LINK + 1, middle]
+        kept, below = single_node(work, middle, below, spring(work, middle), c, d)
+    S, f, (S_next, f_next), between = below
+    S_high, f_high, (S_low, f_low), (x, y, z) = above
+    turned = (x[0], y[0], z[0]), (x[1], y[1], z[1]), (x[2], y[2], z[2])
+    after = add_six(S_next, S_high), add(f_next, f_high)
+    state = add_six(S, S_low), add(f, f_low), after, add_nine(between, turned)
+    kept_low, state = single_node(work, low, state, spring(work, low), work[LINK, low], 0.0)
+    (delta_high, _, _), _ = single_node(work, high, state, nil, 0.0, 0.0)
+    delta_low = substituted(kept_low, delta_high, nothing)
+    set_correction(work, high, delta_high)
+    set_correction(work, low, delta_low)
+    near, far = delta_low, delta_high
+    if rest == 3:
+        d = work[SECOND, middle]
+        near, far = substituted(kept, delta_low, scaled(d, delta_high)), delta_low
+        set_correction(work, middle, near)
+    return near, far, delta_high, delta_low
+
+
+@jit_ordered
+def _eliminate_coupled_folded(work: Any, first: int, n: int) -> None:
+    """Corrections of the nodes first <= i < n; they are 0 at n and below first."""
+    if n - first == 1:
+        _solve_one(work, first, n)
+        return
+    pairs = (n - first - 2) // 2
+    zero = pair(0.0, 0.0)
+    none = (zero, zero, zero)
+    S = _paired(ground(work, first), spring(work, n - 1))
+    state = S, none, ((zero, zero, zero, zero, zero, zero), none), (none, none, none)
+    for k in range(pairs):
+        state = _paired_node(work, first + k, n - 1 - k, k, state)
+    _store_middle(work, pairs, state)
+    _substitute_folded(work, first, n, state)
+
+
+@jit_ordered
+def _solve_one(work: Any, i: int, n: int) -> None:
+    """The correction of the only free node."""
+    S = add_six(add_six(ground(work, i), spring(work, i)), six(work, BLOCK, i))
+    set_correction(work, i, solve_symmetric(S, column(work, RESIDUAL, i)))
+    hold_ends(work, i, n)
+
+
+@jit_within
+def _store_six(record: Any, at: int, S: Any) -> None:
+    """Pairs of a symmetric matrix, or of two vectors."""
+    for k in range(6):
+        store(record, at + 2 * k, S[k])
+
+
+@jit_within
+def _loaded_six(r: Any, at: int) -> Any:
+    """The same again."""
+    return (
+        load(r, at), load(r, at + 2), load(r, at + 4), load(r, at + 6), load(r, at + 8),
+        load(r, at + 10),
+    )  # fmt: skip
+
+
+@jit_within
+def _store_middle(work: Any, pairs: int, state: Any) -> None:
+    """The matrices that were left on the middle, after the records of the pairs."""
+    S, _, (second, _), (x, y, z) = state
+    record = row(work, ELIMINATED, RECORD * pairs)
+    _store_six(record, 0, S)
+    _store_six(record, 12, second)
+    _store_six(record, 24, (x[0], x[1], x[2], y[0], y[1], y[2]))
+    store(record, 36, z[0])
+    store(record, 38, z[1])
+    store(record, 40, z[2])
+
+
+@jit_within
+def _stored_middle(work: Any, pairs: int, f: Any, far: Any) -> Any:
+    """What was left on the middle, with the forces f on it and far on the next one."""
+    r = row(work, ELIMINATED, RECORD * pairs)
+    x, y = (load(r, 24), load(r, 26), load(r, 28)), (load(r, 30), load(r, 32), load(r, 34))
+    z = (load(r, 36), load(r, 38), load(r, 40))
+    return _loaded_six(r, 0), f, (_loaded_six(r, 12), far), (x, y, z)
+
+
+@jit_ordered
+def _push_coupled_folded(work: Any, first: int, n: int) -> None:
+    """Corrections for another residual, by the records that `_eliminate_coupled_folded` left."""
+    if n - first == 1:
+        _solve_one(work, first, n)
+        return
+    pairs = (n - first - 2) // 2
+    Rx, Ry, Rz = rows(work, RESIDUAL, 0)
+    f = carried = (pair(0.0, 0.0), pair(0.0, 0.0), pair(0.0, 0.0))
+    for k in range(pairs):
+        i, j = first + k, n - 1 - k
+        _, G, I = _stored(work, k)
+        force = (f[0] + gather(Rx, i, j), f[1] + gather(Ry, i, j), f[2] + gather(Rz, i, j))
+        d = gather(row(work, SECOND, 0), i, j - 2)
+        own, pushed, far = push_coupled_node(force, G, I, d)
+        f, carried = add(carried, pushed), far
+        record = row(work, ELIMINATED, RECORD * k)
+        store(record, 0, own[0])
+        store(record, 2, own[1])
+        store(record, 4, own[2])
+    _substitute_folded(work, first, n, _stored_middle(work, pairs, f, carried))
+
+
+@jit_ordered
+def _substitute_folded(work: Any, first: int, n: int, state: Any) -> None:
+    """Corrections from the middle outward; state: what both chains left on it."""
+    dx, dy, dz = rows(work, CORRECTION, 0)
+    pairs = (n - first - 2) // 2
+    near_low, far_low, near_high, far_high = _solve_middle(
+        work, first + pairs, n - first - 2 * pairs, _lanes_of(state, 0), _lanes_of(state, 1)
+    )
+    near, far = _paired_three(near_low, near_high), _paired_three(far_low, far_high)
+    for k in range(pairs - 1, -1, -1):
+        i, j = first + k, n - 1 - k
+        d = gather(row(work, SECOND, 0), i, j - 2)
+        near, far = substituted(_stored(work, k), near, scaled(d, far)), near
+        x, y, z = near
+        dx[i], dx[j] = lane(x, 0), lane(x, 1)
+        dy[i], dy[j] = lane(y, 0), lane(y, 1)
+        dz[i], dz[j] = lane(z, 0), lane(z, 1)
+    hold_ends(work, first, n)
+
+
+eliminate_coupled = eliminate_coupled_plainly if config.DISABLE_JIT else _eliminate_coupled_folded
+push_coupled = push_coupled_plainly if config.DISABLE_JIT else _push_coupled_folded

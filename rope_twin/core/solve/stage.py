@@ -1,0 +1,220 @@
+"""One implicit stage: x = x_hat + p·a, v = v_hat + q·a, solved for a by semismooth Newton.
+
+The tension-only energy is convex in a, so there is one minimum. A stage is accepted when every
+tension is what the linearisation expected of it and, where an effect's loads come or go, every
+node is in balance; from the fourth correction on a secant line search keeps Newton from
+overshooting between slack and taut (plain steps suffice before).
+
+A stage may begin with the factors of the one before (core/solve/again).
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import Any
+
+import numpy as np
+from numba.extending import overload
+
+from rope_twin.core.acting import hooks, terms
+from rope_twin.core.compiler.jit import LINKED, jit
+from rope_twin.core.compiler.rows import rows
+from rope_twin.core.rope.elastic import count_unexpected, growth_of, stretch, stretch_top
+from rope_twin.core.solve.again import count_left
+from rope_twin.core.solve.assembly import load_lowest, load_nodes, set_flow, slope
+from rope_twin.core.solve.coupled_elimination import take_links
+from rope_twin.core.solve.coupled_fold import eliminate_coupled, push_coupled
+from rope_twin.core.solve.fold import eliminate, push
+from rope_twin.core.solve.prediction import correct, predict_on, predict_trapezoid
+from rope_twin.core.solve.remembering import predict_memories
+from rope_twin.core.state import ELEMENTS, RESIDUAL, SOLVES, SOLVES_MAX
+
+CAP = 12  # corrections before the step is halved instead
+# A row of slack elements is pulled taut one by one, a correction each: where the step is as short
+# as it gets, Newton may walk that far (the energy is convex, so it arrives).
+LAST_CAP = 200
+SEARCH_FROM = 4  # the first correction that is searched along
+SEARCH_EVALUATIONS = 8
+NOT_FINITE, UNCONVERGED, CONVERGED, PENDING = -1, 0, 1, 2  # the worse, the smaller
+# What an evaluation starts with. Not Python's integers: numba compiles again for each of those.
+TRAPEZOID, BDF2, SEARCH = np.int64(0), np.int64(1), np.int64(2)
+CHUNK = 64  # nodes that all passes take at a time: their rows fit into the nearest cache
+
+
+def _eliminate(effects: Any, work: Any, first: Any, n: Any) -> Any:
+    """The corrections, by the elimination that the effects' types ask for."""
+    solve = eliminate_coupled if hooks.couples(map(type, effects)) else eliminate
+    solve(work, first, n)
+
+
+@overload(_eliminate, jit_options=LINKED, strict=False)
+def _choose_elimination(effects: Any, work: Any, first: Any, n: Any) -> Any:
+    coupled = hooks.couples(effect.instance_class for effect in effects)
+    solve = eliminate_coupled if coupled else eliminate
+
+    def call(effects: Any, work: Any, first: Any, n: Any) -> None:
+        solve(work, first, n)
+
+    return call
+
+
+@jit
+def _is_balanced(rope: Any) -> bool:
+    """Whether no node is left with a force above the tolerance, or with one that is no number."""
+    Rx, Ry, Rz = rows(rope.work, RESIDUAL, 0)
+    most, left = rope.model.tolerance * rope.model.tolerance, 0
+    for i in range(rope.model.first_free, rope.state.counts[ELEMENTS]):
+        left += not Rx[i] * Rx[i] + Ry[i] * Ry[i] + Rz[i] * Rz[i] <= most
+    return bool(left == 0)
+
+
+def _switches(effects: Any) -> Any:
+    """Whether loads come and go, so that tensions do not tell whether a stage is solved."""
+    return hooks.switches(map(type, effects))
+
+
+@overload(_switches, jit_options=LINKED, strict=False)
+def _choose_balance(effects: Any) -> Any:
+    if hooks.switches(effect.instance_class for effect in effects):
+        return lambda effects: True
+    return lambda effects: False
+
+
+@jit
+def _push_links(work: Any, first: int, n: int) -> None:
+    """The corrections by old factors; what the couplings make of them is taken off the residual."""
+    push_coupled(work, first, n)
+    take_links(work, n)
+
+
+def _push(effects: Any, work: Any, first: Any, n: Any) -> Any:
+    """The corrections by the factors that there are, as far as the effects' types couple nodes."""
+    solve = _push_links if hooks.couples(map(type, effects)) else push
+    solve(work, first, n)
+
+
+@overload(_push, jit_options=LINKED, strict=False)
+def _choose_push(effects: Any, work: Any, first: Any, n: Any) -> Any:
+    coupled = hooks.couples(effect.instance_class for effect in effects)
+    solve = _push_links if coupled else push
+
+    def call(effects: Any, work: Any, first: Any, n: Any) -> None:
+        solve(work, first, n)
+
+    return call
+
+
+@jit
+def _is_solved_again(rope: Any, stage: Any) -> bool:
+    """Whether one correction by the last elimination's factors solves the stage.
+
+    If not, motion, tension and blocks are those of the prediction.
+    """
+    effects, work, n = rope.effects, rope.work, rope.state.counts[ELEMENTS]
+    if not terms.is_calm(effects, work, stage, n, 0.0):
+        return False
+    _push(effects, work, rope.model.first_free, n)
+    rope.state.health[SOLVES] += 1
+    if count_left(rope, stage, CHUNK) == 0 and terms.is_calm(effects, work, stage, n, 1.0):
+        return True
+    _evaluate(rope, stage, SEARCH, 0.0, 0.0)
+    return False
+
+
+@jit
+def solve_stage(rope: Any, stage: Any, kind: int, cap: int, pending: float, again: bool) -> int:
+    """Find the acceleration; tension and, but for what is pending, motion are the stage's then.
+
+    kind: TRAPEZOID or BDF2; cap: most corrections; pending: share of CORRECTION that the motion
+    before wants yet; again: begin with the factors that there are. Returns PENDING where the motion
+    found wants the last correction yet, CONVERGED, UNCONVERGED, or NOT_FINITE if a force is not.
+    """
+    state, work = rope.state, rope.work
+    n, first = state.counts[ELEMENTS], rope.model.first_free
+    _evaluate(rope, stage, kind, 0.0, pending)
+    if again and _is_solved_again(rope, stage):
+        return PENDING
+    for correction in range(1, cap + 1):
+        _eliminate(rope.effects, work, first, n)
+        state.health[SOLVES] += 1
+        state.health[SOLVES_MAX] = max(state.health[SOLVES_MAX], correction)
+        unexpected = _look_ahead(rope, stage)
+        if unexpected == 0 and terms.is_calm(rope.effects, work, stage, n, 1.0):
+            return PENDING
+        before = slope(work, first, n)
+        if not isfinite(before):
+            return NOT_FINITE
+        _evaluate(rope, stage, SEARCH, 1.0, 0.0)
+        if unexpected == 0 and _switches(rope.effects) and _is_balanced(rope):
+            return CONVERGED
+        if correction >= SEARCH_FROM:
+            _search(rope, stage, before)
+    return UNCONVERGED
+
+
+@jit
+def _evaluate(rope: Any, stage: Any, kind: int, factor: float, pending: float) -> None:
+    """Motion, tension, residual and blocks: of the prediction, or (SEARCH) of a += factor·delta.
+
+    Elements and loads follow one node behind, since an element needs both of its nodes.
+    """
+    state, work, p, q = rope.state, rope.work, stage.p, stage.q
+    n = state.counts[ELEMENTS]
+    for start in range(0, n, CHUNK):
+        low, high = max(start, rope.model.first_free), min(start + CHUNK, n)
+        if kind == TRAPEZOID:
+            predict_trapezoid(state.nodes, work, p, q, low, high)
+        elif kind == BDF2:
+            predict_on(state.nodes, work, p, q, pending, low, high)
+        else:
+            correct(work, p, q, factor, low, high)
+        done, last = max(start - 1, 0), high - 1
+        if high == n:
+            last = n
+            stretch_top(rope, stage)
+        stretch(rope.law, work, state.offset, p, q, 0.0, done, high - 1)
+        if kind != SEARCH:
+            set_flow(rope.effects, work, stage, done, last)
+            predict_memories(rope.effects, rope, stage, kind, done, last)
+        load_nodes(rope.effects, work, stage, max(done, 1), last)
+    load_lowest(rope.effects, work, stage)
+    terms.add_couplings(rope.effects, work, stage, n)
+
+
+@jit
+def _look_ahead(rope: Any, stage: Any) -> int:
+    """Direction and tension were motion corrected; how many tensions are not expected so."""
+    last = rope.state.counts[ELEMENTS] - 1
+    return int(
+        count_unexpected(rope, stage, 0.0, last - last, last)
+        + count_unexpected(rope, stage, growth_of(rope, stage), last, last + 1)
+    )
+
+
+@jit
+def _search(rope: Any, stage: Any, before: float) -> None:
+    """Where the last correction overshot, go back along it to R·delta = 0, about.
+
+    before: R·delta at the correction's start. Secants in a bracket that opens with (0, 1).
+    """
+    n, first = rope.state.counts[ELEMENTS], rope.model.first_free
+    low, slope_low, high, slope_high = 0.0, before, 1.0, 0.0
+    factor, here = 1.0, slope(rope.work, first, n)
+    for evaluation in range(SEARCH_EVALUATIONS):
+        if here < -0.5 * before:
+            high, slope_high = factor, here
+        elif evaluation > 0 and here > 0.5 * before:
+            low, slope_low = factor, here
+        else:
+            return
+        target = secant(low, slope_low, high, slope_high)
+        _evaluate(rope, stage, SEARCH, target - factor, 0.0)
+        factor, here = target, slope(rope.work, first, n)
+
+
+@jit
+def secant(low: float, slope_low: float, high: float, slope_high: float) -> float:
+    """Where the straight line through the bracket's ends crosses 0, inside 5 to 95 % of it."""
+    span = high - low
+    cross = low + span * slope_low / (slope_low - slope_high)
+    return min(max(cross, low + 0.05 * span), high - 0.05 * span)
