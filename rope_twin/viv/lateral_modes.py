@@ -3,8 +3,8 @@
 K of the tension, which varies along the rope, and of bending, EI·|y''|² on three neighbouring nodes
 with hinged ends ([LCD] eqs 1 and 2: Le Cunff and Durand 1999; Irvine 1981, ch. 3). Unlike
 `studies.modes` it knows the rope as a line, not in three dimensions: fast enough to be asked again
-while a twin runs. Without bending the matrix has three diagonals (LAPACK's MRRR, Dhillon and
-Parlett 2004); with it, shift and invert on the sparse one.
+while a twin runs. Without bending the matrix has three diagonals (core/modes/tridiagonal.py); with
+it, shift and invert on the sparse one.
 """
 
 from __future__ import annotations
@@ -15,11 +15,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rope_twin.core.modes.tridiagonal import count_below, find_eigenpairs
 from rope_twin.errors import InputError, phrase
 from rope_twin.viv.span import Floats, Span
 
 SPARE = 4  # modes asked for beyond the number that a string without bending would have
 MOST = 400  # modes of one rope
+APART = 4  # shifts for each mode that a string would have: few modes share a gap between two
 
 
 class LateralModes(NamedTuple):
@@ -90,7 +92,9 @@ class ModeSearch:
         largest = np.abs(shape).max(axis=0, initial=0.0)
         shape /= np.where(largest > 0.0, largest, 1.0) * np.where(shape[-2] < 0.0, -1.0, 1.0)
         return LateralModes(
-            np.sqrt(np.maximum(squares, 0.0)) / (2.0 * pi), shape, span.node_mass @ shape**2
+            np.sqrt(np.maximum(squares, 0.0)) / (2.0 * pi),
+            shape,
+            np.einsum("n,nk->k", span.node_mass, shape**2),
         )
 
 
@@ -103,16 +107,17 @@ def _three_diagonals(
     span: Span, mass: Floats, first: int, band: tuple[float, float]
 ) -> tuple[Floats, Floats]:
     """Squares of the frequencies in a band [rad²/s²] and vectors of the mass-normal problem."""
-    from scipy.linalg import eigh_tridiagonal
-
     k = span.tension / np.diff(span.s)
     own = k[first:].copy()
     own[1 - first :] += k[: len(k) - 1]
+    own /= mass
     between = -k[first:-1] / np.sqrt(mass[1:] * mass[:-1])
-    found: tuple[Floats, Floats] = eigh_tridiagonal(
-        own / mass, between, select="v", select_range=band
-    )
-    return found
+    low, high = np.sqrt(np.maximum(band, 0.0))
+    expected = ceil(modes_below(span, float(high - low) / (2.0 * pi)))
+    shifts = np.linspace(low, high, APART * expected + 1) ** 2
+    shifts[[0, -1]] = band
+    counts = count_below(own, between, shifts)
+    return find_eigenpairs(own, between, shifts, counts, np.arange(counts[0], counts[-1]))
 
 
 def _sparse(
