@@ -22,30 +22,19 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rope_twin.core.modes.ringing import Drive, Ringing, add_up, ring
 from rope_twin.viv.lateral_modes import LateralModes, ModeSearch, find_lateral_modes
-from rope_twin.viv.shedding import Shedding
+from rope_twin.viv.shedding import Mask, Shedding
 from rope_twin.viv.span import Floats, Span, refined
 
 PER_WAVE = 24  # elements per wave at the highest Strouhal frequency: right there to 0.3 %
 PER_PERIOD = 6  # steps per period of that frequency
 STILL = 1e-6  # d: a mode that is not driven and moves less is left out until it is driven
-MOST_DAMPED = 0.95  # of critical: a mode damped more does not ring
 GOLDEN = pi * (3.0 - 5.0**0.5)  # rad; times the square of its number a mode's phase at the start:
 # in proportion to the number itself, all modes would come together in one pulse
 LEAST = 1e-200  # N/m: what stays finite of a mode that nothing damps
 MOST_ELEMENTS = 6000
 PART = 12  # modes that are looked for at a time beside a running twin
-
-
-class _Drive(NamedTuple):
-    """What water speed and modes make of lift and damping; (places, active) or (active,)."""
-
-    active: NDArray[np.int64]  # modes that are driven or still move
-    force: Floats  # ½·ρ·d·U²·|φ| times length where a mode is driven [N]
-    damping: Floats  # modal, at rest [N·s/m]
-    growing: Floats  # of damping with (A/d)²
-    square: Floats  # φ²
-    zones: NDArray[np.bool_]  # (places, modes)
 
 
 class KeptResponse(NamedTuple):
@@ -75,9 +64,9 @@ class ModalResponse:
         self.shedding = shedding
         self.time_s = 0.0
         self._take(span)
-        self._phasor = np.zeros(len(self.modes.frequency), complex)  # η - i·η̇/ω [m]
-        self._angle = _first_angles(len(self.modes.frequency))
-        self._drive = self._driven()
+        still = np.zeros((2, len(self.modes.frequency)))
+        self._ringing = Ringing(*still, _first_angles(len(self.modes.frequency)))
+        self._drive, self.zones = self._driven()  # zones: where each is driven, (places, modes)
         self.amplitude = np.zeros(len(self.span.s))  # of the places [d]
 
     @property
@@ -86,19 +75,19 @@ class ModalResponse:
         return self.modes.frequency
 
     @property
-    def zones(self) -> NDArray[np.bool_]:
-        """Where each mode is driven, (places, modes)."""
-        return self._drive.zones
-
-    @property
     def coordinate(self) -> Floats:
         """Of each mode, η [m]."""
-        return self._phasor.real
+        return self._ringing.place
+
+    @property
+    def angle(self) -> Floats:
+        """Phase of the force on each mode [rad]."""
+        return self._ringing.angle
 
     @property
     def modal_amplitude(self) -> Floats:
         """Of each mode [m]."""
-        return np.abs(self._phasor)
+        return np.hypot(self._ringing.place, self._ringing.rate)
 
     @property
     def motion(self) -> Floats:
@@ -116,7 +105,7 @@ class ModalResponse:
     def follow_speed(self, speed: Floats) -> None:
         """Another water speed at the places [m/s]; the modes stay."""
         self.span = self.span._replace(speed=speed)
-        self._drive = self._driven()
+        self._drive, self.zones = self._driven()
 
     def search(self, span: Span) -> ModeSearch:
         """For the modes of a rope that has changed, to be followed when it is through.
@@ -136,19 +125,19 @@ class ModalResponse:
         Raises:
             InputError: it is slack somewhere; the old modes are kept.
         """
-        before, s = self.modes.shape @ self._phasor, self.span.s
-        angle = self._angle
+        ringing = np.stack(self._ringing[:2])
+        before, s = np.einsum("nk,jk->jn", self.modes.shape, ringing), self.span.s
+        angle = self._ringing.angle
         self._take(span, search)
         new = self.span.s
-        from_top = new[-1] - new
-        moved = np.interp(from_top, (s[-1] - s)[::-1], before[::-1].real) + 1j * np.interp(
-            from_top, (s[-1] - s)[::-1], before[::-1].imag
-        )
-        self._phasor = (self.modes.shape.T * self.span.node_mass) @ moved / self.modes.mass
-        known = min(len(angle), len(self._phasor))
-        self._angle = _first_angles(len(self._phasor))
-        self._angle[:known] = angle[:known]
-        self._drive = self._driven()
+        place, rate = (np.interp(new - new[-1], s - s[-1], part) for part in before)
+        moved = np.stack([place, rate]) * self.span.node_mass
+        moved = np.einsum("nk,jn->jk", self.modes.shape, moved) / self.modes.mass
+        known = min(len(angle), moved.shape[1])
+        angles = _first_angles(moved.shape[1])
+        angles[:known] = angle[:known]
+        self._ringing = Ringing(*moved, angles)
+        self._drive, self.zones = self._driven()
         self.amplitude = self._amplitude()
 
     def advance(self, duration_s: float) -> None:
@@ -163,18 +152,15 @@ class ModalResponse:
 
     def kept(self) -> KeptResponse:
         """From which `take_back` goes on."""
-        phasor = self._phasor
-        return KeptResponse(
-            self.given, phasor.real.copy(), phasor.imag.copy(), self._angle.copy(),
-            self._drive.active.copy(), self.time_s,
-        )  # fmt: skip
+        place, rate, angle = (part.copy() for part in self._ringing)
+        return KeptResponse(self.given, place, rate, angle, self._drive.active.copy(), self.time_s)
 
     def take_back(self, kept: KeptResponse) -> None:
         """Go on from there; its modes were those of a search."""
         self._take(kept.given, self.search(kept.given))
-        self._phasor = kept.coordinate + 1j * kept.rate
-        self._angle, self.time_s = kept.angle.copy(), kept.time_s
-        self._drive = self._driven(kept.active)
+        own = (kept.coordinate, kept.rate, kept.angle)
+        self._ringing, self.time_s = Ringing(*(part.copy() for part in own)), kept.time_s
+        self._drive, self.zones = self._driven(kept.active)
         self.amplitude = self._amplitude()
 
     def _refined(self, span: Span) -> tuple[Span, float]:
@@ -195,8 +181,11 @@ class ModalResponse:
         shedding = self.shedding.strouhal * float((span.speed / span.diameter).max())
         self.step_s = 1.0 / (PER_PERIOD * shedding) if shedding > 0.0 else np.inf
 
-    def _driven(self, active: NDArray[np.int64] | None = None) -> _Drive:
-        """`active`: modes that were driven or moved; None: those that do now."""
+    def _driven(self, active: NDArray[np.int64] | None = None) -> tuple[Drive, Mask]:
+        """What water speed and modes make of lift and damping, and where each mode is driven.
+
+        `active`: modes that were driven or moved; None: those that do now.
+        """
         span, modes, water = self.span, self.modes, self.shedding
         locked = water.locked(self._omega, span.diameter, span.speed)
         strouhal = water.strouhal * span.speed / span.diameter
@@ -212,47 +201,28 @@ class ModalResponse:
         moving = self.modal_amplitude > STILL * float(span.diameter.min())
         if active is None:
             active = np.flatnonzero(zones.any(axis=0) | moving)
-        return _Drive(
+        drive = Drive(
             active=active,
-            force=(force * zones)[:, active],
+            omega=self._omega[active],
+            mass=modes.mass[active],
             damping=damping[active],
-            growing=(c2 * weight)[:, active],
-            square=square[:, active],
-            zones=zones,
+            growing=np.ascontiguousarray((c2 * weight)[:, active]),
+            force=0.5 * np.ascontiguousarray((force * zones)[:, active]),
+            square=np.ascontiguousarray((square / (span.diameter**2)[:, None])[:, active].T),
         )
+        return drive, zones
 
     def _amplitude(self) -> Floats:
-        squares = self.modal_amplitude[self._drive.active] ** 2
-        return np.asarray(np.sqrt(self._drive.square @ squares) / self.span.diameter)
+        amplitude = np.zeros(len(self.span.s))
+        add_up(self._drive, self._ringing, amplitude)
+        return amplitude
 
     def _advance(self, h: float) -> None:
-        drive, some = self._drive, self._drive.active
-        omega, angle, phasor = self._omega[some], self._angle[some], self._phasor[some]
-        mass = self.modes.mass[some]
-        damping = drive.damping + (self.amplitude**2) @ drive.growing
-        share = np.minimum(damping / (2.0 * mass * omega), MOST_DAMPED)
-        ring = np.sqrt(1.0 - share * share)
-        rate = omega * (-share + 1j * ring)
-        force = 0.5 * (self.shedding.lift(self.amplitude) @ drive.force) / mass
-        turn = np.exp(1j * angle)
-        kept, ahead = np.exp(rate * h), np.exp(1j * omega * h)
-        pushed = turn * _quotient(ahead - kept, 1j * omega - rate, h)
-        pushed += np.conj(turn) * (np.conj(ahead) - kept) / (-1j * omega - rate)
-        start = omega * (share * phasor.real - phasor.imag) + 1j * omega * ring * phasor.real
-        c = kept * start + force * pushed  # of a unit mass
-        place = c.imag / (omega * ring)
-        self._phasor[some] = place - 1j * (c.real / omega - share * place)
-        self._angle[some] = np.remainder(angle + omega * h, 2.0 * pi)
-        self.amplitude = self._amplitude()
+        lift = self.shedding.lift(self.amplitude)
+        self.amplitude = self.amplitude.copy()
+        work = np.empty((2, len(self._drive.active)))
+        ring(h, lift, self._drive, self._ringing, self.amplitude, work)
 
 
 def _first_angles(count: int) -> Floats:
     return np.asarray(np.remainder(GOLDEN * np.arange(count, dtype=float) ** 2, 2.0 * pi))
-
-
-def _quotient(
-    rise: NDArray[np.complex128], rate: NDArray[np.complex128], h: float
-) -> NDArray[np.complex128]:
-    """(e^(iωh) - e^(λh))/(iω - λ), which without any damping is h."""
-    small = np.abs(rate) * h < 1e-9
-    return np.where(small, h, rise / np.where(small, 1.0, rate))

@@ -66,17 +66,3 @@ def extended(at: Floats, s: Floats, values: Floats) -> Floats:
     last = (values[-1] - values[-2]) / (s[-1] - s[-2])
     found[high] = values[-1] + (at[high] - s[-1]) * last
     return found
-
-
-def mean_around(at: Floats, s: Floats, values: Floats) -> Floats:
-    """Mean of `values`, linear between `s`, over the halves beside each of `at`, both rising.
-
-    So a sum over coarse nodes has all of what goes up and down between them. Beyond the ends of `s`
-    the end's value holds.
-    """
-    edges = np.concatenate([at[:1], 0.5 * (at[1:] + at[:-1]), at[-1:]])
-    found = np.interp(edges, s, values)
-    whole = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(s))])
-    below = np.maximum(np.searchsorted(s, edges, side="right") - 1, 0)
-    up_to = whole[below] + 0.5 * (found + values[below]) * (edges - s[below])
-    return np.asarray(np.diff(up_to) / np.diff(edges))

@@ -77,7 +77,7 @@ def test_recursion_is_the_integral() -> None:
     omega, mass = 2.0 * pi * response.frequency[mode], response.modes.mass[mode]
     span = response.span
     force = 0.25 * 1025.0 * 0.02 * 0.04 * np.abs(response.modes.shape[:, mode]) @ span.node_length
-    angle = float(response._angle[mode])
+    angle = float(response.angle[mode])
     damping = 2.0 * 0.015 * omega * mass
 
     def rate(t: float, y: np.ndarray) -> list[float]:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rope_twin.viv.span import mean_around
+from rope_twin.core.modes.nodes import mean_around
 
 
 def test_means_of_a_straight_line_and_of_a_kink() -> None:
     """A line's mean is its value in the middle of the share; |x| by hand."""
     at, s = np.array([-9.0, -5.0, -2.0, 0.0]), np.array([-9.0, -7.5, -3.0, 0.0])
     middles = np.array([-8.0, -5.25, -2.25, -0.5])
-    np.testing.assert_allclose(mean_around(at, s, 2.0 * s + 1.0), 2.0 * middles + 1.0)
+    np.testing.assert_allclose(mean_around(at, s, 2.0 * s + 3.0), 2.0 * middles + 3.0)
     kink = mean_around(
         np.array([-2.0, 0.5, 1.0]), np.array([-2.0, 0.0, 1.0]), np.array([2, 0, 1.0])
     )

@@ -17,11 +17,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.modes.nodes import along, mix_flow
 from rope_twin.core.state import Floats, Rope
 from rope_twin.errors import InputError
 from rope_twin.twin.fatigue.wear import turned
 from rope_twin.twin.findings import RopeVibration
-from rope_twin.twin.vibration.own_motion import AVERAGED, relative_flow, sides, tangents
+from rope_twin.twin.vibration.own_motion import AVERAGED, sides, tangents
 from rope_twin.twin.vibration.rope_span import span_of_rope
 from rope_twin.viv.decomposed import Decomposed, ExcitationSearch, fine_enough
 from rope_twin.viv.decomposed_response import DecomposedResponse
@@ -31,6 +32,7 @@ from rope_twin.viv.shedding import Shedding
 from rope_twin.viv.span import Span
 
 EVERY_S = 1.0
+AT_ONCE_S = 1e-3
 SHARES = np.linspace(0.0, 1.0, 65)  # of the rope, from the lower end up: where the flow is kept
 _PLACE = slice(rows.POSITION, rows.POSITION + 3)
 
@@ -63,10 +65,14 @@ class Beside:
         self._every_s = every_s
         self._searched: Span | None = None
         self._search: ModeSearch | ExcitationSearch | None = None
-        self._flow = _at_shares(rope)
+        self._flow = np.zeros((3, len(SHARES)))
+        mix_flow(self._flow, rope, 1.0)
         self._since_s, self.solves, self.note = every_s, 1, ""
         span = span_of(rope)
         response.follow(span, response.search(span))  # in parts as from now on: the same digits
+        still = response.kept()
+        response.advance(AT_ONCE_S)  # what a look compiles is compiled now, not in the first one
+        response.take_back(still)
         self.told = self.words(span)
 
     @property
@@ -91,7 +97,7 @@ class Beside:
     def take(self, rope: Rope, sample_s: float, vortices_hz: float) -> None:
         """Go on by the time since the last look."""
         share = 1.0 - float(np.exp(-sample_s * vortices_hz / AVERAGED))
-        self._flow = self._flow + share * (_at_shares(rope) - self._flow)
+        mix_flow(self._flow, rope, share)
         self._since_s += sample_s
         if self._since_s >= self._every_s - 1e-9:
             self._since_s = 0.0
@@ -171,8 +177,8 @@ class Beside:
         """From which `take_back` goes on."""
         searched = self._searched or self._response.kept()[0]
         return KeptBeside(
-            self._response.kept(), searched, self._search is not None, self._flow, self._since_s,
-            self.solves, self.note,
+            self._response.kept(), searched, self._search is not None, self._flow.copy(),
+            self._since_s, self.solves, self.note,
         )  # fmt: skip
 
     def take_back(self, kept: KeptBeside) -> None:
@@ -181,7 +187,7 @@ class Beside:
         if kept.searching:
             self._searched, self._search = kept.searched, self._response.search(kept.searched)
             self._search.found()  # at once: what is left of it would not be spread any more
-        self._flow, self._since_s, self.solves = kept.flow, kept.since_s, kept.solves
+        self._flow, self._since_s, self.solves = kept.flow.copy(), kept.since_s, kept.solves
         self.note = kept.note
 
     def _follow(self, rope: Rope) -> None:
@@ -221,18 +227,3 @@ def beside_decomposed(
         return fine_enough(span_of_rope(rope, moved_water=False), model)
 
     return Beside(name, rope, span_of, DecomposedResponse(span_of(rope), model), every_s)
-
-
-def along(rope: Rope) -> Floats:
-    """Of the nodes, along the stretched rope from the hang-off, less than 0 [m]."""
-    n = int(rope.state.counts[rows.ELEMENTS])
-    steps = np.diff(rope.state.nodes[_PLACE, : n + 1], axis=1)
-    along = np.concatenate([[0.0], np.cumsum(np.sqrt((steps * steps).sum(axis=0)))])
-    return np.asarray(along - along[-1])
-
-
-def _at_shares(rope: Rope) -> Floats:
-    """Water less rope at shares of its nodes [m/s], (3, shares)."""
-    flow = relative_flow(rope)
-    own = np.linspace(0.0, 1.0, flow.shape[1])
-    return np.stack([np.interp(SHARES, own, part) for part in flow])

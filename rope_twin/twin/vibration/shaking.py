@@ -14,6 +14,7 @@ from functools import singledispatch
 from math import sqrt
 from typing import Any, NamedTuple
 
+from rope_twin.core.modes.nodes import along, mean_around
 from rope_twin.core.state import ELEMENTS, Boundary, Floats, Rope
 from rope_twin.core.vortices.drag_growth import DragGrowth, set_growth
 from rope_twin.effects.decomposed_force import DecomposedForceParams
@@ -24,7 +25,6 @@ from rope_twin.twin.findings import RopeVibration
 from rope_twin.twin.vibration.beside import (
     Beside,
     KeptBeside,
-    along,
     beside_decomposed,
     beside_modes,
 )
@@ -32,7 +32,6 @@ from rope_twin.twin.vibration.looks import is_another_pace, steps_between, vorti
 from rope_twin.viv.decomposed import decomposed
 from rope_twin.viv.drag import amplified_drag
 from rope_twin.viv.shedding import Lift, Shedding
-from rope_twin.viv.span import mean_around
 
 
 class KeptShaking(NamedTuple):
@@ -61,6 +60,7 @@ class Shaking:
         self._growth: tuple[float, float] = params.drag_growth
         density = scene.environment.water_density_kg_per_m3
         self.tracker: Beside = _tracker(params, rope, density, shedding_model(scene))
+        self._grown(rope)  # compiled now, not in the first look
         self._took_s = self._looked_s = 0.0  # time spent on it, and the twin's time meanwhile
 
     @property
@@ -82,7 +82,7 @@ class Shaking:
         self._looked = steps
         self._keep_pace(rope, boundary, currents)
         self.tracker.take(rope, since_s, self.hz)
-        grown = self.amplified(rope) - 1.0
+        grown = self._grown(rope)
         for own in rope.effects:
             if isinstance(own, DragGrowth):
                 set_growth(own, rope.state, grown)
@@ -101,13 +101,17 @@ class Shaking:
         return replace(self.tracker.shot(rope), drag_amplification=amplified, cost_pct=cost_pct)
 
     def amplified(self, rope: Rope) -> Floats:
-        """What the drag is multiplied by at the nodes, from the lower end up.
+        """What the drag is multiplied by at the nodes, from the lower end up."""
+        return 1.0 + self._grown(rope)
+
+    def _grown(self, rope: Rope) -> Floats:
+        """By how much the drag grows at the nodes, over what it is.
 
         A node has the mean over the rope that it stands for: half a wave may lie between two.
         """
         s, amplitude = self.tracker.at_places()
         grown = amplified_drag(amplitude / sqrt(2.0), self._growth) - 1.0
-        return 1.0 + mean_around(along(rope), s, grown)
+        return mean_around(along(rope), s, grown)
 
     def kept(self) -> KeptShaking:
         """From which `take_back` goes on."""
