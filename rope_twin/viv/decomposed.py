@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rope_twin.core.modes.apart import settle_added_mass
 from rope_twin.viv.force_table import ForceTable, fitted_forces
 from rope_twin.viv.lateral_modes import MOST, LateralModes, ModeSearch
 from rope_twin.viv.shedding import Mask
@@ -153,19 +154,15 @@ def _excited(span: Span, model: Decomposed, modes: LateralModes) -> _Part:
     """True frequencies, and the powers at them."""
     square = modes.shape**2
     weight = displaced(span, model.density)[:, None] * square
-    dry, wet, moved = span.node_mass @ square, modes.mass, weight.sum(axis=0)
+    dry, wet = np.einsum("n,nk->k", span.node_mass, square), modes.mass
     added = np.full(len(wet), model.fixed_added_mass)
     frequency = modes.frequency.copy()
     if model.varying:
-        for _ in range(ROUNDS):
-            reduced = _reduced(frequency, span)
-            local = model.table.added_mass_along(model.first_amplitude, reduced)
-            mean = 0.5 * (added + np.einsum("nk,nk->k", local, weight) / moved)
-            done = np.abs(mean - added).max(initial=0.0) < SAME
-            added = mean
-            frequency = modes.frequency * np.sqrt(wet / (dry + added * moved))
-            if done:
-                break
+        row = model.table.added_mass_row(model.first_amplitude)
+        settle_added_mass(
+            model.table.frequency, row, _per_speed(span), np.ascontiguousarray(weight.T),
+            modes.frequency, dry, wet, ROUNDS, SAME, added, frequency,
+        )  # fmt: skip
     power, band = _powers(span, model, modes, frequency)
     return _Part(frequency, added, power, band)
 
@@ -185,9 +182,14 @@ def _per_metre(span: Span, model: Decomposed) -> Floats:
     return model.density * 0.25 * pi * span.diameter**2
 
 
+def _per_speed(span: Span) -> Floats:
+    """D/U [s]; very large in still water."""
+    return np.asarray(span.diameter / np.maximum(span.speed, STILL))
+
+
 def _reduced(frequency: Floats, span: Span) -> Floats:
-    """f·D/U, (nodes, modes); very large in still water."""
-    return np.asarray(frequency * (span.diameter / np.maximum(span.speed, STILL))[:, None])
+    """f·D/U, (nodes, modes)."""
+    return np.asarray(frequency * _per_speed(span)[:, None])
 
 
 def _powers(

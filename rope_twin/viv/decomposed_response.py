@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rope_twin.core.modes.apart import Nodes, push_nodes, read_motion
 from rope_twin.viv.decomposed import Decomposed, Excitation, ExcitationSearch, displaced
 from rope_twin.viv.integrators import Integrator, Matrices, Motion, bathe, upper_bands
 from rope_twin.viv.lateral_modes import stiffness
@@ -23,7 +24,6 @@ from rope_twin.viv.span import Floats, Span
 PER_PERIOD = 24  # steps per period of the fastest driven mode
 REMEMBERED = 3.0  # periods over which motion is averaged
 PART = 12  # modes that are looked for at a time beside a running twin
-LEAST = 0.02  # D: amplitude that the damping is taken of at least
 
 
 class KeptResponse(NamedTuple):
@@ -49,13 +49,18 @@ class DecomposedResponse:
         self._integrate = integrator or bathe
         self.remembered = REMEMBERED
         self._first = 1 if span.end_mass is None else 0
+        self._table = model.table
+        if not model.varying:
+            same = np.full_like(model.table.added_mass, model.fixed_added_mass)
+            self._table = model.table._replace(added_mass=same)
         self._take(span, None)
         self._angles = np.zeros(len(self.excitation.frequency))  # of the modes at `_since_s`
-        self._angle, self._since_s = np.zeros(len(self._dry)), 0.0
-        still = np.zeros(len(self._dry))
-        self._motion = Motion(still, still, still)
-        self._squares = np.zeros((2, len(still)))  # running mean of ẏ², ÿ²
-        self.amplitude, self.omega = still, self._omega0.copy()
+        self._since_s = 0.0
+        self._nodes = self._at_nodes()
+        still = np.zeros((6, len(self._nodes.dry)))
+        self._motion = Motion(still[0], still[1], still[2])
+        self._squares = still[3:5]  # running mean of ẏ², ÿ²
+        self.amplitude, self.omega = still[5], self._nodes.omega.copy()
 
     def search(self, span: Span) -> ExcitationSearch:
         """For what drives a rope that has changed, to be followed when it is through.
@@ -80,7 +85,8 @@ class DecomposedResponse:
         self._angles = np.zeros(len(self.excitation.frequency))
         known = min(len(angles), len(self._angles))
         self._angles[:known] = np.remainder(angles[:known], 2.0 * pi)
-        self._angle, self._since_s = self._angles_of_nodes(), self.time_s
+        self._since_s = self.time_s
+        self._nodes = self._at_nodes()
         now = self._below_top()
         self._motion = Motion(*(np.interp(now, before, part) for part in self._motion))
         self._squares = np.stack([np.interp(now, before, part) for part in self._squares])
@@ -113,37 +119,41 @@ class DecomposedResponse:
         """Go on from there; its modes were those of a search."""
         self._take(kept.span, self.search(kept.span))
         self._motion = Motion(*kept.nodes[:3])
-        self._squares, self.amplitude, self.omega = kept.nodes[3:5], kept.nodes[5], kept.nodes[6]
+        self._squares = kept.nodes[3:5].copy()
+        self.amplitude, self.omega = kept.nodes[5], kept.nodes[6]
         self._angles, self._since_s, self.time_s = kept.angles, kept.since_s, kept.time_s
-        self._angle = self._angles_of_nodes()
+        self._nodes = self._at_nodes()
 
     def _take(self, span: Span, search: ExcitationSearch | None) -> None:
-        """What the rope makes of the water and of each node."""
-        model = self.model
+        """What drives this rope, and its stiffness."""
         self.span = span
-        self.excitation: Excitation = (search or ExcitationSearch(span, model)).found()
-        free = slice(self._first, -1)
-        driven = self.excitation.driven
-        frequency = float(driven.max())
+        self.excitation: Excitation = (search or ExcitationSearch(span, self.model)).found()
+        frequency = float(self.excitation.driven.max())
         self.step_s = 1.0 / (PER_PERIOD * frequency) if frequency > 0.0 else np.inf
-        self._omega0 = 2.0 * pi * self._first_guess()[free]
-        self._drive = 2.0 * pi * driven[free]
-        self._sign = self._signs()[free]
-        self._push = (0.5 * model.density * span.diameter * span.speed**2 * span.node_length)[
-            free
-        ]  # ½·ρ·D·U² times length [N]
-        self._water, self._dry = displaced(span, model.density)[free], span.node_mass[free]
-        self._diameter, self._speed = span.diameter[free], np.maximum(span.speed[free], 1e-6)
-        self._bands = _bands(span)[:, free]
+        self._bands = np.ascontiguousarray(_bands(span)[:, self._first : -1])
+
+    def _at_nodes(self) -> Nodes:
+        """What the rope makes of the water, of the free nodes."""
+        span, density = self.span, self.model.density
+        push = 0.5 * density * span.diameter * span.speed**2 * span.node_length
+        driven = self.excitation.driven
+        angle = self.excitation.zones @ self._angles  # of the mode that each drives, at `_since_s`
+        whole = Nodes(
+            push=push,
+            driven=push * self._signs() * (driven > 0.0),
+            drive=2.0 * pi * driven,
+            angle=angle,
+            water=displaced(span, density),
+            dry=span.node_mass,
+            diameter=span.diameter,
+            speed=np.maximum(span.speed, 1e-6),
+            omega=2.0 * pi * self._first_guess(),
+        )
+        return Nodes(*(np.ascontiguousarray(part[self._first : -1]) for part in whole))
 
     def _below_top(self) -> Floats:
         """Of the free nodes, less than 0 [m]."""
         return np.asarray(self.span.s[self._first : -1] - self.span.s[-1])
-
-    def _angles_of_nodes(self) -> Floats:
-        """Phase of the mode that each free node drives at `_since_s`."""
-        driven = self.excitation.zones @ self._angles
-        return np.asarray(driven[self._first : -1])
 
     def _all(self, free: Floats) -> Floats:
         """The value of every node, 0 where it is held."""
@@ -175,36 +185,19 @@ class DecomposedResponse:
             self._advance(duration_s / steps)
 
     def _advance(self, h: float) -> None:
-        model = self.model
-        reduced = self.omega / (2.0 * pi) * self._diameter / self._speed
-        lift, added = model.table.both_at(self.amplitude, reduced)
-        if not model.varying:
-            added = np.full(len(lift), model.fixed_added_mass)
-        mass = np.maximum(self._dry + added * self._water, 0.1 * self._dry)
-        against = self._push * np.maximum(-lift, 0.0)
-        size = np.maximum(self.amplitude, LEAST) * self._diameter
-        damping = against / (size * self.omega) + 2.0 * model.structural * self.omega * mass
-        push = self._push * np.maximum(lift, 0.0) * self._sign * (self._drive > 0.0)
-        since = self.time_s - self._since_s
-        middle, end = (
-            push * np.cos(self._drive * (since + part * h) + self._angle) for part in (0.5, 1.0)
-        )
+        mass, damping, middle, end = np.empty((4, len(self.amplitude)))
+        push_nodes(
+            self._table, self._nodes, self.amplitude, self.omega, self.time_s - self._since_s, h,
+            self.model.structural, mass, damping, middle, end,
+        )  # fmt: skip
         parts = Matrices(mass, damping, self._bands)
         self._motion = self._integrate(self._motion, parts, middle, end, h)
         self.time_s += h
-        self._read(h)
-
-    def _read(self, h: float) -> None:
-        """Amplitude and frequency of the nodes from their running motion."""
-        own = 2.0 * pi / float(self._omega0.max())
-        # the mean since the start, until the start is forgotten
+        # amplitude and frequency: the mean since the start, until the start is forgotten
+        own = 2.0 * pi / float(self._nodes.omega.max())
         share = max(1.0 - exp(-h / (self.remembered * own)), h / self.time_s)
-        now = np.stack([self._motion.speed, self._motion.acceleration]) ** 2
-        self._squares += share * (now - self._squares)
-        rate = np.sqrt(self._squares[1] / np.maximum(self._squares[0], 1e-30))
-        known = np.sqrt(2.0 * self._squares[0]) > LEAST * self._diameter * self._omega0
-        self.omega = np.where(known, rate, self._omega0)
-        self.amplitude = np.sqrt(2.0 * self._squares[0]) / self.omega / self._diameter
+        self.amplitude, self.omega = np.empty((2, len(mass)))
+        read_motion(self._nodes, self._motion, share, self._squares, self.amplitude, self.omega)
 
 
 def _bands(span: Span) -> Floats:

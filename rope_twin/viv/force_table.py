@@ -45,16 +45,15 @@ class ForceTable(NamedTuple):
 
     def lift_along(self, amplitude: float, frequency: Floats) -> Floats:
         """C_Lv of one amplitude for all frequencies."""
-        return self._along(self.lift, amplitude, frequency)
+        return np.interp(frequency, self.frequency, self._row(self.lift, amplitude))
 
-    def added_mass_along(self, amplitude: float, frequency: Floats) -> Floats:
-        """C_a of one amplitude for all frequencies: to be asked for again and again."""
-        return self._along(self.added_mass, amplitude, frequency)
+    def added_mass_row(self, amplitude: float) -> Floats:
+        """C_a of one amplitude at the table's frequencies."""
+        return self._row(self.added_mass, amplitude)
 
-    def _along(self, values: Floats, amplitude: float, frequency: Floats) -> Floats:
+    def _row(self, values: Floats, amplitude: float) -> Floats:
         (j,), (v,) = _place(self.amplitude, np.array([amplitude]))
-        row = (1.0 - v) * values[:, j] + v * values[:, j + 1]
-        return np.asarray(np.interp(frequency, self.frequency, row))
+        return np.asarray((1.0 - v) * values[:, j] + v * values[:, j + 1])
 
     def _at(self, values: Floats, amplitude: Floats, frequency: Floats) -> Floats:
         i, u = _place(self.frequency, frequency)

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from rope_twin.core.modes.implicit import bathe_step, newmark_step
 from rope_twin.viv.span import Floats
 
 
@@ -52,37 +53,19 @@ def times(bands: Floats, vector: Floats) -> Floats:
     return product
 
 
-def _solve(bands: Floats, diagonal: Floats, right: Floats) -> Floats:
-    """(K + diagonal)·x = right."""
-    from scipy.linalg import solveh_banded
-
-    sum_ = bands.copy()
-    sum_[-1] += diagonal
-    return np.asarray(solveh_banded(sum_, right, check_finite=False))
-
-
 def newmark(alpha: float = 0.30, delta: float = 0.55) -> Integrator:
     """y += h·v + h²·((½ - α)·a + α·a'), v += h·((1 - δ)·a + δ·a'); needs the force at the end."""
 
     def step(at: Motion, parts: Matrices, middle: Floats, end: Floats, h: float) -> Motion:
-        y = at.place + h * at.speed + (0.5 - alpha) * h * h * at.acceleration
-        v = at.speed + (1.0 - delta) * h * at.acceleration
-        right = end - parts.damping * v - times(parts.stiffness, y)
-        weight = alpha * h * h
-        diagonal = (parts.mass + delta * h * parts.damping) / weight
-        a = _solve(parts.stiffness, diagonal, right) / weight
-        return Motion(y + weight * a, v + delta * h * a, a)
+        after, work = np.empty((3, len(end))), np.empty((5, len(end)))
+        newmark_step(at, parts, end, h, alpha, delta, after, work)
+        return Motion(after[0], after[1], after[2])
 
     return step
 
 
 def bathe(at: Motion, parts: Matrices, middle: Floats, end: Floats, h: float) -> Motion:
-    """Two halves with the forces at their ends."""
-    first = newmark(0.25, 0.5)(at, parts, middle, middle, 0.5 * h)
-    y0, y1, v0, v1 = at.place, first.place, at.speed, first.speed
-    v_hat = (y0 - 4.0 * y1) / h
-    a_hat = (v0 - 4.0 * v1 + 3.0 * v_hat) / h
-    diagonal = 9.0 / (h * h) * parts.mass + 3.0 / h * parts.damping
-    y = _solve(parts.stiffness, diagonal, end - parts.mass * a_hat - parts.damping * v_hat)
-    v = v_hat + 3.0 / h * y
-    return Motion(y, v, (v0 - 4.0 * v1 + 3.0 * v) / h)
+    """½ h by the trapezoidal rule, then v' = (y - 4·y½ + 3·y')/h, likewise a' of the speeds."""
+    after, work = np.empty((3, len(end))), np.empty((5, len(end)))
+    bathe_step(at, parts, middle, end, h, after, work)
+    return Motion(after[0], after[1], after[2])

@@ -64,8 +64,8 @@ class ModalResponse:
         self.shedding = shedding
         self.time_s = 0.0
         self._take(span)
-        still = np.zeros((2, len(self.modes.frequency)))
-        self._ringing = Ringing(*still, _first_angles(len(self.modes.frequency)))
+        place, rate = np.zeros((2, len(self.modes.frequency)))
+        self._ringing = Ringing(place, rate, _first_angles(len(place)))
         self._drive, self.zones = self._driven()  # zones: where each is driven, (places, modes)
         self.amplitude = np.zeros(len(self.span.s))  # of the places [d]
 
@@ -136,7 +136,7 @@ class ModalResponse:
         known = min(len(angle), moved.shape[1])
         angles = _first_angles(moved.shape[1])
         angles[:known] = angle[:known]
-        self._ringing = Ringing(*moved, angles)
+        self._ringing = Ringing(moved[0], moved[1], angles)
         self._drive, self.zones = self._driven()
         self.amplitude = self._amplitude()
 

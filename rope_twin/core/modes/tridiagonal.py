@@ -35,7 +35,7 @@ class _Hunt(NamedTuple):
     high: Floats
     low_count: Floats
     high_count: Floats
-    count: Floats  # below x
+    counted: Floats  # below x
     twist: Floats  # γ_r
     at: Floats  # r
     width: Floats  # of the bracket as it was given
@@ -112,7 +112,7 @@ def _factorise(own: Any, between: Any, hunt: Any, pivots: Any) -> None:
     """Pivots from below and above, sums of squares, and where γ is smallest."""
     n, lanes = pivots.below.shape
     p, q, u, w = pivots.below, pivots.above, pivots.sum_below, pivots.sum_above
-    x, count, twist, at = hunt.shift, hunt.count, hunt.twist, hunt.at
+    x, count, twist, at = hunt.shift, hunt.counted, hunt.twist, hunt.at
     for k in range(lanes):
         p[0, k] = own[0] - x[k]
         q[n - 1, k] = own[n - 1] - x[k]
@@ -153,10 +153,10 @@ def _improve(least: float, hunt: Any, pivots: Any, k: int) -> int:
     if alone and inside and exact:
         hunt.value[k], hunt.done[k] = better, 1.0
         return 0
-    if hunt.count[k] <= hunt.number[k]:
-        hunt.low[k], hunt.low_count[k] = x, hunt.count[k]
+    if hunt.counted[k] <= hunt.number[k]:
+        hunt.low[k], hunt.low_count[k] = x, hunt.counted[k]
     else:
-        hunt.high[k], hunt.high_count[k] = x, hunt.count[k]
+        hunt.high[k], hunt.high_count[k] = x, hunt.counted[k]
     inside = hunt.low[k] < better < hunt.high[k]
     alone = hunt.high_count[k] - hunt.low_count[k] == 1.0
     hunt.shift[k] = better if alone and inside else 0.5 * (hunt.low[k] + hunt.high[k])

@@ -1,0 +1,125 @@
+"""Forces taken apart in phase, node by node, and what the motion's running means tell of it.
+
+[GE], [SJTU] ch. 5; what is solved, and why so, stands in rope_twin.viv.decomposed_response. The
+table has C_Lv and C_a over f·D/U and A/D: bilinear between its rows, beyond its ends the last value
+holds.
+"""
+
+from __future__ import annotations
+
+from math import cos, pi, sqrt
+from typing import Any, NamedTuple
+
+from rope_twin.core.compiler.jit import jit, jit_entry
+from rope_twin.core.state import Floats
+
+LEAST = 0.02  # D: amplitude that the damping is taken of at least
+
+
+class Nodes(NamedTuple):
+    """What does not change while the modes are kept, of the free nodes, (n,)."""
+
+    push: Floats  # ½·ρ·D·U² times length [N]
+    driven: Floats  # the same with the sign of the mode that it drives; 0: it drives none [N]
+    drive: Floats  # ω of that mode [rad/s]
+    angle: Floats  # its phase at the time that `since` counts from [rad]
+    water: Floats  # displaced [kg]
+    dry: Floats  # mass without added mass [kg]
+    diameter: Floats  # [m]
+    speed: Floats  # of the water across the rope [m/s]
+    omega: Floats  # before it has moved [rad/s]
+
+
+@jit_entry
+def push_nodes(
+    table: Any, nodes: Any, amplitude: Any, omega: Any, since: float, h: float,
+    structural: float, mass: Any, damping: Any, middle: Any, end: Any,
+) -> None:  # fmt: skip
+    """Write mass [kg], damping [N·s/m] and the forces in the middle and at the end of a step [N].
+
+    amplitude: [D]; omega: as the motion has it; since: start of the step.
+    """
+    i = j = 0
+    for n in range(amplitude.shape[0]):
+        reduced = omega[n] / (2.0 * pi) * nodes.diameter[n] / nodes.speed[n]
+        i, j = _below(table.frequency, reduced, i), _below(table.amplitude, amplitude[n], j)
+        u, v = _share(table.frequency, reduced, i), _share(table.amplitude, amplitude[n], j)
+        lift = _between(table.lift, i, j, u, v)
+        added = _between(table.added_mass, i, j, u, v)
+        mass[n] = max(nodes.dry[n] + added * nodes.water[n], 0.1 * nodes.dry[n])
+        size = max(amplitude[n], LEAST) * nodes.diameter[n]
+        against = nodes.push[n] * max(-lift, 0.0) / (size * omega[n])
+        damping[n] = against + 2.0 * structural * omega[n] * mass[n]
+        push = nodes.driven[n] * max(lift, 0.0)
+        middle[n] = push * cos(nodes.drive[n] * (since + 0.5 * h) + nodes.angle[n])
+        end[n] = push * cos(nodes.drive[n] * (since + h) + nodes.angle[n])
+
+
+@jit_entry
+def read_motion(
+    nodes: Any, motion: Any, share: float, squares: Any, amplitude: Any, omega: Any
+) -> None:
+    """Let a share of ẏ² and ÿ² into their running means; ω = rms(ÿ)/rms(ẏ), A = √2·rms(ẏ)/ω."""
+    for n in range(amplitude.shape[0]):
+        speed, acceleration = motion.speed[n], motion.acceleration[n]
+        squares[0, n] += share * (speed * speed - squares[0, n])
+        squares[1, n] += share * (acceleration * acceleration - squares[1, n])
+        rms = sqrt(2.0 * squares[0, n])
+        known = rms > LEAST * nodes.diameter[n] * nodes.omega[n]
+        omega[n] = sqrt(squares[1, n] / squares[0, n]) if known else nodes.omega[n]
+        amplitude[n] = rms / omega[n] / nodes.diameter[n]
+
+
+@jit_entry
+def settle_added_mass(
+    knots: Any, values: Any, ratio: Any, weight: Any, given: Any, dry: Any, wet: Any,
+    rounds: int, same: float, added: Any, frequency: Any,
+) -> None:  # fmt: skip
+    """True frequencies, f = f_1·√(M_1/(M + C_a·m)), with the C_a that the modes have at them.
+
+    Of each mode: given f_1 [Hz], dry M and wet M_1 [kg]; weight: water that the nodes displace
+    times φ² [kg], (modes, nodes), m its sum; C_a its mean by that weight, read along the nodes at
+    f·D/U, `ratio` of D to U [s]; the mean of two successive ones is taken on until they agree.
+    """
+    for k in range(added.shape[0]):
+        moved = 0.0
+        for n in range(ratio.shape[0]):
+            moved += weight[k, n]
+        for _ in range(rounds):
+            whole, i = 0.0, 0
+            for n in range(ratio.shape[0]):
+                reduced = frequency[k] * ratio[n]
+                i = _below(knots, reduced, i)
+                u = _share(knots, reduced, i)
+                whole += weight[k, n] * ((1.0 - u) * values[i] + u * values[i + 1])
+            mean = 0.5 * (added[k] + whole / moved)
+            done = abs(mean - added[k]) < same
+            added[k] = mean
+            frequency[k] = given[k] * sqrt(wet[k] / (dry[k] + mean * moved))
+            if done:
+                break
+
+
+@jit
+def _below(knots: Any, at: float, guess: int) -> int:
+    """Number of the knot below, of all but the last; neighbours lie close to each other."""
+    i, last = guess, knots.shape[0] - 2
+    while i < last and at >= knots[i + 1]:
+        i += 1
+    while i > 0 and at < knots[i]:
+        i -= 1
+    return i
+
+
+@jit
+def _share(knots: Any, at: float, i: int) -> float:
+    """How far on from knot i to the next, from 0 to 1."""
+    share = (at - knots[i]) / (knots[i + 1] - knots[i])
+    return float(min(max(share, 0.0), 1.0))
+
+
+@jit
+def _between(table: Any, i: int, j: int, u: float, v: float) -> float:
+    low = (1.0 - v) * table[i, j] + v * table[i, j + 1]
+    high = (1.0 - v) * table[i + 1, j] + v * table[i + 1, j + 1]
+    return float((1.0 - u) * low + u * high)
