@@ -13,6 +13,7 @@ import os
 import signal
 import sys
 
+from rope_twin.commands.run.ending import ending_signals
 from rope_twin.commands.run.options import RunOptions
 from rope_twin.core.compiler.jit import make_ready
 from rope_twin.ros.entry import StopSignal
@@ -57,7 +58,7 @@ class CompilingAhead:
 
 def _build(options: RunOptions) -> None:
     """Build the run's twin and forget it, without a word: the twin itself has the same to say."""
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ending_signals():
         signal.signal(number, signal.SIG_DFL)
     sys.stdout = sys.stderr = os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     scene = at_setting(load_scene(options.scene), options.elements, options.step_s)

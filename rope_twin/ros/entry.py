@@ -16,6 +16,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
+from rope_twin.commands.run.ending import ending_signals
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.ros.executor import make_executor
 
@@ -42,7 +43,9 @@ class SuiteNode(Protocol):
 
 
 class StopSignal:
-    """SIGINT and SIGTERM as a flag that the main loop reads; a second one ends the process at once.
+    """What asks a process to end (Ctrl-C, SIGTERM, a terminal that closed), as a flag.
+
+    The main loop reads it; a second signal ends the process at once.
 
     Nothing is raised where the signal happens to arrive: in the middle of a compilation or of a
     callback from C that would do harm.
@@ -51,8 +54,9 @@ class StopSignal:
     def __init__(self) -> None:
         self.requested = False
         self.note = ""  # said at once when a signal comes: why the end may take a while
-        self._before = {number: signal.signal(number, self._on_signal)
-                        for number in (signal.SIGINT, signal.SIGTERM)}  # fmt: skip
+        self._before = {
+            number: signal.signal(number, self._on_signal) for number in ending_signals()
+        }
 
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         self.requested = True

@@ -141,7 +141,10 @@ class PacedTwin:
         if health.granted_s > 0.0:
             used_s = (health.processor_s, self._announcer.processor_s, self._processor_s())
             share = CoreShare(*(100.0 * one / health.granted_s for one in used_s)).figures()
-        return replace(summary, state=state, rung_changes=changes, core_share=share)
+        trouble = kept.trouble if kept is not None else ""
+        return replace(
+            summary, state=state, not_kept=trouble, rung_changes=changes, core_share=share
+        )
 
     def _processor_s(self) -> float:
         """Processor time of the whole process while it was paced."""

@@ -188,7 +188,12 @@ class _Watch:
                                     "its own messages above say why"))  # fmt: skip
         error = summary.error or (f"the simulation ended ({_words(code)})" if code else "")
         bag = str(options.record) if options.record else None
-        return replace(summary, error=error, bag=bag, view=options.view)
+        not_kept = summary.not_kept
+        if recorder := self._codes.get("recorder", 0):
+            ended = phrase(f"bag {bag}", f"its recorder ended ({_words(recorder)})",
+                           f"`rope_twin recover {bag}` saves what is there")  # fmt: skip
+            not_kept = " ".join(filter(None, (ended, not_kept)))
+        return replace(summary, error=error, bag=bag, view=options.view, not_kept=not_kept)
 
     def _spin(self, expected: str = "") -> None:
         self._executor.spin_once(timeout_sec=_WAIT_S)

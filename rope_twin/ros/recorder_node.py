@@ -39,6 +39,7 @@ class RecorderNode(Node):
         self._arrivals = Arrivals()
         self._unwritten = 0  # messages that came and could not be taken
         self._told = ""
+        self.failure = ""  # why the bag is not whole, known when closed
 
     def begin(self) -> None:
         """Make the bag and subscribe. Raises BagError if the bag cannot be made."""
@@ -91,7 +92,8 @@ class RecorderNode(Node):
         try:
             recorder.close()
         except BagError as error:
-            self.get_logger().error(str(error))
+            self.failure = str(error)
+            self.get_logger().error(self.failure)
         if self.lost:
             self._say(self.status().message)
         self._recorder = None
@@ -158,8 +160,15 @@ class RecorderNode(Node):
 
 
 def main(args: list[str] | None = None) -> int:
-    """Console entry."""
-    return run_node(RecorderNode, args)
+    """Console entry; the exit code is 1 if the bag is not whole."""
+    made: list[RecorderNode] = []
+
+    def make() -> RecorderNode:
+        made.append(RecorderNode())
+        return made[0]
+
+    code = run_node(make, args)
+    return 1 if any(node.failure for node in made) else code
 
 
 if __name__ == "__main__":

@@ -74,6 +74,7 @@ class Suite:
         self._executor: SingleThreadedExecutor | None = None
         self._ahead: CompilingAhead | None = None
         self.not_recorded = 0  # messages, known when closed
+        self.not_kept = ""  # why the bag is not whole, likewise
 
     def start(self, ready: Callable[[], None], stop: StopSignal) -> None:
         """Make all nodes; the simulation comes last, when everybody listens.
@@ -140,6 +141,7 @@ class Suite:
                 self._drain()
                 self._nodes[name].close()
                 self.not_recorded = self._nodes[name].lost
+                self.not_kept = self._nodes[name].failure
             else:
                 self._nodes[name].close()
         if self._executor is not None:
@@ -179,7 +181,8 @@ def run_suite(options: RunOptions, progress: FigureProgress) -> RunSummary:
         suite.simulation.close()
         summary = suite.summary()
         suite.close()
-        return replace(summary, not_recorded=suite.not_recorded)
+        not_kept = " ".join(filter(None, (suite.not_kept, summary.not_kept)))
+        return replace(summary, not_recorded=suite.not_recorded, not_kept=not_kept)
     finally:
         suite.close()
         stop.restore()

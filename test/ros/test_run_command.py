@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -77,13 +78,15 @@ def test_a_paced_run_ends_by_itself_with_summary_bag_and_view(
 
 
 @pytest.mark.ros
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_ctrl_c_ends_it_with_a_whole_bag_and_a_summary(
-    processes: Processes, tmp_path: Path
+    number: int, processes: Processes, tmp_path: Path
 ) -> None:
+    """And so does being told to end, and a terminal that closes."""
     bag = tmp_path / "bag"
     process = processes.cli("run", "shallow_lift", "--headless", "--record", str(bag))
     process.until_says("late")  # the progress line
-    process.send(signal.SIGINT)
+    process.send(number)
     assert process.wait() == 0
     assert "Traceback" not in process.text
     assert "scene shallow_lift" in process.text
@@ -159,6 +162,46 @@ def test_a_budget_is_spent_and_its_use_told(processes: Processes) -> None:
     assert 0.0 < share["publishing_pct"] < share["process_pct"]
     assert str(summary["chosen"]).startswith("--budget 20 %: ")
     assert summary["tension_top_error_pct"] != "unknown"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_what_ends_a_run_as_fast_as_possible_leaves_a_whole_bag(
+    number: int, processes: Processes, tmp_path: Path
+) -> None:
+    bag = tmp_path / "bag"
+    process = processes.cli(
+        "run", "still_water", "--speed", "0", "--for", "1e6", "--record", str(bag)
+    )
+    process.until_says("late")
+    process.send(number)
+    assert process.wait() == 0
+    assert "scene still_water" in process.text
+    assert counts(bag)["/twin/epoch"] == 1
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("processes_too", [False, True])
+def test_a_bag_and_a_state_that_find_no_room_are_told_at_the_end(
+    processes_too: bool, processes: Processes, tmp_path: Path
+) -> None:
+    bag, state = tmp_path / "bag", tmp_path / "state"
+    words = ["run", "still_water", "--for", "3", "--headless", "--json", "--record", str(bag)]
+    words += ["--save", str(state), *(["--processes"] if processes_too else [])]
+    script = (  # files of more than 20 kB are refused, as by a full disk
+        "import resource, sys\n"
+        "from rope_twin.cli import main\n"
+        "resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, resource.RLIM_INFINITY))\n"
+        "sys.exit(main(sys.argv[1:]))\n"
+    )
+    process = processes.start(["-c", script, *words])
+    assert process.wait() == 1
+    assert "Traceback" not in process.text
+    summary = last_line(re.findall(r"^\{.*\}$", process.text, re.MULTILINE)[0])
+    assert summary["steps"] == 300
+    assert f"bag {bag}: " in str(summary["not_kept"])
+    assert f"`rope_twin recover {bag}`" in str(summary["not_kept"])
+    assert str(state) in str(summary["not_kept"])
+    assert summary["state"] is None
 
 
 def test_as_fast_as_possible_needs_no_ros(tmp_path: Path) -> None:

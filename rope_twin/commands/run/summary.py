@@ -58,6 +58,7 @@ class RunSummary:
     error: str = ""  # the sentence with which the run ended early
     bag: str | None = None
     not_recorded: int = 0  # messages that were published and are not in the bag
+    not_kept: str = ""  # why the bag or the newest state is not whole on the disk
     view: str | None = None
     state: str | None = None  # file with the saved state
     energy: dict[str, float] | None = None  # EnergyBalance.figures; None: not asked for
@@ -138,7 +139,8 @@ class RunSummary:
 
     def _missing_words(self) -> str:
         lost = self.not_recorded
-        return f"; {lost} messages are missing in it: the machine was too busy" if lost else ""
+        why = "" if self.not_kept else ": the machine was too busy"
+        return f"; {lost} messages are missing in it{why}" if lost else ""
 
     def _end_words(self) -> list[str]:
         """Where the rope is at the end; of several each one and each payload."""

@@ -6,21 +6,18 @@ so the result equals that of a paced run to the bit.
 
 from __future__ import annotations
 
-import signal
-import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from statistics import median
-from types import FrameType
 
 from rope_twin.cadence import DIAGNOSTICS_PERIOD_NS, due_topics, slot_of
+from rope_twin.commands.run.ending import end_told
 from rope_twin.commands.run.inputs import FIRST_NS, LEAD_NS, encode_motion, offer, open_sea
 from rope_twin.commands.run.options import RunOptions
 from rope_twin.commands.run.summary import RunSummary, summarise
-from rope_twin.errors import SolverError, StateError
+from rope_twin.errors import BagError, SolverError, StateError
 from rope_twin.messages import (
     Encoder,
     encode_cut,
@@ -192,7 +189,7 @@ def run_unpaced(
     epoch_ns: int | None = None,
     say: Callable[[str], None] | None = None,
 ) -> RunSummary:
-    """Run to the twin time `options.for_s`, or to Ctrl-C; `report` is called after each slot.
+    """Run to the twin time `options.for_s`, or until told to end; `report` follows each slot.
 
     `say`: takes what is to be said before it begins.
 
@@ -202,37 +199,20 @@ def run_unpaced(
     run = UnpacedRun(options, epoch_ns)
     if say is not None and run.twin.told:
         say(run.twin.told)
-    error = ""
+    error = not_kept = ""
     step_ns = run.twin.step_ns
     last_ns = round((options.for_s or 0.0) * 1e9 / step_ns) * step_ns
     try:
-        with _interrupt_told() as interrupted:
-            while run.twin.time_ns < last_ns and not interrupted.is_set():
+        with end_told() as told:
+            while run.twin.time_ns < last_ns and not told.is_set():
                 run.advance_slot()
                 report(run)
         run.save()
-    except (SolverError, StateError) as failure:
+    except (SolverError, StateError, BagError) as failure:
         error = str(failure)
     finally:
-        run.close()
-    return run.summary(error)
-
-
-@contextmanager
-def _interrupt_told() -> Iterator[threading.Event]:
-    """Ctrl-C sets a flag, so that it never comes in the middle of a step; a second one raises."""
-    told = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield told
-        return
-    before = signal.getsignal(signal.SIGINT)
-
-    def tell(number: int, frame: FrameType | None) -> None:
-        told.set()
-        signal.signal(signal.SIGINT, before)
-
-    signal.signal(signal.SIGINT, tell)
-    try:
-        yield told
-    finally:
-        signal.signal(signal.SIGINT, before)
+        try:
+            run.close()
+        except BagError as failure:
+            not_kept = str(failure)
+    return replace(run.summary(error), not_kept=not_kept)
