@@ -264,6 +264,10 @@ def _pacing(pacing: PacingHealth) -> Status:
     return Status("simulation: pacing", level, message, values)
 
 
+def _refused(health: InputHealth) -> str:
+    return f"{counted(health.refused, 'sample')} refused since the start; the newest"
+
+
 def _why_refused(health: InputHealth) -> str:
     """The newest refusal, and what is being done about a gap at present."""
     if health.refusal and health.note != health.refusal:
@@ -287,13 +291,14 @@ def _input(name: str, health: InputHealth) -> Status:
     title = f"simulation: input {words}"
     if health.stale:
         message = health.note or f"no {words} for {age} s: going on with what is known"
+        if health.refusal and health.refusal != health.note:
+            message += f"; {_refused(health)}: {health.refusal.removesuffix('.')}"
         return Status(title, Level.ERROR, f"stale: {message}", values)
     if health.refused:
         return Status(
             title,
             Level.WARN,
-            f"{counted(health.refused, 'sample')} refused since the start; the newest: "
-            f"{_why_refused(health)}",
+            f"{_refused(health)}: {_why_refused(health)}",
             values,
         )
     if not health.accepted:

@@ -16,6 +16,19 @@ def too_far_ahead(what: str, stamp_ns: int, now_ns: int) -> str:
     return phrase(what, ahead, "sender and twin must share one clock")
 
 
+def too_late(stamp_ns: int, now_ns: int, due: str = "due") -> tuple[str, str]:
+    """What is wrong with a sample whose time has passed, and what would be right.
+
+    What is later than a delay could make it has its stamp by another clock.
+    """
+    late_ns = now_ns - stamp_ns
+    if late_ns > AHEAD_NS:
+        behind = f"stamp {stamp_ns * 1e-9:.1f} s lies {late_ns * 1e-9:.1f} s back"
+        return behind, "sender and twin must share one clock"
+    late = f"it came {late_ns * 1e-6:.0f} ms after it was {due}"
+    return late, "raise the input delay by more than that"
+
+
 class InputCounter:
     """Counts of one input; `refuse` returns its sentence so that callers can pass it on."""
 

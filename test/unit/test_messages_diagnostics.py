@@ -150,6 +150,11 @@ def test_a_residual_beside_nothing_is_round_off() -> None:
         ),
         (InputHealth(accepted=7, age_s=4.2, stale=True), Level.ERROR, "no heave for 4.200 s"),
         (InputHealth(stale=True, note="fading out"), Level.ERROR, "stale: fading out"),
+        (
+            InputHealth(stale=True, impossible=2, refusal="50 m/s; too fast.", note="kept"),
+            Level.ERROR,
+            "stale: kept; 2 samples refused since the start; the newest: 50 m/s; too fast",
+        ),
     ],
 )
 def test_inputs(health: InputHealth, level: Level, words: str) -> None:

@@ -75,6 +75,8 @@ def test_the_stamps_of_orders_are_judged_as_those_of_speeds() -> None:
     assert "came twice" in winch.take(2 * S, Order("speed", 0.1), S)
     assert "order of their stamps" in winch.take(3 * S // 2, Order("depth", 90.0), S)
     assert "after it was due" in winch.take(4 * S, Order("tension", 1e4), 5 * S)
+    other_clock = winch.take(4 * S, Order("tension", 1e4), 3600 * S)
+    assert "stamp 4.0 s lies 3596.0 s back; sender and twin must share one clock" in other_clock
     assert "25.0 s ahead" in winch.take(30 * S, Order("speed", 0.1), 5 * S)
     assert winch.take(2 * S, Order("set_brake"), S) == "", "switches have stamps of their own"
 

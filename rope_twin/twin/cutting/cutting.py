@@ -12,7 +12,7 @@ from rope_twin.scene.rules.rigging import is_joined, winch_of
 from rope_twin.scene.rules.shedding import model_beside, shedding_model
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.cutting.cut_plan import AT_LOWER_END, LEAST_M, PlannedCut, read_plan
-from rope_twin.twin.health import AHEAD_NS, InputCounter
+from rope_twin.twin.health import AHEAD_NS, InputCounter, too_late
 from rope_twin.twin.snapshot import CutShot, InputHealth
 
 ANY = "rope"  # of a message that names none
@@ -111,8 +111,8 @@ class CutInput:
         if stamp_ns is None:
             return None
         if stamp_ns < now_ns:
-            late = f"it came {(now_ns - stamp_ns) * 1e-6:.0f} ms after it was due"
-            return "late", late, "raise the input delay by more than that, or leave the stamp 0"
+            late, right = too_late(stamp_ns, now_ns)
+            return "late", late, f"{right}, or leave the stamp 0"
         if stamp_ns > now_ns + AHEAD_NS:
             far = f"stamp {stamp_ns * 1e-9:.1f} s lies more than {AHEAD_NS * 1e-9:g} s ahead"
             return "impossible", far, "sender and twin must share one clock"

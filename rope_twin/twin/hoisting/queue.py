@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 
 from rope_twin.errors import phrase
-from rope_twin.twin.health import AHEAD_NS, InputCounter, too_far_ahead
+from rope_twin.twin.health import AHEAD_NS, InputCounter, too_far_ahead, too_late
 from rope_twin.twin.hoisting.orders import Order
 
 DONE = 32  # orders that are remembered after they took effect
@@ -49,10 +49,9 @@ class OrderQueue:
                     f"stamp {stamp_ns * 1e-9:.3f} s follows {self._newest_ns * 1e-9:.3f} s",
                     "commands must come in the order of their stamps"))  # fmt: skip
             if stamp_ns < now_ns:
-                return refuse("late", phrase(
-                    "winch command",
-                    f"it came {(now_ns - stamp_ns) * 1e-6:.0f} ms after it was due",
-                    "raise the input delay by more than that, or leave the stamp 0"))  # fmt: skip
+                what, right = too_late(stamp_ns, now_ns)
+                right += ", or leave the stamp 0"
+                return refuse("late", phrase("winch command", what, right))
             if stamp_ns > now_ns + AHEAD_NS:
                 return refuse("impossible", too_far_ahead("winch command", stamp_ns, now_ns))
             self._newest_ns = stamp_ns

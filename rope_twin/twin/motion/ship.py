@@ -18,7 +18,7 @@ from bisect import bisect_left, bisect_right
 
 from rope_twin.errors import phrase
 from rope_twin.sea.way import FASTEST_M_PER_S
-from rope_twin.twin.health import AHEAD_NS, InputCounter, too_far_ahead
+from rope_twin.twin.health import AHEAD_NS, InputCounter, too_far_ahead, too_late
 
 HEAVE_LIMIT_M = 30.0
 VELOCITY_LIMIT_M_PER_S = FASTEST_M_PER_S
@@ -108,9 +108,7 @@ class HeaveTrack:
                 "samples must come in the order of their stamps"))  # fmt: skip
         now = self._asked_ns
         if now is not None and stamp_ns < now:
-            return refuse("late", phrase(
-                "heave", f"a sample came {(now - stamp_ns) * 1e-6:.0f} ms after it was needed",
-                "raise the input delay by more than that"))  # fmt: skip
+            return refuse("late", phrase("heave", *too_late(stamp_ns, now, "needed")))
         ahead_ns = stamp_ns - (now or 0)
         leap_ns = min(ahead_ns, stamp_ns - self._stamps[-1]) if self._stamps else ahead_ns
         if leap_ns > (LEAP_NS if self._stamps else AHEAD_NS):
