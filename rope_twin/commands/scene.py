@@ -19,8 +19,10 @@ from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.scene.card import known_error, told_bound
 from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.figures import LiftFigures, lift_figures, listed_effects, stretch_m
+from rope_twin.scene.hung_together import hung_together
 from rope_twin.scene.keys import scene_keys
 from rope_twin.scene.load import load_scene, scene_names
+from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.schema import RopeLine, Scene, ScheduleRow, Winch
 from rope_twin.scene.sea_state import SeaState
 from rope_twin.studies.effect_cost import effect_table, measure_effects
@@ -270,11 +272,34 @@ def _told(row: ScheduleRow) -> str:
             return f"{kind} {value:g} {MOTIONS[kind]}"
 
 
+def _together(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
+    """What hangs where ropes meet."""
+    rows = [("all loads in water", f"{figures.payload_weight_n / 1e3:.1f} kN")]
+    held = hung_together(scene)
+    if held is None:
+        return rows
+    factor = f"safety factor {held.breaking_load_n / held.weight_n:.2f}"
+    if len(held.lines) == 1:
+        return [*rows, ("static top tension", f"{held.weight_n / 1e3:.1f} kN, {factor}")]
+    words = (
+        f"{held.weight_n / 1e3:.1f} kN, {factor} if they shared it evenly; `rope_twin run` tells"
+    )
+    words += " the tension of each"
+    return [*rows, (f"{len(held.lines)} ropes carry", words)]
+
+
 def _derived(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
     """What follows, a line per figure."""
     line, density = scene.ropes[0], scene.environment.water_density_kg_per_m3
     rows = [("rope in water", f"{figures.rope_weight_n_per_m:.2f} N/m")]
-    if figures.payload is not None:
+    axial = f"{figures.first_axial_period_s:.2f} s"
+    if is_joined(scene):
+        rows += _together(scene, figures)
+        axial += f" of '{line.name}' with all that hangs; those of all: `rope_twin modes`"
+    elif figures.rises:
+        lift = -figures.top_tension_n(line.length_m)
+        rows.append(("net lift", f"{lift / 1e3:.1f} kN, all under water: it floats"))
+    elif figures.payload is not None:
         top = figures.top_tension_n(line.length_m)
         rope, most = figures.weakest(line.length_m)
         factor = f", safety factor {rope.breaking_load_n / most:.2f}" if most > 0.0 else ""
@@ -292,7 +317,7 @@ def _derived(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
     return [
         *rows,
         ("axial wave speed", f"{figures.axial_wave_speed_m_per_s:.0f} m/s"),
-        ("first axial period", f"{figures.first_axial_period_s:.2f} s"),
+        ("first axial period", axial),
         (
             "damping",
             " / ".join(f"{c:.4g}" for c in dict.fromkeys(figures.damping_newton_seconds))

@@ -48,6 +48,11 @@ class LiftFigures:
     damping_fraction: float  # of critical on the first axial mode
     chord_m: float  # hang-off to a fixed lower end; 0 with a payload
 
+    @property
+    def rises(self) -> bool:
+        """Whether payload and rope together float: they pull up at what holds the upper end."""
+        return self.payload is not None and self.top_tension_n(self.line.length_m) < 0.0
+
     def top_tension_n(self, line_out_m: float) -> float:
         """Static tension at the hang-off with so much rope out: W(L) + w·L [N]."""
         return self.upper_ends(line_out_m)[-1][1]

@@ -28,9 +28,9 @@ Params = TypeVar("Params")
 class Rope:
     """A kind of rope: a preset by name (config/ropes.yaml) or written out in the scene."""
 
-    diameter_m: float = quantity("nominal diameter", "m", 1e-3, 0.5)
-    mass_kg_per_m: float = quantity("mass in air", "kg/m", 1e-3, 1e3)
-    hydrodynamic_diameter_m: float = quantity("diameter for drag and volume", "m", 1e-3, 0.5)
+    diameter_m: float = quantity("nominal diameter", "m", 1e-3, 3.0)
+    mass_kg_per_m: float = quantity("mass in air", "kg/m", 1e-3, 5e3)
+    hydrodynamic_diameter_m: float = quantity("diameter for drag and volume", "m", 1e-3, 3.0)
     axial_stiffness_n: float | None = quantity("axial stiffness EA", "N", 1e3, 1e12, default=None)
     axial_stiffness: StiffnessTable | None = text("a table in its place", None)
     breaking_load_n: float = quantity("minimum breaking load", "N", 1e2, 1e9)

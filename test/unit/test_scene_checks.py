@@ -9,6 +9,7 @@ from scene_text import GOOD, spoilt, written
 
 from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.figures import lift_figures, schedule_meets_limit, stretch_m
+from rope_twin.scene.hung_together import hung_together
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.ropes import rope_preset
 from rope_twin.scene.schema import Damping, Payload, Rope, RopeLine, Scene, ScheduleRow, Winch
@@ -298,6 +299,56 @@ def test_warnings_follow_the_scene_not_the_file() -> None:
     line: RopeLine = dataclasses.replace(scene.ropes[0], damping=Damping(newton_seconds=0.0))
     assert sense_checks(scene) == []
     assert len(sense_checks(dataclasses.replace(scene, ropes=(line,)))) == 1
+
+
+def test_two_ropes_carry_a_load_together(tmp_path: Path) -> None:
+    """Each was taken for the one that carries all of it."""
+    scene = load_scene("two_line_lift")
+    line = (6.38352 - 1025.0 * 8.0424772e-4) * 9.80665 * 600.0
+    load = (25000.0 - 1025.0 * 5.0) * 9.80665
+    held = hung_together(scene)
+    assert held is not None
+    assert held.weight_n == pytest.approx(load + 2.0 * line)
+    assert held.breaking_load_n == pytest.approx(2.0 * 6.334e8 * 0.04**2)
+
+    def told(mass_kg: float) -> list[str]:
+        payload = dataclasses.replace(scene.payloads[0], mass_kg=mass_kg)
+        heavier = sense_checks(dataclasses.replace(scene, payloads=(payload,)))
+        return [words for words in heavier if "breaking load" in words]
+
+    assert told(60000.0) == []  # 604 kN: 302 kN a rope, not 604
+    (warning,) = told(80000.0)
+    assert warning.startswith("ropes: 2 ropes from the ship carry 800 kN against a breaking load")
+    assert "together, a safety factor of 2.53" in warning
+    assert "breaks" in told(300000.0)[0]
+
+
+def test_what_hangs_below_a_hook_weighs_on_the_rope_from_the_winch() -> None:
+    scene = load_scene("bridle_lift")
+    per_metre = (6.38352 - 1025.0 * 8.0424772e-4) * 9.80665
+    steel = (800.0 + 2 * 50.0 + 1500.0) * (1.0 - 1025.0 / 7850.0) * 9.80665
+    loads = 2.0 * (8000.0 - 1025.0 * 1.5) * 9.80665
+    held = hung_together(scene)
+    assert held is not None
+    assert held.weight_n == pytest.approx(loads + steel + per_metre * (1000.0 + 28.0))
+    assert held.weight_at(1200.0) - held.weight_n == pytest.approx(200.0 * per_metre)
+
+
+def test_nobody_foretells_the_tension_beside_a_fixed_end_or_a_tether() -> None:
+    assert hung_together(load_scene("two_line_loop")) is None
+
+
+def test_a_float_held_from_below_is_no_lift_that_floats(tmp_path: Path) -> None:
+    """Its rope was said to lie on the bed, and to reach as far below the anchor as it is long."""
+    text = GOOD.replace("mass_kg: 20000.0", "mass_kg: 2000.0").replace(
+        "effects:\n", "effects:\n  - seabed: {depth_m: 495.0}\n"
+    )
+    scene = load_scene(written(tmp_path, text))
+    assert "it floats" in sense_checks(scene)[0]
+    ship = dataclasses.replace(scene.ship, hang_off_m=(0.0, 0.0, -495.0))
+    moored = dataclasses.replace(scene, ship=ship, winch=None)
+    assert lift_figures(moored).rises
+    assert sense_checks(moored) == []
 
 
 def test_a_payload_above_the_water_weighs_what_it_weighs_in_air(tmp_path: Path) -> None:

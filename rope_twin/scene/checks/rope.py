@@ -11,7 +11,13 @@ from math import ceil, floor, pi, sqrt
 from rope_twin.errors import phrase
 from rope_twin.scene.arrays.composite import Bar, tension_at_length
 from rope_twin.scene.arrays.joined import alone
-from rope_twin.scene.checks.water import check_current, check_environment, check_water, is_air
+from rope_twin.scene.checks.water import (
+    check_current,
+    check_environment,
+    check_water,
+    is_air,
+    moored_up,
+)
 from rope_twin.scene.checks.winch import check_winch
 from rope_twin.scene.figures import (
     LiftFigures,
@@ -19,6 +25,7 @@ from rope_twin.scene.figures import (
     listed_effects,
     schedule_meets_limit,
 )
+from rope_twin.scene.hung_together import hung_together
 from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.rules.shedding import (
     coarse_for_vortices,
@@ -57,7 +64,11 @@ def sense_checks(scene: Scene) -> list[str]:
 
 def _joined(scene: Scene) -> Iterator[str]:
     """Of the first rope with all that hangs on it, and the elements and figures of the others."""
-    yield from sense_checks(alone(scene, 0))
+    yield from _load_together(scene)
+    first = alone(scene, 0)
+    for check in CHECKS:
+        if check is not _load:
+            yield from check(first, lift_figures(first))
     for number in range(1, len(scene.ropes)):
         own = alone(scene, number)
         figures = lift_figures(own)
@@ -90,6 +101,30 @@ def _load(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         what = f"{what}, a safety factor of {breaking / tension:.2f}"
         yield phrase(path, what, f"below {SAFETY_FACTOR:g} take a stronger rope or a lighter load")
         return
+
+
+def _load_together(scene: Scene) -> Iterator[str]:
+    """Of what the ropes from the ship carry together, as if evenly: less than that is sure."""
+    held = hung_together(scene)
+    if held is None:
+        return
+    only, when, path = len(held.lines) == 1, "", "ropes[0]"
+    tension, breaking = held.weight_n, held.breaking_load_n
+    if only and scene.winch and tension <= breaking / SAFETY_FACTOR:
+        most = scene.winch.most_line_out_m
+        tension, when = held.weight_at(most), f" with {most:g} m out"
+        path = "winch.most_line_out_m"
+    if tension <= breaking / SAFETY_FACTOR:
+        return
+    pull = "static top tension" if only else f"{len(held.lines)} ropes from the ship carry"
+    what = f"{pull} {tension / 1e3:.0f} kN{when} against a breaking load of {breaking / 1e3:.0f} kN"
+    if not only:
+        path, what = "ropes", f"{what} together"
+    if tension >= breaking:
+        yield phrase(path, f"{what}: rope breaks", "take stronger rope or a lighter load")
+        return
+    what = f"{what}, a safety factor of {breaking / tension:.2f}"
+    yield phrase(path, what, f"below {SAFETY_FACTOR:g} take stronger rope or a lighter load")
 
 
 def _fixed_end(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -144,7 +179,7 @@ def _called(rope: Rope) -> str:
 
 
 def _payload_floats(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    if figures.payload is None:
+    if figures.payload is None or moored_up(scene, figures):
         return
     in_air = figures.payload.mass_kg * scene.environment.gravity_m_per_s2
     weight, volume = figures.payload_weight_n, figures.payload.volume_m3

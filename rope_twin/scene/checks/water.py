@@ -16,11 +16,12 @@ LONGEST_ARM_M = 400.0  # the longest ships
 STEEPEST = 0.142  # H/L of a wave that breaks in deep water (Miche 1944)
 ANOTHER = 0.2  # of the bed's depth: what that of the waves may differ by, where the bed slopes
 SAGGING = 1.01  # rope may be so much longer than the depth and still hang
+SAGGING_UP = 10.0  # a float's rope may be so many times as long as its anchor is deep
 
 
 def check_water(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     """Of ropes, winches and waves."""
-    yield from _ends(scene)
+    yield from _ends(scene, moored_up(scene, figures))
     yield from _depth_orders(scene)
     yield from _steepness(scene)
     yield from _sea_steepness(scene)
@@ -28,7 +29,12 @@ def check_water(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     yield from _arm(scene)
 
 
-def _ends(scene: Scene) -> Iterator[str]:
+def moored_up(scene: Scene, figures: LiftFigures) -> bool:
+    """Whether a float is held from below: its rope goes up from an anchor in the water."""
+    return figures.rises and scene.ship.hang_off_m[2] < -figures.line.length_m / SAGGING_UP
+
+
+def _ends(scene: Scene, up: bool) -> Iterator[str]:
     bed = bed_of(scene)
     line, (x, y, z) = scene.ropes[0], scene.ship.hang_off_m
     if line.fixed_at_m is not None and line.fixed_at_m[2] > 0.0:
@@ -37,7 +43,7 @@ def _ends(scene: Scene) -> Iterator[str]:
     if bed is None:
         return
     height = z - bed_at(bed, x, y)
-    if line.fixed_at_m is None and line.length_m > SAGGING * height:
+    if line.fixed_at_m is None and not up and line.length_m > SAGGING * height:
         what = f"{line.length_m:g} m of rope are out over a bed {height:g} m below the hang-off"
         right = "payload and rope begin lying on it; give less rope if they are to hang"
         yield phrase("ropes[0].length_m", what, right)
@@ -134,6 +140,8 @@ def check_current(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     length = scene.winch.most_line_out_m if scene.winch else scene.ropes[0].length_m
     top = scene.ship.hang_off_m[2]
     bottom = scene.ropes[0].fixed_at_m[2] if scene.ropes[0].fixed_at_m else top - length
+    if moored_up(scene, figures):
+        top, bottom = min(top + length, 0.0), top
     (first, first_velocity), (last, last_velocity) = current.points[0], current.points[-1]
     if first < min(top, 0.0) and hypot(*first_velocity) > 0.0:
         yield _held(first, first_velocity, "above", f"{min(top, 0.0):g} m")
