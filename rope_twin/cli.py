@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import importlib
 import importlib.metadata
+import os
 import re
 import sys
 from collections.abc import Sequence
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from rope_twin.errors import RopeTwinError, did_you_mean
+from rope_twin.errors import RopeTwinError, did_you_mean, phrase
 
 if TYPE_CHECKING:
     from rope_twin.commands.console import FigureProgress
@@ -68,15 +70,31 @@ def main(argv: Sequence[str] | None = None) -> int:
         modules = {name.replace("_", "-"): _module(name) for name in _needed(words)}
         args = _parser(modules).parse_args(words)
         if args.command == "run":
-            return int(modules["run"].run(args, _paced))
-        return int(modules[args.command].run(args))
+            code = int(modules["run"].run(args, _paced))
+        else:
+            code = int(modules[args.command].run(args))
+        sys.stdout.flush()
+        return code
     except RopeTwinError as error:
         sys.stderr.write(f"{error}\n")
         return 1
     except KeyboardInterrupt:
         return 130
     except BrokenPipeError:
-        return 1  # whoever read our output has gone
+        return _silenced(1)  # whoever read our output has gone
+    except OSError as error:
+        # Commands tell of the files that they know; this is of what is left: a full disk or the
+        # output itself.
+        where, why = error.filename or "output", error.strerror or str(error)
+        sys.stderr.write(f"{phrase(str(where), why, 'make room there, or name another place')}\n")
+        return _silenced(1)
+
+
+def _silenced(code: int) -> int:
+    """The exit code, with what still waits to be written thrown away: nobody can take it."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return code
 
 
 def _needed(words: list[str]) -> tuple[str, ...]:

@@ -39,5 +39,8 @@ def phrase(where: str, what: str, right: str) -> str:
 def did_you_mean(word: object, known: Iterable[str]) -> str:
     """The nearest known word as a question, or the list of known words."""
     options = sorted(known)
+    for one in options:
+        if one.casefold() == str(word).casefold():
+            return f"did you mean '{one}'?"
     near = difflib.get_close_matches(str(word), options, n=1, cutoff=0.5)
     return f"did you mean '{near[0]}'?" if near else f"known: {', '.join(options)}"

@@ -67,19 +67,27 @@ class FileSink:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.open("ab").close()
         except OSError as error:
-            reason = error.strerror or str(error)
-            raise InputError(
-                phrase(f"file {path}", f"it cannot be written ({reason})", "name another file")
-            ) from error
+            raise _unwritten(path, error.strerror or str(error)) from error
         self.path = path
         self.live = False
         self.stream = rerun.RecordingStream(APPLICATION)
-        self.stream.save(path, write_footer=footer)
+        try:
+            self.stream.save(path, write_footer=footer)
+        except RuntimeError as error:  # rerun's own, of a disk that is full
+            raise _unwritten(path, str(error)) from error
 
     def close(self) -> None:
-        """Write out what is left."""
-        self.stream.flush()
+        """Write out what is left. Raises InputError if the disk does not take it."""
+        try:
+            self.stream.flush()
+        except RuntimeError as error:
+            raise _unwritten(self.path, str(error)) from error
         self.stream.disconnect()
+
+
+def _unwritten(path: Path, reason: str) -> InputError:
+    what = f"it cannot be written ({reason.splitlines()[0].rstrip('.')})"
+    return InputError(phrase(f"file {path}", what, "name another file"))
 
 
 class WindowSink:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import resource
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -52,6 +55,7 @@ def test_a_value_that_begins_with_minus_stands_behind_an_equals_sign(
         ("view sea_1p2m --save {folder}", "file {folder}: it cannot be written (Is a directory)"),
         ("view sea_1p2m --screenshot a.jpg", "--screenshot a.jpg: pictures are PNG; end it in .pn"),
         ("validate P9 --into {folder}", "{folder}/validation.md: it has no place for the cases"),
+        ("validate p9", "validate: there is no case 'p9'; did you mean 'P9'?"),
         ("study sea_and_lod", "study 'sea_and_lod': there is no such study; did you mean 'sea_an"),
         ("run bridle_lift --speed 0 --for 1 --no-record --fatigue spiral_wire", "ropes meet here"),
         ("ensemble deep_lift --members 2 --look 0 --vary time.step_s=1..2", "--look: 0.0 s is not"),
@@ -87,3 +91,44 @@ def test_a_folder_in_place_of_a_file_is_called_one(
     for command in (["scene", "check"], ["run"], ["study"]):
         assert main([*command, "mine"]) == 1
         assert capsys.readouterr().err == "mine: it is a folder; give the path of a YAML file.\n"
+
+
+def refused(tmp_path: Path, *words: str, output: str) -> str:
+    """What a command says where files of more than 20 kB are refused, as by a full disk."""
+
+    def small_files() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, resource.RLIM_INFINITY))
+
+    with Path(output).open("w") as stream:
+        done = subprocess.run(
+            [sys.executable, "-m", "rope_twin.cli", *words], stdout=stream,
+            stderr=subprocess.PIPE, preexec_fn=small_files, cwd=tmp_path, timeout=120, check=False,
+        )  # fmt: skip
+    assert done.returncode == 1
+    said = done.stderr.decode()
+    assert "Traceback" not in said
+    own = [line for line in said.splitlines() if not line.startswith("\x1b")]  # rerun's: coloured
+    return own[-1]
+
+
+@pytest.mark.parametrize("words", ["scene keys", "scene list"])
+def test_an_output_that_takes_nothing_is_told_in_one_sentence(words: str, tmp_path: Path) -> None:
+    told = refused(tmp_path, *words.split(), output="/dev/full")
+    assert told == "output: No space left on device; make room there, or name another place."
+
+
+def test_a_picture_of_a_bag_that_finds_no_room_is_told_in_one_sentence(tmp_path: Path) -> None:
+    pytest.importorskip("rerun")
+    told = refused(tmp_path, "view", "sea_1p2m", "--save", "view.rrd", output="/dev/null")
+    assert "file view.rrd: it cannot be written (" in told
+
+
+@pytest.mark.parametrize("kept", ["record", "save"])
+def test_a_run_whose_bag_or_state_finds_no_room_does_not_end_as_if_it_had(
+    kept: str, tmp_path: Path
+) -> None:
+    words = ["run", "still_water", "--speed", "0", "--for", "20", f"--{kept}", "kept"]
+    words += ["--no-record"] if kept == "save" else []
+    told = refused(tmp_path, *words, output="/dev/null")
+    assert "kept" in told
+    assert "(File too large)" in told
