@@ -33,8 +33,7 @@ def test_every_scene_that_can_have_a_band_is_measured_and_held() -> None:
     """
     rows = band_page.read_rows(DOCS)
     assert {row.scene for row in rows} == set(filter(has_band, scene_names())) - {"still_water"}
-    assert [row.scene for row in rows if not row.ok] == ["lift_off"]  # held, but too wide
-    assert all(row.held_pct >= band.HELD_PCT for row in rows)
+    assert all(row.ok for row in rows)
     page = (DOCS / band_page.PAGE).read_text(encoding="utf-8")
     assert f"{band_page.BEGIN}\n{band_page.as_section(rows)}\n{band_page.END}" in page
 

@@ -18,6 +18,7 @@ from rope_twin.studies.bench.band import fed
 from rope_twin.studies.variants import variant
 from rope_twin.twin.accuracy.difference import share_of_difference
 from rope_twin.twin.accuracy.error_band import SETTLING_S, BandedTwin
+from rope_twin.twin.accuracy.error_bound import LOOSE, ROUGH_S, ErrorBand
 from rope_twin.twin.accuracy.sights import Sight, is_slack
 from rope_twin.twin.findings import TensionBand
 from rope_twin.twin.snapshot import Snapshot
@@ -146,11 +147,49 @@ def test_a_body_on_its_deck_and_slings_that_hang_loose_are_seen() -> None:
     now[at.Q + 3] = 1.0
     body.stage[at.DECK_Z] = 5.0
     sight = Sight([rope], [False])
-    assert sight.has_ground
     for height, stands in ((4.99, True), (5.01, False)):
         now[at.X + 2] = height + corner
-        assert sight.stands([rope], sight.bed) == stands
+        assert sight.on_deck() == stands
+        assert not sight.stands([rope], sight.bed)  # there is none
     for above, slack in ((3.0, True), (9.0, False)):  # slings are 7 m long
         rope.state.nodes[rows.POSITION : rows.POSITION + 3, 0] = now[at.X : at.X + 3]
         rope.state.nodes[rows.POSITION + 2, 0] += above
-        assert is_slack([rope]) == slack
+        assert sight.slack_legs() == 4 * [slack]
+        assert sight.unloaded() == slack
+        assert not is_slack([rope])
+
+
+def test_a_rope_without_slings_is_never_without_its_load() -> None:
+    rope = build(load_scene("shallow_lift"))
+    assert not Sight([rope], [False]).unloaded()
+
+
+def test_slings_and_a_deck_are_springs_and_a_snap_is_none() -> None:
+    """A rope whose slings all hang loose snaps without its load, which is no snap either.
+
+    A load on springs below a mass errs by the order 5/3 in the elements' length, so by
+    1/(2^(5/3) - 1) of the difference at least, and by less than all of it, which is first order.
+    """
+    snap, sling, deck = (ErrorBand(100e3, 0.01) for _ in range(3))
+    hook = ErrorBand(100e3, 0.01, unloaded=lambda: True)
+    snap.slacken(0.0)
+    hook.slacken(0.0)
+    sling.loosen(0.0)
+    deck.stand_on_deck(0.0)
+    for band in (snap, sling, deck, hook):
+        for k in range(1, 40):
+            band.take(0.01 * k, 0.0, 90e3)
+            band.compare(0.01 * k, 100.0)
+    assert snap.bound_n(0.39) == pytest.approx(114.0)
+    assert sling.bound_n(0.39) == deck.bound_n(0.39) == hook.bound_n(0.39)
+    assert 100.0 / (2.0 ** (5.0 / 3.0) - 1.0) < hook.bound_n(0.39) < 100.0
+
+
+def test_a_module_set_down_on_its_deck_is_not_taken_for_a_snap() -> None:
+    """In lift_off the rope's tension is next to nothing for moments; all slings are slack then."""
+    twin = BandedTwin(load_scene("lift_off"))
+    lowest_n = min(shot.tension_top_n for shot in fed(twin, 14.2))
+    (top,) = twin._tops
+    assert lowest_n < LOOSE * twin._rests_n[0]
+    assert top.band._rough_until_s == 0.0
+    assert top.band._sprung_until_s > ROUGH_S

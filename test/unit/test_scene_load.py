@@ -22,7 +22,7 @@ EXPECTED = {  # what the sense checks say of a shipped scene, on purpose
     "slack_5km": ("without damping",),
     "splash_zone": ("rope's own axial wave", "above the water"),  # 12 m of rope from a deck
     "two_line_landing": ("rope's own axial wave", "above the water"),  # likewise, 16 m
-    "lift_off": ("rope's own axial wave",),  # likewise, 21 m
+    "lift_off": ("bring no accuracy",),  # 21 m in blows: 0.5 m is too coarse for what they leave
     "manifold_lift": ("rope's own axial wave", "above the water"),  # likewise, 40 m
 }
 

@@ -72,9 +72,8 @@ VORTICES = (  # in the step
     BandCase("strouhal_lift", 60.0), BandCase("cable_waves", 60.0), BandCase("viv_calm", 120.0),
     BandCase("viv_in_heave", 120.0), BandCase("sonde_cast", 120.0), BandCase("curved_pipe", 60.0),
 )  # fmt: skip
-FULL = (*FITTED, *LATER, *MEETING, *ANSWERING, *VORTICES)
-BLOWS = (BandCase("lift_off", 80.0),)  # of a load on a deck, by chance others on each grid
-KNOWN = (*FULL, *BLOWS)
+BLOWS = (BandCase("lift_off", 80.0),)  # of a load on a deck
+FULL = (*FITTED, *LATER, *MEETING, *ANSWERING, *VORTICES, *BLOWS)
 QUICK = (
     BandCase("shallow_lift", 25.0), BandCase("storm", 30.0), BandCase("bridle_lift", 20.0),
     BandCase("emergency_stop", 60.0), BandCase("cable_waves", 10.0), BandCase("sonde_cast", 30.0),
@@ -110,12 +109,12 @@ class BandRow:
 
 
 def choose_cases(names: Sequence[str]) -> tuple[BandCase, ...]:
-    """The cases of these scenes in the order of KNOWN; all of FULL if there are none.
+    """The cases of these scenes in the order of FULL; all if there are none.
 
     Raises:
         InputError: a scene without a case.
     """
-    return choose("bench band", KNOWN, names, lambda case: case.scene) if names else FULL
+    return choose("bench band", FULL, names, lambda case: case.scene) if names else FULL
 
 
 def measure_bands(cases: Sequence[BandCase], listen: Listener) -> Iterator[BandRow]:

@@ -14,8 +14,8 @@ from rope_twin.studies.bench.band import (
     ANSWERING,
     BLOWS,
     FITTED,
+    FULL,
     HELD_PCT,
-    KNOWN,
     LATER,
     MEETING,
     RATIO,
@@ -85,7 +85,7 @@ def keep_rows(rows: Sequence[BandRow], folder: Path) -> Path:
         InputError: what the folder holds cannot be read.
     """
     found = {row.scene: row for row in (*read_rows(folder), *rows)}
-    kept = [found[case.scene] for case in KNOWN if case.scene in found]
+    kept = [found[case.scene] for case in FULL if case.scene in found]
     page = MARKED.write(folder, as_section(kept))
     store(folder / STORED, [asdict(row) for row in kept])
     return page
@@ -103,7 +103,7 @@ def as_section(rows: Sequence[BandRow]) -> str:
         *_part("Ropes that meet, and payloads that are rigid bodies:", MEETING, rows),
         *_part("Winches that answer to the tension:", ANSWERING, rows),
         *_part("Vortices in the step:", VORTICES, rows),
-        *_part("Where blows decide (run only if named):", BLOWS, rows),
+        *_part("Where blows decide:", BLOWS, rows),
     ]
     return "\n".join(lines)
 

@@ -144,8 +144,8 @@ class BandedTwin(Twin):
             self._companion = half = HalfSystem(joined, self._rope, self._boundary, border, resting)
             now, made_fast = half.hang_offs, half.made_fast
         ropes = self._all_ropes()
-        self._tops = [self._top(r, ropes[r], at_r) for r, at_r in now.items()]
         self._sight = Sight(ropes, made_fast)
+        self._tops = [self._top(r, ropes[r], at_r) for r, at_r in now.items()]
         self._look_s = 0.0  # when to look for slack elements again
         settled = self._companion.rests
         self._known_from_s = 0.0 if settled else self.time_ns * 1e-9 + SETTLING_S
@@ -157,7 +157,7 @@ class BandedTwin(Twin):
             pace = strouhal_number(self.scene), EVERY * self.step_s
             vortices = OutOfStep(rest_n, *pace, self._companion.rests)
         rings = RINGS if vortices is None else 0.0
-        band = ErrorBand(rest_n, self.step_s, share, whole_for_s(rope), rings)
+        band = ErrorBand(rest_n, self.step_s, share, whole_for_s(rope), rings, self._sight.unloaded)
         return Top(r, band, now, self.step_s, vortices)
 
     def _changing(self) -> dict[str, Any]:
@@ -218,14 +218,23 @@ class BandedTwin(Twin):
                 top.band.kick(now_s, pull_n)
         if now_s >= self._look_s:
             self._look_s = now_s + LOOK_S
-            if is_slack(ropes):
-                for top in self._tops:
-                    top.band.slacken(now_s)
+            self._look_for_slack(ropes, now_s)
             vortices = self._tops[0].vortices
             if vortices is not None:
                 vortices.look(now_s, self.rope, self._boundary)
-            if self._sight.has_ground:
+            if self._sight.bed is not None:
                 self._look_at_bed(self._sight.bed, now_s)
+
+    def _look_for_slack(self, ropes: tuple[Rope, ...], now_s: float) -> None:
+        """A rope, or a sling of the body; on its deck that may come off them any moment."""
+        rope, legs, on_deck = is_slack(ropes), self._sight.slack_legs(), self._sight.on_deck()
+        for top in self._tops:
+            if rope:
+                top.band.slacken(now_s)
+            if any(legs):
+                top.band.loosen(now_s)
+            if on_deck:
+                top.band.stand_on_deck(now_s)
 
     def _look_at_bed(self, bed: Bed | None, now_s: float) -> None:
         """An end that is made fast there does not land, but the rope above it is laid down."""

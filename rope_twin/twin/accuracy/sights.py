@@ -44,28 +44,12 @@ def touches(bed: Bed, rope: Rope) -> bool:
     return bool(clearance(bed, rope.state.nodes[_PLACE, :1])[0] <= 0.0)
 
 
-def body_stands(body: RigidBody, bed: Bed | None) -> bool:
-    """A corner of the body is on the bed or on its deck."""
-    corners = pose_of(body).place(body.corners)
-    if part_of(body, Deck) is not None and corners[:, 2].min() <= body.stage[at.DECK_Z]:
-        return True
-    return bed is not None and bool((clearance(bed, corners.T) <= 0.0).any())
-
-
 def is_slack(ropes: Sequence[Rope]) -> bool:
-    """An element of one of the ropes, or a leg of the body below the first, pulls nothing."""
-    for rope in ropes:
-        n = rope.state.counts[rows.ELEMENTS]
-        if not rope.work[rows.TENSION, :n].min() > 0.0:
-            return True
-    body = body_below(ropes[0])
-    if body is None:
-        return False
-    nodes = ropes[0].state.nodes
-    speed = nodes[rows.VELOCITY : rows.VELOCITY + 3, 0]
-    force, _, _ = pulls_of(body, nodes[_PLACE, 0], speed)
-    legs = body.legs[:, LENGTH] > 0.0  # the others are pins, which push as well
-    return bool((np.abs(force[legs]).max(axis=1, initial=0.0) <= 0.0).any())
+    """An element of one of the ropes pulls nothing."""
+    return any(
+        not rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]].min() > 0.0
+        for rope in ropes
+    )
 
 
 def offset_pull_n(rope: Rope) -> float:
@@ -81,16 +65,33 @@ class Sight:
     def __init__(self, ropes: Sequence[Rope], made_fast: Sequence[bool]) -> None:
         """made_fast: whether the lower end of each is held in place."""
         self.bed, self._body = bed_below(ropes[0]), body_below(ropes[0])
+        self._nodes = ropes[0].state.nodes
         self._made_fast = list(made_fast)
         self._elements = [_elements(rope) for rope in ropes]
         self._lying = 0 if self.bed is None else self._count_lying(self.bed, ropes)
 
-    @property
-    def has_ground(self) -> bool:
-        """Whether there is anything to stand on."""
-        return self.bed is not None or (
-            self._body is not None and part_of(self._body, Deck) is not None
-        )
+    def slack_legs(self) -> list[bool]:
+        """Of each sling of the body below the first rope, whether it pulls nothing."""
+        if self._body is None:
+            return []
+        speed = self._nodes[rows.VELOCITY : rows.VELOCITY + 3, 0]
+        force, _, _ = pulls_of(self._body, self._nodes[_PLACE, 0], speed)
+        legs = self._body.legs[:, LENGTH] > 0.0  # the others are pins, which push as well
+        slack: list[bool] = (np.abs(force[legs]).max(axis=1, initial=0.0) <= 0.0).tolist()
+        return slack
+
+    def unloaded(self) -> bool:
+        """Whether there are slings, and none pulls: a slack rope is one without its load."""
+        legs = self.slack_legs()
+        return bool(legs) and all(legs)
+
+    def on_deck(self) -> bool:
+        """Whether a corner of the body is on its deck."""
+        body = self._body
+        if body is None or part_of(body, Deck) is None:
+            return False
+        lowest = pose_of(body).place(body.corners)[:, 2].min()
+        return bool(lowest <= body.stage[at.DECK_Z])
 
     def event_pull_n(self, ropes: Sequence[Rope]) -> float | None:
         """What the events since the last look pull [N]; None where nothing split or merged."""
@@ -103,11 +104,12 @@ class Sight:
         return max(pulls, default=None)
 
     def stands(self, ropes: Sequence[Rope], bed: Bed | None) -> bool:
-        """Whether what hangs on one of the ropes stands on something."""
-        if self._body is not None:
-            return body_stands(self._body, bed)
+        """Whether what hangs on one of the ropes stands on the bed."""
         if bed is None:
             return False
+        if self._body is not None:
+            corners = pose_of(self._body).place(self._body.corners)
+            return bool((clearance(bed, corners.T) <= 0.0).any())
         ends = zip(ropes, self._made_fast, strict=True)
         return any(touches(bed, rope) for rope, fast in ends if not fast)
 
