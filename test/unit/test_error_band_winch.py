@@ -9,12 +9,12 @@ import pytest
 
 from rope_twin import Twin
 from rope_twin.core import state as rows
-from rope_twin.errors import SceneError
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.schema import Scene
+from rope_twin.scene.schema import Scene, ScheduleRow
+from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.studies.bench.band import fed
 from rope_twin.studies.variants import variant
-from rope_twin.twin.accuracy.companion import HalfRope
+from rope_twin.twin.accuracy.companion import HalfRope, HalfSystem
 from rope_twin.twin.accuracy.error_band import SETTLING_S, BandedTwin
 from rope_twin.twin.accuracy.error_bound import ErrorBand
 from rope_twin.twin.hoisting.orders import Order
@@ -75,10 +75,10 @@ def test_an_order_by_depth_on_the_way_gives_the_companion_a_winch() -> None:
     """The band goes on, wider: the error is of first order from there."""
     twin = BandedTwin(load_scene("shallow_lift"))
     twin.advance(101)  # an odd step: the companion has one to wait for
-    assert half_of(twin).winch is None
+    assert not half_of(twin).winches
     twin.offer_order(None, Order("depth", 195.0))
     twin.advance(99)
-    assert half_of(twin).winch is not None
+    assert half_of(twin).winches
     assert twin.snapshot().band is not None
     twin.offer_order(None, Order("speed", 0.5))  # reaches both
     twin.advance(200)
@@ -117,20 +117,109 @@ def test_a_restored_twin_gives_its_companion_a_winch_again() -> None:
         pass
     again = BandedTwin.restore(twin.capture(), twin.scene)
     again.advance(round((SETTLING_S + 0.1) / again.step_s))
-    assert half_of(again).winch is not None
+    assert half_of(again).winches
     assert again.snapshot().band is not None
 
 
-def test_where_ropes_meet_a_winch_that_answers_has_no_band() -> None:
-    """Their companion's lines out are theirs."""
-    scene = load_scene("two_line_lift")
-    drives = load_scene("emergency_stop").winch
-    assert drives is not None
-    with pytest.raises(SceneError, match=r"winch: its drive, .*run it without a band"):
-        BandedTwin(replace(scene, winch=drives))
-    twin = BandedTwin(scene)
-    twin.advance(100)
-    assert twin.snapshot().band is not None
-    twin.offer_order(None, Order("depth", 50.0))
-    twin.advance(100)
-    assert twin.snapshot().band is None
+def drives_on_both_lines(of: tuple[str, ...] = ("winch", "aft_sheave")) -> Scene:
+    """Of two_line_lift, 1.5 m of the aft line paid out alone while drives hold 6 % above rest."""
+    scene, lent = load_scene("two_line_lift"), load_scene("emergency_stop").winch
+    assert scene.winch is not None
+    assert lent is not None
+    assert lent.drive is not None
+    drive = replace(lent.drive, torque_limit_n_m=114e3)
+
+    def driven(winch: WinchScene, name: str) -> WinchScene:
+        aft = name == "aft_sheave"
+        rows = (ScheduleRow(at_s=1.0, speed_m_per_s=0.3),) if aft else ()
+        if name not in of:
+            return replace(winch, schedule=rows)
+        return replace(winch, drum=lent.drum, drive=drive, brake=lent.brake, schedule=rows)
+
+    (aft,) = scene.hang_offs
+    assert aft.winch is not None
+    return replace(
+        scene,
+        winch=driven(scene.winch, "winch"),
+        hang_offs=(replace(aft, winch=driven(aft.winch, aft.name)),),
+    )
+
+
+def system_of(twin: BandedTwin) -> HalfSystem:
+    half = twin._companion
+    assert isinstance(half, HalfSystem)
+    return half
+
+
+def lines_out_m(twin: Twin) -> list[float]:
+    return [shot.line_out_m for shot in twin.snapshot().ropes]
+
+
+@pytest.mark.parametrize("of", [("winch", "aft_sheave"), ("winch",)])
+def test_where_ropes_meet_the_companion_has_those_winches_that_answer(of: tuple[str, ...]) -> None:
+    """It is the scene with twice the step: the fore line renders while the aft one leaves its load.
+
+    A line whose winch does not answer is the twin's to the bit.
+    """
+    scene = drives_on_both_lines(of)
+    twin, found = BandedTwin(scene), []
+    for _ in fed(twin, 8.0):
+        half = system_of(twin)
+        found.append([*half._now[0][:, rows.LINE], *half._pull_n])
+    assert half.winches.keys() == {("winch", "aft_sheave").index(name) for name in of}
+    other, alone = Twin(variant(scene, None, 2.0 * scene.time.step_s)), []
+    for shot in fed(other, 8.0):
+        alone.append([*lines_out_m(other), *(one.tension_top_n for one in shot.ropes)])
+    assert np.allclose(found, alone, rtol=1e-8)
+    fore, aft = (abs(k - m) for k, m in zip(found[-1][:2], lines_out_m(twin), strict=True))
+    assert fore > 1e-6
+    assert aft == 0.0 or "aft_sheave" in of
+    bands = [one.band for one in twin.snapshot().ropes]
+    assert None not in bands
+
+
+def test_where_ropes_meet_the_run_is_the_same_to_the_bit_and_so_is_a_branch() -> None:
+    scene = drives_on_both_lines()
+    twin, alone = BandedTwin(scene), Twin(scene)
+    shots = [[one.tension_top_n for one in shot.ropes] for shot in fed(twin, 4.0)]
+    assert shots == [[one.tension_top_n for one in shot.ropes] for shot in fed(alone, 4.0)]
+    other = twin.branch()
+    for _ in range(20):
+        twin.advance(3)
+        other.advance(3)
+        for one, two in zip(twin.snapshot().ropes, other.snapshot().ropes, strict=True):
+            assert one.band is not None
+            assert two.band is not None
+            assert (one.band.low_n, one.band.high_n) == (two.band.low_n, two.band.high_n)
+
+
+def test_where_ropes_meet_an_order_by_depth_on_the_way_leaves_the_band_known() -> None:
+    """The companion's winch is made when the order is due, and gets the next one, too."""
+    twin = BandedTwin(load_scene("two_line_lift"))
+    twin.advance(101)
+    assert not system_of(twin).winches
+    assert twin.offer_order(None, Order("depth", 590.0), "aft_sheave") == ""
+    twin.advance(99)
+    assert system_of(twin).winches.keys() == {1}
+    assert all(one.band is not None for one in twin.snapshot().ropes)
+    assert twin.offer_order(None, Order("speed", 0.2), "aft_sheave") == ""
+    twin.advance(200)
+    assert twin.joined is not None
+    own = twin.joined.moved.rate[1, -1, rows.LINE]
+    assert system_of(twin)._now[1][1, rows.LINE] == pytest.approx(own)
+    assert own == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize(
+    ("name", "share"),
+    [("emergency_stop", 1), ("abandonment_and_recovery", 2), ("two_line_lift", 2)],
+)
+def test_only_where_a_drive_asks_at_every_step_the_companion_keeps_the_elements(
+    name: str, share: int
+) -> None:
+    """Else nothing would tell of their error while no order by depth or tension is due."""
+    twin = BandedTwin(load_scene(name))
+    half = twin._companion
+    assert isinstance(half, HalfRope | HalfSystem)
+    rope = half._rope if isinstance(half, HalfRope) else half._system.ropes[0]
+    assert share * rope.state.counts[rows.ELEMENTS] == twin.rope.state.counts[rows.ELEMENTS]

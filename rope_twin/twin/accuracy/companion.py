@@ -36,6 +36,7 @@ class Companion(Protocol):
 
     rests: bool  # it began at rest
     waiting: int  # steps of the twin that it has not done
+    winches: dict[int, OwnWinch]  # of the ropes whose winch has begun to feel them
 
     def follow(
         self, boundary: Boundary, done: int, effects: Any, time_s: float
@@ -51,7 +52,7 @@ class Companion(Protocol):
 
 
 class HalfRope:
-    """The same rope on half the elements, or on as many where its winch answers to it."""
+    """The same rope on half the elements, or on as many where its winch has a drive."""
 
     def __init__(
         self,
@@ -75,7 +76,7 @@ class HalfRope:
         self._ahead = Boundary(np.zeros(room), np.zeros(room))
         self._ahead.value[0], self._ahead.rate[0] = border
         self.waiting = 0
-        self.winch: OwnWinch | None = None  # once the twin's feels its rope
+        self.winches: dict[int, OwnWinch] = {}
         self._pulls = np.zeros((STEPS_PER_CALL, rows.PULL_COLUMNS))
         self._pull_n = float(np.linalg.norm(at.pull_n))
 
@@ -103,13 +104,13 @@ class HalfRope:
 
     def _advance(self, start_s: float, steps: int) -> int:
         """Step on through the borders ahead; how many steps that was."""
-        if self.winch is None:
+        if not self.winches:
             return advance(self._rope, self._ahead, self._pulls, start_s, steps)
         pull_n, step = self._pull_n, self._rope.model.step
         for k in range(steps):
             borders = Boundary(*(table[k : k + 2] for table in self._ahead))
             begin_s = start_s + k * step
-            self.winch.prescribe(self._rope, round(begin_s * 1e9), borders, pull_n)
+            self.winches[0].prescribe(self._rope, round(begin_s * 1e9), borders, pull_n)
             if advance(self._rope, borders, self._pulls[k:], begin_s, 1) < 1:
                 return k
             pull_n = float(self._pulls[k, rows.PULL])
@@ -134,12 +135,21 @@ class Meeting(Protocol):
 
 
 class HalfSystem:
-    """The same ropes that meet, each on half the elements."""
+    """The same ropes that meet, each on half the elements, or on as many where one has a drive."""
 
     def __init__(
-        self, ropes: Meeting, first: Rope, boundary: Boundary, border: int, resting: bool
+        self,
+        ropes: Meeting,
+        first: Rope,
+        boundary: Boundary,
+        border: int,
+        resting: bool,
+        elements: bool = True,
     ) -> None:
-        """boundary: of the first rope, row `border` the present; `resting`: they are to rest."""
+        """boundary: of the first rope, row `border` the present; `resting`: they are to rest.
+
+        elements: whether these are halved, or only the step doubled.
+        """
         self._ropes, whole = ropes, ropes.system(first)
         value, rate = (table[:, border] for table in ropes.borders(boundary, border))
         joints = whole.joints
@@ -153,11 +163,17 @@ class HalfSystem:
             bool(lower == LOOSE and rope.model.first_free == 1)
             for lower, rope in zip(joints.lower, whole.ropes, strict=True)
         ]
-        self._system = halved(whole, ropes.pull, rate[:, rows.LINE])
+        self._system = (
+            halved(whole, ropes.pull, rate[:, rows.LINE])
+            if elements
+            else _joined_as(whole, [_with_step_doubled(rope, rope) for rope in whole.ropes])
+        )
         self.rests = resting and settle_reeved(self._system, value).found
         self._now = value.copy(), rate.copy()
         self.waiting = 0
+        self.winches: dict[int, OwnWinch] = {}
         self._pulls = np.zeros((len(whole.ropes), 0, rows.PULL_COLUMNS))
+        self._pull_n: list[float] = ropes.pull[:, rows.PULL].tolist()
 
     def follow(
         self, boundary: Boundary, done: int, effects: Any, time_s: float
@@ -178,10 +194,29 @@ class HalfSystem:
         step = system.ropes[0].model.step
         start_s = time_s - (self.waiting / EVERY + steps) * step
         self._pulls = np.zeros((len(system.ropes), steps, rows.PULL_COLUMNS))
-        if advance_joined(system, ahead, self._pulls, start_s, steps) < steps:
+        if self._advance(ahead, start_s, steps) < steps:
             return None
         self._now = ahead.value[:, steps], ahead.rate[:, steps]
+        self._pull_n = self._pulls[:, -1, rows.PULL].tolist()
         return self.further(0)
+
+    def _advance(self, ahead: Boundary, start_s: float, steps: int) -> int:
+        """Step on through these borders, (ropes, steps + 1, MOTIONS); how many steps that was."""
+        system = self._system
+        if not self.winches:
+            return advance_joined(system, ahead, self._pulls, start_s, steps)
+        step, pull_n = system.ropes[0].model.step, self._pull_n
+        for k in range(steps):
+            borders, begin_s = [table[:, k : k + 2] for table in ahead], start_s + k * step
+            for r, winch in self.winches.items():
+                own = Boundary(*(table[r] for table in borders))
+                winch.prescribe(system.ropes[r], round(begin_s * 1e9), own, pull_n[r])
+            pulls = self._pulls[:, k : k + 1].copy()
+            given = Boundary(*map(np.ascontiguousarray, borders))
+            if advance_joined(system, given, pulls, begin_s, 1) < 1:
+                return k
+            self._pulls[:, k : k + 1], pull_n = pulls, pulls[:, 0, rows.PULL].tolist()
+        return steps
 
     def further(self, r: int) -> list[float]:
         """Of rope r."""
@@ -226,8 +261,13 @@ def halved(whole: System, pull: Floats, payout_m_per_s: Floats) -> System:
         speed = float(payout_m_per_s[r]) if loose else passing[r]
         at = HangOff(pull[r, rows.PULL_X : rows.PULL_Z + 1].copy(), speed)
         half = rope if int(rope.state.counts[ELEMENTS]) < FEW else coarser(rope, at)
-        ropes.append(half._replace(model=half.model._replace(step=EVERY * rope.model.step)))
+        ropes.append(_with_step_doubled(half, rope))
     return _joined_as(whole, ropes)
+
+
+def _with_step_doubled(rope: Rope, twin: Rope) -> Rope:
+    """With twice the step of the twin's."""
+    return rope._replace(model=rope.model._replace(step=EVERY * twin.model.step))
 
 
 def _passing_m_per_s(whole: System) -> list[float]:

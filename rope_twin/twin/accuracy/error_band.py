@@ -6,9 +6,9 @@ differs from the rope's by three times the rope's error (Richardson 1911), in sp
 together, at a quarter of the rope's work. What the difference says elsewhere: `error_bound`.
 
 Where ropes meet the companion is of all of them, and each rope that hangs from the ship has a band.
-Where a winch answers to the tension the companion has one of its own (`own_winch`). What such a
-winch makes wrong is of first order in the step, and longer elements may hide it: a companion of a
-scene with such a winch has twice the step and all elements.
+Where a winch answers to the tension the companion has one of its own (`own_winch`). What a drive
+makes wrong is of first order in the step, and longer elements may hide it: a companion of a scene
+with a drive has twice the step and all elements.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from typing import Any, Self
 from rope_twin.core import state as rows
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.effects.wake_oscillator import WakeOscillator
-from rope_twin.errors import SceneError, StateError, phrase
+from rope_twin.errors import StateError, phrase
 from rope_twin.scene.rigging import WINCH
-from rope_twin.scene.rules.rigging import is_joined, winches
+from rope_twin.scene.rules.rigging import winches
 from rope_twin.scene.rules.shedding import model_beside, refuse_shedding, strouhal_number
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.accuracy.companion import Companion, HalfRope, HalfSystem
@@ -35,9 +35,9 @@ from rope_twin.twin.accuracy.regrid import HangOff
 from rope_twin.twin.accuracy.rung import Rung
 from rope_twin.twin.accuracy.sights import Bed, Sight, bed_below, is_slack, nodes_on, touches
 from rope_twin.twin.accuracy.top import Top
-from rope_twin.twin.ensemble.borders import foreseen
 from rope_twin.twin.findings import TensionBand
 from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.hoisting.winch import Winch
 from rope_twin.twin.saving.saved_state import SavedState
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
@@ -74,19 +74,18 @@ class BandedTwin(Twin):
     def offer_order(self, stamp_ns: int | None, order: Order, winch: str = WINCH) -> str:
         """As for a twin; the companion's winch takes it too."""
         fault = super().offer_order(stamp_ns, order, winch)
-        half = self._companion
-        if not fault and isinstance(half, HalfRope) and half.winch is not None:
+        names = [WINCH, *(line.from_ for line in self.scene.ropes[1:])]
+        if not fault and (own := self._companion.winches.get(names.index(winch))) is not None:
             with self._lock:
-                half.winch.take(stamp_ns, order, self.time_ns)
+                own.take(stamp_ns, order, self.time_ns)
         return fault
 
     def doubt_inputs(self) -> None:
-        """As for a twin; the companion's winch takes the new plan too."""
+        """As for a twin; the companion's winches take the new plan too."""
         super().doubt_inputs()
-        half = self._companion
-        if isinstance(half, HalfRope) and half.winch is not None:
-            with self._lock:
-                half.winch.doubt()
+        with self._lock:
+            for own in self._companion.winches.values():
+                own.doubt()
 
     def offer_cut(self, stamp_ns: int | None, below_m: float, rope: str = "") -> str:
         """Refused: the companion cannot follow."""
@@ -134,14 +133,16 @@ class BandedTwin(Twin):
         joined, made_fast = self.joined, [self._rope.model.first_free == 1]
         value, rate = (table[border].copy() for table in self._boundary)
         self._companion: Companion
+        halves = all(winch.drive is None for _, winch in winches(self.scene))
         if joined is None:
             pull = self._pulls[border - 1] if border else self._pull
             at = HangOff(pull[rows.PULL_X : rows.PULL_Z + 1].copy(), float(rate[rows.LINE]))
-            halves = foreseen(self.scene.winch, None)
             self._companion = HalfRope(self._rope, at, (value, rate), resting, halves)
             now = {0: (value, rate)}
         else:
-            self._companion = half = HalfSystem(joined, self._rope, self._boundary, border, resting)
+            self._companion = half = HalfSystem(
+                joined, self._rope, self._boundary, border, resting, halves
+            )
             now, made_fast = half.hang_offs, half.made_fast
         ropes = self._all_ropes()
         self._sight = Sight(ropes, made_fast)
@@ -166,24 +167,27 @@ class BandedTwin(Twin):
 
     def _forget_borders(self, done: int) -> None:
         """Let the companion follow while the borders of the steps just done are still there."""
-        answers = self._winch.feels(self.time_ns)
+        answering = self._answering()
         if done:
             began = time.perf_counter()
-            self._judge(done, answers)
+            self._judge(done, bool(answering))
             self._band_s += time.perf_counter() - began
-        if isinstance(self._companion, HalfRope):
-            if answers:
-                self._share_winch(self._companion)
-        elif answers or self._ropes.feel(self.time_ns):
-            # of an order just given: line out depends on the error
-            self._known_from_s = max(self._known_from_s, self.time_ns * 1e-9 + SETTLING_S)
+        self._share_winches(answering)
         super()._forget_borders(done)
 
-    def _share_winch(self, half: HalfRope) -> None:
-        """The first step is ahead in which the winch asks what the rope is like."""
-        if half.winch is None and not half.waiting:
-            with self._lock:
-                half.winch = OwnWinch(self._winch, self.scene)
+    def _answering(self) -> dict[int, Winch]:
+        """The winches that ask what their rope is like for the next step, by its number."""
+        first = {0: self._winch} if self._winch.feels(self.time_ns) else {}
+        joined = self.joined
+        return first if joined is None else first | joined.feeling(self.time_ns)
+
+    def _share_winches(self, answering: dict[int, Winch]) -> None:
+        """The companion gets its own of those that it has none of, when it is where the twin is."""
+        half = self._companion
+        if not half.waiting:
+            for r in answering.keys() - half.winches.keys():
+                with self._lock:
+                    half.winches[r] = OwnWinch(answering[r], self.scene, r)
 
     def _judge(self, done: int, answers: bool) -> None:
         """Answers: the line out follows from the rope."""
@@ -198,15 +202,19 @@ class BandedTwin(Twin):
             (top,) = self._tops
             jumps = (top.no_jumps if answers else top.jumps)(self._boundary, done, h)
             top.judge((now_s, h), jumps, own, followed, waiting)
-            if answers:
-                top.band.answer(now_s)
         else:
-            each = [top.jumps(_of(joined.moved, top.rope), done, h) for top in self._tops]
+            each = []
+            for top in self._tops:
+                moved = _of(joined.moved, top.rope)
+                each.append((top.no_jumps if answers else top.jumps)(moved, done, h))
             jumps = [sum(some) for some in zip(*each, strict=True)]
             for top in self._tops:
                 own = joined.pulls[top.rope, :done, rows.PULL].tolist()
                 other = self._companion.further(top.rope)
                 top.judge((now_s, h), jumps, own, other, waiting)
+        if answers:
+            for top in self._tops:
+                top.band.answer(now_s)
         self._see(now_s)
 
     def _see(self, now_s: float) -> None:
@@ -260,15 +268,7 @@ def refuse_band(scene: Scene) -> None:
     """Say so if a companion cannot tell the error of such a scene.
 
     Raises:
-        SceneError: vortices beside the step, or where ropes meet a winch that answers to the
-            tension.
+        SceneError: vortices beside the step.
     """
     if model_beside(scene) is not None:
         refuse_shedding(scene, "a companion cannot tell by how much the vibration is wrong")
-    if not is_joined(scene):
-        return
-    for path, winch in winches(scene):
-        if not foreseen(winch, None):
-            what = "its drive, brake, or an order by depth or tension answers to the tension"
-            right = "where ropes meet the companion's line out is theirs; run it without a band"
-            raise SceneError(phrase(f"{scene.path}: {path}", what, right))

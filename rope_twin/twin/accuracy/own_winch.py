@@ -11,6 +11,7 @@ import copy
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Boundary, Rope
+from rope_twin.scene.rules.rigging import places
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.hoisting.feel import Course, feel
 from rope_twin.twin.hoisting.orders import Order
@@ -18,12 +19,13 @@ from rope_twin.twin.hoisting.winch import Winch
 
 
 class OwnWinch:
-    """It pays out to the companion from now on."""
+    """It pays out to one of the companion's ropes from now on."""
 
-    def __init__(self, winch: Winch, scene: Scene) -> None:
-        """`winch`: the twin's at the time that the companion has reached."""
+    def __init__(self, winch: Winch, scene: Scene, r: int) -> None:
+        """`winch`: the twin's of rope r at the time that the companion has reached."""
         self._winch = copy.deepcopy(winch)
-        self._line, self._rest_z = scene.ropes[0], scene.ship.hang_off_m[2]
+        self._line = scene.ropes[r]
+        self._rest_z = places(scene)[self._line.from_][2]
 
     def take(self, stamp_ns: int | None, order: Order, now_ns: int) -> None:
         """An order that the twin's winch has taken; what it refuses was counted there."""

@@ -28,7 +28,7 @@ from rope_twin.twin.cutting.severing import Place
 from rope_twin.twin.hoisting.feel import Course, feel
 from rope_twin.twin.hoisting.line import Felt
 from rope_twin.twin.hoisting.orders import Order
-from rope_twin.twin.hoisting.winch import winch_of_rope
+from rope_twin.twin.hoisting.winch import Winch, winch_of_rope
 from rope_twin.twin.joined.line_watch import report_on
 from rope_twin.twin.joined.shot import (
     LinesOut,
@@ -112,7 +112,12 @@ class JoinedRopes:
 
     def feel(self, time_ns: int) -> bool:
         """Whether a winch but the first asks what its rope is like for the step from then on."""
-        return any(winch.feels(time_ns) for winch in self._winches[1:])
+        return bool(self.feeling(time_ns))
+
+    def feeling(self, time_ns: int) -> dict[int, Winch]:
+        """Those winches, by the number of their rope."""
+        rest = enumerate(self._winches[1:], start=1)
+        return {r: winch for r, winch in rest if winch.feels(time_ns)}
 
     def prescribe(
         self, row: int, from_ns: int, step_s: float, heave: tuple[float, float], moves: Moves
