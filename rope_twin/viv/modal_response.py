@@ -34,6 +34,7 @@ GOLDEN = pi * (3.0 - 5.0**0.5)  # rad; times the square of its number a mode's p
 # in proportion to the number itself, all modes would come together in one pulse
 LEAST = 1e-200  # N/m: what stays finite of a mode that nothing damps
 MOST_ELEMENTS = 6000
+TOGETHER = 128  # places: what is worked out of them stays in the processor's cache
 PART = 12  # modes that are looked for at a time beside a running twin
 
 
@@ -187,28 +188,35 @@ class ModalResponse:
         `active`: modes that were driven or moved; None: those that do now.
         """
         span, modes, water = self.span, self.modes, self.shedding
-        locked = water.locked(self._omega, span.diameter, span.speed)
-        strouhal = water.strouhal * span.speed / span.diameter
-        c0, c2 = water.damping(self._omega, span.diameter, span.speed)
-        square = modes.shape**2
-        weight = square * span.node_length[:, None]
-        own = 2.0 * water.structural * self._omega * modes.mass
-        damping = (c0 * weight).sum(axis=0) + own
+        locked = np.empty(modes.shape.shape, dtype=bool)
+        damping = 2.0 * water.structural * self._omega * modes.mass
+        growing = np.empty_like(modes.shape)
+        for first in range(0, len(locked), TOGETHER):
+            some = slice(first, first + TOGETHER)
+            diameter, speed = span.diameter[some], span.speed[some]
+            locked[some] = water.locked(self._omega, diameter, speed)
+            c0, c2 = water.damping(self._omega, diameter, speed)
+            square = span.node_length[some, None] * modes.shape[some] ** 2
+            damping += (c0 * square).sum(axis=0)
+            growing[some] = c2 * square
         lift = 0.5 * water.density * span.diameter * span.speed**2 * span.node_length
-        force = lift[:, None] * np.abs(modes.shape)
-        moved = force / np.maximum(damping * self._omega, LEAST)
+        moved = np.abs(modes.shape)
+        moved *= lift[:, None]
+        moved /= np.maximum(damping * self._omega, LEAST)
+        strouhal = water.strouhal * span.speed / span.diameter
         zones = water.zones(modes.frequency, strouhal, locked, moved)
         moving = self.modal_amplitude > STILL * float(span.diameter.min())
         if active is None:
             active = np.flatnonzero(zones.any(axis=0) | moving)
+        shape = modes.shape[:, active]
         drive = Drive(
             active=active,
             omega=self._omega[active],
             mass=modes.mass[active],
             damping=damping[active],
-            growing=np.ascontiguousarray((c2 * weight)[:, active]),
-            force=0.5 * np.ascontiguousarray((force * zones)[:, active]),
-            square=np.ascontiguousarray((square / (span.diameter**2)[:, None])[:, active].T),
+            growing=np.ascontiguousarray(growing[:, active]),
+            force=np.ascontiguousarray(0.5 * lift[:, None] * np.abs(shape) * zones[:, active]),
+            square=np.ascontiguousarray((shape / span.diameter[:, None]).T ** 2),
         )
         return drive, zones
 

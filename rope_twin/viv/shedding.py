@@ -38,10 +38,10 @@ class Lift:
 
     def __call__(self, amplitude: Floats) -> Floats:
         """C_l at an amplitude in diameters."""
-        rise = (amplitude - self.largest_at) / self.largest_at
-        fall = (amplitude - self.largest_at) / (self.zero - self.largest_at)
-        low = self.largest - (self.largest - self.at_rest) * rise * rise
-        return np.where(rise < 0.0, low, self.largest * (1.0 - fall * fall))
+        off = amplitude - self.largest_at
+        low = (self.largest - self.at_rest) / self.largest_at**2
+        high = self.largest / (self.zero - self.largest_at) ** 2
+        return np.asarray(self.largest - np.where(off < 0.0, low, high) * off * off)
 
 
 def nearest_zones(frequency: Floats, shedding: Floats, locked: Mask, moved: Floats) -> Mask:
@@ -105,23 +105,24 @@ class Shedding:
     def still_water(self, omega: Floats, diameter: Floats) -> tuple[Floats, Floats]:
         """Damping per metre in still water, c0 + c2·(A/d)² [N·s/m²]; (places, modes)."""
         d = diameter[:, None]
-        own = 0.5 * pi * self.density * omega * d * d
-        return own * STILL_SQUARE / np.sqrt(omega * d * d / self.viscosity), own * STILL
+        own = 0.5 * pi * self.density * d
+        return own * (STILL_SQUARE * np.sqrt(omega * self.viscosity)), own * d * (STILL * omega)
 
     def damping(self, omega: Floats, diameter: Floats, speed: Floats) -> tuple[Floats, Floats]:
         """Damping per metre outside the band, c0 + c2·(A/d)² [N·s/m²]; (places, modes).
 
         Below it still water's and 0.18·ρ·d·U, above it 0.2·ρ·U²/ω (Venugopal 1996).
         """
-        U, d = speed[:, None], diameter[:, None]
-        reduced = 2.0 * pi * U / (omega * d)
-        below, above = reduced < self.band[0], reduced > self.band[1]
+        U, d, turned = speed[:, None], diameter[:, None], (2.0 * pi * speed / diameter)[:, None]
+        below, above = turned < self.band[0] * omega, turned > self.band[1] * omega
         c0, c2 = self.still_water(omega, diameter)
-        slow, fast = c0 + SLOW * self.density * d * U, FAST * self.density * U * U / omega
-        return below * slow + above * fast, below * c2
+        c0 += SLOW * self.density * d * U
+        c0 *= below
+        c0 += above * (FAST * self.density * U * U / omega)
+        return c0, below * c2
 
     def locked(self, omega: Floats, diameter: Floats, speed: Floats) -> Mask:
         """Where each mode is locked in, (places, modes)."""
-        reduced = 2.0 * pi * speed[:, None] / (omega * diameter[:, None])
-        inside: Mask = (reduced >= self.band[0]) & (reduced <= self.band[1])
+        turned = (2.0 * pi * speed / diameter)[:, None]
+        inside: Mask = (turned >= self.band[0] * omega) & (turned <= self.band[1] * omega)
         return inside
