@@ -17,15 +17,16 @@ from typing import NamedTuple
 import numpy as np
 
 from rope_twin.core.modes.apart import settle_added_mass
+from rope_twin.core.modes.sharing import parts_below, share_out
 from rope_twin.viv.force_table import ForceTable, fitted_forces
 from rope_twin.viv.lateral_modes import MOST, LateralModes, ModeSearch
-from rope_twin.viv.shedding import Mask
 from rope_twin.viv.span import Floats, Span, refined
 
 PER_WAVE = 24  # elements per wave at the highest frequency that can be driven
 MOST_ELEMENTS = 6000
 ROUNDS = 60
 SAME = 1e-6  # C_a that two rounds agree to
+TIE = 0.03  # modes whose powers differ by less share a place
 STILL = 1e-6  # m/s: water slower than this is still
 
 
@@ -56,7 +57,7 @@ class Excitation:
     frequency: Floats  # true, with the added mass as it is [Hz]
     added_mass: Floats  # mean coefficient of each mode, weighted by φ²
     power: Floats  # Π_r [W]
-    zones: Mask  # nodes that drive a mode
+    zones: Floats  # part of a node that drives a mode
 
     @property
     def dominant(self) -> int:
@@ -65,8 +66,10 @@ class Excitation:
 
     @property
     def driven(self) -> Floats:
-        """Frequency that each node is driven at [Hz], 0 where it is not, (nodes,)."""
-        return np.asarray((self.zones * self.frequency).sum(axis=1))
+        """Frequency that each node is driven at, of what it drives [Hz]; 0: it is not; (nodes,)."""
+        whole = self.zones.sum(axis=1)
+        mean = (self.zones * self.frequency).sum(axis=1) / np.where(whole > 0.0, whole, 1.0)
+        return np.asarray(mean)
 
 
 def displaced(span: Span, density: float) -> Floats:
@@ -118,7 +121,7 @@ class ExcitationSearch:
         while self.left:
             self.go_on()
         modes = self._modes or self._search.found()
-        none, nowhere = np.zeros(0), np.zeros((len(self.span.s), 0), dtype=bool)
+        none, nowhere = np.zeros(0), np.zeros((len(self.span.s), 0))
         parts = self._parts or [_Part(none, none, none, nowhere)]
         frequency, added, power, band = (
             np.concatenate(own, axis=-1) for own in zip(*parts, strict=True)
@@ -142,7 +145,7 @@ class _Part(NamedTuple):
     frequency: Floats
     added_mass: Floats
     power: Floats
-    band: Mask
+    band: Floats
 
 
 def _some(modes: LateralModes, which: slice) -> LateralModes:
@@ -194,25 +197,27 @@ def _reduced(frequency: Floats, span: Span) -> Floats:
 
 def _powers(
     span: Span, model: Decomposed, modes: LateralModes, frequency: Floats
-) -> tuple[Floats, Mask]:
-    """Π of each mode, and where its f·D/U lies in the band."""
+) -> tuple[Floats, Floats]:
+    """Π of each mode, and the parts of the nodes at which its f·D/U lies in the band."""
     reduced, omega = _reduced(frequency, span), 2.0 * pi * frequency
-    band: Mask = (reduced >= model.band[0]) & (reduced <= model.band[1])
+    turned, (low, high) = span.speed / span.diameter, model.band
+    band = parts_below(turned, frequency / low) - parts_below(turned, frequency / high)
     lift = model.table.lift_along(model.first_amplitude, reduced)
     push = 0.5 * model.density * (span.diameter * span.speed**2 * span.node_length)[:, None]
     force = (band * push * np.maximum(lift, 0.0) * np.abs(modes.shape)).sum(axis=0)
     speed = model.first_amplitude * span.diameter[:, None] * omega
-    against = (~band * push * np.maximum(-lift, 0.0) / speed * modes.shape**2).sum(axis=0)
+    outside = (1.0 - band) * push * np.maximum(-lift, 0.0)
+    against = (outside / speed * modes.shape**2).sum(axis=0)
     own = 2.0 * model.structural * omega * modes.mass
     return 0.5 * force * force / (against + own), band
 
 
-def _share_out(power: Floats, band: Mask, least: float) -> Mask:
-    """The strongest mode takes its band, the next what is left of its own."""
-    zones, taken = np.zeros_like(band), np.zeros(len(band), dtype=bool)
-    for mode in np.argsort(-power, kind="stable"):
-        if power[mode] <= least * power.max():
-            break
-        zones[:, mode] = band[:, mode] & ~taken
-        taken |= zones[:, mode]
-    return zones
+def _share_out(power: Floats, band: Floats, least: float) -> Floats:
+    """The strongest mode takes its band, the next what is left of its own.
+
+    Modes of less than `least` of the largest power take nothing, those of a little more a part.
+    """
+    if not power.any():
+        return np.zeros_like(band)
+    above = (power / (least * power.max()) - 1.0) / TIE
+    return share_out(power, band * np.clip(above, 0.0, 1.0), TIE)

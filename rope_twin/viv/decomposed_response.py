@@ -15,8 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rope_twin.core.modes.apart import Nodes, push_nodes, read_motion
-from rope_twin.viv.decomposed import Decomposed, Excitation, ExcitationSearch, displaced
+from rope_twin.core.modes.apart import Drives, Nodes, push_nodes, read_motion
+from rope_twin.core.modes.sharing import share_out
+from rope_twin.viv.decomposed import TIE, Decomposed, Excitation, ExcitationSearch, displaced
 from rope_twin.viv.integrators import Integrator, Matrices, Motion, bathe, upper_bands
 from rope_twin.viv.lateral_modes import stiffness
 from rope_twin.viv.span import Floats, Span
@@ -56,7 +57,7 @@ class DecomposedResponse:
         self._take(span, None)
         self._angles = np.zeros(len(self.excitation.frequency))  # of the modes at `_since_s`
         self._since_s = 0.0
-        self._nodes = self._at_nodes()
+        self._nodes, self._drives = self._at_nodes(), self._driven()
         still = np.zeros((6, len(self._nodes.dry)))
         self._motion = Motion(still[0], still[1], still[2])
         self._squares = still[3:5]  # running mean of ẏ², ÿ²
@@ -86,7 +87,7 @@ class DecomposedResponse:
         known = min(len(angles), len(self._angles))
         self._angles[:known] = np.remainder(angles[:known], 2.0 * pi)
         self._since_s = self.time_s
-        self._nodes = self._at_nodes()
+        self._nodes, self._drives = self._at_nodes(), self._driven()
         now = self._below_top()
         self._motion = Motion(*(np.interp(now, before, part) for part in self._motion))
         self._squares = np.stack([np.interp(now, before, part) for part in self._squares])
@@ -122,7 +123,7 @@ class DecomposedResponse:
         self._squares = kept.nodes[3:5].copy()
         self.amplitude, self.omega = kept.nodes[5], kept.nodes[6]
         self._angles, self._since_s, self.time_s = kept.angles, kept.since_s, kept.time_s
-        self._nodes = self._at_nodes()
+        self._nodes, self._drives = self._at_nodes(), self._driven()
 
     def _take(self, span: Span, search: ExcitationSearch | None) -> None:
         """What drives this rope, and its stiffness."""
@@ -135,14 +136,8 @@ class DecomposedResponse:
     def _at_nodes(self) -> Nodes:
         """What the rope makes of the water, of the free nodes."""
         span, density = self.span, self.model.density
-        push = 0.5 * density * span.diameter * span.speed**2 * span.node_length
-        driven = self.excitation.driven
-        angle = self.excitation.zones @ self._angles  # of the mode that each drives, at `_since_s`
         whole = Nodes(
-            push=push,
-            driven=push * self._signs() * (driven > 0.0),
-            drive=2.0 * pi * driven,
-            angle=angle,
+            push=0.5 * density * span.diameter * span.speed**2 * span.node_length,
             water=displaced(span, density),
             dry=span.node_mass,
             diameter=span.diameter,
@@ -150,6 +145,16 @@ class DecomposedResponse:
             omega=2.0 * pi * self._first_guess(),
         )
         return Nodes(*(np.ascontiguousarray(part[self._first : -1]) for part in whole))
+
+    def _driven(self) -> Drives:
+        """Which modes the free nodes drive."""
+        free = slice(self._first, -1)
+        zones = self.excitation.zones[free]
+        part = zones * np.sign(self.excitation.modes.shape[free])
+        node, mode = np.nonzero(zones)
+        first = np.searchsorted(node, np.arange(len(zones) + 1))
+        omega = 2.0 * pi * self.excitation.frequency
+        return Drives(first, mode, part[node, mode], omega, self._angles)
 
     def _below_top(self) -> Floats:
         """Of the free nodes, less than 0 [m]."""
@@ -162,16 +167,11 @@ class DecomposedResponse:
         return whole
 
     def _first_guess(self) -> Floats:
-        """Frequency of each node before it has moved: its own drive, else the dominant mode's."""
-        driven = self.excitation.driven
-        power = self.excitation.power
-        main = float(self.excitation.frequency[power.argmax()]) if power.any() else 1.0
-        return np.where(driven > 0.0, driven, main)
-
-    def _signs(self) -> Floats:
-        """Of the mode that each node drives."""
-        shape = self.excitation.modes.shape
-        return np.asarray(np.sign((self.excitation.zones * shape).sum(axis=1)))
+        """Frequency of each node before it has moved: its own drive, else the strongest mode's."""
+        driven, found = self.excitation.driven, self.excitation
+        whole = np.ones((1, len(found.power)))
+        main = float(share_out(found.power, whole, TIE)[0] @ found.frequency)
+        return np.where(driven > 0.0, driven, main or 1.0)
 
     @property
     def motion(self) -> Floats:
@@ -187,8 +187,9 @@ class DecomposedResponse:
     def _advance(self, h: float) -> None:
         mass, damping, middle, end = np.empty((4, len(self.amplitude)))
         push_nodes(
-            self._table, self._nodes, self.amplitude, self.omega, self.time_s - self._since_s, h,
-            self.model.structural, mass, damping, middle, end,
+            self._table, self._nodes, self._drives, self.amplitude, self.omega,
+            self.time_s - self._since_s, h, self.model.structural, mass, damping, middle, end,
+            np.empty((2, len(self._drives.omega))),
         )  # fmt: skip
         parts = Matrices(mass, damping, self._bands)
         self._motion = self._integrate(self._motion, parts, middle, end, h)

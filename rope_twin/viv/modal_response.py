@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from rope_twin.core.modes.ringing import Drive, Ringing, add_up, ring
 from rope_twin.viv.lateral_modes import LateralModes, ModeSearch, find_lateral_modes
-from rope_twin.viv.shedding import Mask, Shedding
+from rope_twin.viv.shedding import Shedding
 from rope_twin.viv.span import Floats, Span, refined
 
 PER_WAVE = 24  # elements per wave at the highest Strouhal frequency: right there to 0.3 %
@@ -182,23 +182,24 @@ class ModalResponse:
         shedding = self.shedding.strouhal * float((span.speed / span.diameter).max())
         self.step_s = 1.0 / (PER_PERIOD * shedding) if shedding > 0.0 else np.inf
 
-    def _driven(self, active: NDArray[np.int64] | None = None) -> tuple[Drive, Mask]:
+    def _driven(self, active: NDArray[np.int64] | None = None) -> tuple[Drive, Floats]:
         """What water speed and modes make of lift and damping, and where each mode is driven.
 
         `active`: modes that were driven or moved; None: those that do now.
         """
         span, modes, water = self.span, self.modes, self.shedding
-        locked = np.empty(modes.shape.shape, dtype=bool)
+        below, above = water.below_and_above(self._omega, span.diameter, span.speed)
+        locked = 1.0 - below - above
         damping = 2.0 * water.structural * self._omega * modes.mass
         growing = np.empty_like(modes.shape)
         for first in range(0, len(locked), TOGETHER):
-            some = slice(first, first + TOGETHER)
-            diameter, speed = span.diameter[some], span.speed[some]
-            locked[some] = water.locked(self._omega, diameter, speed)
-            c0, c2 = water.damping(self._omega, diameter, speed)
-            square = span.node_length[some, None] * modes.shape[some] ** 2
+            at = slice(first, first + TOGETHER)
+            c0, c2 = water.damping(
+                self._omega, span.diameter[at], span.speed[at], below[at], above[at]
+            )
+            square = span.node_length[at, None] * modes.shape[at] ** 2
             damping += (c0 * square).sum(axis=0)
-            growing[some] = c2 * square
+            growing[at] = c2 * square
         lift = 0.5 * water.density * span.diameter * span.speed**2 * span.node_length
         moved = np.abs(modes.shape)
         moved *= lift[:, None]
@@ -207,7 +208,7 @@ class ModalResponse:
         zones = water.zones(modes.frequency, strouhal, locked, moved)
         moving = self.modal_amplitude > STILL * float(span.diameter.min())
         if active is None:
-            active = np.flatnonzero(zones.any(axis=0) | moving)
+            active = np.flatnonzero((zones > 0.0).any(axis=0) | moving)
         shape = modes.shape[:, active]
         drive = Drive(
             active=active,

@@ -15,9 +15,11 @@ from math import pi, sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from rope_twin.core.modes.sharing import parts_below, share_out
 from rope_twin.viv.span import Floats
 
 Mask = NDArray[np.bool_]
+TIE = 0.1  # modes that differ by less share a place
 
 STILL, STILL_SQUARE, SLOW, FAST = 0.25, 2.0 * sqrt(2.0), 0.18, 0.2  # Venugopal (1996)
 
@@ -44,50 +46,44 @@ class Lift:
         return np.asarray(self.largest - np.where(off < 0.0, low, high) * off * off)
 
 
-def nearest_zones(frequency: Floats, shedding: Floats, locked: Mask, moved: Floats) -> Mask:
+def nearest_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
     """Each place drives the mode nearest to its Strouhal frequency, if that one is locked in."""
     if not len(frequency):
         return locked
-    near = np.abs(shedding[:, None] - frequency).argmin(axis=1)
-    zones = np.zeros_like(locked)
-    at = np.arange(len(shedding))
-    zones[at, near] = locked[at, near]
-    return zones
+    nearer_below = parts_below(shedding, 0.5 * (frequency[1:] + frequency[:-1]))
+    none, whole = np.zeros((len(shedding), 1)), np.ones((len(shedding), 1))
+    near = np.diff(np.concatenate([none, nearer_below, whole], axis=1), axis=1)
+    return np.minimum(near, locked)
 
 
-def all_zones(frequency: Floats, shedding: Floats, locked: Mask, moved: Floats) -> Mask:
+def all_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
     """Each place drives every mode that is locked in there."""
     return locked
 
 
-def dominant_zones(frequency: Floats, shedding: Floats, locked: Mask, moved: Floats) -> Mask:
+def dominant_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
     """The mode with most shedding near it (by f_s³) takes its whole band, the next what is left."""
     near = nearest_zones(frequency, shedding, locked, moved)
-    return shared_out((shedding[:, None] ** 3 * near).sum(axis=0), locked)
+    return share_out((shedding[:, None] ** 3 * near).sum(axis=0), locked, TIE)
 
 
-def leading_zones(frequency: Floats, shedding: Floats, locked: Mask, moved: Floats) -> Mask:
+def leading_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
     """The mode that moves most takes its whole band, the next what is left.
 
-    Which that is tells a response in which each place drives the mode nearest to it.
+    Which that is tells a response in which each place drives the two modes that its Strouhal
+    frequency lies between, the nearer one more.
     """
-    near = nearest_zones(frequency, shedding, locked, moved)
-    return shared_out((moved * near).sum(axis=0), locked)
+    if not len(frequency):
+        return locked
+    between = np.clip(np.interp(shedding, frequency, np.arange(len(frequency))), 0.0, None)
+    near = np.maximum(1.0 - np.abs(between[:, None] - np.arange(len(frequency))), 0.0)
+    return share_out((moved * near * locked).sum(axis=0), locked, TIE)
 
 
-def shared_out(size: Floats, locked: Mask) -> Mask:
-    """The largest of the modes takes all places that lock it in, the next what is left."""
-    zones, taken = np.zeros_like(locked), np.zeros(len(locked), dtype=bool)
-    for mode in np.argsort(-size, kind="stable"):
-        if size[mode] > 0.0:
-            zones[:, mode] = locked[:, mode] & ~taken
-            taken |= zones[:, mode]
-    return zones
-
-
-# Of the modes' frequencies, the places' own of shedding, where each mode is locked in, and how far
-# a place that drives a mode moves it, over C_l [m], (places, modes).
-Zones = Callable[[Floats, Floats, Mask, Floats], Mask]
+# Of the modes' frequencies, the places' own of shedding, the part of each place that a mode is
+# locked in over, and how far a place that drives a mode moves it, over C_l [m], (places, modes):
+# the part of each place that drives a mode.
+Zones = Callable[[Floats, Floats, Floats, Floats], Floats]
 
 
 @dataclass(frozen=True)
@@ -108,21 +104,28 @@ class Shedding:
         own = 0.5 * pi * self.density * d
         return own * (STILL_SQUARE * np.sqrt(omega * self.viscosity)), own * d * (STILL * omega)
 
-    def damping(self, omega: Floats, diameter: Floats, speed: Floats) -> tuple[Floats, Floats]:
+    def damping(
+        self, omega: Floats, diameter: Floats, speed: Floats, below: Floats, above: Floats
+    ) -> tuple[Floats, Floats]:
         """Damping per metre outside the band, c0 + c2·(A/d)² [N·s/m²]; (places, modes).
 
-        Below it still water's and 0.18·ρ·d·U, above it 0.2·ρ·U²/ω (Venugopal 1996).
+        Below it still water's and 0.18·ρ·d·U, above it 0.2·ρ·U²/ω (Venugopal 1996); `below`,
+        `above`: the parts of the places that are.
         """
-        U, d, turned = speed[:, None], diameter[:, None], (2.0 * pi * speed / diameter)[:, None]
-        below, above = turned < self.band[0] * omega, turned > self.band[1] * omega
+        U, d = speed[:, None], diameter[:, None]
         c0, c2 = self.still_water(omega, diameter)
         c0 += SLOW * self.density * d * U
         c0 *= below
         c0 += above * (FAST * self.density * U * U / omega)
         return c0, below * c2
 
-    def locked(self, omega: Floats, diameter: Floats, speed: Floats) -> Mask:
-        """Where each mode is locked in, (places, modes)."""
-        turned = (2.0 * pi * speed / diameter)[:, None]
-        inside: Mask = (turned >= self.band[0] * omega) & (turned <= self.band[1] * omega)
-        return inside
+    def below_and_above(
+        self, omega: Floats, diameter: Floats, speed: Floats
+    ) -> tuple[Floats, Floats]:
+        """Parts of places at which U/(f·d) is below the band, and above; (places, modes).
+
+        Elsewhere modes are locked in.
+        """
+        turned = 2.0 * pi * speed / diameter
+        up_to = parts_below(turned, self.band[1] * omega)
+        return parts_below(turned, self.band[0] * omega), 1.0 - up_to

@@ -57,7 +57,8 @@ def test_what_hangs_on_has_its_own_modes_and_what_falls_is_not_shaken(name: str)
     own = response.span
     assert own.s[-1] - own.s[0] == pytest.approx(300.0, rel=2e-3)
     assert own.tension[0] < 0.02 * own.tension[-1], "down to its free end"
-    assert 0.02 < now.cross_flow.max() < 2.0
+    assert 0.02 < now.cross_flow[:-3].max() < 1.0
+    assert now.cross_flow.max() < 3.0, "its end lashes: 2.5 d seconds before and after, as ever"
 
 
 @SCENES

@@ -10,6 +10,8 @@ from __future__ import annotations
 from math import cos, pi, sqrt
 from typing import Any, NamedTuple
 
+from numpy.typing import NDArray
+
 from rope_twin.core.compiler.jit import jit, jit_entry
 from rope_twin.core.state import Floats
 
@@ -20,9 +22,6 @@ class Nodes(NamedTuple):
     """What does not change while the modes are kept, of the free nodes, (n,)."""
 
     push: Floats  # ½·ρ·D·U² times length [N]
-    driven: Floats  # the same with the sign of the mode that it drives; 0: it drives none [N]
-    drive: Floats  # ω of that mode [rad/s]
-    angle: Floats  # its phase at the time that `since` counts from [rad]
     water: Floats  # displaced [kg]
     dry: Floats  # mass without added mass [kg]
     diameter: Floats  # [m]
@@ -30,15 +29,28 @@ class Nodes(NamedTuple):
     omega: Floats  # before it has moved [rad/s]
 
 
+class Drives(NamedTuple):
+    """Which modes the nodes drive: of node n the entries first[n] to first[n + 1]."""
+
+    first: NDArray[Any]  # (n + 1,)
+    mode: NDArray[Any]  # (entries,)
+    part: Floats  # of the node, with the sign of the mode there
+    omega: Floats  # of the modes [rad/s], (k,)
+    angle: Floats  # their phases at the time that `since` counts from [rad]
+
+
 @jit_entry
 def push_nodes(
-    table: Any, nodes: Any, amplitude: Any, omega: Any, since: float, h: float,
-    structural: float, mass: Any, damping: Any, middle: Any, end: Any,
+    table: Any, nodes: Any, drives: Any, amplitude: Any, omega: Any, since: float, h: float,
+    structural: float, mass: Any, damping: Any, middle: Any, end: Any, turn: Any,
 ) -> None:  # fmt: skip
     """Write mass [kg], damping [N·s/m] and the forces in the middle and at the end of a step [N].
 
-    amplitude: [D]; omega: as the motion has it; since: start of the step.
+    amplitude: [D]; omega: as the motion has it; since: start of the step; turn: scratch, (2, k).
     """
+    for k in range(drives.omega.shape[0]):
+        turn[0, k] = cos(drives.omega[k] * (since + 0.5 * h) + drives.angle[k])
+        turn[1, k] = cos(drives.omega[k] * (since + h) + drives.angle[k])
     i = j = 0
     for n in range(amplitude.shape[0]):
         reduced = omega[n] / (2.0 * pi) * nodes.diameter[n] / nodes.speed[n]
@@ -50,9 +62,11 @@ def push_nodes(
         size = max(amplitude[n], LEAST) * nodes.diameter[n]
         against = nodes.push[n] * max(-lift, 0.0) / (size * omega[n])
         damping[n] = against + 2.0 * structural * omega[n] * mass[n]
-        push = nodes.driven[n] * max(lift, 0.0)
-        middle[n] = push * cos(nodes.drive[n] * (since + 0.5 * h) + nodes.angle[n])
-        end[n] = push * cos(nodes.drive[n] * (since + h) + nodes.angle[n])
+        middle[n] = end[n] = 0.0
+        for entry in range(drives.first[n], drives.first[n + 1]):
+            push = drives.part[entry] * nodes.push[n] * max(lift, 0.0)
+            middle[n] += push * turn[0, drives.mode[entry]]
+            end[n] += push * turn[1, drives.mode[entry]]
 
 
 @jit_entry

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rope_twin.core.modes.sharing import share_out
 from rope_twin.studies.validation.case import (
     Case,
     Field,
@@ -23,12 +24,11 @@ from rope_twin.studies.validation.wave_lines import waves_of_cable, waves_of_ris
 from rope_twin.studies.viv.rigs import LCD_CABLE, LCD_RISER, PublishedRope, lcd_current
 from rope_twin.viv.modal_response import ModalResponse
 from rope_twin.viv.shedding import (
-    Mask,
+    TIE,
     Shedding,
     all_zones,
     dominant_zones,
     nearest_zones,
-    shared_out,
 )
 from rope_twin.viv.span import Floats
 
@@ -131,16 +131,16 @@ def _variants(rope: PublishedRope, duration: float) -> str:
     return f"{KEPT_MODES}\n\n{head}" + "\n".join(words)
 
 
-def _leading_alone(frequency: Floats, shedding: Floats, locked: Mask, moved: Floats) -> Mask:
+def _leading_alone(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
     """The first mode of leading_zones only."""
     near = nearest_zones(frequency, shedding, locked, moved)
     first = (moved * near).sum(axis=0)
-    return shared_out(np.where(first == first.max(initial=0.0), first, 0.0), locked)
+    return share_out(np.where(first == first.max(initial=0.0), first, 0.0), locked, TIE)
 
 
-def _fed(frequency: Floats, shedding: Floats, locked: Mask, moved: Floats) -> Mask:
+def _fed(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
     """As dominant_zones, but the strongest is the one with most U² in its whole band."""
-    return shared_out((shedding[:, None] ** 2 * locked).sum(axis=0), locked)
+    return share_out((shedding[:, None] ** 2 * locked).sum(axis=0), locked, TIE)
 
 
 def _straight(amplitude: Floats) -> Floats:

@@ -150,7 +150,7 @@ def _tables(run: VivRun, fatigue: Fatigue, folder: Path) -> list[Path]:
         "from_hang_off_m": run.from_top_m,
         "speed_across_m_per_s": span.speed,
         "strouhal_hz": water.strouhal * span.speed / span.diameter,
-        "driven_hz": (run.response.zones * run.response.frequency).max(axis=1, initial=0.0),
+        "driven_hz": _driven_hz(run),
         "rms_diameters": run.rms(),
         "frequency_hz": run.frequency_hz(),
         "drag_amplification": run.drag_amplification(),
@@ -193,3 +193,12 @@ def write_table(path: Path, columns: dict[str, Any]) -> Path:
         right = "give a place that can be written"
         raise InputError(phrase(str(path), str(error), right)) from error
     return path
+
+
+def _driven_hz(run: VivRun) -> Any:
+    """Frequency of the mode that most of a place drives, 0: none."""
+    zones = run.response.zones
+    if not zones.size:
+        return np.zeros(len(zones))
+    most = run.response.frequency[zones.argmax(axis=1)]
+    return np.where(zones.any(axis=1), most, 0.0)

@@ -100,7 +100,8 @@ class Beside:
         mix_flow(self._flow, rope, share)
         self._since_s += sample_s
         if self._since_s >= self._every_s - 1e-9:
-            self._since_s = 0.0
+            # what a look came late by counts for the next search: the instants do not drift
+            self._since_s = 0.0 if self._search is None else self._since_s - self._every_s
             self._follow(rope)
         elif self._search is not None:
             looks = max(1, round((self._every_s - self._since_s) / sample_s))

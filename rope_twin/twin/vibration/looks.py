@@ -21,11 +21,15 @@ def vortices_hz(rope: Rope, boundary: Boundary, strouhal: float) -> float:
 
 
 def steps_between(hz: float, step_s: float) -> int:
-    """Steps from one look to the next where the fastest vortices have this frequency."""
+    """Steps from one look to the next where the fastest vortices have this frequency.
+
+    A whole number of looks makes a slot: so they come at the same instants whatever the step.
+    """
     slot = steps_in_slot(step_s)
     if hz == 0.0:
         return slot
-    return max(1, min(slot, int(1.0 / (PER_PERIOD * hz * step_s) + 1e-9)))
+    most = max(1, min(slot, int(1.0 / (PER_PERIOD * hz * step_s) + 1e-9)))
+    return next(steps for steps in range(most, 0, -1) if slot % steps == 0)
 
 
 def is_another_pace(hz: float, made_for_hz: float, other_current: bool) -> bool:

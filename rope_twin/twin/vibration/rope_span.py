@@ -12,7 +12,8 @@ from rope_twin.core.state import Rope
 from rope_twin.effects.added_mass import AddedMass
 from rope_twin.effects.bending import Bending
 from rope_twin.effects.payload import Payload, TwoWayPayload
-from rope_twin.viv.span import Span
+from rope_twin.twin.vibration.own_motion import tangents
+from rope_twin.viv.span import Span, extended
 
 
 def span_of_rope(rope: Rope, moved_water: bool = True) -> Span:
@@ -29,16 +30,19 @@ def span_of_rope(rope: Rope, moved_water: bool = True) -> Span:
     added = added if moved_water else 0.0
     payload = [own for own in rope.effects if isinstance(own, Payload | TwoWayPayload)]
     diameter = np.sqrt(4.0 * volume / np.pi)
-    direction = steps / length
+    direction = tangents(place)[:, :n]
     relative = work[rows.FLOW : rows.FLOW + 3, :n] - velocity
     across = relative - (relative * direction).sum(axis=0) * direction
     speed = np.sqrt((across * across).sum(axis=0))
+    along = np.concatenate([[0.0], np.cumsum(length)])
+    # the water at the hang-off is not known: in a straight line from the two nodes below it
+    at_top = extended(along[n:], along[:n], speed)
     return Span(
-        s=np.concatenate([[0.0], np.cumsum(length)]),
+        s=along,
         tension=work[rows.TENSION, :n].copy(),
         mass=(mass + added * volume) * np.diff(s) / length,
         diameter=np.append(diameter, diameter[-1]),
-        speed=np.append(speed, speed[-1]),
+        speed=np.append(speed, np.maximum(at_top, 0.0)),
         stiffness=sum(own.EI for own in rope.effects if isinstance(own, Bending)),
         end_mass=sum(own.Mx for own in payload) if rope.model.first_free == 0 else None,
     )
