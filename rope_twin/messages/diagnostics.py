@@ -6,20 +6,22 @@ The words report; they never stop anything.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from rope_twin.messages.status import Level, Status, counted
 from rope_twin.scene.card import KnownError, told_bound
 from rope_twin.twin.findings import EnergyBalance, MaterialFatigue, RopeVibration, TensionBand
 from rope_twin.twin.pacing import PacingHealth
-from rope_twin.twin.snapshot import BedContact, CutShot, InputHealth, Snapshot
+from rope_twin.twin.snapshot import BedContact, CutShot, InputHealth, RopeStrength, Snapshot
 
 GAIN_PCT = 0.1  # of the energy exchanged: what integrating the work may be wrong by
 BEHIND_S = 0.5  # further behind than this, what is published is no longer the present
+HALF = 0.5  # of the breaking load: rules for lifting wire leave less of it to the highest tension
 LATE_FOR_S = 60.0  # a late step is warned of for so long
 
 
 def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
-    """The state of solver, accuracy, pacing (None: not paced), winch, start-up and every input.
+    """The state of solver, accuracy, pacing (None: not paced), winch, start-up, ropes and inputs.
 
     And the energy balance, the error band, vibration and fatigue, if the run keeps them.
     """
@@ -31,6 +33,8 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
     ]
     if pacing is not None:
         rows.append(_pacing(pacing))
+    if snapshot.strength:
+        rows.append(_strength(snapshot.strength))
     if snapshot.seabed is not None:
         rows.append(_seabed(snapshot.seabed))
     if snapshot.cut is not None:
@@ -140,6 +144,27 @@ def _energy(balance: EnergyBalance) -> Status:
             values,
         )  # fmt: skip
     return Status("simulation: energy", Level.OK, f"residual {share}", values)
+
+
+def _strength(ropes: Sequence[RopeStrength]) -> Status:
+    """Of the rope that is nearest to its breaking load, and what it means."""
+    values = {f"{one.name}: highest [% of its breaking load]": f"{100.0 * one.share:.1f}"
+              for one in ropes}  # fmt: skip
+    worst = max(ropes, key=lambda one: one.share)
+    level = Level.OK if worst.share < HALF else Level.WARN
+    if worst.share >= 1.0:
+        level = Level.ERROR
+    return Status("simulation: strength", level, strength_words(worst, len(ropes) > 1), values)
+
+
+def strength_words(one: RopeStrength, named: bool) -> str:
+    """How near a rope has come to its breaking load, for people."""
+    which = f" of '{one.name}'" if named else ""
+    words = (
+        f"highest tension{which} {one.highest_n / 1e3:.1f} kN, {100.0 * one.share:.0f} % of its "
+        f"breaking load of {one.breaking_load_n / 1e3:.0f} kN"
+    )
+    return f"{words}: a real rope would have parted" if one.share >= 1.0 else words
 
 
 def _seabed(bed: BedContact) -> Status:

@@ -9,9 +9,9 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Ints, State
 from rope_twin.scene.card import KnownError
-from rope_twin.scene.schema import Ship
+from rope_twin.scene.schema import RopeLine, Ship
 from rope_twin.twin.motion.ship import ramp
-from rope_twin.twin.snapshot import InputHealth, Snapshot, SolverHealth, Vector
+from rope_twin.twin.snapshot import InputHealth, RopeStrength, Snapshot, SolverHealth, Vector
 
 
 class Extremes:
@@ -65,11 +65,13 @@ class Observation:
     stamp_ns: int
     step: int
     step_s: float
+    line: RopeLine
     ship: Ship
     border: Vector  # hang-off [m] and line out [m] now, (rows.MOTIONS,)
     border_rate: Vector  # and their rates [m/s]
     pull: Vector  # rows.PULL_COLUMNS: magnitude and vector of the pull on the hang-off [N]
     recent: Extremes  # of the top tension since the previous snapshot
+    run: Extremes  # and since the start
     winch_at_limit: str
     doubtful: bool
     computing_s: float
@@ -115,7 +117,14 @@ def observe(state: State, work: Floats, seen: Observation) -> Snapshot:
         solver=_solver_health(state.health, seen.computing_s),
         inputs=seen.inputs,
         card_error=seen.card_error,
+        strength=(strength_of(seen.line, max(seen.run.high, top), element_tension),),
     )
+
+
+def strength_of(line: RopeLine, most_n: float, element_tension_n: Vector) -> RopeStrength:
+    """What a rope has carried beside what it bears; most_n: at its upper end since the start."""
+    least = min(section.rope.breaking_load_n for section in line.made_of)
+    return RopeStrength(line.name, max(float(most_n), float(element_tension_n.max())), least)
 
 
 def _downward(state: State, first: int, n: int) -> Vector:

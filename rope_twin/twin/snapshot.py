@@ -108,6 +108,20 @@ class CutShot:
 
 
 @dataclass(frozen=True)
+class RopeStrength:
+    """The highest tension of a rope, and what it bears."""
+
+    name: str
+    highest_n: float  # at its upper end in all steps since the twin's start, or along it now
+    breaking_load_n: float  # of its weakest section
+
+    @property
+    def share(self) -> float:
+        """Of the breaking load; above 1 a real rope has parted: the twin's goes on."""
+        return self.highest_n / self.breaking_load_n
+
+
+@dataclass(frozen=True)
 class RopeShot:
     """One of several ropes. Rows run from its upper end (row 0) down."""
 
@@ -185,6 +199,7 @@ class Snapshot:
     solver: SolverHealth = field(default_factory=SolverHealth)
     inputs: dict[str, InputHealth] = field(default_factory=dict)  # heave, winch_command, current
     card_error: KnownError = field(default_factory=KnownError)  # of the top tension
+    strength: tuple[RopeStrength, ...] = ()  # of each rope of the scene
     seabed: BedContact | None = None  # only of a scene with a seabed
     body: BodyShot | None = None  # only of a scene whose payload is a rigid body
     winches: tuple[WinchShot, ...] = ()  # those that the scene has

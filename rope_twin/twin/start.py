@@ -18,6 +18,7 @@ from rope_twin.core.statics.forces import Equilibrium
 from rope_twin.core.step import advance
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.checks.rope import SAFETY_FACTOR
+from rope_twin.scene.hung_together import hung_together
 from rope_twin.scene.schema import Scene
 
 AFLOAT_M = 1.0
@@ -102,11 +103,16 @@ def judge_start(scene: Scene, end: Equilibrium, highest_m: float) -> None:
 
 
 def weak_ropes(scene: Scene, tensions: Sequence[Floats]) -> Iterator[str]:
-    """A warning for each rope but the first that is too weak for what hangs on it at rest.
+    """A warning for each rope that is too weak for what hangs on it at rest.
 
-    tensions: of the elements of these ropes [N]. The first rope's load is among the sense checks.
+    tensions: of the elements of the ropes [N]. Where the first rope alone carries all that hangs
+    its load is among the sense checks.
     """
-    for number, (line, tension) in enumerate(zip(scene.ropes[1:], tensions, strict=True), start=1):
+    held = hung_together(scene)
+    alone = held is not None and len(held.lines) == 1
+    for number, (line, tension) in enumerate(zip(scene.ropes, tensions, strict=True)):
+        if number == 0 and alone:
+            continue
         breaking = min(one.rope.breaking_load_n for one in line.made_of)
         load = float(tension.max())
         if load > breaking / SAFETY_FACTOR:

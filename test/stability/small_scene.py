@@ -54,7 +54,7 @@ def small_scene(folder: Path) -> Scene:
 NO_FIGURES = {
     "solver", "inputs", "winch_at_limit", "card_error", "energy", "band", "seabed", "ropes",
     "payloads", "struts", "sheaves", "winches", "cut", "vibration", "fatigue", "lines",
-    "line_events", "body",
+    "line_events", "body", "strength",
 }  # fmt: skip
 
 
@@ -65,6 +65,7 @@ def figures(shot: Snapshot) -> dict[str, np.ndarray]:
         for field in dataclasses.fields(shot)
         if field.name not in NO_FIGURES
     }
+    told["strength"] = [one.highest_n for one in shot.strength]
     if shot.body is not None:
         of_body = {
             field.name: getattr(shot.body, field.name) for field in dataclasses.fields(shot.body)

@@ -12,7 +12,7 @@ from rope_twin.messages import Level, Status, statuses
 from rope_twin.scene.card import KnownError
 from rope_twin.twin.findings import EnergyBalance
 from rope_twin.twin.pacing import PacingHealth
-from rope_twin.twin.snapshot import BedContact, InputHealth, Snapshot, SolverHealth
+from rope_twin.twin.snapshot import BedContact, InputHealth, RopeStrength, Snapshot, SolverHealth
 
 GOOD = PacingHealth(running=True, steps=100, real_time_factor=420.0)
 
@@ -162,6 +162,26 @@ def test_inputs(health: InputHealth, level: Level, words: str) -> None:
     assert told.level is level
     assert words in told.message
     assert told.values["refused"] == str(health.refused)
+
+
+@pytest.mark.parametrize(
+    ("highest_kn", "level", "words"),
+    [
+        (499.0, Level.OK, "highest tension 499.0 kN, 50 % of its breaking load of 1000 kN"),
+        (501.0, Level.WARN, "50 % of its breaking load"),
+        (1420.0, Level.ERROR, "142 % of its breaking load of 1000 kN: a real rope would have par"),
+    ],
+)
+def test_a_rope_beyond_its_breaking_load_is_told(
+    highest_kn: float, level: Level, words: str
+) -> None:
+    strength = (RopeStrength("hoist", highest_kn * 1e3, 1e6),)
+    told = row("strength", replace(hanging_rope(), strength=strength))
+    assert (told.level, words in told.message) == (level, True)
+    slack = (*strength, RopeStrength("aft", 0.0, 1e6))
+    both = row("strength", replace(hanging_rope(), strength=slack))
+    assert both.message.startswith("highest tension of 'hoist' ")
+    assert both.values["aft: highest [% of its breaking load]"] == "0.0"
 
 
 def test_diagnostics_come_back_as_they_went_in() -> None:

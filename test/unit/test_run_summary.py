@@ -15,7 +15,8 @@ def test_of_one_rope_it_is_its_lower_end() -> None:
     twin = Rig(length=100.0, elements=10).twin()
     shot = twin.snapshot()
     lines = summarise(twin, shot, None).as_text().splitlines()
-    assert lines[3] == "line out 100.0 m, payload at 100.3 m depth"
+    assert lines[2].startswith("highest tension ")
+    assert lines[4] == "line out 100.0 m, payload at 100.3 m depth"
     twin.scene = replace(twin.scene, payloads=())
     assert "m, lower end at 100.3 m depth" in summarise(twin, shot, None).as_text()
 

@@ -11,11 +11,11 @@ from typing import Any
 from rope_twin.commands.run.core_share import CoreShare
 from rope_twin.commands.run.watch_summary import fatigue_figures, vibration_figures, watch_words
 from rope_twin.effects import EFFECTS
-from rope_twin.messages.diagnostics import cut_words
+from rope_twin.messages.diagnostics import cut_words, strength_words
 from rope_twin.messages.status import counted
 from rope_twin.scene.card import told_bound
 from rope_twin.twin.pacing import PacingHealth
-from rope_twin.twin.snapshot import CutShot, RopeShot, Snapshot
+from rope_twin.twin.snapshot import CutShot, RopeShot, RopeStrength, Snapshot
 from rope_twin.twin.twin import Twin
 
 
@@ -51,6 +51,7 @@ class RunSummary:
     # where ropes meet, or one was cut: name, elements, length_m, tension_top_n; and name, depth_m
     ropes: list[dict[str, Any]] = field(default_factory=list)
     payloads: list[dict[str, Any]] = field(default_factory=list)
+    strength: list[dict[str, Any]] = field(default_factory=list)  # RopeStrength's, of each rope
     speed: float = 1.0  # 0: as fast as possible
     chosen: str = ""  # why these elements and this step, if --within or --budget asked
     core_share: dict[str, float | None] | None = None  # CoreShare's figures; None: not paced
@@ -91,6 +92,7 @@ class RunSummary:
             f"{counted(elements, 'element')} with {', '.join(self.effects)}",
             f"top tension{of} {_kn(self.tension_top_min_n)} to {_kn(self.tension_top_max_n)}, "
             f"mean {_kn(self.tension_top_mean_n)}",
+            *self._strength_words(),
             self._error_words(),
             *self._end_words(),
             *self._pace_words(),
@@ -104,6 +106,12 @@ class RunSummary:
         lines += [f"view {self.view}"] if self.view else []
         lines += [f"state {self.state}"] if self.state else []
         return "\n".join(lines)
+
+    def _strength_words(self) -> list[str]:
+        """How near the ropes came to their breaking loads: the nearest, and all beyond."""
+        ropes = sorted((RopeStrength(**one) for one in self.strength), key=lambda one: -one.share)
+        told = [one for n, one in enumerate(ropes) if n == 0 or one.share >= 1.0]
+        return [strength_words(one, len(ropes) > 1) for one in told]
 
     def _pace_words(self) -> list[str]:
         """How fast it is, and what came late."""
@@ -229,6 +237,7 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         payloads=[
             {"name": one.name, "depth_m": -float(one.position_m[2])} for one in snapshot.payloads
         ],
+        strength=[dataclasses.asdict(one) for one in snapshot.strength],
         heave_accepted=heave.accepted if heave else 0,
         heave_refused=heave.refused if heave else 0,
         heave_late=heave.late if heave else 0,

@@ -40,6 +40,7 @@ from rope_twin.twin.joined.shot import (
     strut_shots,
 )
 from rope_twin.twin.motion.hang_off import Moves
+from rope_twin.twin.observe import strength_of
 from rope_twin.twin.saving.saved_state import changing_parts
 from rope_twin.twin.snapshot import InputHealth, Snapshot
 from rope_twin.twin.start import judge_start, no_garbage_collection, weak_ropes
@@ -71,6 +72,7 @@ class JoinedRopes:
         self.pull = np.zeros((len(scene.ropes), rows.PULL_COLUMNS))  # now, of each rope
         self.pulls = self.pull[:, None]  # and after each step of the last call,
         self.moved = self._boundary  # which began at the first of these borders
+        self._highest_n = np.zeros(len(scene.ropes))  # of the pull at each upper end, since then
         self._severed = self._fresh = False  # a rope was cut, and no step was done since
 
     def find_start(self) -> Floats:
@@ -83,7 +85,9 @@ class JoinedRopes:
             end = settle_reeved(self.system(self.first), self._boundary.value[:, 0])
         highest = max(float(self._nodes(r, rows.POSITION)[2, :-1].max()) for r in self._numbers)
         judge_start(self._scene, end, highest)
-        for warning in weak_ropes(self._scene, [self._tension(rope) for rope in self._ropes]):
+        for warning in weak_ropes(
+            self._scene, [self._tension(self._rope(r)) for r in self._numbers]
+        ):
             _log.warning(warning)
         system = copy.deepcopy(self.system(self.first))
         still = Boundary(*(np.ascontiguousarray(table[:, :2]) for table in self._boundary))
@@ -155,6 +159,8 @@ class JoinedRopes:
         self.pulls, self.moved = pull, own
         if done:
             self.pull = pull[:, done - 1].copy()
+            own_n = pull[:, :done, rows.PULL].max(axis=1)
+            self._highest_n = np.maximum(self._highest_n, own_n)
         self.first = first
         return done
 
@@ -204,6 +210,7 @@ class JoinedRopes:
         self._boundary.value[-1, :, rows.LINE] = lost_m
         self._boundary.value[r, :, rows.LINE] -= lost_m
         self.pull = np.vstack([self.pull, np.zeros(rows.PULL_COLUMNS)])
+        self._highest_n = np.append(self._highest_n, 0.0)
         return self, lost_m
 
     def length_m(self, r: int) -> float:
@@ -244,9 +251,14 @@ class JoinedRopes:
             splits=shot.solver.splits + int(health[rows.SPLITS]),
             merges=shot.solver.merges + int(health[rows.MERGES]),
         )
+        ropes = rope_shots(now, shot)
+        strength = [
+            strength_of(line, max(most_n, one.tension_top_n), one.element_tension_n)
+            for line, most_n, one in zip(self._scene.ropes, self._highest_n, ropes, strict=True)
+        ]
         taken = replace(
             shot,
-            ropes=rope_shots(now, shot),
+            ropes=ropes,
             payloads=payload_shots(now),
             struts=strut_shots(now),
             sheaves=sheave_shots(now),
@@ -255,6 +267,7 @@ class JoinedRopes:
             inputs=inputs,
             solver=solver,
             seabed=contact(now),
+            strength=tuple(strength),
         )
         return taken if self._lines is None else self._lines.complete(taken)
 
@@ -270,6 +283,7 @@ class JoinedRopes:
             "joined/boundary": self._boundary,
             "joined/pull": self.pull,
             "joined/winches": self._winches,
+            "joined/highest": self._highest_n,
         }
         if self._severed:
             kept["joined/fresh"], kept["rope/model"] = self._fresh, self.first.model
@@ -288,6 +302,7 @@ class JoinedRopes:
         self._joints.ties[PULL] = values.pop("joined/pulls of struts")
         self._boundary = values.pop("joined/boundary")
         self.pull, self._winches = values.pop("joined/pull"), values.pop("joined/winches")
+        self._highest_n = values.pop("joined/highest")
         self._fresh = bool(values.pop("joined/fresh", False))
         if self._lines is not None:
             self._lines.take_back(values.pop("joined/lines"))

@@ -1,0 +1,64 @@
+"""The highest tension of each rope since the start, beside what it bears."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from rope_twin import Twin, load_scene
+from rope_twin.commands.run.summary import summarise
+from rope_twin.scene.schema import RopeLine
+
+
+def weaker(line: RopeLine, breaking_load_n: float) -> RopeLine:
+    assert line.rope is not None
+    return replace(line, rope=replace(line.rope, breaking_load_n=breaking_load_n))
+
+
+def test_at_rest_it_is_the_weight_of_all_that_hangs() -> None:
+    scene = load_scene("still_water")
+    (strength,) = Twin(scene).snapshot().strength
+    weight = (20000.0 - 1025.0 * 4.0 + (6.38352 - 1025.0 * 8.0424772e-4) * 1000.0) * 9.80665
+    assert strength.name == "hoist"
+    assert strength.highest_n == pytest.approx(weight, rel=1e-2)  # without the uppermost half
+    assert strength.breaking_load_n == pytest.approx(6.334e8 * 0.04**2)
+
+
+def test_a_peak_between_two_looks_counts_and_is_told_and_saved(tmp_path: Path) -> None:
+    """A jerk of the winch: the rope is looked at once, when the tension is down again."""
+    scene = load_scene("still_water")
+    scene = replace(scene, ropes=(weaker(scene.ropes[0], 215e3),))
+    twin = Twin(scene)
+    assert "parted" not in summarise(twin, twin.snapshot(), None).as_text()
+    twin.offer_speed(None, -0.5)
+    twin.advance(500)
+    twin.offer_speed(None, 0.0)
+    twin.advance(1500)
+    shot = twin.snapshot()
+    (strength,) = shot.strength
+    assert strength.highest_n == twin.statistics().tension_top_max_n > shot.tension_top_n
+    assert strength.share > 1.0
+    said = summarise(twin, shot, None).as_text()
+    assert "of its breaking load of 215 kN: a real rope would have parted" in said
+    twin.save(tmp_path / "state")
+    assert Twin.restore(tmp_path / "state", scene).snapshot().strength == shot.strength
+
+
+def test_each_of_several_ropes_has_its_own(tmp_path: Path) -> None:
+    scene = load_scene("two_line_lift")
+    fore, aft = scene.ropes
+    twin = Twin(replace(scene, ropes=(fore, weaker(aft, 200e3))))
+    twin.offer_speed(None, 0.2)  # fore pays out: aft carries nearly all
+    twin.advance(800)
+    shot = twin.snapshot()
+    first, second = shot.strength
+    assert [first.name, second.name] == ["fore", "aft"]
+    assert first.share < 0.5
+    assert second.highest_n >= shot.ropes[1].tension_top_n > 200e3
+    said = summarise(twin, shot, None).as_text()
+    assert "highest tension of 'aft' " in said
+    assert "highest tension of 'fore' " not in said
+    twin.save(tmp_path / "state")
+    assert Twin.restore(tmp_path / "state", twin.scene).snapshot().strength == shot.strength
