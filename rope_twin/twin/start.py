@@ -17,7 +17,7 @@ from rope_twin.core.statics.equilibrium import settle
 from rope_twin.core.statics.forces import Equilibrium
 from rope_twin.core.step import advance
 from rope_twin.errors import SceneError, phrase
-from rope_twin.scene.checks.rope import SAFETY_FACTOR
+from rope_twin.scene.checks.load import SAFETY_FACTOR
 from rope_twin.scene.hung_together import hung_together
 from rope_twin.scene.schema import Scene
 

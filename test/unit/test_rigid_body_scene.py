@@ -96,6 +96,35 @@ def test_a_good_body_is_read_and_passes_the_checks(tmp_path: Path) -> None:
     assert params.slings[0].to_m == (1.0, 0.0, 0.7)
 
 
+def four_slings(length_m: float, stiffness_n_per_m: float = 5e6) -> str:
+    """Slings to the corners of 3 x 2 m, 1.80 m from the middle."""
+    corners = [(x, y) for x in (1.5, -1.5) for y in (1.0, -1.0)]
+    slings = ", ".join(
+        f"{{to_m: [{x}, {y}, 0.7], length_m: {length_m}, stiffness_n_per_m: {stiffness_n_per_m}}}"
+        for x, y in corners
+    )
+    return with_body(f"[{SLING}]", f"[{slings}]")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (with_body("[3.0, 2.0, 1.5]", "[4.0, 2.0, 1.5]"),
+         "size_m: 4 × 2 × 1.5 m, and the payload's shape is a box of 3 × 2 × 1.5 m"),
+        (four_slings(1.8), "slings[0, 1, 2, 3].length_m: 1.8 m do not reach the hook over a place "
+         "1.80 m aside"),
+        (four_slings(2.0), "slings[0, 1, 2, 3].length_m: 2 m lie 64° from the vertical"),
+        (four_slings(4.0, 2e4), "slings[0, 1, 2, 3].stiffness_n_per_m: its share of the load, 30 "
+         "kN, stretches it by 1.5 m"),
+    ],
+)  # fmt: skip
+def test_an_odd_size_or_sling_is_told(text: str, words: str, tmp_path: Path) -> None:
+    """20 t that displace 9 m³ weigh 105.7 kN; a sling of 4 m carries 26.4 kN / cos 26.8°."""
+    (warning,) = sense_checks(load_scene(written(tmp_path, text)))
+    assert warning.startswith(f"effects.rigid_body.{words}")
+    assert sense_checks(load_scene(written(tmp_path, four_slings(4.0)))) == []
+
+
 def test_the_size_says_what_is_not_given(tmp_path: Path) -> None:
     """Of a box of a×b×c: m·(b² + c²)/12; strips of M_z along y and M_y along z; CdA·b³/32."""
     scene = load_scene(written(tmp_path, with_body()))

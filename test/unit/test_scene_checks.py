@@ -23,6 +23,11 @@ FIGURES = (
     " axial_stiffness_n: 6.4e+7, breaking_load_n: 1.0e+6}"
 )
 
+WAVES = spoilt(
+    "effects:\n",
+    "effects:\n  - waves: {jonswap: {significant_height_m: 2.0, peak_period_s: 8.0}}\n",
+)
+
 
 def fixed(text: str, end: str) -> str:
     """The scene with its lower end held instead of loaded."""
@@ -182,6 +187,21 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
         spoilt("gravity_m_per_s2: 9.80665", "gravity_m_per_s2: 1.62"),
         "environment.gravity_m_per_s2: ",
         ("1.62 m/s²", "9.80665"),
+    ),
+    "a ship at rest in the waves that the rope feels": (
+        WAVES,
+        "sea_state: ",
+        ("the ship lies still", "on_waves"),
+    ),
+    "two seas": (
+        WAVES.replace("{start_s", "{bag: sea_1p2m, start_s"),
+        "sea_state: ",
+        ("the record", "two seas"),
+    ),
+    "a heave that the payload cannot follow": (
+        spoilt("{start_s: 10.0", "{heave: {amplitude_m: 7.0, period_s: 8.0}, start_s: 10.0"),
+        "sea_state.heave: ",
+        ("5.50 m/s", "sinks at 5.43", "slack"),
     ),
     "fixed end too far": (
         fixed(GOOD, "[0.0, 0.0, -505.0]"),

@@ -11,6 +11,8 @@ from math import ceil, floor, pi, sqrt
 from rope_twin.errors import phrase
 from rope_twin.scene.arrays.composite import Bar, tension_at_length
 from rope_twin.scene.arrays.joined import alone
+from rope_twin.scene.checks.body import check_body
+from rope_twin.scene.checks.load import SAFETY_FACTOR, check_load, load_together
 from rope_twin.scene.checks.water import (
     check_current,
     check_environment,
@@ -25,7 +27,6 @@ from rope_twin.scene.figures import (
     listed_effects,
     schedule_meets_limit,
 )
-from rope_twin.scene.hung_together import hung_together
 from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.rules.shedding import (
     coarse_for_vortices,
@@ -33,9 +34,8 @@ from rope_twin.scene.rules.shedding import (
     odd_vortices,
     shedding_model,
 )
-from rope_twin.scene.schema import Rope, Scene
+from rope_twin.scene.schema import Scene
 
-SAFETY_FACTOR = 3.0  # of breaking load over static load, common for lifting wire
 LONGEST_ELEMENT_M, SHORTEST_ELEMENT_M = 50.0, 0.5
 LARGEST_DAMPING = 0.1  # of critical
 # Measured with TR-BDF2 on snapping ropes: peak 0.2, 1 and 6 % low at T/h = 200, 100 and 40.
@@ -64,10 +64,10 @@ def sense_checks(scene: Scene) -> list[str]:
 
 def _joined(scene: Scene) -> Iterator[str]:
     """Of the first rope with all that hangs on it, and the elements and figures of the others."""
-    yield from _load_together(scene)
+    yield from load_together(scene)
     first = alone(scene, 0)
     for check in CHECKS:
-        if check is not _load:
+        if check is not check_load:
             yield from check(first, lift_figures(first))
     for number in range(1, len(scene.ropes)):
         own = alone(scene, number)
@@ -75,56 +75,6 @@ def _joined(scene: Scene) -> Iterator[str]:
         for check in (_elements, _rope_figures, _damping):
             for warning in check(own, figures):
                 yield warning.replace("ropes[0]", f"ropes[{number}]", 1)
-
-
-def _load(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    line = scene.ropes[0]
-    lengths = {"ropes[0]": (line.length_m, "")}
-    if scene.winch:
-        least, most = scene.winch.least_line_out_m, scene.winch.most_line_out_m
-        if figures.hung.dry_share(least) > 0.0:
-            lengths["winch.least_line_out_m"] = (least, f" with {least:g} m out, out of the water,")
-        lengths["winch.most_line_out_m"] = (most, f" with {most:g} m out")
-    for path, (length, when) in lengths.items():
-        rope, tension = figures.weakest(length)
-        breaking = rope.breaking_load_n
-        if line.fixed_at_m or tension <= breaking / SAFETY_FACTOR:
-            continue
-        top = "top tension" if len(figures.bars) == 1 else f"tension of {_called(rope)}"
-        what = (
-            f"static {top} {tension / 1e3:.0f} kN{when} against a breaking load of "
-            f"{breaking / 1e3:.0f} kN"
-        )
-        if tension >= breaking:
-            yield phrase(path, f"{what}: the rope breaks", "take a stronger rope or a lighter load")
-            return
-        what = f"{what}, a safety factor of {breaking / tension:.2f}"
-        yield phrase(path, what, f"below {SAFETY_FACTOR:g} take a stronger rope or a lighter load")
-        return
-
-
-def _load_together(scene: Scene) -> Iterator[str]:
-    """Of what the ropes from the ship carry together, as if evenly: less than that is sure."""
-    held = hung_together(scene)
-    if held is None:
-        return
-    only, when, path = len(held.lines) == 1, "", "ropes[0]"
-    tension, breaking = held.weight_n, held.breaking_load_n
-    if only and scene.winch and tension <= breaking / SAFETY_FACTOR:
-        most = scene.winch.most_line_out_m
-        tension, when = held.weight_at(most), f" with {most:g} m out"
-        path = "winch.most_line_out_m"
-    if tension <= breaking / SAFETY_FACTOR:
-        return
-    pull = "static top tension" if only else f"{len(held.lines)} ropes from the ship carry"
-    what = f"{pull} {tension / 1e3:.0f} kN{when} against a breaking load of {breaking / 1e3:.0f} kN"
-    if not only:
-        path, what = "ropes", f"{what} together"
-    if tension >= breaking:
-        yield phrase(path, f"{what}: rope breaks", "take stronger rope or a lighter load")
-        return
-    what = f"{what}, a safety factor of {breaking / tension:.2f}"
-    yield phrase(path, what, f"below {SAFETY_FACTOR:g} take stronger rope or a lighter load")
 
 
 def _fixed_end(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -172,10 +122,6 @@ def _one_rope(path: str, bar: Bar) -> Iterator[str]:
     if not low <= density <= high:
         what = f"its mass over its volume is {density:.0f} kg/m³ (steel wire 7900, HMPE 975)"
         yield phrase(path, what, "check mass_kg_per_m and hydrodynamic_diameter_m")
-
-
-def _called(rope: Rope) -> str:
-    return rope.about or f"the {1e3 * rope.diameter_m:g} mm rope"
 
 
 def _payload_floats(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -287,13 +233,21 @@ def _ship(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if height > 0.0 and not is_air(scene):
         what = f"{height:g} m above the water; this version treats the rope there as under water"
         yield phrase("ship.hang_off_m[2]", what, "expect a little too much buoyancy and drag")
+    heave = scene.sea_state.heave
+    fastest = 2.0 * pi * heave.amplitude_m / heave.period_s if heave else 0.0
+    sinking = figures.sinking_speed_m_per_s(scene.environment.water_density_kg_per_m3)
+    if 0.0 < sinking < fastest:
+        what = (
+            f"the hang-off goes down at up to {fastest:.2f} m/s, the payload sinks at {sinking:.2f}"
+        )
+        yield phrase("sea_state.heave", what, "expect a slack rope and snaps, or a gentler heave")
     if scene.sea_state.moves and ramp < SHORTEST_RAMP_S:
         what = f"the ship's motion is there within {ramp:g} s, which kicks the resting rope"
         yield phrase("ship.motion_ramp_s", what, "give 8 s or so")
 
 
 CHECKS: tuple[Check, ...] = (
-    _load,
+    check_load,
     _fixed_end,
     _elements,
     _rope_figures,
@@ -306,6 +260,7 @@ CHECKS: tuple[Check, ...] = (
     _schedule,
     check_winch,
     check_water,
+    check_body,
     _ship,
     check_current,
     coarse_for_vortices,

@@ -25,6 +25,7 @@ def check_water(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     yield from _depth_orders(scene)
     yield from _steepness(scene)
     yield from _sea_steepness(scene)
+    yield from _another_sea(scene)
     yield from _depth_of_waves(scene)
     yield from _arm(scene)
 
@@ -98,6 +99,20 @@ def _sea_steepness(scene: Scene) -> Iterator[str]:
     if height > most:
         what = f"Hs {height:g} m at Tp {period:g} s is steeper than seas are"
         yield phrase("effects waves.jonswap", what, f"give at most {most:.1f} m, or more time")
+
+
+def _another_sea(scene: Scene) -> Iterator[str]:
+    """The rope feels waves that the ship knows nothing of."""
+    waves, sea = listed_effects(scene).get("waves"), scene.sea_state
+    if not isinstance(waves, WavesParams) or sea.on_waves is not None:
+        return
+    right = "let it ride on them: `sea_state: {on_waves: {}}`"
+    if not sea.moves:
+        what = "the rope feels `waves`, and the ship lies still"
+        yield phrase("sea_state", what, f"{right}, unless it stands on the ground")
+    elif sea.bag and waves.regular is None:
+        what = f"the ship moves by the record '{sea.bag}', and the rope feels the sea of `waves`"
+        yield phrase("sea_state", what, f"these are two seas; {right}")
 
 
 def _depth_of_waves(scene: Scene) -> Iterator[str]:
