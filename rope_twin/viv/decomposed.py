@@ -20,7 +20,7 @@ from rope_twin.core.modes.apart import settle_added_mass
 from rope_twin.core.modes.sharing import parts_below, share_out
 from rope_twin.viv.force_table import ForceTable, fitted_forces
 from rope_twin.viv.lateral_modes import MOST, LateralModes, ModeSearch
-from rope_twin.viv.span import Floats, Span, refined
+from rope_twin.viv.span import EVEN, Floats, Span, refined
 
 PER_WAVE = 24  # elements per wave at the highest frequency that can be driven
 MOST_ELEMENTS = 6000
@@ -178,7 +178,7 @@ def fine_enough(span: Span, model: Decomposed) -> Span:
     slowest = float(np.sqrt((span.tension / moved).min()))
     fastest = model.band[1] * float((span.speed / span.diameter).max())
     longest = slowest / max(fastest, 1e-9) / PER_WAVE
-    return refined(span, max(longest, span.s[-1] / MOST_ELEMENTS))
+    return refined(span, max(longest, span.s[-1] / MOST_ELEMENTS), EVEN)
 
 
 def _per_metre(span: Span, model: Decomposed) -> Floats:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from rope_twin.core.modes.ringing import Drive, Ringing, add_up, ring
 from rope_twin.viv.lateral_modes import LateralModes, ModeSearch, find_lateral_modes
 from rope_twin.viv.shedding import Shedding
-from rope_twin.viv.span import Floats, Span, refined
+from rope_twin.viv.span import EVEN, Floats, Span, refined
 
 PER_WAVE = 24  # elements per wave at the highest Strouhal frequency: right there to 0.3 %
 PER_PERIOD = 6  # steps per period of that frequency
@@ -171,7 +171,7 @@ class ModalResponse:
         wave_speed = float(np.sqrt((span.tension / span.mass).min()))
         length = float(span.s[-1] - span.s[0])
         longest = max(wave_speed / max(shedding, 1e-9) / PER_WAVE, length / MOST_ELEMENTS)
-        return refined(span, longest), highest
+        return refined(span, longest, EVEN), highest
 
     def _take(self, span: Span, search: ModeSearch | None = None) -> None:
         """Modes up to the highest that the current can lock."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
+EVEN = 32  # a model's elements are a multiple of it: as many whatever the rope was given in
 
 
 class Span(NamedTuple):
@@ -41,10 +42,13 @@ class Span(NamedTuple):
         return lengths
 
 
-def refined(span: Span, longest_m: float) -> Span:
-    """The same rope in equal elements of at most this length, linear between the given ones."""
+def refined(span: Span, longest_m: float, multiple: int = 1) -> Span:
+    """The same rope in equal elements of at most this length, linear between the given ones.
+
+    multiple: their number is one of it, but for a rope that was given in more.
+    """
     length = float(span.s[-1] - span.s[0])
-    count = max(len(span.s) - 1, int(np.ceil(length / longest_m)))
+    count = max(len(span.s) - 1, multiple * int(np.ceil(length / (longest_m * multiple))))
     s = np.linspace(span.s[0], span.s[-1], count + 1)
     middle, own = 0.5 * (s[1:] + s[:-1]), 0.5 * (span.s[1:] + span.s[:-1])
     return span._replace(
