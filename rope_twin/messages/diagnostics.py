@@ -43,6 +43,8 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
         rows.append(_energy(snapshot.energy))
     if snapshot.band is not None:
         rows.append(_band(snapshot, snapshot.band))
+    if snapshot.no_band:
+        rows.append(Status("simulation: error band", Level.WARN, snapshot.no_band, {}))
     if snapshot.vibration is not None:
         rows.append(_vibration(snapshot, snapshot.vibration))
     if snapshot.fatigue is not None:

@@ -205,6 +205,7 @@ class Snapshot:
     winches: tuple[WinchShot, ...] = ()  # those that the scene has
     energy: EnergyBalance | None = None  # only of a run that keeps a ledger
     band: TensionBand | None = None  # only of a run that asks for it, once it is known
+    no_band: str = ""  # why a run that asks for it has none now
     vibration: RopeVibration | None = None  # only of a run that asks for it, once it is known
     fatigue: MaterialFatigue | None = None  # only of a run that asks for it
     ropes: tuple[RopeShot, ...] = ()  # all of them where ropes meet, or one was cut; else none

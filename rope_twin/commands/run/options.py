@@ -244,9 +244,6 @@ def _judge_cut(args: argparse.Namespace, begins_s: float) -> None:
         end = "" if args.for_s is None else f" to {args.for_s:g} s"
         what = f"the run goes from {begins_s:g} s{end or ' on'}"
         raise InputError(phrase(f"--cut {args.cut}", what, "cut within it"))
-    if args.error_band:
-        what = "the companion rope of --error-band cannot be cut with it"
-        raise InputError(phrase(f"--cut {args.cut}", what, "leave one out"))
 
 
 def _check(option: str, value: object, holds: bool, right: str) -> None:

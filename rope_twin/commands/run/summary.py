@@ -65,7 +65,8 @@ class RunSummary:
     energy: dict[str, float] | None = None  # EnergyBalance.figures; None: not asked for
     cut: dict[str, Any] | None = None  # CutShot's figures; None: the rope is whole
     cut_refused: str = ""  # why a cut that was asked for was not made
-    error_band: dict[str, float] | None = None  # TensionBand's figures; None: not asked for
+    error_band: dict[str, float] | None = None  # TensionBand's figures; None: not asked for, or
+    no_band: str = ""  # why there is none
     vibration: dict[str, float | str] | None = None  # where it is largest; None: not asked for
     fatigue: dict[str, float | str] | None = None  # of the metre used most; likewise
 
@@ -143,7 +144,7 @@ class RunSummary:
                 f"{_kn(self.error_band['high_n'])} (±{self.error_band['bound_n']:.3g} N); it took "
                 f"{self.error_band['cost_pct']:.0f} % more time"
             )
-        return lines
+        return [*lines, f"error band: {self.no_band}"] if self.no_band else lines
 
     def _missing_words(self) -> str:
         lost = self.not_recorded
@@ -249,6 +250,7 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         cut_refused=cut.note if cut and cut.refused else "",
         energy=snapshot.energy.figures() if snapshot.energy else None,
         error_band=dataclasses.asdict(snapshot.band) if snapshot.band else None,
+        no_band=snapshot.no_band,
         vibration=vibration_figures(snapshot),
         fatigue=fatigue_figures(snapshot),
     )

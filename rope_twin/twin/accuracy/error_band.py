@@ -21,7 +21,6 @@ from typing import Any, Self
 from rope_twin.core import state as rows
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.effects.wake_oscillator import WakeOscillator
-from rope_twin.errors import StateError, phrase
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rules.rigging import winches
 from rope_twin.scene.rules.shedding import model_beside, refuse_shedding, strouhal_number
@@ -65,10 +64,10 @@ class BandedTwin(Twin):
     def restore(cls, saved: str | Path | SavedState, scene: Scene) -> Self:
         """As for a twin."""
         twin = super().restore(saved, scene)
-        if twin.cut is not None:
-            what = "its rope was cut, which an error band's companion cannot follow"
-            raise StateError(phrase("saved state", what, "go on without an error band"))
-        twin._open_band(resting=False)
+        if twin.cut is None:
+            twin._open_band(resting=False)
+        else:
+            twin._close_band()
         return twin
 
     def offer_order(self, stamp_ns: int | None, order: Order, winch: str = WINCH) -> str:
@@ -87,16 +86,11 @@ class BandedTwin(Twin):
             for own in self._companion.winches.values():
                 own.doubt()
 
-    def offer_cut(self, stamp_ns: int | None, below_m: float, rope: str = "") -> str:
-        """Refused: the companion cannot follow."""
-        right = "cut it in a run without an error band"
-        return phrase("cut", "the error band's companion rope cannot be cut with it", right)
-
     def snapshot(self) -> Snapshot:
         """A frozen copy of the present with the band, once that is known."""
         taken = super().snapshot()
-        if taken.time_s < self._known_from_s:
-            return taken
+        if no_band := self._no_band(taken.time_s):
+            return replace(taken, no_band=no_band)
         rest = self._computing_s - self._band_s
         cost = 100.0 * self._band_s / rest if rest > 0.0 else 0.0
         first, *others = self._tops
@@ -118,6 +112,26 @@ class BandedTwin(Twin):
     def _band(self) -> ErrorBand:
         """Of the first rope."""
         return self._tops[0].band
+
+    def _no_band(self, time_s: float) -> str:
+        """Why there is none now; "" where there is."""
+        if self.cut is not None:
+            at = f"{self.cut.at_s:.2f} s"
+            return f"unknown since the cut at {at}: its companion does not follow a rope in parts"
+        if time_s < self._known_from_s:
+            known = f"{self._known_from_s:.1f} s"
+            return f"unknown until {known}: its companion was made on the way and has to settle"
+        return ""
+
+    def _part(self, lost_m: float, rope: int) -> None:
+        """The companion stays behind."""
+        super()._part(lost_m, rope)
+        self._close_band()
+
+    def _close_band(self) -> None:
+        """Follow no further."""
+        self._tops.clear()
+        self._companion.winches.clear()
 
     def _all_ropes(self) -> tuple[Rope, ...]:
         joined = self.joined
@@ -167,13 +181,17 @@ class BandedTwin(Twin):
 
     def _forget_borders(self, done: int) -> None:
         """Let the companion follow while the borders of the steps just done are still there."""
+        if self._tops:
+            self._follow(done)
+        super()._forget_borders(done)
+
+    def _follow(self, done: int) -> None:
         answering = self._answering()
         if done:
             began = time.perf_counter()
             self._judge(done, bool(answering))
             self._band_s += time.perf_counter() - began
         self._share_winches(answering)
-        super()._forget_borders(done)
 
     def _answering(self) -> dict[int, Winch]:
         """The winches that ask what their rope is like for the next step, by its number."""
