@@ -10,7 +10,7 @@ themselves at PER_PERIOD, which is more than a rope's structure does.
 
 from __future__ import annotations
 
-from math import exp, pi
+from math import exp, pi, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -20,7 +20,7 @@ from rope_twin.core.modes.sharing import share_out
 from rope_twin.viv.decomposed import TIE, Decomposed, Excitation, ExcitationSearch, displaced
 from rope_twin.viv.integrators import Integrator, Matrices, Motion, bathe, upper_bands
 from rope_twin.viv.lateral_modes import stiffness
-from rope_twin.viv.span import Floats, Span
+from rope_twin.viv.span import Floats, Span, half_waves
 
 PER_PERIOD = 24  # steps per period of the fastest driven mode
 REMEMBERED = 3.0  # periods over which motion is averaged
@@ -128,6 +128,8 @@ class DecomposedResponse:
     def _take(self, span: Span, search: ExcitationSearch | None) -> None:
         """What drives this rope, and its stiffness."""
         self.span = span
+        moved = self.model.density * 0.25 * pi * span.diameter[1:] ** 2
+        self.half_wave = half_waves(span, sqrt(self.model.band[0] * self.model.band[1]), moved)
         self.excitation: Excitation = (search or ExcitationSearch(span, self.model)).found()
         frequency = float(self.excitation.driven.max())
         self.step_s = 1.0 / (PER_PERIOD * frequency) if frequency > 0.0 else np.inf

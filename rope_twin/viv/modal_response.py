@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from rope_twin.core.modes.ringing import Drive, Ringing, add_up, ring
 from rope_twin.viv.lateral_modes import LateralModes, ModeSearch, find_lateral_modes
 from rope_twin.viv.shedding import Shedding
-from rope_twin.viv.span import EVEN, Floats, Span, refined
+from rope_twin.viv.span import EVEN, Floats, Span, half_waves, refined
 
 PER_WAVE = 24  # elements per wave at the highest Strouhal frequency: right there to 0.3 %
 PER_PERIOD = 6  # steps per period of that frequency
@@ -178,6 +178,7 @@ class ModalResponse:
         fine, highest = self._refined(span)
         modes = find_lateral_modes(fine, highest) if search is None else search.found()
         self.given, self.span, self.modes = span, fine, modes
+        self.half_wave = half_waves(fine, self.shedding.strouhal)
         self._omega = 2.0 * pi * modes.frequency
         shedding = self.shedding.strouhal * float((span.speed / span.diameter).max())
         self.step_s = 1.0 / (PER_PERIOD * shedding) if shedding > 0.0 else np.inf

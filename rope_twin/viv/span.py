@@ -60,6 +60,18 @@ def refined(span: Span, longest_m: float, multiple: int = 1) -> Span:
     )
 
 
+def half_waves(span: Span, per_diameter: float, moved: Floats | float = 0.0) -> Floats:
+    """Half a wave at f = per_diameter·U/d, at the nodes [m]; the whole rope at most.
+
+    moved: mass per metre beyond the span's own, at the elements [kg/m].
+    """
+    speed = np.sqrt(span.tension / (span.mass + moved))
+    speed = 0.5 * (np.append(speed[:1], speed) + np.append(speed, speed[-1:]))
+    length = float(span.s[-1] - span.s[0])
+    frequency = per_diameter * span.speed / span.diameter
+    return np.asarray(0.5 * speed / np.maximum(frequency, 0.5 * speed / length))
+
+
 def extended(at: Floats, s: Floats, values: Floats) -> Floats:
     """Linear interpolation that goes on in a straight line beyond the first and last value."""
     if len(s) < 2:

@@ -52,16 +52,21 @@ def grown(twin: Twin) -> Vector:
 
 
 def around_nodes(twin: Twin, shot: Snapshot) -> Vector:
-    """Vandiver's growth, the mean of a thousand places in each free node's share of the rope."""
+    """Vandiver's growth, the mean of a thousand places around each free node.
+
+    Over its share of the rope, and half a wave at St·U/d at least.
+    """
     assert twin.shaking is not None
-    s, amplitude = twin.shaking.tracker.at_places()
+    s, amplitude, half_wave = twin.shaking.tracker.at_places()
     steps = np.diff(shot.node_position_m[::-1], axis=0)
     below = np.concatenate([[0.0], np.cumsum(np.sqrt((steps * steps).sum(axis=1)))])
     below -= below[-1]
     middles = 0.5 * (below[1:] + below[:-1])
-    ends = np.concatenate([below[:1], middles])
+    quarter = 0.5 * np.interp(below, s, half_wave)[:-1]
+    low = np.minimum(np.concatenate([below[:1], middles[:-1]]), below[:-1] - quarter)
+    high = np.maximum(middles, below[:-1] + quarter)
     growth = 1.043 * (np.sqrt(2.0) * amplitude) ** 0.65
-    shares = (np.linspace(low, high, 1001) for low, high in itertools.pairwise(ends))
+    shares = np.linspace(np.maximum(low, below[0]), np.minimum(high, 0.0), 1001).T
     return np.array([np.interp(share, s, growth).mean() for share in shares])
 
 
@@ -111,7 +116,7 @@ def test_the_growth_of_coarse_nodes_is_that_of_the_rope_between_them() -> None:
     told = shaking(shot).drag_amplification[::-1]
     steps = np.sqrt((np.diff(shot.node_position_m[::-1], axis=0) ** 2).sum(axis=1))
     shares = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
-    s, amplitude = twin.shaking.tracker.at_places()
+    s, amplitude, _ = twin.shaking.tracker.at_places()
     all_along = 1.0 + 1.043 * (np.sqrt(2.0) * amplitude) ** 0.65
     assert len(s) > 15 * len(told)
     integral = 0.5 * ((all_along[1:] + all_along[:-1]) * np.diff(s)).sum()

@@ -7,14 +7,16 @@ import pytest
 
 from rope_twin.core.modes.nodes import mean_around
 
+NONE = np.zeros(9)  # no least length
+
 
 def test_means_of_a_straight_line_and_of_a_kink() -> None:
     """A line's mean is its value in the middle of the share; |x| by hand."""
     at, s = np.array([-9.0, -5.0, -2.0, 0.0]), np.array([-9.0, -7.5, -3.0, 0.0])
     middles = np.array([-8.0, -5.25, -2.25, -0.5])
-    np.testing.assert_allclose(mean_around(at, s, 2.0 * s + 3.0), 2.0 * middles + 3.0)
+    np.testing.assert_allclose(mean_around(at, s, 2.0 * s + 3.0, NONE[:4]), 2.0 * middles + 3.0)
     kink = mean_around(
-        np.array([-2.0, 0.5, 1.0]), np.array([-2.0, 0.0, 1.0]), np.array([2, 0, 1.0])
+        np.array([-2.0, 0.5, 1.0]), np.array([-2.0, 0.0, 1.0]), np.array([2, 0, 1.0]), NONE[:3]
     )
     np.testing.assert_allclose(kink, [1.375, (0.5 * 0.75**2 + 0.5 * 0.75**2) / 1.5, 0.875])
 
@@ -25,6 +27,17 @@ def test_nothing_between_coarse_nodes_is_missed() -> None:
     at = np.array([-90.0, -61.0, -40.0, -7.0, 0.0])
     values = np.sin(np.pi * s / 3.0) ** 2
     shares = 0.5 * (np.append(np.diff(at), 0.0) + np.append(0.0, np.diff(at)))
-    assert (mean_around(at, s, values) * shares).sum() == pytest.approx(45.0, rel=1e-12)
+    assert (mean_around(at, s, values, NONE[:5]) * shares).sum() == pytest.approx(45.0, rel=1e-12)
     # beyond the ends the last value holds: a rope that has been paid out since
-    assert mean_around(np.array([-10.0, -5.0]), s[-31:], values[-31:] + 1.0)[0] == 1.0
+    assert mean_around(np.array([-10.0, -5.0]), s[-31:], values[-31:] + 1.0, NONE[:2])[0] == 1.0
+
+
+def test_standing_waves_are_the_same_on_any_nodes() -> None:
+    """|sin| of half waves of 15 m: its mean, 2/π, on nodes 1 m, 4 m and 10 m apart."""
+    s = np.linspace(-300.0, 0.0, 6001)
+    values = np.abs(np.sin(np.pi * s / 15.0))
+    for step in (1.0, 4.0, 10.0):
+        at = np.arange(-300.0, 0.5 * step, step)
+        means = mean_around(at, s, values, np.full(len(at), 15.0))
+        inside = (at > -292.0) & (at < -8.0)
+        assert np.abs(means[inside] - 2.0 / np.pi).max() < 1e-4

@@ -27,14 +27,16 @@ def mix_flow(flow: Floats, rope: Rope, share: float) -> None:
     _mix(flow, rope.state.nodes, rope.work, int(rope.state.counts[ELEMENTS]), share)
 
 
-def mean_around(at: Floats, s: Floats, values: Floats) -> Floats:
+def mean_around(at: Floats, s: Floats, values: Floats, least: Floats) -> Floats:
     """Mean of `values`, linear between `s`, over the halves beside each of `at`, both rising.
 
-    So a sum over coarse nodes has all of what goes up and down between them. Beyond the ends of `s`
-    the end's value holds.
+    So a sum over coarse nodes has all of what goes up and down between them. `least`: a mean is
+    over this length at least, but not beyond the ends of `at`, (len(at),): what goes up and down
+    with a shorter wave is then the same for finer nodes. Beyond the ends of `s` the end's value
+    holds.
     """
-    found = np.empty(len(at))
-    _mean(at, s, values, found)
+    found, up_to = np.empty(len(at)), np.empty(len(s))
+    _mean(at, s, values, least, up_to, found)
     return found
 
 
@@ -64,33 +66,37 @@ def _mix(flow: Any, nodes: Any, work: Any, n: int, share: float) -> None:
 
 
 @jit_entry
-def _mean(at: Any, s: Any, values: Any, found: Any) -> None:
-    """Piece by piece from the lowest up, each as far as the next of `s` or the share's end."""
-    nodes, above = at.shape[0], 0  # `above`: the first of `s` that is beyond what was summed up
-    start = at[0]
-    while above < s.shape[0] and s[above] <= start:
-        above += 1
-    level = _level(s, values, above, start)
-    for node in range(nodes):
-        low, whole = start, 0.0
-        end = at[nodes - 1] if node == nodes - 1 else 0.5 * (at[node] + at[node + 1])
-        while low < end:
-            high = min(end, s[above]) if above < s.shape[0] else end
-            before, level = level, _level(s, values, above, high)
-            whole += 0.5 * (before + level) * (high - low)
-            low = high
-            while above < s.shape[0] and s[above] <= low:
-                above += 1
+def _mean(at: Any, s: Any, values: Any, least: Any, up_to: Any, found: Any) -> None:
+    last, low, high = at.shape[0] - 1, 0, 0
+    up_to[0] = 0.0
+    for i in range(1, s.shape[0]):
+        up_to[i] = up_to[i - 1] + 0.5 * (values[i] + values[i - 1]) * (s[i] - s[i - 1])
+    for node in range(last + 1):
+        start = 0.5 * (at[node] + at[max(node - 1, 0)])
+        end = 0.5 * (at[node] + at[min(node + 1, last)])
+        start = max(min(start, at[node] - 0.5 * least[node]), at[0])
+        end = min(max(end, at[node] + 0.5 * least[node]), at[last])
+        low, high = _below(s, start, low), _below(s, end, high)
+        whole = _integral(s, values, up_to, end, high) - _integral(s, values, up_to, start, low)
         found[node] = whole / (end - start)
-        start = end
 
 
 @jit
-def _level(s: Any, values: Any, above: int, at: float) -> float:
-    """Linear between above - 1 and `above`; beyond the ends the end's value."""
-    if above == 0:
-        return float(values[0])
-    if above == s.shape[0]:
-        return float(values[above - 1])
-    share = (at - s[above - 1]) / (s[above] - s[above - 1])
-    return float((1.0 - share) * values[above - 1] + share * values[above])
+def _below(s: Any, at: float, guess: int) -> int:
+    """The last of `s` that is not above, from a guess; the first where all are."""
+    i, last = guess, s.shape[0] - 1
+    while i < last and s[i + 1] <= at:
+        i += 1
+    while i > 0 and s[i] > at:
+        i -= 1
+    return i
+
+
+@jit
+def _integral(s: Any, values: Any, up_to: Any, at: float, i: int) -> float:
+    """Of the values from s[0] to there; i: the last of `s` below."""
+    step = at - s[i]
+    if i == s.shape[0] - 1 or step <= 0.0:
+        return float(up_to[i] + values[i] * step)
+    slope = (values[i + 1] - values[i]) / (s[i + 1] - s[i])
+    return float(up_to[i] + step * (values[i] + 0.5 * slope * step))

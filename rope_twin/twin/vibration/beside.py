@@ -137,11 +137,14 @@ class Beside:
         """At the nodes of the rope, from the lower end up [d]."""
         return self._at_nodes(rope, self.at_places()[1])
 
-    def at_places(self) -> tuple[Floats, Floats]:
-        """Its own places along the rope, as `along` has them [m], and the amplitude there [d]."""
+    def at_places(self) -> tuple[Floats, Floats, Floats]:
+        """Its own places along the rope, as `along` has them [m], and what they have.
+
+        The amplitude there [d], and half a wave of the local vortices' frequency [m].
+        """
         response = self._response
         s = response.span.s
-        return s - s[-1], getattr(response, "amplitudes", response.amplitude)
+        return s - s[-1], getattr(response, "amplitudes", response.amplitude), response.half_wave
 
     def _at_nodes(self, rope: Rope, values: Floats) -> Floats:
         """What the response has at its places, at the nodes of the rope."""

@@ -14,6 +14,8 @@ from functools import singledispatch
 from math import sqrt
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from rope_twin.core.modes.nodes import along, mean_around
 from rope_twin.core.state import ELEMENTS, Boundary, Floats, Rope
 from rope_twin.core.vortices.drag_growth import DragGrowth, set_growth
@@ -107,11 +109,14 @@ class Shaking:
     def _grown(self, rope: Rope) -> Floats:
         """By how much the drag grows at the nodes, over what it is.
 
-        A node has the mean over the rope that it stands for: half a wave may lie between two.
+        A node has the mean over the rope that it stands for, half a wave at least: so the drag of
+        a rope that stands in waves is the same on nodes that would see them and on ones that do
+        not.
         """
-        s, amplitude = self.tracker.at_places()
+        s, amplitude, half_wave = self.tracker.at_places()
         grown = amplified_drag(amplitude / sqrt(2.0), self._growth) - 1.0
-        return mean_around(along(rope), s, grown)
+        at = along(rope)
+        return mean_around(at, s, grown, np.interp(at, s, half_wave))
 
     def kept(self) -> KeptShaking:
         """From which `take_back` goes on."""
