@@ -74,6 +74,7 @@ def test_a_restored_twin_knows_its_band_when_the_companion_has_settled() -> None
         one, other = twin.snapshot(), again.snapshot()
         assert one.tension_top_n == other.tension_top_n
         assert (other.band is None) == (other.time_s < 3.0 + SETTLING_S)
+        assert other.no_band.startswith("unknown until 23.0 s: ") == (other.band is None)
         if one.band is not None and other.band is not None:
             bounds.append((one.band.bound_n, other.band.bound_n))
     started, restored = np.median(bounds, axis=0)
