@@ -3,7 +3,8 @@
 [GE] Ge, Added mass effect on VIV for flexible risers, 2018; [SJTU] thesis on ultra-slender flexible
 structures, ch. 5. For each mode the power Π_r = |Q_r|²/(2·R_r): Q_r the lift ½·C_Lv·ρ·D·U² over its
 band, weighted by |φ_r|, R_r the damping outside, c = -½·C_Lv·ρ·D·U²/(A·ω) where C_Lv < 0, with the
-structure's 2·m·ω·ζ. The strongest mode takes its band, the next what is left. Where the added mass
+structure's 2·m·ω·ζ. The strongest mode takes its band, the next what is left; modes of the same
+power share. Where the added mass
 varies, f = f_1·√(M_1/(M + Σ C_a·ρ·A·φ²)), iterated with the mean of two successive C_a; f_1 and M_1
 are those at C_a = 1.
 """
