@@ -3,8 +3,8 @@
 y(s, t) = Σ φ_i(s)·η_i(t), M_i·η̈_i + C_i·η̇_i + ω_i²·M_i·η_i = F_i(t): each mode is driven at its
 own frequency by ½·ρ·d·U²·C_l(A/d)·|φ_i| over the places that drive it, and damped by the structure
 and, elsewhere, by the water. A place drives one mode: among those that lock in there the one that
-moves most (shedding.leading_zones); modes that move alike share it. η_i is a convolution of F_i with
-e^(-ζω·t)·sin(ω_d·t), taken recursively (eq 9): with λ = -ζω + i·ω_d and
+moves most (shedding.leading_zones); modes that move alike share it. η_i is a convolution of F_i
+with e^(-ζω·t)·sin(ω_d·t), taken recursively (eq 9): with λ = -ζω + i·ω_d and
 c(t) = ∫ F(τ)·e^(λ(t-τ)) dτ,
 
     c(t + h) = e^(λh)·c(t) + ∫_t^(t+h) F(τ)·e^(λ(t+h-τ)) dτ,    η = Im c/(M·ω_d),
