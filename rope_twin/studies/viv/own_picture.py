@@ -13,9 +13,10 @@ from rope_twin.studies.validation.picture import draw_panels
 from rope_twin.studies.viv.own import OwnRun
 from rope_twin.studies.viv.picture import write_table
 
-PERIODS = 12  # of the motion that the space-time picture shows
+PERIODS = 12  # of the motion that the space-time picture shows,
+EDGE_PERIODS = 2  # ahead of the last ones, which the filter's end distorts
 COLUMNS = 60  # places in the table of the motion
-BELOW = "rope below the hang-off [m]"
+BELOW = "along the rope, + up from the hang-off [m]"
 
 
 def write_own(run: OwnRun, folder: Path) -> list[Path]:
@@ -104,21 +105,24 @@ def _along(run: OwnRun) -> list[Panel]:
 def _in_time(run: OwnRun) -> list[Panel]:
     depth = (-float(run.from_hang_off_m[-1]), 0.0)
     mean_hz = max(float(run.frequency_hz[0].max()), 1e-9)
-    shown = min(len(run.time_s), max(8, round(PERIODS / mean_hz / run.every_s)))
-    times = (float(run.time_s[-shown]), float(run.time_s[-1]))
+    samples = 1.0 / mean_hz / run.every_s  # a period
+    end = len(run.time_s) - min(round(EDGE_PERIODS * samples), len(run.time_s) // 4)
+    shown = slice(max(0, end - max(8, round(PERIODS * samples))), end)
+    times = (float(run.time_s[shown][0]), float(run.time_s[shown][-1]))
     frequency, power = run.spectra()
     some = frequency < 3.0 * mean_hz
     level = np.log10(np.maximum(power[some], 1e-6 * power.max()))
     with_flow = Panel("in line with it", "time [s]", BELOW,
-                      field=Field(run.motion[1, -shown:].T[::-1], times, depth, "x/d"))  # fmt: skip
+                      field=Field(run.motion[1, shown].T[::-1], times, depth, "x/d"))  # fmt: skip
     return [
         Panel("across the flow, last periods", "time [s]", BELOW,
-              field=Field(run.motion[0, -shown:].T[::-1], times, depth, "y/d")),
+              field=Field(run.motion[0, shown].T[::-1], times, depth, "y/d")),
         *([with_flow] if run.in_line else []),
         Panel("spectra across the flow", "[Hz]", BELOW,
               field=Field(level.T[::-1], (0.0, float(frequency[some][-1])), depth,
                           "log10 of power [d²/Hz]")),
-        Panel("top tension", "time [s]", "[kN]", (Line(run.time_s, 1e-3 * run.tension_top_n),)),
+        Panel("top tension", "time [s]", "[kN]",
+              (Line(run.time_s[shown], 1e-3 * run.tension_top_n[shown]),)),
     ]  # fmt: skip
 
 
