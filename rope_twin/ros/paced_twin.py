@@ -93,6 +93,7 @@ class PacedTwin:
         self._process_s = 0.0  # processor time of the whole process in earlier pacing
         self._process_at_s: float | None = None  # the same at the newest begin; None: halted
         self.epoch_ns: int | None = None
+        self.mixed = ""  # which input came from several senders by turns
 
     def begin(self, ros_now_ns: int) -> int:
         """Start (or go on after `halt`) and return the epoch: ROS time of the twin's t = 0 [ns]."""
@@ -143,7 +144,12 @@ class PacedTwin:
             share = CoreShare(*(100.0 * one / health.granted_s for one in used_s)).figures()
         trouble = kept.trouble if kept is not None else ""
         return replace(
-            summary, state=state, not_kept=trouble, rung_changes=changes, core_share=share
+            summary,
+            state=state,
+            not_kept=trouble,
+            mixed=self.mixed,
+            rung_changes=changes,
+            core_share=share,
         )
 
     def _processor_s(self) -> float:

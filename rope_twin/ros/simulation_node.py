@@ -18,6 +18,7 @@ from rclpy.parameter import Parameter
 
 from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
 from rope_twin.messages import Level, Status, encode_diagnostics, encode_epoch
+from rope_twin.ros.company import Turns
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.paced_twin import PacedTwin
 from rope_twin.ros.params import SimulationParams, declare, read
@@ -30,6 +31,7 @@ from rope_twin.twin.pacing import keep_pauses_short
 
 _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
 _POLL_S, _TELL_S = 0.1, 1.0
+MOTION_TOPICS = "ship/heave", "ship/odometry"
 
 
 class SimulationNode(LifecycleNode):
@@ -43,6 +45,7 @@ class SimulationNode(LifecycleNode):
         self._sentence = ""  # why the newest transition failed
         self._waited_s = 0.0
         self._told_finished = False
+        self._told_of_others = ""
         self.paced: PacedTwin | None = None
         self._own_publishers = {
             topic.name: self.create_publisher(
@@ -201,21 +204,28 @@ class SimulationNode(LifecycleNode):
         self._own_publishers[name].publish(data)
 
     def _taker(self, name: str) -> Any:
+        def take_motion(data: bytes, info: dict[str, Any]) -> None:
+            if self.paced is None:
+                return
+            turns.count(info)
+            if turns.mixed and not self.paced.mixed:
+                self.paced.mixed = f"{name}: it came from several senders by turns"
+                self.get_logger().error(self.paced.mixed)
+            offer = self.paced.offer_heave if name == "ship/heave" else self.paced.offer_pose
+            offer(data)
+
         def take(data: bytes) -> None:
             if self.paced is None:
                 return
-            if name == "ship/heave":
-                self.paced.offer_heave(data)
-            elif name == "ship/odometry":
-                self.paced.offer_pose(data)
-            elif name in WINCH_TOPICS:
+            if name in WINCH_TOPICS:
                 self.paced.offer_order(name, data)
             elif name == CUT_TOPIC:
                 self.paced.offer_cut(data)
             else:
                 self.paced.offer_current(data)
 
-        return take
+        turns = Turns()
+        return take_motion if name in MOTION_TOPICS else take
 
     def _tell(self) -> None:
         """Diagnostics, once a second and at each change of state."""
@@ -229,13 +239,15 @@ class SimulationNode(LifecycleNode):
 
     def _graph_rows(self) -> list[Status]:
         """Who else is on our topics: two sources of one input mix, two twins confuse everybody."""
-        mixed = [name for name in ("ship/heave", "ship/odometry", *WINCH_TOPICS)
+        mixed = [name for name in (*MOTION_TOPICS, *WINCH_TOPICS)
                  if self.count_publishers(name) > 1]  # fmt: skip
         twins = self.count_publishers("tension_top")
         values = {name: str(self.count_publishers(name)) for name in INPUTS}
         deaf = [name for name in self._own_publishers if unsuited(self, BY_NAME[name])]
+        level = Level.WARN
         if twins > 1:
             message = f"{twins} simulations publish here; give each its own ROS_DOMAIN_ID"
+            level = Level.ERROR
         elif mixed:
             message = f"more than one publisher of {', '.join(mixed)}: their samples mix"
         elif deaf:
@@ -244,7 +256,10 @@ class SimulationNode(LifecycleNode):
             )
         else:
             return [Status("simulation: sources", Level.OK, "one source for each input", values)]
-        return [Status("simulation: sources", Level.WARN, message, values)]
+        if message != self._told_of_others:
+            self.get_logger().warning(message)
+            self._told_of_others = message
+        return [Status("simulation: sources", level, message, values)]
 
 
 def main(args: list[str] | None = None) -> int:

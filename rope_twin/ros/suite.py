@@ -15,6 +15,7 @@ from rope_twin.commands.run.options import RunOptions
 from rope_twin.commands.run.summary import RunSummary
 from rope_twin.errors import InputError
 from rope_twin.ros.ahead import CompilingAhead
+from rope_twin.ros.company import refuse_company
 from rope_twin.ros.entry import StopSignal, initialise
 from rope_twin.ros.executor import make_executor
 from rope_twin.ros.params import overrides
@@ -96,6 +97,7 @@ class Suite:
             if name == "simulation":
                 ready()
                 self._ahead.wait(stop)
+                refuse_company(node)
                 stop.note = "\nending as soon as the twin is built; again: at once\n"
             if stop.requested:
                 raise KeyboardInterrupt

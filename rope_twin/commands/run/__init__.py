@@ -29,7 +29,8 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
     """Run, sum up, and return the exit code.
 
-    0, or 1 if the solver could not go on, or bag or state are not whole on the disk.
+    0, or 1 if the solver could not go on, if samples of two seas came by turns, or if bag or state
+    are not whole on the disk.
 
     `paced` runs the ROS suite; it is handed in, since ROS lives above the commands.
 
@@ -55,11 +56,13 @@ def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
         asked = {"asked_pct": options.budget_pct, "calibrated_pct": options.calibrated_pct}
         summary = replace(summary, core_share=summary.core_share | asked)
     progress.finish()
-    for trouble in filter(None, (summary.error, summary.not_kept)):
+    mixed = summary.mixed and f"{summary.mixed}; give each twin its own ROS_DOMAIN_ID."
+    troubles = [words for words in (summary.error, mixed, summary.not_kept) if words]
+    for trouble in troubles:
         progress.say(trouble)
     sys.stdout.write((summary.as_json() if options.json else summary.as_text()) + "\n")
     sys.stdout.flush()
-    return 1 if summary.error or summary.not_kept else 0
+    return 1 if troubles else 0
 
 
 def _of_its_sea(summary: RunSummary, options: RunOptions) -> RunSummary:

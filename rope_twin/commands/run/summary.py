@@ -57,6 +57,7 @@ class RunSummary:
     core_share: dict[str, float | None] | None = None  # CoreShare's figures; None: not paced
     rung_changes: int = 0  # how often the ladder was stepped down or up
     error: str = ""  # the sentence with which the run ended early
+    mixed: str = ""  # which input came from several senders by turns
     bag: str | None = None
     not_recorded: int = 0  # messages that were published and are not in the bag
     not_kept: str = ""  # why the bag or the newest state is not whole on the disk
