@@ -40,6 +40,11 @@ class InputCounter:
         self._remark = ""
 
     @property
+    def accepted(self) -> int:
+        """Samples so far that were good."""
+        return self._counts["accepted"]
+
+    @property
     def newest_ns(self) -> int | None:
         """Stamp of the newest accepted sample [ns]."""
         return self._newest_ns

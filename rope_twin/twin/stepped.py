@@ -171,7 +171,7 @@ class SteppedTwin(ToldTwin):
             self._run.take(tensions)
             self._recent.take(tensions)
         if self._shaking is not None and self._shaking.steps_to_look(self._steps) == 0:
-            currents = self._current.counter.health(self.time_ns, False).accepted
+            currents = self._current.counter.accepted
             self._shaking.look(self.rope, self._boundary, self._steps, currents)
         self._computing_s += time.perf_counter() - began
         if done < steps:
