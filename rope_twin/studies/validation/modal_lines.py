@@ -41,12 +41,12 @@ KEPT_MODES = (
     "The paper leaves open which mode a place drives where bands overlap, the band itself, and "
     "Venugopal's lift in figures. Kept, the same in all cases: the mode that moves most takes "
     "every place that locks it in, the next what is left; which moves most tells a response in "
-    "which each place drives the mode nearest to its Strouhal frequency (at rest: force over "
-    "damping and frequency). U/(f·d) of 5 to 7, two parabolas, damping outside the band only. "
-    "Of the rules tried, this one meets the mode, the frequency and the amplitude of riser and "
-    "cable, for all bands tried but 4 to 8 and 4 to 7 (riser 0.55); with the leading mode alone "
-    "both printed amplitudes, 0.452 and 0.285, come out to 1 %. On the riser it is a close call: "
-    "the eighth mode would move 2 to 6 % less than the seventh; on the cable the next is at 19 %."
+    "which each place drives the two modes that its Strouhal frequency lies between, the nearer "
+    "one more (at rest: force over damping and frequency). Modes that differ by less than a tenth "
+    "in that share a place, and of a place that a band ends in the part inside counts: so nothing "
+    "jumps where one mode outgrows another. U/(f·d) of 5 to 7, two parabolas, damping outside the "
+    "band only. Of the rules tried, this one meets the mode, the frequency and the amplitude of "
+    "riser and cable."
 )
 NODES = 151
 
