@@ -144,9 +144,6 @@ class ModalResponse:
 
     def advance(self, duration_s: float) -> None:
         """Go on by a time, in steps of at most `step_s`."""
-        if not len(self.frequency):
-            self.time_s += duration_s
-            return
         steps = max(1, int(np.ceil(duration_s / self.step_s - 1e-9)))
         for _ in range(steps):
             self._advance(duration_s / steps)

@@ -75,9 +75,14 @@ def leading_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Fl
     """
     if not len(frequency):
         return locked
-    between = np.clip(np.interp(shedding, frequency, np.arange(len(frequency))), 0.0, None)
-    near = np.maximum(1.0 - np.abs(between[:, None] - np.arange(len(frequency))), 0.0)
-    return share_out((moved * near * locked).sum(axis=0), locked, TIE)
+    between = np.interp(shedding, frequency, np.arange(len(frequency)))
+    lower, place = between.astype(int), np.arange(len(shedding))
+    upper, nearer = np.minimum(lower + 1, len(frequency) - 1), between - lower
+    size = np.zeros(len(frequency))
+    for mode, share in ((lower, 1.0 - nearer), (upper, nearer)):
+        feeds = share * moved[place, mode] * locked[place, mode]
+        size += np.bincount(mode, feeds, len(frequency))
+    return share_out(size, locked, TIE)
 
 
 # Of the modes' frequencies, the places' own of shedding, the part of each place that a mode is
