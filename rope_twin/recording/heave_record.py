@@ -5,6 +5,7 @@ Nothing is mended in silence: what was skipped or derived is counted and told in
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import numpy as np
 from rope_twin.errors import BagError, phrase
 from rope_twin.recording.bag_reader import BagReader
 from rope_twin.recording.stamped_rows import (
+    Faults,
     StampedRows,
     Stamps,
     Table,
@@ -21,9 +23,12 @@ from rope_twin.recording.stamped_rows import (
     choose_topic,
 )
 from rope_twin.topics import BY_NAME
+from rope_twin.twin.motion.ship import HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S
 
 _HEAVE, _ELEVATION = BY_NAME["ship/heave"], BY_NAME["sea/elevation"]
 _POSE = BY_NAME["ship/odometry"]
+LARGEST_MEAN_M = 1.0  # of heave about the rest
+LONGEST_PERIOD_S = 0.2  # the twin knows samples so long ahead, as it would live
 
 
 @dataclass(frozen=True)
@@ -58,11 +63,11 @@ def read_heave(path: Path, topic: str | None = None) -> HeaveRecord:
             _refuse_poses(bag)
         name = choose_topic(bag, topic, _HEAVE.name, (_HEAVE.type_name,))
         rows = StampedRows(bag, name, "heave", _heave_of)
-        stamp_ns, values = rows.usable()
+        stamp_ns, values = rows.usable(_impossible)
         elevation_ns, elevation_m, told = read_elevation(bag)
         source = bag.custom_data.get("source", "")
     velocity, note = _check_velocity(rows.where, stamp_ns, values)
-    notes = [*rows.notes, note, *told]
+    notes = [*rows.notes, note, *_odd(rows.where, stamp_ns, values[:, 0]), *told]
     return HeaveRecord(
         time_ns=stamp_ns - stamp_ns[0],
         position_m=values[:, 0],
@@ -112,6 +117,31 @@ def read_elevation(bag: BagReader) -> tuple[Stamps, Vector, list[str]]:
 
 def _heave_of(message: Any) -> tuple[float, float]:
     return message.pose.pose.position.z, message.twist.twist.linear.z
+
+
+def _impossible(values: Table) -> Faults:
+    """Samples that a running twin would refuse, one by one."""
+    most = np.array([HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S])
+    fault = (
+        f"beyond the ±{most[0]:g} m about its rest and ±{most[1]:g} m/s that a ship stays within"
+    )
+    return {fault: np.asarray((np.abs(values) > most).any(axis=1))}
+
+
+def _odd(where: str, stamp_ns: Stamps, position: Vector) -> Iterator[str]:
+    """What can be replayed and is hardly meant."""
+    mean, spread = float(position.mean()), float(position.std())
+    if abs(mean) > max(LARGEST_MEAN_M, spread):
+        yield (
+            f"{where}: its mean is {mean:.2f} m; heave counts from the rest, and the hang-off lies "
+            "that much off it."
+        )
+    usual_s = float(np.median(np.diff(stamp_ns))) * 1e-9
+    if usual_s > LONGEST_PERIOD_S:
+        yield (
+            f"{where}: a sample every {usual_s:.3g} s, and the motion between them is assumed; "
+            f"give one every {LONGEST_PERIOD_S:g} s or more often."
+        )
 
 
 def _check_velocity(where: str, stamp_ns: Stamps, values: Table) -> tuple[Vector, str]:

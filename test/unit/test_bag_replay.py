@@ -207,6 +207,25 @@ def test_a_still_ship_is_no_fault(tmp_path):
     assert all(s.position_m == 0.0 for s in replay.between(0, 10 * SECOND))
 
 
+@pytest.mark.parametrize(("scale", "off"), [(100.0, 0.0), (1.0, 35.0)])
+def test_heave_in_centimetres_or_above_a_datum_is_refused(tmp_path, scale, off):
+    """A twin refused each sample, and the ship lay still without a word."""
+    rows = [(t, scale * z + off, scale * v) for t, z, v in swell()]
+    with pytest.raises(BagError, match=r"beyond the ±30 m about its rest and ±15 m/s"):
+        open_heave(write_heave(tmp_path / "far", rows))
+
+
+def test_heave_off_its_rest_and_scarce_samples_are_told(tmp_path):
+    rows = [(t, z + 12.0, v) for t, z, v in swell(480)]  # three whole waves
+    note = open_heave(write_heave(tmp_path / "off", rows)).note
+    assert "its mean is 12.00 m; heave counts from the rest" in note
+    scarce = open_heave(write_heave(tmp_path / "scarce", swell(step_ns=2 * SECOND))).note
+    assert "a sample every 2 s, and the motion between them is assumed" in scarce
+    usual = open_heave(write_heave(tmp_path / "usual", swell())).note
+    assert "mean" not in usual
+    assert "assumed" not in usual
+
+
 def test_few_bad_samples_are_skipped_counted_and_told(tmp_path):
     rows = swell(1280)
     rows[100] = (rows[100][0], float("nan"), 0.0)

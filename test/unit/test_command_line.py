@@ -5,9 +5,11 @@ from __future__ import annotations
 import resource
 import subprocess
 import sys
+from math import nan
 from pathlib import Path
 
 import pytest
+from bag_samples import swell, write_heave
 
 from rope_twin import cli
 from rope_twin.cli import main
@@ -132,3 +134,13 @@ def test_a_run_whose_bag_or_state_finds_no_room_does_not_end_as_if_it_had(
     told = refused(tmp_path, *words, output="/dev/null")
     assert "kept" in told
     assert "(File too large)" in told
+
+
+def test_what_was_wrong_with_a_sea_is_told_where_no_node_tells_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = [(at, nan if number == 9 else z, v) for number, (at, z, v) in enumerate(swell())]
+    bag = write_heave(tmp_path / "bag", rows)
+    words = f"run still_water --speed 0 --for 1 --no-record --bag {bag}"
+    assert main(words.split()) == 0
+    assert "skipped 1 of 400 samples (1 not finite)" in capsys.readouterr().err

@@ -39,3 +39,12 @@ def test_where_ropes_meet_it_is_every_rope_and_payload() -> None:
     head, _, _, end, *_ = one.as_text().splitlines()
     assert "on 1 element with" in head
     assert "on 1 element, " in end
+
+
+def test_refused_heave_is_told_with_the_newest_reason() -> None:
+    twin = Rig(length=100.0, elements=10).twin()
+    twin.offer_heave(10_000_000, 0.1, 0.0)
+    assert "refused" not in summarise(twin, twin.snapshot(), None).as_text()
+    twin.offer_heave(20_000_000, 90.0, 0.0)
+    said = summarise(twin, twin.snapshot(), None).as_text()
+    assert "1 of 2 samples of heave were refused; the newest: heave: position 90 m" in said

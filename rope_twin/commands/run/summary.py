@@ -45,6 +45,7 @@ class RunSummary:
     heave_accepted: int
     heave_refused: int
     heave_late: int  # of the refused: came after they were needed
+    heave_refusal: str  # the newest one's sentence
     commands_accepted: int
     commands_refused: int
     lower_end: str = "payload"  # what payload_depth_m is of
@@ -99,6 +100,10 @@ class RunSummary:
             *self._end_words(),
             *self._pace_words(),
         ]
+        if self.heave_refused:
+            told = self.heave_accepted + self.heave_refused
+            words = f"{self.heave_refused} of {told} samples of heave were refused; the newest: "
+            lines.append(words + self.heave_refusal.rstrip("."))
         if self.cut is not None:
             lines.append(cut_words(CutShot(**self.cut)))
         lines += [self.cut_refused] if self.cut_refused else []
@@ -243,6 +248,7 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
         heave_accepted=heave.accepted if heave else 0,
         heave_refused=heave.refused if heave else 0,
         heave_late=heave.late if heave else 0,
+        heave_refusal=heave.refusal if heave else "",
         commands_accepted=command.accepted if command else 0,
         commands_refused=command.refused if command else 0,
         speed=pacing.speed if pacing else 0.0,

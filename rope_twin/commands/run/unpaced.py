@@ -81,6 +81,11 @@ class UnpacedRun:
         self.last: Snapshot = self.twin.snapshot()
         self._record([(self.twin.time_ns, "twin/epoch", encode_epoch(self.epoch_ns))])
 
+    @property
+    def sea_note(self) -> str:
+        """What was wrong with the sea that is replayed and what is done about it; or nothing."""
+        return self._sea.note if self._sea else ""
+
     def advance_slot(self) -> Snapshot:
         """Offer inputs, step, record. Raises SolverError; the last good state is kept."""
         self._offer(self.twin.time_ns + self._slot_ns + LEAD_NS)
@@ -197,8 +202,9 @@ def run_unpaced(
         RopeTwinError: scene, bag, state or directory are wrong; one sentence.
     """
     run = UnpacedRun(options, epoch_ns)
-    if say is not None and run.twin.told:
-        say(run.twin.told)
+    for words in filter(None, (run.sea_note, run.twin.told)):
+        if say is not None:
+            say(words)
     error = not_kept = ""
     step_ns = run.twin.step_ns
     last_ns = round((options.for_s or 0.0) * 1e9 / step_ns) * step_ns
