@@ -1,0 +1,87 @@
+"""The scenes that docs/own_scenes.md gives, against the hand calculations beside them."""
+
+from __future__ import annotations
+
+import re
+from math import asinh, pi, sqrt
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from rope_twin import Snapshot, Twin, load_scene
+from rope_twin.scene.checks.rope import sense_checks
+from rope_twin.scene.ropes import rope_preset
+from rope_twin.scene.schema import Rope
+
+PAGE = Path(__file__).parents[2] / "docs" / "own_scenes.md"
+BUOY, CRANES, CABLE, TOW = re.findall(r"```yaml\n(.*?)```", PAGE.read_text(), re.DOTALL)
+G, RHO = 9.80665, 1025.0
+
+
+def at_rest(text: str, folder: Path) -> Snapshot:
+    """How the scene begins; nobody warns of it."""
+    (folder / "own.yaml").write_text(text)
+    scene = load_scene(folder / "own.yaml")
+    assert sense_checks(scene) == []
+    return Twin(scene).snapshot()
+
+
+def in_water(rope: Rope) -> float:
+    """Weight [N/m]."""
+    return (rope.mass_kg_per_m - RHO * pi / 4.0 * rope.hydrodynamic_diameter_m**2) * G
+
+
+def test_a_buoy_floats_on_what_its_chain_leaves_it(tmp_path: Path) -> None:
+    shot = at_rest(BUOY, tmp_path)
+    assert shot.seabed is not None
+    lying_m = shot.seabed.rope_on_bed_m
+    assert lying_m == pytest.approx(60.0 - 49.3, abs=1.5)  # to half an element
+    rope = (
+        in_water(rope_preset("chain_76mm")) * 49.3
+        + in_water(rope_preset("polyester_100mm")) * 150.0
+    )
+    wet = (8000.0 + rope / G) / RHO / 40.0
+    assert shot.payload_position_m[2] == pytest.approx(4.0 * (0.5 - wet), abs=0.1)
+    assert shot.tension_payload_n == pytest.approx(rope, rel=0.02)
+
+
+def test_each_crane_carries_its_end(tmp_path: Path) -> None:
+    shot = at_rest(CRANES, tmp_path)
+    beam = 20000.0 * (1.0 - RHO / 7850.0)
+    wire = 100.0 * in_water(rope_preset("steel_wire_76mm"))
+    for rope, load in zip(shot.ropes, (120000.0 - 15.0 * RHO, 60000.0 - 7.5 * RHO), strict=True):
+        assert rope.tension_top_n == pytest.approx((load + 0.5 * beam) * G + wire, rel=1e-3)
+
+
+def test_a_laid_cable_is_a_catenary_that_begins_level(tmp_path: Path) -> None:
+    shot = at_rest(CABLE, tmp_path)
+    w = (30.0 - RHO * pi / 4.0 * 0.12**2) * G
+    depth, length, span = 300.0, 450.0, 250.0
+
+    def hanging(a: float) -> float:
+        return sqrt(depth**2 + 2.0 * depth * a)
+
+    a = brentq(lambda a: a * asinh(hanging(a) / a) + length - hanging(a) - span, 1.0, 1000.0)
+    assert shot.tension_top_n == pytest.approx(w * (depth + a), rel=1e-3)
+    assert shot.hang_off_force_n[0] == pytest.approx(w * a, rel=2e-3)
+    assert shot.seabed is not None
+    assert shot.seabed.rope_on_bed_m == pytest.approx(length - hanging(a), abs=3.0)  # an element
+
+
+def test_a_tow_is_the_sum_of_weight_and_drag_from_the_fish_up(tmp_path: Path) -> None:
+    shot = at_rest(TOW, tmp_path)
+    rope, flow = rope_preset("whoi_cable_17mm"), np.array([-2.0, 0.0])
+    d, w = rope.hydrodynamic_diameter_m, in_water(rope)
+    pull = np.array([-0.5 * RHO * 0.2 * 4.0, -(1000.0 - 0.25 * RHO) * G])
+    place, step = np.zeros(2), 500.0 / 5000
+    for _ in range(5000):
+        up = -pull / np.hypot(*pull)
+        along = (flow @ up) * up
+        across = flow - along
+        drag = 1.5 * np.hypot(*across) * across + 0.02 * pi * np.hypot(*along) * along
+        pull = pull + (0.5 * RHO * d * drag - np.array([0.0, w])) * step
+        place = place + up * step
+    assert -shot.payload_position_m[[0, 2]] == pytest.approx(place, rel=2e-3)
+    assert shot.tension_top_n == pytest.approx(np.hypot(*pull), rel=2e-3)
