@@ -19,6 +19,7 @@ from rope_twin.core.payout.motion import place_hang_off, prescribed
 from rope_twin.core.payout.trial import HIGH, load_trials
 from rope_twin.core.rope.elastic import stretch_all
 from rope_twin.core.rope.sections import set_lengths, set_top_length
+from rope_twin.core.solve.halving import HALVINGS, OUT, advance_halving
 from rope_twin.core.solve.prediction import GAMMA, accept
 from rope_twin.core.solve.remembering import (
     accept_memories,
@@ -50,14 +51,9 @@ from rope_twin.core.state import (
     PULL_X,
     PULL_Y,
     PULL_Z,
-    REJECTED,
     RESIDUAL,
     REST,
     SOLVES,
-    STEPS,
-    SUBSTEPS,
-    SUBSTEPS_MAX,
-    SUBSTEPS_UNCONVERGED,
     TENSION,
     ZERO,
     Boundary,
@@ -66,7 +62,6 @@ from rope_twin.core.state import (
     Stage,
 )
 
-HALVINGS = 5  # down to h/32
 OFFSET_GONE = 1e-15  # a fading length offset below this part of its element is 0
 
 
@@ -79,13 +74,25 @@ def stage_at(rope: Any, boundary: Any, row: int, part: float, time: float, c: fl
     return Stage(time + part * h, c * c, c, V)
 
 
+@jit_sum
+def _is_finite(rope: Any) -> bool:
+    """Whether the stage's motion is finite. A converged one is: NaN disagrees with any tension."""
+    total = 0.0
+    for k in range(NODE_ROWS):
+        row = rope.work[k]
+        for i in range(rope.state.counts[ELEMENTS]):
+            total += abs(row[i])
+    return isfinite(total)
+
+
 @jit
-def _substep(rope: Any, boundary: Any, row: int, time: float, level: int, done: int) -> Any:
+def _substep(rope: Any, at: Any, level: int, done: int) -> Any:
     """Both stages over 1/2^level of the step, from done/2^HALVINGS; the result is in work.
 
     Returns the worse of what the stages returned, their weight q, and the share of CORRECTION that
     is pending.
     """
+    boundary, row, time = at
     start, share = done / (1 << HALVINGS), 1.0 / (1 << level)
     cap = CAP if level < HALVINGS else LAST_CAP
     c = 0.5 * GAMMA * share * rope.model.step
@@ -101,67 +108,32 @@ def _substep(rope: Any, boundary: Any, row: int, time: float, level: int, done: 
         pending = 1.0 if outcome == PENDING else 0.0
         pending = settle_memories(rope.effects, rope, stage, kind, pending)
         again = level == 0 and rope.state.health[SOLVES] == solves + 1
+    if worst == UNCONVERGED and level == HALVINGS and not _is_finite(rope):
+        worst = NOT_FINITE
     return int(worst), c, pending
 
 
 @jit
-def _accept(rope: Any, q: float, pending: float) -> None:
+def _accept(rope: Any, found: Any) -> None:
     """The substep's motion becomes the state's, that of the ends as it is."""
+    _, q, pending = found
     n, first = rope.state.counts[ELEMENTS], rope.model.first_free
     accept(rope.state.nodes, rope.work, q * q, q, pending, first, n)
     for k in range(NODE_ROWS):
         rope.state.nodes[k, n] = rope.work[k, n]
-
-
-@jit_sum
-def is_finite(work: Any, n: int) -> bool:
-    """Whether the stage's motion is finite. A converged one is: NaN disagrees with any tension."""
-    total = 0.0
-    for k in range(NODE_ROWS):
-        row = work[k]
-        for i in range(n):
-            total += abs(row[i])
-    return isfinite(total)
+    accept_memories(rope.effects, rope.state)
 
 
 @jit
-def _advance_halving(rope: Any, boundary: Any, row: int, time: float) -> bool:
-    """One step, in halves of halves where Newton does not converge.
-
-    False: not finite; the state is as it was.
-    """
-    full = 1 << HALVINGS
-    done, level, substeps = ZERO, ZERO, 0
-    state, work, health = rope.state, rope.work, rope.state.health
-    n = state.counts[ELEMENTS]
-    begin_step(rope.effects, rope, time)
-    while done < full:
-        part = full >> level
-        outcome, q, pending = _substep(rope, boundary, row, time, level, done)
-        if outcome < CONVERGED and level < HALVINGS:
-            level += 1
-            health[REJECTED] += 1
-            continue
-        if outcome == NOT_FINITE or (outcome == UNCONVERGED and not is_finite(work, n)):
-            if done > 0:
-                copy(work, KEPT_ROWS, state.nodes, ZERO, n + 1)
-                return_memories(rope.effects, state)
-            return False
-        if outcome == UNCONVERGED:
-            health[SUBSTEPS_UNCONVERGED] += 1
-        if done == 0 and part < full:  # the step's start, should a later part fail
-            copy(state.nodes, ZERO, work, KEPT_ROWS, n + 1)
-            keep_memories(rope.effects, state)
-        _accept(rope, q, pending)
-        accept_memories(rope.effects, state)
-        done += part
-        substeps += 1
-        while level > 0 and done % (full >> (level - 1)) == 0:
-            level -= 1
-    health[STEPS] += 1
-    health[SUBSTEPS] += substeps
-    health[SUBSTEPS_MAX] = max(health[SUBSTEPS_MAX], substeps)
-    return True
+def _copy_start(rope: Any, way: int) -> None:
+    """Motion and memories of the step's start to scratch, or back."""
+    nodes, work, n = rope.state.nodes, rope.work, rope.state.counts[ELEMENTS]
+    if way == OUT:
+        copy(nodes, ZERO, work, KEPT_ROWS, n + 1)
+        keep_memories(rope.effects, rope.state)
+    else:
+        copy(work, KEPT_ROWS, nodes, ZERO, n + 1)
+        return_memories(rope.effects, rope.state)
 
 
 @jit
@@ -240,7 +212,9 @@ def _advance(rope: Any, boundary: Any, pull: Any, time: float, steps: int) -> in
     set_lengths(work, state.s, rope.sections, n, boundary.value[0, LINE])
     for row in range(steps):
         now = time + row * rope.model.step
-        if not _advance_halving(rope, boundary, row, now):
+        begin_step(rope.effects, rope, now)
+        at = boundary, row, now
+        if not advance_halving(rope, state.health, at, _substep, _copy_start, _accept):
             recall_tension(rope, boundary, row, now)
             return row
         finish(rope, boundary, pull, row, now + rope.model.step)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rope_twin.core.step import HALVINGS
+from rope_twin.core.solve.halving import HALVINGS
 from rope_twin.errors import phrase
 
 

@@ -22,7 +22,7 @@ from numba.core.types import containers
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-from rope_twin.core.compiler.jit import jit
+from rope_twin.core.compiler.jit import jit, jit_within
 from rope_twin.core.state import NODE_ROWS, WORK_ROWS
 
 _DOUBLE = ir.DoubleType()
@@ -199,3 +199,9 @@ def copy(source: Any, first: int, target: Any, first_target: int, n: int) -> Non
         a, b = source[first + k], target[first_target + k]
         for i in range(n):
             b[i] = a[i]
+
+
+@jit_within
+def column(work: Any, first: int, i: int) -> Any:
+    """Column i of three rows."""
+    return work[first, i], work[first + 1, i], work[first + 2, i]

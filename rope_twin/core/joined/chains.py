@@ -13,6 +13,7 @@ from __future__ import annotations
 from typing import Any
 
 from rope_twin.core.compiler.jit import jit_ordered, jit_within
+from rope_twin.core.compiler.rows import column
 from rope_twin.core.solve.elimination import eliminate_node, spring
 from rope_twin.core.state import (
     AXIAL,
@@ -29,12 +30,6 @@ from rope_twin.core.state import (
 FAR = WORK_ROWS  # 9 rows: H of a node, by rows
 CHAIN_ROWS = FAR + 9
 _NOTHING = (0.0, 0.0, 0.0)
-
-
-@jit_within
-def column(work: Any, first: int, i: int) -> Any:
-    """Column i of three rows."""
-    return work[first, i], work[first + 1, i], work[first + 2, i]
 
 
 @jit_within

@@ -24,7 +24,7 @@ from math import acos, nan, sqrt, tanh
 from typing import Any, NamedTuple
 
 from rope_twin.core.compiler.jit import jit, jit_within
-from rope_twin.core.joined.chains import column
+from rope_twin.core.compiler.rows import column
 from rope_twin.core.joined.stack import rope_of
 from rope_twin.core.rope.sections import set_top_length
 from rope_twin.core.state import (

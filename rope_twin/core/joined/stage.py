@@ -15,7 +15,7 @@ from numba.extending import overload
 
 from rope_twin.core.acting import hooks
 from rope_twin.core.compiler.jit import LINKED, jit
-from rope_twin.core.joined.chains import column
+from rope_twin.core.compiler.rows import column
 from rope_twin.core.joined.condensation import add_couplings
 from rope_twin.core.joined.joints import (
     LOOSE,
@@ -33,17 +33,15 @@ from rope_twin.core.joined.ties import add_ties, count_unexpected_ties, expect_p
 from rope_twin.core.rope.elastic import growth_of, stretch, stretch_corrected, stretch_top
 from rope_twin.core.solve.assembly import load_lowest, load_nodes, set_flow, slope
 from rope_twin.core.solve.prediction import correct, predict_bdf2, predict_trapezoid
+from rope_twin.core.solve.search import SEARCH_FROM, search
 from rope_twin.core.solve.stage import (
     BDF2,
     CHUNK,
     CONVERGED,
     NOT_FINITE,
     SEARCH,
-    SEARCH_EVALUATIONS,
-    SEARCH_FROM,
     TRAPEZOID,
     UNCONVERGED,
-    secant,
 )
 from rope_twin.core.state import (
     AXIAL,
@@ -115,7 +113,7 @@ def solve_joined(system: Any, stage: Any, kind: int, cap: int) -> int:
             return CONVERGED
         _evaluate(system, stage, RELOAD, 0.0)
         if correction >= SEARCH_FROM:
-            _search(system, stage, before)
+            search(system, stage, before, _correct_by, _slope)
     return UNCONVERGED
 
 
@@ -250,20 +248,6 @@ def _slope(system: Any) -> Any:
 
 
 @jit
-def _search(system: Any, stage: Any, before: float) -> None:
-    """Where the last correction overshot, go back along it to R·delta = 0, about.
-
-    before: R·delta at the correction's start. Secants in a bracket that opens with (0, 1).
-    """
-    low, slope_low, high, slope_high = 0.0, before, 1.0, 0.0
-    factor, here = 1.0, _slope(system)
-    for evaluation in range(SEARCH_EVALUATIONS):
-        if here < -0.5 * before:
-            high, slope_high = factor, here
-        elif evaluation > 0 and here > 0.5 * before:
-            low, slope_low = factor, here
-        else:
-            return
-        target = secant(low, slope_low, high, slope_high)
-        _evaluate(system, stage, SEARCH, target - factor)
-        factor, here = target, _slope(system)
+def _correct_by(system: Any, stage: Any, factor: float) -> None:
+    """a += factor·delta, with all that follows from it."""
+    _evaluate(system, stage, SEARCH, factor)

@@ -5,8 +5,6 @@ from __future__ import annotations
 from math import isfinite
 from typing import Any
 
-import numpy as np
-
 from rope_twin.core.acting import terms
 from rope_twin.core.compiler.held import hold
 from rope_twin.core.compiler.jit import compiled, jit, jit_entry
@@ -18,6 +16,7 @@ from rope_twin.core.joined.stage import end_rope, solve_joined
 from rope_twin.core.rope.elastic import stretch_all
 from rope_twin.core.rope.sections import set_lengths
 from rope_twin.core.solve.assembly import load_nodes
+from rope_twin.core.solve.halving import BACK, HALVINGS, OUT, advance_halving
 from rope_twin.core.solve.prediction import GAMMA
 from rope_twin.core.solve.stage import (
     BDF2,
@@ -34,52 +33,19 @@ from rope_twin.core.state import (
     LINE,
     PULL,
     PULL_X,
-    REJECTED,
     RESIDUAL,
-    STEPS,
-    SUBSTEPS,
-    SUBSTEPS_MAX,
-    SUBSTEPS_UNCONVERGED,
     ZERO,
     Boundary,
     Floats,
     Stage,
 )
-from rope_twin.core.step import HALVINGS, finish, stage_at
-
-OUT, BACK = np.int64(0), np.int64(1)  # ways to copy: from the state to scratch, and back
+from rope_twin.core.step import finish, stage_at
 
 
 @jit
 def _boundary_of(boundary: Any, r: int) -> Any:
     """The prescribed motion of rope r."""
     return Boundary(boundary.value[r], boundary.rate[r])
-
-
-@jit
-def _substep(system: Any, boundary: Any, row: int, time: float, level: int, done: int) -> int:
-    """Both stages over 1/2^level of the step, from done/2^HALVINGS; the result is in work.
-
-    Returns the worse of what the stages returned.
-    """
-    h = system.stack.model[0, STEP]
-    start, share = done / (1 << HALVINGS), 1.0 / (1 << level)
-    cap = CAP if level < HALVINGS else LAST_CAP
-    c = 0.5 * GAMMA * share * h
-    outcome = CONVERGED
-    for kind in (TRAPEZOID, BDF2):
-        part = start + (GAMMA if kind == TRAPEZOID else 1.0) * share
-        for r in range(system.stack.counts.shape[0]):
-            if system.joints.upper[r] == LOOSE:
-                own = stage_at(
-                    rope_of(system.stack, r), _boundary_of(boundary, r), row, part, time, c
-                )
-                system.joints.speed[r] = own.V
-        stage = Stage(time + part * h, c * c, c, 0.0)
-        outcome = min(outcome, solve_joined(system, stage, kind, cap))
-        if outcome < CONVERGED and level < HALVINGS:
-            break  # it will be halved
-    return int(outcome)
 
 
 @jit
@@ -100,6 +66,35 @@ def _all_finite(system: Any) -> bool:
     for r in range(stack.counts.shape[0]):
         total += _size(stack.nodes[r], stack.work[r], stack.counts[r, ELEMENTS])
     return isfinite(total)
+
+
+@jit
+def _substep(system: Any, at: Any, level: int, done: int) -> Any:
+    """Both stages over 1/2^level of the step, from done/2^HALVINGS; the result is in work.
+
+    Returns the worse of what the stages returned.
+    """
+    boundary, row, time = at
+    h = system.stack.model[0, STEP]
+    start, share = done / (1 << HALVINGS), 1.0 / (1 << level)
+    cap = CAP if level < HALVINGS else LAST_CAP
+    c = 0.5 * GAMMA * share * h
+    outcome = CONVERGED
+    for kind in (TRAPEZOID, BDF2):
+        part = start + (GAMMA if kind == TRAPEZOID else 1.0) * share
+        for r in range(system.stack.counts.shape[0]):
+            if system.joints.upper[r] == LOOSE:
+                own = stage_at(
+                    rope_of(system.stack, r), _boundary_of(boundary, r), row, part, time, c
+                )
+                system.joints.speed[r] = own.V
+        stage = Stage(time + part * h, c * c, c, 0.0)
+        outcome = min(outcome, solve_joined(system, stage, kind, cap))
+        if outcome < CONVERGED and level < HALVINGS:
+            break  # it will be halved
+    if outcome == UNCONVERGED and level == HALVINGS and not _all_finite(system):
+        outcome = NOT_FINITE
+    return (int(outcome),)
 
 
 @jit
@@ -128,38 +123,15 @@ def _copy_all(system: Any, row: int, way: int) -> None:
 
 
 @jit
-def _advance_halving(system: Any, boundary: Any, row: int, time: float) -> bool:
-    """One step, in halves of halves where Newton does not converge.
+def _accept(system: Any, found: Any) -> None:
+    """The substep's motion becomes the state's."""
+    _copy_all(system, ZERO, BACK)
 
-    False: not finite; the state is as it was. Counts are kept by the first rope.
-    """
-    full = 1 << HALVINGS
-    done, level, substeps = ZERO, ZERO, 0
-    health = system.stack.health[0]
-    while done < full:
-        part = full >> level
-        outcome = _substep(system, boundary, row, time, level, done)
-        if outcome < CONVERGED and level < HALVINGS:
-            level += 1
-            health[REJECTED] += 1
-            continue
-        if outcome == NOT_FINITE or (outcome == UNCONVERGED and not _all_finite(system)):
-            if done > 0:
-                _copy_all(system, KEPT_ROWS, BACK)
-            return False
-        if outcome == UNCONVERGED:
-            health[SUBSTEPS_UNCONVERGED] += 1
-        if done == 0 and part < full:  # the step's start, should a later part fail
-            _copy_all(system, KEPT_ROWS, OUT)
-        _copy_all(system, ZERO, BACK)
-        done += part
-        substeps += 1
-        while level > 0 and done % (full >> (level - 1)) == 0:
-            level -= 1
-    health[STEPS] += 1
-    health[SUBSTEPS] += substeps
-    health[SUBSTEPS_MAX] = max(health[SUBSTEPS_MAX], substeps)
-    return True
+
+@jit
+def _copy_start(system: Any, way: int) -> None:
+    """Motion of the step's start to scratch, or back."""
+    _copy_all(system, KEPT_ROWS, way)
 
 
 @jit
@@ -215,10 +187,11 @@ def advance_joined_steps(system: Any, boundary: Any, pull: Any, time: float, ste
 @jit
 def _advance(system: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
     _start(system, boundary)
-    h = system.stack.model[0, STEP]
+    h, health = system.stack.model[0, STEP], system.stack.health[0]  # counts: by the first rope
     for row in range(steps):
         now = time + row * h
-        if not _advance_halving(system, boundary, row, now):
+        at = boundary, row, now
+        if not advance_halving(system, health, at, _substep, _copy_start, _accept):
             _recall(system, boundary, row, now)
             return row
         for r in range(system.stack.counts.shape[0]):

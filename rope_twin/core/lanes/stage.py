@@ -17,7 +17,8 @@ from rope_twin.core.rope.elastic import growth_of, stretch, stretch_all, stretch
 from rope_twin.core.solve.again import count_left
 from rope_twin.core.solve.assembly import load_lowest, load_nodes, set_flow
 from rope_twin.core.solve.prediction import correct, predict_bdf2, predict_trapezoid
-from rope_twin.core.solve.stage import CHUNK, SEARCH_FROM, TRAPEZOID
+from rope_twin.core.solve.search import SEARCH_FROM
+from rope_twin.core.solve.stage import CHUNK, TRAPEZOID
 from rope_twin.core.state import ELEMENTS
 
 SPAN = 4

@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from rope_twin.core.compiler.jit import jit, jit_ordered, jit_within
-from rope_twin.core.compiler.rows import row
+from rope_twin.core.compiler.rows import column, row
 from rope_twin.core.solve.coupled_node import (
     add,
     add_nine,
@@ -31,12 +31,6 @@ from rope_twin.core.state import (
 )
 
 SECOND = LINK + 1  # coupling with the second next node
-
-
-@jit_within
-def column(work: Any, first: int, i: int) -> Any:
-    """Column i of three rows."""
-    return work[first, i], work[first + 1, i], work[first + 2, i]
 
 
 @jit_ordered

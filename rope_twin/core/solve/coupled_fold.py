@@ -14,11 +14,10 @@ from typing import Any
 from numba.core import config
 
 from rope_twin.core.compiler.jit import jit_ordered, jit_ordered_within, jit_within
-from rope_twin.core.compiler.rows import row, rows, span
+from rope_twin.core.compiler.rows import column, row, rows, span
 from rope_twin.core.compiler.simd import gather, lane, load, pair, store
 from rope_twin.core.solve.coupled_elimination import (
     SECOND,
-    column,
     eliminate_coupled_plainly,
     push_coupled_plainly,
     set_correction,

@@ -27,35 +27,35 @@ from rope_twin.core.solve.coupled_fold import eliminate_coupled, push_coupled
 from rope_twin.core.solve.fold import eliminate, push
 from rope_twin.core.solve.prediction import correct, predict_on, predict_trapezoid
 from rope_twin.core.solve.remembering import predict_memories
+from rope_twin.core.solve.search import SEARCH_FROM, search
 from rope_twin.core.state import ELEMENTS, RESIDUAL, SOLVES, SOLVES_MAX
 
 CAP = 12  # corrections before the step is halved instead
 # A row of slack elements is pulled taut one by one, a correction each: where the step is as short
 # as it gets, Newton may walk that far (the energy is convex, so it arrives).
 LAST_CAP = 200
-SEARCH_FROM = 4  # the first correction that is searched along
-SEARCH_EVALUATIONS = 8
 NOT_FINITE, UNCONVERGED, CONVERGED, PENDING = -1, 0, 1, 2  # the worse, the smaller
 # What an evaluation starts with. Not Python's integers: numba compiles again for each of those.
 TRAPEZOID, BDF2, SEARCH = np.int64(0), np.int64(1), np.int64(2)
 CHUNK = 64  # nodes that all passes take at a time: their rows fit into the nearest cache
 
 
-def _eliminate(effects: Any, work: Any, first: Any, n: Any) -> Any:
-    """The corrections, by the elimination that the effects' types ask for."""
-    solve = eliminate_coupled if hooks.couples(map(type, effects)) else eliminate
-    solve(work, first, n)
+def _as_coupled(coupled: Any, plain: Any) -> Any:
+    """A solve of the chain: `coupled` where an effect's type couples nodes, else `plain`."""
 
+    def solve(effects: Any, work: Any, first: Any, n: Any) -> None:
+        (coupled if hooks.couples(map(type, effects)) else plain)(work, first, n)
 
-@overload(_eliminate, jit_options=LINKED, strict=False)
-def _choose_elimination(effects: Any, work: Any, first: Any, n: Any) -> Any:
-    coupled = hooks.couples(effect.instance_class for effect in effects)
-    solve = eliminate_coupled if coupled else eliminate
+    @overload(solve, jit_options=LINKED, strict=False)
+    def choose(effects: Any, work: Any, first: Any, n: Any) -> Any:
+        chosen = coupled if hooks.couples(part.instance_class for part in effects) else plain
 
-    def call(effects: Any, work: Any, first: Any, n: Any) -> None:
-        solve(work, first, n)
+        def call(effects: Any, work: Any, first: Any, n: Any) -> None:
+            chosen(work, first, n)
 
-    return call
+        return call
+
+    return solve
 
 
 @jit
@@ -87,21 +87,8 @@ def _push_links(work: Any, first: int, n: int) -> None:
     take_links(work, n)
 
 
-def _push(effects: Any, work: Any, first: Any, n: Any) -> Any:
-    """The corrections by the factors that there are, as far as the effects' types couple nodes."""
-    solve = _push_links if hooks.couples(map(type, effects)) else push
-    solve(work, first, n)
-
-
-@overload(_push, jit_options=LINKED, strict=False)
-def _choose_push(effects: Any, work: Any, first: Any, n: Any) -> Any:
-    coupled = hooks.couples(effect.instance_class for effect in effects)
-    solve = _push_links if coupled else push
-
-    def call(effects: Any, work: Any, first: Any, n: Any) -> None:
-        solve(work, first, n)
-
-    return call
+_eliminate = _as_coupled(eliminate_coupled, eliminate)
+_push = _as_coupled(_push_links, push)  # by the factors that there are
 
 
 @jit
@@ -141,14 +128,14 @@ def solve_stage(rope: Any, stage: Any, kind: int, cap: int, pending: float, agai
         unexpected = _look_ahead(rope, stage)
         if unexpected == 0 and terms.is_calm(rope.effects, work, stage, n, 1.0):
             return PENDING
-        before = slope(work, first, n)
+        before = _slope(rope)
         if not isfinite(before):
             return NOT_FINITE
         _evaluate(rope, stage, SEARCH, 1.0, 0.0)
         if unexpected == 0 and _switches(rope.effects) and _is_balanced(rope):
             return CONVERGED
         if correction >= SEARCH_FROM:
-            _search(rope, stage, before)
+            search(rope, stage, before, _correct_by, _slope)
     return UNCONVERGED
 
 
@@ -192,29 +179,12 @@ def _look_ahead(rope: Any, stage: Any) -> int:
 
 
 @jit
-def _search(rope: Any, stage: Any, before: float) -> None:
-    """Where the last correction overshot, go back along it to R·delta = 0, about.
-
-    before: R·delta at the correction's start. Secants in a bracket that opens with (0, 1).
-    """
-    n, first = rope.state.counts[ELEMENTS], rope.model.first_free
-    low, slope_low, high, slope_high = 0.0, before, 1.0, 0.0
-    factor, here = 1.0, slope(rope.work, first, n)
-    for evaluation in range(SEARCH_EVALUATIONS):
-        if here < -0.5 * before:
-            high, slope_high = factor, here
-        elif evaluation > 0 and here > 0.5 * before:
-            low, slope_low = factor, here
-        else:
-            return
-        target = secant(low, slope_low, high, slope_high)
-        _evaluate(rope, stage, SEARCH, target - factor, 0.0)
-        factor, here = target, slope(rope.work, first, n)
+def _correct_by(rope: Any, stage: Any, factor: float) -> None:
+    """a += factor·delta, with all that follows from it."""
+    _evaluate(rope, stage, SEARCH, factor, 0.0)
 
 
 @jit
-def secant(low: float, slope_low: float, high: float, slope_high: float) -> float:
-    """Where the straight line through the bracket's ends crosses 0, inside 5 to 95 % of it."""
-    span = high - low
-    cross = low + span * slope_low / (slope_low - slope_high)
-    return min(max(cross, low + 0.05 * span), high - 0.05 * span)
+def _slope(rope: Any) -> Any:
+    """R·delta of the rope."""
+    return slope(rope.work, rope.model.first_free, rope.state.counts[ELEMENTS])
