@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol, TextIO, TypeVar
+
+WIDTH = 80  # of a terminal that does not tell
 
 
 class Timed(Protocol):
@@ -30,6 +33,7 @@ def run_each(cases: Sequence[C], run_case: Callable[[C], R]) -> Iterator[R]:
     for number, case in enumerate(cases, 1):
         if live:
             words = f"{number} of {len(cases)}: {case.id}, about {case.seconds:.0f} s"
+            words = words[: _columns(sys.stderr) - 1]
             print(f"\r\033[K{words}", end="", file=sys.stderr, flush=True)
         row = run_case(case)
         if live:
@@ -56,6 +60,14 @@ def _aligned(rows: Sequence[Sequence[str]], widths: list[int], words_last: bool)
         yield "  ".join(cells).rstrip()
 
 
+def _columns(stream: TextIO) -> int:
+    """Of the terminal that the stream is."""
+    try:
+        return os.get_terminal_size(stream.fileno()).columns or WIDTH
+    except (OSError, ValueError):
+        return WIDTH
+
+
 class CaseProgress:
     """One changing line on a terminal, a line per case elsewhere; on standard error."""
 
@@ -68,7 +80,8 @@ class CaseProgress:
         line = f"[{bar:<20}] {done}/{total} {what}"
         if self._stream.isatty():
             end = "\n" if done == total else ""
-            self._stream.write(f"\r{line:<79}{end}")
+            room = _columns(self._stream) - 1
+            self._stream.write(f"\r{line[:room]:<{room}}{end}")
         else:
             self._stream.write(f"{line}\n")
         self._stream.flush()
@@ -101,6 +114,7 @@ class FigureProgress:
         self._next_s = time.monotonic() + self._period_s
         line = figures.as_progress()
         if self._live:
+            line = line[: _columns(self._stream) - 1]  # a wrapped line cannot be written over
             self._stream.write("\r" + line.ljust(self._width))
             self._width = len(line)
         else:

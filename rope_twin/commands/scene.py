@@ -30,6 +30,7 @@ from rope_twin.twin.ensemble.ensemble import whole_steps
 from rope_twin.twin.hoisting.orders import MOTIONS, Order
 from rope_twin.twin.hoisting.schedule import motion_of
 
+NARROWEST = 40  # what a line of keys needs
 WIDEST = 100  # columns of the list, on a terminal that has more
 
 
@@ -118,7 +119,7 @@ def _keys(part: str) -> int:
 
 
 def _columns() -> int:
-    return min(shutil.get_terminal_size((WIDEST, 24)).columns, WIDEST)
+    return min(max(shutil.get_terminal_size((WIDEST, 24)).columns, NARROWEST), WIDEST)
 
 
 def _check(scene: Scene) -> int:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
 from dataclasses import replace
 
 from test_messages_joined import lifted
 
+from rope_twin.commands.console import CaseProgress, FigureProgress
 from rope_twin.commands.run.summary import RunSummary, summarise
 from rope_twin.studies.rigs import Rig
 
@@ -48,3 +50,25 @@ def test_refused_heave_is_told_with_the_newest_reason() -> None:
     twin.offer_heave(20_000_000, 90.0, 0.0)
     said = summarise(twin, twin.snapshot(), None).as_text()
     assert "1 of 2 samples of heave were refused; the newest: heave: position 90 m" in said
+
+
+class Terminal(io.StringIO):
+    """One of 80 columns."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_progress_stays_on_its_line_of_a_terminal() -> None:
+    """A line that wraps cannot be written over: each one pushed the last up."""
+    twin = Rig(length=100.0, elements=10).twin()
+    summary = replace(summarise(twin, twin.snapshot(), None), late_steps=7)
+    assert len(summary.as_progress()) > 80
+    screen = Terminal()
+    progress = FigureProgress(screen)
+    progress.show(summary)
+    progress.show(replace(summary, time_s=1.0))
+    CaseProgress(screen).show(1, 2, "words " * 30)
+    assert "\n" not in screen.getvalue()
+    assert max(map(len, screen.getvalue().split("\r"))) < 80
+    assert "7 late" in screen.getvalue()

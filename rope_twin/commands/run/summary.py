@@ -182,12 +182,12 @@ class RunSummary:
         return f"error of the tension {rms} rms, {peak} of its highest, {by}"
 
     def as_progress(self) -> str:
-        """One line for people, while it runs."""
+        """One line for people, while it runs; what matters most within 80 columns."""
         return (
             f"{self.time_s:8.1f} s  line out {self.line_out_m:7.1f} m  "
-            f"top tension {_kn(self.tension_top_now_n)}, max {_kn(self.tension_top_max_n)}, "
-            f"error {_at_most(self.tension_top_error_pct)}  "
-            f"{self.real_time_factor:5.0f} × real time  {self.late_steps} late"
+            f"top tension {_kn(self.tension_top_now_n)}, max {_kn(self.tension_top_max_n)}  "
+            f"{self.late_steps} late  error {_at_most(self.tension_top_error_pct)}  "
+            f"{self.real_time_factor:.0f} × real time"
         )
 
 
