@@ -58,6 +58,7 @@ def test_a_value_that_begins_with_minus_stands_behind_an_equals_sign(
         ("view sea_1p2m --screenshot a.jpg", "--screenshot a.jpg: pictures are PNG; end it in .pn"),
         ("validate P9 --into {folder}", "{folder}/validation.md: it has no place for the cases"),
         ("validate p9", "validate: there is no case 'p9'; did you mean 'P9'?"),
+        ("scene measure still_water --for 1e9", "--for: 1e+09 s is too long; give at most 1e+07"),
         ("study sea_and_lod", "study 'sea_and_lod': there is no such study; did you mean 'sea_an"),
         ("run bridle_lift --speed 0 --for 1 --no-record --fatigue spiral_wire", "ropes meet here"),
         ("ensemble deep_lift --members 2 --look 0 --vary time.step_s=1..2", "--look: 0.0 s is not"),

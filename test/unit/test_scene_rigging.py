@@ -57,6 +57,8 @@ BAD: list[tuple[str, str, str, tuple[str, ...]]] = [
      "ropes[0].from", ("2 ropes come from the winch", "hang_offs")),
     ("first rope from a joint", spoilt("    to: hook\n", "    from: stern\n    to: hook\n"),
      "ropes[0].from", ("the first rope comes from 'stern'", "from: winch")),
+    ("a mooring from its float", spoilt("    to: hook\n", "    from: tool\n    to: hook\n"),
+     "ropes[0].from", ("the first rope comes from 'tool'", "from its anchor, ship.hang_off_m")),
     ("loop that hangs on nothing",
      spoilt("payloads:\n", "  - {name: float, at_m: [0.0, 0.0, 0.0]}\npayloads:\n")
      .replace("joints:\n", f"  - {{name: x, {LEG}, from: a, to: b}}\n"

@@ -122,6 +122,8 @@ def _upper_ends(scene: Scene) -> Iterator[Fault]:
             yield path, f"the rope begins and ends at '{line.to}'", "let it end elsewhere"
         elif number == 0 and line.from_ != WINCH:
             right = "list the rope from the winch first (`from: winch`, or no `from`)"
+            if line.from_ in {one.name for one in scene.payloads}:
+                right += "; a float's mooring goes from its anchor, ship.hang_off_m, up `to` it"
             yield path, f"the first rope comes from '{line.from_}'", right
         elif winch_of(scene, line) and from_winch[line.from_] > 1:
             what = f"{from_winch[line.from_]} ropes come from the winch of '{line.from_}'"

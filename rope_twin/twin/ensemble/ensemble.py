@@ -57,6 +57,9 @@ def cores() -> int:
     return len(os.sched_getaffinity(0))
 
 
+LONGEST_S = 1e7  # four months, as of a run
+
+
 def whole_steps(name: str, seconds: float, step_s: float) -> int:
     """How many steps a time is.
 
@@ -64,6 +67,10 @@ def whole_steps(name: str, seconds: float, step_s: float) -> int:
         InputError: it is no whole number of steps, or none; `name` says whose time it is.
     """
     steps = round(seconds / step_s) if np.isfinite(seconds) else 0
+    if seconds > LONGEST_S:
+        raise InputError(
+            phrase(name, f"{seconds:g} s is too long", f"give at most {LONGEST_S:g} s")
+        )
     if steps < 1 or abs(steps * step_s - seconds) > 1e-6 * step_s:
         right = f"give a whole number of steps of {step_s:g} s"
         raise InputError(phrase(name, f"{seconds} s is not possible", right))
