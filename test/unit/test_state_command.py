@@ -185,3 +185,19 @@ def test_a_solver_that_gives_up_names_the_file(
     assert summary.state is None
     assert load_state(kept).about.failure.startswith("step 51 at 0.50 s: ")
     assert not (tmp_path / "good.state").exists()
+
+
+def test_a_state_whose_scene_was_moved_says_where_it_was(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its name alone was looked for, among the scenes of the package."""
+    here, there = tmp_path / "mine.yaml", tmp_path / "moved.yaml"
+    here.write_bytes(load_scene("still_water").path.read_bytes())
+    saved = ["--save", str(tmp_path / "state")]
+    assert main(["run", str(here), "--speed", "0", "--for", "1", "--no-record", *saved]) == 0
+    here.rename(there)
+    go_on = ["--from", str(tmp_path / "state"), "--speed", "0", "--for", "2", "--no-record"]
+    assert main(["run", *go_on]) == 1
+    told = f"--from: its scene {here} is no longer there; name the scene's file, too."
+    assert told in capsys.readouterr().err
+    assert main(["run", str(there), *go_on]) == 0

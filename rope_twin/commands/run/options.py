@@ -268,8 +268,19 @@ def _begin(args: argparse.Namespace) -> About:
 
 
 def _scene_of(about: About) -> str:
-    """The scene of a saved state: its path if that is still there, else its name."""
-    return about.scene_path if Path(about.scene_path).is_file() else about.scene
+    """The scene of a saved state: its path if that is still there, else its name.
+
+    Raises:
+        InputError: neither is there.
+    """
+    from rope_twin.scene.load import scene_names
+
+    if Path(about.scene_path).is_file():
+        return about.scene_path
+    if about.scene not in scene_names():
+        what = f"its scene {about.scene_path} is no longer there"
+        raise InputError(phrase("--from", what, "name the scene's file, too"))
+    return about.scene
 
 
 def _scene_argument(scene: str) -> str:
