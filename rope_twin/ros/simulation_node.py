@@ -256,7 +256,9 @@ class SimulationNode(LifecycleNode):
             )
         else:
             return [Status("simulation: sources", Level.OK, "one source for each input", values)]
-        if message != self._told_of_others:
+        # Of a hand at the winch the schedule tells, which yields to it.
+        by_hand = twins <= 1 and bool(mixed) and not set(mixed).intersection(MOTION_TOPICS)
+        if message != self._told_of_others and not by_hand:
             self.get_logger().warning(message)
             self._told_of_others = message
         return [Status("simulation: sources", level, message, values)]
