@@ -14,6 +14,11 @@ from typing import Any
 from ros_bench import Bench
 
 
+def _heed_hang_up() -> None:
+    """As in a terminal: under nohup the tests themselves are deaf to it, and so would a run be."""
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
 class Process:
     """One process; its output goes to a file that can be read while it runs."""
 
@@ -26,6 +31,7 @@ class Process:
                 stderr=subprocess.STDOUT,
                 env={**os.environ, **environment},
                 start_new_session=True,
+                preexec_fn=_heed_hang_up,
             )
 
     @property

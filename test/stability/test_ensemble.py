@@ -182,9 +182,11 @@ def test_wrong_times_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="ensemble: 2 threads, 0 members; give at least one"):
         Ensemble(scene, [], threads=2)
     ensemble = Ensemble(scene, [Variation(heave=HeaveSeries.of(sea(1.0, 8.0, 2.0)))])
-    for seconds in (0.0, -1.0, math.nan, math.inf, 0.015):
+    for seconds in (0.0, -1.0, math.nan, 0.015):
         with pytest.raises(InputError, match="is not possible; give a whole number of steps"):
             ensemble.advance(seconds)
+    with pytest.raises(InputError, match="inf s is too long; give at most"):
+        ensemble.advance(math.inf)
     with pytest.raises(InputError, match=r"heave: samples from -0\.1 s to 2\.25 s, wanted"):
         ensemble.advance(3.0)
     assert ensemble.steps == 0
