@@ -22,6 +22,7 @@ from rope_twin.ros.announcer import Announcer
 from rope_twin.ros.inputs import read_current, read_cut, read_heave, read_order, read_pose
 from rope_twin.ros.params import SimulationParams
 from rope_twin.ros.run_status import (
+    Clocks,
     Refusals,
     clock_row,
     messages_row,
@@ -88,7 +89,7 @@ class PacedTwin:
         self._announcer = Announcer(self._handover, publish)
         self._malformed = {name: Refusals() for name in INPUTS}
         self._ignored = 0  # inputs that came while there was no epoch to place them
-        self._clocks: tuple[int, int] | None = None  # ROS and steady time of the newest begin
+        self._clocks: Clocks | None = None  # of the newest begin
         self._lock = threading.Lock()
         self._process_s = 0.0  # processor time of the whole process in earlier pacing
         self._process_at_s: float | None = None  # the same at the newest begin; None: halted
@@ -106,7 +107,7 @@ class PacedTwin:
         epoch_ns = ros_now_ns + lead_ns - round(at_ns / speed)
         # A slow twin still needs whole heave samples, a fast one the same real time to get them.
         delay_ns = round(self._params.input_delay_s * max(1.0, speed) * 1e9 / speed)
-        self._clocks = (ros_now_ns, steady_now_ns)
+        self._clocks = Clocks(ros_now_ns, steady_now_ns)
         self.epoch_ns = epoch_ns
         if at_ns > 0:
             self.twin.doubt_inputs()
@@ -200,7 +201,7 @@ class PacedTwin:
         if said is not None:
             self.twin.offer_current(said)
 
-    def rows(self, ros_now_ns: int) -> list[Status]:
+    def rows(self, now: Clocks) -> list[Status]:
         """Diagnostics of solver, pacing, inputs, messages and clocks."""
         health = self.pacer.health()
         rows = [run_row(self.summary()), *statuses(self.last, health)]
@@ -211,7 +212,7 @@ class PacedTwin:
         if self._keeper is not None:
             rows.append(saving_row(self._keeper.health()))
         if self.epoch_ns is not None:
-            rows.append(clock_row(self._clock_moved_s(ros_now_ns)))
+            rows.append(clock_row(self._clock_moved_s(now)))
         return rows
 
     def _read(self, topic: str, read: Callable[[], Said]) -> Said | None:
@@ -232,11 +233,11 @@ class PacedTwin:
             self._ignored += 1
         return epoch_ns
 
-    def _clock_moved_s(self, ros_now_ns: int) -> float:
+    def _clock_moved_s(self, now: Clocks) -> float:
         """By how much ROS time has moved against the steady clock since the newest begin."""
         assert self._clocks is not None
-        ros_ns, steady_ns = self._clocks
-        return ((ros_now_ns - ros_ns) - (time.monotonic_ns() - steady_ns)) * 1e-9
+        begun = self._clocks
+        return ((now.ros_ns - begun.ros_ns) - (now.steady_ns - begun.steady_ns)) * 1e-9
 
 
 def _begin(scene: Scene, params: SimulationParams) -> tuple[Twin, str]:

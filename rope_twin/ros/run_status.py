@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from rope_twin.commands.run.summary import RunSummary
 from rope_twin.messages import Level, Status
@@ -50,6 +51,13 @@ def publishing_row(error: str, lost_snapshots: int) -> Status:
         message = f"{lost_snapshots} snapshots were computed but not published in time"
         return Status(name, Level.WARN, message, values)
     return Status(name, Level.OK, "every snapshot was published", values)
+
+
+class Clocks(NamedTuple):
+    """Both clocks, read one right after the other: what happens between counts as a step."""
+
+    ros_ns: int
+    steady_ns: int
 
 
 def clock_row(moved_s: float) -> Status:

@@ -7,6 +7,7 @@ pauses (activate goes on with a new epoch); cleanup drops the twin. Callbacks on
 from __future__ import annotations
 
 import sys
+import time
 import traceback
 from typing import Any
 
@@ -23,6 +24,7 @@ from rope_twin.ros.entry import run_node
 from rope_twin.ros.paced_twin import PacedTwin
 from rope_twin.ros.params import SimulationParams, declare, read
 from rope_twin.ros.qos import message_type, profile, quiet_publisher, unsuited
+from rope_twin.ros.run_status import Clocks
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.load import load_scene
@@ -229,13 +231,13 @@ class SimulationNode(LifecycleNode):
 
     def _tell(self) -> None:
         """Diagnostics, once a second and at each change of state."""
-        now_ns = self.get_clock().now().nanoseconds
+        now = Clocks(self.get_clock().now().nanoseconds, time.monotonic_ns())
         rows = [Status("simulation: state", Level.OK, self._state), *self._graph_rows()]
         if self._sentence and self.paced is None:
             rows = [Status("simulation: state", Level.ERROR, self._sentence)]
         if self.paced is not None:
-            rows += self.paced.rows(now_ns)
-        self._publish("diagnostics", encode_diagnostics(now_ns, rows))
+            rows += self.paced.rows(now)
+        self._publish("diagnostics", encode_diagnostics(now.ros_ns, rows))
 
     def _graph_rows(self) -> list[Status]:
         """Who else is on our topics: two sources of one input mix, two twins confuse everybody."""

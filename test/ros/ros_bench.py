@@ -6,6 +6,13 @@ import time
 from collections.abc import Callable
 from typing import Any
 
+from rope_twin.ros.run_status import Clocks
+
+
+def clocks() -> Clocks:
+    """ROS time and steady time now."""
+    return Clocks(time.time_ns(), time.monotonic_ns())
+
 
 class Bench:
     """Nodes under test and one of ours, on one executor."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from ros_bench import clocks
 
 from rope_twin.messages import Level, Status
 from rope_twin.ros.paced_twin import PacedTwin
@@ -17,7 +18,7 @@ def paced(**parameters: object) -> PacedTwin:
 
 
 def rung_rows(twin: PacedTwin) -> list[Status]:
-    return [row for row in twin.rows(0) if row.name == "simulation: rung"]
+    return [row for row in twin.rows(clocks()) if row.name == "simulation: rung"]
 
 
 def test_a_machine_with_room_is_on_the_scenes_own_rung() -> None:

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ros_bench import Bench
+from ros_bench import Bench, clocks
 
 from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.errors import InputError, SolverError
 from rope_twin.messages import Level, encode_heave
+from rope_twin.ros.run_status import CLOCK_STEP_S
 from rope_twin.topics import BY_NAME, Qos
 
 pytestmark = pytest.mark.ros
@@ -238,12 +239,16 @@ def test_a_listener_that_gets_nothing_is_told(bench: Bench, running: Any) -> Non
 
 
 def test_a_step_of_the_system_clock_is_told(running: Any) -> None:
-    now_ns = time.time_ns()
-    row = {row.name: row for row in running.paced.rows(now_ns)}["simulation: clocks"]
+    now = clocks()
+    row = {row.name: row for row in running.paced.rows(now)}["simulation: clocks"]
     assert row.level == Level.OK
-    row = {row.name: row for row in running.paced.rows(now_ns - 3_000_000_000)}[row.name]
+    back = now._replace(ros_ns=now.ros_ns - 3_000_000_000)
+    row = {row.name: row for row in running.paced.rows(back)}[row.name]
     assert row.level == Level.WARN
-    assert "-3.00" in row.message
+    # two clocks cannot be read at one instant: what lies between them is not a step
+    told_s = float(row.values["ROS time against steady time [s]"])
+    assert told_s == pytest.approx(-3.0, abs=CLOCK_STEP_S)
+    assert f"{told_s:+.3f} s" in row.message
 
 
 def test_scene_files_may_be_named_by_path(bench: Bench, tmp_path: Path) -> None:

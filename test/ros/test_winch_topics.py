@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from ros_bench import Bench
+from ros_bench import Bench, clocks
 
 from rope_twin.messages import encode_order
 from rope_twin.scene.load import load_scene
@@ -65,7 +65,7 @@ def test_a_winch_is_commanded_stopped_and_refuses_over_its_topics(
 
 
 def _refused(node: Any, name: str) -> int:
-    rows = {row.name: row for row in node.paced.rows(0)}
+    rows = {row.name: row for row in node.paced.rows(clocks())}
     return int(rows[f"simulation: input {name}"].values["refused"])
 
 
