@@ -25,7 +25,7 @@ from rope_twin.studies.viv.own import run_own
 from rope_twin.studies.viv.own_picture import own_figures, own_words, write_own
 from rope_twin.studies.viv.picture import check_folder, write_all
 from rope_twin.studies.viv.study import Fatigue, VivRun, count_fatigue, run_viv
-from rope_twin.twin.fatigue.endurance import CURVES, StressCurve, find_curve
+from rope_twin.twin.fatigue.endurance import STRESS_CURVES, StressCurve, find_stress_curve
 from rope_twin.twin.vibration.shaking import shedding_of
 from rope_twin.viv.shedding import Shedding
 
@@ -40,7 +40,8 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
         help="vortex-induced vibration of a scene's rope in its current",
         description="What the current can lock, what the rope then does and what that costs it: "
         "response in natural modes across the current, about the rope at rest (Le "
-        "Cunff and Durand 1999). Damage is that of bending alone.",
+        "Cunff and Durand 1999). Damage is that of bending alone; with --own, of tension and "
+        "bending together.",
     )
     parser.add_argument("scene", metavar="SCENE", help="a scene's name, or the path of a YAML file")
     parser.add_argument("--for", dest="duration", type=float, default=300.0, metavar="S",
@@ -53,8 +54,9 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
                         help="structural damping of every mode over critical (default: that of the "
                         f"scene's modal_vibration, else {Shedding.structural:g}, an assumption)",
                         )  # fmt: skip
-    curves = ", ".join(name for name, one in CURVES.items() if isinstance(one, StressCurve))
-    parser.add_argument("--curve", default="stranded_wire", help=f"S-N curve of stress: {curves}")
+    parser.add_argument("--curve", default="stranded_wire",
+                        help=f"S-N curve of stress: {', '.join(sorted(STRESS_CURVES))} (default: "
+                        "stranded_wire)")  # fmt: skip
     parser.add_argument("--moving", type=float, metavar="S",
                         help="beside a running twin, too: its regular heave and winch, modes found "
                         "again every S seconds")  # fmt: skip
@@ -110,10 +112,7 @@ def _checked(args: argparse.Namespace) -> StressCurve:
     ):
         if value is not None and not low <= value <= high:
             raise InputError(phrase(name, f"{value:g}", f"give {low:g} to {high:g}"))
-    curve = find_curve("--curve", args.curve)
-    if not isinstance(curve, StressCurve):
-        what = f"'{args.curve}' is one of tension"
-        raise InputError(phrase("--curve", what, "give one of stress"))
+    curve = find_stress_curve("--curve", args.curve)
     if args.into is not None:
         check_folder(args.into)
     return curve

@@ -101,6 +101,19 @@ def test_bad_options_are_one_sentence(words: list[str], capsys: pytest.CaptureFi
     assert capsys.readouterr().err.count("\n") == 1
 
 
+def test_the_curves_that_are_told_are_those_of_stress(capsys: pytest.CaptureFixture[str]) -> None:
+    """In the help, and where one is named that there is not."""
+    names = "spiral_wire, stranded_wire"
+    with pytest.raises(SystemExit):
+        main(["viv", "--help"])
+    assert f"S-N curve of stress: {names}" in " ".join(capsys.readouterr().out.split())
+    assert main(["viv", "curved_pipe", "--curve", "copper"]) == 1
+    assert capsys.readouterr().err == f"--curve: no curve 'copper'; known: {names}.\n"
+    assert main(["viv", "curved_pipe", "--curve", "six_strand_tension"]) == 1
+    said = f"'six_strand_tension' is a curve of tension; give one of stress: {names}.\n"
+    assert capsys.readouterr().err == f"--curve: {said}"
+
+
 def testpipe_area() -> None:
     """EI/EA of a pipe gives its bore; a solid or loose section is none."""
     outer, inner, E = 0.25, 0.235, 2.05e11

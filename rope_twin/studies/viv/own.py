@@ -2,8 +2,10 @@
 
 Where the model steps with the rope, of the motion of the nodes what is slower than a fifth of the
 fastest vortices (ship, winch, sway) is left out, forward and backward in time by a Butterworth
-filter, and the rest is told across the flow and with it. Where it is computed beside the step, its
-motion is told as it is; it has none in line.
+filter, and the rest is told across the flow and with it. A filter does not know
+how the motion goes on beyond its ends, and shows some there that is none: the rope is looked at for
+AROUND_PERIODS before the part that counts, and runs on for as long after it. Where it is
+computed beside the step, its motion is told as it is; it has none in line.
 
 Drag amplification is that of the run: the mean of f·|u_n|·u_n over |U_n|·U_n, with the water's
 velocity relative to the rope across it, u_n, its mean, U_n, and f, what a model beside the step
@@ -38,6 +40,9 @@ from rope_twin.viv.drag import amplified_drag
 
 STEADY = 0.5  # of a run: the part that counts
 LEAST_PERIODS = 10  # of the fastest vortices in that part
+# of these before and after it, for the filter: in five the effect of its ends falls to 1.2 %, as
+# exp(-t·√½·2π·SLOW·f)
+AROUND_PERIODS = 5.0
 SHEDDING = tuple(effect.name for effect in EFFECTS if effect.sheds)
 
 
@@ -120,30 +125,38 @@ def run_own(scene: Scene, duration_s: float, curve: str) -> OwnRun:
     heave, speeds = regular_motion(scene)
     twin = Twin(scene)
     looks, wear = looks_of(twin, hz), _wear(scene, twin, curve)
-    taken: list[Look] = []
-    seen: list[tuple[float, float]] = []  # time, top tension
-    for shot in marched(twin, heave, duration_s, speeds, looks.steps):
-        if shot.time_s < STEADY * duration_s:
+    around_s = AROUND_PERIODS / hz if looks.drifts else 0.0
+    from_s, line_out = STEADY * duration_s, 0.0
+    seen: list[tuple[float, float, Look]] = []  # time, top tension
+    for shot in marched(twin, heave, duration_s + around_s, speeds, looks.steps):
+        if shot.time_s < from_s - around_s:
             continue
-        taken.append(looks.look())
-        seen.append((shot.time_s, shot.tension_top_n))
-        if wear is not None:
-            wear.take(twin.rope, shot.tension_top_n, looks.bent(wear.middles))
-    line_out = float(twin.rope.state.s[int(twin.rope.state.counts[rows.ELEMENTS])])
+        seen.append((shot.time_s, shot.tension_top_n, looks.look()))
+        if from_s <= shot.time_s <= duration_s:
+            line_out = float(twin.rope.state.s[int(twin.rope.state.counts[rows.ELEMENTS])])
+            if wear is not None:
+                wear.take(twin.rope, shot.tension_top_n, looks.bent(wear.middles))
     from_top = np.linspace(0.0, line_out, PLACES)
     thick, stiff = _figures(scene, line_out - from_top, bending_stiffness(twin.rope.effects))
-    times, pulls, *parts = made_even(
-        *(np.array(part) for part in (*zip(*seen, strict=True), *zip(*taken, strict=True)))
-    )
-    moved, across, grown, bent = parts
+    times, pulls, moved, *others = _even(seen)
     every_s = float(times[-1] - times[0]) / (len(times) - 1)
     motion = moved.transpose(1, 0, 2) / thick
+    if looks.drifts:
+        motion = _fast(motion, hz, every_s)
+    steady = (from_s <= times) & (times <= duration_s)
+    across, grown, bent = (part[steady] for part in others)
     return OwnRun(
-        scene.name, shedding_model(scene), hz, every_s, from_top, times,
-        _fast(motion, hz, every_s) if looks.drifts else motion, pulls,
-        _amplification(across, grown), stiff * _worst_rms(bent),
-        None if wear is None else wear.shot(line_out, len(times) * every_s),
+        scene.name, shedding_model(scene), hz, every_s, from_top, times[steady],
+        motion[:, steady], pulls[steady], _amplification(across, grown), stiff * _worst_rms(bent),
+        None if wear is None else wear.shot(line_out, steady.sum() * every_s),
     )  # fmt: skip
+
+
+def _even(seen: list[tuple[float, float, Look]]) -> list[Floats]:
+    """Times, top tensions and the parts of the looks, at equal times; time is the first axis."""
+    times, pulls, looks = zip(*seen, strict=True)
+    parts = zip(*looks, strict=True)
+    return made_even(np.array(times), np.array(pulls), *(np.array(part) for part in parts))
 
 
 def _expected_hz(scene: Scene) -> float:

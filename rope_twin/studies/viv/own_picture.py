@@ -13,8 +13,7 @@ from rope_twin.studies.validation.picture import draw_panels
 from rope_twin.studies.viv.own import OwnRun
 from rope_twin.studies.viv.picture import write_table
 
-PERIODS = 12  # of the motion that the space-time picture shows,
-EDGE_PERIODS = 2  # ahead of the last ones, which the filter's end distorts
+PERIODS = 12  # of the motion that the space-time picture shows, the last ones
 COLUMNS = 60  # places in the table of the motion
 BELOW = "along the rope, + up from the hang-off [m]"
 
@@ -106,8 +105,7 @@ def _in_time(run: OwnRun) -> list[Panel]:
     depth = (-float(run.from_hang_off_m[-1]), 0.0)
     mean_hz = max(float(run.frequency_hz[0].max()), 1e-9)
     samples = 1.0 / mean_hz / run.every_s  # a period
-    end = len(run.time_s) - min(round(EDGE_PERIODS * samples), len(run.time_s) // 4)
-    shown = slice(max(0, end - max(8, round(PERIODS * samples))), end)
+    shown = slice(-min(max(8, round(PERIODS * samples)), len(run.time_s)), None)
     times = (float(run.time_s[shown][0]), float(run.time_s[shown][-1]))
     frequency, power = run.spectra()
     some = frequency < 3.0 * mean_hz

@@ -97,6 +97,7 @@ CURVES: dict[str, StressCurve | TensionCurve] = {
     "spiral_wire": StressCurve(1.7e17, 4.8),  # DNV-OS-E301, spiral strand
     "six_strand_tension": TensionCurve(3.20, -2.79, 4.09),  # API RP 2SK
 }
+STRESS_CURVES = {name: one for name, one in CURVES.items() if isinstance(one, StressCurve)}
 
 
 def find_curve(where: str, name: str) -> StressCurve | TensionCurve:
@@ -108,6 +109,20 @@ def find_curve(where: str, name: str) -> StressCurve | TensionCurve:
     if name not in CURVES:
         raise InputError(phrase(where, f"no curve '{name}'", did_you_mean(name, CURVES)))
     return CURVES[name]
+
+
+def find_stress_curve(where: str, name: str) -> StressCurve:
+    """A curve of STRESS_CURVES.
+
+    Raises:
+        InputError: there is none of this name; `where` says who asks.
+    """
+    if name in STRESS_CURVES:
+        return STRESS_CURVES[name]
+    if name in CURVES:
+        right = f"give one of stress: {', '.join(sorted(STRESS_CURVES))}"
+        raise InputError(phrase(where, f"'{name}' is a curve of tension", right))
+    raise InputError(phrase(where, f"no curve '{name}'", did_you_mean(name, STRESS_CURVES)))
 
 
 def strength_of(rope: Rope) -> Strength:
