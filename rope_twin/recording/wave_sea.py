@@ -38,12 +38,17 @@ class WaveSea:
         return position, velocity, surface
 
     def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
-        """Samples with from_ns <= stamp_ns < to_ns in twin time, in order."""
-        stamps = stamps_between(from_ns, to_ns)
-        times = np.asarray(stamps * 1e-9, dtype=np.float64)
-        samples = zip(stamps, *self.at(times), strict=True)
-        return [HeaveSample(int(stamp), float(z), float(v), float(eta))
-                for stamp, z, v, eta in samples]  # fmt: skip
+        """Samples with from_ns <= stamp_ns < to_ns in twin time, in order.
+
+        Each by itself, so that it has the same bits in whatever stretch: a product of matrices adds
+        in an order that depends on how many rows there are.
+        """
+        stamps = stamps_between(from_ns, to_ns).tolist()
+        samples = []
+        for stamp in stamps:
+            (position,), (velocity,), (surface,) = self.at(np.array([stamp * 1e-9]))
+            samples.append(HeaveSample(stamp, float(position), float(velocity), float(surface)))
+        return samples
 
     def is_over(self, from_ns: int) -> bool:
         """Never: the components go on."""
