@@ -7,6 +7,7 @@ from __future__ import annotations
 
 _JOIN_LATE_S = 0.5  # younger than this, the twin still gets everything from the beginning
 _LOOK_BACK_S = 0.1  # a twin that runs already gets samples from a little before now
+PIECE_NS = 500_000_000  # of twin time at once: five commands, where a listener keeps ten
 
 
 class Feed:
@@ -37,10 +38,14 @@ class Feed:
         self._sent_ns = self._first_ns if fresh else now_ns - round(_LOOK_BACK_S * 1e9)
 
     def due(self, steady_now_ns: int) -> tuple[int, int]:
-        """The stretch [from, to) of twin time [ns] to publish now; empty if from = to."""
+        """The stretch [from, to) of twin time [ns] to publish now; empty if from = to.
+
+        A long one comes in pieces, one at each call: who listens takes each before the next.
+        """
         if self._epoch_ns is None:
             return 0, 0
-        until_ns = max(self._sent_ns, self._twin_time_ns(steady_now_ns) + self._lead_ns)
+        wanted_ns = self._twin_time_ns(steady_now_ns) + self._lead_ns
+        until_ns = min(max(self._sent_ns, wanted_ns), self._sent_ns + PIECE_NS)
         stretch = self._sent_ns, until_ns
         self._sent_ns = until_ns
         return stretch

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rope_twin.ros.feed import Feed
+from rope_twin.ros.feed import PIECE_NS, Feed
 
 S = 1_000_000_000
 MS = 1_000_000
@@ -34,18 +34,27 @@ def test_who_joins_a_running_twin_begins_a_little_before_now() -> None:
 def test_a_new_epoch_begins_anew_and_the_same_one_does_not() -> None:
     feed = Feed(lead_s=0.0, speed=1.0)
     feed.follow(ROS_NOW, ROS_NOW, STEADY_NOW)
-    assert feed.due(STEADY_NOW + S) == (0, S)
-    feed.follow(ROS_NOW, ROS_NOW + S, STEADY_NOW + S)
-    assert feed.due(STEADY_NOW + 2 * S) == (S, 2 * S)
+    assert feed.due(STEADY_NOW + S // 4) == (0, S // 4)
+    feed.follow(ROS_NOW, ROS_NOW + S // 4, STEADY_NOW + S // 4)
+    assert feed.due(STEADY_NOW + S // 2) == (S // 4, S // 2)
     later = ROS_NOW + 3 * S
     feed.follow(later, later, STEADY_NOW + 3 * S)
-    assert feed.due(STEADY_NOW + 4 * S) == (0, S)
+    assert feed.due(STEADY_NOW + 3 * S + S // 4) == (0, S // 4)
 
 
 def test_speed_stretches_twin_time_and_the_lead_with_it() -> None:
     feed = Feed(lead_s=0.2, speed=4.0)
     feed.follow(ROS_NOW, ROS_NOW, STEADY_NOW)
-    assert feed.due(STEADY_NOW + S) == (0, 4 * S + 800 * MS)
+    moments = [feed.due(STEADY_NOW + S) for _ in range(20)]
+    assert max(moments) == (4 * S + 800 * MS, 4 * S + 800 * MS)
+
+
+def test_a_long_stretch_comes_in_pieces_that_a_listener_can_hold() -> None:
+    """Five seconds of lead: fifty commands at once would leave it the last ten of them."""
+    feed = Feed(lead_s=5.0, speed=1.0)
+    feed.follow(ROS_NOW, ROS_NOW, STEADY_NOW)
+    pieces = [feed.due(STEADY_NOW) for _ in range(11)]
+    assert pieces == [(k * PIECE_NS, (k + 1) * PIECE_NS) for k in range(10)] + [(5 * S, 5 * S)]
 
 
 @given(
