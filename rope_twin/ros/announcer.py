@@ -22,7 +22,14 @@ class Announcer:
         self,
         handover: Handover,
         publish: Callable[[str, bytes], None],
+        first: Snapshot,
     ) -> None:
+        """`first` is not published: encoding it once, here and for nothing, loads the definitions
+        of all messages. Later it would take from the time that others have until t = 0.
+        """
+        rehearsal = Encoder(0)
+        for topic in SNAPSHOT_TOPICS:
+            rehearsal.encode(topic.name, first)
         self._handover = handover
         self._publish = publish
         self._stopping = threading.Event()
@@ -30,15 +37,8 @@ class Announcer:
         self.processor_s = 0.0  # that publishing has used
         self.error = ""  # newest message that could not be published; empty while all is well
 
-    def start(self, epoch_ns: int, first: Snapshot) -> None:
-        """Publish from now on, stamped `epoch_ns` + the twin's time.
-
-        `first` is not published: encoding it once, here and for nothing, loads the definitions of
-        all messages before the first slot, where the time that this takes would be missed.
-        """
-        rehearsal = Encoder(epoch_ns)
-        for topic in SNAPSHOT_TOPICS:
-            rehearsal.encode(topic.name, first)
+    def start(self, epoch_ns: int) -> None:
+        """Publish from now on, stamped `epoch_ns` + the twin's time."""
         self._stopping.clear()
         self._thread = threading.Thread(
             target=self._run, args=(Encoder(epoch_ns),), name="twin-publisher", daemon=True

@@ -86,7 +86,7 @@ class PacedTwin:
         )
         if self.ladder is not None:
             self.pacer.watch(self.ladder.judge)
-        self._announcer = Announcer(self._handover, publish)
+        self._announcer = Announcer(self._handover, publish, self._first)
         self._malformed = {name: Refusals() for name in INPUTS}
         self._ignored = 0  # inputs that came while there was no epoch to place them
         self._clocks: Clocks | None = None  # of the newest begin
@@ -111,7 +111,7 @@ class PacedTwin:
         self.epoch_ns = epoch_ns
         if at_ns > 0:
             self.twin.doubt_inputs()
-        self._announcer.start(epoch_ns, self.last)
+        self._announcer.start(epoch_ns)
         follow_ahead()
         self._process_at_s = time.process_time()
         self.pacer.start(steady_now_ns + lead_ns + delay_ns)

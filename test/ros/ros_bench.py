@@ -8,6 +8,9 @@ from typing import Any
 
 from rope_twin.ros.run_status import Clocks
 
+# Every wait of these tests ends as soon as it may; this is only for one that would never end.
+PATIENCE_S = 300.0
+
 
 def clocks() -> Clocks:
     """ROS time and steady time now."""
@@ -57,7 +60,7 @@ class Bench:
         topic = BY_NAME[name]
         return self.own.create_publisher(message_type(topic), name, profile(topic.qos))
 
-    def until(self, condition: Callable[[], Any], what: str, timeout_s: float = 20.0) -> None:
+    def until(self, condition: Callable[[], Any], what: str, timeout_s: float = PATIENCE_S) -> None:
         """Spin until the condition holds; fail with `what` at the deadline."""
         deadline = time.monotonic() + timeout_s
         while not condition():

@@ -7,6 +7,7 @@ import time
 from collections import defaultdict
 
 import pytest
+from ros_bench import PATIENCE_S
 
 from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.messages import Encoder
@@ -33,10 +34,10 @@ def test_what_was_computed_before_the_stop_is_published_in_order(
 ) -> None:
     heard: dict[str, list[bytes]] = defaultdict(list)
     handover = Handover(100)
-    announcer = Announcer(handover, lambda name, data: heard[name].append(data))
+    announcer = Announcer(handover, lambda name, data: heard[name].append(data), snapshots[0])
     for snapshot in snapshots:
         handover.put(snapshot)
-    announcer.start(EPOCH_NS, snapshots[0])
+    announcer.start(EPOCH_NS)
     announcer.stop()
     assert announcer.error == ""
     encoder = Encoder(EPOCH_NS)
@@ -55,11 +56,11 @@ def test_a_topic_that_fails_is_told_and_harms_no_other(snapshots: list[Snapshot]
         heard[name] += 1
 
     handover = Handover(100)
-    announcer = Announcer(handover, publish)
-    announcer.start(EPOCH_NS, snapshots[0])
+    announcer = Announcer(handover, publish, snapshots[0])
+    announcer.start(EPOCH_NS)
     for snapshot in snapshots:
         handover.put(snapshot)
-    deadline = time.monotonic() + 10.0
+    deadline = time.monotonic() + PATIENCE_S
     while heard["rope/markers"] < 4:
         assert time.monotonic() < deadline
         time.sleep(0.005)
