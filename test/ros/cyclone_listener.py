@@ -1,9 +1,10 @@
 """A console of another vendor's DDS: Eclipse Cyclone DDS listens to the twin's topics.
 
-    python cyclone_listener.py DOMAIN SECONDS TOPIC...
+    python cyclone_listener.py DOMAIN SECONDS SAMPLES TOPIC...
 
 It knows nothing of rclpy: the IDL types are made from the ROS message definitions that rosbags
-carries. Prints one JSON object: per topic how many samples came and a figure of the last one.
+carries. It listens until so many samples have come of each topic, no longer than SECONDS. Prints
+one JSON object: per topic how many samples came and a figure of the last one.
 """
 
 from __future__ import annotations
@@ -67,8 +68,8 @@ def _field_type(kind: Any) -> Any:
     return types.array[element, length] if node == Nodetype.ARRAY else types.sequence[element]
 
 
-def listen(domain: int, seconds: float, names: list[str]) -> dict[str, Any]:
-    """Listen for some seconds; per topic the count and the last sample."""
+def listen(domain: int, seconds: float, wanted: int, names: list[str]) -> dict[str, Any]:
+    """Listen until so many samples of each came, or for some seconds; counts and last samples."""
     kept = Domain(domain, CONFIG)
     participant = DomainParticipant(domain)
     qos = Qos(
@@ -86,7 +87,7 @@ def listen(domain: int, seconds: float, names: list[str]) -> dict[str, Any]:
     }
     counts, last = dict.fromkeys(names, 0), dict.fromkeys(names)
     end = time.monotonic() + seconds
-    while time.monotonic() < end:
+    while min(counts.values()) < wanted and time.monotonic() < end:
         for name, reader in readers.items():
             for sample in reader.take(N=100):
                 counts[name] += 1
@@ -115,4 +116,4 @@ def figure(sample: Any) -> Any:
 
 
 if __name__ == "__main__":
-    print(json.dumps(listen(int(sys.argv[1]), float(sys.argv[2]), sys.argv[3:])))
+    print(json.dumps(listen(int(sys.argv[1]), float(sys.argv[2]), int(sys.argv[3]), sys.argv[4:])))

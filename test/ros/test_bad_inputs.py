@@ -24,7 +24,8 @@ class Running:
         from rope_twin.ros.simulation_node import SimulationNode
 
         self.bench = bench
-        parameters = overrides({"scene": "shallow_lift"})
+        # A second behind: what is sent a little ahead is in time though this process be held up.
+        parameters = overrides({"scene": "shallow_lift", "input_delay_s": 1.0})
         self.node = bench.add(SimulationNode(parameter_overrides=parameters))
         self.node.begin()
         self.publishers = {topic: bench.publisher(topic) for topic in BAD}
@@ -75,16 +76,23 @@ def test_it_is_refused_counted_and_told_while_the_twin_runs_on(
     last = running.node.paced.last
     assert np.isfinite(last.node_position_m).all()
     assert last.tension_top_n > 0.0
-    assert running.rows()["simulation: pacing"].level != Level.ERROR
+    running.bench.until(
+        lambda: running.rows()["simulation: pacing"].level != Level.ERROR, "it is not behind"
+    )
 
 
 def test_repeated_and_backward_stamps_are_refused(running: Running) -> None:
     heave, speed = running.publishers["ship/heave"], running.publishers["winch/speed_command"]
     at = time.time_ns() + 300_000_000
-    heave.publish(encode_heave(at, 0.0, 0.0))
-    speed.publish(encode_speed(at, 0.0))
-    for topic in ("ship/heave", "winch/speed_command"):
-        running.bench.until(lambda topic=topic: running.accepted(topic) >= 1, f"{topic} is taken")
+    for topic, publisher, data in (
+        ("ship/heave", heave, encode_heave(at, 0.0, 0.0)),
+        ("winch/speed_command", speed, encode_speed(at, 0.0)),
+    ):
+        taken = running.accepted(topic)
+        publisher.publish(data)
+        running.bench.until(
+            lambda topic=topic, taken=taken: running.accepted(topic) > taken, f"{topic} is taken"
+        )
     for stamp in (at, at - 50_000_000):
         for topic, data in (
             ("ship/heave", encode_heave(stamp, 0.0, 0.0)),
@@ -100,7 +108,7 @@ def test_repeated_and_backward_stamps_are_refused(running: Running) -> None:
 
 def test_a_ship_does_not_jump(running: Running) -> None:
     heave = running.publishers["ship/heave"]
-    at = time.time_ns() + 600_000_000
+    at = time.time_ns() + 400_000_000
     accepted = running.accepted("ship/heave")
     heave.publish(encode_heave(at, 0.0, 0.0))
     running.bench.until(lambda: running.accepted("ship/heave") > accepted, "a good sample")
@@ -111,7 +119,7 @@ def test_a_ship_does_not_jump(running: Running) -> None:
 
 def test_good_inputs_are_still_taken_after_all_that(running: Running) -> None:
     taken = {topic: running.accepted(topic) for topic in BAD}
-    at = time.time_ns() + 1_000_000_000
+    at = time.time_ns() + 500_000_000
     running.publishers["ship/heave"].publish(encode_heave(at, 0.05, 0.0))
     running.publishers["winch/speed_command"].publish(encode_speed(at, 0.2))
     running.publishers["current"].publish(multi_array([0.0, 0.3, 0.1, -100.0, 0.1, 0.0], [2, 3]))

@@ -32,11 +32,11 @@ def epoch_ns(told: dict[str, list[bytes]]) -> int:
 
 
 def test_paced_and_unpaced_bags_hold_the_same_bytes(processes: Processes, tmp_path: Path) -> None:
-    process = processes.cli(
+    process = processes.early(
         "run", "deep_lift", "--for", str(SECONDS), "--headless", "--json",
         "--record", str(tmp_path / "paced"),
     )  # fmt: skip
-    assert process.wait(120) == 0
+    assert process.wait() == 0
     paced = json.loads(process.text.strip().splitlines()[-1])
     # Equality is promised for equal inputs: all must have come, and in time.
     assert paced["heave_refused"] == paced["commands_refused"] == 0
@@ -60,11 +60,11 @@ def test_so_do_they_where_the_rope_is_cut_above_a_body(
     processes: Processes, tmp_path: Path
 ) -> None:
     """Both parts and the slings, from before the cut until the body is in the water."""
-    process = processes.cli(
+    process = processes.early(
         "run", "manifold_lift", "--for", "3", "--cut", "end@1.003", "--headless", "--json",
         "--record", str(tmp_path / "paced"),
     )  # fmt: skip
-    assert process.wait(120) == 0
+    assert process.wait() == 0
     paced = json.loads(process.text.strip().splitlines()[-1])
     assert paced["cut"]["left_m"] == pytest.approx(21.0, abs=0.01)
     names = ("tension_top", "ropes/nodes", "payload/odometry", "payload/rigging", "twin/epoch")

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+from ros_bench import PATIENCE_S
 
 pytestmark = pytest.mark.ros
 
@@ -27,7 +28,7 @@ class Served:
 
     def until(self, holds: Callable[[], bool]) -> None:
         """Spin until it holds."""
-        end_s = time.monotonic() + 20.0
+        end_s = time.monotonic() + PATIENCE_S
         while not holds():
             assert time.monotonic() < end_s
             self.executor.spin_once(timeout_sec=0.05)
@@ -85,7 +86,7 @@ def test_services_and_what_waits_for_them_are_served(served: Served) -> None:
     served.executor.add_node(served.two)
     served.one.declare_parameter("depth", 7)
     client = served.two.create_client(GetParameters, "/one/get_parameters")
-    assert client.wait_for_service(10.0)
+    assert client.wait_for_service(PATIENCE_S)
     future = client.call_async(GetParameters.Request(names=["depth"]))
     served.until(future.done)
     assert future.result().values[0].integer_value == 7

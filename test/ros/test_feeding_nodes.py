@@ -20,13 +20,14 @@ from rope_twin.twin.hoisting.schedule import schedule_samples
 pytestmark = pytest.mark.ros
 S = 1_000_000_000
 SCENE = "shallow_lift"
+LEAD_S = 5.0  # a node that is held up for less than this still publishes all from the beginning
 
 
 def sea_state(bench: Bench, **parameters: Any) -> Any:
     from rope_twin.ros.params import overrides
     from rope_twin.ros.sea_state_node import SeaStateNode
 
-    given = {"scene": SCENE, **parameters}
+    given = {"scene": SCENE, "lead_s": LEAD_S, **parameters}
     return bench.add(SeaStateNode(parameter_overrides=overrides(given)))
 
 
@@ -34,7 +35,7 @@ def winch_schedule(bench: Bench, **parameters: Any) -> Any:
     from rope_twin.ros.params import overrides
     from rope_twin.ros.winch_schedule_node import WinchScheduleNode
 
-    given = {"scene": SCENE, **parameters}
+    given = {"scene": SCENE, "lead_s": LEAD_S, **parameters}
     return bench.add(WinchScheduleNode(parameter_overrides=overrides(given)))
 
 
@@ -42,10 +43,10 @@ def stamp_ns(message: Any) -> int:
     return int(message.header.stamp.sec) * S + int(message.header.stamp.nanosec)
 
 
-def publish_epoch(bench: Bench, heard_by: int = 1) -> int:
+def publish_epoch(bench: Bench, ahead_s: float = LEAD_S) -> int:
     publisher = bench.publisher("twin/epoch")
-    bench.until(lambda: publisher.get_subscription_count() >= heard_by, "somebody awaits the epoch")
-    epoch_ns = time.time_ns() + S // 2
+    bench.until(publisher.get_subscription_count, "somebody awaits the epoch")
+    epoch_ns = time.time_ns() + round(ahead_s * S)
     publisher.publish(encode_epoch(epoch_ns))
     return epoch_ns
 
@@ -79,11 +80,11 @@ def test_samples_come_before_their_time(bench: Bench) -> None:
     )
     node = sea_state(bench, lead_s=2.0)
     node.begin()
-    publish_epoch(bench)
+    publish_epoch(bench, ahead_s=0.4)
     bench.until(lambda: len(leads) >= 80, "some heave")
     settled = leads[45:]  # the first 1.6 s come in one go, as soon as there is an epoch
-    assert min(settled) > 0.5
-    assert max(settled) < 2.1
+    assert np.median(settled) > 1.5
+    assert max(leads) < 2.1
 
 
 def test_the_bag_can_be_another_one_started_anywhere(bench: Bench) -> None:
@@ -111,9 +112,9 @@ def test_a_regular_heave_is_fed_like_a_bag(bench: Bench) -> None:
 
 def test_a_sea_can_be_made_from_a_spectrum_and_a_seed(bench: Bench) -> None:
     heave = bench.listen("ship/heave")
-    node = sea_state(bench, significant_height_m=3.0, peak_period_s=10.0, seed=5, lead_s=5.0)
+    node = sea_state(bench, significant_height_m=3.0, peak_period_s=10.0, seed=5)
     node.begin()
-    publish_epoch(bench)
+    publish_epoch(bench, ahead_s=0.5)
     bench.until(lambda: len(heave) >= 80, "four seconds of heave ahead")
     position = np.array([m.pose.pose.position.z for m in heave])
     velocity = np.array([m.twist.twist.linear.z for m in heave])
@@ -124,15 +125,17 @@ def test_a_sea_can_be_made_from_a_spectrum_and_a_seed(bench: Bench) -> None:
 
 def test_without_an_epoch_to_wait_for_it_starts_now(bench: Bench) -> None:
     heave = bench.listen("ship/heave")
-    node = sea_state(bench, wait_for_epoch=False)
+    node = sea_state(bench, wait_for_epoch=False, lead_s=0.0)
+    before_ns = time.time_ns()
     node.begin()
     bench.until(lambda: len(heave) >= 5, "heave at once")
-    assert abs(stamp_ns(heave[-1]) - time.time_ns()) < S
+    stamps = [stamp_ns(message) for message in heave]
+    assert before_ns - S // 10 <= stamps[0] < stamps[-1] < time.time_ns() + S // 100
 
 
 def test_a_record_that_does_not_loop_ends_and_the_node_lives(bench: Bench) -> None:
     heave = bench.listen("ship/heave")
-    node = sea_state(bench, start_s=1199.0, loop=False, lead_s=1.0)
+    node = sea_state(bench, start_s=1199.0, loop=False)
     node.begin()
     publish_epoch(bench)
     bench.until(lambda: node.ended, "the end is noticed")
@@ -198,7 +201,7 @@ def test_a_twin_fed_live_takes_samples_stamped_with_ros_time(bench: Bench) -> No
     from rope_twin.ros.params import overrides
     from rope_twin.ros.simulation_node import SimulationNode
 
-    parameters = overrides({"scene": SCENE, "input_delay_s": 0.5})
+    parameters = overrides({"scene": SCENE, "input_delay_s": 3.0})
     simulation = bench.add(SimulationNode(parameter_overrides=parameters))
     simulation.begin()
     sensor = sea_state(bench, wait_for_epoch=False, lead_s=0.0)

@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from ros_bench import Bench
+from ros_bench import PATIENCE_S, Bench
 from ros_process import Processes
 
 from rope_twin.messages import decode
@@ -42,13 +42,13 @@ def test_recorder(bench: Bench, processes: Processes, tmp_path: Path, turn: int)
     recorder = processes.node("recorder", directory=str(tmp_path / "bag"))
     recorder.until_says("recording to")
     simulation = processes.node("simulation", scene=SCENE, **EVERYBODY)
-    bench.until(lambda: len(odometry) >= 100 + 17 * turn, "some seconds of the run", 60.0)
+    bench.until(lambda: len(odometry) >= 100 + 17 * turn, "some seconds of the run")
     recorder.send(signal.SIGKILL)
     recorder.wait()
     newest = stamp_ns(odometry[-1])
     done = subprocess.run(
         [sys.executable, "-m", "rope_twin.cli", "recover", str(tmp_path / "bag")],
-        capture_output=True, text=True, timeout=60, check=False,
+        capture_output=True, text=True, timeout=PATIENCE_S, check=False,
     )  # fmt: skip
     assert done.returncode in (0, 3), done.stderr
     (made,) = [path.parent for path in tmp_path.glob("*/metadata.yaml")]
@@ -65,12 +65,12 @@ def test_simulation(bench: Bench, processes: Processes, tmp_path: Path, turn: in
     recorder = processes.node("recorder", directory=str(tmp_path / "bag"))
     recorder.until_says("recording to")
     first = processes.node("simulation", scene=SCENE, **EVERYBODY)
-    bench.until(lambda: len(odometry) >= 50 + 13 * turn, "some of the run", 60.0)
+    bench.until(lambda: len(odometry) >= 50 + 13 * turn, "some of the run")
     first.send(signal.SIGKILL)
     assert first.wait() == -signal.SIGKILL
     before, heard = stamp_ns(odometry[-1]), len(odometry)
     second = processes.node("simulation", scene=SCENE, **EVERYBODY)
-    bench.until(lambda: len(odometry) >= heard + 50, "the new twin runs", 60.0)
+    bench.until(lambda: len(odometry) >= heard + 50, "the new twin runs")
     gap_s = (stamp_ns(odometry[heard]) - before) * 1e-9
     recorder.send(signal.SIGINT)
     assert recorder.wait() == 0

@@ -19,16 +19,14 @@ TOPICS = ("tension_top", "payload/odometry", "winch/state", "tension", "rope/nod
 def test_cyclone_dds_hears_scalars_structs_and_arrays(processes: Processes) -> None:
     profile = str(share_dir() / "config" / "ros" / "fastdds_other_vendors.xml")
     run = processes.start(
-        ["-m", "rope_twin.cli", "run", "shallow_lift", "--headless", "--no-record", "--for", "60"],
+        ["-m", "rope_twin.cli", "run", "shallow_lift", "--headless", "--no-record"],
         FASTDDS_DEFAULT_PROFILES_FILE=profile,
     )
     run.until_says("late")
-    listener = processes.start([str(LISTENER), os.environ["ROS_DOMAIN_ID"], "4", *TOPICS])
+    listener = processes.start([str(LISTENER), os.environ["ROS_DOMAIN_ID"], "120", "50", *TOPICS])
     assert listener.wait() == 0
     heard = json.loads(listener.text.strip().splitlines()[-1])
-    # 4 s less discovery, at 50 and 25 Hz
-    assert heard["tension_top"]["count"] >= 50
-    assert heard["rope/nodes"]["count"] >= 25
+    assert min(of["count"] for of in heard.values()) >= 50
     assert 1e5 < heard["tension_top"]["last"] < 3e5
     assert -215.0 < heard["payload/odometry"]["last"] < -195.0
     names, positions, efforts = heard["winch/state"]["last"]

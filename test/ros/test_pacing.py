@@ -13,6 +13,7 @@ from typing import Any, cast
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from ros_bench import PATIENCE_S
 
 from rope_twin.errors import SolverError
 from rope_twin.twin.handover import Handover, handover_depth
@@ -43,7 +44,7 @@ class FakeClock:
     def wait_until(self, time_ns: int, interrupt: threading.Event) -> None:
         if time_ns >= self.end_ns:
             self.ended.set()
-            interrupt.wait(10.0)
+            interrupt.wait()
             return
         self.time_ns = max(self.time_ns, time_ns)
 
@@ -88,7 +89,7 @@ def run_to_end(
 
 
 def wait_for_end(pacer: Pacer, clock: FakeClock) -> None:
-    deadline = time.monotonic() + 10.0
+    deadline = time.monotonic() + PATIENCE_S
     while not clock.ended.wait(0.001) and pacer.health().running:
         assert time.monotonic() < deadline, "the worker neither ended nor waited"
 
@@ -162,12 +163,12 @@ def test_a_step_that_hangs_shows_as_behind_while_it_hangs() -> None:
 
     def hang(steps: int) -> None:
         inside.set()
-        assert go_on.wait(10.0)
+        assert go_on.wait(PATIENCE_S)
 
     twin.advance = hang  # type: ignore[method-assign]
     pacer = Pacer(twin, Handover(10), steps_per_slot=2, clock=clock)
     pacer.start(0)
-    assert inside.wait(10.0)
+    assert inside.wait(PATIENCE_S)
     clock.time_ns = 520 * MS
     assert pacer.health().behind_s == pytest.approx(0.5)
     go_on.set()

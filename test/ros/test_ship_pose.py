@@ -29,10 +29,11 @@ def test_a_way_is_fed_over_the_topic(bench: Bench) -> None:
     from rope_twin.ros.sea_state_node import SeaStateNode
 
     node = simulation(bench)
-    sea = bench.add(SeaStateNode(parameter_overrides=overrides({"scene": SCENE})))
+    early = overrides({"scene": SCENE, "lead_s": 3.0})
+    sea = bench.add(SeaStateNode(parameter_overrides=early))
     heard = bench.listen("ship/odometry")
-    node.begin()
     sea.begin()
+    node.begin()
     bench.until(lambda: node.paced.last.node_position_m[0, 0] > 0.01, "the hang-off goes east")
     health = node.paced.last.inputs["heave"]
     assert health.accepted > 20

@@ -101,11 +101,14 @@ def test_deactivate_pauses_activate_goes_on_cleanup_drops(bench: Bench, running:
     epochs = bench.listen("twin/epoch")
     running.trigger_activate()
     bench.until(lambda: paced.pacer.health().steps >= steps + 10, "it goes on")
-    bench.until(lambda: len(epochs) >= 1, "a new epoch")
+
+    def newest() -> int:
+        return int(epochs[-1].sec) * 10**9 + int(epochs[-1].nanosec)
+
+    bench.until(lambda: epochs and newest() == paced.epoch_ns, "the new epoch")
     now_ns = time.time_ns()
-    newest = epochs[-1].sec * 10**9 + epochs[-1].nanosec
     # the new epoch places the twin's present at ROS time, less the input delay
-    assert abs(newest + paced.twin.time_ns - now_ns) < 1_500_000_000
+    assert abs(newest() + paced.twin.time_ns - now_ns) < 1_500_000_000
     running.trigger_deactivate()
     running.trigger_cleanup()
     assert running.paced is None
