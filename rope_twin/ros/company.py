@@ -1,8 +1,14 @@
-"""Whether another twin is at work on our topics: each takes the other's sea and winch."""
+"""Whether another twin is at work on our topics: each takes the other's sea and winch.
+
+A run that works is heard. Of runs that begin at the same moment none is heard yet: on one machine
+the one goes on that has taken the domain's seat.
+"""
 
 from __future__ import annotations
 
+import errno
 import os
+import socket
 import time
 from typing import Any
 
@@ -21,20 +27,63 @@ TOLD_BY = (
 LISTEN_S = 2.0
 
 
-def refuse_company(node: Node) -> None:
+class Seat:
+    """The place of one run in a namespace of a ROS domain, on this machine.
+
+    A name that the kernel gives to one socket at a time, and takes back when its process ends,
+    however that ends.
+    """
+
+    def __init__(self, domain: str, namespace: str) -> None:
+        self._name = f"\0rope_twin/{domain}{namespace}"
+        self._socket: socket.socket | None = None
+
+    def take(self, patience_s: float = 0.0) -> bool:
+        """Take it, waiting so long for who is about to leave; whether it is ours, or nobody's."""
+        give_up = time.monotonic() + patience_s
+        while not (taken := self._try()) and time.monotonic() < give_up:
+            time.sleep(0.1)
+        return taken
+
+    def leave(self) -> None:
+        """Let others have it. Harmless when called twice."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+    def _try(self) -> bool:
+        found = socket.socket(socket.AF_UNIX)
+        try:
+            found.bind(self._name)
+        except OSError as error:  # a system without such names has no seats either
+            found.close()
+            return error.errno != errno.EADDRINUSE
+        self._socket = found
+        return True
+
+
+def refuse_company(node: Node) -> Seat:
     """For a run that has not begun; the node is one of its own, with all publishers made.
 
-    A twin that was killed is known to the middleware for a while: only one that speaks counts.
+    A twin that was killed is known to the middleware for a while: only one that speaks counts, or
+    one that has the seat. Who has the seat and is not in sight hears nothing of us either.
+
+    Returns:
+        The seat, to be left when the run has ended.
 
     Raises:
         InputError: another twin publishes what we would.
     """
-    if node.count_publishers(TOLD_BY[0]) > 1 and _speaks(node.get_namespace()):
-        domain = os.environ.get("ROS_DOMAIN_ID", "0")
+    domain, namespace = os.environ.get("ROS_DOMAIN_ID", "0"), node.get_namespace()
+    seat = Seat(domain, namespace)
+    alone = seat.take(LISTEN_S)
+    if node.count_publishers(TOLD_BY[0]) > 1 and not (alone and _is_silent(namespace)):
+        seat.leave()
         what = "another twin is at work there, and each would take the other's sea and winch"
         raise InputError(
             phrase(f"ROS domain {domain}", what, "end it, or set another ROS_DOMAIN_ID")
         )
+    return seat
 
 
 class Turns:
@@ -56,8 +105,8 @@ class Turns:
         self._newest = sender
 
 
-def _speaks(namespace: str) -> bool:
-    """Whether anything comes on the topics of a twin, while ours is still silent."""
+def _is_silent(namespace: str) -> bool:
+    """Whether nothing comes on the topics of a twin, while ours is still silent."""
     listener = rclpy.create_node("company", namespace=namespace)
     heard: list[bytes] = []
     for name in TOLD_BY:
@@ -72,4 +121,4 @@ def _speaks(namespace: str) -> bool:
         executor.spin_once(timeout_sec=0.1)
     executor.shutdown()
     listener.destroy_node()
-    return bool(heard)
+    return not heard

@@ -15,7 +15,7 @@ from rope_twin.commands.run.options import RunOptions
 from rope_twin.commands.run.summary import RunSummary
 from rope_twin.errors import InputError
 from rope_twin.ros.ahead import CompilingAhead
-from rope_twin.ros.company import refuse_company
+from rope_twin.ros.company import Seat, refuse_company
 from rope_twin.ros.entry import StopSignal, initialise
 from rope_twin.ros.executor import make_executor
 from rope_twin.ros.params import overrides
@@ -74,6 +74,7 @@ class Suite:
         self._nodes: dict[str, Any] = {}
         self._executor: SingleThreadedExecutor | None = None
         self._ahead: CompilingAhead | None = None
+        self._seat: Seat | None = None
         self.not_recorded = 0  # messages, known when closed
         self.not_kept = ""  # why the bag is not whole, likewise
 
@@ -97,7 +98,7 @@ class Suite:
             if name == "simulation":
                 ready()
                 self._ahead.wait(stop)
-                refuse_company(node)
+                self._seat = refuse_company(node)
                 stop.note = "\nending as soon as the twin is built; again: at once\n"
             if stop.requested:
                 raise KeyboardInterrupt
@@ -153,6 +154,8 @@ class Suite:
             node.destroy_node()
         self._nodes.clear()
         rclpy.try_shutdown()
+        if self._seat is not None:
+            self._seat.leave()
 
     def _drain(self) -> None:
         """Spin until nothing has come to the recorder for a while."""

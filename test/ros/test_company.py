@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
+import time
 from typing import Any
 
 import pytest
+from ros_bench import PATIENCE_S
 from ros_process import Process, Processes
 
-from rope_twin.ros.company import Turns
+from rope_twin.ros.company import Seat, Turns
 
 
 def summary_of(process: Process) -> dict[str, Any]:
@@ -35,6 +38,37 @@ def test_a_second_run_beside_another_is_refused_and_the_first_goes_on(
     summary = summary_of(first)
     assert summary["mixed"] == ""
     assert summary["heave_refused"] == summary["heave_late"]
+
+
+@pytest.mark.ros
+def test_of_two_runs_that_begin_at_the_same_moment_one_goes_on(processes: Processes) -> None:
+    """Neither is heard by the other when it looks."""
+    words = ["run", "shallow_lift", "--headless", "--no-record", "--json"]
+    two = [processes.cli(*words) for _ in range(2)]
+    give_up = time.monotonic() + PATIENCE_S
+    while not any(one.ended for one in two):
+        assert time.monotonic() < give_up, "neither gives way"
+        time.sleep(0.02)
+    (gone,) = (one for one in two if one.ended)
+    (left,) = (one for one in two if one is not gone)
+    assert gone.wait() == 1
+    assert "another twin is at work there" in gone.text
+    left.until_says("late")
+    left.send(signal.SIGINT)
+    assert left.wait() == 0
+    assert summary_of(left)["mixed"] == ""
+
+
+def test_a_seat_is_free_again_when_it_is_left() -> None:
+    own = f"a test's own {os.getpid()}"
+    one, other, elsewhere = Seat(own, "/"), Seat(own, "/"), Seat(own, "/aft")
+    assert one.take()
+    assert not other.take()
+    assert elsewhere.take()
+    one.leave()
+    assert other.take()
+    for seat in (one, other, elsewhere):
+        seat.leave()
 
 
 @pytest.mark.ros
