@@ -24,7 +24,7 @@ from rope_twin.studies.viv.moving import MovingRun, draw_moving, run_moving
 from rope_twin.studies.viv.own import run_own
 from rope_twin.studies.viv.own_picture import own_figures, own_words, write_own
 from rope_twin.studies.viv.picture import check_folder, write_all
-from rope_twin.studies.viv.study import Fatigue, VivRun, count_fatigue, run_viv
+from rope_twin.studies.viv.study import Fatigue, VivRun, count_fatigue, most_moved, run_viv
 from rope_twin.twin.fatigue.endurance import STRESS_CURVES, StressCurve, find_stress_curve
 from rope_twin.twin.vibration.shaking import shedding_of
 from rope_twin.viv.shedding import Shedding
@@ -220,8 +220,8 @@ def _summary(found: VivRun, fatigue: Fatigue) -> dict[str, Any]:
 
 
 def _rows(found: VivRun) -> list[dict[str, Any]]:
-    """The modes that move most, from the lowest up."""
-    most = np.sort(np.argsort(-found.modal_rms, kind="stable")[:SHOWN])
+    """The modes that move, SHOWN at most, from the lowest up."""
+    most = most_moved(found, SHOWN)
     driven = found.response.zones.T @ found.response.span.node_length
     return [
         {
@@ -241,7 +241,10 @@ def _show(found: VivRun, fatigue: Fatigue) -> None:
          f"{row['rms_diameters']:.3g}")
         for row in told["modes"]
     ]  # fmt: skip
-    print_table([HEAD, *cells])
+    if cells:
+        print_table([HEAD, *cells])
+    else:
+        print("no mode is driven")
     print(
         f"\n{told['modes_known']} modes can lock or damp; vortices up to "
         f"{told['strouhal_max_hz']:.3g} Hz\n"

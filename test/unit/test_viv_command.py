@@ -43,6 +43,10 @@ def test_a_scene_and_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str
     assert np.all(np.array([motion[name] for name in names]).std(axis=1) <= max(
         along["rms_diameters"]) * 1.0001)  # fmt: skip
     assert motion["time_s"][-1] == pytest.approx(40.0, abs=0.1)
+    # those that move, from the lowest up, and no other
+    moved = np.array(modes["rms_diameters"])
+    assert min(by_rms) > 0.01 * moved.max()
+    assert {row["mode"] - 1 for row in told["modes"]} == set(np.argsort(-moved)[: len(by_rms)])
     # a rope in at most 0.5 m/s: the top of the current's Strouhal frequency
     assert told["strouhal_max_hz"] == pytest.approx(0.17 * 0.5 / 0.032, rel=0.01)
 

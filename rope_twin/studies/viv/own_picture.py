@@ -11,7 +11,8 @@ from rope_twin.core.state import Floats
 from rope_twin.studies.validation.case import Field, Line, Panel
 from rope_twin.studies.validation.picture import draw_panels
 from rope_twin.studies.viv.own import OwnRun
-from rope_twin.studies.viv.picture import write_table
+from rope_twin.studies.viv.picture import ABOVE, write_table
+from rope_twin.studies.viv.study import where_it_moves
 
 PERIODS = 12  # of the motion that the space-time picture shows, the last ones
 COLUMNS = 60  # places in the table of the motion
@@ -91,13 +92,16 @@ def _along(run: OwnRun) -> list[Panel]:
         return Panel(title, x, BELOW, tuple(Line(values, depth, label) for values, label in lines))
 
     sides = ("across the flow", "in line") if run.in_line else ("across the flow",)
+    moving_hz = [where_it_moves(*own) for own in zip(run.frequency_hz, run.rms, strict=True)]
+    worn = run.damage_per_year > 0.0
+    damage = np.log10(run.damage_per_year, out=np.full(len(worn), np.nan), where=worn)
     return [
         panel("rms of the motion", "rms/d", *zip(run.rms, sides, strict=False)),
-        panel("mean frequency", "[Hz]", *zip(run.frequency_hz, sides, strict=False)),
+        panel("mean frequency", "[Hz]", *zip(moving_hz, sides, strict=False)),
         panel("drag amplification", "", (run.drag_amplification, "of the run"),
               (run.vandiver, "Vandiver 1983 of this motion")),
         panel("bending stress, rms", "[MPa]", (1e-6 * run.stress_rms_pa, "")),
-        panel("damage of tension and bending", "per year", (run.damage_per_year, "")),
+        panel("damage of tension and bending", "log10 of damage per year", (damage, "")),
     ]  # fmt: skip
 
 
@@ -108,7 +112,7 @@ def _in_time(run: OwnRun) -> list[Panel]:
     shown = slice(-min(max(8, round(PERIODS * samples)), len(run.time_s)), None)
     times = (float(run.time_s[shown][0]), float(run.time_s[shown][-1]))
     frequency, power = run.spectra()
-    some = frequency < 3.0 * mean_hz
+    some = frequency < ABOVE * mean_hz
     level = np.log10(np.maximum(power[some], 1e-6 * power.max()))
     with_flow = Panel("in line with it", "time [s]", BELOW,
                       field=Field(run.motion[1, shown].T[::-1], times, depth, "x/d"))  # fmt: skip

@@ -9,10 +9,17 @@ import numpy as np
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.studies.picture import check_picture, write_picture
-from rope_twin.studies.viv.study import Fatigue, VivRun, chosen_places
+from rope_twin.studies.viv.study import (
+    Fatigue,
+    VivRun,
+    chosen_places,
+    most_moved,
+    where_it_moves,
+)
 
 SHAPES = 8  # modes drawn, those that move most
 PERIODS = 12  # of the motion that the space-time picture shows
+ABOVE = 3.0  # times the mean frequency: so far spectra are drawn
 SCATTER = "published VIV codes differ by a factor of 1.7"
 
 
@@ -84,7 +91,7 @@ def _current(figure: Any, run: VivRun) -> None:
 
 
 def _shapes(figure: Any, run: VivRun) -> None:
-    most = np.sort(np.argsort(-run.modal_rms)[:SHAPES])
+    most = most_moved(run, SHAPES)
     axes = _panels(figure, max(len(most), 1))
     for own, mode in zip(axes, most, strict=False):
         own.plot(run.response.modes.shape[:, mode], run.from_top_m, linewidth=0.9)
@@ -97,7 +104,7 @@ def _along(figure: Any, run: VivRun, fatigue: Fatigue) -> None:
     axes = _panels(figure, 5)
     rows = (
         (run.rms(), run.from_top_m, "rms A/d"),
-        (run.frequency_hz(), run.from_top_m, "mean frequency [Hz]"),
+        (where_it_moves(run.frequency_hz(), run.rms()), run.from_top_m, "mean frequency [Hz]"),
         (run.drag_amplification(), run.from_top_m, "drag amplification"),
         (1e-6 * fatigue.stress_rms_pa, fatigue.from_top_m, "bending stress, rms [MPa]"),
         (fatigue.damage_per_year, fatigue.from_top_m, "damage per year"),
@@ -131,6 +138,9 @@ def _motion(figure: Any, run: VivRun) -> None:
 def _spectra(figure: Any, run: VivRun) -> None:
     places = chosen_places(run)
     frequency, power = run.spectra(places)
+    if (mean_hz := float(run.frequency_hz().max(initial=0.0))) > 0.0:
+        some = frequency < ABOVE * mean_hz
+        frequency, power = frequency[some], power[some]
     axes = figure.subplots()
     top = run.from_top_m[places.astype(int)]
     floor = 1e-6 * float(power.max(initial=1e-30))

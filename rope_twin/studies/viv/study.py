@@ -27,6 +27,7 @@ YEAR_S = 365.25 * 86400.0
 STEADY = 0.5  # of a run: the part that statistics are taken of
 RECORDED = 3  # times as often as the response needs its amplitude
 PLACES = 240  # at most, that stress and damage are counted at
+HARDLY = 1e-2  # of the largest motion: what moves less is as good as at rest
 
 
 @dataclass(frozen=True)
@@ -122,6 +123,18 @@ def run_viv(scene: Scene, shedding: Shedding, duration_s: float) -> VivRun:
     time_s: Floats = np.asarray(step * np.arange(1.0, count + 1.0), dtype=np.float64)
     from_top = np.interp(response.span.s, lying.span.s, lying.unstretched)
     return VivRun(lying, response, time_s, coordinate, from_top)
+
+
+def most_moved(run: VivRun, count: int) -> Floats:
+    """Numbers of the modes that move most, `count` at most, from the lowest up; none that rests."""
+    rms = run.modal_rms
+    most = np.argsort(-rms, kind="stable")[:count]
+    return np.sort(most[rms[most] > HARDLY * rms.max(initial=0.0)])
+
+
+def where_it_moves(frequency_hz: Floats, rms: Floats) -> Floats:
+    """Frequencies, NaN where the motion is next to nothing: for pictures."""
+    return np.where(rms > HARDLY * rms.max(initial=0.0), frequency_hz, np.nan)
 
 
 def chosen_places(run: VivRun, most: int = PLACES) -> Floats:
