@@ -17,7 +17,7 @@ from typing import Any
 from rope_twin.commands.console import CaseProgress, print_table
 from rope_twin.commands.run.choice import find_quantity, read_amount
 from rope_twin.errors import InputError, RopeTwinError, SceneError, phrase
-from rope_twin.scene.card import card_path, known_error, read_card
+from rope_twin.scene.card import card_path, known_error, read_card, told_bound
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy import page as accuracy_page
@@ -43,7 +43,8 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     which.add_argument("--status", action="store_true", help="only tell which cards are old")
     add = parser.add_argument
     add("--for", dest="for_s", type=float, metavar="SECONDS",
-        help="window of the run (default: a minute, or a round of the winch schedule)")  # fmt: skip
+        help="window of the run (default: a minute, or a round of the winch schedule; with "
+        "--within: the card's)")  # fmt: skip
     add("--into", type=Path, metavar="DIR", help="write the card there instead")
     add("--no-card", action="store_true", help="write nothing")
     add("--within", metavar="AMOUNT",
@@ -62,11 +63,13 @@ def run(args: argparse.Namespace) -> int:
     """Do what the options say; raises RopeTwinError."""
     if args.status:
         return _status(args.json)
-    if args.within is not None:
-        return _check(args)
     if args.for_s is not None and not 0.0 < args.for_s <= 3600.0:
         what = f"{args.for_s:g} s is not possible"
         raise InputError(phrase("--for", what, "give a time above 0 s, at most 3600 s"))
+    if args.within is not None:
+        return _check(args)
+    if args.of is not None:
+        raise InputError(phrase("--of", "a card has every quantity", "say --within 1% too"))
     if not args.all:
         return _make(args, load_scene(args.scene))
     refused = 0
@@ -81,12 +84,15 @@ def run(args: argparse.Namespace) -> int:
 
 def _check(args: argparse.Namespace) -> int:
     """What `run --within` buys of these scenes, measured anew; 1 if one is not within."""
+    if args.into is not None:
+        raise InputError(phrase("--into", "--within makes no card", "leave one of them out"))
     quantity = find_quantity(args.of)
-    within = read_amount("--within", args.within, quantity.unit)
+    within = read_amount("--within", args.within, quantity.name, quantity.unit)
     names = scene_names() if args.all else [args.scene]
     scenes = [load_scene(name) for name in names]
     progress = CaseProgress()
-    rows = list(accuracy_within.check_scenes(scenes, quantity, within, progress.show))
+    wanted = accuracy_within.Wanted(quantity, within, args.for_s)
+    rows = list(accuracy_within.check_scenes(scenes, wanted, progress.show))
     if args.json:
         told = [{**asdict(row), "ok": row.ok} for row in rows]
         print(json.dumps({"rows": told}, ensure_ascii=False, allow_nan=False))
@@ -203,7 +209,7 @@ def _status(as_json: bool) -> int:
 
 
 def _percent(value: object) -> str:
-    return f"{value:.2g}" if isinstance(value, float) else "unknown"
+    return told_bound(value) if isinstance(value, float) else "unknown"
 
 
 def _short(value: Any) -> Any:

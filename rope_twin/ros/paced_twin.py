@@ -31,6 +31,7 @@ from rope_twin.ros.run_status import (
     rung_row,
     saving_row,
 )
+from rope_twin.scene.card import OTHER_SEA
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.schema import Scene
@@ -69,6 +70,8 @@ class PacedTwin:
         self._made_ns = time.monotonic_ns()
         self.twin, self.begun = _begin(scene, params)
         self.twin.failure_folder = Path(params.failure_directory).resolve()
+        if params.other_sea:
+            self.twin.doubt_card(OTHER_SEA)
         self._keeper: Keeper | None = None
         if params.save_to:
             every_s = params.save_every_s * params.speed

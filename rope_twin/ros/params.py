@@ -68,6 +68,10 @@ class SimulationParams:
         "keep a band around the top tension in which the converged one lies; slower",
         False,
     )
+    other_sea: bool = text(
+        "the ship moves otherwise than in the scene: by its card no error of the tension is known",
+        False,
+    )
     vibration: str = text("keep how the rope shakes, by this model; empty: do not", "")
     fatigue: str = text("keep the fatigue used of each metre by this curve; empty: do not", "")
 

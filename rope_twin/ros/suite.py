@@ -59,6 +59,7 @@ def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
         "elements": options.elements or 0,
         "step_s": options.step_s or 0.0,
         "error_band": options.error_band,
+        "other_sea": options.other_sea,
         "vibration": options.watch.vibration if options.watch else "",
         "fatigue": options.watch.fatigue if options.watch else "",
         **speed,

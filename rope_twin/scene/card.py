@@ -21,6 +21,7 @@ from rope_twin.scene.schema import Scene
 FORMAT = 1
 FOLDER = "cards"
 RMS, PEAK = "tension_rms", "tension_peak"  # quantities that every card has
+OTHER_SEA = "the card's run has another sea"
 
 
 class Setting(NamedTuple):
@@ -137,7 +138,8 @@ def told_bound(bound: float) -> str:
     if not 0.0 < bound < math.inf:
         return "0" if bound == 0.0 else "unknown"
     place = 10.0 ** (math.floor(math.log10(bound)) - 1)
-    return f"{math.ceil(bound / place - 1e-9) * place:.2g}"
+    told = math.ceil(bound / place - 1e-9) * place
+    return f"{told:.0f}" if 100.0 <= told < 1e6 else f"{told:.2g}"
 
 
 def card_path(scene: Scene) -> Path:

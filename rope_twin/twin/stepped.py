@@ -54,7 +54,7 @@ class SteppedTwin(ToldTwin):
         self.scene = scene
         self.step_s = scene.time.step_s
         self.step_ns = round(scene.time.step_s * 1e9)
-        self._card_error = known_error(scene)
+        self._card_error, self._doubt = known_error(scene), ""
         self._ropes = ropes_of(scene, STEPS_PER_CALL)
         self._rope = self._ropes.first
         self._base = Base(self._rope.model, self._rope.state.s.shape[0])
@@ -121,7 +121,16 @@ class SteppedTwin(ToldTwin):
         self._ahead.steps = 0  # borders ahead of a step that failed were for its length
         self._rope, self._marks = carry_over(self._rope, self._marks, rung, self._base, at)
         self._rung, self.step_ns, self.step_s = rung, rung.step_ns, self._rope.model.step
-        self._card_error = error_at(self.scene, rung)
+        if not self._doubt:
+            self._card_error = error_at(self.scene, rung)
+
+    def doubt_card(self, why: str) -> None:
+        """From here on its tension's error is unknown on every rung; `why` in words.
+
+        For who knows that the run is none like the card's, as in another sea.
+        """
+        self._doubt = why
+        self._card_error = KnownError(words=f"unknown: {why}")
 
     def advance(self, steps: int) -> None:
         """Step on.

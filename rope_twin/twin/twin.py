@@ -21,8 +21,8 @@ from rope_twin.twin.stepped import SteppedTwin
 
 # What the scene or the caller gives; everything else changes and belongs to a saved state.
 _GIVEN = (
-    "scene", "step_s", "step_ns", "failure_folder", "_card_error", "_lock", "_pulls", "_rope",
-    "_ropes", "_base", "_ahead", "_shaking", "told", "_winch_names",
+    "scene", "step_s", "step_ns", "failure_folder", "_card_error", "_doubt", "_lock", "_pulls",
+    "_rope", "_ropes", "_base", "_ahead", "_shaking", "told", "_winch_names",
 )  # fmt: skip
 
 

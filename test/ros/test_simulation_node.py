@@ -81,6 +81,20 @@ def test_a_setting_that_was_bought_runs(bench: Bench) -> None:
         simulation(bench, elements=2).begin()
 
 
+def test_in_another_sea_no_error_is_told(bench: Bench) -> None:
+    """The card's run had the scene's."""
+    from rope_twin.commands.run.options import RunOptions
+    from rope_twin.ros.suite import node_parameters
+
+    for options, known in ((RunOptions(), True), (RunOptions(bag="sea_1p2m"), False)):
+        told = node_parameters(options)["simulation"]["other_sea"]
+        node = simulation(bench, other_sea=told)
+        node.trigger_configure()
+        error = node.paced.twin.snapshot().card_error
+        assert (error.rms_pct >= 0.0) is known
+        assert error.words.endswith("the card's run has another sea") is not known
+
+
 def test_a_listener_that_comes_late_still_learns_the_epoch(bench: Bench, running: Any) -> None:
     tension = bench.listen("tension_top")
     bench.until(lambda: tension, "the twin runs")

@@ -92,7 +92,7 @@ def test_only_what_a_scene_lists_ages_its_card() -> None:
     ("bound", "told"),
     [
         (0.0, "0"), (0.01, "0.01"), (0.0101, "0.011"), (9.99, "10"), (0.123, "0.13"), (5.0, "5"),
-        (math.nan, "unknown"), (2.5e-7, "2.5e-07"),
+        (math.nan, "unknown"), (2.5e-7, "2.5e-07"), (121.0, "130"), (99.5, "100"),
     ],
 )  # fmt: skip
 def test_a_bound_is_rounded_up(bound: float, told: str) -> None:

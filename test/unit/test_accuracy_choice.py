@@ -31,6 +31,7 @@ from rope_twin.scene.card import Rung, Setting, known_error, read_card
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy.choice import cheapest_within, most_accurate, sure_bound
 from rope_twin.studies.variants import variant
+from rope_twin.twin.accuracy.rung import Rung as LadderRung
 from rope_twin.twin.pacing import SLOT_S, steps_in_slot
 from rope_twin.twin.twin import Twin
 
@@ -131,6 +132,8 @@ def test_a_run_says_its_error_or_that_it_is_unknown(
     told = json.loads(capsys.readouterr().out)
     assert told["tension_top_error_pct"] == told["tension_top_peak_error_pct"] == "unknown"
     assert told["tension_top_error_by"] == "unknown: the card's run has another sea"
+    assert main(unpaced(scene, "--bag", "sea_1p2m")) == 0
+    assert "  error unknown  " in capsys.readouterr().err, "on the way as at the end"
     card.card_path(scene).unlink()
     assert main(unpaced(scene)) == 0
     out, said = capsys.readouterr()
@@ -159,7 +162,7 @@ def test_a_snapshot_has_its_error(tmp_path: Path) -> None:
     assert math.isnan(coarser.branch().snapshot().card_error.rms_pct)
 
 
-NO_AMOUNT = "it is not possible; write a number above 0 and its unit, like 1%."
+NO_AMOUNT = "tension_rms is in %; write a number above 0 and its unit, like 1%."
 
 
 @pytest.mark.parametrize(
@@ -175,6 +178,14 @@ NO_AMOUNT = "it is not possible; write a number above 0 and its unit, like 1%."
         (
             ["--within", "1m", "--of", "payload_depth"],
             "its card knows no error of payload_depth; say --of with one of tension_peak, tens",
+        ),
+        (
+            ["--within", "1%", "--of", "payload_depth"],
+            "--within 1%: payload_depth is in m; write a number above 0 and its unit, like 0.05m.",
+        ),
+        (
+            ["--within", "1%", "--bag", "sea_1p2m"],
+            "small: the card's run has another sea than sea_1p2m; leave --bag out, or make the",
         ),
         (["--of", "tension_rms"], "--of: there is nothing to choose; say --within 1% too."),
         (["--budget", "30%"], "--budget: --speed 0 takes a whole core; give up to 100 %"),
@@ -201,6 +212,41 @@ def test_without_a_valid_card_nothing_is_bought(
     said = capsys.readouterr().err
     right = f"make it with `rope_twin accuracy {scene.path}`."
     assert f"it has no accuracy card; {right}" in said, "what it names can be typed"
+
+
+def test_a_window_that_ends_before_the_run_is_told_or_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The scene asks for a minute: what a card of 30 s promises holds for 30 s."""
+    scene = carded_scene(tmp_path)
+    words = ["run", str(scene.path), "--speed", "0", "--no-record", "--within", "1%", "--for"]
+    assert main([*words, "30.02"]) == 1
+    right = f"make it anew with `rope_twin accuracy {scene.path}`, or say --for 30."
+    said = f"its card is of 30 s only, what happens in the scene takes 60 s; {right}\n"
+    assert capsys.readouterr().err == f"--within, scene small: {said}"
+    assert main([*words, "30"]) == 0
+    assert "in the card's run of 30 s; next better" in capsys.readouterr().err
+    write_card(scene, sample_card(scene) | {"seconds": 60.0})
+    assert main([*words, "30.02"]) == 0
+    assert "in the card's run of 60 s; next better" in capsys.readouterr().err
+    assert main([*words, "60.02"]) == 0
+    longer = "in the card's run of 60 s (this one goes on beyond it, where no error was measured);"
+    assert longer in capsys.readouterr().err
+
+
+def test_a_doubted_card_says_nothing_on_any_rung(tmp_path: Path) -> None:
+    """Nor in what is branched off."""
+    twin = Twin(carded_scene(tmp_path, elements=40))
+    assert twin.snapshot().card_error.rms_pct > 0.0
+    twin.doubt_card("it was a drill")
+    own, step_ns = twin.rung, twin.step_ns
+    for rung in (own, LadderRung(2 * step_ns), LadderRung(2 * step_ns, 1), own):
+        twin.take_rung(rung)
+        for one in (twin, twin.branch()):
+            error = one.snapshot().card_error
+            assert math.isnan(error.rms_pct)
+            assert math.isnan(error.peak_pct)
+            assert error.words == "unknown: it was a drill"
 
 
 def test_shares_are_measured_on_this_machine(tmp_path: Path) -> None:
@@ -276,6 +322,23 @@ def test_finer_than_the_ladder_the_finest_bound_holds(tmp_path: Path) -> None:
     coarse = known_error(variant(scene, 500, 0.02))
     assert coarse.rms_pct == pytest.approx(error_pct(40, 0.02) + UNCERTAINTY_PCT)
     assert math.isnan(known_error(variant(scene, 500, 0.05)).rms_pct)
+
+
+def test_a_budget_in_another_sea_claims_no_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Settings are bought all the same: what costs more is finer in any sea."""
+    scene = carded_scene(tmp_path)
+    cheap = Cost(1.0, 0.1)
+    monkeypatch.setattr(choice, "measure_shares", lambda scene, rungs, speed: [1.0] * len(rungs))
+    monkeypatch.setattr(choice, "measure_setting", lambda *args, **more: cheap)
+    words = ["run", str(scene.path), "--no-record", "--budget", "20%"]
+    for more, said in (
+        ([], "tension_rms within 0.06 % in the card's run of 30 s (this one goes on beyond it"),
+        (["--bag", "sea_1p2m"], "of its error nothing is known: the card's run has another sea;"),
+    ):
+        args = _parser({"run": run_command}).parse_args([*words, *more])
+        assert said in choice.choose(args, read_options(args)).chosen
 
 
 @pytest.mark.parametrize("budget", ["20%", "0.0001%"])

@@ -305,6 +305,11 @@ def test_what_within_buys_is_measured_anew(
     assert main(["accuracy", str(made), *words]) == 0
     (row,) = json.loads(capsys.readouterr().out)["rows"]
     assert 0.0 < row["error"] <= row["at_most"] <= 0.3
+    assert row["seconds"] == 6.0, "the card's window"
+    assert main(["accuracy", str(made), *words, "--for", "9"]) == 0
+    (longer,) = json.loads(capsys.readouterr().out)["rows"]
+    assert longer["seconds"] == 9.0
+    assert 0.0 < longer["error"] != row["error"], "another run"
     place = recarded(made, tmp_path, lambda bound: 0.01 * bound)
     assert main(["accuracy", str(place), *words]) == 1
     (row,) = json.loads(capsys.readouterr().out)["rows"]
@@ -347,6 +352,8 @@ def test_old_cards_are_told(capsys: pytest.CaptureFixture[str]) -> None:
         (["deep_lift", "--for", "nan"], "--for: nan s is not possible; give a time above 0 s"),
         (["deep_lift", "--into", "/proc/nowhere"], "the card cannot be written"),
         (["deap_lift"], "did you mean 'deep_lift'?"),
+        (["deep_lift", "--of", "tension_rms"], "--of: a card has every quantity; say --within 1%"),
+        (["deep_lift", "--within", "1%", "--into", "x"], "--into: --within makes no card; leave"),
     ],
 )
 def test_refusals(words: list[str], sentence: str, capsys: pytest.CaptureFixture[str]) -> None:

@@ -51,7 +51,7 @@ def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
         raise RuntimeError("a paced run needs the ROS suite")
     else:
         summary = _with_speed_alone(paced(options, progress), options)
-    summary = replace(_of_its_sea(summary, options), chosen=options.chosen)
+    summary = replace(summary, chosen=options.chosen)
     if summary.core_share is not None:
         asked = {"asked_pct": options.budget_pct, "calibrated_pct": options.calibrated_pct}
         summary = replace(summary, core_share=summary.core_share | asked)
@@ -63,18 +63,6 @@ def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
     sys.stdout.write((summary.as_json() if options.json else summary.as_text()) + "\n")
     sys.stdout.flush()
     return 1 if troubles else 0
-
-
-def _of_its_sea(summary: RunSummary, options: RunOptions) -> RunSummary:
-    """The summary without the card's error if the ship moved otherwise than in the card's run."""
-    if not (options.bag or options.poses) or isinstance(summary.tension_top_error_pct, str):
-        return summary
-    return replace(
-        summary,
-        tension_top_error_pct="unknown",
-        tension_top_peak_error_pct="unknown",
-        tension_top_error_by="unknown: the card's run has another sea",
-    )
 
 
 def _with_speed_alone(summary: RunSummary, options: RunOptions) -> RunSummary:
@@ -89,10 +77,12 @@ def _with_speed_alone(summary: RunSummary, options: RunOptions) -> RunSummary:
 
 def _unpaced(options: RunOptions, progress: FigureProgress) -> RunSummary:
     from rope_twin.commands.run.unpaced import run_unpaced
+    from rope_twin.scene.change import at_setting
     from rope_twin.scene.checks.rope import sense_checks
     from rope_twin.scene.load import load_scene
 
-    for warning in sense_checks(load_scene(options.scene)):
+    scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
+    for warning in sense_checks(scene):
         progress.say(warning)
 
     def report(run: UnpacedRun) -> None:

@@ -11,7 +11,7 @@ from rope_twin.commands.run.calibration import measure_setting, measure_shares
 from rope_twin.commands.run.options import RunOptions
 from rope_twin.commands.run.spending import CEILING_PCT, Bought, spend
 from rope_twin.errors import InputError, did_you_mean, phrase
-from rope_twin.scene.card import Card, Rung, Setting, read_card, told_bound
+from rope_twin.scene.card import OTHER_SEA, Card, Rung, Setting, read_card, told_bound
 from rope_twin.scene.load import argument_for, load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy.choice import (
@@ -22,9 +22,11 @@ from rope_twin.studies.accuracy.choice import (
     sure_bound,
 )
 from rope_twin.studies.accuracy.figures import BY_NAME, Quantity
+from rope_twin.studies.accuracy.plan import make_plan
 from rope_twin.twin.pacing import SLOT_S
 
 MOST_ELEMENTS = 20_000  # of a rope of a scene
+_LIKE = {"%": "1%", "m": "0.05m"}
 
 
 def choose(args: argparse.Namespace, options: RunOptions) -> RunOptions:
@@ -40,8 +42,9 @@ def choose(args: argparse.Namespace, options: RunOptions) -> RunOptions:
         return options
     option = "--budget" if args.within is None else "--within"
     quantity = find_quantity(args.of)
-    unit = "%" if option == "--budget" else quantity.unit
-    wanted = read_amount(option, args.budget or args.within, unit)
+    of_core = ("a share of one core", "%")
+    name, unit = of_core if option == "--budget" else (quantity.name, quantity.unit)
+    wanted = read_amount(option, args.budget or args.within, name, unit)
     if option == "--budget" and (options.speed == 0.0 or wanted > 100.0):
         what = f"{wanted:g} % of one core" if options.speed else "--speed 0 takes a whole core"
         raise InputError(phrase("--budget", what, "give up to 100 % and a --speed above 0"))
@@ -52,22 +55,23 @@ def choose(args: argparse.Namespace, options: RunOptions) -> RunOptions:
     card = _current_card(scene, option)
     rungs = _ladder(card, quantity, options.speed > 0.0, option)
     if option == "--within":
-        rung, said = _buy(rungs, quantity, wanted, card)
+        _refuse_other_run(scene, card, options)
+        rung, said = _buy(rungs, quantity, wanted, _of_its_run(card, options))
         return replace(options, elements=rung.elements, step_s=rung.step_s, chosen=said)
     bought = _spend(scene, rungs, quantity, wanted, options)
-    (elements, step_s), said = bought.setting, _told_spending(bought, card, rungs, quantity, wanted)
+    known = _bound_of(bought.setting, card, rungs, quantity, options)
     return replace(
         options,
-        elements=elements,
-        step_s=step_s,
-        chosen=said,
+        elements=bought.setting.elements,
+        step_s=bought.setting.step_s,
+        chosen=_told_spending(bought, wanted, known),
         budget_pct=wanted,
         calibrated_pct=bought.cost.pct,
     )
 
 
-def read_amount(option: str, words: str, unit: str) -> float:
-    """A number above 0 with its unit, as `1%` or `0.05m`.
+def read_amount(option: str, words: str, name: str, unit: str) -> float:
+    """A number above 0 with its unit, as `1%` or `0.05m`, of what has this name.
 
     Raises:
         InputError: it is none.
@@ -78,8 +82,8 @@ def read_amount(option: str, words: str, unit: str) -> float:
     except ValueError:
         amount = math.nan
     if not (0.0 < amount < math.inf) or number == words.strip():
-        right = f"write a number above 0 and its unit, like 1{unit}"
-        raise InputError(phrase(f"{option} {words}", "it is not possible", right))
+        right = f"write a number above 0 and its unit, like {_LIKE[unit]}"
+        raise InputError(phrase(f"{option} {words}", f"{name} is in {unit}", right))
     return amount
 
 
@@ -114,7 +118,38 @@ def _ladder(card: Card, quantity: Quantity, paced: bool, option: str) -> list[Ru
     return [rung for rung in known if not paced or rung.step_s <= SLOT_S]
 
 
-def _buy(rungs: list[Rung], quantity: Quantity, target: float, card: Card) -> tuple[Rung, str]:
+def _refuse_other_run(scene: Scene, card: Card, options: RunOptions) -> None:
+    """Nothing is promised of a run that the card's says nothing about. Raises InputError."""
+    if options.other_sea:
+        option = "--bag" if options.bag else "--poses"
+        what = f"{OTHER_SEA} than {options.bag or options.poses}"
+        right = f"leave {option} out, or make the card of a scene that has this sea"
+        raise InputError(phrase(f"--within, scene {scene.name}", what, right))
+    needed_s = make_plan(scene).seconds
+    if card.seconds < needed_s and _goes_on(card, options):
+        what = (
+            f"its card is of {card.seconds:g} s only, what happens in the scene takes "
+            f"{needed_s:g} s"
+        )
+        right = (
+            f"make it anew with `rope_twin accuracy {argument_for(scene)}`, "
+            f"or say --for {card.seconds:g}"
+        )
+        raise InputError(phrase(f"--within, scene {scene.name}", what, right))
+
+
+def _goes_on(card: Card, options: RunOptions) -> bool:
+    """Whether the run is longer than the card's."""
+    return options.for_s is None or options.for_s > card.seconds
+
+
+def _of_its_run(card: Card, options: RunOptions) -> str:
+    """Of which run its errors are."""
+    longer = " (this one goes on beyond it, where no error was measured)"
+    return f"in the card's run of {card.seconds:g} s{longer if _goes_on(card, options) else ''}"
+
+
+def _buy(rungs: list[Rung], quantity: Quantity, target: float, run: str) -> tuple[Rung, str]:
     rung = cheapest_within(rungs, quantity.name, target)
     if rung is None:
         best = best_bound(rungs, quantity.name)
@@ -125,7 +160,7 @@ def _buy(rungs: list[Rung], quantity: Quantity, target: float, card: Card) -> tu
     bound = sure_bound(rung, rungs, quantity.name)
     said = (
         f"--within {target:g} {quantity.unit}: {_setting(rung)}, the cheapest that keeps "
-        f"{quantity.name} within {_told(bound, quantity)} in the card's run of {card.seconds:g} s; "
+        f"{quantity.name} within {_told(bound, quantity)} {run}; "
     )
     better = next_better(rungs, quantity.name, bound, [1.0 / r.real_time_factor for r in rungs])
     if better is None:
@@ -154,23 +189,30 @@ def _spend(
     raise InputError(phrase(f"--budget {budget:g}%", what, "give more"))
 
 
-def _told_spending(
-    bought: Bought, card: Card, rungs: list[Rung], quantity: Quantity, budget: float
+def _bound_of(
+    setting: Setting, card: Card, rungs: list[Rung], quantity: Quantity, options: RunOptions
 ) -> str:
-    """What was chosen, why, and what the next better setting would cost."""
-    setting, cost = bought.setting, bought.cost
+    """What is known of the error of a setting that lies between rungs or beyond them."""
+    if options.other_sea:
+        return f"of its error nothing is known: {OTHER_SEA}"
     bounds = (sure_bound(rung, rungs, quantity.name) for rung in card.at(*setting) if rung in rungs)
     finest = card.finest
     within = f"{quantity.name} within {_told(max(bounds, default=math.nan), quantity)}"
     if setting.elements > finest.elements or setting.step_s < finest.step_s:
-        within += ", the card's bound where it ends (finer was not measured)"
+        within += ", the card's bound where it ends (finer was not measured),"
+    return f"{within} {_of_its_run(card, options)}"
+
+
+def _told_spending(bought: Bought, budget: float, known: str) -> str:
+    """What was chosen, why, and what the next better setting would cost."""
+    setting, cost = bought.setting, bought.cost
     why = "the most accurate that fits"
     if cost.pct >= 0.95 * CEILING_PCT:
         why += f" in {CEILING_PCT:g} %, since the rest of each slot stays free"
     return (
         f"--budget {budget:g} %: {setting}, {why}: steps need {cost.steps_pct:.3g} % of one core "
         f"here and messages {cost.publishing_pct:.2g} % (measured just now; sending comes on top), "
-        f"{within}; next better, {bought.better}, needs about {bought.better_pct:.2g} %"
+        f"{known}; next better, {bought.better}, needs about {bought.better_pct:.2g} %"
     )
 
 

@@ -58,6 +58,11 @@ class RunOptions:
         return Path.cwd() if made is None else made.parent
 
     @property
+    def other_sea(self) -> bool:
+        """Whether what moves the ship is named beside the scene: the run is not its card's."""
+        return bool(self.bag or self.poses)
+
+    @property
     def screen(self) -> bool:
         """Whether a window can be opened (and is wanted)."""
         return has_screen() and not self.headless

@@ -28,6 +28,7 @@ from rope_twin.messages import (
     statuses,
 )
 from rope_twin.recording.bag_writer import BagWriter
+from rope_twin.scene.card import OTHER_SEA
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rules.rigging import winches_by_name
@@ -66,6 +67,8 @@ class UnpacedRun:
         kind = twin_kind(options.energy, options.error_band, options.watch)
         self.twin = kind(scene) if start is None else kind.restore(start, scene)
         self.twin.failure_folder = options.failure_folder
+        if options.other_sea:
+            self.twin.doubt_card(OTHER_SEA)
         self.epoch_ns = time.time_ns() - self.twin.time_ns if epoch_ns is None else epoch_ns
         keep_pauses_short()
         self._bag = None if options.record is None else BagWriter(options.record, TOPICS)

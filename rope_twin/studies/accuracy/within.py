@@ -24,12 +24,22 @@ Report = Callable[[int, int, str], None]  # done, of how many, what comes next
 
 
 @dataclass(frozen=True)
+class Wanted:
+    """What is to be bought, and over which window it is measured."""
+
+    quantity: Quantity
+    within: float  # in the quantity's unit
+    seconds: float | None  # None: the card's
+
+
+@dataclass(frozen=True)
 class Bought:
     """What was bought of one scene, and what it was found to be."""
 
     scene: str
     quantity: str
     within: float  # asked for, in the quantity's unit
+    seconds: float | None  # over which it was measured; None: nothing was bought
     elements: int | None  # None: nothing was bought
     step_s: float | None
     real_time_factor: float | None  # by the card
@@ -44,9 +54,7 @@ class Bought:
         return self.error is None or abs(self.error) <= self.within
 
 
-def check_scenes(
-    scenes: Sequence[Scene], quantity: Quantity, within: float, report: Report
-) -> Iterator[Bought]:
+def check_scenes(scenes: Sequence[Scene], wanted: Wanted, report: Report) -> Iterator[Bought]:
     """A row per scene.
 
     Raises:
@@ -54,16 +62,17 @@ def check_scenes(
     """
     for number, scene in enumerate(scenes):
         report(number, len(scenes), scene.name)
-        yield check_scene(scene, quantity, within)
+        yield check_scene(scene, wanted)
     report(len(scenes), len(scenes), "done")
 
 
-def check_scene(scene: Scene, quantity: Quantity, within: float) -> Bought:
+def check_scene(scene: Scene, wanted: Wanted) -> Bought:
     """One scene.
 
     Raises:
         RopeTwinError: as for all.
     """
+    quantity, within = wanted.quantity, wanted.within
     card = read_card(scene)
     why = "it has no accuracy card" if card is None else card.age(scene)
     if card is None or why:
@@ -73,14 +82,15 @@ def check_scene(scene: Scene, quantity: Quantity, within: float) -> Bought:
     rung = cheapest_within(known, quantity.name, within)
     if rung is None:
         return _nothing(scene, quantity, within, known)
-    plan = make_plan(scene, card.seconds)
+    plan = make_plan(scene, wanted.seconds or card.seconds)
     course = Course(scene, plan.seconds, plan.look_s)
     finer = _finer(plan.reference)
     seen = Trial(course, Setting(rung.elements, rung.step_s)).look()
     error = differences(seen, Trial(course, finer).look())[quantity.name]
     return Bought(
-        scene.name, quantity.name, within, rung.elements, rung.step_s, rung.real_time_factor,
-        rung.bound(quantity.name), error, f"{finer.elements} at {1e3 * finer.step_s:g} ms", "",
+        scene.name, quantity.name, within, plan.seconds, rung.elements, rung.step_s,
+        rung.real_time_factor, rung.bound(quantity.name), error,
+        f"{finer.elements} at {1e3 * finer.step_s:g} ms", "",
     )  # fmt: skip
 
 
@@ -95,25 +105,27 @@ def _nothing(scene: Scene, quantity: Quantity, within: float, known: Sequence[Ru
         refusal = f"the best of its card is {told_bound(best)} {quantity.unit}"
     else:
         refusal = f"its card knows no error of {quantity.name}"
-    return Bought(scene.name, quantity.name, within, None, None, None, None, None, "", refusal)
+    nothing = (None,) * 6
+    return Bought(scene.name, quantity.name, within, *nothing, "", refusal)
 
 
 def bought_table(rows: Sequence[Bought], unit: str) -> list[list[str]]:
     """The rows as words, below a head."""
     head = ["scene", "elements", "step ms", "× real time", f"card ≤ {unit}", f"measured {unit}",
-            "against", "holds"]  # fmt: skip
+            "over s", "against", "holds"]  # fmt: skip
     return [head, *([row.scene, *_cells(row)] for row in rows)]
 
 
 def _cells(row: Bought) -> list[str]:
     if row.error is None or row.step_s is None:
-        return ["", "", "", "", "", "", f"nothing bought: {row.refusal}"]
+        return ["", "", "", "", "", "", "", f"nothing bought: {row.refusal}"]
     return [
         f"{row.elements}",
         f"{1e3 * row.step_s:g}",
         f"{row.real_time_factor:,.0f}",
         f"{row.at_most:.2g}",
         f"{row.error:.2g}",
+        f"{row.seconds:g}",
         row.reference,
         "yes" if row.ok else "NO",
     ]
