@@ -8,7 +8,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from hypothesis import Phase, settings
+from hypothesis import HealthCheck, Phase, settings
 
 ROS = Path(__file__).parent / "ros"
 # Files whose entries reach the same kernels: of a step read as assembly, of ropes that meet.
@@ -22,8 +22,10 @@ ALIKE = {
 
 # A counterexample is printed as found: shrinking it takes minutes where an example is a simulation.
 PHASES = (Phase.explicit, Phase.reuse, Phase.generate)
-settings.register_profile("repeated", derandomize=True, database=None, deadline=None, phases=PHASES)
-settings.register_profile("search", deadline=None, print_blob=True)
+# How long a machine takes for an example is nothing that a test is about.
+UNTIMED = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("repeated", UNTIMED, derandomize=True, database=None, phases=PHASES)
+settings.register_profile("search", UNTIMED, print_blob=True)
 settings.load_profile("repeated")
 
 

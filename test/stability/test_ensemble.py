@@ -137,7 +137,7 @@ def test_an_interrupted_ensemble_is_not_stepped_on(
 
     def interrupted(*_: Any) -> int:
         turns.append(0)
-        sleep(0.05)  # so that the others still wait when the first one is over
+        sleep(0.5)  # so that the others still wait when the first one is over
         raise KeyboardInterrupt
 
     monkeypatch.setattr(member_module, "advance", interrupted)

@@ -17,7 +17,7 @@ from rope_twin.scene.load import load_scene
 QUICK = settings(
     max_examples=150,
     deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 TREE = yaml.safe_load(GOOD)
 

@@ -29,6 +29,21 @@ from rope_twin.studies.parameter_study.folder import StudyFolder
 from rope_twin.twin.ensemble.ensemble import Ensemble
 
 PATIENCE_S = 300.0
+# Stands still when the first rows are there, to be killed: the rest would not take long.
+STANDS_STILL = """
+import sys, threading
+from rope_twin.cli import main
+from rope_twin.studies.parameter_study.folder import StudyFolder
+
+add = StudyFolder.add
+
+def add_and_stand(folder, rows):
+    add(folder, rows)
+    threading.Event().wait()
+
+StudyFolder.add = add_and_stand
+sys.exit(main(sys.argv[1:]))
+"""
 Row = dict[str, Any]
 
 
@@ -102,7 +117,7 @@ def test_killed_and_gone_on_with(whole: Path, tmp_path: Path) -> None:
     """SIGKILL after the first rows: they stay, the rest follows, none twice, all equal."""
     into = tmp_path / "rows"
     words = ["study", str(written(tmp_path)), "--into", str(into), "--at-once", "2"]
-    process = subprocess.Popen([sys.executable, "-m", "rope_twin.cli", *words], env=os.environ)
+    process = subprocess.Popen([sys.executable, "-c", STANDS_STILL, *words], env=os.environ)
     until = time.monotonic() + PATIENCE_S
     while not (parts := list(into.glob("part-*.parquet"))):
         assert process.poll() is None, "it ended before its first rows were seen"
