@@ -40,10 +40,18 @@ def quantity(
     low: float = -math.inf,
     high: float = math.inf,
     default: Any = _NO_DEFAULT,
+    *,
+    only_judges: bool = False,
 ) -> Any:
-    """A dataclass field that carries its Quantity in `metadata['quantity']`."""
+    """A dataclass field that carries its Quantity in `metadata['quantity']`.
+
+    only_judges: nothing that is computed depends on it, so it is left out of the object's `repr`,
+    from which digests are made (scene/digest.py).
+    """
     return dataclasses.field(
-        default=default, metadata={"quantity": Quantity(about, unit, low, high)}
+        default=default,
+        repr=not only_judges,
+        metadata={"quantity": Quantity(about, unit, low, high)},
     )
 
 

@@ -119,6 +119,11 @@ TOPICS: tuple[Topic, ...] = (
           "fatigue used of each metre of material, from the lower end up: its distance from there "
           "and from the hang-off (negative: aboard) [m], Miner's sum; if asked for",
           only_with="fatigue"),
+    Topic("rope/bend", "sensor_msgs/msg/JointState", Qos.STREAM, 25.0, "simulation",
+          "tightest bend of each rope with bending stiffness or minimum_bend_radius_m, by name "
+          "with the unit in it: cable/radius_m, /line_out_m down to it, /x_m, /y_m, /z_m, "
+          "/tightest_m since the start, /minimum_m if given: position",
+          only_with="bends"),
     Topic("ropes/state", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
           "where ropes meet, or one was cut, of each rope by name: position length [m], velocity "
           "payout [m/s], effort tension at its upper end [N]; of each bar: length, 0, pull",
@@ -142,6 +147,10 @@ TOPICS: tuple[Topic, ...] = (
     Topic("seabed/contact", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
           "with a seabed, of payload and rope: position height of the payload above it, length of "
           "rope on it [m]; effort the bed's push on each [N]", only_with="seabed"),
+    Topic("seabed/touchdown", "sensor_msgs/msg/JointState", Qos.STREAM, 25.0, "simulation",
+          "with a seabed, where each rope that touches it first does, by name with the unit in it: "
+          "cable/x_m, /y_m, /z_m, /line_out_m, /layback_m, /tension_n, /angle_deg: position",
+          only_with="seabed"),
     Topic("payload/rigging", "sensor_msgs/msg/JointState", Qos.STREAM, 25.0, "simulation",
           "of a rigid body: position length [m] and effort pull [N] of each sling; of a deck "
           "height of the lowest corner above it and push; of size/x, y, z its outline [m]; of "

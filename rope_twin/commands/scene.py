@@ -210,9 +210,11 @@ def _sections(line: RopeLine, figures: LiftFigures) -> Iterator[str]:
             words = f"{section.length_m:g} m" if section.length_m else "all above"
             words += f" {rope.about or f'{1e3 * rope.diameter_m:g} mm'}: "
         table = " at its mean load, by a table" if rope.axial_stiffness else ""
+        least = rope.minimum_bend_radius_m
+        bend = f", minimum bend radius {least:g} m" if least else ""
         yield (
             f"{words}{rope.mass_kg_per_m:.3f} kg/m, EA {bar.stiffness_n / 1e6:.2f} MN{table}, "
-            f"breaking load {rope.breaking_load_n / 1e3:.0f} kN"
+            f"breaking load {rope.breaking_load_n / 1e3:.0f} kN{bend}"
         )
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from rope_twin.messages.shape_status import bend_status, touchdown_status
 from rope_twin.messages.status import Level, Status, counted
 from rope_twin.scene.card import KnownError, told_bound
 from rope_twin.twin.findings import EnergyBalance, MaterialFatigue, RopeVibration, TensionBand
@@ -23,7 +24,8 @@ LATE_FOR_S = 60.0  # a late step is warned of for so long
 def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
     """The state of solver, accuracy, pacing (None: not paced), winch, start-up, ropes and inputs.
 
-    And the energy balance, the error band, vibration and fatigue, if the run keeps them.
+    And touchdown and tightest bend, where there are such; and the energy balance, the error band,
+    vibration and fatigue, if the run keeps them.
     """
     rows = [
         _solver(snapshot),
@@ -37,6 +39,10 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
         rows.append(_strength(snapshot.strength))
     if snapshot.seabed is not None:
         rows.append(_seabed(snapshot.seabed))
+    if snapshot.touchdowns:
+        rows.append(touchdown_status(snapshot.touchdowns))
+    if snapshot.bends:
+        rows.append(bend_status(snapshot.bends))
     if snapshot.cut is not None:
         rows.append(_cut(snapshot.cut, -float(snapshot.payload_position_m[2])))
     if snapshot.energy is not None:

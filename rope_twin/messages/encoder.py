@@ -15,6 +15,7 @@ from rope_twin.messages import forms
 from rope_twin.messages.cdr import Template, Templates
 from rope_twin.messages.colours import scale_above, tension_colours
 from rope_twin.messages.joined import JoinedForms, all_elements, line_events
+from rope_twin.messages.shape import ShapeForms
 from rope_twin.messages.watched import WatchForms
 from rope_twin.messages.winch import WinchForms
 from rope_twin.twin.snapshot import BodyShot, Snapshot
@@ -39,7 +40,7 @@ class Encoder:
         self._rope_form: tuple[int, Template, Template] | None = None  # elements, of one, of all
         self._scale_n = 0.0
         joined = JoinedForms(frame_id)
-        winch, watched = WinchForms(), WatchForms(frame_id)
+        winch, watched, shape = WinchForms(), WatchForms(frame_id), ShapeForms()
         self._encoders: dict[str, Callable[[Snapshot], bytes]] = {
             "tension_top": self._tension_top,
             "tension_top_error_pct": self._tension_top_error,
@@ -53,6 +54,8 @@ class Encoder:
             "winch/mode": winch.mode,
             "winch/parts": lambda shot: winch.parts(shot, self._stamp(shot)),
             "seabed/contact": self._seabed_contact,
+            "seabed/touchdown": lambda shot: shape.touchdown(shot, self._stamp(shot)),
+            "rope/bend": lambda shot: shape.bend(shot, self._stamp(shot)),
             "rope/nodes": self._rope_nodes,
             "rope/markers": self._rope_markers,
             "rope/vibration": lambda shot: watched.vibration(shot, self._stamp(shot)),

@@ -34,6 +34,10 @@ class Rope:
     axial_stiffness_n: float | None = quantity("axial stiffness EA", "N", 1e3, 1e12, default=None)
     axial_stiffness: StiffnessTable | None = text("a table in its place", None)
     breaking_load_n: float = quantity("minimum breaking load", "N", 1e2, 1e9)
+    minimum_bend_radius_m: float | None = quantity(
+        "radius below which no bend of it may be; told of where one is", "m", 1e-3, 1e3,
+        default=None, only_judges=True,
+    )  # fmt: skip
     drag_normal: float | None = quantity(
         "drag coefficient across it on its nominal diameter, in place of the scene's",
         "", 0.0, 10.0, default=None,

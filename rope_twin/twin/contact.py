@@ -15,9 +15,14 @@ from rope_twin.effects.seabed import normal_push
 from rope_twin.twin.snapshot import BedContact
 
 
+def bed_of(rope: Rope) -> Plane | Grid | None:
+    """The seabed of a rope, if one is listed."""
+    return next((effect for effect in rope.effects if isinstance(effect, Plane | Grid)), None)
+
+
 def bed_contact(rope: Rope) -> BedContact | None:
     """Of the present state; None where no seabed is listed."""
-    bed = next((effect for effect in rope.effects if isinstance(effect, Plane | Grid)), None)
+    bed = bed_of(rope)
     if bed is None:
         return None
     state, work = rope.state, rope.work

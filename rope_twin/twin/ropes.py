@@ -20,9 +20,10 @@ from rope_twin.twin.cutting.parted import PartedRopes
 from rope_twin.twin.cutting.severing import Place, sever
 from rope_twin.twin.hoisting.no_other_winch import NoOtherWinch
 from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.hung import HungRope, hung_rope
 from rope_twin.twin.joined.joined import JoinedRopes
 from rope_twin.twin.motion.hang_off import Moves
-from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.snapshot import Snapshot, first_rope
 from rope_twin.twin.start import find_start
 
 
@@ -79,6 +80,9 @@ class Ropes(Protocol):
     def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
         """The first rope's snapshot with what there is besides."""
 
+    def hung(self, first: Rope, shot: Snapshot) -> tuple[HungRope, ...]:
+        """All ropes as they hang in a snapshot that is complete; first: the first rope now."""
+
     def lowest(self, first: Rope) -> Rope:
         """The rope at whose lower end the payload of one rope is; first: the first rope now."""
 
@@ -116,6 +120,11 @@ class OneRope(NoOtherWinch):
     def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
         """As it is."""
         return shot
+
+    def hung(self, first: Rope, shot: Snapshot) -> tuple[HungRope, ...]:
+        """The one rope."""
+        line = self._scene.ropes[0]
+        return (hung_rope(line, first, first_rope(shot, line.name)),)
 
     def lowest(self, first: Rope) -> Rope:
         """The only one."""

@@ -122,6 +122,49 @@ class RopeStrength:
 
 
 @dataclass(frozen=True)
+class Touchdown:
+    """Where a rope first meets the seabed (twin/touchdown.py)."""
+
+    name: str
+    position_m: tuple[float, float, float]
+    line_out_m: float  # unstretched, from the rope's upper end to it
+    layback_m: float  # horizontal distance to the end that hangs: the upper one if it does
+    tension_n: float
+    angle_deg: float  # between bed and rope; 0: it lies down along the bed
+
+
+@dataclass(frozen=True)
+class Bend:
+    """A bend of a rope, beside what it may be."""
+
+    name: str  # of the rope
+    radius_m: float  # of curvature; infinite: straight
+    line_out_m: float  # unstretched, from the rope's upper end to it
+    at_s: float  # twin time
+    minimum_m: float  # minimum bend radius there; 0: none is given
+    element_m: float  # length of the elements there: a shorter arc is not seen
+
+    @property
+    def tightness(self) -> float:
+        """Minimum over radius, above 1 it is too tight; without a minimum the curvature [1/m]."""
+        return (self.minimum_m or 1.0) / self.radius_m
+
+    @property
+    def too_tight(self) -> bool:
+        """Whether the radius is below the minimum."""
+        return self.radius_m < self.minimum_m
+
+
+@dataclass(frozen=True)
+class RopeBend:
+    """The tightest bend of a rope (twin/tightest_bend.py)."""
+
+    now: Bend
+    position_m: tuple[float, float, float]
+    tightest: Bend  # of all snapshots since the twin's start
+
+
+@dataclass(frozen=True)
 class RopeShot:
     """One of several ropes. Rows run from its upper end (row 0) down."""
 
@@ -201,6 +244,8 @@ class Snapshot:
     card_error: KnownError = field(default_factory=KnownError)  # of the top tension
     strength: tuple[RopeStrength, ...] = ()  # of each rope of the scene
     seabed: BedContact | None = None  # only of a scene with a seabed
+    touchdowns: tuple[Touchdown, ...] = ()  # of the ropes that touch it
+    bends: tuple[RopeBend, ...] = ()  # of ropes with bending stiffness or a minimum bend radius
     body: BodyShot | None = None  # only of a scene whose payload is a rigid body
     winches: tuple[WinchShot, ...] = ()  # those that the scene has
     energy: EnergyBalance | None = None  # only of a run that keeps a ledger

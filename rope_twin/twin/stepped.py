@@ -24,7 +24,7 @@ from rope_twin.twin.accuracy.regrid import HangOff
 from rope_twin.twin.accuracy.rung import Rung
 from rope_twin.twin.accuracy.rungs import Base, carry_over, error_at, top_rung
 from rope_twin.twin.body import with_body
-from rope_twin.twin.contact import bed_contact
+from rope_twin.twin.contact import bed_contact, bed_of
 from rope_twin.twin.cutting.severing import Place
 from rope_twin.twin.joined.joined import JoinedRopes
 from rope_twin.twin.motion.prescribed import Inputs, Prescribed, Present
@@ -32,7 +32,9 @@ from rope_twin.twin.observe import Extremes, Observation, RunStatistics, observe
 from rope_twin.twin.ropes import ropes_of
 from rope_twin.twin.snapshot import CutShot, Snapshot
 from rope_twin.twin.stuck import no_next_state
+from rope_twin.twin.tightest_bend import BendWatch, watches_bends
 from rope_twin.twin.told import ToldTwin
+from rope_twin.twin.touchdown import touchdown_of
 
 if TYPE_CHECKING:
     from rope_twin.twin.vibration.shaking import Shaking
@@ -49,6 +51,7 @@ class SteppedTwin(ToldTwin):
 
     told = ""  # what there is to say before it runs
     _shaking: Shaking | None = None  # where the scene's model of vortices is beside the step
+    _bends: BendWatch | None = None  # where a rope has bending stiffness or a minimum bend radius
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -68,6 +71,8 @@ class SteppedTwin(ToldTwin):
         self._run, self._recent = Extremes(), Extremes()
         self._pull = self._ropes.find_start()
         self._recent.take([float(self._pull[rows.PULL])])
+        if watches_bends(scene):
+            self._bends = BendWatch(scene)
         if model_beside(scene) is not None:
             from rope_twin.twin.vibration.shaking import (
                 Shaking,  # here: its filters take a second to load
@@ -270,4 +275,17 @@ class SteppedTwin(ToldTwin):
         taken = replace(taken, winches=() if winch is None else (winch,), cut=self._cut.done)
         if self._shaking is not None:
             taken = replace(taken, vibration=self._shaking.shot(self.rope))
-        return self._ropes.complete(taken, self.time_ns)
+        return self._with_shape(self._ropes.complete(taken, self.time_ns))
+
+    def _with_shape(self, taken: Snapshot) -> Snapshot:
+        """With what the scene asks to be told of its ropes' shape: touchdown, tightest bend."""
+        bed = bed_of(self._rope)
+        if bed is None and self._bends is None:
+            return taken
+        ropes = self._ropes.hung(self._rope, taken)
+        if bed is not None:
+            found = (touchdown_of(hung, bed) for hung in ropes)
+            taken = replace(taken, touchdowns=tuple(one for one in found if one is not None))
+        if self._bends is not None:
+            taken = replace(taken, bends=self._bends.look(ropes, taken.time_s))
+        return taken

@@ -1,4 +1,4 @@
-"""Curves of figures that come by name: of a winch's parts, and of two lines around a sheave.
+"""Curves of figures that come by name: of a winch's parts, two lines, a rope's shape.
 
 Which there are depends on the scene, so plots are made as figures come; they lie in tabs beside the
 plots that every run has.
@@ -6,6 +6,7 @@ plots that every run has.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -36,9 +37,15 @@ _WINCH = {
 _ORDER = {f"plots/winch/{row[0]}": k for k, row in enumerate(_WINCH.values())}
 _UNSHOWN = ("target",)  # of four different units, and in winch/mode
 _COLOURS = ("fde725", "6fa8ff", "35b7a0", "f2a65a", "c792ea", "e06c75")
-WINCH_TAB, LINES_TAB = "Winch", "Lines"
+WINCH_TAB, LINES_TAB, SHAPE_TAB = "Winch", "Lines", "Shape"
 _DEPTHS = Plot(LINES_TAB, "plots/lines/crossings", "Height of the crossings [m]")
 _ANGLES = Plot(LINES_TAB, "plots/lines/angles", "Angle of the crossings [degrees]")
+# factor and plot of each figure of touchdown and tightest bend that is drawn
+_SHAPE = {
+    "layback_m": (1.0, Plot(SHAPE_TAB, "plots/shape/layback", "Layback of the touchdown [m]")),
+    "tension_n": (1e-3, Plot(SHAPE_TAB, "plots/shape/tension", "Tension at the touchdown [kN]")),
+    "radius_m": (1.0, Plot(SHAPE_TAB, "plots/shape/bend", "Radius of the tightest bend [m]")),
+}
 _DISTANCE = Plot(LINES_TAB, "plots/lines/distance", "Nearest distance of the lines [m]")
 
 
@@ -77,6 +84,16 @@ class Figures:
                 self._add(_DEPTHS, where, words, time_ns, -value, dots=True)
             elif figure == "angle_deg":
                 self._add(_ANGLES, where, words, time_ns, value, dots=True)
+        return len(self.plots) > before
+
+    def shape(self, time_ns: int, names: list[str], values: list[float]) -> bool:
+        """Figures named like cable/layback_m. True if there is a new plot."""
+        before = len(self.plots)
+        for name, value in zip(names, values, strict=True):
+            rope, _, figure = name.rpartition("/")
+            if figure in _SHAPE and math.isfinite(value):  # of a straight rope there is no radius
+                factor, plot = _SHAPE[figure]
+                self._add(plot, rope, rope, time_ns, factor * value)
         return len(self.plots) > before
 
     def _add(

@@ -180,6 +180,20 @@ class Overview:
             ),
         )  # fmt: skip
 
+    def show_touchdowns(self, position_m: NDArray[np.float64]) -> None:
+        """Where ropes first meet the seabed, (n, 3)."""
+        import rerun as rr
+
+        if self.frame is None:
+            return
+        self._stream.log(
+            f"{self._path}/touchdown",
+            rr.Points3D(
+                self.frame.place(position_m), radii=rr.Radius.ui_points(4.0), colors=_CROSSING,
+                labels=["touchdown"] * len(position_m), show_labels=True,
+            ),
+        )  # fmt: skip
+
     def _draw_scales(self, frame: Frame) -> None:
         """A depth scale left of the rope, the sea, and how long a distance sideways looks."""
         import rerun as rr

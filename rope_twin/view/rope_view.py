@@ -39,7 +39,8 @@ SHOWN_TOPICS = (
     "twin/epoch", "winch/state", "winch/parts", "tension_top/band", "tension", "payloads/state",
     "payload/rigging", "payload/odometry", "bars/state", "rope/nodes", "ropes/nodes",
     "rope/vibration", "rope/fatigue", "ship/heave",
-    "ship/odometry", "sea/elevation", "lines/crossings", "lines/events", "diagnostics",
+    "ship/odometry", "sea/elevation", "lines/crossings", "lines/events",
+    "seabed/touchdown", "rope/bend", "diagnostics",
 )  # fmt: skip
 PICTURE_NS = NANOSECONDS // 10  # ropes and sea are drawn at most 10 times a second
 _EPOCH_WITHIN_NS = 2 * NANOSECONDS  # so long the first messages wait for twin/epoch
@@ -83,6 +84,8 @@ class RopeView:
             "winch/parts": self._winch_parts,
             "lines/crossings": self._crossings,
             "lines/events": self._line_events,
+            "seabed/touchdown": self._touchdown,
+            "rope/bend": self._bend,
             "ship/heave": self._heave,
             "ship/odometry": self._heave,
             "sea/elevation": self._elevation,
@@ -257,6 +260,21 @@ class RopeView:
             every = [name.removesuffix("/gap_m") for name in names if name.endswith("/gap_m")]
             spots = [[found[f"{k}/x_m"], found[f"{k}/y_m"], -found[f"{k}/depth_m"]] for k in every]
             self._overview.show_crossings(np.array(spots).reshape(-1, 3))
+
+    def _touchdown(self, message: Any, time_ns: int) -> None:
+        """Curves, and points in the picture of the whole rope."""
+        names, values = list(message.name), list(message.position)
+        if self._figures.shape(time_ns, names, values):
+            self._arrange()
+        if self._is_time("touchdown", time_ns):
+            found = dict(zip(names, values, strict=True))
+            every = [name.removesuffix("/x_m") for name in names if name.endswith("/x_m")]
+            spots = [[found[f"{rope}/{axis}_m"] for axis in "xyz"] for rope in every]
+            self._overview.show_touchdowns(np.array(spots).reshape(-1, 3))
+
+    def _bend(self, message: Any, time_ns: int) -> None:
+        if self._figures.shape(time_ns, list(message.name), list(message.position)):
+            self._arrange()
 
     def _line_events(self, message: Any, time_ns: int) -> None:
         assert self._timelines is not None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from math import asinh, pi, sqrt
 from pathlib import Path
 
@@ -55,19 +56,50 @@ def test_each_crane_carries_its_end(tmp_path: Path) -> None:
         assert rope.tension_top_n == pytest.approx((load + 0.5 * beam) * G + wire, rel=1e-3)
 
 
+def level_catenary(depth: float, length: float, span: float) -> float:
+    """a = H/w of a rope that lies from its touchdown to its end `span` away [m]."""
+
+    def lack(a: float) -> float:
+        hangs = sqrt(depth**2 + 2.0 * depth * a)
+        return a * asinh(hangs / a) + length - hangs - span
+
+    return float(brentq(lack, 1.0, 1000.0))
+
+
 def test_a_laid_cable_is_a_catenary_that_begins_level(tmp_path: Path) -> None:
     shot = at_rest(CABLE, tmp_path)
     w = (30.0 - RHO * pi / 4.0 * 0.12**2) * G
-    depth, length, span = 300.0, 450.0, 250.0
-
-    def hanging(a: float) -> float:
-        return sqrt(depth**2 + 2.0 * depth * a)
-
-    a = brentq(lambda a: a * asinh(hanging(a) / a) + length - hanging(a) - span, 1.0, 1000.0)
+    depth, length = 300.0, 450.0
+    a = level_catenary(depth, length, 250.0)
+    hangs = sqrt(depth**2 + 2.0 * depth * a)
     assert shot.tension_top_n == pytest.approx(w * (depth + a), rel=1e-3)
     assert shot.hang_off_force_n[0] == pytest.approx(w * a, rel=2e-3)
     assert shot.seabed is not None
-    assert shot.seabed.rope_on_bed_m == pytest.approx(length - hanging(a), abs=3.0)  # an element
+    assert shot.seabed.rope_on_bed_m == pytest.approx(length - hangs, abs=3.0)  # an element
+    (touchdown,) = shot.touchdowns
+    assert touchdown.line_out_m == pytest.approx(hangs, abs=0.3)  # a tenth of an element
+    assert touchdown.layback_m == pytest.approx(a * asinh(hangs / a), abs=0.3)
+    assert touchdown.position_m == pytest.approx((touchdown.layback_m, 0.0, -depth), abs=0.05)
+    assert touchdown.tension_n == pytest.approx(w * a, rel=2e-3)
+    assert touchdown.angle_deg == 0.0
+    (bend,) = shot.bends
+    assert bend.now.radius_m == pytest.approx(a, rel=0.02)
+    assert bend.now.line_out_m == pytest.approx(hangs, abs=6.0)  # EI lies about it
+    assert not bend.tightest.too_tight
+
+
+def test_the_touchdown_moves_on_within_coarse_elements(tmp_path: Path) -> None:
+    """Of 9 m each, while the lower end goes 10 m away and two nodes are picked up."""
+    (tmp_path / "own.yaml").write_text(CABLE)
+    scene = load_scene(tmp_path / "own.yaml")
+    depth, length = 300.0, 450.0
+    for span in np.linspace(250.0, 260.0, 8):
+        line = replace(scene.ropes[0], elements=50, fixed_at_m=(float(span), 0.0, -depth))
+        (touchdown,) = Twin(replace(scene, ropes=(line,))).snapshot().touchdowns
+        a = level_catenary(depth, length, float(span))
+        hangs = sqrt(depth**2 + 2.0 * depth * a)
+        assert touchdown.line_out_m == pytest.approx(hangs, abs=0.2)
+        assert touchdown.layback_m == pytest.approx(a * asinh(hangs / a), abs=0.2)
 
 
 def test_a_tow_is_the_sum_of_weight_and_drag_from_the_fish_up(tmp_path: Path) -> None:

@@ -55,7 +55,7 @@ NO_FIGURES = {
     "solver", "inputs", "winch_at_limit", "card_error", "energy", "band", "no_band", "seabed",
     "ropes",
     "payloads", "struts", "sheaves", "winches", "cut", "vibration", "fatigue", "lines",
-    "line_events", "body", "strength",
+    "line_events", "body", "strength", "touchdowns", "bends",
 }  # fmt: skip
 
 
@@ -67,6 +67,13 @@ def figures(shot: Snapshot) -> dict[str, np.ndarray]:
         if field.name not in NO_FIGURES
     }
     told["strength"] = [one.highest_n for one in shot.strength]
+    told["touchdowns"] = [
+        (*one.position_m, one.line_out_m, one.layback_m, one.tension_n, one.angle_deg)
+        for one in shot.touchdowns
+    ]
+    told["bends"] = [  # not the tightest so far: that is of all looks
+        (1.0 / one.now.radius_m, one.now.line_out_m, *one.position_m) for one in shot.bends
+    ]
     if shot.body is not None:
         of_body = {
             field.name: getattr(shot.body, field.name) for field in dataclasses.fields(shot.body)

@@ -59,6 +59,11 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
         "ropes[0].elements: ",
         ("55.6 m", "at least 10"),
     ),
+    "elements that cannot tell a bend": (
+        spoilt("steel_wire_40mm", FIGURES.replace("}", ", minimum_bend_radius_m: 4.0}")),
+        "ropes[0].elements: ",
+        ("elements of 10 m", "minimum_bend_radius_m, 4 m", "at least 125"),
+    ),
     "fine elements": (
         spoilt("elements: 50", "elements: 2000"),
         "ropes[0].elements: ",

@@ -11,6 +11,11 @@ from rope_twin.scene.load import load_scene
 LENGTH = "length_m: 500.0"
 EFFECTS = GOOD[GOOD.index("  - payload") : GOOD.index("time:")]
 
+FIGURES = (
+    "{diameter_m: 0.04, mass_kg_per_m: 6.4, hydrodynamic_diameter_m: 0.032,"
+    " axial_stiffness_n: 6.4e+7, breaking_load_n: 1.0e+6, "
+)
+
 Row = tuple[str, str, str, tuple[str, ...]]  # name, scene, path in it, words of the sentence
 
 BAD: list[Row] = [
@@ -56,6 +61,12 @@ BAD: list[Row] = [
     ("exponent without a sign",
      spoilt("mass_kg: 20000.0", "mass_kg: 2.0e4"),
      "payloads[0].mass_kg", ("'2.0e4' is text", "a number: 20000.0")),
+    ("no bend radius",
+     spoilt("steel_wire_40mm", FIGURES + "minimum_bend_radius_m: 0.0}"),
+     "ropes[0].rope.minimum_bend_radius_m", ("0 m is out of range", "0.001 to 1000 m", "bend")),
+    ("negative bend radius",
+     spoilt("steel_wire_40mm", FIGURES + "minimum_bend_radius_m: -1.5}"),
+     "ropes[0].rope.minimum_bend_radius_m", ("-1.5 m is out of range",)),
     ("octal", spoilt("elements: 50", "elements: 050"), "ropes[0].elements", ("different numbers",)),
     ("hexadecimal",
      spoilt("elements: 50", "elements: 0x32"),

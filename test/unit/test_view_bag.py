@@ -19,7 +19,7 @@ from rope_twin.view.view_bag import play
 
 EPOCH_NS = 1_763_700_000_000_000_000
 SECONDS = 20
-ALL = 1 + 13 * 200  # the epoch, and each shown topic 10 times a second
+ALL = 1 + 15 * 200  # the epoch, and each shown topic 10 times a second
 
 
 class Watcher:
@@ -58,7 +58,7 @@ def test_a_bag_is_played_in_order(bag: Path) -> None:
         "twin/epoch": 1, "winch/state": 200, "tension": 200, "rope/nodes": 200, "ropes/nodes": 200,
         "tension_top/band": 200, "winch/parts": 200, "payloads/state": 200, "bars/state": 200,
         "lines/crossings": 200, "lines/events": 200, "payload/odometry": 200,
-        "rope/vibration": 200, "rope/fatigue": 200,
+        "rope/vibration": 200, "rope/fatigue": 200, "seabed/touchdown": 200, "rope/bend": 200,
     }  # fmt: skip
     times = [time_ns for _, time_ns in watcher.seen]
     assert times == sorted(times)

@@ -12,10 +12,11 @@ from rope_twin.commands.run.core_share import CoreShare
 from rope_twin.commands.run.watch_summary import fatigue_figures, vibration_figures, watch_words
 from rope_twin.effects import EFFECTS
 from rope_twin.messages.diagnostics import cut_words, strength_words
+from rope_twin.messages.shape_status import bends_in_words, touchdown_words
 from rope_twin.messages.status import counted
 from rope_twin.scene.card import told_bound
 from rope_twin.twin.pacing import PacingHealth
-from rope_twin.twin.snapshot import CutShot, RopeShot, RopeStrength, Snapshot
+from rope_twin.twin.snapshot import Bend, CutShot, RopeShot, RopeStrength, Snapshot, Touchdown
 from rope_twin.twin.twin import Twin
 
 
@@ -53,6 +54,9 @@ class RunSummary:
     ropes: list[dict[str, Any]] = field(default_factory=list)
     payloads: list[dict[str, Any]] = field(default_factory=list)
     strength: list[dict[str, Any]] = field(default_factory=list)  # RopeStrength's, of each rope
+    touchdowns: list[dict[str, Any]] = field(default_factory=list)  # Touchdown's, at the end
+    # Bend's, the tightest of each rope that is watched; radius_m None: it was straight
+    bends: list[dict[str, Any]] = field(default_factory=list)
     speed: float = 1.0  # 0: as fast as possible
     chosen: str = ""  # why these elements and this step, if --within or --budget asked
     core_share: dict[str, float | None] | None = None  # CoreShare's figures; None: not paced
@@ -96,6 +100,7 @@ class RunSummary:
             f"top tension{of} {_kn(self.tension_top_min_n)} to {_kn(self.tension_top_max_n)}, "
             f"mean {_kn(self.tension_top_mean_n)}",
             *self._strength_words(),
+            *self._shape_words(),
             self._error_words(),
             *self._end_words(),
             *self._pace_words(),
@@ -119,6 +124,13 @@ class RunSummary:
         ropes = sorted((RopeStrength(**one) for one in self.strength), key=lambda one: -one.share)
         told = [one for n, one in enumerate(ropes) if n == 0 or one.share >= 1.0]
         return [strength_words(one, len(ropes) > 1) for one in told]
+
+    def _shape_words(self) -> list[str]:
+        """Where ropes touch down at the end, and how tight they were bent."""
+        places = [Touchdown(**one) for one in self.touchdowns]
+        bends = [Bend(**one | {"radius_m": one["radius_m"] or math.inf}) for one in self.bends]
+        words = [touchdown_words(one, len(self.ropes) > 1) for one in places]
+        return words + (bends_in_words(bends) if bends else [])
 
     def _pace_words(self) -> list[str]:
         """How fast it is, and what came late."""
@@ -212,6 +224,12 @@ def _rope_figures(rope: RopeShot) -> dict[str, Any]:
     }
 
 
+def _bend_figures(bend: Bend) -> dict[str, Any]:
+    """JSON knows no infinite radius."""
+    radius = None if math.isinf(bend.radius_m) else bend.radius_m
+    return dataclasses.asdict(bend) | {"radius_m": radius}
+
+
 def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> RunSummary:
     """The figures at the snapshot; `pacing` None: as fast as possible, nothing can be late."""
     statistics = twin.statistics()
@@ -245,6 +263,8 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
             {"name": one.name, "depth_m": -float(one.position_m[2])} for one in snapshot.payloads
         ],
         strength=[dataclasses.asdict(one) for one in snapshot.strength],
+        touchdowns=[dataclasses.asdict(one) for one in snapshot.touchdowns],
+        bends=[_bend_figures(one.tightest) for one in snapshot.bends],
         heave_accepted=heave.accepted if heave else 0,
         heave_refused=heave.refused if heave else 0,
         heave_late=heave.late if heave else 0,

@@ -6,7 +6,7 @@ A check never stops anything and changes nothing. Each yields sentences `where: 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from math import ceil, floor, pi, sqrt
+from math import ceil, floor, inf, pi, sqrt
 
 from rope_twin.errors import phrase
 from rope_twin.scene.arrays.composite import Bar, tension_at_length
@@ -72,7 +72,7 @@ def _joined(scene: Scene) -> Iterator[str]:
     for number in range(1, len(scene.ropes)):
         own = alone(scene, number)
         figures = lift_figures(own)
-        for check in (_elements, _rope_figures, _damping):
+        for check in (_elements, _bend_radius, _rope_figures, _damping):
             for warning in check(own, figures):
                 yield warning.replace("ropes[0]", f"ropes[{number}]", 1)
 
@@ -102,6 +102,18 @@ def _elements(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if length < SHORTEST_ELEMENT_M and not fine:
         what = f"elements of {length:.2f} m cost time and bring no accuracy"
         right = f"{max(3, floor(line.length_m / SHORTEST_ELEMENT_M))} elements are plenty"
+        yield phrase("ropes[0].elements", what, right)
+
+
+def _bend_radius(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """An arc shorter than an element is not seen."""
+    line, length = scene.ropes[0], figures.longest_element_m
+    least = min((bar.rope.minimum_bend_radius_m or inf for bar in figures.bars), default=inf)
+    if length > least * (1.0 + 1e-9):
+        what = (
+            f"elements of {length:.3g} m cannot tell a bend of minimum_bend_radius_m, {least:g} m"
+        )
+        right = f"give at least {ceil(line.length_m / least)}, or shorter ones where it bends"
         yield phrase("ropes[0].elements", what, right)
 
 
@@ -250,6 +262,7 @@ CHECKS: tuple[Check, ...] = (
     check_load,
     _fixed_end,
     _elements,
+    _bend_radius,
     _rope_figures,
     _payload_floats,
     _rope_floats,

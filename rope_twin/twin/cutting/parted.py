@@ -27,6 +27,7 @@ from rope_twin.twin.cutting.bare_end import is_at_end
 from rope_twin.twin.cutting.carried import carried_arrays, is_carried
 from rope_twin.twin.cutting.severing import Place, refresh_tension, step_free, without_beyond
 from rope_twin.twin.hoisting.no_other_winch import NoOtherWinch
+from rope_twin.twin.hung import HungRope, hung_rope
 from rope_twin.twin.saving.saved_state import changing_parts
 from rope_twin.twin.snapshot import (
     BedContact,
@@ -121,6 +122,12 @@ class PartedRopes(NoOtherWinch):
             solver=_both(shot.solver, lower.state.health),
             doubtful=doubtful,
         )
+
+    def hung(self, first: Rope, shot: Snapshot) -> tuple[HungRope, ...]:
+        """Both parts."""
+        line, (upper, lower) = self._scene.ropes[0], shot.ropes
+        fallen = without_beyond(self._lower)
+        return hung_rope(line, first, upper), hung_rope(line, fallen, lower, loose=True)
 
     def changing(self) -> dict[str, Any]:
         """What a restart needs besides what the twin has itself."""

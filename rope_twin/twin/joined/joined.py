@@ -21,6 +21,7 @@ from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.joined.ties import PULL
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.scene.arrays.joined import build_joined
+from rope_twin.scene.arrays.sheaves import runs_over_sheave
 from rope_twin.scene.rules.rigging import winch_of
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.cutting.joined_cut import advance_in_pieces, scene_of_parts, sever_joined
@@ -29,6 +30,7 @@ from rope_twin.twin.hoisting.feel import Course, feel
 from rope_twin.twin.hoisting.line import Felt
 from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.hoisting.winch import Winch, winch_of_rope
+from rope_twin.twin.hung import HungRope, hung_rope, hung_to_sheave
 from rope_twin.twin.joined.line_watch import report_on
 from rope_twin.twin.joined.shot import (
     LinesOut,
@@ -270,6 +272,16 @@ class JoinedRopes:
             strength=tuple(strength),
         )
         return taken if self._lines is None else self._lines.complete(taken)
+
+    def hung(self, first: Rope, shot: Snapshot) -> tuple[HungRope, ...]:
+        """All of them."""
+        ropes = zip(self._scene.ropes, (first, *self._ropes), shot.ropes, strict=True)
+        return tuple(
+            hung_to_sheave(line, rope, own)
+            if runs_over_sheave(self._scene, line)
+            else hung_rope(line, rope, own, loose=not line.from_)
+            for line, rope, own in ropes
+        )
 
     def lowest(self, first: Rope) -> Rope:
         """The first one: what is told of one rope is told of it."""

@@ -1,0 +1,150 @@
+"""The tightest bend against circles, catenaries and folds; which bend it is; what is remembered."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rope_twin import Twin, load_scene
+from rope_twin.commands.run.summary import RunSummary, summarise
+from rope_twin.messages import Level
+from rope_twin.messages.diagnostics import statuses
+from rope_twin.scene.digest import scene_digest
+from rope_twin.scene.schema import RopeSection, Scene
+from rope_twin.studies.rigs import Rig
+from rope_twin.twin.snapshot import Vector
+from rope_twin.twin.tightest_bend import curvatures, least_radii
+
+
+def on_circle(radius: float, angles: Vector) -> tuple[Vector, Vector]:
+    nodes = radius * np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1)
+    chords = np.sqrt((np.diff(nodes, axis=0) ** 2).sum(axis=1))
+    return nodes, np.concatenate([[0.0], np.cumsum(chords)])
+
+
+@pytest.mark.parametrize("elements", [3, 10, 100])
+def test_a_circle_has_its_radius_on_any_elements(elements: int) -> None:
+    bend = curvatures(*on_circle(2.5, np.linspace(0.0, 5.0, elements + 1)))
+    assert 1.0 / bend[1:-1] == pytest.approx(2.5, rel=1e-12)
+    assert bend[[0, -1]] == pytest.approx(0.0)
+
+
+def test_unequal_elements_err_by_second_order() -> None:
+    steps = np.array([0.1, 0.2, 0.1, 0.2, 0.1])
+    error = [
+        abs(2.5 * curvatures(*on_circle(2.5, share * np.cumsum(steps)))[1:-1] - 1.0).max()
+        for share in (1.0, 0.5)
+    ]
+    assert error[0] < 2e-3
+    assert error[0] / error[1] == pytest.approx(4.0, rel=0.01)
+
+
+def test_a_held_end_bends_over_half_an_element() -> None:
+    nodes, arc = on_circle(2.5, np.linspace(0.0, 1.0, 21))
+    bend = curvatures(nodes, arc, np.array([0.0, 1.0, 0.0]))
+    assert bend[0] == pytest.approx(1.0 / 2.5, rel=1e-3)
+
+
+def test_a_catenary_is_bent_tightest_where_it_is_level() -> None:
+    """1/a = w/H there; at the arc length s from there a + s²/a."""
+    s = np.linspace(-100.0, 100.0, 201)
+    nodes = np.stack([70.0 * np.arcsinh(s / 70.0), 0.0 * s, np.hypot(70.0, s)], axis=1)
+    radius = 1.0 / curvatures(nodes, s)[1:-1]
+    assert radius == pytest.approx((70.0 + s * s / 70.0)[1:-1], rel=1e-4)
+
+
+def test_no_radius_below_half_an_element_is_told() -> None:
+    """Of a rope folded back on itself; one that has shrunk to a point is no division by zero."""
+    arc = np.array([0.0, 3.0, 6.0])
+    there_and_back = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    assert 1.0 / curvatures(there_and_back, arc)[1] == pytest.approx(1.5)
+    assert np.isfinite(curvatures(np.zeros((3, 3)), arc)).all()
+
+
+def limited(scene: Scene, radius_m: float) -> Scene:
+    line = scene.ropes[0]
+    assert line.rope is not None
+    rope = replace(line.rope, minimum_bend_radius_m=radius_m)
+    return replace(scene, ropes=(replace(line, rope=rope), *scene.ropes[1:]))
+
+
+def swung() -> Scene:
+    """100 m of rope whose hang-off holds it aslant."""
+    return Rig(length=100.0, elements=20, EI=5e3, clamp=(0.3, 0.0, -1.0)).scene()
+
+
+def test_a_bend_below_the_minimum_is_warned_of(tmp_path: Path) -> None:
+    """In diagnostics and at the end; remembered, saved, and taken up again."""
+    free = Twin(swung()).snapshot().bends[0]
+    assert free.now.minimum_m == 0.0
+    assert free.now.line_out_m == 0.0, "at the hang-off, which holds another direction"
+    radius = free.now.radius_m
+    for least, level in ((0.9 * radius, Level.OK), (1.1 * radius, Level.WARN)):
+        scene = limited(swung(), least)
+        twin = Twin(scene)
+        shot = twin.snapshot()
+        assert shot.bends[0].now == replace(free.now, minimum_m=least)
+        (row,) = [row for row in statuses(shot, None) if row.name == "simulation: bend"]
+        said = summarise(twin, shot, None)
+        words = f"tighter than its minimum bend radius of {least:g} m"
+        assert row.level == level
+        assert (words in row.message, words in said.as_text()) == (level == Level.WARN,) * 2
+        assert RunSummary.from_values(said.as_values()) == said
+    twin.save(tmp_path / "state")
+    assert Twin.restore(tmp_path / "state", scene).snapshot().bends == shot.bends
+
+
+def test_the_tightest_of_all_snapshots_is_kept() -> None:
+    twin = Twin(swung())
+    first = twin.snapshot().bends[0].now
+    twin._rope.state.nodes[:2, :20] = 0.0  # straight but for its top
+    later = twin.snapshot().bends[0]
+    assert later.now.radius_m != first.radius_m
+    assert later.tightest.radius_m == min(first.radius_m, later.now.radius_m)
+    twin._rope.state.nodes[0, :21] = twin._rope.state.nodes[0, 20]
+    straight = twin.snapshot().bends[0]
+    assert straight.tightest == later.tightest
+
+
+def test_each_section_has_its_own_minimum_and_a_joint_the_larger() -> None:
+    scene = swung()
+    line = scene.ropes[0]
+    assert line.rope is not None
+    stiff = replace(line.rope, minimum_bend_radius_m=4.0)
+    lax = replace(line.rope, minimum_bend_radius_m=1.0)
+    made = (RopeSection(rope=lax, length_m=50.0), RopeSection(rope=stiff))
+    twin = Twin(replace(scene, ropes=(replace(line, rope=None, sections=made),)))
+    (hung,) = twin._ropes.hung(twin.rope, twin.snapshot())
+    assert least_radii(hung).tolist() == [4.0] * 11 + [1.0] * 10
+
+
+def test_a_straight_rope_has_no_bend_and_says_so() -> None:
+    scene = limited(load_scene("still_water"), 0.5)
+    twin = Twin(scene)
+    twin._rope.state.nodes[:2] = 0.0
+    shot = twin.snapshot()
+    assert math.isinf(shot.bends[0].now.radius_m)
+    said = summarise(twin, shot, None)
+    assert "no bend: it is straight" in said.as_text()
+    assert '"radius_m": null' in said.as_json()
+
+
+def test_a_minimum_only_judges() -> None:
+    """No card and no study of a scene ages when it is given."""
+    scene = load_scene("still_water")
+    assert scene_digest(limited(scene, 0.5)) == scene_digest(scene)
+
+
+def test_both_parts_of_a_rope_that_is_cut_are_looked_at() -> None:
+    twin = Twin(limited(load_scene("still_water"), 0.5))
+    twin.snapshot()
+    twin.offer_cut(None, 400.0)
+    twin.advance(50)
+    shot = twin.snapshot()
+    assert [one.now.name for one in shot.bends] == ["hoist", "hoist/lower"]
+    lengths = [one.line_out_m for one in shot.ropes]
+    assert all(b.now.line_out_m <= length for b, length in zip(shot.bends, lengths, strict=True))
