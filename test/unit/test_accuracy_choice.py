@@ -214,6 +214,19 @@ def test_without_a_valid_card_nothing_is_bought(
     assert f"it has no accuracy card; {right}" in said, "what it names can be typed"
 
 
+def test_what_is_better_for_hardly_more_is_said_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Not "1 times as much"."""
+    scene = carded_scene(tmp_path)
+    content = sample_card(scene)
+    for row in content["rows"]:
+        row["real_time_factor"] = 1000.0 - row["elements"] - 100.0 * row["step_s"]
+    write_card(scene, content)
+    assert main(unpaced(scene, "--within", "5%")) == 0
+    assert "costs hardly more" in capsys.readouterr().err
+
+
 def test_a_window_that_ends_before_the_run_is_told_or_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

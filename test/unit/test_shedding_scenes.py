@@ -11,6 +11,7 @@ import pytest
 from scene_text import GOOD
 
 from rope_twin import load_scene
+from rope_twin.cli import main
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.errors import SceneError
@@ -55,6 +56,20 @@ def test_a_scene_too_coarse_is_told_what_it_costs() -> None:
     still = replace(shedding(CABLE), effects=(WakeOscillatorParams(),))
     assert expected_pace(still, lift_figures(still)) is None
     assert expected_pace(CABLE.scene(), lift_figures(CABLE.scene())) is None
+
+
+def test_a_run_tells_once_what_its_vortices_want(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Fine or too coarse; it said both in two forms."""
+    scene = load_scene("viv_calm").path.read_text(encoding="utf-8")
+    path = tmp_path / "calm.yaml"
+    for elements, told in (("180", "this scene gives 1.11 m"), ("20", "elements of 10 m and")):
+        path.write_text(scene.replace("elements: 180", f"elements: {elements}"), encoding="utf-8")
+        assert main(["run", str(path), "--speed", "0", "--for", "0.1", "--no-record"]) == 0
+        said = capsys.readouterr().err
+        assert said.count("lock-in at 2.65 Hz wants elements under 1.3 m") == 1
+        assert told in said
 
 
 def test_what_carries_no_wakes_says_so() -> None:

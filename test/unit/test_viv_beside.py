@@ -13,7 +13,7 @@ import pytest
 from rope_twin import load_scene
 from rope_twin.cli import main
 from rope_twin.effects.current import CurrentParams
-from rope_twin.errors import SceneError
+from rope_twin.errors import InputError, SceneError
 from rope_twin.studies.viv.beside import Shaken, run_shaken
 
 
@@ -66,10 +66,18 @@ def test_a_model_beside_the_step_is_set_beside_another() -> None:
     assert 1.0 < told.frequency_hz < 2.66
 
 
+def test_fast_vortices_are_sampled_often_enough() -> None:
+    """The pipe's shed at 4.7 Hz at most: at 25 Hz theirs would be five samples."""
+    run = run_shaken(load_scene("curved_pipe"), 4.5)
+    assert 8.0 <= 1.0 / (4.68 * run.every_s) < 9.0
+
+
 def test_what_has_no_vortices_or_no_current_is_refused() -> None:
     with pytest.raises(SceneError, match="effects: it lists no model of vortices; list one"):
         run_shaken(load_scene("smooth_2km"), 1.0)
     calm = load_scene("viv_calm")
+    with pytest.raises(InputError, match=r"7.5 s are too short for vortices of 2.65 Hz; give 8 or"):
+        run_shaken(calm, 7.5)
     still = tuple(
         CurrentParams(profile=((0.0, (0.0, 0.0)),)) if isinstance(own, CurrentParams) else own
         for own in calm.effects

@@ -93,15 +93,21 @@ def _unpaced(options: RunOptions, progress: FigureProgress) -> RunSummary:
 
 
 def _tell_of_vortices(options: RunOptions, progress: FigureProgress) -> None:
-    """What the scene's model of vortices wants of elements and steps, and what it gets."""
+    """What the scene's model of vortices wants of elements and steps, and what it gets.
+
+    Of too little of them a warning tells by itself (rope_twin.scene.checks).
+    """
     from rope_twin.scene.change import at_setting
     from rope_twin.scene.figures import lift_figures
     from rope_twin.scene.load import load_scene
     from rope_twin.scene.rules.rigging import is_joined
-    from rope_twin.scene.rules.shedding import shedding_model, vortex_words
+    from rope_twin.scene.rules.shedding import coarse_for_vortices, shedding_model, vortex_words
 
     scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
     if not shedding_model(scene) or is_joined(scene):
         return
-    if words := vortex_words(scene, lift_figures(scene)):
+    figures = lift_figures(scene)
+    if any(coarse_for_vortices(scene, figures)):
+        return
+    if words := vortex_words(scene, figures):
         progress.say(words)

@@ -166,7 +166,8 @@ def _buy(rungs: list[Rung], quantity: Quantity, target: float, run: str) -> tupl
     if better is None:
         return rung, said + "the card has nothing better"
     times = rung.real_time_factor / better.real_time_factor
-    return rung, said + f"{_better(better, rungs, quantity)} costs {times:.2g} times as much"
+    much = f"{times:.2g} times as much" if times >= 1.05 else "hardly more"
+    return rung, said + f"{_better(better, rungs, quantity)} costs {much}"
 
 
 def _spend(

@@ -22,11 +22,13 @@ from rope_twin.studies.modes.rest import water_at
 from rope_twin.studies.validation.case import Field, Line, Panel
 from rope_twin.studies.validation.picture import draw_panels
 from rope_twin.studies.viv.moving import regular_motion
+from rope_twin.studies.viv.own import expected_hz, refuse_short
 from rope_twin.studies.viv.own_looks import made_even, marched
 from rope_twin.twin.twin import Twin
 
 PLACES = 150  # along the rope, over its length at the time
-SAMPLE_S = 0.04
+SAMPLE_S = 0.04  # or less, so that the fastest vortices have
+LEAST_PER_PERIOD = 8.0  # samples in a period
 SHOWN_S = 20.0  # of the motion in the picture
 WINDOW_S = 2.0  # over which the motion's size is taken
 
@@ -107,17 +109,20 @@ def run_shaken(scene: Scene, duration_s: float) -> Shaken:
 
     Raises:
         SceneError: it has no model of vortices, or no current at the surface.
-        InputError: its sea is neither still nor a regular heave, or its winch is told other things
-            than speeds.
+        InputError: the run is too short, its sea is neither still nor a regular heave, or its
+            winch is told other things than speeds.
         SolverError: the twin's next state would not be finite.
     """
     model, across = shedding_model(scene), _across(scene)
     if not model:
         what = "it lists no model of vortices"
         raise SceneError(phrase(f"{scene.path}: effects", what, "list one of them"))
+    hz = expected_hz(scene)
+    refuse_short(duration_s, hz)
     heave, speeds = regular_motion(scene)
     twin = Twin(scene)
-    own, every = twin.shaking, max(1, round(SAMPLE_S / twin.step_s))
+    sample_s = min(SAMPLE_S, 1.0 / (LEAST_PER_PERIOD * hz))
+    own, every = twin.shaking, max(1, int(sample_s / twin.step_s + 1e-6))
     share = np.linspace(0.0, 1.0, PLACES)
 
     def steps() -> int:

@@ -16,6 +16,7 @@ damage is that of tension and bending together (rope_twin.twin.fatigue.wear), pe
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -117,11 +118,12 @@ def run_own(scene: Scene, duration_s: float, curve: str) -> OwnRun:
             winch is told other things than speeds.
         SolverError: the twin's next state would not be finite.
     """
-    hz = _expected_hz(scene)
-    least = LEAST_PERIODS / (hz * (1.0 - STEADY))
-    if duration_s < least:
-        what = f"{duration_s:g} s are too short for vortices of {hz:.3g} Hz"
-        raise InputError(phrase("--for", what, f"give {least:.2g} or more"))
+    if not shedding_model(scene):
+        what = "it lists no model of vortices"
+        right = f"list one of them ({', '.join(SHEDDING)}), or leave --own out"
+        raise SceneError(phrase(f"{scene.path}: effects", what, right))
+    hz = expected_hz(scene)
+    refuse_short(duration_s, hz)
     heave, speeds = regular_motion(scene)
     twin = Twin(scene)
     looks, wear = looks_of(twin, hz), _wear(scene, twin, curve)
@@ -152,6 +154,14 @@ def run_own(scene: Scene, duration_s: float, curve: str) -> OwnRun:
     )  # fmt: skip
 
 
+def refuse_short(duration_s: float, vortices_hz: float) -> None:
+    """Of LEAST_PERIODS in the part that counts less can be said. Raises InputError."""
+    least = LEAST_PERIODS / (vortices_hz * (1.0 - STEADY))
+    if duration_s < least:
+        what = f"{duration_s:g} s are too short for vortices of {vortices_hz:.3g} Hz"
+        raise InputError(phrase("--for", what, f"give {math.ceil(least)} or more"))
+
+
 def _even(seen: list[tuple[float, float, Look]]) -> list[Floats]:
     """Times, top tensions and the parts of the looks, at equal times; time is the first axis."""
     times, pulls, looks = zip(*seen, strict=True)
@@ -159,11 +169,8 @@ def _even(seen: list[tuple[float, float, Look]]) -> list[Floats]:
     return made_even(np.array(times), np.array(pulls), *(np.array(part) for part in parts))
 
 
-def _expected_hz(scene: Scene) -> float:
-    if not shedding_model(scene):
-        what = "it lists no model of vortices"
-        right = f"list one of them ({', '.join(SHEDDING)}), or leave --own out"
-        raise SceneError(phrase(f"{scene.path}: effects", what, right))
+def expected_hz(scene: Scene) -> float:
+    """Of its fastest vortices. Raises SceneError where there are none."""
     pace = expected_pace(scene, lift_figures(scene))
     if pace is None:
         what = "nothing flows, so no vortices"
