@@ -1,10 +1,13 @@
 """How tests run: side by side on all cores, and property tests with the same examples every time.
 
+Nothing is inherited of the terminal that they are started from: not its width, not its colours.
+
 `--hypothesis-profile=search` tries new examples; `-n 0` runs one test after the other.
 """
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -19,6 +22,9 @@ ALIKE = {
     "test_joined_energy.py": "joined",
     "test_joined_bending.py": "joined",
 }
+
+for name in ("COLUMNS", "LINES", "NO_COLOR", "FORCE_COLOR", "PYTHONWARNINGS"):
+    os.environ.pop(name, None)
 
 # A counterexample is printed as found: shrinking it takes minutes where an example is a simulation.
 PHASES = (Phase.explicit, Phase.reuse, Phase.generate)

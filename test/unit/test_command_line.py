@@ -48,7 +48,7 @@ def test_a_value_that_begins_with_minus_stands_behind_an_equals_sign(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert main(["run", "still_water", "--within=-1%"]) == 1
-    assert capsys.readouterr().err.startswith("--within -1%: it is not possible")
+    assert capsys.readouterr().err.startswith("--within -1%: tension_rms is in %; write a")
 
 
 @pytest.mark.parametrize(
