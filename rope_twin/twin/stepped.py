@@ -102,6 +102,11 @@ class SteppedTwin(ToldTwin):
         return self._ropes if isinstance(self._ropes, JoinedRopes) else None
 
     @property
+    def card_error(self) -> KnownError:
+        """What is known of its top tension's error on the present rung, by the scene's card."""
+        return self._card_error
+
+    @property
     def rung(self) -> Rung:
         """Elements and step that it goes with at present."""
         return self._rung

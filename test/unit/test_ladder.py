@@ -149,7 +149,10 @@ def test_a_setting_that_a_budget_bought_is_the_best_rung_of_its_ladder() -> None
 def test_before_the_start_it_takes_the_rung_that_fits_at_once(machine: Machine) -> None:
     assert not machine.ladder.start_at(0.5)
     assert machine.ladder.start_at(1.0)
-    assert machine.taken == [machine.rungs[1]] or machine.ladder.place[0] == 2
+    assert machine.ladder.place[0] == 2
+    assert machine.taken == [machine.rungs[1]]
+    assert machine.run(0.1, WAIT_S - 0.1) == 0, "the wait begins with the first slot"
+    assert machine.run(0.1, 1.0) == 1
 
 
 @pytest.mark.parametrize("energy", [False, True])

@@ -134,9 +134,9 @@ class RunSummary:
 
     def _pace_words(self) -> list[str]:
         """How fast it is, and what came late."""
-        fast = f"the model alone runs {self.real_time_factor:.0f} times real time"
+        fast = f"the model alone runs {_times(self.real_time_factor)} times real time"
         if self.paced_real_time_factor is not None:
-            fast += f" ({self.paced_real_time_factor:.0f} times in its slots, woken each time)"
+            fast += f" ({_times(self.paced_real_time_factor)} times in its slots, woken each time)"
         late = f"{self.late_steps} steps late"
         if self.late_steps:
             late += f" (worst {self.worst_lateness_s * 1e3:.1f} ms)"
@@ -199,8 +199,12 @@ class RunSummary:
             f"{self.time_s:8.1f} s  line out {self.line_out_m:7.1f} m  "
             f"top tension {_kn(self.tension_top_now_n)}, max {_kn(self.tension_top_max_n)}  "
             f"{self.late_steps} late  error {_at_most(self.tension_top_error_pct)}  "
-            f"{self.real_time_factor:.0f} × real time"
+            f"{_times(self.real_time_factor)} × real time"
         )
+
+
+def _times(factor: float) -> str:
+    return f"{factor:.0f}" if factor >= 9.95 or factor == 0.0 else f"{factor:.2g}"
 
 
 def _at_most(error_pct: float | str) -> str:

@@ -18,9 +18,9 @@ from statistics import median
 from typing import Protocol
 
 from rope_twin.errors import SolverError
-from rope_twin.scene.card import KnownError
+from rope_twin.scene.card import KnownError, told_bound
 from rope_twin.twin.accuracy.rung import Rung
-from rope_twin.twin.accuracy.rungs import error_at, ladder_of
+from rope_twin.twin.accuracy.rungs import ladder_of
 from rope_twin.twin.pacing import SlotTimes
 from rope_twin.twin.twin import Twin
 
@@ -112,6 +112,8 @@ class Ladder:
 
     def _step_up(self, slot: SlotTimes) -> bool:
         now_s = slot.end_ns * 1e-9
+        if self._moved_s == float("-inf"):  # it began on this rung: its first slot
+            self._moved_s = now_s
         if now_s - self._moved_s < self._wait_s or now_s < self._look_s:
             return False
         self._look_s = now_s + WINDOW_S
@@ -150,7 +152,6 @@ class TwinLadder(Ladder):
         super().__init__(twin, rungs if twin.rung in rungs else (twin.rung,), twin.rung, wait_s)
         self._owner = twin
         self.said: deque[str] = deque(maxlen=SAYINGS)  # sentences that nobody has taken yet
-        self._errors = {rung: error_at(scene, rung) for rung in self._rungs}
 
     def measure(self, steps_s: float, speed: float) -> float:
         """Load on the present rung, tried on a branch: least of TRIALS slots of `steps_s`."""
@@ -172,7 +173,7 @@ class TwinLadder(Ladder):
 
     def error(self) -> KnownError:
         """What the scene's card knows of the present rung."""
-        return self._errors[self.rung]
+        return self._owner.card_error
 
     def _move(self, target: int, now_s: float, why: str) -> bool:
         moved = super()._move(target, now_s, why)
@@ -186,7 +187,7 @@ class TwinLadder(Ladder):
     def words(self) -> str:
         """The present rung."""
         error = self.error()
-        known = error.words if isnan(error.rms_pct) else f"at most {error.rms_pct:.2g} %"
+        known = error.words if isnan(error.rms_pct) else f"at most {told_bound(error.rms_pct)} %"
         own = self._owner.scene.ropes[0].elements
         left = own >> self.rung.halvings
         elements = f"{own} elements" if left == own else f"{left} elements in place of {own}"
