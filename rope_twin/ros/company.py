@@ -10,6 +10,7 @@ import errno
 import os
 import socket
 import time
+from collections.abc import Callable
 from typing import Any
 
 import rclpy
@@ -40,10 +41,7 @@ class Seat:
 
     def take(self, patience_s: float = 0.0) -> bool:
         """Take it, waiting so long for who is about to leave; whether it is ours, or nobody's."""
-        give_up = time.monotonic() + patience_s
-        while not (taken := self._try()) and time.monotonic() < give_up:
-            time.sleep(0.1)
-        return taken
+        return _until(self._try, patience_s)
 
     def leave(self) -> None:
         """Let others have it. Harmless when called twice."""
@@ -77,7 +75,8 @@ def refuse_company(node: Node) -> Seat:
     domain, namespace = os.environ.get("ROS_DOMAIN_ID", "0"), node.get_namespace()
     seat = Seat(domain, namespace)
     alone = seat.take(LISTEN_S)
-    if node.count_publishers(TOLD_BY[0]) > 1 and not (alone and _is_silent(namespace)):
+    in_sight = _until(lambda: node.count_publishers(TOLD_BY[0]) > 1, 0.0 if alone else LISTEN_S)
+    if in_sight and not (alone and _is_silent(namespace)):
         seat.leave()
         what = "another twin is at work there, and each would take the other's sea and winch"
         raise InputError(
@@ -103,6 +102,14 @@ class Turns:
         self.mixed = self.mixed or (sender != self._newest and sender in self._heard)
         self._heard.add(sender)
         self._newest = sender
+
+
+def _until(holds: Callable[[], bool], patience_s: float) -> bool:
+    """Wait until it holds, so long at most; whether it does."""
+    give_up = time.monotonic() + patience_s
+    while not (found := holds()) and time.monotonic() < give_up:
+        time.sleep(0.1)
+    return found
 
 
 def _is_silent(namespace: str) -> bool:
