@@ -67,13 +67,12 @@ def figures(shot: Snapshot) -> dict[str, np.ndarray]:
         if field.name not in NO_FIGURES
     }
     told["strength"] = [one.highest_n for one in shot.strength]
-    told["touchdowns"] = [
-        (*one.position_m, one.line_out_m, one.layback_m, one.tension_n, one.angle_deg)
-        for one in shot.touchdowns
-    ]
-    told["bends"] = [  # not the tightest so far: that is of all looks
-        (1.0 / one.now.radius_m, one.now.line_out_m, *one.position_m) for one in shot.bends
-    ]
+    for one in shot.touchdowns:
+        place = (*one.position_m, one.line_out_m, one.layback_m)
+        told[f"touchdown of {one.name}"] = (*place, one.tension_n, one.angle_deg)
+    for bend in shot.bends:  # not the tightest so far: that is of all looks
+        place = (bend.now.line_out_m, *bend.position_m)
+        told[f"bend of {bend.now.name}"] = (1.0 / bend.now.radius_m, *place)
     if shot.body is not None:
         of_body = {
             field.name: getattr(shot.body, field.name) for field in dataclasses.fields(shot.body)
