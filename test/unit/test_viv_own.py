@@ -25,6 +25,7 @@ from rope_twin.studies.viv.own import (
     run_own,
 )
 from rope_twin.studies.viv.own_looks import made_even
+from rope_twin.studies.viv.own_picture import own_words
 from rope_twin.twin.findings import MaterialFatigue
 
 U = 0.5
@@ -88,6 +89,14 @@ def test_figures_of_a_standing_wave() -> None:
     assert run.frequency_hz[0, 10] == pytest.approx(2.0, rel=1e-3)
     assert run.frequency_hz[1, 10] == pytest.approx(4.0, rel=1e-3)
     assert run.damage_per_year[10] == pytest.approx(1e-5 * 365.25 * 24.0, rel=1e-6)
+    assert run.growth == pytest.approx(1.0, abs=1e-3)
+    assert "settled" not in own_words(run)
+    built_up = replace(run, motion=motion * np.linspace(0.5, 1.5, len(t))[:, None])
+    # rms of what grows evenly from 0.5 to 1, and from 1 to 1.5: √(19/7)
+    assert built_up.growth == pytest.approx(math.sqrt(19.0 / 7.0), rel=1e-2)
+    assert "not settled: its rms along the rope in the second half of that time is 1.6 times" in (
+        own_words(built_up)
+    )
     assert run.vandiver[10] == pytest.approx(1.0 + 1.043 * (math.sqrt(2.0) * 0.6) ** 0.65, rel=1e-3)
 
 

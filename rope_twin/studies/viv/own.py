@@ -70,6 +70,19 @@ class OwnRun:
         return np.asarray(self.motion.std(axis=1))
 
     @property
+    def growth(self) -> float:
+        """Rms across the flow of all places in the second half of the time over that in the first.
+
+        1: settled; else it still builds up or fades, or swells slowly. NaN: nothing moved at first.
+        """
+        middle = len(self.time_s) // 2
+        early, late = (
+            float(np.sqrt(part.var(axis=0).mean()))
+            for part in (self.motion[0, :middle], self.motion[0, middle:])
+        )
+        return late / early if early > 0.0 else float("nan")
+
+    @property
     def in_line(self) -> bool:
         """Whether its model has a motion with the flow."""
         return bool(np.isfinite(self.motion[1]).all())

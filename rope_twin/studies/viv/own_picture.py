@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from rope_twin.studies.viv.picture import ABOVE, write_table
 from rope_twin.studies.viv.study import where_it_moves
 
 PERIODS = 12  # of the motion that the space-time picture shows, the last ones
+SETTLED = 0.1  # of the rms, by which it may be another in the second half of the time that counts
 COLUMNS = 60  # places in the table of the motion
 BELOW = "along the rope, + up from the hang-off [m]"
 
@@ -47,6 +49,7 @@ def own_figures(run: OwnRun) -> dict[str, Any]:
         "rms_max_at_m": float(run.from_hang_off_m[at]),
         "frequency_there_hz": float(run.frequency_hz[0, at]),
         "in_line_rms_max_diameters": float(with_flow.max()) if run.in_line else None,
+        "rms_second_over_first_half": run.growth if math.isfinite(run.growth) else None,
         "drag_amplification_max": float(run.drag_amplification.max()),
         "drag_amplification_mean": float(run.drag_amplification.mean()),
         "drag_amplification_vandiver_max": float(run.vandiver.max()),
@@ -68,6 +71,7 @@ def own_words(run: OwnRun) -> str:
         f"{run.model}, the last {told['steady_s']:.4g} s: largest rms A/d "
         f"{told['rms_max_diameters']:.3g} at {told['rms_max_at_m']:.4g} m below the hang-off, "
         f"{told['frequency_there_hz']:.3g} Hz; in line {in_line}\n"
+        f"{_unsettled(run.growth)}"
         "(published VIV codes differ among each other by a factor of 1.7)\n"
         f"mean drag {told['drag_amplification_max']:.3g} times that without vibration at most, "
         f"{told['drag_amplification_mean']:.3g} in the mean: what the model's {cause} "
@@ -82,6 +86,16 @@ def own_words(run: OwnRun) -> str:
         f"{words}\nbending stress at most {1e-6 * told['stress_rms_max_pa']:.3g} MPa rms, damage "
         f"of tension and bending {told['damage_per_year_max']:.3g} per year; of a stranded rope as "
         "if it were solid: an upper bound"
+    )
+
+
+def _unsettled(growth: float) -> str:
+    """A line where the motion is not the same in both halves of its time; else nothing."""
+    if abs(growth - 1.0) <= SETTLED:
+        return ""
+    return (
+        "not settled: its rms along the rope in the second half of that time is "
+        f"{growth:.2g} times that in the first; give a longer --for\n"
     )
 
 
