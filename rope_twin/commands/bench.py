@@ -53,7 +53,8 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     parser = subparsers.add_parser("bench", help="how fast the solver is, and how right")
     actions = parser.add_subparsers(dest="action", required=True, metavar=" | ".join(ACTIONS))
     for name, action in ACTIONS.items():
-        own = actions.add_parser(name, help=action.about, description=action.description or None)
+        whole = f"{action.about[0].upper()}{action.about[1:]}. {action.description}"
+        own = actions.add_parser(name, help=action.about, description=whole)
         for declare in action.options:
             declare(own)
         own.add_argument("--quick", action="store_true", help="a few small cases, for a test")

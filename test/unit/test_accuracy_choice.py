@@ -186,7 +186,7 @@ NO_AMOUNT = "tension_rms is in %; write a number above 0 and its unit, like 1%."
         ),
         (
             ["--within", "1%", "--bag", "sea_1p2m"],
-            "small: the card's run has another sea than sea_1p2m; leave --bag out, or make the",
+            "small: its card is of its own sea, not of --bag sea_1p2m; leave --bag out, or",
         ),
         (["--of", "tension_rms"], "--of: there is nothing to choose; say --within 1% too."),
         (["--budget", "30%"], "--budget: --speed 0 takes a whole core; give up to 100 %"),

@@ -36,6 +36,22 @@ def listen(done: int, total: int, what: str) -> None:
     SAID.append((done, total, what))
 
 
+@pytest.mark.parametrize(
+    ("action", "about"),
+    [
+        ("speed", "Cost of a step and error of the top tension"),
+        ("vortices", "Cost of the vortex models"),
+        ("report", "Speed, order, ensemble and peers"),
+    ],
+)
+def test_the_help_of_each_says_what_it_measures(
+    action: str, about: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        main(["bench", action, "--help"])
+    assert about in " ".join(capsys.readouterr().out.split())
+
+
 @pytest.fixture(scope="module")
 def measured() -> speed.Speed:
     SAID.clear()

@@ -122,8 +122,8 @@ def _refuse_other_run(scene: Scene, card: Card, options: RunOptions) -> None:
     """Nothing is promised of a run that the card's says nothing about. Raises InputError."""
     if options.other_sea:
         option = "--bag" if options.bag else "--poses"
-        what = f"{OTHER_SEA} than {options.bag or options.poses}"
-        right = f"leave {option} out, or make the card of a scene that has this sea"
+        what = f"its card is of its own sea, not of {option} {options.bag or options.poses}"
+        right = f"leave {option} out, or make the card of a scene that has that sea"
         raise InputError(phrase(f"--within, scene {scene.name}", what, right))
     needed_s = make_plan(scene).seconds
     if card.seconds < needed_s and _goes_on(card, options):
