@@ -7,7 +7,7 @@ ros2 launch rope_twin rope_twin.launch.py scene:=storm record:=true
 
 from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.substitutions import LaunchConfiguration, PythonExpression, PathJoinSubstitution
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterFile, ParameterValue
 from launch_ros.substitutions import FindPackageShare
@@ -55,6 +55,8 @@ def generate_launch_description() -> LaunchDescription:
         "topic": ParameterValue(value("topic"), **text),
         "start_s": ParameterValue(value("bag_start"), value_type=float),
     }
+    named = PythonExpression(["'", value("bag"), value("poses"), "' != ''"])
+    other = {"other_sea": ParameterValue(named, value_type=bool)}  # no error by the card then
     bag = {"directory": ParameterValue(value("directory"), **text)}
     picture = {"file": ParameterValue(value("view_file"), **text)}
     return LaunchDescription(
@@ -94,7 +96,7 @@ def generate_launch_description() -> LaunchDescription:
             Node(
                 executable="simulation_node",
                 name="simulation",
-                parameters=[file, scene, speed],
+                parameters=[file, scene, speed, other],
                 **common,
             ),
         ]
