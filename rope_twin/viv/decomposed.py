@@ -28,6 +28,7 @@ MOST_ELEMENTS = 6000
 ROUNDS = 60
 SAME = 1e-6  # C_a that two rounds agree to
 TIE = 0.03  # modes whose powers differ by less share a place
+NEAR = 0.03  # of the largest power: a mode with less is not driven in the next second either
 STILL = 1e-6  # m/s: water slower than this is still
 
 
@@ -59,6 +60,7 @@ class Excitation:
     added_mass: Floats  # mean coefficient of each mode, weighted by φ²
     power: Floats  # Π_r [W]
     zones: Floats  # part of a node that drives a mode
+    locked: Floats  # part of a node at which its f·D/U lies in the band
 
     @property
     def dominant(self) -> int:
@@ -88,13 +90,25 @@ class ExcitationSearch:
         InputError: the rope is slack somewhere.
     """
 
-    def __init__(self, span: Span, model: Decomposed, part: int = MOST) -> None:
-        """`part`: about so many modes at a time."""
+    def __init__(
+        self,
+        span: Span,
+        model: Decomposed,
+        part: int = MOST,
+        near_hz: tuple[float, float] | None = None,
+    ) -> None:
+        """`part`: about so many modes at a time.
+
+        near_hz: of the modes at the fixed added mass; slower ones are taken to have no power, and
+        faster ones are not looked for.
+        """
         self.span, self._model, self._part = span, model, part
+        self._slowest, fastest_hz = near_hz or (0.0, np.inf)
         share = 0.5 * (_per_metre(span, model)[1:] + _per_metre(span, model)[:-1])
         moved = span._replace(mass=span.mass + model.fixed_added_mass * share)
         fastest = float((span.speed / span.diameter).max())
-        self._search = ModeSearch(moved, 1.5 * model.band[1] * fastest, part)
+        highest = min(1.5 * model.band[1] * fastest, fastest_hz)
+        self._search = ModeSearch(moved, highest, part)
         self._expected = self._search.left  # parts, as far as is known before
         self._modes: LateralModes | None = None
         self._parts: list[_Part] = []
@@ -115,7 +129,10 @@ class ExcitationSearch:
         elif self.left:
             first = self._part * len(self._parts)
             some = _some(self._modes, slice(first, first + self._part))
-            self._parts.append(_excited(self.span, self._model, some))
+            idle = float(some.frequency[-1]) < self._slowest
+            self._parts.append(
+                _idle(self._model, some) if idle else _excited(self.span, self._model, some)
+            )
 
     def found(self) -> Excitation:
         """Of all of them, with what is left of the search."""
@@ -128,7 +145,18 @@ class ExcitationSearch:
             np.concatenate(own, axis=-1) for own in zip(*parts, strict=True)
         )
         zones = _share_out(power, band, self._model.candidate)
-        return Excitation(modes, frequency, added, power, zones)
+        return Excitation(modes, frequency, added, power, zones, band)
+
+
+def near_driven(found: Excitation) -> tuple[float, float] | None:
+    """Between which frequencies modes may be driven a moment later [Hz]; None: any.
+
+    At the fixed added mass; a tenth beyond those with NEAR of the largest power now.
+    """
+    if not found.power.any():
+        return None
+    driven = found.modes.frequency[found.power > NEAR * found.power.max()]
+    return 0.9 * float(driven[0]), 1.1 * float(driven[-1])
 
 
 def analyse(span: Span, model: Decomposed) -> Excitation:
@@ -154,6 +182,12 @@ def _some(modes: LateralModes, which: slice) -> LateralModes:
     return LateralModes(modes.frequency[which], shape, modes.mass[which])
 
 
+def _idle(model: Decomposed, modes: LateralModes) -> _Part:
+    """Of modes that have no power."""
+    added = np.full(len(modes.mass), model.fixed_added_mass)
+    return _Part(modes.frequency, added, np.zeros(len(added)), np.zeros_like(modes.shape))
+
+
 def _excited(span: Span, model: Decomposed, modes: LateralModes) -> _Part:
     """True frequencies, and the powers at them."""
     square = modes.shape**2
@@ -171,15 +205,18 @@ def _excited(span: Span, model: Decomposed, modes: LateralModes) -> _Part:
     return _Part(frequency, added, power, band)
 
 
-def fine_enough(span: Span, model: Decomposed) -> Span:
-    """In elements for waves of the highest frequency that can be driven; a slack rope as it is."""
+def fine_enough(span: Span, model: Decomposed, kept: int = 0) -> Span:
+    """In elements for waves of the highest frequency that can be driven; a slack rope as it is.
+
+    kept: as many as there were, as in `refined`.
+    """
     if not (span.tension > 0.0).all():
         return span  # of which no modes are found
     moved = span.mass + _per_metre(span, model)[:-1]
     slowest = float(np.sqrt((span.tension / moved).min()))
     fastest = model.band[1] * float((span.speed / span.diameter).max())
     longest = slowest / max(fastest, 1e-9) / PER_WAVE
-    return refined(span, max(longest, span.s[-1] / MOST_ELEMENTS), EVEN)
+    return refined(span, max(longest, span.s[-1] / MOST_ELEMENTS), EVEN, kept)
 
 
 def _per_metre(span: Span, model: Decomposed) -> Floats:

@@ -10,6 +10,7 @@ themselves at PER_PERIOD, which is more than a rope's structure does.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import exp, pi, sqrt
 from typing import NamedTuple
 
@@ -17,7 +18,15 @@ import numpy as np
 
 from rope_twin.core.modes.apart import Drives, Nodes, push_nodes, read_motion
 from rope_twin.core.modes.sharing import share_out
-from rope_twin.viv.decomposed import TIE, Decomposed, Excitation, ExcitationSearch, displaced
+from rope_twin.viv.decomposed import (
+    TIE,
+    Decomposed,
+    Excitation,
+    ExcitationSearch,
+    displaced,
+    near_driven,
+)
+from rope_twin.viv.handover import handed_over
 from rope_twin.viv.integrators import Integrator, Matrices, Motion, bathe, upper_bands
 from rope_twin.viv.lateral_modes import stiffness
 from rope_twin.viv.span import Floats, Span, half_waves
@@ -35,6 +44,7 @@ class KeptResponse(NamedTuple):
     angles: Floats  # of the modes
     since_s: float
     time_s: float
+    zones: Floats
 
 
 class DecomposedResponse:
@@ -48,7 +58,7 @@ class DecomposedResponse:
         self.model = model
         self.time_s = 0.0
         self._integrate = integrator or bathe
-        self.remembered = REMEMBERED
+        self.remembered, self.thrifty = REMEMBERED, False
         self._first = 1 if span.end_mass is None else 0
         self._table = model.table
         if not model.varying:
@@ -66,10 +76,13 @@ class DecomposedResponse:
     def search(self, span: Span) -> ExcitationSearch:
         """For what drives a rope that has changed, to be followed when it is through.
 
+        `thrifty`: among those about as fast as what drives it now.
+
         Raises:
             InputError: it is slack somewhere.
         """
-        return ExcitationSearch(span, self.model, PART)
+        near = near_driven(self.excitation) if self.thrifty else None
+        return ExcitationSearch(span, self.model, PART, near)
 
     def follow(self, span: Span, search: ExcitationSearch | None = None) -> None:
         """The rope has changed: other tension, length or current. Motion goes on as it is.
@@ -82,7 +95,9 @@ class DecomposedResponse:
         """
         turned = 2.0 * pi * self.excitation.frequency * (self.time_s - self._since_s)
         angles, before = self._angles + turned, self._below_top()
+        zones, since_s = self.excitation.zones, self.time_s - self._since_s
         self._take(span, search)
+        self._hand_over(zones, since_s)
         self._angles = np.zeros(len(self.excitation.frequency))
         known = min(len(angles), len(self._angles))
         self._angles[:known] = np.remainder(angles[:known], 2.0 * pi)
@@ -113,12 +128,13 @@ class DecomposedResponse:
         """From which `take_back` goes on."""
         return KeptResponse(
             self.span, np.stack([*self._motion, *self._squares, self.amplitude, self.omega]),
-            self._angles.copy(), self._since_s, self.time_s,
+            self._angles.copy(), self._since_s, self.time_s, self.excitation.zones.copy(),
         )  # fmt: skip
 
     def take_back(self, kept: KeptResponse) -> None:
         """Go on from there; its modes were those of a search."""
         self._take(kept.span, self.search(kept.span))
+        self._hand_over(kept.zones, 0.0)
         self._motion = Motion(*kept.nodes[:3])
         self._squares = kept.nodes[3:5].copy()
         self.amplitude, self.omega = kept.nodes[5], kept.nodes[6]
@@ -131,9 +147,14 @@ class DecomposedResponse:
         moved = self.model.density * 0.25 * pi * span.diameter[1:] ** 2
         self.half_wave = half_waves(span, sqrt(self.model.band[0] * self.model.band[1]), moved)
         self.excitation: Excitation = (search or ExcitationSearch(span, self.model)).found()
-        frequency = float(self.excitation.driven.max())
-        self.step_s = 1.0 / (PER_PERIOD * frequency) if frequency > 0.0 else np.inf
         self._bands = np.ascontiguousarray(_bands(span)[:, self._first : -1])
+
+    def _hand_over(self, before: Floats, since_s: float) -> None:
+        """From the modes that the nodes drove a time ago to those that they come to drive now."""
+        found, span = self.excitation, self.span
+        shedding = sqrt(self.model.band[0] * self.model.band[1]) * span.speed / span.diameter
+        zones = handed_over(before, found.zones, found.locked, shedding, since_s)
+        self.excitation = replace(found, zones=zones)
 
     def _at_nodes(self) -> Nodes:
         """What the rope makes of the water, of the free nodes."""
@@ -149,7 +170,9 @@ class DecomposedResponse:
         return Nodes(*(np.ascontiguousarray(part[self._first : -1]) for part in whole))
 
     def _driven(self) -> Drives:
-        """Which modes the free nodes drive."""
+        """Which modes the free nodes drive, and the longest step for that."""
+        frequency = float(self.excitation.driven.max())
+        self.step_s = 1.0 / (PER_PERIOD * frequency) if frequency > 0.0 else np.inf
         free = slice(self._first, -1)
         zones = self.excitation.zones[free]
         part = zones * np.sign(self.excitation.modes.shape[free])

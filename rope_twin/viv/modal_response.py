@@ -3,7 +3,8 @@
 y(s, t) = Σ φ_i(s)·η_i(t), M_i·η̈_i + C_i·η̇_i + ω_i²·M_i·η_i = F_i(t): each mode is driven at its
 own frequency by ½·ρ·d·U²·C_l(A/d)·|φ_i| over the places that drive it, and damped by the structure
 and, elsewhere, by the water. A place drives one mode: among those that lock in there the one that
-moves most (shedding.leading_zones); modes that move alike share it. η_i is a convolution of F_i
+moves most (shedding.leading_zones); modes that move alike share it, and where the rope changes a
+place goes over to another in some periods (handover). η_i is a convolution of F_i
 with e^(-ζω·t)·sin(ω_d·t), taken recursively (eq 9): with λ = -ζω + i·ω_d and
 c(t) = ∫ F(τ)·e^(λ(t-τ)) dτ,
 
@@ -24,6 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.core.modes.ringing import Drive, Ringing, add_up, ring
+from rope_twin.viv.handover import handed_over
 from rope_twin.viv.lateral_modes import LateralModes, ModeSearch, find_lateral_modes
 from rope_twin.viv.shedding import Shedding
 from rope_twin.viv.span import EVEN, Floats, Span, half_waves, refined
@@ -48,6 +50,9 @@ class KeptResponse(NamedTuple):
     angle: Floats
     active: NDArray[np.int64]
     time_s: float
+    elements: int
+    zones: Floats
+    zoned_s: float
 
 
 class ModalResponse:
@@ -64,7 +69,8 @@ class ModalResponse:
 
     def __init__(self, span: Span, shedding: Shedding) -> None:
         self.shedding = shedding
-        self.time_s = 0.0
+        self.time_s = self._zoned_s = 0.0  # now, and when the zones were last found
+        self._elements = 0
         self._take(span)
         place, rate = np.zeros((2, len(self.modes.frequency)))
         self._ringing = Ringing(place, rate, _first_angles(len(place)))
@@ -139,7 +145,7 @@ class ModalResponse:
         angles = _first_angles(moved.shape[1])
         angles[:known] = angle[:known]
         self._ringing = Ringing(moved[0], moved[1], angles)
-        self._drive, self.zones = self._driven()
+        self._drive, self.zones = self._driven(before=self.zones)
         self.amplitude = self._amplitude()
 
     def advance(self, duration_s: float) -> None:
@@ -152,14 +158,20 @@ class ModalResponse:
     def kept(self) -> KeptResponse:
         """From which `take_back` goes on."""
         place, rate, angle = (part.copy() for part in self._ringing)
-        return KeptResponse(self.given, place, rate, angle, self._drive.active.copy(), self.time_s)
+        return KeptResponse(
+            self.given, place, rate, angle, self._drive.active.copy(), self.time_s,
+            self._elements, self.zones.copy(), self._zoned_s,
+        )  # fmt: skip
 
     def take_back(self, kept: KeptResponse) -> None:
         """Go on from there; its modes were those of a search."""
+        self._elements = kept.elements
         self._take(kept.given, self.search(kept.given))
         own = (kept.coordinate, kept.rate, kept.angle)
         self._ringing, self.time_s = Ringing(*(part.copy() for part in own)), kept.time_s
-        self._drive, self.zones = self._driven(kept.active)
+        self._zoned_s = kept.time_s
+        self._drive, self.zones = self._driven(kept.active, kept.zones)
+        self._zoned_s = kept.zoned_s
         self.amplitude = self._amplitude()
 
     def _refined(self, span: Span) -> tuple[Span, float]:
@@ -169,22 +181,26 @@ class ModalResponse:
         wave_speed = float(np.sqrt((span.tension / span.mass).min()))
         length = float(span.s[-1] - span.s[0])
         longest = max(wave_speed / max(shedding, 1e-9) / PER_WAVE, length / MOST_ELEMENTS)
-        return refined(span, longest, EVEN), highest
+        return refined(span, longest, EVEN, self._elements), highest
 
     def _take(self, span: Span, search: ModeSearch | None = None) -> None:
         """Modes up to the highest that the current can lock."""
         fine, highest = self._refined(span)
         modes = find_lateral_modes(fine, highest) if search is None else search.found()
         self.given, self.span, self.modes = span, fine, modes
+        self._elements = len(fine.tension)
         self.half_wave = half_waves(fine, self.shedding.strouhal)
         self._omega = 2.0 * pi * modes.frequency
         shedding = self.shedding.strouhal * float((span.speed / span.diameter).max())
         self.step_s = 1.0 / (PER_PERIOD * shedding) if shedding > 0.0 else np.inf
 
-    def _driven(self, active: NDArray[np.int64] | None = None) -> tuple[Drive, Floats]:
+    def _driven(
+        self, active: NDArray[np.int64] | None = None, before: Floats | None = None
+    ) -> tuple[Drive, Floats]:
         """What water speed and modes make of lift and damping, and where each mode is driven.
 
-        `active`: modes that were driven or moved; None: those that do now.
+        `active`: modes that were driven or moved; None: those that do now. before: the zones that
+        these go over from; None: at once.
         """
         span, modes, water = self.span, self.modes, self.shedding
         below, above = water.below_and_above(self._omega, span.diameter, span.speed)
@@ -205,6 +221,9 @@ class ModalResponse:
         moved /= np.maximum(damping * self._omega, LEAST)
         strouhal = water.strouhal * span.speed / span.diameter
         zones = water.zones(modes.frequency, strouhal, locked, moved)
+        if before is not None:
+            zones = handed_over(before, zones, locked, strouhal, self.time_s - self._zoned_s)
+        self._zoned_s = self.time_s
         moving = self.modal_amplitude > STILL * float(span.diameter.min())
         if active is None:
             active = np.flatnonzero((zones > 0.0).any(axis=0) | moving)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
 EVEN = 32  # a model's elements are a multiple of it: as many whatever the rope was given in
+MORE, FEWER = 1.25, 0.5  # times as many as there are would do: then they are made anew
 
 
 class Span(NamedTuple):
@@ -42,13 +43,17 @@ class Span(NamedTuple):
         return lengths
 
 
-def refined(span: Span, longest_m: float, multiple: int = 1) -> Span:
+def refined(span: Span, longest_m: float, multiple: int = 1, kept: int = 0) -> Span:
     """The same rope in equal elements of at most this length, linear between the given ones.
 
-    multiple: their number is one of it, but for a rope that was given in more.
+    multiple: their number is one of it, but for a rope that was given in more; kept: as many as
+    there were, 0 for none. They stay as many while that is about right: another number moves all
+    frequencies by some 1e-4, and would come at another instant on every grid.
     """
     length = float(span.s[-1] - span.s[0])
     count = max(len(span.s) - 1, multiple * int(np.ceil(length / (longest_m * multiple))))
+    if FEWER * kept <= count <= MORE * kept:
+        count = kept
     s = np.linspace(span.s[0], span.s[-1], count + 1)
     middle, own = 0.5 * (s[1:] + s[:-1]), 0.5 * (span.s[1:] + span.s[:-1])
     return span._replace(

@@ -52,22 +52,30 @@ def grown(twin: Twin) -> Vector:
 
 
 def around_nodes(twin: Twin, shot: Snapshot) -> Vector:
-    """Vandiver's growth, the mean of a thousand places around each free node.
+    """Vandiver's growth, the mean of two thousand places around each free node.
 
-    Over its share of the rope, and half a wave at St·U/d at least.
+    Their weight falls to 0 at the neighbours, and at half a wave of St·U/d to both sides at least;
+    at the ends of the rope they are mirrored.
     """
     assert twin.shaking is not None
     s, amplitude, half_wave = twin.shaking.tracker.at_places()
     steps = np.diff(shot.node_position_m[::-1], axis=0)
     below = np.concatenate([[0.0], np.cumsum(np.sqrt((steps * steps).sum(axis=1)))])
     below -= below[-1]
-    middles = 0.5 * (below[1:] + below[:-1])
-    quarter = 0.5 * np.interp(below, s, half_wave)[:-1]
-    low = np.minimum(np.concatenate([below[:1], middles[:-1]]), below[:-1] - quarter)
-    high = np.maximum(middles, below[:-1] + quarter)
+    step = np.diff(below)
+    half = np.interp(below, s, half_wave)[:-1]
+    down, up = np.maximum(np.append(step[:1], step[:-1]), half), np.maximum(step, half)
     growth = 1.043 * (np.sqrt(2.0) * amplitude) ** 0.65
-    shares = np.linspace(np.maximum(low, below[0]), np.minimum(high, 0.0), 1001).T
-    return np.array([np.interp(share, s, growth).mean() for share in shares])
+    part = np.linspace(-1.0, 1.0, 4001)
+    found = []
+    for at, low, high in zip(below[:-1], down, up, strict=True):
+        side = np.where(part < 0.0, low, high)
+        place = at + part * side
+        place = np.where(place > 0.0, -place, place)
+        place = np.where(place < below[0], 2.0 * below[0] - place, place)
+        weight = (1.0 - np.abs(part)) * side
+        found.append((np.interp(place, s, growth) * weight).sum() / weight.sum())
+    return np.array(found)
 
 
 def test_it_shakes_as_the_study_of_the_scene_does() -> None:

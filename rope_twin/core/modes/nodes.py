@@ -28,15 +28,15 @@ def mix_flow(flow: Floats, rope: Rope, share: float) -> None:
 
 
 def mean_around(at: Floats, s: Floats, values: Floats, least: Floats) -> Floats:
-    """Mean of `values`, linear between `s`, over the halves beside each of `at`, both rising.
+    """Mean of `values`, linear between `s`, around each of `at`, both rising.
 
-    So a sum over coarse nodes has all of what goes up and down between them. `least`: a mean is
-    over this length at least, but not beyond the ends of `at`, (len(at),): what goes up and down
-    with a shorter wave is then the same for finer nodes. Beyond the ends of `s` the end's value
-    holds.
+    The weight falls in a straight line to 0 at the neighbours of `at`: so a sum over coarse nodes
+    has all of what goes up and down between them. `least`: it reaches so far to both sides at
+    least, (len(at),): what goes up and down with a period of that or a little less or more is then
+    the same on any nodes. At both ends of `s` values are mirrored.
     """
-    found, up_to = np.empty(len(at)), np.empty(len(s))
-    _mean(at, s, values, least, up_to, found)
+    found, once, twice = np.empty(len(at)), np.empty(len(s)), np.empty(len(s))
+    _mean(at, s, values, least, once, twice, found)
     return found
 
 
@@ -66,19 +66,25 @@ def _mix(flow: Any, nodes: Any, work: Any, n: int, share: float) -> None:
 
 
 @jit_entry
-def _mean(at: Any, s: Any, values: Any, least: Any, up_to: Any, found: Any) -> None:
-    last, low, high = at.shape[0] - 1, 0, 0
-    up_to[0] = 0.0
+def _mean(at: Any, s: Any, values: Any, least: Any, once: Any, twice: Any, found: Any) -> None:
+    once[0] = twice[0] = 0.0  # integrals of the values from s[0], and of these
     for i in range(1, s.shape[0]):
-        up_to[i] = up_to[i - 1] + 0.5 * (values[i] + values[i - 1]) * (s[i] - s[i - 1])
+        step = s[i] - s[i - 1]
+        once[i] = once[i - 1] + 0.5 * (values[i] + values[i - 1]) * step
+        twice[i] = twice[i - 1] + once[i - 1] * step
+        twice[i] += (2.0 * values[i - 1] + values[i]) * step * step / 6.0
+    last, length, low, high = at.shape[0] - 1, s[-1] - s[0], 0, 0
     for node in range(last + 1):
-        start = 0.5 * (at[node] + at[max(node - 1, 0)])
-        end = 0.5 * (at[node] + at[min(node + 1, last)])
-        start = max(min(start, at[node] - 0.5 * least[node]), at[0])
-        end = min(max(end, at[node] + 0.5 * least[node]), at[last])
-        low, high = _below(s, start, low), _below(s, end, high)
-        whole = _integral(s, values, up_to, end, high) - _integral(s, values, up_to, start, low)
-        found[node] = whole / (end - start)
+        middle = min(max(at[node], s[0]), s[-1])
+        down = at[node] - at[node - 1] if node > 0 else at[1] - at[0]
+        up = at[node + 1] - at[node] if node < last else at[last] - at[last - 1]
+        down = min(max(down, least[node]), length)
+        up = min(max(up, least[node]), length)
+        low, high = _below(s, middle - down, low), _below(s, middle + up, high)
+        here = _twice(s, values, once, twice, middle, _below(s, middle, low))
+        above = _mirrored(s, values, once, twice, middle + up, high) - here
+        below = here - _mirrored(s, values, once, twice, middle - down, low)
+        found[node] = (above / up - below / down) / (0.5 * (up + down))
 
 
 @jit
@@ -93,10 +99,23 @@ def _below(s: Any, at: float, guess: int) -> int:
 
 
 @jit
-def _integral(s: Any, values: Any, up_to: Any, at: float, i: int) -> float:
-    """Of the values from s[0] to there; i: the last of `s` below."""
+def _twice(s: Any, values: Any, once: Any, twice: Any, at: float, i: int) -> float:
+    """The values' double integral from s[0] to there; i: the last of `s` below."""
+    i = min(i, s.shape[0] - 2)
     step = at - s[i]
-    if i == s.shape[0] - 1 or step <= 0.0:
-        return float(up_to[i] + values[i] * step)
     slope = (values[i + 1] - values[i]) / (s[i + 1] - s[i])
-    return float(up_to[i] + step * (values[i] + 0.5 * slope * step))
+    inner = 0.5 * values[i] + slope * step / 6.0
+    return float(twice[i] + step * (once[i] + step * inner))
+
+
+@jit
+def _mirrored(s: Any, values: Any, once: Any, twice: Any, at: float, guess: int) -> float:
+    """The same beyond the ends of `s` too, by at most its length."""
+    if at < s[0]:
+        inside = 2.0 * s[0] - at
+        return float(_twice(s, values, once, twice, inside, _below(s, inside, guess)))
+    if at > s[-1]:
+        inside = 2.0 * s[-1] - at
+        found = _twice(s, values, once, twice, inside, _below(s, inside, guess))
+        return float(found + 2.0 * once[-1] * (at - s[-1]))
+    return float(_twice(s, values, once, twice, at, guess))

@@ -56,11 +56,14 @@ class Beside:
         self,
         model: str,
         rope: Rope,
-        span_of: Callable[[Rope], Span],
+        span_of: Callable[[Rope, int], Span],
         response: Any,
         every_s: float = EVERY_S,
     ) -> None:
-        """`model`: what it is called; `every_s`: its modes are found again so often."""
+        """`model`: what it is called; `every_s`: its modes are found again so often.
+
+        span_of: the rope as the response takes it, which has so many elements now.
+        """
         self.model, self._span_of, self._response = model, span_of, response
         self._every_s = every_s
         self._searched: Span | None = None
@@ -68,7 +71,7 @@ class Beside:
         self._flow = np.zeros((3, len(SHARES)))
         mix_flow(self._flow, rope, 1.0)
         self._since_s, self.solves, self.note = every_s, 1, ""
-        span = span_of(rope)
+        span = span_of(rope, len(response.span.tension))
         response.follow(span, response.search(span))  # in parts as from now on: the same digits
         still = response.kept()
         response.advance(AT_ONCE_S)  # what a look compiles is compiled now, not in the first one
@@ -108,6 +111,11 @@ class Beside:
             for _ in range(ceil(self._search.left / looks)):
                 self._search.go_on()
         self._response.advance(sample_s)
+
+    def spare_searches(self) -> None:
+        """From now on modes are looked for among those near what is driven, where that is known."""
+        if isinstance(self._response, DecomposedResponse):
+            self._response.thrifty = True
 
     def part(self, hangs_on: float) -> None:
         """The rope was cut, and this share of its elements hangs on.
@@ -201,7 +209,7 @@ class Beside:
             self.solves += 1
         self._searched = self._search = None
         try:
-            span = self._span_of(rope)
+            span = self._span_of(rope, len(self._response.span.tension))
             self._searched, self._search, self.note = span, self._response.search(span), ""
         except InputError as error:
             self.note = f"the modes are those from before: {error}"
@@ -215,7 +223,11 @@ def beside_modes(
     Raises:
         InputError: the rope is slack somewhere.
     """
-    return Beside(name, rope, span_of_rope, ModalResponse(span_of_rope(rope), shedding), every_s)
+
+    def span_of(rope: Rope, elements: int) -> Span:
+        return span_of_rope(rope)
+
+    return Beside(name, rope, span_of, ModalResponse(span_of_rope(rope), shedding), every_s)
 
 
 def beside_decomposed(
@@ -227,7 +239,7 @@ def beside_decomposed(
         InputError: the rope is slack somewhere.
     """
 
-    def span_of(rope: Rope) -> Span:
-        return fine_enough(span_of_rope(rope, moved_water=False), model)
+    def span_of(rope: Rope, elements: int) -> Span:
+        return fine_enough(span_of_rope(rope, moved_water=False), model, elements)
 
-    return Beside(name, rope, span_of, DecomposedResponse(span_of(rope), model), every_s)
+    return Beside(name, rope, span_of, DecomposedResponse(span_of(rope, 0), model), every_s)

@@ -8,11 +8,12 @@ rope's lean and tension then change what the model finds when it looks for its m
 
 from __future__ import annotations
 
+import copy
 import time
 from dataclasses import replace
 from functools import singledispatch
 from math import sqrt
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -57,7 +58,7 @@ class Shaking:
         self.hz, self._currents = 0.0, 0  # of the vortices that the looks are made for
         self._looked, self._second = 0, -1  # the step of the last look, the second of its time
         self._strouhal, self._step_s = strouhal_number(scene), scene.time.step_s
-        self._every = steps_between(0.0, self._step_s)
+        self._every, self._rarer = steps_between(0.0, self._step_s), 1
         params = model_beside(scene)
         self._growth: tuple[float, float] = params.drag_growth
         density = scene.environment.water_density_kg_per_m3
@@ -91,6 +92,18 @@ class Shaking:
         self._looked_s += since_s
         self._took_s += time.perf_counter() - began
 
+    def apart(self, rarer: int) -> Self:
+        """The same once more, that goes on by itself from here and looks so many times rarer.
+
+        Its first look comes as soon as this one's.
+        """
+        other = copy.deepcopy(self)
+        other.tracker.spare_searches()
+        other._rarer = rarer
+        if other.hz > 0.0:
+            other._every = rarer * steps_between(other.hz, other._step_s)
+        return other
+
     def part(self, whole: Rope, upper: Rope) -> None:
         """The rope was cut: what hangs on has modes of its own."""
         n, left = (int(rope.state.counts[ELEMENTS]) for rope in (whole, upper))
@@ -109,9 +122,9 @@ class Shaking:
     def _grown(self, rope: Rope) -> Floats:
         """By how much the drag grows at the nodes, over what it is.
 
-        A node has the mean over the rope that it stands for, half a wave at least: so the drag of
-        a rope that stands in waves is the same on nodes that would see them and on ones that do
-        not.
+        A node has the mean up to its neighbours, half a wave to both sides at least: so the drag
+        of a rope that stands in waves is the same on nodes that would see them and on ones that
+        do not.
         """
         s, amplitude, half_wave = self.tracker.at_places()
         grown = amplified_drag(amplitude / sqrt(2.0), self._growth) - 1.0
@@ -127,7 +140,7 @@ class Shaking:
         self.tracker.take_back(kept.tracker)
         self.hz, self._currents = kept.hz, kept.currents
         self._looked, self._second = kept.looked, kept.second
-        self._every = steps_between(self.hz, self._step_s)
+        self._every = self._rarer * steps_between(self.hz, self._step_s)
 
     def _keep_pace(self, rope: Rope, boundary: Boundary, currents: int) -> None:
         """Once a second: look more often where vortices are faster."""
@@ -138,7 +151,7 @@ class Shaking:
         hz = vortices_hz(rope, boundary, self._strouhal)
         if is_another_pace(hz, self.hz, currents != self._currents):
             self.hz, self._currents = hz, currents
-            self._every = steps_between(hz, self._step_s)
+            self._every = self._rarer * steps_between(hz, self._step_s)
 
 
 @singledispatch
