@@ -1,4 +1,4 @@
-"""The live error band with vortices in the step: the companion's own wakes, and their phase."""
+"""The live error band with vortices: wakes of its own, their phase, and modes beside the step."""
 
 from __future__ import annotations
 
@@ -9,11 +9,18 @@ import numpy as np
 import pytest
 
 from rope_twin import Twin
-from rope_twin.errors import SceneError
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.bench.band import fed
 from rope_twin.studies.variants import variant
 from rope_twin.twin.accuracy.error_band import BandedTwin
+from rope_twin.twin.accuracy.error_bound import ErrorBand
+from rope_twin.twin.accuracy.grown_apart import (
+    ALIKE,
+    OTHERWISE,
+    SHAKEN,
+    differ_by,
+    share_where_they_differ,
+)
 from rope_twin.twin.accuracy.out_of_step import AMPLITUDE, OutOfStep
 
 H, HZ = 0.01, 2.0  # the companion's step [s]; the vortices' frequency [Hz]
@@ -110,6 +117,70 @@ def test_a_restored_twin_does_not_know_how_far_its_vortices_are_out_of_step() ->
 
 
 @pytest.mark.parametrize("name", ["vortices_modal", "vortices_decomposed"])
-def test_vortices_beside_the_step_have_no_band(name: str) -> None:
-    with pytest.raises(SceneError, match=r"effects\.\w+: a companion cannot tell by how much"):
-        BandedTwin(load_scene(name))
+def test_a_companion_has_modes_of_its_own_beside_its_step(name: str) -> None:
+    """The run is the same to the bit; the companion is nearly the scene on half the elements.
+
+    Its model looks more rarely than that scene's does, so its drag grows a little later.
+    """
+    scene = load_scene(name)
+    twin, shots, found = BandedTwin(scene), [], []
+    for shot in fed(twin, 8.0):
+        shots.append(shot.tension_top_n)
+        found.append(twin._companion._pull_n)  # type: ignore[attr-defined]
+    plain = [shot.tension_top_n for shot in fed(Twin(scene), 8.0)]
+    assert shots == plain
+    half = Twin(variant(scene, scene.ropes[0].elements // 2, 2.0 * scene.time.step_s))
+    alone = np.array([shot.tension_top_n for shot in fed(half, 8.0)])
+    off = np.abs(np.array(found) - np.array(plain)).max()
+    assert np.abs(np.array(found) - alone).max() < 0.6 * off
+    own, other = twin.shaking, twin._companion._shaking  # type: ignore[attr-defined]
+    assert own is not None
+    assert own.tracker.solves == other.tracker.solves == 8
+    assert other.every == 4 * own.every
+    assert 1.2 < twin._companion.amplified().max() < 2.0
+
+
+@pytest.mark.parametrize("name", ["vortices_modal", "vortices_decomposed"])
+def test_a_restored_twin_makes_a_companion_that_shakes_on(name: str) -> None:
+    """Unknown for 20 s, then near what the one that ran from rest tells."""
+    twin = BandedTwin(load_scene(name))
+    for _ in fed(twin, 10.0):
+        pass
+    again = BandedTwin.restore(twin.capture(), twin.scene)
+    assert again._companion.amplified().max() > 1.2
+    for one in (twin, again):
+        one.advance(2500)
+    assert "" == again.snapshot().no_band == twin.snapshot().no_band
+    assert again.snapshot().tension_top_n == twin.snapshot().tension_top_n
+    bounds = [one._band.bound_n(one.time_ns * 1e-9) for one in (twin, again)]
+    assert 0.0 < bounds[1] < 20.0 * bounds[0]
+
+
+def test_a_difference_counts_whole_where_the_drag_has_grown_otherwise() -> None:
+    """And by less again once it has grown alike for five seconds."""
+    band = ErrorBand(50e3, 0.01, SHAKEN)
+
+    def bound(time_s: float) -> float:
+        for _ in range(2):
+            band.take(time_s, 0.0, 50e3)
+        band.compare(time_s, 10.0)
+        return band.bound_n(time_s)
+
+    alike = bound(1.0)
+    band.grow_apart(1.0, ALIKE)
+    assert bound(1.1) == pytest.approx(alike)
+    band.grow_apart(1.2, OTHERWISE)
+    assert bound(1.3) == pytest.approx(alike / SHAKEN)
+    band.grow_apart(4.0, 0.0)
+    assert bound(4.1) == pytest.approx(alike / SHAKEN)
+    band.grow_apart(6.3, 0.0)
+    assert bound(6.6) == pytest.approx(alike)
+
+
+def test_how_much_drag_two_grids_differ_by() -> None:
+    """Of a straight line there is nothing, of a tenth more along a half a twentieth."""
+    fine, coarse = np.linspace(1.0, 1.8, 81), np.linspace(1.0, 1.8, 41)
+    assert differ_by(fine, coarse) == pytest.approx(0.0, abs=1e-15)
+    half = np.where(np.arange(40) < 20, 1.1, 1.0)
+    assert differ_by(np.ones(80), half) == pytest.approx(0.05)
+    assert share_where_they_differ(SHAKEN, 0.01) == pytest.approx(0.5 * (1.0 + SHAKEN))

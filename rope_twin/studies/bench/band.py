@@ -72,8 +72,11 @@ VORTICES = (  # in the step
     BandCase("strouhal_lift", 60.0), BandCase("cable_waves", 60.0), BandCase("viv_calm", 120.0),
     BandCase("viv_in_heave", 120.0), BandCase("sonde_cast", 120.0), BandCase("curved_pipe", 60.0),
 )  # fmt: skip
+BESIDE = (  # vortices beside the step
+    BandCase("vortices_modal", 60.0), BandCase("vortices_decomposed", 60.0),
+)  # fmt: skip
 BLOWS = (BandCase("lift_off", 80.0),)  # of a load on a deck
-FULL = (*FITTED, *LATER, *MEETING, *ANSWERING, *VORTICES, *BLOWS)
+FULL = (*FITTED, *LATER, *MEETING, *ANSWERING, *VORTICES, *BESIDE, *BLOWS)
 QUICK = (
     BandCase("shallow_lift", 25.0), BandCase("storm", 30.0), BandCase("bridle_lift", 20.0),
     BandCase("emergency_stop", 60.0), BandCase("cable_waves", 10.0), BandCase("sonde_cast", 30.0),

@@ -12,6 +12,7 @@ from pathlib import Path
 from rope_twin.studies import markdown
 from rope_twin.studies.bench.band import (
     ANSWERING,
+    BESIDE,
     BLOWS,
     FITTED,
     FULL,
@@ -103,6 +104,7 @@ def as_section(rows: Sequence[BandRow]) -> str:
         *_part("Ropes that meet, and payloads that are rigid bodies:", MEETING, rows),
         *_part("Winches that answer to the tension:", ANSWERING, rows),
         *_part("Vortices in the step:", VORTICES, rows),
+        *_part("Vortices beside the step:", BESIDE, rows),
         *_part("Where blows decide:", BLOWS, rows),
     ]
     return "\n".join(lines)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -28,6 +28,10 @@ from rope_twin.twin.accuracy.own_winch import OwnWinch
 from rope_twin.twin.accuracy.regrid import HangOff, coarser
 from rope_twin.twin.stepped import STEPS_PER_CALL
 
+if TYPE_CHECKING:
+    from rope_twin.twin.vibration.shaking import Shaking
+
+RARER = 4  # looks of the twin's model of vortices make one of the companion's: six in a period
 FEW = 4  # elements: a rope of fewer keeps them, for ropes that meet have two at least
 
 
@@ -47,6 +51,12 @@ class Companion(Protocol):
         be finite.
         """
 
+    def look(self, boundary: Boundary, steps: int, currents: int) -> None:
+        """Let vortices beside the step shake it, as `Shaking.look`; steps: of the twin, by now."""
+
+    def amplified(self) -> Floats:
+        """What these multiply its drag by at the nodes, from the lower end up."""
+
     def further(self, r: int) -> list[float]:
         """The same of another rope that hangs from the ship; of the last call."""
 
@@ -61,11 +71,13 @@ class HalfRope:
         border: tuple[Floats, Floats],
         resting: bool,
         elements: bool = True,
+        shaking: Shaking | None = None,
     ) -> None:
         """`border`: value and rate of the prescribed motion now; `resting`: it is to rest.
 
-        elements: whether these are halved, or only the step doubled.
+        elements: whether these are halved, or only the step doubled; shaking: the twin's.
         """
+        self._shaking = None if shaking is None else shaking.apart(RARER)
         half = coarser(rope, at) if elements else copy.deepcopy(rope)
         self._effects = EffectsApart(rope.effects)
         self._rope = half._replace(
@@ -101,6 +113,17 @@ class HalfRope:
         tensions: list[float] = self._pulls[:steps, rows.PULL].tolist()
         self._pull_n = tensions[-1]
         return tensions
+
+    def amplified(self) -> Floats:
+        """What vortices beside the step multiply its drag by, as `Shaking.amplified`."""
+        assert self._shaking is not None
+        return self._shaking.amplified(self._rope)
+
+    def look(self, boundary: Boundary, steps: int, currents: int) -> None:
+        """As a companion does."""
+        own = self._shaking
+        if own is not None and self.waiting == 0 and own.steps_to_look(steps) <= 0:
+            own.look(self._rope, boundary, steps, currents)
 
     def _advance(self, start_s: float, steps: int) -> int:
         """Step on through the borders ahead; how many steps that was."""
@@ -217,6 +240,13 @@ class HalfSystem:
                 return k
             self._pulls[:, k : k + 1], pull_n = pulls, pulls[:, 0, rows.PULL].tolist()
         return steps
+
+    def amplified(self) -> Floats:
+        """Ropes that meet have no vortices beside the step."""
+        raise TypeError
+
+    def look(self, boundary: Boundary, steps: int, currents: int) -> None:
+        """Nor does a model of them look at these."""
 
     def further(self, r: int) -> list[float]:
         """Of rope r."""

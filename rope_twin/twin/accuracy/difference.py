@@ -1,7 +1,8 @@
 """How much of the difference to a companion on half the elements is the rope's error.
 
 A third where elements and step are of second order (Richardson 1911). More where waves die within
-an element (`surface_layer`), where ropes meet, and where the current jumps between two layers:
+an element (`surface_layer`), where the drag grows beside the step (`grown_apart`), where ropes
+meet, and where the current jumps between two layers:
 
 The current is felt at nodes. A step of it that lies at the part y of an element, from the node
 below, loads the rope as if it lay in the middle between two nodes, by (y - ½) elements too high or
@@ -15,7 +16,9 @@ from __future__ import annotations
 import numpy as np
 
 from rope_twin.core.state import Rope
+from rope_twin.core.vortices.drag_growth import DragGrowth
 from rope_twin.effects.current import Current, CurrentInTime
+from rope_twin.twin.accuracy.grown_apart import SHAKEN
 from rope_twin.twin.accuracy.surface_layer import error_per_difference
 
 MEETING = 0.5  # where ropes meet: elements of several lengths err each in its own way, and what
@@ -28,7 +31,9 @@ PASSING_S = 1.5  # so long a difference counts where elements pass a step of the
 
 def share_of_difference(rope: Rope, meets: bool) -> float:
     """Of the rope's error; meets: others end where it does."""
-    share = max(error_per_difference(rope), MEETING if meets else 0.0)
+    shaken = any(isinstance(effect, DragGrowth) for effect in rope.effects)
+    least = max(MEETING if meets else 0.0, SHAKEN if shaken else 0.0)
+    share = max(error_per_difference(rope), least)
     return max(share, 1.0) if has_layers(rope) else share
 
 

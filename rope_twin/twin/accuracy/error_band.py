@@ -23,11 +23,12 @@ from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.effects.wake_oscillator import WakeOscillator
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rules.rigging import winches
-from rope_twin.scene.rules.shedding import model_beside, refuse_shedding, strouhal_number
+from rope_twin.scene.rules.shedding import strouhal_number
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.accuracy.companion import Companion, HalfRope, HalfSystem
 from rope_twin.twin.accuracy.difference import share_of_difference, whole_for_s
 from rope_twin.twin.accuracy.error_bound import EVERY, RINGS, ErrorBand
+from rope_twin.twin.accuracy.grown_apart import differ_by
 from rope_twin.twin.accuracy.out_of_step import OutOfStep
 from rope_twin.twin.accuracy.own_winch import OwnWinch
 from rope_twin.twin.accuracy.regrid import HangOff
@@ -41,9 +42,14 @@ from rope_twin.twin.saving.saved_state import SavedState
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 
-__all__ = ["SETTLING_S", "BandedTwin", "bed_below", "nodes_on", "refuse_band", "touches"]
+__all__ = ["SETTLING_S", "BandedTwin", "bed_below", "nodes_on", "touches"]
 
 SETTLING_S = 20.0  # so long a companion that was made on the way knows nothing yet
+COMPARED_S = 1.0  # so often the growth of the drag is compared
+_OWN = (  # not in a saved state
+    "_rests_n", "_band_s", "_companion", "_tops", "_sight", "_known_from_s", "_look_s",
+    "_compared_s",
+)  # fmt: skip
 LOOK_S = 0.1  # between two looks along the rope for slack elements and at the bed
 
 
@@ -54,7 +60,6 @@ class BandedTwin(Twin):
     """
 
     def __init__(self, scene: Scene) -> None:
-        refuse_band(scene)
         super().__init__(scene)
         self._rests_n = [float(one[rows.PULL]) for one in self._present_pulls()]
         self._band_s = 0.0  # time spent on it
@@ -151,7 +156,9 @@ class BandedTwin(Twin):
         if joined is None:
             pull = self._pulls[border - 1] if border else self._pull
             at = HangOff(pull[rows.PULL_X : rows.PULL_Z + 1].copy(), float(rate[rows.LINE]))
-            self._companion = HalfRope(self._rope, at, (value, rate), resting, halves)
+            self._companion = HalfRope(
+                self._rope, at, (value, rate), resting, halves, self._shaking
+            )
             now = {0: (value, rate)}
         else:
             self._companion = half = HalfSystem(
@@ -162,6 +169,7 @@ class BandedTwin(Twin):
         self._sight = Sight(ropes, made_fast)
         self._tops = [self._top(r, ropes[r], at_r) for r, at_r in now.items()]
         self._look_s = 0.0  # when to look for slack elements again
+        self._compared_s = self.time_ns * 1e-9
         settled = self._companion.rests
         self._known_from_s = 0.0 if settled else self.time_ns * 1e-9 + SETTLING_S
 
@@ -176,8 +184,7 @@ class BandedTwin(Twin):
         return Top(r, band, now, self.step_s, vortices)
 
     def _changing(self) -> dict[str, Any]:
-        own = ("_rests_n", "_band_s", "_companion", "_tops", "_sight", "_known_from_s", "_look_s")
-        return {name: value for name, value in super()._changing().items() if name not in own}
+        return {name: value for name, value in super()._changing().items() if name not in _OWN}
 
     def _forget_borders(self, done: int) -> None:
         """Let the companion follow while the borders of the steps just done are still there."""
@@ -190,8 +197,21 @@ class BandedTwin(Twin):
         if done:
             began = time.perf_counter()
             self._judge(done, bool(answering))
+            self._look(done)
             self._band_s += time.perf_counter() - began
         self._share_winches(answering)
+
+    def _look(self, done: int) -> None:
+        """Where the twin is about to look, the companion's own model of vortices does too."""
+        own = self._shaking
+        if own is not None and own.steps_to_look(self._steps) == 0:
+            now = Boundary(*(table[done:] for table in self._boundary))
+            self._companion.look(now, self._steps, self._current.counter.accepted)
+            now_s = self.time_ns * 1e-9
+            if now_s >= self._compared_s + COMPARED_S and self._tops:
+                self._compared_s = now_s
+                by = differ_by(own.amplified(self.rope), self._companion.amplified())
+                self._band.grow_apart(now_s, by)
 
     def _answering(self) -> dict[int, Winch]:
         """The winches that ask what their rope is like for the next step, by its number."""
@@ -280,13 +300,3 @@ def _of(all_ropes: Boundary, r: int) -> Boundary:
 
 def _around(tension_n: float, bound_n: float, cost_pct: float) -> TensionBand:
     return TensionBand(max(tension_n - bound_n, 0.0), tension_n + bound_n, bound_n, cost_pct)
-
-
-def refuse_band(scene: Scene) -> None:
-    """Say so if a companion cannot tell the error of such a scene.
-
-    Raises:
-        SceneError: vortices beside the step.
-    """
-    if model_beside(scene) is not None:
-        refuse_shedding(scene, "a companion cannot tell by how much the vibration is wrong")

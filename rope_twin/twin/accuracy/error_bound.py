@@ -36,6 +36,8 @@ each failure has a rule of its own:
   elements as they pass the jump (`difference`): the difference itself is taken, of some more time.
 - A winch that answers to the tension takes that of one step for its next: an error of first order
   in the step, and the difference itself is taken.
+- Where vortices beside the step let the companion's drag grow by other modes, the difference itself
+  is taken (`grown_apart`).
 - Vortices that set their own pace run out of step for good, and do not ring: `out_of_step`.
 - Waves that die within an element load the rope by an error of first order: the difference is as
   large as the error then. How much of a third is wrong there follows from the waves alone
@@ -53,6 +55,7 @@ from collections.abc import Callable
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
+from rope_twin.twin.accuracy.grown_apart import REMEMBERED_S, share_where_they_differ
 
 WINDOW_S, SHORT_S, ROUGH_WINDOW_S, SLACK_WINDOW_S = 0.5, 0.2, 0.4, 0.1
 THIRD = 1.0 / 3.0  # Richardson's, of two errors of second order
@@ -134,7 +137,9 @@ class ErrorBand:
         """
         self._whole = Recent(whole_s)
         self._counts_whole = whole_s > 0.0
+        self._share, self._rings_most = share, rings
         self._smooth, self._rings = SMOOTH * share, rings * share
+        self._grown_apart = Recent(REMEMBERED_S)
         self._loose_n, self._least_n = LOOSE * rest_n, LOOSE_LEAST * rest_n
         self._weight = min(EVERY * step_s / MEAN_S, 1.0)  # of a difference in a mean
         self._all, self._unbent = Recent(WINDOW_S), Recent(SHORT_S)  # differences
@@ -194,6 +199,12 @@ class ErrorBand:
         """The lower end stands on the bed: the same, and the rope keeps it for some seconds."""
         self._rough_until_s = time_s + ROUGH_S
         self._stood_until_s = time_s + LAID_S
+
+    def grow_apart(self, time_s: float, by: float) -> None:
+        """The drag that a model beside the step lets grow differs by this part of it."""
+        self._grown_apart.take(time_s, by)
+        share = share_where_they_differ(self._share, self._grown_apart.largest(time_s))
+        self._smooth, self._rings = SMOOTH * share, self._rings_most * share
 
     def answer(self, time_s: float) -> None:
         """The line out follows from the rope's tension: its error is of first order in the step."""
