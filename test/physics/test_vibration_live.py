@@ -19,7 +19,7 @@ from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.in_modes import span_of_twin
 from rope_twin.twin.vibration.watch import DECOMPOSED, MODES, Watch
-from rope_twin.viv.decomposed import ExcitationSearch, decomposed
+from rope_twin.viv.decomposed import NEAR, ExcitationSearch, decomposed, near_driven
 from rope_twin.viv.decomposed_response import DecomposedResponse
 from rope_twin.viv.lateral_modes import ModeSearch, find_lateral_modes
 from rope_twin.viv.modal_response import ModalResponse
@@ -75,6 +75,33 @@ def test_what_drives_a_rope_is_the_same_in_parts(varying: bool) -> None:
     assert found.frequency == pytest.approx(whole.frequency, rel=1e-5)
     assert found.power == pytest.approx(whole.power, rel=1e-4)
     np.testing.assert_allclose(found.zones, whole.zones, atol=1e-6)
+
+
+def test_what_is_near_what_is_driven_is_all_that_is_driven() -> None:
+    """Fewer modes are looked for, and those that the current feeds are the same."""
+    span, model = fine_span()._replace(speed=np.linspace(0.1, 0.5, 202)), decomposed()
+    span = span._replace(mass=0.5 * span.mass)
+    whole = ExcitationSearch(span, model).found()
+    near = near_driven(whole)
+    assert near is not None
+    found = ExcitationSearch(span, model, 5, near).found()
+    kept = len(found.power)
+    assert kept < 0.8 * len(whole.power)
+    assert not whole.zones[:, kept:].any()
+    fed = whole.power > NEAR * whole.power.max()
+    assert found.power[fed[:kept]] == pytest.approx(whole.power[fed], rel=1e-4)
+    np.testing.assert_allclose(found.zones, whole.zones[:, :kept], atol=1e-6)
+
+
+def test_a_model_keeps_its_elements_while_their_number_is_about_right() -> None:
+    """1.25 times as many would do, or half: it is then the same on grids that differ a little."""
+    span = span_of_twin(CABLE.twin())
+    length = float(span.s[-1])
+    assert len(span.tension) < 98
+    for wanted, made in ((200, 200), (249, 200), (251, 251), (101, 200), (99, 99)):
+        fine = refined(span, length / (wanted - 0.5), 1, 200)
+        assert len(fine.tension) == made
+        assert fine.s[-1] == span.s[-1]
 
 
 def test_followed_to_the_same_rope_the_decomposed_response_goes_on_as_it_was() -> None:
