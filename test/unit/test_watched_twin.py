@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -126,6 +127,17 @@ def test_a_metre_that_runs_over_the_sheave_is_bent_once_each_time() -> None:
     assert used(shot)[40] < 0.01 * once
     assert used(shot)[125] == 0.0
     assert used(shot) == pytest.approx(other.damage().damage, rel=1e-9)
+
+
+def test_what_a_twin_is_asked_for_shares_no_name_of_its_own_with_the_rest() -> None:
+    """They are put together as one class: the one's method would take the place of the other's."""
+    scene = replace(STEEL, winch=WINCH).scene()
+    asked = ((True, False, None), (False, True, None), (False, False, WORN))
+    plain = {*dir(Twin), *vars(Twin(scene))}
+    own = [{*dir(kind), *vars(kind(scene))} - plain for kind in (twin_kind(*one) for one in asked)]
+    assert all(own)
+    shared = [a & b for a, b in itertools.combinations(own, 2)]
+    assert not set().union(*shared)
 
 
 def test_the_run_is_the_same_to_the_bit_and_a_saved_one_goes_on_to_the_bit() -> None:

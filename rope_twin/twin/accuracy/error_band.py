@@ -197,11 +197,11 @@ class BandedTwin(Twin):
         if done:
             began = time.perf_counter()
             self._judge(done, bool(answering))
-            self._look(done)
+            self._let_companion_look(done)
             self._band_s += time.perf_counter() - began
         self._share_winches(answering)
 
-    def _look(self, done: int) -> None:
+    def _let_companion_look(self, done: int) -> None:
         """Where the twin is about to look, the companion's own model of vortices does too."""
         own = self._shaking
         if own is not None and own.steps_to_look(self._steps) == 0:
