@@ -26,7 +26,7 @@ _NAME, _SCALE, _SEEN = 0.1, 0.3, 0.9
 _LINES = (130, 132, 140)
 _WORDS = (205, 205, 210)
 _SEA = (70, 130, 200)
-_CROSSING = (255, 255, 255)
+_SPOT = (255, 255, 255)
 
 
 @dataclass(frozen=True)
@@ -166,31 +166,17 @@ class Overview:
             ),
         )
 
-    def show_crossings(self, position_m: NDArray[np.float64]) -> None:
-        """Where two lines cross, (n, 3)."""
+    def show_spots(self, name: str, position_m: NDArray[np.float64], labels: list[str]) -> None:
+        """Places to be looked at, (n, 3), with a word each: where lines cross, or touch down."""
         import rerun as rr
 
         if self.frame is None:
             return
         self._stream.log(
-            f"{self._path}/crossings",
+            f"{self._path}/{name}",
             rr.Points3D(
-                self.frame.place(position_m), radii=rr.Radius.ui_points(4.0), colors=_CROSSING,
-                labels=[f"{-z:.0f} m" for z in position_m[:, 2]], show_labels=True,
-            ),
-        )  # fmt: skip
-
-    def show_touchdowns(self, position_m: NDArray[np.float64]) -> None:
-        """Where ropes first meet the seabed, (n, 3)."""
-        import rerun as rr
-
-        if self.frame is None:
-            return
-        self._stream.log(
-            f"{self._path}/touchdown",
-            rr.Points3D(
-                self.frame.place(position_m), radii=rr.Radius.ui_points(4.0), colors=_CROSSING,
-                labels=["touchdown"] * len(position_m), show_labels=True,
+                self.frame.place(position_m), radii=rr.Radius.ui_points(4.0), colors=_SPOT,
+                labels=labels, show_labels=True,
             ),
         )  # fmt: skip
 

@@ -259,7 +259,8 @@ class RopeView:
             found = dict(zip(names, values, strict=True))
             every = [name.removesuffix("/gap_m") for name in names if name.endswith("/gap_m")]
             spots = [[found[f"{k}/x_m"], found[f"{k}/y_m"], -found[f"{k}/depth_m"]] for k in every]
-            self._overview.show_crossings(np.array(spots).reshape(-1, 3))
+            labels = [f"{-z:.0f} m" for *_, z in spots]
+            self._overview.show_spots("crossings", np.array(spots).reshape(-1, 3), labels)
 
     def _touchdown(self, message: Any, time_ns: int) -> None:
         """Curves, and points in the picture of the whole rope."""
@@ -270,7 +271,8 @@ class RopeView:
             found = dict(zip(names, values, strict=True))
             every = [name.removesuffix("/x_m") for name in names if name.endswith("/x_m")]
             spots = [[found[f"{rope}/{axis}_m"] for axis in "xyz"] for rope in every]
-            self._overview.show_touchdowns(np.array(spots).reshape(-1, 3))
+            labels = ["touchdown"] * len(spots)
+            self._overview.show_spots("touchdown", np.array(spots).reshape(-1, 3), labels)
 
     def _bend(self, message: Any, time_ns: int) -> None:
         if self._figures.shape(time_ns, list(message.name), list(message.position)):
