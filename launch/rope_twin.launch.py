@@ -5,9 +5,17 @@ ros2 launch rope_twin rope_twin.launch.py scene:=storm record:=true
 `rope_twin run --processes` does the same where there is no ros2 launch.
 """
 
-from launch.actions import DeclareLaunchArgument
-from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution, PythonExpression
+import inspect
+import os
+
+from launch.actions import DeclareLaunchArgument, ExecuteLocal, SetEnvironmentVariable
+from launch.conditions import IfCondition, UnlessCondition
+from launch.substitutions import (
+    LaunchConfiguration,
+    LaunchLogDir,
+    PathJoinSubstitution,
+    PythonExpression,
+)
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterFile, ParameterValue
 from launch_ros.substitutions import FindPackageShare
@@ -28,6 +36,13 @@ ARGUMENTS = (
     ("directory", "", "bag directory to make; empty: rope_twin_DATE_TIME"),
     ("view", "false", "show the run in rerun"),
     ("view_file", "", "write this .rrd file instead of opening a window"),
+    ("allow_cut", "false", "listen to rope/cut: whoever publishes there cuts the rope"),
+    ("network", "false", "let other machines take part; false: loopback interface only"),
+    (
+        "state",
+        [LaunchLogDir(), "/simulation.state"],
+        "file that the state is saved to, and from which a simulation that died goes on",
+    ),
     ("namespace", "", "namespace of all nodes and topics"),
     (
         "params",
@@ -47,7 +62,12 @@ def generate_launch_description() -> LaunchDescription:
         "package": "rope_twin",
         "namespace": value("namespace"),
         "output": "screen",
+        "respawn": True,  # what dies is started again ...
+        "respawn_delay": 0.5,
     }
+    if "respawn_max_retries" in inspect.signature(ExecuteLocal.__init__).parameters:
+        common["respawn_max_retries"] = 3  # ... so often at most
+    shown = {**common, "respawn": False}  # whoever closes the window wants no other one
     file = ParameterFile(value("params"), allow_substs=True)
     sea = {
         "bag": ParameterValue(value("bag"), **text),
@@ -57,7 +77,10 @@ def generate_launch_description() -> LaunchDescription:
     }
     named = PythonExpression(["'", value("bag"), value("poses"), "' != ''"])
     other = {"other_sea": ParameterValue(named, value_type=bool)}  # no error by the card then
-    bag = {"directory": ParameterValue(value("directory"), **text)}
+    cut = {"allow_cut": ParameterValue(value("allow_cut"), value_type=bool)}
+    bag = {"directory": ParameterValue(value("directory"), **text), "beside": True}
+    state = ParameterValue(value("state"), **text)
+    saved = {"save_to": state, "start_from": state, "save_every_s": 2.0}
     picture = {"file": ParameterValue(value("view_file"), **text)}
     return LaunchDescription(
         [
@@ -65,10 +88,11 @@ def generate_launch_description() -> LaunchDescription:
                 DeclareLaunchArgument(name, default_value=default, description=about)
                 for name, default, about in ARGUMENTS
             ),
+            *_loopback(value("network")),
             Node(
                 executable="recorder_node",
                 name="recorder",
-                parameters=[file, bag],
+                parameters=[file, bag, cut],
                 condition=IfCondition(value("record")),
                 **common,
             ),
@@ -77,7 +101,7 @@ def generate_launch_description() -> LaunchDescription:
                 name="viewer",
                 parameters=[file, picture],
                 condition=IfCondition(value("view")),
-                **common,
+                **shown,
             ),
             Node(
                 executable="sea_state_node",
@@ -96,8 +120,21 @@ def generate_launch_description() -> LaunchDescription:
             Node(
                 executable="simulation_node",
                 name="simulation",
-                parameters=[file, scene, speed, other],
+                parameters=[file, scene, speed, other, cut, saved],
                 **common,
             ),
         ]
     )
+
+
+def _loopback(network: LaunchConfiguration) -> list[SetEnvironmentVariable]:
+    """Keep the nodes to this machine, unless the argument or the environment says otherwise."""
+    discovery, profiles = "ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTDDS_DEFAULT_PROFILES_FILE"
+    if discovery in os.environ:
+        return []
+    own = PathJoinSubstitution(
+        [FindPackageShare("rope_twin"), "config", "ros", "fastdds_loopback.xml"]
+    )
+    wanted = {discovery: "LOCALHOST", profiles: os.environ.get(profiles, own)}
+    closed = UnlessCondition(network)
+    return [SetEnvironmentVariable(*pair, condition=closed) for pair in wanted.items()]

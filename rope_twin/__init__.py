@@ -1,7 +1,7 @@
 """rope_twin: a real-time digital twin of the lifting rope.
 
-from rope_twin import Twin, load_scene
-twin = Twin(load_scene("deep_lift"))
+from rope_twin import Twin
+twin = Twin("deep_lift")
 twin.offer_speed(None, 0.5)
 twin.advance(100)
 print(twin.snapshot().tension_top_n)
@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rope_twin.scene.load import load_scene
+    from rope_twin.twin.public import Twin
     from rope_twin.twin.snapshot import Snapshot
-    from rope_twin.twin.twin import Twin
 
 __version__ = "0.1.0"
 __all__ = ["Snapshot", "Twin", "load_scene"]
@@ -22,7 +22,7 @@ __all__ = ["Snapshot", "Twin", "load_scene"]
 _HOMES = {
     "load_scene": "rope_twin.scene.load",
     "Snapshot": "rope_twin.twin.snapshot",
-    "Twin": "rope_twin.twin.twin",
+    "Twin": "rope_twin.twin.public",
 }
 
 

@@ -10,7 +10,8 @@ from rope_twin.topics import TOPICS
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.snapshot import Snapshot
 
-_OF_ITS_OWN = ("diagnostics", "twin/epoch")  # made from more or less than a snapshot
+# made from more or less than a snapshot
+_OF_ITS_OWN = ("diagnostics", "twin/epoch", "twin/session", "twin/inputs", "winch/seat")
 _FROM_SNAPSHOT = tuple(
     topic for topic in TOPICS if topic.publisher == "simulation" and topic.name not in _OF_ITS_OWN
 )

@@ -9,21 +9,22 @@ import importlib.metadata
 import os
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from rope_twin.errors import RopeTwinError, did_you_mean, phrase
 
 if TYPE_CHECKING:
-    from rope_twin.commands.console import FigureProgress
-    from rope_twin.commands.run.options import RunOptions
-    from rope_twin.commands.run.summary import RunSummary
+    from rope_twin.run.options import RunOptions
+    from rope_twin.run.progress import FigureProgress
+    from rope_twin.run.summary import RunSummary
 
 # The commands in the order of the help: module name (with _) and name on the command line (with -).
 COMMANDS = (
-    "run", "ensemble", "scene", "view", "recover", "sea_state", "state", "modes", "bench",
-    "stability", "accuracy", "validate", "viv", "study", "lines",
+    "run", "ensemble", "scene", "view", "recover", "replay", "sea_state", "state", "modes",
+    "accuracy", "viv", "study", "lines", "faults",
 )  # fmt: skip
 
 
@@ -65,14 +66,24 @@ def main(argv: Sequence[str] | None = None) -> int:
     What a user can mend is one sentence on stderr and exit code 1; 2 if the command line makes no
     sense by itself.
     """
-    words = list(sys.argv[1:] if argv is None else argv)
+    return exit_code(partial(_command, list(sys.argv[1:] if argv is None else argv)))
+
+
+def _command(words: list[str]) -> int:
+    modules = {name.replace("_", "-"): _module(name) for name in _needed(words)}
+    args = _parser(modules).parse_args(words)
+    if args.command == "run":
+        return int(modules["run"].run(args, _paced))
+    return int(modules[args.command].run(args))
+
+
+def exit_code(work: Callable[[], int]) -> int:
+    """Run a command and return its exit code; an error that a user can correct is 1.
+
+    The error is printed as one sentence on stderr. An interrupt is 130.
+    """
     try:
-        modules = {name.replace("_", "-"): _module(name) for name in _needed(words)}
-        args = _parser(modules).parse_args(words)
-        if args.command == "run":
-            code = int(modules["run"].run(args, _paced))
-        else:
-            code = int(modules[args.command].run(args))
+        code = work()
         sys.stdout.flush()
         return code
     except RopeTwinError as error:

@@ -11,7 +11,54 @@ class RopeTwinError(Exception):
 
 
 class SceneError(RopeTwinError):
-    """A scene (or a file that a scene names) is wrong."""
+    """A scene (or a file that a scene names) is wrong.
+
+    Its text is the first error that was found; `others` are further ones of the same file, which
+    were found independently of it. `line`: of the file; 0 if there is none.
+    """
+
+    def __init__(self, sentence: str, line: int = 0, others: tuple[SceneError, ...] = ()) -> None:
+        super().__init__(sentence)
+        self.line, self.others = line, others
+
+    @property
+    def every(self) -> list[str]:
+        """Return the sentences of all errors, sorted by line, each once."""
+        errors = sorted((self, *self.others), key=lambda error: error.line)
+        return list(dict.fromkeys(str(error) for error in errors))
+
+
+class SceneErrors:
+    """Collects errors of a scene's file, so that what is independent of them is checked too.
+
+    As a context manager it takes a SceneError that ends the block.
+    """
+
+    def __init__(self) -> None:
+        self._found: list[SceneError] = []
+
+    def add(self, error: SceneError) -> None:
+        """Collect an error and those that it carries."""
+        self._found += [error, *error.others]
+
+    def raise_any(self) -> None:
+        """Raise the first error with the others, if there is one."""
+        if self._found:
+            first, *others = self._found
+            first.others = tuple(others)
+            raise first
+
+    def __bool__(self) -> bool:
+        return bool(self._found)
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> bool:
+        if not isinstance(error, SceneError):
+            return False
+        self.add(error)
+        return True
 
 
 class BagError(RopeTwinError):

@@ -21,6 +21,7 @@ class Qos(Enum):
     SENSOR = "sensor"  # every sample counts, none is asked for again
     COMMAND = "command"  # every one arrives
     LATCHED = "latched"  # late joiners get the newest too
+    LOG = "log"  # every one arrives, also where many come at once
 
 
 class QosRow(NamedTuple):
@@ -36,6 +37,7 @@ QOS_ROWS = {
     Qos.SENSOR: QosRow(reliable=False, for_late_joiners=False, depth=50),
     Qos.COMMAND: QosRow(reliable=True, for_late_joiners=False, depth=10),
     Qos.LATCHED: QosRow(reliable=True, for_late_joiners=True, depth=1),
+    Qos.LOG: QosRow(reliable=True, for_late_joiners=False, depth=1000),
 }
 
 
@@ -105,6 +107,9 @@ TOPICS: tuple[Topic, ...] = (
     Topic("winch/parts", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
           "what its parts do, by name with the unit in it, like winch/drum_radius_m: position",
           only_with="winches"),
+    Topic("winch/seat", "std_msgs/msg/String", Qos.LATCHED, 0.0, "simulation",
+          "which node commands each winch, like `winch: console`; or that its seat is free, and "
+          "how the last commander was lost"),
     Topic("rope/nodes", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 25.0, "simulation",
           "x, y, z [m] and tension [N] of each node, from the hang-off down"),
     Topic("rope/markers", "visualization_msgs/msg/MarkerArray", Qos.STREAM, 25.0, "simulation",
@@ -124,6 +129,10 @@ TOPICS: tuple[Topic, ...] = (
           "with the unit in it: cable/radius_m, /line_out_m down to it, /x_m, /y_m, /z_m, "
           "/tightest_m since the start, /minimum_m if given: position",
           only_with="bends"),
+    Topic("rope/utilisation", "sensor_msgs/msg/JointState", Qos.STREAM, 5.0, "simulation",
+          "of each rope by name since the start: cable/utilisation, highest tension over MBL; "
+          "/dynamic_amplification, highest tension over static at the same line out; /highest_n; "
+          "/static_n now: position", only_with="strength"),
     Topic("ropes/state", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
           "where ropes meet, or one was cut, of each rope by name: position length [m], velocity "
           "payout [m/s], effort tension at its upper end [N]; of each bar: length, 0, pull",
@@ -160,6 +169,12 @@ TOPICS: tuple[Topic, ...] = (
           "pacing, solver, inputs: OK, WARN, ERROR with the reason; of the recorder too"),
     Topic("twin/epoch", "builtin_interfaces/msg/Time", Qos.LATCHED, 0.0, "simulation",
           "ROS time of the twin's t = 0; replayed inputs are stamped from it"),
+    Topic("twin/session", "std_msgs/msg/String", Qos.LATCHED, 0.0, "simulation",
+          "JSON, at each start and after each pause: what `rope_twin replay` needs: scene, "
+          "parameters, program, machine, seeds, and the state where it does not start at rest"),
+    Topic("twin/inputs", "std_msgs/msg/String", Qos.LOG, 0.0, "simulation",
+          "JSON, for each slot with inputs: the twin time at which they were applied, and each "
+          "call with all its numbers"),
 )  # fmt: skip
 
 # where each kind of order to a winch comes in
@@ -171,8 +186,11 @@ ORDER_TOPICS = {
 }
 SWITCH_TOPIC = "winch/switch_command"
 CUT_TOPIC = "rope/cut"
+SEAT_TOPIC = "winch/seat"
 WINCH_TOPICS = (*ORDER_TOPICS.values(), SWITCH_TOPIC)
+SESSION_TOPIC, INPUT_LOG_TOPIC = "twin/session", "twin/inputs"
+MOTION_TOPICS = "ship/heave", "ship/odometry"
 # what the simulation listens to
-INPUTS = ("ship/heave", "ship/odometry", *WINCH_TOPICS, CUT_TOPIC, "current")
+INPUTS = (*MOTION_TOPICS, *WINCH_TOPICS, CUT_TOPIC, "current")
 
 BY_NAME: dict[str, Topic] = {topic.name: topic for topic in TOPICS}

@@ -8,12 +8,15 @@ Nothing is inherited of the terminal that they are started from: not its width, 
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, Phase, settings
 
 ROS = Path(__file__).parent / "ros"
+# validation/ and benchmarks/ are not installed. Last, so that an installed rope_twin is tested.
+sys.path.append(str(Path(__file__).resolve().parents[1]))
 # Files whose entries reach the same kernels: of a step read as assembly, of ropes that meet.
 ALIKE = {
     "test_compiled_effects.py": "assembly",
@@ -35,6 +38,7 @@ settings.register_profile("search", UNTIMED, print_blob=True)
 settings.load_profile("repeated")
 
 
+@pytest.hookimpl(tryfirst=True)  # before xdist, which reads the groups in the same hook
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """A file's tests share a worker and its fixtures; those over ROS all share one.
 

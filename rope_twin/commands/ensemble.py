@@ -16,9 +16,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.console import FigureProgress
 from rope_twin.core.compiler.wide import LANES
 from rope_twin.errors import InputError, phrase
+from rope_twin.run.progress import FigureProgress
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.ensemble.plan import make_plan, read_axis, read_range

@@ -1,6 +1,7 @@
 """`rope_twin scene list | keys | show | check | measure`: what scenes there are, what one needs.
 
-Exit code 0, or 1 with one sentence on standard error; warnings alone leave it 0.
+Exit code 0, or 1 with one sentence on standard error; warnings alone leave it 0. A scene that
+breaks one of its limits in its static equilibrium is unsound: `check` returns 1.
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ from typing import Any
 
 from rope_twin.commands.console import CaseProgress
 from rope_twin.errors import SceneError, did_you_mean, phrase
+from rope_twin.messages.load_status import breach_words
 from rope_twin.scene.card import known_error, told_bound
-from rope_twin.scene.checks.rope import sense_checks
+from rope_twin.scene.checks.rope import accepted_warnings, sense_checks
 from rope_twin.scene.figures import LiftFigures, lift_figures, listed_effects, stretch_m
 from rope_twin.scene.hung_together import hung_together
 from rope_twin.scene.keys import scene_keys
@@ -29,6 +31,7 @@ from rope_twin.studies.effect_cost import effect_table, measure_effects
 from rope_twin.twin.ensemble.ensemble import whole_steps
 from rope_twin.twin.hoisting.orders import MOTIONS, Order
 from rope_twin.twin.hoisting.schedule import motion_of
+from rope_twin.twin.twin import Twin
 
 NARROWEST = 40  # what a line of keys needs
 WIDEST = 100  # columns of the list, on a terminal that has more
@@ -70,10 +73,12 @@ def run(args: argparse.Namespace) -> int:
             return _list()
         if args.action == "keys":
             return _keys(args.part)
+        if args.action == "check":
+            return _check(args.scene)
         scene = load_scene(args.scene)
         if args.action == "measure":
             return _measure(scene, args.for_s, args.json)
-        return _show(scene) if args.action == "show" else _check(scene)
+        return _show(scene)
     except SceneError as error:
         print(error, file=sys.stderr)
         return 1
@@ -122,12 +127,30 @@ def _columns() -> int:
     return min(max(shutil.get_terminal_size((WIDEST, 24)).columns, NARROWEST), WIDEST)
 
 
-def _check(scene: Scene) -> int:
-    warnings = sense_checks(scene)
+def _check(name_or_path: str) -> int:
+    """Raises SceneError: it has one error, or there is no static equilibrium."""
+    try:
+        scene = load_scene(name_or_path)
+    except SceneError as error:
+        sentences = error.every
+        if len(sentences) == 1:
+            raise
+        print("\n".join((*sentences, f"{len(sentences)} errors")), file=sys.stderr)
+        return 1
+    accepted, idle = accepted_warnings(scene)
+    warnings = sense_checks(scene) + idle
     for warning in warnings:
         print(f"warning: {warning}")
+    for words in accepted:
+        print(f"accepted: {words}")
+    if broken := Twin(scene).snapshot().breaches:
+        for one in broken:
+            print(f"error: at rest, {breach_words(one)}")
+        print(f"{scene.path}: scene '{scene.name}' is unsound: it breaks its limits at rest")
+        return 1
     counted = {0: "no warning", 1: "1 warning"}.get(len(warnings), f"{len(warnings)} warnings")
-    print(f"{scene.path}: scene '{scene.name}' is sound, {counted}")
+    more = f", {len(accepted)} accepted" if accepted else ""
+    print(f"{scene.path}: scene '{scene.name}' is sound, {counted}{more}")
     return 0
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,7 @@ from rope_twin.sea.spectrum import (
     jonswap,
     read_spectrum,
 )
+from rope_twin.sea.steepness import breaking_fault, steepness_warning
 from rope_twin.twin.motion.irregular_sea import synthesise
 
 
@@ -84,6 +86,7 @@ def _add_make(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> Non
 
 def _make(args: argparse.Namespace) -> int:
     spectrum = _choose_spectrum(args)
+    _check_steepness(args, spectrum)
     length, breadth, draught, block = args.hull
     hull = BoxHull(length_m=length, breadth_m=breadth, draught_m=draught, block_coefficient=block)
     if args.elevation_rate <= 2.0 * spectrum.frequency_hz[-1]:
@@ -112,6 +115,18 @@ def _choose_spectrum(args: argparse.Namespace) -> WaveSpectrum:
     if args.column is None:
         raise InputError(phrase("--column", "it is missing", "name an hour of the spectrum"))
     return read_spectrum(find_spectra(args.spectrum), args.column)
+
+
+def _check_steepness(args: argparse.Namespace, spectrum: WaveSpectrum) -> None:
+    """Warn of a sea that is steeper than seas are. Raises InputError for one that cannot be."""
+    given = args.jonswap[:2] if args.jonswap is not None else [args.spectrum]
+    option = "--spectrum" if args.jonswap is None else "--jonswap"
+    where = " ".join([option, *(f"{one:g}" if isinstance(one, float) else one for one in given)])
+    fault = breaking_fault(spectrum)
+    if fault is not None:
+        raise InputError(phrase(where, *fault))
+    if warning := steepness_warning(where, spectrum):
+        print(f"warning: {warning}", file=sys.stderr)
 
 
 def _tell_of(args: argparse.Namespace) -> int:

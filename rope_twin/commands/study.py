@@ -14,10 +14,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.console import FigureProgress
 from rope_twin.core.compiler.wide import LANES
 from rope_twin.effects.bending import BendingParams
 from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.run.progress import FigureProgress
 from rope_twin.share import share_dir
 from rope_twin.studies.parameter_study.file import read_study
 from rope_twin.studies.parameter_study.folder import check_parquet

@@ -75,6 +75,8 @@ def _check(args: argparse.Namespace) -> None:
         raise InputError(
             phrase(f"file {path}", "--save and --at need the bag", "name the bag of that run")
         )
+    elif fault := sinks.recording_fault(path):
+        raise InputError(phrase(f"file {path}", fault, "name an .rrd file of a run, or a bag"))
     missing = ""
     if args.screenshot is not None:
         missing = picture.what_a_picture_lacks()

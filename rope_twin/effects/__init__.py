@@ -51,6 +51,7 @@ class Effect:
     build: Callable[[Any, Any, Any], Any]  # params, payload figures, surroundings
     sheds: bool = False  # a model of vortex-induced vibration: a scene has one at most
     beside: bool = False  # such a model that is computed beside the step, on places of its own
+    version: int = 1  # raised with every change of its results beyond rounding
 
 
 EFFECTS: tuple[Effect, ...] = (

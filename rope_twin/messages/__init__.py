@@ -10,12 +10,14 @@ from rope_twin.messages.cdr import deserialise
 from rope_twin.messages.diagnostics import statuses
 from rope_twin.messages.encoder import Encoder
 from rope_twin.messages.inputs import (
+    encode_current,
     encode_cut,
     encode_elevation,
     encode_epoch,
     encode_heave,
     encode_order,
     encode_pose,
+    encode_seat,
 )
 from rope_twin.messages.status import Level, Status, encode_diagnostics
 
@@ -24,6 +26,7 @@ __all__ = [
     "Level",
     "Status",
     "decode",
+    "encode_current",
     "encode_cut",
     "encode_diagnostics",
     "encode_elevation",
@@ -31,6 +34,7 @@ __all__ = [
     "encode_heave",
     "encode_order",
     "encode_pose",
+    "encode_seat",
     "statuses",
 ]
 

@@ -6,23 +6,28 @@ The words report; they never stop anything.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
+from rope_twin.messages.load_status import limits_status, strength_status
 from rope_twin.messages.shape_status import bend_status, touchdown_status
 from rope_twin.messages.status import Level, Status, counted
 from rope_twin.scene.card import KnownError, told_bound
 from rope_twin.twin.findings import EnergyBalance, MaterialFatigue, RopeVibration, TensionBand
 from rope_twin.twin.pacing import PacingHealth
-from rope_twin.twin.snapshot import BedContact, CutShot, InputHealth, RopeStrength, Snapshot
+from rope_twin.twin.snapshot import (
+    BedContact,
+    CutShot,
+    InputHealth,
+    Snapshot,
+)
 
 GAIN_PCT = 0.1  # of the energy exchanged: what integrating the work may be wrong by
 BEHIND_S = 0.5  # further behind than this, what is published is no longer the present
-HALF = 0.5  # of the breaking load: rules for lifting wire leave less of it to the highest tension
+RECOVERY_ERROR_S = 60.0  # a failed step is an error for so long, in twin time, then a warning
 LATE_FOR_S = 60.0  # a late step is warned of for so long
 
 
 def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
-    """The state of solver, accuracy, pacing (None: not paced), winch, start-up, ropes and inputs.
+    """The state of solver, accuracy, pacing (None: not paced), winch, ropes, limits and inputs.
 
     And touchdown and tightest bend, where there are such; and the energy balance, the error band,
     vibration and fatigue, if the run keeps them.
@@ -36,7 +41,8 @@ def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
     if pacing is not None:
         rows.append(_pacing(pacing))
     if snapshot.strength:
-        rows.append(_strength(snapshot.strength))
+        rows.append(strength_status(snapshot.strength))
+    rows.append(limits_status(snapshot))
     if snapshot.seabed is not None:
         rows.append(_seabed(snapshot.seabed))
     if snapshot.touchdowns:
@@ -71,6 +77,13 @@ def _solver(snapshot: Snapshot) -> Status:
         "unconverged substeps": str(health.unconverged_substeps),
         "computing time [s]": f"{health.computing_s:.3f}",
     }
+    if health.recoveries:
+        values["failed steps recovered from"] = str(health.recoveries)
+        values["newest of them [s ago]"] = f"{health.recovered_ago_s:.2f}"
+    if health.recovered_ago_s < RECOVERY_ERROR_S:
+        times = counted(health.recoveries, "time")
+        message = f"recovered {times} from a failed step; the newest: {health.recovery}"
+        return Status("simulation: solver", Level.ERROR, message, values)
     if snapshot.doubtful:
         return Status(
             "simulation: solver",
@@ -86,6 +99,10 @@ def _solver(snapshot: Snapshot) -> Status:
             "did not",
             values,
         )
+    if health.recoveries:
+        times = counted(health.recoveries, "time")
+        message = f"it converges, but recovered {times} from a failed step; the newest: "
+        return Status("simulation: solver", Level.WARN, message + health.recovery, values)
     return Status("simulation: solver", Level.OK, "every step converged", values)
 
 
@@ -152,27 +169,6 @@ def _energy(balance: EnergyBalance) -> Status:
             values,
         )  # fmt: skip
     return Status("simulation: energy", Level.OK, f"residual {share}", values)
-
-
-def _strength(ropes: Sequence[RopeStrength]) -> Status:
-    """Of the rope that is nearest to its breaking load, and what it means."""
-    values = {f"{one.name}: highest [% of its breaking load]": f"{100.0 * one.share:.1f}"
-              for one in ropes}  # fmt: skip
-    worst = max(ropes, key=lambda one: one.share)
-    level = Level.OK if worst.share < HALF else Level.WARN
-    if worst.share >= 1.0:
-        level = Level.ERROR
-    return Status("simulation: strength", level, strength_words(worst, len(ropes) > 1), values)
-
-
-def strength_words(one: RopeStrength, named: bool) -> str:
-    """How near a rope has come to its breaking load, for people."""
-    which = f" of '{one.name}'" if named else ""
-    words = (
-        f"highest tension{which} {one.highest_n / 1e3:.1f} kN, {100.0 * one.share:.0f} % of its "
-        f"breaking load of {one.breaking_load_n / 1e3:.0f} kN"
-    )
-    return f"{words}: a real rope would have parted" if one.share >= 1.0 else words
 
 
 def _seabed(bed: BedContact) -> Status:
@@ -298,7 +294,7 @@ def _pacing(pacing: PacingHealth) -> Status:
 
 
 def _refused(health: InputHealth) -> str:
-    return f"{counted(health.refused, 'sample')} refused since the start; the newest"
+    return f"{counted(health.recently_refused, 'sample')} refused in the last 60 s; the newest"
 
 
 def _why_refused(health: InputHealth) -> str:
@@ -308,32 +304,54 @@ def _why_refused(health: InputHealth) -> str:
     return health.refusal or health.note or "no reason given"
 
 
-def _input(name: str, health: InputHealth) -> Status:
-    words = name.replace("_", " ")
-    age = "never" if math.isinf(health.age_s) else f"{health.age_s:.3f}"
+def _input_values(health: InputHealth, age: str) -> dict[str, str]:
     values = {
         "accepted": str(health.accepted),
         "age of the newest [s]": age,
         "refused": str(health.refused),
+        "refused in the last 60 s": str(health.recently_refused),
         "late": str(health.late),
         "repeated": str(health.repeated),
         "not finite": str(health.non_finite),
         "impossible": str(health.impossible),
+        "stuck": str(health.stuck),
+        "unconfirmed after a gap": str(health.unconfirmed),
         "newest note": health.note,
     }
+    if health.executed_late:
+        values["executed late"] = str(health.executed_late)
+    if health.clock_offset_s is not None:
+        values["arrival less stamp [s]"] = f"{health.clock_offset_s:.3f}"
+    if health.interval_s is not None:
+        values["interval between samples [s]"] = f"{health.interval_s:.4f}"
+    return values
+
+
+def _input(name: str, health: InputHealth) -> Status:
+    words = name.replace("_", " ")
+    age = "never" if math.isinf(health.age_s) else f"{health.age_s:.3f}"
+    values = _input_values(health, age)
     title = f"simulation: input {words}"
+    faults = [health.fault] if health.fault else []
     if health.stale:
-        message = health.note or f"no {words} for {age} s: going on with what is known"
-        if health.refusal and health.refusal != health.note:
-            message += f"; {_refused(health)}: {health.refusal.removesuffix('.')}"
-        return Status(title, Level.ERROR, f"stale: {message}", values)
-    if health.refused:
-        return Status(
-            title,
-            Level.WARN,
-            f"{_refused(health)}: {_why_refused(health)}",
-            values,
+        faults.append(
+            f"stale: {health.note or f'no {words} for {age} s: going on with what is known'}"
         )
+        if health.refusal and health.refusal != health.note and health.recently_refused:
+            faults.append(f"{_refused(health)}: {health.refusal.removesuffix('.')}")
+    if faults:
+        faults += [health.warning] if health.warning else []
+        return Status(title, Level.ERROR, "; ".join(faults), values)
+    warnings = [health.warning] if health.warning else []
+    if name == "current" and health.note and health.note != health.refusal:
+        warnings.append(health.note.removesuffix("."))  # taken, and faster than sea currents are
+    if health.recently_refused:
+        warnings.append(f"{_refused(health)}: {_why_refused(health)}")
+    if warnings:
+        return Status(title, Level.WARN, "; ".join(warnings), values)
     if not health.accepted:
         return Status(title, Level.OK, "nothing received yet", values)
-    return Status(title, Level.OK, f"fresh, {counted(health.accepted, 'sample')} taken", values)
+    message = f"fresh, {counted(health.accepted, 'sample')} taken"
+    if health.refused:
+        message += f"; {health.refused} refused since the start, none in the last 60 s"
+    return Status(title, Level.OK, message, values)

@@ -56,6 +56,7 @@ class Encoder:
             "seabed/contact": self._seabed_contact,
             "seabed/touchdown": lambda shot: shape.touchdown(shot, self._stamp(shot)),
             "rope/bend": lambda shot: shape.bend(shot, self._stamp(shot)),
+            "rope/utilisation": lambda shot: shape.utilisation(shot, self._stamp(shot)),
             "rope/nodes": self._rope_nodes,
             "rope/markers": self._rope_markers,
             "rope/vibration": lambda shot: watched.vibration(shot, self._stamp(shot)),

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
+import numpy as np
+
 from rope_twin.messages import forms
-from rope_twin.messages.cdr import Template, serialise
+from rope_twin.messages.cdr import Template, new, serialise
 from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC
 from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION, Order
 from rope_twin.twin.motion.ship_pose import ShipPose
@@ -62,9 +65,30 @@ def encode_cut(stamp_ns: int, below_m: float, rope: str = "") -> tuple[str, byte
     return CUT_TOPIC, _joint(rope or "rope", "position").fill(values)
 
 
+def encode_current(rows: Sequence[Sequence[float]]) -> bytes:
+    """current: rows of z [m], east, north [m/s], from the surface down."""
+    numbers = [float(number) for row in rows for number in row]
+    sizes = (("row", len(rows), len(numbers)), ("column", 3, 3))
+    layout = new(
+        "std_msgs/msg/MultiArrayLayout",
+        dim=[
+            new("std_msgs/msg/MultiArrayDimension", label=label, size=size, stride=stride)
+            for label, size, stride in sizes
+        ],
+        data_offset=0,
+    )
+    data = np.array(numbers)
+    return serialise(new("std_msgs/msg/Float64MultiArray", layout=layout, data=data))
+
+
 def encode_epoch(epoch_ns: int) -> bytes:
     """twin/epoch: ROS time of the twin's t = 0."""
     return serialise(forms.time(epoch_ns))
+
+
+def encode_seat(words: str) -> bytes:
+    """winch/seat: which node commands each winch."""
+    return serialise(new("std_msgs/msg/String", data=words))
 
 
 def _stamp(stamp_ns: int) -> dict[str, int]:

@@ -1,6 +1,8 @@
-"""Snapshot -> CDR bytes of a rope's touchdown and its tightest bend, figures by name."""
+"""Snapshot -> CDR bytes of a rope's touchdown, bend and utilisation, figures by name."""
 
 from __future__ import annotations
+
+import math
 
 from rope_twin.messages import forms
 from rope_twin.messages.cdr import Templates
@@ -45,6 +47,21 @@ class ShapeForms:
             if one.now.minimum_m:
                 figures[f"{name}/minimum_m"] = one.now.minimum_m
         return self._fill("rope/bend", figures, stamp)
+
+    def utilisation(self, snapshot: Snapshot, stamp: dict[str, int]) -> bytes:
+        """Utilisation and loads of each rope; NaN without a static tension to compare with."""
+        figures: dict[str, float] = {}
+        for one in snapshot.strength:
+            static_n, amplification = one.static_n, one.dynamic_amplification
+            figures |= {
+                f"{one.name}/utilisation": one.utilisation,
+                f"{one.name}/dynamic_amplification": math.nan
+                if amplification is None
+                else amplification,
+                f"{one.name}/highest_n": one.highest_n,
+                f"{one.name}/static_n": math.nan if static_n is None else static_n,
+            }
+        return self._fill("rope/utilisation", figures, stamp)
 
     def _fill(self, topic: str, figures: dict[str, float], stamp: dict[str, int]) -> bytes:
         names = tuple(figures)

@@ -20,6 +20,7 @@ from rope_twin.topics import QOS_ROWS, Qos, Topic
 METADATA_VERSION = 9
 ROS_DISTRO = "kilted"
 OWN_RECORD = "rope_twin"  # name of the MCAP metadata record with the bag's own notes
+CHANNELS_RECORD = "rope_twin_channels"  # and of the one with its channels: name and type by id
 ROSBAG_RECORD = "rosbag2"  # name of the one that rosbag2 looks for
 
 _FOREVER = {"sec": 9223372036, "nsec": 854775807}  # rosbag2's infinite duration

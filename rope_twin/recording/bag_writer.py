@@ -10,6 +10,7 @@ from mcap.writer import CompressionType, Writer
 
 from rope_twin.errors import BagError, did_you_mean, phrase
 from rope_twin.recording.bag_format import (
+    CHANNELS_RECORD,
     OWN_RECORD,
     ROSBAG_RECORD,
     BagSummary,
@@ -68,6 +69,7 @@ class BagWriter(Closing):
         self._custom_data: dict[str, str] = {}
         self._first_ns, self._last_ns = _LARGEST_STAMP_NS, 0
         self._closed = False
+        self._displaced = False
         if metadata:
             self.add_metadata(metadata)
         for topic in described:
@@ -90,7 +92,9 @@ class BagWriter(Closing):
 
     @property
     def trouble(self) -> str:
-        """One sentence while the disk does not take what is written, else ''."""
+        """One sentence while the bag is displaced or the disk does not take it, else ''."""
+        if self._displaced:
+            return str(self._displacement())
         if not self._sink.trouble:
             return ""
         return phrase(
@@ -128,6 +132,19 @@ class BagWriter(Closing):
         )
         self._topics[topic.name] = topic
         self._counts[topic.name] = 0
+
+    def note_channels(self) -> None:
+        """Note outside the chunks which channel is which topic.
+
+        The first chunk alone defines the channels until the file's end repeats them: without this
+        note its loss in a bag that was cut off would cost all messages.
+        """
+        noted = {
+            str(channel): f"{name} {self._topics[name].type_name}"
+            for name, channel in self._channels.items()
+        }
+        self._writer.add_metadata(CHANNELS_RECORD, noted)
+        self._sink.flush()
 
     def write(
         self,
@@ -168,6 +185,10 @@ class BagWriter(Closing):
         if self._sink.waiting_bytes:
             self._sink.flush()
 
+    def check_place(self) -> None:
+        """Look whether the bag is still where it was made; `trouble` says so if it is not."""
+        self._displaced = self._sink.displaced
+
     def flush(self) -> None:
         """Close the chunk in progress and hand everything to the operating system."""
         self._writer.flush()
@@ -185,7 +206,10 @@ class BagWriter(Closing):
         summary = self._summary()
         self._writer.add_metadata(ROSBAG_RECORD, {"serialized_metadata": summary.as_yaml()})
         self._writer.finish()
+        self.check_place()
         self._sink.close()
+        if self._displaced:
+            raise self._displacement()
         if self._sink.waiting_bytes:
             raise self._error(
                 f"the disk did not take its last {self._sink.waiting_bytes} bytes "
@@ -227,6 +251,12 @@ class BagWriter(Closing):
             raise self._error(f"it cannot be made ({error.strerror})") from error
         if in_use:
             raise self._error("the directory holds something", "name one that does not exist yet")
+
+    def _displacement(self) -> BagError:
+        return self._error(
+            "its folder or file was deleted or moved while it was being recorded",
+            "what it held is lost or is where it was moved to: start another recording",
+        )
 
     def _error(self, what: str, right: str = "name a place that can be written") -> BagError:
         return BagError(phrase(f"bag {self._directory}", what, right))

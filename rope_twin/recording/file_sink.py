@@ -21,6 +21,7 @@ class FileSink:
 
     def __init__(self, path: Path) -> None:
         """Raises OSError if the file exists or cannot be made."""
+        self._path = path
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
         self._waiting = bytearray()
         self._written = 0
@@ -40,6 +41,18 @@ class FileSink:
     def written_bytes(self) -> int:
         """Bytes taken by the file."""
         return self._written
+
+    @property
+    def displaced(self) -> bool:
+        """Whether the path no longer leads to this file: it or a folder was deleted or moved."""
+        if self._descriptor < 0:
+            return False
+        own = os.fstat(self._descriptor)
+        try:
+            there = os.stat(self._path)
+        except OSError:
+            return True
+        return (there.st_dev, there.st_ino) != (own.st_dev, own.st_ino)
 
     def write(self, data: bytes) -> int:
         """Append, in memory until the next flush."""

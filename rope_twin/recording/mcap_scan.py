@@ -1,33 +1,47 @@
-"""Reads an MCAP file from its beginning for as long as it makes sense, damaged or not.
+"""Reads an MCAP file from its beginning, damaged or not: what is broken costs its own record only.
 
 Format: the MCAP specification 0 (mcap.dev): a magic, then records of an opcode (1 byte), a length
-(8 bytes, little-endian) and content; chunks hold records again, compressed. Indexed readers start
-from the end and so fail on a file that was cut off; this one never looks there.
+(8 bytes, little-endian) and content; chunks hold records again, compressed, with a CRC. Behind the
+data stands a summary that repeats schemas and channels and has an index of all chunks. Indexed
+readers start from there and so fail on a file that was cut off; this one walks over the records and
+takes the summary only, where its CRC is right, to find the way again behind damage. Without a
+summary it looks for the next bytes that are a chunk by sizes and CRC.
 """
 
 from __future__ import annotations
 
+import bisect
+import re
 import struct
 import zlib
 from collections.abc import Iterator
+from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import BinaryIO, NamedTuple, TypeAlias
 
 import lz4.frame  # type: ignore[import-untyped]
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, Metadata, Schema
+from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
 from rope_twin.recording.bag_reader import MCAP_MAGIC
 
 _FRAME = struct.Struct("<BQ")  # opcode, length
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time
 _CHUNK = struct.Struct("<QQQII")  # start, end, size, checksum, length of the compression's name
+_PACKED = struct.Struct("<Q")  # bytes of a chunk's records as stored
+_FOOTER = struct.Struct("<BQQQI")  # its frame, summary's start, its offsets' start, checksum
+_MESSAGE_INDEX = struct.Struct("<HI")  # channel, bytes of the entries
 _LARGEST_CHUNK_BYTES = 2**30
-_DAMAGE = (ValueError, McapError, struct.error, zstandard.ZstdError, MemoryError, RuntimeError)
+_LONGEST_COMPRESSION = 16
+_WINDOW_BYTES = 2**22
+# A chunk's opcode and a length below 2^40; found at every byte, also within a match.
+_CHUNK_HEAD = re.compile(rb"(?=\x06[\s\S]{5}\x00\x00\x00)")
+_DAMAGE = (ValueError, McapError, struct.error, zstandard.ZstdError, MemoryError, RuntimeError,
+           EOFError)  # fmt: skip
 
 
 class StoredMessage(NamedTuple):
@@ -40,83 +54,309 @@ class StoredMessage(NamedTuple):
     data: bytes
 
 
+Stored: TypeAlias = Schema | Channel | Metadata | StoredMessage
+
+
+class _Part(NamedTuple):
+    """One record of the file, or a stretch that is none."""
+
+    end: int  # the byte behind it
+    records: list[Stored]
+    damage: str = ""  # what is wrong with it
+    opcode: int = 0
+    lossless: bool = False  # everything in it was read all the same
+
+
+@dataclass
+class _Summary:
+    """What stands behind the data, known to be right."""
+
+    data_end: int = 0  # the byte at which it begins
+    definitions: list[Stored] = field(default_factory=list)
+    chunks: list[int] = field(default_factory=list)  # where each begins, ascending
+    messages: int | None = None  # in the whole file; None: it does not say
+    chunk_count: int | None = None
+
+
 class McapScan:
-    """One pass over a file; afterwards `problems` tells what was wrong (none: it is whole)."""
+    """One pass over a file; afterwards `problems` lists what was lost (nothing: it is whole)."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self.problems: list[str] = []
+        self.mended: list[str] = []  # damage that cost no message
         self.left_out: set[str] = set()  # kinds of records that are whole but not handed on
 
-    def records(self) -> Iterator[Schema | Channel | Metadata | StoredMessage]:
-        """Schemas, channels, metadata and messages in the order of the file. Never raises."""
+    def records(self) -> Iterator[Stored]:
+        """Schemas, channels, metadata and messages in the order of the file. Never raises.
+
+        Where the summary is whole its schemas and channels come before all else.
+        """
         try:
-            with self._path.open("rb") as file:
-                yield from self._read(file)
+            with self._path.open("rb") as stream:
+                yield from self._read(_File(stream))
         except OSError as error:
-            self._tell(f"cannot be read ({error.strerror})")
+            self._report(f"cannot be read ({error.strerror})")
 
-    def _read(self, file: BinaryIO) -> Iterator[Schema | Channel | Metadata | StoredMessage]:
-        size = file.seek(0, 2)
-        file.seek(0)
-        if file.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
-            self._tell("is empty" if size == 0 else "does not begin like an MCAP file")
+    def _read(self, file: _File) -> Iterator[Stored]:
+        at = file.begin()
+        if at is None:
+            self._report("is empty" if not file.size else "does not begin like an MCAP file")
             return
+        damage: list[tuple[str, bool]] = []  # and whether it cost nothing
+        if not file.magic_first:
+            damage.append(("has damaged first bytes", True))
+        yield from file.summary.definitions if file.summary else []
+        messages = 0
         while True:
-            at = file.tell()
-            frame = file.read(_FRAME.size)
-            if not frame:
-                self._tell("stops without its end: what its recorder still held in memory is lost")
-                return
-            opcode, length = _FRAME.unpack(frame) if len(frame) == _FRAME.size else (0, size)
-            if opcode == 0 or length > size - file.tell():
-                self._tell(f"breaks off at byte {at} of {size}: {size - at} bytes are lost")
-                return
-            if opcode == Opcode.FOOTER:
-                file.seek(length, 1)
-                if file.read(len(MCAP_MAGIC) + 1) != MCAP_MAGIC:
-                    self._tell("does not end like an MCAP file")
-                return
-            yield from self._open(opcode, file.read(length), at)
+            part = file.part(at)
+            if part is None:
+                break
+            messages += sum(isinstance(record, StoredMessage) for record in part.records)
+            if part.damage:
+                damage.append((part.damage, part.lossless))
+            if part.opcode == Opcode.ATTACHMENT:
+                self.left_out.add("attachments")
+            yield from part.records
+            at = part.end
+        damage += file.ending(at)
+        promised = file.summary.messages if file.summary else None
+        for words, lossless in damage:
+            nothing_lost = lossless if promised is None else messages == promised
+            (self.mended if nothing_lost else self.problems).append(f"{self._path.name} {words}")
 
-    def _open(
-        self, opcode: int, content: bytes, at: int
-    ) -> Iterator[Schema | Channel | Metadata | StoredMessage]:
-        """What is in one record of the file."""
-        try:
-            if opcode == Opcode.CHUNK:
-                # Unpacked as a whole first: a chunk is either handed on or reported, never both.
-                records = [part for frame in _frames(_unpack(content)) for part in _parse(*frame)]
-            else:
-                records = _parse(opcode, content)
-        except _DAMAGE as error:
-            name = "chunk" if opcode == Opcode.CHUNK else "record"
-            reason = str(error).strip() or type(error).__name__
-            self._tell(
-                f"has a damaged {name} at byte {at} ({reason}): {len(content)} bytes are lost"
-            )
-            return
-        if opcode == Opcode.ATTACHMENT:
-            self.left_out.add("attachments")
-        yield from records
-
-    def _tell(self, what: str) -> None:
+    def _report(self, what: str) -> None:
         self.problems.append(f"{self._path.name} {what}")
 
 
-def _parse(opcode: int, content: bytes) -> list[Schema | Channel | Metadata | StoredMessage]:
+class _File:
+    """Records of a file by the byte at which they begin."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream = stream
+        self.size = stream.seek(0, 2)
+        self.magic_first = self._bytes(0, len(MCAP_MAGIC)) == MCAP_MAGIC
+        self.summary = _read_summary(self)
+        self._data_end = self.summary.data_end if self.summary else self.size
+        self._chunked = bool(self.summary and self.summary.chunks)
+        self._data_ended = False
+        self._broke_off: int | None = None
+
+    def begin(self) -> int | None:
+        """The byte of the first record; None: this is no MCAP file."""
+        after = len(MCAP_MAGIC)
+        if self.magic_first or self.summary is not None:
+            return after
+        try:
+            opcode, length = _FRAME.unpack(self._bytes(after, _FRAME.size))
+            _parse(opcode, self._bytes(after + _FRAME.size, min(length, self.size)))
+        except _DAMAGE:
+            return self._next_chunk(0)
+        return after if opcode == Opcode.HEADER else self._next_chunk(0)
+
+    def part(self, at: int) -> _Part | None:
+        """The record that begins at a byte, or what stands in its place; None: the data is over."""
+        if self._data_ended or at >= self._data_end or self._is_footer(at):
+            return None
+        head = self._bytes(at, _FRAME.size)
+        opcode, length = _FRAME.unpack(head) if len(head) == _FRAME.size else (0, self.size)
+        end = at + _FRAME.size + length
+        fits = opcode != 0 and end <= self._limit(at)
+        reason = ""
+        if fits:
+            try:
+                return self._whole(opcode, at, end)
+            except _DAMAGE as error:
+                reason = str(error).strip() or type(error).__name__
+        if (chunk := self._chunk_by_its_sizes(at)) is not None:
+            return chunk
+        name = "chunk" if opcode == Opcode.CHUNK else "record"
+        next_at = self._behind_damage(at, end if fits and self._is_record(end) else None)
+        if next_at is None:
+            self._broke_off = at
+            return None
+        what = f"has a damaged {name} at byte {at} ({reason or 'its length is impossible'})"
+        return _Part(next_at, [], f"{what}: {next_at - at} bytes are lost")
+
+    def ending(self, at: int) -> list[tuple[str, bool]]:
+        """How the file ends behind the last part: each fault, and whether it costs nothing."""
+        if self._broke_off is not None:
+            at = self._broke_off
+            words = f"breaks off at byte {at} of {self.size}: {self.size - at} bytes are lost"
+            return [(words, False)]
+        magic_last = self._bytes(self.size - len(MCAP_MAGIC), len(MCAP_MAGIC)) == MCAP_MAGIC
+        if self.summary is not None:
+            return [] if magic_last else [("has damaged last bytes", True)]
+        if not self._data_ended and not self._is_footer(at):
+            return [
+                ("stops without its end: what its recorder still held in memory is lost", False)
+            ]
+        if magic_last:
+            return [("has a damaged summary", True)]
+        return [("does not end like an MCAP file", False)]
+
+    def _whole(self, opcode: int, at: int, end: int) -> _Part:
+        """A record whose content is as its kind must be. Raises one of _DAMAGE if it is not."""
+        content = self._bytes(at + _FRAME.size, end - at - _FRAME.size)
+        if opcode == Opcode.CHUNK:
+            # Unpacked as a whole first: a chunk is either handed on or reported, never both.
+            part = _Part(end, _unpack(content), opcode=opcode)
+            self._chunked = True
+            return part
+        if opcode == Opcode.MESSAGE and self._chunked:
+            raise ValueError("a message outside the chunks")
+        if opcode > max(Opcode) and not self._is_record(end):
+            raise ValueError(f"an unknown kind of record, {opcode}")
+        if opcode > max(Opcode) and self._chunk_by_its_sizes(at) is not None:
+            raise ValueError(f"a chunk under the opcode {opcode}")
+        records = _parse(opcode, content)
+        if opcode == Opcode.DATA_END:
+            if self.summary is not None and end != self._data_end:
+                raise ValueError("an end of the data among the data")
+            self._data_ended = True
+        return _Part(end, records, opcode=opcode)
+
+    def _chunk_by_its_sizes(self, at: int) -> _Part | None:
+        """The chunk at a byte whose opcode or length is damaged, by what it says inside."""
+        inside = at + _FRAME.size
+        try:
+            *_, name_bytes = _CHUNK.unpack(self._bytes(inside, _CHUNK.size))
+            if name_bytes > _LONGEST_COMPRESSION:
+                return None
+            before = _CHUNK.size + name_bytes
+            (packed,) = _PACKED.unpack(self._bytes(inside + before, _PACKED.size))
+            end = inside + before + _PACKED.size + packed
+            if end > self._limit(at):
+                return None
+            records = _unpack(self._bytes(inside, end - inside))
+        except _DAMAGE:
+            return None
+        self._chunked = True
+        words = f"has a chunk at byte {at} whose opcode or length is damaged"
+        return _Part(end, records, words, Opcode.CHUNK, lossless=True) if records else None
+
+    def _limit(self, at: int) -> int:
+        """The byte that a record at this one cannot reach beyond."""
+        chunks = self.summary.chunks if self.summary else []
+        following = bisect.bisect_right(chunks, at)
+        return chunks[following] if following < len(chunks) else self._data_end
+
+    def _behind_damage(self, at: int, end: int | None) -> int | None:
+        """The byte at which to go on; `end`: by the damaged record's length, if it can be."""
+        summary = self.summary
+        if summary is not None and summary.chunks and summary.chunk_count == len(summary.chunks):
+            return self._limit(at)
+        # The length itself may be damaged: it counts only where no whole chunk follows.
+        return self._next_chunk(at + 1) or end
+
+    def _next_chunk(self, at: int) -> int | None:
+        """The next byte at which a chunk begins that is right by its sizes and its CRC."""
+        while at < self._data_end:
+            window = self._bytes(at, _WINDOW_BYTES + _FRAME.size)
+            for match in _CHUNK_HEAD.finditer(window):
+                found = at + match.start()
+                _, length = _FRAME.unpack_from(window, match.start())
+                end = found + _FRAME.size + length
+                if length >= _CHUNK.size + _PACKED.size and end <= self._data_end:
+                    whole = self._chunk_by_its_sizes(found)
+                    if whole is not None and whole.end == end:
+                        return found
+            at += _WINDOW_BYTES
+        return None
+
+    def _is_record(self, at: int) -> bool:
+        """Whether a known kind of record with a possible length seems to begin at this byte."""
+        if at == self._data_end:
+            return True
+        head = self._bytes(at, _FRAME.size)
+        if len(head) < _FRAME.size:
+            return False
+        opcode, length = _FRAME.unpack(head)
+        return opcode in _IN_DATA and at + _FRAME.size + length <= self._limit(at)
+
+    def _is_footer(self, at: int) -> bool:
+        if at + _FOOTER.size > self.size:
+            return False
+        return self._bytes(at, _FRAME.size) == _FRAME.pack(Opcode.FOOTER, 20)
+
+    def _bytes(self, at: int, count: int) -> bytes:
+        self._stream.seek(max(0, at))
+        return self._stream.read(count)
+
+
+# Kinds that stand among the data; the others belong to the summary.
+_IN_DATA = frozenset((Opcode.HEADER, Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE, Opcode.CHUNK,
+                      Opcode.MESSAGE_INDEX, Opcode.ATTACHMENT, Opcode.METADATA,
+                      Opcode.DATA_END))  # fmt: skip
+_FIELDS = {
+    Opcode.HEADER: Header,
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.METADATA: Metadata,
+    Opcode.ATTACHMENT: Attachment,
+}
+
+
+def _parse(opcode: int, content: bytes) -> list[Stored]:
+    """What is to be handed on of a record other than a chunk.
+
+    Raises:
+        one of _DAMAGE: the content is not as long as its kind must be, or of no kind for data.
+    """
+    if opcode > max(Opcode):
+        return []  # of later versions of the format
+    if opcode not in _IN_DATA:
+        raise ValueError(f"a record of kind {opcode} among the data")
     if opcode == Opcode.MESSAGE:
         channel_id, sequence, log_ns, publish_ns = _MESSAGE.unpack_from(content)
         data = content[_MESSAGE.size :]
         return [StoredMessage(channel_id, sequence, log_ns, publish_ns, data)]
-    stream = ReadDataStream(BytesIO(content))
-    if opcode == Opcode.SCHEMA:
-        return [Schema.read(stream)]
-    if opcode == Opcode.CHANNEL:
-        return [Channel.read(stream)]
-    if opcode == Opcode.METADATA:
-        return [Metadata.read(stream)]
+    if (kind := _FIELDS.get(Opcode(opcode))) is not None:
+        stream = BytesIO(content)
+        record = kind.read(ReadDataStream(stream))
+        if stream.tell() != len(content):
+            raise ValueError(f"{len(content)} bytes announced, {stream.tell()} in its fields")
+        return [record] if isinstance(record, Schema | Channel | Metadata) else []
+    wanted = 4
+    if opcode == Opcode.MESSAGE_INDEX:
+        wanted = _MESSAGE_INDEX.size + _MESSAGE_INDEX.unpack_from(content)[1]
+    if len(content) != wanted:
+        raise ValueError(f"{len(content)} bytes announced, {wanted} in its fields")
     return []
+
+
+def _read_summary(file: _File) -> _Summary | None:
+    """The summary; None: the file has none, or a damaged one."""
+    at = file.size - len(MCAP_MAGIC) - _FOOTER.size
+    try:
+        footer = file._bytes(at, _FOOTER.size)
+        opcode, length, start, _, checksum = _FOOTER.unpack(footer)
+        if (opcode, length) != (Opcode.FOOTER, 20) or at < len(MCAP_MAGIC):
+            return None
+        if start == 0:
+            start = at
+        if not len(MCAP_MAGIC) <= start <= at:
+            return None
+        body = file._bytes(start, at - start)
+        if checksum and zlib.crc32(footer[:-4], zlib.crc32(body)) != checksum:
+            return None
+        return _parse_summary(body, start)
+    except _DAMAGE:
+        return None
+
+
+def _parse_summary(body: bytes, start: int) -> _Summary:
+    """Raises one of _DAMAGE if its records do not fit."""
+    found = _Summary(start)
+    for opcode, content in _frames(body):
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            found.definitions += _parse(opcode, content)
+        elif opcode == Opcode.CHUNK_INDEX:
+            found.chunks.append(struct.unpack_from("<QQQ", content)[2])
+        elif opcode == Opcode.STATISTICS:
+            found.messages, *_, found.chunk_count = struct.unpack_from("<QHIIII", content)
+    found.chunks.sort()
+    return found
 
 
 def _frames(data: bytes) -> Iterator[tuple[int, bytes]]:
@@ -131,23 +371,21 @@ def _frames(data: bytes) -> Iterator[tuple[int, bytes]]:
         at += length
 
 
-def _unpack(content: bytes) -> bytes:
-    """The records of a chunk, decompressed and checked.
-
-    Raises:
-        ValueError, struct.error, zstandard.ZstdError or RuntimeError (of lz4) if it is damaged.
-    """
+def _unpack(content: bytes) -> list[Stored]:
+    """The records of a chunk, decompressed and checked. Raises one of _DAMAGE."""
     _, _, size, checksum, name_length = _CHUNK.unpack_from(content)
     at = _CHUNK.size + name_length
     compression = content[_CHUNK.size : at].decode("ascii")
-    (length,) = struct.unpack_from("<Q", content, at)
-    packed = content[at + 8 :]
+    (length,) = _PACKED.unpack_from(content, at)
+    packed = content[at + _PACKED.size :]
     if length != len(packed) or size > _LARGEST_CHUNK_BYTES:
         raise ValueError(f"{len(packed)} bytes packed, {length} announced, {size} unpacked")
     if compression == "zstd":
         if zstandard.frame_content_size(packed) not in (size, -1):
-            raise ValueError("its two sizes differ")
-        data = zstandard.ZstdDecompressor().decompress(packed, max_output_size=size)
+            raise ValueError("its compressed form announces another size")
+        data = zstandard.ZstdDecompressor().decompress(
+            packed, max_output_size=size, allow_extra_data=False
+        )
     elif compression == "lz4":
         data = lz4.frame.decompress(packed)
     elif compression == "":
@@ -158,4 +396,4 @@ def _unpack(content: bytes) -> bytes:
         raise ValueError(f"{len(data)} bytes unpacked, {size} announced")
     if checksum and zlib.crc32(data) != checksum:
         raise ValueError("its checksum is wrong")
-    return data
+    return [part for frame in _frames(data) for part in _parse(*frame)]

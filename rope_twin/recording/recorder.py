@@ -42,8 +42,9 @@ class BagRecorder(Closing):
     ) -> None:
         """Raises BagError if the bag cannot be made."""
         self._bag = BagWriter(directory, topics, metadata)
+        self._bag.note_channels()
         self._condition = threading.Condition()
-        self._queue: deque[tuple[str, int, bytes]] = deque()
+        self._queue: deque[tuple[str, int, bytes, int]] = deque()
         self._queued_bytes = 0
         self._recorded = 0
         self._lost = 0
@@ -58,8 +59,11 @@ class BagRecorder(Closing):
         """The bag."""
         return self._bag.directory
 
-    def write(self, topic_name: str, stamp_ns: int, data: bytes) -> bool:
-        """Queue one message; False (and counted) if it cannot be taken."""
+    def write(self, topic_name: str, stamp_ns: int, data: bytes, sequence: int = 0) -> bool:
+        """Queue one message; False (and counted) if it cannot be taken.
+
+        sequence: the publisher's number of it; 0: unknown.
+        """
         with self._condition:
             if self._closing or self._failure is not None:
                 self._lose(f"the recorder has ended{_because(self._failure)}")
@@ -67,7 +71,7 @@ class BagRecorder(Closing):
             if self._queued_bytes > QUEUE_LIMIT_BYTES:
                 self._lose("the disk is slower than the topics")
                 return False
-            self._queue.append((topic_name, stamp_ns, data))
+            self._queue.append((topic_name, stamp_ns, data, sequence))
             self._queued_bytes += len(data)
             return True
 
@@ -109,11 +113,12 @@ class BagRecorder(Closing):
                     self._record(*message)
                 if ending or time.monotonic() - flushed_s >= FLUSH_PERIOD_S:
                     self._bag.flush()
+                    self._bag.check_place()
                     flushed_s = time.monotonic()
         except BaseException as error:  # kept for close(), which raises it in the caller's thread
             self._failure = error
 
-    def _take(self) -> tuple[list[tuple[str, int, bytes]], bool]:
+    def _take(self) -> tuple[list[tuple[str, int, bytes, int]], bool]:
         """What was queued meanwhile, and whether nothing will follow."""
         with self._condition:
             self._condition.wait_for(lambda: self._closing, timeout=_TAKE_PERIOD_S)
@@ -122,9 +127,9 @@ class BagRecorder(Closing):
             self._queued_bytes = 0
             return batch, self._closing
 
-    def _record(self, topic_name: str, stamp_ns: int, data: bytes) -> None:
+    def _record(self, topic_name: str, stamp_ns: int, data: bytes, sequence: int) -> None:
         try:
-            self._bag.write(topic_name, stamp_ns, data)
+            self._bag.write(topic_name, stamp_ns, data, sequence=sequence)
         except BagError as error:
             with self._condition:
                 self._lose(str(error).rstrip("."))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from pathlib import Path
 from typing import Any
@@ -14,13 +14,16 @@ from mcap.records import Channel, Metadata, Schema
 
 from rope_twin.errors import BagError, phrase
 from rope_twin.recording.bag_format import (
+    CHANNELS_RECORD,
     OWN_RECORD,
     ROSBAG_RECORD,
     RecordedTopic,
+    describe_topic,
     recorded_name,
 )
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.mcap_scan import McapScan, StoredMessage
+from rope_twin.topics import BY_NAME
 
 
 class Outcome(IntEnum):
@@ -45,10 +48,11 @@ class Recovery:
 
 
 def recover(bag: Path, out: Path | None = None) -> Recovery:
-    """Read a bag (directory or .mcap file) up to its break and write a whole one.
+    """Read what is whole of a bag (directory or .mcap file) and write a whole one.
 
-    The new bag is `out`, by default `<bag>_recovered`; the old one is not touched. Times, order,
-    definitions and qualities of service stay as they were.
+    Damage costs the chunk that it is in, a cut all behind it. The new bag is `out`, by default
+    `<bag>_recovered`; the old one is not touched. Times, order, definitions and qualities of
+    service stay as they were.
 
     Raises:
         BagError: there is no such bag, or the new one cannot be written.
@@ -62,6 +66,7 @@ def recover(bag: Path, out: Path | None = None) -> Recovery:
         scan = McapScan(file)
         salvage.take(scan)
         lost += scan.problems
+        remarks += scan.mended
         remarks += [f"{kind} are left out" for kind in sorted(scan.left_out)]
     lost += salvage.lost()
     found = sum(salvage.counts.values())
@@ -148,8 +153,11 @@ class _Salvage:
         """Everything in one file (ids of schemas and channels are the file's own)."""
         schemas: dict[int, Schema] = {}
         channels: dict[int, RecordedTopic] = {}
+        noted: Mapping[str, str] = {}  # names by id, for channels whose own record is lost
         for record in scan.records():
             if isinstance(record, StoredMessage):
+                if record.channel_id not in channels:
+                    self._describe_again(channels, record.channel_id, noted)
                 self._store(record, channels.get(record.channel_id))
             elif isinstance(record, Schema):
                 schemas[record.id] = record
@@ -160,6 +168,8 @@ class _Salvage:
                     self._add(channels[record.id])
             elif isinstance(record, Metadata) and record.name == OWN_RECORD:
                 self._metadata |= record.metadata
+            elif isinstance(record, Metadata) and record.name == CHANNELS_RECORD:
+                noted = record.metadata
             elif isinstance(record, Metadata) and record.name != ROSBAG_RECORD:
                 scan.left_out.add(f"notes '{record.name}'")
 
@@ -193,6 +203,16 @@ class _Salvage:
             self._known[topic.name] = topic
             if self._writer is not None:
                 self._writer.add_topic(topic)
+
+    def _describe_again(
+        self, channels: dict[int, RecordedTopic], channel_id: int, noted: Mapping[str, str]
+    ) -> None:
+        """Describe a channel of ours by the topic table, if the bag notes which topic it is."""
+        name, _, type_name = noted.get(str(channel_id), "").partition(" ")
+        topic = BY_NAME.get(name.removeprefix("/"))
+        if topic is not None and topic.type_name == type_name:
+            channels[channel_id] = replace(describe_topic(topic), name=name)
+            self._add(channels[channel_id])
 
     def _store(self, message: StoredMessage, topic: RecordedTopic | None) -> None:
         if topic is None:

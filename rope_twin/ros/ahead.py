@@ -13,10 +13,10 @@ import os
 import signal
 import sys
 
-from rope_twin.commands.run.ending import ending_signals
-from rope_twin.commands.run.options import RunOptions
 from rope_twin.core.compiler.jit import make_ready
 from rope_twin.ros.entry import StopSignal
+from rope_twin.run.ending import ending_signals
+from rope_twin.run.options import RunOptions
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
 from rope_twin.twin.kinds import twin_kind

@@ -5,10 +5,13 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from rope_twin.cadence import SNAPSHOT_TOPICS, due_topics, slot_of
 from rope_twin.messages import Encoder
+from rope_twin.recording.input_log import InputLog, encode_json
+from rope_twin.recording.session import encode_session
+from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC
 from rope_twin.twin.handover import Handover
 from rope_twin.twin.snapshot import Snapshot
 
@@ -23,15 +26,21 @@ class Announcer:
         handover: Handover,
         publish: Callable[[str, bytes], None],
         first: Snapshot,
+        log: InputLog | None = None,
+        published: Callable[[], Mapping[str, int]] = dict,
     ) -> None:
         """`first` is not published: encoding it once, here and for nothing, loads the definitions
         of all messages. Later it would take from the time that others have until t = 0.
+        `log`: its entries are published too; `published`: messages of each topic so far.
         """
         rehearsal = Encoder(0)
         for topic in SNAPSHOT_TOPICS:
             rehearsal.encode(topic.name, first)
         self._handover = handover
         self._publish = publish
+        self._log = log
+        self._published = published
+        self._epoch_ns = 0
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
         self.processor_s = 0.0  # that publishing has used
@@ -40,9 +49,8 @@ class Announcer:
     def start(self, epoch_ns: int) -> None:
         """Publish from now on, stamped `epoch_ns` + the twin's time."""
         self._stopping.clear()
-        self._thread = threading.Thread(
-            target=self._run, args=(Encoder(epoch_ns),), name="twin-publisher", daemon=True
-        )
+        self._epoch_ns = epoch_ns
+        self._thread = threading.Thread(target=self._run, name="twin-publisher", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
@@ -52,15 +60,34 @@ class Announcer:
             self._thread.join()
             self._thread = None
 
-    def _run(self, encoder: Encoder) -> None:
+    def _run(self) -> None:
+        encoder = Encoder(self._epoch_ns)
         before_s = self.processor_s - time.thread_time()
         while True:
             snapshot = self._handover.take(timeout_s=0.05)
+            if self._announce_log(snapshot):
+                encoder = Encoder(self._epoch_ns)  # as in a replay that begins here
             if snapshot is not None:
                 self._announce(encoder, snapshot)
                 self.processor_s = before_s + time.thread_time()
             elif self._stopping.is_set():
                 return
+
+    def _announce_log(self, snapshot: Snapshot | None) -> bool:
+        """Publish what was logged before a snapshot; whether a session has begun."""
+        begun = False
+        try:
+            for name, content in self._log.messages(snapshot) if self._log else ():
+                if name == SESSION_TOPIC:
+                    begun = True
+                    self._publish(name, encode_session(content, self._published()))
+                else:
+                    self._publish(name, encode_json(content))
+        except Exception as error:
+            if not self.error:
+                _log.exception("the inputs cannot be published")
+            self.error = f"topic {INPUT_LOG_TOPIC}: {type(error).__name__}: {error}"
+        return begun
 
     def _announce(self, encoder: Encoder, snapshot: Snapshot) -> None:
         for name in due_topics(*slot_of(snapshot), snapshot):

@@ -10,7 +10,7 @@ import errno
 import os
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import rclpy
@@ -26,6 +26,9 @@ TOLD_BY = (
     "diagnostics",
 )  # a twin that is paused still sends the second, once a second
 LISTEN_S = 2.0
+ASK_AGAIN_S = 0.1  # how often the graph is asked for the name of the same publisher
+MAX_SENDERS = 1000  # publishers that are remembered
+_UNKNOWN = "_NODE_NAME_UNKNOWN_"  # what the graph calls a node that it has not heard of yet
 
 
 class Seat:
@@ -85,23 +88,52 @@ def refuse_company(node: Node) -> Seat:
     return seat
 
 
-class Turns:
-    """Whether the messages of one input come from several senders by turns: their samples mix.
+class Senders:
+    """Names of the nodes behind messages, from the graph by the publisher's identity.
 
-    A sender that follows another for good, as after a restart, is none of them.
+    A name is found once; a publisher that the graph does not know yet, or that belongs to no ROS
+    node, has none.
     """
 
-    def __init__(self) -> None:
-        self._heard: set[bytes] = set()
-        self._newest = b""
-        self.mixed = False
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._names: dict[bytes, str] = {}
+        self._asked_s: dict[bytes, float] = {}  # when the graph was asked in vain
 
-    def count(self, info: dict[str, Any]) -> None:
-        """A message has come, with what the middleware tells of it."""
-        sender = info["publisher_gid"]["data"]
-        self.mixed = self.mixed or (sender != self._newest and sender in self._heard)
-        self._heard.add(sender)
-        self._newest = sender
+    def name(self, topic: str, info: dict[str, Any]) -> str:
+        """Name of the node that has sent a message; with its namespace if that is not ours.
+
+        Returns:
+            "" while it is not known.
+        """
+        publisher = info["publisher_gid"]["data"]
+        found = self._names.get(publisher, "")
+        now_s = time.monotonic()
+        if found or now_s < self._asked_s.get(publisher, 0.0) + ASK_AGAIN_S:
+            return found
+        if len(self._names) + len(self._asked_s) > MAX_SENDERS:
+            self._names.clear()
+            self._asked_s.clear()
+        self._asked_s[publisher] = now_s
+        for end in self._node.get_publishers_info_by_topic(topic):
+            if end.node_name not in ("", _UNKNOWN):
+                self._names[bytes(end.endpoint_gid)] = self._called(end)
+        return self._names.get(publisher, "")
+
+    def present(self, topics: Iterable[str]) -> set[str]:
+        """Names of all nodes that publish on any of these topics now, and of each publisher."""
+        ends = [end for one in topics for end in self._node.get_publishers_info_by_topic(one)]
+        names = {self._called(end) for end in ends if end.node_name not in ("", _UNKNOWN)}
+        return names | {publisher_name(bytes(end.endpoint_gid)) for end in ends}
+
+    def _called(self, end: Any) -> str:
+        name, own = str(end.node_name), self._node.get_namespace()
+        return name if end.node_namespace == own else f"{end.node_namespace.rstrip('/')}/{name}"
+
+
+def publisher_name(publisher: bytes) -> str:
+    """Name of a publisher whose node is not known."""
+    return f"publisher {publisher.hex()}"
 
 
 def _until(holds: Callable[[], bool], patience_s: float) -> bool:

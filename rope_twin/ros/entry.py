@@ -16,11 +16,13 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from rope_twin.commands.run.ending import ending_signals
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.ros.executor import make_executor
+from rope_twin.run.ending import ending_signals
+from rope_twin.share import share_dir
 
 _USAGE = "parameters are given as --ros-args -p NAME:=VALUE"
+DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 PARENT = "ROPE_TWIN_PARENT"  # environment: process id of the suite that started this node
 _WAIT_S = 0.1  # the longest wait in the executor: how soon a signal is noticed
 
@@ -69,6 +71,20 @@ class StopSignal:
         """Give the signals back."""
         for number, handler in self._before.items():
             signal.signal(number, handler)
+
+
+def keep_to_loopback() -> None:
+    """Keep the nodes of this process and of those that it starts on this machine.
+
+    To be called before `initialise`. An environment that has ROS_AUTOMATIC_DISCOVERY_RANGE already
+    is left as it is. The variable limits discovery alone; the profile of Fast DDS has it receive on
+    the loopback interface only, unless the environment names another profile.
+    """
+    if DISCOVERY_RANGE in os.environ:
+        return
+    os.environ[DISCOVERY_RANGE] = "LOCALHOST"
+    profile = share_dir() / "config" / "ros" / "fastdds_loopback.xml"
+    os.environ.setdefault("FASTDDS_DEFAULT_PROFILES_FILE", str(profile))
 
 
 def initialise(args: list[str] | None) -> None:

@@ -7,40 +7,41 @@ little after t are there by then.
 
 from __future__ import annotations
 
-import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TypeVar
+from uuid import uuid4
 
-from rope_twin.commands.run.core_share import CoreShare
-from rope_twin.commands.run.summary import RunSummary, summarise
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import Status, statuses
+from rope_twin.messages.load_status import BreachWords
+from rope_twin.recording.input_log import InputLog, Mark
+from rope_twin.recording.session import Setup, describe_run, describe_session, encode_session
 from rope_twin.ros.announcer import Announcer
-from rope_twin.ros.inputs import read_current, read_cut, read_heave, read_order, read_pose
 from rope_twin.ros.params import SimulationParams
 from rope_twin.ros.run_status import (
     Clocks,
-    Refusals,
     clock_row,
-    messages_row,
     publishing_row,
     run_row,
     rung_row,
     saving_row,
 )
+from rope_twin.run.border import InputBorder
+from rope_twin.run.core_share import CoreShare
+from rope_twin.run.inputs import expect_own_sea
+from rope_twin.run.summary import RunSummary, summarise
 from rope_twin.scene.card import OTHER_SEA
-from rope_twin.scene.rigging import WINCH
-from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.topics import CUT_TOPIC, INPUTS
+from rope_twin.topics import SESSION_TOPIC
 from rope_twin.twin.accuracy.ladder import TwinLadder
 from rope_twin.twin.handover import Handover, handover_depth
+from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.pacing import Pacer, steps_in_slot
 from rope_twin.twin.precedence import fall_back, follow_ahead
+from rope_twin.twin.recovery import Recovery
 from rope_twin.twin.saving.keeper import Keeper
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
@@ -49,16 +50,20 @@ from rope_twin.twin.vibration.watch import Watch
 START_LEAD_S = 0.5  # from the epoch's publication to t = 0, for others to get ready ...
 AWAITED_LEAD_S = 1.5  # ... and, from this one's making, where others have yet to find each other
 
-Said = TypeVar("Said")
-
 
 class PacedTwin:
     """Owns the twin; inputs come in as bytes, outputs leave as bytes."""
 
     def __init__(
-        self, scene: Scene, params: SimulationParams, publish: Callable[[str, bytes], None]
+        self,
+        scene: Scene,
+        params: SimulationParams,
+        publish: Callable[[str, bytes], None],
+        published: Callable[[], Mapping[str, int]] = dict,
     ) -> None:
         """Build and compile (seconds when nothing is cached).
+
+        published: how many messages of each topic have gone out by `publish`, ever.
 
         Raises:
             SceneError: the scene cannot be built.
@@ -67,21 +72,28 @@ class PacedTwin:
         """
         self.scene = scene
         self._params = params
+        self._publish, self._published = publish, published
         self._made_ns = time.monotonic_ns()
         self.twin, self.begun = _begin(scene, params)
         self.twin.failure_folder = Path(params.failure_directory).resolve()
+        self.twin.judge_clocks(params.sender_lead_s, params.correct_sender_clocks)
         if params.other_sea:
             self.twin.doubt_card(OTHER_SEA)
+        self._recovery = Recovery(self.twin)
+        expect_own_sea(self.twin)
         self._keeper: Keeper | None = None
         if params.save_to:
             every_s = params.save_every_s * params.speed
-            self._keeper = Keeper(self.twin, Path(params.save_to).resolve(), every_s)
+            self._keeper = Keeper(self._recovery, Path(params.save_to).resolve(), every_s)
         self.ladder = _ladder(self.twin, params)
+        self._described = describe_run(scene, _setup(params), params.speed)
+        self._log = InputLog(uuid4().hex)
+        self._inputs = InputQueue(self.twin, self._keeper or self._recovery, self._log.take)
         self._first = self.twin.snapshot()
         steps = steps_in_slot(self.twin.step_s)
         self._handover = Handover(handover_depth(steps * self.twin.step_s, params.speed))
         self.pacer = Pacer(
-            self._keeper or self.twin,
+            self._inputs,
             self._handover,
             steps,
             params.speed,
@@ -89,15 +101,12 @@ class PacedTwin:
         )
         if self.ladder is not None:
             self.pacer.watch(self.ladder.judge)
-        self._announcer = Announcer(self._handover, publish, self._first)
-        self._malformed = {name: Refusals() for name in INPUTS}
-        self._ignored = 0  # inputs that came while there was no epoch to place them
+        self._announcer = Announcer(self._handover, publish, self._first, self._log, published)
         self._clocks: Clocks | None = None  # of the newest begin
-        self._lock = threading.Lock()
+        self.border = InputBorder(self.twin, self._inputs, params.command_priority)
         self._process_s = 0.0  # processor time of the whole process in earlier pacing
         self._process_at_s: float | None = None  # the same at the newest begin; None: halted
-        self.epoch_ns: int | None = None
-        self.mixed = ""  # which input came from several senders by turns
+        self._broken = BreachWords()
 
     def begin(self, ros_now_ns: int) -> int:
         """Start (or go on after `halt`) and return the epoch: ROS time of the twin's t = 0 [ns]."""
@@ -111,21 +120,38 @@ class PacedTwin:
         # A slow twin still needs whole heave samples, a fast one the same real time to get them.
         delay_ns = round(self._params.input_delay_s * max(1.0, speed) * 1e9 / speed)
         self._clocks = Clocks(ros_now_ns, steady_now_ns)
-        self.epoch_ns = epoch_ns
+        described = describe_session(self._described, self.twin, epoch_ns) | self._log.begin(at_ns)
+        self._inputs.begin()
+        self._publish(SESSION_TOPIC, encode_session(described, self._published()))
+        self.border.seats.resume(at_ns)
         if at_ns > 0:
-            self.twin.doubt_inputs()
+            self._inputs.doubt_inputs()
+        self.border.epoch_ns = epoch_ns
         self._announcer.start(epoch_ns)
         follow_ahead()
         self._process_at_s = time.process_time()
         self.pacer.start(steady_now_ns + lead_ns + delay_ns)
         return epoch_ns
 
+    def describe_again(self) -> None:
+        """Begin a session of its own for a recorder that has joined, at the next slot."""
+        epoch_ns = self.border.epoch_ns
+        if epoch_ns is None:
+            return
+
+        def mark() -> None:
+            described = describe_session(self._described, self.twin, epoch_ns)
+            self._inputs.begin()
+            self._log.take(Mark(self.twin.time_ns, described))
+
+        self._inputs.at_next_slot(mark)
+
     def halt(self) -> None:
         """Stop after the slot at hand; all that was computed is published, the state is saved."""
         self.pacer.stop()
         self._announcer.stop()
         self._process_s, self._process_at_s = self._processor_s(), None
-        self.epoch_ns = None
+        self.border.epoch_ns = None
         if self._keeper is not None:
             self._keeper.finish()
         fall_back()
@@ -151,7 +177,7 @@ class PacedTwin:
             summary,
             state=state,
             not_kept=trouble,
-            mixed=self.mixed,
+            mixed=self.border.mixed,
             rung_changes=changes,
             core_share=share,
         )
@@ -162,47 +188,19 @@ class PacedTwin:
         return self._process_s + (0.0 if at_s is None else time.process_time() - at_s)
 
     def sayings(self) -> Iterator[str]:
-        """What the ladder has done since it was asked last, a sentence each."""
+        """What the ladder has done and which limits were broken since, a sentence each."""
+        yield from self._broken.of(self.last)
         while self.ladder is not None and self.ladder.said:
             yield self.ladder.said.popleft()
 
-    def offer_heave(self, data: bytes) -> None:
-        """A ship/heave message; what is wrong with it is counted and told, never raised."""
-        said = self._read("ship/heave", lambda: read_heave(data))
-        if said is not None and (epoch_ns := self._epoch()) is not None:
-            stamp_ns, position_m, velocity_m_per_s = said
-            self.twin.offer_heave(stamp_ns - epoch_ns, position_m, velocity_m_per_s)
+    @property
+    def epoch_ns(self) -> int | None:
+        """ROS time of the twin's t = 0 [ns]; None: halted."""
+        return self.border.epoch_ns
 
-    def offer_pose(self, data: bytes) -> None:
-        """A ship/odometry message; as offer_heave."""
-        said = self._read("ship/odometry", lambda: read_pose(data))
-        if said is not None and (epoch_ns := self._epoch()) is not None:
-            stamp_ns, pose = said
-            self.twin.offer_pose(replace(pose, stamp_ns=stamp_ns - epoch_ns))
-
-    def offer_order(self, topic: str, data: bytes) -> None:
-        """A message on one of WINCH_TOPICS; as offer_heave."""
-        said = self._read(topic, lambda: read_order(topic, data))
-        if said is not None and (epoch_ns := self._epoch()) is not None:
-            stamp_ns, order, name = said
-            at_ns = None if stamp_ns is None else stamp_ns - epoch_ns
-            # a scene of one rope has one winch, whatever a console calls it
-            winch = name if is_joined(self.twin.scene) else WINCH
-            self.twin.offer_order(at_ns, order, winch)
-
-    def offer_cut(self, data: bytes) -> None:
-        """A rope/cut message; as offer_heave."""
-        said = self._read(CUT_TOPIC, lambda: read_cut(data))
-        if said is not None and (epoch_ns := self._epoch()) is not None:
-            stamp_ns, below_m, rope = said
-            at_ns = None if stamp_ns is None else stamp_ns - epoch_ns
-            self.twin.offer_cut(at_ns, below_m, rope)
-
-    def offer_current(self, data: bytes) -> None:
-        """A `current` message (it has no stamp and holds from now on); as offer_heave."""
-        said = self._read("current", lambda: read_current(data))
-        if said is not None:
-            self.twin.offer_current(said)
+    def arrival_ns(self, ros_now_ns: int) -> int | None:
+        """ROS time of a message that arrives now; None where twin time is not that of any clock."""
+        return ros_now_ns if self._params.speed == 1.0 else None
 
     def rows(self, now: Clocks) -> list[Status]:
         """Diagnostics of solver, pacing, inputs, messages and clocks."""
@@ -210,31 +208,13 @@ class PacedTwin:
         rows = [run_row(self.summary()), *statuses(self.last, health)]
         if self.ladder is not None:
             rows.append(rung_row(self.ladder, self.last))
-        rows.append(messages_row(self._malformed, self._ignored))
+        rows += self.border.rows()
         rows.append(publishing_row(self._announcer.error, health.lost_snapshots))
         if self._keeper is not None:
             rows.append(saving_row(self._keeper.health()))
-        if self.epoch_ns is not None:
+        if self.border.epoch_ns is not None:
             rows.append(clock_row(self._clock_moved_s(now)))
         return rows
-
-    def _read(self, topic: str, read: Callable[[], Said]) -> Said | None:
-        """What a message says; None, counted, if it was no proper one."""
-        try:
-            return read()
-        except InputError as error:
-            with self._lock:
-                refusals = self._malformed[topic]
-                refusals.count += 1
-                refusals.note = str(error)
-            return None
-
-    def _epoch(self) -> int | None:
-        """ROS time of t = 0 [ns]; None, counted, where there is none to place an input by."""
-        epoch_ns = self.epoch_ns
-        if epoch_ns is None:
-            self._ignored += 1
-        return epoch_ns
 
     def _clock_moved_s(self, now: Clocks) -> float:
         """By how much ROS time has moved against the steady clock since the newest begin."""
@@ -254,6 +234,21 @@ def _begin(scene: Scene, params: SimulationParams) -> tuple[Twin, str]:
         return kind(scene), f"beginning at rest: there is no saved state {path} yet"
     twin = kind.restore(path, scene)
     return twin, f"going on from {path} at {twin.time_ns * 1e-9:.2f} s"
+
+
+def _setup(params: SimulationParams) -> Setup:
+    """What of the parameters the numbers depend on."""
+    return Setup(
+        elements=params.elements or None,
+        step_s=params.step_s or None,
+        energy=params.energy,
+        error_band=params.error_band,
+        vibration=params.vibration,
+        fatigue=params.fatigue,
+        other_sea=params.other_sea,
+        sender_lead_s=params.sender_lead_s,
+        correct_sender_clocks=params.correct_sender_clocks,
+    )
 
 
 def _ladder(twin: Twin, params: SimulationParams) -> TwinLadder | None:

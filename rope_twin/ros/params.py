@@ -16,9 +16,10 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from rope_twin.commands.run.options import SPEED_HIGH, SPEED_LOW
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.quantity import Quantity, quantity, text
+from rope_twin.run.options import SPEED_HIGH, SPEED_LOW
+from rope_twin.run.seat import PRIORITY
 
 P = TypeVar("P")
 
@@ -72,8 +73,20 @@ class SimulationParams:
         "the ship moves otherwise than in the scene: by its card no error of the tension is known",
         False,
     )
+    command_priority: str = text(
+        "nodes that may command a winch, highest priority first; * stands for all others, the last "
+        "one may plan ahead", PRIORITY,
+    )  # fmt: skip
+    allow_cut: bool = text("listen to rope/cut: whoever publishes there cuts the rope", False)
     vibration: str = text("keep how the rope shakes, by this model; empty: do not", "")
     fatigue: str = text("keep the fatigue used of each metre by this curve; empty: do not", "")
+    sender_lead_s: float = quantity(
+        "a replay may publish ship motion so long before its time; a stamp further ahead of its "
+        "arrival is a fault of the sender's clock", "s", 0.0, 5.0, default=0.2,
+    )  # fmt: skip
+    correct_sender_clocks: bool = text(
+        "correct stamps of ship motion by the measured offset of their sender's clock", False
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -100,6 +113,9 @@ class SeaStateParams:
         "stamp from the twin's epoch (exact repeats); false: from now on, as a motion sensor does",
         True,
     )
+    simulation_node: str = text(
+        "node whose twin/epoch is followed; with its namespace if that is another", "simulation"
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -115,6 +131,9 @@ class WinchScheduleParams:
     lead_s: float = quantity("commands are published this long before their time", "s", 0.0, 5.0,
                              default=0.2)  # fmt: skip
     speed: float = quantity("twin time over real time", "", SPEED_LOW, SPEED_HIGH, default=1.0)
+    simulation_node: str = text(
+        "node whose twin/epoch is followed; with its namespace if that is another", "simulation"
+    )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -122,6 +141,14 @@ class RecorderParams:
     """Of the node that writes every topic of the suite to a bag."""
 
     directory: str = text("bag directory to make; empty: rope_twin_DATE_TIME here", "")
+    beside: bool = text(
+        "where the directory is in use already, record beside it, as DIRECTORY_2 and so on: for a "
+        "recorder that is started again", False,
+    )  # fmt: skip
+    standby: str = text(
+        "begin only when this file is there, in place of a recorder that died; empty: at once", ""
+    )
+    allow_cut: bool = text("record rope/cut too, where the simulation listens to it", False)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -130,6 +157,9 @@ class ViewerParams:
 
     file: str = text("write this .rrd file; empty: open a window", "")
     rate_hz: float = quantity("pictures a second", "Hz", 0.5, 10.0, default=10.0)
+    simulation_node: str = text(
+        "node whose twin/epoch is believed; with its namespace if that is another", "simulation"
+    )
 
 
 def declare(node: Node, params: type[P]) -> P:

@@ -41,6 +41,31 @@ def unsuited(node: Any, topic: Topic) -> bool:
     )
 
 
+def unheard_publishers(node: Any, topic: Topic) -> list[str]:
+    """Return who publishes to one of our inputs what it cannot take, and why, in words."""
+    row = QOS_ROWS[topic.qos]
+    found = []
+    for end in node.get_publishers_info_by_topic(topic.name):
+        offered = end.qos_profile
+        why = ""
+        if end.topic_type != topic.type_name:
+            why = f"publishes {end.topic_type} where {topic.type_name} is wanted"
+        elif row.reliable and offered.reliability == ReliabilityPolicy.BEST_EFFORT:
+            why = "offers best effort where reliable is asked for"
+        elif row.for_late_joiners and offered.durability == DurabilityPolicy.VOLATILE:
+            why = "offers volatile where transient local is asked for"
+        if why:
+            found.append(f"node {end.node_name} {why}")
+    return found
+
+
+def asked_of(topic: Topic) -> str:
+    """Return the QoS that an input asks for, in words."""
+    row = QOS_ROWS[topic.qos]
+    kept = "transient local" if row.for_late_joiners else "volatile"
+    return f"{'reliable' if row.reliable else 'best effort'}, {kept}, depth {row.depth}"
+
+
 def quiet_publisher() -> PublisherEventCallbacks:
     """For publishers: `unsuited` looks for listeners that their quality of service does not suit.
 

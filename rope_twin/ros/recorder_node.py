@@ -17,15 +17,26 @@ from rclpy.node import Node
 
 from rope_twin.errors import BagError
 from rope_twin.messages import Level, Status, encode_diagnostics
+from rope_twin.recording.bag_format import describe_topic
 from rope_twin.recording.recorder import BagRecorder
 from rope_twin.ros.arrivals import Arrivals
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import RecorderParams, declare
 from rope_twin.ros.qos import message_type, profile, quiet_listener, quiet_publisher
-from rope_twin.topics import BY_NAME, TOPICS, Qos, Topic
+from rope_twin.topics import BY_NAME, CUT_TOPIC, TOPICS, Qos, Topic
 
 _DEPTH = 1000  # what may wait in the middleware while this process is held up
 _TELL_S = 1.0
+_LOOK_S = 0.05  # on standby: how often to look whether it is time to begin
+
+
+def free_path(path: Path, suffix: str = "") -> Path:
+    """Return the path, or the first free one of PATH_2, PATH_3 and so on, before the suffix."""
+    number, free = 1, path
+    while free.exists():
+        number += 1
+        free = path.with_name(f"{path.name.removesuffix(suffix)}_{number}{suffix}")
+    return free
 
 
 class RecorderNode(Node):
@@ -42,10 +53,33 @@ class RecorderNode(Node):
         self.failure = ""  # why the bag is not whole, known when closed
 
     def begin(self) -> None:
-        """Make the bag and subscribe. Raises BagError if the bag cannot be made."""
+        """Make the bag and subscribe; on standby, when it is called.
+
+        Raises:
+            BagError: the bag cannot be made.
+        """
+        if not self._params.standby:
+            self._start()
+            return
+        for topic in TOPICS:  # what is loaded now takes no time then
+            message_type(topic)
+            describe_topic(topic)
+
+        def look() -> None:
+            if Path(self._params.standby).exists():
+                timer.cancel()
+                self._start()
+
+        timer = self.create_timer(_LOOK_S, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.get_logger().info("standing by to record")
+
+    def _start(self) -> None:
         directory = Path(self._params.directory or time.strftime("rope_twin_%Y%m%d_%H%M%S"))
-        self._recorder = BagRecorder(directory, TOPICS)
-        for topic in TOPICS:
+        if self._params.beside:
+            directory = free_path(directory)
+        topics = [t for t in TOPICS if t.name != CUT_TOPIC or self._params.allow_cut]
+        self._recorder = BagRecorder(directory, topics)
+        for topic in topics:
             depth = 1 if topic.qos is Qos.LATCHED else _DEPTH
             self._listening[topic.name] = self.create_subscription(
                 message_type(topic),
@@ -143,7 +177,9 @@ class RecorderNode(Node):
     def _keep(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
         if self._recorder is not None:
             self._arrivals.count(info)
-            self._recorder.write(topic, info["source_timestamp"] or time.time_ns(), data)
+            stamp_ns = info["source_timestamp"] or time.time_ns()
+            number = info["publication_sequence_number"] or 0
+            self._recorder.write(topic, stamp_ns, data, number & 0xFFFFFFFF)
 
     def _tell(self) -> None:
         status = self.status()

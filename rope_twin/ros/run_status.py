@@ -2,43 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
-from rope_twin.commands.run.summary import RunSummary
 from rope_twin.messages import Level, Status
+from rope_twin.run.summary import RunSummary
 from rope_twin.twin.accuracy.ladder import TwinLadder
 from rope_twin.twin.saving.keeper import SavingHealth
 from rope_twin.twin.snapshot import Snapshot
 
 RUN_ROW = "simulation: run"
+MOTION_ROW = "simulation: input heave"
 CLOCK_STEP_S = 0.05  # the system clock may differ from the steady one by this
-
-
-@dataclass
-class Refusals:
-    """Messages of one input that were no proper messages."""
-
-    count: int = 0
-    note: str = ""
 
 
 def run_row(summary: RunSummary) -> Status:
     """The figures of the run; its values are those of a RunSummary."""
     return Status(RUN_ROW, Level.OK, "the run so far", summary.as_values())
-
-
-def messages_row(malformed: Mapping[str, Refusals], ignored: int) -> Status:
-    """Messages that were refused by topic, and inputs ignored while the twin was not active."""
-    values = {topic: str(refused.count) for topic, refused in malformed.items()}
-    values["ignored while not active"] = str(ignored)
-    notes = [refused.note for refused in malformed.values() if refused.count]
-    if not notes:
-        return Status("simulation: messages", Level.OK, "every message was well formed", values)
-    total = sum(refused.count for refused in malformed.values())
-    message = f"{total} refused as malformed since the start; the newest of each: "
-    return Status("simulation: messages", Level.WARN, message + " ".join(notes), values)
 
 
 def publishing_row(error: str, lost_snapshots: int) -> Status:
@@ -71,6 +52,16 @@ def clock_row(moved_s: float) -> Status:
         )
         return Status(name, Level.WARN, message, values)
     return Status(name, Level.OK, "ROS time and the steady clock agree", values)
+
+
+def with_hint(rows: Sequence[Status], hint: Callable[[], str]) -> list[Status]:
+    """Return the rows, that of a ship motion of which nothing came with a hint on its topic."""
+    return [
+        replace(row, message=f"{row.message}; {hint()}")
+        if row.name == MOTION_ROW and row.level is Level.ERROR and row.values["accepted"] == "0"
+        else row
+        for row in rows
+    ]
 
 
 def saving_row(saving: SavingHealth) -> Status:

@@ -9,12 +9,12 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-from rope_twin.commands.run.inputs import FIRST_NS, Sea, encode_motion, motion_topic, open_sea
 from rope_twin.messages import encode_elevation
 from rope_twin.recording.heave_replay import replay_sea
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.feeding import FeedingNode
 from rope_twin.ros.params import SeaStateParams, declare
+from rope_twin.run.inputs import FIRST_NS, Sea, encode_motion, motion_topic, open_sea
 from rope_twin.scene.load import load_scene
 from rope_twin.sea.heave_response import BoxHull
 from rope_twin.sea.spectrum import jonswap
@@ -45,7 +45,7 @@ class SeaStateNode(FeedingNode):
         topics = (motion_topic(self._replay), "sea/elevation")
         self.start_feeding(topics, self._params.lead_s, self._params.speed, FIRST_NS)
         if self._params.wait_for_epoch:
-            self.await_epoch()
+            self.await_epoch(self._params.simulation_node)
         else:
             self.follow_epoch(self.get_clock().now().nanoseconds)
 

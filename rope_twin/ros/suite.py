@@ -10,19 +10,19 @@ from typing import Any
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
-from rope_twin.commands.console import FigureProgress
-from rope_twin.commands.run.options import RunOptions
-from rope_twin.commands.run.summary import RunSummary
 from rope_twin.errors import InputError
 from rope_twin.ros.ahead import CompilingAhead
 from rope_twin.ros.company import Seat, refuse_company
-from rope_twin.ros.entry import StopSignal, initialise
+from rope_twin.ros.entry import StopSignal, initialise, keep_to_loopback
 from rope_twin.ros.executor import make_executor
 from rope_twin.ros.params import overrides
 from rope_twin.ros.recorder_node import RecorderNode
 from rope_twin.ros.sea_state_node import SeaStateNode
 from rope_twin.ros.simulation_node import SimulationNode
 from rope_twin.ros.winch_schedule_node import WinchScheduleNode
+from rope_twin.run.options import RunOptions
+from rope_twin.run.progress import FigureProgress
+from rope_twin.run.summary import RunSummary
 from rope_twin.scene.load import load_scene
 
 _WAIT_S = 0.1
@@ -34,6 +34,7 @@ END_ORDER = ("simulation", "sea_state", "winch_schedule", "viewer", "recorder")
 def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
     """The parameters of each node that these options ask for; the keys are the nodes to start."""
     speed = {"speed": options.speed}
+    cut = {"allow_cut": options.allow_cut or bool(options.cut)}
     nodes: dict[str, dict[str, Any]] = {}
     nodes["sea_state"] = {
         "scene": options.scene,
@@ -46,7 +47,7 @@ def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
     nodes["winch_schedule"] = {"scene": options.scene, "cut": options.cut, **speed}
     # After those that read what the user named: nothing is made on disk for a mistyped name.
     if options.record is not None:
-        nodes["recorder"] = {"directory": str(options.record)}
+        nodes["recorder"] = {"directory": str(options.record), **cut}
     if options.view is not None:
         nodes["viewer"] = {"file": str(options.view_file or "")}
     nodes["simulation"] = {
@@ -60,6 +61,7 @@ def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
         "step_s": options.step_s or 0.0,
         "error_band": options.error_band,
         "other_sea": options.other_sea,
+        **cut,
         "vibration": options.watch.vibration if options.watch else "",
         "fatigue": options.watch.fatigue if options.watch else "",
         **speed,
@@ -176,6 +178,8 @@ def run_suite(options: RunOptions, progress: FigureProgress) -> RunSummary:
         RopeTwinError: the suite could not start; one sentence.
         KeyboardInterrupt: told to stop before the twin was built.
     """
+    if not options.network:
+        keep_to_loopback()
     stop = StopSignal()
     suite = Suite(options)
     try:

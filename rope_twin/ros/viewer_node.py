@@ -18,6 +18,7 @@ from rclpy.node import Node
 
 from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.messages import decode
+from rope_twin.ros.company import Senders
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import ViewerParams, declare
 from rope_twin.ros.qos import message_type, profile, quiet_listener
@@ -39,6 +40,7 @@ class ViewerNode(Node):
         self._queue: deque[tuple[str, int, bytes]] = deque(maxlen=_QUEUE)
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
+        self._senders = Senders(self)
         self._failure = ""
         self._shut = False  # the user has closed the window
 
@@ -81,7 +83,11 @@ class ViewerNode(Node):
             self._thread = None
 
     def _taker(self, name: str) -> Any:
-        def take(data: bytes, info: dict[str, int]) -> None:
+        def take(data: bytes, info: dict[str, Any]) -> None:
+            if name == "twin/epoch":  # another node's would shift all that is drawn
+                sender = self._senders.name(name, info)
+                if sender not in ("", self._params.simulation_node):
+                    return
             self._queue.append((name, info["source_timestamp"] or time.time_ns(), data))
 
         return take

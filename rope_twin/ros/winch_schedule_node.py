@@ -51,7 +51,7 @@ class WinchScheduleNode(FeedingNode):
         topics = topics_of(self._winches.values()) if self._winches else ()
         topics += (CUT_TOPIC,) if self._cut is not None else ()
         self.start_feeding(topics, self._params.lead_s, self._params.speed)
-        self.await_epoch()
+        self.await_epoch(self._params.simulation_node)
 
     def publish_stretch(self, epoch_ns: int, from_ns: int, to_ns: int) -> None:
         """Publish the commands of a stretch of twin time, unless someone else commands."""

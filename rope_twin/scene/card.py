@@ -1,8 +1,8 @@
 """The accuracy card of a scene: how far its tension can be trusted, by elements and step.
 
 `rope_twin accuracy SCENE` writes it to the folder `cards` beside the scene's file; here it is read.
-A card knows the digest of the scene's figures and of the solver that it was made with. When either
-changed it is old, and no error is known until it is made again.
+A card knows the digest of the scene's figures and the version of the solver that it was made
+with. When either changed it is old, and no error is known until it is made again.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from typing import Any, NamedTuple
 
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.arrays.grid import elements_with
-from rope_twin.scene.digest import scene_digest, solver_digest
+from rope_twin.scene.digest import scene_digest, solver_version
 from rope_twin.scene.schema import Scene
 
-FORMAT = 1
+FORMAT = 2
 FOLDER = "cards"
 RMS, PEAK = "tension_rms", "tension_peak"  # quantities that every card has
 OTHER_SEA = "the card's run has another sea"
@@ -85,7 +85,7 @@ class Card:
     scene: str
     seconds: float  # twin time of the run that was studied
     scene_digest: str
-    solver_digest: str
+    solver: str  # its version, and of the effects
     machine: str
     rungs: tuple[Rung, ...]
     rope_elements: tuple[int, ...] = ()  # of every rope where ropes meet, as the scene had them
@@ -109,7 +109,7 @@ class Card:
             return "the scene's elements were changed since its card was made"
         if self.scene_digest != scene_digest(scene):
             return "the scene was changed since its card was made"
-        if self.solver_digest != solver_digest(scene):
+        if self.solver != solver_version(scene):
             return "the card is old: the solver was changed since it was made"
         return ""
 
@@ -131,6 +131,7 @@ class KnownError:
     rms_pct: float = math.nan  # at most so much of the standard deviation; NaN: unknown
     peak_pct: float = math.nan  # the same for the highest value
     words: str = "unknown"  # what it is, or why it is unknown
+    seconds: float = math.inf  # twin time that the card's run covers; nothing is known beyond it
 
 
 def told_bound(bound: float) -> str:
@@ -199,7 +200,7 @@ def known_error(scene: Scene) -> KnownError:
     finest = card.finest
     if scene.ropes[0].elements > finest.elements or scene.time.step_s < finest.step_s:
         words += ", which ends at a coarser setting"
-    return KnownError(rms, peak, words)
+    return KnownError(rms, peak, words, card.seconds)
 
 
 _REMAKE = "make it again with `rope_twin accuracy SCENE`"
@@ -221,7 +222,7 @@ def _card(found: dict[str, Any]) -> Card:
         scene=str(found["scene"]),
         seconds=float(found["seconds"]),
         scene_digest=str(found["scene_digest"]),
-        solver_digest=str(found["solver_digest"]),
+        solver=str(found["solver"]),
         machine=str(found["machine"]),
         rungs=tuple(_rung(row) for row in found["rows"]),
         rope_elements=tuple(int(count) for count in found.get("rope_elements", ())),

@@ -16,7 +16,7 @@ from typing import Any
 
 import yaml
 
-from rope_twin.errors import SceneError, phrase
+from rope_twin.errors import SceneError, SceneErrors, phrase
 
 LARGEST_FILE_BYTES = 1_000_000
 DEEPEST_NESTING = 32
@@ -42,13 +42,19 @@ class Item:
     doubt: str = ""  # why readers of YAML disagree on this text; empty: they agree
 
     def find(self, path: str) -> Item:
-        """The item at a path such as `winch.schedule[2].at_s`, or the nearest one above it."""
+        """The item at a path such as `winch.schedule[2].at_s`, or the nearest one above it.
+
+        `effects.waves` is the item in that list with this one key.
+        """
         item = self
         for name, index in re.findall(r"([^.\[\]]+)|\[(\d+)\]", path):
             if name and isinstance(item.value, dict) and name in item.value:
                 item = item.value[name]
             elif index and isinstance(item.value, list) and int(index) < len(item.value):
                 item = item.value[int(index)]
+            elif name and isinstance(item.value, list):
+                named = (one.value for one in item.value if isinstance(one.value, dict))
+                item = next((one[name] for one in named if name in one), item)
             else:
                 break
         return item
@@ -79,7 +85,7 @@ class Place:
     def refuse(self, what: str, right: str) -> SceneError:
         """The error to raise: this place, what is wrong, what would be right; always one line."""
         sentence = phrase(str(self), what, right).replace("?.", "?")
-        return SceneError(" ".join(sentence.split()))
+        return SceneError(" ".join(sentence.split()), self.line)
 
 
 class _Loader(yaml.SafeLoader):
@@ -102,8 +108,10 @@ class _Loader(yaml.SafeLoader):
         return node
 
 
-def read_document(path: Path) -> tuple[Item, bytes]:
+def read_document(path: Path, errors: SceneErrors | None = None) -> tuple[Item, bytes]:
     """The tree of a YAML file and the bytes that it was read from.
+
+    errors: collects keys that come twice or are no words, and are left out; None: they are raised.
 
     Raises:
         SceneError: if the file cannot be read, is not YAML, or its top is not a mapping.
@@ -118,7 +126,10 @@ def read_document(path: Path) -> tuple[Item, bytes]:
     node = _compose(text, place)
     if node is None:
         raise place.refuse("the file is empty", "give a mapping, as in config/scenes")
-    tree = _convert(node, place)
+    found = SceneErrors() if errors is None else errors
+    tree = _convert(node, place, found)
+    if errors is None:
+        found.raise_any()
     if not isinstance(tree.value, dict):
         raise place.refuse(
             f"its top is {kind(tree)}, not a mapping", "start with keys such as `about: ...`"
@@ -195,14 +206,15 @@ def _refusal(what: str, right: str, event: yaml.Event) -> _Refusal:
     return _Refusal(what, right, _line(event))
 
 
-def _convert(node: yaml.Node, place: Place, line: int = 0) -> Item:
+def _convert(node: yaml.Node, place: Place, errors: SceneErrors, line: int = 0) -> Item:
     """The item of a node; `line` is that of its key, where it has one."""
     line = line or _line(node)
     if isinstance(node, yaml.MappingNode):
-        return Item(dict(_pairs(node, place)), line)
+        return Item(dict(_pairs(node, place, errors)), line)
     if isinstance(node, yaml.SequenceNode):
         items = [
-            _convert(child, place.index(number, line)) for number, child in enumerate(node.value)
+            _convert(child, place.index(number, line), errors)
+            for number, child in enumerate(node.value)
         ]
         return Item(items, line)
     assert isinstance(node, yaml.ScalarNode)  # PyYAML has no fourth kind
@@ -213,21 +225,23 @@ def _line(part: yaml.Node | yaml.Event) -> int:
     return part.start_mark.line + 1 if part.start_mark else 0
 
 
-def _pairs(node: yaml.MappingNode, place: Place) -> Iterator[tuple[str, Item]]:
+def _pairs(node: yaml.MappingNode, place: Place, errors: SceneErrors) -> Iterator[tuple[str, Item]]:
     """Keys and items of a mapping; a key that is no word or comes twice is refused."""
     lines: dict[str, int] = {}
     for key_node, value_node in node.value:
         line = _line(key_node)
         if not isinstance(key_node, yaml.ScalarNode):
             at = Place(place.file, place.path, line)
-            raise at.refuse("a key is itself a list or mapping", "give a word as key")
+            errors.add(at.refuse("a key is itself a list or mapping", "give a word as key"))
+            continue
         name = key_node.value
         at = place.key(name, line)
         if name in lines:
             what = f"the key {shown(name)} stands here a second time (first in line {lines[name]})"
-            raise at.refuse(what, "keep one of them")
+            errors.add(at.refuse(what, "keep one of them"))
+            continue
         lines[name] = line
-        yield name, _convert(value_node, at, line)
+        yield name, _convert(value_node, at, errors, line)
 
 
 def _scalar(node: yaml.ScalarNode, line: int) -> Item:

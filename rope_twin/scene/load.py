@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.effects import EFFECTS
-from rope_twin.errors import SceneError, did_you_mean, phrase
+from rope_twin.errors import SceneError, SceneErrors, did_you_mean, phrase
 from rope_twin.scene.document import Item, Place, kind, read_document
 from rope_twin.scene.reader import read_choice, read_object
 from rope_twin.scene.ropes import rope_presets
 from rope_twin.scene.rules.motion import beside
-from rope_twin.scene.rules.relations import faults
+from rope_twin.scene.rules.relations import independent_faults
 from rope_twin.scene.rules.sea import is_path
 from rope_twin.scene.schema import Rope, Scene
 from rope_twin.scene.shapes.shapes import SHAPES
@@ -26,28 +26,31 @@ def load_scene(name_or_path: str | Path) -> Scene:
 
     Raises:
         SceneError: with one sentence: file, line and path in it, what is wrong, what would be
-            right.
+            right; its `every` has all errors of the file: those of single values, or where there
+            are none of these, those between values.
     """
     _scene_folder()  # says so at once if the package's files are missing
-    path = _scene_path(name_or_path)
-    tree, data = read_document(path)
-    place = Place(path)
-    scene: Scene = read_object(
-        Scene,
-        tree,
-        place,
-        {
-            "RopeLine.rope": _read_rope,
-            "RopeSection.rope": _read_rope,
-            "Payload.shape": _read_shape,
-            "Scene.effects": _read_effects,
-        },
-        name=path.stem,
-        path=path,
-        digest=hashlib.sha256(data).hexdigest(),
-    )
-    for where, what, right in faults(scene):
-        raise Place(path, where, tree.find(where).line).refuse(what, right)
+    path, errors = _scene_path(name_or_path), SceneErrors()
+    tree, data = read_document(path, errors)
+    with errors:
+        scene: Scene = read_object(
+            Scene,
+            tree,
+            Place(path),
+            {
+                "RopeLine.rope": _read_rope,
+                "RopeSection.rope": _read_rope,
+                "Payload.shape": _read_shape,
+                "Scene.effects": _read_effects,
+            },
+            name=path.stem,
+            path=path,
+            digest=hashlib.sha256(data).hexdigest(),
+        )
+    errors.raise_any()
+    for where, what, right in independent_faults(scene):
+        errors.add(Place(path, where, tree.find(where).line).refuse(what, right))
+    errors.raise_any()
     return _with_files_found(scene)
 
 
@@ -117,12 +120,16 @@ def _read_effects(item: Item, place: Place) -> tuple[Any, ...]:
         raise place.refuse(f"{kind(item)} instead of a list", "give a list like `- weight: {}`")
     classes = {effect.name: effect.params for effect in EFFECTS}
     found: dict[str, Any] = {}
+    errors, listed = SceneErrors(), set()
     for number, entry in enumerate(item.value):
-        name, child, at = read_choice(entry, place.index(number, entry.line), classes)
-        _find_spectrum(child, place.file)
-        if name in found:
-            raise at.refuse("this effect is listed a second time", "keep one of them")
-        found[name] = read_object(classes[name], child, at)
+        with errors:
+            name, child, at = read_choice(entry, place.index(number, entry.line), classes)
+            _find_spectrum(child, place.file)
+            if name in listed:
+                raise at.refuse("this effect is listed a second time", "keep one of them")
+            listed.add(name)
+            found[name] = read_object(classes[name], child, at)
+    errors.raise_any()
     return tuple(found[effect.name] for effect in EFFECTS if effect.name in found)
 
 

@@ -12,7 +12,7 @@ import types
 from collections.abc import Callable, Mapping
 from typing import Any, Union, get_args, get_origin, get_type_hints
 
-from rope_twin.errors import did_you_mean
+from rope_twin.errors import SceneErrors, did_you_mean
 from rope_twin.quantity import Quantity
 from rope_twin.scene.document import Item, Place, kind, shown
 
@@ -26,23 +26,30 @@ def read_object(
     """An object of a dataclass from a mapping; `given` are fields that no key sets.
 
     Raises:
-        SceneError: at the first key that is unknown, missing or has a value that cannot be.
+        SceneError: for every key that is unknown, missing or has a value that cannot be.
     """
     fields = {key_of(field): field for field in dataclasses.fields(cls) if field.name not in given}
-    mapping = read_mapping(item, place, fields)
+    mapping, errors = _mapping(item, place, fields), SceneErrors()
+    unknown = _refuse_unknown(mapping, place, fields, errors)
     missing = [field for name, field in fields.items() if _needed(field) and name not in mapping]
+    missing = [field for field in missing if f"did you mean '{key_of(field)}'?" not in unknown]
     if missing:
         names = ", ".join(field.name for field in missing)
-        raise place.refuse(f"{names} missing", f"add {missing[0].name} ({_meaning(missing[0])})")
+        right = f"add {missing[0].name} ({_meaning(missing[0])})"
+        errors.add(place.refuse(f"{names} missing", right))
     hints = get_type_hints(cls)
     values = dict(given)
     for name, child in mapping.items():
+        if name not in fields:
+            continue
         at = place.key(name, child.line)
         own = readers.get(f"{cls.__name__}.{name}")
         field = fields[name]
-        values[field.name] = (
-            own(child, at) if own else _read(hints[field.name], child, at, field, readers)
-        )
+        with errors:
+            values[field.name] = (
+                own(child, at) if own else _read(hints[field.name], child, at, field, readers)
+            )
+    errors.raise_any()
     made = cls(**values)
     complaint = made.check() if hasattr(made, "check") else None
     if complaint:
@@ -51,16 +58,25 @@ def read_object(
     return made
 
 
-def read_mapping(item: Item, place: Place, known: Mapping[str, Any]) -> dict[str, Item]:
-    """The pairs of a mapping whose keys are all known."""
+def _mapping(item: Item, place: Place, known: Mapping[str, Any]) -> dict[str, Item]:
+    """The pairs of a mapping."""
     if not isinstance(item.value, dict):
         right = f"give a mapping with {', '.join(known)}" if known else "give an empty mapping {}"
         raise place.refuse(f"{kind(item)} instead of a mapping", right)
-    for name, child in item.value.items():
+    return item.value
+
+
+def _refuse_unknown(
+    mapping: Mapping[str, Item], place: Place, known: Mapping[str, Any], errors: SceneErrors
+) -> set[str]:
+    """Collect an error for each unknown key; what each of them says would be right."""
+    said = set()
+    for name, child in mapping.items():
         if name not in known:
             right = did_you_mean(name, known) if known else "leave it out, there is none to give"
-            raise place.key(name, child.line).refuse("unknown key", right)
-    return item.value
+            errors.add(place.key(name, child.line).refuse("unknown key", right))
+            said.add(right)
+    return said
 
 
 def read_choice(item: Item, place: Place, choices: Mapping[str, Any]) -> tuple[str, Item, Place]:
@@ -138,10 +154,12 @@ def _read_list(
     if len(item.value) != len(hints):
         what = f"{len(item.value)} values in the list"
         raise place.refuse(what, f"give {len(hints)} ({meaning})")
-    return tuple(
-        _read(hint, child, place.index(number, child.line), field, readers)
-        for number, (hint, child) in enumerate(zip(hints, item.value, strict=True))
-    )
+    errors, found = SceneErrors(), []
+    for number, (hint, child) in enumerate(zip(hints, item.value, strict=True)):
+        with errors:
+            found.append(_read(hint, child, place.index(number, child.line), field, readers))
+    errors.raise_any()
+    return tuple(found)
 
 
 def _read_named(
@@ -150,10 +168,12 @@ def _read_named(
     """A mapping from names of the file's own choice."""
     if not isinstance(item.value, dict):
         raise place.refuse(f"{kind(item)} instead of a mapping", f"give names ({_meaning(field)})")
-    return {
-        name: _read(hint, child, place.key(name, child.line), field, readers)
-        for name, child in item.value.items()
-    }
+    errors, found = SceneErrors(), {}
+    for name, child in item.value.items():
+        with errors:
+            found[name] = _read(hint, child, place.key(name, child.line), field, readers)
+    errors.raise_any()
+    return found
 
 
 def _read_truth(item: Item, place: Place, meaning: str) -> bool:

@@ -7,12 +7,14 @@ quotes in its errors. Effects bring their own parameter classes (`rope_twin.effe
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.quantity import quantity, text
+from rope_twin.scene.limits import Limits
 from rope_twin.scene.rigging import WINCH, Joint, Sheave, Strut
 from rope_twin.scene.rising import Rising
 from rope_twin.scene.sea_state import SeaState
@@ -147,6 +149,11 @@ class RopeLine:
         """Hydrodynamic diameter of the thinnest section."""
         return min(section.rope.hydrodynamic_diameter_m for section in self.made_of)
 
+    @cached_property
+    def breaking_load_n(self) -> float:
+        """MBL of the weakest section [N]."""
+        return min(section.rope.breaking_load_n for section in self.made_of)
+
     def lengths_m(self, line_out_m: float) -> list[float]:
         """How much of each section is out; the topmost goes on as far as the line out does."""
         lengths, left = [], line_out_m
@@ -213,6 +220,18 @@ class Ship:
     motion_ramp_s: float = quantity(
         "the start from rest: motion fades in over this time", "s", 0.0, 600.0, default=8.0
     )
+    max_heave_m: float = quantity(
+        "largest heave of a hang-off up or down; samples beyond it are refused", "m", 0.1, 30.0,
+        default=15.0, only_judges=True,
+    )  # fmt: skip
+    max_hang_off_speed_m_per_s: float = quantity(
+        "highest speed of a hang-off; samples that would need more are refused", "m/s", 0.1, 15.0,
+        default=7.0, only_judges=True,
+    )  # fmt: skip
+    max_hang_off_acceleration_m_per_s2: float = quantity(
+        "highest acceleration of a hang-off; samples that would need more are refused", "m/s²",
+        0.1, 50.0, default=7.0, only_judges=True,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -233,6 +252,25 @@ class Time:
         "largest tension mismatch of an accepted stage; default 0.3 % of the static top tension, "
         "1 to 500 N", "N", 1e-6, 1e4, default=None,
     )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class AcceptedWarning:
+    """A warning of `scene check` that the scene's author has judged."""
+
+    key: str = text("where the warning stands, as it is printed, like time.step_s")
+    says: str = text("words of the warning")
+    reason: str = text("why the scene is right as it is")
+
+    def check(self) -> str | None:
+        """Nothing is accepted without naming it."""
+        if self.key and self.says and self.reason:
+            return None
+        return "key, says or reason is empty; name one warning, and why it is accepted"
+
+    def matches(self, warning: str) -> bool:
+        """Whether this is the warning."""
+        return warning.startswith(f"{self.key}: ") and self.says in warning
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -257,6 +295,8 @@ class Scene:
     environment: Environment = text("water and gravity", Environment())
     effects: tuple[Any, ...] = text("what is simulated, each as `- drag: {...}`", ())
     time: Time = text("step and tolerance")
+    accept: tuple[AcceptedWarning, ...] = text("warnings of `scene check` that are accepted", ())
+    limits: Limits = text("what ropes and payloads must stay within", Limits())
 
     def listed(self, kind: type[Params]) -> Params | None:
         """The parameters of an effect, told by their class; None if the scene does not list it."""

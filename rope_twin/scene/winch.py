@@ -26,14 +26,20 @@ SWITCHES = {  # what can be switched, and the part that it needs
 }
 
 
+HOLD_SPEED, RAMP_TO_ZERO, SET_THE_BRAKE = "hold_speed", "ramp_to_zero", "brake"
+WHEN_COMMANDER_LOST = (HOLD_SPEED, RAMP_TO_ZERO, SET_THE_BRAKE)
+
+
 class _Sparing:
     """Told (and known by its digest) without the fields named here that are left out."""
 
     _spared: ClassVar[frozenset[str]]
+    _no_figures: ClassVar[frozenset[str]] = frozenset()  # fields that no digest depends on
 
     def __repr__(self) -> str:
         given = ((name, value) for name, value in vars(self).items()
-                 if value is not None or name not in self._spared)  # fmt: skip
+                 if name not in self._no_figures
+                 and (value is not None or name not in self._spared))  # fmt: skip
         return f"{type(self).__name__}({', '.join(f'{n}={v!r}' for n, v in given)})"
 
 
@@ -71,6 +77,7 @@ class Winch(_Sparing):
         ("jerk_limit_m_per_s3", "drum", "drive", "brake", "emergency_stop", "heave_compensation",
          "constant_tension", "sheave")
     )  # fmt: skip
+    _no_figures = frozenset(("when_commander_lost",))  # of a run whose commander stays
 
     speed_limit_m_per_s: float = quantity("largest speed either way", "m/s", 0.0, 5.0)
     acceleration_limit_m_per_s2: float = quantity("largest acceleration", "m/s²", 1e-3, 10.0)
@@ -90,3 +97,8 @@ class Winch(_Sparing):
     heave_compensation: HeaveCompensation | None = text("pays out as the hang-off rises", None)
     constant_tension: ConstantTension | None = text("keeps a named top tension", None)
     sheave: TopSheave | None = text("what the rope bends over at the hang-off, for fatigue", None)
+    when_commander_lost: str = text(
+        "what the winch does when the node that commands it disappears: "
+        + ", ".join(WHEN_COMMANDER_LOST),
+        RAMP_TO_ZERO,
+    )

@@ -6,6 +6,9 @@ and a phase. Axes of the ship (REP 103): x to the bow, y to port, z up, turns ri
 pitch is positive bow down. A wave a·cos(ωt) at the reference point moves it by
 a·A·cos(ωt + ε): a positive phase comes before the wave. Waves from the other side are mirrored:
 sway, roll and yaw change sign.
+
+A table need not reach as far as the waves do: below its lowest frequency the answers there hold,
+above its highest they fade to zero.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.sea.columns import find_table, read_columns
+from rope_twin.sea.components import Waves
 from rope_twin.sea.spectrum import Vector
 
 FOLDER = "responses"
@@ -24,6 +28,7 @@ SHIFTS, TURNS = ("surge", "sway", "heave"), ("roll", "pitch", "yaw")
 AMPLITUDES = (*(f"{name}_m_per_m" for name in SHIFTS), *(f"{name}_deg_per_m" for name in TURNS))
 PHASES = tuple(f"{name}_phase_deg" for name in (*SHIFTS, *TURNS))
 COLUMNS = ("heading_deg", "frequency_hz", *AMPLITUDES, *PHASES)
+FADE = 1.2  # times the highest frequency of a table: from there on the ship does not answer
 MIRRORED = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 
 Answers = NDArray[np.complex128]
@@ -38,25 +43,47 @@ class Responses:
     answer: Answers  # (6, h, f)
     source: str
 
-    def check_reach(self, frequency_hz: Vector) -> None:
-        """See that waves of these frequencies are answered.
-
-        Raises:
-            InputError: the table does not reach so far.
-        """
-        low, high = float(frequency_hz.min()), float(frequency_hz.max())
-        first, last = self.frequency_hz[[0, -1]]
-        if low < first or high > last:
-            what = f"it answers {first:g} to {last:g} Hz, the waves have {low:.3g} to {high:.3g} Hz"
-            raise InputError(phrase(self.source, what, "give a table that reaches so far"))
-
     def at(self, frequency_hz: Vector, heading: Vector) -> Answers:
         """Answers, (6, n), to waves that travel `heading` [rad] against the bow's direction.
 
-        Linear in heading and frequency, of real and imaginary part. Raises InputError as
-        `check_reach` does.
+        Linear in heading and frequency, of real and imaginary part. Below the lowest frequency its
+        answers hold, in amplitude and phase: a ship follows long waves. Above the highest they
+        fade to zero (`fade`).
         """
-        self.check_reach(frequency_hz)
+        return np.asarray(self.fade(frequency_hz) * self._held(frequency_hz, heading))
+
+    def fade(self, frequency_hz: Vector) -> Vector:
+        """What is left of the highest frequency's answers at others above it, (n,).
+
+        Half a cosine, from 1 at the highest frequency to 0 at FADE times it.
+        """
+        beyond = (frequency_hz / self.frequency_hz[-1] - 1.0) / (FADE - 1.0)
+        return np.asarray(0.5 * (1.0 + np.cos(np.pi * np.clip(beyond, 0.0, 1.0))))
+
+    def share_left_out(self, waves: Waves, bow: float, arm_m: tuple[float, float, float]) -> float:
+        """Share of the variance of a place's motion that is lost above the highest frequency.
+
+        It is that of the motion in three directions as if the answers stayed as they are at the
+        highest frequency, so it is an upper bound where they fall with frequency.
+
+        bow: heading of the bow [rad]; arm_m: from the reference point to the place, in sea axes.
+        """
+        frequency = waves.omega / (2.0 * np.pi)
+        c, s = np.cos(bow), np.sin(bow)
+        x, y, z = c * arm_m[0] + s * arm_m[1], c * arm_m[1] - s * arm_m[0], arm_m[2]
+        surge, sway, heave, roll, pitch, yaw = self._held(frequency, waves.heading - bow)
+        moved = (
+            surge + pitch * z - yaw * y,
+            sway + yaw * x - roll * z,
+            heave + roll * y - pitch * x,
+        )
+        variance = waves.amplitude_m**2 * sum(np.abs(one) ** 2 for one in moved)
+        total = float(variance.sum())
+        lost = float((variance * (1.0 - self.fade(frequency) ** 2)).sum())
+        return lost / total if total > 0.0 else 0.0
+
+    def _held(self, frequency_hz: Vector, heading: Vector) -> Answers:
+        """Answers, (6, n), of which those of the outermost frequencies hold beyond them."""
         turn = np.angle(np.exp(1j * heading))
         side = np.where(turn < 0.0, -1.0, 1.0)
         i, a = _cells(self.heading_deg, np.abs(np.degrees(turn)))

@@ -1,1 +1,1 @@
-"""What is measured of the solver itself, over the shipped scenes: the bodies of commands."""
+"""Studies of a user's own scene: the bodies of commands."""

@@ -29,7 +29,7 @@ from rope_twin.scene.rules.shedding import model_beside
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.sea_state import SeaState
 from rope_twin.studies.accuracy.run import Course, Setting, Trial
-from rope_twin.studies.bench.band import fed
+from rope_twin.studies.driven_twin import fed
 from rope_twin.studies.usual_effects import suggested
 from rope_twin.studies.variants import with_effect
 from rope_twin.twin.twin import Twin

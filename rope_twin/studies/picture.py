@@ -1,11 +1,17 @@
-"""Whether a picture can be drawn (it needs matplotlib), and writing one that was."""
+"""Pictures (they need matplotlib): panels as plain data, drawing and writing them."""
 
 from __future__ import annotations
 
 import importlib.util
 import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, phrase
 
@@ -13,7 +19,43 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+MOST_ACROSS = 3  # panels in a row
 FEW_DECADES = 200.0  # an axis whose end is less than 200 times its start is marked at 1, 2 and 5
+
+Vector = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Line:
+    """A curve, or points if its style is a marker."""
+
+    x: Sequence[float] | Vector
+    y: Sequence[float] | Vector
+    label: str = ""
+    style: str = "-"
+
+
+@dataclass(frozen=True)
+class Field:
+    """Values over a plane: (rows along y, columns along x), between the ends given."""
+
+    values: Vector
+    x: tuple[float, float]
+    y: tuple[float, float]
+    label: str  # of the colours; empty: no bar of them
+    most: float | None = None  # value of the strongest colour, ±; None: the largest
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One set of axes."""
+
+    title: str
+    x: str
+    y: str
+    lines: tuple[Line, ...] = ()
+    field: Field | None = None
+    log: bool = False  # both axes logarithmic
 
 
 def check_picture(path: Path) -> None:
@@ -60,3 +102,51 @@ def mark_decades(axes: Axes) -> None:
         axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0) if few else (1.0,)))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
         axis.set_minor_formatter(NullFormatter())
+
+
+def draw_panels(title: str, panels: Sequence[Panel], path: Path) -> None:
+    """Write panels under a title as one picture.
+
+    Raises:
+        InputError: matplotlib is not there, or the picture cannot be written.
+    """
+    check_picture(path)
+    from matplotlib.figure import Figure
+
+    across = 2 if len(panels) == 4 else min(len(panels), MOST_ACROSS)
+    down = ceil(len(panels) / across)
+    figure = Figure(figsize=(5.0 * across + 0.6, 3.8 * down), layout="constrained")
+    axes = figure.subplots(down, across, squeeze=False).ravel()
+    for panel, own in zip(panels, axes, strict=False):
+        _draw(figure, own, panel)
+    for own in axes[len(panels) :]:
+        own.set_visible(False)
+    figure.suptitle(title, fontsize=10)
+    write_picture(figure, path, 90)
+
+
+def _draw(figure: Any, axes: Any, panel: Panel) -> None:
+    if panel.field is not None:
+        most = panel.field.most
+        least = None if most is None else -most
+        image = axes.imshow(
+            panel.field.values, origin="lower", aspect="auto", cmap="RdBu_r",
+            extent=(*panel.field.x, *panel.field.y), vmin=least, vmax=most,
+        )  # fmt: skip
+        if panel.field.label:
+            figure.colorbar(image, ax=axes, label=panel.field.label)
+    for line in panel.lines:
+        axes.plot(line.x, line.y, line.style, label=line.label, linewidth=1.2, markersize=4)
+    if panel.log:
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        mark_decades(axes)
+    elif panel.lines and all(float(x).is_integer() for line in panel.lines for x in line.x):
+        axes.xaxis.get_major_locator().set_params(integer=True)  # modes and the like
+    if any(line.label for line in panel.lines):
+        axes.legend(fontsize=7)
+    if panel.field is None:
+        axes.grid(True, linewidth=0.3)
+    axes.set_title(panel.title, fontsize=9)
+    axes.set_xlabel(panel.x)
+    axes.set_ylabel(panel.y)

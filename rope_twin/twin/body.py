@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from rope_twin.core import state as rows
@@ -13,7 +11,7 @@ from rope_twin.core.body.energy import pose_of, pulls_of
 from rope_twin.core.body.parts import part_of
 from rope_twin.core.body.state import Deck, RigidBody
 from rope_twin.core.state import Rope
-from rope_twin.twin.snapshot import BodyShot, Snapshot
+from rope_twin.twin.snapshot import BodyShot, Snapshot, amended
 
 
 def with_body(shot: Snapshot, rope: Rope) -> Snapshot:
@@ -30,7 +28,7 @@ def with_body(shot: Snapshot, rope: Rope) -> Snapshot:
     if deck is not None:
         push = float(deck_pushes(deck, body, pose)[:, 2].sum())
         clearance = float(pose.place(body.corners)[:, 2].min() - body.stage[at.DECK_Z])
-    return replace(
+    return amended(
         shot,
         payload_position_m=pose.place(body.middle),
         payload_velocity_m_per_s=pose.speed(body.middle),

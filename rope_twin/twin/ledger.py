@@ -25,6 +25,7 @@ from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.accuracy.rung import Rung
 from rope_twin.twin.findings import EnergyBalance
+from rope_twin.twin.recovery import Checkpoint
 from rope_twin.twin.saving.saved_state import SavedState
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
@@ -112,6 +113,12 @@ class AccountedTwin(Twin):
         """As for a twin; the count begins anew, for other elements hold other energy."""
         super().take_rung(rung)
         self._ledger = self._opened()
+
+    def go_back(self, then: Checkpoint) -> bool:
+        """As for a twin; the count begins again: no step leads from one state to the other."""
+        went = super().go_back(then)
+        self._ledger = self._opened()
+        return went
 
     def _changing(self) -> dict[str, Any]:
         changing = super()._changing()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,7 +12,15 @@ from rope_twin.core.state import Floats, Ints, State
 from rope_twin.scene.card import KnownError
 from rope_twin.scene.schema import RopeLine, Ship
 from rope_twin.twin.motion.ship import ramp
-from rope_twin.twin.snapshot import InputHealth, RopeStrength, Snapshot, SolverHealth, Vector
+from rope_twin.twin.snapshot import (
+    CutShot,
+    InputHealth,
+    RopeStrength,
+    Snapshot,
+    SolverHealth,
+    Vector,
+    WinchShot,
+)
 
 
 class Extremes:
@@ -58,8 +67,7 @@ class RunStatistics:
     tension_top_min_n: float
 
 
-@dataclass(frozen=True)
-class Observation:
+class Observation(NamedTuple):
     """What a snapshot needs besides the solver's arrays."""
 
     stamp_ns: int
@@ -77,6 +85,8 @@ class Observation:
     computing_s: float
     inputs: dict[str, InputHealth]
     card_error: KnownError
+    winches: tuple[WinchShot, ...] = ()
+    cut: CutShot | None = None
 
 
 def observe(state: State, work: Floats, seen: Observation) -> Snapshot:
@@ -117,14 +127,16 @@ def observe(state: State, work: Floats, seen: Observation) -> Snapshot:
         solver=_solver_health(state.health, seen.computing_s),
         inputs=seen.inputs,
         card_error=seen.card_error,
+        winches=seen.winches,
+        cut=seen.cut,
         strength=(strength_of(seen.line, max(seen.run.high, top), element_tension),),
     )
 
 
 def strength_of(line: RopeLine, most_n: float, element_tension_n: Vector) -> RopeStrength:
     """What a rope has carried beside what it bears; most_n: at its upper end since the start."""
-    least = min(section.rope.breaking_load_n for section in line.made_of)
-    return RopeStrength(line.name, max(float(most_n), float(element_tension_n.max())), least)
+    highest_n = max(float(most_n), float(element_tension_n.max()))
+    return RopeStrength(line.name, highest_n, line.breaking_load_n)
 
 
 def _downward(state: State, first: int, n: int) -> Vector:
@@ -133,15 +145,16 @@ def _downward(state: State, first: int, n: int) -> Vector:
 
 
 def _solver_health(health: Ints, computing_s: float) -> SolverHealth:
+    counts = health.tolist()
     return SolverHealth(
-        steps=int(health[rows.STEPS]),
-        solves=int(health[rows.SOLVES]),
-        solves_max_per_stage=int(health[rows.SOLVES_MAX]),
-        substeps=int(health[rows.SUBSTEPS]),
-        substeps_max_per_step=int(health[rows.SUBSTEPS_MAX]),
-        rejected_substeps=int(health[rows.REJECTED]),
-        unconverged_substeps=int(health[rows.SUBSTEPS_UNCONVERGED]),
-        splits=int(health[rows.SPLITS]),
-        merges=int(health[rows.MERGES]),
+        steps=counts[rows.STEPS],
+        solves=counts[rows.SOLVES],
+        solves_max_per_stage=counts[rows.SOLVES_MAX],
+        substeps=counts[rows.SUBSTEPS],
+        substeps_max_per_step=counts[rows.SUBSTEPS_MAX],
+        rejected_substeps=counts[rows.REJECTED],
+        unconverged_substeps=counts[rows.SUBSTEPS_UNCONVERGED],
+        splits=counts[rows.SPLITS],
+        merges=counts[rows.MERGES],
         computing_s=computing_s,
     )

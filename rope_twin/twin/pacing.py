@@ -18,7 +18,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 from rope_twin.errors import SolverError
@@ -70,8 +69,7 @@ class SteadyClock:
                 return
 
 
-@dataclass(frozen=True)
-class PacingHealth:
+class PacingHealth(NamedTuple):
     """How well the twin keeps to its grid, since it was made (pauses do not count)."""
 
     running: bool = False
@@ -153,7 +151,7 @@ class Pacer:
             raise RuntimeError("the pacer is running already")
         self._halt.clear()
         self._due_ns = origin_ns + round(self.period_ns)
-        self._health = replace(self._health, running=True, error="")
+        self._health = self._health._replace(running=True, error="")
         self._thread = threading.Thread(
             target=self._run, args=(origin_ns,), name="twin-steps", daemon=True
         )
@@ -170,15 +168,14 @@ class Pacer:
         """The present figures; may be called from any thread."""
         health, late_ns, now_ns = self._health, self._late_ns, self._clock.now_ns()
         overdue_ns = now_ns - self._due_ns if health.running else 0
-        return replace(
-            health,
+        return health._replace(
             behind_s=max(0, overdue_ns) * 1e-9,
             late_ago_s=None if late_ns is None else (now_ns - late_ns) * 1e-9,
             lost_snapshots=self._handover.lost,
         )
 
     def _run(self, origin_ns: int) -> None:
-        self._health = replace(self._health, priority=step_ahead())
+        self._health = self._health._replace(priority=step_ahead())
         slot = 0
         earliest_ns = origin_ns
         processor_s = time.thread_time()
@@ -195,14 +192,14 @@ class Pacer:
             earliest_ns = began_ns + round(self.period_ns / CATCH_UP)
             late = self._judge(due_ns)
             used_s, processor_s = time.thread_time() - processor_s, time.thread_time()
-            self._health = replace(self._health, processor_s=self._health.processor_s + used_s)
+            self._health = self._health._replace(processor_s=self._health.processor_s + used_s)
             if self._has_changed(late):
                 origin_ns, slot = due_ns, 0
             self._due_ns = origin_ns + round((slot + 1) * self.period_ns)
             if 0 < self._last_ns <= self._simulated_ns:
-                self._health = replace(self._health, finished=True)
+                self._health = self._health._replace(finished=True)
                 break
-        self._health = replace(self._health, running=False)
+        self._health = self._health._replace(running=False)
 
     def _advance(self) -> bool:
         """One slot; False (with the sentence kept) if the twin cannot go on."""
@@ -213,21 +210,20 @@ class Pacer:
             self.last = self._twin.snapshot()
             self._took_ns = self._clock.now_ns() - began_ns
         except SolverError as error:
-            self._health = replace(self._health, error=str(error))
+            self._health = self._health._replace(error=str(error))
             return False
         except Exception as error:
             # A defect of the twin must show in the diagnostics, not end in a silent dead thread.
             _log.exception("the twin stopped")
-            self._health = replace(
-                self._health, error=f"the twin stopped on {type(error).__name__}: {error}"
+            self._health = self._health._replace(
+                error=f"the twin stopped on {type(error).__name__}: {error}"
             )
             return False
         steps = self._health.steps + self._steps
         self._simulated_ns += self._slot_ns
         computing_s = self._health.computing_s + computed_ns * 1e-9
         factor = self._simulated_ns * 1e-9 / computing_s if computing_s > 0.0 else 0.0
-        self._health = replace(
-            self._health,
+        self._health = self._health._replace(
             steps=steps,
             computing_s=computing_s,
             granted_s=self._health.granted_s + self.period_ns * 1e-9,
@@ -260,8 +256,7 @@ class Pacer:
         late_s = (now_ns - due_ns) * 1e-9
         if late_s > 0.0:
             self._late_ns = now_ns
-            self._health = replace(
-                self._health,
+            self._health = self._health._replace(
                 late_steps=self._health.late_steps + self._steps,
                 worst_lateness_s=max(self._health.worst_lateness_s, late_s),
             )

@@ -74,6 +74,12 @@ class Ropes(Protocol):
     def forget(self, done: int, prescribed: int) -> None:
         """Make the border after `done` steps the first one; so many after it are prescribed."""
 
+    def prescribe_again(self) -> None:
+        """Drop what is prescribed ahead to other ropes, whose winches go on from the last step."""
+
+    def border(self, first: Boundary) -> Boundary:
+        """Hang-offs and line out now, (ropes, MOTIONS); first: borders of the first rope."""
+
     def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
         """Energy and power now; pull, speed: of the first rope on its hang-off, payout [m/s]."""
 

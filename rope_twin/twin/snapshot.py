@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +15,7 @@ from rope_twin.twin.joined.lines_shot import LineEvent, LinesShot
 Vector = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
-class SolverHealth:
+class SolverHealth(NamedTuple):
     """What the step had to do since the twin started."""
 
     steps: int = 0
@@ -28,10 +28,12 @@ class SolverHealth:
     splits: int = 0
     merges: int = 0
     computing_s: float = 0.0
+    recoveries: int = 0  # failed steps after which the twin went on (twin/recovery.py)
+    recovered_ago_s: float = float("inf")  # twin time since the newest; inf: there was none
+    recovery: str = ""  # why that step failed and what was done, in one sentence
 
 
-@dataclass(frozen=True)
-class InputHealth:
+class InputHealth(NamedTuple):
     """What became of the samples of one input (heave, winch command or current)."""
 
     accepted: int = 0
@@ -39,15 +41,24 @@ class InputHealth:
     repeated: int = 0
     non_finite: int = 0
     impossible: int = 0
-    age_s: float = float("inf")  # since the newest accepted sample; inf: none yet
+    stuck: int = 0  # equal to those before them for too long
+    unconfirmed: int = 0  # after a gap, until enough of them agree with each other
+    recently_refused: int = 0  # within the last 60 s of twin time
+    age_s: float = float("inf")  # of the newest accepted stamp, negative: ahead; inf: none yet
     stale: bool = False
+    fault: str = ""  # why it cannot be relied on (ERROR)
+    warning: str = ""  # what is wrong with it, or with a sample of the last minute (WARN)
+    clock_offset_s: float | None = None  # arrival less stamp of its sender; None: not measured
+    interval_s: float | None = None  # between its samples, the median; None: not measured
     note: str = ""  # one sentence on what is done about a gap, else on the newest refusal
     refusal: str = ""  # the newest one's sentence
+    executed_late: int = 0  # of the accepted: commands that were executed after their stamp
 
     @property
     def refused(self) -> int:
         """Samples that did not reach the state."""
-        return self.late + self.repeated + self.non_finite + self.impossible
+        kinds = (self.late, self.repeated, self.non_finite, self.impossible)
+        return sum(kinds) + self.stuck + self.unconfirmed
 
 
 @dataclass(frozen=True)
@@ -95,6 +106,7 @@ class WinchShot:
     target: float  # [m/s], [m], [m] or [N]
     at_limit: str  # one sentence if a limit holds it back
     figures: tuple[tuple[str, float], ...]  # of the parts that it has, the unit in the name
+    off_schedule_s: float | None = None  # twin time at which its commands first differed from it
 
 
 @dataclass(frozen=True)
@@ -109,16 +121,31 @@ class CutShot:
 
 @dataclass(frozen=True)
 class RopeStrength:
-    """The highest tension of a rope, and what it bears."""
+    """The highest tension of a rope, beside what it bears and what it carries at rest."""
 
     name: str
-    highest_n: float  # at its upper end in all steps since the twin's start, or along it now
-    breaking_load_n: float  # of its weakest section
+    highest_n: float  # at its upper end in all steps since the start, and along it at snapshots
+    breaking_load_n: float  # MBL of its weakest section
+    static_n: float | None = None  # static tension at its upper end with the present line out
+    dynamic_amplification: float | None = None  # highest tension over static since the start
 
     @property
-    def share(self) -> float:
-        """Of the breaking load; above 1 a real rope has parted: the twin's goes on."""
+    def utilisation(self) -> float:
+        """Highest tension over MBL; above 1 a real rope has parted: the twin's goes on."""
         return self.highest_n / self.breaking_load_n
+
+
+@dataclass(frozen=True)
+class LimitBreach:
+    """A limit of the scene that was broken (twin/limits.py)."""
+
+    limit: str  # its key in the scene's `limits`
+    where: str  # name of the rope or payload
+    allowed: float  # in the unit of the key; of a bend radius [m]
+    first_s: float  # twin time at which it was first broken
+    last_s: float  # and last
+    worst: float
+    worst_s: float
 
 
 @dataclass(frozen=True)
@@ -243,6 +270,7 @@ class Snapshot:
     inputs: dict[str, InputHealth] = field(default_factory=dict)  # heave, winch_command, current
     card_error: KnownError = field(default_factory=KnownError)  # of the top tension
     strength: tuple[RopeStrength, ...] = ()  # of each rope of the scene
+    breaches: tuple[LimitBreach, ...] = ()  # limits of the scene that were broken since the start
     seabed: BedContact | None = None  # only of a scene with a seabed
     touchdowns: tuple[Touchdown, ...] = ()  # of the ropes that touch it
     bends: tuple[RopeBend, ...] = ()  # of ropes with bending stiffness or a minimum bend radius
@@ -265,6 +293,15 @@ class Snapshot:
     def time_s(self) -> float:
         """Time since the twin's start [s]."""
         return self.stamp_ns * 1e-9
+
+
+def amended(shot: Snapshot, **fields: Any) -> Snapshot:
+    """Set fields of a snapshot that is still being made, which nobody else has seen yet.
+
+    `dataclasses.replace` copies all fields and takes as long as all the rest of a snapshot.
+    """
+    vars(shot).update(fields)
+    return shot
 
 
 def first_rope(shot: Snapshot, name: str) -> RopeShot:

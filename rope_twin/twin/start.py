@@ -113,7 +113,7 @@ def weak_ropes(scene: Scene, tensions: Sequence[Floats]) -> Iterator[str]:
     for number, (line, tension) in enumerate(zip(scene.ropes, tensions, strict=True)):
         if number == 0 and alone:
             continue
-        breaking = min(one.rope.breaking_load_n for one in line.made_of)
+        breaking = line.breaking_load_n
         load = float(tension.max())
         if load > breaking / SAFETY_FACTOR:
             what = (

@@ -6,31 +6,36 @@ same inputs see the same numbers and agree to the bit.
 
 from __future__ import annotations
 
+import copy
 import math
 import time
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.errors import InputError, SolverError, StateError, phrase
-from rope_twin.scene.card import KnownError, known_error
+from rope_twin.scene.card import KnownError
 from rope_twin.scene.rules.body import refuse_body
 from rope_twin.scene.rules.rigging import is_joined, refuse_joined, winch_of
 from rope_twin.scene.rules.shedding import model_beside, refuse_shedding
 from rope_twin.scene.schema import Scene
+from rope_twin.twin.accuracy.card_validity import CUT_WORDS
 from rope_twin.twin.accuracy.regrid import HangOff
 from rope_twin.twin.accuracy.rung import Rung
 from rope_twin.twin.accuracy.rungs import Base, carry_over, error_at, top_rung
 from rope_twin.twin.body import with_body
 from rope_twin.twin.contact import bed_contact, bed_of
 from rope_twin.twin.cutting.severing import Place
+from rope_twin.twin.hoisting.line import LineOut
 from rope_twin.twin.joined.joined import JoinedRopes
-from rope_twin.twin.motion.prescribed import Inputs, Prescribed, Present
+from rope_twin.twin.limits import LoadRecord, LoadRules
+from rope_twin.twin.motion.prescribed import Inputs, LeadOver, Prescribed, Present
 from rope_twin.twin.observe import Extremes, Observation, RunStatistics, observe
+from rope_twin.twin.recovery import Checkpoint, moving_arrays
 from rope_twin.twin.ropes import ropes_of
-from rope_twin.twin.snapshot import CutShot, Snapshot
+from rope_twin.twin.saving import saved_state
+from rope_twin.twin.snapshot import CutShot, Snapshot, amended
 from rope_twin.twin.stuck import no_next_state
 from rope_twin.twin.tightest_bend import BendWatch, watches_bends
 from rope_twin.twin.told import ToldTwin
@@ -57,7 +62,6 @@ class SteppedTwin(ToldTwin):
         self.scene = scene
         self.step_s = scene.time.step_s
         self.step_ns = round(scene.time.step_s * 1e9)
-        self._card_error, self._doubt = known_error(scene), ""
         self._ropes = ropes_of(scene, STEPS_PER_CALL)
         self._rope = self._ropes.first
         self._base = Base(self._rope.model, self._rope.state.s.shape[0])
@@ -65,12 +69,18 @@ class SteppedTwin(ToldTwin):
         self._marks: list[rows.Floats] = []  # of the grids that were left for coarser ones
         super().__init__(scene, self._ropes)
         self._ahead = Prescribed(scene, STEPS_PER_CALL, self._winch.line.length_m)
+        self._lead = LeadOver(len(scene.ropes))  # after a return to an earlier state
         self._pulls = np.zeros((STEPS_PER_CALL, rows.PULL_COLUMNS))
-        self._steps = self._unconverged = 0
+        self._steps = self._unconverged = self._currents = 0
         self._computing_s = 0.0
         self._run, self._recent = Extremes(), Extremes()
         self._pull = self._ropes.find_start()
         self._recent.take([float(self._pull[rows.PULL])])
+        self._load_rules = LoadRules(scene)
+        upper = self._pull[None] if self.joined is None else self.joined.pull
+        start_n = upper[:, rows.PULL].tolist()
+        start_n[0] += self._load_rules.supported_n(float(self._tension[0]))
+        self._loads = LoadRecord(self._load_rules, start_n)
         if watches_bends(scene):
             self._bends = BendWatch(scene)
         if model_beside(scene) is not None:
@@ -89,7 +99,8 @@ class SteppedTwin(ToldTwin):
     @property
     def rope(self) -> rows.Rope:
         """The core's arrays as they are now; for the thread that advances."""
-        return self._rope._replace(effects=self._current.effects)
+        rope, effects = self._rope, self._current.effects
+        return rope if rope.effects is effects else rope._replace(effects=effects)
 
     @property
     def shaking(self) -> Shaking | None:
@@ -103,8 +114,8 @@ class SteppedTwin(ToldTwin):
 
     @property
     def card_error(self) -> KnownError:
-        """What is known of its top tension's error on the present rung, by the scene's card."""
-        return self._card_error
+        """What is known of its top tension's error now (twin/accuracy/card_validity.py)."""
+        return self._validity.claim(self._card_error, self.time_ns)
 
     @property
     def rung(self) -> Rung:
@@ -131,16 +142,14 @@ class SteppedTwin(ToldTwin):
         self._ahead.steps = 0  # borders ahead of a step that failed were for its length
         self._rope, self._marks = carry_over(self._rope, self._marks, rung, self._base, at)
         self._rung, self.step_ns, self.step_s = rung, rung.step_ns, self._rope.model.step
-        if not self._doubt:
-            self._card_error = error_at(self.scene, rung)
+        self._card_error = error_at(self.scene, rung)
 
     def doubt_card(self, why: str) -> None:
         """From here on its tension's error is unknown on every rung; `why` in words.
 
         For who knows that the run is none like the card's, as in another sea.
         """
-        self._doubt = why
-        self._card_error = KnownError(words=f"unknown: {why}")
+        self._validity.doubt(why)
 
     def advance(self, steps: int) -> None:
         """Step on.
@@ -171,14 +180,18 @@ class SteppedTwin(ToldTwin):
         if self._shaking is not None:
             steps = min(steps, self._shaking.steps_to_look(self._steps))
         with self._lock:
+            if self._current.counter.accepted != self._currents:
+                self._currents = self._current.counter.accepted
+                at_s = self.time_ns * 1e-9
+                self._validity.doubt(f"a current profile came from elsewhere at {at_s:.2f} s")
             taken = self._cut.take(self.time_ns, self._length_m)
             if taken is not None:
                 self._part(*taken)
             steps = self._cut.steps_before(self.time_ns, self.step_ns, steps)
-            told = Inputs(self._heave, self._winch, self._ropes)
+            told = Inputs(self._heave, self._winch, self._ropes, self._lead)
             now = Present(self.time_ns, self.step_ns, self._rope, float(self._pull[rows.PULL]))
             steps = self._ahead.fill(steps, told, now)
-            rope = self._rope._replace(effects=self._current.effects)
+            rope = self.rope
         pulls = self._pulls[:steps]
         done = self._ropes.advance(rope, self._boundary, self.time_ns * 1e-9, pulls)
         self._steps += done
@@ -190,12 +203,89 @@ class SteppedTwin(ToldTwin):
             self._run.take(tensions)
             self._recent.take(tensions)
         if self._shaking is not None and self._shaking.steps_to_look(self._steps) == 0:
-            currents = self._current.counter.accepted
+            currents = self._current.changes
             self._shaking.look(self.rope, self._boundary, self._steps, currents)
         self._computing_s += time.perf_counter() - began
         if done < steps:
             raise SolverError(no_next_state(self._steps + 1, self.time_ns * 1e-9))
         return done
+
+    def prescribe_again(self) -> None:
+        """Drop the motion prescribed ahead: winches go on from the line out of the last step.
+
+        After a failed step, whose inputs may be at fault; for the thread that advances.
+        """
+        with self._lock:
+            self._ahead.steps = 0
+            value, rate = self._boundary
+            self._winch.continue_from(
+                LineOut(float(value[0, rows.LINE]), float(rate[0, rows.LINE]))
+            )
+            self._ropes.prescribe_again()
+
+    def checkpoint(self) -> Checkpoint:
+        """A copy of what the steps change, for `go_back`; for the thread that advances."""
+        border = self._ropes.border(self._boundary)
+        kept = {name: array.copy() for name, array in self._moving().items()}
+        run, recent = copy.copy(self._run), copy.copy(self._recent)
+        return Checkpoint(self.time_ns, self._rung, self.cut, border, kept,
+                          self._current.effects, (run, recent))  # fmt: skip
+
+    def go_back(self, then: Checkpoint) -> bool:
+        """Put the ropes back to an earlier state at the present time; whether they fit it.
+
+        Hang-offs are led over from their places then to their live motion, winches go on from
+        the line out of then by the orders of now. A current profile that came since is reverted.
+        For the thread that advances.
+        """
+        if then.rung != self._rung or then.cut is not self.cut:
+            return False
+        present = self._ropes.border(self._boundary)
+        self.keep_current_of(then)
+        if self._moving().keys() != then.kept.keys():
+            return False
+        for _ in range(2):  # the second time views are as long as the counts of elements say
+            for name, array in self._moving().items():
+                if array.shape == then.kept[name].shape:
+                    array[...] = then.kept[name]
+        self._boundary.value[0], self._boundary.rate[0] = (table[0] for table in then.border)
+        error, rate = self._lead.at(self.time_ns)
+        moved = [
+            np.nan_to_num((old - new)[: len(error), : rows.LINE])
+            for old, new in zip(then.border, present, strict=True)
+        ]
+        self._lead.begin(self.time_ns, error + moved[0], rate + moved[1])
+        if not self._run.empty and not math.isfinite(self._run.mean):
+            self._run, self._recent = (copy.copy(one) for one in then.extremes)
+        self.prescribe_again()
+        return True
+
+    def keep_current_of(self, then: Checkpoint) -> bool:
+        """Revert a current profile that came since then; whether there was one."""
+        with self._lock:
+            return self._current.revert(then.effects, self.time_ns)
+
+    @property
+    def top_pull_n(self) -> float:
+        """Pull of the first rope on its hang-off after the newest step [N]."""
+        return float(self._pull[rows.PULL])
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether the state is one that may be published; for the thread that advances."""
+        count = self._rope.state.counts[rows.ELEMENTS] + 1
+        shown = self._rope.state.nodes[: rows.ACCELERATION, :count], self._tension, self._pull
+        return all(bool(np.isfinite(one).all()) for one in (*shown, self._boundary.value[0]))
+
+    def _moving(self) -> dict[str, rows.Floats]:
+        """Views of all arrays that the steps change, by name."""
+        parts = saved_state.changing_parts(self._rope)
+        kept = {f"rope/{name}": getattr(self._rope, name) for name in parts}
+        kept |= self._ropes.changing()
+        kept |= {"tension": self._tension, "pull": self._pull, "effects": self._current.effects}
+        return {
+            name: array for name, part in kept.items() for name, array in moving_arrays(name, part)
+        }
 
     def _forget_borders(self, done: int) -> None:
         """Make the border after `done` steps the first one, of all ropes."""
@@ -234,7 +324,7 @@ class SteppedTwin(ToldTwin):
             self._shaking.part(whole, self._rope)
         if rope == 0:
             self._boundary.value[:, rows.LINE] -= lost_m
-        self._card_error = KnownError(words="unknown: the rope was cut")
+        self._validity.doubt(CUT_WORDS)
         return lost_m
 
     def statistics(self) -> RunStatistics:
@@ -269,6 +359,8 @@ class SteppedTwin(ToldTwin):
                 computing_s=self._computing_s,
                 inputs=inputs,
                 card_error=self._card_error,
+                winches=() if winch is None else (winch,),
+                cut=self._cut.done,
             ),
         )
         self._unconverged = unconverged
@@ -276,21 +368,23 @@ class SteppedTwin(ToldTwin):
         taken = with_body(taken, self._ropes.lowest(self._rope))
         contact = bed_contact(self._rope)
         if contact is not None:
-            taken = replace(taken, seabed=contact)
-        taken = replace(taken, winches=() if winch is None else (winch,), cut=self._cut.done)
+            amended(taken, seabed=contact)
         if self._shaking is not None:
-            taken = replace(taken, vibration=self._shaking.shot(self.rope))
-        return self._with_shape(self._ropes.complete(taken, self.time_ns))
+            amended(taken, vibration=self._shaking.shot(self.rope))
+        return self._judged(self._ropes.complete(taken, self.time_ns))
 
-    def _with_shape(self, taken: Snapshot) -> Snapshot:
-        """With what the scene asks to be told of its ropes' shape: touchdown, tightest bend."""
+    def _judged(self, taken: Snapshot) -> Snapshot:
+        """With touchdown and bends, where the scene has them, loads and limits, and the error."""
+        self._validity.look(taken, self._motion_judged)
+        added: dict[str, Any] = {"card_error": self.card_error}
         bed = bed_of(self._rope)
-        if bed is None and self._bends is None:
-            return taken
-        ropes = self._ropes.hung(self._rope, taken)
-        if bed is not None:
-            found = (touchdown_of(hung, bed) for hung in ropes)
-            taken = replace(taken, touchdowns=tuple(one for one in found if one is not None))
-        if self._bends is not None:
-            taken = replace(taken, bends=self._bends.look(ropes, taken.time_s))
-        return taken
+        if bed is not None or self._bends is not None:
+            ropes = self._ropes.hung(self._rope, taken)
+            if bed is not None:
+                found = (touchdown_of(hung, bed) for hung in ropes)
+                added["touchdowns"] = tuple(one for one in found if one is not None)
+            if self._bends is not None:
+                added["bends"] = self._bends.look(ropes, taken.time_s)
+        looked = self._loads.look(taken, self._load_rules, added.get("bends", ()))
+        added["strength"], added["breaches"] = looked
+        return amended(taken, **added)

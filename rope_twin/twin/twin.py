@@ -21,8 +21,9 @@ from rope_twin.twin.stepped import SteppedTwin
 
 # What the scene or the caller gives; everything else changes and belongs to a saved state.
 _GIVEN = (
-    "scene", "step_s", "step_ns", "failure_folder", "_card_error", "_doubt", "_lock", "_pulls",
-    "_rope", "_ropes", "_base", "_ahead", "_shaking", "told", "_winch_names",
+    "scene", "step_s", "step_ns", "failure_folder", "_card_error", "_lock", "_pulls",
+    "_rope", "_ropes", "_base", "_ahead", "_shaking", "told", "_winch_names", "_first_winch_names",
+    "_own_motion", "_judges_motion", "_motion_judged", "_load_rules",
 )  # fmt: skip
 
 
@@ -86,6 +87,7 @@ class Twin(SteppedTwin):
             rope = rope_called(scene, state.about.cut_rope)
             twin._sever(0.5 * twin._length_m(rope), rope)
             twin._lose(lost_m, state.about.cut_left_m, rope)
+        digest = twin._validity.digest
         values = state.restore_into(twin._changing())
         twin._rope = twin._rope._replace(
             **{name: values.pop(f"rope/{name}") for name in saved_state.changing_parts(twin._rope)},
@@ -99,6 +101,7 @@ class Twin(SteppedTwin):
         if twin._shaking is not None:
             twin._shaking.take_back(values.pop("shaking"))
         vars(twin).update(values)
+        twin._validity.resume(digest)
         return twin
 
     def branch(self) -> Twin:
@@ -106,6 +109,7 @@ class Twin(SteppedTwin):
         with self._lock:
             twin = copy.copy(self)
             shared: dict[int, Any] = {id(self.scene): self.scene, id(self._lock): threading.Lock()}
+            shared[id(self._own_motion)] = self._own_motion
             vars(twin).update(copy.deepcopy(vars(self), shared))
         return twin
 

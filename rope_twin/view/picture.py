@@ -16,6 +16,7 @@ from rope_twin.view.sinks import free_port, has_library, load_rerun, start_viewe
 
 SIZE = (1600, 1000)
 _SETTLE_S = 90.0
+_OPEN_S = 20.0  # within which the viewer finds the first data of a file that has any
 _DRIVERS = ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d", "/usr/local/share/vulkan/icd.d")
 _EDGE = 4  # the window's outline [pixels]
 _SOFTWARE = "lvp_icd"  # lavapipe: draws on the processor, the same everywhere
@@ -77,10 +78,12 @@ def _settled(port: int, recording: Path) -> bytes:
 
     client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
     client.open(str(recording.resolve()))
-    deadline = time.monotonic() + _SETTLE_S
+    start = time.monotonic()
     before = b""
-    while time.monotonic() < deadline:
+    while (waited_s := time.monotonic() - start) < _SETTLE_S:
         state = client.get_state()
+        if waited_s > _OPEN_S and not state.recordings:
+            raise RuntimeError(f"the viewer finds nothing to show in {recording}")
         now = bytes(client.take_screenshot())
         if now == before and state.recordings and not state.loading:
             return now

@@ -6,6 +6,7 @@ import ctypes
 import importlib.util
 import os
 import socket
+import struct
 import subprocess
 import sys
 import time
@@ -17,6 +18,9 @@ from rope_twin.errors import InputError, phrase
 APPLICATION = "rope_twin"
 _VIEWER_MEMORY = "1GB"  # the window forgets its oldest data beyond this
 _START_S = 30.0
+_MARK = b"RRF2"  # of rerun's files
+_HEAD = struct.Struct("<12sQQ")  # mark, version and options; kind and length of the first message
+_KINDS = (1, 2, 3)  # store, data, blueprint; 0 ends a recording
 _X11_LIBRARIES = {  # opened by the window at run time: its file, its Debian package
     "libX11-xcb.so.1": "libx11-xcb1",
     "libXcursor.so.1": "libxcursor1",
@@ -88,6 +92,32 @@ class FileSink:
 def _unwritten(path: Path, reason: str) -> InputError:
     what = f"it cannot be written ({reason.splitlines()[0].rstrip('.')})"
     return InputError(phrase(f"file {path}", what, "name another file"))
+
+
+def recording_fault(path: Path) -> str:
+    """Return what is wrong with the beginning of an .rrd file, or "" if a viewer can read it.
+
+    A recording that a crash cut off has no footer and is fine. What the head of such a file is:
+    the mark, four bytes of version, four of options, then kind and length of the first message.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(_HEAD.size)
+            size = stream.seek(0, os.SEEK_END)
+    except OSError as error:
+        what = f"it cannot be read ({error.strerror or error})"
+        raise InputError(phrase(f"file {path}", what, "check the file's rights")) from error
+    if not head.startswith(_MARK):
+        return "it is not a rerun recording" if head else "it is empty"
+    if len(head) < _HEAD.size:
+        return "it holds no message"
+    _, kind, length = _HEAD.unpack(head)
+    if kind not in _KINDS or not 0 < length <= size - _HEAD.size:
+        return "its first message is damaged"
+    return ""
 
 
 class WindowSink:

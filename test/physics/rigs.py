@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from rope_twin import Twin
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.scene.schema import Payload, Scene
-from rope_twin.studies.rigs import NOTHING, STILL_WATER, Motion, Rig, Speeds, march, sine, still
-from rope_twin.studies.state_bench import Bench, frequency, lift
+from rope_twin.studies.driven_twin import Motion, Speeds, march, still
+from validation.rigs import NOTHING, STILL_WATER, Rig, sine
+from validation.state_bench import Bench, frequency, lift
 
 __all__ = [
     "NOTHING", "STILL_WATER", "Bench", "Motion", "Rig", "Speeds", "frequency", "lift", "march",

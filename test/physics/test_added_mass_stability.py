@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from rigs import Vector
 
-from rope_twin.studies.validation.stepping import (
+from validation.stepping import (
     PRINTED_M,
     SECONDS,
     STEPS_S,

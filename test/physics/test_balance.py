@@ -1,4 +1,4 @@
-"""Forces at rest add up. Energy and work: case P5 of `rope_twin validate`, and test_energy."""
+"""Forces at rest add up. Energy and work: case P5 of `python -m validation`, and test_energy."""
 
 from __future__ import annotations
 

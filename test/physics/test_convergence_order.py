@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from rigs import Vector, march
 
-from rope_twin.studies.bench.orders import slope
-from rope_twin.studies.validation.convergence import HEAVE, SECONDS, rms, twin_of
+from validation.convergence import HEAVE, SECONDS, rms, slope, twin_of
 
 
 def stale_error(elements: int, step: float) -> tuple[Vector, Vector]:

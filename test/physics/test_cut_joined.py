@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_joint_effects import CUT, REST, WHOLE
 
-from rope_twin import Snapshot, Twin, load_scene
+from rope_twin import Snapshot, load_scene
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
 from rope_twin.errors import InputError
@@ -18,6 +18,7 @@ from rope_twin.twin.cutting.cut_plan import PlannedCut
 from rope_twin.twin.cutting.cutting import plan_for
 from rope_twin.twin.joined.joined import JoinedRopes
 from rope_twin.twin.ledger import AccountedTwin
+from rope_twin.twin.twin import Twin
 
 
 @pytest.fixture(scope="module")

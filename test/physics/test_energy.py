@@ -10,9 +10,9 @@ import pytest
 from payout_rigs import STEEL
 from rigs import Heave, Rig, Speeds, lift, march, sine, still
 
-from rope_twin.studies.validation.snap import ROPE, SPRING
 from rope_twin.twin.findings import EnergyBalance
 from rope_twin.twin.ledger import AccountedTwin
+from validation.snap import ROPE, SPRING
 
 FREE = replace(STEEL, elements=50, tolerance=1e-2, ramp=4.0)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rope_twin.studies.validation import forced_wake, wake_cylinder
+from validation import forced_wake, wake_cylinder
 
 UPRIGHT = forced_wake.SET.upright
 

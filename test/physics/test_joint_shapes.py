@@ -10,8 +10,8 @@ import pytest
 from joint_rigs import HEAVY, LIGHT, STIFF, JointBench, Line, legs, rest, tie
 from rigs import frequency
 
+from benchmarks.joined_statics_speed import GUESSES, joined_statics_rows
 from rope_twin.core import state as rows
-from rope_twin.studies.bench.joined_statics_speed import GUESSES, joined_statics_rows
 
 
 @pytest.mark.parametrize(("a", "b", "left", "right"), [
@@ -167,7 +167,7 @@ def test_rest_is_found_from_a_tangle() -> None:
 
 
 def test_rest_is_the_same_from_every_guess() -> None:
-    """As `rope_twin bench statics` tells it."""
+    """As `python -m benchmarks statics` tells it."""
     rows = list(joined_statics_rows(("two_line_lift",), nodes=60))
     assert [row["guess"] for row in rows] == list(GUESSES)
     assert all(row["found"] for row in rows)

@@ -1,7 +1,7 @@
 """Natural frequencies, measured from free oscillations of the running twin.
 
 P2: taut string in water, n/(2·l)·√(T/μ). P3: axial modes of rope and payload, x·tan x = m·L/M'.
-The rope swinging across, by Bessel functions: case P7 of `rope_twin validate`.
+The rope swinging across, by Bessel functions: case P7 of `python -m validation`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import pytest
 from rigs import Rig, frequency, lift, march
 from scipy.optimize import brentq  # type: ignore[import-untyped]
 
-from rope_twin.studies.state_bench import pluck
+from validation.state_bench import pluck
 
 TENSION = 100e3
 STRING = Rig(length=300.0, mass=6.4, diameter=0.04, density=1025.0, gravity=0.0)

@@ -7,8 +7,8 @@ import pytest
 from payout_rigs import HMPE, STEEL, WINCH
 from rigs import Rig, Vector, march, sine
 
-from rope_twin.studies.stability.waves import HangingBar, Motion, ramped_speed
-from rope_twin.studies.stability.waves import top_tension as exact_tension
+from validation.hard_cases.waves import HangingBar, Motion, ramped_speed
+from validation.hard_cases.waves import top_tension as exact_tension
 
 COMMANDS = [(2.0, 1.0), (20.0, -1.0)]  # at, speed: pays out, then hauls
 SECONDS = 40.0

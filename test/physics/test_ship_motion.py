@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from rigs import Rig
 from scipy.spatial.transform import Rotation
 
-from rope_twin.commands.run.inputs import FIRST_NS, offer, open_sea, series_of
 from rope_twin.core import state as rows
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.recording.ship_sea import ShipOnWaves
+from rope_twin.run.inputs import FIRST_NS, offer, open_sea, series_of
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene, Ship
 from rope_twin.scene.sea_state import OnWaves, SeaState

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from rigs import Rig
 
-from rope_twin.studies.validation.statics import catenary, solve_catenary
+from validation.statics import catenary, solve_catenary
 
 HANGING = Rig(length=2000.0, density=1025.0, volume=3.0)
 CHORD = (800.0, 0.0, -600.0)  # 1000 m long

@@ -12,14 +12,14 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from rigs import Rig, Vector
 
+from benchmarks.statics_speed import GUESSES as STUDY_GUESSES
+from benchmarks.statics_speed import ON_A_BED, statics_rows
 from rope_twin.core import state as rows
 from rope_twin.core.state import Rope
 from rope_twin.core.statics.equilibrium import settle
 from rope_twin.core.statics.forces import Equilibrium
 from rope_twin.errors import SceneError
 from rope_twin.scene.arrays.build import build
-from rope_twin.studies.bench.statics_speed import GUESSES as STUDY_GUESSES
-from rope_twin.studies.bench.statics_speed import ON_A_BED, statics_rows
 from rope_twin.twin.start import find_start
 
 ENOUGH = 1e-6  # of the largest tension, mostly the top one: the largest force left at a node

@@ -8,11 +8,11 @@ from math import pi
 import numpy as np
 import pytest
 
-from rope_twin.studies.validation.steady_riser import steady_amplitude
 from rope_twin.viv.decomposed import analyse, decomposed
 from rope_twin.viv.decomposed_response import DecomposedResponse
 from rope_twin.viv.force_table import ForceTable
 from rope_twin.viv.span import Span
+from validation.steady_riser import steady_amplitude
 
 L, D, T, M, EI = 90.0, 0.03, 3700.0, 2.268, 3640.0
 DENSITY, ZETA, LIFT = 1025.0, 0.04, 0.6

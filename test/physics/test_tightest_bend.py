@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from rope_twin import Twin, load_scene
-from rope_twin.commands.run.summary import RunSummary, summarise
 from rope_twin.messages import Level
 from rope_twin.messages.diagnostics import statuses
+from rope_twin.run.summary import RunSummary, summarise
 from rope_twin.scene.digest import scene_digest
 from rope_twin.scene.schema import RopeSection, Scene
-from rope_twin.studies.rigs import Rig
 from rope_twin.twin.snapshot import Vector
 from rope_twin.twin.tightest_bend import curvatures, least_radii
+from validation.rigs import Rig
 
 
 def on_circle(radius: float, angles: Vector) -> tuple[Vector, Vector]:

@@ -12,7 +12,7 @@ from test_vibration import CABLE
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene, Winch
-from rope_twin.studies.rigs import march, sine
+from rope_twin.studies.driven_twin import march
 from rope_twin.twin.findings import RopeVibration
 from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.snapshot import Snapshot
@@ -25,6 +25,7 @@ from rope_twin.viv.lateral_modes import ModeSearch, find_lateral_modes
 from rope_twin.viv.modal_response import ModalResponse
 from rope_twin.viv.shedding import Shedding
 from rope_twin.viv.span import Span, refined
+from validation.rigs import sine
 
 WINCH = Winch(
     speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=2.0, least_line_out_m=5.0,

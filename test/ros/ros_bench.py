@@ -10,6 +10,7 @@ from rope_twin.ros.run_status import Clocks
 
 # Every wait of these tests ends as soon as it may; this is only for one that would never end.
 PATIENCE_S = 300.0
+POLL_S = 0.01  # between two looks at a condition
 
 
 def clocks() -> Clocks:
@@ -65,7 +66,17 @@ class Bench:
         deadline = time.monotonic() + timeout_s
         while not condition():
             assert time.monotonic() < deadline, f"not within {timeout_s:g} s: {what}"
-            self.executor.spin_once(timeout_sec=0.05)
+            self._spin(POLL_S)
+
+    def _spin(self, seconds: float) -> None:
+        """Let all callbacks run for a while.
+
+        A condition that publishes must not do so as often as callbacks run: each pass of the
+        executor takes one message of any topic, and what waits for the twin would grow old.
+        """
+        end = time.monotonic() + seconds
+        while (left := end - time.monotonic()) > 0.0:
+            self.executor.spin_once(timeout_sec=left)
 
     def close(self) -> None:
         import rclpy

@@ -94,6 +94,11 @@ BAD_CURRENT: dict[str, Bad] = {
     "from the bottom up": lambda t: multi_array([-100.0, 0.1, 0.0, 0.0, 0.1, 0.0]),
     "above the water": lambda t: multi_array([50.0, 0.1, 0.0]),
     "a hundred metres a second": lambda t: multi_array([0.0, 100.0, 0.0]),
+    "rows a subnormal apart": lambda t: multi_array([0.0, 0.1, 0.0, -1e-308, 9.0, 0.0]),
+    "a step of the profile": lambda t: multi_array([0.0, 0.1, 0.0, -0.02, 9.0, 0.0]),
+    "more rows than any meter": lambda t: multi_array(
+        [x for k in range(2000) for x in (-0.1 * k, 0.1, 0.0)]
+    ),
     "cut off": lambda t: multi_array([0.0, 0.1, 0.0])[:20],
 }
 BAD = {

@@ -15,13 +15,13 @@ from pathlib import Path
 
 import pytest
 
-from rope_twin.commands.run.options import RunOptions
 from rope_twin.ros import ahead
 from rope_twin.ros.ahead import CompilingAhead
 from rope_twin.ros.entry import StopSignal
+from rope_twin.run.options import RunOptions
 
 FROM_THE_CACHE = """
-from rope_twin.commands.run.options import RunOptions
+from rope_twin.run.options import RunOptions
 from rope_twin.core.step import advance_steps
 from rope_twin.ros.ahead import CompilingAhead
 from rope_twin.ros.entry import StopSignal

@@ -12,7 +12,7 @@ import pytest
 from ros_bench import PATIENCE_S
 from ros_process import Process, Processes
 
-from rope_twin.ros.company import Seat, Turns
+from rope_twin.ros.company import Seat
 
 
 def summary_of(process: Process) -> dict[str, Any]:
@@ -79,13 +79,3 @@ def test_a_run_can_begin_where_another_was_killed(processes: Processes) -> None:
     first.kill()
     second = processes.cli("run", "shallow_lift", "--headless", "--no-record", "--for", "2")
     assert second.wait() == 0
-
-
-def test_senders_by_turns_mix_and_one_after_another_do_not() -> None:
-    one, other = ({"publisher_gid": {"data": name}} for name in (b"one", b"other"))
-    turns = Turns()
-    for info in (one, one, other, other):
-        turns.count(info)
-    assert not turns.mixed
-    turns.count(one)
-    assert turns.mixed

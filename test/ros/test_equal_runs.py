@@ -8,15 +8,16 @@ from pathlib import Path
 import pytest
 from ros_process import Processes
 
-from rope_twin.commands.run.options import RunOptions
-from rope_twin.commands.run.unpaced import run_unpaced
 from rope_twin.messages import decode
 from rope_twin.recording.bag_reader import BagReader
+from rope_twin.run.options import RunOptions
+from rope_twin.run.unpaced import run_unpaced
 
 pytestmark = pytest.mark.ros
 SECONDS = 5.0
-COMPARED = ("tension_top", "tension_payload", "payload/odometry", "winch/state", "tension",
-            "rope/nodes", "hang_off/wrench", "rope/markers")  # fmt: skip
+COMPARED = ("tension_top", "tension_top_error_pct", "tension_payload", "payload/odometry",
+            "winch/state", "tension", "rope/nodes", "rope/utilisation", "hang_off/wrench",
+            "rope/markers")  # fmt: skip
 
 
 def messages(
@@ -52,6 +53,7 @@ def test_paced_and_unpaced_bags_hold_the_same_bytes(processes: Processes, tmp_pa
     for key in ("tension_top_max_n", "tension_top_mean_n", "tension_top_min_n", "line_out_m",
                 "payload_depth_m"):  # fmt: skip
         assert getattr(unpaced, key) == paced[key], key
+    assert paced["tension_top_error_pct"] == unpaced.tension_top_error_pct > 0.0
     inputs = told["ship/heave"]
     assert heard["ship/heave"][: len(inputs)] == inputs
 

@@ -10,10 +10,10 @@ import pytest
 from ros_bench import Bench
 from ros_messages import encode_speed
 
-from rope_twin.commands.run.inputs import open_sea
 from rope_twin.errors import BagError, InputError, SceneError
 from rope_twin.messages import decode, encode_epoch
 from rope_twin.recording.heave_replay import open_heave
+from rope_twin.run.inputs import open_sea
 from rope_twin.scene.load import load_scene
 from rope_twin.twin.hoisting.schedule import schedule_samples
 
@@ -27,7 +27,7 @@ def sea_state(bench: Bench, **parameters: Any) -> Any:
     from rope_twin.ros.params import overrides
     from rope_twin.ros.sea_state_node import SeaStateNode
 
-    given = {"scene": SCENE, "lead_s": LEAD_S, **parameters}
+    given = {"scene": SCENE, "lead_s": LEAD_S, "simulation_node": "bench", **parameters}
     return bench.add(SeaStateNode(parameter_overrides=overrides(given)))
 
 
@@ -35,7 +35,7 @@ def winch_schedule(bench: Bench, **parameters: Any) -> Any:
     from rope_twin.ros.params import overrides
     from rope_twin.ros.winch_schedule_node import WinchScheduleNode
 
-    given = {"scene": SCENE, "lead_s": LEAD_S, **parameters}
+    given = {"scene": SCENE, "lead_s": LEAD_S, "simulation_node": "bench", **parameters}
     return bench.add(WinchScheduleNode(parameter_overrides=overrides(given)))
 
 
@@ -49,6 +49,48 @@ def publish_epoch(bench: Bench, ahead_s: float = LEAD_S) -> int:
     epoch_ns = time.time_ns() + round(ahead_s * S)
     publisher.publish(encode_epoch(epoch_ns))
     return epoch_ns
+
+
+def test_another_node_s_epoch_is_ignored(bench: Bench) -> None:
+    """It would shift the sea; that of the simulation is followed, in whatever order they come."""
+    import rclpy
+
+    node = sea_state(bench, simulation_node="simulation")
+    node.begin()
+    heave = bench.listen("ship/heave")
+    publish_epoch(bench)
+    bench.until(lambda: node._warned, "it is noticed")
+    assert "an epoch of node bench is ignored" in next(iter(node._warned))
+    assert not heave
+    from rope_twin.ros.qos import message_type, profile
+    from rope_twin.topics import BY_NAME
+
+    simulation = bench.add(rclpy.create_node("simulation"))
+    topic = BY_NAME["twin/epoch"]
+    own = simulation.create_publisher(message_type(topic), topic.name, profile(topic.qos))
+    epoch_ns = time.time_ns() + S
+    own.publish(encode_epoch(epoch_ns))
+    bench.until(lambda: heave, "that of the simulation is followed")
+    assert (stamp_ns(heave[0]) - epoch_ns) % (S // 20) == 0
+    publish_epoch(bench, ahead_s=2.0123)
+    until = time.monotonic() + 0.5
+    bench.until(lambda: time.monotonic() > until, "half a second")
+    assert (stamp_ns(heave[-1]) - epoch_ns) % (S // 20) == 0, "it stays with the simulation's"
+
+
+def test_an_epoch_that_cannot_be_is_ignored(bench: Bench) -> None:
+    """In 1970, or more than a minute from now."""
+    node = sea_state(bench)
+    node.begin()
+    heave = bench.listen("ship/heave")
+    publisher = bench.publisher("twin/epoch")
+    bench.until(publisher.get_subscription_count, "somebody awaits the epoch")
+    for number, epoch_ns in enumerate((0, time.time_ns() + 3600 * S), start=1):
+        publisher.publish(encode_epoch(epoch_ns))
+        bench.until(lambda number=number: len(node._warned) == number, "it is noticed")
+    assert not heave
+    publisher.publish(encode_epoch(time.time_ns() + S))
+    bench.until(lambda: heave, "one that can be is followed")
 
 
 def test_the_recorded_sea_is_stamped_exactly_from_the_epoch(bench: Bench) -> None:

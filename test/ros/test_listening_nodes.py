@@ -75,7 +75,7 @@ def test_the_recorder_tells_how_it_goes(bench: Bench, tmp_path: Path) -> None:
 
 
 def test_the_viewer_writes_what_it_hears_to_a_file(bench: Bench, tmp_path: Path) -> None:
-    node = viewer(bench, file=str(tmp_path / "run.rrd"))
+    node = viewer(bench, file=str(tmp_path / "run.rrd"), simulation_node="bench")
     node.begin()
     publishers = {name: bench.publisher(name) for name in ("twin/epoch", "rope/nodes", "tension")}
     bench.until(

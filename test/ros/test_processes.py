@@ -185,6 +185,49 @@ def test_bad_messages_from_another_process_do_not_end_it(
     assert "Traceback" not in simulation.text
 
 
+def test_figures_of_the_run_are_taken_from_the_simulation_alone(bench: Bench) -> None:
+    """Another node's, with an error that would end the run, and nonsense by the right one."""
+    import rclpy
+
+    from rope_twin import Twin, load_scene
+    from rope_twin.messages import Level, Status, encode_diagnostics
+    from rope_twin.ros.processes import Monitor
+    from rope_twin.ros.qos import message_type, profile
+    from rope_twin.ros.run_status import RUN_ROW, run_row
+    from rope_twin.run.summary import summarise
+    from rope_twin.topics import BY_NAME
+
+    twin = Twin(load_scene("still_water"))
+    good = summarise(twin, twin.snapshot(), None)
+    topic = BY_NAME["diagnostics"]
+    monitor = bench.add(Monitor())
+
+    def publisher(node: Any) -> Any:
+        made = node.create_publisher(message_type(topic), topic.name, profile(topic.qos))
+        bench.until(made.get_subscription_count, "the monitor listens")
+        return made
+
+    rogue = publisher(bench.own)
+    values = run_row(good).values | {"error": json.dumps("stopped by a stranger")}
+    rogue.publish(encode_diagnostics(0, [Status(RUN_ROW, Level.OK, "", values)]))
+    bench.until(lambda: "bench" in monitor._warned, "it is noticed")
+    assert monitor.summary is None
+    own = publisher(bench.add(rclpy.create_node("simulation")))
+    for wrong in ({}, {"scene": "no JSON"}, values | {"time_s": '"soon"'}, values | {"ropes": "3"}):
+        own.publish(encode_diagnostics(0, [Status(RUN_ROW, Level.OK, "", wrong)]))
+    bench.until(lambda: "figures" in monitor._warned, "nonsense is noticed")
+    assert monitor.summary is None
+    own.publish(encode_diagnostics(0, [run_row(good)]))
+    bench.until(lambda: monitor.summary is not None, "the simulation is heard")
+    rogue.publish(encode_diagnostics(0, [Status(RUN_ROW, Level.OK, "", values)]))
+    own.publish(encode_diagnostics(0, [run_row(good)]))
+    count = bench.listen("diagnostics")
+    bench.until(lambda: own.get_subscription_count() > 1, "another listener")
+    own.publish(encode_diagnostics(0, [run_row(good)]))
+    bench.until(lambda: count, "all before it was taken")
+    assert monitor.summary == good
+
+
 @pytest.mark.parametrize("name", ENTRIES)
 def test_each_entry_ends_cleanly_on_ctrl_c(
     bench: Bench, processes: Processes, tmp_path: Path, name: str

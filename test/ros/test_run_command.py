@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from ros_process import Processes
 
 from rope_twin.cli import main
 from rope_twin.recording.bag_reader import BagReader
+from rope_twin.scene.load import load_scene
 from rope_twin.topics import TOPICS
 
 KEYS = {
@@ -161,7 +163,7 @@ def test_a_budget_is_spent_and_its_use_told(processes: Processes) -> None:
     assert 0.0 < share["steps_pct"] < share["process_pct"]
     assert 0.0 < share["publishing_pct"] < share["process_pct"]
     assert str(summary["chosen"]).startswith("--budget 20 %: ")
-    assert summary["tension_top_error_pct"] != "unknown"
+    assert summary["tension_top_error_pct"] is not None, summary["tension_top_error_reason"]
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
@@ -202,6 +204,24 @@ def test_a_bag_and_a_state_that_find_no_room_are_told_at_the_end(
     assert f"`rope_twin recover {bag}`" in str(summary["not_kept"])
     assert str(state) in str(summary["not_kept"])
     assert summary["state"] is None
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("processes_too", [False, True])
+def test_a_bag_that_is_deleted_is_noticed_and_the_run_ends_with_exit_code_1(
+    processes_too: bool, processes: Processes, tmp_path: Path
+) -> None:
+    bag = tmp_path / "bag"
+    words = ["run", "still_water", "--headless", "--json", "--record", str(bag)]
+    process = processes.cli(*words, *(["--processes"] if processes_too else []))
+    process.until_says("late")
+    shutil.rmtree(bag)
+    process.until_says("was deleted or moved while it was being recorded", 10.0)
+    process.send(signal.SIGINT)
+    assert process.wait() == 1
+    assert "Traceback" not in process.text
+    summary = last_line(re.findall(r"^\{.*\}$", process.text, re.MULTILINE)[0])
+    assert f"bag {bag}: " in str(summary["not_kept"])
 
 
 def test_as_fast_as_possible_needs_no_ros(tmp_path: Path) -> None:
@@ -338,3 +358,21 @@ def test_every_command_is_in_the_help_and_an_unknown_one_is_refused() -> None:
         assert f"\n    {name}" in done.stdout
     assert run("rnu").returncode == 2
     assert run().returncode == 2
+
+
+@pytest.mark.parametrize("how", [(), ("--processes",)])
+def test_a_broken_limit_ends_a_paced_run_with_code_4(
+    how: tuple[str, ...], processes: Processes, tmp_path: Path
+) -> None:
+    """And not early: it says so on the way, and again in its last line."""
+    text = load_scene("still_water").path.read_text(encoding="utf-8")
+    path = tmp_path / "limited.yaml"
+    path.write_text(f"{text}\nlimits: {{tension_n: 200000.0}}\n", encoding="utf-8")
+    process = processes.cli("run", str(path), "--for", "2", "--headless", "--json",
+                            "--no-record", *how)  # fmt: skip
+    assert process.wait() == 4
+    assert "limit broken: tension of 'hoist' 210.4 kN, above its limit of 200.0" in process.text
+    summary = last_line(process.text)
+    assert summary["steps"] == 200
+    (broken,) = summary["limits_broken"]  # type: ignore[misc]
+    assert (broken["limit"], broken["first_s"]) == ("tension_n", 0.0)

@@ -16,11 +16,11 @@ from ros_bench import Bench, clocks
 from ros_process import Processes
 
 from rope_twin import Twin, load_scene
-from rope_twin.commands.run.options import RunOptions
-from rope_twin.commands.run.unpaced import run_unpaced
 from rope_twin.errors import InputError
-from rope_twin.messages import decode
+from rope_twin.messages import Level, decode
 from rope_twin.recording.bag_reader import BagReader
+from rope_twin.run.options import RunOptions
+from rope_twin.run.unpaced import run_unpaced
 from rope_twin.twin.saving.saved_state import load_state
 
 pytestmark = pytest.mark.ros
@@ -119,6 +119,41 @@ def test_nothing_is_saved_unless_asked(
     assert not [row for row in node.paced.rows(clocks()) if row.name == "simulation: saving"]
     node.close()
     assert not [path for path in tmp_path.iterdir() if path.suffix == ".state"]
+
+
+@pytest.mark.parametrize("times", [1, 10**9], ids=["once", "for ever"])
+def test_a_failed_step_ends_pacing_only_if_it_fails_on(
+    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, times: int
+) -> None:
+    """Reported as an error, counted, and gone on from; five in a row end the run."""
+    import rope_twin.twin.ropes as ropes_module
+
+    step, left = ropes_module.advance, [times]
+
+    def fail(rope: object, boundary: object, pull: object, time_s: float, steps: int) -> int:
+        if time_s >= 1.0 and left[0]:
+            left[0] -= 1
+            return 0
+        return int(step(rope, boundary, pull, time_s, steps))
+
+    monkeypatch.setattr(ropes_module, "advance", fail)
+    node = simulation(bench, failure_directory=str(tmp_path), save_to=str(tmp_path / "x.state"))
+    node.begin()
+    pacer = node.paced.pacer
+    if times > 1:
+        bench.until(lambda: pacer.health().error, "it gives up")
+        assert "gives up after 5 failed steps within 60 s" in pacer.health().error
+        assert node.paced.summary().error
+        node.close()
+        assert not (tmp_path / "x.state").exists(), "what fails is not saved"
+        return
+    bench.until(lambda: node.paced.last.time_s > 1.5, "it goes on")
+    assert row(node, "solver").level == Level.ERROR
+    assert "recovered 1 time from a failed step" in row(node, "solver").message
+    assert node.paced.summary().recoveries == 1
+    assert not pacer.health().error
+    node.close()
+    assert not load_state(tmp_path / "x.state").about.failure
 
 
 @pytest.mark.long

@@ -81,3 +81,28 @@ def test_a_schedule_publishes_where_its_rows_need_it() -> None:
     assert topics("deep_lift") == (speed,)
     assert topics("emergency_stop") == (speed, "winch/switch_command")
     assert topics("abandonment_and_recovery") == WINCH_TOPICS[:4]
+
+
+def test_orders_for_another_winch_and_stops_with_any_stamp(bench: Bench) -> None:
+    """A one-rope scene refuses what is not for its winch; a stop by a broken clock stops it."""
+    from ros_messages import with_bad_nanoseconds
+
+    from rope_twin.ros.params import overrides
+    from rope_twin.ros.simulation_node import SimulationNode
+
+    node = bench.add(SimulationNode(parameter_overrides=overrides({"scene": "emergency_stop"})))
+    speed, switch = (bench.publisher(f"winch/{name}_command") for name in ("speed", "switch"))
+    mode = bench.listen("winch/mode")
+    node.begin()
+    bench.until(lambda: mode, "the winch speaks")
+    for publisher in (speed, switch):
+        bench.until(publisher.get_subscription_count, "the twin listens")
+    speed.publish(encode_order(0, Order("speed", 0.5), "port_crane")[1])
+    bench.until(lambda: _refused(node, "winch command") == 1, "it is not for this winch")
+    speed.publish(encode_order(0, Order("speed", 0.5), "")[1])
+    bench.until(lambda: "speed 0.5 m/s" in mode[-1].data, "without a name it is")
+    switch.publish(with_bad_nanoseconds(encode_order(0, Order("emergency_stop"))[1]))
+    bench.until(lambda: "emergency stop" in mode[-1].data, "it stops")
+    row = next(r for r in node.paced.rows(clocks()) if r.name == "simulation: input winch switch")
+    assert "executed at once all the same" in row.message
+    assert row.values["refused"] == "0"

@@ -10,6 +10,8 @@ from dataclasses import replace
 
 import pytest
 
+from benchmarks.effect_code import step_assembly
+from benchmarks.effect_code import traces as symbols
 from rope_twin import load_scene
 from rope_twin.core.acting.loads import add_load
 from rope_twin.core.compiler.jit import assembly
@@ -22,8 +24,6 @@ from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.weight import WeightParams
 from rope_twin.scene.arrays.build import build
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.bench.effect_code import step_assembly
-from rope_twin.studies.bench.effect_code import traces as symbols
 
 # a square root of several doubles at once: x86-64 and aarch64
 PACKED_ROOT = re.compile(r"\bv?sqrtpd\b|\bfsqrt\s+v\d+\.2d")

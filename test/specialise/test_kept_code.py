@@ -8,7 +8,9 @@ compiled:
 
 from __future__ import annotations
 
+import hashlib
 import os
+import pickle
 import subprocess
 import sys
 from collections.abc import Callable
@@ -88,6 +90,58 @@ def test_code_that_cannot_be_kept_is_told_and_runs(tmp_path: Path) -> None:
     assert "cannot be read" in complaint
     assert "is not kept" in complaint
     assert list(kept.parent.iterdir()) == [kept]
+
+
+class _Planted:
+    """Unpickling it runs a command, as whoever could write to the folder would have it."""
+
+    def __init__(self, mark: Path) -> None:
+        self._mark = mark
+
+    def __reduce__(self) -> tuple[object, tuple[str]]:
+        return os.system, (f"touch {self._mark}",)
+
+
+def test_what_was_not_written_here_is_never_unpickled(tmp_path: Path) -> None:
+    """A pickle in place of the code, with the check sum that anybody can compute, and an index."""
+    cache, mark = tmp_path / "cache", tmp_path / "mark"
+    _said(_start(cache, CHAIN))
+    (kept,) = cache.rglob("*.nbc")
+    planted = pickle.dumps(_Planted(mark))
+    kept.write_bytes(hashlib.sha256(planted).digest() + planted)
+    for index in (".nbi", ".1.nbc"):  # of numba itself
+        kept.with_name(kept.name.rpartition(".")[0].rpartition(".")[0] + index).write_bytes(planted)
+    words, complaint = _said(_start(cache, CHAIN))
+    assert words == [CHAINED, "0"]
+    assert "compiled code is damaged" in complaint
+    assert not mark.exists()
+    os.system(f"touch {mark}")  # it would have been seen
+    assert mark.exists()
+
+
+def test_a_folder_that_others_may_write_to_is_neither_read_nor_written(tmp_path: Path) -> None:
+    _said(_start(tmp_path, CHAIN))
+    (kept,) = tmp_path.rglob("*.nbc")
+    before = kept.stat().st_mtime_ns
+    (tmp_path / "rope_twin").chmod(0o777)
+    words, complaint = _said(_start(tmp_path, CHAIN))
+    assert words == [CHAINED, "0"]
+    assert len(complaint.strip().splitlines()) == 1
+    assert "others may write to the folder (mode 0777)" in complaint
+    assert kept.stat().st_mtime_ns == before
+    (tmp_path / "rope_twin").chmod(0o700)
+    assert _said(_start(tmp_path, CHAIN)) == ([CHAINED, "1"], "")
+
+
+def test_every_folder_of_the_cache_is_closed_to_others(tmp_path: Path) -> None:
+    before = os.umask(0)
+    try:
+        _said(_start(tmp_path, CHAIN))
+    finally:
+        os.umask(before)
+    folders = [path for path in tmp_path.rglob("*") if path.is_dir()]
+    assert len(folders) >= 3
+    assert {path.stat().st_mode & 0o777 for path in folders} == {0o700}
 
 
 @pytest.mark.long

@@ -33,6 +33,7 @@ def sea(height_m: float, period_s: float, seconds: float) -> list[tuple[int, flo
 def alone(scene: Scene, own: Variation, seconds: int) -> Snapshot:
     """What a twin of the member's scene and inputs comes to, a second at a time."""
     twin = Twin(change_scene(scene, own.changes))
+    twin.prescribe_motion()  # as a series is: computed
     if own.heave is not None:
         columns = (own.heave.stamp_ns, own.heave.position_m, own.heave.velocity_m_per_s)
         for stamp, z, v in zip(*(column.tolist() for column in columns), strict=True):

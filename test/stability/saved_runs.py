@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 from small_scene import digest, small_scene
 
-from rope_twin import Snapshot, Twin
+from rope_twin import Snapshot
+from rope_twin.twin.twin import Twin
 
 SAMPLE_NS = 50_000_000  # 20 Hz
 AHEAD_NS = 200_000_000

@@ -32,7 +32,10 @@ winch:
   acceleration_limit_m_per_s2: 0.3
   least_line_out_m: 50.0
   most_line_out_m: 400.0
-ship: {motion_ramp_s: 2.0}
+ship:
+  motion_ramp_s: 2.0
+  max_hang_off_speed_m_per_s: 15.0  # heave is drawn up to there
+  max_hang_off_acceleration_m_per_s2: 50.0
 effects:
   - current: {profile: [[0.0, [0.5, 0.1]], [-150.0, [0.1, 0.3]], [-500.0, [0.0, 0.0]]]}
   - weight: {}
@@ -55,7 +58,7 @@ NO_FIGURES = {
     "solver", "inputs", "winch_at_limit", "card_error", "energy", "band", "no_band", "seabed",
     "ropes",
     "payloads", "struts", "sheaves", "winches", "cut", "vibration", "fatigue", "lines",
-    "line_events", "body", "strength", "touchdowns", "bends",
+    "line_events", "body", "strength", "breaches", "touchdowns", "bends",
 }  # fmt: skip
 
 

@@ -11,10 +11,10 @@ import pytest
 from small_scene import digest, not_finite
 
 from rope_twin import Snapshot, Twin, load_scene
-from rope_twin.commands.run.options import RunOptions
-from rope_twin.commands.run.unpaced import run_unpaced
 from rope_twin.effects.rigid_body import DeckParams, RigidBodyParams
 from rope_twin.recording.bag_reader import BagReader
+from rope_twin.run.options import RunOptions
+from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.cutting.cutting import CutInput
 from rope_twin.view.rope_view import RopeView

@@ -11,12 +11,12 @@ import numpy as np
 import pytest
 from small_scene import SMALL_SCENE, digest, not_finite, small_scene
 
-from rope_twin import Snapshot, Twin, load_scene
-from rope_twin.commands.run.options import RunOptions
-from rope_twin.commands.run.unpaced import run_unpaced
+from rope_twin import Snapshot, load_scene
 from rope_twin.errors import InputError, StateError
 from rope_twin.messages import Level, statuses
 from rope_twin.recording.bag_reader import BagReader
+from rope_twin.run.options import RunOptions
+from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.accuracy.error_band import BandedTwin
 from rope_twin.twin.accuracy.ladder import TwinLadder
@@ -27,6 +27,7 @@ from rope_twin.twin.hoisting.orders import LENGTH, Order
 from rope_twin.twin.ledger import AccountedTwin
 from rope_twin.twin.pacing import SlotTimes
 from rope_twin.twin.saving.saved_state import load_state
+from rope_twin.twin.twin import Twin
 
 Kind = TypeVar("Kind", bound=Twin)
 AT_S, BELOW_M = 2.505, 80.0  # between two borders of steps

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from saved_runs import run_until
 from small_scene import digest, small_scene
 
-from rope_twin import Twin
 from rope_twin.cli import main
 from rope_twin.core.acting import hooks
 from rope_twin.effects.drag import Drag
@@ -23,6 +22,7 @@ from rope_twin.recording.bag_reader import BagReader
 from rope_twin.scene.schema import Scene
 from rope_twin.twin import ledger
 from rope_twin.twin.ledger import AccountedTwin
+from rope_twin.twin.twin import Twin
 
 MOST_GAIN_PCT = 0.1  # of the energy exchanged; the worst of 300 scenes drawn had 0.02
 SECONDS = 6.0

@@ -12,8 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from small_scene import not_finite, small_scene
 
-from rope_twin import Twin
 from rope_twin.scene.schema import Scene
+from rope_twin.twin.twin import Twin
 
 LIMIT_M = 100.0  # no motion of the hang-off may come near this
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from small_scene import digest
 
-from rope_twin import Snapshot, Twin, load_scene
+from rope_twin import Snapshot, load_scene
 from rope_twin.core import state as rows
 from rope_twin.core.joined.statics import settle_joined
 from rope_twin.effects.current import CurrentParams
@@ -21,6 +21,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.studies.variants import variant
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.twin import Twin
 
 SAMPLE_NS, AHEAD_NS = 50_000_000, 200_000_000
 

@@ -12,12 +12,13 @@ import pytest
 from saved_runs import run_until
 from small_scene import digest, small_scene
 
-from rope_twin import Snapshot, Twin
-from rope_twin.commands.run.options import RunOptions
-from rope_twin.commands.run.unpaced import measure_alone
+from rope_twin import Snapshot
 from rope_twin.errors import InputError
+from rope_twin.run.options import RunOptions
+from rope_twin.run.unpaced import measure_alone
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.saving.saved_state import SavedState
+from rope_twin.twin.twin import Twin
 
 END = 2050
 # At rest; before the commands; queue and splits; in the gap; being led back; hauling in, merges.

@@ -18,8 +18,9 @@ from weather import UNHURRIED, Weather, that_rests, weathers
 
 from rope_twin import Snapshot, Twin
 from rope_twin.scene.schema import Winch
-from rope_twin.studies.rigs import WATER, Rig, march
-from rope_twin.studies.stability.rigs import Arrays, sine
+from rope_twin.studies.driven_twin import march
+from validation.hard_cases.rigs import Arrays, sine
+from validation.rigs import WATER, Rig
 
 WATER_DRAG = st.tuples(st.floats(0.5, 2.0), st.floats(0.005, 0.05))  # normal, tangential
 

@@ -18,13 +18,14 @@ from hypothesis import strategies as st
 from small_scene import not_finite
 from weather import UNHURRIED, Weather, that_rests, weathers
 
-from rope_twin import Twin
 from rope_twin.errors import SceneError
 from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.rigs import march, sine
+from rope_twin.studies.driven_twin import march
 from rope_twin.twin.ledger import AccountedTwin
+from rope_twin.twin.twin import Twin
+from validation.rigs import sine
 
 SECONDS, LOOK_S = 8.0, 0.4
 MOST_ELEMENTS = 300  # of all ropes; the others take long and are like these

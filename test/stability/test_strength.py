@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from rope_twin import Twin, load_scene
-from rope_twin.commands.run.summary import summarise
+from rope_twin.run.summary import summarise
 from rope_twin.scene.schema import RopeLine
 
 
@@ -39,7 +39,7 @@ def test_a_peak_between_two_looks_counts_and_is_told_and_saved(tmp_path: Path) -
     shot = twin.snapshot()
     (strength,) = shot.strength
     assert strength.highest_n == twin.statistics().tension_top_max_n > shot.tension_top_n
-    assert strength.share > 1.0
+    assert strength.utilisation > 1.0
     said = summarise(twin, shot, None).as_text()
     assert "of its breaking load of 215 kN: a real rope would have parted" in said
     twin.save(tmp_path / "state")
@@ -55,7 +55,7 @@ def test_each_of_several_ropes_has_its_own(tmp_path: Path) -> None:
     shot = twin.snapshot()
     first, second = shot.strength
     assert [first.name, second.name] == ["fore", "aft"]
-    assert first.share < 0.5
+    assert first.utilisation < 0.5
     assert second.highest_n >= shot.ropes[1].tension_top_n > 200e3
     said = summarise(twin, shot, None).as_text()
     assert "highest tension of 'aft' " in said

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from small_scene import small_scene
 
-from rope_twin import Twin
+from rope_twin.scene.load import load_scene
+from rope_twin.twin.twin import Twin
 
 
 def test_a_new_plan_may_follow_a_command_at_once(tmp_path: Path) -> None:
@@ -22,3 +23,40 @@ def test_a_new_plan_may_follow_a_command_at_once(tmp_path: Path) -> None:
     assert twin.offer_speed(3_000_000_000, 0.5) == ""
     twin.advance(800)
     assert twin.snapshot().payout_speed_m_per_s == pytest.approx(0.5, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["winch", "", "hoist"])
+def test_a_scene_of_one_rope_has_a_winch_by_its_own_name_and_the_rope_s(
+    tmp_path: Path, name: str
+) -> None:
+    twin = Twin(small_scene(tmp_path))
+    assert twin.offer_speed(None, 0.5, name) == ""
+    twin.advance(400)
+    assert twin.snapshot().payout_speed_m_per_s == pytest.approx(0.5, abs=1e-9)
+
+
+def test_an_order_for_another_winch_is_refused(tmp_path: Path) -> None:
+    """Of a crane beside this one, say; the sentence has the name that is right."""
+    twin = Twin(small_scene(tmp_path))
+    sentence = twin.offer_speed(None, 0.5, "starboard_crane")
+    assert sentence == (
+        "winch command: there is no winch 'starboard_crane'; name it 'winch', or leave the name "
+        "empty."
+    )
+    twin.advance(100)
+    shot = twin.snapshot()
+    assert shot.payout_speed_m_per_s == 0.0
+    assert shot.inputs["winch_command"].impossible == 1
+
+
+def test_a_speed_beyond_the_winch_is_warned_of_for_a_minute() -> None:
+    """Also once it commands less again: the line out is another than was meant."""
+    twin = Twin(load_scene("shallow_lift"))
+    limit = twin.scene.winch.speed_limit_m_per_s
+    assert twin.offer_speed(None, 10.0 * limit) == ""
+    twin.advance(2)
+    assert twin.offer_speed(None, 0.0) == ""
+    twin.advance(200)
+    warning = twin.snapshot().inputs["winch_command"].warning
+    assert "m/s commanded" in warning
+    assert f"at most {limit:g}" in warning or f"{limit:g} m/s at most" in warning

@@ -44,7 +44,7 @@ def sample_card(scene: Scene) -> dict[str, Any]:
         "scene": scene.name,
         "seconds": 30.0,
         "scene_digest": digest.scene_digest(scene),
-        "solver_digest": digest.solver_digest(scene),
+        "solver": digest.solver_version(scene),
         "machine": "a drawing board",
         "rows": [sample_row(elements, step_s) for elements in ELEMENTS for step_s in STEPS_S],
     }

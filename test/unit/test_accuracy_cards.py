@@ -38,7 +38,7 @@ def test_a_card_is_of_a_scene_and_whole(name: str) -> None:
     assert set(own[0].figures) == set(BY_NAME)
     page = card_path(scene).with_suffix(".md").read_text(encoding="utf-8")
     assert page.startswith(f"# {name}: what accuracy costs")
-    assert f"{card.scene_digest} and solver {card.solver_digest}" in page
+    assert f"{card.scene_digest}, solver version {card.solver}." in page
     assert f"]({name}.png)" in page
     assert 5_000 < len(card_path(scene).with_suffix(".png").read_bytes()) < 100_000
 

@@ -23,9 +23,9 @@ from rope_twin.cli import _parser, main
 from rope_twin.commands import run as run_command
 from rope_twin.commands.run import calibration, choice
 from rope_twin.commands.run.calibration import Cost, measure_shares
-from rope_twin.commands.run.options import read_options
 from rope_twin.commands.run.spending import AIM, CEILING_PCT, LEAST, MOST, Bought, spend
 from rope_twin.errors import InputError
+from rope_twin.run.options import read_options
 from rope_twin.scene import card
 from rope_twin.scene.card import Rung, Setting, known_error, read_card
 from rope_twin.scene.schema import Scene
@@ -131,8 +131,8 @@ def test_a_run_says_its_error_or_that_it_is_unknown(
     assert "error of the tension 0.21 % rms, 0.11 % of its highest, at most, in the card's" in out
     assert main(unpaced(scene, "--json", "--bag", "sea_1p2m")) == 0
     told = json.loads(capsys.readouterr().out)
-    assert told["tension_top_error_pct"] == told["tension_top_peak_error_pct"] == "unknown"
-    assert told["tension_top_error_by"] == "unknown: the card's run has another sea"
+    assert told["tension_top_error_pct"] is told["tension_top_peak_error_pct"] is None
+    assert told["tension_top_error_reason"] == "unknown: the card's run has another sea"
     assert main(unpaced(scene, "--bag", "sea_1p2m")) == 0
     assert "  error unknown  " in capsys.readouterr().err, "on the way as at the end"
     card.card_path(scene).unlink()
@@ -205,7 +205,7 @@ def test_without_a_valid_card_nothing_is_bought(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     scene = carded_scene(tmp_path)
-    write_card(scene, sample_card(scene) | {"solver_digest": "old"})
+    write_card(scene, sample_card(scene) | {"solver": "old"})
     assert main(unpaced(scene, "--within", "1%")) == 1
     assert "small: the card is old: the solver was changed" in capsys.readouterr().err
     card.card_path(scene).unlink()
@@ -244,7 +244,10 @@ def test_a_window_that_ends_before_the_run_is_told_or_refused(
     assert main([*words, "30.02"]) == 0
     assert "in the card's run of 60 s; next better" in capsys.readouterr().err
     assert main([*words, "60.02"]) == 0
-    longer = "in the card's run of 60 s (this one goes on beyond it, where no error was measured);"
+    longer = (
+        "in the card's run of 60 s (of this one the error is unknown after that: the card's run "
+        "ended at 60 s);"
+    )
     assert longer in capsys.readouterr().err
 
 
@@ -349,7 +352,10 @@ def test_a_budget_in_another_sea_claims_no_error(
     monkeypatch.setattr(choice, "measure_setting", lambda *args, **more: cheap)
     words = ["run", str(scene.path), "--no-record", "--budget", "20%"]
     for more, said in (
-        ([], "tension_rms within 0.06 % in the card's run of 30 s (this one goes on beyond it"),
+        (
+            [],
+            "tension_rms within 0.06 % in the card's run of 30 s (of this one the error",
+        ),
         (["--bag", "sea_1p2m"], "of its error nothing is known: the card's run has another sea;"),
     ):
         args = _parser({"run": run_command}).parse_args([*words, *more])

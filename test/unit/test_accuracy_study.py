@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from rope_twin.cli import main
-from rope_twin.commands.run.options import RunOptions
-from rope_twin.commands.run.unpaced import UnpacedRun
 from rope_twin.effects import EFFECTS
 from rope_twin.errors import InputError
+from rope_twin.run.options import RunOptions
+from rope_twin.run.unpaced import UnpacedRun
 from rope_twin.scene import card
 from rope_twin.scene.card import known_error, read_card
 from rope_twin.scene.change import Change, change_scene

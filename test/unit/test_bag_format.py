@@ -20,10 +20,12 @@ from rope_twin.messages import (
     encode_heave,
     encode_order,
     encode_pose,
+    encode_seat,
     statuses,
 )
 from rope_twin.messages.cdr import deserialise, new, serialise
 from rope_twin.recording.bag_writer import BagWriter
+from rope_twin.recording.input_log import encode_json
 from rope_twin.topics import BY_NAME, TOPICS, Qos, Topic
 from rope_twin.twin.hoisting.orders import Order
 
@@ -45,6 +47,9 @@ def all_messages(stamp_ns: int) -> dict[str, bytes]:
         **dict(encode_order(stamp_ns, order) for order in ONE_OF_EACH),
         **dict([encode_cut(stamp_ns, 1500.0)]),
         "twin/epoch": encode_epoch(EPOCH_NS),
+        "winch/seat": encode_seat("winch: console"),
+        "twin/session": encode_json({"session": 1}),
+        "twin/inputs": encode_json({"number": 1}),
         "diagnostics": encode_diagnostics(stamp_ns, statuses(snapshot, None)),
         "current": serialise(
             new("std_msgs/msg/Float64MultiArray", layout=layout, data=hanging_rope().arc_length_m)
@@ -96,7 +101,7 @@ def test_rosbags_reader_sees_types_qualities_counts_and_notes(bag):
             (qos,) = connection.ext.offered_qos_profiles
             assert connection.msgtype == topic.type_name
             assert connection.digest.startswith("RIHS01_")
-            reliable = topic.qos in (Qos.COMMAND, Qos.LATCHED)
+            reliable = topic.qos in (Qos.COMMAND, Qos.LATCHED, Qos.LOG)
             assert (qos.reliability is QosReliability.RELIABLE) == reliable
             assert (qos.durability is QosDurability.TRANSIENT_LOCAL) == (topic.qos is Qos.LATCHED)
             assert qos.deadline.sec == 9223372036

@@ -2,6 +2,7 @@
 
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -173,6 +174,28 @@ def test_the_recorder_tells_a_full_disk_and_goes_on(tmp_path, small_files):
         small_files()
     assert recorder.health().trouble == ""
     assert len(stamps_in(tmp_path / "bag")) == count
+
+
+@pytest.mark.parametrize("what", ["deleted", "file deleted", "moved", "made again"])
+def test_a_bag_that_is_deleted_or_moved_is_noticed_within_two_seconds(tmp_path, what):
+    bag = tmp_path / "bag"
+    recorder = BagRecorder(bag, HEAVE)
+    recorder.write("ship/heave", START_NS, encode_heave(START_NS, 0.0, 0.0))
+    wait_for(lambda: recorder.health().recorded == 1)
+    assert recorder.health().trouble == ""
+    if what == "moved":
+        bag.rename(tmp_path / "elsewhere")
+    elif what == "file deleted":
+        next(bag.glob("*.mcap")).unlink()
+    else:
+        shutil.rmtree(bag)
+    if what == "made again":
+        BagWriter(bag, HEAVE).close()
+    wait_for(lambda: recorder.health().trouble, 2.0)
+    words = f"bag {bag}: its folder or file was deleted or moved while it was being recorded"
+    assert recorder.health().trouble.startswith(words)
+    with pytest.raises(BagError, match="was deleted or moved"):
+        recorder.close()
 
 
 def test_what_waits_for_a_full_disk_is_bounded(tmp_path, small_files, monkeypatch):

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import resource
 import subprocess
 import sys
+from dataclasses import replace
 from math import nan
 from pathlib import Path
 
@@ -13,6 +15,9 @@ from bag_samples import swell, write_heave
 
 from rope_twin import cli
 from rope_twin.cli import main
+from rope_twin.errors import InputError
+from rope_twin.run.options import RunOptions, check_against_scene
+from rope_twin.scene.load import load_scene
 
 
 @pytest.mark.parametrize(
@@ -56,11 +61,16 @@ def test_a_value_that_begins_with_minus_stands_behind_an_equals_sign(
     [
         ("view sea_1p2m --save {folder}", "file {folder}: it cannot be written (Is a directory)"),
         ("view sea_1p2m --screenshot a.jpg", "--screenshot a.jpg: pictures are PNG; end it in .pn"),
-        ("validate P9 --into {folder}", "{folder}/validation.md: it has no place for the cases"),
-        ("validate p9", "validate: there is no case 'p9'; did you mean 'P9'?"),
         ("scene measure still_water --for 1e9", "--for: 1e+09 s is too long; give at most 1e+07"),
         ("study sea_and_lod", "study 'sea_and_lod': there is no such study; did you mean 'sea_an"),
         ("run bridle_lift --speed 0 --for 1 --no-record --fatigue spiral_wire", "ropes meet here"),
+        ("run still_water --for 0.001", "--for 0.001: the run would be shorter than one step"),
+        ("run --speed 0 --for 1e-9", "--for 1e-09: the run would be shorter than one step"),
+        (
+            "run still_water --bag-start 5",
+            "--bag-start 5: there is no bag to start in: scene still",
+        ),
+        ("run smooth_2km --bag-start 5", "--bag-start 5: there is no bag to start in: scene smoot"),
         ("ensemble deep_lift --members 2 --look 0 --vary time.step_s=1..2", "--look: 0.0 s is not"),
     ],
 )
@@ -73,6 +83,41 @@ def test_what_cannot_be_is_told_before_anything_runs(
     assert said.err.count("\n") == 1
     assert not said.out
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("for_s", "end_s", "words"),
+    [
+        ("0.207", 0.22, "it is no whole number of steps of 0.01 s"),
+        ("0.203", 0.2, "it is no whole number of steps of 0.01 s"),
+        ("0.21", 0.22, "steps of 0.01 s are taken 2 at a time"),
+        ("0.2", 0.2, ""),
+    ],
+)
+def test_a_run_that_cannot_end_when_asked_says_when_it_does(
+    for_s: str, end_s: float, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The run was of another length than asked for, without a word."""
+    options = ["run", "still_water", "--speed", "0", "--no-record", "--json", "--for", for_s]
+    assert main(options) == 0
+    said = capsys.readouterr()
+    sentence = f"--for {for_s}: {words}; the run ends at {end_s:g} s.\n"
+    assert (sentence in said.err) if words else ("--for" not in said.err)
+    assert json.loads(said.out.splitlines()[-1])["time_s"] == pytest.approx(end_s)
+
+
+def test_a_start_in_a_bag_is_taken_where_there_is_one() -> None:
+    """A bag or poses that are named, or those of the scene."""
+    still, deep = load_scene("still_water"), load_scene("deep_lift")
+    asked = RunOptions(bag_start_s=5.0)
+    for options, scene in (
+        (asked, deep),
+        (replace(asked, bag="sea_1p2m"), still),
+        (replace(asked, poses="my_poses"), still),
+    ):
+        assert check_against_scene(options, scene) == ""
+    with pytest.raises(InputError, match="--bag-start 5"):
+        check_against_scene(asked, still)
 
 
 def test_ctrl_c_while_a_command_is_loaded_ends_quietly(

@@ -17,23 +17,24 @@ from hypothesis import strategies as st
 from mcap.records import Channel
 from scipy.interpolate import CubicHermiteSpline
 
-from rope_twin import Twin
-from rope_twin.commands.run.options import RunOptions
-from rope_twin.commands.run.unpaced import UnpacedRun, run_unpaced
+from benchmarks import band
+from benchmarks.band import BandCase
 from rope_twin.core import state as rows
 from rope_twin.messages import decode, statuses
 from rope_twin.recording.mcap_scan import McapScan, StoredMessage
+from rope_twin.run.options import RunOptions
+from rope_twin.run.unpaced import UnpacedRun, run_unpaced
 from rope_twin.scene.arrays.build import build
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.bench import band
-from rope_twin.studies.bench.band import BandCase
-from rope_twin.studies.rigs import Rig, march, sine
+from rope_twin.studies.driven_twin import march
 from rope_twin.studies.variants import variant
 from rope_twin.twin.accuracy import error_band
 from rope_twin.twin.accuracy.error_band import BandedTwin
 from rope_twin.twin.accuracy.error_bound import ErrorBand, Recent, acceleration_jumps, border_before
 from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.twin import Twin
+from validation.rigs import Rig, sine
 
 RIG = Rig(length=500.0, elements=20, damping=2e5, ramp=4.0, drag=(1.2, 0.01), density=1025.0,
           current=((0.0, (0.4, 0.1)),))  # fmt: skip

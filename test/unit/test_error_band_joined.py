@@ -14,7 +14,7 @@ from rope_twin.messages import Encoder, decode, statuses
 from rope_twin.scene.arrays.build import build
 from rope_twin.scene.arrays.joined import build_joined
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.bench.band import fed
+from rope_twin.studies.driven_twin import fed
 from rope_twin.studies.variants import variant
 from rope_twin.twin.accuracy.difference import share_of_difference
 from rope_twin.twin.accuracy.error_band import SETTLING_S, BandedTwin

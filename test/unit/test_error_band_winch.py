@@ -12,7 +12,7 @@ from rope_twin.core import state as rows
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene, ScheduleRow
 from rope_twin.scene.winch import Winch as WinchScene
-from rope_twin.studies.bench.band import fed
+from rope_twin.studies.driven_twin import fed
 from rope_twin.studies.variants import variant
 from rope_twin.twin.accuracy.companion import HalfRope, HalfSystem
 from rope_twin.twin.accuracy.error_band import SETTLING_S, BandedTwin

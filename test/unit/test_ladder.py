@@ -13,10 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rope_twin import Snapshot, Twin, load_scene
-from rope_twin.commands.run.inputs import FIRST_NS, LEAD_NS, offer, open_sea
+from rope_twin.run.inputs import FIRST_NS, LEAD_NS, offer, open_sea
 from rope_twin.scene.card import read_card
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.rigs import Rig, march, sine
+from rope_twin.studies.driven_twin import march
 from rope_twin.studies.variants import variant
 from rope_twin.twin.accuracy.ladder import FIT, LEAST_SLOTS, WAIT_S, Ladder, TwinLadder
 from rope_twin.twin.accuracy.rung import Rung
@@ -25,6 +25,7 @@ from rope_twin.twin.handover import Handover
 from rope_twin.twin.hoisting.schedule import schedule_samples
 from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.pacing import Pacer, SlotTimes, steps_in_slot
+from validation.rigs import Rig, sine
 
 MS = 1_000_000
 RIG = Rig(length=500.0, elements=80, damping=2e5, ramp=2.0, drag=(1.2, 0.01), density=1025.0,

@@ -25,7 +25,7 @@ def row(part: str, snapshot: Snapshot, pacing: PacingHealth | None = GOOD) -> St
 def test_all_is_well_when_all_is_well() -> None:
     rows = statuses(hanging_rope(), GOOD)
     assert {r.level for r in rows} == {Level.OK}
-    assert len({r.name for r in rows}) == len(rows) == 10
+    assert len({r.name for r in rows}) == len(rows) == 11
 
 
 def test_a_doubtful_step_is_an_error_and_a_past_one_a_warning() -> None:
@@ -134,26 +134,65 @@ def test_a_residual_beside_nothing_is_round_off() -> None:
         (InputHealth(), Level.OK, "nothing received yet"),
         (InputHealth(accepted=7, age_s=0.1), Level.OK, "fresh, 7 samples"),
         (
+            InputHealth(
+                accepted=7,
+                late=1,
+                impossible=2,
+                recently_refused=3,
+                note="heave of 90 m is impossible",
+            ),
+            Level.WARN,
+            "3 samples refused in the last 60 s; the newest: heave of 90 m is impossible",
+        ),
+        (
             InputHealth(accepted=7, late=1, impossible=2, note="heave of 90 m is impossible"),
-            Level.WARN,
-            "3 samples refused since the start; the newest: heave of 90 m is impossible",
+            Level.OK,
+            "fresh, 7 samples taken; 3 refused since the start, none in the last 60 s",
         ),
         (
-            InputHealth(accepted=7, late=1, refusal="it came late.", note="samples are back"),
-            Level.WARN,
-            "1 sample refused since the start; the newest: it came late; now: samples are back",
+            InputHealth(accepted=7, stuck=2, recently_refused=2, fault="the sender is stuck"),
+            Level.ERROR,
+            "the sender is stuck",
         ),
         (
-            InputHealth(accepted=7, late=1, refusal="it came late.", note="it came late."),
+            InputHealth(accepted=7, warning="a sample every 0.5 s is too slow"),
+            Level.WARN,
+            "a sample every 0.5 s is too slow",
+        ),
+        (
+            InputHealth(
+                accepted=7,
+                late=1,
+                recently_refused=1,
+                refusal="it came late.",
+                note="samples are back",
+            ),
+            Level.WARN,
+            "1 sample refused in the last 60 s; the newest: it came late; now: samples are back",
+        ),
+        (
+            InputHealth(
+                accepted=7,
+                late=1,
+                recently_refused=1,
+                refusal="it came late.",
+                note="it came late.",
+            ),
             Level.WARN,
             "the newest: it came late.",
         ),
         (InputHealth(accepted=7, age_s=4.2, stale=True), Level.ERROR, "no heave for 4.200 s"),
         (InputHealth(stale=True, note="fading out"), Level.ERROR, "stale: fading out"),
         (
-            InputHealth(stale=True, impossible=2, refusal="50 m/s; too fast.", note="kept"),
+            InputHealth(
+                stale=True,
+                impossible=2,
+                recently_refused=2,
+                refusal="50 m/s; too fast.",
+                note="kept",
+            ),
             Level.ERROR,
-            "stale: kept; 2 samples refused since the start; the newest: 50 m/s; too fast",
+            "stale: kept; 2 samples refused in the last 60 s; the newest: 50 m/s; too fast",
         ),
     ],
 )

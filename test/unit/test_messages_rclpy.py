@@ -10,6 +10,7 @@ import pytest
 from sample_snapshot import hanging_body, rolled_ship
 
 from rope_twin import messages
+from rope_twin.recording.input_log import encode_json
 from rope_twin.topics import BY_NAME, TOPICS
 from rope_twin.twin.hoisting.orders import Order
 
@@ -30,6 +31,9 @@ def encoded(topic: str, nodes: int) -> bytes:
         **dict(messages.encode_order(STAMP_NS, order, "aft") for order in ONE_OF_EACH),
         **dict([messages.encode_cut(STAMP_NS, 1500.0)]),
         "twin/epoch": messages.encode_epoch(STAMP_NS),
+        "winch/seat": messages.encode_seat("winch: console"),
+        "twin/session": encode_json({"session": 1, "files": {"a.yaml": "about: ä\n"}}),
+        "twin/inputs": encode_json({"number": 1, "calls": [["offer_heave", [1, 0.1, -0.0], {}]]}),
         "diagnostics": messages.encode_diagnostics(STAMP_NS, messages.statuses(snapshot, None)),
     }[topic]
 

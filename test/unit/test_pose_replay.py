@@ -14,15 +14,15 @@ from scene_text import GOOD
 from scipy.spatial.transform import Rotation
 
 from rope_twin import Snapshot
-from rope_twin.commands.run.inputs import FIRST_NS, motion_topic, open_sea
-from rope_twin.commands.run.options import RunOptions
-from rope_twin.commands.run.unpaced import run_unpaced
 from rope_twin.errors import BagError, InputError, SceneError
 from rope_twin.messages import encode_elevation, encode_pose, forms
 from rope_twin.messages.cdr import new, serialise
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.heave_replay import open_heave
 from rope_twin.recording.pose_replay import PoseReplay, open_poses
+from rope_twin.run.inputs import FIRST_NS, motion_topic, open_sea
+from rope_twin.run.options import RunOptions
+from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Ship
 from rope_twin.scene.sea_state import RecordedPoses

@@ -11,12 +11,12 @@ import pytest
 from scene_text import assert_refused, spoilt, written
 
 from rope_twin.cli import main
-from rope_twin.commands.run.inputs import FIRST_NS, open_sea
-from rope_twin.commands.run.options import RunOptions
-from rope_twin.commands.run.unpaced import UnpacedRun
 from rope_twin.errors import InputError
 from rope_twin.recording.regular_heave import RegularSea
 from rope_twin.recording.sampling import SAMPLE_PERIOD_NS
+from rope_twin.run.inputs import FIRST_NS, open_sea
+from rope_twin.run.options import RunOptions
+from rope_twin.run.unpaced import UnpacedRun
 from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.sea_state import RegularHeave

@@ -5,11 +5,14 @@ from __future__ import annotations
 import io
 from dataclasses import replace
 
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from test_messages_joined import lifted
 
-from rope_twin.commands.console import CaseProgress, FigureProgress
-from rope_twin.commands.run.summary import RunSummary, summarise
-from rope_twin.studies.rigs import Rig
+from rope_twin.commands.console import CaseProgress
+from rope_twin.run.progress import FigureProgress
+from rope_twin.run.summary import RunSummary, summarise
+from validation.rigs import Rig
 
 
 def test_of_one_rope_it_is_its_lower_end() -> None:
@@ -72,3 +75,28 @@ def test_progress_stays_on_its_line_of_a_terminal() -> None:
     assert "\n" not in screen.getvalue()
     assert max(map(len, screen.getvalue().split("\r"))) < 80
     assert "7 late" in screen.getvalue()
+
+
+GOOD = summarise(Rig(length=100.0, elements=10).twin(), lifted(), None).as_values()
+NONSENSE = st.one_of(
+    st.text(), st.sampled_from(["null", "[]", "{}", '"x"', "1e999", "NaN", "-1", "true", "[1]"])
+)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.dictionaries(st.sampled_from([*GOOD, "other"]), NONSENSE, max_size=4), st.booleans())
+def test_values_of_anybody_are_figures_that_can_be_printed_or_none(
+    wrong: dict[str, str], whole: bool
+) -> None:
+    """They come from the network: nothing in them may end the process that reads them."""
+    summary = RunSummary.from_values(GOOD | wrong if whole else wrong)
+    if summary is not None:
+        assert summary.as_text()
+        assert summary.as_progress()
+        assert summary.as_json()
+
+
+def test_values_of_a_wrong_type_are_no_figures() -> None:
+    for key, value in (("steps", "1.5"), ("scene", "3"), ("ropes", '["hoist"]'), ("error", "0")):
+        assert RunSummary.from_values(GOOD | {key: value}) is None, key
+    assert RunSummary.from_values(GOOD) is not None

@@ -153,9 +153,9 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
         ("0.5 m/s", "sinks at 0.35 m/s", "slack"),
     ),
     "hang-off above the water": (
-        spoilt("hang_off_m: [0.0, 0.0, 0.0]", "hang_off_m: [0.0, 0.0, 12.0]"),
+        spoilt("hang_off_m: [0.0, 0.0, 0.0]", "hang_off_m: [0.0, 0.0, 90.0]"),
         "ship.hang_off_m[2]: ",
-        ("12 m above the water", "under water"),
+        ("90 m of rope above the water", "728 N of buoyancy", "443 N of drag", "132.9 kN"),
     ),
     "motion without a ramp": (
         spoilt("motion_ramp_s: 8.0", "motion_ramp_s: 0.0").replace(

@@ -97,6 +97,69 @@ def test_a_bad_scene_gets_one_sentence_and_one(
     assert err.count("\n") == 1
 
 
+def errors_of(text: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> list[str]:
+    """What `scene check` says of a broken scene: `line, key path: what; right` for each error."""
+    path = written(folder, text)
+    assert command("check", str(path)) == 1
+    out, err = capsys.readouterr()
+    assert out == ""
+    *found, last = err.splitlines()
+    assert last == f"{len(found)} errors"
+    assert all(sentence.startswith(f"{path}, line ") for sentence in found)
+    assert all(": " in sentence and "; " in sentence and sentence[-1] in ".?" for sentence in found)
+    return [sentence.removeprefix(f"{path}, line ") for sentence in found]
+
+
+def test_check_lists_all_errors_of_single_values_by_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It stopped at the first: mending a scene took as many rounds as it had errors."""
+    text = spoilt("elements: 50", "elements: many").replace("source:", "sauce:")
+    text = text.replace("mass_kg: 20000.0", "mass_kg: -1.0").replace("{at_s: 20.0, ", "{")
+    text = text.replace("normal: 1.2, tangential: 0.02", "normal: 99.0, tangental: .nan")
+    text = text.replace("[0.0, [0.5, 0.0]]", "[0.0, [fast, 0.0]]").replace("[0.0, 0.0, 0.0]", "0")
+    text = text.replace("  - weight: {}", "  - weight: {}\n  - weight: {}")
+    text = text.replace("    to: tool\n", "    to: tool\n    to: tools\n")
+    starts = (
+        "2, sauce: unknown key; did you mean 'source'?",
+        "8, ropes[0].elements: the text 'many' is not a number; give a number (",
+        "11, ropes[0].to: the key 'to' stands here a second time (first in line 10); keep",
+        "14, payloads[0].mass_kg: -1 kg is out of range; give 0 to 1e+07 kg",
+        "23, winch.schedule[1]: at_s missing; add at_s",
+        "25, ship.hang_off_m: the number 0 instead of a list; give a list",
+        "30, effects[1].drag.tangental: unknown key; did you mean 'tangential'?",
+        "30, effects[1].drag.normal: 99 is out of range; give 0 to 10",
+        "31, effects[2].current.profile[0][1][0]: the text 'fast' is not a number",
+        "33, effects[4].weight: this effect is listed a second time; keep one of them.",
+    )
+    found = errors_of(text, tmp_path, capsys)
+    assert len(found) == len(starts), found
+    for sentence, start in zip(found, starts, strict=True):
+        assert sentence.startswith(start)
+
+
+def test_check_lists_all_errors_between_values_by_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = spoilt("fraction_of_first_axial_mode: 0.02", "").replace("to: tool", "to: toll")
+    text = text.replace("speed_m_per_s: 0.5", "speed_m_per_s: 1.5").replace(
+        "repeats_every_s: 40.0", "repeats_every_s: 10.0"
+    )
+    text = text.replace("{start_s: 10.0", "{on_waves: {}, start_s: 10.0")
+    starts = (
+        "9, ropes[0].damping: no damping is given; ",
+        "10, ropes[0].to: there is no payload 'toll'; did you mean 'tool'?",
+        "12, payloads[0]: no rope holds 'tool'; ",
+        "21, winch.schedule[0].speed_m_per_s: 1.5 m/s is over the winch's 1; ",
+        "23, winch.schedule_repeats_every_s: 10 s cuts off the row at 20 s; ",
+        "25, sea_state.on_waves: `waves` is not listed; ",
+    )
+    found = errors_of(text, tmp_path, capsys)
+    assert len(found) == len(starts), found
+    for sentence, start in zip(found, starts, strict=True):
+        assert sentence.startswith(start)
+
+
 def test_a_slope_is_told_in_figures(capsys: pytest.CaptureFixture[str]) -> None:
     """Not as a table of two rows."""
     assert command("show", "landing") == 0

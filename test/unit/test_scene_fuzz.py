@@ -63,14 +63,15 @@ def parent_of(tree: Any, path: tuple[Any, ...]) -> Any:
 
 def loads_or_says_why(text: str | bytes, folder: Path) -> None:
     path = written(folder, text)
-    refusal = f"{path}: none; none"
+    refusals: list[str] = []
     warnings: list[str] = []
     try:
         warnings = sense_checks(load_scene(path))
     except SceneError as error:
-        refusal = str(error)
-    assert refusal.startswith((f"{path}: ", f"{path}, line "))
-    assert all("\n" not in words and "; " in words for words in (refusal, *warnings))
+        refusals = [str(error), *error.every]
+    assert not refusals or refusals[0] in refusals[1:]
+    assert all(words.startswith((f"{path}: ", f"{path}, line ")) for words in refusals)
+    assert all("\n" not in words and "; " in words for words in (*refusals, *warnings))
 
 
 @QUICK
@@ -78,6 +79,20 @@ def loads_or_says_why(text: str | bytes, folder: Path) -> None:
 def test_any_value_replaced(path: tuple[Any, ...], value: Any, tmp_path: Path) -> None:
     tree = copy.deepcopy(TREE)
     parent_of(tree, path)[path[-1]] = value
+    loads_or_says_why(yaml.safe_dump(tree, allow_unicode=True), tmp_path)
+
+
+@QUICK
+@given(changes=st.lists(st.tuples(st.sampled_from(PATHS), junk), min_size=2, max_size=5))
+def test_several_values_replaced(changes: list[tuple[Any, Any]], tmp_path: Path) -> None:
+    """Rules that rely on broken ones do not raise anything else."""
+    tree = copy.deepcopy(TREE)
+    for path, value in changes:
+        try:
+            parent = parent_of(tree, path)
+            parent[path[-1]] = value
+        except (LookupError, TypeError):
+            continue  # an earlier change has taken its parent away
     loads_or_says_why(yaml.safe_dump(tree, allow_unicode=True), tmp_path)
 
 

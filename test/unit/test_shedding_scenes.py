@@ -19,9 +19,9 @@ from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.figures import lift_figures
 from rope_twin.scene.rules.shedding import expected_pace, vortex_words
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.rigs import Rig
 from rope_twin.twin.accuracy.rungs import ladder_of
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
+from validation.rigs import Rig
 
 CABLE = Rig(
     length=300.0, elements=400, mass=1.728, EA=5e6, diameter=0.02, density=1025.0, load=10.2e3,

@@ -16,26 +16,24 @@ import pytest
 
 from rope_twin import Twin, load_scene
 from rope_twin.cli import main
-from rope_twin.commands.run.options import RunOptions
-from rope_twin.commands.run.summary import RunSummary
-from rope_twin.commands.run.unpaced import run_unpaced
 from rope_twin.recording.bag_reader import BagReader
+from rope_twin.run.options import RunOptions
+from rope_twin.run.summary import RunSummary
+from rope_twin.run.unpaced import run_unpaced
 from rope_twin.topics import TOPICS, WINCH_TOPICS
 from rope_twin.twin.saving.saved_state import load_state
 
 SCENE = "shallow_lift"
 EPOCH_NS = 10**18
-# Not compared: computing times, and the epoch, which every bag begins with.
+# Not compared: computing times; epoch and session, which every bag begins with; the log of inputs,
+# which is numbered by session.
+OF_ONE_BAG = ("diagnostics", "twin/epoch", "winch/seat", "twin/session", "twin/inputs")
 # by a scene of heave and speeds only, with no bed, no topic of current and no error band
 NOT_TOLD = {
     "current", "ship/odometry", "tension_top/band", "seabed/contact", "rope/vibration",
     "rope/fatigue", "rope/cut", *WINCH_TOPICS,
 } - {"winch/speed_command"}  # fmt: skip
-COMPARED = [
-    topic.name
-    for topic in TOPICS
-    if topic.name not in ("diagnostics", "twin/epoch") and not topic.only_with
-]
+COMPARED = [topic.name for topic in TOPICS if topic.name not in OF_ONE_BAG and not topic.only_with]
 
 
 def command(*words: str) -> list[str]:

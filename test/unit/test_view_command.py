@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import ctypes
 import re
+import time
 from pathlib import Path
+from random import Random
 
 import pytest
 from PIL import Image
@@ -17,7 +19,7 @@ from rope_twin.commands import view
 from rope_twin.errors import BagError, InputError
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.topics import TOPICS
-from rope_twin.view import picture
+from rope_twin.view import picture, sinks
 
 EPOCH_NS = 1_763_700_000_000_000_000
 
@@ -58,6 +60,37 @@ def test_the_rrd_of_a_run_is_opened_as_it_is(bag: Path, tmp_path: Path) -> None:
             command(str(rrd), *option)
     with pytest.raises(InputError, match="it does not exist"):
         command(str(tmp_path / "nowhere.rrd"), "--save", str(rrd))
+
+
+def test_a_file_that_is_no_recording_is_refused_at_once(bag: Path, tmp_path: Path) -> None:
+    """A picture of random bytes was waited for for 90 s; a cut recording is still taken."""
+    rrd = tmp_path / "run.rrd"
+    assert command(str(bag), "--save", str(rrd)) == 0
+    whole, random = rrd.read_bytes(), Random(1).randbytes(100_000)
+    assert sinks.recording_fault(rrd) == ""
+    rrd.write_bytes(whole[: len(whole) * 2 // 3])
+    assert sinks.recording_fault(rrd) == ""
+    faults = {
+        random: "it is not a rerun recording",
+        b"": "it is empty",
+        whole[:12]: "it holds no message",
+        whole[:12] + random: "its first message is damaged",
+    }
+    for data, words in faults.items():
+        rrd.write_bytes(data)
+        began = time.monotonic()
+        with pytest.raises(InputError, match=f"{words}; name an .rrd file of a run"):
+            command(str(rrd), "--screenshot", str(tmp_path / "a.png"))
+        assert time.monotonic() - began < 5.0
+
+
+@pytest.mark.parametrize("name", ["noise.mcap", "noise.db3", "noise"])
+def test_random_bytes_are_no_bag(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(Random(1).randbytes(100_000))
+    began = time.monotonic()
+    with pytest.raises((InputError, BagError)):
+        command(str(tmp_path / name), "--screenshot", str(tmp_path / "a.png"))
+    assert time.monotonic() - began < 5.0
 
 
 def test_a_cut_bag_is_shown_and_its_loss_told(

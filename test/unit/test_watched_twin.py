@@ -11,18 +11,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rope_twin.commands.run.options import RunOptions
-from rope_twin.commands.run.unpaced import run_unpaced
 from rope_twin.core import state as rows
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.errors import InputError, SceneError, StateError
 from rope_twin.messages import decode, statuses
 from rope_twin.recording.bag_reader import BagReader
+from rope_twin.run.options import RunOptions
+from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import RopeSection, Scene, Winch
 from rope_twin.scene.winch_parts import TopSheave
+from rope_twin.studies.driven_twin import march, still
 from rope_twin.studies.fatigue import RopeFatigue
-from rope_twin.studies.rigs import Rig, march, sine, still
 from rope_twin.twin.fatigue.endurance import CURVES, other_than_wire
 from rope_twin.twin.fatigue.wear import turned
 from rope_twin.twin.kinds import twin_kind
@@ -30,6 +30,7 @@ from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.own_motion import OwnMotion, diameters
 from rope_twin.twin.vibration.watch import Watch
+from validation.rigs import Rig, sine
 
 STEEL = Rig(length=100.0, elements=20, mass=6.4, EA=6.5e7, diameter=0.032, damping=5e4, load=5e3)
 AREA = 6.4 / 7850.0  # of metal

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -13,9 +14,11 @@ from rope_twin.scene.winch import ScheduleRow
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.scene.winch_parts import Brake, ConstantTension, Drive, Drum, EmergencyStop
 from rope_twin.twin.hoisting.line import Felt
-from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.hoisting.orders import COMMANDER_LOST, NEW_COMMANDER, Order
+from rope_twin.twin.hoisting.queue import MAX_AT_ONCE, MAX_PLANNED
 from rope_twin.twin.hoisting.schedule import OrderSample, schedule_samples
 from rope_twin.twin.hoisting.winch import Winch, winch_of_rope
+from rope_twin.twin.saving.saved_state import scene_figures
 
 S = 1_000_000_000
 PLAIN = WinchScene(
@@ -181,3 +184,118 @@ def test_a_schedule_tells_more_than_speeds() -> None:
         OrderSample(9 * S // 20, Order("depth", 90.0)),
         OrderSample(S // 2, Order("speed", -0.5)),
     ]
+
+
+@pytest.mark.parametrize(
+    ("stamp_s", "words"),
+    [
+        (99.9, "came 100 ms after its stamp; it is executed at once"),
+        (95.0, "came 5000 ms after it was due"),
+        (-1.7e9, "sender and twin must share one clock"),
+        (1e9, "sender and twin must share one clock"),
+    ],
+    ids=["late", "later", "years ago", "years ahead"],
+)
+def test_an_emergency_stop_is_never_refused_for_its_stamp(stamp_s: float, words: str) -> None:
+    """It is executed at once, and flagged."""
+    winch = Winch(EQUIPPED, 100.0)
+    winch.take(None, Order("speed", 1.0), 96 * S)
+    stepped(winch, 3.0, begin_s=97.0)
+    assert winch.take(round(stamp_s * 1e9), Order("emergency_stop"), 100 * S) == ""
+    stepped(winch, 1.0, begin_s=100.0)
+    assert winch.line.speed_m_per_s == 0.0
+    switch = winch.health(100 * S)["winch_switch"]
+    assert (switch.refused, switch.executed_late) == (0, 1)
+    assert words in switch.warning
+
+
+def test_an_emergency_stop_whose_stamp_came_twice_is_executed() -> None:
+    winch = Winch(EQUIPPED, 100.0)
+    winch.take(None, Order("speed", 1.0), 0)
+    assert winch.take(3 * S, Order("set_brake"), S) == ""
+    for stamp_ns in (3 * S, 2 * S):
+        assert winch.take(stamp_ns, Order("emergency_stop"), 2 * S) == ""
+    stepped(winch, 1.0, begin_s=2.0)
+    assert winch.shot().mode == "emergency_stop"
+
+
+@pytest.mark.parametrize("order", [Order("speed", 0.7), Order("length", 130.0), Order("set_brake")])
+def test_an_order_that_is_a_little_late_is_executed_at_once_and_reported(order: Order) -> None:
+    winch = Winch(EQUIPPED, 100.0)
+    assert winch.take(9_400_000_000, order, 10 * S) == ""
+    health = next(one for one in winch.health(10 * S).values() if one.accepted)
+    assert (health.executed_late, health.refused) == (1, 0)
+    assert f"'{order.kind}' came 600 ms after its stamp" in health.warning
+    assert not winch.health(71 * S)[next(iter(winch.health(0)))].warning, "for a minute"
+    stepped(winch, 1.0, begin_s=10.0)
+    moved = winch.line.speed_m_per_s > 0.0 or dict(winch.shot().figures)["brake_holds"] == 1.0
+    assert moved
+    fresh = Winch(EQUIPPED, 100.0)
+    assert "after it was due" in fresh.take(9 * S, order, 10 * S), "a second late is too late"
+
+
+def test_a_late_order_does_not_undo_a_stop_that_was_wanted_at_once() -> None:
+    """It was sent before the stop, and came after it."""
+    winch = Winch(EQUIPPED, 100.0)
+    assert winch.take(None, Order("speed", 0.0), 10 * S) == ""
+    sentence = winch.take(9_900_000_000, Order("speed", 1.0), 10_100_000_000)
+    assert "lies before a command that was executed at once" in sentence
+    assert winch.take(10_050_000_000, Order("speed", 1.0), 10_100_000_000) == ""
+
+
+def test_orders_that_wait_are_bounded_and_a_stop_still_comes_through() -> None:
+    """A flood of switches between two steps, and of planned speeds."""
+    winch = Winch(EQUIPPED, 100.0)
+    taken = [winch.take(None, Order("set_brake"), 0) for _ in range(500)]
+    assert sum(not words for words in taken) == MAX_AT_ONCE == 100
+    assert "100 of them wait already; send commands when they change" in taken[-1]
+    for _ in range(500):
+        assert winch.take(None, Order("emergency_stop"), 0) == ""
+    assert len(winch._switches.waiting) == MAX_AT_ONCE + 1
+    planned = [winch.take(k * 1_000_000, Order("speed", 0.1), 0) for k in range(1, 5000)]
+    assert sum(not words for words in planned) == MAX_PLANNED
+    stepped(winch, 1.0)
+    assert winch.shot().mode == "emergency_stop"
+
+
+@pytest.mark.parametrize(
+    ("wanted", "speed", "brake", "words"),
+    [
+        ("hold_speed", 1.0, 0.0, "its last command stands"),
+        ("ramp_to_zero", 0.0, 0.0, "it ramps to zero speed"),
+        ("brake", 0.0, 1.0, "it ramps to zero speed and sets its brake"),
+    ],
+)
+def test_a_winch_does_what_its_scene_says_when_its_commander_is_lost(
+    wanted: str, speed: float, brake: float, words: str
+) -> None:
+    winch = Winch(replace(EQUIPPED, when_commander_lost=wanted), 100.0)
+    assert winch.take(S, Order("speed", 1.0), S) == ""
+    assert winch.take(5 * S, Order("speed", -1.0), S) == "", "a plan that is dropped"
+    stepped(winch, 3.0, begin_s=1.0)
+    assert winch.line.speed_m_per_s == 1.0
+    assert winch.take(None, Order(COMMANDER_LOST), 4 * S) == ""
+    stepped(winch, 3.0, begin_s=4.0)
+    assert winch.line.speed_m_per_s == speed
+    assert dict(winch.shot().figures)["brake_holds"] == brake
+    assert words in winch.health(4 * S)["winch_command"].warning
+
+
+def test_a_new_commander_s_plan_may_begin_before_the_end_of_the_former_one_s() -> None:
+    """A stop that was planned stands."""
+    winch = Winch(EQUIPPED, 100.0)
+    assert winch.take(8 * S, Order("speed", 1.0), S) == ""
+    assert winch.take(9 * S, Order("emergency_stop"), S) == ""
+    assert winch.take(None, Order(NEW_COMMANDER), S) == ""
+    assert winch.take(2 * S, Order("speed", -0.5), S) == ""
+    stepped(winch, 7.9, begin_s=1.0)
+    assert winch.line.speed_m_per_s == -0.5
+    stepped(winch, 2.0, begin_s=8.9)
+    assert winch.shot().mode == "emergency_stop"
+
+
+def test_what_a_winch_does_without_a_commander_is_no_figure_of_its_scene() -> None:
+    """Cards and saved states of the scene stay what they are."""
+    other = replace(PLAIN, when_commander_lost="hold_speed")
+    assert repr(other) == repr(PLAIN)
+    assert scene_figures(other) == scene_figures(PLAIN)

@@ -8,14 +8,15 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from rope_twin.commands.console import FigureProgress
-from rope_twin.commands.run.options import RunOptions, add_arguments, read_options
+from rope_twin.run.options import RunOptions, add_arguments, read_options
+from rope_twin.run.progress import FigureProgress
 
+OVERLOAD = 4  # exit code of a run that broke a limit of its scene
 ALONE_S = 60.0  # so much of a paced run is repeated without waiting, to measure the model alone
 
 if TYPE_CHECKING:
-    from rope_twin.commands.run.summary import RunSummary
-    from rope_twin.commands.run.unpaced import UnpacedRun
+    from rope_twin.run.summary import RunSummary
+    from rope_twin.run.unpaced import UnpacedRun
 
     PacedRunner = Callable[[RunOptions, FigureProgress], RunSummary]
 
@@ -29,8 +30,9 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
     """Run, sum up, and return the exit code.
 
-    0, or 1 if the solver could not go on, if samples of two seas came by turns, or if bag or state
-    are not whole on the disk.
+    0; 1 if the solver could not go on, if samples of two seas came by turns, if bag or state
+    are not whole on the disk, or if a process died and could not be started again; OVERLOAD if a
+    limit of the scene was broken.
 
     `paced` runs the ROS suite; it is handed in, since ROS lives above the commands.
 
@@ -44,6 +46,7 @@ def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
 
         options = choose(args, options)
         progress.say(options.chosen)
+    _check_against_scene(options, progress)
     _tell_of_vortices(options, progress)
     if options.speed == 0.0:
         summary = _unpaced(options, progress)
@@ -57,26 +60,31 @@ def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
         summary = replace(summary, core_share=summary.core_share | asked)
     progress.finish()
     mixed = summary.mixed and f"{summary.mixed}; give each twin its own ROS_DOMAIN_ID."
-    troubles = [words for words in (summary.error, mixed, summary.not_kept) if words]
+    troubles = [
+        words for words in (summary.error, mixed, summary.not_kept, summary.not_running) if words
+    ]
     for trouble in troubles:
         progress.say(trouble)
     sys.stdout.write((summary.as_json() if options.json else summary.as_text()) + "\n")
     sys.stdout.flush()
-    return 1 if troubles else 0
+    if troubles:
+        return 1
+    return OVERLOAD if summary.limits_broken and not options.allow_overload else 0
 
 
 def _with_speed_alone(summary: RunSummary, options: RunOptions) -> RunSummary:
     """The summary of a paced run with the speed of the model alone."""
     if summary.error or summary.steps == 0:
         return summary
-    from rope_twin.commands.run.unpaced import measure_alone
+    from rope_twin.run.unpaced import measure_alone
 
     time_s = min(summary.time_s - options.begins_s, ALONE_S)
     return replace(summary, real_time_factor=measure_alone(options, time_s))
 
 
 def _unpaced(options: RunOptions, progress: FigureProgress) -> RunSummary:
-    from rope_twin.commands.run.unpaced import run_unpaced
+    from rope_twin.messages.load_status import BreachWords
+    from rope_twin.run.unpaced import run_unpaced
     from rope_twin.scene.change import at_setting
     from rope_twin.scene.checks.rope import sense_checks
     from rope_twin.scene.load import load_scene
@@ -85,11 +93,26 @@ def _unpaced(options: RunOptions, progress: FigureProgress) -> RunSummary:
     for warning in sense_checks(scene):
         progress.say(warning)
 
+    broken = BreachWords()
+
     def report(run: UnpacedRun) -> None:
+        for words in broken.of(run.last):
+            progress.say(words)
         if progress.due:
             progress.show(run.summary())
 
     return run_unpaced(options, report, say=progress.say)
+
+
+def _check_against_scene(options: RunOptions, progress: FigureProgress) -> None:
+    """Check the options against the scene. Raises InputError or SceneError."""
+    from rope_twin.run.options import check_against_scene
+    from rope_twin.scene.change import at_setting
+    from rope_twin.scene.load import load_scene
+
+    scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
+    if words := check_against_scene(options, scene):
+        progress.say(words)
 
 
 def _tell_of_vortices(options: RunOptions, progress: FigureProgress) -> None:

@@ -12,8 +12,8 @@ from statistics import mean, median
 from typing import NamedTuple
 
 from rope_twin.cadence import due_topics, slot_of
-from rope_twin.commands.run.options import RunOptions
 from rope_twin.messages import Encoder
+from rope_twin.run.options import RunOptions
 from rope_twin.scene.card import Rung, Setting
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.variants import variant

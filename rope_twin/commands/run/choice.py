@@ -8,9 +8,9 @@ from dataclasses import replace
 from functools import partial
 
 from rope_twin.commands.run.calibration import measure_setting, measure_shares
-from rope_twin.commands.run.options import RunOptions
 from rope_twin.commands.run.spending import CEILING_PCT, Bought, spend
 from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.run.options import RunOptions
 from rope_twin.scene.card import OTHER_SEA, Card, Rung, Setting, read_card, told_bound
 from rope_twin.scene.load import argument_for, load_scene
 from rope_twin.scene.schema import Scene
@@ -23,6 +23,7 @@ from rope_twin.studies.accuracy.choice import (
 )
 from rope_twin.studies.accuracy.figures import BY_NAME, Quantity
 from rope_twin.studies.accuracy.plan import make_plan
+from rope_twin.twin.accuracy.card_validity import CUT_WORDS, beyond
 from rope_twin.twin.pacing import SLOT_S
 
 MOST_ELEMENTS = 20_000  # of a rope of a scene
@@ -121,8 +122,12 @@ def _ladder(card: Card, quantity: Quantity, paced: bool, option: str) -> list[Ru
 def _refuse_other_run(scene: Scene, card: Card, options: RunOptions) -> None:
     """Nothing is promised of a run that the card's says nothing about. Raises InputError."""
     if options.other_sea:
-        option = "--bag" if options.bag else "--poses"
-        what = f"its card is of its own sea, not of {option} {options.bag or options.poses}"
+        given = {"--bag": options.bag, "--poses": options.poses, "--topic": options.topic}
+        option, value = next(
+            ((name, words) for name, words in given.items() if words),
+            ("--bag-start", f"{options.bag_start_s:g}"),
+        )
+        what = f"its card is of its own sea, not of {option} {value}"
         right = f"leave {option} out, or make the card of a scene that has that sea"
         raise InputError(phrase(f"--within, scene {scene.name}", what, right))
     needed_s = make_plan(scene).seconds
@@ -145,8 +150,12 @@ def _goes_on(card: Card, options: RunOptions) -> bool:
 
 def _of_its_run(card: Card, options: RunOptions) -> str:
     """Of which run its errors are."""
-    longer = " (this one goes on beyond it, where no error was measured)"
-    return f"in the card's run of {card.seconds:g} s{longer if _goes_on(card, options) else ''}"
+    words = f"in the card's run of {card.seconds:g} s"
+    if options.cut:
+        return f"{words} (of this one only until {CUT_WORDS})"
+    if _goes_on(card, options):
+        return f"{words} (of this one the error is unknown after that: {beyond(card.seconds)})"
+    return words
 
 
 def _buy(rungs: list[Rung], quantity: Quantity, target: float, run: str) -> tuple[Rung, str]:

@@ -1,19 +1,20 @@
 """One compiler for all kernels, and a cache that edits can trust.
 
 numba's own cache does not see edits in files that a kernel calls into, so the cache folder is
-named by a digest of all kernel sources. It has to be set before numba compiles anything, and so
-has the vectoriser's option: with its default, LLVM gives up on loops over many arrays because the
-run-time overlap checks exceed a limit (5 times slower node loops in a prototype;
-a test reads the assembly of this version).
+named by a digest of all kernel sources (whose folder it must be: `code_folder`). It has to be set
+before numba compiles anything, and so has the vectoriser's option: with its default, LLVM gives up
+on loops over many arrays because the run-time overlap checks exceed a limit (5 times slower node
+loops in a prototype; a test reads the assembly of this version).
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
-import tempfile
 from pathlib import Path
 from typing import Any
+
+from rope_twin.core.compiler.code_folder import open_folder
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 
@@ -28,23 +29,9 @@ def source_digest() -> str:
     return digest.hexdigest()[:16]
 
 
-def cache_dir() -> Path:
-    """A writable folder for compiled kernels: $ROPE_TWIN_CACHE, the user's cache, or temporary."""
-    chosen = os.environ.get("ROPE_TWIN_CACHE")
-    home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    bases = [Path(chosen)] if chosen else [Path(home), Path(tempfile.gettempdir())]
-    for base in bases:
-        folder = base / "rope_twin" / source_digest()
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError:
-            continue
-        if os.access(folder, os.W_OK):
-            return folder
-    return Path(tempfile.mkdtemp(prefix="rope_twin_"))
-
-
-os.environ["NUMBA_CACHE_DIR"] = str(cache_dir())
+FOLDER = open_folder(source_digest())  # None: nothing is kept
+if FOLDER is not None:
+    os.environ["NUMBA_CACHE_DIR"] = str(FOLDER.path)
 
 import llvmlite.binding  # noqa: E402
 
@@ -57,7 +44,8 @@ from numba.core.registry import cpu_target  # noqa: E402
 from rope_twin.core.compiler.kept_code import KeptCode  # noqa: E402
 from rope_twin.core.compiler.pipeline import EntryCompiler, LinkedCompiler  # noqa: E402
 
-config.CACHE_DIR = os.environ["NUMBA_CACHE_DIR"]  # in case numba was imported before us
+if FOLDER is not None:
+    config.CACHE_DIR = str(FOLDER.path)  # in case numba was imported before us
 
 # No nnan and ninf: with them, tests for NaN and infinity are compiled away. No reassoc: LLVM orders
 # a sum by what stands around it, and a rope in lanes (core/lanes) would get other bits than alone.
@@ -108,8 +96,8 @@ def jit_ordered(function: Any) -> Any:
 def jit_entry(function: Any) -> Any:
     """Compile a kernel that Python calls, and keep its code on disk."""
     entry = numba.njit(**OPTIONS)(function)
-    if entry is not function:  # plain Python has nothing to keep
-        entry._cache = KeptCode(function)
+    if entry is not function and FOLDER is not None:  # plain Python has nothing to keep
+        entry._cache = KeptCode(function, FOLDER)
     return entry
 
 

@@ -6,8 +6,10 @@ A check never stops anything and changes nothing. Each yields sentences `where: 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from math import ceil, floor, inf, pi, sqrt
+from math import ceil, floor, hypot, inf, pi, sqrt
 
+from rope_twin.effects.current import CurrentParams
+from rope_twin.effects.drag import DragParams
 from rope_twin.errors import phrase
 from rope_twin.scene.arrays.composite import Bar, tension_at_length
 from rope_twin.scene.arrays.joined import alone
@@ -46,16 +48,40 @@ SHORTEST_WAVE_S = 2.5  # 0.4 Hz, the end of a measured wave spectrum
 SHORTEST_RAMP_S = 2.0
 WAVE_SPEEDS_M_PER_S = (800.0, 12000.0)  # nylon and polyester to HMPE under load
 ROPE_DENSITIES_KG_PER_M3 = (300.0, 9000.0)
+# A smooth cylinder in the drag crisis has about 0.3; mooring chain 2.4 across it and 1.15/π along
+# it (DNV-OS-E301):
+LEAST_NORMAL_DRAG, CHAIN_NORMAL_DRAG, MOST_TANGENTIAL_DRAG = 0.3, 2.0, 0.2
+DRY_ROPE_SHARE = 0.005  # of the static top tension, by which rope above the water may be wrong
 
 Check = Callable[[Scene, LiftFigures], Iterator[str]]
 
 
 def sense_checks(scene: Scene) -> list[str]:
-    """Every warning about a scene, one sentence each; an empty list if nothing stands out.
+    """Every warning that the scene does not accept, one sentence each.
 
     Raises:
         SceneError: if the payload's figures cannot be known.
     """
+    return [words for words in _warnings(scene) if not any(a.matches(words) for a in scene.accept)]
+
+
+def accepted_warnings(scene: Scene) -> tuple[list[str], list[str]]:
+    """Return the warnings that the scene accepts, with its reasons, and entries without a warning.
+
+    Raises:
+        SceneError: if the payload's figures cannot be known.
+    """
+    warnings, accepted, idle = _warnings(scene), [], []
+    for number, entry in enumerate(scene.accept):
+        found = [words for words in warnings if entry.matches(words)]
+        accepted += [f"{words} Reason: {entry.reason.rstrip('.')}." for words in found]
+        if not found:
+            what = f"the scene has no warning at '{entry.key}' that says '{entry.says}'"
+            idle.append(phrase(f"accept[{number}]", what, "leave it out, or name another"))
+    return accepted, idle
+
+
+def _warnings(scene: Scene) -> list[str]:
     if is_joined(scene):
         return list(_joined(scene))
     figures = lift_figures(scene)
@@ -124,6 +150,7 @@ def _rope_figures(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 
 
 def _one_rope(path: str, bar: Bar) -> Iterator[str]:
+    yield from _coefficients(path, "drag_", bar.rope.drag_normal, bar.rope.drag_tangential)
     rope, speed = bar.rope, sqrt(bar.stiffness_n / bar.rope.mass_kg_per_m)
     low, high = WAVE_SPEEDS_M_PER_S
     if not low <= speed <= high:
@@ -134,6 +161,29 @@ def _one_rope(path: str, bar: Bar) -> Iterator[str]:
     if not low <= density <= high:
         what = f"its mass over its volume is {density:.0f} kg/m³ (steel wire 7900, HMPE 975)"
         yield phrase(path, what, "check mass_kg_per_m and hydrodynamic_diameter_m")
+
+
+def _drag(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """Of the coefficients for all ropes that have none of their own."""
+    drag = scene.listed(DragParams)
+    if drag is None:
+        return
+    factor = max((factor for _, factor in drag.over_reynolds), default=1.0)
+    yield from _coefficients("effects drag", "", factor * drag.normal, drag.tangential)
+
+
+def _coefficients(
+    path: str, prefix: str, normal: float | None, tangential: float | None
+) -> Iterator[str]:
+    if normal is not None and normal < LEAST_NORMAL_DRAG:
+        what = f"{normal:g} across the rope is less than a smooth cylinder has in the drag crisis"
+        right = "wire and fibre rope have 1 to 1.8, chain 2.4"
+        yield phrase(f"{path}.{prefix}normal", what, right)
+    chain = normal is not None and normal >= CHAIN_NORMAL_DRAG
+    if tangential is not None and tangential > MOST_TANGENTIAL_DRAG and not chain:
+        what = f"{tangential:g} along the rope, on π times its diameter, is that of no rope"
+        right = "wire and fibre rope have 0.01 to 0.1, chain 0.37 with 2.4 across it"
+        yield phrase(f"{path}.{prefix}tangential", what, right)
 
 
 def _payload_floats(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -241,10 +291,8 @@ def _schedule(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 
 
 def _ship(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    height, ramp = scene.ship.hang_off_m[2], scene.ship.motion_ramp_s
-    if height > 0.0 and not is_air(scene):
-        what = f"{height:g} m above the water; this version treats the rope there as under water"
-        yield phrase("ship.hang_off_m[2]", what, "expect a little too much buoyancy and drag")
+    yield from _dry_rope(scene, figures)
+    ramp = scene.ship.motion_ramp_s
     heave = scene.sea_state.heave
     fastest = 2.0 * pi * heave.amplitude_m / heave.period_s if heave else 0.0
     sinking = figures.sinking_speed_m_per_s(scene.environment.water_density_kg_per_m3)
@@ -258,12 +306,39 @@ def _ship(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         yield phrase("ship.motion_ramp_s", what, "give 8 s or so")
 
 
+def _dry_rope(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """Rope above the water, which is computed with the water's buoyancy and current."""
+    height = min(scene.ship.hang_off_m[2], scene.ropes[0].length_m)
+    if height <= 0.0 or is_air(scene):
+        return
+    rope, environment = figures.bars[-1].rope, scene.environment
+    density = environment.water_density_kg_per_m3
+    area = 0.25 * pi * rope.hydrodynamic_diameter_m**2
+    lift = density * environment.gravity_m_per_s2 * area * height
+    current, drag = scene.listed(CurrentParams), scene.listed(DragParams)
+    push = 0.0
+    if current is not None and drag is not None:
+        frontal = drag.normal * rope.hydrodynamic_diameter_m * height
+        push = 0.5 * density * frontal * hypot(*current.points[0][1]) ** 2
+    tension = abs(figures.top_tension_n(scene.ropes[0].length_m))
+    if scene.ropes[0].fixed_at_m:
+        tension = tension_at_length(figures.bars, figures.chord_m)
+    if max(lift, push) > DRY_ROPE_SHARE * tension:
+        what = (
+            f"{height:g} m of rope above the water are computed as under water, with "
+            f"{lift:.0f} N of buoyancy and {push:.0f} N of drag in the surface's current too much"
+        )
+        right = f"expect the top tension of {tension / 1e3:.1f} kN to be off by as much"
+        yield phrase("ship.hang_off_m[2]", what, right)
+
+
 CHECKS: tuple[Check, ...] = (
     check_load,
     _fixed_end,
     _elements,
     _bend_radius,
     _rope_figures,
+    _drag,
     _payload_floats,
     _rope_floats,
     _effects,

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from math import dist, hypot, pi, tanh
+from collections.abc import Iterable, Iterator
+from math import dist, hypot, pi, radians, tanh
 
-from rope_twin.effects.waves import WavesParams
+from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.errors import phrase
 from rope_twin.scene.figures import LiftFigures, listed_effects
+from rope_twin.scene.rules.motion import beside
 from rope_twin.scene.rules.rigging import places, winches_by_name
+from rope_twin.scene.rules.sea import spectrum_of
 from rope_twin.scene.rules.water import bed_at, bed_of
 from rope_twin.scene.schema import Scene
+from rope_twin.sea.responses import FADE, read_responses
+from rope_twin.sea.steepness import BREAKING, steepness_warning
 
 LONGEST_ARM_M = 400.0  # the longest ships
-STEEPEST = 0.142  # H/L of a wave that breaks in deep water (Miche 1944)
+FASTEST_CURRENT_M_PER_S = 2.5  # the Gulf Stream at its fastest; a tidal race may have more
+LEFT_OUT = 0.01  # of a variance, by waves beyond a table of responses
 ANOTHER = 0.2  # of the bed's depth: what that of the waves may differ by, where the bed slopes
 SAGGING = 1.01  # rope may be so much longer than the depth and still hang
 SAGGING_UP = 10.0  # a float's rope may be so many times as long as its anchor is deep
@@ -26,6 +31,7 @@ def check_water(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     yield from _steepness(scene)
     yield from _sea_steepness(scene)
     yield from _another_sea(scene)
+    yield from _reach_of_responses(scene)
     yield from _depth_of_waves(scene)
     yield from _arm(scene)
 
@@ -78,27 +84,20 @@ def _steepness(scene: Scene) -> Iterator[str]:
     if depth is not None and deep > 0.0:
         for _ in range(50):  # L = L₀·tanh(2π·d/L), halfway each time
             length = 0.5 * (length + deep * tanh(2.0 * pi * depth / length))
-    steepest = STEEPEST * length * (1.0 if depth is None else tanh(2.0 * pi * depth / length))
+    steepest = BREAKING * length * (1.0 if depth is None else tanh(2.0 * pi * depth / length))
     if height > steepest:
         what = f"a wave of {height:g} m in {period:g} s is {length:.0f} m long and would break"
         yield phrase("effects waves.regular", what, f"give at most {steepest:.1f} m, or more time")
 
 
 def _sea_steepness(scene: Scene) -> Iterator[str]:
-    """Hs over the deep-water length of Tp: at most 1/15 up to 8 s, 1/25 from 15 s on.
-
-    DNV-RP-C205, 3.5.4, linear between.
-    """
-    waves = listed_effects(scene).get("waves")
-    if not isinstance(waves, WavesParams) or waves.jonswap is None:
+    waves, gravity = listed_effects(scene).get("waves"), scene.environment.gravity_m_per_s2
+    spectrum = spectrum_of(waves) if isinstance(waves, WavesParams) else None
+    if spectrum is None or not isinstance(waves, WavesParams):
         return
-    height, period = waves.jonswap.significant_height_m, waves.jonswap.peak_period_s
-    part = min(max((period - 8.0) / 7.0, 0.0), 1.0)
-    length = scene.environment.gravity_m_per_s2 * period**2 / (2.0 * pi)
-    most = length * (1.0 / 15.0 + part * (1.0 / 25.0 - 1.0 / 15.0))
-    if height > most:
-        what = f"Hs {height:g} m at Tp {period:g} s is steeper than seas are"
-        yield phrase("effects waves.jonswap", what, f"give at most {most:.1f} m, or more time")
+    where = f"effects waves.{'measured' if waves.jonswap is None else 'jonswap'}"
+    if warning := steepness_warning(where, spectrum, gravity):
+        yield warning
 
 
 def _another_sea(scene: Scene) -> Iterator[str]:
@@ -113,6 +112,35 @@ def _another_sea(scene: Scene) -> Iterator[str]:
     elif sea.bag and waves.regular is None:
         what = f"the ship moves by the record '{sea.bag}', and the rope feels the sea of `waves`"
         yield phrase("sea_state", what, f"these are two seas; {right}")
+
+
+def _reach_of_responses(scene: Scene) -> Iterator[str]:
+    """Waves beyond a table of responses, where they make a difference."""
+    waves, riding = listed_effects(scene).get("waves"), scene.sea_state.on_waves
+    if riding is None or not riding.responses or not isinstance(waves, WavesParams):
+        return
+    sea = components_of(waves, scene.environment.gravity_m_per_s2)
+    table = read_responses(beside(scene, riding.responses))
+    lowest, highest = (float(one) for one in table.frequency_hz[[0, -1]])
+    x, y, z = scene.ship.hang_off_m
+    a, b, c = scene.ship.reference_m or scene.ship.hang_off_m
+    where, frequency = "sea_state.on_waves.responses", sea.omega / (2.0 * pi)
+    lost = table.share_left_out(sea, radians(riding.heading_deg), (x - a, y - b, z - c))
+    if lost > LEFT_OUT:
+        what = (
+            f"the table ends at {highest:.3g} Hz, and responses fade to zero by "
+            f"{FADE * highest:.3g} Hz: up to {100.0 * lost:.2g} % of the variance of the "
+            f"hang-off's motion is left out (of waves up to {frequency.max():.3g} Hz)"
+        )
+        yield phrase(where, what, "give a table that reaches further")
+    variance = sea.amplitude_m**2
+    long = float(variance[frequency < lowest].sum() / variance.sum())
+    if long > LEFT_OUT:
+        what = (
+            f"the table begins at {lowest:.3g} Hz, and {100.0 * long:.2g} % of the waves' variance "
+            f"lies below, where its first responses hold (from {frequency.min():.3g} Hz)"
+        )
+        yield phrase(where, what, "give a table that begins lower")
 
 
 def _depth_of_waves(scene: Scene) -> Iterator[str]:
@@ -147,10 +175,34 @@ def _arm(scene: Scene) -> Iterator[str]:
         yield phrase("ship.reference_m", what, f"a ship has arms of at most {LONGEST_ARM_M:g} m")
 
 
+def strong_current(
+    where: str, points: Iterable[tuple[float, tuple[float, float]]], factor: float = 1.0
+) -> str:
+    """Return a sentence on the fastest row of a profile if no sea current is so fast, or "".
+
+    points: rows of z [m] and velocity east, north [m/s]; factor: what multiplies the velocity.
+    """
+    speed, z = max(((factor * hypot(*velocity), z) for z, velocity in points), default=(0.0, 0.0))
+    if speed <= FASTEST_CURRENT_M_PER_S:
+        return ""
+    what = (
+        f"{speed:.3g} m/s at z = {z:g} m is more than sea currents have, "
+        f"{FASTEST_CURRENT_M_PER_S:g} m/s"
+    )
+    return phrase(where, what, f"check the unit: 1 knot is 0.514 m/s, {speed:.3g} kn would be "
+                  f"{0.5144 * speed:.2g} m/s")  # fmt: skip
+
+
 def check_current(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    """Of a profile that does not reach from the hang-off to the rope's end."""
+    """Of speed, and of a profile that does not reach from the hang-off to the rope's end."""
     current = listed_effects(scene).get("current")
-    if current is None or current.layers is not None:  # two layers are all there is
+    if current is None:
+        return
+    factor = max((abs(factor) for _, factor in current.over_time), default=1.0)
+    part = "profile" if current.layers is None else "layers"
+    if warning := strong_current(f"effects current.{part}", current.points, factor):
+        yield warning
+    if current.layers is not None:  # two layers are all there is
         return
     length = scene.winch.most_line_out_m if scene.winch else scene.ropes[0].length_m
     top = scene.ship.hang_off_m[2]

@@ -4,9 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-import numpy as np
-
-from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.errors import InputError
 from rope_twin.scene.rules.fault import Fault
 from rope_twin.scene.schema import Scene
@@ -59,13 +56,8 @@ def _responses(scene: Scene) -> Iterator[Fault]:
             right = "give `responses`, or leave `heading_deg` out"
             yield "sea_state.on_waves", "a box hull heads into its sea whatever its heading", right
         return
-    waves = scene.listed(WavesParams)
-    if waves is None:
-        return  # told already
-    parts = components_of(waves, scene.environment.gravity_m_per_s2)
     try:
-        table = read_responses(beside(scene, riding.responses))
-        table.check_reach(parts.omega / (2.0 * np.pi))
+        read_responses(beside(scene, riding.responses))
     except InputError as error:
         yield "sea_state.on_waves.responses", *_halves(error)
 

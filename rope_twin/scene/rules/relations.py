@@ -15,9 +15,12 @@ from rope_twin.effects import EFFECTS
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.fairing import FairingParams
 from rope_twin.effects.net import NetParams
+from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
+from rope_twin.errors import RopeTwinError
 from rope_twin.scene.arrays.composite import ends_m
 from rope_twin.scene.arrays.grid import grading_faults
+from rope_twin.scene.limits import limit_faults
 from rope_twin.scene.rising import TwoWayShape
 from rope_twin.scene.rules.body import body_holds
 from rope_twin.scene.rules.fault import Fault
@@ -30,11 +33,30 @@ from rope_twin.scene.rules.water import WATER_RULES
 from rope_twin.scene.rules.winch import WINCH_RULES
 from rope_twin.scene.schema import Scene, Winch
 
+# What a rule may raise that relies on one that is broken:
+_CONSEQUENCES = (
+    ArithmeticError, AssertionError, AttributeError, LookupError, RopeTwinError, TypeError,
+    ValueError,
+)  # fmt: skip
+
 
 def faults(scene: Scene) -> Iterator[Fault]:
     """Every fault between the values of a scene, in the order of RULES."""
     for rule in RULES:
         yield from rule(scene)
+
+
+def independent_faults(scene: Scene) -> list[Fault]:
+    """Return every fault, each once; a rule that cannot be applied because of one is left out."""
+    found: dict[Fault, None] = {}
+    for rule in RULES:
+        try:
+            for fault in rule(scene):
+                found[fault] = None
+        except _CONSEQUENCES:
+            if not found:
+                raise
+    return list(found)
 
 
 def _names(scene: Scene) -> Iterator[Fault]:
@@ -236,6 +258,13 @@ def _two_ways(scene: Scene) -> Iterator[Fault]:
             yield f"payloads[{number}]", what, right
 
 
+def _limits(scene: Scene) -> Iterator[Fault]:
+    bed = scene.listed(SeabedParams) is not None
+    made_of = (section.rope for line in scene.ropes for section in line.made_of)
+    radius = any(rope.minimum_bend_radius_m is not None for rope in made_of)
+    yield from limit_faults(scene.limits, bed, radius)
+
+
 RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _names,
     *RIGGING_RULES,
@@ -258,4 +287,5 @@ RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     *SEA_RULES,
     *MOTION_RULES,
     *WATER_RULES,
+    _limits,
 )

@@ -10,6 +10,8 @@ from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import did_you_mean
 from rope_twin.scene.rules.fault import Fault
 from rope_twin.scene.schema import Scene
+from rope_twin.sea.spectrum import WaveSpectrum, jonswap
+from rope_twin.sea.steepness import breaking_fault
 from rope_twin.sea.way import FASTEST_M_PER_S
 from rope_twin.share import share_dir
 
@@ -60,6 +62,18 @@ def _regular_heave(scene: Scene) -> Iterator[Fault]:
         what = f"it moves the ship at up to {fastest:.1f} m/s"
         right = f"a ship stays within {FASTEST_M_PER_S:g} m/s: lower it, or lengthen its period"
         yield "sea_state.heave", what, right
+        return
+    omega = 2.0 * pi / sea.heave.period_s
+    needed = {
+        "max_heave_m": sea.heave.amplitude_m,
+        "max_hang_off_speed_m_per_s": fastest,
+        "max_hang_off_acceleration_m_per_s2": omega * fastest,
+    }
+    for key, least in needed.items():
+        limit = getattr(scene.ship, key)
+        if least > limit:
+            what = f"it is {limit:g}, and `sea_state.heave` needs {least:.2f}"
+            yield f"ship.{key}", what, "raise it, or lower the heave"
 
 
 def _on_waves(scene: Scene) -> Iterator[Fault]:
@@ -82,8 +96,31 @@ def _on_waves(scene: Scene) -> Iterator[Fault]:
         yield "ship.motion_ramp_s", what, "give `ramp_s` of `waves` and this one alike"
 
 
+def spectrum_of(waves: WavesParams) -> WaveSpectrum | None:
+    """Spectrum of the scene's sea; None for a regular wave.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    if waves.jonswap is not None:
+        sea = waves.jonswap
+        return jonswap(sea.significant_height_m, sea.peak_period_s, sea.gamma)
+    return None if waves.measured is None else waves.measured.spectrum()
+
+
+def _breaking_sea(scene: Scene) -> Iterator[Fault]:
+    waves = scene.listed(WavesParams)
+    spectrum = None if waves is None else spectrum_of(waves)
+    if waves is None or spectrum is None:
+        return
+    fault = breaking_fault(spectrum, scene.environment.gravity_m_per_s2)
+    if fault is not None:
+        yield "effects.waves", *fault
+
+
 SEA_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _bag,
     _regular_heave,
     _on_waves,
+    _breaking_sea,
 )

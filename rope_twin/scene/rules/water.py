@@ -6,7 +6,9 @@ from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
+from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.scene.rules.fault import Fault
@@ -16,6 +18,10 @@ from rope_twin.scene.schema import Scene
 # is missing among even ones doubles it; the first and the last have but one beside them.
 GAP, GAP_AT_AN_END = 1.8, 3.0
 BURIED_M = 1.0  # as an anchor may be
+# What a current profile must be, whether a scene gives it or a sensor does:
+MIN_ROW_SPACING_M = 0.01
+SHEAR_LIMIT_PER_S = 100.0  # [m/s per m]: a step of 1 m/s within the least row spacing
+DEEPEST_ROW_M = -12e3
 
 
 def bed_at(bed: SeabedParams, x: float, y: float) -> float:
@@ -30,6 +36,32 @@ def bed_at(bed: SeabedParams, x: float, y: float) -> float:
 def bed_of(scene: Scene) -> SeabedParams | None:
     """The scene's bed, if it has one."""
     return scene.listed(SeabedParams)
+
+
+def steepest_shear(profile: NDArray[np.float64]) -> tuple[float, int]:
+    """Largest shear [1/s] of rows of z, east, north, (rows, 3), in order, and the row above it."""
+    if len(profile) < 2:
+        return 0.0, 0
+    step = np.diff(profile, axis=0)
+    shear = np.hypot(step[:, 1], step[:, 2]) / np.abs(step[:, 0])
+    return float(shear.max()), int(shear.argmax())
+
+
+def _current(scene: Scene) -> Iterator[Fault]:
+    """Rows of a current profile are far enough apart that the shear between them is finite."""
+    current = scene.listed(CurrentParams)
+    if current is None or len(current.profile) < 2:
+        return
+    rows = np.array([[z, *velocity] for z, velocity in current.profile], dtype=float)
+    spacing = -np.diff(rows[:, 0])
+    shear, steepest = steepest_shear(rows)
+    if spacing.min() < MIN_ROW_SPACING_M:
+        row = int(spacing.argmin())
+        what = f"rows {row} and {row + 1} of the current are {spacing[row]:g} m apart"
+        yield "effects", what, f"give rows at least {MIN_ROW_SPACING_M:g} m apart, or `layers`"
+    elif shear > SHEAR_LIMIT_PER_S:
+        what = f"the current changes by {shear:.3g} m/s a metre below row {steepest}"
+        yield "effects", what, f"give at most {SHEAR_LIMIT_PER_S:g} m/s a metre, or `layers`"
 
 
 def _held_sheaves(scene: Scene) -> Iterator[Fault]:
@@ -86,4 +118,5 @@ WATER_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _held_sheaves,
     _held_ends,
     _spectrum,
+    _current,
 )

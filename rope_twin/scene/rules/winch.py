@@ -8,7 +8,14 @@ from rope_twin.errors import did_you_mean
 from rope_twin.scene.rules.fault import Fault
 from rope_twin.scene.rules.rigging import winch_of, winches
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.winch import SWITCHES, ScheduleRow, Winch
+from rope_twin.scene.winch import (
+    RAMP_TO_ZERO,
+    SET_THE_BRAKE,
+    SWITCHES,
+    WHEN_COMMANDER_LOST,
+    ScheduleRow,
+    Winch,
+)
 
 
 def _parts(scene: Scene) -> Iterator[Fault]:
@@ -36,6 +43,17 @@ def _sheave(scene: Scene) -> Iterator[Fault]:
         if sheave.outer_wire_m > 0.5 * thick:
             what = f"wires of {sheave.outer_wire_m:g} m do not fit a rope of {thick:g} m"
             yield f"{path}.sheave.outer_wire_m", what, "give the diameter of one outer wire"
+
+
+def _commander(scene: Scene) -> Iterator[Fault]:
+    """A winch can do what it is to do when its commander is lost."""
+    for path, winch in winches(scene):
+        key, wanted = f"{path}.when_commander_lost", winch.when_commander_lost
+        if wanted not in WHEN_COMMANDER_LOST:
+            yield key, f"'{wanted}' is none", did_you_mean(wanted, WHEN_COMMANDER_LOST)
+        elif wanted == SET_THE_BRAKE and winch.brake is None:
+            right = f"add `brake` to it, or take {RAMP_TO_ZERO}"
+            yield key, f"'{wanted}' but this winch has no brake", right
 
 
 def _rows(scene: Scene) -> Iterator[Fault]:
@@ -76,6 +94,7 @@ def _depth(scene: Scene) -> Iterator[Fault]:
 WINCH_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _parts,
     _sheave,
+    _commander,
     _rows,
     _depth,
 )

@@ -45,7 +45,7 @@ real time: the step alone on {machine}.{met}
 {notes}
 
 How to read this, and what it does not contain: docs/accuracy.md. Made by
-`rope_twin accuracy {name}`; digests of scene {scene_digest} and solver {solver_digest}.
+`rope_twin accuracy {name}`; digest of the scene {scene_digest}, solver version {solver}.
 """
 
 
@@ -66,7 +66,7 @@ def as_markdown(study: Study, card: dict[str, object], picture: str) -> str:
         doubts=markdown.table(doubt_table(study)),
         notes="\n".join(f"- {line}" for line in notes(study)),
         scene_digest=card["scene_digest"],
-        solver_digest=card["solver_digest"],
+        solver=card["solver"],
     )
 
 

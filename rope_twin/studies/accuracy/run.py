@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
-from rope_twin.commands.run.inputs import FIRST_NS, open_sea, series_of
 from rope_twin.core import state as rows
 from rope_twin.errors import SolverError, phrase
 from rope_twin.recording.ship_sea import sample_of
+from rope_twin.run.inputs import FIRST_NS, open_sea, series_of
 from rope_twin.scene.rules.rigging import is_joined, places, winch_of
 from rope_twin.scene.schema import RopeLine, Scene, Triple
 from rope_twin.studies.accuracy.bodies import body_of
-from rope_twin.studies.bench.band import fed
+from rope_twin.studies.driven_twin import fed
 from rope_twin.studies.variants import variant
 from rope_twin.twin.ensemble.borders import Borders, WinchTrack, foreseen
 from rope_twin.twin.motion.hang_off import lever_arm

@@ -13,7 +13,7 @@ from typing import Any
 
 from rope_twin.errors import RopeTwinError
 from rope_twin.scene.card import FORMAT
-from rope_twin.scene.digest import scene_digest, solver_digest
+from rope_twin.scene.digest import scene_digest, solver_version
 from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy.figures import BY_NAME, QUANTITIES, Values, differences, values
@@ -109,7 +109,7 @@ def as_card(study: Study) -> dict[str, Any]:
         "scene": scene.name,
         **met,
         "scene_digest": scene_digest(scene),
-        "solver_digest": solver_digest(scene),
+        "solver": solver_version(scene),
         "seconds": study.plan.seconds,
         "machine": study.machine.as_text(),
         "own": {"elements": study.plan.own.elements, "step_s": study.plan.own.step_s},

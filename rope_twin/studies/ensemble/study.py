@@ -9,9 +9,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from rope_twin.commands.run.inputs import FIRST_NS, open_sea, series_of
 from rope_twin.errors import InputError, phrase
 from rope_twin.recording.heave_replay import open_heave
+from rope_twin.run.inputs import FIRST_NS, open_sea, series_of
 from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.figures import lift_figures
 from rope_twin.scene.schema import Scene

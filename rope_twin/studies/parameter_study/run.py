@@ -12,7 +12,7 @@ from typing import Any
 
 from rope_twin.core.compiler.wide import LANES
 from rope_twin.errors import InputError, RopeTwinError, phrase
-from rope_twin.scene.digest import solver_digest
+from rope_twin.scene.digest import solver_version
 from rope_twin.scene.rules.rigging import refuse_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.parameter_study.batch import Batch, Row, cut_into_batches, run_batch
@@ -28,7 +28,7 @@ RETRIES = 2  # of a batch whose worker died
 
 def study_stamp(study: Study, scene: Scene) -> str:
     """Of all that the rows depend on: the study, the scene's figures, the solver."""
-    told = repr((study.digest, scene.digest, solver_digest(scene)))
+    told = repr((study.digest, scene.digest, solver_version(scene)))
     return hashlib.sha256(told.encode()).hexdigest()[:16]
 
 

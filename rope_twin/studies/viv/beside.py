@@ -19,8 +19,7 @@ from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.rules.shedding import shedding_model
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.modes.rest import water_at
-from rope_twin.studies.validation.case import Field, Line, Panel
-from rope_twin.studies.validation.picture import draw_panels
+from rope_twin.studies.picture import Field, Line, Panel, draw_panels
 from rope_twin.studies.viv.moving import regular_motion
 from rope_twin.studies.viv.own import expected_hz, refuse_short
 from rope_twin.studies.viv.own_looks import made_even, marched

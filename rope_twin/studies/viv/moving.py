@@ -14,8 +14,8 @@ import numpy as np
 from rope_twin.errors import InputError, phrase
 from rope_twin.recording.regular_heave import RegularSea
 from rope_twin.scene.schema import Scene
+from rope_twin.studies.driven_twin import Motion, Speeds, march, still
 from rope_twin.studies.picture import write_picture
-from rope_twin.studies.rigs import Motion, Speeds, march, still
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.in_modes import Vibration
 from rope_twin.viv.modal_response import ModalResponse

@@ -15,7 +15,7 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
 from rope_twin.errors import InputError, phrase
-from rope_twin.studies.rigs import Motion, Speeds, march
+from rope_twin.studies.driven_twin import Motion, Speeds, march
 from rope_twin.twin.fatigue.wear import bending_stiffness, curvature
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core.state import Floats
-from rope_twin.studies.validation.case import Field, Line, Panel
-from rope_twin.studies.validation.picture import draw_panels
+from rope_twin.studies.picture import Field, Line, Panel, draw_panels
 from rope_twin.studies.viv.own import OwnRun
 from rope_twin.studies.viv.picture import ABOVE, write_table
 from rope_twin.studies.viv.study import where_it_moves

@@ -38,6 +38,7 @@ from rope_twin.twin.accuracy.top import Top
 from rope_twin.twin.findings import TensionBand
 from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.hoisting.winch import Winch
+from rope_twin.twin.recovery import Checkpoint
 from rope_twin.twin.saving.saved_state import SavedState
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
@@ -79,7 +80,11 @@ class BandedTwin(Twin):
         """As for a twin; the companion's winch takes it too."""
         fault = super().offer_order(stamp_ns, order, winch)
         names = [WINCH, *(line.from_ for line in self.scene.ropes[1:])]
-        if not fault and (own := self._companion.winches.get(names.index(winch))) is not None:
+        if (
+            not fault
+            and (own := self._companion.winches.get(names.index(self.winch_called(winch))))
+            is not None
+        ):
             with self._lock:
                 own.take(stamp_ns, order, self.time_ns)
         return fault
@@ -112,6 +117,13 @@ class BandedTwin(Twin):
         """As for a twin; the companion is made anew, from the rope on its new rung."""
         super().take_rung(rung)
         self._open_band(resting=False)
+
+    def go_back(self, then: Checkpoint) -> bool:
+        """As for a twin; the companion is made again, from the rope as it was then."""
+        went = super().go_back(then)
+        if self._tops:
+            self._open_band(resting=False)
+        return went
 
     @property
     def _band(self) -> ErrorBand:
@@ -206,7 +218,7 @@ class BandedTwin(Twin):
         own = self._shaking
         if own is not None and own.steps_to_look(self._steps) == 0:
             now = Boundary(*(table[done:] for table in self._boundary))
-            self._companion.look(now, self._steps, self._current.counter.accepted)
+            self._companion.look(now, self._steps, self._current.changes)
             now_s = self.time_ns * 1e-9
             if now_s >= self._compared_s + COMPARED_S and self._tops:
                 self._compared_s = now_s

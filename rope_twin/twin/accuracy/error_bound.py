@@ -44,7 +44,7 @@ each failure has a rule of its own:
   (`surface_layer`).
 
 The safeties were found on the shipped scenes against converged references, the same for all, and
-are tested there: `rope_twin bench band`.
+are tested there: `python -m benchmarks band`.
 """
 
 from __future__ import annotations

@@ -92,8 +92,8 @@ class CutInput:
 
     def health(self, now_ns: int) -> dict[str, InputHealth]:
         """What became of the orders; empty while none has come."""
-        health = self.counter.health(now_ns, False)
-        return {"cut": health} if health.accepted or health.refused else {}
+        came = self.counter.accepted or self.counter.refused
+        return {"cut": self.counter.health(now_ns, False)} if came else {}
 
     def _fault(
         self, stamp_ns: int | None, below_m: float, now_ns: int

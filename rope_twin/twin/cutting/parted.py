@@ -224,8 +224,7 @@ def borders_at(border: Boundary, parts: tuple[float, ...], h: float) -> tuple[Fl
 
 def _both(upper: SolverHealth, lower: Any) -> SolverHealth:
     """Counts of both parts; steps are the same."""
-    return replace(
-        upper,
+    return upper._replace(
         solves=upper.solves + int(lower[rows.SOLVES]),
         solves_max_per_stage=max(upper.solves_max_per_stage, int(lower[rows.SOLVES_MAX])),
         substeps=upper.substeps + int(lower[rows.SUBSTEPS]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rope_twin.core.state import Boundary
 from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.motion.hang_off import Moves
 
@@ -36,6 +37,13 @@ class NoOtherWinch:
     def lose(self, r: int, lost_m: float, left_m: float) -> None:
         """There is no other rope."""
         raise RuntimeError(f"there is no rope {r}: this scene has one")
+
+    def prescribe_again(self) -> None:
+        """Nothing."""
+
+    def border(self, first: Boundary) -> Boundary:
+        """Of the one rope that has any."""
+        return Boundary(*(table[:1].copy() for table in first))
 
     def forget(self, done: int, prescribed: int) -> None:
         """Nothing."""

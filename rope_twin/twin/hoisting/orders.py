@@ -24,13 +24,16 @@ MOTIONS = {  # unit of each
 FEELING = (DEPTH, TENSION)  # those for which the winch asks what the rope is like
 EMERGENCY_STOP, RESET = "emergency_stop", "reset"
 SET_BRAKE, RELEASE_BRAKE = "set_brake", "release_brake"
+# Given by whoever watches the commanders, never by a commander:
+NEW_COMMANDER, COMMANDER_LOST = "new_commander", "commander_lost"
+SEAT_ORDERS = (NEW_COMMANDER, COMMANDER_LOST)
 COMPENSATE, STOP_COMPENSATING = "compensate", "stop_compensating"
 
 
 class Order(NamedTuple):
     """A motion with its value in the unit of MOTIONS, or a switch (its value says nothing)."""
 
-    kind: str  # of MOTIONS or SWITCHES
+    kind: str  # of MOTIONS, SWITCHES or SEAT_ORDERS
     value: float = 0.0
 
 
@@ -46,6 +49,8 @@ def find_fault(order: Order, winch: WinchScene | None, hung: Hung) -> Fault | No
     if winch is None:
         return _impossible("this scene has no winch", "add a winch to the scene")
     kind, value = order
+    if kind in SEAT_ORDERS:
+        return None
     if kind in SWITCHES:
         key = SWITCHES[kind]
         if getattr(winch, key) is None:

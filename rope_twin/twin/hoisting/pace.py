@@ -36,6 +36,8 @@ class AccelerationLimited:
     def move(self, line: LineOut, wish: Wish, step_s: float) -> tuple[LineOut, bool]:
         """One step."""
         target, held = wish.speed_m_per_s, False
+        if target == line.speed_m_per_s == 0.0:  # as in most steps of most runs
+            return line, False
         outward = target > 0.0
         room = wish.high_m - line.length_m if outward else line.length_m - wish.low_m
         outgoing = max(math.copysign(1.0, target) * line.speed_m_per_s, 0.0)

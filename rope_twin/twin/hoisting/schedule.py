@@ -8,6 +8,7 @@ from rope_twin.scene.schema import ScheduleRow, Winch
 from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION, Order
 
 COMMAND_PERIOD_NS = 100_000_000  # a command is repeated at 10 Hz, so that its absence shows
+MISSING_NS = 250_000_000  # a command of the schedule that has not come by then is missing
 _MOTION_OF = {  # key of a row and the order that it is
     "speed_m_per_s": SPEED,
     "line_out_m": LENGTH,
@@ -22,6 +23,64 @@ class OrderSample:
 
     stamp_ns: int
     order: Order
+
+
+class ScheduleWatch:
+    """Watches whether a winch is commanded as the scene's schedule says, no more and no less."""
+
+    def __init__(self, winch: Winch | None) -> None:
+        self._winch = winch
+        self.differs_s: float | None = None  # twin time of the first difference
+        self._motion_ns = 0  # when a motion was last taken up
+        self._looked_ns = 0
+        self._switches = 0  # taken up
+
+    def motion(self, order: Order, time_ns: int) -> None:
+        """Judge a motion that is taken up at a twin time."""
+        self._motion_ns = time_ns
+        if self.differs_s is None and self._scheduled(time_ns) != order:
+            self.differs_s = time_ns * 1e-9
+
+    def switches(self, kinds: list[str], after_ns: int, time_ns: int) -> None:
+        """Judge the switches taken up at a twin time; none was after `after_ns` until then."""
+        if self.differs_s is None and kinds != self._switches_after(after_ns, time_ns):
+            self.differs_s = time_ns * 1e-9
+        self._switches += len(kinds)
+
+    def look(self, time_ns: int, obeyed: Order, stopped: bool) -> None:
+        """Judge whether a command is missing; obeyed: the motion in force when this step began."""
+        if self.differs_s is not None or time_ns - self._looked_ns < COMMAND_PERIOD_NS:
+            return
+        self._looked_ns = time_ns
+        due_ns = time_ns - MISSING_NS
+        late = not stopped and self._motion_ns < due_ns
+        if (late and self._scheduled(time_ns) != obeyed) or (
+            self._switches < self._switches_until(due_ns)
+        ):
+            self.differs_s = time_ns * 1e-9
+
+    def _scheduled(self, time_ns: int) -> Order:
+        rest = Order(SPEED, 0.0)
+        return rest if self._winch is None else scheduled_motion(self._winch, time_ns)
+
+    def _switches_after(self, after_ns: int, time_ns: int) -> list[str]:
+        """The switches of the schedule with after_ns < instant <= time_ns, in order."""
+        if self._winch is None or not self._winch.schedule:
+            return []
+        instants = sorted(set(_row_instants(self._winch, after_ns + 1, time_ns + 1)))
+        return [word for at_ns in instants for word in _switches_at(self._winch, at_ns)]
+
+    def _switches_until(self, time_ns: int) -> int:
+        """How many switches the schedule has had until a twin time."""
+        if self._winch is None or time_ns < 0:
+            return 0
+        rows = [_at_ns(row) for row in self._winch.schedule if row.switch]
+        repeat_ns = _repeat_ns(self._winch)
+        if not rows or not repeat_ns:
+            return sum(at_ns <= time_ns for at_ns in rows)
+        rounds, within_ns = divmod(time_ns, repeat_ns)
+        rows = [at_ns for at_ns in rows if at_ns < repeat_ns]
+        return rounds * len(rows) + sum(at_ns <= within_ns for at_ns in rows)
 
 
 def schedule_samples(winch: Winch | None, from_ns: int, to_ns: int) -> list[OrderSample]:

@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from rope_twin.errors import phrase
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rules.rigging import places, winch_of
 from rope_twin.scene.schema import RopeLine, Scene
-from rope_twin.scene.winch import SWITCHES
+from rope_twin.scene.winch import HOLD_SPEED, RAMP_TO_ZERO, SET_THE_BRAKE, SWITCHES
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.twin.hoisting.goals import goals_of
 from rope_twin.twin.hoisting.line import UNKNOWN_ROPE, Felt, Hung, LineOut, Moment
@@ -24,7 +25,10 @@ from rope_twin.twin.hoisting.orders import (
     FEELING,
     LENGTH,
     MOTIONS,
+    NEW_COMMANDER,
     RESET,
+    SEAT_ORDERS,
+    SET_BRAKE,
     SPEED,
     Order,
     find_fault,
@@ -32,9 +36,15 @@ from rope_twin.twin.hoisting.orders import (
 from rope_twin.twin.hoisting.pace import AccelerationLimited, JerkLimited, Pace
 from rope_twin.twin.hoisting.parts import Part, adding_parts, drum_parts
 from rope_twin.twin.hoisting.queue import OrderQueue, SwitchQueue
+from rope_twin.twin.hoisting.schedule import ScheduleWatch
 from rope_twin.twin.snapshot import InputHealth, WinchShot
 
 STALE_NS = 2_000_000_000
+_WHEN_LOST = {
+    HOLD_SPEED: "its last command stands",
+    RAMP_TO_ZERO: "it ramps to zero speed",
+    SET_THE_BRAKE: "it ramps to zero speed and sets its brake",
+}
 END_SHARE = 0.75  # of the least line out: a winch that could not stop before is stopped there
 
 
@@ -69,11 +79,13 @@ class Winch:
         self.counter, self._name = self._orders.counter, name
         self.at_limit = ""
         self._scene, self._hung = scene, hung
+        self._has_switches = any(getattr(scene, key, None) for key in SWITCHES.values())
         self._line = self._nominal = LineOut(length_m, 0.0)
         self._kind, self._value = SPEED, 0.0
         self._goal = 0  # of the goals, the one that the kind of order names
         self._last = (self._line, 1.0)  # the line ahead of the last step, and its length [s]
         self._stopped = False  # in an emergency
+        self._watch, self._begun_ns = ScheduleWatch(scene), -1  # begin of the last step
         self._end_m = 0.0  # line out at which the end of a rope that was cut is at the sheave
         self._goals = () if scene is None else goals_of(scene)
         self._pace = None if scene is None else _pace_of(scene)
@@ -114,8 +126,32 @@ class Winch:
         fault = find_fault(order, self._scene, self._hung)
         if fault is not None:
             return self.refuse(order, fault.sentence, fault.kind)
+        if order.kind in SEAT_ORDERS:
+            self._change_commander(order.kind, now_ns)
+            return ""
         queue = self._orders if order.kind in MOTIONS else self._switches
-        return queue.offer(stamp_ns, order, now_ns)
+        refusal = queue.offer(stamp_ns, order, now_ns)
+        if not refusal and order.kind == SPEED and self._scene is not None:
+            limit = self._scene.speed_limit_m_per_s
+            if abs(order.value) > limit:
+                what, right = f"{order.value:+.2f} m/s commanded", f"it does {limit:g} m/s at most"
+                queue.counter.warn(phrase("winch command", what, right), now_ns)
+        return refusal
+
+    def _change_commander(self, kind: str, now_ns: int) -> None:
+        """Drop the former commander's plan; if that is lost, do what the scene says."""
+        assert self._scene is not None, "orders to no winch are refused"
+        self._orders.forget_plan()
+        self._switches.forget_plan()
+        if kind == NEW_COMMANDER:
+            return
+        wanted = self._scene.when_commander_lost
+        what = f"its commander was lost at {now_ns * 1e-9:.2f} s"
+        self.counter.warn(phrase("winch command", what, _WHEN_LOST[wanted]), now_ns)
+        if wanted != HOLD_SPEED:
+            self._orders.put_at_once(Order(SPEED, 0.0), now_ns)
+        if wanted == SET_THE_BRAKE:
+            self._switches.put_at_once(Order(SET_BRAKE), now_ns)
 
     def refuse(self, order: Order, sentence: str, kind: str = "impossible") -> str:
         """Count an order that is not for this winch; returns the sentence."""
@@ -131,10 +167,8 @@ class Winch:
         """What became of the commands, by the name of the input; of switches where it has any."""
         told = {self.counter.name: self.counter.health(now_ns, self.stale(now_ns))}
         own = self._switches.counter
-        switches = own.health(now_ns, False)
-        equipped = any(getattr(self._scene, key, None) for key in SWITCHES.values())
-        if equipped or switches.refused:
-            told[own.name] = switches
+        if self._has_switches or own.refused:
+            told[own.name] = own.health(now_ns, False)
         return told
 
     def stale(self, now_ns: int) -> bool:
@@ -162,7 +196,7 @@ class Winch:
             self._obey(time_ns)
         if self._scene is None:
             return self._line
-        self._last = (self._line, step_s)
+        self._last, self._begun_ns = (self._line, step_s), time_ns
         self.at_limit = self._follow(step_s, felt)
         if self._adding or self._holding:
             self._pass_parts(Moment(time_ns, step_s, heave_m_per_s, felt))
@@ -176,6 +210,16 @@ class Winch:
         else:
             self.counter.say("")
         return self._line
+
+    def continue_from(self, line: LineOut) -> None:
+        """Go on from this line out and speed: the rope went back to it after a failed step.
+
+        Orders, switches and parts stay as they are.
+        """
+        self._line = self._nominal = line
+        self._last = (line, self._last[1])
+        if self._pace is not None:
+            self._pace.yield_to(line)
 
     def lose(self, lost_m: float, left_m: float) -> None:
         """The rope was cut, `left_m` of it hang on: so much less is out, and is there at all.
@@ -209,7 +253,15 @@ class Winch:
         for part in self._parts:
             figures |= part.figures(self._line)
         mode = EMERGENCY_STOP if self._stopped else self._kind
-        return WinchShot(self._name, mode, self._value, self.at_limit, tuple(figures.items()))
+        self._watch.look(self._begun_ns, Order(self._kind, self._value), self._stopped)
+        return WinchShot(
+            self._name,
+            mode,
+            self._value,
+            self.at_limit,
+            tuple(figures.items()),
+            self._watch.differs_s,
+        )
 
     @property
     def _parts(self) -> tuple[Part, ...]:
@@ -217,11 +269,17 @@ class Winch:
 
     def _obey(self, time_ns: int) -> None:
         """Take up what is due. In an emergency stop no motion is."""
-        for order in self._switches.due(time_ns):
+        switches, motions = self._switches.due(time_ns), self._orders.due(time_ns)
+        if switches:
+            self._watch.switches([one.kind for one in switches], self._begun_ns, time_ns)
+        for order in switches:
             self._switch(order.kind, time_ns)
-        for order in self._orders.due(time_ns):
-            if not self._stopped:
-                self._take_up(order)
+        if self._stopped:
+            return
+        for order in motions:
+            self._take_up(order)
+        if motions:
+            self._watch.motion(motions[-1], time_ns)
 
     def _take_up(self, order: Order) -> None:
         self._kind, self._value = order

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import copy
 import logging
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -27,7 +26,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.twin.cutting.joined_cut import advance_in_pieces, scene_of_parts, sever_joined
 from rope_twin.twin.cutting.severing import Place
 from rope_twin.twin.hoisting.feel import Course, feel
-from rope_twin.twin.hoisting.line import Felt
+from rope_twin.twin.hoisting.line import Felt, LineOut
 from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.hoisting.winch import Winch, winch_of_rope
 from rope_twin.twin.hung import HungRope, hung_rope, hung_to_sheave
@@ -44,7 +43,7 @@ from rope_twin.twin.joined.shot import (
 from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.observe import strength_of
 from rope_twin.twin.saving.saved_state import changing_parts
-from rope_twin.twin.snapshot import InputHealth, Snapshot
+from rope_twin.twin.snapshot import InputHealth, Snapshot, amended
 from rope_twin.twin.start import judge_start, no_garbage_collection, weak_ropes
 
 _log = logging.getLogger(__name__)
@@ -229,6 +228,21 @@ class JoinedRopes:
         for table in self._boundary:
             table[:, : prescribed + 1] = table[:, done : done + prescribed + 1]
 
+    def prescribe_again(self) -> None:
+        """Let the winches of ropes but the first go on from the line out of the last step."""
+        value, rate = self._boundary
+        for r in self._numbers[1:]:
+            if self._joints.upper[r] == LOOSE:
+                length, speed = float(value[r, 0, rows.LINE]), float(rate[r, 0, rows.LINE])
+                self._winches[r].continue_from(LineOut(length, speed))
+
+    def border(self, first: Boundary) -> Boundary:
+        """Hang-offs and line out now, (ropes, MOTIONS); first: borders of the first rope."""
+        own = Boundary(*(table[:, 0].copy() for table in self._boundary))
+        for table, given in zip(own, first, strict=True):
+            table[0] = given[0]
+        return own
+
     def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
         """Energy and power of all ropes now; pull, speed: of the first one."""
         pulls, speeds = self.pull.copy(), self._boundary.rate[:, 0, rows.LINE].copy()
@@ -248,8 +262,7 @@ class JoinedRopes:
                 inputs |= winch.health(now_ns)
                 limits += [f"{line.from_}: {winch.at_limit}"] if winch.at_limit else []
         health = np.sum([rope.state.health for rope in self._ropes], axis=0)
-        solver = replace(
-            shot.solver,
+        solver = shot.solver._replace(
             splits=shot.solver.splits + int(health[rows.SPLITS]),
             merges=shot.solver.merges + int(health[rows.MERGES]),
         )
@@ -258,7 +271,7 @@ class JoinedRopes:
             strength_of(line, max(most_n, one.tension_top_n), one.element_tension_n)
             for line, most_n, one in zip(self._scene.ropes, self._highest_n, ropes, strict=True)
         ]
-        taken = replace(
+        taken = amended(
             shot,
             ropes=ropes,
             payloads=payload_shots(now),

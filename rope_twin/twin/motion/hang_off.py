@@ -8,21 +8,49 @@ further places, each of those has an arm and three tracks of its own; heave move
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 from rope_twin.errors import phrase
 from rope_twin.scene.rules.rigging import places
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.motion.ship import VELOCITY_LIMIT_M_PER_S, HeaveTrack
+from rope_twin.twin.health import STUCK_NS, UNJUDGED, Judgement, SenderClock, StuckDetector
+from rope_twin.twin.motion.plausibility import (
+    NOISE_M,
+    NOISE_RAD,
+    PERSISTENT_NS,
+    Continuity,
+    MotionLimits,
+    Numbers,
+    RateCheck,
+)
+from rope_twin.twin.motion.sample_timing import (
+    SampleTiming,
+    is_moved,
+    needed_interval_s,
+    shortest_period_s,
+)
+from rope_twin.twin.motion.ship import HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S, HeaveTrack
 from rope_twin.twin.motion.ship_pose import (
+    MOST_RATE_RAD_PER_S,
+    STILL,
+    UPRIGHT,
     ShipPose,
     Vector3,
     hang_off_motion,
     is_finite,
     pose_fault,
+    sea_velocity,
+    turn_between,
+    with_rates,
 )
+from rope_twin.twin.snapshot import InputHealth
 
 FARTHEST_M = 1e5  # east or north of rest: a tow of a day
+UNLIMITED_M_PER_S = 1e6  # of tracks that follow one that judges
+JUDGED_NS = 200_000_000
+REQUIRED_NS = 3_000_000_000  # after so long the first sample must have come
 
 
 # by number of a rope but the first: displacement [m] and velocity [m/s] of its hang-off
@@ -41,12 +69,17 @@ class FurtherHangOff:
 
     def __init__(self, rope: int, arm_m: Vector3) -> None:
         self.rope, self._arm = rope, arm_m
-        self._tracks = (HeaveTrack(FARTHEST_M), HeaveTrack(FARTHEST_M), HeaveTrack())
+        self._tracks = tuple(_follower() for _ in range(3))
 
     def doubt(self) -> None:
         """What is known of times to come may no longer hold."""
         for track in self._tracks:
             track.doubt()
+
+    def drop(self) -> None:
+        """Forget all samples, as the first hang-off does."""
+        for track in self._tracks:
+            track.drop()
 
     def rest_until(self, time_ns: int | None) -> None:
         """It was asked for up to then, and was at rest."""
@@ -67,11 +100,17 @@ class FurtherHangOff:
         return (share * x, share * y, share * z), moving
 
 
+def _follower() -> HeaveTrack:
+    """A track that takes what the judged one has taken."""
+    return HeaveTrack(2.0 * FARTHEST_M, UNLIMITED_M_PER_S)
+
+
 class HangOffTrack(HeaveTrack):
-    """A heave track that takes poses as well."""
+    """A heave track that takes poses as well, and judges whether a ship can move so."""
 
     def __init__(self, scene: Scene) -> None:
-        super().__init__()
+        limits = MotionLimits.of(scene.ship)
+        super().__init__(limits.heave_m, limits.speed_m_per_s)
         self._arm = lever_arm(scene)
         at = places(scene)
         self._further = tuple(
@@ -79,8 +118,26 @@ class HangOffTrack(HeaveTrack):
             for number, line in enumerate(scene.ropes)
             if number and line.from_ in at
         )
-        self._aside = (HeaveTrack(FARTHEST_M), HeaveTrack(FARTHEST_M))
+        self._aside = (_follower(), _follower())
         self.posed = False  # whether poses move it
+        self.clock = SenderClock()
+        self._moved = is_moved(scene)  # by the scene's sea: samples must come and vary
+        self._on_way = bool(scene.sea_state.path)  # which may stand still for a while
+        self._prescribed = False  # computed by the caller: judged for order and range alone
+        self._stuck, self._is_stuck = StuckDetector(), False
+        self._continuity = Continuity(limits)
+        speed, acceleration = limits.speed_m_per_s, limits.acceleration_m_per_s2
+        self._rates = RateCheck(NOISE_M, speed, acceleration)
+        self._turns = RateCheck(NOISE_RAD, MOST_RATE_RAD_PER_S, MOST_RATE_RAD_PER_S)
+        self._judged_ns, self._judged = -JUDGED_NS, UNJUDGED
+        self._turned: Vector3 = STILL  # sum of the rotation vectors between poses
+        self._orientation = UPRIGHT  # of the newest pose
+        self._timing = SampleTiming(needed_interval_s(shortest_period_s(scene)))
+
+    def prescribe(self) -> None:
+        """Take heave as computed, not measured: whether a ship can move so is not judged."""
+        self._prescribed = True
+        self._limit_m, self._speed_limit = HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S
 
     def doubt(self) -> None:
         """The sender was away: what it has told of times to come may no longer hold."""
@@ -90,35 +147,177 @@ class HangOffTrack(HeaveTrack):
         for further in self._further:
             further.doubt()
 
-    def offer(self, stamp_ns: int, position_m: float, velocity_m_per_s: float) -> str:
-        """Take a sample of heave; returns "" or the sentence with which it was refused."""
+    def drop(self) -> None:
+        """Forget all samples and where they were: the next ones are joined as after a gap."""
+        super().drop()
+        self._continuity.forget()
+        for check in (self._rates, self._turns):
+            check.forget()
+
+    def offer(
+        self,
+        stamp_ns: int,
+        position_m: float,
+        velocity_m_per_s: float,
+        received_ns: int | None = None,
+    ) -> str:
+        """Take a sample of heave; returns "" or the sentence with which it was refused.
+
+        received_ns: its arrival, by the receiver's clock in twin time; None: not known.
+        """
         if self.posed:
             right = "let only one of ship/heave and ship/odometry be published"
             what = "the ship's pose moves the hang-off already"
             return self.counter.refuse("impossible", phrase("heave", what, right))
-        return super().offer(stamp_ns, position_m, velocity_m_per_s)
+        if self._prescribed:
+            return super().offer(stamp_ns, position_m, velocity_m_per_s)
+        stamp_ns = self._by_own_clock(stamp_ns, received_ns)
+        sample = (position_m, velocity_m_per_s)
+        if self._in_doubt and self._is_settled(stamp_ns, sample):
+            return ""
+        fault = self._position_fault(position_m, velocity_m_per_s)
+        fault = fault or self._fault(stamp_ns, sample, sample[1:], (position_m,), "heave")
+        if fault:
+            return fault
+        rates = self._rates.rates(stamp_ns, (position_m,), (velocity_m_per_s,))
+        if rates is None:
+            return self._number_fault(position_m, velocity_m_per_s) or self._sudden("heave")
+        return self._taken(stamp_ns, (position_m,), rates, "heave")
 
-    def offer_pose(self, pose: ShipPose) -> str:
+    def offer_pose(self, pose: ShipPose, received_ns: int | None = None) -> str:
         """Take the ship's pose; returns "" or the sentence with which it was refused."""
+        pose = replace(pose, stamp_ns=self._by_own_clock(pose.stamp_ns, received_ns))
         fault = self._pose_fault(pose)
         if fault:
             kind = "impossible" if is_finite(pose) else "non_finite"
             return self.counter.refuse(kind, fault)
         place, velocity = hang_off_motion(pose, self._arm)
-        for track, at, speed in zip(self._aside, place, velocity, strict=False):
-            fault = track.jump(pose.stamp_ns, at) or _too_far(at, speed)
-            if fault:
-                return self.counter.refuse("impossible", fault.replace("heave", "ship pose", 1))
-        fault = super().offer(pose.stamp_ns, place[2], velocity[2])
+        if self._in_doubt and self._is_settled(pose.stamp_ns, (place[2], velocity[2])):
+            self._follow(pose, place, velocity)
+            return ""
+        moving = (*pose.velocity_m_per_s, *pose.rate_rad_per_s)
+        numbers = (*pose.position_m, *pose.orientation, *moving)
+        fault = self._pose_range(place) or self._fault(
+            pose.stamp_ns, numbers, moving, place, "ship pose"
+        )
         if fault:
             return fault
+        judged = self._with_judged_rates(pose)
+        if judged is None:
+            fault = pose_fault(pose) or self._too_fast(velocity)
+            return self.counter.refuse("impossible", fault) if fault else self._sudden("ship pose")
+        if judged is not pose:
+            velocity = hang_off_motion(judged, self._arm)[1]
+        fault = self._taken(judged.stamp_ns, place, velocity, "ship pose")
+        if not fault:
+            self._follow(judged, place, velocity)
+        return fault
+
+    def _fault(
+        self, stamp_ns: int, numbers: Numbers, rates: Numbers, place: Numbers, what: str
+    ) -> str:
+        """Why a sample with finite numbers is refused but for its rates, counted; or ""."""
+        if fault := self._stamp_fault(stamp_ns):
+            return fault
+        stuck = self._stuck.is_stuck(stamp_ns, numbers)
+        never_moved = not (self._moved or self._stuck.varied)
+        rests = not any(rates) and (self._on_way or never_moved)
+        self._is_stuck = stuck and not rests
+        if self._is_stuck:
+            fault = f"all its numbers have been the same for {STUCK_NS * 1e-9:g} s or more"
+            right = "the sender is stuck; restart it"
+            return self.counter.refuse("stuck", phrase(what, fault, right))
+        kind, reason = self._continuity.fault(stamp_ns, place, self._rates.noise)
+        if self._continuity.confirmed:  # no rate leads from where it was to here
+            self._rates.forget()
+            self._turns.forget()
+        return self.counter.refuse(kind, phrase(what, *reason)) if reason else ""
+
+    def _taken(self, stamp_ns: int, place: Numbers, rates: Numbers, what: str) -> str:
+        """Take a sample by its judged rates; returns "" or why it accelerates impossibly."""
+        if self._rates.switched or self._turns.switched:
+            self._continuity.forget_rates()
+        noise = self._rates.derived_noise
+        if reason := self._continuity.acceleration_fault(stamp_ns, rates, noise):
+            return self.counter.refuse("impossible", phrase(what, *reason))
+        if self._continuity.confirmed:
+            self._drop_samples()
+        self._continuity.accept(stamp_ns, place, rates)
+        self._timing.take(stamp_ns, self._asked_ns or 0, self.missing_ns)
+        self._append(stamp_ns, place[-1], rates[-1])
+        return ""
+
+    def _follow(self, pose: ShipPose, place: Vector3, velocity: Vector3) -> None:
+        """Let the tracks aside and the further hang-offs take a pose that was taken."""
         if not self.posed:
             self._begin_aside()
         for track, at, speed in zip(self._aside, place, velocity, strict=False):
             track.offer(pose.stamp_ns, at, speed)
         for further in self._further:
             further.offer(pose)
-        return ""
+
+    def _by_own_clock(self, stamp_ns: int, received_ns: int | None) -> int:
+        """Return the stamp by the twin's clock, if the sender's is to be corrected."""
+        if received_ns is None:
+            return stamp_ns
+        self.clock.take(stamp_ns, received_ns)
+        shift_ns, changed = self.clock.shift_ns()
+        if changed:
+            self.drop()
+            self._drop_samples()
+        return stamp_ns + shift_ns
+
+    def _drop_samples(self) -> None:
+        """Let the next samples be joined as after a gap, in all directions and at all hang-offs."""
+        super().drop()
+        for track in self._aside:
+            track.drop()
+        for further in self._further:
+            further.drop()
+
+    def _with_judged_rates(self, pose: ShipPose) -> ShipPose | None:
+        """Return the pose with rates that agree with its positions; None: they are impossible."""
+        turn = turn_between(self._orientation, pose.orientation)
+        self._orientation = pose.orientation
+        self._turned = _sum(self._turned, turn)
+        told = sea_velocity(pose)
+        moving = self._rates.rates(pose.stamp_ns, pose.position_m, told)
+        turning = self._turns.rates(pose.stamp_ns, self._turned, pose.rate_rad_per_s)
+        if moving is None or turning is None:
+            return None
+        if moving is told and turning is pose.rate_rad_per_s:
+            return pose
+        return with_rates(pose, _vector(moving), _vector(turning))
+
+    def _position_fault(self, z: float, v: float) -> str:
+        """Why position or velocity are no numbers, or the position is beyond the ship's range."""
+        within = abs(z) <= self._limit_m and math.isfinite(v)
+        return "" if within else self._number_fault(z, v)
+
+    def _pose_range(self, place: Vector3) -> str:
+        """Why the hang-off cannot be there, counted; or ""."""
+        if abs(place[2]) > self._limit_m:
+            what = f"the hang-off {place[2]:g} m above its rest"
+            right = f"a ship stays within ±{self._limit_m:g} m (ship.max_heave_m)"
+        elif max(abs(place[0]), abs(place[1])) > FARTHEST_M:
+            what = f"the hang-off {place[0]:g} m east and {place[1]:g} m north of its rest"
+            right = f"right is within {FARTHEST_M:g} m"
+        else:
+            return ""
+        return self.counter.refuse("impossible", phrase("ship pose", what, right))
+
+    def _too_fast(self, velocity: Vector3) -> str:
+        if max(abs(one) for one in velocity) <= self._speed_limit:
+            return ""
+        what = f"the hang-off moving at {max(abs(one) for one in velocity):g} m/s"
+        right = f"a ship stays within ±{self._speed_limit:g} m/s"
+        return phrase("ship pose", what, right)
+
+    def _sudden(self, what: str) -> str:
+        """Refuse a sample whose rates changed too suddenly, and that no others stand for."""
+        fault = "its rate changes faster than a ship can, and too few positions are known"
+        right = "position and rate must be of one motion"
+        return self.counter.refuse("impossible", phrase(what, fault, right))
 
     def _begin_aside(self) -> None:
         """From now on poses move it; until now it was at rest east and north."""
@@ -127,6 +326,49 @@ class HangOffTrack(HeaveTrack):
             track.rest_until(self._asked_ns)
         for further in self._further:
             further.rest_until(self._asked_ns)
+
+    def health(self, now_ns: int) -> InputHealth:
+        """Return what became of the samples, and what is wrong with their sender.
+
+        That is judged every JUDGED_NS of twin time.
+        """
+        if now_ns - self._judged_ns >= JUDGED_NS or now_ns < self._judged_ns:
+            self._judged_ns, self._judged = now_ns, self._judge(now_ns)
+        return self.counter.health(now_ns, self.stale(now_ns), self._judged)
+
+    def _judge(self, now_ns: int) -> Judgement:
+        clock, clock_is_wrong = self.clock.fault()
+        faults: list[str] = []
+        warnings: list[str] = []
+        accepted, refused = self.counter.accepted, self.counter.refused
+        if self._is_stuck:
+            faults.append("the sender is stuck: its numbers do not change")
+        if accepted == 0 and refused:
+            faults.append(f"every one of {refused} samples was refused")
+        elif accepted == 0 and self._moved and now_ns >= REQUIRED_NS:
+            faults.append(
+                f"nothing has come for {now_ns * 1e-9:.0f} s, and the scene's sea moves the ship"
+            )
+        for check, names in ((self._rates, "position and velocity"),
+                             (self._turns, "orientation and rate of turn")):  # fmt: skip
+            if check.disagrees:
+                words = f"{names} disagree: the rate is derived from positions"
+                lasting = check.disagrees_for_s() >= PERSISTENT_NS * 1e-9
+                (faults if lasting else warnings).append(words)
+        if self._rates.scatters:
+            warnings.append(
+                f"its positions scatter by {self._rates.scatter:.2f} m, as of noise or of several "
+                "senders"
+            )
+        if clock:
+            (faults if clock_is_wrong else warnings).append(clock)
+        if slow := self._timing.fault(self.clock.lateness_s):
+            warnings.append(slow)
+        if self._rejoining(now_ns):
+            warnings.append(f"the motion is led over to the samples in {self._rejoin_s:.3g} s")
+        known = [None if math.isnan(one) else one
+                 for one in (self.clock.offset_s, self._timing.interval_s)]  # fmt: skip
+        return Judgement("; ".join(faults), "; ".join(warnings), *known)
 
     def aside_at(self, time_ns: int) -> tuple[tuple[float, float], tuple[float, float]]:
         """Displacement [m] and velocity [m/s], east and north, at a time; after `at`."""
@@ -143,15 +385,20 @@ class HangOffTrack(HeaveTrack):
         return {further.rope: further.at(time_ns, ramp) for further in self._further}
 
     def _pose_fault(self, pose: ShipPose) -> str:
+        """Why a pose is refused but for its rates; or ""."""
         if not self.posed and self.counter.newest_ns is not None:
             what = "heave moves the hang-off already"
             right = "let only one of ship/heave and ship/odometry be published"
             return phrase("ship pose", what, right)
-        return pose_fault(pose)
+        if not is_finite(pose):
+            return pose_fault(pose)
+        return pose_fault(replace(pose, rate_rad_per_s=STILL))
 
 
-def _too_far(at: float, speed: float) -> str:
-    if abs(at) <= FARTHEST_M and abs(speed) <= VELOCITY_LIMIT_M_PER_S:
-        return ""
-    right = f"right is within {FARTHEST_M:g} m and {VELOCITY_LIMIT_M_PER_S:g} m/s"
-    return phrase("ship pose", f"the hang-off at {at:g} m, moving at {speed:g} m/s", right)
+def _sum(a: Vector3, b: Vector3) -> Vector3:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def _vector(numbers: Numbers) -> Vector3:
+    x, y, z = numbers
+    return x, y, z

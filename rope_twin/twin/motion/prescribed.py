@@ -15,9 +15,48 @@ from rope_twin.core.state import Rope
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.hoisting.feel import Course, feel
 from rope_twin.twin.hoisting.winch import Winch
-from rope_twin.twin.motion.hang_off import HangOffTrack
-from rope_twin.twin.motion.ship import ramp
+from rope_twin.twin.motion.hang_off import HangOffTrack, Moves
+from rope_twin.twin.motion.ship import REJOIN_S, ramp
 from rope_twin.twin.ropes import Ropes
+
+
+class LeadOver:
+    """Difference of each hang-off to the live motion after a return to an earlier state.
+
+    It fades to zero within REJOIN_S as the cubic that has the difference and its rate at its
+    beginning and neither at its end, as after a gap in the samples of heave.
+    """
+
+    def __init__(self, ropes: int) -> None:
+        self.until_ns = -1  # twin time from which on there is none
+        self._error, self._rate = np.zeros((ropes, 3)), np.zeros((ropes, 3))
+
+    def begin(self, now_ns: int, error_m: rows.Floats, rate_m_per_s: rows.Floats) -> None:
+        """Fade from these differences of the hang-offs, (ropes, 3) each."""
+        self.until_ns = now_ns + round(REJOIN_S * 1e9)
+        self._error, self._rate = error_m.copy(), rate_m_per_s.copy()
+
+    def at(self, time_ns: int) -> tuple[rows.Floats, rows.Floats]:
+        """Difference [m] and its rate [m/s] of each hang-off, (ropes, 3) each."""
+        if time_ns >= self.until_ns:
+            return np.zeros_like(self._error), np.zeros_like(self._rate)
+        u = 1.0 - (self.until_ns - time_ns) * 1e-9 / REJOIN_S
+        e, d = self._error, self._rate * REJOIN_S
+        value = e * (1.0 + u * u * (2.0 * u - 3.0)) + d * u * (1.0 - u) ** 2
+        slope = e * 6.0 * u * (u - 1.0) + d * (1.0 - u) * (1.0 - 3.0 * u)
+        return value, slope / REJOIN_S
+
+    def added(self, moves: Moves, heave: tuple[float, float], time_ns: int) -> Moves:
+        """Motion of the hang-offs of ropes but the first; heave moves them if nothing else does."""
+        error, rate = self.at(time_ns)
+        still = (0.0, 0.0)
+        led = {}
+        for r in range(1, len(error)):
+            moved, moving = moves.get(r, ((*still, heave[0]), (*still, heave[1])))
+            x, y, z = (np.asarray(moved) + error[r]).tolist()
+            u, v, w = (np.asarray(moving) + rate[r]).tolist()
+            led[r] = ((x, y, z), (u, v, w))
+        return led
 
 
 class Inputs(NamedTuple):
@@ -26,6 +65,7 @@ class Inputs(NamedTuple):
     heave: HangOffTrack
     winch: Winch
     ropes: Ropes  # with the winches of the others
+    lead: LeadOver
 
 
 class Present(NamedTuple):
@@ -43,6 +83,7 @@ class Prescribed:
     def __init__(self, scene: Scene, steps: int, length_m: float) -> None:
         """Room for so many steps; length_m: the line out at the start."""
         self._ship, self._line = scene.ship, scene.ropes[0]
+        *self._rest, self._rest_z = scene.ship.hang_off_m
         borders = (steps + 1, rows.MOTIONS)
         self.boundary = rows.Boundary(np.zeros(borders), np.zeros(borders))
         self.boundary.value[:] = [*scene.ship.hang_off_m, length_m]
@@ -65,14 +106,15 @@ class Prescribed:
             felt = inputs.winch.feels(begin_ns)
             if row > 1 and (felt or inputs.ropes.feel(begin_ns)):
                 return row - 1
-            self._fill_border(row, inputs, now._replace(time_ns=begin_ns), felt)
+            then = Present(begin_ns, now.step_ns, now.rope, now.pull_n)
+            self._fill_border(row, inputs, then, felt)
             self.steps = row
         return steps
 
     def _fill_border(self, row: int, inputs: Inputs, now: Present, felt: bool) -> None:
         """The border at the end of the step that begins now; felt: the winch asks for the rope."""
         begin_ns, border_ns = now.time_ns, now.time_ns + now.step_ns
-        *rest, rest_z = self._ship.hang_off_m
+        rest, rest_z = self._rest, self._rest_z
         value, rate = self.boundary
         z, v = inputs.heave.at(border_ns)
         share, share_rate = ramp(border_ns * 1e-9, self._ship.motion_ramp_s)
@@ -82,6 +124,13 @@ class Prescribed:
                 value[row, k] = rest[k] + share * aside
                 rate[row, k] = share * moving + share_rate * aside
         value[row, rows.Z], rate[row, rows.Z] = rest_z + heave[0], heave[1]
+        led = border_ns < inputs.lead.until_ns
+        if led:
+            if not inputs.heave.posed:
+                value[row, : rows.Z], rate[row, : rows.Z] = rest, 0.0
+            error, error_rate = inputs.lead.at(border_ns)
+            value[row, : rows.LINE] += error[0]
+            rate[row, : rows.LINE] += error_rate[0]
         rope = None
         if felt:
             borders = value[row - 1 : row + 1]
@@ -91,4 +140,6 @@ class Prescribed:
         length, speed = inputs.winch.step(begin_ns, step_s, heave[1], rope)
         value[row, rows.LINE], rate[row, rows.LINE] = length, speed
         moves = inputs.heave.further_at(border_ns, (share, share_rate))
+        if led:
+            moves = inputs.lead.added(moves, heave, border_ns)
         inputs.ropes.prescribe(row, begin_ns, step_s, heave, moves)

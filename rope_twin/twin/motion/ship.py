@@ -3,8 +3,8 @@
 Between samples the cubic Hermite polynomial through position and velocity holds. When no sample is
 there yet for the time asked for, the last one is carried on with a velocity that dies away
 (GAP_DECAY_S): position stays bounded and continuous, and the track counts as stale. When samples
-come back, what was assumed is led over to what was measured within REJOIN_S. Nothing else is
-smoothed, and the health says when either happens.
+come back, what was assumed is led over to what was measured within REJOIN_S, or longer where a leap
+is too large for that. Nothing else is smoothed, and the health says when either happens.
 
 After a pause or a restart (`doubt`) the samples known ahead hold only if their sender repeats them,
 as a replay does. If it sends anything else, a real ship has moved on meanwhile: what was known is
@@ -29,16 +29,21 @@ KEEP_NS = 5_000_000_000
 STALE_NS = 500_000_000
 GAP_DECAY_S = 1.0
 REJOIN_S = 2.0
+REJOIN_SPEED_M_PER_S = 3.0  # a leap over which that would be faster takes longer
 NO_SEGMENT = (0, -1, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 class HeaveTrack:
     """Heave over twin time [ns]; `offer` takes samples, `at` is asked for rising times."""
 
-    def __init__(self, limit_m: float = HEAVE_LIMIT_M) -> None:
-        """`limit_m`: no position is believed beyond it."""
+    def __init__(
+        self, limit_m: float = HEAVE_LIMIT_M, speed_limit_m_per_s: float = VELOCITY_LIMIT_M_PER_S
+    ) -> None:
+        """No position is believed beyond `limit_m`, and nothing that is faster than the limit."""
         self.counter = InputCounter("heave")
-        self._limit_m = limit_m
+        self.missing_ns = 0  # for how long there was no sample beyond the time asked for
+        self._limit_m, self._speed_limit = limit_m, speed_limit_m_per_s
+        self._rejoin_s = REJOIN_S  # of the newest gap
         self._stamps: list[int] = []
         self._samples: list[tuple[float, float]] = []
         self._asked_ns: int | None = None
@@ -64,13 +69,28 @@ class HeaveTrack:
         """Take a sample; returns "" or the sentence with which it was refused."""
         if self._in_doubt and self._is_settled(stamp_ns, (position_m, velocity_m_per_s)):
             return ""
-        fault = self._fault(stamp_ns, position_m, velocity_m_per_s)
-        if fault:
-            return fault
+        fault = (
+            self._number_fault(position_m, velocity_m_per_s)
+            or self._stamp_fault(stamp_ns)
+            or self._jump_fault(stamp_ns, position_m)
+        )
+        if not fault:
+            self._append(stamp_ns, position_m, velocity_m_per_s)
+        return fault
+
+    def drop(self) -> None:
+        """Forget all samples: the way over to the next ones is that after a gap."""
+        self._stamps.clear()
+        self._samples.clear()
+        self._segment, self._on_track = NO_SEGMENT, False
+        if self._asked_ns is not None:
+            self._assumed_from = (self._asked_ns, *self._given)
+
+    def _append(self, stamp_ns: int, position_m: float, velocity_m_per_s: float) -> None:
+        """Take a sample that was judged."""
         self.counter.accept(stamp_ns)
         self._stamps.append(stamp_ns)
         self._samples.append((float(position_m), float(velocity_m_per_s)))
-        return ""
 
     def _is_settled(self, stamp_ns: int, sample: tuple[float, float]) -> bool:
         """While in doubt: whether the sample is known already. Another one ends the doubt."""
@@ -82,15 +102,12 @@ class HeaveTrack:
         if now is None or stamp_ns < now or not self._is_possible(*sample):
             return False  # refused in the usual way; the doubt stays
         if not (self._confirmed and place == len(self._stamps) - 1):
-            self._stamps.clear()
-            self._samples.clear()
-            self._segment, self._on_track = NO_SEGMENT, False
-            self._assumed_from = (now, *self._given)
+            self.drop()
         self._in_doubt = self._confirmed = False
         return False
 
-    def _fault(self, stamp_ns: int, z: float, v: float) -> str:
-        """Why the sample is refused, counted; or ""."""
+    def _number_fault(self, z: float, v: float) -> str:
+        """Why the numbers of a sample are refused, counted; or ""."""
         refuse = self.counter.refuse
         if not (math.isfinite(z) and math.isfinite(v)):
             return refuse("non_finite", phrase("heave", f"position {z} m, velocity {v} m/s",
@@ -98,7 +115,12 @@ class HeaveTrack:
         if not self._is_possible(z, v):
             return refuse("impossible", phrase(
                 "heave", f"position {z:g} m, velocity {v:g} m/s",
-                f"a ship stays within ±{self._limit_m:g} m and ±{VELOCITY_LIMIT_M_PER_S:g} m/s"))  # fmt: skip # noqa: E501
+                f"a ship stays within ±{self._limit_m:g} m and ±{self._speed_limit:g} m/s"))  # fmt: skip # noqa: E501
+        return ""
+
+    def _stamp_fault(self, stamp_ns: int) -> str:
+        """Why the stamp of a sample is refused, counted; or ""."""
+        refuse = self.counter.refuse
         if self._stamps and stamp_ns == self._stamps[-1]:
             return refuse("repeated", phrase("heave", f"stamp {stamp_ns * 1e-9:.3f} s came twice",
                                              "each sample needs a stamp of its own"))  # fmt: skip
@@ -113,23 +135,22 @@ class HeaveTrack:
         leap_ns = min(ahead_ns, stamp_ns - self._stamps[-1]) if self._stamps else ahead_ns
         if leap_ns > (LEAP_NS if self._stamps else AHEAD_NS):
             return refuse("impossible", too_far_ahead("heave", stamp_ns, now or 0))
-        jump = self.jump(stamp_ns, z)
-        return refuse("impossible", jump) if jump else ""
+        return ""
 
-    def jump(self, stamp_ns: int, z: float) -> str:
-        """What is impossible about a position after the last sample; or ""."""
+    def _jump_fault(self, stamp_ns: int, z: float) -> str:
+        """What is impossible about a position after the last sample, counted; or ""."""
         if self._stamps and 0 < stamp_ns - self._stamps[-1] <= JUMP_WINDOW_NS:
             seconds = (stamp_ns - self._stamps[-1]) * 1e-9
             jump = z - self._samples[-1][0]
-            if abs(jump) > VELOCITY_LIMIT_M_PER_S * seconds + JUMP_M:
-                return phrase(
+            if abs(jump) > self._speed_limit * seconds + JUMP_M:
+                return self.counter.refuse("impossible", phrase(
                     "heave", f"it jumps by {jump:.2f} m in {seconds:.3f} s",
-                    f"a ship moves by at most {VELOCITY_LIMIT_M_PER_S:g} m/s")  # fmt: skip
+                    f"a ship moves by at most {self._speed_limit:g} m/s"))  # fmt: skip
         return ""
 
     def _is_possible(self, z: float, v: float) -> bool:
         """Whether a ship can be so (NaN cannot)."""
-        return abs(z) <= self._limit_m and abs(v) <= VELOCITY_LIMIT_M_PER_S
+        return abs(z) <= self._limit_m and abs(v) <= self._speed_limit
 
     def at(self, time_ns: int) -> tuple[float, float]:
         """Position [m] and velocity [m/s] at a twin time not before the one asked for last."""
@@ -149,6 +170,8 @@ class HeaveTrack:
             dz, dv = self._rejoin(time_ns)
             self._given = (z + dz, v + dv)
         else:
+            if self._stamps and self._asked_ns is not None:
+                self.missing_ns += time_ns - self._asked_ns
             if self._assumed_from is None:
                 self._assumed_from = self._last_known()
             since_ns, z, v = self._assumed_from
@@ -195,24 +218,27 @@ class HeaveTrack:
         z, v = self._measured(time_ns)
         self._error = (self._given[0] - z, self._given[1] - v)
         self._error_ns = time_ns
+        # the cubic's highest speed is 1.5·leap/T
+        self._rejoin_s = max(REJOIN_S, 1.5 * abs(self._error[0]) / REJOIN_SPEED_M_PER_S)
 
     def _rejoining(self, time_ns: int) -> bool:
-        return time_ns - self._error_ns < REJOIN_S * 1e9
+        return time_ns - self._error_ns < self._rejoin_s * 1e9
 
     def _rejoin(self, time_ns: int) -> tuple[float, float]:
         """What is left of the difference: a cubic to 0 with no kink at either end."""
         if not self._rejoining(time_ns):
             return 0.0, 0.0
-        u = (time_ns - self._error_ns) * 1e-9 / REJOIN_S
-        e, d = self._error[0], self._error[1] * REJOIN_S
+        u = (time_ns - self._error_ns) * 1e-9 / self._rejoin_s
+        e, d = self._error[0], self._error[1] * self._rejoin_s
         value = e * (1.0 + u * u * (2.0 * u - 3.0)) + d * u * (1.0 - u) ** 2
         slope = e * 6.0 * u * (u - 1.0) + d * (1.0 - u) * (1.0 - 3.0 * u)
-        return value, slope / REJOIN_S
+        return value, slope / self._rejoin_s
 
     def _note(self, time_ns: int, known: bool) -> None:
         """Say what is done about a gap."""
         if known and self._rejoining(time_ns):
-            self.counter.say(f"samples are back; the motion is led over to them in {REJOIN_S:g} s")
+            over_s = self._rejoin_s
+            self.counter.say(f"samples are back; the motion is led over to them in {over_s:.3g} s")
         elif known:
             self.counter.say("")
         elif not self._stamps:

@@ -10,7 +10,7 @@ by p + R·r - r and moves at R·(v + ω × r): heave and rotation times the arm,
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rope_twin.errors import phrase
 
@@ -60,6 +60,31 @@ def pose_fault(pose: ShipPose) -> str:
         right = f"a ship turns by at most {MOST_RATE_RAD_PER_S:g} rad/s"
         return phrase("ship pose", f"it turns at {rate:.2f} rad/s", right)
     return ""
+
+
+def sea_velocity(pose: ShipPose) -> Vector3:
+    """Velocity of the reference point in the axes of `sea` [m/s]."""
+    return turned(pose.orientation, pose.velocity_m_per_s)
+
+
+def with_rates(pose: ShipPose, velocity_m_per_s: Vector3, rate_rad_per_s: Vector3) -> ShipPose:
+    """Return the pose with other rates: velocity in the axes of `sea`, turning in the ship's."""
+    x, y, z, w = pose.orientation
+    own = turned((-x, -y, -z, w), velocity_m_per_s)
+    return replace(pose, velocity_m_per_s=own, rate_rad_per_s=rate_rad_per_s)
+
+
+def turn_between(old: Quaternion, new: Quaternion) -> Vector3:
+    """Return the rotation vector from one orientation to another in the ship's axes [rad]."""
+    a, b, c, d = -old[0], -old[1], -old[2], old[3]
+    e, f, g, h = new
+    x, y = d * e + a * h + b * g - c * f, d * f - a * g + b * h + c * e
+    z, w = d * g + a * f - b * e + c * h, d * h - a * e - b * f - c * g
+    size = math.sqrt(x * x + y * y + z * z)
+    if w < 0.0:  # a quaternion and its negative are the same orientation
+        x, y, z, w = -x, -y, -z, -w
+    scale = 2.0 if size < 1e-12 else 2.0 * math.atan2(size, w) / size
+    return scale * x, scale * y, scale * z
 
 
 def hang_off_motion(pose: ShipPose, arm_m: Vector3) -> tuple[Vector3, Vector3]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rope_twin.errors import SolverError, StateError
+from rope_twin.twin.recovery import Recovery
 from rope_twin.twin.saving.saved_state import SavedState
 from rope_twin.twin.saving.state_file import check_place
 from rope_twin.twin.snapshot import Snapshot
@@ -32,7 +33,7 @@ class Keeper:
     the solver could not leave does not replace the one before.
     """
 
-    def __init__(self, twin: Twin, path: Path, every_s: float) -> None:
+    def __init__(self, twin: Twin | Recovery, path: Path, every_s: float) -> None:
         """`every_s`: twin time between two states.
 
         Raises:

@@ -24,7 +24,7 @@ from rope_twin.errors import StateError
 Arrays = dict[str, NDArray[Any]]
 
 _CONSTANT = tuple(
-    f"rope_twin.scene.{part}" for part in ("schema", "sea_state", "winch", "winch_parts")
+    f"rope_twin.scene.{part}" for part in ("schema", "sea_state", "winch", "winch_parts", "limits")
 )
 # a current may have gained rows, a rope elements, and what is beside it goes with them
 _OF_ANY_LENGTH = {"effects", "tension", "watch", "shaking"}

@@ -25,11 +25,13 @@ from rope_twin.errors import StateError, phrase
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.accuracy.rung import Rung
 from rope_twin.twin.saving.memory import Arrays, recall, remember
-from rope_twin.twin.saving.state_file import read_state, write_state
+from rope_twin.twin.saving.state_file import decode, encode, read_state, write_state
 
-# Fields of a scene that a state does not depend on: words, and inputs that come from outside.
+# Fields of a scene that a state does not depend on: words, limits, and inputs from outside.
 _NOT_COMPARED = {"name", "path", "digest", "about", "source", "look_at", "sea_state", "schedule",
-                 "schedule_repeats_every_s"}  # fmt: skip
+                 "schedule_repeats_every_s", "max_heave_m", "max_hang_off_speed_m_per_s",
+                 "max_hang_off_acceleration_m_per_s2", "when_commander_lost", "accept",
+                 "limits"}  # fmt: skip
 
 IF_ASKED = "watch/"  # before names of parts that a run may ask for or not (vibration/watched.py)
 
@@ -87,12 +89,22 @@ class SavedState:
         Raises:
             StateError: it holds a NaN, or the disk does not take it.
         """
+        write_state(path, self._header(str(path)), self.arrays)
+
+    def encode(self) -> bytes:
+        """Return the bytes that `write` would write.
+
+        Raises:
+            StateError: it holds a NaN.
+        """
+        return encode(self._header(self.source), self.arrays)
+
+    def _header(self, where: str) -> dict[str, Any]:
         if fault := self.fault():
-            raise StateError(phrase(str(path), fault, "the state is not saved"))
-        header = {
+            raise StateError(phrase(where, fault, "the state is not saved"))
+        return {
             **dataclasses.asdict(self.about), "scene_figures": self.figures, "memory": self.memory,
         }  # fmt: skip
-        write_state(path, header, self.arrays)
 
     def fault(self) -> str:
         """What no state may hold, or ""."""
@@ -168,7 +180,19 @@ def load_state(path: str | Path) -> SavedState:
     Raises:
         StateError: one sentence on what is wrong with the file.
     """
-    header, arrays = read_state(Path(path))
+    return _state_of(*read_state(Path(path)), path)
+
+
+def decode_state(data: bytes, source: str) -> SavedState:
+    """Read the bytes of a saved state; `source` says where they are from.
+
+    Raises:
+        StateError: one sentence on what is wrong with them.
+    """
+    return _state_of(*decode(data, Path(source)), source)
+
+
+def _state_of(header: dict[str, Any], arrays: Arrays, path: str | Path) -> SavedState:
     try:
         values = {field.name: header[field.name] for field in dataclasses.fields(About)}
         values["payload_position_m"] = tuple(values["payload_position_m"])

@@ -47,7 +47,7 @@ def write_state(path: Path, header: dict[str, Any], arrays: Arrays) -> None:
     Raises:
         StateError: the disk does not take it; what was at `path` is still there.
     """
-    data = _encode(header, arrays)
+    data = encode(header, arrays)
     try:
         write_whole(path, data)
     except OSError as error:
@@ -71,6 +71,15 @@ def read_state(path: Path) -> tuple[dict[str, Any], Arrays]:
     except OSError as error:
         raise _refusal(path, f"it cannot be read ({error.strerror or error})",
                        "name a file that a run has saved") from error  # fmt: skip
+    return decode(data, path)
+
+
+def decode(data: bytes, path: Path) -> tuple[dict[str, Any], Arrays]:
+    """Header and arrays of a file's bytes; `path` is for the sentence.
+
+    Raises:
+        StateError: they are no saved state, of another version, cut off or damaged.
+    """
     first = _FIRST.match(data)
     if first is None:
         raise _refusal(path, "it is no saved state", "its first line must be 'rope_twin state 1'")
@@ -97,8 +106,8 @@ def _refusal(path: Path, what: str, right: str) -> StateError:
     return StateError(phrase(f"saved state {path}", what, right))
 
 
-def _encode(header: dict[str, Any], arrays: Arrays) -> bytes:
-    """The whole file."""
+def encode(header: dict[str, Any], arrays: Arrays) -> bytes:
+    """Return the bytes of a whole file."""
     described = [
         {"name": name, "type": _little(array).str, "shape": array.shape}
         for name, array in arrays.items()

@@ -26,7 +26,7 @@ from rope_twin.twin.fatigue.wear import RopeWear, WearWish, bending_stiffness, c
 from rope_twin.twin.findings import MaterialFatigue, RopeVibration
 from rope_twin.twin.saving.memory import recall
 from rope_twin.twin.saving.saved_state import IF_ASKED, SavedState, load_state
-from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.snapshot import Snapshot, amended
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.beside import Beside, beside_decomposed, beside_modes
 from rope_twin.twin.vibration.looks import is_another_pace, steps_between, vortices_hz
@@ -93,8 +93,8 @@ class WatchedTwin(Twin):
         """A frozen copy of the present, with what is known."""
         taken = super().snapshot()
         if self._shaking is None:
-            taken = replace(taken, vibration=self._vibration())
-        return replace(taken, fatigue=self._fatigue)
+            amended(taken, vibration=self._vibration())
+        return amended(taken, fatigue=self._fatigue)
 
     def take_rung(self, rung: Rung) -> None:
         """As for a twin."""

@@ -1,0 +1,1 @@
+"""Benchmarks of rope_twin from a clone: `python -m benchmarks`."""

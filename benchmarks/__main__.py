@@ -1,0 +1,312 @@
+"""`python -m benchmarks speed | order | ... | report`: speed and error.
+
+A speed is never told without its error. `report` writes docs/performance.md
+from speed, order, ensemble and a stored race against the peers.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from benchmarks import (
+    band,
+    band_page,
+    compile_time,
+    effect_page,
+    effect_speed,
+    ensemble_speed,
+    joined_statics_speed,
+    orders,
+    performance_page,
+    speed,
+    statics_speed,
+    vortex_pace,
+    vortex_speed,
+)
+from benchmarks.order_picture import draw_orders
+from benchmarks.peers import page as peers_page
+from benchmarks.peers import race as peers
+from benchmarks.peers import vortices as vortex_peer
+from rope_twin.cli import CommandLine, exit_code
+from rope_twin.commands.console import CaseProgress, print_table
+from rope_twin.errors import InputError
+from rope_twin.scene.load import scene_names
+from rope_twin.studies.picture import check_picture
+
+
+class Action(NamedTuple):
+    """One thing that can be measured."""
+
+    measure: Callable[[argparse.Namespace, CaseProgress], int]  # returns the exit code
+    about: str
+    description: str = ""
+    options: tuple[Callable[[argparse.ArgumentParser], None], ...] = ()  # besides --quick
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Read the command line, measure what it asks for, return the exit code."""
+    return exit_code(partial(_command, argv))
+
+
+def _command(argv: Sequence[str] | None) -> int:
+    about = "Benchmarks: how fast the solver is, and how right."
+    parser = CommandLine(prog="python -m benchmarks", description=about)
+    actions = parser.add_subparsers(dest="action", required=True, metavar=" | ".join(ACTIONS))
+    for name, action in ACTIONS.items():
+        whole = f"{action.about[0].upper()}{action.about[1:]}. {action.description}"
+        own = actions.add_parser(name, help=action.about, description=whole)
+        for declare in action.options:
+            declare(own)
+        own.add_argument("--quick", action="store_true", help="a few small cases, for a test")
+        own.set_defaults(measure=action.measure)
+    args = parser.parse_args(argv)
+    return int(args.measure(args, CaseProgress()))
+
+
+def _json_option(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--json", action="store_true", help="one JSON object instead of tables")
+
+
+def _picture_option(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--picture", type=Path, metavar="PNG", help="draw it, too")
+
+
+def _scenes_option(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("scenes", nargs="*", metavar="SCENE", help="only these (default: all)")
+
+
+def _effects_option(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("effects", nargs="*", metavar="EFFECT", help="only these (default: all)")
+
+
+def _rows_option(parser: argparse.ArgumentParser) -> None:
+    text = "put each row into the page in DIR as it is found; others are kept"
+    parser.add_argument("--into", type=Path, metavar="DIR", help=text)
+
+
+def _page_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--into", type=Path, default=Path("docs"), metavar="DIR", help="where to")
+    parser.add_argument(
+        "--peers",
+        type=Path,
+        metavar="JSON",
+        help="output of the action peers with --json; peers.json beside the page, if it is there",
+    )
+
+
+def _tell(args: argparse.Namespace, rows: Sequence[Any], table: Sequence[Sequence[str]]) -> None:
+    """Rows as one JSON object or as a table."""
+    if args.json:
+        print(json.dumps({"rows": rows}, ensure_ascii=False, allow_nan=False))
+    else:
+        print_table(table)
+
+
+def _report(args: argparse.Namespace, progress: CaseProgress) -> int:
+    check_picture(args.into / performance_page.PICTURE)
+    stored = args.into / peers_page.STORED if args.peers is None else args.peers
+    raced = peers_page.read_race(stored) if args.peers or stored.exists() else None
+    fast = speed.measure_speed(speed.QUICK if args.quick else speed.FULL, progress.show)
+    curves = orders.measure_orders(orders.QUICK if args.quick else orders.FULL, progress.show)
+    cases = ensemble_speed.QUICK if args.quick else ensemble_speed.FULL
+    many = ensemble_speed.ensemble_rows(cases, progress.show)
+    args.into.mkdir(parents=True, exist_ok=True)
+    draw_orders(curves, args.into / performance_page.PICTURE)
+    page = args.into / "performance.md"
+    text = performance_page.as_markdown(fast, curves, many)
+    if raced is not None:
+        peers_page.draw_race(raced, args.into / peers_page.PICTURE)
+        text += "\n" + peers_page.as_section(raced)
+    page.write_text(text, encoding="utf-8")
+    print(page)
+    return 0
+
+
+def _speed(args: argparse.Namespace, progress: CaseProgress) -> int:
+    result = speed.measure_speed(speed.QUICK if args.quick else speed.FULL, progress.show)
+    if args.json:
+        print(json.dumps(asdict(result), ensure_ascii=False, allow_nan=False))
+        return 0
+    print(result.machine.as_text())
+    print(f"errors of the top tension over {result.seconds:g} s, against\n")
+    print_table(performance_page.basis_table(result.references))
+    for rows in (result.rows, result.snaps):
+        print()
+        print_table(performance_page.speed_table(rows))
+    print(f"\n{performance_page.exponent_words(result)}")
+    return 0
+
+
+def _order(args: argparse.Namespace, progress: CaseProgress) -> int:
+    if args.picture is not None:
+        check_picture(args.picture)
+    curves = orders.measure_orders(orders.QUICK if args.quick else orders.FULL, progress.show)
+    if args.picture is not None:
+        draw_orders(curves, args.picture)
+    _tell(args, [asdict(curve) for curve in curves], performance_page.order_table(curves))
+    return 0
+
+
+def _ensemble(args: argparse.Namespace, progress: CaseProgress) -> int:
+    """Exit code 1 if a member differs from a twin of its own."""
+    cases = ensemble_speed.QUICK if args.quick else ensemble_speed.FULL
+    rows = ensemble_speed.ensemble_rows(cases, progress.show)
+    _tell(args, [asdict(row) for row in rows], ensemble_speed.ensemble_table(rows))
+    return 1 if any(row.unequal for row in rows) else 0
+
+
+def _statics(args: argparse.Namespace, progress: CaseProgress) -> int:
+    """Exit code 1 if a rope does not come to rest."""
+    nodes = 100 if args.quick else statics_speed.NODES
+    rows = [*statics_speed.statics_rows(nodes=nodes)]
+    rows += joined_statics_speed.joined_statics_rows(nodes=nodes)
+    _tell(args, rows, statics_speed.statics_table(rows))
+    return 0 if all(row["found"] for row in rows) else 1
+
+
+def _compile(args: argparse.Namespace, progress: CaseProgress) -> int:
+    """Exit code 1 if a start takes longer than its limit."""
+    scenes = args.scenes or (compile_time.QUICK if args.quick else scene_names())
+    rows = list(compile_time.compile_rows(scenes, progress.show))
+    told = [{**asdict(row), "ok": row.ok} for row in rows]
+    _tell(args, told, compile_time.compile_table(rows))
+    return 0 if all(row.ok for row in rows) else 1
+
+
+def _kept(rows: Iterator[Any], into: Path | None, page: Any) -> Iterator[Any]:
+    """The rows as they come; each goes onto the page of a folder, if one is given."""
+    if into is not None:
+        page.check_page(into)
+    for row in rows:
+        if into is not None:
+            page.keep_rows([row], into)
+        yield row
+    if into is not None:
+        print(into / page.PAGE, file=sys.stderr)
+
+
+def _effects(args: argparse.Namespace, progress: CaseProgress) -> int:
+    """Exit code 1 if a scene's code contains an effect that it does not list."""
+    nodes, names = (50, ["current"]) if args.quick else (1000, args.effects)
+    names = effect_speed.choose_names(names)
+    found = effect_speed.effect_speeds(nodes, names, progress.show)
+    rows = list(_kept(found, args.into, effect_page))
+    _tell(args, [effect_page.as_json(row) for row in rows], effect_page.effect_table(rows))
+    return 1 if any(row.symbols_off for row in rows) else 0
+
+
+def _vortices(args: argparse.Namespace, progress: CaseProgress) -> int:
+    cases = vortex_speed.QUICK if args.quick else vortex_speed.FULL
+    rows, raced = list(vortex_speed.vortex_rows(cases, progress.show)), None
+    paced = vortex_pace.QUICK if args.quick else vortex_pace.FULL
+    paces = list(vortex_pace.pace_rows(paced, progress.show))
+    try:
+        plan = vortex_peer.QUICK if args.quick else vortex_peer.FULL
+        raced = list(vortex_peer.race_vortices(plan, progress.show))
+    except InputError as missing:
+        print(missing, file=sys.stderr)
+    if args.json:
+        print(json.dumps({"rows": rows, "pace": paces, "peer": raced}, allow_nan=False))
+        return 0
+    print_table(vortex_speed.vortex_table(rows))
+    print()
+    print_table(vortex_pace.pace_table(paces))
+    if raced is not None:
+        print()
+        print_table(vortex_peer.race_table(raced))
+    return 0
+
+
+def _band(args: argparse.Namespace, progress: CaseProgress) -> int:
+    """Exit code 1 if a scene is not held, or by a bound that is too wide."""
+    cases = band.QUICK if args.quick else band.choose_cases(args.scenes)
+    rows = list(_kept(band.measure_bands(cases, progress.show), args.into, band_page))
+    _tell(args, [asdict(row) for row in rows], band_page.band_table(rows))
+    return 0 if all(row.ok for row in rows) else 1
+
+
+def _peers(args: argparse.Namespace, progress: CaseProgress) -> int:
+    if args.picture is not None:
+        check_picture(args.picture)
+    raced = peers.race(peers.QUICK if args.quick else peers.FULL, progress.show)
+    if args.picture is not None:
+        peers_page.draw_race(raced, args.picture)
+    if args.json:
+        print(json.dumps(raced.as_json(), ensure_ascii=False, allow_nan=False))
+    else:
+        print(raced.machine.as_text() + "\n")
+        print_table(peers_page.peer_table(raced.rows))
+    return 0
+
+
+ACTIONS = {
+    "speed": Action(
+        _speed,
+        "cost of a step and error of the top tension, 20 to 7,000 nodes",
+        "Runs the study's scenes on one core, a minute of twin time each, against converged "
+        "references (some three minutes in all).",
+        (_json_option,),
+    ),
+    "order": Action(
+        _order,
+        "orders of convergence in step and element length",
+        options=(_picture_option, _json_option),
+    ),
+    "ensemble": Action(
+        _ensemble,
+        "a thousand ropes together, beside one alone; some run again alone for equality",
+        options=(_json_option,),
+    ),
+    "statics": Action(
+        _statics, "time to come to rest, from good and bad guesses", options=(_json_option,)
+    ),
+    "compile": Action(
+        _compile,
+        "the first and the second start of each set of effects, against 20 s and 1 s",
+        "Each in a fresh process with an empty cache (some seven minutes).",
+        (_scenes_option, _json_option),
+    ),
+    "effects": Action(
+        _effects,
+        "what each effect costs a step, and that it costs nothing where it is not listed",
+        "Steps 1,000 elements without the effect, without it again, and with it, in turns, and "
+        "looks for it in the compiled code (some five minutes, most of them compiling).",
+        (_effects_option, _rows_option, _json_option),
+    ),
+    "vortices": Action(
+        _vortices,
+        "cost of the vortex models at steps of 1 ms, how fast those beside the step and [LCD]'s "
+        "run, and MoorDyn's model on the curved pipe",
+        "MoorDyn is no part of rope_twin; where it is missing it is told how to get it, and the "
+        "rest runs without.",
+        (_json_option,),
+    ),
+    "band": Action(
+        _band,
+        "whether the live error band holds, and what it costs, in every scene",
+        "Runs the scenes with an error band and beside them references on four times the elements "
+        "with a quarter of the step or finer (some fifteen minutes).",
+        (_scenes_option, _rows_option, _json_option),
+    ),
+    "peers": Action(
+        _peers,
+        "MoorDyn and CableDyn on the same scenes, and rope_twin at the same error",
+        "Searches each peer's best setting and races it (some eight minutes). The peers are no "
+        "part of rope_twin; where they are missing it is told how to get them.",
+        (_picture_option, _json_option),
+    ),
+    "report": Action(
+        _report, "speed, order, ensemble and peers as performance.md", options=(_page_options,)
+    ),
+}
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,102 @@
+"""What `python -m benchmarks effects` found as tables, and between the marks of docs/effects.md.
+
+The rows are kept in a file beside the page: a run of some effects leaves the others' as they were.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from benchmarks.effect_speed import TOGETHER_NAME, EffectSpeed, all_names
+from benchmarks.paired import Ratio
+from rope_twin.studies import markdown
+from rope_twin.studies.machine import this_machine
+from validation.marked_page import MarkedPage, read_stored, store
+
+PAGE, STORED = "effects.md", "effects.json"
+MARKED = MarkedPage(
+    PAGE, "<!-- written by python -m benchmarks effects -->", "<!-- end of what is written -->"
+)
+HEAD = (
+    "effect", "µs a step without", "again", "with", "again / without", "with / without",
+    "in the code without", "× real time",
+)  # fmt: skip
+
+
+def effect_table(rows: Sequence[EffectSpeed]) -> list[tuple[str, ...]]:
+    """The rows as words, below a head."""
+    return [HEAD, *(_words(row) for row in rows)]
+
+
+def _words(row: EffectSpeed) -> tuple[str, ...]:
+    code = {None: "-", 0: "no"}.get(row.symbols_off, f"{row.symbols_off} symbols")
+    return (
+        row.effect,
+        f"{row.us_per_step_base:.1f}",
+        f"{row.us_per_step_off:.1f}",
+        f"{row.us_per_step_on:.1f}",
+        str(row.off_over_base),
+        str(row.on_over_base),
+        code,
+        f"{row.real_time_factor_on:.0f}",
+    )
+
+
+def as_json(row: EffectSpeed) -> dict[str, Any]:
+    """A row with what follows from it."""
+    return {**asdict(row), "off_is_base": row.off_over_base.holds_one}
+
+
+def read_rows(folder: Path) -> list[EffectSpeed]:
+    """The rows that a folder holds; none if it holds no file of them.
+
+    Raises:
+        InputError: the file cannot be read.
+    """
+    return read_stored(folder / STORED, _row, "python -m benchmarks effects")
+
+
+def _row(told: dict[str, Any]) -> EffectSpeed:
+    del told["off_is_base"]
+    for name in ("off_over_base", "on_over_base"):
+        told[name] = Ratio(**told[name])
+    return EffectSpeed(**told)
+
+
+def check_page(folder: Path) -> None:
+    """Whether there is a page to write to.
+
+    Raises:
+        InputError: there is none, or it has no marks.
+    """
+    MARKED.around(folder)
+
+
+def keep_rows(rows: Sequence[EffectSpeed], folder: Path) -> Path:
+    """Put these rows among those that the folder holds, and all of them on its page.
+
+    Raises:
+        InputError: what the folder holds cannot be read.
+    """
+    found = {row.effect: row for row in (*read_rows(folder), *rows)}
+    kept = [found[name] for name in (*all_names(), TOGETHER_NAME) if name in found]
+    page = MARKED.write(folder, as_section(kept, this_machine().as_text()))
+    store(folder / STORED, [as_json(row) for row in kept])
+    return page
+
+
+def as_section(rows: Sequence[EffectSpeed], machine: str) -> str:
+    """What stands between the marks."""
+    same = sum(row.off_over_base.holds_one for row in rows)
+    lines = [
+        f"In {same} of {len(rows)} rows 1 lies in the interval of the same scene again over itself"
+        f" (99 % each). The last row was measured on",
+        "",
+        f"{machine}.",
+        "",
+        markdown.table(effect_table(rows)),
+    ]
+    return "\n".join(lines)

@@ -1,0 +1,174 @@
+"""What an effect costs a step where it is listed, and that it costs nothing where it is not.
+
+Three ropes step in turns: the scene without the effect, the same again, and the scene with it. The
+first two differ by what the timing is worth (benchmarks/paired). Whether the code of the scene
+without contains the effect is read from its assembly.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from benchmarks.effect_code import modules_of, step_assembly, traces
+from benchmarks.paired import Plan, Ratio, ratio_of, time_rounds
+from rope_twin.core.state import Boundary
+from rope_twin.effects import EFFECTS
+from rope_twin.effects.bending import BendingParams
+from rope_twin.effects.decomposed_force import DecomposedForceParams
+from rope_twin.effects.fairing import FairingParams
+from rope_twin.effects.modal_vibration import ModalVibrationParams
+from rope_twin.effects.net import NetParams
+from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.rigid_body import RigidBodyParams, Sling
+from rope_twin.effects.seabed import SeabedParams
+from rope_twin.effects.splash_zone import SplashZoneParams
+from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
+from rope_twin.effects.travelling_waves import TravellingWavesParams
+from rope_twin.effects.wake_oscillator import WakeOscillatorParams
+from rope_twin.effects.waves import Jonswap, WavesParams
+from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.scene.load import load_scene
+from rope_twin.scene.schema import Scene
+from rope_twin.studies.variants import variant, with_effect
+from validation.state_bench import Bench
+
+BASE, STEP_S, DEPTH_M = "smooth_2km", 0.01, 2050.0
+ADDED: dict[str, Any] = {
+    "waves": WavesParams(
+        jonswap=Jonswap(significant_height_m=2.5, peak_period_s=8.5), components=200,
+        spreading=6.0, depth_m=DEPTH_M,
+    ),
+    "bending": BendingParams(stiffness_n_m2=2e4),
+    "strouhal_forcing": StrouhalForcingParams(limit_diameters=1.0),
+    "wake_oscillator": WakeOscillatorParams(),
+    "travelling_waves": TravellingWavesParams(),
+    "modal_vibration": ModalVibrationParams(),  # in the step: the drag that it makes grow
+    "decomposed_force": DecomposedForceParams(),
+    "seabed": SeabedParams(depth_m=DEPTH_M),
+    "rigid_body": RigidBodyParams(
+        size_m=(4.0, 3.0, 2.5),
+        slings=tuple(
+            Sling(to_m=(x, y, 1.25), length_m=8.0, stiffness_n_per_m=5e6)
+            for x, y in ((1.8, 1.3), (1.8, -1.3), (-1.8, 1.3), (-1.8, -1.3))
+        ),
+    ),
+    "splash_zone": SplashZoneParams(height_m=3.0),
+    "net": NetParams(width_m=12.0, height_m=8.0, twine_m=0.003, bar_m=0.03, panels=2),
+    "fairing": FairingParams(face_m2=4.0),
+}  # fmt: skip
+TOGETHER = ("waves", "seabed")  # beside the base's own: the sea that a lift usually has
+TOGETHER_NAME = "with waves and seabed"
+AMPLITUDE_M, PERIOD_S = 1.5, 8.0
+HELD_STRAIN = 5e-3  # of the rope without a payload: it stays taut while the hang-off heaves
+# Settled is what is asked for: while a sea rises, less of it is there.
+SETTLE_S, SETS, ROUNDS, NODE_STEPS = 10.0, 6, 8, 60_000  # node-steps of a piece
+Listener = Callable[[int, int, str], None]
+
+
+@dataclass(frozen=True)
+class EffectSpeed:
+    """One effect in the base scene, medians of the pieces, by the processor's own time."""
+
+    effect: str
+    nodes: int
+    us_per_step_base: float  # without it
+    us_per_step_off: float  # without it, a second rope
+    us_per_step_on: float
+    off_over_base: Ratio  # piece by piece; what differs from 1 is what the timing is worth
+    on_over_base: Ratio
+    symbols_off: int | None  # of its functions in the code without; None: not of one effect
+    real_time_factor_on: float
+
+
+def effect_speeds(elements: int, names: Sequence[str], listen: Listener) -> Iterator[EffectSpeed]:
+    """A row per effect of `names`; with waves among them, one of all that a lift usually has.
+
+    Raises:
+        SolverError: a rope finds no rest, or a step is not finite.
+    """
+    base = variant(load_scene(BASE), elements, STEP_S)
+    codes: dict[tuple[type, ...], str] = {}
+    for number, name in enumerate(names):
+        listen(number, len(names) + 1, name)
+        yield _measured(base, name, codes)
+    if TOGETHER[0] in names:
+        listen(len(names), len(names) + 1, " and ".join(TOGETHER))
+        yield _together(base)
+    listen(len(names) + 1, len(names) + 1, "done")
+
+
+def all_names() -> tuple[str, ...]:
+    """All effects."""
+    return tuple(effect.name for effect in EFFECTS)
+
+
+def choose_names(wanted: Sequence[str]) -> tuple[str, ...]:
+    """These effects, or all where none is named.
+
+    Raises:
+        InputError: there is no such effect.
+    """
+    for name in wanted:
+        if name not in all_names():
+            right = did_you_mean(name, all_names())
+            raise InputError(
+                phrase("python -m benchmarks effects", f"there is no effect `{name}`", right)
+            )
+    return tuple(name for name in all_names() if name in wanted) or all_names()
+
+
+def _measured(base: Scene, name: str, codes: dict[tuple[type, ...], str]) -> EffectSpeed:
+    params = next(effect.params for effect in EFFECTS if effect.name == name)
+    listed = next((own for own in base.effects if type(own) is params), None)
+    if listed is None:
+        listed, without, whole = ADDED[name], base, with_effect(base, ADDED[name])
+    else:
+        without, whole = _without(base, listed), base
+    kinds = tuple(type(own) for own in without.effects)
+    if kinds not in codes:
+        codes[kinds] = step_assembly(without)
+    symbols = sum(traces(codes[kinds], module) for module in modules_of(whole, without))
+    return _row(name, without, whole, symbols)
+
+
+def _without(base: Scene, listed: Any) -> Scene:
+    """The base less an effect; without the payload the rope is held where that hung."""
+    kept = tuple(own for own in base.effects if own is not listed)
+    if not isinstance(listed, PayloadParams):
+        return replace(base, effects=kept)
+    line, (x, y, z) = base.ropes[0], base.ship.hang_off_m
+    held = replace(line, to="", fixed_at_m=(x, y, z - (1.0 + HELD_STRAIN) * line.length_m))
+    return replace(base, effects=kept, payloads=(), ropes=(held,))
+
+
+def _together(base: Scene) -> EffectSpeed:
+    whole = base
+    for name in TOGETHER:
+        whole = with_effect(whole, ADDED[name])
+    return _row(TOGETHER_NAME, base, whole, None)
+
+
+def _row(name: str, without: Scene, whole: Scene, symbols: int | None) -> EffectSpeed:
+    """A scene, the same again and one with more, timed in turns."""
+    elements = whole.ropes[0].elements
+    plan = Plan(SETS, ROUNDS, round(SETTLE_S / STEP_S), max(1, NODE_STEPS // elements))
+    took = time_rounds(lambda: [Bench(one) for one in (without, without, whole)], _heave, plan)
+    base, off, on = (1e6 * float(np.median(own)) for own in took)
+    again, more = ratio_of(took[1], took[0]), ratio_of(took[2], took[0])
+    return EffectSpeed(name, elements, base, off, on, again, more, symbols, 1e6 * STEP_S / on)
+
+
+def _heave(bench: Bench, steps: int) -> Boundary:
+    """The hang-off from here on: z = A·(1 - cos ω·t)."""
+    omega = 2.0 * math.pi / PERIOD_S
+    t = bench.time + STEP_S * np.arange(steps + 1)
+    value = np.tile([*bench.hang_off, bench.length], (steps + 1, 1))
+    rate = np.zeros_like(value)
+    value[:, 2] += AMPLITUDE_M * (1.0 - np.cos(omega * t))
+    rate[:, 2] = AMPLITUDE_M * omega * np.sin(omega * t)
+    return Boundary(value, rate)

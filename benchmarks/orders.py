@@ -1,0 +1,113 @@
+"""Orders of convergence of the top tension in the step and in the element length.
+
+Three measures, since a snap needs them apart: the mean magnitude of the error, its rms, and the
+error of the peak. What comes out, and why, is in docs/performance.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from benchmarks.reference import find_reference
+from benchmarks.speed import Report
+from benchmarks.trial import Trial
+from rope_twin.scene.load import load_scene
+from rope_twin.studies.variants import variant
+from validation.convergence import slope
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """One scene, refined in one of the two."""
+
+    scene: str
+    nodes: tuple[int, ...]  # the last is the reference's; one alone: the step is refined
+    steps_s: tuple[float, ...]  # likewise
+    seconds: float  # simulated
+
+
+ONE_SNAP_S = 12.0  # of snap_vertical and snap_2km: the first snap, at 6.6 s, and what follows it
+
+_STEPS = (0.04, 0.02, 0.01, 0.005, 0.0025, 0.00125)
+FULL = (
+    Sweep("smooth_2km", (100,), (*_STEPS, 0.0003125), 60.0),
+    Sweep("snap_vertical", (50,), (*_STEPS, 0.00015625), ONE_SNAP_S),
+    Sweep("snap_vertical", (250,), (*_STEPS, 0.00015625), ONE_SNAP_S),
+    Sweep("snap_2km", (250,), (*_STEPS, 0.00015625), ONE_SNAP_S),
+    Sweep("smooth_2km", (25, 50, 100, 200, 400, 1600), (0.01,), 60.0),
+    Sweep("snap_vertical", (25, 50, 100, 200, 400, 1600), (0.00125,), ONE_SNAP_S),
+    Sweep("snap_2km", (50, 100, 200, 400, 800, 1600, 3200), (0.005,), 60.0),
+)
+QUICK = (
+    Sweep("smooth_2km", (25,), (0.04, 0.02, 0.01, 0.0025), 16.0),
+    Sweep("smooth_2km", (20, 40, 80, 320), (0.02,), 16.0),
+    Sweep("snap_2km", (25,), (0.02, 0.01, 0.005, 0.00125), ONE_SNAP_S),
+)
+
+
+@dataclass(frozen=True)
+class Curve:
+    """Errors over sizes, coarse to fine, and the slopes of straight lines through them."""
+
+    scene: str
+    refined: str  # "step" or "element"
+    held: float  # elements where the step is refined, else the step [s]
+    seconds: float
+    sizes: tuple[float, ...]  # step [s] or element length [m]
+    reference_size: float
+    mean_pct: tuple[float, ...]  # mean magnitude, of the reference's standard deviation
+    rms_pct: tuple[float, ...]  # likewise
+    peak_pct: tuple[float, ...]  # of the reference's maximum, without sign
+    mean_order: float
+    rms_order: float
+    peak_order: float
+
+    @property
+    def held_words(self) -> str:
+        """What is not refined."""
+        if self.refined == "step":
+            return f"{self.held:g} elements"
+        return f"{1e3 * self.held:g} ms"
+
+
+def measure_orders(sweeps: tuple[Sweep, ...], report: Report) -> tuple[Curve, ...]:
+    """Every sweep's curve.
+
+    Raises:
+        RopeTwinError: a scene is not there, or a step of it is not finite.
+    """
+    curves = []
+    for number, sweep in enumerate(sweeps):
+        refined = "element length" if len(sweep.nodes) > 1 else "step"
+        report(number, len(sweeps), f"{sweep.scene}, refining its {refined}")
+        curves.append(_curve(sweep))
+    report(len(sweeps), len(sweeps), "done")
+    return tuple(curves)
+
+
+def _curve(sweep: Sweep) -> Curve:
+    reference = find_reference(sweep.scene, sweep.nodes[-1], sweep.steps_s[-1], sweep.seconds)
+    by_step = len(sweep.nodes) == 1
+    cases = [(nodes, step_s) for nodes in sweep.nodes for step_s in sweep.steps_s][:-1]
+    length = load_scene(sweep.scene).ropes[0].length_m
+    sizes = tuple(step_s if by_step else length / nodes for nodes, step_s in cases)
+    errors = []
+    for nodes, step_s in cases:
+        trial = Trial(variant(load_scene(sweep.scene), nodes, step_s), sweep.seconds)
+        errors.append(reference.errors(trial.run().tension_n, step_s))
+    mean, rms = tuple(row.mean_pct for row in errors), tuple(row.rms_pct for row in errors)
+    peak = tuple(abs(row.peak_pct) for row in errors)
+    return Curve(
+        scene=sweep.scene,
+        refined="step" if by_step else "element",
+        held=sweep.nodes[0] if by_step else sweep.steps_s[0],
+        seconds=sweep.seconds,
+        sizes=sizes,
+        reference_size=reference.step_s if by_step else length / reference.nodes,
+        mean_pct=mean,
+        rms_pct=rms,
+        peak_pct=peak,
+        mean_order=slope(sizes, mean),
+        rms_order=slope(sizes, rms),
+        peak_order=slope(sizes, peak),
+    )

@@ -1,0 +1,1 @@
+"""The race against other codes at equal error: `python -m benchmarks peers`."""

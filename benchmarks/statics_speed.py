@@ -1,0 +1,144 @@
+"""How long a scene's rope takes to come to rest, from good and from bad guesses."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rope_twin.core.state import POSITION, Floats
+from rope_twin.core.statics.equilibrium import settle
+from rope_twin.core.statics.forces import Equilibrium
+from rope_twin.effects.seabed import SeabedParams
+from rope_twin.scene.arrays.build import build
+from rope_twin.scene.load import load_scene
+from rope_twin.scene.schema import Scene
+from validation.rigs import Rig
+
+NODES = 1000
+SCENES = ("deep_lift", "hmpe_lift", "storm", "smooth_2km", "slack_5km")
+ON_A_BED = ("moored", "moored slack", "landed", "landed slack")
+REPETITIONS = 5
+COIL_M = 5.0  # radius
+
+
+@dataclass(frozen=True)
+class StaticsRow:
+    """One scene and guess."""
+
+    scene: str
+    nodes: int
+    guess: str
+    ms: float  # best of REPETITIONS, compiled before
+    rounds: int
+    residual_n: float  # largest force left on a node
+    tension_n: float  # largest tension
+    found: bool
+
+
+def statics_rows(
+    scenes: Sequence[str] = SCENES + ON_A_BED, nodes: int = NODES
+) -> Iterator[dict[str, Any]]:
+    """A row per scene and guess, as a dictionary; the lower end of a rope held there stays.
+
+    Besides scenes that are loaded there are ropes ON_A_BED.
+
+    Raises:
+        SceneError: a scene cannot be loaded or built.
+    """
+    for name in scenes:
+        scene = _on_a_bed(name) if name in ON_A_BED else load_scene(name)
+        line = replace(scene.ropes[0], elements=nodes)
+        fine = replace(scene, ropes=(line, *scene.ropes[1:]))
+        _timed(fine, "as built")  # compiles
+        for guess in GUESSES:
+            ms, end = min((_timed(fine, guess) for _ in range(REPETITIONS)), key=lambda row: row[0])
+            row = StaticsRow(
+                name, nodes, guess, ms, end.rounds, end.residual_n, end.tension_n, end.found
+            )
+            yield asdict(row)
+
+
+def statics_table(rows: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
+    """The rows as words, below a head."""
+    head = ("scene", "guess", "nodes", "ms", "rounds", "force left N", "tension kN")
+    table: list[tuple[str, ...]] = [head]
+    for row in rows:
+        left = f"{row['residual_n']:.1e}" + ("" if row["found"] else ", no rest")
+        cells = (f"{row['nodes']}", f"{row['ms']:.1f}", f"{row['rounds']}", left)
+        table.append((row["scene"], row["guess"], *cells, f"{1e-3 * row['tension_n']:.1f}"))
+    return table
+
+
+def _on_a_bed(name: str) -> Scene:
+    """A rope moored 230 m away in 100 m of water, or one whose payload has landed at 400 m.
+
+    Slack: the moored rope lies on the bed for most of its length and without tension for a third of
+    it; 50 m of rope lie loose beside the payload.
+    """
+    if name.startswith("landed"):
+        scene = load_scene("landing")
+        return replace(
+            scene,
+            ropes=(replace(scene.ropes[0], length_m=450.0 if "slack" in name else 402.0),),
+        )
+    rig = Rig(
+        length=345.0 if "slack" in name else 300.0, mass=20.0, EA=2e8, diameter=0.05,
+        density=1025.0, fixed_at=(230.0, 0.0, -100.0),
+    )  # fmt: skip
+    effects = rig.scene().effects
+    return replace(rig.scene(), effects=(*effects[:4], SeabedParams(depth_m=100.0), *effects[4:]))
+
+
+def _timed(scene: Scene, guess: str) -> tuple[float, Equilibrium]:
+    """Milliseconds of one search and how it ended."""
+    rope, line = build(scene), scene.ropes[0]
+    place = rope.state.nodes[POSITION : POSITION + 3, : line.elements + 1]
+    first = 1 if line.fixed_at_m is not None else 0
+    start = GUESSES[guess](place - place[:, -1:], line.length_m)
+    place[:, first:-1] = (start + place[:, -1:])[:, first:-1]
+    began = time.perf_counter()
+    end = settle(rope, line.length_m)
+    return 1e3 * (time.perf_counter() - began), end
+
+
+def _as_built(place: Floats, length: float) -> Floats:
+    return place
+
+
+def _slack(place: Floats, length: float) -> Floats:
+    return 0.5 * place
+
+
+def _horizontal(place: Floats, length: float) -> Floats:
+    s = np.linspace(length, 0.0, place.shape[1])
+    return np.stack([s, 0.0 * s, 0.0 * s])
+
+
+def _coiled(place: Floats, length: float) -> Floats:
+    s = np.linspace(length, 0.0, place.shape[1])
+    angle = s / COIL_M
+    return np.stack([COIL_M * np.cos(angle) - COIL_M, COIL_M * np.sin(angle), -0.01 * s])
+
+
+def _upside_down(place: Floats, length: float) -> Floats:
+    return np.stack([place[0], place[1], -place[2]])
+
+
+def _on_the_bottom(place: Floats, length: float) -> Floats:
+    s = np.linspace(length, 0.0, place.shape[1])
+    return np.stack([0.0 * s, s, np.full_like(s, place[2].min())])
+
+
+# Nodes relative to the hang-off and the rope's length, to nodes relative to the hang-off.
+GUESSES: dict[str, Callable[[Floats, float], Floats]] = {
+    "as built": _as_built,
+    "slack": _slack,
+    "horizontal": _horizontal,
+    "coiled": _coiled,
+    "upside down": _upside_down,
+    "on the bottom": _on_the_bottom,
+}

@@ -1,0 +1,112 @@
+"""`rope_twin faults SCENE`: every input with every fault, and how soon each is flagged.
+
+Exit code 0; 3 if a fault was not flagged in time, or a twin did not survive one.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.run.progress import FigureProgress
+from rope_twin.scene.load import load_scene
+from rope_twin.studies.faults.campaign import OFF_PCT, PATIENCE_S, Finding, plan, run_campaign
+from rope_twin.studies.faults.injection import INPUTS
+from rope_twin.twin.ensemble.ensemble import cores
+
+
+@dataclass(frozen=True)
+class _Line:
+    """How far the campaign is."""
+
+    done: int
+    of: int
+    missed: int
+
+    def as_progress(self) -> str:
+        return f"{self.done} of {self.of} runs, {self.missed} not flagged in time"
+
+
+def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
+    """Declare the subcommand."""
+    about = "inject faults into every input: what is flagged, how soon, and what error it makes"
+    parser = subparsers.add_parser(
+        "faults",
+        help=about,
+        description="Runs a scene once soundly and once with each fault of each input, and compares"
+        " the top tension. For example: rope_twin faults deep_lift --input ship/heave",
+    )
+    add = parser.add_argument
+    add("scene", metavar="SCENE", help="name of a scene whose sea moves the ship, or path of one")
+    add("--input", action="append", default=[], metavar="TOPIC",
+        help=f"one of {', '.join(INPUTS)}; may be repeated (default: all)")  # fmt: skip
+    add("--fault", action="append", default=[], metavar="NAME", help="only faults of this name")
+    add("--single", action="store_true", help="no pairs of faults")
+    add("--jobs", type=int, default=cores(), help="runs at a time (default: %(default)s)")
+    add("--json", action="store_true", help="last line of the output: one JSON object")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the campaign and print what was found.
+
+    Raises:
+        RopeTwinError: one sentence on what cannot be.
+    """
+    scene = load_scene(args.scene)
+    for name in args.input:
+        if name not in INPUTS:
+            where = f"--input {name}"
+            raise InputError(phrase(where, "no such input", did_you_mean(name, INPUTS)))
+    runs = plan(scene, args.input or INPUTS, pairs=not args.single)
+    if args.fault:
+        known = sorted({fault.name for _, fault in runs})
+        for name in args.fault:
+            if name not in known:
+                raise InputError(phrase(f"--fault {name}", "no such", did_you_mean(name, known)))
+        runs = [(topic, fault) for topic, fault in runs if fault.name in args.fault]
+    progress = FigureProgress()
+    found: list[Finding] = []
+
+    def report(finding: Finding) -> None:
+        found.append(finding)
+        if progress.due:
+            progress.show(_Line(len(found), len(runs), sum(not one.met for one in found)))
+
+    findings = run_campaign(scene, runs, report, args.jobs)
+    progress.finish()
+    print(_as_json(scene.name, findings) if args.json else _as_text(findings))
+    return 0 if all(one.met for one in findings) else 3
+
+
+def _as_json(scene: str, findings: list[Finding]) -> str:
+    rows = [{**asdict(one), "met": one.met} for one in findings]
+    missed = sum(not one.met for one in findings)
+    return json.dumps({"scene": scene, "runs": len(rows), "missed": missed, "findings": rows})
+
+
+def _as_text(findings: list[Finding]) -> str:
+    head = (
+        f"{'input':22} {'fault':44} {'flagged':>8} {'level':6} {'error %':>9} {'OK error %':>10} "
+        f"{'off, OK':>8}"
+    )
+    lines = [head]
+    for one in sorted(findings, key=lambda one: (one.met, bool(one.hidden))):
+        flagged = "never" if one.flagged_after_s is None else f"{one.flagged_after_s:.2f} s"
+        verdict = "" if one.met else "  MISSED" if one.survived else "  DID NOT SURVIVE"
+        lines.append(
+            f"{one.input:22} {one.fault:44} {flagged:>8} {one.level:6} {one.worst_error_pct:9.1f} "
+            f"{one.worst_error_pct_while_ok:10.1f} {one.off_while_ok_s:6.2f} s"
+            + (f"  hidden: {one.hidden}" if one.hidden else "") + verdict
+        )  # fmt: skip
+    hidden = sum(bool(one.hidden) for one in findings)
+    missed = sum(not one.met for one in findings)
+    lines.append(
+        f"{len(findings)} runs: {missed} off by more than {OFF_PCT:g} % of the standard deviation "
+        f"for longer than {PATIENCE_S:g} s without a flag, or not survived; {hidden} hidden faults "
+        "listed with the error that they make"
+    )
+    return "\n".join(lines)

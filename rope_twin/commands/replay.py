@@ -1,0 +1,138 @@
+"""`rope_twin replay BAG`: run what a bag recorded once more, and compare bit by bit."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from rope_twin.recording.exact_replay import Verification
+    from rope_twin.recording.session import Session
+
+
+def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add the subcommand."""
+    parser = subparsers.add_parser(
+        "replay",
+        help="run a recorded bag again and compare every published number",
+        description="Prints the sessions that a bag holds. With --verify, runs its scene again "
+        "with all recorded inputs and compares every message that the simulation published, bit "
+        "by bit. Exit code 0: equal, 3: different, 1: it cannot be replayed.",
+    )
+    parser.add_argument("bag", metavar="BAG", type=Path, help="bag directory or .mcap file")
+    parser.add_argument("--verify", action="store_true", help="run it again and compare")
+    parser.add_argument("--json", action="store_true", help="one JSON object")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print the sessions, or verify, and return the exit code. Raises RopeTwinError."""
+    if not args.verify:
+        return _describe(args)
+    from rope_twin.recording.exact_replay import verify
+    from rope_twin.run.inputs import expect_own_sea
+
+    found = verify(args.bag, expect_own_sea)
+    if args.json:
+        print(json.dumps(_figures(args.bag, found)))
+    else:
+        print("\n".join(_sentences(args.bag, found)))
+    return int(found.outcome)
+
+
+def _describe(args: argparse.Namespace) -> int:
+    """Print what was run, by which program and machine, and which inputs the bag holds."""
+    from rope_twin.recording.recorded_run import read_content
+
+    content = read_content(args.bag)
+    if args.json:
+        sessions = [
+            _session_figures(one.session) | {"slots_with_inputs": len(one.entries)}
+            for one in content.sessions
+        ]
+        print(json.dumps({"bag": str(args.bag), "sessions": sessions, "notes": content.notes}))
+        return 0
+    print(f"{args.bag}: {len(content.sessions)} sessions; --verify runs them again")
+    for one in content.sessions:
+        for name, words in _session_rows(one.session):
+            print(f"  {name:12} {words}")
+        print(f"  {'inputs':12} in {len(one.entries)} slots")
+    for note in content.notes:
+        print(f"  note: {note}")
+    return 0
+
+
+def _session_rows(session: Session) -> list[tuple[str, str]]:
+    content = session.content
+    setup = dataclasses.asdict(session.setup)
+    given = ", ".join(f"{name} {value}" for name, value in setup.items() if value)
+    start = "a saved state" if content.get("state") else "rest"
+    return [
+        ("session", f"{session.number} of run {session.run}"),
+        ("scene", f"{content['scene']['name']} ({', '.join(content['scene']['files'])})"),
+        ("from", f"{session.time_ns * 1e-9:.9g} s twin time, from {start}"),
+        ("parameters", given or "as the scene says"),
+        ("seeds", ", ".join(f"{k} {v}" for k, v in content["seeds"].items()) or "none"),
+        ("program", ", ".join(f"{k} {v}" for k, v in content["program"].items() if v)),
+        ("machine", ", ".join(f"{k} {v}" for k, v in content["machine"].items())),
+    ]
+
+
+def _session_figures(session: Session) -> dict[str, Any]:
+    """All of the description but the long parts."""
+    left = {name: value for name, value in session.content.items() if name != "state"}
+    left["scene"] = {**left["scene"], "files": list(left["scene"]["files"])}
+    return left | {"from_state": session.content.get("state") is not None}
+
+
+def _sentences(bag: Path, found: Verification) -> list[str]:
+    """The verdict first, then what it rests on."""
+    from rope_twin.recording.exact_replay import LEFT_OUT
+
+    if found.difference is not None:
+        verdict = f"different: {found.difference}"
+    elif found.fault:
+        verdict = f"not verified as a whole: {found.fault}"
+    else:
+        verdict = "equal to the last bit"
+    rows = [
+        f"{bag}: {verdict}",
+        f"  compared: {found.total} messages of {len(found.compared)} topics in "
+        f"{len(found.sessions)} sessions, up to {found.until_s:.9g} s",
+    ]
+    if found.missing:
+        rows.append(f"  missing in the bag: {_counts(found.missing)}")
+    if found.unverified:
+        rows.append(f"  not compared, since their inputs are not known: {found.unverified}")
+    rows.append(f"  inputs applied: {_counts(found.applied) or 'none'}")
+    if found.unrecorded:
+        rows.append(f"  of these not on their own topic in the bag: {_counts(found.unrecorded)}")
+    rows += [f"  left out: {topic}, since {why}" for topic, why in LEFT_OUT.items()]
+    machine = found.sessions[0].content["machine"]
+    rows.append(f"  recorded on {machine['processor']}, numba {machine['numba']}")
+    return rows + [f"  note: {note}" for note in found.notes]
+
+
+def _figures(bag: Path, found: Verification) -> dict[str, Any]:
+    different = None if found.difference is None else dataclasses.asdict(found.difference)
+    return {
+        "bag": str(bag),
+        "outcome": found.outcome.name.lower(),
+        "difference": different,
+        "fault": found.fault,
+        "compared": dict(found.compared),
+        "missing": dict(found.missing),
+        "unverified": found.unverified,
+        "until_s": found.until_s,
+        "applied": dict(found.applied),
+        "unrecorded": dict(found.unrecorded),
+        "notes": found.notes,
+        "sessions": [_session_figures(session) for session in found.sessions],
+    }
+
+
+def _counts(counts: Any) -> str:
+    return ", ".join(f"{count} {topic}" for topic, count in sorted(counts.items()))

@@ -1,0 +1,345 @@
+"""Exact replay: a bag's run computed again from its logged inputs and compared bit by bit.
+
+What decides a run is in the bag: how it began (twin/session) and which calls were made when
+(twin/inputs). A message of the run and one of the replay belong together by the number that its
+publisher gave it. Left out is what depends on the machine's load: `diagnostics`.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from enum import IntEnum
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.cadence import EXTRA_TOPICS, SNAPSHOT_TOPICS, due_topics, slot_of
+from rope_twin.errors import BagError, InputError, SolverError, phrase
+from rope_twin.messages import Encoder, decode
+from rope_twin.recording.recorded_run import BagContent, Recorded, RecordedSession, read_content
+from rope_twin.recording.session import Session
+from rope_twin.twin.input_queue import apply
+from rope_twin.twin.pacing import Steppable, steps_in_slot
+from rope_twin.twin.recovery import Recovery
+from rope_twin.twin.twin import Twin
+
+COMPARED = tuple(topic.name for topic in (*SNAPSHOT_TOPICS, *EXTRA_TOPICS))
+LEFT_OUT = {
+    "diagnostics": "it reports load and lateness of the machine",
+    "sea/elevation": "it is not made by the simulation, and the twin does not use it",
+}
+_KEPT_NS = 20_000_000_000  # for so long a message of the replay waits for its like in the bag
+_BEYOND_NS = 1_000_000_000  # likewise: how far past the newest stamp the replay may go
+_MORE_NS = 1_000_000_000  # read on for so long after a difference: an earlier one may follow
+
+
+class Outcome(IntEnum):
+    """Verdict of a verification; the value is the exit code of the command."""
+
+    EQUAL = 0
+    IMPOSSIBLE = 1
+    DIFFERENT = 3
+
+
+@dataclass(frozen=True)
+class Difference:
+    """One number that the replay makes another."""
+
+    topic: str
+    time_s: float  # twin time
+    session: int
+    where: str  # field of the message; "" if it is all of it
+    recorded: str
+    replayed: str
+
+    def __str__(self) -> str:
+        """One sentence."""
+        at = f"{self.topic}{self.where and ', '}{self.where} at {self.time_s:.9g} s"
+        return f"{at}: {self.recorded} in the bag, {self.replayed} in the replay"
+
+
+@dataclass
+class Verification:
+    """Result of a verification."""
+
+    sessions: tuple[Session, ...]
+    compared: Counter[str] = field(default_factory=Counter)  # equal or not, by topic
+    missing: Counter[str] = field(default_factory=Counter)  # replayed, and not in the bag
+    unverified: int = 0  # messages whose inputs are not known
+    until_s: float = 0.0  # twin time of the newest one compared
+    applied: Counter[str] = field(default_factory=Counter)  # logged inputs by topic
+    unrecorded: Counter[str] = field(default_factory=Counter)  # of these: not in their own topic
+    difference: Difference | None = None  # the first one in twin time
+    notes: list[str] = field(default_factory=list)
+    fault: str = ""  # why it could not be replayed, or not as a whole
+
+    @property
+    def outcome(self) -> Outcome:
+        """Equal, different, or not to be had."""
+        if self.difference is not None:
+            return Outcome.DIFFERENT
+        return Outcome.IMPOSSIBLE if self.fault else Outcome.EQUAL
+
+    @property
+    def total(self) -> int:
+        """Messages that were compared."""
+        return sum(self.compared.values())
+
+
+def verify(bag: Path, hear: Callable[[Twin], None]) -> Verification:
+    """Replay a bag (directory or .mcap file, cut off or whole) and compare.
+
+    hear: says to a twin that was fed over topics what its scene's own sea is, as its run did.
+
+    Raises:
+        BagError: there is no such bag, or none that can be replayed; one sentence.
+        RopeTwinError: its twin cannot be built here.
+    """
+    content = read_content(bag)
+    found = Verification(tuple(one.session for one in content.sessions))
+    found.notes += content.notes
+    for one in content.sessions:
+        found.notes += (words for words in one.session.differences() if words not in found.notes)
+    _compare_inputs(content, found)
+    replays = {run: RunReplay(content.of(run), content.last_ns(run), hear) for run in content.runs}
+    for message in content.messages(COMPARED):
+        run = content.run_at(message.log_ns)
+        if run is None:
+            found.unverified += 1
+            continue
+        if not _compare(message, replays[run], found):
+            break
+    for replay in replays.values():
+        found.missing += replay.missing()
+        found.notes += [replay.ended] if replay.ended else []
+        if replay.gap and not found.fault:
+            found.fault = phrase(f"bag {bag}", replay.gap, "what came before is verified")
+    if found.unverified and not found.fault:
+        found.notes.append("its beginning or its end has no inputs in the bag: not compared")
+    if not found.total and not found.fault and found.difference is None:
+        found.fault = phrase(f"bag {bag}", "no message of it can be compared", "record a run")
+    return found
+
+
+class Produced(NamedTuple):
+    """A message of the replay."""
+
+    session: int
+    time_ns: int
+    data: bytes
+
+
+class RunReplay:
+    """The messages of one run, computed as far as they are asked for."""
+
+    def __init__(
+        self, sessions: list[RecordedSession], last_ns: int, hear: Callable[[Twin], None]
+    ) -> None:
+        """last_ns: ROS time of the newest stamp that the bag has of this run.
+
+        hear: says to a twin that was fed over topics what its scene's own sea is.
+        """
+        self._hear = hear
+        self._sessions = sessions
+        self._last_ns = last_ns - sessions[-1].session.epoch_ns
+        self._newest = Counter[str]()  # number of the newest message of each topic
+        self._waiting: dict[tuple[str, int], Produced] = {}
+        self._missing = Counter[str]()
+        self._unknown: list[tuple[Counter[str], Counter[str] | None]] = []
+        self._making = self._make()
+        self.time_ns = sessions[0].session.time_ns
+        self.gap = ""  # why a part of it cannot be replayed
+        self.ended = ""  # why the replay ended before the bag
+
+    def find(self, topic: str, number: int) -> Produced | None:
+        """Return a message of the replay, once; None: it makes no such message."""
+        key = topic, number
+        while key not in self._waiting and self._newest[topic] < number:
+            if not self._go_on():
+                break
+        return self._waiting.pop(key, None)
+
+    def is_unknown(self, topic: str, number: int) -> bool:
+        """Whether a message is of a time whose inputs the bag does not have."""
+        return number <= self._sessions[0].session.published.get(topic, 0) or any(
+            low[topic] < number and (high is None or number <= high[topic])
+            for low, high in self._unknown
+        )
+
+    def missing(self) -> Counter[str]:
+        """Messages of the replay that nobody asked for, up to the newest one in the bag."""
+        late = (key for key, one in self._waiting.items() if one.time_ns <= self._last_ns)
+        return self._missing + Counter(topic for topic, _ in late)
+
+    def _go_on(self) -> bool:
+        """Make one more message; False: there is none."""
+        made = next(self._making, None)
+        if made is None:
+            return False
+        topic, number, produced = made
+        self._newest[topic] = number
+        self._waiting[topic, number] = produced
+        self.time_ns = produced.time_ns
+        while (oldest := next(iter(self._waiting))) and (
+            self._waiting[oldest].time_ns < produced.time_ns - _KEPT_NS
+        ):
+            del self._waiting[oldest]
+            self._missing[oldest[0]] += 1
+        return True
+
+    def _make(self) -> Iterator[tuple[str, int, Produced]]:
+        """Topic, number and bytes of each message that is due, in the order of publishing."""
+        twin: Twin | None = None
+        stepper: Recovery | None = None
+        for at, recorded in enumerate(self._sessions):
+            session = recorded.session
+            following = self._sessions[at + 1].session if at + 1 < len(self._sessions) else None
+            end_ns = self._last_ns + _BEYOND_NS if following is None else following.time_ns
+            if twin is None or stepper is None or twin.time_ns != session.time_ns:
+                twin = session.make_twin(self._hear)
+                stepper = Recovery(twin)
+            elif twin.rung != session.level:
+                twin.take_rung(session.level)
+            counts = Counter(session.published)
+            until_ns = end_ns if recorded.known_ns is None else min(end_ns, recorded.known_ns)
+            try:
+                for name, produced in _session_messages(twin, stepper, recorded, until_ns):
+                    counts[name] += 1
+                    yield name, counts[name], produced
+            except SolverError as error:
+                self.ended = f"the replay ends at {twin.time_ns * 1e-9:.9g} s: {error}"
+                return
+            if until_ns < end_ns:
+                high = None if following is None else Counter(following.published)
+                self._unknown.append((counts, high))
+                if at > 0 or until_ns > session.time_ns or following is None:  # not a late recorder
+                    self.gap = self.gap or recorded.gap
+                twin = None
+
+
+def _session_messages(
+    twin: Twin, stepper: Steppable, recorded: RecordedSession, until_ns: int
+) -> Iterator[tuple[str, Produced]]:
+    """Topic and bytes of what is due in the slots of a session that begin before a time."""
+    encoder, waiting = Encoder(recorded.session.epoch_ns), recorded.calls()
+    while twin.time_ns < until_ns:
+        if waiting and min(waiting) < twin.time_ns:
+            what = f"inputs were applied at {min(waiting) * 1e-9:.9g} s, where no slot begins"
+            raise BagError(phrase("twin/inputs", what, "give the bag as it was recorded"))
+        if (logged := waiting.pop(twin.time_ns, None)) is not None:
+            for entry in logged:
+                apply(twin, entry.calls())
+        stepper.advance(steps_in_slot(twin.step_ns * 1e-9))
+        snapshot = stepper.snapshot()
+        if recorded.skips(snapshot.stamp_ns):
+            continue
+        for name in due_topics(*slot_of(snapshot), snapshot):
+            try:
+                data = encoder.encode(name, snapshot)
+            except Exception:
+                continue  # nor did the run publish it
+            yield name, Produced(recorded.session.number, snapshot.stamp_ns, data)
+
+
+def _compare(message: Recorded, replay: RunReplay, found: Verification) -> bool:
+    """Compare one message of the bag; False: enough was seen."""
+    topic, number = message.topic, message.sequence
+    produced = replay.find(topic, number)
+    if produced is None:
+        if replay.ended and found.difference is None:
+            found.difference = _no_such(message, replay)
+        elif replay.is_unknown(topic, number):
+            found.unverified += 1
+        else:
+            _note(found, _no_such(message, replay))
+    else:
+        found.compared[topic] += 1
+        found.until_s = max(found.until_s, produced.time_ns * 1e-9)
+        if not same_payload(message.data, produced.data):
+            _note(found, _difference(topic, message.data, produced))
+    first = found.difference
+    return first is None or replay.time_ns * 1e-9 < first.time_s + _MORE_NS * 1e-9
+
+
+def same_payload(recorded: bytes, produced: bytes) -> bool:
+    """Return whether two CDR messages are equal, but for what the middleware adds on its way.
+
+    It fills the end up to a multiple of 4 bytes, and may count these bytes in the head's options.
+    """
+    if recorded == produced:
+        return True
+    size = len(produced)
+    padded = size < len(recorded) < size + 4 and len(recorded) % 4 == 0
+    return padded and recorded[:2] == produced[:2] and recorded[4:size] == produced[4:]
+
+
+def _note(found: Verification, difference: Difference) -> None:
+    """Keep the first difference in twin time."""
+    if found.difference is None or difference.time_s < found.difference.time_s:
+        found.difference = difference
+
+
+def _no_such(message: Recorded, replay: RunReplay) -> Difference:
+    none = replay.ended or "no such message"
+    number = f"message {message.sequence}"
+    return Difference(message.topic, replay.time_ns * 1e-9, 0, "", number, none)
+
+
+def _difference(topic: str, recorded: bytes, produced: Produced) -> Difference:
+    """Where two messages differ first."""
+    where, one, other = "", f"{len(recorded)} bytes", f"{len(produced.data)} bytes"
+    try:
+        found = first_difference(decode(topic, recorded), decode(topic, produced.data))
+    except InputError as error:
+        found = ("", str(error), other)
+    if found is not None:
+        where, one, other = found
+    time_s = produced.time_ns * 1e-9
+    return Difference(topic, time_s, produced.session, where, one, other)
+
+
+def first_difference(one: Any, other: Any, at: str = "") -> tuple[str, str, str] | None:
+    """Return path and both values of the first field in which two messages differ; None: none."""
+    if hasattr(one, "__dataclass_fields__"):
+        for name in one.__dataclass_fields__:
+            if name != "__msgtype__":
+                path = f"{at}.{name}" if at else name
+                found = first_difference(getattr(one, name), getattr(other, name), path)
+                if found is not None:
+                    return found
+        return None
+    if isinstance(one, list | tuple | np.ndarray):
+        if len(one) != len(other):
+            return at, f"{len(one)} entries", f"{len(other)} entries"
+        if isinstance(one, np.ndarray) and one.tobytes() == other.tobytes():
+            return None
+        pairs = enumerate(zip(one, other, strict=True))
+        all_found = (first_difference(a, b, f"{at}[{k}]") for k, (a, b) in pairs)
+        return next((found for found in all_found if found is not None), None)
+    if np.array(one).tobytes() == np.array(other).tobytes():
+        return None
+    plain = (value.item() if isinstance(value, np.generic) else value for value in (one, other))
+    return at, *(repr(value) for value in plain)  # type: ignore[return-value]
+
+
+def _compare_inputs(content: BagContent, found: Verification) -> None:
+    """Look for each applied input in the topic that it came on."""
+    for recorded in content.sessions:
+        session = recorded.session
+        last_ns = content.last_ns(session.run) - session.epoch_ns
+        for entry in recorded.entries:
+            for call in entry.calls():
+                match = content.inputs.find(call, session.epoch_ns)
+                if match is None:
+                    continue
+                found.applied[match.topic] += 1
+                at_ns = entry.time_ns if match.stamp_ns is None else match.stamp_ns
+                if match.other:
+                    numbers = match.where, match.other, match.applied
+                    at_s = at_ns * 1e-9
+                    _note(found, Difference(match.topic, at_s, session.number, *numbers))
+                elif not match.is_there and at_ns < last_ns:
+                    found.unrecorded[match.topic] += 1

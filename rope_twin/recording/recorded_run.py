@@ -1,0 +1,353 @@
+"""What an exact replay needs of a bag: its sessions, the log of inputs, and the inputs themselves.
+
+The bag is read from its beginning, so that one that was cut off is read as far as it goes.
+"""
+
+from __future__ import annotations
+
+import struct
+from bisect import bisect_right
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from mcap.records import Channel, Metadata
+
+from rope_twin.errors import BagError, InputError, phrase
+from rope_twin.messages import decode
+from rope_twin.messages.inputs import ORDER_FIELDS
+from rope_twin.recording.bag_format import OWN_RECORD
+from rope_twin.recording.input_log import LoggedCalls, Skipped, decode_json, read_log
+from rope_twin.recording.mcap_scan import McapScan, StoredMessage
+from rope_twin.recording.session import Session
+from rope_twin.topics import (
+    CUT_TOPIC,
+    INPUT_LOG_TOPIC,
+    INPUTS,
+    ORDER_TOPICS,
+    SESSION_TOPIC,
+    SWITCH_TOPIC,
+)
+from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.input_queue import Call
+from rope_twin.twin.motion.ship_pose import ShipPose
+
+_STAMPED = "hang_off/wrench"  # due at every slot, with a stamp
+_STAMP = struct.Struct("<iI")  # behind the encapsulation of 4 bytes
+_JOINED_NS = 1_000_000_000  # messages that begin so long after their session: a late recorder
+_TAIL_NS = 1_000_000_000  # of a bag that was cut off: log and messages may not reach equally far
+_RECOVERED = "recovered"  # note that `rope_twin recover` leaves on a bag
+Values = tuple[Any, ...]
+
+
+class Recorded(NamedTuple):
+    """One message of a bag."""
+
+    topic: str
+    sequence: int  # its number among the publisher's messages; 0: not known
+    log_ns: int
+    data: bytes
+
+
+@dataclass
+class RecordedSession:
+    """A session with its part of the log."""
+
+    session: Session
+    log_ns: int
+    entries: list[LoggedCalls] = field(default_factory=list)
+    skipped: list[Skipped] = field(default_factory=list)
+    known_ns: int | None = None  # slots that begin before this have all their inputs; None: all
+    gap: str = ""  # why not all
+
+    def calls(self) -> dict[int, list[LoggedCalls]]:
+        """The log by twin time."""
+        by_time: dict[int, list[LoggedCalls]] = defaultdict(list)
+        for entry in self.entries:
+            by_time[entry.time_ns].append(entry)
+        return by_time
+
+    def skips(self, stamp_ns: int) -> bool:
+        """Whether the snapshot of this twin time was not published."""
+        return any(one.after_ns < stamp_ns < one.before_ns for one in self.skipped)
+
+    def judge(self, logged: int | None, first_ns: int | None) -> None:
+        """Put the log in order; where one of its messages is missing, it ends.
+
+        logged: how many messages it has, if known. first_ns: twin time of the session's first
+        message in the bag.
+        """
+        numbers = sorted(
+            [one.number for one in self.entries] + [one.number for one in self.skipped]
+        )
+        whole = next((k for k, n in enumerate(numbers, 1) if k != n), len(numbers) + 1) - 1
+        self.entries = sorted((e for e in self.entries if e.number <= whole),
+                              key=lambda entry: entry.number)  # fmt: skip
+        begun_ns = self.session.time_ns
+        # without a log, and joined late: there may have been inputs
+        unsure = logged is None and not numbers and (first_ns or 0) > begun_ns + _JOINED_NS
+        if whole < max(len(numbers), logged or 0) or unsure:
+            newest_ns = max((entry.time_ns for entry in self.entries), default=begun_ns - 1)
+            self.known_ns = max(newest_ns + 1, begun_ns)
+            self.gap = (
+                f"inputs that were applied after {newest_ns * 1e-9:.3f} s are not in its "
+                f"{INPUT_LOG_TOPIC}"
+            )
+
+
+class BagContent:
+    """The small topics of a bag in memory; the others are read again when they are compared."""
+
+    def __init__(self, bag: Path, files: list[Path]) -> None:
+        self._bag = bag
+        self._files = files
+        self.sessions: list[RecordedSession] = []
+        self.inputs = RecordedInputs()
+        self.notes: list[str] = []
+        self._stamps: list[tuple[int, int]] = []  # log time and stamp of _STAMPED
+        self._recovered = False
+
+    @cached_property
+    def runs(self) -> list[str]:
+        """Names of the runs, by time."""
+        return list(dict.fromkeys(one.session.run for one in self.sessions))
+
+    @cached_property
+    def _begins(self) -> list[int]:
+        return [self.of(run)[0].log_ns for run in self.runs]
+
+    def of(self, run: str) -> list[RecordedSession]:
+        """The sessions of a run, by number."""
+        return [one for one in self.sessions if one.session.run == run]
+
+    def run_at(self, log_ns: int) -> str | None:
+        """The run that published at a time; None: before the first."""
+        at = bisect_right(self._begins, log_ns)
+        return self.runs[at - 1] if at else None
+
+    def last_ns(self, run: str) -> int:
+        """ROS time of the newest stamp of a run; that of its beginning where it has none."""
+        newest = self.of(run)[-1].session
+        begun_ns = newest.epoch_ns + newest.time_ns
+        return max((ns for at, ns in self._stamps if self.run_at(at) == run), default=begun_ns)
+
+    def messages(self, topics: tuple[str, ...]) -> Iterator[Recorded]:
+        """Messages of these topics, in the order of the file."""
+        wanted = frozenset(topics)
+        for file in self._files:
+            yield from (one for one in _scan(McapScan(file)) if one.topic in wanted)
+
+    def read(self) -> None:
+        """Read sessions, log and inputs. Raises BagError."""
+        logged: dict[tuple[str, int], list[LoggedCalls | Skipped]] = defaultdict(list)
+        known: dict[tuple[str, int], RecordedSession] = {}
+        for file in self._files:
+            scan = McapScan(file)
+            for one in _scan(scan, self._note_metadata):
+                self._take(one, known, logged)
+            self.notes += scan.problems
+        self.sessions = sorted(known.values(), key=lambda one: (one.log_ns, one.session.number))
+        for key, session in known.items():
+            for entry in logged[key]:
+                (session.entries if isinstance(entry, LoggedCalls) else session.skipped).append(
+                    entry  # type: ignore[arg-type]
+                )
+        for at, session in enumerate(self.sessions):
+            session.judge(self._logged(at), self._first_ns(at))
+        if self.sessions and (self.notes or self._recovered):
+            self._judge_tail()
+
+    def _take(
+        self,
+        one: Recorded,
+        known: dict[tuple[str, int], RecordedSession],
+        logged: dict[tuple[str, int], list[LoggedCalls | Skipped]],
+    ) -> None:
+        if one.topic == SESSION_TOPIC:
+            session = Session.read(decode_json(one.topic, one.data))
+            known.setdefault((session.run, session.number), RecordedSession(session, one.log_ns))
+        elif one.topic == INPUT_LOG_TOPIC:
+            key, entry = read_log(one.data)
+            logged[key].append(entry)
+        elif one.topic in INPUTS:
+            self.inputs.add(one)
+        elif one.topic == _STAMPED and len(one.data) >= 12:
+            sec, nanosec = _STAMP.unpack_from(one.data, 4)
+            self._stamps.append((one.log_ns, sec * 1_000_000_000 + nanosec))
+
+    def _logged(self, at: int) -> int | None:
+        """How many messages the log of a session has, if the one after it says so."""
+        if at + 1 == len(self.sessions):
+            return None
+        one, following = (self.sessions[k].session for k in (at, at + 1))
+        goes_on = (following.run, following.number) == (one.run, one.number + 1)
+        return following.logged_before if goes_on else None
+
+    def _first_ns(self, at: int) -> int | None:
+        """Twin time of the first stamp in a session, that of the bag if it is the first."""
+        session, epoch_ns = self.sessions[at], self.sessions[at].session.epoch_ns
+        first = (ns - epoch_ns for log_ns, ns in self._stamps if at == 0 or log_ns > session.log_ns)
+        return min(first, default=None)
+
+    def _note_metadata(self, record: Metadata) -> None:
+        if record.name == OWN_RECORD and _RECOVERED in record.metadata:
+            self._recovered = True
+
+    def _judge_tail(self) -> None:
+        """Of a bag that was cut off: messages may be there whose inputs are lost."""
+        last = self.sessions[-1]
+        if last.known_ns is not None:
+            return
+        newest_ns = max((entry.time_ns for entry in last.entries), default=0)
+        stamp_ns = self.last_ns(last.session.run) - last.session.epoch_ns
+        last.known_ns = max(newest_ns + 1, stamp_ns - _TAIL_NS)
+        self.notes.append(f"cut off: compared up to {last.known_ns * 1e-9:.3f} s")
+
+
+@dataclass(frozen=True)
+class Match:
+    """One applied input and its recording in the topic that it came on."""
+
+    topic: str
+    stamp_ns: int | None  # twin time
+    is_there: bool  # with equal numbers
+    where: str = ""
+    other: str = ""  # the number that is there in its stead
+    applied: str = ""
+
+
+class RecordedInputs:
+    """Inputs as they were recorded, by what they say."""
+
+    def __init__(self) -> None:
+        self._by_stamp: dict[tuple[str, int], list[Values]] = defaultdict(list)
+        self._by_values: dict[str, set[str]] = defaultdict(set)
+
+    def add(self, message: Recorded) -> None:
+        """Take a message; one that is malformed was not applied either."""
+        try:
+            stamp_ns, values = _numbers_in(message.topic, decode(message.topic, message.data))
+        except (InputError, IndexError):
+            return
+        if stamp_ns:
+            self._by_stamp[message.topic, stamp_ns].append(values)
+        self._by_values[message.topic].add(repr(values))
+
+    def find(self, call: Call, epoch_ns: int) -> Match | None:
+        """What the bag says of a logged call; None: it is no input from outside."""
+        given = _given(call)
+        if given is None:
+            return None
+        topic, stamp_ns, values = given
+        if repr(values) in self._by_values[topic]:
+            return Match(topic, stamp_ns, True)
+        if stamp_ns is None:
+            return Match(topic, None, False)
+        there = self._by_stamp.get((topic, stamp_ns + epoch_ns))
+        if not there:
+            return Match(topic, stamp_ns, False)
+        pairs = zip(there[0], values, strict=False)
+        at, (one, other) = next(
+            ((k, pair) for k, pair in enumerate(pairs) if repr(pair[0]) != repr(pair[1])),
+            (len(values), (len(there[0]), len(values))),
+        )
+        names = _NAMES.get(topic, ())
+        where = names[at] if at < len(names) else f"number {at + 1}"
+        return Match(topic, stamp_ns, False, where, repr(one), repr(other))
+
+
+_NAMES = {
+    "ship/heave": ("pose.pose.position.z", "twist.twist.linear.z"),
+    "ship/odometry": tuple(
+        [f"pose.pose.position.{a}" for a in "xyz"] + [f"twist.twist.linear.{a}" for a in "xyz"]
+        + [f"pose.pose.orientation.{a}" for a in "xyzw"]
+        + [f"twist.twist.angular.{a}" for a in "xyz"]
+    ),
+}  # fmt: skip
+
+
+def read_content(bag: Path) -> BagContent:
+    """Read what a bag (directory or .mcap file) holds of its runs.
+
+    Raises:
+        BagError: there is no such bag, or it says nothing of a run that can be replayed.
+    """
+    files = [bag] if bag.is_file() else sorted(bag.glob("*.mcap"), key=_file_order)
+    if not files:
+        what = "it holds no .mcap file" if bag.is_dir() else "it does not exist"
+        raise BagError(phrase(f"bag {bag}", what, "give a bag that rope_twin recorded"))
+    content = BagContent(bag, files)
+    content.read()
+    if not content.sessions:
+        what = f"it has no {SESSION_TOPIC}, which says what was run"
+        right = "give a bag that this version of rope_twin recorded"
+        raise BagError(phrase(f"bag {bag}", what, right))
+    return content
+
+
+def _scan(scan: McapScan, metadata: Any = None) -> Iterator[Recorded]:
+    """Messages of a file with the names of their topics."""
+    topics: dict[int, str] = {}
+    for record in scan.records():
+        if isinstance(record, StoredMessage):
+            if (topic := topics.get(record.channel_id)) is not None:
+                yield Recorded(topic, record.sequence, record.log_ns, record.data)
+        elif isinstance(record, Channel):
+            topics[record.id] = record.topic.removeprefix("/")
+        elif isinstance(record, Metadata) and metadata is not None:
+            metadata(record)
+
+
+def _file_order(path: Path) -> tuple[int, str]:
+    """By the number at the end of the name: _2 before _10."""
+    number = path.stem.rpartition("_")[2]
+    return (int(number) if number.isdigit() else 0, path.name)
+
+
+def _numbers_in(topic: str, message: Any) -> tuple[int, Values]:
+    """ROS stamp [ns] (0: none) and numbers of a message of one of INPUTS."""
+    if topic == "current":
+        return 0, tuple(np.asarray(message.data, dtype=float).tolist())
+    stamp_ns = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
+    if topic == "ship/heave":
+        return stamp_ns, (message.pose.pose.position.z, message.twist.twist.linear.z)
+    if topic == "ship/odometry":
+        place, turn = message.pose.pose.position, message.pose.pose.orientation
+        speed, rate = message.twist.twist.linear, message.twist.twist.angular
+        return stamp_ns, (
+            *(place.x, place.y, place.z, speed.x, speed.y, speed.z),
+            *(turn.x, turn.y, turn.z, turn.w, rate.x, rate.y, rate.z),
+        )
+    if topic == SWITCH_TOPIC:
+        return stamp_ns, (str(message.name[1]),)
+    if topic == CUT_TOPIC:
+        return stamp_ns, (float(message.position[0]),)
+    kind = next(kind for kind, own in ORDER_TOPICS.items() if own == topic)
+    return stamp_ns, (float(getattr(message, ORDER_FIELDS[kind])[0]),)
+
+
+def _given(call: Call) -> tuple[str, int | None, Values] | None:
+    """Topic, stamp in twin time and numbers of a call; None: it has no topic."""
+    if call.method == "offer_heave":
+        stamp_ns, position_m, velocity_m_per_s = call.arguments[:3]
+        return "ship/heave", stamp_ns, (position_m, velocity_m_per_s)
+    if call.method == "offer_pose":
+        pose = call.arguments[0]
+        assert isinstance(pose, ShipPose)
+        numbers = (*pose.position_m, *pose.velocity_m_per_s, *pose.orientation,
+                   *pose.rate_rad_per_s)  # fmt: skip
+        return "ship/odometry", pose.stamp_ns, numbers
+    if call.method == "offer_order":
+        stamp_ns, order = call.arguments[:2]
+        assert isinstance(order, Order)
+        topic = ORDER_TOPICS.get(order.kind)
+        return (topic or SWITCH_TOPIC, stamp_ns, (order.value if topic else order.kind,))
+    if call.method == "offer_cut":
+        return CUT_TOPIC, call.arguments[0], (call.arguments[1],)
+    if call.method == "offer_current":
+        return "current", None, tuple(np.asarray(call.arguments[0]).ravel().tolist())
+    return None

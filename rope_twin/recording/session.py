@@ -1,0 +1,363 @@
+"""What a bag says of the run that it holds: enough to build the twin again, on any machine.
+
+A message of twin/session is one JSON object, written at each start and after each pause: scene
+files with their text, parameters, program, machine, seeds, how many messages of each topic were
+published before, and the state of a twin that does not start at rest.
+"""
+
+from __future__ import annotations
+
+import base64
+import dataclasses
+import functools
+import hashlib
+import importlib.metadata
+import os
+import platform
+import subprocess
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from rope_twin import __version__
+from rope_twin.core.compiler.jit import source_digest
+from rope_twin.errors import BagError, InputError, StateError, phrase
+from rope_twin.recording.input_log import encode_json
+from rope_twin.scene.card import OTHER_SEA, card_path
+from rope_twin.scene.change import at_setting
+from rope_twin.scene.load import load_scene
+from rope_twin.scene.schema import Scene
+from rope_twin.sea import responses, way
+from rope_twin.sea.columns import find_table
+from rope_twin.sea.spectrum import find_spectra
+from rope_twin.share import share_dir
+from rope_twin.topics import SESSION_TOPIC
+from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.health import SENDER_LEAD_S
+from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.saving.saved_state import SavedState, decode_state, scene_figures
+from rope_twin.twin.twin import Twin
+from rope_twin.twin.vibration.watch import Watch
+
+FORMAT = 1
+_SHARED = "share/"  # before names of files that come with the package
+_PACKAGE = Path(__file__).resolve().parents[1]
+_CPUINFO = Path("/proc/cpuinfo")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setup:
+    """Parameters of a run that its numbers depend on, besides scene and inputs."""
+
+    elements: int | None = None  # in place of the scene's
+    step_s: float | None = None  # likewise
+    energy: bool = False
+    error_band: bool = False
+    vibration: str = ""
+    fatigue: str = ""
+    other_sea: bool = False
+    sender_lead_s: float = SENDER_LEAD_S  # by how much senders of motion may publish ahead
+    correct_sender_clocks: bool = False
+    feeds_itself: bool = False  # the run has the scene's sea of its own, from no topic
+
+    def make(self, scene: Scene, state: SavedState | None, hear: Callable[[Twin], None]) -> Twin:
+        """Return the twin of a run with these parameters, at rest or at a state.
+
+        hear: says to the twin of a run that is fed from outside what its scene's own sea is.
+
+        Raises:
+            RopeTwinError: scene, state or parameters are wrong.
+        """
+        watch = Watch(self.vibration, self.fatigue)
+        kind = twin_kind(self.energy, self.error_band, watch)
+        twin = kind(scene) if state is None else kind.restore(state, scene)
+        twin.judge_clocks(self.sender_lead_s, self.correct_sender_clocks)
+        if self.other_sea:
+            twin.doubt_card(OTHER_SEA)
+        if self.feeds_itself:
+            twin.expect_motion(None)
+        else:
+            hear(twin)
+        return twin
+
+
+def describe_run(scene: Scene, setup: Setup, speed: float) -> dict[str, Any]:
+    """Return what all sessions of a run have in common. Some 20 ms."""
+    root, files = _root_and_files(scene)
+    return {
+        "format": FORMAT,
+        "scene": {
+            "name": scene.name,
+            "file": _name_of(scene.path, root),
+            "folder": str(root),
+            "files": {_name_of(path, root): path.read_text(encoding="utf-8") for path in files},
+            "figures": _figures(scene, root),
+        },
+        "seeds": dict(_seeds(scene, "")),
+        "setup": dataclasses.asdict(setup),
+        "speed": speed,
+        "program": program(),
+        "machine": machine(),
+    }
+
+
+def describe_session(run: Mapping[str, Any], twin: Twin, epoch_ns: int) -> dict[str, Any]:
+    """Return what a session begins with, for the thread that steps.
+
+    `encode_session` makes a message of it; its number is the log's.
+    """
+    state: SavedState | str | None = None
+    if twin.time_ns > 0:
+        try:
+            state = twin.capture()
+        except StateError as error:
+            state = str(error)
+    return {
+        **run,
+        "epoch_ns": epoch_ns,
+        "time_ns": twin.time_ns,
+        "level": [twin.rung.step_ns, twin.rung.halvings],
+        "state": state,
+    }
+
+
+def encode_session(described: Mapping[str, Any], published: Mapping[str, int]) -> bytes:
+    """Return a message of twin/session.
+
+    published: messages of each topic so far, by the publishers that go on.
+    """
+    state = described["state"]
+    text, fault = None, ""
+    try:
+        if isinstance(state, SavedState):
+            text = base64.b64encode(zlib.compress(state.encode(), 1)).decode()
+        elif state is not None:
+            fault = state
+    except StateError as error:
+        fault = str(error)
+    return encode_json({**described, "state": text, "fault": fault, "published": dict(published)})
+
+
+@dataclass(frozen=True)
+class Session:
+    """One message of twin/session, read."""
+
+    run: str
+    number: int
+    epoch_ns: int
+    time_ns: int
+    level: Rung  # elements and step that it begins with
+    setup: Setup
+    published: Mapping[str, int]
+    logged_before: int  # messages of twin/inputs of the session before, in the same run
+    content: Mapping[str, Any]  # all of it
+
+    @classmethod
+    def read(cls, content: Mapping[str, Any]) -> Session:
+        """Read the JSON object of a message.
+
+        Raises:
+            BagError: it is none that this version of the program knows.
+        """
+        try:
+            if content["format"] != FORMAT:
+                what = f"a description of format {content['format']}"
+                raise _refusal(what, f"this program reads format {FORMAT}")
+            return cls(
+                run=str(content["run"]),
+                number=int(content["session"]),
+                epoch_ns=int(content["epoch_ns"]),
+                time_ns=int(content["time_ns"]),
+                level=Rung(*(int(value) for value in content["level"])),
+                setup=Setup(**content["setup"]),
+                published={str(k): int(v) for k, v in content["published"].items()},
+                logged_before=int(content["logged_before"]),
+                content=content,
+            )
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            right = "give a bag that this version of rope_twin recorded"
+            raise _refusal(f"a description that lacks something ({error!r})", right) from error
+
+    def differences(self) -> list[str]:
+        """Return what made the bag and is another here, a sentence each."""
+        rows = (("program", program()), ("machine", machine()))
+        return [
+            f"{name} {key} was {there[key]} and is {here[key]}"
+            for name, here in rows
+            for there in [self.content.get(name, {})]
+            for key in here
+            if key in there and key != "commit" and there[key] != here[key]
+        ]
+
+    def make_twin(self, hear: Callable[[Twin], None]) -> Twin:
+        """Return the twin as it was when the session began; hear: as in `Setup.make`.
+
+        Raises:
+            BagError: a file of the scene is another here and cannot be taken from the bag.
+            RopeTwinError: the twin cannot be built.
+        """
+        if fault := self.content.get("fault"):
+            what = f"session {self.number} has no state ({fault})"
+            raise _refusal(what, "replay another session")
+        scene = self._scene()
+        state = None
+        if (text := self.content.get("state")) is not None:
+            try:
+                data = zlib.decompress(base64.b64decode(text))
+            except (ValueError, zlib.error) as error:
+                raise _refusal(f"a damaged state ({error})", "give the bag as recorded") from error
+            state = decode_state(data, f"{SESSION_TOPIC} {self.number}")
+            # scene and state are of one message: paths may differ, and nothing else does
+            state = dataclasses.replace(state, figures=scene_figures(scene))
+        twin = self.setup.make(scene, state, hear)
+        if twin.rung != self.level:
+            twin.take_rung(self.level)
+        if state is None:
+            twin.snapshot()  # as every run does before its first step
+        return twin
+
+    def _scene(self) -> Scene:
+        """The scene of the bag: from where it was, if that is unchanged, else from its text."""
+        described = self.content["scene"]
+        folder, files = Path(described["folder"]), described["files"]
+        for name in files:
+            if name.startswith(_SHARED) and _text(_path_of(name, folder)) != files[name]:
+                right = "replay with the program that recorded the bag"
+                raise _refusal(f"{name.removeprefix(_SHARED)} is another file here", right)
+        if all(_text(_path_of(name, folder)) == text for name, text in files.items()):
+            return self._load(folder)
+        with TemporaryDirectory(prefix="rope_twin_replay_") as place:
+            for name, text in files.items():
+                if not name.startswith(_SHARED):
+                    path = _inside(Path(place), name)
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    path.write_text(text, encoding="utf-8")
+            return self._load(Path(place))
+
+    def _load(self, folder: Path) -> Scene:
+        described = self.content["scene"]
+        scene = load_scene(_path_of(described["file"], folder))
+        scene = at_setting(scene, self.setup.elements, self.setup.step_s)
+        if _figures(scene, folder) != described["figures"]:
+            what = f"scene {described['name']}: its text gives other figures here"
+            raise _refusal(what, "replay with the program that recorded the bag")
+        return scene
+
+
+@functools.cache
+def program() -> dict[str, str]:
+    """Return version, commit (if known) and digests of the sources that run."""
+    digest = hashlib.sha256()
+    for path in sorted(_PACKAGE.rglob("*.py")):
+        digest.update(path.relative_to(_PACKAGE).as_posix().encode())
+        digest.update(path.read_bytes())
+    return {
+        "version": __version__,
+        "commit": _commit(),
+        "sources": digest.hexdigest()[:16],
+        "solver": source_digest(),
+    }
+
+
+@functools.cache
+def machine() -> dict[str, str]:
+    """Return what the last bits of a result can depend on besides the program."""
+    lines = _CPUINFO.read_text().splitlines() if _CPUINFO.exists() else []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    versions = {name: importlib.metadata.version(name) for name in ("numba", "llvmlite", "numpy")}
+    processor = names[0] if names else platform.machine()
+    return {"processor": processor, "python": platform.python_version(), **versions}
+
+
+def _commit() -> str:
+    """The commit of a source tree; "" where the package is installed or git is not there."""
+    if not (_PACKAGE.parent / ".git").exists():
+        return ""
+    command = ["git", "-C", str(_PACKAGE.parent), "rev-parse", "HEAD"]
+    with suppress(OSError, subprocess.SubprocessError):
+        described = subprocess.run(command, capture_output=True, timeout=5.0, check=True)
+        return described.stdout.decode("ascii", "replace").strip()
+    return ""
+
+
+def _root_and_files(scene: Scene) -> tuple[Path, list[Path]]:
+    """The folder that holds all files of the scene's own, and those with the package's."""
+    files = [scene.path.resolve(), *_tables(scene), share_dir() / "config" / "ropes.yaml"]
+    if (study := card_path(scene)).is_file():
+        files.append(study.resolve())
+    shared = share_dir() / "config"
+    own = [path.parent for path in files if not path.is_relative_to(shared)]
+    # the root is above the scene's accuracy study and its tables, too
+    root = Path(os.path.commonpath([scene.path.resolve().parent, *own]))
+    return root, list(dict.fromkeys(files))
+
+
+def _tables(scene: Scene) -> Iterator[Path]:
+    """Files of numbers that the scene names."""
+    sea = scene.sea_state
+    if sea.path:
+        yield find_table(sea.path, way.FOLDER).resolve()
+    if sea.on_waves is not None and sea.on_waves.responses:
+        yield find_table(sea.on_waves.responses, responses.FOLDER).resolve()
+    for effect in scene.effects:
+        measured = getattr(effect, "measured", None)
+        if measured is not None:
+            with suppress(InputError):
+                yield find_spectra(measured.file).resolve()
+
+
+def _name_of(path: Path, root: Path) -> str:
+    """The name of a file in a bag: below the root, or below the package's files."""
+    path = path.resolve()
+    if path.is_relative_to(root):
+        return path.relative_to(root).as_posix()
+    return _SHARED + path.relative_to(share_dir().resolve()).as_posix()
+
+
+def _path_of(name: str, root: Path) -> Path:
+    if name.startswith(_SHARED):
+        return _inside(share_dir(), name.removeprefix(_SHARED))
+    return _inside(root, name)
+
+
+def _inside(folder: Path, name: str) -> Path:
+    """A path below a folder: a bag may come from anywhere, and names no other place."""
+    path = (folder / name).resolve()
+    if not path.is_relative_to(folder.resolve()):
+        raise _refusal(f"a file name that leads out of its folder ({name})", "give another bag")
+    return path
+
+
+def _text(path: Path) -> str | None:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return None
+
+
+def _figures(scene: Scene, root: Path) -> str:
+    """Return a digest of all that the scene says, whatever folder its files are in."""
+    described = repr(dataclasses.replace(scene, path=Path(), digest=""))
+    return hashlib.sha256(described.replace(str(root.resolve()), "").encode()).hexdigest()[:16]
+
+
+def _seeds(value: Any, at: str) -> Iterator[tuple[str, int]]:
+    """Path and number of every seed in the scene."""
+    if dataclasses.is_dataclass(value):
+        for field in dataclasses.fields(value):
+            part, path = getattr(value, field.name), f"{at}.{field.name}".lstrip(".")
+            if field.name == "seed" and isinstance(part, int):
+                yield path, part
+            else:
+                yield from _seeds(part, path)
+    elif isinstance(value, tuple):
+        for number, part in enumerate(value):
+            yield from _seeds(part, f"{at}[{number}]")
+
+
+def _refusal(what: str, right: str) -> BagError:
+    return BagError(phrase(f"topic {SESSION_TOPIC}", what, right))

@@ -1,0 +1,361 @@
+"""What a run made: the figures of its last line, and the line that shows how it goes."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import types
+import typing
+from dataclasses import dataclass, field
+from typing import Any
+
+from rope_twin.effects import EFFECTS
+from rope_twin.messages.diagnostics import cut_words
+from rope_twin.messages.load_status import breach_words, strength_words
+from rope_twin.messages.shape_status import bends_in_words, touchdown_words
+from rope_twin.messages.status import counted
+from rope_twin.run.core_share import CoreShare
+from rope_twin.run.watch_summary import fatigue_figures, vibration_figures, watch_words
+from rope_twin.scene.card import told_bound
+from rope_twin.twin.pacing import PacingHealth
+from rope_twin.twin.snapshot import (
+    Bend,
+    CutShot,
+    LimitBreach,
+    RopeShot,
+    RopeStrength,
+    Snapshot,
+    Touchdown,
+)
+from rope_twin.twin.twin import Twin
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSummary:
+    """Figures of a run so far; field names are the keys of `--json`."""
+
+    scene: str
+    effects: tuple[str, ...]
+    elements: int
+    step_s: float
+    steps: int
+    time_s: float  # twin time
+    late_steps: int
+    worst_lateness_s: float
+    real_time_factor: float  # of the model alone: simulated time over time spent computing
+    paced_real_time_factor: float | None  # the same within the slots of a paced run
+    tension_top_now_n: float
+    tension_top_max_n: float
+    tension_top_mean_n: float
+    tension_top_min_n: float
+    tension_top_error_pct: float | None  # rms, at most, of its standard deviation; None: unknown
+    tension_top_peak_error_pct: float | None  # of the highest, at most; likewise
+    tension_top_error_reason: str  # of which run the error is, or why it is unknown
+    line_out_m: float
+    payload_depth_m: float
+    heave_accepted: int
+    heave_refused: int
+    heave_late: int  # of the refused: came after they were needed
+    heave_refusal: str  # the newest one's sentence
+    commands_accepted: int
+    commands_refused: int
+    lower_end: str = "payload"  # what payload_depth_m is of
+    # where ropes meet, or one was cut: name, elements, length_m, tension_top_n; and name, depth_m
+    ropes: list[dict[str, Any]] = field(default_factory=list)
+    payloads: list[dict[str, Any]] = field(default_factory=list)
+    # RopeStrength's, of each rope, and its utilisation
+    strength: list[dict[str, Any]] = field(default_factory=list)
+    # LimitBreach's, of each limit of the scene that was broken; any makes the exit code 4
+    limits_broken: list[dict[str, Any]] = field(default_factory=list)
+    touchdowns: list[dict[str, Any]] = field(default_factory=list)  # Touchdown's, at the end
+    # Bend's, the tightest of each rope that is watched; radius_m None: it was straight
+    bends: list[dict[str, Any]] = field(default_factory=list)
+    speed: float = 1.0  # 0: as fast as possible
+    chosen: str = ""  # why these elements and this step, if --within or --budget asked
+    core_share: dict[str, float | None] | None = None  # CoreShare's figures; None: not paced
+    rung_changes: int = 0  # how often the ladder was stepped down or up
+    recoveries: int = 0  # failed steps after which the twin went on
+    recovery: str = ""  # why the newest of them failed, and what was done
+    error: str = ""  # the sentence with which the run ended early
+    mixed: str = ""  # which input came from several senders by turns
+    bag: str | None = None
+    not_recorded: int = 0  # messages that were published and are not in the bag
+    not_kept: str = ""  # why the bag or the newest state is not whole on the disk
+    # --processes: what died and was started again, a sentence each; and what stayed dead
+    restarts: list[str] = field(default_factory=list)
+    not_running: str = ""
+    view: str | None = None
+    state: str | None = None  # file with the saved state
+    energy: dict[str, float] | None = None  # EnergyBalance.figures; None: not asked for
+    cut: dict[str, Any] | None = None  # CutShot's figures; None: the rope is whole
+    cut_refused: str = ""  # why a cut that was asked for was not made
+    error_band: dict[str, float] | None = None  # TensionBand's figures; None: not asked for, or
+    no_band: str = ""  # why there is none
+    vibration: dict[str, float | str] | None = None  # where it is largest; None: not asked for
+    fatigue: dict[str, float | str] | None = None  # of the metre used most; likewise
+
+    def as_json(self) -> str:
+        """One line."""
+        return json.dumps(dataclasses.asdict(self), ensure_ascii=False, allow_nan=False)
+
+    def as_values(self) -> dict[str, str]:
+        """Each figure as JSON text, for the values of a diagnostics row."""
+        return {key: json.dumps(value) for key, value in dataclasses.asdict(self).items()}
+
+    @classmethod
+    def from_values(cls, values: dict[str, str]) -> RunSummary | None:
+        """The inverse of `as_values`; None if the values are not the figures of a run.
+
+        They may come from anybody: each must be of its field's type, and the whole must be such
+        that it can be printed.
+        """
+        hints = typing.get_type_hints(cls)
+        try:
+            known = {name: json.loads(values[name]) for name in hints}
+            known["effects"] = tuple(known["effects"])
+            if not all(_is_a(known[name], hint) for name, hint in hints.items()):
+                return None
+            summary = cls(**known)
+            for words in (summary.as_text, summary.as_progress, summary.as_json):
+                words()
+        except Exception:  # whatever printing something else raises
+            return None
+        return summary
+
+    def as_text(self) -> str:
+        """A few lines for people."""
+        elements = sum(rope["elements"] for rope in self.ropes) or self.elements
+        of = f" of {self.ropes[0]['name']}" if self.ropes else ""
+        lines = [
+            f"scene {self.scene}: {self.steps} steps of {self.step_s:g} s on "
+            f"{counted(elements, 'element')} with {', '.join(self.effects)}",
+            f"top tension{of} {_kn(self.tension_top_min_n)} to {_kn(self.tension_top_max_n)}, "
+            f"mean {_kn(self.tension_top_mean_n)}",
+            *self._strength_words(),
+            *(f"limit broken: {breach_words(LimitBreach(**one))}" for one in self.limits_broken),
+            *self._shape_words(),
+            self._error_words(),
+            *self._end_words(),
+            *self._pace_words(),
+        ]
+        if self.heave_refused:
+            told = self.heave_accepted + self.heave_refused
+            words = f"{self.heave_refused} of {told} samples of heave were refused; the newest: "
+            lines.append(words + self.heave_refusal.rstrip("."))
+        if self.recoveries:
+            times = counted(self.recoveries, "failed step")
+            lines.append(f"the twin recovered from {times}; the newest: {self.recovery}")
+        if self.cut is not None:
+            lines.append(cut_words(CutShot(**self.cut)))
+        lines += [self.cut_refused] if self.cut_refused else []
+        lines += self._trust_words()
+        lines += watch_words(self.vibration, self.fatigue)
+        lines += self.restarts
+        lines += [f"bag {self.bag}{self._missing_words()}"] if self.bag else []
+        lines += [f"view {self.view}"] if self.view else []
+        lines += [f"state {self.state}"] if self.state else []
+        return "\n".join(lines)
+
+    def _strength_words(self) -> list[str]:
+        """How near the ropes came to their breaking loads: the nearest, and all beyond."""
+        names = [field.name for field in dataclasses.fields(RopeStrength)]
+        ropes = [RopeStrength(**{name: one[name] for name in names}) for one in self.strength]
+        ropes.sort(key=lambda one: -one.utilisation)
+        told = [one for n, one in enumerate(ropes) if n == 0 or one.utilisation >= 1.0]
+        return [strength_words(one, len(ropes) > 1) for one in told]
+
+    def _shape_words(self) -> list[str]:
+        """Where ropes touch down at the end, and how tight they were bent."""
+        places = [Touchdown(**one) for one in self.touchdowns]
+        bends = [Bend(**one | {"radius_m": one["radius_m"] or math.inf}) for one in self.bends]
+        words = [touchdown_words(one, len(self.ropes) > 1) for one in places]
+        return words + (bends_in_words(bends) if bends else [])
+
+    def _pace_words(self) -> list[str]:
+        """How fast it is, and what came late."""
+        fast = f"the model alone runs {_times(self.real_time_factor)} times real time"
+        if self.paced_real_time_factor is not None:
+            fast += f" ({_times(self.paced_real_time_factor)} times in its slots, woken each time)"
+        late = f"{self.late_steps} steps late"
+        if self.late_steps:
+            late += f" (worst {self.worst_lateness_s * 1e3:.1f} ms)"
+        lines = [fast, late]
+        if self.core_share is not None:
+            lines.append(CoreShare(**self.core_share).words())  # type: ignore[arg-type]
+        if self.rung_changes:
+            lines.append(f"{self.rung_changes} steps down or up the ladder of accuracy")
+        return lines
+
+    def _trust_words(self) -> list[str]:
+        """The energy's balance and the band of the tension, where asked for."""
+        lines = []
+        if self.energy is not None:
+            numerical, part = self.energy["residual_j"], self.energy["residual_pct"]
+            lines.append(
+                f"energy: {self.energy['exchanged_j']:.4g} J exchanged, residual "
+                f"{numerical:.3g} J ({part:.2g} %; dissipated numerically if positive)"
+            )
+        if self.error_band is not None:
+            lines.append(
+                f"error band: top tension now {_kn(self.error_band['low_n'])} to "
+                f"{_kn(self.error_band['high_n'])} (±{self.error_band['bound_n']:.3g} N); it took "
+                f"{self.error_band['cost_pct']:.0f} % more time"
+            )
+        return [*lines, f"error band: {self.no_band}"] if self.no_band else lines
+
+    def _missing_words(self) -> str:
+        lost = self.not_recorded
+        why = "" if self.not_kept else ": the machine was too busy"
+        return f"; {lost} messages are missing in it{why}" if lost else ""
+
+    def _end_words(self) -> list[str]:
+        """Where the rope is at the end; of several each one and each payload."""
+        if not self.ropes:
+            depth = f"{self.lower_end} at {self.payload_depth_m:.1f} m depth"
+            return [f"line out {self.line_out_m:.1f} m, {depth}"]
+        words = [
+            f"rope {rope['name']}: {rope['length_m']:.1f} m on "
+            f"{counted(rope['elements'], 'element')}, "
+            f"{_kn(float(rope['tension_top_n']))} at its upper end"
+            for rope in self.ropes
+        ]
+        loads = [f"{one['name']} at {one['depth_m']:.1f} m depth" for one in self.payloads]
+        return [*words, ", ".join(loads)] if loads else words
+
+    def _error_words(self) -> str:
+        by = self.tension_top_error_reason
+        if self.tension_top_error_pct is None:
+            return f"error of the tension {by}"
+        rms, peak = (
+            "unknown" if one is None else f"{told_bound(one)} %"
+            for one in (self.tension_top_error_pct, self.tension_top_peak_error_pct)
+        )
+        return f"error of the tension {rms} rms, {peak} of its highest, {by}"
+
+    def as_progress(self) -> str:
+        """One line for people, while it runs; what matters most within 80 columns."""
+        return (
+            f"{self.time_s:8.1f} s  line out {self.line_out_m:7.1f} m  "
+            f"top tension {_kn(self.tension_top_now_n)}, max {_kn(self.tension_top_max_n)}  "
+            f"{self.late_steps} late  error {_at_most(self.tension_top_error_pct)}  "
+            f"{_times(self.real_time_factor)} × real time"
+        )
+
+
+def _is_a(value: Any, hint: Any) -> bool:
+    """Whether a value is of a type, as far as JSON has it: outermost, and items of a tuple."""
+    kinds = typing.get_args(hint)
+    origin = typing.get_origin(hint)
+    if origin in (types.UnionType, typing.Union):
+        return any(_is_a(value, kind) for kind in kinds)
+    if hint is Any:
+        return True
+    if origin is tuple:
+        return isinstance(value, tuple) and all(_is_a(one, kinds[0]) for one in value)
+    if origin is list:
+        return isinstance(value, list) and all(_is_a(one, kinds[0]) for one in value)
+    if hint is float:
+        return isinstance(value, int | float) and not isinstance(value, bool)
+    if hint is int:
+        return isinstance(value, int) and not isinstance(value, bool)
+    return isinstance(value, origin or hint)
+
+
+def _times(factor: float) -> str:
+    return f"{factor:.0f}" if factor >= 9.95 or factor == 0.0 else f"{factor:.2g}"
+
+
+def _at_most(error_pct: float | None) -> str:
+    return "unknown" if error_pct is None else f"≤ {told_bound(error_pct)} %"
+
+
+def _or_none(error_pct: float) -> float | None:
+    return None if math.isnan(error_pct) else error_pct
+
+
+def _kn(newtons: float) -> str:
+    return f"{newtons / 1e3:.1f} kN"
+
+
+def _rope_figures(rope: RopeShot) -> dict[str, Any]:
+    return {
+        "name": rope.name,
+        "elements": len(rope.element_tension_n),
+        "length_m": rope.line_out_m,
+        "tension_top_n": rope.tension_top_n,
+    }
+
+
+def _bend_figures(bend: Bend) -> dict[str, Any]:
+    """JSON knows no infinite radius."""
+    radius = None if math.isinf(bend.radius_m) else bend.radius_m
+    return dataclasses.asdict(bend) | {"radius_m": radius}
+
+
+def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> RunSummary:
+    """The figures at the snapshot; `pacing` None: as fast as possible, nothing can be late."""
+    statistics = twin.statistics()
+    heave = snapshot.inputs.get("heave")
+    command = snapshot.inputs.get("winch_command")
+    cut = snapshot.inputs.get("cut")
+    now_n, stepped = snapshot.tension_top_n, statistics.steps > 0
+    return RunSummary(
+        scene=twin.scene.name,
+        effects=tuple(effect_names(twin.scene.effects)),
+        elements=len(snapshot.element_tension_n),
+        step_s=twin.step_s,
+        steps=snapshot.step,
+        time_s=snapshot.time_s,
+        late_steps=pacing.late_steps if pacing else 0,
+        worst_lateness_s=pacing.worst_lateness_s if pacing else 0.0,
+        real_time_factor=statistics.real_time_factor,
+        paced_real_time_factor=statistics.real_time_factor if pacing else None,
+        tension_top_now_n=now_n,
+        tension_top_max_n=statistics.tension_top_max_n if stepped else now_n,
+        tension_top_mean_n=statistics.tension_top_mean_n if stepped else now_n,
+        tension_top_min_n=statistics.tension_top_min_n if stepped else now_n,
+        tension_top_error_pct=_or_none(snapshot.card_error.rms_pct),
+        tension_top_peak_error_pct=_or_none(snapshot.card_error.peak_pct),
+        tension_top_error_reason=snapshot.card_error.words,
+        line_out_m=snapshot.line_out_m,
+        payload_depth_m=-float(snapshot.payload_position_m[2]),
+        lower_end="payload" if twin.scene.payloads else "lower end",
+        ropes=[_rope_figures(rope) for rope in snapshot.ropes],
+        payloads=[
+            {"name": one.name, "depth_m": -float(one.position_m[2])} for one in snapshot.payloads
+        ],
+        strength=[
+            dataclasses.asdict(one) | {"utilisation": one.utilisation} for one in snapshot.strength
+        ],
+        limits_broken=[dataclasses.asdict(one) for one in snapshot.breaches],
+        touchdowns=[dataclasses.asdict(one) for one in snapshot.touchdowns],
+        bends=[_bend_figures(one.tightest) for one in snapshot.bends],
+        heave_accepted=heave.accepted if heave else 0,
+        heave_refused=heave.refused if heave else 0,
+        heave_late=heave.late if heave else 0,
+        heave_refusal=heave.refusal if heave else "",
+        commands_accepted=command.accepted if command else 0,
+        commands_refused=command.refused if command else 0,
+        speed=pacing.speed if pacing else 0.0,
+        recoveries=snapshot.solver.recoveries,
+        recovery=snapshot.solver.recovery,
+        error=pacing.error if pacing else "",
+        cut=dataclasses.asdict(snapshot.cut) if snapshot.cut else None,
+        cut_refused=cut.note if cut and cut.refused else "",
+        energy=snapshot.energy.figures() if snapshot.energy else None,
+        error_band=dataclasses.asdict(snapshot.band) if snapshot.band else None,
+        no_band=snapshot.no_band,
+        vibration=vibration_figures(snapshot),
+        fatigue=fatigue_figures(snapshot),
+    )
+
+
+def effect_names(parameters: tuple[object, ...]) -> list[str]:
+    """Names, as scenes write them, of the effects whose parameters these are."""
+    return [
+        effect.name
+        for value in parameters
+        for effect in EFFECTS
+        if isinstance(value, effect.params)
+    ]

@@ -1,1 +1,0 @@
-"""How fast the solver is, and how right: `rope_twin bench`."""

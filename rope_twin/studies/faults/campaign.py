@@ -1,0 +1,281 @@
+"""The fault campaign: every input with every fault, each run judged against a sound twin.
+
+Both twins hear the same sea, one of them through a fault that begins at `FROM_S`. A fault must
+raise a row of the diagnostics before the top tension has been off by more than `OFF_PCT` of its
+standard deviation for `PATIENCE_S`; what no look at the input can show is listed with the error
+that it makes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from heapq import merge
+from multiprocessing import get_context
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.messages import Level, Status, statuses
+from rope_twin.run.border import InputBorder
+from rope_twin.run.seat import PRIORITY
+from rope_twin.scene.schema import Scene
+from rope_twin.studies.faults.injection import (
+    CURRENT,
+    HEAVE,
+    ODOMETRY,
+    PAIR,
+    SECOND_NS,
+    WINCH,
+    Fault,
+    Message,
+    faults_of,
+    laid_over,
+)
+from rope_twin.studies.faults.traffic import commands, motion, profiles
+from rope_twin.twin.input_queue import InputQueue
+from rope_twin.twin.pacing import steps_in_slot
+from rope_twin.twin.recovery import Recovery
+from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.twin import Twin
+
+EPOCH_NS = 1_700_000_000 * SECOND_NS  # ROS time of t = 0: any that leaves room for wrong clocks
+DELAY_NS = 150_000_000  # the twin runs behind ROS time by this, as `input_delay_s` has it
+LOOK_NS = SECOND_NS // 2  # between two looks for commanders that are gone
+SEED = 1
+FROM_S, UNTIL_S = 20.0, 50.0
+PATIENCE_S = 2.0
+OFF_PCT = 15.0
+# Rows on the machine and on the lift's own state, which a sound run raises as well as a faulted one
+_NOT_OF_INPUTS = ("simulation: pacing", "simulation: start-up")
+
+
+class LoneTwin:
+    """A twin behind its border on a clock that nobody waits for: as paced, and faster."""
+
+    def __init__(self, scene: Scene) -> None:
+        """Raises SceneError."""
+        self._twin = Twin(scene)
+        self._inputs = InputQueue(self._twin, Recovery(self._twin))
+        self._border = InputBorder(self._twin, self._inputs, PRIORITY, lambda: self.now_ns * 1e-9)
+        self._border.epoch_ns = EPOCH_NS
+        self._steps = steps_in_slot(self._twin.step_s)
+        self._last = self._twin.snapshot()
+        self._senders: set[str] = set()
+        self._looked_ns = 0
+
+    @property
+    def now_ns(self) -> int:
+        """Twin time that the ROS clock shows at the beginning of the next slot."""
+        return self._twin.time_ns + DELAY_NS
+
+    def deliver(self, message: Message) -> None:
+        """Take a message that has arrived."""
+        data = message.encoded(EPOCH_NS)
+        if message.topic in (HEAVE, ODOMETRY):
+            arrival_ns = EPOCH_NS + message.received_ns
+            self._border.take_motion(message.topic, data, message.sender, arrival_ns)
+        elif message.topic == CURRENT:
+            self._border.take_current(data)
+        else:
+            self._senders.add(message.sender)
+            self._border.take_order(message.topic, data, message.sender)
+
+    def advance_slot(self) -> Snapshot:
+        """Step on by one publish period. Raises SolverError where a run would end."""
+        if self._twin.time_ns >= self._looked_ns + LOOK_NS:
+            self._looked_ns = self._twin.time_ns
+            self._border.seats.look(self._senders, self._twin.time_ns)
+        self._inputs.advance(self._steps)
+        self._last = self._inputs.snapshot()
+        return self._last
+
+    def rows(self) -> list[Status]:
+        """Diagnostics as they would be published now."""
+        return [*statuses(self._last, None), *self._border.rows()]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What became of one run."""
+
+    input: str
+    fault: str
+    flagged_after_s: float | None  # since the fault began; None: never
+    level: str  # worst that was raised because of it: OK, WARN or ERROR
+    row: str  # name and message of the first row that was raised
+    worst_error_pct: float  # of the top tension, % of its standard deviation
+    worst_error_pct_while_ok: float
+    off_while_ok_s: float  # longest time without a flag and with an error above OFF_PCT
+    survived: bool  # it ran to its end, and all that it published was finite
+    hidden: str = ""  # why the input alone cannot show it
+
+    @property
+    def met(self) -> bool:
+        """Whether it survived and was flagged in time, or could not be."""
+        return self.survived and (bool(self.hidden) or self.off_while_ok_s <= PATIENCE_S)
+
+
+@dataclass
+class Course:
+    """A run's top tension and the level of each row, slot by slot."""
+
+    time_s: list[float] = field(default_factory=list)
+    tension_n: list[float] = field(default_factory=list)
+    rows: list[dict[str, tuple[Level, str]]] = field(default_factory=list)
+    ended: str = ""  # why it did not come to its end
+
+
+def follow(scene: Scene, messages: Iterable[Message]) -> Course:
+    """Run a twin to UNTIL_S with these messages, in the order of their arrival."""
+    course, twin = Course(), LoneTwin(scene)
+    waiting = iter(messages)
+    following = next(waiting, None)
+    while not course.time_s or course.time_s[-1] < UNTIL_S - 1e-9:
+        while following is not None and following.received_ns <= twin.now_ns:
+            twin.deliver(following)
+            following = next(waiting, None)
+        try:
+            shot = twin.advance_slot()
+        except Exception as error:  # whatever ends a run is what the campaign is to find
+            course.ended = f"{type(error).__name__}: {error}"
+            break
+        course.time_s.append(shot.time_s)
+        course.tension_n.append(shot.tension_top_n)
+        course.rows.append({row.name: (row.level, row.message) for row in twin.rows()
+                            if row.name not in _NOT_OF_INPUTS})  # fmt: skip
+    return course
+
+
+def judge(topic: str, fault: Fault, sound: Course, faulted: Course) -> Finding:
+    """Compare a faulted run with the sound one."""
+    count = min(len(sound.time_s), len(faulted.time_s))
+    time_s = np.array(sound.time_s[:count])
+    after = time_s > FROM_S
+    true_n, seen_n = np.array(sound.tension_n[:count]), np.array(faulted.tension_n[:count])
+    deviation_n = float(np.std(np.array(sound.tension_n)[np.array(sound.time_s) > FROM_S]))
+    error_pct = np.where(after, 100.0 * np.abs(seen_n - true_n) / deviation_n, 0.0)
+    raised = list(_raised(sound, faulted, count))
+    quiet = np.array([not rows for rows in raised]) & after
+    first = next((k for k in range(count) if after[k] and raised[k]), None)
+    name, (level, message) = "", (Level.OK, "")
+    if first is not None:
+        name, (level, message) = next(iter(raised[first].items()))
+    worst = max((one[0] for rows in raised for one in rows.values()), default=level)
+    finite = bool(np.isfinite(seen_n).all())
+    return Finding(
+        input=topic,
+        fault=fault.name,
+        flagged_after_s=None if first is None else round(float(time_s[first]) - FROM_S, 3),
+        level=worst.name,
+        row=f"{name}: {message}" if name else "",
+        worst_error_pct=float(error_pct.max()) if finite else float("inf"),
+        worst_error_pct_while_ok=float(error_pct[quiet].max()) if quiet.any() else 0.0,
+        off_while_ok_s=_longest_s(time_s, quiet & (error_pct > OFF_PCT)),
+        survived=finite and not faulted.ended,
+        hidden=fault.hidden,
+    )
+
+
+def _raised(sound: Course, faulted: Course, count: int) -> Iterator[dict[str, tuple[Level, str]]]:
+    """Yield the rows of each slot that are worse than those of the sound run."""
+    for true, seen in zip(sound.rows[:count], faulted.rows[:count], strict=True):
+        yield {name: one for name, one in seen.items()
+               if one[0] > true.get(name, (Level.OK, ""))[0]}  # fmt: skip
+
+
+def _longest_s(time_s: NDArray[np.float64], holds: NDArray[np.bool_]) -> float:
+    """Longest time for which it holds without a break [s]."""
+    longest = begun = 0.0
+    for k, one in enumerate(holds):
+        if not one:
+            begun = 0.0
+            continue
+        begun = begun or float(time_s[k])
+        longest = max(longest, float(time_s[k]) - begun)
+    return round(longest, 3)
+
+
+def plan(scene: Scene, inputs: Sequence[str], pairs: bool = True) -> list[tuple[str, Fault]]:
+    """Return each run's input and fault; inputs that the scene has no use for are left out."""
+    traffic = {WINCH: commands(scene, 0.1), CURRENT: profiles(scene, 0.1)}
+    used = [topic for topic in inputs if topic not in traffic or traffic[topic]]
+    return [(topic, fault) for topic in used for fault in faults_of(topic)
+            if pairs or PAIR not in fault.name]  # fmt: skip
+
+
+class Bench:
+    """A scene's sound traffic and sound run, beside which each fault is judged."""
+
+    def __init__(self, scene: Scene, posed: bool) -> None:
+        """posed: the ship's odometry moves the rope, in place of its heave.
+
+        Raises:
+            InputError: the scene's ship lies still.
+            SceneError: the scene cannot be built.
+        """
+        self._scene = scene
+        sources = (
+            motion(scene, UNTIL_S + 1.0, posed),
+            commands(scene, UNTIL_S + 1.0),
+            profiles(scene, UNTIL_S + 1.0),
+        )
+        self._traffic = {messages[0].topic: messages for messages in sources if messages}
+        self._sound = self._follow(self._traffic)
+
+    def find(self, topic: str, fault: Fault) -> Finding:
+        """Run the scene with a fault of one input and judge it."""
+        traffic = dict(self._traffic)
+        traffic[topic] = laid_over(traffic[topic], fault, round(FROM_S * SECOND_NS), SEED)
+        return judge(topic, fault, self._sound, self._follow(traffic))
+
+    def _follow(self, traffic: dict[str, list[Message]]) -> Course:
+        merged = merge(*traffic.values(), key=lambda one: one.received_ns)
+        return follow(self._scene, merged)
+
+
+def run_campaign(
+    scene: Scene,
+    runs: Sequence[tuple[str, Fault]],
+    report: Callable[[Finding], None],
+    jobs: int = 1,
+) -> list[Finding]:
+    """Run each fault beside a sound twin; `report` takes each finding as it comes.
+
+    Args:
+        scene: whose sea moves the ship.
+        runs: input and fault of each, from `plan`.
+        report: called in the order of the runs.
+        jobs: processes that run at once.
+
+    Raises:
+        InputError: the scene's ship lies still.
+        SceneError: the scene cannot be built.
+    """
+    _BENCHES.clear()
+    _RUNS[:] = runs
+    _BENCHES.update(
+        {posed: Bench(scene, posed) for posed in {_is_posed(topic) for topic, _ in runs}}
+    )
+    findings = []
+    # A forked process has the compiled code and the sound runs already.
+    with ProcessPoolExecutor(max(1, jobs), get_context("fork")) as pool:
+        for finding in pool.map(_find, range(len(runs))):
+            findings.append(finding)
+            report(finding)
+    return findings
+
+
+# filled before the processes are forked that look there
+_BENCHES: dict[bool, Bench] = {}
+_RUNS: list[tuple[str, Fault]] = []
+
+
+def _find(number: int) -> Finding:
+    topic, fault = _RUNS[number]
+    return _BENCHES[_is_posed(topic)].find(topic, fault)
+
+
+def _is_posed(topic: str) -> bool:
+    return topic == ODOMETRY

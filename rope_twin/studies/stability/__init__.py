@@ -1,1 +1,0 @@
-"""The hard cases of the rope solver: `rope_twin stability`."""

@@ -1,0 +1,199 @@
+"""Inputs on their way to a twin: applied at the beginning of a slot, and logged as they are.
+
+Callbacks put inputs in from any thread; the thread that steps applies them before each slot, in
+the order in which they came. What the twin computes then depends only on the log: the calls and
+the instants at which they were made. Changes of elements and step are in it too, since they follow
+the load of the machine. `rope_twin.recording.exact_replay` runs a twin again from such a log.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.errors import InputError, phrase
+from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.pacing import Steppable
+from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.twin import Twin
+
+WAITING_LIMIT = 1_000_000  # numbers that may wait for the next slot, 8 MB
+SET_LEVEL = "take_rung"
+_DOUBT = "doubt_inputs"
+_PARTS = {kind.__name__: kind for kind in (ShipPose, Order, Rung)}
+
+
+class Call(NamedTuple):
+    """One call of a method of the twin."""
+
+    method: str
+    arguments: tuple[Any, ...]
+    named: dict[str, Any]
+
+
+class LogEntry(NamedTuple):
+    """Calls that were made at one instant, in their order."""
+
+    time_ns: int  # twin time, at the beginning of a slot
+    calls: tuple[Call, ...]
+
+
+def apply(twin: Twin, calls: tuple[Call, ...]) -> None:
+    """Make the calls of a log entry; inputs that the twin refuses are counted by the twin."""
+    for call in calls:
+        with suppress(InputError):
+            getattr(twin, call.method)(*call.arguments, **call.named)
+
+
+class InputQueue:
+    """A twin for the pacer that takes its inputs between slots only.
+
+    Its `offer_*` methods take what those of the twin take, from any thread.
+    """
+
+    def __init__(
+        self, twin: Twin, stepper: Steppable, log: Callable[[LogEntry], None] | None = None
+    ) -> None:
+        """`stepper`: steps the twin, or the twin itself. `log`: takes each entry of the log."""
+        self._twin = twin
+        self._stepper = stepper
+        self._log = log
+        self._lock = threading.Lock()
+        self._waiting: list[Call] = []
+        self._waiting_numbers = 0
+        self._level = twin.rung
+        self._due: Callable[[], None] | None = None
+        self.refused = 0  # inputs for which there was no memory left
+
+    @property
+    def step_ns(self) -> int:
+        """Length of a step [ns]."""
+        return self._stepper.step_ns
+
+    def begin(self) -> None:
+        """Start a session of the log: whoever describes it says what elements and step it has."""
+        self._level, self._due = self._twin.rung, None
+
+    def at_next_slot(self, call: Callable[[], None]) -> None:
+        """Have the thread that steps make a call once, before the inputs of its next slot."""
+        self._due = call
+
+    def advance(self, steps: int) -> None:
+        """Apply what has come since the slot before, then step on. Raises SolverError."""
+        if self._due is not None:
+            call, self._due = self._due, None
+            call()
+        self._apply()
+        self._stepper.advance(steps)
+
+    def snapshot(self) -> Snapshot:
+        """A frozen copy of the present."""
+        return self._stepper.snapshot()
+
+    def offer_heave(self, *arguments: Any, **named: Any) -> str:
+        """Queue a heave sample; "" or why it was refused."""
+        return self._put(Call("offer_heave", arguments, named))
+
+    def offer_pose(self, *arguments: Any, **named: Any) -> str:
+        """Queue a pose of the ship; "" or why it was refused."""
+        return self._put(Call("offer_pose", arguments, named))
+
+    def offer_order(self, *arguments: Any, **named: Any) -> str:
+        """Queue a command to a winch; "" or why it was refused."""
+        return self._put(Call("offer_order", arguments, named))
+
+    def offer_current(self, *arguments: Any, **named: Any) -> str:
+        """Queue a current profile; "" or why it was refused."""
+        return self._put(Call("offer_current", arguments, named))
+
+    def offer_cut(self, *arguments: Any, **named: Any) -> str:
+        """Queue a cut; "" or why it was refused."""
+        return self._put(Call("offer_cut", arguments, named))
+
+    def doubt_inputs(self) -> None:
+        """Queue that inputs known for times to come may no longer hold."""
+        self._put(Call(_DOUBT, (), {}))
+
+    def _put(self, call: Call) -> str:
+        size = 1 + sum(one.size for one in call.arguments if isinstance(one, np.ndarray))
+        with self._lock:
+            if self._waiting_numbers + size > WAITING_LIMIT:
+                self.refused += 1
+                what = f"inputs of {self._waiting_numbers} numbers wait for the next slot"
+                return phrase(call.method, what, "send fewer, or let the twin run")
+            self._waiting.append(call)
+            self._waiting_numbers += size
+        return ""
+
+    def _apply(self) -> None:
+        level = self._twin.rung
+        if not self._waiting and level is self._level:
+            return
+        with self._lock:
+            calls, self._waiting, self._waiting_numbers = tuple(self._waiting), [], 0
+        now_ns = self._twin.time_ns
+        apply(self._twin, calls)
+        if level != self._level:  # changed since the slot before, ahead of these calls
+            calls = (Call(SET_LEVEL, (level,), {}), *calls)
+        self._level = level
+        if self._log is not None and calls:
+            self._log(LogEntry(now_ns, calls))
+
+
+def plain_calls(calls: tuple[Call, ...]) -> list[Any]:
+    """The calls as JSON has them; `calls_of` gives them back with every bit."""
+    return [[one.method, _plain(one.arguments), _plain(one.named)] for one in calls]
+
+
+def calls_of(plain: Any) -> tuple[Call, ...]:
+    """The calls of their plain form.
+
+    Raises:
+        ValueError: it is not the plain form of any calls.
+    """
+    try:
+        return tuple(_call(*one) for one in plain)
+    except (TypeError, KeyError, AttributeError) as error:
+        raise ValueError(f"no calls: {error}") from error
+
+
+def _call(method: str, arguments: Any, named: Any) -> Call:
+    if not (method.startswith("offer_") or method in (_DOUBT, SET_LEVEL)):
+        raise ValueError(f"'{method}' is no input")
+    given = {str(name): _value(value) for name, value in named.items()}
+    return Call(method, tuple(_value(value) for value in arguments), given)
+
+
+def _plain(value: Any) -> Any:
+    """Numbers, words, lists; arrays and the twin's own kinds are objects with one key."""
+    if isinstance(value, np.ndarray):
+        return {"array": value.tolist()}
+    if isinstance(value, np.generic):
+        return value.item()
+    if isinstance(value, dict):
+        return {name: _plain(part) for name, part in value.items()}
+    if type(value).__name__ in _PARTS:
+        fields = value._asdict() if isinstance(value, Order) else vars(value)
+        return {type(value).__name__: {name: _plain(part) for name, part in fields.items()}}
+    if isinstance(value, list | tuple):
+        return [_plain(part) for part in value]
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    raise TypeError(f"a {type(value).__name__} cannot be logged")
+
+
+def _value(plain: Any) -> Any:
+    if isinstance(plain, list):
+        return tuple(_value(part) for part in plain)
+    if not isinstance(plain, dict):
+        return plain
+    ((kind, content),) = plain.items()
+    if kind == "array":
+        return np.array(content, dtype=float)
+    return _PARTS[kind](**{name: _value(part) for name, part in content.items()})

@@ -1,0 +1,249 @@
+"""Utilisation, dynamic amplification and the scene's limits, watched from snapshot to snapshot.
+
+The tension at the upper end of each rope counts after every step; the tension along a rope, the
+payload's motion and bends count at snapshots (50 Hz in every run). The strain is that of the
+highest tension by the rope's stiffness, so it counts every step too and leaves damping out.
+
+Dynamic amplification is the highest ratio since the start of the tension at a rope's upper end to
+its static tension at the same line out (DNV-RP-N103: total over static load). The static tension is
+that of the static equilibrium at the start, plus the weight in water of what was paid out since.
+Of a single rope with its payload below it, it follows the payload through the surface, and what
+deck or bed bear of the payload at the start is added.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+
+from rope_twin.scene.arrays.joined import alone
+from rope_twin.scene.figures import LiftFigures, lift_figures
+from rope_twin.scene.rules.rigging import is_joined, winch_of
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.snapshot import LimitBreach, RopeBend, RopeStrength, Snapshot, Vector
+
+LINE_OUT_TOL_M = 0.02  # the static tension is computed again when the line out has changed by more
+MOST_N = 1e12
+SUPPORT_TOL = 0.05  # of the tension at the lower end: less is the lowest element's own weight
+ROPE_LIMITS = ("tension_n", "utilisation", "strain", "min_tension_n", "bend_radius")
+PAYLOAD_LIMITS = ("payload_speed_m_per_s", "payload_depth_m", "landing_speed_m_per_s")
+_AT_LEAST = ("min_tension_n", "bend_radius")
+
+
+class LoadRules:
+    """What a scene says of loads: constant while it runs."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.limits = limits = scene.limits
+        self.ropes = tuple(line.name for line in scene.ropes)
+        self.payloads = tuple(payload.name for payload in scene.payloads)
+        self.rests = tuple(line.length_m for line in scene.ropes)
+        self.watches_payload = any(getattr(limits, name) is not None for name in PAYLOAD_LIMITS)
+        self.allowed_n = tuple(self._allowed_n(scene, r) for r in range(len(scene.ropes)))
+        self._lines = scene.ropes
+        self._static = tuple(_weight_of_line(scene, r) for r in range(len(scene.ropes)))
+
+    def _allowed_n(self, scene: Scene, r: int) -> float:
+        """The tension of a rope at which the first of its limits is broken [N]."""
+        made_of = [section.rope for section in scene.ropes[r].made_of]
+        most = [self.limits.utilisation * scene.ropes[r].breaking_load_n]
+        if self.limits.tension_n is not None:
+            most.append(self.limits.tension_n)
+        return min(*most, *(_tension_at(rope.strain_at, self.limits.strain) for rope in made_of))
+
+    def strain_at(self, r: int, tension_n: float) -> float:
+        """Strain of the softest section of a rope under a tension [N]."""
+        return max(section.rope.strain_at(tension_n) for section in self._lines[r].made_of)
+
+    def radius_m(self, name: str) -> float:
+        """Minimum bend radius of a rope [m], of its sections the largest."""
+        line = self._lines[self.ropes.index(name)]
+        return max(section.rope.minimum_bend_radius_m or 0.0 for section in line.made_of)
+
+    def supported_n(self, end_n: float) -> float:
+        """What deck or bed bears of a single rope's payload [N]; end_n: tension at its lower end.
+
+        It is part of the static tension: a load that is lifted off hangs with all its weight.
+        """
+        figures, _ = self._static[0]
+        if figures is None or len(self.ropes) > 1:
+            return 0.0
+        borne_n = figures.hung.weight_n(self.rests[0]) - end_n
+        return borne_n if borne_n > SUPPORT_TOL * abs(end_n) else 0.0
+
+    def static_n(self, r: int, start_n: float, line_out_m: float) -> float:
+        """Static tension of a rope at a line out [N]; start_n: at the start."""
+        figures, slope = self._static[r]
+        if figures is None:
+            return start_n + slope * (line_out_m - self.rests[r])
+        return start_n + figures.top_tension_n(line_out_m) - figures.top_tension_n(self.rests[r])
+
+
+class LoadRecord:
+    """What a run has shown so far; `look` takes the next snapshot."""
+
+    def __init__(self, rules: LoadRules, start_n: Sequence[float]) -> None:
+        """start_n: tension at the upper end of each rope in the static equilibrium [N]."""
+        ropes = len(rules.ropes)
+        self._start_n = list(start_n)
+        self._highest_n = [0.0] * ropes
+        self._static_n = list(start_n)
+        self._static_at_m = list(rules.rests)
+        self._amplification = [0.0] * ropes
+        self._landed, self._sinking = True, 0.0  # a payload that begins on the bed does not land
+        self._begun = self._broken = False
+        # of each limit: first and last broken [s], worst value and its time [s]; -inf: not broken
+        count = ropes * len(ROPE_LIMITS) + len(rules.payloads) * len(PAYLOAD_LIMITS)
+        self._found = [[-math.inf] * 4 for _ in range(count)]
+
+    def look(
+        self, taken: Snapshot, rules: LoadRules, bends: tuple[RopeBend, ...]
+    ) -> tuple[tuple[RopeStrength, ...], tuple[LimitBreach, ...]]:
+        """The strength of each rope with what follows, and the limits that were broken so far."""
+        known = len(rules.ropes)
+        strength = [
+            self._load(taken, r, one, rules) if r < known else one
+            for r, one in enumerate(taken.strength)
+        ]
+        limits = rules.limits
+        if limits.min_tension_n is not None:
+            for r, low_n in enumerate(_lowest(taken)[:known]):
+                if low_n < limits.min_tension_n:
+                    self._break(self._row(r, 3), -low_n, taken.time_s)
+        if limits.bend_radius:
+            for bend in bends:
+                if bend.now.too_tight and bend.now.name in rules.ropes:
+                    row = self._row(rules.ropes.index(bend.now.name), 4)
+                    self._break(row, -bend.now.radius_m, taken.time_s)
+        if rules.watches_payload and rules.payloads:
+            self._look_at_payloads(taken, rules)
+        self._begun = True
+        return tuple(strength), tuple(self._breaches(rules)) if self._broken else ()
+
+    def _load(self, taken: Snapshot, r: int, one: RopeStrength, rules: LoadRules) -> RopeStrength:
+        """A rope's highest tension, utilisation and amplification."""
+        if taken.ropes and r > 0:
+            now_n, line_out_m = taken.ropes[r].tension_top_n, taken.ropes[r].line_out_m
+        else:
+            # the first snapshot's maximum has the static equilibrium in it, which no step computed
+            now_n = taken.tension_top_max_n if self._begun else one.highest_n
+            line_out_m = taken.line_out_m
+        grown = one.highest_n > self._highest_n[r]
+        current_n = max(now_n, one.highest_n) if grown else now_n
+        peak_n = current_n if r > 0 and self._begun else now_n
+        highest_n = self._highest_n[r] = max(self._highest_n[r], current_n)
+        if current_n > rules.allowed_n[r]:
+            self._judge_tension(r, current_n, one.breaking_load_n, (taken.time_s, rules))
+        if taken.cut is None:
+            if abs(line_out_m - self._static_at_m[r]) > LINE_OUT_TOL_M:
+                self._static_at_m[r] = line_out_m
+                self._static_n[r] = rules.static_n(r, self._start_n[r], line_out_m)
+            static_n = self._static_n[r]
+            if static_n > 0.0 and peak_n > self._amplification[r] * static_n:
+                self._amplification[r] = peak_n / static_n
+        amplification = self._amplification[r]
+        return RopeStrength(
+            one.name, highest_n, one.breaking_load_n, self._static_n[r], amplification or None
+        )
+
+    def _judge_tension(
+        self, r: int, tension_n: float, breaking_load_n: float, at: tuple[float, LoadRules]
+    ) -> None:
+        """Note which limits of a rope this tension breaks; at: the time [s] and the rules."""
+        time_s, rules = at
+        limits = rules.limits
+        values = (
+            (tension_n, limits.tension_n),
+            (tension_n / breaking_load_n, limits.utilisation),
+            (rules.strain_at(r, tension_n), limits.strain),
+        )
+        for number, (value, limit) in enumerate(values):
+            if limit is not None and value > limit:
+                self._break(self._row(r, number), value, time_s)
+
+    def _look_at_payloads(self, taken: Snapshot, rules: LoadRules) -> None:
+        limits, sinking = rules.limits, 0.0
+        first = len(rules.ropes) * len(ROPE_LIMITS)
+        lowest = 0
+        for number, (position, velocity) in enumerate(_payloads(taken, len(rules.payloads))):
+            row = first + number * len(PAYLOAD_LIMITS)
+            x, y, z = velocity.tolist()
+            depth_m = -float(position[2])
+            if limits.payload_speed_m_per_s is not None:
+                speed = math.sqrt(x * x + y * y + z * z)
+                if speed > limits.payload_speed_m_per_s:
+                    self._break(row, speed, taken.time_s)
+            if limits.payload_depth_m is not None and depth_m > limits.payload_depth_m:
+                self._break(row + 1, depth_m, taken.time_s)
+            if -z > sinking:
+                sinking, lowest = -z, number
+        bed = taken.seabed
+        if limits.landing_speed_m_per_s is None or bed is None:
+            return
+        speed = max(sinking, self._sinking)
+        if bed.payload_landed and not self._landed and speed > limits.landing_speed_m_per_s:
+            self._break(first + lowest * len(PAYLOAD_LIMITS) + 2, speed, taken.time_s)
+        self._landed, self._sinking = bed.payload_landed, sinking
+
+    def _row(self, r: int, number: int) -> int:
+        return r * len(ROPE_LIMITS) + number
+
+    def _break(self, row: int, value: float, time_s: float) -> None:
+        """Note a limit that is broken now; of one that must not be undercut the negative value."""
+        found = self._found[row]
+        if found[0] == -math.inf:
+            found[0] = time_s
+        if value > found[2]:
+            found[2:] = [value, time_s]
+        found[1], self._broken = time_s, True
+
+    def _breaches(self, rules: LoadRules) -> Iterator[LimitBreach]:
+        names = [(key, name) for name in rules.ropes for key in ROPE_LIMITS]
+        names += [(key, name) for name in rules.payloads for key in PAYLOAD_LIMITS]
+        for (key, name), (first_s, last_s, worst, worst_s) in zip(names, self._found, strict=True):
+            if first_s == -math.inf:
+                continue
+            bent = key == "bend_radius"
+            limit = rules.radius_m(name) if bent else getattr(rules.limits, key)
+            value = -worst if key in _AT_LEAST else worst
+            yield LimitBreach(key, name, float(limit), first_s, last_s, value, worst_s)
+
+
+def _weight_of_line(scene: Scene, r: int) -> tuple[LiftFigures | None, float]:
+    """How the static tension of a rope follows its line out.
+
+    The figures of a single rope with its payload below it; of others the weight in water of what
+    is paid out [N/m], 0 without a winch.
+    """
+    line = scene.ropes[r]
+    if winch_of(scene, line) is None:
+        return None, 0.0
+    figures = lift_figures(alone(scene, r) if is_joined(scene) else scene)
+    slope = figures.bars[-1].weight_n_per_m
+    hangs = not is_joined(scene) and not line.fixed_at_m and not figures.rises
+    return (figures if hangs else None), slope
+
+
+def _tension_at(strain_at: Callable[[float], float], strain: float) -> float:
+    """The tension at which a rope has this strain [N]; infinite if it never has."""
+    low, high = 0.0, MOST_N
+    if strain_at(high) < strain:
+        return math.inf
+    while high - low > 1e-9 * high:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if strain_at(middle) < strain else (low, middle)
+    return high
+
+
+def _lowest(taken: Snapshot) -> list[float]:
+    """Least tension of each rope [N]; of the first at its upper end in every step."""
+    if not taken.ropes:
+        return [min(taken.tension_top_min_n, float(taken.element_tension_n.min()))]
+    return [float(rope.element_tension_n.min()) for rope in taken.ropes]
+
+
+def _payloads(taken: Snapshot, count: int) -> list[tuple[Vector, Vector]]:
+    """Position and velocity of the payloads."""
+    if taken.payloads:
+        return [(one.position_m, one.velocity_m_per_s) for one in taken.payloads]
+    return [(taken.payload_position_m, taken.payload_velocity_m_per_s)][:count]

@@ -1,0 +1,336 @@
+"""Plausibility of the ship's motion: limits, continuity after a gap, and rates against positions.
+
+Rates: over the last 0.5, 1 and 2 s the change of each position must equal the integral of its rate,
+Δz = ∫ v dt. What may be left is 4·√2·σ of white noise (σ is estimated from the second differences
+of z - ∫ v dt, at most 5 cm), τ·|Δv| for a delay between position and rate (τ = 0.2 s), and 0.05 m/s
+and 5 % of the rate for its own errors. Three samples in a row beyond that are a disagreement; so is
+one rate beyond the ship's limits. The rates are then derived from the positions, by a parabola
+through the last ones (three where there is no noise, up to RATE_SAMPLES where there is).
+
+Continuity: a position must be where the last one, its rate and the acceleration limit allow, with
+6·√2·σ for noise; a leap beyond speed limit times gap is refused. After a leap, and after 2 s
+without an accepted sample, samples are taken again once they have agreed with each other for 0.5 s.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from rope_twin.scene.schema import Ship
+
+Numbers = tuple[float, ...]
+Reason = tuple[()] | tuple[str, str]  # of a refusal: what is wrong, and what would be right
+# stamp [ns], values, their rates as sent, values less the integral of the rates
+RateSample = tuple[int, Numbers, Numbers, Numbers]
+
+NOISE_M, NOISE_RAD = 0.05, 0.002  # standard deviation of white noise of a good sensor
+NOISE_LEAST = 0.1  # the least noise that is assumed, of the most
+SURE = 4.0 * math.sqrt(2.0)  # standard deviations of a difference of two positions ...
+SURE_LEAP = 6.0 * math.sqrt(2.0)  # ... where a single one decides
+RATE_DELAY_S = 0.2  # between position and rate of one sensor
+RATE_BIAS, RATE_SHARE = 1.0, 0.05  # error of a rate: NOISE_... per second, and of its amount
+RATE_SPIKE = 10.0  # by so many NOISE_... per second a rate may change at once
+WINDOWS_NS = 500_000_000, 1_000_000_000, 2_000_000_000
+SCATTER_WARN = 1.6  # times the noise of a good sensor: noise above it, or several senders
+VOTES = 3  # samples in a row that make a disagreement
+HEALED_NS = 5_000_000_000  # after so long in agreement the sender's rates are used again
+PERSISTENT_NS = 10_000_000_000  # a disagreement for so long is an error
+RATE_SAMPLES = 40  # most positions from which a rate is derived ...
+RATE_NOISE = 2.0  # ... so that its noise stays below so many NOISE_... per second
+SMOOTHING = 0.02  # share of a sample in the estimate of noise
+
+BREAK_NS = 1_000_000_000  # between two samples: nothing is integrated across it
+LEAP_NOISE_M = 0.25  # what noise may add to a leap
+LEAP_LEAST_M = 0.01  # resolution of a sensor
+REACQUIRE_NS = 2_000_000_000  # after so long without an accepted sample its position is unknown
+CONFIRM_NS, CONFIRM_SAMPLES = 500_000_000, 3  # for so long samples must agree with each other
+ACCELERATION_NS = 400_000_000  # over at least this time the acceleration is looked at
+
+
+@dataclass(frozen=True)
+class MotionLimits:
+    """Limits within which a hang-off moves."""
+
+    heave_m: float
+    speed_m_per_s: float
+    acceleration_m_per_s2: float
+
+    @classmethod
+    def of(cls, ship: Ship) -> MotionLimits:
+        """Return the limits that a scene's ship has."""
+        return cls(
+            ship.max_heave_m,
+            ship.max_hang_off_speed_m_per_s,
+            ship.max_hang_off_acceleration_m_per_s2,
+        )
+
+
+class Continuity:
+    """Judges where the hang-off is by where it was: (z,) or (x, y, z) of successive samples."""
+
+    def __init__(self, limits: MotionLimits) -> None:
+        self._limits = limits
+        self._last: tuple[int, Numbers] | None = None
+        self._has_leapt = False  # whether a leap was refused since the last accepted sample
+        self._trial: list[tuple[int, Numbers]] = []  # first and newest of samples to be confirmed
+        self._trial_samples = 0
+        self._rates: deque[tuple[int, Numbers]] = deque()  # of accepted samples
+        self.confirmed = False  # whether the newest place was confirmed after a gap or a leap
+
+    def forget(self) -> None:
+        """Take the next sample wherever it is."""
+        self._last = None
+        self._has_leapt = False
+        self._end_trial()
+        self._rates.clear()
+
+    def fault(self, stamp_ns: int, place: Numbers, noise: float) -> tuple[str, Reason]:
+        """Return the kind of refusal and its reason; both empty if the place is plausible.
+
+        noise: standard deviation of the places' noise [m].
+        """
+        self.confirmed = False
+        if self._last is None:
+            return "", ()
+        gap_s = (stamp_ns - self._last[0]) * 1e-9
+        leap_m = math.dist(place, self._last[1])
+        speed = self._limits.speed_m_per_s
+        if leap_m > speed * gap_s + LEAP_NOISE_M:
+            self._has_leapt = True
+            self._end_trial()
+            what = f"it jumps by {leap_m:.2f} m in {gap_s:.3f} s"
+            right = f"a ship moves by at most {speed:g} m/s (ship.max_hang_off_speed_m_per_s)"
+            return "impossible", (what, right)
+        lost = gap_s * 1e9 > REACQUIRE_NS
+        if not (self._trial or lost) and self._is_expected(gap_s, place, noise):
+            return "", ()
+        if self._is_confirmed(stamp_ns, place):
+            self._end_trial()
+            self._rates.clear()
+            self.confirmed = True
+            return "", ()
+        after = f"after {gap_s:.2f} s it is {leap_m:.2f} m from where it was"
+        right = f"it is taken once it has moved plausibly for {CONFIRM_NS * 1e-9:g} s"
+        return "unconfirmed", (after, right)
+
+    def acceleration_fault(self, stamp_ns: int, rates: Numbers, noise: float) -> Reason:
+        """Return why these rates [m/s] do not follow those before them; or nothing."""
+        while len(self._rates) > 1 and stamp_ns - self._rates[1][0] >= ACCELERATION_NS:
+            self._rates.popleft()
+        if not self._rates or not ACCELERATION_NS <= stamp_ns - self._rates[0][0] <= BREAK_NS:
+            return ()
+        seconds = (stamp_ns - self._rates[0][0]) * 1e-9
+        change = math.dist(rates, self._rates[0][1])
+        most = self._limits.acceleration_m_per_s2
+        if change <= most * seconds + noise:
+            return ()
+        right = f"a ship's is at most {most:g} m/s² (ship.max_hang_off_acceleration_m_per_s2)"
+        return f"an acceleration of {change / seconds:.1f} m/s²", right
+
+    def forget_rates(self) -> None:
+        """Compare the next rates with none: they are found in another way than those before."""
+        self._rates.clear()
+
+    def accept(self, stamp_ns: int, place: Numbers, rates: Numbers) -> None:
+        """Note a sample that was taken, with the rates that were used."""
+        self._last = stamp_ns, place
+        self._has_leapt = False
+        self._rates.append((stamp_ns, rates))
+
+    def _is_expected(self, gap_s: float, place: Numbers, noise: float) -> bool:
+        """Whether a place is where the last one, its rate and the acceleration limit allow.
+
+        A sample that is back from an outlier must be nearer: what the limit allows in so long a
+        time is no sign that the leap was one of the ship.
+        """
+        assert self._last is not None
+        rates = self._rates[-1][1]
+        expected = [z + v * gap_s for z, v in zip(self._last[1], rates, strict=True)]
+        most = self._limits.acceleration_m_per_s2 * (0.1 if self._has_leapt else 1.0)
+        allowed = SURE_LEAP * noise + LEAP_LEAST_M + 0.5 * most * gap_s * gap_s
+        if math.dist(place, expected) <= allowed:
+            return True
+        self._has_leapt = True
+        return False
+
+    def _is_confirmed(self, stamp_ns: int, place: Numbers) -> bool:
+        """Whether samples since a gap have agreed with each other for long enough."""
+        if self._trial:
+            before_ns, before = self._trial[-1]
+            seconds = (stamp_ns - before_ns) * 1e-9
+            near = self._limits.speed_m_per_s * seconds + LEAP_NOISE_M
+            if seconds * 1e9 > BREAK_NS or math.dist(place, before) > near:
+                self._end_trial()
+        self._trial = [*self._trial[:1], (stamp_ns, place)]
+        self._trial_samples += 1
+        long_enough = stamp_ns - self._trial[0][0] >= CONFIRM_NS
+        return long_enough and self._trial_samples >= CONFIRM_SAMPLES
+
+    def _end_trial(self) -> None:
+        self._trial, self._trial_samples = [], 0
+
+
+class RateCheck:
+    """Compares the rates of some values with the values themselves."""
+
+    def __init__(self, noise: float, limit: float, acceleration: float) -> None:
+        """noise: NOISE_M or NOISE_RAD; the others are limits of a rate and of its change."""
+        self._noise, self._limit, self._acceleration = noise, limit, acceleration
+        self._samples: list[RateSample] = []
+        self._stamps: list[int] = []  # theirs
+        self._used: Numbers = ()  # rates of the newest sample as they were used
+        self._roughness = 6.0 * noise * noise  # mean square of second differences of `rest`
+        self._votes = 0
+        self._since_ns: int | None = None  # beginning of the present disagreement
+        self._is_derived = False  # whether the newest rates were
+        self.switched = False  # whether that is another than for those before them
+        self._newest_bad_ns = 0
+
+    @property
+    def disagrees(self) -> bool:
+        """Whether the rates are derived at present."""
+        return self._since_ns is not None
+
+    def disagrees_for_s(self) -> float:
+        """For how long positions and rates have disagreed up to the last time they did [s]."""
+        return 0.0 if self._since_ns is None else (self._newest_bad_ns - self._since_ns) * 1e-9
+
+    @property
+    def noise(self) -> float:
+        """Standard deviation of the values' noise as estimated, within what is believed."""
+        return min(max(self.scatter, NOISE_LEAST * self._noise), self._noise)
+
+    @property
+    def scatter(self) -> float:
+        """Standard deviation of the values' noise as estimated."""
+        return math.sqrt(self._roughness / 6.0)
+
+    @property
+    def scatters(self) -> bool:
+        """Whether the values are noisier than those of a good sensor."""
+        return self.scatter > SCATTER_WARN * self._noise
+
+    @property
+    def derived_noise(self) -> float:
+        """Most that noise changes a rate by, told or derived."""
+        return RATE_SPIKE * self._noise
+
+    def forget(self) -> None:
+        """Begin anew, as after a gap; a disagreement goes on until it heals."""
+        self._samples.clear()
+        self._stamps.clear()
+        self._used, self._votes = (), 0
+
+    def rates(self, stamp_ns: int, value: Numbers, rate: Numbers) -> Numbers | None:
+        """Take a sample; return the rates to go on with.
+
+        They are those given while they agree with the values; None: they are impossible, and there
+        are too few values to derive others.
+        """
+        while self._samples and self._samples[-1][0] >= stamp_ns:
+            del self._samples[-1], self._stamps[-1]  # it was refused for something else
+        if self._samples and stamp_ns - self._samples[-1][0] > BREAK_NS:
+            self.forget()
+        sudden = self._is_impossible(stamp_ns, rate)
+        self._keep(stamp_ns, value, rate)
+        self._votes = self._votes + 1 if self._is_apart() else 0
+        if sudden or self._votes >= VOTES:
+            self._newest_bad_ns = stamp_ns
+            if self._since_ns is None:
+                self._since_ns = stamp_ns
+        elif self._since_ns is not None and stamp_ns - self._newest_bad_ns > HEALED_NS:
+            self._since_ns = None
+        derived = self._derived() if self.disagrees else None
+        if derived is None and sudden:
+            return None
+        self.switched = (derived is not None) != self._is_derived
+        self._is_derived = derived is not None
+        self._used = rate if derived is None else derived
+        return self._used
+
+    def _is_impossible(self, stamp_ns: int, rate: Numbers) -> bool:
+        """Whether a rate is beyond its limits, by itself or after the one before."""
+        if max(rate) > self._limit or min(rate) < -self._limit:
+            return True
+        if not self._used or not self._samples:
+            return False
+        seconds = (stamp_ns - self._samples[-1][0]) * 1e-9
+        most = self._acceleration * seconds + RATE_SPIKE * self._noise
+        return max([abs(a - b) for a, b in zip(rate, self._used, strict=True)]) > most
+
+    def _keep(self, stamp_ns: int, value: Numbers, rate: Numbers) -> None:
+        most = self._limit
+        if max(rate) > most or min(rate) < -most:
+            rate = tuple([min(max(one, -most), most) for one in rate])
+        rest = value
+        if self._samples:
+            before_ns, values, rates, rests = self._samples[-1]
+            half = 0.5e-9 * (stamp_ns - before_ns)
+            moved = zip(value, rate, values, rates, rests, strict=True)
+            rest = tuple([r + z - z0 - half * (v + v0) for z, v, z0, v0, r in moved])
+        self._samples.append((stamp_ns, value, rate, rest))
+        self._stamps.append(stamp_ns)
+        if len(self._samples) > 2:
+            pairs = zip(self._samples[-3][3], self._samples[-2][3], rest, strict=True)
+            rough = max([abs(x - 2.0 * y + z) for x, y, z in pairs])
+            rough = min(rough, 10.0 * self._noise) ** 2
+            self._roughness += SMOOTHING * (rough - self._roughness)
+        spare = len(self._samples) > 2 * RATE_SAMPLES
+        if spare and self._samples[RATE_SAMPLES][0] < stamp_ns - WINDOWS_NS[-1] - BREAK_NS:
+            del self._samples[:RATE_SAMPLES], self._stamps[:RATE_SAMPLES]
+
+    def _is_apart(self) -> bool:
+        """Whether values and integrated rates differ by more than a good sensor's do."""
+        samples, sure = self._samples, SURE * self.noise
+        new, k = samples[-1], len(samples)
+        for window_ns in WINDOWS_NS:
+            k = bisect_right(self._stamps, new[0] - window_ns, hi=k)
+            if k == 0:
+                return False
+            old = samples[k - 1]
+            seconds = (new[0] - old[0]) * 1e-9
+            allowed = sure + RATE_BIAS * self._noise * seconds
+            for a, b, v, w in zip(old[3], new[3], old[2], new[2], strict=True):
+                if abs(b - a) > allowed and abs(b - a) > allowed + self._by_sensor(seconds, v, w):
+                    return True
+        return False
+
+    def _by_sensor(self, seconds: float, v: float, w: float) -> float:
+        """What delay and inaccuracy of a rate make of its integral from v to w."""
+        delay = RATE_DELAY_S * min(abs(w - v), self._acceleration * seconds)
+        return delay + RATE_SHARE * seconds * max(abs(v), abs(w))
+
+    def _derived(self) -> Numbers | None:
+        """Slopes at the newest sample of parabolas through the last values; None: too few."""
+        samples = self._samples
+        if len(samples) < 3:
+            return None
+        step_s = max((samples[-1][0] - samples[-3][0]) * 0.5e-9, 1e-3)
+        # noise σ of values becomes σ·√(192/n³)/h of the slope at the end of n of them
+        ratio = self.noise / (RATE_NOISE * self._noise * step_s)
+        wanted = math.ceil((192.0 * ratio * ratio) ** (1.0 / 3.0))
+        if self.noise <= NOISE_LEAST * self._noise:
+            wanted = 3
+        last = samples[-min(max(wanted, 3), RATE_SAMPLES, len(samples)) :]
+        times = [(stamp_ns - last[-1][0]) * 1e-9 for stamp_ns, *_ in last]
+        columns = zip(*(value for _, value, _, _ in last), strict=True)
+        slopes = (end_slope(times, column) for column in columns)
+        return tuple(min(max(one, -self._limit), self._limit) for one in slopes)
+
+
+def end_slope(times: Sequence[float], values: Sequence[float]) -> float:
+    """Return the slope at time 0 of the parabola that fits the values best (three or more)."""
+    s1 = s2 = s3 = s4 = y0 = y1 = y2 = 0.0
+    for t, value in zip(times, values, strict=True):
+        z, square = value - values[-1], t * t
+        s1, s2, s3, s4 = s1 + t, s2 + square, s3 + square * t, s4 + square * square
+        y0, y1, y2 = y0 + z, y1 + t * z, y2 + square * z
+    n = float(len(times))
+    determinant = n * (s2 * s4 - s3 * s3) - s1 * (s1 * s4 - s2 * s3) + s2 * (s1 * s3 - s2 * s2)
+    # the middle unknown by Cramer's rule
+    upper = n * (y1 * s4 - y2 * s3) - y0 * (s1 * s4 - s2 * s3) + s2 * (s1 * y2 - s2 * y1)
+    return upper / determinant

@@ -1,0 +1,244 @@
+"""Recovery from failed steps: the rope goes back to its last good state and on from live inputs.
+
+A step fails when the solver finds no finite next state, or anything else in it raises. The twin
+then goes on at the present time, so that its clock and its inputs stay as they are, and only the
+rope is of an earlier instant:
+
+1. from the state before the failed step, without the motion that was prescribed ahead and without
+   a current profile that came since the newest checkpoint;
+2. if it fails again within SETTLED_NS, from the newest checkpoint, then from older ones: the
+   hang-off is led over from its place then to the live motion, as after a gap in the samples.
+
+MAX_FAILURES within FAILURE_WINDOW_NS of twin time end the run. All of it depends on the twin's
+state and time only, so a replay with the same inputs repeats it.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.errors import InputError, SolverError, phrase
+from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.observe import Extremes
+from rope_twin.twin.saving.saved_state import SavedState
+from rope_twin.twin.snapshot import CutShot, Snapshot, amended
+
+if TYPE_CHECKING:
+    from rope_twin.twin.twin import Twin
+
+CHECKPOINT_NS = 1_000_000_000  # twin time between two checkpoints
+CHECKPOINTS = 3  # that are kept
+SETTLED_NS = 2_000_000_000  # without a failure: what failed before is over
+MAX_FAILURES = 5
+FAILURE_WINDOW_NS = 60_000_000_000
+MAX_FAILURE_FILES = 10  # of a run; a state that fails for ever must not fill the disk
+
+_NOT_PUT_BACK = ("joined/winches", "joined/lines", "joined/highest", "rope/model", "lower/model")
+
+_log = logging.getLogger(__name__)
+
+
+class Checkpoint(NamedTuple):
+    """What the steps of a twin have changed, at one instant, in memory."""
+
+    time_ns: int
+    rung: Rung
+    cut: CutShot | None
+    border: rows.Boundary  # hang-offs and line out, (ropes, MOTIONS)
+    kept: dict[str, rows.Floats]
+    effects: tuple[Any, ...]
+    extremes: tuple[Extremes, Extremes]  # of the run and since the newest snapshot
+
+
+class Recovery:
+    """A twin for the pacer, or for an unpaced run, that goes on after a failed step."""
+
+    def __init__(self, twin: Twin) -> None:
+        self._twin = twin
+        self._kept: deque[Checkpoint] = deque([twin.checkpoint()], maxlen=CHECKPOINTS)
+        self._due_ns = _next_due(twin.time_ns)
+        self._failed_ns: deque[int] = deque()  # twin time of failures within the window
+        self._level = 0  # how far the newest recovery went back; 0: to the step before
+        self._first = ""  # reason of the first failure since it last went well
+        self._folder: Path | None = None  # for files of failures, while none is to be written
+        self._files = 0  # of failures
+        self.count = 0  # failed steps from which it has gone on
+        self.newest_ns = 0  # twin time of the newest
+        self.reason = ""  # of the newest, in one sentence
+
+    @property
+    def step_ns(self) -> int:
+        """Length of a step [ns]."""
+        return self._twin.step_ns
+
+    @property
+    def time_ns(self) -> int:
+        """Twin time [ns]."""
+        return self._twin.time_ns
+
+    @property
+    def steps(self) -> int:
+        """Steps done."""
+        return self._twin.steps
+
+    def capture(self) -> SavedState:
+        """The present as `Twin.save` writes it, in memory."""
+        return self._twin.capture()
+
+    def advance(self, steps: int) -> None:
+        """Step on; a step that fails is recovered from.
+
+        Raises:
+            InputError: a twin cannot go back.
+            SolverError: MAX_FAILURES steps failed within FAILURE_WINDOW_NS.
+        """
+        twin = self._twin
+        end = twin.steps + steps
+        while True:
+            try:
+                twin.advance(end - twin.steps)
+                if not math.isfinite(twin.top_pull_n):
+                    raise SolverError(_not_finite(twin.time_ns))
+            except InputError:
+                raise
+            except Exception as error:  # whatever a defect raises: the rope is put back
+                self._recover(error)
+            else:
+                break
+        self._take_checkpoint()
+
+    def snapshot(self) -> Snapshot:
+        """A frozen copy of the present, finite, with what was recovered from.
+
+        Raises:
+            SolverError: as `advance`.
+        """
+        taken = self._twin.snapshot()
+        while not _is_finite(taken):
+            self._recover(SolverError(_not_finite(self._twin.time_ns)), level=1)
+            taken = self._twin.snapshot()
+        if not self.count:
+            return taken
+        ago_s = (taken.stamp_ns - self.newest_ns) * 1e-9
+        solver = taken.solver._replace(
+            recoveries=self.count, recovered_ago_s=ago_s, recovery=self.reason
+        )
+        return amended(taken, solver=solver)
+
+    def _take_checkpoint(self) -> None:
+        """Keep the present if it is time, or if no kept state fits the rope any more."""
+        twin, newest = self._twin, self._kept[-1]
+        if self._folder is not None and not self._is_unsettled():
+            self._files += 1
+            twin.failure_folder = self._folder if self._files < MAX_FAILURE_FILES else None
+            self._folder = None
+        changed = newest.rung is not twin.rung or newest.cut is not twin.cut
+        if changed:
+            self._kept.clear()
+        elif twin.time_ns < self._due_ns or self._is_unsettled():
+            return
+        self._due_ns = _next_due(twin.time_ns)
+        self._kept.append(twin.checkpoint())
+
+    def _is_unsettled(self) -> bool:
+        """Whether the newest failure is so recent that the present may be what fails next."""
+        return bool(self._failed_ns) and self._twin.time_ns < self._failed_ns[-1] + SETTLED_NS
+
+    def _recover(self, error: Exception, level: int = 0) -> None:
+        """Put the rope back after a failure, further than `level` if that has just failed."""
+        twin = self._twin
+        now_ns = twin.time_ns
+        unsettled = self._is_unsettled()
+        if unsettled:
+            level = max(level, self._level + 1)
+        if not twin.is_finite:
+            level = max(level, 1)
+        self._failed_ns.append(now_ns)
+        while self._failed_ns[0] <= now_ns - FAILURE_WINDOW_NS:
+            self._failed_ns.popleft()
+        why = _reason(error)
+        if not unsettled:
+            self._first = why
+        if len(self._failed_ns) >= MAX_FAILURES:
+            within = f"within {FAILURE_WINDOW_NS * 1e-9:g} s of twin time"
+            words = f"the twin gives up after {len(self._failed_ns)} failed steps {within}"
+            raise SolverError(
+                f"{words}; the first since it last went well: {self._first}."
+            ) from error
+        self._level, self.newest_ns, self.count = level, now_ns, self.count + 1
+        self.reason = f"{why}; {self._go_back(level)}"
+        twin.doubt_card(f"a step failed at {now_ns * 1e-9:.2f} s")
+        if twin.failure_folder is not None:  # the first failure's file tells most
+            self._folder, twin.failure_folder = twin.failure_folder, None
+        _log.warning("%s", self.reason)
+
+    def _go_back(self, level: int) -> str:
+        """Put the rope back by so many checkpoints; what was done, in words."""
+        twin, newest = self._twin, self._kept[-1]
+        if level == 0:
+            if twin.keep_current_of(newest):
+                reverted = ", with the current profile of before"
+            else:
+                reverted = ""
+            twin.prescribe_again()
+            return f"it went on from the state before that step{reverted}"
+        then = self._kept[max(0, len(self._kept) - level)]
+        if not twin.go_back(then):
+            twin.prescribe_again()
+            return "it went on from the state before that step: no earlier one fits the rope"
+        return f"it went on from the rope's state at {then.time_ns * 1e-9:.2f} s"
+
+
+def _next_due(time_ns: int) -> int:
+    """The next full CHECKPOINT_NS: a run that goes on from a saved state has the same ones."""
+    return (time_ns // CHECKPOINT_NS + 1) * CHECKPOINT_NS
+
+
+def _reason(error: Exception) -> str:
+    """A failure in words, without a full stop."""
+    if isinstance(error, SolverError):
+        return str(error).removesuffix(".")
+    return f"a step failed on {type(error).__name__}: {error}".removesuffix(".")
+
+
+def _not_finite(time_ns: int) -> str:
+    what = f"the state at {time_ns * 1e-9:.2f} s is not finite"
+    return phrase("the rope", what, "its inputs may be impossible")
+
+
+def _is_finite(shot: Snapshot) -> bool:
+    """Whether all that is published of the ropes and the payload is: sums of them tell.
+
+    Tensions along a rope follow from its nodes' positions.
+    """
+    figures = [
+        shot.tension_top_n + shot.tension_payload_n + shot.line_out_m + shot.heave_m,
+        shot.payout_speed_m_per_s + sum(shot.payload_velocity_m_per_s.tolist()),
+        float(np.add.reduce(shot.node_position_m.ravel())),
+    ]
+    if shot.ropes:
+        figures += [float(np.add.reduce(one.node_position_m.ravel())) for one in shot.ropes]
+        figures += [sum(one.position_m.tolist()) for one in shot.payloads]
+    return all(map(math.isfinite, figures))
+
+
+def moving_arrays(name: str, part: Any) -> Iterator[tuple[str, rows.Floats]]:
+    """All arrays of a part that is put back, by name."""
+    if name in _NOT_PUT_BACK:
+        return
+    if isinstance(part, np.ndarray):
+        yield name, part
+    elif isinstance(part, tuple | list):
+        for number, one in enumerate(part):
+            yield from moving_arrays(f"{name}/{number}", one)
+    elif type(part).__module__.startswith(("rope_twin.core", "rope_twin.effects")):
+        for key, one in getattr(part, "__dict__", {}).items():
+            yield from moving_arrays(f"{name}/{key}", one)

@@ -1,0 +1,209 @@
+"""The border of the suite: what it binds to, who may cut the rope, and the policies for SROS 2."""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+import xml.etree.ElementTree as ElementTree
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+from ros_bench import Bench
+from ros_process import Process, Processes, until_running
+
+from rope_twin.messages import encode_cut
+from rope_twin.ros.entry import DISCOVERY_RANGE
+from rope_twin.ros.processes import STANDBY
+from rope_twin.ros.suite import END_ORDER
+from rope_twin.run.seat import RELEASE, TAKE, service_name
+from rope_twin.scene.rigging import WINCH
+from rope_twin.share import share_dir
+from rope_twin.topics import BY_NAME, CUT_TOPIC, INPUTS, TOPICS, WINCH_TOPICS
+
+pytestmark = pytest.mark.ros
+SCENE = "still_water"
+_FIRST_PORT, _PORTS_PER_DOMAIN = 7400, 250  # of DDS over UDP
+
+
+def receiving_addresses(process: Process, domain: int) -> dict[int, str]:
+    """The addresses that a run and its children receive DDS messages at, by port.
+
+    Sending sockets have a port of the system's choice, and nobody reads from them.
+    """
+    first = _FIRST_PORT + _PORTS_PER_DOMAIN * domain
+    own = psutil.Process(process.popen.pid)
+    found = {}
+    for one in (own, *own.children(recursive=True)):
+        for connection in one.net_connections("udp"):
+            ip, port = connection.laddr
+            if first <= port < first + _PORTS_PER_DOMAIN:
+                found[port] = ip
+    return found
+
+
+def start(processes: Processes, *words: str, **environment: str) -> Process:
+    """A run that nothing in its environment restricts or opens."""
+    for name in (DISCOVERY_RANGE, "FASTDDS_BUILTIN_TRANSPORTS"):
+        os.environ.pop(name, None)
+    process = processes.start(
+        ["-m", "rope_twin.cli", "run", SCENE, "--headless", "--no-record", *words], **environment
+    )
+    process.until_says("late")
+    return process
+
+
+@pytest.fixture
+def _environment(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Restores what `start` takes away."""
+    for name in (DISCOVERY_RANGE, "FASTDDS_BUILTIN_TRANSPORTS"):
+        monkeypatch.setenv(name, os.environ[name])
+
+
+@pytest.mark.usefixtures("_environment")
+@pytest.mark.parametrize("words", [[], ["--processes"]], ids=["one process", "processes"])
+def test_a_run_receives_on_the_loopback_interface_only(
+    words: list[str], processes: Processes, domain: int
+) -> None:
+    addresses = receiving_addresses(start(processes, *words), domain)
+    assert len(addresses) >= 2
+    assert set(addresses.values()) == {"127.0.0.1"}
+
+
+@pytest.mark.usefixtures("_environment")
+def test_a_run_is_open_where_it_is_asked_to_be(processes: Processes, domain: int) -> None:
+    by_option = start(processes, "--network")
+    assert "0.0.0.0" in receiving_addresses(by_option, domain).values()
+    by_option.kill()
+    by_variable = start(processes, **{DISCOVERY_RANGE: "SUBNET"})
+    assert "0.0.0.0" in receiving_addresses(by_variable, domain).values()
+
+
+@pytest.mark.usefixtures("_environment")
+def test_who_is_on_this_machine_hears_such_a_run(processes: Processes, bench: Bench) -> None:
+    """Also with another profile than the run's: this test's own node has none."""
+    heard = bench.listen("tension_top")
+    start(processes)
+    until_running(bench, heard, "its tension")
+
+
+def node(bench: Bench, **parameters: Any) -> Any:
+    from rope_twin.ros.params import overrides
+    from rope_twin.ros.simulation_node import SimulationNode
+
+    return bench.add(SimulationNode(parameter_overrides=overrides({"scene": SCENE, **parameters})))
+
+
+def test_nobody_cuts_a_rope_unless_the_run_allows_it(bench: Bench) -> None:
+    simulation = node(bench)
+    publisher = bench.publisher(CUT_TOPIC)
+    simulation.begin()
+    bench.until(lambda: simulation.paced.last.step >= 10, "it runs")
+    publisher.publish(encode_cut(0, math.inf, "rope")[1])
+    until = time.monotonic() + 2.0
+    bench.until(lambda: time.monotonic() > until, "two seconds")
+    assert simulation.count_subscribers(CUT_TOPIC) == 0
+    assert simulation.paced.last.cut is None
+    assert CUT_TOPIC not in {name for name, _ in subscriptions(bench, "simulation")}
+
+
+def test_where_it_is_allowed_the_rope_is_cut(bench: Bench) -> None:
+    simulation = node(bench, allow_cut=True)
+    publisher = bench.publisher(CUT_TOPIC)
+    simulation.begin()
+    bench.until(lambda: publisher.get_subscription_count() == 1, "it listens")
+    bench.until(lambda: simulation.paced.last.step >= 10, "it runs")
+    publisher.publish(encode_cut(0, math.inf, "rope")[1])
+    bench.until(lambda: simulation.paced.last.cut is not None, "the cut")
+
+
+def subscriptions(bench: Bench, name: str) -> list[tuple[str, list[str]]]:
+    found = bench.own.get_subscriber_names_and_types_by_node(name, "/")
+    return [(topic.removeprefix("/"), types) for topic, types in found]
+
+
+@dataclass
+class Profile:
+    """What the policy lets a node do."""
+
+    publish: set[str]
+    subscribe: set[str]
+    reply: set[str]
+
+
+def policy() -> dict[str, Profile]:
+    """The profiles of the shipped policy by node; its form is checked on the way."""
+    root = ElementTree.parse(share_dir() / "config" / "sros2" / "policy.xml").getroot()
+    assert (root.tag, root.get("version")) == ("policy", "0.2.0")
+    (enclaves,) = root
+    found = {}
+    for enclave in enclaves:
+        ((profile,),) = enclave
+        assert (enclave.tag, profile.tag, profile.get("ns")) == ("enclave", "profile", "/")
+        assert enclave.get("path") == f"/rope_twin/{profile.get('node')}"
+        allowed: dict[str, set[str]] = {}
+        for rule in profile:
+            ((action, answer),) = rule.attrib.items()
+            assert answer == "ALLOW"
+            assert {one.tag for one in rule} == {rule.tag.removesuffix("s")}
+            names = [str(one.text) for one in rule]
+            assert len(set(names)) == len(names)
+            allowed[action] = set(names)
+        found[str(profile.get("node"))] = Profile(**allowed)
+    return found
+
+
+def test_the_policy_has_a_profile_for_each_node_and_names_known_topics_only() -> None:
+    profiles = policy()
+    assert set(profiles) == {*END_ORDER, STANDBY, "monitor"}
+    of_ros = {"parameter_events", "rosout", "clock", "simulation/transition_event"}
+    for name, profile in profiles.items():
+        assert profile.publish | profile.subscribe <= {*BY_NAME, *of_ros}, name
+        own = {service for service in profile.reply if service.startswith(f"{name}/")}
+        seats = {service_name(WINCH, what) for what in (TAKE, RELEASE)}
+        assert profile.reply - own == (seats if name == "simulation" else set())
+        assert CUT_TOPIC not in profile.publish | profile.subscribe
+    for topic in TOPICS:
+        if topic.publisher and topic.name != CUT_TOPIC:
+            assert topic.name in profiles[topic.publisher].publish
+    inputs = profiles["simulation"].subscribe
+    assert inputs == {*INPUTS, "clock"} - {CUT_TOPIC}
+    assert {name for name, one in profiles.items() if one.publish & set(INPUTS)} == {
+        "sea_state", "winch_schedule"
+    }  # fmt: skip
+
+
+def test_the_policy_allows_what_the_nodes_do_and_nothing_else(
+    bench: Bench, processes: Processes, tmp_path: Path
+) -> None:
+    """As the graph of a running suite tells it."""
+    profiles = policy()
+    processes.cli(
+        "run", "shallow_lift", "--processes", "--headless", "--record", str(tmp_path / "bag")
+    )
+    own = bench.own
+    bench.until(lambda: set(profiles) <= set(own.get_node_names()), "all nodes are there")
+    not_always = {  # by scene and option
+        "ship/heave", "ship/odometry", *WINCH_TOPICS, "clock",
+    }  # fmt: skip
+    assert profiles[STANDBY].subscribe == profiles["recorder"].subscribe
+    for name, profile in profiles.items():
+        if name == STANDBY:  # it listens when it has taken over
+            continue
+        for allowed, read in (
+            (profile.publish, own.get_publisher_names_and_types_by_node),
+            (profile.subscribe, own.get_subscriber_names_and_types_by_node),
+            (profile.reply, own.get_service_names_and_types_by_node),
+        ):
+
+            def used(name: str = name, read: Any = read) -> set[str]:
+                return {one.removeprefix("/") for one, _ in read(name, "/")}
+
+            bench.until(
+                lambda allowed=allowed, used=used: allowed - not_always <= used() <= allowed,
+                f"what {name} does is what it may do: {sorted(used() ^ allowed)}",
+                60.0,
+            )

@@ -1,0 +1,266 @@
+"""Bags of paced runs are run again and compared: every number that was published, bit by bit."""
+
+from __future__ import annotations
+
+import json
+import signal
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from ros_bench import Bench
+from ros_messages import multi_array
+from ros_process import Processes
+
+from rope_twin.cadence import SNAPSHOT_TOPICS
+from rope_twin.cli import main
+from rope_twin.messages import encode_cut, encode_heave, encode_order
+from rope_twin.recording.exact_replay import Outcome, Verification, verify
+from rope_twin.recording.recorded_run import read_content
+from rope_twin.run.inputs import expect_own_sea
+from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC
+from rope_twin.twin.hoisting.orders import LENGTH, SPEED, Order
+from rope_twin.twin.input_queue import SET_LEVEL
+
+pytestmark = pytest.mark.ros
+SCENE = "shallow_lift"
+LISTENED = " ".join([*(topic.name for topic in SNAPSHOT_TOPICS), SESSION_TOPIC, INPUT_LOG_TOPIC])
+
+
+def recorded(bench: Bench, bag: Path, **parameters: Any) -> tuple[Any, Any]:
+    """A recorder that has begun, and a simulation node that has not; it awaits the recorder."""
+    from rope_twin.ros.params import overrides
+    from rope_twin.ros.recorder_node import RecorderNode
+    from rope_twin.ros.simulation_node import SimulationNode
+
+    own = {"directory": str(bag), "allow_cut": True}
+    recorder = bench.add(RecorderNode(parameter_overrides=overrides(own)))
+    recorder.begin()
+    given = {"scene": SCENE, "wait_for": LISTENED, "wait_for_s": 60.0, **parameters}
+    given["allow_cut"] = True
+    return recorder, bench.add(SimulationNode(parameter_overrides=overrides(given)))
+
+
+def end(bench: Bench, recorder: Any, *nodes: Any) -> None:
+    """Close the nodes, and the recorder when nothing has come to it for a while."""
+    for node in nodes:
+        node.close()
+    heard = -1
+    while recorder.received != heard:
+        heard = recorder.received
+        for _ in range(5):
+            bench.executor.spin_once(timeout_sec=0.05)
+    recorder.close()
+    assert not recorder.failure
+
+
+def assert_equal(bag: Path) -> Verification:
+    found = verify(bag, expect_own_sea)
+    assert found.difference is None, str(found.difference)
+    assert not found.fault
+    assert found.outcome is Outcome.EQUAL
+    assert found.unverified == 0
+    assert not found.unrecorded
+    return found
+
+
+class Sender:
+    """Another node at the twin's inputs."""
+
+    def __init__(self, bench: Bench, node: Any) -> None:
+        self._bench, self._node = bench, node
+        topics = ("ship/heave", "winch/speed_command", "winch/length_command",
+                  "winch/switch_command", "current", "rope/cut")  # fmt: skip
+        self.publishers = {name: bench.publisher(name) for name in topics}
+        bench.until(
+            lambda: all(one.get_subscription_count() > 1 for one in self.publishers.values()),
+            "both listeners of every input",
+        )
+        self._sent_ns = -100_000_000
+
+    def send(self, topic: str, data: bytes) -> None:
+        self.publishers[topic].publish(data)
+
+    def order(self, order: Order, stamp_ns: int = 0) -> None:
+        self.send(*encode_order(stamp_ns, order))
+
+    def sail(self, until_ns: int) -> None:
+        """Send heave as it is due until the twin has come to a time."""
+        while self._node.paced.last.stamp_ns < until_ns:
+            epoch_ns, now_ns = self._node.paced.epoch_ns, self._node.paced.last.stamp_ns
+            while self._sent_ns < now_ns + 600_000_000:
+                t = self._sent_ns * 1e-9
+                data = encode_heave(epoch_ns + self._sent_ns, np.sin(t), np.cos(t))
+                self.send("ship/heave", data)
+                self._sent_ns += 50_000_000
+            self._bench.executor.spin_once(timeout_sec=0.02)
+
+
+def test_a_run_with_every_input_a_pause_and_fewer_elements_is_replayed(
+    bench: Bench, tmp_path: Path
+) -> None:
+    bag = tmp_path / "bag"
+    recorder, node = recorded(bench, bag)
+    sender = Sender(bench, node)
+    sender.send("current", multi_array([0.0, 0.3, 0.1, -500.0, 0.1, 0.0], [2, 3]))  # before t = 0
+    node.begin()
+    bench.until(lambda: node.paced.epoch_ns is not None, "its epoch")
+    sender.sail(600_000_000)
+    sender.order(Order(SPEED, 0.4))
+    sender.send("ship/heave", b"no message")
+    sender.sail(1_200_000_000)
+    node.paced.pacer.watch(lambda slot: node.paced.ladder.start_at(3.0))  # as if overloaded
+    sender.sail(1_800_000_000)
+    assert node.paced.twin.rung.step_ns > 10_000_000
+    sender.order(Order(LENGTH, 201.5), node.paced.epoch_ns + 2_000_000_000)
+    sender.send("current", multi_array([0.0, 0.5, -0.2, -500.0, 0.1, 0.0], [2, 3]))
+    sender.sail(2_400_000_000)
+    node.trigger_deactivate()
+    node.trigger_activate()
+    bench.until(lambda: node.paced.epoch_ns is not None, "its new epoch")
+    at_ns = node.paced.last.stamp_ns
+    sender.order(Order("emergency_stop"))
+    sender.sail(at_ns + 600_000_000)
+    sender.send(*encode_cut(0, 100.0))
+    sender.sail(at_ns + 1_200_000_000)
+    assert node.paced.twin.cut is not None
+    end(bench, recorder, node)
+    found = assert_equal(bag)
+    assert [one.number for one in found.sessions] == [1, 2]
+    assert found.applied["ship/heave"] > 60
+    assert found.applied["current"] == 2
+    assert found.applied["winch/speed_command"] == found.applied["rope/cut"] == 1
+    assert found.applied["winch/switch_command"] == found.applied["winch/length_command"] == 1
+    assert found.compared["tension_top"] > 100
+    assert found.compared["ropes/nodes"] > 5  # after the cut
+    levels = [call for one in read_content(bag).sessions for entry in one.entries
+              for call in entry.calls() if call.method == SET_LEVEL]  # fmt: skip
+    assert levels
+
+
+def test_a_node_that_goes_on_from_a_saved_state_is_replayed(bench: Bench, tmp_path: Path) -> None:
+    """Two simulations, one after the other, in one bag: the second begins from a state."""
+    bag, state = tmp_path / "bag", str(tmp_path / "run.state")
+    kept = {"save_to": state, "start_from": state}
+    recorder, first = recorded(bench, bag, **kept)
+    sender = Sender(bench, first)
+    first.begin()
+    bench.until(lambda: first.paced.epoch_ns is not None, "its epoch")
+    sender.order(Order(SPEED, 0.3))
+    sender.sail(800_000_000)
+    first.close()
+    first.destroy_node()
+    bench.nodes.remove(first)
+    from rope_twin.ros.params import overrides
+    from rope_twin.ros.simulation_node import SimulationNode
+
+    given = overrides(
+        {"scene": SCENE, "wait_for": LISTENED, "wait_for_s": 60.0, "allow_cut": True, **kept}
+    )
+    second = bench.add(SimulationNode(parameter_overrides=given))
+    second.begin()
+    assert second.paced.twin.time_ns >= 800_000_000
+    bench.until(lambda: second.paced.epoch_ns is not None, "its epoch")
+    sender = Sender(bench, second)
+    sender.sail(second.paced.twin.time_ns + 600_000_000)
+    end(bench, recorder, second)
+    found = assert_equal(bag)
+    assert len({one.run for one in found.sessions}) == len(found.sessions) == 2
+    assert found.sessions[1].content["state"] is not None
+    assert found.sessions[1].time_ns >= 800_000_000
+
+
+def test_a_recorder_that_joins_late_is_given_what_it_needs(bench: Bench, tmp_path: Path) -> None:
+    """The bag can be replayed from a session that begins on the way."""
+    from rope_twin.ros.params import overrides
+    from rope_twin.ros.recorder_node import RecorderNode
+
+    first, node = recorded(bench, tmp_path / "first")
+    sender = Sender(bench, node)
+    node.begin()
+    bench.until(lambda: node.paced.epoch_ns is not None, "its epoch")
+    sender.order(Order(SPEED, 0.3))
+    sender.sail(1_500_000_000)
+    given = overrides({"directory": str(tmp_path / "second"), "allow_cut": True})
+    second = bench.add(RecorderNode(parameter_overrides=given))
+    second.begin()
+    joined_ns = node.paced.last.stamp_ns
+    sender.sail(joined_ns + 2_500_000_000)
+    end(bench, first, node)
+    end(bench, second)
+    whole = assert_equal(tmp_path / "first")
+    assert [one.number for one in whole.sessions] == [1, 2]
+    found = verify(tmp_path / "second", expect_own_sea)
+    assert found.difference is None, str(found.difference)
+    assert found.outcome is Outcome.EQUAL, found.fault
+    assert found.sessions[-1].number == 2
+    assert found.sessions[-1].time_ns >= joined_ns
+    assert found.compared["tension_top"] > 60
+
+
+@pytest.mark.parametrize("how", [(), ("--processes",)], ids=["in one process", "as processes"])
+def test_the_bag_of_the_run_command_is_replayed(
+    processes: Processes, tmp_path: Path, how: tuple[str, ...], capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag = tmp_path / "bag"
+    process = processes.cli(
+        "run", SCENE, "--for", "3", "--headless", "--record", str(bag), *how
+    )  # fmt: skip
+    assert process.wait() == 0
+    assert main(["replay", str(bag), "--verify", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["outcome"] == "equal"
+    assert found["compared"]["tension_top"] + found["missing"].get("tension_top", 0) == 150
+    assert found["applied"]["ship/heave"] >= 60
+    assert found["unrecorded"] == {}
+
+
+PACED_SCENES = (
+    "shallow_lift", "deep_lift", "bridle_lift", "ship_6dof", "manifold_lift", "two_line_lift",
+    "ahc_lift", "storm", "splash_zone", "wave_zone", "landing", "hybrid_lift", "hmpe_lift",
+    "rov_tether", "deep_tow_turn", "grab_lift", "emergency_stop", "chain_on_bottom",
+    "vortices_modal", "tow_with_net",
+)  # fmt: skip
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("how", [(), ("--processes",)], ids=["in one process", "as processes"])
+@pytest.mark.parametrize("scene", PACED_SCENES)
+def test_twenty_scenes_are_replayed(
+    processes: Processes, tmp_path: Path, scene: str, how: tuple[str, ...]
+) -> None:
+    bag = tmp_path / "bag"
+    process = processes.cli(
+        "run", scene, "--for", "8", "--headless", "--record", str(bag), *how
+    )  # fmt: skip
+    assert process.wait() == 0
+    found = assert_equal(bag)
+    assert found.compared["tension_top"] > 100
+
+
+@pytest.mark.long
+def test_a_killed_simulation_that_goes_on_is_replayed(
+    bench: Bench, processes: Processes, tmp_path: Path
+) -> None:
+    """kill -9 of the node's process; what it published after its last state comes twice."""
+    bag, state = tmp_path / "bag", tmp_path / "run.state"
+    recorder = processes.node("recorder", directory=str(bag))
+    for name in ("sea_state", "winch_schedule"):
+        processes.node(name, scene=SCENE)
+    top = bench.listen("tension_top")
+    parameters = {
+        "scene": SCENE, "save_to": str(state), "start_from": str(state), "save_every_s": 1.0,
+        "wait_for": f"ship/heave winch/speed_command {LISTENED}", "wait_for_s": 20.0,
+    }  # fmt: skip
+    for wanted in (250, 200):
+        heard = len(top)
+        node = processes.node("simulation", **parameters)
+        bench.until(lambda count=heard + wanted: len(top) > count, "some seconds")
+        node.send(signal.SIGKILL)
+        node.wait()
+    recorder.send(signal.SIGINT)
+    assert recorder.wait() == 0
+    found = verify(bag, expect_own_sea)
+    assert found.difference is None, str(found.difference)
+    assert len(found.sessions) == 2

@@ -1,0 +1,168 @@
+"""The commander's seat over DDS: nodes by name, services, the latched topic, a lost commander."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from ros_bench import Bench, clocks
+
+from rope_twin.messages import Level, Status, encode_order
+from rope_twin.twin.hoisting.orders import Order
+
+pytestmark = pytest.mark.ros
+
+
+class Operators:
+    """A simulation and nodes of given names that command its winch."""
+
+    def __init__(self, bench: Bench, scene: str = "emergency_stop", **parameters: Any) -> None:
+        from rope_twin.ros.params import overrides
+        from rope_twin.ros.simulation_node import SimulationNode
+
+        self.bench = bench
+        given = overrides({"scene": scene, **parameters})
+        self.simulation = bench.add(SimulationNode(parameter_overrides=given))
+        self.seats = bench.listen("winch/seat")
+        self.simulation.begin()
+        bench.until(lambda: self.seats, "who commands is said from the start")
+        self.publishers: dict[tuple[str, str], Any] = {}
+        self.nodes: dict[str, Any] = {}
+
+    def tell(self, name: str, order: Order) -> None:
+        """Publish an order to be executed at once, as a node of this name."""
+        import rclpy
+
+        from rope_twin.ros.qos import message_type, profile
+        from rope_twin.topics import BY_NAME
+
+        topic, data = encode_order(0, order)
+        if name not in self.nodes:
+            self.nodes[name] = self.bench.add(rclpy.create_node(name))
+        if (name, topic) not in self.publishers:
+            row = BY_NAME[topic]
+            made = self.nodes[name].create_publisher(message_type(row), topic, profile(row.qos))
+            self.publishers[name, topic] = made
+            self.bench.until(made.get_subscription_count, "the twin listens")
+        self.publishers[name, topic].publish(data)
+
+    def leave(self, name: str) -> None:
+        """End a node."""
+        node = self.nodes.pop(name)
+        self.bench.executor.remove_node(node)
+        self.bench.nodes.remove(node)
+        node.destroy_node()
+
+    def call(self, service: str) -> Any:
+        """The answer of a service."""
+        from std_srvs.srv import Trigger
+
+        client = self.bench.own.create_client(Trigger, service)
+        self.bench.until(client.service_is_ready, "the service is there")
+        future = client.call_async(Trigger.Request())
+        self.bench.until(future.done, "its answer")
+        return future.result()
+
+    @property
+    def held(self) -> str:
+        """What winch/seat said last."""
+        return str(self.seats[-1].data)
+
+    def row(self) -> Status:
+        return next(
+            row for row in self.simulation.paced.rows(clocks()) if row.name.endswith("seat winch")
+        )
+
+    def refused(self) -> int:
+        return int(self.row().values["refused"])
+
+    @property
+    def target(self) -> tuple[str, float]:
+        """What the winch was told."""
+        (winch,) = self.simulation.paced.last.winches
+        return winch.mode, winch.target
+
+
+def test_one_node_commands_by_priority_and_all_may_stop(bench: Bench) -> None:
+    own = Operators(bench)
+    assert own.held == "winch: free"
+    own.tell("one", Order("speed", 0.2))
+    bench.until(lambda: own.held == "winch: one", "the first has the seat")
+    own.tell("two", Order("speed", -0.3))
+    bench.until(lambda: own.refused() == 1, "an equal one is refused")
+    assert "'speed' of node two is refused: one has the seat" in own.row().message
+    assert own.row().level == Level.WARN
+    own.tell("console", Order("speed", 0.1))
+    bench.until(lambda: own.held == "winch: console", "one above it takes it")
+    bench.until(lambda: own.target == ("speed", 0.1), "and commands")
+    own.tell("two", Order("emergency_stop"))
+    bench.until(lambda: own.target[0] == "emergency_stop", "a stop is everybody's")
+    refused = own.refused()
+    own.tell("two", Order("reset"))
+    bench.until(lambda: own.refused() == refused + 1, "its reset is not")
+    assert own.target[0] == "emergency_stop"
+    own.tell("console", Order("reset"))
+    bench.until(lambda: own.target[0] == "speed", "it is the commander's")
+    assert own.held == "winch: console"
+
+
+def test_a_seat_is_asked_for_and_released_on_services(bench: Bench) -> None:
+    own = Operators(bench)
+    own.tell("one", Order("speed", 0.0))
+    bench.until(lambda: own.held == "winch: one", "the first has the seat")
+    answer = own.call("winch/take_seat")
+    assert answer.success
+    assert "one has the seat of winch" in answer.message
+    own.tell("two", Order("speed", 0.0))
+    bench.until(lambda: own.held == "winch: two", "it was asked for")
+    bench.until(lambda: own.call("winch/release_seat").success, "it is released, once it is quiet")
+    bench.until(lambda: own.held == "winch: free", "and free")
+    own.tell("one", Order("speed", 0.0))
+    bench.until(lambda: own.held == "winch: one", "for the first that commands")
+
+
+def test_a_commander_that_leaves_is_lost_and_the_winch_ramps_to_zero(bench: Bench) -> None:
+    own = Operators(bench)
+    own.tell("console", Order("speed", 0.4))
+    bench.until(lambda: own.target == ("speed", 0.4), "it commands")
+    own.leave("console")
+    bench.until(lambda: own.held.startswith("winch: free (console left the network"), "it is lost")
+    assert own.row().level == Level.ERROR
+    assert "ramp to zero; the seat is free" in own.row().message
+    bench.until(lambda: own.target == ("speed", 0.0), "the winch stops")
+    own.tell("two", Order("speed", 0.2))
+    bench.until(lambda: own.target == ("speed", 0.2), "another one commands")
+    assert own.row().level == Level.OK
+
+
+def test_no_message_gives_what_the_seat_orders(bench: Bench) -> None:
+    """An order to do as without a commander would get past the seat."""
+    own = Operators(bench)
+    own.tell("console", Order("speed", 0.4))
+    bench.until(lambda: own.target == ("speed", 0.4), "it commands")
+    own.tell("two", Order("commander_lost"))
+
+    def malformed() -> int:
+        rows = {row.name: row for row in own.simulation.paced.rows(clocks())}
+        return int(rows["simulation: messages"].values["winch/switch_command"])
+
+    bench.until(lambda: malformed() == 1, "it is refused")
+    assert own.target == ("speed", 0.4)
+
+
+def test_the_schedule_has_the_seat_and_yields_it_to_an_operator(bench: Bench) -> None:
+    """Without an alarm; and its end with the run raises none."""
+    from rope_twin.ros.params import overrides
+    from rope_twin.ros.winch_schedule_node import WinchScheduleNode
+
+    own = Operators(bench, "shallow_lift", input_delay_s=1.0)
+    schedule = bench.add(
+        WinchScheduleNode(parameter_overrides=overrides({"scene": "shallow_lift"}))
+    )
+    schedule.begin()
+    bench.until(lambda: own.held == "winch: winch_schedule", "the schedule commands")
+    own.tell("bench_operator", Order("speed", 0.0))
+    bench.until(lambda: own.held == "winch: bench_operator", "the operator does")
+    bench.until(lambda: schedule.yielded, "the schedule yields")
+    assert own.row().level == Level.OK, own.row().message
+    assert "lost" not in " ".join(str(message.data) for message in own.seats)

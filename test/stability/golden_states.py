@@ -1,0 +1,82 @@
+"""Golden states: each shipped scene's first 30 s, as users run it, in a file that a test compares.
+
+`python test/stability/golden_states.py` writes golden_states.json again (about two minutes once all
+is compiled); do so only together with a raised `SOLVER_VERSION` or `Effect.version`, and with the
+reason in the commit.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import llvmlite.binding
+import numba
+import numpy as np
+
+from rope_twin.run.options import RunOptions
+from rope_twin.run.unpaced import UnpacedRun
+from rope_twin.scene.digest import solver_version
+from rope_twin.scene.load import scene_names
+
+FILE = Path(__file__).with_name("golden_states.json")
+EVERY_S, UNTIL_S = 5, 30
+DIGITS = 12
+_STATE = ("rope/state/", "joined/")  # the arrays of the ropes among those of a saved state
+
+
+def machine() -> str:
+    """Return what decides the last bits of compiled code: processor, its features, numba."""
+    features = llvmlite.binding.get_host_cpu_features().flatten()
+    digest = hashlib.sha256(features.encode()).hexdigest()[:8]
+    cpu = llvmlite.binding.get_host_cpu_name()
+    return f"{cpu}, features {digest}, numba {numba.__version__}, numpy {np.__version__}"
+
+
+def golden(name: str) -> dict[str, Any]:
+    """Run a scene with its own sea and winch schedule; states and tension every 5 s."""
+    run = UnpacedRun(RunOptions(scene=name, speed=0.0))
+    digests, tensions, every = [], [], []
+    while run.twin.time_ns < UNTIL_S * 1_000_000_000:
+        shot = run.advance_slot()
+        every.append(shot.tension_top_n)
+        if shot.time_s >= EVERY_S * (len(tensions) + 1) - 1e-9:
+            digests.append(_digest(run))
+            tensions.append(float(f"{shot.tension_top_n:.{DIGITS - 1}e}"))
+    return {
+        "solver": solver_version(run.twin.scene),
+        "std_n": float(f"{np.std(every):.6g}"),
+        "tension_top_n": tensions,
+        "state": digests,
+    }
+
+
+def _digest(run: UnpacedRun) -> str:
+    arrays = run.twin.capture().arrays
+    digest = hashlib.sha256()
+    for name in sorted(arrays):
+        if name.startswith(_STATE):
+            digest.update(name.encode())
+            digest.update(np.ascontiguousarray(arrays[name]).tobytes())
+    return digest.hexdigest()[:16]
+
+
+def write(names: list[str]) -> None:
+    """Write the file again for these scenes; the others' rows stay."""
+    found: dict[str, Any] = {"machine": machine(), "scenes": {}}
+    if FILE.exists():
+        old = json.loads(FILE.read_text(encoding="utf-8"))
+        found["scenes"] = old["scenes"] if old["machine"] == found["machine"] else {}
+    for name in names:
+        found["scenes"][name] = golden(name)
+        sys.stderr.write(f"{name}\n")
+    rows = (f'  "{name}": {json.dumps(row)}' for name, row in sorted(found["scenes"].items()))
+    head = f'{{\n "machine": {json.dumps(found["machine"])},\n "scenes": {{\n'
+    FILE.write_text(head + ",\n".join(rows) + "\n }\n}\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write(sys.argv[1:] or list(scene_names()))

@@ -1,0 +1,88 @@
+"""Current profiles that come while the twin runs: harmful ones are refused, jumps are flagged."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_scene import SMALL_SCENE, not_finite, small_scene
+
+from rope_twin import load_scene
+from rope_twin.errors import SceneError
+from rope_twin.messages import Level, Status, statuses
+from rope_twin.twin.health import RECENT_NS
+from rope_twin.twin.twin import Twin
+from rope_twin.twin.water import MAX_ROWS
+
+
+def profile(rows: int) -> np.ndarray:
+    """A calm profile of so many rows, from the surface to 500 m."""
+    z = np.linspace(0.0, -500.0, rows)
+    return np.column_stack([z, np.full(rows, 0.4), np.zeros(rows)])
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ([[0.0, 0.1, 0.0], [-1e-308, 9.0, 0.0]], "apart; give rows at least 0.01 m apart"),
+        ([[0.0, 0.1, 0.0], [-0.009, 0.1, 0.0]], "rows 0 and 1 are 0.009 m apart"),
+        ([[0.0, 0.1, 0.0], [-0.02, 9.0, 0.0]], "m/s a metre below row 0; give at most 100"),
+        ([[0.0, 0.1, 0.0], [-1e300, 0.1, 0.0]], "the deepest row may lie at -12000 m"),
+        (profile(MAX_ROWS + 1).tolist(), "it has 1001 rows; give 1000 at most"),
+    ],
+    ids=["subnormal", "close", "steep", "deep", "many"],
+)
+def test_a_profile_that_would_stop_the_twin_is_refused(
+    tmp_path: Path, rows: list[list[float]], words: str
+) -> None:
+    """The first was accepted, its slope was infinite, and no step could be made any more."""
+    twin = Twin(small_scene(tmp_path))
+    assert words in twin.offer_current(rows)
+    twin.advance(20)
+    shot = twin.snapshot()
+    assert not not_finite(shot)
+    assert shot.inputs["current"].impossible == 1
+    assert shot.inputs["current"].accepted == 0
+
+
+def test_the_largest_profile_is_taken(tmp_path: Path) -> None:
+    twin = Twin(small_scene(tmp_path))
+    assert twin.offer_current(profile(MAX_ROWS)) == ""
+    twin.advance(20)
+    assert not not_finite(twin.snapshot())
+
+
+def test_a_jump_of_the_profile_is_flagged_for_a_minute(tmp_path: Path) -> None:
+    """The warning has the number, and ends; a change that a sea makes is none."""
+    twin = Twin(small_scene(tmp_path))
+    assert twin.offer_current([[0.0, 0.6, 0.1], [-150.0, 0.2, 0.3], [-500.0, 0.0, 0.0]]) == ""
+    twin.advance(1)
+    assert _row(twin).level == Level.OK
+    assert twin.offer_current([[0.0, 1.6, 0.1], [-150.0, 0.2, 0.3], [-500.0, 0.0, 0.0]]) == ""
+    twin.advance(1)
+    row = _row(twin)
+    assert row.level == Level.WARN
+    assert "the profile changed by 1.00 m/s at z = 0 m" in row.message
+    twin.advance(round(RECENT_NS / twin.step_ns))
+    assert _row(twin).level == Level.OK
+
+
+def _row(twin: Twin) -> Status:
+    rows = {row.name: row for row in statuses(twin.snapshot(), None)}
+    return rows["simulation: input current"]
+
+
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ("[[0.0, [0.1, 0.0]], [-1.0e-300, [9.0, 0.0]]]", "give rows at least 0.01 m apart"),
+        ("[[0.0, [0.1, 0.0]], [-0.02, [9.0, 0.0]]]", "changes by 445 m/s a metre below row 0"),
+    ],
+)
+def test_a_scene_s_own_profile_is_held_to_the_same(tmp_path: Path, rows: str, words: str) -> None:
+    own = "[[0.0, [0.5, 0.1]], [-150.0, [0.1, 0.3]], [-500.0, [0.0, 0.0]]]"
+    path = tmp_path / "steep.yaml"
+    path.write_text(SMALL_SCENE.replace(own, rows))
+    with pytest.raises(SceneError, match=words):
+        load_scene(path)

@@ -1,0 +1,397 @@
+"""Heave that lies: rates that contradict positions, stuck, slow, leaping, or of another clock."""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_scene import digest, small_scene
+
+from rope_twin import Snapshot
+from rope_twin.messages import Level, Status, statuses
+from rope_twin.scene.schema import Scene, Ship
+from rope_twin.scene.sea_state import RegularHeave, SeaState
+from rope_twin.twin.twin import Twin
+
+DELAY_S = 0.15  # the twin runs so far behind the clock
+LATENCY_S = 0.01
+FAULT_AT_S = 6.0
+OMEGA = 2.0 * math.pi / 8.0
+
+
+@dataclass(frozen=True)
+class Sample:
+    """A sample on its way: stamp and arrival in twin time [s]."""
+
+    stamp_s: float
+    position_m: float
+    velocity_m_per_s: float
+    arrival_s: float
+
+
+Fault = Callable[[Sample], Sample | None]
+
+
+def truth(time_s: float) -> tuple[float, float]:
+    """1.5 m every 8 s."""
+    return 1.5 * math.sin(OMEGA * time_s), 1.5 * OMEGA * math.cos(OMEGA * time_s)
+
+
+def usual(folder: Path, sea: SeaState | None = None) -> Scene:
+    """The small scene with the usual limits of a ship."""
+    scene = replace(small_scene(folder), ship=Ship(motion_ramp_s=2.0))
+    return replace(
+        scene, sea_state=sea or SeaState(heave=RegularHeave(amplitude_m=1.5, period_s=8))
+    )
+
+
+@dataclass
+class Run:
+    """Snapshots every 20 ms and the status of heave at each."""
+
+    shots: list[Snapshot]
+    rows: list[Status]
+
+    def level(self, from_s: float, to_s: float) -> Level:
+        """The highest level of a stretch of twin time."""
+        return max(row.level for shot, row in zip(self.shots, self.rows, strict=True)
+                   if from_s <= shot.time_s < to_s)  # fmt: skip
+
+    def messages(self) -> str:
+        return " | ".join(dict.fromkeys(row.message for row in self.rows if row.level))
+
+    def flagged_after_s(self, at_s: float = FAULT_AT_S) -> float:
+        """How long after a time the status was OK no more; the twin is DELAY_S behind."""
+        pairs = zip(self.shots, self.rows, strict=True)
+        late = [shot.time_s + DELAY_S - at_s for shot, row in pairs if row.level]
+        late = [after_s for after_s in late if after_s >= 0.0]
+        return late[0] if late else math.inf
+
+
+def heave_row(twin: Twin) -> tuple[Snapshot, Status]:
+    shot = twin.snapshot()
+    (row,) = [row for row in statuses(shot, None) if row.name == "simulation: input heave"]
+    return shot, row
+
+
+def run(
+    twin: Twin,
+    fault: Fault,
+    seconds: float,
+    at_s: float = FAULT_AT_S,
+    rate_hz: float = 20.0,
+    motion: Callable[[float], tuple[float, float]] = truth,
+    clocked: bool = False,
+) -> Run:
+    """Feed a twin by a virtual clock; `fault` makes of each sample from `at_s` on what comes."""
+    samples, k = [], -2
+    while k / rate_hz < seconds + 1.0:
+        stamp_s = k / rate_hz
+        sample: Sample | None = Sample(stamp_s, *motion(stamp_s), stamp_s + LATENCY_S)
+        if stamp_s >= at_s:
+            sample = fault(sample)
+        samples += [sample] if sample else []
+        k += 1
+    samples.sort(key=lambda sample: sample.arrival_s)
+    found = Run([], [])
+    while twin.time_ns < seconds * 1e9:
+        now_s = twin.time_ns * 1e-9 + DELAY_S
+        while samples and samples[0].arrival_s <= now_s:
+            one = samples.pop(0)
+            received = (round(one.arrival_s * 1e9),) if clocked else ()
+            stamp_ns = round(one.stamp_s * 1e9)
+            twin.offer_heave(stamp_ns, one.position_m, one.velocity_m_per_s, *received)
+        twin.advance(2)
+        shot, row = heave_row(twin)
+        found.shots.append(shot)
+        found.rows.append(row)
+    return found
+
+
+def as_it_is(sample: Sample) -> Sample:
+    return sample
+
+
+def rate(change: Callable[[float], float]) -> Fault:
+    return lambda one: replace(one, velocity_m_per_s=change(one.velocity_m_per_s))
+
+
+RATES = {
+    "+15 m/s": rate(lambda v: v + 15.0),
+    "times 100": rate(lambda v: 100.0 * v),
+    "opposite sign": rate(lambda v: -v),
+    "times 0.1": rate(lambda v: 0.1 * v),
+}
+
+
+@pytest.mark.parametrize("fault", RATES)
+@pytest.mark.parametrize("at_s", [-1.0, FAULT_AT_S])
+def test_a_rate_that_contradicts_the_position_is_derived(
+    tmp_path: Path, fault: str, at_s: float
+) -> None:
+    """Flagged within 2 s; from then on the hang-off moves as it truly does, and so does tension."""
+    good = run(Twin(usual(tmp_path)), as_it_is, 14.0)
+    bad = run(Twin(usual(tmp_path)), RATES[fault], 14.0, at_s)
+    assert good.level(0.0, 14.0) is Level.OK, good.messages()
+    assert bad.flagged_after_s(max(at_s, 0.0)) <= 2.0
+    assert "position and velocity disagree" in bad.messages()
+    late = [k for k, shot in enumerate(bad.shots) if shot.time_s > max(at_s, 0.0) + 2.0]
+    pulls = [np.array([one.shots[k].tension_top_n for k in late]) for one in (good, bad)]
+    assert np.abs(pulls[1] - pulls[0]).max() < 0.1 * pulls[0].std()
+    speeds = [[one.shots[k].hang_off_velocity_m_per_s[2] for k in late] for one in (good, bad)]
+    assert np.abs(np.subtract(*speeds)).max() < 0.05
+
+
+def test_a_lasting_disagreement_is_an_error_and_heals(tmp_path: Path) -> None:
+    """A warning at first, an error after 10 s; 5 s after the sender is right all is well."""
+
+    def fault(one: Sample) -> Sample:
+        return replace(one, velocity_m_per_s=0.0) if one.stamp_s < 22.0 else one
+
+    found = run(Twin(usual(tmp_path)), fault, 32.0)
+    assert found.level(8.0, 14.0) is Level.WARN
+    assert found.level(19.0, 22.0) is Level.ERROR
+    assert found.level(30.0, 32.0) is Level.OK
+
+
+@pytest.mark.parametrize("period_s", [4.0, 8.0, 15.0])
+@pytest.mark.parametrize("delay_s", [-0.2, 0.2])
+@pytest.mark.parametrize("rate_hz", [10.0, 20.0, 100.0])
+def test_what_a_real_sensor_does_is_no_fault(
+    tmp_path: Path, period_s: float, delay_s: float, rate_hz: float
+) -> None:
+    """White noise of 5 cm in position, and 0.2 s between position and rate: nothing is flagged."""
+    noise, omega = random.Random(3), 2.0 * math.pi / period_s
+
+    def sensor(time_s: float) -> tuple[float, float]:
+        rate = 1.5 * omega * math.cos(omega * (time_s - delay_s))
+        return 1.5 * math.sin(omega * time_s) + noise.gauss(0.0, 0.05), rate
+
+    found = run(Twin(usual(tmp_path)), as_it_is, 30.0, rate_hz=rate_hz, motion=sensor)
+    assert found.level(0.0, 30.0) is Level.OK, found.messages()
+
+
+def test_a_stuck_sender_counts_as_missing(tmp_path: Path) -> None:
+    """Flagged after 1 s, stale soon after; the last motion dies away, and it heals."""
+
+    def fault(one: Sample) -> Sample:
+        stuck = one.stamp_s < 12.0
+        return replace(one, position_m=1.2, velocity_m_per_s=0.4) if stuck else one
+
+    found = run(Twin(usual(tmp_path)), fault, 20.0)
+    assert found.flagged_after_s() <= 1.2
+    assert found.level(7.5, 12.0) is Level.ERROR
+    assert "the sender is stuck" in found.messages()
+    speeds = [abs(shot.hang_off_velocity_m_per_s[2]) for shot in found.shots
+              if 11.0 < shot.time_s < 11.8]  # fmt: skip
+    assert max(speeds) < 0.02
+    assert found.rows[-1].level is not Level.ERROR
+    heaves = [shot.heave_m - truth(shot.time_s)[0] for shot in found.shots if shot.time_s > 16.0]
+    assert np.abs(heaves).max() < 1e-3
+
+
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_ship_at_rest_is_stuck_only_where_the_sea_moves_it(tmp_path: Path, moves: bool) -> None:
+    """Zeros from the first sample on."""
+    sea = None if moves else SeaState()
+    twin = Twin(replace(usual(tmp_path), sea_state=sea) if sea else usual(tmp_path))
+    found = run(twin, as_it_is, 5.0, motion=lambda time_s: (0.0, 0.0))
+    assert found.level(0.0, 5.0) is (Level.ERROR if moves else Level.OK), found.messages()
+
+
+def test_a_slow_sender_is_warned_of_with_the_rate_that_it_needs(tmp_path: Path) -> None:
+    """1 Hz where a sine of 8 s needs 0.0705·8 s; the delay that the present rate needs is told."""
+    found = run(Twin(usual(tmp_path)), as_it_is, 12.0, rate_hz=1.0)
+    assert found.flagged_after_s(0.0) <= 2.0
+    message = found.rows[-1].message
+    assert "a sample every 1.000 s is too slow: this scene needs one every 0.564 s" in message
+    assert "input_delay_s of 0.58 s; at the present rate 1.02 s" in message
+    assert found.level(2.0, 12.0) is not Level.OK
+
+
+def test_a_delay_that_is_too_short_is_told(tmp_path: Path) -> None:
+    """4 Hz is often enough for this sea, but the twin runs only 0.15 s behind."""
+    found = run(Twin(usual(tmp_path)), as_it_is, 12.0, rate_hz=4.0)
+    assert "with one every 0.250 s set input_delay_s to 0.27 s or more" in found.rows[-1].message
+
+
+def test_motion_that_never_comes_is_an_error_where_it_is_required(tmp_path: Path) -> None:
+    """After 3 s; in a scene whose ship lies still nothing need come."""
+    found = run(Twin(usual(tmp_path)), lambda one: None, 5.0, at_s=-1.0)
+    assert found.level(0.0, 2.9) is Level.OK
+    assert found.level(3.1, 5.0) is Level.ERROR
+    assert "nothing has come for 3 s" in found.messages()
+    still = run(Twin(replace(usual(tmp_path), sea_state=SeaState())), lambda one: None, 5.0, -1.0)
+    assert still.level(0.0, 5.0) is Level.OK
+
+
+def test_every_sample_refused_is_an_error(tmp_path: Path) -> None:
+    def nonsense(one: Sample) -> Sample:
+        return replace(one, position_m=99.0)
+
+    found = run(Twin(usual(tmp_path)), nonsense, 3.0, at_s=-1.0)
+    assert found.level(0.1, 3.0) is Level.ERROR
+    assert "samples was refused" in found.rows[-1].message
+
+
+def test_a_refusal_is_forgiven_after_a_minute(tmp_path: Path) -> None:
+    """It warns for 60 s of twin time, and stays counted."""
+
+    def once(one: Sample) -> Sample:
+        return replace(one, position_m=99.0) if one.stamp_s < FAULT_AT_S + 0.04 else one
+
+    found = run(Twin(usual(tmp_path)), once, 72.0)
+    assert found.level(FAULT_AT_S, 8.0) is Level.WARN
+    assert found.level(60.0, 65.0) is Level.WARN
+    assert found.level(68.0, 72.0) is Level.OK, found.messages()
+    assert found.rows[-1].values["refused"] == "1"
+    assert found.rows[-1].values["refused in the last 60 s"] == "0"
+
+
+@pytest.mark.parametrize("leap_m", [0.5, 5.0, 14.0, 29.9])
+def test_a_leap_is_never_followed_with_a_kick(tmp_path: Path, leap_m: float) -> None:
+    """Flagged at once; taken later or not, it never pulls the rope (29.9 m: 1,338 kN)."""
+
+    def fault(one: Sample) -> Sample:
+        return replace(one, position_m=one.position_m + leap_m)
+
+    good = run(Twin(usual(tmp_path)), as_it_is, 16.0)
+    bad = run(Twin(usual(tmp_path)), fault, 16.0)
+    assert bad.flagged_after_s() <= 0.1
+    speeds = np.array([shot.hang_off_velocity_m_per_s[2] for shot in bad.shots])
+    assert np.abs(speeds).max() < 7.0
+    assert np.abs(np.diff(speeds)).max() / 0.02 < 10.0
+    highest = [max(shot.tension_top_max_n for shot in one.shots) for one in (good, bad)]
+    assert highest[1] < 1.8 * highest[0]
+    if leap_m > 15.0:
+        assert max(shot.heave_m for shot in bad.shots) < 3.0
+
+
+def test_after_a_gap_a_position_must_prove_itself(tmp_path: Path) -> None:
+    """Positions at random after a long gap stay refused, a motion is taken after 0.5 s."""
+    draw = random.Random(5)
+
+    def fault(one: Sample) -> Sample | None:
+        if one.stamp_s < 10.0:
+            return None
+        return replace(one, position_m=draw.uniform(-14, 14)) if one.stamp_s < 14.0 else one
+
+    found = run(Twin(usual(tmp_path)), fault, 20.0)
+    accepted = {round(shot.time_s, 2): shot.inputs["heave"].accepted for shot in found.shots}
+    assert accepted[13.8] == accepted[7.0]
+    assert accepted[16.0] > accepted[13.8]
+    assert "it is taken once it has moved plausibly for 0.5 s" in found.messages()
+
+
+def test_an_acceleration_of_no_ship_is_refused(tmp_path: Path) -> None:
+    """3 m every 3.2 s: 5.9 m/s and 11.6 m/s²."""
+    w = 2.0 * math.pi / 3.2
+
+    def motion(time_s: float) -> tuple[float, float]:
+        return 3.0 * math.sin(w * time_s), 3.0 * w * math.cos(w * time_s)
+
+    found = run(Twin(usual(tmp_path)), as_it_is, 6.0, motion=motion)
+    assert found.flagged_after_s(0.0) < 2.0
+    assert "ship.max_hang_off_acceleration_m_per_s2" in found.messages()
+
+
+@pytest.mark.parametrize(
+    ("clock_s", "level", "words"),
+    [
+        (0.0, Level.OK, ""),
+        (-0.3, Level.OK, ""),  # refused as late, see below
+        (0.5, Level.WARN, "stamps lie 0.49 s ahead of their arrival, 0.2 s are allowed"),
+        (1.5, Level.ERROR, "stamps lie 1.49 s ahead of their arrival"),
+        (9.0, Level.ERROR, "stamps lie 8.99 s ahead of their arrival"),
+    ],
+)
+def test_the_senders_clock_is_measured(
+    tmp_path: Path, clock_s: float, level: Level, words: str
+) -> None:
+    """From the start on; a clock that is behind makes every sample late."""
+
+    def fault(one: Sample) -> Sample:
+        return replace(one, stamp_s=one.stamp_s + clock_s)
+
+    found = run(Twin(usual(tmp_path)), fault, 14.0, at_s=-1.0, clocked=True)
+    row = found.rows[-1]
+    assert float(row.values["arrival less stamp [s]"]) == pytest.approx(LATENCY_S - clock_s)
+    if clock_s < 0.0:
+        assert row.level is Level.ERROR
+        assert "samples arrive 0.31 s after their stamps" in row.message
+        return
+    assert row.level is level
+    assert words in row.message
+    if clock_s > 1.0:
+        assert found.flagged_after_s(0.0) <= 2.0
+
+
+@pytest.mark.parametrize("clock_s", [-9.0, 1.5, 9.0])
+def test_a_senders_clock_is_corrected_on_demand(tmp_path: Path, clock_s: float) -> None:
+    """The hang-off then moves with the ship, late by the latency of the link."""
+
+    def fault(one: Sample) -> Sample:
+        return replace(one, stamp_s=one.stamp_s + clock_s)
+
+    twin = Twin(usual(tmp_path))
+    twin.judge_clocks(0.2, correct=True)
+    found = run(twin, fault, 16.0, at_s=-1.0, clocked=True)
+    off = [shot.heave_m - truth(shot.time_s)[0] for shot in found.shots if shot.time_s > 6.0]
+    assert np.abs(off).max() < 1.5 * OMEGA * 2.0 * LATENCY_S
+    assert found.level(14.0, 16.0) is Level.WARN
+    assert "its stamps are corrected by" in found.rows[-1].message
+
+
+def test_two_senders_by_turns_are_flagged(tmp_path: Path) -> None:
+    """Two ships at once: a sample of each in turn."""
+
+    def second(time_s: float) -> tuple[float, float]:
+        ahead_s = 0.0 if round(time_s * 40.0) % 2 else 3.0
+        return truth(time_s + (ahead_s if time_s >= FAULT_AT_S else 0.0))
+
+    found = run(Twin(usual(tmp_path)), as_it_is, 12.0, rate_hz=40.0, motion=second)
+    assert found.flagged_after_s() <= 2.0
+
+
+def test_a_restart_in_the_midst_of_it_changes_no_bit(tmp_path: Path) -> None:
+    """Disagreement, refusals and a trial are part of a saved state."""
+
+    def fault(one: Sample) -> Sample | None:
+        if one.stamp_s < 8.0:
+            return replace(one, velocity_m_per_s=0.0)
+        if one.stamp_s < 10.6:
+            return None
+        return replace(one, position_m=one.position_m + 2.0)
+
+    scene = usual(tmp_path)
+    for cut_s in (7.5, 10.7, 11.0):
+        whole, first = Twin(scene), Twin(scene)
+        samples = [fault(one) if one.stamp_s > 6.0 else one
+                   for k in range(-2, 300)
+                   for one in [Sample(0.05 * k, *truth(0.05 * k), 0.0)]]  # fmt: skip
+
+        def follow(twin: Twin, to_s: float, feed: list[Sample | None]) -> list[Snapshot]:
+            shots = []
+            while twin.time_ns < round(to_s * 1e9):
+                now_ns = twin.time_ns + 150_000_000
+                while feed and (feed[0] is None or round(feed[0].stamp_s * 1e9) <= now_ns):
+                    one = feed.pop(0)
+                    if one:
+                        stamp_ns = round(one.stamp_s * 1e9)
+                        twin.offer_heave(stamp_ns, one.position_m, one.velocity_m_per_s)
+                twin.advance(2)
+                shots.append(twin.snapshot())
+            return shots
+
+        unbroken = follow(whole, 14.0, list(samples))
+        feed = list(samples)
+        before = follow(first, cut_s, feed)
+        after = follow(Twin.restore(first.capture(), scene), 14.0, feed)
+        assert digest(unbroken) == digest([*before, *after])
+        rows = [statuses(shots[-1], None)[-3:] for shots in (unbroken, after)]
+        assert rows[0] == rows[1]

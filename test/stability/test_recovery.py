@@ -1,0 +1,344 @@
+"""Failed steps: the twin goes back to its last good state, says so, and goes on."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from small_scene import not_finite, small_scene
+
+import rope_twin.twin.cutting.parted as parted_module
+import rope_twin.twin.ropes as ropes_module
+from rope_twin import Snapshot, Twin, load_scene
+from rope_twin.core.step import advance
+from rope_twin.effects.current import from_rows
+from rope_twin.errors import SolverError
+from rope_twin.messages import Level, Status, statuses
+from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.recovery import (
+    CHECKPOINT_NS,
+    CHECKPOINTS,
+    FAILURE_WINDOW_NS,
+    MAX_FAILURE_FILES,
+    MAX_FAILURES,
+    Recovery,
+)
+from rope_twin.twin.saving.keeper import Keeper
+from rope_twin.twin.saving.saved_state import load_state
+from rope_twin.twin.water import CurrentInput
+
+SLOT = 2  # steps
+
+
+class FailingCore:
+    """The core's advance; the step that begins at a listed time fails, each as often as listed."""
+
+    def __init__(self, fails: dict[int, int], spoils: bool = False) -> None:
+        self.fails = fails  # by number of the step: how often
+        self.spoils = spoils  # the state is no number afterwards, and the step counts as done
+
+    def __call__(self, rope: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
+        first = round(time / rope.model.step)
+        bad = [n for n, left in self.fails.items() if left and first <= n < first + steps]
+        if not bad:
+            return int(advance(rope, boundary, pull, time, steps))
+        good = min(bad) - first
+        self.fails[min(bad)] -= 1
+        done = int(advance(rope, boundary, pull, time, good)) if good else 0
+        if self.spoils:
+            rope.state.nodes[:3] = math.nan
+            pull[done:] = math.nan
+            return steps
+        return done
+
+
+def heaving(folder: Path, kind: type[Twin] = Twin, speed: float = 0.0) -> Twin:
+    """A twin in a swell of 2 m, with samples for a minute."""
+    twin = kind(small_scene(folder))
+    for k in range(-2, 1201):
+        t = 0.05 * k
+        z, v = 1.0 * math.sin(0.7 * t), 0.7 * math.cos(0.7 * t)
+        assert not twin.offer_heave(k * 50_000_000, z, v)
+        if t >= 9.0:
+            break
+    if speed:
+        assert not twin.offer_speed(0, speed)
+    return twin
+
+
+def run(recovery: Recovery, twin: Twin, seconds: float, feed: bool = True) -> list[Snapshot]:
+    """Slot by slot, with heave that comes in time."""
+    shots = []
+    for _ in range(round(seconds / (SLOT * twin.step_s))):
+        newest = twin.newest_ns().get("heave", 0)
+        if feed and newest < twin.time_ns + 500_000_000:
+            t = (newest + 50_000_000) * 1e-9
+            twin.offer_heave(newest + 50_000_000, math.sin(0.7 * t), 0.7 * math.cos(0.7 * t))
+        recovery.advance(SLOT)
+        shots.append(recovery.snapshot())
+    return shots
+
+
+def solver_row(shot: Snapshot) -> Status:
+    return next(row for row in statuses(shot, None) if row.name == "simulation: solver")
+
+
+def broken(monkeypatch: pytest.MonkeyPatch, fails: dict[int, int], spoils: bool = False) -> Any:
+    core = FailingCore(fails, spoils)
+    monkeypatch.setattr(ropes_module, "advance", core)
+    monkeypatch.setattr(parted_module, "advance", core)
+    return core
+
+
+def test_a_step_that_fails_once_is_made_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From the state before it, to the motion of an unbroken run; ERROR for a minute, then WARN."""
+    whole = heaving(tmp_path)
+    unbroken = run(Recovery(whole), whole, 6.0)
+    broken(monkeypatch, {251: 1})
+    twin = heaving(tmp_path)
+    recovery = Recovery(twin)
+    shots = run(recovery, twin, 6.0)
+    assert [one.stamp_ns for one in shots] == [one.stamp_ns for one in unbroken]
+    assert recovery.count == 1
+    assert shots[-1].tension_top_n == pytest.approx(unbroken[-1].tension_top_n, rel=1e-9)
+    row = solver_row(shots[-1])
+    assert row.level == Level.ERROR
+    assert "recovered 1 time from a failed step" in row.message
+    assert "step 252" in row.message
+    shots = run(recovery, twin, 61.0)
+    assert solver_row(shots[-1]).level == Level.WARN
+
+
+def test_a_step_that_fails_on_goes_back_to_checkpoints(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Time goes on on its grid, nothing is not finite, and the hang-off does not leap."""
+    broken(monkeypatch, {550: 3})
+    twin = heaving(tmp_path, speed=0.5)
+    recovery = Recovery(twin)
+    shots = run(recovery, twin, 12.0)
+    assert recovery.count == 3
+    assert "the rope's state at 4.00 s" in recovery.reason, "the second newest: 5 s, 4 s, 3 s"
+    stamps = np.array([one.stamp_ns for one in shots])
+    assert (np.diff(stamps) == SLOT * twin.step_ns).all()
+    assert not [name for one in shots for name in not_finite(one)]
+    z = np.array([one.hang_off_position_m[2] for one in shots])
+    back = 275  # the slot in which it went back
+    jumps = np.abs(np.diff(z))
+    assert jumps[back + 1 :].max() < 0.02 * (0.7 + 1.5 * 2.0 / 2.0)
+    live = shots[-1].hang_off_position_m[2] - twin.scene.ship.hang_off_m[2]
+    assert live == pytest.approx(math.sin(0.7 * twin.time_ns * 1e-9), abs=1e-3)
+    line = np.array([one.line_out_m for one in shots])
+    assert line[back + 1] == pytest.approx(line[200], abs=0.02), "of 4 s"
+    assert np.diff(line)[back + 1 :].max() < 0.5 * 0.02 + 1e-9
+    tensions = np.array([one.tension_top_n for one in shots])
+    assert tensions[back:].max() < 1.3 * tensions[:back].max()
+
+
+def test_a_state_that_is_no_number_is_never_published(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken(monkeypatch, {350: 1}, spoils=True)
+    twin = heaving(tmp_path)
+    recovery = Recovery(twin)
+    shots = run(recovery, twin, 6.0)
+    assert not [name for one in shots for name in not_finite(one)]
+    assert recovery.count == 1
+    assert "is not finite" in recovery.reason
+    assert math.isfinite(twin.statistics().tension_top_mean_n)
+    assert math.isfinite(twin.statistics().tension_top_max_n)
+
+
+def test_any_exception_is_recovered_from(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    twin = heaving(tmp_path)
+    recovery = Recovery(twin)
+    run(recovery, twin, 2.0)
+    at, left = twin._heave.at, [1]
+
+    def fail_once(time_ns: int) -> tuple[float, float]:
+        if left.pop() if left else 0:
+            raise ZeroDivisionError("float division by zero")
+        return at(time_ns)
+
+    monkeypatch.setattr(twin._heave, "at", fail_once)
+    shots = run(recovery, twin, 2.0)
+    assert recovery.count == 1
+    assert "a step failed on ZeroDivisionError: float division by zero" in recovery.reason
+    assert shots[-1].time_s == pytest.approx(4.0)
+
+
+def test_a_current_that_came_since_is_reverted_and_flagged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As one that is accepted by mistake would do: without it the twin goes on."""
+    monkeypatch.setattr(CurrentInput, "_fault", lambda self, profile: "")
+    twin = heaving(tmp_path)
+    recovery = Recovery(twin)
+    run(recovery, twin, 2.0)
+    assert twin.offer_current([[0.0, 0.1, 0.0], [-1e-308, 9.0, 0.0]]) == ""
+    assert not np.isfinite(from_rows(np.array([[0.0, 0.1, 0.0], [-1e-308, 9.0, 0.0]])).slope).all()
+    shots = run(recovery, twin, 2.0)
+    assert recovery.count == 1
+    assert "with the current profile of before" in recovery.reason
+    assert not not_finite(shots[-1])
+    row = next(r for r in statuses(shots[-1], None) if r.name == "simulation: input current")
+    assert row.level == Level.WARN
+    assert "the one before it is in force again" in row.message
+
+
+def test_it_gives_up_after_a_stated_number_of_failures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken(monkeypatch, {250: 10**9})
+    twin = heaving(tmp_path)
+    recovery = Recovery(twin)
+    with pytest.raises(
+        SolverError, match=f"gives up after {MAX_FAILURES} failed steps within 60 s"
+    ) as caught:
+        run(recovery, twin, 4.0)
+    assert "\n" not in str(caught.value)
+    assert recovery.count == MAX_FAILURES - 1
+    assert twin.steps == 250
+    assert twin.is_finite
+
+
+def test_failures_that_lie_apart_do_not_end_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One each 16 s, four within any minute: more than MAX_FAILURES in all, and few files."""
+    times = {16 * 100 * k: 1 for k in range(1, 13)}
+    assert 16e9 * (MAX_FAILURES - 1) > FAILURE_WINDOW_NS
+    broken(monkeypatch, dict(times))
+    twin = heaving(tmp_path)
+    twin.failure_folder = tmp_path
+    recovery = Recovery(twin)
+    run(recovery, twin, 200.0)
+    assert recovery.count == len(times)
+    assert len(list(tmp_path.glob("*.state"))) == MAX_FAILURE_FILES
+
+
+def test_on_a_coarser_grid_no_checkpoint_of_the_finer_one_is_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    core = broken(monkeypatch, {})
+    twin = heaving(tmp_path)
+    recovery = Recovery(twin)
+    run(recovery, twin, 3.1)
+    twin.take_rung(Rung(2 * twin.step_ns, 1))
+    core.fails = {160: 3}  # steps of 20 ms: at 3.2 s
+    shots = run(recovery, twin, 3.0)
+    assert recovery.count == 3
+    assert "state at 3.1" in recovery.reason, "the first state of that grid"
+    assert not not_finite(shots[-1])
+
+
+def test_the_parts_of_a_rope_that_was_cut_go_back_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A checkpoint of the whole rope is none of the parts."""
+    broken(monkeypatch, {330: 2, 830: 2})
+    twin = heaving(tmp_path)
+    recovery = Recovery(twin)
+    run(recovery, twin, 3.0)
+    assert twin.offer_cut(None, 120.0) == ""
+    shots = run(recovery, twin, 7.0)
+    assert recovery.count == 4
+    assert not not_finite(shots[-1])
+    assert shots[-1].time_s == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize("kind", [(True, False), (False, True)], ids=["energy", "band"])
+def test_what_follows_the_rope_goes_back_with_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: tuple[bool, bool]
+) -> None:
+    broken(monkeypatch, {350: 2})
+    twin = heaving(tmp_path, twin_kind(*kind))
+    recovery = Recovery(twin)
+    shots = run(recovery, twin, 6.0)
+    assert recovery.count == 2
+    if kind[0]:
+        balance = shots[-1].energy
+        assert balance is not None
+        assert abs(balance.residual_j) < 0.05 * balance.exchanged_j
+        assert balance.since_s >= 3.49
+    else:
+        assert "was made on the way" in shots[-1].no_band
+
+
+def test_a_return_is_part_of_a_saved_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Saved while the hang-off is led over, the restored run is the same to the bit."""
+    broken(monkeypatch, {350: 3})
+    twin = heaving(tmp_path, speed=0.3)
+    recovery = Recovery(twin)
+    run(recovery, twin, 4.0, feed=False)
+    assert recovery.count == 3
+    twin.save(tmp_path / "led.state")
+    again = Twin.restore(tmp_path / "led.state", twin.scene)
+    one, other = (run(Recovery(t), t, 3.0, feed=False)[-1] for t in (twin, again))
+    assert one.node_position_m.tobytes() == other.node_position_m.tobytes()
+    assert one.tension_top_n == other.tension_top_n
+
+
+def test_a_keeper_saves_good_states_after_a_recovery_and_none_of_a_failed_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    core = broken(monkeypatch, {250: 1})
+    twin = heaving(tmp_path)
+    keeper = Keeper(Recovery(twin), tmp_path / "run.state", 1.0)
+    for _ in range(200):
+        keeper.advance(SLOT)
+        keeper.finish_writing()
+    assert load_state(tmp_path / "run.state").about.step == 400
+    core.fails = {410: 10**9}
+    with pytest.raises(SolverError):
+        keeper.advance(200)
+    keeper.finish()
+    assert load_state(tmp_path / "run.state").about.step == 400
+    assert not load_state(tmp_path / "run.state").about.failure
+
+
+def test_ropes_that_meet_go_back_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With a winch at each of two hang-offs."""
+    import rope_twin.twin.joined.joined as joined_module
+
+    twin = Twin(load_scene("two_line_lift"))
+    assert len(twin.scene.ropes) > 1
+    step, left = joined_module.advance_joined, [3]
+
+    def fail(system: Any, own: Any, pull: Any, time: float, steps: int) -> int:
+        if time > 2.5 and left[0]:
+            left[0] -= 1
+            return 0
+        return int(step(system, own, pull, time, steps))
+
+    monkeypatch.setattr(joined_module, "advance_joined", fail)
+    for k in range(-2, 150):
+        t = 0.05 * k
+        twin.offer_heave(k * 50_000_000, math.sin(0.7 * t), 0.7 * math.cos(0.7 * t))
+    recovery = Recovery(twin)
+    slot = max(1, round(0.02 / twin.step_s))
+    shots = []
+    while twin.time_ns < 6_000_000_000:
+        recovery.advance(slot)
+        shots.append(recovery.snapshot())
+    assert recovery.count == 3
+    assert not [name for one in shots for name in not_finite(one)]
+    tops = np.array([[rope.node_position_m[0] for rope in one.ropes] for one in shots])
+    speeds = np.abs(np.diff(tops[:, :, 2], axis=0)) / (slot * twin.step_s)
+    back = round(2.5 / (slot * twin.step_s))
+    assert np.delete(speeds, range(back - 3, back + 3), axis=0).max() < 0.7 + 1.5
+
+
+def test_checkpoints_are_of_full_seconds_and_few(tmp_path: Path) -> None:
+    twin = heaving(tmp_path)
+    recovery = Recovery(twin)
+    run(recovery, twin, 5.5)
+    times = [one.time_ns for one in recovery._kept]
+    assert times == [CHECKPOINT_NS * k for k in (3, 4, 5)]
+    assert len(times) == CHECKPOINTS

@@ -1,0 +1,117 @@
+"""The border: which messages reach the twin's queue, and what is reported of the others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import pytest
+
+from rope_twin.messages import Level, Status, encode_current, encode_heave, encode_order
+from rope_twin.run.border import MESSAGES_ROW, SENDERS_ROW, InputBorder, MotionSender
+from rope_twin.run.seat import PRIORITY
+from rope_twin.scene.load import load_scene
+from rope_twin.twin.hoisting.orders import SPEED, Order
+from rope_twin.twin.input_queue import InputQueue, LogEntry
+from rope_twin.twin.twin import Twin
+
+EPOCH_NS = 1_700_000_000_000_000_000
+
+
+class Rig:
+    """A twin at rest behind a border on a clock of the test's own."""
+
+    def __init__(self) -> None:
+        self.now_s = 100.0
+        self.applied: list[LogEntry] = []
+        twin = Twin(load_scene("shallow_lift"))
+        self.inputs = InputQueue(twin, twin, self.applied.append)
+        self.border = InputBorder(twin, self.inputs, PRIORITY, lambda: self.now_s)
+        self.border.epoch_ns = EPOCH_NS
+
+    def heave(self, stamp_s: float, sender: str = "mru") -> None:
+        stamp_ns = EPOCH_NS + round(stamp_s * 1e9)
+        data = encode_heave(stamp_ns, 0.1, 0.0)
+        self.border.take_motion("ship/heave", data, sender, stamp_ns + 5_000_000)
+
+    def row(self, name: str) -> Status:
+        (found,) = (row for row in self.border.rows() if row.name == name)
+        return found
+
+    def calls(self) -> list[tuple[str, tuple[object, ...]]]:
+        self.inputs.advance(2)
+        return [(call.method, call.arguments) for entry in self.applied for call in entry.calls]
+
+
+@pytest.fixture
+def rig() -> Rig:
+    return Rig()
+
+
+def test_a_heave_message_reaches_the_queue_in_twin_time(rig: Rig) -> None:
+    rig.heave(0.05)
+    assert rig.calls() == [("offer_heave", (50_000_000, 0.1, 0.0, 55_000_000))]
+
+
+def test_of_two_senders_of_motion_the_first_is_heard(rig: Rig) -> None:
+    for k in range(4):
+        rig.heave(0.05 * k + 0.05, "mru")
+        rig.heave(0.05 * k + 0.06, "stranger")
+        rig.now_s += 0.05
+    assert [arguments[0] for _, arguments in rig.calls()] == [
+        50_000_000, 100_000_000, 150_000_000, 200_000_000,
+    ]  # fmt: skip
+    row = rig.row(SENDERS_ROW)
+    assert row.level == Level.ERROR
+    assert "a second sender publishes it too" in row.message
+    assert row.values["ship/heave: of others"] == "4"
+    assert rig.border.mixed.startswith("ship/heave")
+    rig.now_s += 61.0
+    assert rig.row(SENDERS_ROW).level == Level.OK, "a minute later it has healed"
+
+
+def test_a_sender_that_takes_over_is_followed() -> None:
+    """It is not heard while the first one still is, and the two do not count as mixed."""
+    sender = MotionSender()
+    assert sender.admit("one", 0.0)
+    assert not sender.admit("other", 0.4)
+    assert sender.admit("other", 0.6)
+    assert sender.admit("other", 0.7)
+    assert not sender.mixed
+
+
+@pytest.mark.parametrize(
+    "take",
+    [
+        lambda border: border.take_motion("ship/heave", b"\x00\x01garbage"),
+        lambda border: border.take_motion("ship/odometry", b""),
+        lambda border: border.take_order("winch/speed_command", b"\x00"),
+        lambda border: border.take_cut(b"\x07" * 40),
+        lambda border: border.take_current(encode_current([(0.0, 0.1, 0.0)])[:-4]),
+    ],
+    ids=["heave", "odometry", "order", "cut", "current"],
+)
+def test_garbage_is_counted_and_heals(rig: Rig, take: Callable[[InputBorder], None]) -> None:
+    take(rig.border)
+    assert rig.calls() == []
+    row = rig.row(MESSAGES_ROW)
+    assert row.level == Level.WARN
+    assert "1 refused as malformed in the last 60 s" in row.message
+    rig.now_s += 61.0
+    row = rig.row(MESSAGES_ROW)
+    assert row.level == Level.OK
+    assert "1 malformed since the start" in row.message
+
+
+def test_without_an_epoch_nothing_is_taken(rig: Rig) -> None:
+    rig.border.epoch_ns = None
+    rig.heave(0.05)
+    assert rig.calls() == []
+    assert rig.row(MESSAGES_ROW).values["ignored while not active"] == "1"
+
+
+def test_who_has_not_the_seat_is_refused(rig: Rig) -> None:
+    topic, data = encode_order(0, Order(SPEED, 0.2))
+    rig.border.take_order(topic, data, "console")
+    rig.border.take_order(topic, data, "stranger")
+    assert [arguments[0] for method, arguments in rig.calls() if method == "offer_order"] == [None]
+    assert rig.row("simulation: seat winch").level == Level.WARN

@@ -1,0 +1,237 @@
+"""Limits of a scene: read strictly, judged at every step, shown, and turned into an exit code."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from rope_twin.cli import main
+from rope_twin.errors import SceneError
+from rope_twin.messages import Encoder, decode, statuses
+from rope_twin.messages.load_status import BreachWords
+from rope_twin.messages.status import Level, Status
+from rope_twin.scene.digest import scene_digest
+from rope_twin.scene.limits import Limits
+from rope_twin.scene.load import load_scene
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.snapshot import LimitBreach, Snapshot
+from rope_twin.twin.twin import Twin
+
+STILL = load_scene("still_water")
+AT_REST_N = 210442.5  # its tension at the hang-off
+
+
+def written(folder: Path, limits: str) -> Path:
+    """still_water with these limits."""
+    path = folder / "limited.yaml"
+    text = STILL.path.read_text(encoding="utf-8")
+    path.write_text(f"{text}\nlimits: {limits}\n", encoding="utf-8")
+    return path
+
+
+def limited(scene: Scene = STILL, **limits: float) -> Scene:
+    return replace(scene, limits=Limits(**limits))  # type: ignore[arg-type]
+
+
+def breaches(shot: Snapshot) -> dict[str, LimitBreach]:
+    return {one.limit: one for one in shot.breaches}
+
+
+def row(shot: Snapshot) -> Status:
+    return next(one for one in statuses(shot, None) if one.name == "simulation: limits")
+
+
+def run(path: Path, *words: str) -> int:
+    return main(["run", str(path), "--speed", "0", "--for", "1", "--no-record", *words])
+
+
+def test_a_broken_limit_is_exit_code_4_unless_it_is_allowed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = written(tmp_path, "{tension_n: 200000.0}")
+    assert run(path, "--json") == 4
+    out, said = capsys.readouterr()
+    told = json.loads(out)
+    (broken,) = told["limits_broken"]
+    assert (broken["limit"], broken["where"], broken["first_s"]) == ("tension_n", "hoist", 0.0)
+    assert told["steps"] == 100, "the run is not ended early"
+    assert said.count("limit broken: tension of 'hoist' 210.4 kN, above its limit of 200.0 kN") == 1
+    assert run(path, "--allow-overload") == 0
+    assert "limit broken: tension of 'hoist'" in capsys.readouterr().out
+    assert run(written(tmp_path, "{tension_n: 220000.0}")) == 0
+
+
+def test_a_scene_that_breaks_a_limit_at_rest_is_unsound(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["scene", "check", str(written(tmp_path, "{utilisation: 0.2}"))]) == 1
+    out = capsys.readouterr().out
+    assert "error: at rest, utilisation of 'hoist' 0.208, above its limit of 0.2" in out
+    assert "is unsound" in out
+    assert main(["scene", "check", str(written(tmp_path, "{utilisation: 0.21}"))]) == 0
+    assert "is sound" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        ("{tensoin_n: 1.0}", "limits.tensoin_n: unknown key; did you mean 'tension_n'"),
+        ("{strain: 5.0}", "limits.strain: 5 is out of range; give 0.0001 to 1"),
+        ("{landing_speed_m_per_s: 1.0}", "landing_speed_m_per_s: the scene has no seabed"),
+        ("{bend_radius: true}", "limits.bend_radius: no rope of the scene has a minimum bend"),
+    ],
+)
+def test_limits_are_read_strictly(tmp_path: Path, limits: str, words: str) -> None:
+    with pytest.raises(SceneError, match="limits") as refused:
+        load_scene(written(tmp_path, limits))
+    assert words in str(refused.value)
+
+
+def test_limits_leave_card_and_saved_states_valid(tmp_path: Path) -> None:
+    scene = limited(tension_n=1e5)
+    assert scene_digest(scene) == scene_digest(STILL)
+    Twin(STILL).save(tmp_path / "state")
+    assert Twin.restore(tmp_path / "state", scene).snapshot().breaches
+
+
+def test_what_no_rope_survives_is_a_limit_of_every_scene() -> None:
+    line = STILL.ropes[0]
+    assert line.rope is not None
+    weak = replace(line, rope=replace(line.rope, breaking_load_n=2e5))
+    assert breaches(Twin(replace(STILL, ropes=(weak,))).snapshot())["utilisation"].allowed == 1.0
+    soft = replace(line, rope=replace(line.rope, axial_stiffness_n=2e6))
+    found = breaches(Twin(replace(STILL, ropes=(soft,))).snapshot())
+    assert list(found) == ["strain"]
+    assert found["strain"].worst == pytest.approx(AT_REST_N / 2e6, rel=0.01)
+    assert not Twin(STILL).snapshot().breaches
+
+
+def test_a_peak_between_two_snapshots_breaks_a_limit(tmp_path: Path) -> None:
+    """The winch jerks; at the snapshot the tension is down again. A restart remembers it."""
+    scene = limited(tension_n=1.05 * AT_REST_N)
+    twin = Twin(scene)
+    assert row(twin.snapshot()).level is Level.OK
+    twin.offer_speed(None, -0.5)
+    twin.advance(500)
+    twin.offer_speed(None, 0.0)
+    twin.advance(1500)
+    shot = twin.snapshot()
+    assert shot.tension_top_n < scene.limits.tension_n  # type: ignore[operator]
+    broken = breaches(shot)["tension_n"]
+    assert broken.worst == twin.statistics().tension_top_max_n > broken.allowed
+    assert row(shot).level is Level.ERROR
+    twin.save(tmp_path / "state")
+    back = Twin.restore(tmp_path / "state", scene)
+    for one in (twin, back):
+        one.advance(6500)
+    after = twin.snapshot()
+    assert after.breaches == back.snapshot().breaches == shot.breaches
+    assert row(after).level is Level.WARN, "kept again for more than a minute"
+
+
+def test_it_says_so_once_and_when_it_happens() -> None:
+    twin, said = Twin(limited(tension_n=1.005 * AT_REST_N)), BreachWords()
+    assert said.of(twin.snapshot()) == []
+    twin.offer_speed(None, -0.5)
+    words = []
+    for _ in range(100):
+        twin.advance(2)
+        words += said.of(twin.snapshot())
+    (sentence,) = words
+    (broken,) = twin.snapshot().breaches
+    assert 0.0 < broken.first_s < broken.worst_s <= broken.last_s <= 2.0
+    assert f"first at {broken.first_s:.2f} s" in sentence
+
+
+def test_speed_and_depth_of_the_payload_and_slack() -> None:
+    limits = {"payload_speed_m_per_s": 0.3, "payload_depth_m": 1004.0, "min_tension_n": 140e3}
+    twin = Twin(limited(**limits))
+    assert not twin.snapshot().breaches
+    twin.offer_speed(None, 0.5)
+    for _ in range(300):
+        twin.advance(2)
+        shot = twin.snapshot()
+        depth_m = -float(shot.payload_position_m[2])
+        speed = float(math.dist(shot.payload_velocity_m_per_s, (0.0, 0.0, 0.0)))
+        found = breaches(shot)
+        for name, value in (("payload_speed_m_per_s", speed), ("payload_depth_m", depth_m)):
+            if value > limits[name]:
+                assert found[name].last_s == shot.time_s
+                assert found[name].worst >= value
+    assert set(found) == set(limits)
+    assert found["payload_depth_m"].worst == depth_m
+    assert found["min_tension_n"].worst < 140e3
+
+
+def test_a_landing_faster_than_allowed(tmp_path: Path) -> None:
+    """Lowered onto a bed just below it: the payload meets it at the winch's speed."""
+    text = STILL.path.read_text(encoding="utf-8").replace(
+        "effects:", "limits: {landing_speed_m_per_s: 0.3}\neffects:\n  - seabed: {depth_m: 1007.0}"
+    )
+    path = tmp_path / "bed.yaml"
+    path.write_text(text.replace("elements: 50", "elements: 20"), encoding="utf-8")
+    twin = Twin(load_scene(path))
+    twin.offer_speed(None, 0.5)
+    while not (bed := twin.snapshot().seabed) or not bed.payload_landed:
+        assert not twin.snapshot().breaches
+        twin.advance(2)
+        assert twin.time_ns < 30e9
+    twin.advance(10)
+    landing = breaches(twin.snapshot())["landing_speed_m_per_s"]
+    assert landing.where == "module"
+    assert landing.worst == pytest.approx(0.5, abs=0.25)
+
+
+def test_bends_below_the_ropes_own_minimum_are_a_limit(tmp_path: Path) -> None:
+    """A rope of the shipped scene that lies in a curve on the bed."""
+    scene = load_scene("chain_on_bottom")
+    line = scene.ropes[0]
+
+    def strict(rope: object) -> object:
+        return replace(rope, minimum_bend_radius_m=900.0)  # type: ignore[type-var]
+
+    if line.rope is not None:
+        line = replace(line, rope=strict(line.rope))  # type: ignore[arg-type]
+    else:
+        parts = tuple(replace(one, rope=strict(one.rope)) for one in line.sections)  # type: ignore[arg-type]
+        line = replace(line, sections=parts)
+    for allowed in (False, True):
+        limits = Limits(bend_radius=not allowed)
+        twin = Twin(replace(scene, ropes=(line,), limits=limits))
+        found = breaches(twin.snapshot())
+        assert ("bend_radius" in found) is not allowed
+    assert allowed
+    found = breaches(
+        Twin(replace(scene, ropes=(line,), limits=Limits(bend_radius=True))).snapshot()
+    )
+    assert found["bend_radius"].worst < found["bend_radius"].allowed == 900.0
+
+
+def test_amplification_is_of_the_static_tension_at_the_same_line_out() -> None:
+    """The weight of the rope that is paid out is no dynamic load."""
+    twin = Twin(STILL)
+    (first,) = twin.snapshot().strength
+    assert first.dynamic_amplification == pytest.approx(1.0, abs=1e-6)
+    twin.offer_speed(None, 0.5)
+    expected = 1.0
+    for _ in range(1000):
+        twin.advance(2)
+        shot = twin.snapshot()
+        (now,) = shot.strength
+        assert now.static_n is not None
+        expected = max(expected, shot.tension_top_max_n / now.static_n)
+    weight_n_per_m = (6.38352 - 1025.0 * 8.0424772e-4) * 9.80665
+    paid_out_m = twin.snapshot().line_out_m - 1000.0
+    assert now.static_n == pytest.approx(first.static_n + weight_n_per_m * paid_out_m, abs=5.0)  # type: ignore[operator]
+    assert now.dynamic_amplification == pytest.approx(expected, rel=1e-12)
+    assert 1.0 < expected < 1.1
+    shot = twin.snapshot()
+    message = decode("rope/utilisation", Encoder(0).encode("rope/utilisation", shot))
+    told = dict(zip(message.name, message.position, strict=True))
+    assert told["hoist/utilisation"] == now.utilisation == now.highest_n / 1013440.0
+    assert told["hoist/dynamic_amplification"] == now.dynamic_amplification
+    assert told["hoist/static_n"] == now.static_n

@@ -1,0 +1,84 @@
+"""The twin as programs import it: scenes by name, refusals as errors."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from scene_text import GOOD, written
+
+from rope_twin import Twin, load_scene
+from rope_twin.errors import InputError, SceneError
+from rope_twin.twin import twin as internal
+from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.motion.ship_pose import ShipPose
+
+NO_POSE = ShipPose(0, (math.nan, 0.0, 0.0), (0.0, 0.0, 0.0))
+REFUSED: dict[str, tuple[Callable[[Twin], str], str]] = {
+    "offer_heave": (lambda twin: twin.offer_heave(0, math.nan, 0.0), "finite"),
+    "offer_pose": (lambda twin: twin.offer_pose(NO_POSE), "must be finite"),
+    "offer_speed": (lambda twin: twin.offer_speed(None, 99.0), "99"),
+    "offer_order": (lambda twin: twin.offer_order(None, Order("length", -5.0)), "-5"),
+    "offer_current": (lambda twin: twin.offer_current([[0.0, 99.0, 0.0]]), "is no sea current"),
+    "offer_cut": (lambda twin: twin.offer_cut(None, 0.1), "of rope stay there"),
+}
+
+
+@pytest.fixture(scope="module")
+def scene_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return written(tmp_path_factory.mktemp("scene"), GOOD)
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_refused_offer_raises_its_sentence(name: str, scene_file: Path) -> None:
+    """It was returned, and easily overlooked; the suite's own twin returns it."""
+    offer, words = REFUSED[name]
+    with pytest.raises(InputError, match=words) as caught:
+        offer(Twin(scene_file))
+    inside: internal.Twin = internal.Twin(load_scene(scene_file))
+    assert offer(inside) == str(caught.value)  # type: ignore[arg-type]
+
+
+def test_every_offer_raises() -> None:
+    offers = {name for name in dir(internal.Twin) if name.startswith("offer_")}
+    assert offers == set(REFUSED)
+    assert all(getattr(Twin, name) is not getattr(internal.Twin, name) for name in offers)
+    assert all("InputError" in str(getattr(Twin, name).__doc__) for name in offers)
+
+
+def test_what_runs_by_itself_never_raises_for_an_input() -> None:
+    """A sensor that lies is reported by nodes and runs, and ends none of them."""
+    for kind in (twin_kind(False, False, None), twin_kind(True, False, None)):
+        assert not issubclass(kind, Twin)
+
+
+def test_a_scene_is_given_by_name_by_path_or_as_it_is(scene_file: Path, tmp_path: Path) -> None:
+    """All the same twin, to the bit that of the suite; its saved state and branches too."""
+    scene = load_scene(scene_file)
+    twins = [Twin(scene), Twin(scene_file), Twin(str(scene_file)), internal.Twin(scene)]
+    for twin in twins:
+        assert twin.offer_speed(None, 0.5) == ""
+        twin.advance(50)
+    assert len({twin.snapshot().tension_top_n for twin in twins}) == 1
+    twins[1].save(tmp_path / "state")
+    restored, branch = Twin.restore(tmp_path / "state", scene_file), twins[1].branch()
+    for twin in (twins[0], restored, branch):
+        twin.advance(50)
+    assert len({twin.snapshot().tension_top_n for twin in (twins[0], restored, branch)}) == 1
+    for twin in (restored, branch):
+        with pytest.raises(InputError):
+            twin.offer_speed(None, 99.0)
+    assert Twin("still_water").scene.name == "still_water"
+    with pytest.raises(SceneError, match="did you mean 'still_water'"):
+        Twin("still_watr")
+
+
+def test_the_example_of_the_readme_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    readme = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    (example,) = re.findall(r"```python\n(.*?)```", readme, re.DOTALL)
+    exec(example, {})
+    assert 150e3 < float(capsys.readouterr().out) < 300e3

@@ -1,0 +1,95 @@
+"""The hard cases: the quick ones here, all of them with `pytest -m long test/validation`."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from rope_twin.errors import SolverError
+from validation.__main__ import main
+from validation.hard_cases import cases
+from validation.hard_cases.cases import CASES, run_case
+from validation.hard_cases.check import Case, Check
+
+DOCUMENT = Path(__file__).parents[2] / "docs" / "stability.md"
+
+
+def failures(case: Case) -> list[str]:
+    """What does not hold, in words."""
+    row = run_case(case)
+    assert row.refusal == ""
+    return [f"{c.what}: {c.figure:.4g}, limit {c.limit:g}" for c in row.checks if not c.ok]
+
+
+@pytest.mark.parametrize("case", [case for case in CASES if case.quick], ids=lambda case: case.id)
+def test_a_quick_case_holds(case: Case) -> None:
+    """Every figure is within its limit."""
+    assert failures(case) == []
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    "case", [case for case in CASES if not case.quick], ids=lambda case: case.id
+)
+def test_a_long_case_holds(case: Case) -> None:
+    """The same for those that take longer: `pytest -m long test/validation`."""
+    assert failures(case) == []
+
+
+def test_the_document_has_every_case() -> None:
+    """docs/stability.md: a row for each, with what it is held against."""
+    rows = [line for line in DOCUMENT.read_text().splitlines() if line.startswith("| `")]
+    assert [row.split("|")[1].strip(" `") for row in rows] == [case.id for case in CASES]
+    for row, case in zip(rows, CASES, strict=True):
+        assert f"| {case.about} | {case.reference} |" in row
+
+
+def test_json_tells_what_was_found(capsys: pytest.CaptureFixture[str]) -> None:
+    """Rows of id, ok, figure, limit, what; exit code 0 when all hold."""
+    assert main(["--hard-cases", "--json", "neutral_slack", "explicit_added_mass"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    assert [row["id"] for row in rows] == ["neutral_slack", "explicit_added_mass"]
+    for row in rows:
+        assert row["ok"] is True
+        assert row["figure"] <= row["limit"]
+        assert row["what"] in [check["what"] for check in row["checks"]]
+
+
+def broken() -> list[Check]:
+    """A solver that gives up."""
+    raise SolverError("step 3: not finite; shorten the step.")
+
+
+NOT_HELD = [
+    Case("beyond", "a", "b", lambda: [Check("is 2", 2.0, 1.0), Check("is 0", 0.0, 1.0)], 1.0),
+    Case("not_a_number", "a", "b", lambda: [Check("is NaN", float("nan"), 1.0)], 1.0),
+    Case("broken", "a", "b", broken, 1.0),
+]
+
+
+@pytest.mark.parametrize("case", NOT_HELD, ids=lambda case: case.id)
+@pytest.mark.parametrize("form", [[], ["--json"], ["--markdown"]])
+def test_a_case_that_does_not_hold_is_an_error(
+    case: Case,
+    form: list[str],
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Exit code 1 and the reason, in every form; JSON stays JSON."""
+    monkeypatch.setattr(cases, "CASES", (case,))
+    assert main(["--hard-cases", *form]) == 1
+    said = capsys.readouterr().out
+    what = "not finite" if case.id == "broken" else case.run()[0].what
+    assert what in said
+    if form == ["--json"]:
+        (row,) = json.loads(said)
+        assert row["ok"] is False
+        assert row["figure"] in (2.0, None)
+
+
+def test_a_wrong_id_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+    """In one sentence with the nearest one."""
+    assert main(["--hard-cases", "emergency_stp"]) == 1
+    assert "did you mean 'emergency_stop'?" in capsys.readouterr().err

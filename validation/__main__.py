@@ -1,0 +1,147 @@
+"""`python -m validation [ID...]`: published and closed-form cases, ours beside theirs.
+
+`--hard-cases` runs the robustness tests of the solver in their place. Exit code 0 if every case is
+met, 1 if one is not.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+
+from rope_twin.cli import CommandLine, exit_code
+from rope_twin.commands.console import CaseProgress, print_table
+from rope_twin.studies.picture import check_picture, draw_panels
+from validation import vortex_convergence
+from validation.case import Row, run_each
+from validation.hard_cases import cases, report
+from validation.page import (
+    CONVERGENCE_PICTURE,
+    PAGE,
+    PICTURES,
+    as_json,
+    check_page,
+    draw_case,
+    flat_rows,
+    keep_convergence,
+    keep_results,
+    markdown_table,
+    read_results,
+    table_rows,
+    write_page,
+)
+from validation.registry import CASES, choose_cases, run_case
+
+HEAD = ("quantity", "ours", "published", "tolerance", "met")
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Read the command line, run what it asks for, return the exit code."""
+    return exit_code(partial(_command, argv))
+
+
+def _command(argv: Sequence[str] | None) -> int:
+    parser = _parser()
+    args = parser.parse_args(argv)
+    if args.hard_cases:
+        if args.into is not None or args.convergence:
+            parser.error("--hard-cases: it takes no --into and no --convergence")
+        return report.run(args)
+    return _converge(args) if args.convergence else _validate(args)
+
+
+def _parser() -> argparse.ArgumentParser:
+    ids = ", ".join(f"{case.id} ({case.seconds:.0f} s)" for case in CASES)
+    hard = ", ".join(case.id for case in cases.CASES)
+    parser = CommandLine(
+        prog="python -m validation",
+        description="Published and closed-form cases: our number beside theirs.",
+        epilog=f"cases: {ids}; hard cases: {hard}",
+    )
+    parser.add_argument("ids", metavar="ID", nargs="*", help="cases to run (default: all)")
+    form = parser.add_mutually_exclusive_group()
+    form.add_argument(
+        "--json", action="store_true",
+        help="JSON: the cases with a row for each number; of hard cases a list of rows",
+    )  # fmt: skip
+    form.add_argument("--markdown", action="store_true", help="a table as in docs")
+    parser.add_argument(
+        "--into", type=Path, metavar="DIR",
+        help=f"put the results, with a picture per case, into DIR/{PAGE} (other cases' are kept)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--convergence", action="store_true",
+        help="in place of the cases: where Q1 and L2 are converged in element and step (a minute)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--hard-cases", action="store_true",
+        help="in place of the cases: robustness tests of the solver, each against a reference",
+    )  # fmt: skip
+    return parser
+
+
+def _validate(args: argparse.Namespace) -> int:
+    """Run the cases and print a table as each ends; 1 if one is not met."""
+    chosen = choose_cases(args.ids)
+    if args.into is not None:
+        check_picture(args.into / PICTURES / "case.png")
+        check_page(args.into)
+    rows = []
+    for row in run_each(chosen, run_case):
+        rows.append(row)
+        if not (args.json or args.markdown):
+            _print_case(row)
+        if args.into is not None:
+            draw_case(row, args.into)
+    if args.json:
+        results = [as_json(row) for row in rows]
+        told = {"rows": flat_rows(results), "cases": results}
+        print(json.dumps(told, indent=1, ensure_ascii=False, allow_nan=False))
+    elif args.markdown:
+        print(markdown_table(as_json(row) for row in rows))
+    else:
+        met, seconds = sum(row.ok for row in rows), sum(row.seconds for row in rows)
+        print(f"{met} of {len(rows)} cases are met, {seconds:.0f} s")
+    if args.into is not None:
+        page = write_page(keep_results(rows, args.into), args.into)
+        print(page, file=sys.stderr)
+    return 0 if all(row.ok for row in rows) else 1
+
+
+def _converge(args: argparse.Namespace) -> int:
+    """Exit code 1 if a sweep is converged nowhere."""
+    sweeps = vortex_convergence.choose_sweeps(args.ids)
+    if args.into is not None:
+        check_picture(args.into / PICTURES / CONVERGENCE_PICTURE)
+        check_page(args.into)
+    rows = list(vortex_convergence.measure(sweeps, CaseProgress().show))
+    stored = vortex_convergence.as_json(rows)
+    if args.json:
+        print(json.dumps(stored, ensure_ascii=False, allow_nan=False))
+    else:
+        print_table(vortex_convergence.table(stored))
+        print("\n".join(["", *(row.words for row in rows)]))
+    if args.into is not None:
+        keep_convergence(rows, args.into)
+        title = "Off the finest run, over element length and step"
+        picture = args.into / PICTURES / CONVERGENCE_PICTURE
+        draw_panels(title, vortex_convergence.panels(rows), picture)
+        print(write_page(read_results(args.into), args.into), file=sys.stderr)
+    return 0 if all(row.converged for row in rows) else 1
+
+
+def _print_case(row: Row) -> None:
+    result = as_json(row)
+    print(f"{result['id']}: {result['about']} ({result['source']})")
+    print_table([HEAD, *(cells[1:-1] for cells in table_rows(result))])
+    for note in result["notes"]:
+        print(f"* {note}")
+    print(flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

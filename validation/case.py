@@ -1,0 +1,164 @@
+"""What a validation case is, and what it finds: figures beside the published ones, and pictures.
+
+A file of cases knows neither tables nor matplotlib: it returns Findings and Panels.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from math import inf, isfinite
+from typing import Protocol, TypeVar
+
+from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
+from rope_twin.run.progress import columns
+from rope_twin.studies.picture import Panel
+
+
+class Timed(Protocol):
+    """A case with a name and a duration."""
+
+    @property
+    def id(self) -> str:
+        """Its name on the command line."""
+
+    @property
+    def seconds(self) -> float:
+        """Duration of its run, approximately [s]."""
+
+
+C = TypeVar("C", bound=Timed)
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One quantity: ours, what is published, and between which limits ours must lie."""
+
+    quantity: str
+    ours: float
+    published: str  # the number as its source prints it, or where it comes from
+    tolerance: str
+    unit: str = ""
+    low: float = -inf
+    high: float = inf
+    judged: bool = True  # False: shown beside the other number, held to nothing
+
+    @property
+    def ok(self) -> bool:
+        """Whether ours lies within; what is only shown always does."""
+        return not self.judged or (isfinite(self.ours) and bool(self.low <= self.ours <= self.high))
+
+
+def within_pct(quantity: str, ours: float, published: float, pct: float, unit: str = "") -> Finding:
+    """Ours must be within `pct` per cent of the published number."""
+    margin = abs(published) * pct / 100.0
+    low, high = published - margin, published + margin
+    return Finding(quantity, float(ours), f"{published:.6g}", f"{pct:g} %", unit, low, high)
+
+
+def within(quantity: str, ours: float, published: float, margin: float, unit: str = "") -> Finding:
+    """Ours must be within `margin` of the published number."""
+    low, high = published - margin, published + margin
+    words = f"± {margin:g} {unit}".strip()
+    return Finding(quantity, float(ours), f"{published:.6g}", words, unit, low, high)
+
+
+def between(
+    quantity: str, ours: float, limits: tuple[float, float], published: str, unit: str = ""
+) -> Finding:
+    """Ours must lie between limits."""
+    low, high = limits
+    if low == -inf:
+        words = f"at most {high:g}"
+    else:
+        words = f"at least {low:g}" if high == inf else f"{low:g} to {high:g}"
+    return Finding(quantity, float(ours), published, words, unit, low, high)
+
+
+def shown(quantity: str, ours: float, published: str, unit: str = "") -> Finding:
+    """Ours beside another number, held to nothing."""
+    return Finding(quantity, float(ours), published, "shown", unit, judged=False)
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a case found."""
+
+    findings: tuple[Finding, ...]
+    panels: tuple[Panel, ...] = ()
+    notes: tuple[str, ...] = ()  # what must be said beside the numbers: variants, why it is not met
+
+
+@dataclass(frozen=True)
+class Case:
+    """One case of the physics that must be met."""
+
+    id: str
+    about: str
+    source: str
+    run: Callable[[], Found]
+    seconds: float  # what it takes, roughly
+    short: Callable[[], Found] | None = None  # a smaller form for the daily tests; None: itself
+
+
+@dataclass(frozen=True)
+class Row:
+    """What became of a case; `refusal`: why it could not be run through."""
+
+    case: Case
+    found: Found
+    refusal: str = ""
+    seconds: float = 0.0
+
+    @property
+    def ok(self) -> bool:
+        """Whether all of its figures are met."""
+        return not self.refusal and all(finding.ok for finding in self.found.findings)
+
+
+def choose(
+    command: str, cases: Sequence[T], names: Sequence[str], name_of: Callable[[T], str]
+) -> tuple[T, ...]:
+    """The cases of these names in their own order; all of them if no name is given.
+
+    Raises:
+        InputError: a name that no case has, told as of the command.
+    """
+    known = list(dict.fromkeys(name_of(case) for case in cases))
+    for name in names:
+        if name not in known:
+            what = f"there is no case '{name}'"
+            raise InputError(phrase(command, what, did_you_mean(name, known)))
+    return tuple(case for case in cases if not names or name_of(case) in names)
+
+
+def run_each(cases: Sequence[C], run_case: Callable[[C], T]) -> Iterator[T]:
+    """Run the cases one after the other; a terminal shows which one is running."""
+    live = sys.stderr.isatty()
+    for number, case in enumerate(cases, 1):
+        if live:
+            words = f"{number} of {len(cases)}: {case.id}, about {case.seconds:.0f} s"
+            words = words[: columns(sys.stderr) - 1]
+            print(f"\r\033[K{words}", end="", file=sys.stderr, flush=True)
+        row = run_case(case)
+        if live:
+            print("\r\033[K", end="", file=sys.stderr, flush=True)
+        yield row
+
+
+def run_through(run: Callable[[], T], nothing: T) -> tuple[T, str, float]:
+    """Run one case and time it.
+
+    Returns:
+        Its result, or `nothing` if the solver gave up; then the solver's sentence, else "";
+        and the duration [s].
+    """
+    began = time.perf_counter()
+    try:
+        found, refusal = run(), ""
+    except RopeTwinError as error:
+        found, refusal = nothing, str(error)
+    return found, refusal, time.perf_counter() - began

@@ -1,0 +1,1 @@
+"""Robustness tests of the rope solver: `python -m validation --hard-cases`."""

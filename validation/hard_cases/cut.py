@@ -1,0 +1,256 @@
+"""Hard cases of a rope that is cut under load: at the payload, and in the middle.
+
+Both parts go on as in a twin: the upper one with a bare lower end, the lower one free at its upper
+end, with the payload. A sling of one element stays on a payload that is cut off.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.state import Boundary, Rope
+from rope_twin.effects.seabed import SeabedParams
+from rope_twin.errors import SolverError, phrase
+from rope_twin.scene.arrays.build import build
+from rope_twin.twin.contact import bed_contact
+from rope_twin.twin.cutting.bare_end import without_load
+from rope_twin.twin.cutting.parted import PartedRopes
+from rope_twin.twin.cutting.severing import Place, sever, without_beyond
+from validation.hard_cases.check import Case, Check, all_converged, off
+from validation.hard_cases.rigs import Arrays
+from validation.rigs import NOTHING, WATER, Rig
+from validation.state_bench import Vector
+
+WIRE = Rig(length=1000.0, elements=500, step=1e-3, tolerance=1.0)
+WET_WIRE = replace(
+    WIRE, elements=100, step=0.01, tolerance=None, density=WATER, volume=2.0, added=(2050.0,) * 3,
+    area=(4.0,) * 3, drag=(1.2, 0.02), added_mass=1.0, damping=65e4,
+    current=((0.0, (0.5, 0.0)), (-1000.0, (0.1, 0.0))),
+)  # fmt: skip
+SETTLE_S, SINK_S = 900.0, 200.0
+BED = SeabedParams(depth_m=1200.0)
+GONE = 0.8  # of its way: where the release wave is looked at
+
+
+class Part(Arrays):
+    """One part of a rope that was cut."""
+
+    def __init__(self, rig: Rig, rope: Rope) -> None:
+        self.rig, self.rope, self.length = rig, rope, rig.length
+
+
+class Parts:
+    """Both of them, with the hang-off at rest."""
+
+    def __init__(self, whole: Arrays, below: int) -> None:
+        """Cut a whole rope above its first `below` elements."""
+        rig, lost, rope = whole.rig, float(whole.s[below]), whole.rope
+        value = np.zeros((1, rows.MOTIONS))
+        value[0, rows.LINE] = whole.length
+        place = Place(lost, math.inf, 0.0)
+        cut = sever(rope, Boundary(value, np.zeros_like(value)), place, without_load(rope.effects))
+        bare = replace(
+            rig, length=whole.length - lost, elements=whole.n - below, load=0.0, volume=0.0,
+            added=NOTHING, area=NOTHING,
+        )  # fmt: skip
+        self.upper = Part(bare, cut.upper)
+        self.lower = Part(replace(rig, length=lost, elements=below), without_beyond(cut.lower))
+        self._ropes = PartedRopes(rig.scene(), cut.upper, cut.lower)
+        self._steps = 0
+
+    def hold(self, steps: int) -> Vector:
+        """Advance; the pull on the hang-off after each step [N]. Raises SolverError."""
+        value = np.zeros((steps + 1, rows.MOTIONS))
+        value[:, rows.LINE] = self.upper.length
+        pull = np.zeros((steps, rows.PULL_COLUMNS))
+        border = Boundary(value, np.zeros_like(value))
+        time = self._steps * self.upper.rig.step
+        done = self._ropes.advance(self.upper.rope, border, time, pull)
+        if done < steps:
+            what = "the next state of a part is not finite even at 1/32 of the step"
+            raise SolverError(phrase(f"step {done + 1}", what, "a solver defect: report it"))
+        self._steps += steps
+        return pull[:, rows.PULL]
+
+    def push_of_bed(self) -> float:
+        """On the lower part [N]."""
+        bed = bed_contact(self._ropes.lowest(self.upper.rope))
+        return bed.payload_push_n + bed.rope_push_n if bed is not None else math.nan
+
+    def energy(self) -> float:
+        """Of both [J]."""
+        return self.upper.energy() + self.lower.energy()
+
+
+def settled(rig: Rig) -> Arrays:
+    """A rope at rest."""
+    whole = Arrays(rig)
+    whole.settle()
+    return whole
+
+
+def momentum(part: Arrays) -> float:
+    """Vertical momentum of a part with what hangs on it [N·s]."""
+    rest = np.diff(part.s)
+    lump = part.rig.mass * 0.5 * (np.concatenate([[0.0], rest]) + np.concatenate([rest, [0.0]]))
+    lump[0] += part.rig.load
+    return float((lump * part.velocity[2]).sum())
+
+
+def recoil(below: int) -> list[Check]:
+    """The upper part of a hanging rope that is cut in vacuum; the release runs up it as a wave.
+
+    Before the wave reaches the top at L/c, c = √(EA/m): the cut end flies up at T/√(EA·m), T the
+    tension that was cut, the pull on the hang-off stays, and momentum grows as T·t. Afterwards the
+    rope is slack: its energy can only fall.
+    """
+    whole = settled(WIRE)
+    left = Parts(whole, below).upper
+    rig, length = left.rig, float(left.s[-1])
+    T = WIRE.load_weight + WIRE.weight * float(whole.s[below])
+    arrival = length / math.sqrt(rig.EA / rig.mass)
+    pull_before = T + rig.weight * length
+    start = left.energy()
+    steps = int(GONE * arrival / rig.step)
+    pull = left.hold(steps)
+    gained = momentum(left)
+    speed = math.sqrt(rig.EA / rig.mass)
+    released = left.s < GONE * speed * rig.step * steps
+    released_speed = float(left.velocity[2, released].mean())
+    kinetic = 0.5 * T * T / rig.EA * rig.step * steps * speed
+    moving = 0.5 * rig.mass * float((np.diff(left.s) * left.velocity[2, 1:] ** 2).sum())
+    highest = max(highest_energy(left, 200, 50), left.energy())
+    free = T / math.sqrt(rig.EA * rig.mass)
+    return [
+        off("speed of the released part against T/√(EA·m)", released_speed, free, 1.0),
+        off("momentum when the wave is at 0.8 L against T·t", gained, T * rig.step * steps, 0.1),
+        off("energy of motion then against T²/(2·EA)·c·t", moving, kinetic, 2.0),
+        Check("change of the pull before the wave arrives",
+              100.0 * float(np.abs(pull / pull_before - 1.0).max()), 0.1),
+        Check("energy gained in 10 s after the cut, over what was stored in stretch",
+              100.0 * (highest - start) / stretch_energy(T, rig), 1e-4),
+        all_converged(left.unconverged),
+    ]  # fmt: skip
+
+
+def fall(below: int) -> list[Check]:
+    """The lower part in vacuum: its centre of mass falls with g, however its release wave runs.
+
+    The wave goes down from the cut; it meets the tension T - m·g·c·t, leaves rope that is slack,
+    and that falls: v = -T/√(EA·m) + g·t_a - g·(t - t_a) where it came at t_a. When it has passed
+    the payload nothing pulls there any more.
+    """
+    whole = settled(WIRE)
+    before = whole.energy()
+    parts = Parts(whole, below)
+    rig, lower = WIRE, parts.lower
+    length, c = lower.length, math.sqrt(rig.EA / rig.mass)
+    T = rig.load_weight + rig.weight * length
+    weight = (rig.load + rig.mass * length) * rig.gravity
+    stored = stretch_energy(rig.load_weight, rig)
+    checks = []
+    steps = int(GONE * length / c / rig.step)
+    if steps > 0:
+        parts.hold(steps)
+        t = steps * rig.step
+        behind = length - GONE * c * t
+        speed = float(lower.velocity[2, lower.s > behind].mean())
+        expected = -T / math.sqrt(rig.EA * rig.mass) - (1.0 - GONE) * rig.gravity * t
+        checks.append(off("speed of the cut end of the lower part", speed, expected, 2.0))
+    highest = parts.energy()
+    for _ in range(200):
+        parts.hold(10)
+        highest = max(highest, parts.energy())
+    steps += 2000
+    tension = float(lower.rope.work[rows.TENSION, 0])
+    return [
+        *checks,
+        off("momentum of the lower part after 2 s of fall against -W·t", momentum(lower),
+            -weight * steps * rig.step, 1e-6),
+        Check("tension that is left at the payload", 100.0 * tension / T, 0.1),
+        Check("energy of both parts gained at the cut and in 2 s, over what was stored in stretch",
+              100.0 * (highest - before) / stored, 0.1),
+        all_converged(lower.unconverged),
+    ]  # fmt: skip
+
+
+def highest_energy(left: Arrays, pieces: int, steps: int) -> float:
+    """The largest energy [J] at the ends of so many pieces of the run to come."""
+    highest = -np.inf
+    for _ in range(pieces):
+        left.hold(steps)
+        highest = max(highest, left.energy())
+    return float(highest)
+
+
+def stretch_energy(T: float, rig: Rig) -> float:
+    """Energy stored in a hanging rope with tension T at its lower end [J]: ∫T²/(2·EA) ds."""
+    top = T + rig.weight * rig.length
+    return (top**3 - T**3) / (6.0 * rig.EA * rig.weight)
+
+
+def come_to_rest(below: int) -> list[Check]:
+    """The same in water and a current, until the bare rope hangs as one that was never cut.
+
+    What falls has its terminal speed by then: W + w·l = ½·ρ·(CdA + Ct·π·d·l)·v².
+    """
+    parts = Parts(settled(WET_WIRE), below)
+    upper, lower = parts.upper, parts.lower
+    parts.hold(round(SINK_S / upper.rig.step))
+    sinking = float(lower.velocity[2, 0])
+    pull = float(upper.hold(round((SETTLE_S - SINK_S) / upper.rig.step))[-1])
+    fresh = settled(upper.rig)
+    away = float(np.abs(upper.position - fresh.position).max())
+    return [
+        off("in water, pull at the end against rest", pull, float(fresh.hold(1)[-1]), 0.1),
+        Check("and its distance from the shape at rest, over the length",
+              100.0 * away / upper.length, 0.1),
+        off("terminal speed of what falls", sinking, -terminal_speed(lower.length), 0.01),
+        all_converged(upper.unconverged + lower.unconverged),
+    ]  # fmt: skip
+
+
+def terminal_speed(length: float) -> float:
+    """At which the payload sinks with so much rope taut behind it [m/s]."""
+    rig = WET_WIRE
+    area = rig.area[2] + rig.drag[1] * math.pi * rig.diameter * length
+    weight = rig.load_weight + rig.weight * length
+    return math.sqrt(weight / (0.5 * rig.density * area))
+
+
+def land(below: int) -> list[Check]:
+    """What falls lies on a bed 200 m below in the end, which carries what it weighs in water."""
+    rig = WET_WIRE
+    scene = rig.scene()
+    scene = replace(scene, effects=(*scene.effects[:-1], BED, scene.effects[-1]))
+    whole = Part(rig, build(scene))
+    whole.settle()
+    parts = Parts(whole, below)
+    parts.hold(round(SINK_S / rig.step))
+    push = parts.push_of_bed()
+    weight = rig.load_weight + rig.weight * parts.lower.length
+    return [off("the bed's push on what has fallen against its weight", push, weight, 0.5)]
+
+
+def cut_at_payload() -> list[Check]:
+    """20 t fall off 1,000 m of wire."""
+    return [*recoil(1), *fall(1), *come_to_rest(1)]
+
+
+def cut_in_middle() -> list[Check]:
+    """The lower 500 m and 20 t fall off."""
+    return [*recoil(250), *fall(250), *come_to_rest(50), *land(50)]
+
+
+REFERENCE = (
+    "release wave: T/√(EA·m), momentum T·t, energy that only falls; what falls: momentum W·t, "
+    "terminal speed, weight on the bed; the rope at rest"
+)
+CASES = (
+    Case("cut_at_payload", "20 t cut off 1,000 m of wire", REFERENCE, cut_at_payload, 7.0, True),
+    Case("cut_in_middle", "1,000 m of wire with 20 t cut at 500 m", REFERENCE, cut_in_middle, 8.0),
+)

@@ -1,0 +1,218 @@
+"""Hard cases of the start: far from equilibrium, all slack, and no tension anywhere."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from validation.hard_cases.check import Case, Check, all_converged, off
+from validation.hard_cases.rigs import Arrays
+from validation.rigs import WATER, Rig
+from validation.state_bench import Vector
+
+HEAVY = Rig(length=200.0, elements=50, density=WATER, volume=2.0)
+WET = replace(HEAVY, added=(2050.0,) * 3, area=(4.0,) * 3, drag=(1.2, 0.02), damping=65e4)
+LIGHT = Rig(
+    length=100.0, elements=20, mass=1e-2, EA=6.9e6, diameter=1e-3, load=5e3, step=5e-3,
+    damping=1e4,
+)  # fmt: skip
+
+
+def place(rig: Rig, shape: Vector) -> Arrays:
+    """The rig at rest in a shape of its own, (3, elements + 1) from the lower end up."""
+    arrays = Arrays(rig)
+    arrays.position[:] = shape
+    arrays.velocity[:] = 0.0
+    return arrays
+
+
+def below_hang_off(rig: Rig) -> Vector:
+    """Unstretched distance of the nodes from the hang-off [m], lower end first."""
+    return np.linspace(rig.length, 0.0, rig.elements + 1)
+
+
+def horizontal(rig: Rig) -> Vector:
+    """Straight out to the side, unstretched."""
+    away = below_hang_off(rig)
+    return np.stack([away, np.zeros_like(away), np.zeros_like(away)])
+
+
+def coiled(rig: Rig) -> Vector:
+    """A helix of 3 m radius with chords of 0.8 elements, that sinks 0.2 m an element."""
+    turn = np.arange(rig.elements, -1, -1.0)
+    chord = 0.8 * rig.length / rig.elements
+    angle = 2.0 * math.asin(min(0.5 * math.sqrt(chord**2 - 0.04) / 3.0, 1.0)) * turn
+    return np.stack([3.0 * (np.cos(angle) - 1.0), 3.0 * np.sin(angle), -0.2 * turn])
+
+
+def folded(rig: Rig) -> Vector:
+    """Hanging to half its length with every node in slack, zigzag by a few centimetres."""
+    away = below_hang_off(rig)
+    side = np.where(np.arange(len(away)) % 2 == 0, 0.0, 0.03)
+    side[-1] = 0.0
+    return np.stack([side, np.zeros_like(away), -0.5 * away])
+
+
+def gathered(rig: Rig) -> Vector:
+    """All nodes in one point."""
+    return np.zeros((3, rig.elements + 1))
+
+
+def finds_rest(shape: Vector, name: str) -> list[Check]:
+    """Static equilibrium from this shape, against the closed form."""
+    arrays = place(HEAVY, shape)
+    arrays.settle()
+    depth, aside = -float(arrays.position[2, 0]), float(np.abs(arrays.position[:2]).max())
+    return [
+        off(f"{name}: depth at rest against L + (W + w·L/2)·L/EA", depth, HEAVY.hanging_depth,
+            1e-7),
+        Check(f"{name}: distance from the plumb line over the length",
+              100.0 * aside / HEAVY.length, 1e-6),
+    ]  # fmt: skip
+
+
+def energy_falls(shape: Vector, name: str) -> list[Check]:
+    """20 t on 200 m of wire let go in still water: at no look may energy have risen."""
+    arrays = place(WET, shape)
+    arrays.find_acceleration()
+    energies = [arrays.energy()]
+    for _ in range(400):
+        arrays.hold(5)
+        energies.append(arrays.energy())
+    rise = float(np.diff(energies).max()) / (WET.load_weight * WET.length)
+    return [
+        Check(f"{name}: largest rise of energy in water over W·L", 100.0 * rise, 1e-6),
+        all_converged(arrays.unconverged),
+    ]
+
+
+def pendulum_pull(rig: Rig, seconds: float) -> Vector:
+    """Pull over W of a mass let go from the horizontal, at the rig's steps: 3·cos θ.
+
+    θ'' = -(g/L)·sin θ by the fourth-order Runge-Kutta method.
+    """
+    h, rate = rig.step, -rig.gravity / rig.length
+    y, pulls = np.array([0.5 * math.pi, 0.0]), []
+
+    def slope(state: Vector) -> Vector:
+        return np.array([state[1], rate * math.sin(state[0])])
+
+    for _ in range(round(seconds / h)):
+        k1 = slope(y)
+        k2 = slope(y + 0.5 * h * k1)
+        k3 = slope(y + 0.5 * h * k2)
+        y = y + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + slope(y + h * k3))
+        pulls.append(3.0 * math.cos(y[0]))
+    return np.array(pulls)
+
+
+def start_horizontal() -> list[Check]:
+    """5 t on a light, stiff rope is let go from the horizontal: 3·W at the lowest point."""
+    rig = replace(LIGHT, EA=6.9e8)
+    arrays = place(rig, horizontal(rig))
+    arrays.find_acceleration()
+    pulls = arrays.hold(round(10.0 / rig.step)) / rig.load_weight
+    expected = pendulum_pull(rig, 10.0)
+    lowest = int(np.argmax(expected))
+    window = slice(lowest - 150, lowest + 150)
+    mean, exact = float(pulls[window].mean()), float(expected[window].mean())
+    return [
+        off("mean pull of 1.5 s at the lowest point, 2.9 W, against a pendulum", mean, exact, 0.5),
+        all_converged(arrays.unconverged),
+        *energy_falls(horizontal(WET), "straight horizontal"),
+        *finds_rest(horizontal(HEAVY), "straight horizontal"),
+    ]
+
+
+def caught(shape: Vector) -> list[Check]:
+    """5 t falls from a slack shape until the rope is taut: W + √(W² + K·M·v²), v² = 2·g·h.
+
+    The rope weighs 1 kg, so it takes no part.
+    """
+    arrays = place(LIGHT, shape)
+    start = arrays.energy()
+    arrays.find_acceleration()
+    drop = LIGHT.length - math.sqrt(float((shape[:, 0] ** 2).sum()))
+    seconds = math.sqrt(2.0 * drop / LIGHT.gravity) + 1.0
+    pulls, gain = [], -np.inf
+    for _ in range(round(seconds / LIGHT.step)):
+        pulls.append(float(arrays.hold(1)[0]))
+        gain = max(gain, arrays.energy() - start)
+    W, M = LIGHT.load_weight, LIGHT.load
+    stiffness = LIGHT.EA / LIGHT.length
+    expected = W + math.sqrt(W * W + stiffness * M * 2.0 * LIGHT.gravity * drop)
+    return [
+        off("peak when caught against W + √(W² + K·M·v²)", max(pulls), expected, 1.0),
+        Check("energy gained over W·L", 100.0 * gain / (W * LIGHT.length), 1e-6),
+        all_converged(arrays.unconverged),
+    ]
+
+
+def start_coiled() -> list[Check]:
+    """A coil under the hang-off."""
+    return [
+        *caught(coiled(LIGHT)),
+        *energy_falls(coiled(WET), "coiled"),
+        *finds_rest(coiled(HEAVY), "coiled"),
+    ]
+
+
+def start_slack() -> list[Check]:
+    """Every element slack."""
+    return [
+        *caught(folded(LIGHT)),
+        *energy_falls(folded(WET), "all slack"),
+        *energy_falls(gathered(WET), "all nodes in one point"),
+        *finds_rest(folded(HEAVY), "all slack"),
+        *finds_rest(gathered(HEAVY), "all nodes in one point"),
+    ]
+
+
+def neutral_slack() -> list[Check]:
+    """A rope that weighs nothing in water, slack everywhere: nothing may happen to it."""
+    diameter = 0.04
+    rig = Rig(
+        length=200.0, elements=40, diameter=diameter, mass=WATER * 0.25 * math.pi * diameter**2,
+        density=WATER, load=0.0, drag=(1.2, 0.02), added_mass=1.0,
+    )  # fmt: skip
+    shape = folded(rig)
+    still = place(rig, shape)
+    pull = float(still.hold(6000).max())
+    drift = float(np.abs(still.position - shape).max())
+    glide = place(replace(rig, drag=(0.0, 0.0), added_mass=0.0), shape)
+    glide.velocity[0, :-1] = 0.5
+    glide.hold(600)  # 3 m: the top element, 5 m from 2.5 m apart, is slack until 4.3 m
+    way = float(np.abs(glide.position - shape - [[3.0], [0.0], [0.0]])[:, :-1].max())
+    flow = place(replace(rig, current=((0.0, (0.0, 0.5)),)), shape)
+    flow.find_acceleration()
+    flow.hold(400)
+    # k·(U - v)²= m·v', m with added mass: v = U·x/(1 + x), x = U·k·t/m
+    mass = 2.0 * rig.mass
+    k = 0.5 * WATER * diameter * rig.drag[0]
+    x = 0.5 * k * 4.0 / mass
+    expected = 0.5 * 4.0 - mass / k * math.log1p(x)
+    carried = flow.position[1, :-5]  # the last ones lean against the hang-off
+    return [
+        Check("drift in a minute of still water", drift, 1e-9, "m"),
+        Check("pull in it", pull, 1e-6, "N"),
+        Check("distance from 3 m of free glide", way, 1e-9, "m"),
+        off("way in a current of 0.5 m/s against U·t - (m/k)·ln(1 + U·k·t/m)",
+            float(carried.max()), expected, 0.1),
+        off("and of the node that goes least", float(carried.min()), expected, 0.1),
+        all_converged(still.unconverged + glide.unconverged + flow.unconverged),
+    ]  # fmt: skip
+
+
+FALL = "energy that only falls; closed form at rest"
+CASES = (
+    Case("start_horizontal", "started straight out to the side",
+         f"pendulum from the horizontal, 3·W; {FALL}", start_horizontal, 1.0, True),
+    Case("start_coiled", "started in a coil of 3 m",
+         f"free fall into W + √(W² + K·M·v²); {FALL}", start_coiled, 1.0, True),
+    Case("start_slack", "started with every element slack, and with all nodes in one point",
+         f"free fall into W + √(W² + K·M·v²); {FALL}", start_slack, 1.0, True),
+    Case("neutral_slack", "a neutrally buoyant slack rope without tension anywhere",
+         "nothing moves; free glide; drag alone in closed form", neutral_slack, 1.0, True),
+)  # fmt: skip

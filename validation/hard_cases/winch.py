@@ -1,0 +1,182 @@
+"""Hard cases at the sheave: hauled to 2 m, an element that vanishes, an emergency stop, a mesh of
+0.2 m beside 50 m."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.scene.schema import Winch
+from rope_twin.studies.driven_twin import march, still
+from rope_twin.twin.snapshot import Snapshot
+from validation.hard_cases.check import (
+    Case,
+    Check,
+    all_converged,
+    front_pct,
+    off,
+    rms_off,
+)
+from validation.hard_cases.rigs import Arrays, sine
+from validation.hard_cases.snap import HEAVE_4M, SNAP_VERTICAL
+from validation.hard_cases.waves import HangingBar, ramped_speed
+from validation.hard_cases.waves import top_tension as exact_top_tension
+from validation.rigs import Rig
+from validation.state_bench import Vector
+
+STEEL = Rig(length=1000.0, elements=100)
+JUMP_PCT = 0.01  # of the mean tension, at a split or merge
+MARCH_S = 1e-3
+
+
+def bar_of(rig: Rig) -> HangingBar:
+    """The same rope for the exact travelling waves."""
+    return HangingBar(rig.mass, rig.weight, rig.EA, rig.load, rig.load_weight)
+
+
+def haul_to_two_metres() -> list[Check]:
+    """From 60 m at 1 m/s until 2 m are left, and out again to where it began."""
+    winch = Winch(
+        speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=0.3, least_line_out_m=2.0,
+        most_line_out_m=200.0,
+    )  # fmt: skip
+    rig = replace(STEEL, length=60.0, elements=60, damping=65e4, winch=winch)
+    twin = rig.twin()
+    shots = list(march(twin, still, 90.0, speeds=[(1.0, -1.0)]))
+    short = shots[-1]
+    shots += list(march(twin, still, 80.0, speeds=[(91.0, 1.0), (91.0 + 58.0, 0.0)]))
+    long, events = shots[-1], shots[-1].solver.splits + shots[-1].solver.merges
+    here = replace(rig, length=short.line_out_m)
+    there = replace(rig, length=long.line_out_m)
+    return [
+        off("line out when hauled in against 2 m", short.line_out_m, 2.0, 0.01),
+        off("pull there against W + w·L", short.tension_top_n, here.top_weight, 1e-3),
+        off("depth after paying out again", -long.payload_position_m[2], there.hanging_depth, 1e-4),
+        Check("jump of the tension at an event", jump_pct(shots), JUMP_PCT),
+        Check("events, fewer than 100 of them", float(max(100 - events, 0)), 0.0, ""),
+        all_converged(long.solver.unconverged_substeps),
+    ]
+
+
+def jump_pct(shots: list[Snapshot]) -> float:
+    """Largest second difference of the top tension in the 11 samples from an event on [% of mean].
+
+    Only where the winch runs steadily meanwhile: its own acceleration steps bend the tension more.
+    """
+    tension = np.array([shot.tension_top_n for shot in shots])
+    bend = np.abs(np.diff(tension, 2))
+    count = np.array([shot.solver.splits + shot.solver.merges for shot in shots])
+    speed = np.array([shot.payout_speed_m_per_s for shot in shots])
+    worst = 0.0
+    for k in np.flatnonzero(np.diff(count)) + 1:
+        if k > 1 and np.ptp(speed[k - 2 : k + 11]) < 1e-9:
+            worst = max(worst, float(bend[k - 1 : k + 10].max()))
+    return 100.0 * worst / float(tension.mean())
+
+
+def vanishing_element() -> list[Check]:
+    """An element at the sheave shrinks to 1 mm under heave before it is merged."""
+    rig = replace(STEEL, length=200.0, elements=20)
+    seconds, speed = 60.0, -0.05  # 2 m are gone after 42 s
+    heave = sine(1.5, 8.0)
+    t = rig.step * np.arange(round(seconds / rig.step) + 1)
+    value, rate = np.zeros((2, len(t), rows.MOTIONS))
+    for k, time in enumerate(t):
+        value[k, rows.Z], rate[k, rows.Z] = heave(float(time))
+    u = np.minimum(t / 4.0, 1.0)
+    rate[:, rows.LINE] = speed * u**2 * (3.0 - 2.0 * u)
+    eased = 4.0 * (u**3 - 0.5 * u**4) + np.maximum(t - 4.0, 0.0)
+    value[:, rows.LINE] = rig.length - 8.0 + speed * eased
+    arrays = Arrays(rig)
+    arrays.length = rig.length - 8.0  # the top element starts with 2 m of its 10
+    arrays.s[-1] = arrays.length
+    arrays.settle()
+    arrays.rope = arrays.rope._replace(model=arrays.rope.model._replace(merge_below=0.0))
+    pulls, shortest = [], np.inf
+    for k in range(len(t) - 1):
+        pulls.append(arrays.follow(value[k : k + 2], rate[k : k + 2]))
+        shortest = min(shortest, float(arrays.s[-1] - arrays.s[-2]))
+    pull = np.concatenate(pulls)
+
+    def line(time: float) -> tuple[float, float]:
+        k = time / rig.step
+        return float(np.interp(k, t / rig.step, value[:, rows.LINE])), float(
+            np.interp(k, t / rig.step, rate[:, rows.LINE])
+        )
+
+    exact = exact_top_tension(bar_of(rig), line, heave, seconds, MARCH_S)[10::10]
+    bend = float(np.abs(np.diff(pull - exact, 2)).max())
+    return [
+        Check("shortest element", 1e3 * shortest, 2.0, "mm"),
+        rms_off("top tension against travelling waves, rms", pull, exact, 0.05),
+        Check("bump over them", 100.0 * bend / float(exact.mean()), JUMP_PCT),
+        all_converged(arrays.unconverged),
+    ]
+
+
+def emergency_stop() -> list[Check]:
+    """20 t at 2 m/s stopped within 0.2 s, lowering and hauling; exact until the end."""
+    winch = Winch(
+        speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=10.0, least_line_out_m=12.0,
+        most_line_out_m=3000.0,
+    )  # fmt: skip
+    rig = replace(STEEL, winch=winch)
+    checks: list[Check] = []
+    for word, speed in (("lowering", 2.0), ("hauling", -2.0)):
+        commands = [(1.0, speed), (10.0, 0.0)]
+        shots = list(march(rig.twin(), still, 25.0, speeds=commands))
+        found = np.array([shot.tension_top_n for shot in shots])
+        line = ramped_speed(rig.length, 10.0, commands)
+        every = round(rig.step / MARCH_S)
+        exact = exact_top_tension(bar_of(rig), line, still, 25.0, MARCH_S)[every::every]
+        stop = slice(1000, None)
+        checks += [
+            off(f"{word}: highest pull after the stop", found[stop].max(), exact[stop].max(), 1.0),
+            rms_off(f"{word}: pull against travelling waves, rms", found, exact, front_pct(10.0)),
+            all_converged(shots[-1].solver.unconverged_substeps),
+        ]
+    return checks
+
+
+def mixed_elements() -> list[Check]:
+    """20 elements of 0.2 m at the sheave beside elements of 50 m, smooth and in snap."""
+    short, long = np.full(20, 0.2), np.full(20, 50.0)
+    rig = replace(STEEL, length=1004.0, elements=40)
+    heave = sine(1.5, 8.0)
+    smooth = mixed(rig, np.concatenate([long, short]))
+    pull = smooth.heave(heave, 0, 6000)
+    exact = exact_top_tension(bar_of(rig), lambda t: (rig.length, 0.0), heave, 60.0, MARCH_S)
+    jerky = replace(SNAP_VERTICAL, length=2004.0, elements=60)
+    slack = mixed(jerky, np.concatenate([np.full(40, 50.0), short]))
+    peak = float(slack.heave(HEAVE_4M, 0, 6000).max())
+    return [
+        rms_off("top tension against travelling waves, rms", pull, exact[10::10], 0.05),
+        off("snap peak against the explicit 172.36 kN", peak, 172.36e3, 1.0),
+        all_converged(smooth.unconverged + slack.unconverged),
+    ]
+
+
+def mixed(rig: Rig, rests: Vector) -> Arrays:
+    """A rig at rest with elements of these lengths from the lower end up [m]."""
+    arrays = Arrays(rig)
+    arrays.s[1:] = np.cumsum(rests)
+    depth = rig.length - arrays.s
+    arrays.position[2] = -depth
+    model = arrays.rope.model._replace(split_above=np.inf, merge_below=0.0)
+    arrays.rope = arrays.rope._replace(model=model)
+    arrays.settle()
+    return arrays
+
+
+CASES = (
+    Case("haul_to_2m", "hauled in to 2 m and out again", "closed form at rest at both ends; "
+         "second difference of the tension", haul_to_two_metres, 2.0, True),
+    Case("vanishing_element", "an element at the sheave shrinks to 1 mm under heave",
+         "exact travelling waves with a moving boundary", vanishing_element, 1.0, True),
+    Case("emergency_stop", "20 t at 2 m/s stopped in 0.2 s, lowering and hauling",
+         "exact travelling waves with a moving boundary", emergency_stop, 3.0, True),
+    Case("mixed_elements", "elements of 0.2 m beside 50 m, smooth and in snap",
+         "exact travelling waves; explicit peak 172.36 kN", mixed_elements, 1.0, False),
+)  # fmt: skip

@@ -1,0 +1,66 @@
+"""A page that a command writes a part of, between two marks, and the rows kept beside it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+from rope_twin.errors import InputError, phrase
+
+Row = TypeVar("Row")
+
+
+class MarkedPage(NamedTuple):
+    """Which page, and between which lines."""
+
+    name: str  # of the file
+    begin: str
+    end: str
+
+    def around(self, folder: Path) -> tuple[str, str]:
+        """What stands before and after the marks on a folder's page.
+
+        Raises:
+            InputError: there is no such page, or it has no marks.
+        """
+        path = folder / self.name
+        text = path.read_text("utf-8") if path.exists() else ""
+        if self.begin not in text or self.end not in text:
+            what = f"it has no lines '{self.begin}' and '{self.end}'"
+            raise InputError(phrase(str(path), what, f"give a folder with docs/{self.name}"))
+        before, rest = text.split(self.begin, 1)
+        return before, rest.split(self.end, 1)[1]
+
+    def write(self, folder: Path, section: str) -> Path:
+        """Put a text between the marks; the page.
+
+        Raises:
+            InputError: there is no such page, or it has no marks.
+        """
+        before, after = self.around(folder)
+        path = folder / self.name
+        path.write_text(f"{before}{self.begin}\n{section}\n{self.end}{after}", encoding="utf-8")
+        return path
+
+
+def read_stored(path: Path, as_row: Callable[[dict[str, Any]], Row], command: str) -> list[Row]:
+    """The rows that a file holds; none if there is no file.
+
+    Raises:
+        InputError: the file cannot be read; `command` makes it anew.
+    """
+    if not path.exists():
+        return []
+    try:
+        return [as_row(dict(row)) for row in json.loads(path.read_text("utf-8"))["rows"]]
+    except (ValueError, KeyError, TypeError) as error:
+        right = f"delete it and run `{command}` again"
+        raise InputError(phrase(str(path), f"it holds no rows ({error})", right)) from error
+
+
+def store(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+    """Put rows into a file that `read_stored` reads."""
+    text = json.dumps({"rows": list(rows)}, indent=1, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")

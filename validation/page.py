@@ -1,0 +1,212 @@
+"""The cases as a page: docs/validation.md between its marks, from the results in docs/validation.
+
+A run of some cases replaces their results and keeps the others': cases take minutes.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from rope_twin.errors import InputError, phrase
+from rope_twin.studies import markdown
+from rope_twin.studies.picture import draw_panels
+from validation import vortex_convergence
+from validation.case import Finding, Row
+from validation.marked_page import MarkedPage
+from validation.registry import CASES, order_of_ids
+
+RESULTS, PAGE, PICTURES = "validation", "validation.md", "images"
+CONVERGENCE, CONVERGENCE_PICTURE = "convergence.json", "validation_convergence.png"
+BEGIN, END = "<!-- written by python -m validation -->", "<!-- end of what is written -->"
+MARKED = MarkedPage(PAGE, BEGIN, END)
+HEAD = ["id", "quantity", "ours", "published", "tolerance", "met", "source"]
+
+
+def as_json(row: Row) -> dict[str, Any]:
+    """What a case found, plain."""
+    return {
+        "id": row.case.id,
+        "about": row.case.about,
+        "source": row.case.source,
+        "met": row.ok,
+        "refusal": row.refusal,
+        "seconds": round(row.seconds, 1),
+        "rows": [_finding_as_json(finding) for finding in row.found.findings],
+        "notes": list(row.found.notes),
+        "picture": bool(row.found.panels),
+    }
+
+
+def _finding_as_json(finding: Finding) -> dict[str, Any]:
+    met = finding.ok if finding.judged else None
+    return {
+        "quantity": finding.quantity,
+        "ours": float(f"{finding.ours:.6g}") if finding.ours == finding.ours else None,
+        "unit": finding.unit,
+        "published": finding.published,
+        "tolerance": finding.tolerance,
+        "met": met,
+    }
+
+
+def flat_rows(results: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One row for each number of these cases' plain results, for programs that read a table.
+
+    A case that could not run has one row, which does not pass, with its reason as the quantity;
+    `pass` is None where a number is shown and not judged.
+    """
+    rows: list[dict[str, Any]] = []
+    for result in results:
+        ends = {"id": result["id"], "source": result["source"]}
+        found = result["rows"]
+        if result["refusal"]:
+            empty = {"ours": None, "unit": "", "published": "", "tolerance": "", "met": False}
+            found = [{"quantity": result["refusal"], **empty}]
+        for row in found:
+            told = {key: value for key, value in row.items() if key != "met"}
+            rows.append({**ends, **told, "pass": row["met"]})
+    return rows
+
+
+def table_rows(result: dict[str, Any]) -> list[list[str]]:
+    """Cells of HEAD for a case's plain results."""
+    if result["refusal"]:
+        return [[result["id"], result["refusal"], "", "", "", "NO", result["source"]]]
+    return [
+        [
+            result["id"],
+            row["quantity"],
+            _number(row["ours"], row["unit"]),
+            f"{row['published']} {row['unit']}".strip()
+            if row["published"][-1:].isdigit()
+            else row["published"],
+            row["tolerance"],
+            {True: "yes", False: "NO", None: "-"}[row["met"]],
+            result["source"],
+        ]
+        for row in result["rows"]
+    ]
+
+
+def _number(value: float | None, unit: str) -> str:
+    return "not a number" if value is None else f"{value:.5g} {unit}".strip()
+
+
+def markdown_table(results: Iterable[dict[str, Any]]) -> str:
+    """All rows as one table."""
+    return markdown.table([HEAD, *(cells for result in results for cells in table_rows(result))])
+
+
+def keep_results(rows: Iterable[Row], folder: Path) -> list[dict[str, Any]]:
+    """Put these results among those that the folder holds; all of them, in the cases' order.
+
+    Raises:
+        InputError: what the folder holds cannot be read.
+    """
+    (folder / RESULTS).mkdir(exist_ok=True)
+    for row in rows:
+        text = json.dumps(as_json(row), indent=1, ensure_ascii=False, allow_nan=False)
+        _path(folder, row.case.id).write_text(text + "\n", encoding="utf-8")
+    return read_results(folder)
+
+
+def read_results(folder: Path) -> list[dict[str, Any]]:
+    """The results that a folder holds, in the cases' order.
+
+    Raises:
+        InputError: one of them cannot be read.
+    """
+    results = []
+    for path in (_path(folder, case.id) for case in CASES):
+        try:
+            results += [json.loads(path.read_text("utf-8"))] if path.exists() else []
+        except ValueError as error:
+            what = f"it is no result ({error})"
+            raise InputError(phrase(str(path), what, "delete it and run the case")) from error
+    return results
+
+
+def _path(folder: Path, case: str) -> Path:
+    return folder / RESULTS / f"{case}.json"
+
+
+def check_page(folder: Path) -> None:
+    """See, before anything is computed, that there is a page to write into.
+
+    Raises:
+        InputError: there is none, or it has no marks.
+    """
+    MARKED.around(folder)
+
+
+def write_page(results: list[dict[str, Any]], folder: Path) -> Path:
+    """Replace what lies between the page's marks.
+
+    Raises:
+        InputError: there is no such page, or it has no marks.
+    """
+    refined = vortex_convergence.read_stored(folder / RESULTS / CONVERGENCE)
+    return MARKED.write(folder, "\n".join([*_body(results), *_refined(refined)]))
+
+
+def _body(results: list[dict[str, Any]]) -> Iterable[str]:
+    missed = [result["id"] for result in results if not result["met"]]
+    yield f"{len(results) - len(missed)} of {len(results)} cases are met."
+    if missed:
+        yield f"Not met: {', '.join(missed)}; why stands with each."
+    for result in results:
+        yield f"\n### {result['id']}: {result['about']}\n"
+        yield f"Source: {result['source']}. Takes {result['seconds']:.0f} s.\n"
+        head = ("quantity", "ours", "published", "tolerance", "met")
+        yield markdown.table([head, *(cells[1:-1] for cells in table_rows(result))])
+        for note in result["notes"]:
+            yield f"\n{note}"
+        if result["picture"]:
+            yield f"\n![{result['id']}]({PICTURES}/{picture_name(result['id'])})"
+
+
+def keep_convergence(rows: Sequence[vortex_convergence.Convergence], folder: Path) -> None:
+    """Put these sweeps into the folder, in place of what it holds of the same cases.
+
+    Raises:
+        InputError: what the folder holds cannot be read.
+    """
+    path = folder / RESULTS / CONVERGENCE
+    new = {row.case for row in rows}
+    kept = [row for row in vortex_convergence.read_stored(path) if row["case"] not in new]
+    found = sorted(
+        kept + vortex_convergence.as_json(rows), key=lambda row: order_of_ids(row["case"])
+    )
+    path.parent.mkdir(exist_ok=True)
+    text = json.dumps(found, indent=1, ensure_ascii=False, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")
+
+
+def _refined(rows: Sequence[dict[str, Any]]) -> Iterable[str]:
+    if not rows:
+        return
+    names = " and ".join(dict.fromkeys(row["case"] for row in rows))
+    yield f"\n### Convergence of {names} over element length and step\n"
+    yield "`python -m validation --convergence`; off is off the finest run of a sweep.\n"
+    yield from (f"- {row['words']}" for row in rows)
+    yield f"\n{markdown.table(vortex_convergence.table(rows))}"
+    yield f"\n![convergence]({PICTURES}/{CONVERGENCE_PICTURE})"
+
+
+def draw_case(row: Row, folder: Path) -> None:
+    """Draw what a case found, where the page of a folder shows it; nothing without panels.
+
+    Raises:
+        InputError: matplotlib is not there, or the picture cannot be written.
+    """
+    if row.found.panels:
+        title = f"{row.case.id}: {row.case.about}"
+        draw_panels(title, row.found.panels, folder / PICTURES / picture_name(row.case.id))
+
+
+def picture_name(case: str) -> str:
+    """File of a case's picture."""
+    return f"validation_{case.lower()}.png"

@@ -1,0 +1,145 @@
+"""A rope whose state is set by hand and stepped by the core alone, and what is read from it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.core import state as rows
+from rope_twin.core.statics.equilibrium import find_equilibrium
+from rope_twin.core.step import advance
+from rope_twin.errors import SolverError, phrase
+from rope_twin.scene.arrays.build import build
+from rope_twin.scene.schema import Scene
+from rope_twin.studies.driven_twin import Motion
+from rope_twin.twin.motion.ship import ramp
+
+Vector = NDArray[np.float64]
+AT_REST = 1e-9  # of the length: what the search for rest may leave
+
+
+class Nodes:
+    """What the core's arrays of a rope hold now."""
+
+    rope: rows.Rope
+
+    @property
+    def n(self) -> int:
+        """Elements in use."""
+        return int(self.rope.state.counts[rows.ELEMENTS])
+
+    @property
+    def position(self) -> Vector:
+        """View of the node positions, lower end first, (3, nodes)."""
+        return self.rope.state.nodes[rows.POSITION : rows.POSITION + 3, : self.n + 1]
+
+    @property
+    def velocity(self) -> Vector:
+        """View of the node velocities, lower end first, (3, nodes)."""
+        return self.rope.state.nodes[rows.VELOCITY : rows.VELOCITY + 3, : self.n + 1]
+
+
+class Bench(Nodes):
+    """The core's arrays of a scene in static equilibrium.
+
+    Raises:
+        SolverError: there is none.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.rope = build(scene)
+        self.length = scene.ropes[0].length_m
+        self.hang_off = scene.ship.hang_off_m
+        self.time = 0.0
+        if not find_equilibrium(self.rope, self.length) <= AT_REST * self.length:
+            raise SolverError(phrase("bench", "the rope finds no rest", "check what holds it"))
+
+    @property
+    def acceleration(self) -> Vector:
+        """View of the node accelerations, payload first, (3, nodes)."""
+        return self.rope.state.nodes[rows.ACCELERATION : rows.ACCELERATION + 3, : self.n + 1]
+
+    def hold(self, steps: int) -> Vector:
+        """Advance with the hang-off at rest; the magnitude of the pull on it after each step."""
+        return self.follow(self.still(steps))
+
+    def still(self, steps: int) -> rows.Boundary:
+        """The motion of a hang-off at rest."""
+        value = np.tile([*self.hang_off, self.length], (steps + 1, 1))
+        return rows.Boundary(value, np.zeros_like(value))
+
+    def follow(self, boundary: rows.Boundary) -> Vector:
+        """Advance with prescribed motion; the magnitude of the pull on it after each step.
+
+        Raises:
+            SolverError: a step is not finite.
+        """
+        steps = len(boundary.value) - 1
+        pull = np.zeros((steps, rows.PULL_COLUMNS))
+        done = advance(self.rope, boundary, pull, self.time, steps)
+        if done < steps:
+            raise SolverError(phrase(f"step {done + 1}", "it is not finite", "shorten the step"))
+        self.time += steps * self.rope.model.step
+        return pull[:, rows.PULL]
+
+
+def time_in_turns(
+    benches: Sequence[Bench], pieces: int, motion: Callable[[Bench], rows.Boundary]
+) -> list[list[float]]:
+    """Seconds that each bench takes to follow its motion, in turns, so many times."""
+    took: list[list[float]] = [[] for _ in benches]
+    for _ in range(pieces):
+        for bench, own in zip(benches, took, strict=True):
+            given = motion(bench)
+            began = time.perf_counter()
+            bench.follow(given)
+            own.append(time.perf_counter() - began)
+    return took
+
+
+def lift(height: float, duration: float) -> Motion:
+    """From 0 to `height` within `duration`, smooth (quintic), then at rest."""
+
+    def at(time: float) -> tuple[float, float]:
+        share, rate = ramp(time, duration)
+        return height * share, height * rate
+
+    return at
+
+
+def pluck(height: float, duration: float) -> Motion:
+    """The end goes to `height` and back within `duration`, then rests."""
+    up = lift(height, 0.5 * duration)
+
+    def at(time: float) -> tuple[float, float]:
+        if time <= 0.5 * duration:
+            return up(time)
+        z, v = up(max(duration - time, 0.0))
+        return z, -v
+
+    return at
+
+
+def frequency(values: Vector, step: float) -> float:
+    """Frequency [Hz] of a nearly pure oscillation about its mean.
+
+    A straight line through the times of its rising zero crossings (cubic in between).
+
+    Raises:
+        SolverError: it crosses its mean too rarely.
+    """
+    x = values - values.mean()
+    k = np.flatnonzero((x[1:-2] < 0.0) & (x[2:-1] >= 0.0)) + 1
+    if len(k) < 3:
+        raise SolverError(phrase("oscillation", f"{len(k)} crossings", "watch it for longer"))
+    times = []
+    for i in k:
+        roots = np.polynomial.polynomial.polyroots(
+            np.polynomial.polynomial.polyfit([-1.0, 0.0, 1.0, 2.0], x[i - 1 : i + 3], 3)
+        )
+        real = roots.real[np.abs(roots.imag) < 1e-9]
+        times.append((i + real[np.argmin(np.abs(real - 0.5))]) * step)
+    return float(1.0 / np.polyfit(np.arange(len(times)), times, 1)[0])

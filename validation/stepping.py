@@ -1,0 +1,188 @@
+"""The step itself: S1 added mass implicit against lagged, S2 spectral radii.
+
+An oscillator (m + m_a)·x'' + k·x = 0, whose m_a·x'' is either implicit or taken from the step
+before [SJTU ch. 3].
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rope_twin.studies.picture import Line, Panel, Vector
+from validation.case import Case, Found, between, shown, within
+from validation.rigs import Rig
+from validation.state_bench import Bench
+
+STEPS_S = (0.2, 0.1, 0.05, 0.01, 0.001)
+PRINTED_M = (3.24, 1.78, 0.93, 0.19, 0.020)
+SECONDS = 20.0
+STIFFNESS = 9.0
+PARTS = (0.1, 0.5, 1.0, 10.0)  # step over period
+RADII = {
+    "trapezoidal": (1.0, 1.0, 1.0, 1.0),
+    "Newmark (0.30, 0.55)": (0.991136, 0.935634, 0.919951, 0.912948),
+    "Bathe": (0.999494, 0.894680, 0.648466, 0.079384),
+}
+
+
+def lagged_matrix(m: float, added: float, h: float) -> Vector:
+    """x, v, a one step on by the trapezoidal rule for m·a1 + k·x1 = -m_a·a0."""
+    p, q = 0.25 * h * h, 0.5 * h
+    x_hat, v_hat = np.array([1.0, h, p]), np.array([0.0, 1.0, q])
+    a = (np.array([0.0, 0.0, -added]) - STIFFNESS * x_hat) / (m + STIFFNESS * p)
+    return np.array([x_hat + p * a, v_hat + q * a, a])
+
+
+def _lagged(m: float, added: float, h: float) -> Vector:
+    """Positions at h, 2h ... from 10 m at rest."""
+    step, state = lagged_matrix(m, added, h), np.array([10.0, 0.0, -10.0 * STIFFNESS / (m + added)])
+    positions = []
+    for _ in range(round(SECONDS / h)):
+        state = step @ state
+        positions.append(state[0])
+    return np.array(positions)
+
+
+def _error(positions: Vector, omega: float, h: float) -> float:
+    """Largest distance from 10·cos(ωt) at h, 2h ..."""
+    times = h * np.arange(1, len(positions) + 1)
+    return float(np.abs(positions - 10.0 * np.cos(omega * times)).max())
+
+
+class Oscillator:
+    """A payload on a rope without mass: k = EA/L, about its own equilibrium, never slack."""
+
+    def __init__(self, m: float, added: float, h: float) -> None:
+        rig = Rig(
+            length=100.0, elements=3, mass=1e-6, EA=100.0 * STIFFNESS, load=m, added=(added,) * 3,
+            step=h,
+        )  # fmt: skip
+        self.omega = math.sqrt(STIFFNESS / (m + added))
+        self._bench = Bench(rig.scene())
+        self._rest = self._bench.position[2].copy()
+        self._shape = np.linspace(1.0, 0.0, 4)
+
+    def set(self, x: float, v: float) -> None:
+        """Displacement, velocity and the acceleration that belongs to them."""
+        self._bench.position[2] = self._rest + x * self._shape
+        self._bench.velocity[2] = v * self._shape
+        self._bench.acceleration[2] = -(self.omega**2) * x * self._shape
+
+    def step(self) -> tuple[float, float]:
+        """Displacement and velocity one step on."""
+        self._bench.hold(1)
+        return self._bench.position[2, 0] - self._rest[0], self._bench.velocity[2, 0]
+
+
+def _ours(m: float, added: float, h: float, start: float) -> Vector:
+    """Positions of our step, from `start` but scaled to 10 m: the problem is linear."""
+    oscillator = Oscillator(m, added, h)
+    oscillator.set(start, 0.0)
+    steps = round(SECONDS / h)
+    return np.array([oscillator.step()[0] for _ in range(steps)]) * (10.0 / start)
+
+
+def _added_mass() -> Found:
+    omega = math.sqrt(STIFFNESS / 21.0)
+    lagged = [_error(_lagged(11.0, 10.0, h), omega, h) for h in STEPS_S]
+    ours = [_error(_ours(11.0, 10.0, h, 10.0), omega, h) for h in STEPS_S]
+    findings = [
+        within(f"lagged, {h:g} s: largest error over 20 s", error, printed, 0.005, "m")
+        for h, error, printed in zip(STEPS_S, lagged, PRINTED_M, strict=True)
+    ]
+    for m, added, low, high in ((11.0, 10.0, 0.0, 1.0), (10.0, 11.0, 1.0, np.inf)):
+        radii = [np.abs(np.linalg.eigvals(lagged_matrix(m, added, h))).max() for h in STEPS_S]
+        worst = max(radii) if high == 1.0 else min(radii)
+        words = "stable at every step" if high == 1.0 else "unstable at every step"
+        quantity = f"lagged, m {m:g}, m_a {added:g}: spectral radius"
+        findings.append(between(quantity, worst, (low, high), words))
+    findings += [
+        shown(f"ours, {h:g} s: largest error over 20 s", error, f"{printed:g} lagged", "m")
+        for h, error, printed in zip(STEPS_S, ours, PRINTED_M, strict=True)
+    ]
+    light = np.abs(_ours(1.0, 10.0, 0.05, 1.0)).max()
+    findings.append(
+        between("ours, m 1, m_a 10: largest |x|", light, (0.0, 10.0), "10, bounded", "m")
+    )
+    lines = (
+        Line(STEPS_S, lagged, "lagged, computed", "o-"),
+        Line(STEPS_S, PRINTED_M, "lagged, as printed", "kx"),
+        Line(STEPS_S, ours, "ours (TR-BDF2, implicit)", "s-"),
+    )
+    picture = Panel("m 11, m_a 10, k 9, x0 10", "step [s]", "largest error [m]", lines, log=True)
+    return Found(tuple(findings), (picture,))
+
+
+def tr_bdf2_radius(part: float) -> float:
+    """|R(iωh)| of TR-BDF2 at h/T = part (Hosea and Shampine 1996), γ = 2 - √2.
+
+    R = (k1·(1 + γz/2)/(1 - γz/2) + 1 - k1)/(1 - γz/2).
+    """
+    gamma, z = 2.0 - math.sqrt(2.0), 2j * math.pi * part
+    k1 = 1.0 / (gamma * (2.0 - gamma))
+    low = 1.0 - 0.5 * gamma * z
+    return float(abs((k1 * (1.0 + 0.5 * gamma * z) / low + 1.0 - k1) / low))
+
+
+def newmark_radius(part: float, alpha: float, delta: float) -> float:
+    """Of Newmark's method for ω = 2π, h = part, undamped (Bathe 1996, section 9.4)."""
+    w2, h = (2.0 * math.pi) ** 2, part
+    # a1 = -ω²·x1; x1 = x + h·v + h²·((1/2 - α)·a + α·a1); v1 = v + h·((1 - δ)·a + δ·a1)
+    x1 = np.array([1.0 - (0.5 - alpha) * h * h * w2, h]) / (1.0 + alpha * h * h * w2)
+    v1 = np.array([-(1.0 - delta) * h * w2, 1.0]) - delta * h * w2 * x1
+    return float(np.abs(np.linalg.eigvals(np.array([x1, v1]))).max())
+
+
+def bathe_radius(part: float) -> float:
+    """Of Bathe's method (2007): half a step trapezoidal, then three-point backward Euler."""
+    z = 2j * math.pi * part
+    middle = (1.0 + 0.25 * z) / (1.0 - 0.25 * z)
+    return float(abs((4.0 * middle - 1.0) / (3.0 - z)))
+
+
+def _our_radius(part: float) -> float:
+    """Of the step that the twin takes, from what it makes of (1, 0) and (0, 1)."""
+    period = 2.0 * math.pi / math.sqrt(STIFFNESS / 21.0)
+    oscillator = Oscillator(10.0, 11.0, part * period)
+    columns = []
+    for x, v in ((1.0, 0.0), (0.0, 1.0)):
+        oscillator.set(x, v)
+        columns.append(oscillator.step())
+    return float(np.abs(np.linalg.eigvals(np.array(columns).T)).max())
+
+
+def _radii() -> Found:
+    findings = []
+    for k, part in enumerate(PARTS):
+        for name, ours in (
+            ("trapezoidal", newmark_radius(part, 0.25, 0.5)),
+            ("Newmark (0.30, 0.55)", newmark_radius(part, 0.30, 0.55)),
+            ("Bathe", bathe_radius(part)),
+        ):
+            findings.append(within(f"{name}, h/T {part:g}", ours, RADII[name][k], 1e-5))
+        step = _our_radius(part)
+        findings.append(within(f"ours by its own step, h/T {part:g}", step, tr_bdf2_radius(part),
+                               5e-5))  # fmt: skip
+    fine = np.geomspace(0.01, 20.0, 200)
+    lines = (
+        Line(fine, [newmark_radius(part, 0.30, 0.55) for part in fine], "Newmark (0.30, 0.55)"),
+        Line(fine, [bathe_radius(part) for part in fine], "Bathe"),
+        Line(fine, [tr_bdf2_radius(part) for part in fine], "TR-BDF2, closed form"),
+        Line(PARTS, [_our_radius(part) for part in PARTS], "ours by its own step", "ko"),
+    )
+    picture = Panel("Spectral radius", "step over period", "radius", lines, log=True)
+    note = (
+        "Published for ours is the closed form of TR-BDF2: 0.9995, 0.8887, 0.6356, 0.0767 at the "
+        "four steps."
+    )
+    return Found(tuple(findings), (picture,), (note,))
+
+
+CASES = (
+    Case("S1", "added mass explicit against implicit: m 11, m_a 10, k 9, x0 10 m",
+         "[SJTU] ch. 3", _added_mass, 5.0),
+    Case("S2", "spectral radii of the integrators at h/T 0.1, 0.5, 1, 10", "[SJTU] fig. 3-2",
+         _radii, 2.0),
+)  # fmt: skip
