@@ -94,5 +94,5 @@ def test_an_effect_that_loads_the_rope_says_its_energy(name: str) -> None:
 def test_an_account_is_given_once_and_of_a_known_kind() -> None:
     with pytest.raises(ValueError, match="unknown account 'heat'"):
         account("heat", Weight)
-    with pytest.raises(ValueError, match="Weight has said its 'potential' already"):
+    with pytest.raises(ValueError, match="Weight has registered its 'potential' already"):
         account("potential", Weight)

@@ -1,21 +1,21 @@
-"""Rest by Newton on places and element forces at once: where loads come and go with the place.
+"""Static equilibrium by Newton's method on positions and element forces at once, for active sets.
 
-A bed that pushes only what sinks into it leaves rope that carries nothing, and a shape laid along
+A seabed that pushes only nodes below it leaves rope that carries no tension, and a shape laid along
 its forces (core/statics/shape.py) then moves far with the least change of them. So both are unknown
-here, the places x of the nodes and the forces S_e that the elements pass on:
+here, the node positions x and the element forces S_e:
 
     balance  S_i - S_{i-1} + f_i(x) = 0,    law  (Δx - S/k)·m = l0·S  with  m = √(|S|² + ε²).
 
-The law with ε = 0 is that of an element that only pulls, any length up to l0 without force
-included; ε [N] rounds its corner, and rest is followed from a large ε to one of no account. Written
-as a product it is nearly linear in x and S, so that full Newton steps converge where the quotient
-Δx = S·(l0/m + 1/k) leads away: the primal-dual method of Chan, Golub and Mulet (1999, SIAM J. Sci.
-Comput. 20, 1964), with whose symmetric, definite stiffness of an element it also shares
+The law with ε = 0 is that of a tension-only element, with any length up to l0 at zero force; ε [N]
+rounds its corner, and equilibrium is followed from a large ε to a negligible one (continuation).
+Written as a product it is nearly linear in x and S, so that full Newton steps converge where the
+quotient Δx = S·(l0/m + 1/k) diverges: the primal-dual method of Chan, Golub and Mulet (1999, SIAM
+J. Sci. Comput. 20, 1964), with whose symmetric, definite element stiffness it also shares
 
     K = m·C⁻¹,  C = (l0 + m/k)·I - (r·Sᵀ + S·rᵀ)/(2·m),  r = Δx - S/k, shortened to l0.
 
-Nothing depends on the guess. Where rope lies without tension any place balances; it ends where the
-last ε holds it: as evenly spread as the rest allows.
+Nothing depends on the guess. Where rope lies without tension any position balances; the solution is
+the one of the last ε: as evenly spread as the other conditions allow.
 """
 
 from __future__ import annotations
@@ -37,24 +37,24 @@ from rope_twin.core.statics.shape import (
     solve_blocks,
 )
 
-# The first ε as a part of the sum of all loads, and the part of the rope's length that no node may
-# move further if ε is to shrink: of 13 ropes on beds and two mesh sizes the first pair needs 3 to
-# 21 rounds, the second, slower one serves where the first goes astray.
+# The first ε as a fraction of the sum of all loads, and the largest move of a node, as a fraction
+# of the rope's length, at which ε shrinks: for 13 ropes on seabeds and two mesh sizes the first
+# pair needs 3 to 21 rounds; the second, slower one is used where the first diverges.
 WAYS = ((1e-3, 0.3), (1e-2, 0.03))
 ROUNDS = 60
-SHRINK = 0.1  # of ε, each time
+SHRINK = 0.1  # factor on ε, each time
 LEAST = 1e-14  # of the sum of all loads
-NEAR = 1e-2  # of the rope's length: from there on elements and loads are worth their exact tangents
-BUNCHED = 1e-2  # of the rope's length: the first loads are those of a rope this near its hang-off
-FAST = 0.3  # rest is found; while each move is less than this part of the last, it gets better
-SAME = 1e-9  # of the rope's length: a move that changes nothing
+NEAR = 1e-2  # of the rope's length: from there on exact tangents of elements and loads are used
+BUNCHED = 1e-2  # of the rope's length: extent of the bunched rope that gives the first loads
+FAST = 0.3  # converged; iterations go on while each move is less than this fraction of the last
+SAME = 1e-9  # of the rope's length: a negligible move
 
 
 def settle_pair(still: StillRope, enough: tuple[float, float]) -> Equilibrium:
-    """Move the nodes to rest.
+    """Solve the static equilibrium for positions and forces, and move the nodes there.
 
-    enough: the force left at a node that is rest [N], and the same as a part of the largest
-    tension. Without rest the nodes end in the last shape.
+    enough: tolerance of the residual force at a node [N], and the same as a fraction of the largest
+    tension. Without equilibrium the nodes end in the last shape.
     """
     for share, within in WAYS:
         end = _follow(still, enough, share, within)
@@ -66,7 +66,7 @@ def settle_pair(still: StillRope, enough: tuple[float, float]) -> Equilibrium:
 def _follow(
     still: StillRope, enough: tuple[float, float], share: float, within: float
 ) -> Equilibrium:
-    """One way of taking ε down."""
+    """Follow equilibrium for a decreasing ε from one starting value."""
     law, length = still.elastic(), float(still.rest.sum())
     x, S, forces, weight = _start(still, law)
     eps, least = share * weight, LEAST * weight
@@ -100,10 +100,10 @@ def _follow(
 
 
 def _start(still: StillRope, law: Elastic) -> tuple[Floats, Floats, Forces, float]:
-    """First places, element forces, what acts there, and the sum of the loads' sizes [N].
+    """Return initial positions and element forces, loads there, and their total size [N].
 
-    The loads are those of a rope bunched below its hang-off, or towards its fixed end: there is
-    water, but no bed.
+    The loads are those of a rope bunched below its hang-off, or towards its fixed end: with water,
+    but without seabed contact.
     """
     top = still.place[:, -1:].copy()
     hold = still.place[:, 0].copy() if still.first else None
@@ -120,7 +120,7 @@ def _start(still: StillRope, law: Elastic) -> tuple[Floats, Floats, Forces, floa
 
 
 def _elements(law: Elastic, S: Floats, span: Floats, eps: float) -> tuple[Floats, Floats]:
-    """K of each element, (3, 3, n), and what it adds to S for what the law misses, (3, n)."""
+    """Return K of each element, (3, 3, n), and the correction of S for its residual, (3, n)."""
     m = np.sqrt((S * S).sum(axis=0) + eps * eps)
     r = span - S / law.stiffness
     miss = r * m - law.slack * S
@@ -140,9 +140,10 @@ def _elements(law: Elastic, S: Floats, span: Floats, eps: float) -> tuple[Floats
 
 
 def _local_change(still: StillRope, shape: Shape) -> Floats:
-    """`load_change`, but for how a load turns with the rope: all nodes move by the same.
+    """Return `load_change` without the loads' dependence on the rope's direction.
 
-    In still water and with effects that reach no neighbour it is exact.
+    All nodes move by the same. It is exact in still water and with effects that do not depend on
+    neighbours.
     """
     if still.reach > 1:
         return load_change(still, shape)
