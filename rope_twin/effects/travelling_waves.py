@@ -1,20 +1,21 @@
-"""Travelling waves: a lift of given phase at every node, limited by the amplitude that it causes.
+"""Travelling-wave VIV model: a lift of prescribed phase at every node, limited by its amplitude.
 
-[LCD] Le Cunff and Durand (1999), eqs 10-20. Across rope and current, with y the motion there,
+[LCD] Le Cunff and Durand (1999), eqs 10-20. Normal to rope and current, with y the motion there,
 
     m_t·y'' + c·y' - (T·y')' (+ EI·y'''') = ½·ρ·d·U²·C_l·cos(∫ω dt + φ),
     ω = 2π·St·U/d,    C_l = C0 - C1·|A|/d,    c = 2·ζ·m_t·ω,    m_t = m + Ca·ρ·π·d²/4
 
-Tension, bending and added mass are the rope's own. φ begins as that of a wave that runs down from
-the hang-off, ∫k ds with the dispersion k² = (√(T² + 4·EI·m_t·ω²) - T)/(2·EI), or m_t·ω²/T; the
-lift fades in over the first `ramp_s`, so that a rope at rest stays so. As in the published case ω
-is one for each half wave, counted from the hang-off: that of its upper end. With
-`by_half_waves: false` it is each node's own; neighbours then drift apart in phase without end.
+Tension, bending and added mass are the rope's own. φ starts as that of a wave that travels down
+from the hang-off, ∫k ds with the dispersion k² = (√(T² + 4·EI·m_t·ω²) - T)/(2·EI), or m_t·ω²/T; the
+lift builds up over the first `ramp_s`, so that static equilibrium is not disturbed. As in the
+published case ω is constant over each half wave, counted from the hang-off: that of its upper end.
+With `by_half_waves: false` it is each node's own; the phase difference of neighbours then grows
+without bound.
 
 |A|/d is √(2·s)/(ω·d), with s the mean of y'² over the last periods, s' = (y'² - s)·ω/(2π·periods).
-Like the phase it is solved in the stage (TR-BDF2): taken of the step before, the published limit
-diverges on a light cable. It counts what moves across the current, whatever moves it. y is that of
-the node's own tangent; dropped in the block: the tangent's change with position.
+Like the phase it is solved in the stage (TR-BDF2): taken from the previous step, the published
+limit diverges on a light cable. It includes all cross-flow motion, whatever its cause. y is normal
+to the node's own tangent; omitted in the block: the tangent's change with position.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ from rope_twin.quantity import quantity, text
 
 CARRIED = 4  # phase [rad], ω [rad/s], mean square of y' [m²/s²], its rate
 PHASE, OMEGA, SQUARE, SQUARE_RATE = range(CARRIED)
-# Rows of its own: cosine of the stage's phase, its phase and ω, what s starts from, its weight,
+# Further rows: cosine of the stage's phase, its phase and ω, explicit part of s, its weight,
 # damping c [kg/s], ½·ρ·d·l [kg/m], 1/d [1/m], ω of the node's half wave (0: unknown), its length,
 # scratch.
 (COSINE, PHASE_NOW, OMEGA_NOW, SQUARE_HAT, SHARE, DAMPING, STRENGTH, PER_DIAMETER, HELD, LENGTH,
@@ -68,25 +69,25 @@ OWN_ROWS = SCRATCH - 3 * CARRIED
 
 @dataclass(frozen=True, kw_only=True)
 class TravellingWavesParams:
-    """The published figures, and what the paper leaves open."""
+    """Published coefficients, and choices that the paper leaves open."""
 
     strouhal: float = quantity("Strouhal number St", "", 0.05, 0.5, default=0.17)
     lift: tuple[float, float] = quantity("C0 and C1 of C0 - C1·|A|/d", "", 0.0, 3.0, (0.7, 0.7))
-    damping_fraction: float = quantity(
-        "structural damping across the rope over critical, at ω", "", 0.0, 0.5, default=0.015
+    damping_fraction: float = quantity("structural damping ratio at ω", "", 0.0, 0.5, default=0.015)
+    periods: float = quantity(
+        "averaging time of the amplitude, in periods", "", 0.25, 50.0, default=1.0
     )
-    periods: float = quantity("over which the amplitude is averaged", "", 0.25, 50.0, default=1.0)
-    by_half_waves: bool = text("one frequency for each half wave", True)
-    ramp_s: float = quantity("the lift fades in over this time", "s", 1e-3, 600.0, default=2.0)
+    by_half_waves: bool = text("one frequency per half wave", True)
+    ramp_s: float = quantity("build-up time of the lift", "s", 1e-3, 600.0, default=2.0)
 
     @property
     def strouhal_number(self) -> float:
-        """What sets the pace of the vortices."""
+        """Return the Strouhal number of the vortex shedding."""
         return self.strouhal
 
 
 class TravellingWaves(NamedTuple):
-    """What the kernels see."""
+    """Kernel data of the travelling-wave model."""
 
     memory: Floats  # see CARRIED and the rows after it, (rows, nodes)
     turns: float  # 2π·St
@@ -102,7 +103,7 @@ class TravellingWaves(NamedTuple):
 
 
 def build(params: TravellingWavesParams, payload: Any, around: Any) -> TravellingWaves:
-    """From the figures, the water, and the rope's added mass and bending stiffness."""
+    """Return the kernel data for the coefficients, the water, and the rope's properties."""
     density = around.water_density_kg_per_m3
     return TravellingWaves(
         memory=new_memory(CARRIED, OWN_ROWS, around.room),
@@ -124,7 +125,7 @@ remembering(TravellingWaves, CARRIED)
 
 @jit
 def _set_figures(waves: Any, work: Any, low: int, high: int) -> None:
-    """Length, 1/d and ½·ρ·d·l of the nodes low <= i < high."""
+    """Set length, 1/d and ½·ρ·d·l of the nodes low <= i < high."""
     length, per = waves.memory[LENGTH, low:], waves.memory[PER_DIAMETER, low:]
     strength, volume = waves.memory[STRENGTH, low:], row(work, VOLUME, low)
     set_node_lengths(work, length, low, high)
@@ -135,7 +136,7 @@ def _set_figures(waves: Any, work: Any, low: int, high: int) -> None:
 
 @kernel("start", TravellingWaves)
 def start(waves: Any, rope: Any) -> None:
-    """Nothing moves; the phases are those of waves that run down from the hang-off."""
+    """Initialise without motion; phases are those of waves travelling down from the hang-off."""
     n, memory, work = rope.state.counts[ELEMENTS], waves.memory, rope.work
     find_rest(rope)
     _set_figures(waves, work, n - n, n)
@@ -154,7 +155,7 @@ def start(waves: Any, rope: Any) -> None:
 
 @jit
 def _set_omega(waves: Any, work: Any, low: int, high: int) -> None:
-    """OMEGA_NOW: that of the half wave; the node's own without, or where the node is new."""
+    """Set OMEGA_NOW to that of the half wave, or the node's own (without, or at a new node)."""
     memory = waves.memory
     held, now = memory[HELD, low:], memory[OMEGA_NOW, low:]
     unknown = 0
@@ -170,7 +171,7 @@ def _set_omega(waves: Any, work: Any, low: int, high: int) -> None:
 
 @kernel("predict", TravellingWaves)
 def predict(waves: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
-    """Phase and frequency of the stage, what the mean square starts from, and what stays."""
+    """Set phase and frequency of the stage, the explicit part of s, and stage constants."""
     memory, work, c = waves.memory, rope.work, stage.q
     _set_figures(waves, work, low, high)
     _set_omega(waves, work, low, high)
@@ -201,9 +202,9 @@ def predict(waves: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -
 
 @kernel("load_nodes", TravellingWaves)
 def load_nodes(waves: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """F = (L·(C0 - C1·A) - c·y')·e, e = U × t/|U × t|, L = ½·ρ·d·l·|U × t|²·cos φ, A = |A|/d.
+    """Add F = (L·(C0 - C1·A) - c·y')·e and the block q·(L·C1·dA/dy' + c)·e ⊗ e.
 
-    Block q·(L·C1·dA/dy' + c)·e ⊗ e.
+    e = U × t/|U × t|, L = ½·ρ·d·l·|U × t|²·cos φ, A = |A|/d.
     """
     memory = waves.memory
     square, share = memory[SQUARE_HAT, low:], memory[SHARE, low:]
@@ -238,7 +239,7 @@ def load_nodes(waves: Any, work: Any, stage: Any, low: int, high: int) -> None:
 
 @kernel("settle", TravellingWaves)
 def settle(waves: Any, rope: Any, stage: Any, kind: int) -> None:
-    """Phase, frequency and mean square of the solved stage; half waves are counted once a step."""
+    """Store phase, frequency and mean square of the stage; update half waves once a step."""
     memory, work, n = waves.memory, rope.work, rope.state.counts[ELEMENTS]
     vx, vy, vz = rows(work, VELOCITY, 0)
     ux, uy, uz = rows(work, FLOW, 0)
@@ -262,7 +263,7 @@ def settle(waves: Any, rope: Any, stage: Any, kind: int) -> None:
 
 @jit
 def _set_trials(waves: Any, rope: Any) -> None:
-    """At the trial nodes the lift is that of the highest free node, per metre, and stays."""
+    """Copy the lift of the highest free node to the ghost nodes, per metre."""
     memory, top = waves.memory, rope.state.counts[ELEMENTS] - 1
     per_metre = 1.0 / memory[LENGTH, top]
     for k in (COSINE, OMEGA_NOW, PER_DIAMETER):
@@ -275,7 +276,7 @@ def _set_trials(waves: Any, rope: Any) -> None:
 
 @account("power", TravellingWaves)
 def power(waves: Any, place: Any) -> Any:
-    """Lift and damping times velocity [W]; the hang-off's are as at the node below."""
+    """Return the power of lift and damping [W]; at the hang-off as at the node below."""
     n = place.position.shape[1]
     own = waves.memory[:, :n].copy()
     if n > 1:

@@ -108,7 +108,7 @@ BAD: list[Row] = [
     ("current out of order",
      spoilt(PROFILE, "[[-900.0, [0.1, 0.05]], [0.0, [0.5, 0.0]]]"),
      "effects[2].current", ("z = 0 m follows z = -900 m", "from the surface down")),
-    ("current without rows", spoilt(PROFILE, "[]"), "effects[2].current", ("no row",)),
+    ("current without rows", spoilt(PROFILE, "[]"), "effects[2].current", ("profile is empty",)),
     ("current with a flat row",
      spoilt(PROFILE, "[[0.0, 0.5, 0.0]]"),
      "effects[2].current.profile[0]", ("3 values", "give 2")),

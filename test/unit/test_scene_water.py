@@ -48,7 +48,7 @@ BAD: dict[str, tuple[str, str, tuple[str, ...]]] = {
     ),
     "bed above the surface": (
         with_effect(GOOD, "seabed: {depth_m: -20.0}"),
-        "effects[4].seabed.depth_m", ("-20 m is out of range", "below the origin"),
+        "effects[4].seabed.depth_m", ("-20 m is out of range", "at the origin"),
     ),
     "sheave below the bottom": (
         with_effect(LOOP, "seabed: {depth_m: 1200.0}"),

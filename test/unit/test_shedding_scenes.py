@@ -92,7 +92,7 @@ def test_two_models_in_one_scene_are_an_error(tmp_path: Path) -> None:
         load_scene(path)
     one = "  - wake_oscillator: {set: qu}\n  - drag:"
     path.write_text(GOOD.replace("  - drag:", one), encoding="utf-8")
-    with pytest.raises(SceneError, match="there is no set 'qu'; known: qu_metrikine, "):
+    with pytest.raises(SceneError, match="unknown set 'qu'; known: qu_metrikine, "):
         load_scene(path)
 
 
