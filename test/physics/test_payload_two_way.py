@@ -162,12 +162,12 @@ def test_a_grab_by_hoerners_hemispheres() -> None:
 
 
 def test_what_rising_may_not_be() -> None:
-    assert "nothing differs" in (Rising().check() or "")
+    assert "no value is given" in (Rising().check() or "")
     scene = splashing()
     ((where, what, right),) = faults(scene)
     assert where == "payloads[0]"
-    assert what == "'module' rises by other figures than it sinks"
-    assert right.startswith("leave out `splash_zone`")
+    assert what == "'module' has different properties in ascent and descent"
+    assert right.startswith("remove `splash_zone`")
 
 
 def splashing() -> Scene:

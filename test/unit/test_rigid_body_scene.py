@@ -43,11 +43,11 @@ def listing(effect: str) -> str:
 
 BAD = [
     ("both a point and a body", listing("payload: {}"),
-     "effects", ("`rigid_body` and `payload`", "leave out `payload`")),
+     "effects", ("`rigid_body` and `payload`", "remove `payload`")),
     ("a body and a net", listing("net: {width_m: 2, height_m: 2, solidity: 0.2}"),
-     "effects", ("`rigid_body` and `net`", "knows the payload as a point")),
+     "effects", ("`rigid_body` and `net`", "treats the payload as a point")),
     ("a body and a fairing", listing("fairing: {face_m2: 2.0}"),
-     "effects", ("`rigid_body` and `fairing`", "take `payload` for the body")),
+     "effects", ("`rigid_body` and `fairing`", "use `payload` for the body")),
     ("a splash zone of another height", listing("splash_zone: {height_m: 2.0}"),
      "effects.splash_zone.height_m", ("2 m is not the height of the body, 1.5 m", "size_m")),
     ("no size", with_body("      size_m: [3.0, 2.0, 1.5]\n", ""), "effects[0].rigid_body",
@@ -111,9 +111,9 @@ def four_slings(length_m: float, stiffness_n_per_m: float = 5e6) -> str:
     [
         (with_body("[3.0, 2.0, 1.5]", "[4.0, 2.0, 1.5]"),
          "size_m: 4 × 2 × 1.5 m, and the payload's shape is a box of 3 × 2 × 1.5 m"),
-        (four_slings(1.8), "slings[0, 1, 2, 3].length_m: 1.8 m do not reach the hook over a place "
-         "1.80 m aside"),
-        (four_slings(2.0), "slings[0, 1, 2, 3].length_m: 2 m lie 64° from the vertical"),
+        (four_slings(1.8), "slings[0, 1, 2, 3].length_m: 1.8 m does not reach the hook at a "
+         "lateral offset of 1.80 m"),
+        (four_slings(2.0), "slings[0, 1, 2, 3].length_m: 2 m is 64° from the vertical"),
         (four_slings(4.0, 2e4), "slings[0, 1, 2, 3].stiffness_n_per_m: its share of the load, 30 "
          "kN, stretches it by 1.5 m"),
     ],

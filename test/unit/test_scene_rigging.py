@@ -46,7 +46,7 @@ def spoilt(old: str, new: str) -> str:
 
 BAD: list[tuple[str, str, str, tuple[str, ...]]] = [
     ("unknown upper end", spoilt("from: stern", "from: sterm"),
-     "ropes[3].from", ("nothing is called 'sterm'", "did you mean 'stern'?")),
+     "ropes[3].from", ("nothing is named 'sterm'", "did you mean 'stern'?")),
     ("unknown lower end", spoilt("to: tool}", "to: tol}"),
      "ropes[1].to", ("no payload 'tol'", "did you mean 'tool'?")),
     ("rope onto itself", spoilt("from: hook, to: tool", "from: tool, to: tool"),
@@ -65,7 +65,7 @@ BAD: list[tuple[str, str, str, tuple[str, ...]]] = [
               f"  - {{name: y, {LEG}, from: b, to: a}}\n"
               "joints:\n  - {name: a, mass_kg: 1.0}\n  - {name: b, mass_kg: 1.0}\n")
      .replace("  - {name: float, at_m: [0.0, 0.0, 0.0]}\n", ""),
-     "ropes[4]", ("'x' is part of a loop or chain that hangs on no hang-off",)),
+     "ropes[4]", ("'x' is part of a loop or chain without a hang-off",)),
     ("joint without a rope", spoilt("joints:\n", "joints:\n  - {name: ring}\n"),
      "joints[0]", ("no rope holds 'ring' from above",)),
     ("unjoined end",
@@ -92,7 +92,7 @@ BAD: list[tuple[str, str, str, tuple[str, ...]]] = [
     ("a joint that holds a direction",
      spoilt("from: hook, to: tool", f"{CLAMPED}, from: hook, to: tool")
      .replace("  - weight: {}", "  - weight: {}\n  - bending: {stiffness_n_m2: 1.0}"),
-     "ropes[1].bending.clamped_along", ("begins at 'hook', which is a hinge", "hang-off alone")),
+     "ropes[1].bending.clamped_along", ("begins at 'hook', which is a hinge", "only a hang-off")),
     ("no payload effect", spoilt("  - payload: {}\n", ""),
      "effects", ("`payload` is not listed", "add `- payload: {}`")),
 ]  # fmt: skip

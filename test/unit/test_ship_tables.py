@@ -198,7 +198,7 @@ def test_a_cut_table_moves_the_ship_and_is_warned_of_above_one_per_cent(tmp_path
         components_of(waves, 9.80665), math.radians(riding.heading_deg), arm
     )
     assert share > 0.01
-    assert warning.startswith("sea_state.on_waves.responses: the table ends at 0.13 Hz, and respo")
+    assert warning.startswith("sea_state.on_waves.responses: the table ends at 0.13 Hz, and RAOs ")
     assert f"fade to zero by 0.156 Hz: up to {100.0 * share:.2g} % of the variance of" in warning
     (warning,) = sense_checks(load_scene(cut_table(tmp_path, 0.11, 0.3)))
     assert "the table begins at 0.11 Hz, and" in warning

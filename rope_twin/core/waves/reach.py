@@ -19,7 +19,7 @@ from rope_twin.core.waves.sums import LOWEST
 CUT, TURN, BETWEEN = 0.2, 0.1, 0.5
 LEVELS, DEEPEST = 40, 2e3  # of the table of stretches, to this depth [m]
 HALVINGS = 60  # that find how deep a component reaches
-FARTHEST = 1e4  # m: so far aside angles are turned at most
+FARTHEST = 1e4  # m: maximum range of rotated angles
 SMALL = 36.7  # e^-36.7 is round-off of 1
 
 

@@ -1,4 +1,4 @@
-"""Where joints and payloads of a scene hang, about: a first guess (core/joined/hanging.py)."""
+"""Initial guess of the positions of connections and payloads (core/joined/hanging.py)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rope_twin.scene.schema import Scene
 
 
 def first_places(scene: Scene) -> dict[str, Floats]:
-    """Hang-offs, payloads and joints by name, (3,) each [m]."""
+    """Return approximate positions of hang-offs, payloads and joints by name, (3,) each [m]."""
     feet = {
         f"foot of {line.name}, {number}": line.fixed_at_m
         for number, line in enumerate(scene.ropes)
