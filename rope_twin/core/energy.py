@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.compiler.jit import jit_entry
-from rope_twin.core.guards import CRUSHED2, FOLDED2
+from rope_twin.core.guards import STRETCH2_MIN, TANGENT2_MIN
 from rope_twin.core.rope.law import hold
 from rope_twin.core.rope.sections import SAME_PLACE
 from rope_twin.core.solve.assembly import set_flow
@@ -208,7 +208,7 @@ def _elements(rope: Rope, V: float) -> Elements:
     x = rope.state.nodes[POSITION : POSITION + 3, : n + 1]
     v = rope.state.nodes[VELOCITY : VELOCITY + 3, : n + 1]
     rest, dx, dv = np.diff(s), np.diff(x), np.diff(v)
-    length = np.sqrt((dx * dx).sum(axis=0) + CRUSHED2 * rest * rest)
+    length = np.sqrt((dx * dx).sum(axis=0) + STRETCH2_MIN * rest * rest)
     direction = dx / length
     closing = (direction * dv).sum(axis=0)
     section = np.searchsorted(sections[END], s[:-1] + SAME_PLACE, side="right")
@@ -237,7 +237,7 @@ def _place(rope: Rope, elements: Elements, time: float, V: float) -> Place:
     v = rope.state.nodes[VELOCITY : VELOCITY + 3, : n + 1].copy()
     v[:, -1] -= V / elements.rest[-1] * (x[:, -1] - x[:, -2])
     along, turn = _at_nodes(elements.direction), _at_nodes(elements.turning)
-    size = np.sqrt((along * along).sum(axis=0) + FOLDED2)
+    size = np.sqrt((along * along).sum(axis=0) + TANGENT2_MIN)
     tangent = along / size
     half = 0.5 * elements.rest * rope.sections[PER_METRE:, elements.section]
     lumps = np.zeros((len(half), n + 1))

@@ -11,16 +11,16 @@ import sys
 
 # For divisors of any unit whose dividend vanishes with them: zero areas and volumes, a build-up of
 # zero duration.
-NONE_AT_ALL = 1e-300
-SMALLEST = sys.float_info.min  # likewise for forces in numpy arrays
+DIVISOR_MIN = 1e-300
+FORCE_MIN = sys.float_info.min  # likewise for forces in numpy arrays
 
-STILL2 = 1e-20  # (m/s)²: a body that drifts with the water keeps a speed of 1e-10 m/s
-STOPPED = 1e-9  # m/s, rad/s or N: still water, a wake at rest, a rope without tension
-NO_WAVES = 1e-30  # any unit: no wave component reaches this depth, so none has an error there
-UNSHED = 1e-12  # rad/s: a node without shedding has zero amplitude, whatever its history
+SPEED2_MIN = 1e-20  # (m/s)²: a body that drifts with the water keeps a speed of 1e-10 m/s
+RATE_MIN = 1e-9  # m/s, rad/s or N: still water, a wake at rest, a rope without tension
+WAVE_MIN = 1e-30  # any unit: no wave component reaches this depth, so none has an error there
+SHEDDING_MIN = 1e-12  # rad/s: a node without shedding has zero amplitude, whatever its history
 
-FOLDED2 = 1e-12  # of the sum of two unit tangents: a rope folded back on itself has no mean tangent
-CRUSHED2 = 1e-16  # of the unstretched length: an element whose nodes coincide has no direction
-TOUCHING2 = 1e-20  # m²: a sling whose ends coincide
-TIED2 = 1e-16  # m²: a link whose ends coincide
-UNTURNED2 = 1e-40  # rad²: a body without rotation has no rotation axis
+TANGENT2_MIN = 1e-12  # of the sum of two unit tangents: none where the rope folds back on itself
+STRETCH2_MIN = 1e-16  # of the unstretched length: an element whose nodes coincide has no direction
+SLING2_MIN = 1e-20  # m²: a sling whose ends coincide
+LINK2_MIN = 1e-16  # m²: a link whose ends coincide
+ANGLE2_MIN = 1e-40  # rad²: a body without rotation has no rotation axis

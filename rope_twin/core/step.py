@@ -30,9 +30,9 @@ from rope_twin.core.solve.remembering import (
 )
 from rope_twin.core.solve.stage import (
     BDF2,
-    CAP,
     CONVERGED,
-    LAST_CAP,
+    MAX_CORRECTIONS,
+    MAX_CORRECTIONS_LAST,
     NOT_FINITE,
     PENDING,
     TRAPEZOID,
@@ -97,7 +97,7 @@ def _substep(rope: Any, at: Any, level: int, done: int) -> Any:
     """
     boundary, row, time = at
     start, share = done / (1 << HALVINGS), 1.0 / (1 << level)
-    cap = CAP if level < HALVINGS else LAST_CAP
+    cap = MAX_CORRECTIONS if level < HALVINGS else MAX_CORRECTIONS_LAST
     c = 0.5 * GAMMA * share * rope.model.step
     worst, pending, solves = PENDING, 0.0, rope.state.health[SOLVES]
     again = level < 0  # False; a literal False has its own type and compiles everything twice

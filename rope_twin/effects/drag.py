@@ -23,7 +23,7 @@ from rope_twin.core.acting.hooks import kernel
 from rope_twin.core.acting.loads import Load
 from rope_twin.core.compiler.jit import jit_within
 from rope_twin.core.energy import account
-from rope_twin.core.guards import NONE_AT_ALL, STILL2
+from rope_twin.core.guards import DIVISOR_MIN, SPEED2_MIN
 from rope_twin.core.state import Floats
 from rope_twin.quantity import quantity, text
 
@@ -93,7 +93,7 @@ def _load(kn: float, kt: float, node: Any, relative: Any, q: float) -> Any:
     rx, ry, rz = relative
     s = rx * x + ry * y + rz * z
     nx, ny, nz = rx - s * x, ry - s * y, rz - s * z
-    speed = sqrt(nx * nx + ny * ny + nz * nz + STILL2)
+    speed = sqrt(nx * nx + ny * ny + nz * nz + SPEED2_MIN)
     kn = kn * node.frontal
     cn = kn * speed
     ct = kt * node.skin * abs(s)
@@ -128,8 +128,8 @@ def load(drag: Any, node: Any, stage: Any) -> Any:
 @jit_within
 def _factor(drag: Any, speed: float, node: Any) -> Any:
     """Return the factor on kn at a normal speed; constant beyond the table's last row."""
-    re = drag.scale * speed * node.volume / (node.frontal + NONE_AT_ALL)
-    at = log(max(re, NONE_AT_ALL))
+    re = drag.scale * speed * node.volume / (node.frontal + DIVISOR_MIN)
+    at = log(max(re, DIVISOR_MIN))
     last = drag.log_re.shape[0] - 1
     i = 0
     while i < last - 1 and drag.log_re[i + 1] < at:
@@ -170,8 +170,8 @@ def reynolds_power(drag: Any, place: Any) -> Any:
     u = place.velocity - place.flow
     across = u - (u * place.tangent).sum(axis=0) * place.tangent
     speed = np.sqrt((across * across).sum(axis=0))
-    re = drag.scale * speed * place.volume / (place.frontal + NONE_AT_ALL)
-    factor = np.interp(np.log(np.maximum(re, NONE_AT_ALL)), drag.log_re, drag.factor)
+    re = drag.scale * speed * place.volume / (place.frontal + DIVISOR_MIN)
+    factor = np.interp(np.log(np.maximum(re, DIVISOR_MIN)), drag.log_re, drag.factor)
     return _power(drag.drag, place, u, factor)
 
 

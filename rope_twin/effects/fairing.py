@@ -17,7 +17,7 @@ import numpy as np
 from rope_twin.core.acting.hooks import kernel
 from rope_twin.core.compiler.rows import rows, span
 from rope_twin.core.energy import account
-from rope_twin.core.guards import NONE_AT_ALL
+from rope_twin.core.guards import DIVISOR_MIN
 from rope_twin.core.state import BLOCK, FLOW, RESIDUAL, VELOCITY
 from rope_twin.quantity import quantity
 
@@ -103,7 +103,7 @@ def towed_end(fairing: Any, work: Any, stage: Any) -> None:
     """Add share(t)·F·e to R_0."""
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     share = (
-        1.0 if stage.time >= fairing.ramp else max(stage.time, 0.0) / (fairing.ramp + NONE_AT_ALL)
+        1.0 if stage.time >= fairing.ramp else max(stage.time, 0.0) / (fairing.ramp + DIVISOR_MIN)
     )
     Rx[0] += share * fairing.force * fairing.x
     Ry[0] += share * fairing.force * fairing.y

@@ -23,7 +23,7 @@ import numpy as np
 from rope_twin.core.acting.hooks import kernel
 from rope_twin.core.compiler.rows import rows, span
 from rope_twin.core.energy import account
-from rope_twin.core.guards import STILL2
+from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.state import BLOCK, FLOW, RESIDUAL, VELOCITY
 from rope_twin.quantity import quantity, text
 
@@ -120,7 +120,7 @@ def load_end(net: Any, work: Any, stage: Any) -> None:
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     x, y, z = ux[0] - vx[0], uy[0] - vy[0], uz[0] - vz[0]
-    s = sqrt(x * x + y * y + z * z + STILL2)
+    s = sqrt(x * x + y * y + z * z + SPEED2_MIN)
     nx, ny = net.nx, net.ny
     p = x * nx + y * ny
     c = p / s  # cos α, signed by the side of the normal
@@ -148,7 +148,7 @@ def power(net: Any, place: Any) -> Any:
     """Return force times velocity [W]."""
     w = place.flow - place.velocity
     n = np.array([[net.nx], [net.ny], [0.0]])
-    s = np.sqrt((w * w).sum(axis=0) + STILL2)
+    s = np.sqrt((w * w).sum(axis=0) + SPEED2_MIN)
     p = (w * n).sum(axis=0)
     even = net.along * s + net.facing * np.abs(p) - net.lift * p * p / s
     return ((even * w + net.lift * p * s * n) * place.velocity).sum(axis=0)

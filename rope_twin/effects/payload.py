@@ -21,7 +21,7 @@ import numpy as np
 from rope_twin.core.acting.hooks import kernel
 from rope_twin.core.compiler.rows import rows, span
 from rope_twin.core.energy import account
-from rope_twin.core.guards import STILL2
+from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.joined.stack import stacks
 from rope_twin.core.state import ACCELERATION, BLOCK, FLOW, RESIDUAL, VELOCITY, Floats
 
@@ -104,7 +104,7 @@ def load_end(load: Any, work: Any, stage: Any) -> None:
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     x, y, z = vx[0] - ux[0], vy[0] - uy[0], vz[0] - uz[0]
-    speed = sqrt(x * x + y * y + z * z + STILL2)
+    speed = sqrt(x * x + y * y + z * z + SPEED2_MIN)
     kx, ky, kz = load.kx * speed, load.ky * speed, load.kz * speed
     Rx[0] -= load.Mx * ax[0] + kx * x
     Ry[0] -= load.My * ay[0] + ky * y
@@ -150,7 +150,7 @@ def load_end_two_way(load: Any, work: Any, stage: Any) -> None:
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     x, y, z = vx[0] - ux[0], vy[0] - uy[0], vz[0] - uz[0]
-    speed = sqrt(x * x + y * y + z * z + STILL2)
+    speed = sqrt(x * x + y * y + z * z + SPEED2_MIN)
     near = z * z + TURN2
     root = sqrt(near)
     Mz, k = load.Mz + load.dM * z / root, load.kz + load.dk * z / root

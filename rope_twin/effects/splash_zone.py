@@ -19,7 +19,7 @@ import numpy as np
 from rope_twin.core.acting.hooks import kernel, switching
 from rope_twin.core.compiler.rows import row, rows, span
 from rope_twin.core.energy import account
-from rope_twin.core.guards import STILL2
+from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.joined.stack import stacks
 from rope_twin.core.state import (
     ACCELERATION,
@@ -112,7 +112,7 @@ def load_end(zone: Any, work: Any, stage: Any) -> None:
     share = (row(work, SURFACE, 0)[0] - z[0]) / zone.height + 0.5
     dry = 1.0 - min(max(share, 0.0), 1.0)
     x, y, w = vx[0] - ux[0], vy[0] - uy[0], vz[0] - uz[0]
-    speed = sqrt(x * x + y * y + w * w + STILL2)
+    speed = sqrt(x * x + y * y + w * w + SPEED2_MIN)
     kx, ky, kz = dry * zone.k[0], dry * zone.k[1], dry * zone.k[2]
     mx, my, mz = dry * zone.added[0], dry * zone.added[1], dry * zone.added[2]
     partly = 1.0 if 0.0 < share < 1.0 else 0.0

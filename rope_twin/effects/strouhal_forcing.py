@@ -31,7 +31,7 @@ from rope_twin.core.acting.hooks import kernel
 from rope_twin.core.compiler.jit import jit, jit_within
 from rope_twin.core.compiler.rows import rows, span
 from rope_twin.core.energy import account
-from rope_twin.core.guards import FOLDED2, NONE_AT_ALL, STILL2, UNSHED
+from rope_twin.core.guards import DIVISOR_MIN, SHEDDING_MIN, SPEED2_MIN, TANGENT2_MIN
 from rope_twin.core.payout.trial import set_trials
 from rope_twin.core.solve.prediction import K1, K2
 from rope_twin.core.solve.remembering import new_memory, remembering
@@ -126,7 +126,7 @@ def start(shed: Any, rope: Any) -> None:
 @jit_within
 def frequency(shed: Any, speed: float, per_diameter: float) -> Any:
     """Return f [Hz] at a normal speed; 0 where there is no shedding."""
-    re = speed * shed.per_viscosity / (per_diameter + NONE_AT_ALL)
+    re = speed * shed.per_viscosity / (per_diameter + DIVISOR_MIN)
     strouhal = shed.strouhal + shed.rise * max(re - STROUHAL_TO, 0.0)
     return strouhal * speed * per_diameter if re > SHEDS_FROM else 0.0
 
@@ -137,7 +137,7 @@ def _across(u: Any, v: Any, w: Any, x: Any, y: Any, z: Any) -> Any:
     along = u * x + v * y + w * z
     u, v, w = u - along * x, v - along * y, w - along * z
     lift = (v * z - w * y, w * x - u * z, u * y - v * x)
-    return (u, v, w), lift, sqrt(u * u + v * v + w * w + STILL2)
+    return (u, v, w), lift, sqrt(u * u + v * v + w * w + SPEED2_MIN)
 
 
 @jit
@@ -147,7 +147,7 @@ def _first_rate(shed: Any, rope: Any, i: int) -> Any:
     x = work[DIRECTION, i] + work[DIRECTION, low]
     y = work[DIRECTION + 1, i] + work[DIRECTION + 1, low]
     z = work[DIRECTION + 2, i] + work[DIRECTION + 2, low]
-    inverse = 1.0 / sqrt(x * x + y * y + z * z + FOLDED2)
+    inverse = 1.0 / sqrt(x * x + y * y + z * z + TANGENT2_MIN)
     _, _, speed = _across(
         work[FLOW, i] - nodes[VELOCITY, i], work[FLOW + 1, i] - nodes[VELOCITY + 1, i],
         work[FLOW + 2, i] - nodes[VELOCITY + 2, i], inverse * x, inverse * y, inverse * z,
@@ -161,7 +161,7 @@ def predict(shed: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
     memory, work, c = shed.memory, rope.work, stage.q
     for i in range(low, high):
         length = 0.5 * (work[REST, i] + work[REST, i - 1]) if i > 0 else 0.5 * work[REST, i]
-        memory[PER_DIAMETER, i] = sqrt(0.25 * pi * length / (work[VOLUME, i] + NONE_AT_ALL))
+        memory[PER_DIAMETER, i] = sqrt(0.25 * pi * length / (work[VOLUME, i] + DIVISOR_MIN))
         memory[STRENGTH, i] = shed.strength * length / memory[PER_DIAMETER, i]
         if memory[1, i] == UNKNOWN:
             memory[1, i] = _first_rate(shed, rope, i)
@@ -183,7 +183,7 @@ def _solve(shed: Any, c: float, i: int, water: Any, across: Any) -> Any:
     f = frequency(shed, water, memory[PER_DIAMETER, i])
     phase = memory[PHASE_HAT, i] + c * 2.0 * pi * f
     square = (memory[SQUARE_HAT, i] + c * f * across * across) / (1.0 + c * f)
-    amplitude = sqrt(2.0 * max(square, 0.0)) / (2.0 * pi * f + UNSHED)
+    amplitude = sqrt(2.0 * max(square, 0.0)) / (2.0 * pi * f + SHEDDING_MIN)
     share = max(1.0 - shed.per_limit * amplitude * memory[PER_DIAMETER, i], 0.0)
     sheds = 1.0 if f > 0.0 else 0.0
     growth = f * (across * across - square)
@@ -270,7 +270,7 @@ def power(shed: Any, place: Any) -> Any:
     re = speed * d * shed.per_viscosity
     strouhal = shed.strouhal + shed.rise * np.maximum(re - STROUHAL_TO, 0.0)
     f = np.where(re > SHEDS_FROM, strouhal * speed / d, 0.0)
-    amplitude = np.sqrt(2.0 * square) / (2.0 * pi * f + UNSHED)
+    amplitude = np.sqrt(2.0 * square) / (2.0 * pi * f + SHEDDING_MIN)
     share = shed.lift * np.maximum(1.0 - shed.per_limit * amplitude / d, 0.0)
     force = share * np.sin(phase) * lift + shed.in_line * np.sin(2.0 * phase) * normal
     force *= f > 0.0

@@ -31,7 +31,7 @@ from rope_twin.core.compiler.cosine import cosine
 from rope_twin.core.compiler.jit import jit
 from rope_twin.core.compiler.rows import row, rows, span
 from rope_twin.core.energy import account
-from rope_twin.core.guards import NONE_AT_ALL, STOPPED
+from rope_twin.core.guards import DIVISOR_MIN, RATE_MIN
 from rope_twin.core.payout.trial import set_trials
 from rope_twin.core.solve.prediction import K1, K2
 from rope_twin.core.solve.remembering import new_memory, remembering
@@ -130,7 +130,7 @@ def _set_figures(waves: Any, work: Any, low: int, high: int) -> None:
     strength, volume = waves.memory[STRENGTH, low:], row(work, VOLUME, low)
     set_node_lengths(work, length, low, high)
     for i in range(high - low):
-        per[i] = sqrt(0.25 * pi * length[i] / (volume[i] + NONE_AT_ALL))
+        per[i] = sqrt(0.25 * pi * length[i] / (volume[i] + DIVISOR_MIN))
         strength[i] = waves.half_density * length[i] / per[i]
 
 
@@ -217,17 +217,17 @@ def load_nodes(waves: Any, work: Any, stage: Any, low: int, high: int) -> None:
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
     for i in range(high - low):
         x, y, z, speed = across((ux[i], uy[i], uz[i]), (tx[i], ty[i], tz[i]))
-        inverse = 1.0 / (speed + STOPPED)
+        inverse = 1.0 / (speed + RATE_MIN)
         x, y, z = x * inverse, y * inverse, z * inverse
         rate = vx[i] * x + vy[i] * y + vz[i] * z
         root = sqrt(2.0 * max(square[i] + share[i] * rate * rate, 0.0))
-        per = per_diameter[i] / (omega[i] + STOPPED)
+        per = per_diameter[i] / (omega[i] + RATE_MIN)
         L = strength[i] * speed * speed * lift[i]
         force = L * (waves.C0 - waves.C1 * root * per) - damping[i] * rate
         Rx[i] += force * x
         Ry[i] += force * y
         Rz[i] += force * z
-        growth = 2.0 * share[i] * rate * per / (root + STOPPED)
+        growth = 2.0 * share[i] * rate * per / (root + RATE_MIN)
         k = stage.q * (L * waves.C1 * growth + damping[i])
         Axx[i] += k * x * x
         Axy[i] += k * x * y
@@ -250,7 +250,7 @@ def settle(waves: Any, rope: Any, stage: Any, kind: int) -> None:
     square1, rate1 = memory[CARRIED + SQUARE], memory[CARRIED + SQUARE_RATE]
     for i in range(n):
         x, y, z, speed = across((ux[i], uy[i], uz[i]), (tx[i], ty[i], tz[i]))
-        rate = (vx[i] * x + vy[i] * y + vz[i] * z) / (speed + STOPPED)
+        rate = (vx[i] * x + vy[i] * y + vz[i] * z) / (speed + RATE_MIN)
         square = max(hat[i] + share[i] * rate * rate, 0.0)
         phase1[i], omega1[i], square1[i] = phase[i], omega[i], square
         rate1[i] = omega[i] * waves.averaging * (rate * rate - square)
@@ -282,11 +282,11 @@ def power(waves: Any, place: Any) -> Any:
     if n > 1:
         own[:, -1] = own[:, -2]
     length = place.length
-    per_diameter = np.sqrt(0.25 * pi * length / (place.volume + NONE_AT_ALL))
+    per_diameter = np.sqrt(0.25 * pi * length / (place.volume + DIVISOR_MIN))
     across = np.cross(place.flow, place.tangent, axis=0)
     speed = np.sqrt((across * across).sum(axis=0))
-    rate = (across * place.velocity).sum(axis=0) / (speed + STOPPED)
-    amplitude = np.sqrt(2.0 * own[SQUARE]) * per_diameter / (own[OMEGA] + STOPPED)
-    lift = waves.half_density * length / (per_diameter + NONE_AT_ALL) * speed**2 * own[COSINE]
+    rate = (across * place.velocity).sum(axis=0) / (speed + RATE_MIN)
+    amplitude = np.sqrt(2.0 * own[SQUARE]) * per_diameter / (own[OMEGA] + RATE_MIN)
+    lift = waves.half_density * length / (per_diameter + DIVISOR_MIN) * speed**2 * own[COSINE]
     damping = waves.damping * own[OMEGA] * (place.mass + waves.added * place.volume)
     return rate * (lift * (waves.C0 - waves.C1 * amplitude) - damping * rate)

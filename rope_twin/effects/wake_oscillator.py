@@ -38,7 +38,7 @@ from rope_twin.core.acting.hooks import kernel
 from rope_twin.core.compiler.jit import jit
 from rope_twin.core.compiler.rows import rows, span
 from rope_twin.core.energy import account
-from rope_twin.core.guards import STILL2
+from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.payout.trial import set_trials
 from rope_twin.core.solve.prediction import GAMMA, K1, K2
 from rope_twin.core.solve.remembering import new_memory, remembering
@@ -241,7 +241,7 @@ def load_nodes(wake: Any, work: Any, stage: Any, low: int, high: int) -> None:
         along = u * x + v * y + w * z
         u, v, w = u - along * x, v - along * y, w - along * z
         lx, ly, lz = v * z - w * y, w * x - u * z, u * y - v * x
-        speed = sqrt(u * u + v * v + w * w + STILL2)
+        speed = sqrt(u * u + v * v + w * w + SPEED2_MIN)
         k = strength[i]
         size = k * q * speed
         Rx[i] += size * lx

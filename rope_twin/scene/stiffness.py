@@ -13,7 +13,7 @@ from rope_twin.quantity import quantity
 
 MOST_STRAIN = 1.0
 MOST_STIFFNESS_N = 1e12
-SAME = 1e-12  # relative tolerance of the inverse, in strain
+STRAIN_TOL = 1e-12  # relative tolerance of the inverse, in strain
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +61,7 @@ class StiffnessTable:
         if tension_n >= tension:
             return strain + (tension_n - tension) / self._at(strain)[1]
         low, high = 0.0, strain
-        while high - low > SAME * high:
+        while high - low > STRAIN_TOL * high:
             middle = 0.5 * (low + high)
             low, high = (middle, high) if self._at(middle)[0] < tension_n else (low, middle)
         return 0.5 * (low + high)

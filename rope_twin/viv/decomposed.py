@@ -19,16 +19,16 @@ import numpy as np
 from rope_twin.core.modes.apart import settle_added_mass
 from rope_twin.core.modes.sharing import parts_below, share_out
 from rope_twin.viv.force_table import ForceTable, fitted_forces
-from rope_twin.viv.lateral_modes import MOST, LateralModes, ModeSearch
+from rope_twin.viv.lateral_modes import MAX_MODES, LateralModes, ModeSearch
 from rope_twin.viv.span import EVEN, Floats, Span, refined
 
 PER_WAVE = 24  # elements per wave length at the highest frequency that can be excited
 MOST_ELEMENTS = 6000
 ROUNDS = 60
-SAME = 1e-6  # convergence of C_a between two rounds
+ADDED_MASS_TOL = 1e-6  # convergence of C_a between two rounds
 TIE = 0.03  # relative difference of power below which modes share a place
-NEAR = 0.03  # of the largest power: a mode below is not expected to be excited soon
-STILL = 1e-6  # m/s: minimum water speed
+POWER_MIN = 0.03  # of the largest power: a mode below is not expected to be excited soon
+SPEED_MIN = 1e-6  # m/s: minimum water speed
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class ExcitationSearch:
         self,
         span: Span,
         model: Decomposed,
-        part: int = MOST,
+        part: int = MAX_MODES,
         near_hz: tuple[float, float] | None = None,
     ) -> None:
         """Set up the search; `part`: approximate number of modes per call.
@@ -153,11 +153,11 @@ def near_driven(found: Excitation) -> tuple[float, float] | None:
     """Return the frequency range of modes that may soon be excited [Hz]; None: any.
 
     Frequencies are those at constant added mass; the range extends a tenth beyond the modes that
-    have NEAR of the largest power now.
+    have POWER_MIN of the largest power now.
     """
     if not found.power.any():
         return None
-    driven = found.modes.frequency[found.power > NEAR * found.power.max()]
+    driven = found.modes.frequency[found.power > POWER_MIN * found.power.max()]
     return 0.9 * float(driven[0]), 1.1 * float(driven[-1])
 
 
@@ -201,7 +201,7 @@ def _excited(span: Span, model: Decomposed, modes: LateralModes) -> _Part:
         row = model.table.added_mass_row(model.first_amplitude)
         settle_added_mass(
             model.table.frequency, row, _per_speed(span), np.ascontiguousarray(weight.T),
-            modes.frequency, dry, wet, ROUNDS, SAME, added, frequency,
+            modes.frequency, dry, wet, ROUNDS, ADDED_MASS_TOL, added, frequency,
         )  # fmt: skip
     power, band = _powers(span, model, modes, frequency)
     return _Part(frequency, added, power, band)
@@ -227,7 +227,7 @@ def _per_metre(span: Span, model: Decomposed) -> Floats:
 
 def _per_speed(span: Span) -> Floats:
     """Return D/U [s]; very large in still water."""
-    return np.asarray(span.diameter / np.maximum(span.speed, STILL))
+    return np.asarray(span.diameter / np.maximum(span.speed, SPEED_MIN))
 
 
 def _reduced(frequency: Floats, span: Span) -> Floats:

@@ -20,8 +20,8 @@ from rope_twin.errors import InputError, phrase
 from rope_twin.viv.span import Floats, Span
 
 SPARE = 4  # modes requested beyond the number of a string without bending
-MOST = 400  # maximum number of modes
-APART = 4  # shifts per mode of the string, so that few modes share an interval
+MAX_MODES = 400  # maximum number of modes
+SHIFTS_PER_MODE = 4  # shifts per mode of the string, so that few modes share an interval
 
 
 class LateralModes(NamedTuple):
@@ -38,7 +38,7 @@ def find_lateral_modes(span: Span, highest_hz: float) -> LateralModes:
     Raises:
         InputError: the rope is slack somewhere, or has too many modes below that frequency.
     """
-    return ModeSearch(span, highest_hz, MOST).found()
+    return ModeSearch(span, highest_hz, MAX_MODES).found()
 
 
 class ModeSearch:
@@ -55,9 +55,11 @@ class ModeSearch:
             what = f"{slack} of {len(span.tension)} elements are slack, so it has no modes"
             raise InputError(phrase("rope", what, "give it weight, tension or a payload"))
         expected = modes_below(span, highest_hz)
-        if expected > MOST:
+        if expected > MAX_MODES:
             what = f"about {expected:.0f} modes lie below {highest_hz:.3g} Hz"
-            raise InputError(phrase("rope", what, f"at most {MOST} are taken; lower the current"))
+            raise InputError(
+                phrase("rope", what, f"at most {MAX_MODES} are taken; lower the current")
+            )
         self.span, self.highest_hz = span, highest_hz
         self._first = 1 if span.end_mass is None else 0
         self._mass = span.node_mass[self._first : -1]
@@ -114,7 +116,7 @@ def _three_diagonals(
     between = -k[first:-1] / np.sqrt(mass[1:] * mass[:-1])
     low, high = np.sqrt(np.maximum(band, 0.0))
     expected = ceil(modes_below(span, float(high - low) / (2.0 * pi)))
-    shifts = np.linspace(low, high, APART * expected + 1) ** 2
+    shifts = np.linspace(low, high, SHIFTS_PER_MODE * expected + 1) ** 2
     shifts[[0, -1]] = band
     counts = count_below(own, between, shifts)
     return find_eigenpairs(own, between, shifts, counts, np.arange(counts[0], counts[-1]))

@@ -32,10 +32,10 @@ from rope_twin.viv.span import EVEN, Floats, Span, half_waves, refined
 
 PER_WAVE = 24  # elements per wave length at the highest Strouhal frequency: 0.3 % error there
 PER_PERIOD = 6  # steps per period of that frequency
-STILL = 1e-6  # d: a mode without excitation and with less amplitude is inactive
+AMPLITUDE_MIN = 1e-6  # d: a mode without excitation and with less amplitude is inactive
 GOLDEN = pi * (3.0 - 5.0**0.5)  # rad; initial phase of a mode over the square of its number
 # (proportional to the number itself, all modes would add up to one pulse)
-LEAST = 1e-200  # N/m: keeps the response of an undamped mode finite
+DAMPING_MIN = 1e-200  # N/m: keeps the response of an undamped mode finite
 MOST_ELEMENTS = 6000
 TOGETHER = 128  # places processed at a time, so that intermediates stay in the cache
 PART = 12  # modes computed per call alongside a running twin
@@ -218,13 +218,13 @@ class ModalResponse:
         lift = 0.5 * water.density * span.diameter * span.speed**2 * span.node_length
         moved = np.abs(modes.shape)
         moved *= lift[:, None]
-        moved /= np.maximum(damping * self._omega, LEAST)
+        moved /= np.maximum(damping * self._omega, DAMPING_MIN)
         strouhal = water.strouhal * span.speed / span.diameter
         zones = water.zones(modes.frequency, strouhal, locked, moved)
         if before is not None:
             zones = handed_over(before, zones, locked, strouhal, self.time_s - self._zoned_s)
         self._zoned_s = self.time_s
-        moving = self.modal_amplitude > STILL * float(span.diameter.min())
+        moving = self.modal_amplitude > AMPLITUDE_MIN * float(span.diameter.min())
         if active is None:
             active = np.flatnonzero((zones > 0.0).any(axis=0) | moving)
         shape = modes.shape[:, active]

@@ -15,7 +15,7 @@ from numba.extending import overload
 from rope_twin.core.acting.hooks import kernels, kernels_by_place, members, written_out
 from rope_twin.core.compiler.jit import LINKED, jit, jit_within
 from rope_twin.core.compiler.rows import rows, span
-from rope_twin.core.guards import FOLDED2
+from rope_twin.core.guards import TANGENT2_MIN
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
@@ -138,7 +138,7 @@ def _set_tangents(work: Any, low: int, high: int) -> None:
     mx, my, mz = rows(work, TANGENT, low)
     for i in range(high - low):
         x, y, z = bx[i] + tx[i], by[i] + ty[i], bz[i] + tz[i]
-        inverse = 1.0 / sqrt(x * x + y * y + z * z + FOLDED2)
+        inverse = 1.0 / sqrt(x * x + y * y + z * z + TANGENT2_MIN)
         mx[i] = x * inverse
         my[i] = y * inverse
         mz[i] = z * inverse

@@ -41,7 +41,7 @@ from rope_twin.core.payout.trial import LOW
 from rope_twin.core.solve.assembly import set_flow
 from rope_twin.core.state import POSITION, SURFACE, Floats
 
-FEW = 1e-12  # submerged fraction below which a body counts as dry
+DRY_TOL = 1e-12  # submerged fraction below which a body counts as dry
 
 
 @jit_within
@@ -169,13 +169,13 @@ def foresee(part: Any, body: Any, rope: Any, stage: Any, pose: Any) -> None:
         lower = 0.5 * (1.0 - min(max(share, 0.0), 1.0))
         arm = along(arm, wet, along(part_of_it, -lower, g))
     s[at.WET] = total
-    put(s, at.WET_ARM, along(NONE, 1.0 / max(total, FEW), arm))
+    put(s, at.WET_ARM, along(NONE, 1.0 / max(total, DRY_TOL), arm))
 
 
 @part("floor", Afloat)
 def floor(part: Any, body: Any, place: Any) -> float:
     """Return the height of the keel of the body floating in equilibrium."""
-    sunk = part.height * body.m / (body.displaced + FEW)
+    sunk = part.height * body.m / (body.displaced + DRY_TOL)
     return float(body.stage[at.SURFACE_Z] - sunk if body.m < body.displaced else -1e300)
 
 

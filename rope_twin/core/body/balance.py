@@ -49,8 +49,8 @@ from rope_twin.core.body.state import (
 )
 from rope_twin.core.compiler.jit import jit
 
-CAP, HALVINGS = 60, 8
-BALANCED, KEPT = 1e-9, 1e-12  # residual tolerance relative to the forces and to the momenta
+MAX_ITERATIONS, HALVINGS = 60, 8
+FORCE_TOL, MOMENTUM_TOL = 1e-9, 1e-12  # of the residual, relative to forces and momenta
 NO_LOAD = 1e-200  # N·s: absolute tolerance for a body without loads
 ROUND_OFF = 1e-15  # relative round-off of a position, amplified by stiff slings
 
@@ -84,7 +84,7 @@ def balance(body: Any, q: float, hook: Any) -> float:
     P_hat, L_hat = vector(s, P_HAT), vector(s, L_HAT)
     kept = sqrt(dot(P_hat, P_hat)) + sqrt(dot(L_hat, L_hat)) / body.reach
     blur = ROUND_OFF * (sqrt(dot(x, x)) + body.reach) * body.stiffness
-    allowed = q * (BALANCED * s[FORCES] + blur) + KEPT * kept + NO_LOAD
+    allowed = q * (FORCE_TOL * s[FORCES] + blur) + MOMENTUM_TOL * kept + NO_LOAD
     turns = sqrt(dot(turn_lost, turn_lost)) / body.reach
     return float((sqrt(dot(lost, lost)) + turns) / allowed)
 
@@ -131,7 +131,7 @@ def solve(body: Any, q: float, hook: Any) -> bool:
     """
     s = body.stage
     miss = balance(body, q, hook)
-    for _ in range(CAP):
+    for _ in range(MAX_ITERATIONS):
         if miss <= 1.0:
             return True
         _correct(body)

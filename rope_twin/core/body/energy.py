@@ -17,7 +17,7 @@ from rope_twin.core.body import state as body_state
 from rope_twin.core.body.loads import TURN2
 from rope_twin.core.body.parts import power_of
 from rope_twin.core.body.state import DAMPING, LENGTH, STIFFNESS, RigidBody
-from rope_twin.core.guards import STILL2, TOUCHING2
+from rope_twin.core.guards import SLING2_MIN, SPEED2_MIN
 from rope_twin.core.state import Floats
 
 at = body_state
@@ -57,7 +57,7 @@ def pulls_of(body: RigidBody, hook: Any, speed: Any) -> tuple[Floats, Floats, Fl
     pose, legs = pose_of(body), body.legs
     r, k, c = legs[:, :3], legs[:, STIFFNESS], legs[:, DAMPING]
     d, e = hook - pose.place(r), speed - pose.speed(r)
-    length = np.sqrt((d * d).sum(axis=1) + TOUCHING2)
+    length = np.sqrt((d * d).sum(axis=1) + SLING2_MIN)
     n = d / length[:, None]
     stretch, rate = length - legs[:, LENGTH], (n * e).sum(axis=1)
     pull = np.maximum(k * stretch + c * rate, 0.0)
@@ -112,7 +112,7 @@ def power(body: Any, place: Any) -> Any:
     k, M = wet * body.k[:3], wet * body.added[:3]
     k[2] += wet * body.rising_k * blend
     M[2] += wet * body.rising * blend
-    drag = -np.sqrt(c @ c + STILL2) * k * c
+    drag = -np.sqrt(c @ c + SPEED2_MIN) * k * c
     swept = M * (grows @ pose.turn)
     total = (drag + swept) @ pose.turn.T @ pose.speed(h) - swept @ pose.turn.T @ u
     total += wet * body.displaced * grows @ pose.speed(body.buoyed + arm)

@@ -59,7 +59,7 @@ from rope_twin.core.body.state import (
     Immersed,
 )
 from rope_twin.core.compiler.jit import jit, jit_within
-from rope_twin.core.guards import STILL2, TOUCHING2
+from rope_twin.core.guards import SLING2_MIN, SPEED2_MIN
 
 TURN2 = 0.05**2  # δ² of the blend from descent to ascent [m²/s²]
 
@@ -137,7 +137,7 @@ def _add_drag(body: Any, q: float, pose: Any) -> Any:
     grows = inward(R, vector(s, FLOW_GROWS))
     c = along(against, 1.0, cross(spin, h))
     _, M = water_momentum(body, wet, c)
-    speed, root = sqrt(dot(c, c) + STILL2), sqrt(c[2] * c[2] + TURN2)
+    speed, root = sqrt(dot(c, c) + SPEED2_MIN), sqrt(c[2] * c[2] + TURN2)
     k = (wet * body.k[0], wet * body.k[1], wet * (body.k[2] + body.rising_k * c[2] / root))
     f = along(_scaled(M, grows), -speed, _scaled(k, c))
     e = _scaled(vector(body.k, 3), (abs(spin[0]), abs(spin[1]), abs(spin[2])))
@@ -182,7 +182,7 @@ def pull_of(leg: Any, share: float, d: Any, e: Any) -> Any:
     if L == 0.0:
         pull = along(along(NONE, k, d), c, e)
         return pull, 1.0, sqrt(dot(pull, pull))
-    length = sqrt(dot(d, d) + TOUCHING2)
+    length = sqrt(dot(d, d) + SLING2_MIN)
     n = along(NONE, 1.0 / length, d)
     T = k * (length - L) + c * dot(n, e)
     if not T > 0.0:

@@ -44,20 +44,20 @@ from rope_twin.core.body.state import (
 )
 from rope_twin.core.body.state import Q as ATTITUDE
 from rope_twin.core.compiler.jit import jit
-from rope_twin.core.guards import NONE_AT_ALL
+from rope_twin.core.guards import DIVISOR_MIN
 
 ROUNDS, BISECTIONS = 400, 60
-RESTS = 1e-12  # of the weight: residual force at which the body is in equilibrium
-NUDGE = 1e-6  # of the reach: increment of finite differences
-FARTHEST = 0.2  # of the reach, and in radians: largest change per iteration
-FIRST, LEAST = 1.0, 1e-4  # initial and minimum drag over weight and reach
-SOFT, STIFFER = 0.02, 10.0  # initial strain of soft slings, stiffness factor per round
+FORCE_TOL = 1e-12  # of the weight: residual force at which the body is in equilibrium
+DIFFERENCE_STEP = 1e-6  # of the reach: increment of finite differences
+MAX_CHANGE = 0.2  # of the reach, and in radians: largest change per iteration
+FIRST_DRAG, MIN_DRAG = 1.0, 1e-4  # initial and minimum drag over weight and reach
+SOFT_STRAIN, STIFFNESS_FACTOR = 0.02, 10.0  # initial strain of slings, factor per round
 TINY_WEIGHT = 1e-3  # N, weight assumed for a weightless body
-NEAR = 0.25  # of the reach: largest slide from below the hook to an equilibrium without friction
-YIELDS = 0.1  # of the reach: d_0
-FASTEST = 10.0 * CREEP  # creep velocity at which friction reaches 99.5 % of its limit [m/s]
-SHORT = 1e-3  # increment for the slope of the ground [m]
-RUBS = 1e-9  # of the weight: smallest friction force considered
+MAX_SLIDE = 0.25  # of the reach: largest slide to an equilibrium without friction
+YIELD_DISTANCE = 0.1  # of the reach: d_0
+MAX_CREEP = 10.0 * CREEP  # creep velocity at which friction reaches 99.5 % of its limit [m/s]
+SLOPE_STEP = 1e-3  # increment for the slope of the ground [m]
+FRICTION_MIN = 1e-9  # of the weight: smallest friction force considered
 FAR_DOWN = -1e300
 
 
@@ -135,7 +135,7 @@ def _take_slopes(body: Any, place: Any, attitude: Any, found: Any, held: Any) ->
     # `loads` clears the matrix, so the columns are buffered in a record that is still unused
     spare, (f, t) = body.records, found
     for k in range(6):
-        size = NUDGE * body.reach if k < 3 else NUDGE
+        size = DIFFERENCE_STEP * body.reach if k < 3 else DIFFERENCE_STEP
         change, turn = unit(k, size), unit(k - 3, size)
         there, so = _moved(place, attitude, change, turn)
         force, twist = _forces(body, there, so, held)
@@ -153,7 +153,7 @@ def _take_slopes(body: Any, place: Any, attitude: Any, found: Any, held: Any) ->
 
 @jit
 def _step(body: Any, drag: float) -> Any:
-    """Return the change of position and attitude in one iteration, limited to FARTHEST."""
+    """Return the change of position and attitude in one iteration, limited to MAX_CHANGE."""
     A = body.matrix
     for k in range(3):
         A[k, k] += drag / body.reach
@@ -161,7 +161,7 @@ def _step(body: Any, drag: float) -> Any:
     eliminate(A)
     change, turn = (A[0, MISS], A[1, MISS], A[2, MISS]), (A[3, MISS], A[4, MISS], A[5, MISS])
     far = max(sqrt(dot(change, change)) / body.reach, sqrt(dot(turn, turn)))
-    share = min(1.0, FARTHEST / (far + NONE_AT_ALL))
+    share = min(1.0, MAX_CHANGE / (far + DIVISOR_MIN))
     return along(NONE, share, change), along(NONE, share, turn)
 
 
@@ -188,7 +188,7 @@ def _relax(body: Any, start: Any, weight: float, held: Any) -> Any:
     """
     place, attitude = start
     blur = ROUND_OFF * (body.reach + sqrt(dot(place, place))) * body.stiffness
-    drag, enough = FIRST * weight, RESTS * weight + blur
+    drag, enough = FIRST_DRAG * weight, FORCE_TOL * weight + blur
     found = _forces(body, place, attitude, held)
     miss = _miss(body, found)
     for _ in range(ROUNDS):
@@ -203,7 +203,7 @@ def _relax(body: Any, start: Any, weight: float, held: Any) -> Any:
             drag, miss = 10.0 * drag, last
             continue
         place, attitude, found = there, so, after
-        drag = max(drag * (min(miss / last, 0.5) if miss < last else 2.0), LEAST * weight)
+        drag = max(drag * (min(miss / last, 0.5) if miss < last else 2.0), MIN_DRAG * weight)
     return place, attitude, miss <= enough and _is_near(place, held)
 
 
@@ -211,9 +211,9 @@ def _relax(body: Any, start: Any, weight: float, held: Any) -> Any:
 def _ground(body: Any, place: Any) -> Any:
     """Return the height of the support below a position, and its slopes (east, north)."""
     low = highest_floor(body.parts, body, place, FAR_DOWN)
-    east = highest_floor(body.parts, body, along(place, SHORT, (1.0, 0.0, 0.0)), FAR_DOWN)
-    north = highest_floor(body.parts, body, along(place, SHORT, (0.0, 1.0, 0.0)), FAR_DOWN)
-    return low, (east - low) / SHORT, (north - low) / SHORT
+    east = highest_floor(body.parts, body, along(place, SLOPE_STEP, (1.0, 0.0, 0.0)), FAR_DOWN)
+    north = highest_floor(body.parts, body, along(place, SLOPE_STEP, (0.0, 1.0, 0.0)), FAR_DOWN)
+    return low, (east - low) / SLOPE_STEP, (north - low) / SLOPE_STEP
 
 
 @jit
@@ -240,7 +240,7 @@ def _softest(body: Any, weight: float) -> float:
     long = body.reach
     for j in range(body.legs.shape[0]):
         long = max(long, body.legs[j, LENGTH])
-    return float(min(1.0, weight / (SOFT * long * body.stiffness)))
+    return float(min(1.0, weight / (SOFT_STRAIN * long * body.stiffness)))
 
 
 @jit
@@ -254,7 +254,7 @@ def _settle(body: Any, start: Any, weight: float, held: Any) -> Any:
     s[SHARE] = _softest(body, weight)
     found = _relax(body, start, weight, held)
     while s[SHARE] < 1.0 and _is_near(found[0], held):
-        s[SHARE] = min(1.0, STIFFER * s[SHARE])
+        s[SHARE] = min(1.0, STIFFNESS_FACTOR * s[SHARE])
         found = _relax(body, (found[0], found[1]), weight, held)
     s[SHARE] = 1.0
     return found
@@ -264,14 +264,14 @@ def _settle(body: Any, start: Any, weight: float, held: Any) -> Any:
 def _rest_of(body: Any, start: Any, weight: float) -> Any:
     """Return position, attitude and creep velocity of equilibrium, and whether it converged."""
     below, forever = start[0], -FAR_DOWN
-    place, attitude, rests = _settle(body, start, weight, (below, 0.0, NEAR * body.reach))
+    place, attitude, rests = _settle(body, start, weight, (below, 0.0, MAX_SLIDE * body.reach))
     if rests:
         return place, attitude, NONE, rests
-    held = (below, CREEP / (YIELDS * body.reach), forever)
+    held = (below, CREEP / (YIELD_DISTANCE * body.reach), forever)
     place, attitude, rests = _settle(body, start, weight, held)
     creep = creep_of(body, place, held)
-    rubs = _miss(body, _forces_at(body, place, attitude, NONE)) > RUBS * weight
-    if rests and rubs and dot(creep, creep) < FASTEST * FASTEST:
+    rubs = _miss(body, _forces_at(body, place, attitude, NONE)) > FRICTION_MIN * weight
+    if rests and rubs and dot(creep, creep) < MAX_CREEP * MAX_CREEP:
         return place, attitude, creep, rests
     place, attitude, rests = _settle(body, start, weight, (below, 0.0, forever))
     return place, attitude, NONE, rests

@@ -16,7 +16,7 @@ from math import cos, sin, sqrt
 from typing import Any
 
 from rope_twin.core.compiler.jit import jit, jit_within
-from rope_twin.core.guards import UNTURNED2
+from rope_twin.core.guards import ANGLE2_MIN
 
 
 @jit_within
@@ -84,7 +84,7 @@ def inward(R: Any, a: Any) -> Any:
 def turned(Q: Any, theta: Any) -> Any:
     """Return Q·exp(θ), normalised."""
     x, y, z, w = Q
-    angle = sqrt(dot(theta, theta) + UNTURNED2)
+    angle = sqrt(dot(theta, theta) + ANGLE2_MIN)
     size, c = sin(0.5 * angle) / angle, cos(0.5 * angle)
     a, b, d = size * theta[0], size * theta[1], size * theta[2]
     return normalised(
@@ -107,7 +107,7 @@ def normalised(Q: Any) -> Any:
 @jit
 def angular_velocity(theta: Any, rate: Any) -> Any:
     """Return Ω = J(θ)·dθ/dt, in body axes."""
-    angle = sqrt(dot(theta, theta) + UNTURNED2)
+    angle = sqrt(dot(theta, theta) + ANGLE2_MIN)
     half = sin(0.5 * angle) / angle
     once = cross(theta, rate)
     out = along(rate, -2.0 * half * half, once)

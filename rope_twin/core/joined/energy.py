@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import Border, Elements, Power, Store, damped, measure
-from rope_twin.core.guards import TIED2
+from rope_twin.core.guards import LINK2_MIN
 from rope_twin.core.joined import ties
 from rope_twin.core.joined.joints import LOOSE, Joints, System
 from rope_twin.core.joined.sheaves import (
@@ -146,7 +146,7 @@ def _tied(joints: Joints) -> tuple[Elements, float]:
     held, count = joints.ties, joints.ties.shape[1]
     ends = _ends(joints, POSITION, held[ties.AT : ties.AT + 3])
     closing = _ends(joints, VELOCITY, np.zeros((3, count)))
-    length = np.sqrt((ends * ends).sum(axis=0) + TIED2)
+    length = np.sqrt((ends * ends).sum(axis=0) + LINK2_MIN)
     rate = (ends * closing).sum(axis=0) / length
     force, stiffness, least = (held[row] for row in (ties.FORCE, ties.STIFFNESS, ties.LEAST))
     stretched = length - held[ties.LENGTH]

@@ -34,7 +34,7 @@ from rope_twin.core.state import (
     Boundary,
     Floats,
 )
-from rope_twin.core.statics.equilibrium import ENOUGH, FAST, ROUND_OFF, TOLERANCE_N
+from rope_twin.core.statics.equilibrium import FORCE_TOL_N, MAX_RATIO, ROUND_OFF, TENSION_TOL
 from rope_twin.core.statics.forces import INSTANT, SYMMETRIC, Equilibrium
 from rope_twin.core.statics.shape import largest
 
@@ -42,8 +42,8 @@ ROUNDS, STEP_FIRST, STEP_LAST, STEP_LEAST, GROWTH, SHRINK = 40, 1.0, 3e3, 1e-4, 
 ATTEMPTS, FALL_STEPS, FALL_STEP = 8, 300, 0.05
 STEP_NEAR = 64.0  # first step where ropes are near equilibrium
 LEVELS = (6, 30)  # maximum elements per rope of the coarse levels
-HARD = 600  # solves on a coarse level that mark a hard initial guess
-FEW = 4  # substeps of a step that is short enough
+HARD_SOLVES = 600  # solves on a coarse level that mark a hard initial guess
+EASY_SUBSTEPS = 4  # substeps of a step that is short enough
 
 
 def settle_joined(system: System, place: Floats) -> Equilibrium:
@@ -91,7 +91,7 @@ def _settle_coarsely(system: System, place: Floats) -> None:
         few = coarser(system, most)
         boundary = _boundary(few, place)
         pull = np.zeros((len(few.ropes), 1, PULL_COLUMNS))
-        end, _ = _take_long_steps(few, boundary, pull, first, most_solves=HARD)
+        end, _ = _take_long_steps(few, boundary, pull, first, most_solves=HARD_SOLVES)
         if not end.found:
             lay(few)
             _stop(few)
@@ -230,7 +230,7 @@ def _take_long_steps(
 
     most_solves: the iteration ends if this many solves were not enough to reach the longest steps.
     """
-    tolerance = max(TOLERANCE_N, _round_off(system))
+    tolerance = max(FORCE_TOL_N, _round_off(system))
     health, step, solves = system.ropes[0].state.health, first, 0
     last, before = np.inf, _places(system)
     for rounds in range(ROUNDS):
@@ -250,12 +250,12 @@ def _take_long_steps(
         if step >= STEP_LAST:  # before, a move is no error estimate
             move = _largest_move(before, _places(system))
             end = _rest(system, boundary, pull, tolerance)._replace(left_m=move, rounds=rounds)
-            if end.found and not move < FAST * last:  # no progress: round-off
+            if end.found and not move < MAX_RATIO * last:  # no progress: round-off
                 return end, True
             last = move if end.found else np.inf
         if substeps == 1:
             step = min(step * GROWTH, STEP_LAST)
-        elif substeps > FEW:
+        elif substeps > EASY_SUBSTEPS:
             step /= GROWTH
     end = _rest(system, boundary, pull, tolerance)
     return end._replace(left_m=_largest_move(before, _places(system)), rounds=ROUNDS), False
@@ -268,5 +268,5 @@ def _largest_move(before: list[Floats], after: list[Floats]) -> float:
 def _rest(system: System, boundary: Boundary, pull: Floats, tolerance: float) -> Equilibrium:
     """Return the residual of equilibrium at the present positions."""
     residual, tension = _residual(system, boundary, pull)
-    found = residual <= max(tolerance, ENOUGH * tension)
+    found = residual <= max(tolerance, TENSION_TOL * tension)
     return Equilibrium(found, residual, tension, np.inf, 0)

@@ -20,9 +20,9 @@ from rope_twin.core.solve.halving import BACK, HALVINGS, OUT, advance_halving
 from rope_twin.core.solve.prediction import GAMMA
 from rope_twin.core.solve.stage import (
     BDF2,
-    CAP,
     CONVERGED,
-    LAST_CAP,
+    MAX_CORRECTIONS,
+    MAX_CORRECTIONS_LAST,
     NOT_FINITE,
     TRAPEZOID,
     UNCONVERGED,
@@ -77,7 +77,7 @@ def _substep(system: Any, at: Any, level: int, done: int) -> Any:
     boundary, row, time = at
     h = system.stack.model[0, STEP]
     start, share = done / (1 << HALVINGS), 1.0 / (1 << level)
-    cap = CAP if level < HALVINGS else LAST_CAP
+    cap = MAX_CORRECTIONS if level < HALVINGS else MAX_CORRECTIONS_LAST
     c = 0.5 * GAMMA * share * h
     outcome = CONVERGED
     for kind in (TRAPEZOID, BDF2):

@@ -15,7 +15,7 @@ from typing import Any
 
 from rope_twin.core.compiler.jit import jit, jit_within
 from rope_twin.core.compiler.rows import column
-from rope_twin.core.guards import TIED2
+from rope_twin.core.guards import LINK2_MIN
 from rope_twin.core.state import CORRECTION, POSITION, RESIDUAL, VELOCITY
 
 ANCHORED = -1  # in the row SECOND: the link's other end is the fixed point AT
@@ -44,7 +44,7 @@ def pull_ties(ties: Any, work: Any, p: float, q: float) -> None:
     for k in range(ties.shape[1]):
         x, y, z = _difference(ties, work, POSITION, k, column(ties, AT, k))
         vx, vy, vz = _difference(ties, work, VELOCITY, k, still)
-        length = sqrt(x * x + y * y + z * z + TIED2)
+        length = sqrt(x * x + y * y + z * z + LINK2_MIN)
         x, y, z = x / length, y / length, z / length
         rate = x * vx + y * vy + z * vz
         pull = ties[FORCE, k] + ties[STIFFNESS, k] * (length - ties[LENGTH, k])

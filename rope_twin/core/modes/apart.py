@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rope_twin.core.compiler.jit import jit, jit_entry
 from rope_twin.core.state import Floats
 
-LEAST = 0.02  # [D]: minimum amplitude for which damping is evaluated
+MIN_AMPLITUDE = 0.02  # [D]: minimum amplitude for which damping is evaluated
 
 
 class Nodes(NamedTuple):
@@ -59,7 +59,7 @@ def push_nodes(
         lift = _between(table.lift, i, j, u, v)
         added = _between(table.added_mass, i, j, u, v)
         mass[n] = max(nodes.dry[n] + added * nodes.water[n], 0.1 * nodes.dry[n])
-        size = max(amplitude[n], LEAST) * nodes.diameter[n]
+        size = max(amplitude[n], MIN_AMPLITUDE) * nodes.diameter[n]
         against = nodes.push[n] * max(-lift, 0.0) / (size * omega[n])
         damping[n] = against + 2.0 * structural * omega[n] * mass[n]
         middle[n] = end[n] = 0.0
@@ -79,7 +79,7 @@ def read_motion(
         squares[0, n] += share * (speed * speed - squares[0, n])
         squares[1, n] += share * (acceleration * acceleration - squares[1, n])
         rms = sqrt(2.0 * squares[0, n])
-        known = rms > LEAST * nodes.diameter[n] * nodes.omega[n]
+        known = rms > MIN_AMPLITUDE * nodes.diameter[n] * nodes.omega[n]
         omega[n] = sqrt(squares[1, n] / squares[0, n]) if known else nodes.omega[n]
         amplitude[n] = rms / omega[n] / nodes.diameter[n]
 

@@ -38,9 +38,9 @@ from rope_twin.core.state import (
 
 FORCED_SPLIT = 4.0  # times split_above: an element this long splits even when slack
 SAG_LIMIT = 0.05  # of the chord: a new node farther off it is placed on the chord
-NEWTON = 10
+MAX_ITERATIONS = 10
 # Convergence of a new node's position: relative to the element that it splits, and [m]
-PLACED, PLACED_M = 1e-13, 1e-12
+POSITION_TOL, POSITION_TOL_M = 1e-13, 1e-12
 SMALLEST_REST = 1e-3  # m
 SMALLEST_STEPS = 2.0  # and at least this many steps of payout
 
@@ -113,7 +113,7 @@ def _find_equilibrium(rope: Any, growth: float, middle: int) -> bool:
     """
     work, low = rope.work, middle - 1
     half = 0.5 * (work[REST, low] + work[REST, middle])
-    for _ in range(NEWTON):
+    for _ in range(MAX_ITERATIONS):
         stretch(rope.law, rope.work, rope.state.offset, 1.0, 0.0, 0.0, low, middle)
         stretch(rope.law, rope.work, rope.state.offset, 1.0, 0.0, growth, middle, middle + 1)
         T_low, T_up = work[TENSION, low], work[TENSION, middle]
@@ -130,7 +130,7 @@ def _find_equilibrium(rope: Any, growth: float, middle: int) -> bool:
         work[POSITION, middle] += dx
         work[POSITION + 1, middle] += dy
         work[POSITION + 2, middle] += dz
-        if sqrt(dx * dx + dy * dy + dz * dz) < PLACED * 2.0 * half + PLACED_M:
+        if sqrt(dx * dx + dy * dy + dz * dz) < POSITION_TOL * 2.0 * half + POSITION_TOL_M:
             return True
     return False
 

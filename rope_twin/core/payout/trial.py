@@ -15,7 +15,7 @@ from typing import Any
 
 from rope_twin.core.acting import loads
 from rope_twin.core.compiler.jit import jit, jit_within
-from rope_twin.core.guards import CRUSHED2
+from rope_twin.core.guards import STRETCH2_MIN
 from rope_twin.core.rope.sections import section_above
 from rope_twin.core.solve.assembly import set_flow
 from rope_twin.core.state import (
@@ -50,7 +50,7 @@ def _set_material(rope: Any, below: int, rest: float, V: float, A: float, slot: 
     dy = nodes[POSITION + 1, n] - nodes[POSITION + 1, below]
     dz = nodes[POSITION + 2, n] - nodes[POSITION + 2, below]
     work[TANGENT, slot], work[TANGENT + 1, slot], work[TANGENT + 2, slot] = dx, dy, dz
-    length = sqrt(dx * dx + dy * dy + dz * dz + CRUSHED2 * rest * rest)
+    length = sqrt(dx * dx + dy * dy + dz * dz + STRETCH2_MIN * rest * rest)
     for k in range(3):
         q = work[TANGENT + k, slot] / rest
         q_rate = (nodes[VELOCITY + k, n] - nodes[VELOCITY + k, below] - V * q) / rest

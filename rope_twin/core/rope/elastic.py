@@ -14,7 +14,7 @@ from typing import Any
 from rope_twin.core.compiler.jit import jit, jit_within
 from rope_twin.core.compiler.rows import offset_row, row, rows
 from rope_twin.core.compiler.wide import choose, count_beyond
-from rope_twin.core.guards import CRUSHED2
+from rope_twin.core.guards import STRETCH2_MIN
 from rope_twin.core.rope.law import pull_of
 from rope_twin.core.state import (
     AXIAL,
@@ -66,7 +66,7 @@ def _stretched(part: Any, apart: Any, weights: Any, e: int) -> Any:
     dx, dy, dz, wx, wy, wz = apart
     p, q, growth = weights
     l0 = rest[e]
-    length = sqrt(dx * dx + dy * dy + dz * dz + CRUSHED2 * l0 * l0)
+    length = sqrt(dx * dx + dy * dy + dz * dz + STRETCH2_MIN * l0 * l0)
     inverse = 1.0 / length
     dx *= inverse
     dy *= inverse

@@ -12,7 +12,7 @@ from typing import Any
 from rope_twin.core.acting import loads, terms
 from rope_twin.core.compiler.jit import jit, jit_sum
 from rope_twin.core.compiler.rows import row, rows, span
-from rope_twin.core.guards import FOLDED2
+from rope_twin.core.guards import TANGENT2_MIN
 from rope_twin.core.state import (
     BLOCK,
     CORRECTION,
@@ -65,7 +65,7 @@ def load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> None
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
     for i in range(high - low):
         x, y, z = bx[i] + tx[i], by[i] + ty[i], bz[i] + tz[i]
-        inverse = 1.0 / sqrt(x * x + y * y + z * z + FOLDED2)
+        inverse = 1.0 / sqrt(x * x + y * y + z * z + TANGENT2_MIN)
         load = loads.load_of(effects, stage, nodes, (x * inverse, y * inverse, z * inverse), i)
         Rx[i] = T[i] * tx[i] - T_below[i] * bx[i] + load.x
         Ry[i] = T[i] * ty[i] - T_below[i] * by[i] + load.y

@@ -30,10 +30,10 @@ from rope_twin.core.solve.remembering import predict_memories
 from rope_twin.core.solve.search import SEARCH_FROM, search
 from rope_twin.core.state import ELEMENTS, RESIDUAL, SOLVES, SOLVES_MAX
 
-CAP = 12  # corrections before the step is divided into substeps
+MAX_CORRECTIONS = 12  # corrections before the step is divided into substeps
 # A row of slack elements becomes taut one by one, one correction each: at the shortest substep more
 # corrections are allowed (the energy is convex, so they converge).
-LAST_CAP = 200
+MAX_CORRECTIONS_LAST = 200
 NOT_FINITE, UNCONVERGED, CONVERGED, PENDING = -1, 0, 1, 2  # ordered from worst to best
 # Kinds of evaluation, as numpy integers: numba compiles again for each Python literal.
 TRAPEZOID, BDF2, SEARCH = np.int64(0), np.int64(1), np.int64(2)

@@ -27,7 +27,7 @@ from rope_twin.core.state import (
 from rope_twin.core.statics.forces import Elastic, Equilibrium, StillRope
 from rope_twin.core.statics.pair import settle_pair
 from rope_twin.core.statics.shape import (
-    STUCK,
+    MIN_FRACTION,
     Shape,
     element_forces,
     first_forces,
@@ -40,12 +40,12 @@ from rope_twin.core.statics.shape import (
 from rope_twin.core.step import advance
 
 ROUNDS = 60  # of either iteration; observed: 1 to 4 under weight, up to 9 in strong currents
-ENOUGH = 1e-7  # of the largest tension: tolerance of the residual force at a node
-TOLERANCE_N = 1e-6  # absolute tolerance, where tensions are tiny
+TENSION_TOL = 1e-7  # of the largest tension: tolerance of the residual force at a node
+FORCE_TOL_N = 1e-6  # absolute tolerance, where tensions are tiny
 ROUND_OFF = 4.0 * float(np.finfo(float).eps)  # of the positions, in an element's length
-SURE = 2  # rounds that always refresh the tangent: it is more accurate near the actual tension
-DEEP = 1e-11  # of the largest tension: residual of the balance at the end; round-off leaves 1e-14
-FAST = 0.3  # fixed-point iteration continues while each round leaves less than this fraction
+MIN_REFRESHES = 2  # rounds that always refresh the tangent, for accuracy
+BALANCE_TOL = 1e-11  # of the largest tension: residual at the end; round-off leaves 1e-14
+MAX_RATIO = 0.3  # fixed-point iteration continues while each round leaves less than this fraction
 RELAXATIONS, STEP_FIRST, STEP_LAST, STEP_LEAST, GROWTH, SHRINK = 30, 1.0, 3e3, 1e-4, 4.0, 0.1
 ATTEMPTS = 5  # of relaxation and Newton's method, alternating
 
@@ -111,12 +111,12 @@ def _settle_forces(still: StillRope, near: bool = False) -> Equilibrium:
     tension = float(shape.forces.tension.max())
     while rounds < ROUNDS and np.isfinite(shape.size):
         rounds += 1
-        if rounds <= SURE or is_off(shape.S, shape.forces.tension):
+        if rounds <= MIN_REFRESHES or is_off(shape.S, shape.forces.tension):
             law = refreshed(still, law, shape.place)
         change = newton_change(still, law, shape) if newton else -np.cumsum(shape.miss, axis=1)
         following, share = _search(still, law, hold, shape, change)
         better = following.size < shape.size
-        quick = following.size < FAST * shape.size
+        quick = following.size < MAX_RATIO * shape.size
         moved = largest(following.place - shape.place)
         if better:
             move = moved * following.size / shape.size
@@ -124,10 +124,10 @@ def _settle_forces(still: StillRope, near: bool = False) -> Equilibrium:
         elif not np.isfinite(move):  # the first shape was right except for round-off
             move = moved
         tension = float(shape.forces.tension.max())
-        found = shape.residual <= max(TOLERANCE_N, round_off, ENOUGH * tension)
-        if found and not (quick and shape.size > DEEP * tension):
+        found = shape.residual <= max(FORCE_TOL_N, round_off, TENSION_TOL * tension)
+        if found and not (quick and shape.size > BALANCE_TOL * tension):
             break
-        if newton and share < STUCK:
+        if newton and share < MIN_FRACTION:
             break
         newton = newton or not quick
     still.rest_at(shape.place)
@@ -135,7 +135,7 @@ def _settle_forces(still: StillRope, near: bool = False) -> Equilibrium:
 
 
 def _settle_pair(still: StillRope) -> Equilibrium:
-    return settle_pair(still, (max(TOLERANCE_N, _round_off(still)), ENOUGH))
+    return settle_pair(still, (max(FORCE_TOL_N, _round_off(still)), TENSION_TOL))
 
 
 def _round_off(still: StillRope) -> float:
@@ -151,7 +151,7 @@ def _search(
     share = 1.0
     while True:
         following = shape_of(still, law, hold, shape.S + share * change)
-        if following.size <= (1.0 - 1e-4 * share) * shape.size or share < STUCK:
+        if following.size <= (1.0 - 1e-4 * share) * shape.size or share < MIN_FRACTION:
             return following, share
         share *= 0.5
 
@@ -165,7 +165,7 @@ def _relax(rope: Rope, still: StillRope, longest: float) -> Equilibrium:
     """
     boundary, round_off = still.boundary, _round_off(still)
     model = rope.model._replace(
-        split_above=np.inf, merge_below=0.0, tolerance=max(TOLERANCE_N, round_off)
+        split_above=np.inf, merge_below=0.0, tolerance=max(FORCE_TOL_N, round_off)
     )
     pull = np.zeros((1, PULL_COLUMNS))
     nodes, health, step = rope.state.nodes, rope.state.health, STEP_FIRST
@@ -184,7 +184,7 @@ def _relax(rope: Rope, still: StillRope, longest: float) -> Equilibrium:
             continue
         place = still.place.copy()
         end = _rest_at(still, place, largest(place - before), rounds)
-        if end.found and not end.left_m < FAST * last:  # no progress: round-off
+        if end.found and not end.left_m < MAX_RATIO * last:  # no progress: round-off
             break
         last = end.left_m if end.found else np.inf
         step = min(step * GROWTH, longest)
@@ -196,5 +196,5 @@ def _rest_at(still: StillRope, place: Floats, move: float, rounds: int) -> Equil
     forces, round_off = still.forces(place), _round_off(still)
     still.rest_at(place)
     residual, tension = largest(forces.total), float(forces.tension.max())
-    found = residual <= max(TOLERANCE_N, round_off, ENOUGH * tension)
+    found = residual <= max(FORCE_TOL_N, round_off, TENSION_TOL * tension)
     return Equilibrium(found, residual, tension, move, rounds)

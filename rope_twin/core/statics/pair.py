@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rope_twin.core.guards import SMALLEST
+from rope_twin.core.guards import FORCE_MIN
 from rope_twin.core.state import Floats
 from rope_twin.core.statics.forces import SYMMETRIC, Elastic, Equilibrium, Forces, StillRope
 from rope_twin.core.statics.shape import (
@@ -40,14 +40,14 @@ from rope_twin.core.statics.shape import (
 # The first ε as a fraction of the sum of all loads, and the largest move of a node, as a fraction
 # of the rope's length, at which ε shrinks: for 13 ropes on seabeds and two mesh sizes the first
 # pair needs 3 to 21 rounds; the second, slower one is used where the first diverges.
-WAYS = ((1e-3, 0.3), (1e-2, 0.03))
+CONTINUATIONS = ((1e-3, 0.3), (1e-2, 0.03))
 ROUNDS = 60
 SHRINK = 0.1  # factor on ε, each time
-LEAST = 1e-14  # of the sum of all loads
-NEAR = 1e-2  # of the rope's length: from there on exact tangents of elements and loads are used
-BUNCHED = 1e-2  # of the rope's length: extent of the bunched rope that gives the first loads
-FAST = 0.3  # converged; iterations go on while each move is less than this fraction of the last
-SAME = 1e-9  # of the rope's length: a negligible move
+MIN_EPS = 1e-14  # of the sum of all loads
+TANGENT_MOVE = 1e-2  # of the rope's length: exact tangents are used for smaller moves
+BUNCH_LENGTH = 1e-2  # of the rope's length: extent of the bunched rope that gives the first loads
+MAX_RATIO = 0.3  # converged iterations go on while moves shrink by this factor
+MOVE_TOL = 1e-9  # of the rope's length: a negligible move
 
 
 def settle_pair(still: StillRope, enough: tuple[float, float]) -> Equilibrium:
@@ -56,7 +56,7 @@ def settle_pair(still: StillRope, enough: tuple[float, float]) -> Equilibrium:
     enough: tolerance of the residual force at a node [N], and the same as a fraction of the largest
     tension. Without equilibrium the nodes end in the last shape.
     """
-    for share, within in WAYS:
+    for share, within in CONTINUATIONS:
         end = _follow(still, enough, share, within)
         if end.found:
             break
@@ -69,10 +69,10 @@ def _follow(
     """Follow equilibrium for a decreasing ε from one starting value."""
     law, length = still.elastic(), float(still.rest.sum())
     x, S, forces, weight = _start(still, law)
-    eps, least = share * weight, LEAST * weight
+    eps, least = share * weight, MIN_EPS * weight
     end, last, move, slow = Equilibrium(False, np.inf, 0.0, np.inf, 0), np.inf, np.inf, False
     for rounds in range(1, ROUNDS + 1):
-        if move < NEAR * length and is_off(S, forces.tension):
+        if move < TANGENT_MOVE * length and is_off(S, forces.tension):
             law = refreshed(still, law, x)
         K, force = _elements(law, S, np.diff(x, axis=1), eps)
         change = load_change if slow and still.flows else _local_change
@@ -84,12 +84,12 @@ def _follow(
         dx = solve_blocks(still, K, stiffness, miss)
         x, S = x + dx, S + np.einsum("kce,ce->ke", K, np.diff(dx, axis=1))
         before, move, forces = move, largest(dx), still.forces(x)
-        slow = FAST * before < move < NEAR * length
+        slow = MAX_RATIO * before < move < TANGENT_MOVE * length
         residual, tension = largest(forces.total), float(forces.tension.max())
         found = residual <= max(enough[0], enough[1] * tension)
         end = Equilibrium(found, residual, tension, move, rounds)
         if not np.isfinite(residual) or (
-            found and (not move < FAST * last or move < SAME * length)
+            found and (not move < MAX_RATIO * last or move < MOVE_TOL * length)
         ):
             break
         last = move if found else np.inf
@@ -110,13 +110,13 @@ def _start(still: StillRope, law: Elastic) -> tuple[Floats, Floats, Forces, floa
     length = float(still.rest.sum())
     low = top - [[0.0], [0.0], [length]] if hold is None else hold[:, None]
     share = np.concatenate([[0.0], np.cumsum(still.rest)]) / length
-    bunched = top + BUNCHED * (1.0 - share) * (low - top)
+    bunched = top + BUNCH_LENGTH * (1.0 - share) * (low - top)
     if hold is not None:
         bunched[:, 0] = hold
     load = still.forces(bunched).load
     shape = shape_of(still, law, hold, first_forces(still, hold, load))
     size = float(np.sqrt((shape.forces.load**2).sum(axis=0)).sum())
-    return shape.place, shape.S, shape.forces, max(size, LEAST)
+    return shape.place, shape.S, shape.forces, max(size, MIN_EPS)
 
 
 def _elements(law: Elastic, S: Floats, span: Floats, eps: float) -> tuple[Floats, Floats]:
@@ -124,7 +124,7 @@ def _elements(law: Elastic, S: Floats, span: Floats, eps: float) -> tuple[Floats
     m = np.sqrt((S * S).sum(axis=0) + eps * eps)
     r = span - S / law.stiffness
     miss = r * m - law.slack * S
-    r *= np.minimum(1.0, law.slack / (np.sqrt((r * r).sum(axis=0)) + SMALLEST))
+    r *= np.minimum(1.0, law.slack / (np.sqrt((r * r).sum(axis=0)) + FORCE_MIN))
     half, length = 0.5 / m * S, law.slack + m / law.stiffness
     xx, yy, zz = length - 2.0 * r * half
     xy, xz, yz = (-r[k] * half[c] - r[c] * half[k] for k, c in ((0, 1), (0, 2), (1, 2)))

@@ -11,15 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rope_twin.core.guards import SMALLEST
+from rope_twin.core.guards import FORCE_MIN
 from rope_twin.core.state import Floats
 from rope_twin.core.statics.forces import Elastic, Forces, StillRope
 
 CLOSING, BLUNTER = 50, 10
-CLOSED = 4.0 * float(np.finfo(float).eps)
-STUCK = 1e-3  # fraction of a correction below which the line search fails
+CLOSURE_TOL = 4.0 * float(np.finfo(float).eps)
+MIN_FRACTION = 1e-3  # fraction of a correction below which the line search fails
 PERTURBATION = 1e-7  # of an element's length: displacement of a finite difference of the loads
-OFF = 1e-6  # of the largest tension: deviation from the tangent at which it is refreshed
+TANGENT_TOL = 1e-6  # of the largest tension: deviation from the tangent at which it is refreshed
 SMALL_PULL_N = 1e-6
 NO_SPAN_M = 1e-9  # both ends coincide
 
@@ -63,14 +63,14 @@ def first_forces(still: StillRope, hold: Floats | None, load: Floats) -> Floats:
 def element_forces(place: Floats, forces: Forces) -> Floats:
     """Return the element forces of a given shape: tension along each element."""
     span = np.diff(place, axis=1)
-    length: Floats = np.sqrt((span * span).sum(axis=0)) + SMALLEST
+    length: Floats = np.sqrt((span * span).sum(axis=0)) + FORCE_MIN
     return forces.tension / length * span
 
 
 def is_off(S: Floats, tension: Floats) -> bool:
     """Return whether tensions deviate from the linearised law, as with a stiffness table."""
     size = np.sqrt((S * S).sum(axis=0))
-    return bool((np.abs(tension - size) > OFF * size.max()).any())
+    return bool((np.abs(tension - size) > TANGENT_TOL * size.max()).any())
 
 
 def refreshed(still: StillRope, law: Elastic, place: Floats) -> Elastic:
@@ -85,7 +85,7 @@ def refreshed(still: StillRope, law: Elastic, place: Floats) -> Elastic:
 
 def _laid(still: StillRope, law: Elastic, S: Floats) -> Floats:
     """Return the node positions where the elements lie along their forces."""
-    size = np.sqrt((S * S).sum(axis=0)) + SMALLEST
+    size = np.sqrt((S * S).sum(axis=0)) + FORCE_MIN
     span = (law.slack / size + 1.0 / law.stiffness) * S
     top = still.place[:, -1:]
     return np.concatenate([(top - np.cumsum(span[:, ::-1], axis=1))[:, ::-1], top], axis=1)
@@ -132,7 +132,7 @@ def _pull(
     Its gradient is the gap, its Hessian the compliance; `blunt` [N] rounds the corners. Returns the
     force and whether the gap is closed to round-off.
     """
-    small = CLOSED * float(law.slack.sum() + np.abs(chord).max())
+    small = CLOSURE_TOL * float(law.slack.sum() + np.abs(chord).max())
     gap, compliance = _gap(law, chord, S + pull[:, None], blunt)
     for _ in range(CLOSING):
         if np.sqrt(gap @ gap) <= small:
@@ -155,7 +155,7 @@ def _pull(
 
 def _gap(law: Elastic, chord: Floats, S: Floats, blunt: float) -> tuple[Floats, Floats]:
     """Return chord less span of the elements under these forces [m], and compliance [m/N]."""
-    size = np.sqrt((S * S).sum(axis=0) + blunt * blunt) + SMALLEST
+    size = np.sqrt((S * S).sum(axis=0) + blunt * blunt) + FORCE_MIN
     lateral = law.slack / size + 1.0 / law.stiffness
     along = S * (law.slack / size**3)
     return chord - S @ lateral, np.eye(3) * lateral.sum() - along @ S.T
@@ -167,9 +167,9 @@ def newton_change(still: StillRope, law: Elastic, shape: Shape) -> Floats:
     K_e = (|S|/l)·(I - t·tᵀ) + stiffness·t·tᵀ, the inverse of the element's compliance.
     """
 
-    size = np.sqrt((shape.S * shape.S).sum(axis=0)) + SMALLEST
+    size = np.sqrt((shape.S * shape.S).sum(axis=0)) + FORCE_MIN
     t = shape.S / size
-    lateral = size / np.maximum(law.slack + size / law.stiffness, SMALLEST)
+    lateral = size / np.maximum(law.slack + size / law.stiffness, FORCE_MIN)
     K = (law.stiffness - lateral) * t[:, None] * t[None, :]
     K[range(3), range(3)] += lateral
     move = solve_blocks(still, K, -load_change(still, shape), shape.miss)

@@ -17,7 +17,7 @@ import numpy as np
 from rope_twin.core.acting.hooks import kernel
 from rope_twin.core.compiler.rows import row, rows, span
 from rope_twin.core.energy import account
-from rope_twin.core.guards import STILL2
+from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.payout.trial import TRIALS, set_trials
 from rope_twin.core.solve.remembering import new_memory, remembering
 from rope_twin.core.state import (
@@ -108,7 +108,7 @@ def load_nodes(growth: Any, work: Any, stage: Any, low: int, high: int) -> None:
         nx, ny, nz = vx[i] - ux[i], vy[i] - uy[i], vz[i] - uz[i]
         along = nx * x + ny * y + nz * z
         nx, ny, nz = nx - along * x, ny - along * y, nz - along * z
-        speed = sqrt(nx * nx + ny * ny + nz * nz + STILL2)
+        speed = sqrt(nx * nx + ny * ny + nz * nz + SPEED2_MIN)
         k = growth.kn * frontal[i] * grown[i]
         c = k * speed
         Rx[i] -= c * nx

@@ -12,7 +12,7 @@ from typing import Any
 
 from rope_twin.core.compiler.jit import jit, jit_within
 from rope_twin.core.compiler.rows import row, rows
-from rope_twin.core.guards import FOLDED2, STOPPED
+from rope_twin.core.guards import RATE_MIN, TANGENT2_MIN
 from rope_twin.core.state import DIRECTION, FLOW, MASS, TENSION, VOLUME
 
 
@@ -29,7 +29,7 @@ def across(water: Any, tangent: Any) -> Any:
 def _pace(turns: float, water: Any, direction: Any, per_diameter: float) -> Any:
     """Return 2π·St·U/d [rad/s] for water normal to a direction vector of any length."""
     x, y, z = direction
-    inverse = 1.0 / sqrt(x * x + y * y + z * z + FOLDED2)
+    inverse = 1.0 / sqrt(x * x + y * y + z * z + TANGENT2_MIN)
     _, _, _, speed = across(water, (x * inverse, y * inverse, z * inverse))
     return turns * speed * per_diameter
 
@@ -58,7 +58,7 @@ def set_paces(turns: float, work: Any, per_diameter: Any, pace: Any, low: int, h
 def wave_number(EI: float, T: float, m: float, omega: float) -> Any:
     """Return k of a wave of this frequency [1/m]; 0 where the rope is slack. m: mass per metre."""
     inertia = m * omega * omega
-    square = 2.0 * inertia / (T + sqrt(T * T + 4.0 * EI * inertia) + STOPPED)
+    square = 2.0 * inertia / (T + sqrt(T * T + 4.0 * EI * inertia) + RATE_MIN)
     return sqrt(square) if T > 0.0 else 0.0
 
 
@@ -68,7 +68,7 @@ def _set_turns(waves: Any, work: Any, length: Any, turn: Any, n: int) -> None:
     T, mass, volume = row(work, TENSION, 0), row(work, MASS, 0), row(work, VOLUME, 0)
     for i in range(n):
         moved = mass[i] + waves.added * volume[i]
-        turn[i] = sqrt(2.0 * length[i] * moved / (T[i] + T[i] + STOPPED)) if T[i] > 0.0 else 0.0
+        turn[i] = sqrt(2.0 * length[i] * moved / (T[i] + T[i] + RATE_MIN)) if T[i] > 0.0 else 0.0
 
 
 @jit

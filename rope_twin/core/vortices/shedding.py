@@ -10,7 +10,7 @@ from typing import Any
 
 from rope_twin.core.compiler.jit import jit, jit_within
 from rope_twin.core.compiler.rows import row, rows
-from rope_twin.core.guards import NONE_AT_ALL, STOPPED
+from rope_twin.core.guards import DIVISOR_MIN, RATE_MIN
 from rope_twin.core.rope.elastic import stretch_all
 from rope_twin.core.solve.assembly import set_flow
 from rope_twin.core.state import ELEMENTS, FLOW, POSITION, REST, TANGENT, VOLUME, Stage
@@ -56,7 +56,7 @@ def set_shape(rope: Any, shape: Any) -> None:
         dx = nodes[POSITION, i + 1] - nodes[POSITION, low]
         dy = nodes[POSITION + 1, i + 1] - nodes[POSITION + 1, low]
         dz = nodes[POSITION + 2, i + 1] - nodes[POSITION + 2, low]
-        inverse = 1.0 / sqrt(dx * dx + dy * dy + dz * dz + NONE_AT_ALL)
+        inverse = 1.0 / sqrt(dx * dx + dy * dy + dz * dz + DIVISOR_MIN)
         x[i], y[i], z[i] = inverse * dx, inverse * dy, inverse * dz
 
 
@@ -96,10 +96,10 @@ def set_shedding(wake: Any, work: Any, own: Any, low: int, high: int) -> None:
     ux, uy, uz = rows(work, FLOW, low)
     volume = row(work, VOLUME, low)
     for i in range(high - low):
-        per_diameter = sqrt(0.25 * pi * length[i] / (volume[i] + NONE_AT_ALL))
+        per_diameter = sqrt(0.25 * pi * length[i] / (volume[i] + DIVISOR_MIN))
         (x, y, z), speed, A, e = _shed(wake, (ux[i], uy[i], uz[i]), (tx[i], ty[i], tz[i]))
         omega[i] = 2.0 * pi * wake.strouhal * speed * per_diameter
         epsilon[i] = e
         length[i] *= wake.strength / per_diameter
-        scale = A * per_diameter / (speed + STOPPED)
+        scale = A * per_diameter / (speed + RATE_MIN)
         bx[i], by[i], bz[i] = scale * x, scale * y, scale * z

@@ -24,7 +24,7 @@ from math import pi, sin, sqrt
 from typing import Any
 
 from rope_twin.core.compiler.jit import jit_within
-from rope_twin.core.guards import NONE_AT_ALL
+from rope_twin.core.guards import DIVISOR_MIN
 
 WAVES = 24  # number of half waves along the rope that compose the smooth noise
 GOLDEN = 2.399963  # rad, phase increment between them
@@ -44,7 +44,7 @@ def smooth_noise(share: float) -> Any:
 def faded(drive: Any, omega: Any) -> Any:
     """Return the reduced driving term A·y' and its derivative to A·y'."""
     x, limit = drive * drive, (FASTEST * omega) ** 2
-    s = limit * limit / (limit * limit + x * x + NONE_AT_ALL)
+    s = limit * limit / (limit * limit + x * x + DIVISOR_MIN)
     return s * drive, s * (4.0 * s - 3.0)
 
 

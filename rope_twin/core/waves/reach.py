@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from rope_twin.core.guards import NO_WAVES
+from rope_twin.core.guards import WAVE_MIN
 from rope_twin.core.state import Floats
 from rope_twin.core.waves.sums import LOWEST
 
@@ -20,7 +20,7 @@ CUT, TURN, BETWEEN = 0.2, 0.1, 0.5
 LEVELS, DEEPEST = 40, 2e3  # of the table of stretches, to this depth [m]
 HALVINGS = 60  # that find how deep a component reaches
 FARTHEST = 1e4  # m: maximum range of rotated angles
-SMALL = 36.7  # e^-36.7 is round-off of 1
+ROUND_OFF_EXPONENT = 36.7  # e^-36.7 is round-off of 1
 
 
 def levels_to(depth: float) -> Floats:
@@ -66,7 +66,7 @@ def lowest(reach: float, crest: float, depth: float) -> float:
 
 def echoes(k: Floats, depth: float) -> Floats:
     """Return for each component the z down to which its reflection at the bottom is negligible."""
-    return 0.5 * SMALL / k - depth
+    return 0.5 * ROUND_OFF_EXPONENT / k - depth
 
 
 def thirds(levels: Floats, k: Floats, speed: Floats, depth: float, neglected: float) -> Floats:
@@ -75,7 +75,7 @@ def thirds(levels: Floats, k: Floats, speed: Floats, depth: float, neglected: fl
     (11·error/Σ a·ω·k⁴·(e^{kz} + e^{-k(z+2h)}))^¼, where ω is at least 1/s.
     """
     error, size = BETWEEN * neglected, speed * k**4
-    return np.asarray((11.0 * error / np.maximum(_both(levels, k, depth) @ size, NO_WAVES)) ** 0.25)
+    return np.asarray((11.0 * error / np.maximum(_both(levels, k, depth) @ size, WAVE_MIN)) ** 0.25)
 
 
 def asides(
@@ -92,7 +92,7 @@ def asides(
         return np.zeros(len(levels))
     both = _both(np.maximum(levels, deepest(k, depth)), k, depth)
     wrong = both @ (speed * k**6) + both @ (speed * k) * float(a @ k**6) / room
-    return np.minimum((720.0 * TURN * neglected / np.maximum(wrong, NO_WAVES)) ** (1 / 6), FARTHEST)
+    return np.minimum((720.0 * TURN * neglected / np.maximum(wrong, WAVE_MIN)) ** (1 / 6), FARTHEST)
 
 
 def _both(levels: Floats, k: Floats, depth: float) -> Floats:
