@@ -19,7 +19,7 @@ from rope_twin.core.payout.motion import place_hang_off, prescribed
 from rope_twin.core.payout.trial import HIGH, load_trials
 from rope_twin.core.rope.elastic import stretch_all
 from rope_twin.core.rope.sections import set_lengths, set_top_length
-from rope_twin.core.solve.halving import HALVINGS, OUT, advance_halving
+from rope_twin.core.solve.halving import HALVINGS, OUT, advance_substeps
 from rope_twin.core.solve.prediction import GAMMA, accept
 from rope_twin.core.solve.remembering import (
     accept_memories,
@@ -217,7 +217,7 @@ def _advance(rope: Any, boundary: Any, pull: Any, time: float, steps: int) -> in
         now = time + row * rope.model.step
         begin_step(rope.effects, rope, now)
         at = boundary, row, now
-        if not advance_halving(rope, state.health, at, _substep, _copy_start, _accept):
+        if not advance_substeps(rope, state.health, at, _substep, _copy_start, _accept):
             recall_tension(rope, boundary, row, now)
             return row
         finish(rope, boundary, pull, row, now + rope.model.step)

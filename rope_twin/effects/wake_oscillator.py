@@ -67,7 +67,7 @@ OWN_ROWS = STRENGTH - 3 * CARRIED
 # Newton steps on the cubic: two from the initial guess leave an error of 1e-8 of q for ω_s·h = 0.3,
 # and 5e-3 for 1; one more, after the converged stage, leaves 2e-5 there.
 FIRST, LAST = 2, 1
-GROWTH = (1.0 - GAMMA) / GAMMA  # weight of a rate after the middle of a step over that before
+GROWTH = (1.0 - GAMMA) / GAMMA  # growth of a rate after the middle of a step over that before
 SLOWEST = 1.0  # rad/s: minimum ω_s for the initial p
 
 

@@ -94,7 +94,7 @@ class Winch(_Sparing):
     jerk_limit_m_per_s3: float | None = quantity(
         "maximum jerk; default: unlimited", "m/s³", 1e-3, 1e3, default=None
     )
-    drum: Drum | None = text("drum with layers of rope", None)
+    drum: Drum | None = text("drum with layers of rope; default: none", None)
     drive: Drive | None = text("torque-limited drive; default: unlimited holding", None)
     brake: Brake | None = text("brake on the drum", None)
     emergency_stop: EmergencyStop | None = text("emergency stop with its own deceleration", None)

@@ -278,7 +278,7 @@ def _rest_of(body: Any, start: Any, weight: float) -> Any:
 
 
 @jit
-def put_to_rest(body: Any, hook: Any) -> None:
+def solve_body_statics(body: Any, hook: Any) -> None:
     """Set record 0 to the static equilibrium below the hook; it is not finite if none was found.
 
     The stage gives the water and the deck's height at which the run begins.

@@ -15,7 +15,7 @@ from rope_twin.core.body.balance import left_on_hook, solve
 from rope_twin.core.body.change import NONE
 from rope_twin.core.body.loads import momenta
 from rope_twin.core.body.parts import foresee_all
-from rope_twin.core.body.rest import put_to_rest
+from rope_twin.core.body.rest import solve_body_statics
 from rope_twin.core.body.rotation import (
     along,
     dot,
@@ -69,7 +69,7 @@ def _ask_water(body: Any, rope: Any, stage: Any, place: Any) -> None:
 @jit
 def _begin(body: Any, hook: Any) -> None:
     """Initialise the body in static equilibrium below the hook."""
-    put_to_rest(body, hook)
+    solve_body_statics(body, hook)
     put(body.records[0], at.WATER, vector(body.stage, at.FLOW_NOW))
     put(body.records[0], at.ARM_THEN, vector(body.stage, at.WET_ARM))
     body.records[0, at.WET_THEN] = body.stage[at.WET]

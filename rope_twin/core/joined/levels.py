@@ -20,7 +20,7 @@ SPARE_NODES = 4
 DROPS = 25  # enough for an initial guess
 
 
-def coarser(system: System, most: int) -> System:
+def coarsen(system: System, most: int) -> System:
     """Return the system with at most `most` elements per rope, at a subset of its nodes."""
     joints, sheaves = system.joints, system.sheaves
     ropes = tuple(_coarser_rope(rope, most) for rope in system.ropes)
@@ -46,7 +46,7 @@ def _coarser_rope(rope: Rope, most: int) -> Rope:
     return rope._replace(state=state)
 
 
-def take_places(fine: System, coarse: System) -> None:
+def interpolate_from(fine: System, coarse: System) -> None:
     """Interpolate nodes and connections of the fine system linearly from the coarse one."""
     for one, other in zip(fine.ropes, coarse.ropes, strict=True):
         n, few = (int(rope.state.counts[ELEMENTS]) + 1 for rope in (one, other))
@@ -57,7 +57,7 @@ def take_places(fine: System, coarse: System) -> None:
     fine.joints.nodes[POSITION : POSITION + 3] = coarse.joints.nodes[POSITION : POSITION + 3]
 
 
-def lay(system: System) -> None:
+def set_initial_guess(system: System) -> None:
     """Replace the ropes' shapes by the initial guess that follows from their lengths."""
     joints, ropes = system.joints, system.ropes
     known: dict[Hashable, Floats] = {}

@@ -22,7 +22,7 @@ from rope_twin.core.joined.sheaves import (
     WHEEL,
     Sheaves,
 )
-from rope_twin.core.joined.statics import settle_joined, settle_near
+from rope_twin.core.joined.statics import refine_joined_statics, solve_joined_statics
 from rope_twin.core.payout.trial import TRIALS
 from rope_twin.core.state import (
     EA,
@@ -89,20 +89,20 @@ def reeve(system: System, wheels: Sequence[Wheel]) -> System:
     return system._replace(joints=with_flows(joints, len(wheels)), sheaves=sheaves)
 
 
-def settle_reeved(system: System, place: Floats) -> Equilibrium:
+def solve_reeved_statics(system: System, place: Floats) -> Equilibrium:
     """Solve the static equilibrium, with rope running over sheaves until both tensions are equal.
 
     The flow over every sheave is 0 afterwards.
     """
     sheaves = system.sheaves
     if sheaves is None:
-        return settle_joined(system, place)
+        return solve_joined_statics(system, place)
     kept = sheaves.figures[[WHEEL, FRICTION]].copy()
     sheaves.figures[WHEEL], sheaves.figures[FRICTION] = HELD, 0.0
     end = _settle_held(system, sheaves, place)
     sheaves.figures[WHEEL] = kept[0]
     if end.found:
-        end = settle_near(system, place)
+        end = refine_joined_statics(system, place)
     sheaves.figures[FRICTION] = kept[1]
     _drop_round_off(system)
     return end
@@ -126,10 +126,10 @@ def _settle_held(system: System, sheaves: Sheaves, place: Floats) -> Equilibrium
     pairs = sheaves.figures[[INTO, FROM]].T.astype(int)
     slope = np.array([-sum(_stiffness(system.ropes[r]) for r in pair) for pair in pairs])
     moved, before = np.zeros(len(pairs)), np.full(len(pairs), np.nan)
-    settle = settle_joined
+    settle = solve_joined_statics
     for _ in range(ROUNDS):
         end = settle(system, place)
-        settle = settle_near
+        settle = refine_joined_statics
         pulls = np.array([[_last_tension(system.ropes[r]) for r in pair] for pair in pairs])
         apart = pulls[:, 0] - pulls[:, 1]
         if not end.found or (np.abs(apart) <= ALIKE * pulls.max(axis=1)).all():

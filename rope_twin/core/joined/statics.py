@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from rope_twin.core.joined.joints import LOOSE, System
-from rope_twin.core.joined.levels import coarser, lay, take_places
+from rope_twin.core.joined.levels import coarsen, interpolate_from, set_initial_guess
 from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.state import (
     ACCELERATION,
@@ -46,7 +46,7 @@ HARD_SOLVES = 600  # solves on a coarse level that mark a hard initial guess
 EASY_SUBSTEPS = 4  # substeps of a step that is short enough
 
 
-def settle_joined(system: System, place: Floats) -> Equilibrium:
+def solve_joined_statics(system: System, place: Floats) -> Equilibrium:
     """Solve the static equilibrium of ropes and connections.
 
     place: (ropes, MOTIONS), each rope's hang-off and paid-out length [m]; rows of ropes whose upper
@@ -54,14 +54,14 @@ def settle_joined(system: System, place: Floats) -> Equilibrium:
     Afterwards the solver's counters start from zero and length corrections are removed.
     """
     if all(_count(system, r) - 1 <= LEVELS[0] for r in range(len(system.ropes))):
-        return settle_near(system, place, STEP_FIRST)
+        return refine_joined_statics(system, place, STEP_FIRST)
     with np.errstate(all="ignore"):  # a shape that overflows is rejected as not better
         _boundary(system, place)
         _settle_coarsely(system, place)
-    return settle_near(system, place)
+    return refine_joined_statics(system, place)
 
 
-def settle_near(system: System, place: Floats, first: float = STEP_NEAR) -> Equilibrium:
+def refine_joined_statics(system: System, place: Floats, first: float = STEP_NEAR) -> Equilibrium:
     """Solve the equilibrium from a shape close to it; first: the first of the long steps [s]."""
     for rope in system.ropes:
         rope.state.offset[:] = 0.0
@@ -75,7 +75,7 @@ def settle_near(system: System, place: Floats, first: float = STEP_NEAR) -> Equi
 def weigh(system: System, place: Floats) -> None:
     """Leave tension, stiffness and nodal masses of the static state in the ropes' scratch.
 
-    place: as for `settle_joined`. The blocks of nodes are mass alone, including added mass.
+    place: as for `solve_joined_statics`. The blocks of nodes are mass alone, including added mass.
     """
     boundary = _boundary(system, place)
     _residual(system, boundary, np.zeros((len(system.ropes), 1, PULL_COLUMNS)))
@@ -88,15 +88,15 @@ def _settle_coarsely(system: System, place: Floats) -> None:
     """
     first = STEP_FIRST
     for most in LEVELS:
-        few = coarser(system, most)
+        few = coarsen(system, most)
         boundary = _boundary(few, place)
         pull = np.zeros((len(few.ropes), 1, PULL_COLUMNS))
         end, _ = _take_long_steps(few, boundary, pull, first, most_solves=HARD_SOLVES)
         if not end.found:
-            lay(few)
+            set_initial_guess(few)
             _stop(few)
             _relax(few, boundary, first)
-        take_places(system, few)
+        interpolate_from(system, few)
         _stop(system)
         first = STEP_NEAR
     _boundary(system, place)

@@ -16,7 +16,7 @@ from rope_twin.core.joined.stage import end_rope, solve_joined
 from rope_twin.core.rope.elastic import stretch_all
 from rope_twin.core.rope.sections import set_lengths
 from rope_twin.core.solve.assembly import load_nodes
-from rope_twin.core.solve.halving import BACK, HALVINGS, OUT, advance_halving
+from rope_twin.core.solve.halving import BACK, HALVINGS, OUT, advance_substeps
 from rope_twin.core.solve.prediction import GAMMA
 from rope_twin.core.solve.stage import (
     BDF2,
@@ -191,7 +191,7 @@ def _advance(system: Any, boundary: Any, pull: Any, time: float, steps: int) -> 
     for row in range(steps):
         now = time + row * h
         at = boundary, row, now
-        if not advance_halving(system, health, at, _substep, _copy_start, _accept):
+        if not advance_substeps(system, health, at, _substep, _copy_start, _accept):
             _recall(system, boundary, row, now)
             return row
         for r in range(system.stack.counts.shape[0]):

@@ -22,7 +22,7 @@ OUT, BACK = np.int64(0), np.int64(1)  # directions of a copy: from the state to 
 
 
 @jit
-def advance_halving(
+def advance_substeps(
     rope: Any, health: Any, at: Any, substep: Any, copy_start: Any, accept: Any
 ) -> bool:
     """Advance one step of a rope or a multi-line system, with substeps if necessary; update health.

@@ -25,7 +25,7 @@ from rope_twin.core.state import (
     Rope,
 )
 from rope_twin.core.statics.forces import Elastic, Equilibrium, StillRope
-from rope_twin.core.statics.pair import settle_pair
+from rope_twin.core.statics.pair import solve_primal_dual
 from rope_twin.core.statics.shape import (
     MIN_FRACTION,
     Shape,
@@ -53,13 +53,13 @@ ATTEMPTS = 5  # of relaxation and Newton's method, alternating
 def find_equilibrium(rope: Rope, L: float) -> float:
     """Move the nodes to equilibrium at paid-out length L; return the estimated position error [m].
 
-    Infinite: no equilibrium was found; `settle` returns details.
+    Infinite: no equilibrium was found; `solve_statics` returns details.
     """
-    end = settle(rope, L)
+    end = solve_statics(rope, L)
     return end.left_m if end.found else float("inf")
 
 
-def settle(rope: Rope, L: float) -> Equilibrium:
+def solve_statics(rope: Rope, L: float) -> Equilibrium:
     """Solve the static equilibrium at paid-out length L [m] and move the nodes there.
 
     The hang-off stays where it is. Without equilibrium the nodes end at the best shape found.
@@ -135,7 +135,7 @@ def _settle_forces(still: StillRope, near: bool = False) -> Equilibrium:
 
 
 def _settle_pair(still: StillRope) -> Equilibrium:
-    return settle_pair(still, (max(FORCE_TOL_N, _round_off(still)), TENSION_TOL))
+    return solve_primal_dual(still, (max(FORCE_TOL_N, _round_off(still)), TENSION_TOL))
 
 
 def _round_off(still: StillRope) -> float:

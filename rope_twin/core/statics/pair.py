@@ -50,7 +50,7 @@ MAX_RATIO = 0.3  # converged iterations go on while moves shrink by this factor
 MOVE_TOL = 1e-9  # of the rope's length: a negligible move
 
 
-def settle_pair(still: StillRope, enough: tuple[float, float]) -> Equilibrium:
+def solve_primal_dual(still: StillRope, enough: tuple[float, float]) -> Equilibrium:
     """Solve the static equilibrium for positions and forces, and move the nodes there.
 
     enough: tolerance of the residual force at a node [N], and the same as a fraction of the largest
