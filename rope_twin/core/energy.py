@@ -142,7 +142,7 @@ def accounts_of(effect: type) -> tuple[str, ...]:
     return tuple(kind for kind, known in _ACCOUNTS.items() if effect in known)
 
 
-def said(kind: str, effects: tuple[Any, ...], place: Place) -> float:
+def account_sum(kind: str, effects: tuple[Any, ...], place: Place) -> float:
     """Return the sum of one kind of account over all effects, at a place."""
     known = _ACCOUNTS[kind]
     return sum(
@@ -162,16 +162,18 @@ def measure(rope: Rope, pull: Floats, time: float, V: float) -> Border:
     end = Place(*(row[..., :1] for row in place))
     sheave = _metre_at_sheave(rope, elements, place)
     store = Store(
-        kinetic=_motion(rope.effects, place) + said("kinetic_end", rope.effects, end),
+        kinetic=_motion(rope.effects, place) + account_sum("kinetic_end", rope.effects, end),
         elastic=float(elements.stored.sum()),
-        potential=said("potential", rope.effects, place) + said("potential_end", rope.effects, end),
+        potential=account_sum("potential", rope.effects, place)
+        + account_sum("potential_end", rope.effects, end),
     )
     per_metre = elements.stored[-1] / elements.rest[-1]
-    per_metre += _motion(rope.effects, sheave) + said("potential", rope.effects, sheave)
+    per_metre += _motion(rope.effects, sheave) + account_sum("potential", rope.effects, sheave)
     power = Power(
         hang_off=-float(pull @ place.velocity[:, -1]),
         passing=float(V * per_metre),
-        water=said("power", rope.effects, place) + said("power_end", rope.effects, end),
+        water=account_sum("power", rope.effects, place)
+        + account_sum("power_end", rope.effects, end),
     )
     return Border(store, power, elements)
 
@@ -196,7 +198,7 @@ def damped(before: Elements, after: Elements, step: float) -> float:
 def _motion(effects: tuple[Any, ...], place: Place) -> float:
     """Return the kinetic energy of the rope including the effects' contributions [J]."""
     own = 0.5 * float(place.mass @ (place.velocity**2).sum(axis=0))
-    return own + said("kinetic", effects, place)
+    return own + account_sum("kinetic", effects, place)
 
 
 def _elements(rope: Rope, V: float) -> Elements:

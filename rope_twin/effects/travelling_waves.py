@@ -54,7 +54,7 @@ from rope_twin.core.vortices.half_waves import (
     set_paces,
     wave_number,
 )
-from rope_twin.core.vortices.shedding import find_rest, set_node_lengths
+from rope_twin.core.vortices.shedding import evaluate_statics, set_node_lengths
 from rope_twin.quantity import quantity, text
 
 CARRIED = 4  # phase [rad], ω [rad/s], mean square of y' [m²/s²], its rate
@@ -138,7 +138,7 @@ def _set_figures(waves: Any, work: Any, low: int, high: int) -> None:
 def start(waves: Any, rope: Any) -> None:
     """Initialise without motion; phases are those of waves travelling down from the hang-off."""
     n, memory, work = rope.state.counts[ELEMENTS], waves.memory, rope.work
-    find_rest(rope)
+    evaluate_statics(rope)
     _set_figures(waves, work, n - n, n)
     length, omega = memory[LENGTH], memory[OMEGA]
     set_paces(waves.turns, work, memory[PER_DIAMETER], omega, n - n, n)

@@ -182,7 +182,7 @@ def _set_figures(wake: Any, work: Any, low: int, high: int) -> None:
 def start(wake: Any, rope: Any) -> None:
     """Initialise q = 0 (no lift), q' with smooth noise, and t_s with the rope's tangent."""
     n, s, memory = rope.state.counts[ELEMENTS], rope.state.s, wake.memory
-    shedding.find_rest(rope)
+    shedding.evaluate_statics(rope)
     shedding.set_shape(rope, shedding.three_rows(memory, SHAPE, n - n))
     _set_figures(wake, rope.work, n - n, n)
     for i in range(n):

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rope_twin.core.modes.apart import settle_added_mass
+from rope_twin.core.modes.apart import solve_added_mass
 from rope_twin.core.modes.sharing import parts_below, share_out
 from rope_twin.viv.force_table import ForceTable, fitted_forces
 from rope_twin.viv.lateral_modes import MAX_MODES, LateralModes, ModeSearch
@@ -199,7 +199,7 @@ def _excited(span: Span, model: Decomposed, modes: LateralModes) -> _Part:
     frequency = modes.frequency.copy()
     if model.varying:
         row = model.table.added_mass_row(model.first_amplitude)
-        settle_added_mass(
+        solve_added_mass(
             model.table.frequency, row, _per_speed(span), np.ascontiguousarray(weight.T),
             modes.frequency, dry, wet, ROUNDS, ADDED_MASS_TOL, added, frequency,
         )  # fmt: skip

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rope_twin.core.modes.apart import Drives, Nodes, push_nodes, read_motion
+from rope_twin.core.modes.apart import Drives, Nodes, node_forces, update_means
 from rope_twin.core.modes.sharing import share_out
 from rope_twin.viv.decomposed import (
     TIE,
@@ -212,7 +212,7 @@ class DecomposedResponse:
 
     def _advance(self, h: float) -> None:
         mass, damping, middle, end = np.empty((4, len(self.amplitude)))
-        push_nodes(
+        node_forces(
             self._table, self._nodes, self._drives, self.amplitude, self.omega,
             self.time_s - self._since_s, h, self.model.structural, mass, damping, middle, end,
             np.empty((2, len(self._drives.omega))),
@@ -224,7 +224,7 @@ class DecomposedResponse:
         own = 2.0 * pi / float(self._nodes.omega.max())
         share = max(1.0 - exp(-h / (self.remembered * own)), h / self.time_s)
         self.amplitude, self.omega = np.empty((2, len(mass)))
-        read_motion(self._nodes, self._motion, share, self._squares, self.amplitude, self.omega)
+        update_means(self._nodes, self._motion, share, self._squares, self.amplitude, self.omega)
 
 
 def _bands(span: Span) -> Floats:

@@ -24,7 +24,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.core.modes.ringing import Drive, Ringing, add_up, ring
+from rope_twin.core.modes.ringing import Drive, ModalState, advance_modes, sum_amplitudes
 from rope_twin.viv.handover import handed_over
 from rope_twin.viv.lateral_modes import LateralModes, ModeSearch, find_lateral_modes
 from rope_twin.viv.shedding import Shedding
@@ -73,7 +73,7 @@ class ModalResponse:
         self._elements = 0
         self._take(span)
         place, rate = np.zeros((2, len(self.modes.frequency)))
-        self._ringing = Ringing(place, rate, _first_angles(len(place)))
+        self._ringing = ModalState(place, rate, _first_angles(len(place)))
         self._drive, self.zones = self._driven()  # zones: fraction excited, (places, modes)
         self.amplitude = np.zeros(len(self.span.s))  # A/d of the places
 
@@ -144,7 +144,7 @@ class ModalResponse:
         known = min(len(angle), moved.shape[1])
         angles = _first_angles(moved.shape[1])
         angles[:known] = angle[:known]
-        self._ringing = Ringing(moved[0], moved[1], angles)
+        self._ringing = ModalState(moved[0], moved[1], angles)
         self._drive, self.zones = self._driven(before=self.zones)
         self.amplitude = self._amplitude()
 
@@ -168,7 +168,7 @@ class ModalResponse:
         self._elements = kept.elements
         self._take(kept.given, self.search(kept.given))
         own = (kept.coordinate, kept.rate, kept.angle)
-        self._ringing, self.time_s = Ringing(*(part.copy() for part in own)), kept.time_s
+        self._ringing, self.time_s = ModalState(*(part.copy() for part in own)), kept.time_s
         self._zoned_s = kept.time_s
         self._drive, self.zones = self._driven(kept.active, kept.zones)
         self._zoned_s = kept.zoned_s
@@ -241,14 +241,14 @@ class ModalResponse:
 
     def _amplitude(self) -> Floats:
         amplitude = np.zeros(len(self.span.s))
-        add_up(self._drive, self._ringing, amplitude)
+        sum_amplitudes(self._drive, self._ringing, amplitude)
         return amplitude
 
     def _advance(self, h: float) -> None:
         lift = self.shedding.lift(self.amplitude)
         self.amplitude = self.amplitude.copy()
         work = np.empty((2, len(self._drive.active)))
-        ring(h, lift, self._drive, self._ringing, self.amplitude, work)
+        advance_modes(h, lift, self._drive, self._ringing, self.amplitude, work)
 
 
 def _first_angles(count: int) -> Floats:

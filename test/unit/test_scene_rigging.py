@@ -9,7 +9,7 @@ import pytest
 from scene_text import GOOD, assert_refused, written
 
 from rope_twin import load_scene
-from rope_twin.core.joined.hanging import laid
+from rope_twin.core.joined.hanging import initial_shape
 from rope_twin.core.joined.joints import LOOSE
 from rope_twin.scene.arrays.first_shape import first_places
 from rope_twin.scene.arrays.joined import alone, build_joined
@@ -155,7 +155,7 @@ def test_first_shape_keeps_every_length(name: str) -> None:
 )
 def test_slack_rope_is_laid_as_a_catenary(low: Place, high: Place, length: float, up: bool) -> None:
     """Its ends where they belong, its elements of one length, bending one way only."""
-    nodes = laid(np.array(low), np.array(high), np.linspace(0.0, length, 201), up)
+    nodes = initial_shape(np.array(low), np.array(high), np.linspace(0.0, length, 201), up)
     assert np.allclose(nodes[:, 0], low, atol=1e-9)
     assert np.allclose(nodes[:, -1], high, atol=1e-6 * length)
     elements = np.linalg.norm(np.diff(nodes), axis=0)

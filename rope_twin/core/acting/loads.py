@@ -105,7 +105,7 @@ def _sum(a: Any, b: Any) -> Any:
 
 
 @jit_within
-def seen(work: Any, low: int) -> Any:
+def load_rows(work: Any, low: int) -> Any:
     """Return the rows that loads depend on, from node `low` on, except for the tangent."""
     x, y, z = rows(work, POSITION, low)
     vx, vy, vz = rows(work, VELOCITY, low)
@@ -120,7 +120,7 @@ def seen(work: Any, low: int) -> Any:
 
 @jit_within
 def load_of(effects: Any, stage: Any, nodes: Any, tangent: Any, i: int) -> Any:
-    """Return inertia plus the loads of all effects on node i of the rows `seen`."""
+    """Return inertia plus the loads of all effects on node i of `load_rows`."""
     x, y, z, vx, vy, vz, ax, ay, az, ux, uy, uz, wx, wy, wz, mass, volume, frontal, skin = nodes
     tx, ty, tz = tangent
     node = Node(
@@ -172,7 +172,7 @@ def add_load(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
 
     TANGENT of the nodes must be given; `assembly.load_nodes` computes it from the elements.
     """
-    nodes = seen(work, low)
+    nodes = load_rows(work, low)
     tx, ty, tz = rows(work, TANGENT, low)
     Rx, Ry, Rz = rows(work, RESIDUAL, low)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)

@@ -26,7 +26,7 @@ Point = list[float]
 Link = tuple[Hashable, Hashable, float]  # a rope's upper and lower end or a bar's ends; length [m]
 
 
-def hang(
+def guess_positions(
     known: Mapping[Any, Any],
     free: Sequence[Hashable],
     ropes: Sequence[Link],
@@ -95,7 +95,7 @@ def _move(
             point[2] += sign * z
 
 
-def laid(low: Floats, high: Floats, s: Floats, up: bool) -> Floats:
+def initial_shape(low: Floats, high: Floats, s: Floats, up: bool) -> Floats:
     """Return the nodes of a rope between two points [m], (3, nodes), straight or a catenary.
 
     s: unstretched distance of the nodes from the lower end [m], (nodes,); up: the rope floats. The

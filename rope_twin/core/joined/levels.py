@@ -10,7 +10,7 @@ from collections.abc import Hashable
 
 import numpy as np
 
-from rope_twin.core.joined.hanging import Link, hang, laid
+from rope_twin.core.joined.hanging import Link, guess_positions, initial_shape
 from rope_twin.core.joined.joints import LOOSE, System, new_system, with_flows
 from rope_twin.core.joined.ties import ANCHORED, FIRST, LEAST, LENGTH, SECOND
 from rope_twin.core.payout.trial import TRIALS
@@ -77,12 +77,12 @@ def set_initial_guess(system: System) -> None:
     ]
     points = dict.fromkeys(name for link in links for name in link[:2])
     free = [name for name in points if name not in known]
-    found = hang(known, free, links, bars, DROPS)
+    found = guess_positions(known, free, links, bars, DROPS)
     for r, rope in enumerate(ropes):
         n = int(rope.state.counts[ELEMENTS])
         upper, lower = _ends(system, r)
         s = rope.state.s[: n + 1] - rope.state.s[0]
-        rope.state.nodes[POSITION : POSITION + 3, : n + 1] = laid(
+        rope.state.nodes[POSITION : POSITION + 3, : n + 1] = initial_shape(
             found[lower], found[upper], s, up=False
         )
     for j in {*joints.lower, *joints.upper} - {LOOSE}:

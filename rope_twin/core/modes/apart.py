@@ -39,7 +39,7 @@ class Drives(NamedTuple):
 
 
 @jit_entry
-def push_nodes(
+def node_forces(
     table: Any, nodes: Any, drives: Any, amplitude: Any, omega: Any, since: float, h: float,
     structural: float, mass: Any, damping: Any, middle: Any, end: Any, turn: Any,
 ) -> None:  # fmt: skip
@@ -70,7 +70,7 @@ def push_nodes(
 
 
 @jit_entry
-def read_motion(
+def update_means(
     nodes: Any, motion: Any, share: float, squares: Any, amplitude: Any, omega: Any
 ) -> None:
     """Update the running means of ẏ² and ÿ² by a fraction; ω = rms(ÿ)/rms(ẏ), A = √2·rms(ẏ)/ω."""
@@ -85,7 +85,7 @@ def read_motion(
 
 
 @jit_entry
-def settle_added_mass(
+def solve_added_mass(
     knots: Any, values: Any, ratio: Any, weight: Any, given: Any, dry: Any, wet: Any,
     rounds: int, same: float, added: Any, frequency: Any,
 ) -> None:  # fmt: skip

@@ -29,7 +29,7 @@ class Drive(NamedTuple):
     square: Floats  # (φ/d)² [1/m²], (k, p)
 
 
-class Ringing(NamedTuple):
+class ModalState(NamedTuple):
     """State of all modes."""
 
     place: Floats  # η [m]
@@ -38,7 +38,7 @@ class Ringing(NamedTuple):
 
 
 @jit_entry
-def ring(h: float, lift: Any, drive: Any, ringing: Any, amplitude: Any, work: Any) -> None:
+def advance_modes(h: float, lift: Any, drive: Any, ringing: Any, amplitude: Any, work: Any) -> None:
     """Advance the active modes by h seconds.
 
     lift: C_l at the places; amplitude: A/d there, before and then after the step; work: scratch,
@@ -51,7 +51,7 @@ def ring(h: float, lift: Any, drive: Any, ringing: Any, amplitude: Any, work: An
 
 
 @jit_entry
-def add_up(drive: Any, ringing: Any, amplitude: Any) -> None:
+def sum_amplitudes(drive: Any, ringing: Any, amplitude: Any) -> None:
     """Set A/d at the places to the root of the sum of squares over the modes."""
     _add_up(drive, ringing, amplitude)
 

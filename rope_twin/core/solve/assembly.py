@@ -57,7 +57,7 @@ def load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> None
     R_i = T_i·t_i - T_{i-1}·t_{i-1} - MASS·a + loads; A_i = MASS·I + the effects' blocks. The
     tangent is the mean direction of both adjacent elements.
     """
-    nodes = loads.seen(work, low)
+    nodes = loads.load_rows(work, low)
     T, T_below = row(work, TENSION, low), row(work, TENSION, low - 1)
     tx, ty, tz = rows(work, DIRECTION, low)
     bx, by, bz = rows(work, DIRECTION, low - 1)

@@ -125,7 +125,7 @@ def _return(memory: Any, state: Any, k: int) -> None:
     _copy(memory, 2 * k, ZERO, k, state.counts[ELEMENTS])
 
 
-def _said(effects: Any) -> list[tuple[Any, int]]:
+def _with_variables(effects: Any) -> list[tuple[Any, int]]:
     """Return the effects with internal variables, each with their number (plain Python)."""
     return [(own, _REMEMBERED[type(own)]) for own in effects if type(own) in _REMEMBERED]
 
@@ -149,7 +149,7 @@ def _for_each(
 
 def begin_step(effects: Any, rope: Any, time: Any) -> Any:
     """Initialise internal variables at time 0, else interpolate them to the present nodes."""
-    for effect, k in _said(effects):
+    for effect, k in _with_variables(effects):
         if time == 0.0:
             kernel_of("start", type(effect))(effect, rope)
             _mark(effect.memory, rope.state, k)
@@ -170,7 +170,7 @@ def _compose_begin(effects: Any, rope: Any, time: Any) -> Any:
 
 def keep_memories(effects: Any, state: Any) -> Any:
     """Save internal variables of the step's start when the first substep is accepted."""
-    for effect, k in _said(effects):
+    for effect, k in _with_variables(effects):
         _keep(effect.memory, state, k)
 
 
@@ -185,7 +185,7 @@ def predict_memories(effects: Any, rope: Any, stage: Any, kind: Any, low: Any, h
 
     Position, velocity and water are predicted already.
     """
-    for effect, _ in _said(effects):
+    for effect, _ in _with_variables(effects):
         kernel_of("predict", type(effect))(effect, rope, stage, kind, low, high)
 
 
@@ -209,7 +209,7 @@ def settle_memories(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any
 
     Effects with internal variables require the complete motion of the stage.
     """
-    for effect, _ in _said(effects):
+    for effect, _ in _with_variables(effects):
         pending = _complete(rope, stage, pending)
         kernel_of("settle", type(effect))(effect, rope, stage, kind)
     return pending
@@ -224,7 +224,7 @@ def _compose_settle(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any
 
 def accept_memories(effects: Any, state: Any) -> Any:
     """Accept the internal variables of a substep."""
-    for effect, k in _said(effects):
+    for effect, k in _with_variables(effects):
         _take(effect.memory, state, k)
 
 
@@ -236,7 +236,7 @@ def _compose_accept(effects: Any, state: Any) -> Any:
 
 def return_memories(effects: Any, state: Any) -> Any:
     """Restore internal variables of the step's start after a failed step."""
-    for effect, k in _said(effects):
+    for effect, k in _with_variables(effects):
         _return(effect.memory, state, k)
 
 

@@ -40,7 +40,7 @@ def set_node_lengths(work: Any, length: Any, low: int, high: int) -> None:
 
 
 @jit
-def find_rest(rope: Any) -> None:
+def evaluate_statics(rope: Any) -> None:
     """Compute directions, tensions and water velocity in static equilibrium at time 0."""
     n, stage = rope.state.counts[ELEMENTS], Stage(0.0, 1.0, 0.0, 0.0)
     stretch_all(rope, stage)

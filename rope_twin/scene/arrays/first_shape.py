@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rope_twin.core.joined.hanging import Link, hang
+from rope_twin.core.joined.hanging import Link, guess_positions
 from rope_twin.core.state import Floats
 from rope_twin.scene.rules.rigging import meeting_points, places
 from rope_twin.scene.schema import Scene
@@ -20,5 +20,5 @@ def first_places(scene: Scene) -> dict[str, Floats]:
         for number, line in enumerate(scene.ropes)
     ]
     bars: list[Link] = [(*strut.between, strut.length_m) for strut in scene.struts]
-    found = hang({**places(scene), **feet}, meeting_points(scene), ropes, bars)
+    found = guess_positions({**places(scene), **feet}, meeting_points(scene), ropes, bars)
     return {str(name): place for name, place in found.items()}

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core.joined import ties
-from rope_twin.core.joined.hanging import laid
+from rope_twin.core.joined.hanging import initial_shape
 from rope_twin.core.joined.joints import LOOSE, System, new_system
 from rope_twin.core.joined.reeving import reeve
 from rope_twin.core.state import ELEMENTS, POSITION, C, Floats, Rope
@@ -107,7 +107,7 @@ def build_joined(scene: Scene) -> BuiltSystem:
         first, last = ends_of(scene, line)
         low = np.array(line.fixed_at_m) if line.fixed_at_m else where[first]
         n = int(rope.state.counts[ELEMENTS])
-        rope.state.nodes[POSITION : POSITION + 3, : n + 1] = laid(
+        rope.state.nodes[POSITION : POSITION + 3, : n + 1] = initial_shape(
             low, where[last], rope.state.s[: n + 1], _floats(scene, line)
         )
         first_free = 1 if line.fixed_at_m else 0

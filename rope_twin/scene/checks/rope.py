@@ -31,9 +31,9 @@ from rope_twin.scene.figures import (
 )
 from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.rules.shedding import (
-    coarse_for_vortices,
+    check_vortex_inputs,
+    check_vortex_resolution,
     model_beside,
-    odd_vortices,
     shedding_model,
 )
 from rope_twin.scene.schema import Scene
@@ -349,7 +349,7 @@ CHECKS: tuple[Check, ...] = (
     check_body,
     _ship,
     check_current,
-    coarse_for_vortices,
-    odd_vortices,
+    check_vortex_resolution,
+    check_vortex_inputs,
     check_environment,
 )

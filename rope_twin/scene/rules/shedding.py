@@ -163,7 +163,7 @@ def _cost(scene: Scene, figures: LiftFigures, pace: Pace) -> float:
     return elements * max(scene.time.step_s / pace.step_s, 1.0)
 
 
-def coarse_for_vortices(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+def check_vortex_resolution(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     """Check elements and step for the highest lock-in frequency."""
     pace = None if model_beside(scene) is not None else expected_pace(scene, figures)
     if pace is None:
@@ -180,7 +180,7 @@ def coarse_for_vortices(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     yield phrase(path, what, f"give these: {cost:.2g} times slower than this scene without it")
 
 
-def odd_vortices(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+def check_vortex_inputs(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     """Check for a VIV model without flow or without force."""
     listed = {type(own): own for own in scene.effects}
     model, sea = shedding_model(scene), scene.sea_state
