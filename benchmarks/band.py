@@ -17,8 +17,8 @@ import numpy as np
 
 from benchmarks.trial import Vector
 from rope_twin.core import state as rows
-from rope_twin.core.joined.levels import take_places
-from rope_twin.core.joined.statics import settle_near
+from rope_twin.core.joined.levels import interpolate_from
+from rope_twin.core.joined.statics import refine_joined_statics
 from rope_twin.errors import SolverError
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rules.rigging import is_joined
@@ -214,8 +214,8 @@ def begin_alike(finer: Twin, own: Twin) -> None:
         top = int(rope.state.counts[rows.ELEMENTS])
         row[: rows.LINE] = rope.state.nodes[rows.POSITION : rows.POSITION + 3, top]
         row[rows.LINE] = rope.state.s[top]
-    take_places(system, own.joined.system(own.rope))
-    settle_near(system, place)
+    interpolate_from(system, own.joined.system(own.rope))
+    refine_joined_statics(system, place)
 
 
 def _share(holds: Vector) -> float:

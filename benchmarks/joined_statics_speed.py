@@ -11,7 +11,7 @@ import numpy as np
 
 from benchmarks.statics_speed import COIL_M, NODES, REPETITIONS, StaticsRow
 from rope_twin.core.joined.joints import LOOSE
-from rope_twin.core.joined.statics import settle_joined
+from rope_twin.core.joined.statics import solve_joined_statics
 from rope_twin.core.state import ELEMENTS, LINE, MOTIONS, POSITION, Floats
 from rope_twin.core.statics.forces import Equilibrium
 from rope_twin.scene.arrays.joined import build_joined
@@ -66,7 +66,7 @@ def _timed(scene: Scene, guess: str) -> tuple[float, Equilibrium]:
     held[:, :3] = np.nan_to_num(built.hang_off_m)
     held[:, LINE] = [line.length_m for line in scene.ropes]
     began = time.perf_counter()
-    end = settle_joined(built.system, held)
+    end = solve_joined_statics(built.system, held)
     return 1e3 * (time.perf_counter() - began), end
 
 

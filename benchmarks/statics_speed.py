@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core.state import POSITION, Floats
-from rope_twin.core.statics.equilibrium import settle
+from rope_twin.core.statics.equilibrium import solve_statics
 from rope_twin.core.statics.forces import Equilibrium
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.scene.arrays.build import build
@@ -101,7 +101,7 @@ def _timed(scene: Scene, guess: str) -> tuple[float, Equilibrium]:
     start = GUESSES[guess](place - place[:, -1:], line.length_m)
     place[:, first:-1] = (start + place[:, -1:])[:, first:-1]
     began = time.perf_counter()
-    end = settle(rope, line.length_m)
+    end = solve_statics(rope, line.length_m)
     return 1e3 * (time.perf_counter() - began), end
 
 

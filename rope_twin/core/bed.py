@@ -1,4 +1,4 @@
-"""The shape of the seabed: a plane, or soundings, bilinear in between and level beyond."""
+"""Shape of the seabed: a plane, or a grid of soundings, bilinear inside, level outside."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from rope_twin.core.state import Floats
 
 
 class Soil(NamedTuple):
-    """What the bed is like."""
+    """Contact properties of the seabed."""
 
-    k: float  # [N/m³]
-    k_payload: float  # [N/m]
-    chi: float  # [s/m]
-    mu: float
+    k: float  # stiffness per area [N/m³]
+    k_payload: float  # stiffness below the payload [N/m]
+    chi: float  # Hunt-Crossley damping χ [s/m]
+    mu: float  # friction coefficient μ
 
 
 class Plane(NamedTuple):
-    """A plane bed z = height + east·x + north·y."""
+    """A plane seabed z = height + east·x + north·y."""
 
     height: float  # at the origin [m]
     east: float
@@ -31,9 +31,9 @@ class Plane(NamedTuple):
 
 
 class Grid(NamedTuple):
-    """A bed of soundings."""
+    """A seabed given by soundings on a rectangular grid."""
 
-    top: float  # its highest z [m]
+    top: float  # maximum z [m]
     x: Floats  # (columns,)
     y: Floats  # (rows,)
     height: Floats  # z of the bed [m], (rows, columns)
@@ -41,14 +41,14 @@ class Grid(NamedTuple):
 
 
 class ManyPlanes(NamedTuple):
-    """One plane bed where ropes meet."""
+    """One plane seabed shared by the ropes of a multi-line system."""
 
     bed: Plane
     k: Floats  # stiffness under the payload of each rope [N/m], (ropes,)
 
 
 class ManyGrids(NamedTuple):
-    """One bed of soundings where ropes meet."""
+    """One seabed of soundings shared by the ropes of a multi-line system."""
 
     bed: Grid
     k: Floats  # stiffness under the payload of each rope [N/m], (ropes,)
@@ -68,25 +68,25 @@ def _pick_grid(many: Any, r: int) -> Any:
 
 @stacks(Plane, ManyPlanes, _pick_plane)
 def stack_planes(beds: Sequence[Plane]) -> ManyPlanes:
-    """The first one's bed, and its stiffness under each payload."""
+    """Stack seabeds: the shape of the first one and the stiffness below each payload."""
     return ManyPlanes(beds[0], np.array([one.soil.k_payload for one in beds]))
 
 
 @stacks(Grid, ManyGrids, _pick_grid)
 def stack_grids(beds: Sequence[Grid]) -> ManyGrids:
-    """The first one's bed, and its stiffness under each payload."""
+    """Stack seabeds: the shape of the first one and the stiffness below each payload."""
     return ManyGrids(beds[0], np.array([one.soil.k_payload for one in beds]))
 
 
 @jit_within
 def plane_bed(bed: Any, x: float, y: float) -> Any:
-    """Height of the bed and its slopes, east and north."""
+    """Return the height of a plane seabed and its slopes to the east and the north."""
     return bed.height + bed.east * x + bed.north * y, bed.east, bed.north
 
 
 @jit_within
 def _cell(axis: Any, at: float) -> Any:
-    """The cell that `at` lies in, and the share of it; both held at the ends."""
+    """Return the index of the cell that contains `at` and the fraction along it, in [0, 1]."""
     last = axis.shape[0] - 2
     i = 0
     while i < last and axis[i + 1] <= at:
@@ -96,7 +96,7 @@ def _cell(axis: Any, at: float) -> Any:
 
 @jit_within
 def grid_bed(bed: Any, x: float, y: float) -> Any:
-    """The same of a grid, bilinear within a cell."""
+    """Return the height of a gridded seabed and its slopes to the east and the north."""
     i, a = _cell(bed.x, x)
     j, b = _cell(bed.y, y)
     z00, z10 = bed.height[j, i], bed.height[j, i + 1]
@@ -110,7 +110,7 @@ def grid_bed(bed: Any, x: float, y: float) -> Any:
 
 
 def beds_at(bed: Plane | Grid, x: Floats, y: Floats) -> Floats:
-    """Height of the bed [m] and its slopes at places (n,), (3, n), for Python."""
+    """Return height [m] and slopes of the seabed at x, y (n,), as (3, n); for Python callers."""
     found = np.zeros((3, len(x)))
     if isinstance(bed, Plane):
         found[0] = bed.height + bed.east * x + bed.north * y
@@ -127,5 +127,5 @@ def _find_grid_bed(bed: Any, x: Any, y: Any, found: Any) -> None:
 
 
 def clearance(bed: Plane | Grid, position: Floats) -> Floats:
-    """Height above the bed [m], (n,), of positions (3, n); negative where they sink in."""
+    """Return the height above the seabed [m], (n,), of positions (3, n); negative below it."""
     return np.asarray(position[2] - beds_at(bed, position[0].copy(), position[1].copy())[0])

@@ -1,14 +1,15 @@
-"""Energy of the rope and what changes it, from the state at a step's border.
+"""Energy balance of a single rope, from the state at a step boundary.
 
-In numpy and apart from the step: what does not ask for it does not pay for it. An effect says what
-it stores and what it brings by functions beside its kernels, `@account(kind, Type)`; nothing here
-knows an effect by name.
+It is computed in numpy, apart from the step, so it costs nothing unless requested. An effect
+registers its stored energy and its power by functions beside its kernels, `@account(kind, Type)`;
+nothing here refers to an effect by name.
 
-The sums are those of the lumped rope itself, so that nothing but time stepping is left over:
+The sums are those of the lumped-mass rope itself, so that only the time-stepping error remains:
 with w the material velocity at the hang-off and F the force there, M·a = T_i·t_i - T_{i-1}·t_{i-1}
 + f times v, summed, gives d(energy)/dt = F·w + V·(energy per metre there) + water - damper, where
-the top element may grow at V. Three terms are dropped, all of them of the mesh and small:
-mass·V·|w - v_{n-1}|²/4, the work of fading length offsets, and the change at a split or merge.
+the top element may grow at V. Three terms are neglected, all small and of the order of the mesh:
+mass·V·|w - v_{n-1}|²/4, the work of decaying length corrections, and the change at a split or
+merge.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.core.compiler.jit import jit_entry
-from rope_twin.core.guards import CRUSHED2, FOLDED2
+from rope_twin.core.guards import STRETCH2_MIN, TANGENT2_MIN
 from rope_twin.core.rope.law import hold
 from rope_twin.core.rope.sections import SAME_PLACE
 from rope_twin.core.solve.assembly import set_flow
@@ -42,14 +43,14 @@ from rope_twin.core.state import (
     new_work,
 )
 
-# What an effect may say: of nodes along the rope (a Place; one value each), or of the lower end.
-ALONG = ("kinetic", "potential", "power")  # [J], [J], [W] brought to the rope
+# Kinds of account: per node along the rope (a Place, one value each), or at the lower end.
+ALONG = ("kinetic", "potential", "power")  # [J], [J], [W] into the rope
 AT_END = ("kinetic_end", "potential_end", "power_end")
 _ACCOUNTS: dict[str, dict[type, Any]] = {kind: {} for kind in (*ALONG, *AT_END)}
 
 
 class Place(NamedTuple):
-    """Nodes as an account sees them; vectors (3, nodes), scalars (nodes,)."""
+    """Kinematics and lumped properties of nodes; vectors (3, nodes), scalars (nodes,)."""
 
     arc: Floats  # unstretched, from the lower end [m]
     position: Floats  # [m]
@@ -58,16 +59,16 @@ class Place(NamedTuple):
     tangent: Floats  # unit vector, upward
     turning: Floats  # rate of the tangent [1/s]
     flow: Floats  # water velocity [m/s]
-    flow_rate: Floats  # and acceleration [m/s²]
-    surface: Floats  # of the water, z above the node [m]
+    flow_rate: Floats  # water acceleration [m/s²]
+    surface: Floats  # elevation z of the water surface above the node [m]
     mass: Floats  # of the rope [kg]
     volume: Floats  # of displaced water [m³]
-    frontal: Floats  # area that drag across the rope refers to [m²]
-    skin: Floats  # area that drag along it refers to [m²]
+    frontal: Floats  # reference area of normal drag [m²]
+    skin: Floats  # reference area of tangential drag [m²]
 
     @property
     def length(self) -> Floats:
-        """Rope that belongs to each node [m]: half of the elements beside it, unstretched."""
+        """Unstretched length lumped at each node [m]: half of each adjacent element."""
         length, half = np.zeros(len(self.arc)), 0.5 * np.diff(self.arc)
         length[:-1] += half
         length[1:] += half
@@ -80,10 +81,10 @@ class Elements(NamedTuple):
     direction: Floats
     turning: Floats  # rate of the direction [1/s]
     stored: Floats  # elastic energy [J]
-    damping: Floats  # what the axial damper adds to the tension [N]
-    rate: Floats  # strain rate times rest length [m/s]
-    stretch: Floats  # length over rest length
-    rest: Floats  # [m]
+    damping: Floats  # axial damping force, part of the tension [N]
+    rate: Floats  # strain rate times unstretched length [m/s]
+    stretch: Floats  # length over unstretched length
+    rest: Floats  # unstretched length [m]
     section: Any  # column in `sections`
 
 
@@ -92,24 +93,24 @@ class Store(NamedTuple):
 
     kinetic: float  # added mass included
     elastic: float
-    potential: float  # weight less buoyancy, 0 at the mean water level
+    potential: float  # of weight less buoyancy, zero at the mean water level
 
     @property
     def total(self) -> float:
-        """All of it."""
+        """Return the sum of all stored energy [J]."""
         return self.kinetic + self.elastic + self.potential
 
 
 class Power(NamedTuple):
-    """What brings energy to the rope, or takes it if negative [W]."""
+    """Power into the rope [W]; negative values take energy from it."""
 
     hang_off: float  # force times material velocity there
-    passing: float  # energy of the rope that enters over the sheave
+    passing: float  # energy carried by the rope that enters over the sheave
     water: float
 
 
 class Border(NamedTuple):
-    """A state at a step's border."""
+    """Energy, power and elements at a step boundary."""
 
     store: Store
     power: Power
@@ -117,7 +118,7 @@ class Border(NamedTuple):
 
 
 def account(kind: str, effect: type) -> Callable[[Any], Any]:
-    """Register what an effect of this type says of its energy: f(effect, place) -> (nodes,).
+    """Register an effect type's contribution to the energy balance: f(effect, place) -> (nodes,).
 
     `place` holds all nodes, or only the lower end for a kind of AT_END.
 
@@ -127,7 +128,7 @@ def account(kind: str, effect: type) -> Callable[[Any], Any]:
     if kind not in _ACCOUNTS:
         raise ValueError(f"unknown account '{kind}'; known: {', '.join(_ACCOUNTS)}")
     if effect in _ACCOUNTS[kind]:
-        raise ValueError(f"{effect.__name__} has said its '{kind}' already")
+        raise ValueError(f"{effect.__name__} has registered its '{kind}' already")
 
     def register(function: Any) -> Any:
         _ACCOUNTS[kind][effect] = function
@@ -137,12 +138,12 @@ def account(kind: str, effect: type) -> Callable[[Any], Any]:
 
 
 def accounts_of(effect: type) -> tuple[str, ...]:
-    """The kinds of account that an effect's type gives."""
+    """Return the kinds of account that an effect type has registered."""
     return tuple(kind for kind, known in _ACCOUNTS.items() if effect in known)
 
 
-def said(kind: str, effects: tuple[Any, ...], place: Place) -> float:
-    """Sum of what the effects say of a place."""
+def account_sum(kind: str, effects: tuple[Any, ...], place: Place) -> float:
+    """Return the sum of one kind of account over all effects, at a place."""
     known = _ACCOUNTS[kind]
     return sum(
         float(np.sum(known[type(effect)](effect, place)))
@@ -152,35 +153,37 @@ def said(kind: str, effects: tuple[Any, ...], place: Place) -> float:
 
 
 def measure(rope: Rope, pull: Floats, time: float, V: float) -> Border:
-    """Energy and power of the state at a step's border.
+    """Return energy and power of the state at a step boundary.
 
-    pull: the rope's on the hang-off, x, y, z [N]; time [s]; V: payout speed [m/s].
+    pull: the rope's force on the hang-off, x, y, z [N]; time [s]; V: payout speed [m/s].
     """
     elements = _elements(rope, V)
     place = _place(rope, elements, time, V)
     end = Place(*(row[..., :1] for row in place))
     sheave = _metre_at_sheave(rope, elements, place)
     store = Store(
-        kinetic=_motion(rope.effects, place) + said("kinetic_end", rope.effects, end),
+        kinetic=_motion(rope.effects, place) + account_sum("kinetic_end", rope.effects, end),
         elastic=float(elements.stored.sum()),
-        potential=said("potential", rope.effects, place) + said("potential_end", rope.effects, end),
+        potential=account_sum("potential", rope.effects, place)
+        + account_sum("potential_end", rope.effects, end),
     )
     per_metre = elements.stored[-1] / elements.rest[-1]
-    per_metre += _motion(rope.effects, sheave) + said("potential", rope.effects, sheave)
+    per_metre += _motion(rope.effects, sheave) + account_sum("potential", rope.effects, sheave)
     power = Power(
         hang_off=-float(pull @ place.velocity[:, -1]),
         passing=float(V * per_metre),
-        water=said("power", rope.effects, place) + said("power_end", rope.effects, end),
+        water=account_sum("power", rope.effects, place)
+        + account_sum("power_end", rope.effects, end),
     )
     return Border(store, power, elements)
 
 
 def damped(before: Elements, after: Elements, step: float) -> float:
-    """Energy that the axial damper dissipates over a step [J].
+    """Return the energy that the axial damper dissipates over a step [J].
 
-    Its force times how far it moved: a stiff damper ends a motion within less than a step, and
-    force times rate at the borders would count that many times over. Where a split or merge has
-    just changed the elements there is only force times rate.
+    It is the damping force times the elongation: a stiff damper stops a motion within less than a
+    step, and force times rate at the step boundaries would overestimate that many times. Where a
+    split or merge has just changed the elements only force times rate is available.
     """
     n = min(len(before.rest), len(after.rest))
     same = n if len(before.rest) == len(after.rest) else n - 1
@@ -193,23 +196,25 @@ def damped(before: Elements, after: Elements, step: float) -> float:
 
 
 def _motion(effects: tuple[Any, ...], place: Place) -> float:
-    """Kinetic energy of the rope with what the effects add [J]."""
+    """Return the kinetic energy of the rope including the effects' contributions [J]."""
     own = 0.5 * float(place.mass @ (place.velocity**2).sum(axis=0))
-    return own + said("kinetic", effects, place)
+    return own + account_sum("kinetic", effects, place)
 
 
 def _elements(rope: Rope, V: float) -> Elements:
-    """Stored and damped as `elastic.stretch` pulls: T = max(0, E(strain) + c·strain rate)."""
+    """Return stored and damping energy by T = max(0, E(strain) + c·strain rate) of
+    `elastic.stretch`.
+    """
     n, sections = int(rope.state.counts[ELEMENTS]), rope.sections
     s, offset = rope.state.s[: n + 1], rope.state.offset[:n]
     x = rope.state.nodes[POSITION : POSITION + 3, : n + 1]
     v = rope.state.nodes[VELOCITY : VELOCITY + 3, : n + 1]
     rest, dx, dv = np.diff(s), np.diff(x), np.diff(v)
-    length = np.sqrt((dx * dx).sum(axis=0) + CRUSHED2 * rest * rest)
+    length = np.sqrt((dx * dx).sum(axis=0) + STRETCH2_MIN * rest * rest)
     direction = dx / length
     closing = (direction * dv).sum(axis=0)
     section = np.searchsorted(sections[END], s[:-1] + SAME_PLACE, side="right")
-    rate = closing.copy()  # of the length, less that of the rest length: l_rest·strain rate
+    rate = closing.copy()  # of the length, less that of the unstretched length: l_0·strain rate
     rate[-1] -= V / rest[-1] * length[-1]
     strain = (length + offset - rest) / rest
     spring, stored = hold(rope.law, sections[EA, section], section, strain)
@@ -228,13 +233,13 @@ def _elements(rope: Rope, V: float) -> Elements:
 
 
 def _place(rope: Rope, elements: Elements, time: float, V: float) -> Place:
-    """All nodes; at the hang-off the rope that passes it, with v - V·(its vector over l_rest)."""
+    """Return all nodes; the hang-off node has the material velocity v - V·(element vector/l_0)."""
     n = len(elements.rest)
     x = rope.state.nodes[POSITION : POSITION + 3, : n + 1]
     v = rope.state.nodes[VELOCITY : VELOCITY + 3, : n + 1].copy()
     v[:, -1] -= V / elements.rest[-1] * (x[:, -1] - x[:, -2])
     along, turn = _at_nodes(elements.direction), _at_nodes(elements.turning)
-    size = np.sqrt((along * along).sum(axis=0) + FOLDED2)
+    size = np.sqrt((along * along).sum(axis=0) + TANGENT2_MIN)
     tangent = along / size
     half = 0.5 * elements.rest * rope.sections[PER_METRE:, elements.section]
     lumps = np.zeros((len(half), n + 1))
@@ -256,19 +261,19 @@ def _place(rope: Rope, elements: Elements, time: float, V: float) -> Place:
 
 
 def _at_nodes(rows: Floats) -> Floats:
-    """Sums of what the elements beside each node have; the one there is at the ends."""
+    """Return the sums over the elements adjacent to each node; end nodes have one element."""
     return np.concatenate([rows[:, :1], rows[:, :-1] + rows[:, 1:], rows[:, -1:]], axis=1)
 
 
 def _metre_at_sheave(rope: Rope, elements: Elements, place: Place) -> Place:
-    """A metre of the rope that passes the hang-off."""
+    """Return one metre of the rope that passes the hang-off, as a Place."""
     end = Place(*(row[..., -1:] for row in place))
     mass, volume, frontal, skin = rope.sections[PER_METRE:, elements.section[-1:]]
     return end._replace(mass=mass, volume=volume, frontal=frontal, skin=skin)
 
 
 def _flow(rope: Rope, nodes: int, time: float, V: float) -> Floats:
-    """Scratch whose rows FLOW and FLOW_RATE are those of the nodes."""
+    """Return scratch whose rows FLOW, FLOW_RATE and SURFACE hold the water at the nodes."""
     work = new_work(nodes)
     work[:NODE_ROWS] = rope.state.nodes[:, :nodes]
     _find_flow(rope.effects, work, Stage(time, 1.0, 0.0, V), 0, nodes)
@@ -277,5 +282,5 @@ def _flow(rope: Rope, nodes: int, time: float, V: float) -> Floats:
 
 @jit_entry
 def _find_flow(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """`set_flow`, for Python."""
+    """Compiled entry point of `set_flow`, to be called from Python."""
     set_flow(effects, work, stage, low, high)

@@ -1,11 +1,11 @@
-"""What is constant, what changes, and what is scratch.
+"""Data of a rope in three parts: constants, state, and scratch.
 
 Nodes are numbered from the lower end (0: payload or fixed point) to the hang-off (n), so that
-payout touches only the end of the arrays; element e joins nodes e and e + 1. Columns are nodes (or
-elements), with room for `capacity` of them, of which `counts[ELEMENTS]` are in use: a growing rope
-allocates nothing. Quantities are rows with the names below; a vector takes three rows, x, y, z.
+payout changes only the end of the arrays; element e joins nodes e and e + 1. Columns are nodes (or
+elements), `capacity` of them, of which `counts[ELEMENTS]` are in use: a growing rope allocates no
+memory. Quantities are rows with the names below; a vector takes three rows, x, y, z.
 
-Scratch is one matrix and not a struct of thirty arrays because every kernel call hands over each
+Scratch is one matrix instead of a struct of thirty arrays because every kernel call passes each
 array of a struct: as a matrix the step compiles in three quarters of the time.
 """
 
@@ -23,38 +23,38 @@ Ints = NDArray[np.int64]
 # Rows of state.nodes and, as stage values, of work: position [m], velocity [m/s], acceleration.
 POSITION, VELOCITY, ACCELERATION, NODE_ROWS = 0, 3, 6, 9
 # Further rows of work. Vectors at nodes:
-TANGENT = 9  # unit tangent, upward, of trial nodes and of node 0
+TANGENT = 9  # unit tangent, upward, of ghost nodes and of node 0
 FLOW = 12  # water velocity [m/s]
-RESIDUAL = 15  # R, unbalanced force [N]
+RESIDUAL = 15  # R, out-of-balance force [N]
 CORRECTION = 18  # Newton's correction of a [m/s²]
 # vectors at elements:
 DIRECTION = 21  # unit vector t from node e to e + 1
-# node blocks and the elimination:
+# node blocks and their factorisation:
 BLOCK = 24  # symmetric A [kg]: xx, xy, xz, yy, yz, zz
 ELIMINATED = 30  # 9 of the matrix, 3 of the vector, 6 of the inverse
 # scalars at elements:
 REST = 48  # unstretched length [m]
 STIFFNESS, DAMPING = 49, 50  # EA/rest [N/m], c/rest [N·s/m]
 TENSION = 51  # [N]; a result after `advance`
-AXIAL = 52  # stiffness along t times p, plus damping times q, less GEOMETRIC [kg]
-GEOMETRIC = 53  # T/l times p [kg]
-# scalars at nodes, of the half elements beside it:
+AXIAL = 52  # p·(axial stiffness) + q·(axial damping) - GEOMETRIC [kg]
+GEOMETRIC = 53  # p·T/l, geometric stiffness [kg]
+# scalars at nodes, lumped from the adjacent half elements:
 MASS, VOLUME = 54, 55  # [kg], [m³] of displaced water
-FRONTAL, SKIN = 56, 57  # areas that the drag coefficients across and along refer to [m²]
-SECTION = 58  # of an element: which of the rope's sections it is of
-KEPT = 59  # NODE_ROWS of the state at the start of the step, for a restore
-CHANGE = KEPT  # of element forces [N], three rows; in whole steps, which keep nothing there
-FLOW_RATE = KEPT + NODE_ROWS  # acceleration of the water [m/s²]; only where an effect sets it
-SURFACE = FLOW_RATE + 3  # the water's surface above the node [m]; likewise
+FRONTAL, SKIN = 56, 57  # reference areas of normal and tangential drag [m²]
+SECTION = 58  # of an element: index of its section
+KEPT = 59  # NODE_ROWS of the state at the start of the step, to restore it
+CHANGE = KEPT  # change of element forces [N], three rows; in full steps, where KEPT is unused
+FLOW_RATE = KEPT + NODE_ROWS  # acceleration of the water [m/s²]; set only by some effects
+SURFACE = FLOW_RATE + 3  # elevation of the water surface above the node [m]; likewise
 WORK_ROWS = SURFACE + 1
-# and, only where an effect couples nodes beyond their neighbours:
-LINK = WORK_ROWS  # c of the blocks c·I that it adds between node i and i + 1, and i and i + 2 [kg]
-FACTOR = LINK + 2  # of the elimination: 6 of a symmetric matrix
+# and, only where an effect couples a node beyond its next neighbours:
+LINK = WORK_ROWS  # c of the blocks c·I added between nodes i and i + 1, and i and i + 2 [kg]
+FACTOR = LINK + 2  # of the factorisation: 6 entries of a symmetric matrix
 COUPLED_ROWS = FACTOR + 6
 
-LINE_DOUBLES = 8  # of a cache line
+LINE_DOUBLES = 8  # per cache line
 
-# Rows of `sections`, a column each section of the rope from the lower end up:
+# Rows of `sections`; one column per section of the rope, from the lower end up:
 END = 0  # material coordinate of its upper end [m]; that of the last one is infinite
 EA, C = 1, 2  # of T = EA·strain + C·strain rate [N], [N·s]; with a table EA is unused
 PER_METRE = 3  # MASS, VOLUME, FRONTAL and SKIN per unstretched metre
@@ -65,11 +65,11 @@ ELEMENTS, LOWEST_OFFSET, COUNTS = 0, 1, 2
 # state.health: sums and maxima since the start
 (STEPS, SOLVES, SOLVES_MAX, SUBSTEPS, SUBSTEPS_MAX, REJECTED, SUBSTEPS_UNCONVERGED, SPLITS, MERGES,
  HEALTH) = range(10)  # fmt: skip
-# columns of `pull`, one row per step: magnitude and vector of the rope's pull on the hang-off
+# columns of `pull`, one row per step: magnitude and vector of the rope's force on the hang-off
 PULL, PULL_X, PULL_Y, PULL_Z, PULL_COLUMNS = range(5)
-# columns of the prescribed motion: hang-off x, y, z and the line out L
+# columns of the prescribed motion: hang-off x, y, z and the paid-out length L
 X, Y, Z, LINE, MOTIONS = range(5)
-# For arguments of kernels: numba compiles a kernel once more for every literal that it is given.
+# For kernel arguments: numba compiles a kernel again for every literal that it is called with.
 ZERO, KEPT_ROWS, LINE_COLUMN = np.int64(0), np.int64(KEPT), np.int64(LINE)
 
 
@@ -79,23 +79,23 @@ class Model(NamedTuple):
     element_length: float  # of a new element at the sheave [m]
     split_above: float  # top element splits above this length [m]
     merge_below: float  # top element merges below this length [m]
-    absorb: float  # time constant that fades the length offsets of events [s]
+    absorb: float  # decay time of length corrections after split or merge [s]
     first_free: int  # 0: free lower end; 1: node 0 is fixed
     step: float  # time step [s]
     tolerance: float  # largest tension mismatch of an accepted stage [N]
 
 
 class State(NamedTuple):
-    """Everything that a restart of the rope needs."""
+    """Complete restart data of the rope."""
 
     nodes: Floats  # position, velocity, acceleration, (NODE_ROWS, capacity)
     s: Floats  # material coordinate from the lower end, unstretched [m], (capacity,)
-    offset: Floats  # length offset of each element, fading after an event [m], (capacity,)
-    counts: Ints  # elements in use, lowest element with an offset
+    offset: Floats  # length correction of each element, decaying after a split or merge [m]
+    counts: Ints  # elements in use, lowest element with a length correction
     health: Ints  # see STEPS ... MERGES
 
     def copy(self) -> State:
-        """A state of its own."""
+        """Return a deep copy."""
         return State(
             self.nodes.copy(), self.s.copy(), self.offset.copy(), self.counts.copy(),
             self.health.copy(),
@@ -103,9 +103,9 @@ class State(NamedTuple):
 
 
 class Table(NamedTuple):
-    """Elastic tension over strain, T = EA(strain)·strain: cubics between knots, a row a section.
+    """Piecewise-cubic elastic tension T = EA(strain)·strain between knots; one row per section.
 
-    Beyond knot j: T = tension + slope·u + v²·(curve + bend·v) u = strain - knot, v = max(u, 0).
+    Beyond knot j: T = tension + slope·u + v²·(curve + bend·v), u = strain - knot, v = max(u, 0).
     """
 
     knot: Floats  # strain, rising; the first 0, unused ones infinite, (sections, knots)
@@ -116,7 +116,7 @@ class Table(NamedTuple):
 
 
 class Rope(NamedTuple):
-    """What every kernel of the step works on."""
+    """Argument of every kernel of the step: constants, state, scratch and effects of one rope."""
 
     model: Model
     state: State
@@ -127,9 +127,9 @@ class Rope(NamedTuple):
 
 
 class Boundary(NamedTuple):
-    """Prescribed motion at the borders of the steps to come, (steps + 1, MOTIONS) each."""
+    """Prescribed motion at the boundaries of the steps to come, (steps + 1, MOTIONS) each."""
 
-    value: Floats  # hang-off x, y, z and line out [m]
+    value: Floats  # hang-off x, y, z and paid-out length [m]
     rate: Floats  # [m/s]
 
 
@@ -143,7 +143,7 @@ class Stage(NamedTuple):
 
 
 def new_state(capacity: int) -> State:
-    """A state of zeros with room for `capacity` nodes."""
+    """Return a state of zeros with space for `capacity` nodes."""
     return State(
         np.zeros((NODE_ROWS, capacity)),
         np.zeros(capacity),
@@ -154,16 +154,16 @@ def new_state(capacity: int) -> State:
 
 
 def columns_for(capacity: int) -> int:
-    """Columns of scratch for this many nodes: whole cache lines, an odd number of them.
+    """Return the scratch columns for `capacity` nodes: an odd number of whole cache lines.
 
-    All rows then begin at a line, so that no vector lies across two, and the rows of a node do not
-    compete for the same place in the nearest cache.
+    All rows then begin at a cache line, so that no SIMD vector straddles two, and the rows of a
+    node do not map to the same cache set.
     """
     return (ceil(capacity / LINE_DOUBLES) | 1) * LINE_DOUBLES
 
 
 def new_work(columns: int, count: int = WORK_ROWS) -> Floats:
-    """Scratch, (count, columns), beginning at a cache line; `hooks.work_rows` tells the count."""
+    """Return cache-aligned scratch, (count, columns); `hooks.work_rows` gives the count."""
     space = np.zeros(count * columns + LINE_DOUBLES)
     start = -(space.ctypes.data // space.itemsize) % LINE_DOUBLES
     return space[start : start + count * columns].reshape(count, columns)

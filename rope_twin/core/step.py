@@ -1,8 +1,8 @@
-"""One time step: TR-BDF2, halved where it does not converge.
+"""One time step of a single rope: TR-BDF2 with substepping where Newton's method does not converge.
 
-TR-BDF2 (Bank et al. 1985; Hosea and Shampine 1996) with γ = 2 - √2: a trapezoidal stage to
-t + γ·h, then BDF2 to t + h, both with the same weight c = γ·h/2. It is second order, needs no
-history (so elements may come and go), and dissipates what the mesh cannot carry.
+TR-BDF2 (Bank et al. 1985; Hosea and Shampine 1996) with γ = 2 - √2: a trapezoidal stage to t + γ·h,
+then BDF2 to t + h, both with the same weight c = γ·h/2. It is second order, needs no history (so
+elements may be added and removed), and damps frequencies that the mesh cannot resolve.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from rope_twin.core.payout.motion import place_hang_off, prescribed
 from rope_twin.core.payout.trial import HIGH, load_trials
 from rope_twin.core.rope.elastic import stretch_all
 from rope_twin.core.rope.sections import set_lengths, set_top_length
-from rope_twin.core.solve.halving import HALVINGS, OUT, advance_halving
+from rope_twin.core.solve.halving import HALVINGS, OUT, advance_substeps
 from rope_twin.core.solve.prediction import GAMMA, accept
 from rope_twin.core.solve.remembering import (
     accept_memories,
@@ -30,9 +30,9 @@ from rope_twin.core.solve.remembering import (
 )
 from rope_twin.core.solve.stage import (
     BDF2,
-    CAP,
     CONVERGED,
-    LAST_CAP,
+    MAX_CORRECTIONS,
+    MAX_CORRECTIONS_LAST,
     NOT_FINITE,
     PENDING,
     TRAPEZOID,
@@ -62,12 +62,12 @@ from rope_twin.core.state import (
     Stage,
 )
 
-OFFSET_GONE = 1e-15  # a fading length offset below this part of its element is 0
+OFFSET_GONE = 1e-15  # a decaying length correction below this fraction of its element is set to 0
 
 
 @jit
 def stage_at(rope: Any, boundary: Any, row: int, part: float, time: float, c: float) -> Any:
-    """Set the boundary at `part` of the step and return the stage there."""
+    """Set the boundary condition at the fraction `part` of the step and return the stage there."""
     n, h = rope.state.counts[ELEMENTS], rope.model.step
     L, V, _ = place_hang_off(rope.work, boundary, row, part, h, n)
     set_top_length(rope.work, rope.state.s, rope.sections, n, L)
@@ -76,7 +76,10 @@ def stage_at(rope: Any, boundary: Any, row: int, part: float, time: float, c: fl
 
 @jit_sum
 def _is_finite(rope: Any) -> bool:
-    """Whether the stage's motion is finite. A converged one is: NaN disagrees with any tension."""
+    """Return whether the stage's motion is finite.
+
+    A converged stage always is, because NaN fails the tension criterion.
+    """
     total = 0.0
     for k in range(NODE_ROWS):
         row = rope.work[k]
@@ -87,24 +90,24 @@ def _is_finite(rope: Any) -> bool:
 
 @jit
 def _substep(rope: Any, at: Any, level: int, done: int) -> Any:
-    """Both stages over 1/2^level of the step, from done/2^HALVINGS; the result is in work.
+    """Solve both stages over 1/2^level of the step, from done/2^HALVINGS, in work.
 
-    Returns the worse of what the stages returned, their weight q, and the share of CORRECTION that
-    is pending.
+    Returns the worse outcome of the two stages, their weight q, and the fraction of CORRECTION that
+    is still pending.
     """
     boundary, row, time = at
     start, share = done / (1 << HALVINGS), 1.0 / (1 << level)
-    cap = CAP if level < HALVINGS else LAST_CAP
+    cap = MAX_CORRECTIONS if level < HALVINGS else MAX_CORRECTIONS_LAST
     c = 0.5 * GAMMA * share * rope.model.step
     worst, pending, solves = PENDING, 0.0, rope.state.health[SOLVES]
-    again = level < 0  # no; a plain False is a type of its own, for which all is compiled twice
+    again = level < 0  # False; a literal False has its own type and compiles everything twice
     for kind in (TRAPEZOID, BDF2):
         part = GAMMA if kind == TRAPEZOID else 1.0
         stage = stage_at(rope, boundary, row, start + part * share, time, c)
         outcome = solve_stage(rope, stage, kind, cap, pending, again)
         worst = min(worst, outcome)
         if outcome < CONVERGED and level < HALVINGS:
-            break  # it will be halved
+            break  # the substep will be halved
         pending = 1.0 if outcome == PENDING else 0.0
         pending = settle_memories(rope.effects, rope, stage, kind, pending)
         again = level == 0 and rope.state.health[SOLVES] == solves + 1
@@ -115,7 +118,7 @@ def _substep(rope: Any, at: Any, level: int, done: int) -> Any:
 
 @jit
 def _accept(rope: Any, found: Any) -> None:
-    """The substep's motion becomes the state's, that of the ends as it is."""
+    """Copy the converged substep's motion to the state; that of the hang-off as prescribed."""
     _, q, pending = found
     n, first = rope.state.counts[ELEMENTS], rope.model.first_free
     accept(rope.state.nodes, rope.work, q * q, q, pending, first, n)
@@ -126,7 +129,7 @@ def _accept(rope: Any, found: Any) -> None:
 
 @jit
 def _copy_start(rope: Any, way: int) -> None:
-    """Motion and memories of the step's start to scratch, or back."""
+    """Save motion and internal variables of the step's start (way OUT), or restore them."""
     nodes, work, n = rope.state.nodes, rope.work, rope.state.counts[ELEMENTS]
     if way == OUT:
         copy(nodes, ZERO, work, KEPT_ROWS, n + 1)
@@ -138,7 +141,7 @@ def _copy_start(rope: Any, way: int) -> None:
 
 @jit
 def _fade_offsets(model: Any, state: Any, n: int) -> None:
-    """Length offsets of events fade with the time constant `absorb`."""
+    """Let length corrections of splits and merges decay with the time constant `absorb`."""
     keep = exp(-model.step / model.absorb)
     low = state.counts[LOWEST_OFFSET]
     for e in range(low, n):
@@ -151,11 +154,11 @@ def _fade_offsets(model: Any, state: Any, n: int) -> None:
 
 @jit
 def _report(rope: Any, pull: Any, row: int) -> None:
-    """The rope's pull on the hang-off at the end of step `row`, from the trial node there.
+    """Write the rope's tension on the hang-off at the end of step `row`, from the ghost node there.
 
-    It is the balance of the half element at the hang-off, -T·t + (l/2)·(loads - m·a), with
-    the material velocity and acceleration of the rope that passes it; the element's tension alone
-    would be a saw-tooth of m·g·l/2 under payout.
+    It is the force balance of the half element at the hang-off, -T·t + (l/2)·(loads - m·a), with
+    the material velocity and acceleration of the rope that passes it. The element's tension alone
+    would be a saw-tooth of m·g·l/2 during payout.
     """
     state, work = rope.state, rope.work
     n, slot = state.counts[ELEMENTS], state.s.shape[0] + HIGH
@@ -171,7 +174,7 @@ def _report(rope: Any, pull: Any, row: int) -> None:
 
 @jit
 def finish(rope: Any, boundary: Any, pull: Any, row: int, time: float) -> None:
-    """After step `row` to `time`: report, and let the top element split or merge."""
+    """Complete step `row`, which ends at `time`: report tension, split or merge the top element."""
     state, h = rope.state, rope.model.step
     L, V, A = prescribed(boundary, row, LINE_COLUMN, 1.0, h)
     stage = Stage(time, 1.0, 0.0, V)
@@ -186,7 +189,7 @@ def finish(rope: Any, boundary: Any, pull: Any, row: int, time: float) -> None:
 
 @jit
 def recall_tension(rope: Any, boundary: Any, row: int, time: float) -> None:
-    """Element tensions of the state at the start of step `row`, after a failed attempt at it."""
+    """Recompute element tensions at the start of step `row`, after a failed attempt at it."""
     state, work = rope.state, rope.work
     n = state.counts[ELEMENTS]
     copy(state.nodes, ZERO, work, ZERO, n + 1)
@@ -197,7 +200,7 @@ def recall_tension(rope: Any, boundary: Any, row: int, time: float) -> None:
 
 @jit_entry
 def advance_steps(rope: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
-    """What `advance` compiles."""
+    """Entry point of the compiled code behind `advance`."""
     was = flush()
     done = _advance(rope, boundary, pull, time, steps)
     restore(was)
@@ -214,7 +217,7 @@ def _advance(rope: Any, boundary: Any, pull: Any, time: float, steps: int) -> in
         now = time + row * rope.model.step
         begin_step(rope.effects, rope, now)
         at = boundary, row, now
-        if not advance_halving(rope, state.health, at, _substep, _copy_start, _accept):
+        if not advance_substeps(rope, state.health, at, _substep, _copy_start, _accept):
             recall_tension(rope, boundary, row, now)
             return row
         finish(rope, boundary, pull, row, now + rope.model.step)
@@ -225,14 +228,14 @@ _COMPILED: dict[tuple[type, ...], Any] = {}
 
 
 def advance(rope: Rope, boundary: Boundary, pull: Floats, time: float, steps: int) -> int:
-    """Advance by `steps` steps from `time`; returns how many were done.
+    """Advance by `steps` time steps from `time` and return how many were done.
 
-    boundary: the prescribed motion at the steps' borders; pull: (steps, PULL_COLUMNS), the rope's
-    pull on the hang-off after each step [N], a result. Fewer than `steps`: the next state would not
-    be finite; the state is as it was before that step.
+    boundary: the prescribed motion at the step boundaries; pull: (steps, PULL_COLUMNS), the rope's
+    force on the hang-off after each step [N], an output. A result below `steps` means that the next
+    state would not be finite; the state is then the one before that step.
 
-    The compiled code is looked up by the types of the rope's parts: numba's own dispatch, which
-    looks into every array, takes as long as the step of a hundred elements.
+    The compiled code is looked up by the types of the rope's parts: numba's own dispatch inspects
+    every array and takes as long as the step of a hundred elements.
 
     Raises:
         ValueError: a table is not contiguous in memory.
@@ -242,5 +245,5 @@ def advance(rope: Rope, boundary: Boundary, pull: Floats, time: float, steps: in
     if found is None:
         found = _COMPILED[kinds] = compiled(advance_steps, (rope, boundary, pull, time, steps))
     if not all(table.flags.c_contiguous for table in (*boundary, pull)):
-        raise ValueError("advance: boundary and pull must be contiguous; give copies")
+        raise ValueError("advance: boundary and pull must be contiguous; pass copies")
     return int(found(rope, boundary, pull, time, steps))

@@ -1,6 +1,7 @@
-"""How fast this processor is by itself: a chain of multiply-adds, each waiting for the last.
+"""CPU reference benchmark: a chain of multiply-adds, each of which depends on the one before.
 
-No part of the solver. A speed of the solver over this figure can be compared between machines.
+It is no part of the solver. The solver's speed divided by this figure is comparable between
+machines.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from rope_twin.core.compiler.jit import jit_entry
 
 @jit_entry
 def chain(x: float, a: float, b: float, links: int) -> Any:
-    """x ← a·x + b, `links` times."""
+    """Return x after `links` repetitions of x ← a·x + b."""
     for _ in range(links):
         x = a * x + b
     return x

@@ -1,7 +1,7 @@
-"""The effects that a scene can list. One effect, one file: its paper, parameters and kernels.
+"""Registry of the effects (load models) that a scene can list; one file each with its source.
 
-EFFECTS is the only place that knows them all. Its order is the order in which they are compiled
-and summed: the same set shares one binary, and sums repeat to the bit.
+EFFECTS is the only list of all effects. Its order is the order in which they are compiled and
+summed: the same set shares one binary, and sums are bit-identical.
 """
 
 from __future__ import annotations
@@ -32,26 +32,26 @@ from rope_twin.effects import (
 
 
 class Surroundings(NamedTuple):
-    """What an effect may ask for while it is built."""
+    """Properties of water and rope that an effect may use when it is built."""
 
     water_density_kg_per_m3: float
     gravity_m_per_s2: float
-    added_mass: float  # coefficient of the rope's, 0 where the scene lists none
-    room: int = 0  # nodes that the rope's arrays hold
-    drag_normal: float = 0.0  # drag coefficient across the rope, 0 where the scene lists none
+    added_mass: float  # added mass coefficient of the rope, 0 where the scene lists none
+    room: int = 0  # node capacity of the rope's arrays
+    drag_normal: float = 0.0  # normal drag coefficient of the rope, 0 where the scene lists none
     bending_n_m2: float = 0.0  # bending stiffness of the rope, 0 where the scene lists none
 
 
 @dataclass(frozen=True)
 class Effect:
-    """An effect's name in a scene, what the scene says of it, and how its arrays are made."""
+    """An effect: its name in a scene, its parameters, and the builder of its kernel data."""
 
     name: str
     params: type
-    build: Callable[[Any, Any, Any], Any]  # params, payload figures, surroundings
-    sheds: bool = False  # a model of vortex-induced vibration: a scene has one at most
-    beside: bool = False  # such a model that is computed beside the step, on places of its own
-    version: int = 1  # raised with every change of its results beyond rounding
+    build: Callable[[Any, Any, Any], Any]  # params, payload properties, surroundings
+    sheds: bool = False  # a VIV model; a scene may list one at most
+    beside: bool = False  # a VIV model decoupled from the step, with its own mesh
+    version: int = 1  # incremented with every change of its results beyond round-off
 
 
 EFFECTS: tuple[Effect, ...] = (

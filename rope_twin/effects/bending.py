@@ -1,20 +1,20 @@
 """Bending stiffness: a rope, pipe or cable that resists curvature.
 
 Energy ½·EI·∫|r''|² ds with r' = dr/ds on the unstretched length s, the slender rod without twist of
-Nordgren (1974) and Garrett (1982, eqs 1 to 9): force per metre -(EI·r'')'' besides (λ·r')', where
-λ = T - EI·κ². At node j the curvature vector is r'' = (q_j - q_{j-1})/l, q_e = Δx_e/l_e, with l the
-mean of the rest lengths l_e beside it, so E_j = ½·(EI/l)·|q_j - q_{j-1}|². For small angles it is
-the discrete rod of Bergou et al. (2008, section 4.2).
+Nordgren (1974) and Garrett (1982, eqs 1 to 9): force per metre -(EI·r'')'' in addition to (λ·r')',
+where λ = T - EI·κ². At node j the curvature vector is r'' = (q_j - q_{j-1})/l, q_e = Δx_e/l_e, with
+l the mean of the unstretched lengths l_e of the adjacent elements, so E_j = ½·(EI/l)·|q_j -
+q_{j-1}|². For small angles it is the discrete rod of Bergou et al. (2008, section 4.2).
 
-The energy is quadratic in the places: its forces are linear, the couplings are multiples of the
-unit matrix, the solve has the exact derivative and stays convex, and an element whose length
-vanishes divides nothing by it. Price: the element's law holds for λ. It differs from the tension
-by EI·κ², which matters only where that exceeds the tension: there, in loops tighter than
-√(EI/T), an element shortens instead of carrying compression.
+The energy is quadratic in the positions: its forces are linear, the couplings are multiples of the
+unit matrix, the Jacobian is exact and the problem stays convex, and there is no division by the
+length of an element. The price: the element's law holds for λ. It differs from the tension by
+EI·κ², which matters only where that exceeds the tension: there, in loops tighter than √(EI/T), an
+element shortens instead of carrying compression.
 
-Ends are hinged, so is a joint where ropes meet: each has a moment at its inner nodes only. The
-hang-off may hold the rope's direction instead (half an element of curvature: 2·EI/l_top times what
-q of the top element lacks of it, across).
+Ends are hinged, and so is a connection of several ropes: each has a moment at its inner nodes only.
+The hang-off may instead fix the rope's direction (half an element of curvature: 2·EI/l_top times
+the normal deviation of the top element's q).
 """
 
 from __future__ import annotations
@@ -39,33 +39,33 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class BendingParams:
-    """Stiffness of the whole rope, and how the hang-off holds it."""
+    """Bending stiffness of the whole rope, and the boundary condition at the hang-off."""
 
     stiffness_n_m2: float = quantity("bending stiffness EI", "N·m²", 0.0, 1e10)
     clamped_along: Triple | None = quantity(
-        "x, y, z: direction in which the rope leaves the hang-off; hinged there without it", "",
+        "x, y, z: fixed direction of the rope at the hang-off; default: hinged", "",
         -1e3, 1e3, default=None,
     )  # fmt: skip
 
     def check(self) -> str | None:
-        """What is wrong and what would be right, or None."""
+        """Return the fault and its remedy, or None."""
         if self.clamped_along is not None and not any(self.clamped_along):
-            return "clamped_along has no direction; give for example [0, 0, -1] for straight down"
+            return "clamped_along is a zero vector; give for example [0, 0, -1] for straight down"
         return None
 
 
 class Bending(NamedTuple):
-    """What the kernels see."""
+    """Kernel data of the bending stiffness."""
 
     EI: float  # [N·m²]
-    clamp: float  # 2·EI where the hang-off holds the direction, else 0 [N·m²]
+    clamp: float  # 2·EI where the hang-off fixes the direction, else 0 [N·m²]
     x: float  # that direction, a unit vector, upward along the rope
     y: float
     z: float
 
 
 class ManyBendings(NamedTuple):
-    """Those of ropes that meet."""
+    """Kernel data of the ropes of a multi-line system."""
 
     figures: Floats  # the fields of Bending, (ropes, 5)
 
@@ -77,12 +77,12 @@ def _pick(many: Any, r: int) -> Any:
 
 @stacks(Bending, ManyBendings, _pick)
 def stack_bendings(bendings: Sequence[Bending]) -> ManyBendings:
-    """One after the other."""
+    """Stack the kernel data of several ropes."""
     return ManyBendings(np.array(bendings, dtype=float))
 
 
 def build(params: BendingParams, payload: Any, environment: Any) -> Bending:
-    """From the stiffness and the direction at the hang-off."""
+    """Return the kernel data for a stiffness and a direction at the hang-off."""
     EI = float(params.stiffness_n_m2)
     if params.clamped_along is None:
         return Bending(EI, 0.0, 0.0, 0.0, 0.0)
@@ -93,7 +93,7 @@ def build(params: BendingParams, payload: Any, environment: Any) -> Bending:
 
 @jit_within
 def _lack(bending: Any, work: Any, n: int) -> Any:
-    """2·EI/l² times what the top element lacks of the held direction, across it [N]."""
+    """Return 2·EI/l² times the normal deviation of the top element from the fixed direction [N]."""
     inverse = 1.0 / work[REST, n - 1]
     gx = bending.x - inverse * (work[POSITION, n] - work[POSITION, n - 1])
     gy = bending.y - inverse * (work[POSITION + 1, n] - work[POSITION + 1, n - 1])
@@ -105,7 +105,7 @@ def _lack(bending: Any, work: Any, n: int) -> Any:
 
 @jit
 def _hold(bending: Any, work: Any, p: float, n: int) -> None:
-    """The hang-off turns the top element towards the direction that it holds."""
+    """Add the force that turns the top element towards the fixed direction."""
     x, y, z = bending.x, bending.y, bending.z
     fx, fy, fz = _lack(bending, work, n)
     k = p * bending.clamp / work[REST, n - 1] ** 3
@@ -124,9 +124,9 @@ def _hold(bending: Any, work: Any, p: float, n: int) -> None:
 
 @kernel("pull", Bending)
 def pull(bending: Any, work: Any, n: int) -> Any:
-    """Force on the hang-off by the moment one node below, and by the one that holds a direction.
+    """Return the force on the hang-off from the moment one node below and from the clamp.
 
-    Its part along the rope is the EI·κ² by which the tension there exceeds λ.
+    Its component along the rope is the EI·κ² by which the tension there exceeds λ.
     """
     low, top = work[REST, n - 2], work[REST, n - 1]
     fx, fy, fz = _lack(bending, work, n)
@@ -139,13 +139,13 @@ def pull(bending: Any, work: Any, n: int) -> Any:
 
 @jit_within
 def _slope(work: Any, row: int, e: int) -> float:
-    """One component of q of element e."""
+    """Return one component of q of element e."""
     return float((work[row, e + 1] - work[row, e]) / work[REST, e])
 
 
 @jit_within
 def _weight(work: Any, i: int, j: int) -> float:
-    """How much node i counts in the difference q_j - q_{j-1} at node j [1/m]."""
+    """Return the weight of node i in the difference q_j - q_{j-1} at node j [1/m]."""
     low, up = 1.0 / work[REST, j - 1], 1.0 / work[REST, j]
     if i < j:
         return float(low)
@@ -154,7 +154,7 @@ def _weight(work: Any, i: int, j: int) -> float:
 
 @jit
 def _add_at(bending: Any, work: Any, p: float, i: int, n: int) -> None:
-    """What the moments at node i and beside it make of its force and block."""
+    """Add force and block of node i from the moments at it and its neighbours."""
     for j in range(max(i - 1, 1), min(i + 1, n - 1) + 1):
         EI, weight = 2.0 * bending.EI / (work[REST, j - 1] + work[REST, j]), _weight(work, i, j)
         for k in range(3):
@@ -166,9 +166,9 @@ def _add_at(bending: Any, work: Any, p: float, i: int, n: int) -> None:
 
 @jit_within
 def _inner_force(places: Any, over: Any, moments: Any) -> float:
-    """One component of the force on the third of five places by the moments about it.
+    """Return one component of the force on the third of five nodes from the moments about it.
 
-    over: 1 over the four rest lengths between them; moments: of each weight times EI/l.
+    over: 1 over the four unstretched lengths between them; moments: each weight times EI/l.
     """
     (p, q, r, s, t), (a, b, c, d), (low, here, up) = places, over, moments
     below, above = b * (r - q), c * (s - r)
@@ -177,7 +177,7 @@ def _inner_force(places: Any, over: Any, moments: Any) -> float:
 
 @jit
 def _add_inside(bending: Any, work: Any, stiffness: float, n: int) -> None:
-    """The same for the nodes 2 <= i < n - 1, whose three moments are all of inner nodes."""
+    """Add force and block of the nodes 2 <= i < n - 1, whose three moments are at inner nodes."""
     px, py, pz = rows(work, POSITION, 0)
     qx, qy, qz = rows(work, POSITION, 1)
     rx, ry, rz = rows(work, POSITION, 2)
@@ -203,7 +203,7 @@ def _add_inside(bending: Any, work: Any, stiffness: float, n: int) -> None:
 
 @jit
 def _add_links(bending: Any, work: Any, stiffness: float, n: int) -> None:
-    """p times the moments' stiffness between a node and the next, and the second next."""
+    """Add p times the moments' stiffness between a node and the next, and the second next."""
     rest, near, far = row(work, REST, 0), work[LINK], work[LINK + 1]
     EI = 2.0 * stiffness * bending.EI
     for i in range(1, n - 1):
@@ -213,14 +213,14 @@ def _add_links(bending: Any, work: Any, stiffness: float, n: int) -> None:
     for i in range(n - 1):
         l, m = rest[i], rest[i + 1]
         far[i] += EI / (l * m * (l + m))
-    # both ends' own links are of one moment
+    # the links of both ends come from one moment
     near[0] -= EI / (rest[0] * rest[0] * rest[1])
     near[n - 1] -= EI / (rest[n - 1] * rest[n - 1] * rest[n - 2])
 
 
 @kernel("couple", Bending)
 def couple(bending: Any, work: Any, stage: Any, n: int) -> None:
-    """Each inner node's moment EI·r'' pulls at it and its neighbours; p times its stiffness."""
+    """Add the forces of each inner node's moment EI·r'' on it and its neighbours, and blocks."""
     if n > 1:
         _add_inside(bending, work, stage.p, n)
         _add_links(bending, work, stage.p, n)
@@ -233,7 +233,7 @@ def couple(bending: Any, work: Any, stage: Any, n: int) -> None:
 
 @account("potential", Bending)
 def potential(bending: Any, place: Any) -> Any:
-    """½·EI·∫κ² about each node [J]; that of the clamp at the hang-off."""
+    """Return ½·EI·∫κ² about each node, and that of the clamp at the hang-off [J]."""
     energy, rest = np.zeros(place.arc.shape), np.diff(place.arc)
     if len(rest) > 1:
         q = np.diff(place.position) / rest

@@ -1,7 +1,7 @@
-"""Current: a profile over depth that turns, linear between its points, or two layers.
+"""Current: a profile over depth, piecewise linear in speed components, or two layers.
 
-Above the first and below the last point the end values hold. U is horizontal. It may come and go
-in time, all depths alike.
+Above the first and below the last point the end values hold. U is horizontal. A time factor may
+scale all depths alike.
 """
 
 from __future__ import annotations
@@ -20,34 +20,35 @@ from rope_twin.core.state import FLOW, POSITION, Floats
 from rope_twin.quantity import quantity, text
 
 TOGETHER = 32  # nodes
-STEP = 1e-3  # m, of the profile between two layers
+STEP = 1e-3  # m, height of the transition between two layers
 
 Point = tuple[float, tuple[float, float]]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Layers:
-    """One velocity from the surface to the split, another down to the bottom, none below.
+    """Two layers: one velocity from the surface to the split, another down to the bottom, none
+    below.
 
-    As Laird, Fraser and Marsh (2016) have it.
+    After Laird, Fraser and Marsh (2016).
     """
 
     upper: tuple[float, float] = quantity("velocity east, north", "m/s", -10.0, 10.0)
     lower: tuple[float, float] = quantity("velocity east, north", "m/s", -10.0, 10.0)
-    split_z_m: float = quantity("height of the split", "m", -12e3, 0.0)
-    bottom_z_m: float = quantity("height of the lower layer's end", "m", -12e3, 0.0)
+    split_z_m: float = quantity("elevation z of the interface", "m", -12e3, 0.0)
+    bottom_z_m: float = quantity("elevation z of the lower layer's bottom", "m", -12e3, 0.0)
 
     def check(self) -> str | None:
-        """The split lies above the bottom."""
+        """Return a fault if the split is not above the bottom, or None."""
         if not self.bottom_z_m < self.split_z_m - STEP:
             return (
-                f"the split at {self.split_z_m:g} m lies not above the bottom at "
+                f"the split at {self.split_z_m:g} m is not above the bottom at "
                 f"{self.bottom_z_m:g} m; order them downward"
             )
         return None
 
     def points(self) -> tuple[Point, ...]:
-        """The profile, whose steps are a millimetre high."""
+        """Return the profile, whose steps are a millimetre high."""
         split, bottom, half = self.split_z_m, self.bottom_z_m, 0.5 * STEP
         return (
             (split + half, self.upper), (split - half, self.lower),
@@ -57,59 +58,63 @@ class Layers:
 
 @dataclass(frozen=True, kw_only=True)
 class CurrentParams:
-    """Rows of height z (from the surface down) and velocity east, north; or two layers."""
+    """A profile (rows of elevation z from the surface down and velocity east, north), or two
+    layers.
+    """
 
-    profile: tuple[Point, ...] = quantity("rows of z [m] and [east, north] [m/s]", "", default=())
-    layers: Layers | None = text("two layers in place of a profile", None)
+    profile: tuple[Point, ...] = quantity(
+        "rows of elevation z [m] and velocity [east, north] [m/s]", "", default=()
+    )
+    layers: Layers | None = text("two layers instead of a profile", None)
     over_time: tuple[tuple[float, float], ...] = quantity(
-        "rows of time [s] and what multiplies the velocity, linear between them", "", -1e7, 1e7,
+        "rows of time [s] and factor on the velocity, linear between them", "", -1e7, 1e7,
         default=(),
     )  # fmt: skip
 
     @property
     def points(self) -> tuple[Point, ...]:
-        """The profile, of the layers too."""
+        """Return the profile, including that of two layers."""
         return self.layers.points() if self.layers is not None else self.profile
 
     def check(self) -> str | None:
-        """What is wrong with the profile and what would be right, or None."""
+        """Return the fault of the profile and its remedy, or None."""
         if self.layers is not None and self.profile:
             return "both profile and layers; keep one of them"
         if any(b[0] <= a[0] for a, b in itertools.pairwise(self.over_time)):
-            return "times of over_time do not rise; order the rows"
+            return "times of over_time are not ascending; order the rows"
         heights = [z for z, _ in self.points]
         if len(heights) < 1:
-            return "it has no row; give at least one [z, [east, north]]"
+            return "the profile is empty; give at least one row [z, [east, north]]"
         for above, below in itertools.pairwise(heights):
             if not below < above:
                 return f"z = {below:g} m follows z = {above:g} m; order rows from the surface down"
         if max(heights) > 0.0 or min(heights) < -12e3:
-            return "a row lies outside the water; give z from 0 down to -12000 m"
+            return "a row is outside the water; give z from 0 down to -12000 m"
         speeds = [abs(u) for _, velocity in self.points for u in velocity]
         if max(speeds) > 10.0:
-            return f"{max(speeds):g} m/s is no sea current; give at most 10 m/s"
+            return f"{max(speeds):g} m/s is not a plausible current; give at most 10 m/s"
         return None
 
 
 class Current(NamedTuple):
-    """What the kernel sees, from the bottom up."""
+    """Kernel data: rows from the bottom up."""
 
-    z: Floats  # heights [m], (rows,)
-    rise: Floats  # height from each row to the next [m]; 0 for the last
+    z: Floats  # elevations [m], (rows,)
+    rise: Floats  # vertical distance from each row to the next [m]; 0 for the last
     U: Floats  # velocity east, north [m/s], (2, rows)
     slope: Floats  # its derivative over z between the rows [1/s], (2, rows)
 
 
 class CurrentInTime(NamedTuple):
-    """A current that comes and goes."""
+    """Kernel data of a current with a time factor."""
 
     current: Current
-    time: Floats  # [s], rising, (rows,)
-    share: Floats  # of the current then
+    time: Floats  # [s], ascending, (rows,)
+    share: Floats  # factor on the current at these times
 
 
 def build(params: CurrentParams, payload: Any, environment: Any) -> Current | CurrentInTime:
-    """From the scene's profile."""
+    """Return the kernel data of the scene's current."""
     rows = np.array([[z, *velocity] for z, velocity in params.points], dtype=float)
     current = from_rows(rows)
     if not params.over_time:
@@ -119,7 +124,7 @@ def build(params: CurrentParams, payload: Any, environment: Any) -> Current | Cu
 
 
 def from_rows(rows: Floats) -> Current:
-    """From an array of z, east, north, ordered from the surface down; shape (rows, 3)."""
+    """Return a current from rows of z, east, north, ordered from the surface down; (rows, 3)."""
     upward = rows[::-1]
     z = np.ascontiguousarray(upward[:, 0])
     U = np.ascontiguousarray(upward[:, 1:].T)
@@ -133,7 +138,7 @@ def from_rows(rows: Floats) -> Current:
 def _add_layer(
     current: Any, share: Any, layer: int, z: Any, base: Any, flow: Any, count: int
 ) -> None:
-    """flow += base + slope·(what a node is above the layer's lower face, at most its rise)."""
+    """Add base + slope·(height above the layer's lower face, at most its thickness) to flow."""
     east, north = flow
     base_east, base_north = base
     low, rise = current.z[layer], current.rise[layer]
@@ -146,7 +151,7 @@ def _add_layer(
 
 @jit_within
 def _above(z: Any, level: float, count: int) -> int:
-    """How many nodes are not below a level. Least and greatest z would be found one by one."""
+    """Return how many nodes are not below a level (this vectorises; a minimum does not)."""
     found = 0
     for i in range(count):
         found += z[i] >= level
@@ -155,9 +160,9 @@ def _above(z: Any, level: float, count: int) -> int:
 
 @jit_within
 def _flow(current: Any, share: Any, work: Any, low: int, high: int) -> None:
-    """flow += share·U(z), a sum over the layers between rows, for a few nodes at a time.
+    """Add share·U(z) to flow, a sum over the layers between rows, for a few nodes at a time.
 
-    Only the layers that these nodes reach are summed; each sum runs over neighbours in memory.
+    Only the layers that these nodes reach are summed; each sum runs over contiguous memory.
     """
     last = current.z.shape[0] - 1
     first = 0
@@ -179,7 +184,7 @@ def _flow(current: Any, share: Any, work: Any, low: int, high: int) -> None:
 
 @wide_kernel("flow", Current)
 def flow_wide(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """The same sums for ropes side by side, each over the layers that its own nodes reach."""
+    """Add U(z) to flow for a SIMD batch, over the layers that each rope's nodes reach."""
     last = current.z.shape[0] - 1
     for start in range(low, high, TOGETHER):
         count = min(start + TOGETHER, high) - start
@@ -197,7 +202,7 @@ def flow_wide(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
             east[i] += base_east
             north[i] += base_north
         for layer in range(last):
-            own = current.z[layer + 1] > bottom  # whose ropes do not begin above the layer
+            own = current.z[layer + 1] > bottom  # lanes whose ropes do not begin above the layer
             if bits(own) != 0 and bits(current.z[layer] < top) != 0:
                 low_face, rise = current.z[layer], choose(own, current.rise[layer], 0.0)
                 slope_east, slope_north = current.slope[0, layer], current.slope[1, layer]
@@ -209,13 +214,13 @@ def flow_wide(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
 
 @kernel("flow", Current)
 def flow(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """flow += U(z)."""
+    """Add U(z) to flow."""
     _flow(current, 1.0, work, low, high)
 
 
 @kernel("flow", CurrentInTime)
 def flow_in_time(current: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """flow += share(t)·U(z); before the first and after the last row its value holds."""
+    """Add share(t)·U(z) to flow; share is constant before the first and after the last row."""
     last = current.time.shape[0] - 1
     i = 0
     while i < last - 1 and current.time[i + 1] <= stage.time:

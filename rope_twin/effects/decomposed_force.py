@@ -1,16 +1,17 @@
-"""Forces of vortices taken apart in phase, with varying added mass, and the drag of the rope then.
+"""Force-decomposition VIV model with amplitude-dependent added mass, and drag amplification.
 
 [GE] Ge, Added mass effect on VIV for flexible risers (2018); [SJTU] thesis on ultra-slender
-flexible structures, ch. 5. The part of the lift in phase with the motion, C_Lv(A/D, f·D/U), drives
-the rope where it is positive and damps it elsewhere, the part against it is an added mass
-C_a(A/D, f·D/U); both from a table (config/viv, whose head tells where it comes from). A
-pre-analysis tells which mode each place drives and at which true frequency; amplitude and frequency
-are read from the running motion. All this is computed beside the step, on places of its own
-(rope_twin.viv.decomposed_response, rope_twin.twin.vibration.shaking), and the pre-analysis is made
-again as tension and line out change: elements and step of the scene need not resolve it.
+flexible structures, ch. 5. The component of the lift in phase with the velocity, C_Lv(A/D, f·D/U),
+excites the rope where it is positive and damps it elsewhere; the component in antiphase with the
+acceleration is an added mass C_a(A/D, f·D/U); both from a table (config/viv, its source is in its
+header). A pre-analysis determines which mode each place excites and its natural frequency;
+amplitude and frequency are measured from the running motion. All this is decoupled from the step,
+on a mesh of its own (rope_twin.viv.decomposed_response, rope_twin.twin.vibration.shaking), and the
+pre-analysis is repeated as tension and paid-out length change: elements and step of the scene need
+not resolve it.
 
-What it does to the rope is in the step: the drag coefficient at each node grows by
-a·(2·rms/d)^b (Vandiver 1983: a = 1.043, b = 0.65), the mean of the rope that the node stands for.
+The feedback on the rope is in the step: the drag coefficient at each node is multiplied by 1 +
+a·(2·rms/d)^b (Vandiver 1983: a = 1.043, b = 0.65), averaged over the rope that the node represents.
 """
 
 from __future__ import annotations
@@ -23,17 +24,17 @@ from rope_twin.quantity import quantity
 
 @dataclass(frozen=True, kw_only=True)
 class DecomposedForceParams(DragGrowthParams):
-    """The published figures; structural damping, which [GE] does not print, is as in [LCD]."""
+    """Published coefficients; structural damping, which [GE] does not give, as in [LCD]."""
 
     band: tuple[float, float] = quantity(
-        "f·D/U between which a mode can be locked in", "", 0.02, 1.0, default=(0.125, 0.2)
+        "range of f·D/U of power-in (lock-in)", "", 0.02, 1.0, default=(0.125, 0.2)
     )
     added_mass: float | None = quantity(
-        "C_a everywhere; absent: that of the table, which varies", "", 0.0, 10.0, default=None
+        "constant C_a; default: variable, from the table", "", 0.0, 10.0, default=None
     )
 
     def check(self) -> str | None:
-        """A band that rises."""
+        """Return a fault if the band is not ascending, or None."""
         if not self.band[0] < self.band[1]:
             return f"band from {self.band[0]:g} to {self.band[1]:g}; give the lower one first"
         return None

@@ -1,9 +1,9 @@
-"""Blunt-face drag of a payload's fairing, by its own speed or by a tow speed that is prescribed.
+"""Blunt-face drag of a payload's fairing, by its own velocity or a prescribed tow speed.
 
-Laird, Fraser, Marsh 2016: a skip with a fairing on its face is towed up or down a lifting rope's
-way; its drag ½·ρ·C_D·A·|V|·V acts against its motion. V is the payload's own speed against the
-water along the face's axis, or a tow speed, for studies in which the rope itself is not hauled.
-With a ramp it grows from zero over time.
+Laird, Fraser, Marsh 2016: a skip with a fairing on its face is towed up or down along a lifting
+rope; its drag ½·ρ·C_D·A·|V|·V opposes its motion. V is the payload's velocity relative to the water
+along the face's axis, or a tow speed, for studies in which the rope itself is not hauled. A tow
+speed's drag may build up over a ramp.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from rope_twin.core.acting.hooks import kernel
 from rope_twin.core.compiler.rows import rows, span
 from rope_twin.core.energy import account
-from rope_twin.core.guards import NONE_AT_ALL
+from rope_twin.core.guards import DIVISOR_MIN
 from rope_twin.core.state import BLOCK, FLOW, RESIDUAL, VELOCITY
 from rope_twin.quantity import quantity
 
@@ -26,39 +26,39 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class FairingParams:
-    """The face and what it is towed with; the payload's own drag comes beside it."""
+    """Face and tow speed; the payload's own drag is added to it."""
 
     face_m2: float = quantity("area of the face", "m²", 0.0, 1e4)
-    drag: float = quantity("drag coefficient on it", "", 0.0, 5.0, default=1.0)
-    axis: Triple = quantity("direction across the face", "", -1e3, 1e3, default=(0.0, 0.0, 1.0))
+    drag: float = quantity("drag coefficient of the face", "", 0.0, 5.0, default=1.0)
+    axis: Triple = quantity("direction normal to the face", "", -1e3, 1e3, default=(0.0, 0.0, 1.0))
     tow_speed_m_per_s: float | None = quantity(
-        "towed along the axis at this speed through the water; absent: as it moves", "m/s",
+        "prescribed tow speed along the axis; default: the payload's own velocity", "m/s",
         -10.0, 10.0, default=None,
     )  # fmt: skip
-    ramp_s: float = quantity("a tow speed's drag grows over this time", "s", 0.0, 1e5, default=0.0)
+    ramp_s: float = quantity("build-up time of a tow speed's drag", "s", 0.0, 1e5, default=0.0)
 
     def check(self) -> str | None:
-        """An axis with a length; a ramp only of what is prescribed."""
+        """Return a fault if the axis is zero or a ramp has no tow speed, or None."""
         if not any(self.axis):
-            return "its axis has no direction; give one such as [0, 0, 1]"
+            return "the axis is a zero vector; give for example [0, 0, 1]"
         if self.ramp_s > 0.0 and self.tow_speed_m_per_s is None:
-            return "a ramp without a tow speed; leave ramp_s out, or give tow_speed_m_per_s"
+            return "ramp_s without a tow speed; remove ramp_s or give tow_speed_m_per_s"
         return None
 
 
 class Fairing(NamedTuple):
-    """Drag by the payload's own speed."""
+    """Kernel data of drag by the payload's own velocity."""
 
     k: float  # ½·ρ·C_D·A [kg/m]
-    x: float  # the axis, of length 1
+    x: float  # unit vector of the axis
     y: float
     z: float
 
 
 class TowedFairing(NamedTuple):
-    """Drag by a tow speed."""
+    """Kernel data of drag by a tow speed."""
 
-    force: float  # along the axis, against the tow, when the ramp is over [N]
+    force: float  # along the axis, opposing the tow, after the ramp [N]
     x: float
     y: float
     z: float
@@ -66,7 +66,7 @@ class TowedFairing(NamedTuple):
 
 
 def build(params: FairingParams, payload: Any, around: Any) -> Fairing | TowedFairing:
-    """From the face and the water."""
+    """Return the kernel data for the face and the water."""
     k = 0.5 * around.water_density_kg_per_m3 * params.drag * params.face_m2
     length = sqrt(sum(part * part for part in params.axis))
     x, y, z = (part / length for part in params.axis)
@@ -78,7 +78,7 @@ def build(params: FairingParams, payload: Any, around: Any) -> Fairing | TowedFa
 
 @kernel("load_end", Fairing)
 def load_end(fairing: Any, work: Any, stage: Any) -> None:
-    """R_0 -= k·|V|·V·e, V = (v - u)·e; A_0 += 2·q·k·|V|·e·eᵀ."""
+    """Subtract k·|V|·V·e from R_0, V = (v - u)·e; add 2·q·k·|V|·e·eᵀ to A_0."""
     vx, vy, vz = rows(work, VELOCITY, 0)
     ux, uy, uz = rows(work, FLOW, 0)
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
@@ -100,10 +100,10 @@ def load_end(fairing: Any, work: Any, stage: Any) -> None:
 
 @kernel("load_end", TowedFairing)
 def towed_end(fairing: Any, work: Any, stage: Any) -> None:
-    """R_0 += share(t)·F·e."""
+    """Add share(t)·F·e to R_0."""
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     share = (
-        1.0 if stage.time >= fairing.ramp else max(stage.time, 0.0) / (fairing.ramp + NONE_AT_ALL)
+        1.0 if stage.time >= fairing.ramp else max(stage.time, 0.0) / (fairing.ramp + DIVISOR_MIN)
     )
     Rx[0] += share * fairing.force * fairing.x
     Ry[0] += share * fairing.force * fairing.y
@@ -112,7 +112,7 @@ def towed_end(fairing: Any, work: Any, stage: Any) -> None:
 
 @account("power_end", Fairing)
 def power(fairing: Any, place: Any) -> Any:
-    """Force times velocity [W]."""
+    """Return force times velocity [W]."""
     axis = np.array([[fairing.x], [fairing.y], [fairing.z]])
     V = ((place.velocity - place.flow) * axis).sum(axis=0)
     return -fairing.k * np.abs(V) * V * (axis * place.velocity).sum(axis=0)

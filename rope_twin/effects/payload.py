@@ -1,13 +1,13 @@
-"""The payload at the rope's lower end, a point: mass, added mass, weight in water, drag per axis.
+"""Payload at the rope's lower end, a point: mass, added mass, weight in water, drag per axis.
 
 Axes are the world's (x, y lateral, z vertical). Drag along axis k: -½·ρ·CdA_k·|u|·u_k with the
 velocity u relative to the water (Morison et al. 1950).
 
-A grab or a skip has another face up than down (Hoerner 1965, 3-17; DNV-RP-N103, table B-2). Its
-figures along z blend with w, the vertical velocity relative to the water, from those of sinking to
-those of rising: c(w) = c_mean + c_half·w/√(w² + δ²) with δ = 0.05 m/s, so that the force has a
-slope where the body turns. Its kinetic energy counts the mean added mass; what the rest takes up
-goes to the water's account.
+A grab or a skip has different faces above and below (Hoerner 1965, 3-17; DNV-RP-N103, table B-2).
+Its coefficients along z blend with w, the vertical velocity relative to the water, from those of
+descent to those of ascent: c(w) = c_mean + c_half·w/√(w² + δ²) with δ = 0.05 m/s, so that the force
+has a slope where the body reverses. Its kinetic energy contains the mean added mass; the power of
+the rest is charged to the water's account.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 from rope_twin.core.acting.hooks import kernel
 from rope_twin.core.compiler.rows import rows, span
 from rope_twin.core.energy import account
-from rope_twin.core.guards import STILL2
+from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.joined.stack import stacks
 from rope_twin.core.state import ACCELERATION, BLOCK, FLOW, RESIDUAL, VELOCITY, Floats
 
@@ -30,11 +30,11 @@ TURN2 = 0.05**2  # δ² [m²/s²]
 
 @dataclass(frozen=True, kw_only=True)
 class PayloadParams:
-    """Nothing to choose here: the figures are those of the scene's payload."""
+    """Without parameters: the properties are those of the scene's payload."""
 
 
 class Payload(NamedTuple):
-    """What the kernel sees; mass includes the added mass."""
+    """Kernel data; mass includes the added mass."""
 
     W: float  # weight in water [N]
     Mx: float  # [kg]
@@ -46,23 +46,23 @@ class Payload(NamedTuple):
 
 
 class TwoWayPayload(NamedTuple):
-    """What the kernel sees; masses include the added mass."""
+    """Kernel data of a payload with different ascent and descent; masses include the added mass."""
 
     W: float  # weight in water [N]
     Mx: float  # [kg]
     My: float
-    Mz: float  # mean of rising and sinking
+    Mz: float  # mean of ascent and descent
     kx: float  # ½·ρ·CdA [kg/m]
     ky: float
-    kz: float  # mean of rising and sinking
-    dM: float  # half of rising less sinking [kg]
-    dk: float  # the same of drag [kg/m]
+    kz: float  # mean of ascent and descent
+    dM: float  # half the difference of the mass, ascent less descent [kg]
+    dk: float  # half the difference of the drag, ascent less descent [kg/m]
 
 
 class Payloads(NamedTuple):
-    """The payloads of ropes that meet."""
+    """Kernel data of the payloads of a multi-line system."""
 
-    figures: Floats  # a Payload's, (ropes, 7)
+    figures: Floats  # the fields of Payload, (ropes, 7)
 
 
 def _pick(payloads: Any, r: int) -> Any:
@@ -72,12 +72,12 @@ def _pick(payloads: Any, r: int) -> Any:
 
 @stacks(Payload, Payloads, _pick)
 def stack(payloads: Any) -> Payloads:
-    """One after the other."""
+    """Stack the kernel data of several payloads."""
     return Payloads(np.array(payloads, dtype=float))
 
 
 def build(params: PayloadParams, payload: Any, environment: Any) -> Payload | TwoWayPayload:
-    """From the payload's mass, volume, added mass and drag area, and the water."""
+    """Return the kernel data for mass, volume, added mass and drag area, and the water."""
     density = environment.water_density_kg_per_m3
     mass = [payload.mass_kg + added for added in payload.added_mass_kg]
     k = [0.5 * density * area for area in payload.drag_area_m2]
@@ -93,9 +93,9 @@ def build(params: PayloadParams, payload: Any, environment: Any) -> Payload | Tw
 
 @kernel("load_end", Payload, wide=True)
 def load_end(load: Any, work: Any, stage: Any) -> None:
-    """R_0 -= M·a + k·|u|·u + W·ẑ; A_0 += M + q·k·(|u|·I + u·uᵀ/|u|).
+    """Subtract M·a + k·|u|·u + W·ẑ from R_0; add M + q·k·(|u|·I + u·uᵀ/|u|) to A_0.
 
-    With different k per axis the exact derivative is not symmetric; its off-diagonal parts are
+    With different k per axis the exact derivative is not symmetric; its off-diagonal entries are
     replaced by their means.
     """
     vx, vy, vz = rows(work, VELOCITY, 0)
@@ -104,7 +104,7 @@ def load_end(load: Any, work: Any, stage: Any) -> None:
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     x, y, z = vx[0] - ux[0], vy[0] - uy[0], vz[0] - uz[0]
-    speed = sqrt(x * x + y * y + z * z + STILL2)
+    speed = sqrt(x * x + y * y + z * z + SPEED2_MIN)
     kx, ky, kz = load.kx * speed, load.ky * speed, load.kz * speed
     Rx[0] -= load.Mx * ax[0] + kx * x
     Ry[0] -= load.My * ay[0] + ky * y
@@ -121,7 +121,7 @@ def load_end(load: Any, work: Any, stage: Any) -> None:
 @account("kinetic_end", Payload)
 @account("kinetic_end", TwoWayPayload)
 def kinetic(load: Any, place: Any) -> Any:
-    """½·v·M·v with the added mass, of two the mean [J]."""
+    """Return ½·v·M·v including the added mass (mean of ascent and descent) [J]."""
     mass = np.array([[load.Mx], [load.My], [load.Mz]])
     return 0.5 * (mass * place.velocity**2).sum(axis=0)
 
@@ -129,13 +129,13 @@ def kinetic(load: Any, place: Any) -> Any:
 @account("potential_end", Payload)
 @account("potential_end", TwoWayPayload)
 def potential(load: Any, place: Any) -> Any:
-    """Weight in water times height [J]."""
+    """Return weight in water times height [J]."""
     return load.W * place.position[2]
 
 
 @account("power_end", Payload)
 def power(load: Any, place: Any) -> Any:
-    """Drag times velocity [W]."""
+    """Return drag times velocity [W]."""
     u = place.velocity - place.flow
     k = np.array([[load.kx], [load.ky], [load.kz]])
     return -(k * np.sqrt((u * u).sum(axis=0)) * u * place.velocity).sum(axis=0)
@@ -143,14 +143,14 @@ def power(load: Any, place: Any) -> Any:
 
 @kernel("load_end", TwoWayPayload, wide=True)
 def load_end_two_way(load: Any, work: Any, stage: Any) -> None:
-    """R_0 -= M(w)·a + k(w)·|u|·u + W·ẑ; A_0 += its derivative, off the diagonal by means."""
+    """Subtract M(w)·a + k(w)·|u|·u + W·ẑ from R_0; add its symmetrised derivative to A_0."""
     vx, vy, vz = rows(work, VELOCITY, 0)
     ux, uy, uz = rows(work, FLOW, 0)
     ax, ay, az = rows(work, ACCELERATION, 0)
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     x, y, z = vx[0] - ux[0], vy[0] - uy[0], vz[0] - uz[0]
-    speed = sqrt(x * x + y * y + z * z + STILL2)
+    speed = sqrt(x * x + y * y + z * z + SPEED2_MIN)
     near = z * z + TURN2
     root = sqrt(near)
     Mz, k = load.Mz + load.dM * z / root, load.kz + load.dk * z / root
@@ -170,13 +170,13 @@ def load_end_two_way(load: Any, work: Any, stage: Any) -> None:
 
 
 def _share(w: Any) -> Any:
-    """-1 sinking, 1 rising."""
+    """Return -1 in descent, 1 in ascent, smooth in between."""
     return w / np.sqrt(w * w + TURN2)
 
 
 @account("power_end", TwoWayPayload)
 def power_two_way(load: Any, place: Any) -> Any:
-    """Drag, and the added mass beside its mean, times velocity [W]."""
+    """Return the power of drag and of the added mass in excess of its mean [W]."""
     u = place.velocity - place.flow
     share = _share(u[2])
     k = np.stack([load.kx + 0.0 * share, load.ky + 0.0 * share, load.kz + load.dk * share])

@@ -1,9 +1,9 @@
-"""The seabed: rope and payload rest on it, slide with friction, and lift off; it never pulls.
+"""Seabed contact of rope and payload: unilateral normal force and friction.
 
-Hunt and Crossley (1975): at the penetration d [m], normal to the bed, and the speed v_n away from
-it, N = k·d·(1 - χ·v_n), at least 0: continuous at touchdown and at lift-off, dissipative in
+Hunt and Crossley (1975): at the penetration d [m], normal to the seabed, and the speed v_n away
+from it, N = k·d·(1 - χ·v_n), at least 0: continuous at touchdown and at lift-off, dissipative in
 between. k is the modulus of subgrade reaction [N/m³] times the rope's projected area d·l, or the
-payload's own stiffness. Friction is Coulomb's, μ·N against the sliding velocity v_t, regularised:
+payload's own stiffness. Coulomb friction, μ·N opposing the sliding velocity v_t, is regularised:
 μ·N·v_t/√(|v_t|² + v_0²) (Oden and Martins 1985).
 """
 
@@ -39,21 +39,21 @@ CREEP = 0.01  # v_0: friction is within 0.5 % of μ·N from ten times this on [m
 
 @dataclass(frozen=True, kw_only=True)
 class Soundings:
-    """Depths on a grid, linear in between and level beyond it."""
+    """Depths on a rectangular grid, linear in between and level beyond it."""
 
-    x_m: tuple[float, ...] = quantity("east, rising", "m", -1e6, 1e6)
-    y_m: tuple[float, ...] = quantity("north, rising", "m", -1e6, 1e6)
+    x_m: tuple[float, ...] = quantity("x (east) of the columns, ascending", "m", -1e6, 1e6)
+    y_m: tuple[float, ...] = quantity("y (north) of the rows, ascending", "m", -1e6, 1e6)
     depth_m: tuple[tuple[float, ...], ...] = quantity(
-        "a row for each y, a depth for each x", "m", 1.0, 12e3
+        "depths: one row per y, one value per x", "m", 1.0, 12e3
     )
 
     def check(self) -> str | None:
-        """Order and shape."""
+        """Return a fault of order or shape, or None."""
         for name, axis in (("x_m", self.x_m), ("y_m", self.y_m)):
             if len(axis) < 2:
                 return f"{name} has {len(axis)} values; give at least 2"
             if any(b <= a for a, b in itertools.pairwise(axis)):
-                return f"{name} does not rise; order it"
+                return f"{name} is not ascending; order it"
         sizes = {len(row) for row in self.depth_m}
         if len(self.depth_m) != len(self.y_m) or sizes != {len(self.x_m)}:
             return (
@@ -65,35 +65,37 @@ class Soundings:
 
 @dataclass(frozen=True, kw_only=True)
 class SeabedParams:
-    """Where the bed is, exactly one of `depth_m` and `soundings`, and what it is like."""
+    """Position of the seabed, exactly one of `depth_m` and `soundings`, and soil properties."""
 
-    depth_m: float | None = quantity("below the origin", "m", 1.0, 12e3, default=None)
+    depth_m: float | None = quantity("water depth at the origin", "m", 1.0, 12e3, default=None)
     slope: tuple[float, float] = quantity(
-        "rise of the bed per metre east, north", "", -1.0, 1.0, default=(0.0, 0.0)
+        "slope of the seabed, rise per metre east, north", "", -1.0, 1.0, default=(0.0, 0.0)
     )
-    soundings: Soundings | None = text("depths on a grid", None)
+    soundings: Soundings | None = text("water depths on a grid", None)
     stiffness_n_per_m3: float = quantity(
-        "modulus of subgrade reaction: pressure under the rope over penetration", "N/m³", 1e2, 1e9,
+        "modulus of subgrade reaction: pressure over penetration of the rope", "N/m³", 1e2, 1e9,
         default=1e5,
     )  # fmt: skip
     payload_penetration_m: float = quantity(
-        "how far the payload's weight in water sinks into it", "m", 1e-4, 5.0, default=0.05
+        "penetration under the payload's weight in water", "m", 1e-4, 5.0, default=0.05
     )
-    damping_s_per_m: float = quantity("χ of N = k·d·(1 - χ·v)", "s/m", 0.0, 10.0, default=1.0)
-    friction: float = quantity("coefficient μ", "", 0.0, 2.0, default=0.5)
+    damping_s_per_m: float = quantity(
+        "damping χ of N = k·d·(1 - χ·v)", "s/m", 0.0, 10.0, default=1.0
+    )
+    friction: float = quantity("friction coefficient μ", "", 0.0, 2.0, default=0.5)
 
     def check(self) -> str | None:
-        """One bed; slope belongs to a plane."""
+        """Return a fault if the seabed is not given exactly once, or None."""
         if (self.depth_m is None) == (self.soundings is None):
-            given = "no depth" if self.depth_m is None else "two beds"
+            given = "no depth" if self.depth_m is None else "two seabeds"
             return f"{given}; give depth_m (with a slope, if any) or soundings"
         if self.soundings is not None and self.slope != (0.0, 0.0):
-            return "soundings have their own slope; leave slope out"
+            return "soundings define the slope; remove slope"
         return None
 
 
 def build(params: SeabedParams, payload: Any, around: Any) -> Plane | Grid:
-    """From the bed and the payload's weight in water."""
+    """Return the seabed for its parameters and the payload's weight in water."""
     weight = 0.0
     if payload is not None:
         density, g = around.water_density_kg_per_m3, around.gravity_m_per_s2
@@ -108,16 +110,17 @@ def build(params: SeabedParams, payload: Any, around: Any) -> Plane | Grid:
         bed = params.soundings
         height = -np.array(bed.depth_m, dtype=float)
         return Grid(float(height.max()), np.array(bed.x_m), np.array(bed.y_m), height, soil)
-    assert params.depth_m is not None, "checked when it was read"
+    assert params.depth_m is not None, "checked when the scene was read"
     return Plane(-params.depth_m, params.slope[0], params.slope[1], soil)
 
 
 @jit_within
 def _contact(soil: Any, k: float, place: Any, v: Any, stage: Any) -> Any:
-    """The bed's push on a node at height `above` it, as a Load.
+    """Return the contact force of the seabed on a node as a Load.
 
-    place: (above, slope east, slope north). The block is p·k·(1 - χ·v_n) + q·χ·k·d along the normal
-    and q·μ·N/√(|v_t|² + v_0²) across it; dropped: the change of friction with N and of the root.
+    place: (height above the seabed, slope east, slope north). The block is p·k·(1 - χ·v_n) +
+    q·χ·k·d along the normal and q·μ·N/√(|v_t|² + v_0²) tangentially; omitted: the change of
+    friction with N and of the root.
     """
     above, east, north = place
     vx, vy, vz = v
@@ -147,21 +150,21 @@ def _at_node(soil: Any, place: Any, node: Any, stage: Any) -> Any:
 
 @kernel("load", Plane)
 def plane_load(bed: Any, node: Any, stage: Any) -> Any:
-    """The push on a node of the rope."""
+    """Return the contact force of a plane seabed on a node of the rope."""
     z, east, north = plane_bed(bed, node.x, node.y)
     return _at_node(bed.soil, (node.z - z, east, north), node, stage)
 
 
 @kernel("load", Grid)
 def grid_load(bed: Any, node: Any, stage: Any) -> Any:
-    """The push on a node of the rope."""
+    """Return the contact force of a gridded seabed on a node of the rope."""
     z, east, north = grid_bed(bed, node.x, node.y)
     return _at_node(bed.soil, (node.z - z, east, north), node, stage)
 
 
 @jit_within
 def _at_end(soil: Any, bed: Any, work: Any, stage: Any) -> None:
-    """The push on the payload."""
+    """Add the contact force on the payload."""
     _, _, z = rows(work, POSITION, 0)
     vx, vy, vz = rows(work, VELOCITY, 0)
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
@@ -183,21 +186,21 @@ def _at_end(soil: Any, bed: Any, work: Any, stage: Any) -> None:
 
 @kernel("load_end", Plane)
 def plane_load_end(bed: Any, work: Any, stage: Any) -> None:
-    """The push on the payload."""
+    """Add the contact force of a plane seabed on the payload."""
     x, y, _ = rows(work, POSITION, 0)
     _at_end(bed.soil, plane_bed(bed, x[0], y[0]), work, stage)
 
 
 @kernel("load_end", Grid)
 def grid_load_end(bed: Any, work: Any, stage: Any) -> None:
-    """The push on the payload."""
+    """Add the contact force of a gridded seabed on the payload."""
     x, y, _ = rows(work, POSITION, 0)
     _at_end(bed.soil, grid_bed(bed, x[0], y[0]), work, stage)
 
 
 @jit_within
 def _is_clear(bed: Any, work: Any, p: float, n: int) -> bool:
-    """Whether all n nodes are above a plane, as they are and where p·delta moves them."""
+    """Return whether all n nodes are above a plane, now and after moving by p·delta."""
     height, east, north = bed
     x, y, z = rows(work, POSITION, 0)
     dx, dy, dz = rows(work, CORRECTION, 0)
@@ -211,19 +214,19 @@ def _is_clear(bed: Any, work: Any, p: float, n: int) -> bool:
 
 @kernel("calm", Plane)
 def plane_calm(bed: Any, work: Any, stage: Any, n: int, share: float) -> bool:
-    """Nothing touches the bed."""
+    """Return whether nothing touches the seabed."""
     plane = (bed.height, bed.east, bed.north)
     return bool(_is_clear(plane, work, share * stage.p, n))
 
 
 @kernel("calm", Grid)
 def grid_calm(bed: Any, work: Any, stage: Any, n: int, share: float) -> bool:
-    """All is above the bed's highest place."""
+    """Return whether all nodes are above the highest point of the seabed."""
     return bool(_is_clear((bed.top, 0.0, 0.0), work, share * stage.p, n))
 
 
 def _pushed(bed: Any, k: Any, place: Any) -> Any:
-    """Push and friction on nodes, (3, nodes), for stiffnesses k (nodes,) [N/m]."""
+    """Return contact force and friction on nodes, (3, nodes), for stiffnesses k (nodes,) [N/m]."""
     v = place.velocity
     _, east, north = beds_at(bed, place.position[0].copy(), place.position[1].copy())
     nz = 1.0 / np.sqrt(1.0 + east * east + north * north)
@@ -235,7 +238,7 @@ def _pushed(bed: Any, k: Any, place: Any) -> Any:
 
 
 def normal_push(bed: Plane | Grid, k: Any, position: Floats, velocity: Floats) -> Floats:
-    """Push of the bed on places of stiffness k [N/m], (n,): k·d·(1 - χ·v_n) [N]."""
+    """Return the normal force of the seabed, k·d·(1 - χ·v_n) [N], for stiffness k [N/m], (n,)."""
     height, east, north = beds_at(bed, position[0].copy(), position[1].copy())
     nz = 1.0 / np.sqrt(1.0 + east * east + north * north)
     away = (velocity[2] - east * velocity[0] - north * velocity[1]) * nz
@@ -244,12 +247,12 @@ def normal_push(bed: Plane | Grid, k: Any, position: Floats, velocity: Floats) -
 
 
 def power(bed: Any, place: Any) -> Any:
-    """Push and friction times velocity [W]; what the soil stores is given back to the rope."""
+    """Return the power of contact and friction [W]; energy stored in the soil is given back."""
     return (_pushed(bed, bed.soil.k * place.frontal, place) * place.velocity).sum(axis=0)
 
 
 def power_end(bed: Any, place: Any) -> Any:
-    """The same of the payload [W]."""
+    """Return the power of contact and friction on the payload [W]."""
     return (_pushed(bed, bed.soil.k_payload, place) * place.velocity).sum(axis=0)
 
 

@@ -1,10 +1,10 @@
-"""The payload in the splash zone: buoyancy, added mass and drag follow the wetted share of it.
+"""Payload in the splash zone: buoyancy, added mass and drag follow the submergence ratio.
 
-The wetted share is β = (η - z_bottom)/H, from 0 in the air to 1 below the surface η (0 without
-`waves`), for a body of even section over its height H (DNV-RP-N103, 4.2 to 4.4). `payload` and
-`waves` load the whole body; this effect takes off (1 - β) of what they bring. While the body
-enters with the speed v_s against the surface, slamming pushes up with ½·ρ·C_s·A·v_s² over its
-bottom area A (DNV-RP-N103, 4.3.8; C_s at least 5 for other than smooth cylinders).
+The submergence ratio is β = (η - z_bottom)/H, from 0 in air to 1 below the surface η (0 without
+`waves`), for a body of constant cross-section over its height H (DNV-RP-N103, 4.2 to 4.4).
+`payload` and `waves` load the whole body; this effect subtracts (1 - β) of their loads. While the
+body enters with the speed v_s relative to the surface, slamming acts upward with ½·ρ·C_s·A·v_s²
+over its slamming area A (DNV-RP-N103, 4.3.8; C_s at least 5 except for smooth cylinders).
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from rope_twin.core.acting.hooks import kernel, switching
 from rope_twin.core.compiler.rows import row, rows, span
 from rope_twin.core.energy import account
-from rope_twin.core.guards import STILL2
+from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.joined.stack import stacks
 from rope_twin.core.state import (
     ACCELERATION,
@@ -38,28 +38,28 @@ from rope_twin.quantity import quantity
 
 @dataclass(frozen=True, kw_only=True)
 class SplashZoneParams:
-    """The payload's size, each one's where ropes meet; its node is the middle of its height."""
+    """Size of the payload (each one's in a multi-line system); its node is at mid-height."""
 
     height_m: float = quantity("height of the payload", "m", 0.01, 100.0)
-    bottom_area_m2: float = quantity("area that slams on the surface", "m²", 0.0, 1e4, default=0.0)
-    slamming: float = quantity("slamming coefficient C_s on it", "", 0.0, 20.0, default=5.0)
+    bottom_area_m2: float = quantity("slamming area A", "m²", 0.0, 1e4, default=0.0)
+    slamming: float = quantity("slamming coefficient C_s", "", 0.0, 20.0, default=5.0)
 
 
 class SplashZone(NamedTuple):
-    """What the kernel sees."""
+    """Kernel data of the splash zone."""
 
     height: float  # [m]
     lift: float  # ρ·V·g of the whole body [N]
     slam: float  # ½·ρ·C_s·A [kg/m]
-    wet: tuple[float, float, float]  # ρ·V + added mass, what waves move [kg]
+    wet: tuple[float, float, float]  # ρ·V + added mass, inertia in waves [kg]
     added: tuple[float, float, float]  # added mass [kg]
     k: tuple[float, float, float]  # ½·ρ·CdA [kg/m]
 
 
 class ManySplashZones(NamedTuple):
-    """The payloads of ropes that meet."""
+    """Kernel data of the payloads of a multi-line system."""
 
-    figures: Floats  # a SplashZone's, (ropes, 12)
+    figures: Floats  # the fields of SplashZone, (ropes, 12)
 
 
 def _pick_splash_zone(many: Any, r: int) -> Any:
@@ -70,13 +70,13 @@ def _pick_splash_zone(many: Any, r: int) -> Any:
 
 @stacks(SplashZone, ManySplashZones, _pick_splash_zone)
 def stack_splash_zones(zones: Sequence[SplashZone]) -> ManySplashZones:
-    """One after the other."""
+    """Stack the kernel data of several payloads."""
     rows = [(z.height, z.lift, z.slam, *z.wet, *z.added, *z.k) for z in zones]
     return ManySplashZones(np.array(rows, dtype=float))
 
 
 def build(params: SplashZoneParams, payload: Any, around: Any) -> SplashZone:
-    """From the payload's figures and the water."""
+    """Return the kernel data for the payload's properties and the water."""
     density = around.water_density_kg_per_m3
     volume = payload.volume_m3 if payload is not None else 0.0
     added = payload.added_mass_kg if payload is not None else (0.0, 0.0, 0.0)
@@ -96,11 +96,11 @@ def build(params: SplashZoneParams, payload: Any, around: Any) -> SplashZone:
 
 @kernel("load_end", SplashZone)
 def load_end(zone: Any, work: Any, stage: Any) -> None:
-    """R_0 += (1 - β)·(A·a + k·|u|·u - ρVg·ẑ - (ρV + A)·a_water) + slamming.
+    """Add (1 - β)·(A·a + k·|u|·u - ρVg·ẑ - (ρV + A)·a_water) + slamming to R_0.
 
-    The block takes off the same shares of added mass and drag; while the body is partly wet it has
-    β's change with height, of which the parts off the diagonal are not symmetric (their means are
-    taken), and the slope of slamming.
+    The block is reduced by the same fraction of added mass and drag; while the body is partly
+    submerged it contains β's change with height, whose off-diagonal entries are not symmetric
+    (their means are taken), and the slope of slamming.
     """
     _, _, z = rows(work, POSITION, 0)
     vx, vy, vz = rows(work, VELOCITY, 0)
@@ -112,7 +112,7 @@ def load_end(zone: Any, work: Any, stage: Any) -> None:
     share = (row(work, SURFACE, 0)[0] - z[0]) / zone.height + 0.5
     dry = 1.0 - min(max(share, 0.0), 1.0)
     x, y, w = vx[0] - ux[0], vy[0] - uy[0], vz[0] - uz[0]
-    speed = sqrt(x * x + y * y + w * w + STILL2)
+    speed = sqrt(x * x + y * y + w * w + SPEED2_MIN)
     kx, ky, kz = dry * zone.k[0], dry * zone.k[1], dry * zone.k[2]
     mx, my, mz = dry * zone.added[0], dry * zone.added[1], dry * zone.added[2]
     partly = 1.0 if 0.0 < share < 1.0 else 0.0
@@ -136,7 +136,7 @@ def load_end(zone: Any, work: Any, stage: Any) -> None:
 
 @kernel("calm", SplashZone)
 def calm(zone: Any, work: Any, stage: Any, n: int, share: float) -> bool:
-    """The body is wholly wet, or wholly dry, and stays so."""
+    """Return whether the body is and stays fully submerged or fully dry."""
     _, _, z = rows(work, POSITION, 0)
     _, _, dz = rows(work, CORRECTION, 0)
     wet = (row(work, SURFACE, 0)[0] - z[0]) / zone.height + 0.5
@@ -150,7 +150,7 @@ for _kind in (SplashZone, ManySplashZones):
 
 @account("power_end", SplashZone)
 def power(zone: Any, place: Any) -> Any:
-    """All that it takes off, times velocity [W]; what the surface stores is given back."""
+    """Return the power of all loads subtracted [W]; energy stored at the surface is given back."""
     share = (place.surface - place.position[2]) / zone.height + 0.5
     dry = 1.0 - np.clip(share, 0.0, 1.0)
     u = place.velocity - place.flow

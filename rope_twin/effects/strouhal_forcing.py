@@ -1,21 +1,22 @@
-"""Strouhal forcing: vortices as a lift and an oscillating drag of Strouhal's frequency.
+"""Strouhal forcing: lift and oscillating drag at the Strouhal frequency.
 
-[UWCFSI] Laird, Fraser and Marsh (2016), eqs 6-14. With the velocity v of the water relative to the
-rope, across it (v_n; the paper does not say which, this is the cross-flow principle of its drag):
+[UWCFSI] Laird, Fraser and Marsh (2016), eqs 6-14. With the normal component v_n of the water
+velocity relative to the rope (the paper does not specify it; this is the cross-flow principle of
+its drag):
 
     Re = |v_n|·d/ν,  f = St(Re)·|v_n|/d,  φ' = 2π·f,  F_d = ½·ρ·d·C_d·|v_n|² per metre
     lift λ·F_d·sin φ along (v × t)/|v × t|,  in line C'_d·F_d·sin 2φ along v_n/|v_n|
 
 The paper writes sin(2π·f·t); f changes in time and along the rope, so φ is the integral of 2π·f at
-each node. St is 0.2 for 40 < Re <= 1e6 and linear in Re above; below 40 nothing is shed, and φ
-waits. The paper gives no slope: `strouhal_rise` is what St gains from Re 1e6 to 1e7.
+each node. St is 0.2 for 40 < Re <= 1e6 and linear in Re above; below 40 there is no shedding, and φ
+is constant. The paper gives no slope: `strouhal_rise` is the increase of St from Re 1e6 to 1e7.
 
-λ = C_L/C_d is fixed, or falls with the amplitude A of the node across the flow, λ·(1 - A/(a·d)) and
+λ = C_L/C_d is fixed, or decreases with the cross-flow amplitude A of the node, λ·(1 - A/(a·d)) and
 0 beyond: [LCD] eq 20, C_l = C0 - C1·|A|/d, has a = C0/C1 = 1 diameter. A = √(2·m)/(2π·f) with the
-mean m of the square of the velocity along the lift, over one period of shedding.
+running mean m of the squared velocity along the lift, over one shedding period.
 
-φ and m are solved with the rope in each stage (TR-BDF2). Dropped in the block: what of it is not
-symmetric, and how m and the tangent change with the motion.
+φ and m are solved with the rope in each stage (TR-BDF2). Omitted in the block: its skew part, and
+the change of m and of the tangent with the motion.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from rope_twin.core.acting.hooks import kernel
 from rope_twin.core.compiler.jit import jit, jit_within
 from rope_twin.core.compiler.rows import rows, span
 from rope_twin.core.energy import account
-from rope_twin.core.guards import FOLDED2, NONE_AT_ALL, STILL2, UNSHED
+from rope_twin.core.guards import DIVISOR_MIN, SHEDDING_MIN, SPEED2_MIN, TANGENT2_MIN
 from rope_twin.core.payout.trial import set_trials
 from rope_twin.core.solve.prediction import K1, K2
 from rope_twin.core.solve.remembering import new_memory, remembering
@@ -50,37 +51,39 @@ from rope_twin.core.state import (
 from rope_twin.quantity import quantity
 
 CARRIED = 4  # φ and its rate, m and its rate
-# Rows of its own: prediction of φ and m, 1/d, and ½·ρ·d·l·C_d [kg/m].
+# Further rows: prediction of φ and m, 1/d, and ½·ρ·d·l·C_d [kg/m].
 PHASE_HAT, SQUARE_HAT, PER_DIAMETER, STRENGTH = range(3 * CARRIED + 1, 3 * CARRIED + 5)
 OWN_ROWS = 4
-UNKNOWN = -1.0  # a rate of φ before the first stage
+UNKNOWN = -1.0  # marks the rate of φ before the first stage
 SHEDS_FROM, STROUHAL_TO = 40.0, 1e6  # Reynolds numbers
 
 
 @dataclass(frozen=True, kw_only=True)
 class StrouhalForcingParams:
-    """Coefficients over the rope's drag."""
+    """Lift and oscillating drag coefficients, and the Strouhal number."""
 
-    lift_over_drag: float = quantity("λ = C_L/C_d", "", 0.0, 1.0, default=0.6)
-    in_line: float = quantity("C'_d, oscillating drag over mean drag", "", 0.0, 1.0, default=0.1)
+    lift_over_drag: float = quantity("lift over drag λ = C_L/C_d", "", 0.0, 1.0, default=0.6)
+    in_line: float = quantity("C'_d: oscillating over mean drag", "", 0.0, 1.0, default=0.1)
     drag: float | None = quantity(
-        "C_d that both are of; absent: `normal` of the effect `drag`", "", 0.0, 10.0, default=None
+        "C_d of both; default: `normal` of the effect `drag`", "", 0.0, 10.0, default=None
     )
     limit_diameters: float | None = quantity(
-        "amplitude at which the lift ends; absent: λ is fixed", "", 0.01, 10.0, default=1.0
+        "A/d at which the lift vanishes", "", 0.01, 10.0, default=1.0
     )
     strouhal: float = quantity("St for 40 < Re <= 1e6", "", 0.05, 0.5, default=0.2)
-    strouhal_rise: float = quantity("what St gains from Re 1e6 to 1e7", "", 0.0, 1.0, default=0.0)
-    viscosity_m2_per_s: float = quantity("of the water, ν", "m²/s", 1e-7, 1e-4, default=1.3e-6)
+    strouhal_rise: float = quantity("increase of St from Re 1e6 to 1e7", "", 0.0, 1.0, default=0.0)
+    viscosity_m2_per_s: float = quantity(
+        "kinematic viscosity ν of water", "m²/s", 1e-7, 1e-4, default=1.3e-6
+    )
 
     @property
     def strouhal_number(self) -> float:
-        """What sets the pace of the vortices."""
+        """Return the Strouhal number of the vortex shedding."""
         return self.strouhal
 
 
 class StrouhalForcing(NamedTuple):
-    """What the kernels see."""
+    """Kernel data of the Strouhal forcing."""
 
     memory: Floats  # see CARRIED and the rows after it, (rows, nodes)
     lift: float  # λ
@@ -93,7 +96,7 @@ class StrouhalForcing(NamedTuple):
 
 
 def build(params: StrouhalForcingParams, payload: Any, around: Any) -> StrouhalForcing:
-    """From the coefficients and the rope's drag."""
+    """Return the kernel data for the coefficients and the rope's drag."""
     drag = around.drag_normal if params.drag is None else params.drag
     limit = params.limit_diameters
     return StrouhalForcing(
@@ -113,7 +116,7 @@ remembering(StrouhalForcing, CARRIED)
 
 @kernel("start", StrouhalForcing)
 def start(shed: Any, rope: Any) -> None:
-    """φ = 0 and no vibration yet: no lift acts on the rope at rest. The water is not known yet."""
+    """Initialise φ = 0 without vibration, hence no lift; the water is not known yet."""
     for i in range(rope.state.counts[ELEMENTS]):
         for k in range(CARRIED):
             shed.memory[k, i] = 0.0
@@ -122,29 +125,29 @@ def start(shed: Any, rope: Any) -> None:
 
 @jit_within
 def frequency(shed: Any, speed: float, per_diameter: float) -> Any:
-    """f [Hz] at a speed across the rope; 0 where nothing is shed."""
-    re = speed * shed.per_viscosity / (per_diameter + NONE_AT_ALL)
+    """Return f [Hz] at a normal speed; 0 where there is no shedding."""
+    re = speed * shed.per_viscosity / (per_diameter + DIVISOR_MIN)
     strouhal = shed.strouhal + shed.rise * max(re - STROUHAL_TO, 0.0)
     return strouhal * speed * per_diameter if re > SHEDS_FROM else 0.0
 
 
 @jit_within
 def _across(u: Any, v: Any, w: Any, x: Any, y: Any, z: Any) -> Any:
-    """v_n and v × t of a relative velocity and a tangent, and |v_n|."""
+    """Return v_n and v × t of a relative velocity and a tangent, and |v_n|."""
     along = u * x + v * y + w * z
     u, v, w = u - along * x, v - along * y, w - along * z
     lift = (v * z - w * y, w * x - u * z, u * y - v * x)
-    return (u, v, w), lift, sqrt(u * u + v * v + w * w + STILL2)
+    return (u, v, w), lift, sqrt(u * u + v * v + w * w + SPEED2_MIN)
 
 
 @jit
 def _first_rate(shed: Any, rope: Any, i: int) -> Any:
-    """2π·f of a node as it starts [rad/s]."""
+    """Return the initial 2π·f of a node [rad/s]."""
     work, nodes, low = rope.work, rope.state.nodes, max(i - 1, 0)
     x = work[DIRECTION, i] + work[DIRECTION, low]
     y = work[DIRECTION + 1, i] + work[DIRECTION + 1, low]
     z = work[DIRECTION + 2, i] + work[DIRECTION + 2, low]
-    inverse = 1.0 / sqrt(x * x + y * y + z * z + FOLDED2)
+    inverse = 1.0 / sqrt(x * x + y * y + z * z + TANGENT2_MIN)
     _, _, speed = _across(
         work[FLOW, i] - nodes[VELOCITY, i], work[FLOW + 1, i] - nodes[VELOCITY + 1, i],
         work[FLOW + 2, i] - nodes[VELOCITY + 2, i], inverse * x, inverse * y, inverse * z,
@@ -154,11 +157,11 @@ def _first_rate(shed: Any, rope: Any, i: int) -> Any:
 
 @kernel("predict", StrouhalForcing)
 def predict(shed: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
-    """What a stage starts from, as of the rope; and what stays while it is solved."""
+    """Set the explicit parts of φ and m, and the quantities that are constant in the stage."""
     memory, work, c = shed.memory, rope.work, stage.q
     for i in range(low, high):
         length = 0.5 * (work[REST, i] + work[REST, i - 1]) if i > 0 else 0.5 * work[REST, i]
-        memory[PER_DIAMETER, i] = sqrt(0.25 * pi * length / (work[VOLUME, i] + NONE_AT_ALL))
+        memory[PER_DIAMETER, i] = sqrt(0.25 * pi * length / (work[VOLUME, i] + DIVISOR_MIN))
         memory[STRENGTH, i] = shed.strength * length / memory[PER_DIAMETER, i]
         if memory[1, i] == UNKNOWN:
             memory[1, i] = _first_rate(shed, rope, i)
@@ -172,7 +175,7 @@ def predict(shed: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
 
 @jit_within
 def _solve(shed: Any, c: float, i: int, water: Any, across: Any) -> Any:
-    """Phase and its rate, m and its rate, λ, and whether vortices are shed (1 or 0), at a node.
+    """Return phase, its rate, m, its rate, λ, and whether a node sheds vortices (1 or 0).
 
     water: |v_n|; across: the node's velocity along the lift [m/s].
     """
@@ -180,7 +183,7 @@ def _solve(shed: Any, c: float, i: int, water: Any, across: Any) -> Any:
     f = frequency(shed, water, memory[PER_DIAMETER, i])
     phase = memory[PHASE_HAT, i] + c * 2.0 * pi * f
     square = (memory[SQUARE_HAT, i] + c * f * across * across) / (1.0 + c * f)
-    amplitude = sqrt(2.0 * max(square, 0.0)) / (2.0 * pi * f + UNSHED)
+    amplitude = sqrt(2.0 * max(square, 0.0)) / (2.0 * pi * f + SHEDDING_MIN)
     share = max(1.0 - shed.per_limit * amplitude * memory[PER_DIAMETER, i], 0.0)
     sheds = 1.0 if f > 0.0 else 0.0
     growth = f * (across * across - square)
@@ -189,9 +192,11 @@ def _solve(shed: Any, c: float, i: int, water: Any, across: Any) -> Any:
 
 @kernel("load_nodes", StrouhalForcing)
 def load_nodes(shed: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """F = k·|v_n|·(λ·sin φ·(v × t) + C'_d·sin 2φ·v_n), k = ½·ρ·d·l·C_d; A = q_w·k times the
-    symmetric part of λ·sin φ·(v × t) ⊗ n + C'_d·sin 2φ·|v_n|·(I - t tᵀ + n ⊗ n), n = v_n/|v_n|,
-    where sin φ and sin 2φ in front of ⊗ n have what φ turns with the speed, q_w·φ', besides.
+    """Add F = k·|v_n|·(λ·sin φ·(v × t) + C'_d·sin 2φ·v_n), k = ½·ρ·d·l·C_d, and its block.
+
+    A = q_w·k times the symmetric part of λ·sin φ·(v × t) ⊗ n + C'_d·sin 2φ·|v_n|·(I - t tᵀ + n ⊗
+    n), n = v_n/|v_n|, where sin φ and sin 2φ before ⊗ n also include the derivative of φ to the
+    speed, q_w·φ'.
     """
     vx, vy, vz = rows(work, VELOCITY, low)
     ux, uy, uz = rows(work, FLOW, low)
@@ -208,7 +213,7 @@ def load_nodes(shed: Any, work: Any, stage: Any, low: int, high: int) -> None:
         Rx[i] += speed * (lift * l[0] + line * n[0])
         Ry[i] += speed * (lift * l[1] + line * n[1])
         Rz[i] += speed * (lift * l[2] + line * n[2])
-        turn = stage.q * rate  # of the phase, for a change of the speed by itself
+        turn = stage.q * rate  # derivative of the phase to the logarithm of the speed
         lift += turn * k * share * co
         line += turn * k * sheds * shed.in_line * 2.0 * (co * co - s * s)
         fx, fy, fz = lift * l[0] + line * n[0], lift * l[1] + line * n[1], lift * l[2] + line * n[2]
@@ -223,7 +228,7 @@ def load_nodes(shed: Any, work: Any, stage: Any, low: int, high: int) -> None:
 
 @kernel("settle", StrouhalForcing)
 def settle(shed: Any, rope: Any, stage: Any, kind: int) -> None:
-    """φ and m of the solved stage."""
+    """Store φ and m of the converged stage."""
     memory, work, n = shed.memory, rope.work, rope.state.counts[ELEMENTS]
     for i in range(n):
         v = (work[VELOCITY, i], work[VELOCITY + 1, i], work[VELOCITY + 2, i])
@@ -240,7 +245,7 @@ def settle(shed: Any, rope: Any, stage: Any, kind: int) -> None:
 
 @jit
 def _set_trials(shed: Any, rope: Any) -> None:
-    """The vortices at the trial nodes are those of the highest free node, per metre."""
+    """Copy the shedding state of the highest free node to the ghost nodes, per metre."""
     memory, top = shed.memory, rope.state.counts[ELEMENTS] - 1
     per_metre = 1.0 / (0.5 * (rope.work[REST, top] + rope.work[REST, top - 1]))
     set_trials(memory, PHASE_HAT, memory[CARRIED, top], rope)
@@ -251,7 +256,7 @@ def _set_trials(shed: Any, rope: Any) -> None:
 
 @account("power", StrouhalForcing)
 def power(shed: Any, place: Any) -> Any:
-    """Lift and oscillating drag times velocity [W]; the hang-off sheds as the node below."""
+    """Return the power of lift and oscillating drag [W]; the hang-off sheds like the node below."""
     n = place.position.shape[1]
     phase, square = shed.memory[0, :n].copy(), shed.memory[2, :n].copy()
     if n > 1:
@@ -265,7 +270,7 @@ def power(shed: Any, place: Any) -> Any:
     re = speed * d * shed.per_viscosity
     strouhal = shed.strouhal + shed.rise * np.maximum(re - STROUHAL_TO, 0.0)
     f = np.where(re > SHEDS_FROM, strouhal * speed / d, 0.0)
-    amplitude = np.sqrt(2.0 * square) / (2.0 * pi * f + UNSHED)
+    amplitude = np.sqrt(2.0 * square) / (2.0 * pi * f + SHEDDING_MIN)
     share = shed.lift * np.maximum(1.0 - shed.per_limit * amplitude / d, 0.0)
     force = share * np.sin(phase) * lift + shed.in_line * np.sin(2.0 * phase) * normal
     force *= f > 0.0

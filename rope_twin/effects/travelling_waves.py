@@ -1,20 +1,21 @@
-"""Travelling waves: a lift of given phase at every node, limited by the amplitude that it causes.
+"""Travelling-wave VIV model: a lift of prescribed phase at every node, limited by its amplitude.
 
-[LCD] Le Cunff and Durand (1999), eqs 10-20. Across rope and current, with y the motion there,
+[LCD] Le Cunff and Durand (1999), eqs 10-20. Normal to rope and current, with y the motion there,
 
     m_t·y'' + c·y' - (T·y')' (+ EI·y'''') = ½·ρ·d·U²·C_l·cos(∫ω dt + φ),
     ω = 2π·St·U/d,    C_l = C0 - C1·|A|/d,    c = 2·ζ·m_t·ω,    m_t = m + Ca·ρ·π·d²/4
 
-Tension, bending and added mass are the rope's own. φ begins as that of a wave that runs down from
-the hang-off, ∫k ds with the dispersion k² = (√(T² + 4·EI·m_t·ω²) - T)/(2·EI), or m_t·ω²/T; the
-lift fades in over the first `ramp_s`, so that a rope at rest stays so. As in the published case ω
-is one for each half wave, counted from the hang-off: that of its upper end. With
-`by_half_waves: false` it is each node's own; neighbours then drift apart in phase without end.
+Tension, bending and added mass are the rope's own. φ starts as that of a wave that travels down
+from the hang-off, ∫k ds with the dispersion k² = (√(T² + 4·EI·m_t·ω²) - T)/(2·EI), or m_t·ω²/T; the
+lift builds up over the first `ramp_s`, so that static equilibrium is not disturbed. As in the
+published case ω is constant over each half wave, counted from the hang-off: that of its upper end.
+With `by_half_waves: false` it is each node's own; the phase difference of neighbours then grows
+without bound.
 
 |A|/d is √(2·s)/(ω·d), with s the mean of y'² over the last periods, s' = (y'² - s)·ω/(2π·periods).
-Like the phase it is solved in the stage (TR-BDF2): taken of the step before, the published limit
-diverges on a light cable. It counts what moves across the current, whatever moves it. y is that of
-the node's own tangent; dropped in the block: the tangent's change with position.
+Like the phase it is solved in the stage (TR-BDF2): taken from the previous step, the published
+limit diverges on a light cable. It includes all cross-flow motion, whatever its cause. y is normal
+to the node's own tangent; omitted in the block: the tangent's change with position.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from rope_twin.core.compiler.cosine import cosine
 from rope_twin.core.compiler.jit import jit
 from rope_twin.core.compiler.rows import row, rows, span
 from rope_twin.core.energy import account
-from rope_twin.core.guards import NONE_AT_ALL, STOPPED
+from rope_twin.core.guards import DIVISOR_MIN, RATE_MIN
 from rope_twin.core.payout.trial import set_trials
 from rope_twin.core.solve.prediction import K1, K2
 from rope_twin.core.solve.remembering import new_memory, remembering
@@ -53,12 +54,12 @@ from rope_twin.core.vortices.half_waves import (
     set_paces,
     wave_number,
 )
-from rope_twin.core.vortices.shedding import find_rest, set_node_lengths
+from rope_twin.core.vortices.shedding import evaluate_statics, set_node_lengths
 from rope_twin.quantity import quantity, text
 
 CARRIED = 4  # phase [rad], ω [rad/s], mean square of y' [m²/s²], its rate
 PHASE, OMEGA, SQUARE, SQUARE_RATE = range(CARRIED)
-# Rows of its own: cosine of the stage's phase, its phase and ω, what s starts from, its weight,
+# Further rows: cosine of the stage's phase, its phase and ω, explicit part of s, its weight,
 # damping c [kg/s], ½·ρ·d·l [kg/m], 1/d [1/m], ω of the node's half wave (0: unknown), its length,
 # scratch.
 (COSINE, PHASE_NOW, OMEGA_NOW, SQUARE_HAT, SHARE, DAMPING, STRENGTH, PER_DIAMETER, HELD, LENGTH,
@@ -68,25 +69,25 @@ OWN_ROWS = SCRATCH - 3 * CARRIED
 
 @dataclass(frozen=True, kw_only=True)
 class TravellingWavesParams:
-    """The published figures, and what the paper leaves open."""
+    """Published coefficients, and choices that the paper leaves open."""
 
     strouhal: float = quantity("Strouhal number St", "", 0.05, 0.5, default=0.17)
     lift: tuple[float, float] = quantity("C0 and C1 of C0 - C1·|A|/d", "", 0.0, 3.0, (0.7, 0.7))
-    damping_fraction: float = quantity(
-        "structural damping across the rope over critical, at ω", "", 0.0, 0.5, default=0.015
+    damping_fraction: float = quantity("structural damping ratio at ω", "", 0.0, 0.5, default=0.015)
+    periods: float = quantity(
+        "averaging time of the amplitude, in periods", "", 0.25, 50.0, default=1.0
     )
-    periods: float = quantity("over which the amplitude is averaged", "", 0.25, 50.0, default=1.0)
-    by_half_waves: bool = text("one frequency for each half wave", True)
-    ramp_s: float = quantity("the lift fades in over this time", "s", 1e-3, 600.0, default=2.0)
+    by_half_waves: bool = text("one frequency per half wave", True)
+    ramp_s: float = quantity("build-up time of the lift", "s", 1e-3, 600.0, default=2.0)
 
     @property
     def strouhal_number(self) -> float:
-        """What sets the pace of the vortices."""
+        """Return the Strouhal number of the vortex shedding."""
         return self.strouhal
 
 
 class TravellingWaves(NamedTuple):
-    """What the kernels see."""
+    """Kernel data of the travelling-wave model."""
 
     memory: Floats  # see CARRIED and the rows after it, (rows, nodes)
     turns: float  # 2π·St
@@ -102,7 +103,7 @@ class TravellingWaves(NamedTuple):
 
 
 def build(params: TravellingWavesParams, payload: Any, around: Any) -> TravellingWaves:
-    """From the figures, the water, and the rope's added mass and bending stiffness."""
+    """Return the kernel data for the coefficients, the water, and the rope's properties."""
     density = around.water_density_kg_per_m3
     return TravellingWaves(
         memory=new_memory(CARRIED, OWN_ROWS, around.room),
@@ -124,20 +125,20 @@ remembering(TravellingWaves, CARRIED)
 
 @jit
 def _set_figures(waves: Any, work: Any, low: int, high: int) -> None:
-    """Length, 1/d and ½·ρ·d·l of the nodes low <= i < high."""
+    """Set length, 1/d and ½·ρ·d·l of the nodes low <= i < high."""
     length, per = waves.memory[LENGTH, low:], waves.memory[PER_DIAMETER, low:]
     strength, volume = waves.memory[STRENGTH, low:], row(work, VOLUME, low)
     set_node_lengths(work, length, low, high)
     for i in range(high - low):
-        per[i] = sqrt(0.25 * pi * length[i] / (volume[i] + NONE_AT_ALL))
+        per[i] = sqrt(0.25 * pi * length[i] / (volume[i] + DIVISOR_MIN))
         strength[i] = waves.half_density * length[i] / per[i]
 
 
 @kernel("start", TravellingWaves)
 def start(waves: Any, rope: Any) -> None:
-    """Nothing moves; the phases are those of waves that run down from the hang-off."""
+    """Initialise without motion; phases are those of waves travelling down from the hang-off."""
     n, memory, work = rope.state.counts[ELEMENTS], waves.memory, rope.work
-    find_rest(rope)
+    evaluate_statics(rope)
     _set_figures(waves, work, n - n, n)
     length, omega = memory[LENGTH], memory[OMEGA]
     set_paces(waves.turns, work, memory[PER_DIAMETER], omega, n - n, n)
@@ -154,7 +155,7 @@ def start(waves: Any, rope: Any) -> None:
 
 @jit
 def _set_omega(waves: Any, work: Any, low: int, high: int) -> None:
-    """OMEGA_NOW: that of the half wave; the node's own without, or where the node is new."""
+    """Set OMEGA_NOW to that of the half wave, or the node's own (without, or at a new node)."""
     memory = waves.memory
     held, now = memory[HELD, low:], memory[OMEGA_NOW, low:]
     unknown = 0
@@ -170,7 +171,7 @@ def _set_omega(waves: Any, work: Any, low: int, high: int) -> None:
 
 @kernel("predict", TravellingWaves)
 def predict(waves: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
-    """Phase and frequency of the stage, what the mean square starts from, and what stays."""
+    """Set phase and frequency of the stage, the explicit part of s, and stage constants."""
     memory, work, c = waves.memory, rope.work, stage.q
     _set_figures(waves, work, low, high)
     _set_omega(waves, work, low, high)
@@ -201,9 +202,9 @@ def predict(waves: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -
 
 @kernel("load_nodes", TravellingWaves)
 def load_nodes(waves: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """F = (L·(C0 - C1·A) - c·y')·e, e = U × t/|U × t|, L = ½·ρ·d·l·|U × t|²·cos φ, A = |A|/d.
+    """Add F = (L·(C0 - C1·A) - c·y')·e and the block q·(L·C1·dA/dy' + c)·e ⊗ e.
 
-    Block q·(L·C1·dA/dy' + c)·e ⊗ e.
+    e = U × t/|U × t|, L = ½·ρ·d·l·|U × t|²·cos φ, A = |A|/d.
     """
     memory = waves.memory
     square, share = memory[SQUARE_HAT, low:], memory[SHARE, low:]
@@ -216,17 +217,17 @@ def load_nodes(waves: Any, work: Any, stage: Any, low: int, high: int) -> None:
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
     for i in range(high - low):
         x, y, z, speed = across((ux[i], uy[i], uz[i]), (tx[i], ty[i], tz[i]))
-        inverse = 1.0 / (speed + STOPPED)
+        inverse = 1.0 / (speed + RATE_MIN)
         x, y, z = x * inverse, y * inverse, z * inverse
         rate = vx[i] * x + vy[i] * y + vz[i] * z
         root = sqrt(2.0 * max(square[i] + share[i] * rate * rate, 0.0))
-        per = per_diameter[i] / (omega[i] + STOPPED)
+        per = per_diameter[i] / (omega[i] + RATE_MIN)
         L = strength[i] * speed * speed * lift[i]
         force = L * (waves.C0 - waves.C1 * root * per) - damping[i] * rate
         Rx[i] += force * x
         Ry[i] += force * y
         Rz[i] += force * z
-        growth = 2.0 * share[i] * rate * per / (root + STOPPED)
+        growth = 2.0 * share[i] * rate * per / (root + RATE_MIN)
         k = stage.q * (L * waves.C1 * growth + damping[i])
         Axx[i] += k * x * x
         Axy[i] += k * x * y
@@ -238,7 +239,7 @@ def load_nodes(waves: Any, work: Any, stage: Any, low: int, high: int) -> None:
 
 @kernel("settle", TravellingWaves)
 def settle(waves: Any, rope: Any, stage: Any, kind: int) -> None:
-    """Phase, frequency and mean square of the solved stage; half waves are counted once a step."""
+    """Store phase, frequency and mean square of the stage; update half waves once a step."""
     memory, work, n = waves.memory, rope.work, rope.state.counts[ELEMENTS]
     vx, vy, vz = rows(work, VELOCITY, 0)
     ux, uy, uz = rows(work, FLOW, 0)
@@ -249,7 +250,7 @@ def settle(waves: Any, rope: Any, stage: Any, kind: int) -> None:
     square1, rate1 = memory[CARRIED + SQUARE], memory[CARRIED + SQUARE_RATE]
     for i in range(n):
         x, y, z, speed = across((ux[i], uy[i], uz[i]), (tx[i], ty[i], tz[i]))
-        rate = (vx[i] * x + vy[i] * y + vz[i] * z) / (speed + STOPPED)
+        rate = (vx[i] * x + vy[i] * y + vz[i] * z) / (speed + RATE_MIN)
         square = max(hat[i] + share[i] * rate * rate, 0.0)
         phase1[i], omega1[i], square1[i] = phase[i], omega[i], square
         rate1[i] = omega[i] * waves.averaging * (rate * rate - square)
@@ -262,7 +263,7 @@ def settle(waves: Any, rope: Any, stage: Any, kind: int) -> None:
 
 @jit
 def _set_trials(waves: Any, rope: Any) -> None:
-    """At the trial nodes the lift is that of the highest free node, per metre, and stays."""
+    """Copy the lift of the highest free node to the ghost nodes, per metre."""
     memory, top = waves.memory, rope.state.counts[ELEMENTS] - 1
     per_metre = 1.0 / memory[LENGTH, top]
     for k in (COSINE, OMEGA_NOW, PER_DIAMETER):
@@ -275,17 +276,17 @@ def _set_trials(waves: Any, rope: Any) -> None:
 
 @account("power", TravellingWaves)
 def power(waves: Any, place: Any) -> Any:
-    """Lift and damping times velocity [W]; the hang-off's are as at the node below."""
+    """Return the power of lift and damping [W]; at the hang-off as at the node below."""
     n = place.position.shape[1]
     own = waves.memory[:, :n].copy()
     if n > 1:
         own[:, -1] = own[:, -2]
     length = place.length
-    per_diameter = np.sqrt(0.25 * pi * length / (place.volume + NONE_AT_ALL))
+    per_diameter = np.sqrt(0.25 * pi * length / (place.volume + DIVISOR_MIN))
     across = np.cross(place.flow, place.tangent, axis=0)
     speed = np.sqrt((across * across).sum(axis=0))
-    rate = (across * place.velocity).sum(axis=0) / (speed + STOPPED)
-    amplitude = np.sqrt(2.0 * own[SQUARE]) * per_diameter / (own[OMEGA] + STOPPED)
-    lift = waves.half_density * length / (per_diameter + NONE_AT_ALL) * speed**2 * own[COSINE]
+    rate = (across * place.velocity).sum(axis=0) / (speed + RATE_MIN)
+    amplitude = np.sqrt(2.0 * own[SQUARE]) * per_diameter / (own[OMEGA] + RATE_MIN)
+    lift = waves.half_density * length / (per_diameter + DIVISOR_MIN) * speed**2 * own[COSINE]
     damping = waves.damping * own[OMEGA] * (place.mass + waves.added * place.volume)
     return rate * (lift * (waves.C0 - waves.C1 * amplitude) - damping * rate)

@@ -1,28 +1,29 @@
-"""Wake oscillator: vortices as a van der Pol oscillator at every node, driven by its acceleration.
+"""Wake oscillator: a van der Pol oscillator at every node, driven by its acceleration.
 
 [QM] Qu and Metrikine, Time domain simulation of VIV of a curved beam, eqs 15-17 and 24-29. With the
-water's velocity V across the rope at rest (V_N) and U across the rope as it moves (U_N):
+water's velocity V normal to the vibration-free rope (V_N) and U relative to the moving rope (U_N):
 
     q'' + ε·ω_s·(q² - 1)·q' + ω_s²·q = (A/D)·x''·D_a,    ω_s = 2π·St·|V_N|/D
     lift per metre = ½·ρ·D·(C_L0/2)·q·|U_N|²·D_L
     D_L = U_N × t/|U_N × t|,  D_a = V_N × t_s/|V_N × t_s|
 
-t is the rope's tangent and t_s that of its shape without the vibration: the mean of t over
+t is the rope's tangent and t_s that of its shape without the vibration: the running mean of t over
 `shape_over_s`, which starts as the static shape and follows payout and current. (A, ε) are those of
-an upright rope where it is inclined by less than 45° to the normal of the flow, others above. Drag
-as printed, ½·ρ·D·C_D·|U_N|·U_N with C_D 1.2, is what the effect `drag` brings.
+an upright rope where it is inclined by less than 45° to the normal of the flow, others above. The
+drag of the paper, ½·ρ·D·C_D·|U_N|·U_N with C_D 1.2, is the effect `drag`.
 
-That is for a steady flow. Where the flow changes, the equation holds in the wake's own time, ω_s·dt
-(core/vortices/van_der_pol): the vortices keep pace with the water, and stand where it stands. The
-lift is across U, so that in still water it does no work, whatever q is.
+The equation is for steady flow. In unsteady flow it is solved in the wake's own time, ω_s·dt
+(core/vortices/van_der_pol): shedding follows the water velocity and stops where the water is still.
+The lift is normal to U, so that in still water it does no work for any q.
 
 q is solved at each node inside the stage (TR-BDF2 like the rope): for the node's velocity the
-scalar equation is a cubic, solved by Newton, and its derivative goes to the node's block. Dropped
-there: what is not symmetric, and the tangent's change with position.
+scalar equation is a cubic, solved by Newton's method, and its derivative is added to the node's
+block. Omitted there: the skew part, and the tangent's change with position.
 
 Named sets: `qu_metrikine` [QM]; `facchinetti` (Facchinetti, de Langre and Biolley 2004, J. Fluids
-Struct. 19, 123: A 12, ε 0.3, acceleration coupling; their stall term γ = C_D/(4π·St) = 0.8 is that
-of `drag: {normal: 2.0}`); `ogink_metrikine` (2010, J. Sound Vib. 329, 5452, upper branch).
+Struct. 19, 123: A 12, ε 0.3, acceleration coupling; their stall term γ = C_D/(4π·St) = 0.8
+corresponds to `drag: {normal: 2.0}`); `ogink_metrikine` (2010, J. Sound Vib. 329, 5452, upper
+branch).
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from rope_twin.core.acting.hooks import kernel
 from rope_twin.core.compiler.jit import jit
 from rope_twin.core.compiler.rows import rows, span
 from rope_twin.core.energy import account
-from rope_twin.core.guards import STILL2
+from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.payout.trial import set_trials
 from rope_twin.core.solve.prediction import GAMMA, K1, K2
 from rope_twin.core.solve.remembering import new_memory, remembering
@@ -58,20 +59,20 @@ from rope_twin.quantity import quantity, text
 
 CARRIED = 7
 Q, RATE, WAKE, WAKE_RATE, SHAPE = range(5)  # q, q', p, p', and the mean tangent (three)
-# Rows of its own: prediction of q and p, guess of q, ω_s, ε, (A/D)·D_a (three), and the strength of
-# the lift, ½·ρ·D·l·C_L0/2 [kg/m].
+# Further rows: prediction of q and p, initial guess of q, ω_s, ε, (A/D)·D_a (three), and the lift
+# factor ½·ρ·D·l·C_L0/2 [kg/m].
 HAT, WAKE_HAT, GUESS, OMEGA, EPSILON, COUPLING = range(3 * CARRIED + 1, 3 * CARRIED + 7)
 STRENGTH = COUPLING + 3
 OWN_ROWS = STRENGTH - 3 * CARRIED
-# Newton on the cubic: from the guess two steps leave 1e-8 of q where ω_s·h is 0.3, and 5e-3 where
-# it is 1; one more, of the solved stage, leaves 2e-5 there.
+# Newton steps on the cubic: two from the initial guess leave an error of 1e-8 of q for ω_s·h = 0.3,
+# and 5e-3 for 1; one more, after the converged stage, leaves 2e-5 there.
 FIRST, LAST = 2, 1
-GROWTH = (1.0 - GAMMA) / GAMMA  # of a rate after the middle of a step over that up to there
-SLOWEST = 1.0  # rad/s: a wake that starts slower has p as of this
+GROWTH = (1.0 - GAMMA) / GAMMA  # growth of a rate after the middle of a step over that before
+SLOWEST = 1.0  # rad/s: minimum ω_s for the initial p
 
 
 class _Set(NamedTuple):
-    """Published figures of one model."""
+    """Published coefficients of one model."""
 
     strouhal: float
     lift: float  # C_L0
@@ -88,46 +89,50 @@ SETS = {
 
 @dataclass(frozen=True, kw_only=True)
 class WakeOscillatorParams:
-    """A published set by its name; what is given besides takes the place of its figure."""
+    """A published set by its name; coefficients given explicitly replace those of the set."""
 
-    set: str = text("qu_metrikine, facchinetti or ogink_metrikine", "qu_metrikine")
+    set: str = text("set: qu_metrikine, facchinetti or ogink_metrikine", "qu_metrikine")
     strouhal: float | None = quantity("Strouhal number St", "", 0.05, 0.5, default=None)
-    lift: float | None = quantity("lift coefficient C_L0 at rest", "", 0.0, 2.0, default=None)
+    lift: float | None = quantity(
+        "lift coefficient C_L0 of a fixed cylinder", "", 0.0, 2.0, default=None
+    )
     upright: tuple[float, float] | None = quantity(
-        "A and ε where the rope is inclined by less than 45°", "", 0.0, 100.0, default=None
+        "A and ε for an inclination below 45°", "", 0.0, 100.0, default=None
     )
     inclined: tuple[float, float] | None = quantity(
-        "A and ε where it is inclined by more", "", 0.0, 100.0, default=None
+        "A and ε for an inclination above 45°", "", 0.0, 100.0, default=None
     )
-    start_per_s: float = quantity("first rate of q, smooth noise", "1/s", 0.0, 100.0, default=1.0)
+    start_per_s: float = quantity(
+        "initial rate of q (smooth noise)", "1/s", 0.0, 100.0, default=1.0
+    )
     shape_over_s: float = quantity(
-        "time over which the shape without the vibration is the mean", "s", 0.1, 1e4, default=10.0
+        "averaging time of the vibration-free shape", "s", 0.1, 1e4, default=10.0
     )
 
     def check(self) -> str | None:
-        """A known set; damping that leaves the oscillator one."""
+        """Return a fault if the set is unknown or ε out of range, or None."""
         if self.set not in SETS:
-            return f"there is no set '{self.set}'; known: {', '.join(SETS)}"
+            return f"unknown set '{self.set}'; known: {', '.join(SETS)}"
         for pair in (self.upright, self.inclined):
             if pair is not None and not 0.0 < pair[1] < 1.5:
-                return f"ε of {pair[1]:g}; give more than 0 and less than 1.5"
+                return f"ε is {pair[1]:g}; give more than 0 and less than 1.5"
         return None
 
     @property
     def strouhal_number(self) -> float:
-        """What sets the pace of the vortices."""
+        """Return the Strouhal number of the vortex shedding."""
         return self.figures.strouhal
 
     @property
     def figures(self) -> _Set:
-        """The set with what is given in its place."""
+        """Return the coefficients of the set, with explicit ones replaced."""
         given = {name: getattr(self, name) for name in _Set._fields}
         kept = {name: value for name, value in given.items() if value is not None}
         return SETS[self.set]._replace(**kept)
 
 
 class WakeOscillator(NamedTuple):
-    """What the kernels see."""
+    """Kernel data of the wake oscillator."""
 
     memory: Floats  # see CARRIED and the rows after it, (rows, nodes)
     strouhal: float
@@ -141,7 +146,7 @@ class WakeOscillator(NamedTuple):
 
 
 def build(params: WakeOscillatorParams, payload: Any, around: Any) -> WakeOscillator:
-    """From the set and the water."""
+    """Return the kernel data for the set and the water."""
     figures = params.figures
     return WakeOscillator(
         memory=new_memory(CARRIED, OWN_ROWS, around.room),
@@ -161,7 +166,7 @@ remembering(WakeOscillator, CARRIED)
 
 @jit
 def _set_figures(wake: Any, work: Any, low: int, high: int) -> None:
-    """What the flow sets at the nodes low <= i < high."""
+    """Set the flow-dependent coefficients at the nodes low <= i < high."""
     memory = wake.memory
     figures = memory[OMEGA, low:], memory[EPSILON, low:], memory[STRENGTH, low:]
     shedding.set_node_lengths(work, figures[2], low, high)
@@ -175,9 +180,9 @@ def _set_figures(wake: Any, work: Any, low: int, high: int) -> None:
 
 @kernel("start", WakeOscillator)
 def start(wake: Any, rope: Any) -> None:
-    """q = 0: no lift acts on the rope at rest; q' is smooth noise, t_s the rope's tangent."""
+    """Initialise q = 0 (no lift), q' with smooth noise, and t_s with the rope's tangent."""
     n, s, memory = rope.state.counts[ELEMENTS], rope.state.s, wake.memory
-    shedding.find_rest(rope)
+    shedding.evaluate_statics(rope)
     shedding.set_shape(rope, shedding.three_rows(memory, SHAPE, n - n))
     _set_figures(wake, rope.work, n - n, n)
     for i in range(n):
@@ -189,7 +194,7 @@ def start(wake: Any, rope: Any) -> None:
 
 @kernel("predict", WakeOscillator)
 def predict(wake: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
-    """What a stage starts from, as of the rope; and what stays while it is solved."""
+    """Set the explicit parts of q and p, and the quantities that are constant in the stage."""
     memory, c = wake.memory, stage.q
     _set_figures(wake, rope.work, low, high)
     q0, rate0 = memory[Q, low:], memory[RATE, low:]
@@ -212,8 +217,10 @@ def predict(wake: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
 
 @kernel("load_nodes", WakeOscillator)
 def load_nodes(wake: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """F = k·q·|U × t|·(U × t), k = ½·ρ·D·l·C_L0/2; A = -k·|U × t|·(dq/da)·(U × t) ⊗ D_a and
-    q_w·k·q·(U × t) ⊗ U_N/|U_N|, their symmetric parts (q_w: the stage's weight of v).
+    """Add F = k·q·|U × t|·(U × t), k = ½·ρ·D·l·C_L0/2, and its block.
+
+    A is the symmetric part of -k·|U × t|·(dq/da)·(U × t) ⊗ D_a and q_w·k·q·(U × t) ⊗ U_N/|U_N|
+    (q_w: the stage's weight of v).
     """
     memory = wake.memory
     hat, wake_hat, guess = memory[HAT, low:], memory[WAKE_HAT, low:], memory[GUESS, low:]
@@ -234,7 +241,7 @@ def load_nodes(wake: Any, work: Any, stage: Any, low: int, high: int) -> None:
         along = u * x + v * y + w * z
         u, v, w = u - along * x, v - along * y, w - along * z
         lx, ly, lz = v * z - w * y, w * x - u * z, u * y - v * x
-        speed = sqrt(u * u + v * v + w * w + STILL2)
+        speed = sqrt(u * u + v * v + w * w + SPEED2_MIN)
         k = strength[i]
         size = k * q * speed
         Rx[i] += size * lx
@@ -252,7 +259,7 @@ def load_nodes(wake: Any, work: Any, stage: Any, low: int, high: int) -> None:
 
 @kernel("settle", WakeOscillator)
 def settle(wake: Any, rope: Any, stage: Any, kind: int) -> None:
-    """q, p and their rates of the solved stage; the mean tangent follows once a step."""
+    """Store q, p and their rates of the converged stage; update the mean tangent once a step."""
     memory, work, n = wake.memory, rope.work, rope.state.counts[ELEMENTS]
     hat, wake_hat, guess = memory[HAT], memory[WAKE_HAT], memory[GUESS]
     omega, epsilon = memory[OMEGA], memory[EPSILON]
@@ -277,7 +284,7 @@ def settle(wake: Any, rope: Any, stage: Any, kind: int) -> None:
 
 @jit
 def _set_trials(wake: Any, rope: Any, stage: Any) -> None:
-    """The wake of the trial nodes is that of the highest free node, per metre, and stays."""
+    """Copy the wake of the highest free node to the ghost nodes, per metre, constant."""
     memory, top = wake.memory, rope.state.counts[ELEMENTS] - 1
     per_metre = 1.0 / (0.5 * (rope.work[REST, top] + rope.work[REST, top - 1]))
     for k in range(HAT, STRENGTH):
@@ -289,7 +296,7 @@ def _set_trials(wake: Any, rope: Any, stage: Any) -> None:
 
 @account("power", WakeOscillator)
 def power(wake: Any, place: Any) -> Any:
-    """Lift times velocity [W]; the hang-off's wake is that of the node below."""
+    """Return the power of the lift [W]; the hang-off's wake is that of the node below."""
     n = place.position.shape[1]
     q = wake.memory[Q, :n].copy()
     if n > 1:

@@ -1,21 +1,21 @@
-"""Waves: Airy's kinematics at rope and payload, stretched to the surface (Wheeler 1970).
+"""Waves: Airy wave kinematics at rope and payload, with Wheeler stretching (Wheeler 1970).
 
 A component with surface a·cos θ, θ = k·(x·cos β + y·sin β) - ω·t + φ, moves the water at z by
 
     u = a·ω·C·cos θ along its heading, w = a·ω·S·sin θ upward,
     C = cosh(k·(z + h))/sinh(k·h), S = sinh(k·(z + h))/sinh(k·h), both e^{k·z} in deep water
 
-(DNV-RP-C205, 3.2.2), with accelerations a·ω²·C·sin θ and -a·ω²·S·cos θ. With [LCD] eqs 21 and 22,
-u = π·H·f·e^{k·z}·cos 2πft and k = 4π²f²/g, for one deep wave. z is Wheeler's h·(z - η)/(h + η), at
-most 0: what is above the surface feels the water at the surface.
+(DNV-RP-C205, 3.2.2), with accelerations a·ω²·C·sin θ and -a·ω²·S·cos θ. With [LCD] eqs 21 and 22, u
+= π·H·f·e^{k·z}·cos 2πft and k = 4π²f²/g, for one deep-water wave. z is Wheeler's h·(z - η)/(h + η),
+at most 0: above the surface the water of the surface is used.
 
-Rope and payload feel the acceleration: the rope by ρ·A·(a + Ca·a_n) per metre, the payload by
-(ρ·V + added mass)·a on each axis (Froude and Krylov; Morison et al. 1950).
+The water's acceleration acts on the rope by ρ·A·(a + Ca·a_n) per metre, on the payload by (ρ·V +
+added mass)·a on each axis (Froude-Krylov; Morison et al. 1950).
 
-Short cuts: components are sorted from long to short, and a node takes only so many that the rest of
-them together, Σ a·ω·e^{k·z}, is negligible there; nodes between others may take what a cubic gives
-(core/waves/field); angles are turned from those of a place close by, by a series (core/waves/sums).
-All together stay under `neglected_m_per_s`.
+Approximations: components are sorted from long to short, and a node uses only as many that the sum
+of the others, Σ a·ω·e^{k·z}, is negligible there; nodes between others may be interpolated by a
+cubic (core/waves/field); angles are rotated from those of a nearby position by a series
+(core/waves/sums). Their total error is below `neglected_m_per_s`.
 """
 
 from __future__ import annotations
@@ -56,30 +56,32 @@ from rope_twin.sea.spectrum import WaveSpectrum, find_spectra, jonswap, read_spe
 
 @dataclass(frozen=True, kw_only=True)
 class RegularWave:
-    """One wave; its crest passes the origin at t = 0."""
+    """A regular wave; its crest passes the origin at t = 0."""
 
-    height_m: float = quantity("from trough to crest", "m", 0.0, 40.0)
-    period_s: float = quantity("period", "s", 1.0, 40.0)
+    height_m: float = quantity("wave height, trough to crest", "m", 0.0, 40.0)
+    period_s: float = quantity("wave period", "s", 1.0, 40.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Jonswap:
-    """A sea by height and period; gamma 1 is Pierson and Moskowitz."""
+    """A JONSWAP spectrum by height and period; gamma 1 is Pierson-Moskowitz."""
 
-    significant_height_m: float = quantity("significant height Hs", "m", 0.01, 30.0)
+    significant_height_m: float = quantity("significant wave height Hs", "m", 0.01, 30.0)
     peak_period_s: float = quantity("peak period Tp", "s", 1.0, 40.0)
-    gamma: float | None = quantity("peakedness; absent: from Tp/√Hs", "", 1.0, 10.0, default=None)
+    gamma: float | None = quantity(
+        "peak enhancement γ; default: from Tp/√Hs", "", 1.0, 10.0, default=None
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Measured:
-    """A measured spectrum."""
+    """A measured wave spectrum."""
 
-    file: str = text("name in config/sea_states or path of a table of spectra")
-    column: str = text("which of its spectra: a column's heading, or the hour in it")
+    file: str = text("table of spectra: name in config/sea_states, or path")
+    column: str = text("spectrum in the table: column heading, or its hour")
 
     def spectrum(self) -> WaveSpectrum:
-        """The spectrum.
+        """Return the spectrum.
 
         Raises:
             InputError: there is no such file or column.
@@ -87,7 +89,7 @@ class Measured:
         return read_spectrum(find_spectra(self.file), self.column)
 
     def check(self) -> str | None:
-        """That it can be read."""
+        """Return a fault if it cannot be read, or None."""
         try:
             self.spectrum()
         except InputError as error:
@@ -97,53 +99,55 @@ class Measured:
 
 @dataclass(frozen=True, kw_only=True)
 class WavesParams:
-    """The sea; exactly one of `regular`, `jonswap` and `measured`."""
+    """Sea state; exactly one of `regular`, `jonswap` and `measured`."""
 
-    regular: RegularWave | None = text("one wave", None)
-    jonswap: Jonswap | None = text("a sea by height and period", None)
+    regular: RegularWave | None = text("a regular wave", None)
+    jonswap: Jonswap | None = text("a JONSWAP spectrum", None)
     measured: Measured | None = text("a measured spectrum", None)
-    components: int = quantity("into how many waves a spectrum is taken apart", "", 2, MOST, 200)
-    seed: int = quantity("picks their phases", "", 0, 2**31, 1)
+    components: int = quantity("number of wave components of a spectrum", "", 2, MOST, 200)
+    seed: int = quantity("random seed of the phases", "", 0, 2**31, 1)
     heading_deg: float = quantity(
-        "where waves travel to: 0 east, 90 north", "°", -360.0, 360.0, 0.0
+        "direction of propagation: 0 to the east, 90 to the north", "°", -360.0, 360.0, 0.0
     )
     spreading: float | None = quantity(
-        "s of cos^2s((β - β0)/2) about the heading; absent: long-crested", "", 1.0, 100.0,
+        "directional spreading exponent s, cos²ˢ form; omit for long-crested seas", "", 1.0, 100.0,
         default=None,
     )  # fmt: skip
-    depth_m: float | None = quantity("of the water; absent: deep", "m", 1.0, 12e3, default=None)
-    ramp_s: float = quantity("the sea rises from flat over this time", "s", 0.0, 600.0, 8.0)
+    depth_m: float | None = quantity(
+        "water depth; default: deep water", "m", 1.0, 12e3, default=None
+    )
+    ramp_s: float = quantity("build-up time of the sea", "s", 0.0, 600.0, 8.0)
     neglected_m_per_s: float = quantity(
-        "bound of the error of the water's velocity by short cuts", "m/s", 0.0, 0.1, 3e-4
+        "bound of the approximation error of the water velocity", "m/s", 0.0, 0.1, 3e-4
     )
 
     def check(self) -> str | None:
-        """Exactly one sea."""
+        """Return a fault unless exactly one sea state is given, or None."""
         given = [sea for sea in (self.regular, self.jonswap, self.measured) if sea is not None]
         if len(given) != 1:
-            return f"{len(given)} seas; give one of regular, jonswap and measured"
+            return f"{len(given)} sea states given; give one of regular, jonswap and measured"
         return None
 
 
 class Waves(NamedTuple):
-    """What the kernels see: components from long to short, in blocks."""
+    """Kernel data: components from long to short, in blocks."""
 
-    table: Floats  # figures of components, blocks and levels (core/waves/rows), (SEA_ROWS, any)
+    table: Floats  # data of components, blocks and levels (core/waves/rows), (SEA_ROWS, any)
     blocks: int
     levels: int
-    steepest: float  # Σ a·k, slope of the surface
-    lowest: float  # z of nodes [m] below which there are no waves
+    steepest: float  # Σ a·k, maximum slope of the surface
+    lowest: float  # z of nodes [m] below which waves are negligible
     depth: float  # [m]
     ramp: float  # [s]
     density: float  # of the water [kg/m³]
     Ca: float  # added mass coefficient of the rope
-    Mx: float  # payload's ρ·V + added mass [kg]
+    Mx: float  # ρ·V + added mass of the payload [kg]
     My: float
     Mz: float
 
 
 class ManyWaves(NamedTuple):
-    """One sea where ropes meet."""
+    """Kernel data of one sea state for the ropes of a multi-line system."""
 
     sea: Waves
     inertia: Floats  # ρ·V + added mass of the payload of each rope [kg], (ropes, 3)
@@ -159,12 +163,12 @@ def _pick_waves(many: Any, r: int) -> Any:
 
 @stacks(Waves, ManyWaves, _pick_waves)
 def stack_waves(seas: Sequence[Waves]) -> ManyWaves:
-    """The first one's sea, and what each moves."""
+    """Stack the sea of the first rope and the inertia of each payload."""
     return ManyWaves(seas[0], np.array([(one.Mx, one.My, one.Mz) for one in seas]))
 
 
 def components_of(params: WavesParams, gravity: float) -> Components:
-    """The sea of a scene, taken apart.
+    """Return the wave components of a scene's sea state.
 
     Raises:
         InputError: there is no such spectrum.
@@ -177,19 +181,19 @@ def components_of(params: WavesParams, gravity: float) -> Components:
         sea = params.jonswap
         spectrum = jonswap(sea.significant_height_m, sea.peak_period_s, sea.gamma)
     else:
-        assert params.measured is not None, "checked when it was read"
+        assert params.measured is not None, "checked when the scene was read"
         spectrum = params.measured.spectrum()
     found = irregular_waves(spectrum, params.components, params.seed, depth, gravity)
     return spread(found, heading, params.spreading, params.seed)
 
 
 def build(params: WavesParams, payload: Any, around: Any) -> Waves:
-    """From the sea, the payload's volume and added mass, and the rope's added mass."""
+    """Return the kernel data for the sea, the payload's inertia, and the rope's added mass."""
     density = around.water_density_kg_per_m3
     sea = components_of(params, around.gravity_m_per_s2)
     k, a, depth = sea.wave_number, sea.amplitude_m, sea.depth_m
     speed = a * sea.omega / (1.0 - np.exp(-2.0 * k * depth))
-    felt = speed * np.maximum(sea.omega, 1.0)  # bounds velocity and its rate
+    felt = speed * np.maximum(sea.omega, 1.0)  # bounds velocity and acceleration
     levels, neglected = levels_to(depth), params.neglected_m_per_s
     reach = reaches(k, felt, depth, neglected)[::BLOCK]
     blocks = len(reach)
@@ -224,7 +228,7 @@ def build(params: WavesParams, payload: Any, around: Any) -> Waves:
 
 @jit_within
 def _ramp(waves: Any, time: float) -> Any:
-    """How much of the sea there is, u³·(10 - 15u + 6u²), and its rate [1/s]."""
+    """Return the build-up factor of the sea, u³·(10 - 15u + 6u²), and its rate [1/s]."""
     if time >= waves.ramp:
         return 1.0, 0.0
     u = max(time / waves.ramp, 0.0)
@@ -233,13 +237,13 @@ def _ramp(waves: Any, time: float) -> Any:
 
 @kernel("flow", Waves)
 def flow(waves: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Flow += velocity; its rate and the surface = the waves'."""
+    """Add the wave velocity to flow; set its acceleration and the surface elevation."""
     add_water(waves, _ramp(waves, stage.time), work, stage.time, low, high)
 
 
 @kernel("load", Waves)
 def load(waves: Any, node: Any, stage: Any) -> Any:
-    """F = ρ·volume·(a + Ca·(a - (a·τ)·τ)) with the water's acceleration a."""
+    """Return F = ρ·volume·(a + Ca·(a - (a·τ)·τ)) with the water's acceleration a."""
     x, y, z = node.tx, node.ty, node.tz
     along = node.wx * x + node.wy * y + node.wz * z
     m = waves.density * node.volume
@@ -252,7 +256,7 @@ def load(waves: Any, node: Any, stage: Any) -> Any:
 
 @kernel("load_end", Waves)
 def load_end(waves: Any, work: Any, stage: Any) -> None:
-    """R_0 += (ρ·V + added mass)·a on each axis."""
+    """Add (ρ·V + added mass)·a on each axis to R_0."""
     ax, ay, az = rows(work, FLOW_RATE, 0)
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     Rx[0] += waves.Mx * ax[0]
@@ -262,7 +266,7 @@ def load_end(waves: Any, work: Any, stage: Any) -> None:
 
 @account("power", Waves)
 def power(waves: Any, place: Any) -> Any:
-    """Inertia force times velocity [W]."""
+    """Return the power of the inertia force [W]."""
     a, t = place.flow_rate, place.tangent
     across = a - (a * t).sum(axis=0) * t
     force = waves.density * place.volume * (a + waves.Ca * across)
@@ -271,6 +275,6 @@ def power(waves: Any, place: Any) -> Any:
 
 @account("power_end", Waves)
 def power_end(waves: Any, place: Any) -> Any:
-    """The same of the payload [W]."""
+    """Return the power of the inertia force on the payload [W]."""
     mass = np.array([[waves.Mx], [waves.My], [waves.Mz]])
     return (mass * place.flow_rate * place.velocity).sum(axis=0)

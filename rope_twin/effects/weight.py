@@ -15,29 +15,29 @@ from rope_twin.core.energy import account
 
 @dataclass(frozen=True, kw_only=True)
 class WeightParams:
-    """Nothing to choose: mass, diameter, density and gravity are the scene's."""
+    """Without parameters: mass, diameter, density and gravity are the scene's."""
 
 
 class Weight(NamedTuple):
-    """What the kernel sees; mass and volume are the rope's, per node."""
+    """Kernel data; mass and volume are the rope's, per node."""
 
     g: float  # [m/s²]
     density: float  # of the water [kg/m³]
 
 
 def build(params: WeightParams, payload: Any, environment: Any) -> Weight:
-    """From gravity and the water."""
+    """Return the kernel data for gravity and the water."""
     return Weight(environment.gravity_m_per_s2, environment.water_density_kg_per_m3)
 
 
 @kernel("load", Weight, wide=True)
 def load(weight: Any, node: Any, stage: Any) -> Any:
-    """F_z = -(m - ρ·volume)·g."""
+    """Return F_z = -(m - ρ·volume)·g."""
     down = weight.g * (node.mass - weight.density * node.volume)
     return Load(0.0, 0.0, -down, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @account("potential", Weight)
 def potential(weight: Any, place: Any) -> Any:
-    """(m - ρ·volume)·g·z [J]."""
+    """Return (m - ρ·volume)·g·z [J]."""
     return weight.g * (place.mass - weight.density * place.volume) * place.position[2]

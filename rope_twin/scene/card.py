@@ -1,8 +1,8 @@
-"""The accuracy card of a scene: how far its tension can be trusted, by elements and step.
+"""Convergence study of a scene (accuracy card): error bound of its tension over mesh and time step.
 
-`rope_twin accuracy SCENE` writes it to the folder `cards` beside the scene's file; here it is read.
-A card knows the digest of the scene's figures and the version of the solver that it was made
-with. When either changed it is old, and no error is known until it is made again.
+`rope_twin accuracy SCENE` writes it to the folder `cards` next to the scene's file; here it is
+read. A card stores the digest of the scene's properties and the version of the solver. If either
+has changed it is outdated, and the error is unknown until the study is repeated.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from rope_twin.scene.schema import Scene
 
 FORMAT = 2
 FOLDER = "cards"
-RMS, PEAK = "tension_rms", "tension_peak"  # quantities that every card has
+RMS, PEAK = "tension_rms", "tension_peak"  # quantities of every card
 OTHER_SEA = "the card's run has another sea"
 
 
 class Setting(NamedTuple):
-    """What a run is made with; of ropes that meet the elements of the first."""
+    """Mesh and time step of a run; in a multi-line system the elements of the first rope."""
 
     elements: int
     step_s: float
@@ -36,87 +36,89 @@ class Setting(NamedTuple):
 
 @dataclass(frozen=True)
 class Figure:
-    """One quantity at one setting, in the quantity's unit."""
+    """Error of one quantity at one setting, in the quantity's unit."""
 
-    error: float | None  # against the reference, with its sign; None: nothing to compare
-    at_most: float | None  # its magnitude and the reference's uncertainty; None: not converged
+    error: float | None  # relative to the reference, signed; None: nothing to compare
+    at_most: float | None  # magnitude plus the reference's uncertainty; None: not converged
 
     @property
     def known(self) -> float:
-        """The bound; NaN where there is none."""
+        """Return the bound; NaN where there is none."""
         return math.nan if self.at_most is None else self.at_most
 
 
 @dataclass(frozen=True)
 class Rung:
-    """One setting of the ladder; errors are of the card's run."""
+    """One setting of the convergence study; errors are those of the card's run."""
 
     elements: int
     step_s: float
     newton_tolerance_n: float | None  # None: the scene's own
-    real_time_factor: float  # of the step alone, on the card's machine
+    real_time_factor: float  # solver only, on the card's machine
     solves_per_step: float
     memory_mb: float  # of the rope's arrays
     figures: dict[str, Figure]  # by quantity
 
     def place(self) -> tuple[int, float, float | None]:
-        """Elements, step [s] and tolerance [N] (None: the scene's own)."""
+        """Return elements, step [s] and tolerance [N] (None: the scene's own)."""
         return self.elements, self.step_s, self.newton_tolerance_n
 
     def bound(self, name: str) -> float:
-        """What a quantity's error is at most, in its unit; NaN where it is unknown."""
+        """Return the upper bound of a quantity's error, in its unit; NaN where it is unknown."""
         return self.figures[name].known if name in self.figures else math.nan
 
     @property
     def error_rms_pct(self) -> float:
-        """Bound on the rms error of the top tension [% of its standard deviation]; NaN: unknown."""
+        """Return the bound of the RMS error of the top tension [% of its standard deviation], or
+        NaN.
+        """
         return self.figures[RMS].known
 
     @property
     def error_peak_pct(self) -> float:
-        """Bound on the error of its highest value [%]; NaN: unknown."""
+        """Return the bound of the error of the maximum tension [%]; NaN: unknown."""
         return self.figures[PEAK].known
 
 
 @dataclass(frozen=True)
 class Card:
-    """A card as it was written."""
+    """A convergence study as stored in its file."""
 
     scene: str
-    seconds: float  # twin time of the run that was studied
+    seconds: float  # simulated time of the run
     scene_digest: str
-    solver: str  # its version, and of the effects
+    solver: str  # version of the solver and of the effects
     machine: str
     rungs: tuple[Rung, ...]
-    rope_elements: tuple[int, ...] = ()  # of every rope where ropes meet, as the scene had them
+    rope_elements: tuple[int, ...] = ()  # of every rope of a multi-line scene
 
     @property
     def ladder(self) -> tuple[Rung, ...]:
-        """The rungs with the scene's own tolerance, by elements and then by step."""
+        """Return the settings with the scene's own tolerance, by elements and then by step."""
         own = (rung for rung in self.rungs if rung.newton_tolerance_n is None)
         return tuple(sorted(own, key=lambda rung: (rung.elements, rung.step_s)))
 
     @property
     def finest(self) -> Setting:
-        """The most elements and the shortest step of the ladder."""
+        """Return the most elements and the shortest step of the study."""
         rungs = self.ladder
         return Setting(max(one.elements for one in rungs), min(one.step_s for one in rungs))
 
     def age(self, scene: Scene) -> str:
-        """Why it says nothing about the scene any more; "" if it does."""
+        """Return why the study does not apply to the scene any more; "" if it does."""
         now = [line.elements for line in scene.ropes]
         if self.rope_elements and elements_with(self.rope_elements, now[0]) != now:
             return "the scene's elements were changed since its card was made"
         if self.scene_digest != scene_digest(scene):
             return "the scene was changed since its card was made"
         if self.solver != solver_version(scene):
-            return "the card is old: the solver was changed since it was made"
+            return "the card is outdated: the solver was changed since it was made"
         return ""
 
     def at(self, elements: int, step_s: float) -> tuple[Rung, ...]:
-        """The rung of a setting, or those around it if it lies between rungs.
+        """Return the entry of a setting, or those around it if it lies between entries.
 
-        One that is finer counts as the finest; none: coarser than the ladder.
+        A finer setting counts as the finest; a coarser one than all has none.
         """
         rungs, finest = self.ladder, self.finest
         counts = _around(min(elements, finest.elements), sorted({one.elements for one in rungs}))
@@ -126,16 +128,16 @@ class Card:
 
 @dataclass(frozen=True)
 class KnownError:
-    """What is known of the error of a scene's top tension at its own setting."""
+    """Error bound of a scene's top tension at its own setting."""
 
-    rms_pct: float = math.nan  # at most so much of the standard deviation; NaN: unknown
-    peak_pct: float = math.nan  # the same for the highest value
-    words: str = "unknown"  # what it is, or why it is unknown
-    seconds: float = math.inf  # twin time that the card's run covers; nothing is known beyond it
+    rms_pct: float = math.nan  # bound, % of the standard deviation; NaN: unknown
+    peak_pct: float = math.nan  # bound of the error of the maximum [%]
+    words: str = "unknown"  # validity, or why it is unknown
+    seconds: float = math.inf  # simulated time covered by the study; unknown beyond
 
 
 def told_bound(bound: float) -> str:
-    """A bound for people: two digits, rounded up."""
+    """Format a bound with two digits, rounded up."""
     if not 0.0 < bound < math.inf:
         return "0" if bound == 0.0 else "unknown"
     place = 10.0 ** (math.floor(math.log10(bound)) - 1)
@@ -144,15 +146,15 @@ def told_bound(bound: float) -> str:
 
 
 def card_path(scene: Scene) -> Path:
-    """Where the scene's card is, if it has one."""
+    """Return the path of the scene's card, whether it exists or not."""
     return scene.path.parent / FOLDER / f"{scene.path.stem}.json"
 
 
 def read_card(scene: Scene) -> Card | None:
-    """The scene's card, which may be old; None if there is none.
+    """Return the scene's card, which may be outdated; None if there is none.
 
     Raises:
-        SceneError: the file is no card; one sentence.
+        SceneError: the file is not a card; one sentence.
     """
     path = card_path(scene)
     try:
@@ -169,16 +171,16 @@ def read_card(scene: Scene) -> Card | None:
         return _card(found)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise SceneError(
-            phrase(str(path), f"it is no accuracy card ({error!r})", _REMAKE)
+            phrase(str(path), f"it is not an accuracy card ({error!r})", _REMAKE)
         ) from error
 
 
 def known_error(scene: Scene) -> KnownError:
-    """The error of the scene at its own elements and step, from its card.
+    """Return the error of the scene at its own mesh and step, from its card.
 
-    Between rungs the largest error of the rungs around holds, of what is finer that of the finest:
-    no better one is claimed than was measured. Of what is coarser than the ladder it is unknown,
-    and so it is with an old card.
+    Between entries the largest error of the surrounding entries holds, for finer settings that of
+    the finest: no better one is claimed than was measured. It is unknown for settings coarser than
+    the study, and with an outdated card.
     """
     try:
         card = read_card(scene)
@@ -207,7 +209,7 @@ _REMAKE = "make it again with `rope_twin accuracy SCENE`"
 
 
 def _around(value: float, sizes: list[Any]) -> list[Any]:
-    """The size that is the value, else the two on either side; none if it lies outside."""
+    """Return the size equal to the value, else the two on either side; none if outside."""
     if value in sizes:
         return [value]
     below, above = (

@@ -1,7 +1,7 @@
-"""A scene with some of its numbers changed, by the paths of its file and under the same rules.
+"""Changes of numbers of a scene by their paths in its file, under the same rules.
 
-`payloads[0].mass_kg`, `effects.drag.normal` (effects go by name), `payloads[0].shape.box.height_m`,
-`effects.current.profile[*][1][*]` ([*]: every one of the list).
+`payloads[0].mass_kg`, `effects.drag.normal` (effects by name), `payloads[0].shape.box.height_m`,
+`effects.current.profile[*][1][*]` ([*]: every entry of the list).
 """
 
 from __future__ import annotations
@@ -31,23 +31,23 @@ _KINDS = {
 
 @dataclass(frozen=True)
 class Change:
-    """A number of the scene is replaced, or multiplied."""
+    """Replacement of a number of the scene, or a factor on it."""
 
     path: str
     value: float
-    multiply: bool = False  # value is a factor on what the scene says
+    multiply: bool = False  # value is a factor on the scene's number
 
     def __str__(self) -> str:
-        """As on a command line."""
+        """Return the change as written on a command line."""
         return f"{self.path}{'*' if self.multiply else ''}={self.value:g}"
 
 
 def change_scene(scene: Scene, changes: Sequence[Change]) -> Scene:
-    """The scene with all changes made, one after the other; its digest tells them too.
+    """Return the scene with all changes applied in order; its digest includes them.
 
     Raises:
-        SceneError: a path leads nowhere, a number is out of its range, or the numbers together
-            break a rule of scenes; one sentence.
+        SceneError: an invalid path, a number out of range, or numbers that violate a rule of
+            scenes; one sentence.
     """
     if not changes:
         return scene
@@ -61,9 +61,9 @@ def change_scene(scene: Scene, changes: Sequence[Change]) -> Scene:
 
 
 def at_setting(scene: Scene, elements: int | None = None, step_s: float | None = None) -> Scene:
-    """The scene with these elements and this step; None leaves what it says.
+    """Return the scene with these elements and this step; None keeps the scene's own.
 
-    elements: of the first rope; where ropes meet the others get theirs in proportion.
+    elements: of the first rope; those of other ropes change in proportion.
 
     Raises:
         SceneError: they are out of range.
@@ -78,7 +78,7 @@ def at_setting(scene: Scene, elements: int | None = None, step_s: float | None =
 
 
 def _steps(change: Change, place: Place) -> list[str | int | None]:
-    """The steps of a path: names, indices, None for every one of a list."""
+    """Return the steps of a path: names, indices, None for every entry of a list."""
     steps: list[str | int | None] = []
     at = 0
     while found := _STEP.match(change.path, at):
@@ -87,15 +87,15 @@ def _steps(change: Change, place: Place) -> list[str | int | None]:
         at = found.end()
     if at < len(change.path) or not steps or change.path.startswith("."):
         right = "write it like payloads[0].mass_kg or effects.drag.normal"
-        raise place.refuse(f"'{change.path}' is no path", right)
+        raise place.refuse(f"'{change.path}' is not a path", right)
     return steps
 
 
 def _changed(value: Any, steps: list[Any], change: Change, place: Place) -> Any:
-    """A part of the scene (a dataclass, or a tuple of them) with the change made inside it."""
+    """Return a part of the scene (a dataclass, or a tuple of them) with the change applied."""
     if not steps:
         names = ", ".join(_names(value))
-        raise place.refuse("it is no number but has parts", f"go on to one of {names}")
+        raise place.refuse("it is not a number but has parts", f"continue with one of {names}")
     step, *rest = steps
     if isinstance(value, tuple):
         return _in_parts(value, step, rest, change, place)
@@ -113,7 +113,7 @@ def _changed(value: Any, steps: list[Any], change: Change, place: Place) -> Any:
 def _in_parts(
     parts: tuple[Any, ...], step: Any, rest: list[Any], change: Change, place: Place
 ) -> tuple[Any, ...]:
-    """The change made in one part of a tuple of dataclasses, or in every one."""
+    """Apply the change to one entry of a tuple of dataclasses, or to every one."""
     if parts and type(parts[0]) in _KINDS:
         at, rest, where = _enter_kind(list(parts), [step, *rest], place)
         chosen = [at]
@@ -126,21 +126,21 @@ def _in_parts(
 
 
 def _enter_kind(parts: list[Any], steps: list[Any], place: Place) -> tuple[int, list[Any], Place]:
-    """The part that the next step names by its kind (an effect, a shape): index, rest, place."""
+    """Return index, remaining steps and place of the entry named by its kind (effect, shape)."""
     kinds = [_KINDS[type(part)] for part in parts]
     step = steps[0] if steps else ""
     if step not in kinds:
         what = f"the scene has no '{step}' here" if isinstance(step, str) and step else "no name"
-        right = did_you_mean(step, kinds) if step else f"go on to one of {', '.join(kinds)}"
+        right = did_you_mean(step, kinds) if step else f"continue with one of {', '.join(kinds)}"
         raise place.refuse(what, right)
     return kinds.index(step), steps[1:], place.key(step, 0)
 
 
 def _key(value: Any, step: Any, place: Place) -> str:
-    """The field that a step names."""
+    """Return the field that a step names."""
     names = _names(value)
     if not isinstance(step, str):
-        raise place.refuse("it is no list", f"name one of {', '.join(names)}")
+        raise place.refuse("it is not a list", f"name one of {', '.join(names)}")
     if step not in names:
         raise place.key(step, 0).refuse("unknown key", did_you_mean(step, names))
     if getattr(value, step) is None and "quantity" not in _field(value, step).metadata:
@@ -149,18 +149,18 @@ def _key(value: Any, step: Any, place: Place) -> str:
 
 
 def _indices(values: tuple[Any, ...], step: Any, place: Place) -> list[int]:
-    """Which ones of a list a step means."""
+    """Return the indices of a list that a step selects."""
     if step is None:
         return list(range(len(values)))
     if isinstance(step, str) or step >= len(values):
         held = f"[0] to [{len(values) - 1}], or [*] for all" if values else "nothing: it is empty"
-        what = f"'{step}' is no index of a list" if isinstance(step, str) else f"no entry [{step}]"
-        raise place.refuse(what, f"the list holds {held}")
+        what = f"'{step}' is not a list index" if isinstance(step, str) else f"no entry [{step}]"
+        raise place.refuse(what, f"the list has {held}")
     return [step]
 
 
 def _number(value: Any, steps: list[Any], change: Change, place: Place) -> Any:
-    """What a field without parts becomes: a number, or a list of them with some changed."""
+    """Return the new value of a field without parts: a number, or a list with some changed."""
     if isinstance(value, tuple):
         if not steps:
             raise place.refuse("it is a list", "name one entry like [0], or [*] for all")
@@ -171,7 +171,7 @@ def _number(value: Any, steps: list[Any], change: Change, place: Place) -> Any:
     if steps:
         raise place.refuse("it has no parts", "end the path here")
     if isinstance(value, bool | str):
-        raise place.refuse("it is no number", "only numbers can be changed")
+        raise place.refuse("it is not a number", "only numbers can be changed")
     if change.multiply and value is None:
         raise place.refuse("the scene does not give it", "set it with = instead of *=")
     number = change.value * value if change.multiply else change.value
@@ -179,14 +179,14 @@ def _number(value: Any, steps: list[Any], change: Change, place: Place) -> Any:
 
 
 def _has_parts(value: Any) -> bool:
-    """Whether a value is a dataclass or a tuple of dataclasses."""
+    """Return whether a value is a dataclass or a tuple of dataclasses."""
     if isinstance(value, tuple):
         return bool(value) and dataclasses.is_dataclass(value[0])
     return dataclasses.is_dataclass(value)
 
 
 def _names(value: Any) -> list[str]:
-    """The keys that a part of the scene has in its file."""
+    """Return the keys of a part of the scene in its file."""
     if isinstance(value, tuple):
         kinds = [_KINDS[type(part)] for part in value if type(part) in _KINDS]
         return kinds or [f"[{number}]" for number in range(len(value))]
@@ -198,7 +198,7 @@ def _field(value: Any, name: str) -> dataclasses.Field[Any]:
 
 
 def _item(value: Any) -> Item:
-    """A value as the reader takes it, without a line of its own."""
+    """Return a value in the form of the reader's input, without a line number."""
     if isinstance(value, dict):
         return Item({key: _item(child) for key, child in value.items()}, 0)
     if isinstance(value, list | tuple):

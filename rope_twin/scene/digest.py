@@ -1,8 +1,9 @@
-"""Digests of a scene's figures, and the version of the solver that steps it.
+"""Digests of a scene's properties, and the version of the solver.
 
-An accuracy card and a study's rows hold for both. The solver's version is a number that whoever
-changes its results raises, not a digest of its sources: a new name or comment changes no result,
-and `test/stability/test_golden_states.py` sees to it that none changes unnoticed.
+A convergence study and the rows of a parameter study are valid for both. The solver's version is a
+number that is incremented with every change of results, not a digest of its sources: renaming and
+comments change no result, and `test/stability/test_golden_states.py` ensures that no result changes
+unnoticed.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from rope_twin.scene.schema import Rope, RopeLine, Scene
 
 
 def scene_digest(scene: Scene) -> str:
-    """Of all figures of a scene but its elements and step, which a card's ladder varies."""
+    """Return the digest of all properties of a scene except mesh and step, which a study varies."""
     ropes = tuple(replace(_bare_line(line), elements=0) for line in scene.ropes)
     sea = replace(scene.sea_state, bag=Path(scene.sea_state.bag).name)
     if sea.poses is not None:
@@ -29,7 +30,7 @@ def scene_digest(scene: Scene) -> str:
 
 
 def solver_version(scene: Scene) -> str:
-    """Version of the solver, and of each effect of the scene that was changed since its first.
+    """Return the version of the solver, and of each of the scene's effects beyond version 1.
 
     Such as "1", or "1, drag 2" for a scene that lists a drag whose results were changed once.
     """
@@ -40,7 +41,7 @@ def solver_version(scene: Scene) -> str:
 
 
 def _bare_line(line: RopeLine) -> RopeLine:
-    """The line without words."""
+    """Return the line without descriptive text."""
     sections = tuple(replace(one, rope=_bare(one.rope)) for one in line.sections)
     rope = None if line.rope is None else _bare(line.rope)
     return replace(line, rope=rope, sections=sections)

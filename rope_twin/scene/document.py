@@ -1,8 +1,8 @@
-"""A YAML file as a tree of items that know their line; what YAML leaves ambiguous stays visible.
+"""A YAML file as a tree of items with line numbers; ambiguous YAML is preserved.
 
-YAML 1.1 and 1.2 read `1e5`, `010`, `1:30` or `no` differently. Such a text is kept as text with a
-note (`Item.doubt`), so that the reader can refuse it where a number is wanted. Duplicate keys,
-aliases, tags and very deep nesting are refused here.
+YAML 1.1 and 1.2 read `1e5`, `010`, `1:30` or `no` differently. Such text is kept as text with a
+note (`Item.doubt`), so that the reader can reject it where a number is expected. Duplicate keys,
+aliases, tags and very deep nesting are rejected here.
 """
 
 from __future__ import annotations
@@ -28,21 +28,21 @@ _YAML = "tag:yaml.org,2002:"
 
 
 def shown(value: object) -> str:
-    """A value as it appears in an error: on one line and short."""
+    """Return a value as displayed in an error: on one line and short."""
     words = repr(value)
     return words if len(words) <= 60 else f"{words[:45]}...{words[-8:]}"
 
 
 @dataclass(frozen=True)
 class Item:
-    """A value of the file with the line that it (or its key) stands on."""
+    """A value of the file with the line of the value (or of its key)."""
 
     value: dict[str, Item] | list[Item] | str | float | int | bool | None
     line: int
-    doubt: str = ""  # why readers of YAML disagree on this text; empty: they agree
+    doubt: str = ""  # why the text is ambiguous in YAML; empty: it is not
 
     def find(self, path: str) -> Item:
-        """The item at a path such as `winch.schedule[2].at_s`, or the nearest one above it.
+        """Return the item at a path such as `winch.schedule[2].at_s`, or the nearest one above it.
 
         `effects.waves` is the item in that list with this one key.
         """
@@ -62,19 +62,19 @@ class Item:
 
 @dataclass(frozen=True)
 class Place:
-    """Where in which file: a path such as `ropes[0].length_m`, and a line."""
+    """Location in a file: a path such as `ropes[0].length_m`, and a line."""
 
     file: Path
     path: str = ""
     line: int = 0
 
     def key(self, name: str, line: int) -> Place:
-        """The place of a key of this mapping."""
+        """Return the place of a key of this mapping."""
         word = name if name.isidentifier() else shown(name)
         return Place(self.file, f"{self.path}.{word}" if self.path else word, line)
 
     def index(self, number: int, line: int) -> Place:
-        """The place of an element of this list."""
+        """Return the place of an element of this list."""
         return Place(self.file, f"{self.path}[{number}]", line)
 
     def __str__(self) -> str:
@@ -83,25 +83,25 @@ class Place:
         return f"{self.file}{line}{path}"
 
     def refuse(self, what: str, right: str) -> SceneError:
-        """The error to raise: this place, what is wrong, what would be right; always one line."""
+        """Return the error to raise: place, fault and remedy, always on one line."""
         sentence = phrase(str(self), what, right).replace("?.", "?")
         return SceneError(" ".join(sentence.split()), self.line)
 
 
 class _Loader(yaml.SafeLoader):
-    """PyYAML's composer without aliases, tags and endless nesting."""
+    """PyYAML's composer without aliases, tags and unlimited nesting."""
 
     depth = 0
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
         event: Any = self.peek_event()  # type: ignore[no-untyped-call]
         if isinstance(event, yaml.AliasEvent):
-            raise _refusal("an alias (*name) is not read here", "write the value out", event)
+            raise _refusal("an alias (*name) is not supported", "write the value out", event)
         if getattr(event, "tag", None) is not None:
-            raise _refusal(f"the tag {shown(event.tag)} is not read here", "leave it out", event)
+            raise _refusal(f"the tag {shown(event.tag)} is not supported", "remove it", event)
         if self.depth >= DEEPEST_NESTING:
             what = f"more than {DEEPEST_NESTING} levels of nesting"
-            raise _refusal(what, "keep to the shape of the scenes in config/scenes", event)
+            raise _refusal(what, "follow the structure of the scenes in config/scenes", event)
         self.depth += 1
         node: yaml.Node | None = super().compose_node(parent, index)
         self.depth -= 1
@@ -109,9 +109,9 @@ class _Loader(yaml.SafeLoader):
 
 
 def read_document(path: Path, errors: SceneErrors | None = None) -> tuple[Item, bytes]:
-    """The tree of a YAML file and the bytes that it was read from.
+    """Return the tree of a YAML file and its bytes.
 
-    errors: collects keys that come twice or are no words, and are left out; None: they are raised.
+    errors: collects duplicate or invalid keys, which are skipped; None: they are raised.
 
     Raises:
         SceneError: if the file cannot be read, is not YAML, or its top is not a mapping.
@@ -138,7 +138,7 @@ def read_document(path: Path, errors: SceneErrors | None = None) -> tuple[Item, 
 
 
 def kind(item: Item) -> str:
-    """What an item is, in words."""
+    """Return a description of an item's type."""
     match item.value:
         case dict():
             return "a mapping"
@@ -155,7 +155,7 @@ def kind(item: Item) -> str:
 
 
 def _read_bytes(place: Place) -> bytes:
-    """The file's bytes; refuses what is no ordinary file or too large to be a scene."""
+    """Return the file's bytes; reject anything but an ordinary file of limited size."""
     if not place.file.is_file():
         what = "it is a folder" if place.file.is_dir() else "there is no such file"
         raise place.refuse(what, "give the path of a YAML file")
@@ -164,7 +164,7 @@ def _read_bytes(place: Place) -> bytes:
             data = stream.read(LARGEST_FILE_BYTES + 1)
     except OSError as error:
         raise place.refuse(
-            f"it cannot be read ({error.strerror})", "check the file's rights"
+            f"it cannot be read ({error.strerror})", "check the file's permissions"
         ) from error
     if len(data) > LARGEST_FILE_BYTES:
         what = f"it is larger than {LARGEST_FILE_BYTES // 1000} kB"
@@ -173,7 +173,7 @@ def _read_bytes(place: Place) -> bytes:
 
 
 def _compose(text: str, place: Place) -> yaml.Node | None:
-    """PyYAML's node tree; its errors become ours."""
+    """Return PyYAML's node tree; its errors become SceneErrors."""
     right = "check indentation, colons, quotes and brackets there"
     try:
         loader = _Loader(text)
@@ -195,7 +195,7 @@ def _compose(text: str, place: Place) -> yaml.Node | None:
 
 
 class _Refusal(Exception):
-    """What the composer does not read, on its way to a SceneError."""
+    """Rejection by the composer, to become a SceneError."""
 
     def __init__(self, what: str, right: str, line: int) -> None:
         super().__init__(what)
@@ -207,7 +207,7 @@ def _refusal(what: str, right: str, event: yaml.Event) -> _Refusal:
 
 
 def _convert(node: yaml.Node, place: Place, errors: SceneErrors, line: int = 0) -> Item:
-    """The item of a node; `line` is that of its key, where it has one."""
+    """Return the item of a node; `line` is that of its key, where it has one."""
     line = line or _line(node)
     if isinstance(node, yaml.MappingNode):
         return Item(dict(_pairs(node, place, errors)), line)
@@ -226,7 +226,7 @@ def _line(part: yaml.Node | yaml.Event) -> int:
 
 
 def _pairs(node: yaml.MappingNode, place: Place, errors: SceneErrors) -> Iterator[tuple[str, Item]]:
-    """Keys and items of a mapping; a key that is no word or comes twice is refused."""
+    """Yield keys and items of a mapping; a key that is not a word or is a duplicate is rejected."""
     lines: dict[str, int] = {}
     for key_node, value_node in node.value:
         line = _line(key_node)
@@ -237,7 +237,7 @@ def _pairs(node: yaml.MappingNode, place: Place, errors: SceneErrors) -> Iterato
         name = key_node.value
         at = place.key(name, line)
         if name in lines:
-            what = f"the key {shown(name)} stands here a second time (first in line {lines[name]})"
+            what = f"the key {shown(name)} is given a second time (first in line {lines[name]})"
             errors.add(at.refuse(what, "keep one of them"))
             continue
         lines[name] = line
@@ -245,7 +245,7 @@ def _pairs(node: yaml.MappingNode, place: Place, errors: SceneErrors) -> Iterato
 
 
 def _scalar(node: yaml.ScalarNode, line: int) -> Item:
-    """Text, number, truth or nothing; a plain text that readers disagree on carries a doubt."""
+    """Return text, number, truth value or nothing; ambiguous plain text carries a doubt."""
     written: str = node.value
     if node.style is not None:
         return Item(written, line)
@@ -254,7 +254,7 @@ def _scalar(node: yaml.ScalarNode, line: int) -> Item:
     if written.lower() in _TRUTH and written in (written.lower(), written.title(), written.upper()):
         return Item(_TRUTH[written.lower()], line)
     if _NUMBER.fullmatch(written):
-        # beyond 15 digits an integer is read as a float: int() refuses very long ones
+        # beyond 15 digits an integer is read as a float: int() rejects very long ones
         whole = written.lstrip("+-").isdigit() and len(written) <= 15
         return Item(int(written) if whole else float(written), line)
     if _NOT_FINITE.fullmatch(written):
@@ -263,7 +263,7 @@ def _scalar(node: yaml.ScalarNode, line: int) -> Item:
 
 
 def _doubt(written: str, yaml11: str) -> str:
-    """Why a plain text is no clear text, with what to write instead; empty if it is one."""
+    """Return why a plain text is ambiguous, with an alternative; empty if it is not."""
     if yaml11 == "bool":
         return "is true or false in YAML 1.1 and text in YAML 1.2"
     if yaml11 == "timestamp":
@@ -280,6 +280,6 @@ def _doubt(written: str, yaml11: str) -> str:
 
 
 def plain(number: float) -> str:
-    """A number written so that every YAML reader takes it for that number."""
+    """Format a number so that every YAML reader agrees on it."""
     mantissa, e, exponent = repr(number).partition("e")
     return f"{mantissa if '.' in mantissa else mantissa + '.0'}{e}{exponent}" if e else mantissa

@@ -1,7 +1,7 @@
-"""What follows from a scene's figures by hand calculation, before anything is stepped.
+"""Static properties of a lift by hand calculation, before anything is simulated.
 
-For the sense checks and for `rope_twin scene show`. All for still water and a rope that hangs
-straight down; the effects that a scene leaves out are counted here all the same.
+For the plausibility checks and for `rope_twin scene show`. All for still water and a rope that
+hangs straight down; effects that a scene does not list are included nevertheless.
 """
 
 from __future__ import annotations
@@ -27,38 +27,38 @@ from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.schema import Rope, RopeLine, Scene, Winch
 from rope_twin.scene.shapes.shapes import PayloadFigures, payload_figures
 
-SCHEDULE_HORIZON_S = 86400.0  # how far ahead a winch schedule is followed
+SCHEDULE_HORIZON_S = 86400.0  # time horizon for following a winch schedule
 
 
 @dataclass(frozen=True)
 class LiftFigures:
-    """Figures of one rope and what it carries; a fixed lower end has no payload and no weight."""
+    """Properties of one rope and its load; a fixed lower end has no payload and no weight."""
 
     line: RopeLine
     payload: PayloadFigures | None
-    bars: tuple[Bar, ...]  # the sections as they hang at the start, from the lower end up
-    rope_weight_n_per_m: float  # in water, mean of what is out; negative: it floats
+    bars: tuple[Bar, ...]  # the sections at the start, from the lower end up
+    rope_weight_n_per_m: float  # in water, mean over the paid-out length; negative: buoyant
     payload_weight_n: float  # in water, 0 at a fixed end
-    hung: HungLoad  # payload and hook, which weigh more above the water
+    hung: HungLoad  # suspended load: payload and hook, heavier above the water
     longest_element_m: float
     shortest_element_m: float
-    axial_wave_speed_m_per_s: float  # √(EA/m); of several sections the length over the travel time
+    axial_wave_speed_m_per_s: float  # √(EA/m); for several sections length over travel time
     first_axial_period_s: float  # x·tan x = m·L/M', T = 2π·L/(c·x)
     damping_newton_seconds: tuple[float, ...]  # of each section
-    damping_fraction: float  # of critical on the first axial mode
+    damping_fraction: float  # damping ratio of the first axial mode
     chord_m: float  # hang-off to a fixed lower end; 0 with a payload
 
     @property
     def rises(self) -> bool:
-        """Whether payload and rope together float: they pull up at what holds the upper end."""
+        """Return whether payload and rope together are buoyant."""
         return self.payload is not None and self.top_tension_n(self.line.length_m) < 0.0
 
     def top_tension_n(self, line_out_m: float) -> float:
-        """Static tension at the hang-off with so much rope out: W(L) + w·L [N]."""
+        """Return the static tension at the hang-off for a paid-out length: W(L) + w·L [N]."""
         return self.upper_ends(line_out_m)[-1][1]
 
     def upper_ends(self, line_out_m: float) -> list[tuple[Rope, float]]:
-        """Each section that is out, and the static tension at its upper end [N]."""
+        """Return each paid-out section and the static tension at its upper end [N]."""
         ends, tension = [], self.hung.weight_n(line_out_m)
         for bar, length in zip(self.bars, self.line.lengths_m(line_out_m), strict=True):
             tension += bar.weight_n_per_m * length
@@ -67,12 +67,15 @@ class LiftFigures:
         return ends
 
     def weakest(self, line_out_m: float) -> tuple[Rope, float]:
-        """The section with the least safety factor, and the static tension at its upper end [N]."""
+        """Return the section with the smallest safety factor, and its upper static tension [N]."""
         ends = self.upper_ends(line_out_m)
         return max(ends, key=lambda end: end[1] / end[0].breaking_load_n)
 
     def sinking_speed_m_per_s(self, water_density_kg_per_m3: float) -> float:
-        """Steady speed of the payload on a slack rope: √(2·W/(ρ·CdA)) [m/s]; 0 if it floats."""
+        """Return the terminal velocity of the payload on a slack rope, √(2·W/(ρ·CdA)) [m/s].
+
+        It is 0 if the payload is buoyant.
+        """
         if self.payload is None or self.payload_weight_n <= 0.0:
             return 0.0
         resistance = 0.5 * water_density_kg_per_m3 * self.payload.drag_area_m2[2]
@@ -80,10 +83,12 @@ class LiftFigures:
 
 
 def lift_figures(scene: Scene) -> LiftFigures:
-    """The figures of the scene's rope; of the first one with all that hangs, where ropes meet.
+    """Return the properties of the scene's rope; in a multi-line scene of the first one.
+
+    The first rope then carries the total suspended load.
 
     Raises:
-        SceneError: if the payload's figures cannot be known.
+        SceneError: the payload's properties are incomplete.
     """
     joined = is_joined(scene)
     if joined:
@@ -115,12 +120,12 @@ def lift_figures(scene: Scene) -> LiftFigures:
 
 
 def stretch_m(figures: LiftFigures) -> float:
-    """Static stretch of the hanging rope: (W + w·L/2)·L/EA of each section [m]."""
+    """Return the static elongation of the hanging rope: (W + w·L/2)·L/EA of each section [m]."""
     return sum(bar.stretch_m for bar in figures.bars)
 
 
 def listed_effects(scene: Scene) -> dict[str, Any]:
-    """Name and parameters of each effect that the scene lists, in the order of EFFECTS."""
+    """Return name and parameters of each effect that the scene lists, in the order of EFFECTS."""
     return {
         effect.name: params
         for effect in EFFECTS
@@ -130,11 +135,11 @@ def listed_effects(scene: Scene) -> dict[str, Any]:
 
 
 def schedule_meets_limit(winch: Winch, length_m: float) -> tuple[float, float] | None:
-    """When [s] the schedule first drives the line out to a limit of the winch, and which [m].
+    """Return when [s] the schedule first reaches a payout limit of the winch, and which [m].
 
-    None if it does not within a day. Acceleration is left out: every start and stop shifts the
-    line out by at most ½·v²/a, and equal speeds up and down cancel. What rows do that tell other
-    things than a speed is not foretold.
+    None if it does not within a day. Acceleration is neglected: every start and stop shifts the
+    paid-out length by at most ½·v²/a, and equal speeds up and down cancel. Only rows with a speed
+    are considered.
     """
     repeat = winch.schedule_repeats_every_s
     rows = [(row.at_s, row.speed_m_per_s) for row in winch.schedule if not row.switch]

@@ -1,7 +1,7 @@
-"""What hangs at the rope's lower end at rest in still water: it weighs more above the water.
+"""Suspended load at the rope's lower end in still water, which is heavier above the water.
 
-A payload with `splash_zone` floats by its wetted share alone, a hook weighs beside the body that it
-carries. By hand calculation: rope straight down, slings taut and as long as they are given.
+A payload with `splash_zone` has the buoyancy of its submerged part; a hook adds to the body that it
+carries. By hand calculation: rope straight down, slings taut and unstretched.
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ from rope_twin.scene.shapes.shapes import PayloadFigures
 
 @dataclass(frozen=True)
 class HungLoad:
-    """The weight of payload and hook over the line out."""
+    """Weight of payload and hook as a function of the paid-out length."""
 
-    wet_n: float = 0.0  # payload under water, and hook
-    lift_n: float = 0.0  # the payload's buoyancy, if it can come out of the water; else 0
+    wet_n: float = 0.0  # submerged payload, and hook
+    lift_n: float = 0.0  # the payload's buoyancy, if it can leave the water; else 0
     height_m: float = 1.0  # of the payload
-    middle_m: float = 0.0  # of the payload above the water with no rope out
+    middle_m: float = 0.0  # height of the payload's middle above the water at zero payout
 
     def dry_share(self, line_out_m: float) -> float:
-        """What of the payload is above the water, 0 to 1; 0 where it is taken as under water."""
+        """Return the fraction of the payload above the water, 0 to 1; 0 if treated as submerged."""
         if self.lift_n <= 0.0:
             return 0.0
         return min(max(0.5 + (self.middle_m - line_out_m) / self.height_m, 0.0), 1.0)
 
     def weight_n(self, line_out_m: float) -> float:
-        """Pull on the rope's lower end [N]."""
+        """Return the static load on the rope's lower end [N]."""
         return self.wet_n + self.dry_share(line_out_m) * self.lift_n
 
 
 def hung_load(scene: Scene, figures: PayloadFigures | None) -> HungLoad:
-    """Of a scene of one rope; under water where ropes meet (`alone`), as is what hangs on others.
+    """Return the suspended load of a single-line scene; in multi-line scenes it is submerged.
 
     Args:
         scene: as loaded.
-        figures: of its payload; None: a fixed end, on which nothing hangs.
+        figures: of its payload; None: a fixed end without a load.
     """
     if figures is None:
         return HungLoad()
@@ -58,7 +58,7 @@ def hung_load(scene: Scene, figures: PayloadFigures | None) -> HungLoad:
 
 
 def _below_hook_m(body: RigidBodyParams) -> float:
-    """How far the body's middle hangs below the rope's end."""
+    """Return the distance of the body's middle below the rope's end."""
     if body.pinned_at_m is not None:
         return body.pinned_at_m[2]
     drops = [

@@ -1,6 +1,7 @@
-"""What the ropes from the ship carry together at rest, where ropes meet: all that hangs in water.
+"""Total suspended weight on the ropes from the ship in a multi-line scene, in water.
 
-How several share it depends on where loads and hang-offs are: by hand only the sum is known.
+The distribution among several ropes depends on the positions of loads and hang-offs: by hand only
+the sum is known.
 """
 
 from __future__ import annotations
@@ -17,23 +18,23 @@ from rope_twin.scene.schema import Rope, RopeLine, Scene
 class HungTogether:
     """Weights in still water."""
 
-    lines: tuple[RopeLine, ...]  # that leave the ship
+    lines: tuple[RopeLine, ...]  # ropes that leave the ship
     ropes: tuple[Rope, ...]  # their topmost sections
-    weight_n: float  # of payloads, joints, bars and all rope that is out at the start
-    per_m_n: float  # of the first rope's topmost section: what paying out adds [N/m]
+    weight_n: float  # of payloads, joints, bars and all paid-out rope at the start
+    per_m_n: float  # of the first rope's topmost section: increase with payout [N/m]
 
     def weight_at(self, line_out_m: float) -> float:
-        """The same with so much of the first rope out [N]."""
+        """Return the weight at a paid-out length of the first rope [N]."""
         return self.weight_n + self.per_m_n * (line_out_m - self.lines[0].length_m)
 
     @property
     def breaking_load_n(self) -> float:
-        """Of the ropes from the ship, together [N]."""
+        """Return the sum of the MBL of the ropes from the ship [N]."""
         return sum(rope.breaking_load_n for rope in self.ropes)
 
 
 def hung_together(scene: Scene) -> HungTogether | None:
-    """Of a scene where ropes meet; None if something else pulls too: a fixed end, a tether."""
+    """Return the weights of a multi-line scene; None with a fixed end or a tether."""
     if scene.sheaves or any(line.fixed_at_m for line in scene.ropes):
         return None
     water = scene.environment

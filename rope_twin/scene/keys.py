@@ -1,4 +1,4 @@
-"""Every key that a scene's file can have, told from the classes that it is read into."""
+"""Reference of all keys of a scene's file, generated from the classes that it is read into."""
 
 from __future__ import annotations
 
@@ -21,22 +21,22 @@ _WORDS = {bool: "true or false", str: "text", int: "whole number", float: "numbe
 
 @dataclasses.dataclass(frozen=True)
 class Key:
-    """One key: where it stands, what it wants and what it means."""
+    """One key: its path, type and meaning."""
 
     path: str  # like ropes[].damping.newton_seconds
-    wants: str  # "number", "3 numbers", "mapping", "list of mappings" ...
+    wants: str  # type: "number", "3 numbers", "mapping", "list of mappings" ...
     meaning: str
-    range: str  # of numbers, with the unit; empty if there is none to tell
-    default: str | None  # None: it must be given, where what it is part of is given
+    range: str  # of numbers, with the unit; empty if there is none
+    default: str | None  # None: required wherever its parent is given
 
 
 def scene_keys() -> list[Key]:
-    """All keys, each part's before those of the next; what a part has is told once."""
+    """Return all keys, each part's before those of the next; a part is described once."""
     return list(_keys_of(Scene, "", {Winch: "winch"}))
 
 
 def _keys_of(cls: type, path: str, told: dict[type, str]) -> Iterator[Key]:
-    """Keys of a class at a path that ends with a dot; told: classes and where they stand."""
+    """Yield the keys of a class at a path that ends with a dot; told: classes already described."""
     hints = get_type_hints(cls)
     left_out = _NOT_IN_THE_FILE if cls is Scene else ()
     for field in dataclasses.fields(cls):
@@ -47,7 +47,7 @@ def _keys_of(cls: type, path: str, told: dict[type, str]) -> Iterator[Key]:
 def _keys_at(
     field: dataclasses.Field[Any], hint: Any, path: str, told: dict[type, str]
 ) -> Iterator[Key]:
-    """A key, and those within it."""
+    """Yield a key, and those within it."""
     hint = _given(hint)
     inner, place = _inner(hint, path)
     if told.get(inner, place) != place:
@@ -67,7 +67,7 @@ def _keys_at(
 
 
 def _named(name: str, cls: type, about: str, where: tuple[str, dict[type, str]]) -> Iterator[Key]:
-    """One of several mappings by name; about: whose first sentence tells what it is."""
+    """Yield one of several mappings by name; about: text whose first sentence describes it."""
     path, told = where
     meaning = " ".join(about.split()).partition(". ")[0].rstrip(".")
     yield Key(f"{path}.{name}", "mapping", meaning, "", "absent")
@@ -83,7 +83,7 @@ def _key(field: dataclasses.Field[Any], wants: str, path: str) -> Key:
 
 
 def _default(field: dataclasses.Field[Any]) -> str | None:
-    """What holds where the key is left out, in words; None: it must be given."""
+    """Return the default in words; None: the key is required."""
     value = field.default
     if value is dataclasses.MISSING:
         return None
@@ -97,14 +97,14 @@ def _default(field: dataclasses.Field[Any]) -> str | None:
 
 
 def _given(hint: Any) -> Any:
-    """What is wanted of a key that may be left out."""
+    """Return the type of an optional key's value."""
     if get_origin(hint) in (Union, types.UnionType):
         (hint,) = (one for one in get_args(hint) if one is not type(None))
     return hint
 
 
 def _inner(hint: Any, path: str) -> tuple[Any, str]:
-    """What a list or a mapping by names is of, and how its path goes on."""
+    """Return the element type of a list or named mapping, and its path."""
     if get_origin(hint) is tuple:
         return get_args(hint)[0], f"{path}[]"
     if get_origin(hint) is dict:
@@ -113,7 +113,7 @@ def _inner(hint: Any, path: str) -> tuple[Any, str]:
 
 
 def _wanted(hint: Any) -> str:
-    """What a value is, in words."""
+    """Return a value's type in words."""
     if get_origin(hint) is dict:
         return "mapping of names"
     if get_origin(hint) is not tuple:

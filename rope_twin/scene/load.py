@@ -1,4 +1,4 @@
-"""From the text of a scene to a Scene: strict, and every refusal is one sentence with its place."""
+"""Loading of a scene from its file: strict; every rejection is one sentence with its location."""
 
 from __future__ import annotations
 
@@ -22,14 +22,13 @@ from rope_twin.share import share_dir
 
 
 def load_scene(name_or_path: str | Path) -> Scene:
-    """A scene by the name of a file in config/scenes, or by the path of any YAML file.
+    """Load a scene by the name of a file in config/scenes, or by the path of any YAML file.
 
     Raises:
-        SceneError: with one sentence: file, line and path in it, what is wrong, what would be
-            right; its `every` has all errors of the file: those of single values, or where there
-            are none of these, those between values.
+        SceneError: one sentence with file, line and path, fault and remedy; its `every` has all
+            errors of the file: those of single values, or if there are none, those between values.
     """
-    _scene_folder()  # says so at once if the package's files are missing
+    _scene_folder()  # raises at once if the package's files are missing
     path, errors = _scene_path(name_or_path), SceneErrors()
     tree, data = read_document(path, errors)
     with errors:
@@ -55,7 +54,7 @@ def load_scene(name_or_path: str | Path) -> Scene:
 
 
 def scene_names() -> list[str]:
-    """The names of the scenes that come with the package.
+    """Return the names of the scenes in the package.
 
     Raises:
         SceneError: if the package's files are not installed.
@@ -64,7 +63,7 @@ def scene_names() -> list[str]:
 
 
 def argument_for(scene: Scene) -> str:
-    """What a command line takes for a scene: the name of one in config/scenes, else its path."""
+    """Return the command-line argument for a scene: its name in config/scenes, else its path."""
     if scene.name in scene_names() and scene.path == _scene_folder() / f"{scene.name}.yaml":
         return scene.name
     return str(scene.path)
@@ -78,7 +77,7 @@ def _scene_folder() -> Path:
 
 
 def _scene_path(name_or_path: str | Path) -> Path:
-    """The file that is meant: a path, or a name in config/scenes."""
+    """Return the file of a path, or of a name in config/scenes."""
     if isinstance(name_or_path, Path):
         return name_or_path
     path = Path(name_or_path)
@@ -94,14 +93,14 @@ def _scene_path(name_or_path: str | Path) -> Path:
 
 
 def _read_rope(item: Item, place: Place) -> Rope:
-    """A preset by its name, or the figures themselves."""
+    """Read a preset by its name, or the properties themselves."""
     if isinstance(item.value, dict):
         rope: Rope = read_object(Rope, item, place)
         return rope
     presets = rope_presets()
     if not isinstance(item.value, str):
-        right = "give a preset's name or the rope's figures as a mapping"
-        raise place.refuse(f"{kind(item)} is no rope", right)
+        right = "give a preset's name or the rope's properties as a mapping"
+        raise place.refuse(f"{kind(item)} is not a rope", right)
     if item.value not in presets:
         right = did_you_mean(item.value, presets)
         raise place.refuse(f"no preset of config/ropes.yaml is named '{item.value}'", right)
@@ -109,13 +108,13 @@ def _read_rope(item: Item, place: Place) -> Rope:
 
 
 def _read_shape(item: Item, place: Place) -> Any:
-    """One of SHAPES, as `box: {...}`."""
+    """Read one of SHAPES, given as `box: {...}`."""
     name, child, at = read_choice(item, place, SHAPES)
     return read_object(SHAPES[name], child, at)
 
 
 def _read_effects(item: Item, place: Place) -> tuple[Any, ...]:
-    """The parameters of each listed effect, in the order of EFFECTS."""
+    """Read the parameters of each listed effect, in the order of EFFECTS."""
     if not isinstance(item.value, list):
         raise place.refuse(f"{kind(item)} instead of a list", "give a list like `- weight: {}`")
     classes = {effect.name: effect.params for effect in EFFECTS}
@@ -134,7 +133,7 @@ def _read_effects(item: Item, place: Place) -> tuple[Any, ...]:
 
 
 def _find_spectrum(effect: Item, scene_file: Path) -> None:
-    """Make the path of a measured spectrum independent of the scene's file."""
+    """Resolve the path of a measured spectrum relative to the scene's file."""
     item = effect.find("measured.file")
     measured = effect.find("measured").value
     if isinstance(item.value, str) and isinstance(measured, dict) and is_table_path(item.value):
@@ -143,7 +142,7 @@ def _find_spectrum(effect: Item, scene_file: Path) -> None:
 
 
 def _with_files_found(scene: Scene) -> Scene:
-    """The scene with the paths of its bag and tables made independent of the scene's file."""
+    """Resolve the paths of bag and tables relative to the scene's file."""
     sea = scene.sea_state
     if is_path(sea.bag):
         sea = dataclasses.replace(sea, bag=str((scene.path.parent / sea.bag).resolve()))

@@ -1,7 +1,7 @@
-"""From an item tree to a frozen dataclass: type hints say what is wanted, metadata what is right.
+"""Reader from an item tree to a frozen dataclass: type hints give types, metadata ranges.
 
-Nothing is converted in silence: a string is no number, true is no number, 3.0 is no whole number.
-A dataclass may check itself: `check() -> str | None` returns 'what is wrong; what would be right'.
+Nothing is converted implicitly: a string is not a number, true is not a number, 3.0 is not an
+integer. A dataclass may check itself: `check() -> str | None` returns 'fault; remedy'.
 """
 
 from __future__ import annotations
@@ -17,16 +17,16 @@ from rope_twin.quantity import Quantity
 from rope_twin.scene.document import Item, Place, kind, shown
 
 Reader = Callable[[Item, Place], Any]
-Readers = Mapping[str, Reader]  # by 'Class.field': for what hints cannot say
+Readers = Mapping[str, Reader]  # by 'Class.field': for types that hints cannot express
 
 
 def read_object(
     cls: type, item: Item, place: Place, readers: Readers = types.MappingProxyType({}), **given: Any
 ) -> Any:
-    """An object of a dataclass from a mapping; `given` are fields that no key sets.
+    """Return an object of a dataclass from a mapping; `given` are fields without a key.
 
     Raises:
-        SceneError: for every key that is unknown, missing or has a value that cannot be.
+        SceneError: for every key that is unknown, missing or has an invalid value.
     """
     fields = {key_of(field): field for field in dataclasses.fields(cls) if field.name not in given}
     mapping, errors = _mapping(item, place, fields), SceneErrors()
@@ -59,7 +59,7 @@ def read_object(
 
 
 def _mapping(item: Item, place: Place, known: Mapping[str, Any]) -> dict[str, Item]:
-    """The pairs of a mapping."""
+    """Return the pairs of a mapping."""
     if not isinstance(item.value, dict):
         right = f"give a mapping with {', '.join(known)}" if known else "give an empty mapping {}"
         raise place.refuse(f"{kind(item)} instead of a mapping", right)
@@ -69,18 +69,18 @@ def _mapping(item: Item, place: Place, known: Mapping[str, Any]) -> dict[str, It
 def _refuse_unknown(
     mapping: Mapping[str, Item], place: Place, known: Mapping[str, Any], errors: SceneErrors
 ) -> set[str]:
-    """Collect an error for each unknown key; what each of them says would be right."""
+    """Collect an error for each unknown key; return the remedies suggested."""
     said = set()
     for name, child in mapping.items():
         if name not in known:
-            right = did_you_mean(name, known) if known else "leave it out, there is none to give"
+            right = did_you_mean(name, known) if known else "remove it, no keys are allowed here"
             errors.add(place.key(name, child.line).refuse("unknown key", right))
             said.add(right)
     return said
 
 
 def read_choice(item: Item, place: Place, choices: Mapping[str, Any]) -> tuple[str, Item, Place]:
-    """The one key of a mapping such as `box: {...}`, its item and place; it is one of `choices`."""
+    """Return the one key of a mapping such as `box: {...}` (in `choices`), its item and place."""
     names = ", ".join(choices)
     mapping = item.value
     if isinstance(mapping, str) and mapping in choices:
@@ -96,7 +96,7 @@ def read_choice(item: Item, place: Place, choices: Mapping[str, Any]) -> tuple[s
 
 
 def key_of(field: dataclasses.Field[Any]) -> str:
-    """The key of a field: its name, less the underscore that keeps it off Python's own words."""
+    """Return the key of a field: its name without the underscore that avoids a Python keyword."""
     return field.name.rstrip("_")
 
 
@@ -107,7 +107,7 @@ def _needed(field: dataclasses.Field[Any]) -> bool:
 
 
 def _meaning(field: dataclasses.Field[Any]) -> str:
-    """A field's meaning, and its range if it has one, in words."""
+    """Return a field's description, with its range if it has one."""
     quantity: Quantity | None = field.metadata.get("quantity")
     if quantity:
         return f"{quantity.about}, {quantity.range_text()}"
@@ -117,12 +117,12 @@ def _meaning(field: dataclasses.Field[Any]) -> str:
 def _read(
     hint: Any, item: Item, place: Place, field: dataclasses.Field[Any], readers: Readers
 ) -> Any:
-    """The value that a type hint asks for."""
+    """Return the value that a type hint requires."""
     meaning = _meaning(field)
     if get_origin(hint) in (Union, types.UnionType):
         (hint,) = (option for option in get_args(hint) if option is not type(None))
     if item.value is None:
-        raise place.refuse("no value", f"give one ({meaning}) or leave the key out")
+        raise place.refuse("no value", f"give one ({meaning}) or remove the key")
     if dataclasses.is_dataclass(hint) and isinstance(hint, type):
         return read_object(hint, item, place, readers)
     if get_origin(hint) is tuple:
@@ -135,7 +135,7 @@ def _read(
         return _read_text(item, place, meaning)
     if hint in (int, float):
         return _read_number(hint, item, place, field)
-    raise TypeError(f"{field.name}: the reader knows no {hint}")  # a defect of ours, not of a scene
+    raise TypeError(f"{field.name}: the reader does not support {hint}")  # a defect of the program
 
 
 def _read_list(
@@ -145,7 +145,7 @@ def _read_list(
     field: dataclasses.Field[Any],
     readers: Readers,
 ) -> tuple[Any, ...]:
-    """A tuple of a fixed length, or of any length where the hint ends with an ellipsis."""
+    """Return a tuple of a fixed length, or of any length where the hint ends with an ellipsis."""
     meaning = _meaning(field)
     if not isinstance(item.value, list):
         raise place.refuse(f"{kind(item)} instead of a list", f"give a list ({meaning})")
@@ -165,7 +165,7 @@ def _read_list(
 def _read_named(
     hint: Any, item: Item, place: Place, field: dataclasses.Field[Any], readers: Readers
 ) -> dict[str, Any]:
-    """A mapping from names of the file's own choice."""
+    """Return a mapping from names chosen in the file."""
     if not isinstance(item.value, dict):
         raise place.refuse(f"{kind(item)} instead of a mapping", f"give names ({_meaning(field)})")
     errors, found = SceneErrors(), {}
@@ -194,7 +194,7 @@ def _read_text(item: Item, place: Place, meaning: str) -> str:
 def _read_number(
     hint: type, item: Item, place: Place, field: dataclasses.Field[Any]
 ) -> float | int:
-    """A finite number inside its range; whole where the hint is int."""
+    """Return a finite number inside its range; an integer where the hint is int."""
     number, meaning = item.value, _meaning(field)
     if isinstance(number, str) and item.doubt:
         raise place.refuse(f"{shown(number)} {item.doubt}", f"give a plain number ({meaning})")

@@ -1,4 +1,4 @@
-"""What ropes meet at besides payloads: joints, and bars that keep two of them apart."""
+"""Connections of a multi-line scene besides payloads: joints, sheaves, tethers and struts."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from rope_twin.quantity import quantity, text
 
 Triple = tuple[float, float, float]
 
-STEEL_KG_PER_M3 = 7850.0  # of what masses "in air, of steel" are made of
+STEEL_KG_PER_M3 = 7850.0  # density of masses "in air, of steel"
 WINCH = "winch"  # the name by which ropes call the ship's first hang-off
 
 
 @dataclass(frozen=True, kw_only=True)
 class Joint:
-    """A ring, shackle or hook block: where ropes meet without a payload."""
+    """A ring, shackle or hook block: a connection of ropes without a payload."""
 
     name: str = text("its name")
     mass_kg: float = quantity("mass in air, of steel", "kg", 0.0, 1e6, default=0.0)
@@ -22,27 +22,28 @@ class Joint:
 
 @dataclass(frozen=True, kw_only=True)
 class Tether:
-    """What holds a sheave to a fixed point: a constant force, a spring and a damper.
+    """A constant-tension link or spring-damper that holds a sheave to a fixed point.
 
-    It pulls along the line to `at_m` with force + stiffness·(l - length) + damping·dl/dt, and
-    never pushes.
+    Its tension along the line to `at_m` is force + stiffness·(l - length) + damping·dl/dt, at least
+    0.
     """
 
-    at_m: Triple = quantity("the fixed point: x, y, z", "m", -1e4, 1e4)
-    force_n: float = quantity("pull at its length", "N", 0.0, 1e8)
-    length_m: float = quantity("length at which it pulls with that", "m", 0.0, 1e4, default=0.0)
-    stiffness_n_per_m: float = quantity("of its spring", "N/m", 0.0, 1e8, default=0.0)
+    at_m: Triple = quantity("fixed point: x, y, z", "m", -1e4, 1e4)
+    force_n: float = quantity("tension at its length", "N", 0.0, 1e8)
+    length_m: float = quantity("length at this tension", "m", 0.0, 1e4, default=0.0)
+    stiffness_n_per_m: float = quantity("spring stiffness", "N/m", 0.0, 1e8, default=0.0)
     damping_newton_seconds_per_m: float = quantity(
-        "force per rate of its length", "N·s/m", 0.0, 1e8, default=0.0
+        "damping coefficient c", "N·s/m", 0.0, 1e8, default=0.0
     )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sheave:
-    """A sheave over which rope runs from one of the two ropes that end at it into the other.
+    """A sheave over which rope runs between the two ropes that end at it.
 
-    A point: the wheel's radius is nothing beside the ropes' lengths. The rope runs until both sides
-    pull alike, so that only the sum of their `length_m` stays as it is given.
+    It is a point: the wheel's radius is negligible relative to the ropes' lengths. In the static
+    solution rope runs until the tension is equal on both sides, so that only the sum of their
+    `length_m` stays as given.
     """
 
     name: str = text("its name")
@@ -52,24 +53,24 @@ class Sheave:
         "moment of inertia of the wheel over its radius squared", "kg", 0.0, 1e6, default=0.0
     )
     friction: float = quantity(
-        "of rope on wheel: pulls differ by exp(friction·angle of wrap) under way", "", 0.0, 1.0,
+        "friction coefficient: tension ratio exp(friction·angle of wrap), running", "", 0.0, 1.0,
         default=0.0,
     )  # fmt: skip
-    tether: Tether | None = text("what holds it", None)
+    tether: Tether | None = text("tether that holds it", None)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Strut:
-    """A bar, hinged at both ends, as a spreader has: it pulls and pushes.
+    """A spreader bar, hinged at both ends, in tension and compression.
 
-    Half its mass is at either end; water does not drag at it.
+    Half its mass is at either end; it has no drag.
     """
 
     name: str = text("its name")
-    between: tuple[str, str] = text("the payloads or joints at its ends")
+    between: tuple[str, str] = text("payloads or joints at its ends")
     length_m: float = quantity("length", "m", 0.1, 500.0)
     mass_kg: float = quantity("mass in air, of steel", "kg", 0.0, 1e6, default=0.0)
-    stiffness_n_per_m: float = quantity("EA over length", "N/m", 1e5, 1e11, default=1e8)
+    stiffness_n_per_m: float = quantity("axial stiffness EA/L", "N/m", 1e5, 1e11, default=1e8)
     damping_newton_seconds_per_m: float = quantity(
-        "force per rate of its length", "N·s/m", 0.0, 1e9, default=1e5
+        "damping coefficient c", "N·s/m", 0.0, 1e9, default=1e5
     )

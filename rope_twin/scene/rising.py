@@ -1,4 +1,4 @@
-"""What is other for a payload while it rises through the water than while it sinks."""
+"""Properties of a payload that differ between ascent and descent through the water."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from rope_twin.quantity import quantity
 
 @dataclass(frozen=True, kw_only=True)
 class Rising:
-    """Figures along z while it rises; the payload's own are then those of sinking."""
+    """Coefficients along z in ascent; the payload's own are then those of descent."""
 
-    added_mass_kg: float | None = quantity("added mass", "kg", 0.0, 1e8, default=None)
+    added_mass_kg: float | None = quantity("added mass in ascent", "kg", 0.0, 1e8, default=None)
     drag_area_m2: float | None = quantity(
-        "drag coefficient times area", "m²", 0.0, 1e5, default=None
+        "drag coefficient times area in ascent", "m²", 0.0, 1e5, default=None
     )
 
     def check(self) -> str | None:
-        """One of them at least."""
+        """Return a fault if neither is given, or None."""
         if self.added_mass_kg is None and self.drag_area_m2 is None:
-            return "nothing differs; give added_mass_kg or drag_area_m2, or leave it out"
+            return "no value is given; give added_mass_kg or drag_area_m2, or remove the key"
         return None
 
 
 @runtime_checkable
 class TwoWayShape(Protocol):
-    """A shape that knows what drag it has on its way up."""
+    """A shape with another drag in ascent than in descent."""
 
     def rising_drag_area_m2(self) -> float:
-        """Drag coefficient times projected area along z while it rises [m²]."""
+        """Return drag coefficient times projected area along z in ascent [m²]."""

@@ -1,4 +1,4 @@
-"""Rope presets: figures of config/ropes.yaml, evaluated for their diameters."""
+"""Rope presets: data of config/ropes.yaml, evaluated for their diameters."""
 
 from __future__ import annotations
 
@@ -15,38 +15,38 @@ from rope_twin.share import share_dir
 
 @dataclass(frozen=True, kw_only=True)
 class Construction:
-    """Figures of a kind of rope per power of its nominal diameter d."""
+    """Properties of a rope construction per power of its nominal diameter d."""
 
-    about: str = text("what it is")
-    source: str = text("where the regressions come from")
+    about: str = text("description")
+    source: str = text("source of the regressions")
     mass_per_d2: float = quantity("mass in air over d²", "kg/m³", 1.0, 1e5)
-    hydrodynamic_over_nominal: float = quantity("diameter of the volume over d", "", 0.1, 3.0)
-    breaking_load_per_d2: float = quantity("breaking load over d²", "N/m²", 1e6, 1e10)
+    hydrodynamic_over_nominal: float = quantity("hydrodynamic diameter over d", "", 0.1, 3.0)
+    breaking_load_per_d2: float = quantity("MBL over d²", "N/m²", 1e6, 1e10)
     breaking_load_per_d3: float = quantity(
-        "breaking load over d³, added to that over d²", "N/m³", -1e10, 1e10, default=0.0
+        "MBL over d³, added to that over d²", "N/m³", -1e10, 1e10, default=0.0
     )
     drag_normal: float | None = quantity(
-        "drag coefficient across it on d, in place of the scene's", "", 0.0, 10.0, default=None
+        "normal drag coefficient on d, instead of the scene's", "", 0.0, 10.0, default=None
     )
     drag_tangential: float | None = quantity(
-        "drag coefficient along it on π·d, in place of the scene's", "", 0.0, 1.0, default=None
+        "tangential drag coefficient on π·d, instead of the scene's", "", 0.0, 1.0, default=None
     )
     stiffness_per_d2: float | None = quantity("EA over d²", "N/m²", 1e6, 1e12, default=None)
     stiffness_over_breaking_load: float | None = quantity(
-        "EA over breaking load", "", 1.0, 200.0, default=None
+        "EA over MBL", "", 1.0, 200.0, default=None
     )
 
     def check(self) -> str | None:
-        """Exactly one of the two stiffnesses."""
+        """Return a fault unless exactly one stiffness is given, or None."""
         if (self.stiffness_per_d2 is None) == (self.stiffness_over_breaking_load is None):
             return (
-                "its stiffness is not given once; "
+                "stiffness must be given exactly once; "
                 "give stiffness_per_d2 or stiffness_over_breaking_load"
             )
         return None
 
     def rope(self, diameter_m: float) -> Rope:
-        """The rope of this construction with a nominal diameter [m]."""
+        """Return the rope of this construction with a nominal diameter [m]."""
         d = diameter_m
         breaking_load = self.breaking_load_per_d2 * d**2 + self.breaking_load_per_d3 * d**3
         if self.stiffness_per_d2 is not None:
@@ -70,24 +70,24 @@ class Construction:
 class Sized:
     """A rope given by its construction and diameter."""
 
-    construction: str = text("a name under `constructions`")
+    construction: str = text("name under `constructions`")
     diameter_m: float = quantity("nominal diameter", "m", 1e-3, 0.5)
 
 
 @dataclass(frozen=True, kw_only=True)
 class RopeBook:
-    """The whole of config/ropes.yaml."""
+    """Content of config/ropes.yaml."""
 
-    constructions: dict[str, Construction] = text("figures per power of the diameter")
+    constructions: dict[str, Construction] = text("properties per power of the diameter")
     by_diameter: dict[str, Sized] = text("presets evaluated from a construction")
-    by_figures: dict[str, Rope] = text("presets with figures of their own")
+    by_figures: dict[str, Rope] = text("presets with explicit properties")
 
 
 def rope_presets(path: Path | None = None) -> dict[str, Rope]:
-    """Every preset by its name, of config/ropes.yaml or another file like it.
+    """Return every preset by name, of config/ropes.yaml or another file of this format.
 
     Raises:
-        SceneError: if the file is wrong, with the place in it.
+        SceneError: if the file is invalid, with the location.
     """
     path = path or share_dir() / "config" / "ropes.yaml"
     tree, _ = read_document(path)
@@ -106,7 +106,7 @@ def rope_presets(path: Path | None = None) -> dict[str, Rope]:
 
 
 def rope_preset(name: str) -> Rope:
-    """One preset.
+    """Return one preset.
 
     Raises:
         SceneError: if there is none of this name.

@@ -1,7 +1,7 @@
-"""What a scene is: frozen dataclasses whose fields are the keys of the YAML file.
+"""Schema of a scene: frozen dataclasses whose fields are the keys of the YAML file.
 
-Every number carries its meaning, unit and range (`quantity`), which the strict reader checks and
-quotes in its errors. Effects bring their own parameter classes (`rope_twin.effects`).
+Every number has a description, unit and range (`quantity`), which the strict reader checks and
+quotes in its errors. Effects have their own parameter classes (`rope_twin.effects`).
 """
 
 from __future__ import annotations
@@ -28,31 +28,33 @@ Params = TypeVar("Params")
 
 @dataclass(frozen=True, kw_only=True)
 class Rope:
-    """A kind of rope: a preset by name (config/ropes.yaml) or written out in the scene."""
+    """Rope properties: a preset by name (config/ropes.yaml) or given in the scene."""
 
     diameter_m: float = quantity("nominal diameter", "m", 1e-3, 3.0)
     mass_kg_per_m: float = quantity("mass in air", "kg/m", 1e-3, 5e3)
-    hydrodynamic_diameter_m: float = quantity("diameter for drag and volume", "m", 1e-3, 3.0)
+    hydrodynamic_diameter_m: float = quantity(
+        "hydrodynamic diameter (drag and volume)", "m", 1e-3, 3.0
+    )
     axial_stiffness_n: float | None = quantity("axial stiffness EA", "N", 1e3, 1e12, default=None)
-    axial_stiffness: StiffnessTable | None = text("a table in its place", None)
-    breaking_load_n: float = quantity("minimum breaking load", "N", 1e2, 1e9)
+    axial_stiffness: StiffnessTable | None = text("stiffness table instead of EA", None)
+    breaking_load_n: float = quantity("minimum breaking load MBL", "N", 1e2, 1e9)
     minimum_bend_radius_m: float | None = quantity(
-        "radius below which no bend of it may be; told of where one is", "m", 1e-3, 1e3,
+        "minimum bend radius MBR; smaller radii are reported", "m", 1e-3, 1e3,
         default=None, only_judges=True,
     )  # fmt: skip
     drag_normal: float | None = quantity(
-        "drag coefficient across it on its nominal diameter, in place of the scene's",
+        "normal drag coefficient on the nominal diameter, instead of the scene's",
         "", 0.0, 10.0, default=None,
     )  # fmt: skip
     drag_tangential: float | None = quantity(
-        "drag coefficient along it on π times its nominal diameter, in place of the scene's",
+        "tangential drag coefficient on π times the nominal diameter, instead of the scene's",
         "", 0.0, 1.0, default=None,
     )  # fmt: skip
-    about: str = text("what it is", "")
-    source: str = text("where the figures come from", "")
+    about: str = text("description", "")
+    source: str = text("source of the data", "")
 
     def check(self) -> str | None:
-        """Exactly one of the two stiffnesses."""
+        """Return a fault unless exactly one stiffness is given, or None."""
         if (self.axial_stiffness_n is None) != (self.axial_stiffness is None):
             return None
         given = "no" if self.axial_stiffness is None else "a second"
@@ -62,40 +64,40 @@ class Rope:
         )
 
     def strain_at(self, tension_n: float) -> float:
-        """Strain under a static tension [N]; 0 where there is none."""
+        """Return the strain under a static tension [N]; 0 without tension."""
         if self.axial_stiffness is not None:
             return self.axial_stiffness.strain_at(tension_n)
         return max(tension_n, 0.0) / self.tangent_n(tension_n)
 
     def tangent_n(self, tension_n: float) -> float:
-        """EA for small changes about a static tension [N]."""
+        """Return the tangent EA at a static tension [N]."""
         if self.axial_stiffness is not None:
             return self.axial_stiffness.tangent_n(tension_n)
-        assert self.axial_stiffness_n is not None, "checked when it was read"
+        assert self.axial_stiffness_n is not None, "checked when the scene was read"
         return self.axial_stiffness_n
 
 
 @dataclass(frozen=True, kw_only=True)
 class RopeSection:
-    """One of several ropes that are joined into one."""
+    """One section of a rope made of several materials."""
 
-    rope: Rope = text("preset name, or the figures themselves")
+    rope: Rope = text("preset name, or its properties")
     length_m: float | None = quantity(
-        "its unstretched length; the topmost may leave it out", "m", 0.5, 2e4, default=None
+        "unstretched length; optional for the topmost section", "m", 0.5, 2e4, default=None
     )
 
 
 @dataclass(frozen=True, kw_only=True)
 class Grading:
-    """Elements of other than equal length near the lower end; exactly one of the first two."""
+    """Graded mesh near the lower end; exactly one of the first two."""
 
     lowest_m: float | None = quantity("length of the lowest element", "m", 0.05, 1e3, default=None)
     nodes_m: tuple[float, ...] | None = quantity(
-        "unstretched lengths from the lower end up to the first nodes above it", "m", 0.01, 2e4,
+        "unstretched distances of the lowest nodes from the lower end", "m", 0.01, 2e4,
         default=None,
     )  # fmt: skip
     growth: float = quantity(
-        "each element above the lowest is so many times the one below, up to the equal ones", "",
+        "length ratio of successive elements, up to the equal ones", "",
         1.01, 10.0, default=1.3,
     )  # fmt: skip
 
@@ -108,54 +110,54 @@ class Damping:
         "c in T = EA·strain + c·strain rate", "N·s", 0.0, 1e10, default=None
     )
     fraction_of_first_axial_mode: float | None = quantity(
-        "fraction of critical on the first axial mode of rope and payload", "", 0.0, 0.5,
+        "damping ratio of the first axial mode of rope and payload", "", 0.0, 0.5,
         default=None,
     )  # fmt: skip
     fraction_of_one_element: float | None = quantity(
-        "fraction of critical of a single element: changes with their number", "", 0.0, 2.0,
+        "damping ratio of a single element: depends on the mesh", "", 0.0, 2.0,
         default=None,
     )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
 class RopeLine:
-    """One rope of the scene, from the winch to a payload or to a fixed point, or between others."""
+    """One rope of the scene: winch to payload or fixed point, or between connections."""
 
-    name: str = text("its name")
-    from_: str = text("where its upper end is: the winch, a hang-off, a joint or payload", WINCH)
-    rope: Rope | None = text("preset name, or the figures themselves", None)
+    name: str = text("name of the rope")
+    from_: str = text("upper end: the winch, a hang-off, a joint or payload", WINCH)
+    rope: Rope | None = text("preset name, or its properties", None)
     sections: tuple[RopeSection, ...] = text(
-        "in place of `rope`: the ropes it is joined from, from the lower end up", ()
+        "instead of `rope`: sections from the lower end up", ()
     )
-    length_m: float = quantity("line out at the start, unstretched", "m", 1.0, 2e4)
-    elements: int = quantity("number of elements at the start", "", 3, 20000)
+    length_m: float = quantity("initial paid-out length, unstretched", "m", 1.0, 2e4)
+    elements: int = quantity("initial number of elements", "", 3, 20000)
     damping: Damping = text("structural damping")
-    to: str = text("payload or joint at its lower end; empty if fixed", "")
+    to: str = text("payload or joint at the lower end; empty if fixed", "")
     fixed_at_m: Triple | None = quantity(
-        "lower end held at x, y, z instead of a payload", "m", -2e4, 2e4, default=None
+        "lower end fixed at x, y, z instead of a payload", "m", -2e4, 2e4, default=None
     )
-    grading: Grading | None = text("shorter elements near the lower end; absent: equal", None)
+    grading: Grading | None = text("graded mesh near the lower end; default: equal elements", None)
     bending: BendingParams | None = text(
-        "where ropes meet: its own, in place of the effect's", None
+        "multi-line scenes: its own bending stiffness, instead of the effect's", None
     )
 
     @property
     def made_of(self) -> tuple[RopeSection, ...]:
-        """Its sections from the lower end up; one without a length if it is all of one rope."""
+        """Return its sections from the lower end up; a single one without a length if uniform."""
         return (RopeSection(rope=self.rope),) if self.rope is not None else self.sections
 
     @property
     def thinnest_m(self) -> float:
-        """Hydrodynamic diameter of the thinnest section."""
+        """Return the hydrodynamic diameter of the thinnest section."""
         return min(section.rope.hydrodynamic_diameter_m for section in self.made_of)
 
     @cached_property
     def breaking_load_n(self) -> float:
-        """MBL of the weakest section [N]."""
+        """Return the MBL of the weakest section [N]."""
         return min(section.rope.breaking_load_n for section in self.made_of)
 
     def lengths_m(self, line_out_m: float) -> list[float]:
-        """How much of each section is out; the topmost goes on as far as the line out does."""
+        """Return the paid-out length of each section; the topmost one is unlimited."""
         lengths, left = [], line_out_m
         for number, section in enumerate(self.made_of, start=1):
             last = number == len(self.made_of) or section.length_m is None
@@ -165,87 +167,91 @@ class RopeLine:
 
 
 class Shape(Protocol):
-    """What a payload's shape tells; axes x, y lateral, z vertical."""
+    """Interface of a payload's shape; axes x, y lateral, z vertical."""
 
     def volume_m3(self) -> float:
-        """Displaced volume [m³]."""
+        """Return the displaced volume [m³]."""
 
     def added_mass_m3(self) -> Triple:
-        """Added mass over the water's density along x, y, z [m³]."""
+        """Return added mass over water density along x, y, z [m³]."""
 
     def drag_area_m2(self) -> Triple:
-        """Drag coefficient times projected area along x, y, z [m²]."""
+        """Return drag coefficient times projected area along x, y, z [m²]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Payload:
-    """What hangs on the rope. `shape` gives volume, added mass and drag; explicit keys win."""
+    """A suspended payload; `shape` gives volume, added mass and drag, which keys override."""
 
-    name: str = text("its name")
+    name: str = text("name of the payload")
     mass_kg: float = quantity("mass in air", "kg", 0.0, 1e7)
-    shape: Shape | None = text("one of the shapes, as `box: {...}`", None)
-    displaced_volume_m3: float | None = quantity("volume", "m³", 0.0, 1e5, default=None)
+    shape: Shape | None = text("shape, as `box: {...}`", None)
+    displaced_volume_m3: float | None = quantity("displaced volume", "m³", 0.0, 1e5, default=None)
     added_mass_kg: Triple | None = quantity(
         "added mass along x, y, z", "kg", 0.0, 1e8, default=None
     )
     drag_area_m2: Triple | None = quantity(
         "drag coefficient times area along x, y, z", "m²", 0.0, 1e5, default=None
     )
-    rising: Rising | None = text("along z while it rises, if other than while it sinks", None)
+    rising: Rising | None = text("coefficients along z in ascent, if different", None)
     splash_zone: SplashZoneParams | None = text(
-        "where ropes meet: its size, in place of the effect's", None
+        "multi-line scenes: its own size, instead of the effect's", None
     )
 
 
 @dataclass(frozen=True, kw_only=True)
 class HangOff:
-    """Another place where a rope leaves the ship; it moves with the ship."""
+    """Another point where a rope leaves the ship; it moves with the ship."""
 
-    name: str = text("its name")
-    at_m: Triple = quantity("at rest: x, y, z", "m", -1e4, 1e4)
-    winch: Winch | None = text("its winch; absent: the line out never changes", None)
+    name: str = text("name of the hang-off")
+    at_m: Triple = quantity("mean position: x, y, z", "m", -1e4, 1e4)
+    winch: Winch | None = text("its winch; default: constant length", None)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Ship:
-    """Where the rope leaves the ship, and how its motion is faded in at the start."""
+    """Hang-off (crane tip or overboarding sheave), and build-up of the ship's motion."""
 
     hang_off_m: Triple = quantity(
-        "hang-off at rest: x, y, z", "m", -1e4, 1e4, default=(0.0, 0.0, 0.0)
+        "mean position of the hang-off (crane tip): x, y, z",
+        "m",
+        -1e4,
+        1e4,
+        default=(0.0, 0.0, 0.0),
     )
     reference_m: Triple | None = quantity(
-        "point whose pose is told, at rest: x, y, z; absent: the hang-off itself", "m", -1e4, 1e4,
+        "mean position of the pose's reference point: x, y, z; default: hang-off", "m", -1e4, 1e4,
         default=None,
     )  # fmt: skip
     motion_ramp_s: float = quantity(
-        "the start from rest: motion fades in over this time", "s", 0.0, 600.0, default=8.0
+        "build-up time of the ship's motion", "s", 0.0, 600.0, default=8.0
     )
     max_heave_m: float = quantity(
-        "largest heave of a hang-off up or down; samples beyond it are refused", "m", 0.1, 30.0,
+        "maximum heave of a hang-off; larger samples are rejected", "m", 0.1, 30.0,
         default=15.0, only_judges=True,
     )  # fmt: skip
     max_hang_off_speed_m_per_s: float = quantity(
-        "highest speed of a hang-off; samples that would need more are refused", "m/s", 0.1, 15.0,
+        "maximum speed of a hang-off; samples beyond are rejected", "m/s", 0.1, 15.0,
         default=7.0, only_judges=True,
     )  # fmt: skip
     max_hang_off_acceleration_m_per_s2: float = quantity(
-        "highest acceleration of a hang-off; samples that would need more are refused", "m/s²",
+        "maximum acceleration of a hang-off; samples beyond are rejected", "m/s²",
         0.1, 50.0, default=7.0, only_judges=True,
     )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
 class Environment:
-    """Water and gravity."""
+    """Water density and gravity."""
 
-    water_density_kg_per_m3: float = quantity("density of the water", "kg/m³", 0.0, 1500.0,
+    water_density_kg_per_m3: float = quantity("water density", "kg/m³", 0.0, 1500.0,
                                               default=1025.0)  # fmt: skip
     gravity_m_per_s2: float = quantity("gravity", "m/s²", 0.0, 30.0, default=9.80665)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Time:
-    """The step and how exactly it is solved."""
+    """Time step and solver tolerance."""
 
     step_s: float = quantity("time step", "s", 1e-5, 0.2)
     newton_tolerance_n: float | None = quantity(
@@ -256,48 +262,48 @@ class Time:
 
 @dataclass(frozen=True, kw_only=True)
 class AcceptedWarning:
-    """A warning of `scene check` that the scene's author has judged."""
+    """A warning of `scene check` that the scene's author has accepted."""
 
-    key: str = text("where the warning stands, as it is printed, like time.step_s")
+    key: str = text("key of the warning as printed, like time.step_s")
     says: str = text("words of the warning")
-    reason: str = text("why the scene is right as it is")
+    reason: str = text("justification")
 
     def check(self) -> str | None:
-        """Nothing is accepted without naming it."""
+        """Return a fault if a field is empty, or None."""
         if self.key and self.says and self.reason:
             return None
         return "key, says or reason is empty; name one warning, and why it is accepted"
 
     def matches(self, warning: str) -> bool:
-        """Whether this is the warning."""
+        """Return whether this is the warning."""
         return warning.startswith(f"{self.key}: ") and self.says in warning
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """A whole scene as written, before anything is built from it."""
+    """A scene as written in its file, before anything is built from it."""
 
     name: str
     path: Path
     digest: str  # SHA-256 of the file's text
-    about: str = text("one line: what this is")
-    source: str = text("where the figures come from", "")
-    look_at: str = text("what to look at", "")
+    about: str = text("description in one line")
+    source: str = text("source of the data", "")
+    look_at: str = text("what to look at in the results", "")
     ropes: tuple[RopeLine, ...] = text("the ropes")
     payloads: tuple[Payload, ...] = text("the payloads", ())
-    joints: tuple[Joint, ...] = text("where ropes meet without a payload", ())
-    struts: tuple[Strut, ...] = text("bars between payloads or joints", ())
-    sheaves: tuple[Sheave, ...] = text("where rope runs from one rope into another", ())
-    hang_offs: tuple[HangOff, ...] = text("where further ropes leave the ship", ())
-    winch: Winch | None = text("the winch; absent: the line out never changes", None)
+    joints: tuple[Joint, ...] = text("connections of ropes without a payload", ())
+    struts: tuple[Strut, ...] = text("spreader bars between payloads or joints", ())
+    sheaves: tuple[Sheave, ...] = text("sheaves over which two ropes run as one", ())
+    hang_offs: tuple[HangOff, ...] = text("further points where ropes leave the ship", ())
+    winch: Winch | None = text("winch; default: constant length", None)
     ship: Ship = text("the ship", Ship())
-    sea_state: SeaState = text("the sea that moves the ship", SeaState())
+    sea_state: SeaState = text("motion of the ship", SeaState())
     environment: Environment = text("water and gravity", Environment())
-    effects: tuple[Any, ...] = text("what is simulated, each as `- drag: {...}`", ())
-    time: Time = text("step and tolerance")
-    accept: tuple[AcceptedWarning, ...] = text("warnings of `scene check` that are accepted", ())
-    limits: Limits = text("what ropes and payloads must stay within", Limits())
+    effects: tuple[Any, ...] = text("load models, each as `- drag: {...}`", ())
+    time: Time = text("time step and tolerance")
+    accept: tuple[AcceptedWarning, ...] = text("accepted warnings of `scene check`", ())
+    limits: Limits = text("limits of ropes and payloads", Limits())
 
     def listed(self, kind: type[Params]) -> Params | None:
-        """The parameters of an effect, told by their class; None if the scene does not list it."""
+        """Return the parameters of an effect by their class; None if the scene does not list it."""
         return next((own for own in self.effects if isinstance(own, kind)), None)

@@ -1,4 +1,4 @@
-"""Axial stiffness by a table: tension over strain, with a monotone cubic between its points."""
+"""Axial stiffness table: tension over strain, as a monotone cubic between its points."""
 
 from __future__ import annotations
 
@@ -13,61 +13,61 @@ from rope_twin.quantity import quantity
 
 MOST_STRAIN = 1.0
 MOST_STIFFNESS_N = 1e12
-SAME = 1e-12  # of the strain: an inverse this exact ends the search
+STRAIN_TOL = 1e-12  # relative tolerance of the inverse, in strain
 
 
 @dataclass(frozen=True, kw_only=True)
 class StiffnessTable:
-    """Points of strain and elastic tension; beyond the last one straight on."""
+    """Points of strain and elastic tension; linear extrapolation beyond the last one."""
 
     table: tuple[tuple[float, float], ...] = quantity("rows of strain and tension [N]", "")
 
     def check(self) -> str | None:
-        """What is wrong with the points and what would be right, or None."""
+        """Return the fault of the points and its remedy, or None."""
         if len(self.table) < 2:
             return "it has fewer than two rows; give at least [0, 0] and one [strain, tension]"
         if self.table[0] != (0.0, 0.0):
-            return "its first row is not [0, 0]; a rope without strain has no tension, begin there"
+            return "its first row is not [0, 0]; begin there, at zero strain and tension"
         for (low, less), (high, more) in pairwise(self.table):
             if not (high > low and more > less):
                 return (
                     f"[{high:g}, {more:g}] follows [{low:g}, {less:g}]; "
-                    "let strain and tension rise from row to row"
+                    "strain and tension must ascend from row to row"
                 )
             if (more - less) / (high - low) > MOST_STIFFNESS_N:
-                return f"from strain {low:g} to {high:g} its slope is over 1e12 N; check the units"
+                return f"from strain {low:g} to {high:g} its slope exceeds 1e12 N; check the units"
         if self.table[-1][0] > MOST_STRAIN:
             return f"a strain of {self.table[-1][0]:g} is given; 1 % is 0.01, give at most 1"
         return None
 
     @cached_property
     def cubics(self) -> Table:
-        """The cubics between its points, of one section."""
+        """Return the cubics between its points, as a table of one section."""
         return cubics([self.table])
 
     def tension_n(self, strain: float) -> float:
-        """Elastic tension [N] at a strain, negative below 0."""
+        """Return the elastic tension [N] at a strain, negative below 0."""
         return self._at(strain)[0]
 
     def tangent_n(self, tension_n: float) -> float:
-        """dT/dstrain [N] at a tension."""
+        """Return dT/dstrain [N] at a tension."""
         return self._at(self.strain_at(tension_n))[1]
 
     def strain_at(self, tension_n: float) -> float:
-        """The strain that goes with a tension [N]; 0 where there is none."""
+        """Return the strain at a tension [N]; 0 without tension."""
         strain, tension = self.table[-1]
         if tension_n <= 0.0:
             return 0.0
         if tension_n >= tension:
             return strain + (tension_n - tension) / self._at(strain)[1]
         low, high = 0.0, strain
-        while high - low > SAME * high:
+        while high - low > STRAIN_TOL * high:
             middle = 0.5 * (low + high)
             low, high = (middle, high) if self._at(middle)[0] < tension_n else (low, middle)
         return 0.5 * (low + high)
 
     def _at(self, strain: float) -> tuple[float, float]:
-        """Tension and tangent [N]."""
+        """Return tension and tangent [N]."""
         law = self.cubics
         j = max(int(np.searchsorted(law.knot[0], strain, side="right")) - 1, 0)
         u = strain - law.knot[0, j]
@@ -78,7 +78,7 @@ class StiffnessTable:
 
 
 def cubics(tables: list[tuple[tuple[float, float], ...]]) -> Table:
-    """The core's table of several sections, each with its own points."""
+    """Return the core's table of several sections, each with its own points."""
     width = max(len(table) for table in tables)
     law = Table(*(np.zeros((len(tables), width)) for _ in Table._fields))
     law.knot[:] = np.inf
@@ -95,11 +95,11 @@ def cubics(tables: list[tuple[tuple[float, float], ...]]) -> Table:
 
 
 def _slopes(rise: Floats, secant: Floats) -> Floats:
-    """dT/dstrain at the points: a monotone cubic (Fritsch and Butland 1984, eq. 4).
+    """Return dT/dstrain at the points: a monotone cubic (Fritsch and Butland 1984, eq. 4).
 
-    At the ends the slope of the parabola through three points, within a third and three times the
-    secant there (above three times a cubic would turn back; a third keeps the rope from starting
-    without stiffness).
+    At the ends the slope of the parabola through three points, limited to between a third and three
+    times the secant there (above three times a cubic would not be monotone; a third keeps the
+    initial stiffness positive).
     """
     if len(secant) == 1:
         return np.repeat(secant, 2)
@@ -113,6 +113,6 @@ def _slopes(rise: Floats, secant: Floats) -> Floats:
 
 
 def _end(near: float, next_to: float, secant: float, beyond: float) -> float:
-    """Slope at an end, from the two intervals beside it."""
+    """Return the slope at an end, from the two adjacent intervals."""
     slope = ((2.0 * near + next_to) * secant - near * beyond) / (near + next_to)
     return float(min(max(slope, secant / 3.0), 3.0 * secant))

@@ -1,1 +1,1 @@
-"""The sea: spectra, and the waves that they are made of. Numpy only; knows no rope."""
+"""Sea states: spectra, wave components, vessel responses. Numpy only, independent of ropes."""

@@ -1,12 +1,12 @@
-"""The six motions of a box-like hull in waves from any side, for conceptual design.
+"""Six-degree-of-freedom motion RAOs of a box-like hull in waves, for conceptual design.
 
 Heave and pitch: closed-form expressions of Jensen, Mansour and Olsen (2004, Ocean Engineering 31,
 61-85) at zero speed, with the effective wave number k_e = k·|cos β| along the hull; see
-sea/heave_response.py for the equation of motion and what it leaves out. Pitch has the moment
-G = κ·f·(24/((k_e·L)²·L))·(sin(k_e·L/2) - (k_e·L/2)·cos(k_e·L/2)) in place of the force F, which in
-long waves is the slope k_e. Roll: one degree of freedom driven by the slope across the hull, with
-its own period and a damping. Surge, sway and yaw: the water's own motion, meant over the hull
-(Froude-Krylov of a body that has the water's mass).
+sea/heave_response.py for the equation of motion and its simplifications. Pitch has the moment G =
+κ·f·(24/((k_e·L)²·L))·(sin(k_e·L/2) - (k_e·L/2)·cos(k_e·L/2)) in place of the force F, which in long
+waves is the slope k_e. Roll: one degree of freedom driven by the transverse wave slope, with a
+natural period and damping. Surge, sway and yaw: the motion of the water averaged over the hull
+(Froude-Krylov for a body with the mass of the displaced water).
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ GRAVITY_M_PER_S2 = 9.80665
 
 @dataclass(frozen=True)
 class Roll:
-    """How the hull rolls by itself: assumptions, as ships differ."""
+    """Roll natural period and damping: assumptions, as ships differ."""
 
     period_s: float = 11.0
-    damping: float = 0.1  # of critical
+    damping: float = 0.1  # damping ratio
 
 
 def box_responses(
     hull: BoxHull, heading_deg: Vector, frequency_hz: Vector, roll: Roll | None = None
 ) -> Responses:
-    """Its answers amidships for headings (h,) from 0 to 180° and frequencies (f,) above 0."""
+    """Return RAOs amidships for headings (h,) from 0 to 180° and frequencies (f,) above 0."""
     roll = roll or Roll()
     beta = np.radians(heading_deg)[:, None]
     omega = 2.0 * np.pi * frequency_hz[None, :]
@@ -68,12 +68,12 @@ def box_responses(
 
 
 def _mean(y: Vector) -> Vector:
-    """Mean of cos over -y to y: sin(y)/y."""
+    """Return the mean of cos over -y to y: sin(y)/y."""
     return np.asarray(np.sinc(y / np.pi))
 
 
 def _slope(along: Vector, length: float) -> Vector:
-    """What a straight keel makes of the slope of a wave: `along` in long waves [1/m]."""
+    """Return the mean slope of a straight keel in a wave: `along` in long waves [1/m]."""
     y = 0.5 * along * length
     safe = np.where(np.abs(y) < 1e-3, 1.0, y)
     share = np.where(np.abs(y) < 1e-3, 1.0, 3.0 * (np.sin(safe) - safe * np.cos(safe)) / safe**3)
@@ -81,7 +81,7 @@ def _slope(along: Vector, length: float) -> Vector:
 
 
 def table_of(responses: Responses) -> str:
-    """The table as text that `read_responses` reads."""
+    """Return the table as text that `read_responses` reads."""
     lines = [f"# Responses of a {responses.source}", "# made by rope_twin.sea.box_motion"]
     lines.append(",".join(COLUMNS))
     size, phase = np.abs(responses.answer), np.degrees(np.angle(responses.answer))

@@ -1,4 +1,4 @@
-"""Tables of numbers in text files: a head of names, a row a line, `#` before remarks."""
+"""Tables of numbers in text files: a header of names, one row per line, `#` begins a comment."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rope_twin.share import share_dir
 
 
 def find_table(name_or_path: str, folder: str) -> Path:
-    """The file of a name in config/FOLDER (without its ending), or of a path.
+    """Return the file of a name in config/FOLDER (without its suffix), or of a path.
 
     Raises:
         InputError: there is no such file.
@@ -32,38 +32,40 @@ def find_table(name_or_path: str, folder: str) -> Path:
 
 
 def is_path(name_or_path: str) -> bool:
-    """Whether a table is given by a path rather than by a name."""
+    """Return whether a table is given by a path instead of a name."""
     return "/" in name_or_path or name_or_path.startswith(".") or name_or_path.endswith(".csv")
 
 
 def read_columns(path: Path, names: Sequence[str]) -> dict[str, Vector]:
-    """The columns of these names, (rows,) each, in whatever order they stand.
+    """Return the columns of these names, (rows,) each, in any order of the file.
 
     Raises:
-        InputError: a column is missing, or something is no finite number; with the line.
+        InputError: a column is missing, or a value is not a finite number; with the line.
     """
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(phrase(str(path), f"it cannot be read ({error})", "give a text")) from None
+        raise InputError(
+            phrase(str(path), f"it cannot be read ({error})", "give a text file")
+        ) from None
     told = [(k, line) for k, line in enumerate(lines, 1) if line.strip() and line.strip()[0] != "#"]
     head = [name.strip() for name in next(csv.reader([told[0][1]]))] if told else []
     for name in names:
         if name not in head:
-            right = f"the head must name {', '.join(names)}"
+            right = f"the header must name {', '.join(names)}"
             raise InputError(phrase(str(path), f"there is no column {name}", right))
     table = np.array([_numbers(path, k, line, len(head)) for k, line in told[1:]])
     if not len(table):
-        raise InputError(phrase(str(path), "it has a head and no rows", "give rows of numbers"))
+        raise InputError(phrase(str(path), "it has a header and no rows", "give rows of numbers"))
     return {name: table[:, head.index(name)].copy() for name in names}
 
 
 def _numbers(path: Path, number: int, line: str, count: int) -> list[float]:
-    """The numbers of one line. Raises InputError."""
+    """Return the numbers of one line. Raises InputError."""
     where = f"{path}, line {number}"
     cells = next(csv.reader([line]))
     if len(cells) != count:
-        raise InputError(phrase(where, f"{len(cells)} values", f"the head names {count}"))
+        raise InputError(phrase(where, f"{len(cells)} values", f"the header names {count}"))
     try:
         values = [float(cell) for cell in cells]
     except ValueError as error:

@@ -1,7 +1,7 @@
-"""A sea as a sum of Airy's waves (Airy 1845): one regular wave, or a spectrum taken apart.
+"""A sea state as a sum of Airy waves (Airy 1845): one regular wave, or a discretised spectrum.
 
-Each component has the surface a·cos θ with θ = k·(x·cos β + y·sin β) - ω·t + φ, where
-ω² = g·k·tanh(k·h) (DNV-RP-C205, 3.2.2). β is where it travels to, from east to north.
+Each component has the surface a·cos θ with θ = k·(x·cos β + y·sin β) - ω·t + φ, where ω² =
+g·k·tanh(k·h) (DNV-RP-C205, 3.2.2). β is the direction of propagation, from east to north.
 """
 
 from __future__ import annotations
@@ -15,36 +15,36 @@ from rope_twin.sea.phases import random_shares
 from rope_twin.sea.spectrum import Vector, WaveSpectrum
 
 DEEP = math.inf  # m
-TAIL = 1e-3  # of the variance, at each end of a spectrum, goes to the outermost components
+TAIL = 1e-3  # of the variance: tail at each end of a spectrum, added to the outermost components
 NEWTON = 30
 LEAST_TURN = 1e-12
 
 
 @dataclass(frozen=True)
 class Waves:
-    """Components from the longest to the shortest, (n,) each."""
+    """Wave components from the longest to the shortest, (n,) each."""
 
     amplitude_m: Vector
     omega: Vector  # ω [rad/s]
     wave_number: Vector  # k [1/m]
-    heading: Vector  # β [rad], where it travels to
+    heading: Vector  # β [rad], direction of propagation
     phase: Vector  # φ [rad]
-    depth_m: float  # DEEP where there is no bottom
+    depth_m: float  # DEEP in deep water
 
     @property
     def significant_height_m(self) -> float:
-        """Hs = 4·√(Σ a²/2)."""
+        """Return Hs = 4·√(Σ a²/2)."""
         return 4.0 * math.sqrt(0.5 * float(self.amplitude_m @ self.amplitude_m))
 
     def elevation_m(self, x: float, y: float, time: Vector) -> Vector:
-        """The surface above the mean water level at times [s], (any,)."""
+        """Return the surface elevation above the mean water level at times [s], (any,)."""
         along = self.wave_number * (x * np.cos(self.heading) + y * np.sin(self.heading))
         angle = (along + self.phase)[:, None] - self.omega[:, None] * time
         return np.asarray((self.amplitude_m[:, None] * np.cos(angle)).sum(axis=0))
 
 
 def wave_numbers(omega: Vector, depth_m: float, gravity: float) -> Vector:
-    """k of ω² = g·k·tanh(k·h) [1/m], (n,), by Newton from Guo's (2002) approximation."""
+    """Solve ω² = g·k·tanh(k·h) for k [1/m], (n,), by Newton's method from Guo's (2002) guess."""
     if math.isinf(depth_m):
         return omega**2 / gravity
     x = omega * math.sqrt(depth_m / gravity)
@@ -61,7 +61,7 @@ def wave_numbers(omega: Vector, depth_m: float, gravity: float) -> Vector:
 def regular_wave(
     height_m: float, period_s: float, heading: float, depth_m: float, gravity: float
 ) -> Waves:
-    """One wave whose crest is at the origin at t = 0."""
+    """Return one wave whose crest is at the origin at t = 0."""
     omega = np.array([2.0 * math.pi / period_s])
     k = wave_numbers(omega, depth_m, gravity)
     return Waves(np.array([0.5 * height_m]), omega, k, np.array([heading]), np.zeros(1), depth_m)
@@ -70,9 +70,9 @@ def regular_wave(
 def irregular_waves(
     spectrum: WaveSpectrum, count: int, seed: int, depth_m: float, gravity: float
 ) -> Waves:
-    """A spectrum as `count` components that all travel east; `spread` turns them.
+    """Return a spectrum as `count` components that all travel east; `spread` turns them.
 
-    Bands of equal width, a frequency at random in each, so that the sea does not repeat; the
+    Bands of equal width, with a random frequency in each, so that the sea does not repeat; the
     amplitude is that of the band's variance, so Hs is the spectrum's own.
     """
     f, S = spectrum.frequency_hz, spectrum.density_m2_per_hz
@@ -92,10 +92,10 @@ def irregular_waves(
 
 
 def spread(waves: Waves, heading: float, exponent: float | None, seed: int) -> Waves:
-    """The same waves about a mean heading [rad].
+    """Return the waves with directions spread about a mean heading [rad].
 
     exponent: s of the directional distribution cos^2s((β - β0)/2) (Longuet-Higgins, Cartwright and
-    Smith 1963); None: long-crested. Each component travels one way, drawn from the distribution.
+    Smith 1963); None: long-crested. Each component has one direction, drawn from the distribution.
     """
     count = len(waves.omega)
     turn = np.zeros(count)

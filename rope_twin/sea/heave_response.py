@@ -1,17 +1,17 @@
-"""How a ship heaves in waves: closed-form response of a box-like hull.
+"""Heave RAO of a ship: closed-form response of a box-like hull.
 
-Source: Jensen, Mansour, Olsen 2004, Estimation of ship motions using closed-form expressions,
-Ocean Engineering 31, 61-85. Heave w of a homogeneously loaded box, wave a·cos ωt at amidships:
+Source: Jensen, Mansour, Olsen 2004, Estimation of ship motions using closed-form expressions, Ocean
+Engineering 31, 61-85. Heave w of a homogeneously loaded box, wave a·cos ωt at amidships:
 
     2·(kT/ω²)·ẅ + A²/(k·B·α³·ω)·ẇ + w = a·F·cos ωt
     F = κ·f·(2/(k_e·L))·sin(k_e·L/2),  κ = exp(−k_e·T),  f = √((1 − kT)² + (A²/(k·B·α³))²)
     A = 2·sin(k·B·α²/2)·exp(−k·T·α²),  k = ω²/g
 
 Here at zero speed in head seas: α = 1, k_e = k, encounter frequency ω. B is breadth times block
-coefficient, as the paper has it for hulls that are not boxes. Amidships pitch moves nothing up or
-down, so this is the motion of a hang-off there. Deep water; added mass equals the displaced mass
-(hence 2·kT), excitation is in phase with the wave at amidships, no viscous damping: a form for
-conceptual design that shows what a hull of this size does, not the response of a given ship.
+coefficient, as in the paper for hulls that are not boxes. Amidships pitch causes no vertical
+motion, so this is the motion of a hang-off there. Deep water; added mass equals the displaced mass
+(hence 2·kT), excitation is in phase with the wave at amidships, no viscous damping: a model for
+conceptual design that represents a hull of this size, not a specific ship.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ _GRAVITY_M_PER_S2 = 9.80665
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class BoxHull:
-    """The hull; its defaults are those of a middle-sized offshore construction vessel.
+    """Hull dimensions; defaults are those of a medium-sized offshore construction vessel.
 
     Raises:
         InputError: a number out of its range.
     """
 
-    length_m: float = quantity("length on the waterline", "m", 10.0, 500.0, default=120.0)
-    breadth_m: float = quantity("breadth on the waterline", "m", 2.0, 100.0, default=23.0)
+    length_m: float = quantity("waterline length", "m", 10.0, 500.0, default=120.0)
+    breadth_m: float = quantity("waterline breadth", "m", 2.0, 100.0, default=23.0)
     draught_m: float = quantity("draught", "m", 0.5, 40.0, default=7.0)
     block_coefficient: float = quantity("block coefficient", "", 0.3, 1.0, default=0.7)
 
@@ -50,7 +50,7 @@ class BoxHull:
                 )
 
     def describe(self) -> str:
-        """The response in one sentence, for the head of a bag."""
+        """Return the response in one sentence, for the header of a bag."""
         return (
             "heave at amidships by the closed-form expressions of Jensen, Mansour, Olsen 2004, "
             f"head seas, zero speed, length {self.length_m:g} m, breadth {self.breadth_m:g} m, "
@@ -59,10 +59,10 @@ class BoxHull:
 
 
 def heave_response(hull: BoxHull, frequency_hz: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Heave of the hang-off per metre of wave elevation there, for the time factor exp(+iωt).
+    """Return heave of the hang-off per metre of wave elevation there, for the factor exp(+iωt).
 
-    Frequencies [Hz] above zero, any shape; the same shape comes back. |H| → 1 in long waves and
-    → 0 in short ones; a negative angle means that heave comes after the wave.
+    Frequencies [Hz] above zero, any shape; the result has the same shape. |H| → 1 in long waves and
+    → 0 in short ones; a negative angle means that heave lags the wave.
     """
     omega = 2.0 * np.pi * np.asarray(frequency_hz, dtype=np.float64)
     k = omega**2 / _GRAVITY_M_PER_S2

@@ -1,4 +1,4 @@
-"""Random numbers that a seed fixes for good."""
+"""Reproducible random numbers from a seed."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from rope_twin.sea.spectrum import Vector
 
 
 def random_shares(seed: int, count: int) -> Vector:
-    """Numbers from 0 up to 1, (count,), evenly spread.
+    """Return uniform random numbers in [0, 1), (count,).
 
-    Made from the raw words of PCG64, which numpy promises never to change, so that a seed means
-    the same sea with every version of numpy.
+    Made from the raw words of PCG64, whose stream numpy guarantees, so that a seed gives the same
+    sea with every version of numpy.
 
     Raises:
         InputError: a negative seed.
@@ -24,7 +24,7 @@ def random_shares(seed: int, count: int) -> Vector:
 
 
 def random_phases(seed: int, count: int) -> Vector:
-    """Phases [rad], (count,), even over a turn.
+    """Return uniform random phases [rad], (count,).
 
     Raises:
         InputError: a negative seed.

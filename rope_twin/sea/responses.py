@@ -1,13 +1,12 @@
-"""How a ship answers waves in six degrees of freedom: response amplitude operators in a table.
+"""Displacement RAOs of a ship in six degrees of freedom, from a table.
 
-A row for each heading and frequency: heading_deg (0: waves from astern, travelling to the bow;
-180: from ahead; 90: travelling to port), frequency_hz, and for each degree of freedom an amplitude
-and a phase. Axes of the ship (REP 103): x to the bow, y to port, z up, turns right-handed, so that
-pitch is positive bow down. A wave a·cos(ωt) at the reference point moves it by
-a·A·cos(ωt + ε): a positive phase comes before the wave. Waves from the other side are mirrored:
-sway, roll and yaw change sign.
+One row per heading and frequency: heading_deg (0: following seas, travelling to the bow; 180: head
+seas; 90: travelling to port), frequency_hz, and for each degree of freedom an amplitude and a
+phase. Ship axes (REP 103): x to the bow, y to port, z up, right-handed rotations, so that pitch is
+positive bow down. A wave a·cos(ωt) at the reference point moves it by a·A·cos(ωt + ε): a positive
+phase leads the wave. Waves from the other side are mirrored: sway, roll and yaw change sign.
 
-A table need not reach as far as the waves do: below its lowest frequency the answers there hold,
+A table need not cover the whole wave spectrum: below its lowest frequency the RAOs are constant,
 above its highest they fade to zero.
 """
 
@@ -28,7 +27,7 @@ SHIFTS, TURNS = ("surge", "sway", "heave"), ("roll", "pitch", "yaw")
 AMPLITUDES = (*(f"{name}_m_per_m" for name in SHIFTS), *(f"{name}_deg_per_m" for name in TURNS))
 PHASES = tuple(f"{name}_phase_deg" for name in (*SHIFTS, *TURNS))
 COLUMNS = ("heading_deg", "frequency_hz", *AMPLITUDES, *PHASES)
-FADE = 1.2  # times the highest frequency of a table: from there on the ship does not answer
+FADE = 1.2  # times the highest frequency of a table: RAOs are zero above
 MIRRORED = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0])
 
 Answers = NDArray[np.complex128]
@@ -36,24 +35,24 @@ Answers = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class Responses:
-    """Complex responses per metre of wave: m/m for shifts, rad/m for turns."""
+    """Complex RAOs per metre of wave amplitude: m/m for translations, rad/m for rotations."""
 
-    heading_deg: Vector  # rising from 0 to 180, (h,)
-    frequency_hz: Vector  # rising, (f,)
+    heading_deg: Vector  # ascending from 0 to 180, (h,)
+    frequency_hz: Vector  # ascending, (f,)
     answer: Answers  # (6, h, f)
     source: str
 
     def at(self, frequency_hz: Vector, heading: Vector) -> Answers:
-        """Answers, (6, n), to waves that travel `heading` [rad] against the bow's direction.
+        """Return RAOs, (6, n), for waves that travel at `heading` [rad] relative to the bow.
 
-        Linear in heading and frequency, of real and imaginary part. Below the lowest frequency its
-        answers hold, in amplitude and phase: a ship follows long waves. Above the highest they
-        fade to zero (`fade`).
+        Linear in heading and frequency, of real and imaginary part. Below the lowest frequency
+        amplitude and phase are constant: a ship follows long waves. Above the highest they fade to
+        zero (`fade`).
         """
         return np.asarray(self.fade(frequency_hz) * self._held(frequency_hz, heading))
 
     def fade(self, frequency_hz: Vector) -> Vector:
-        """What is left of the highest frequency's answers at others above it, (n,).
+        """Return the factor on the highest frequency's RAOs at frequencies above it, (n,).
 
         Half a cosine, from 1 at the highest frequency to 0 at FADE times it.
         """
@@ -61,12 +60,12 @@ class Responses:
         return np.asarray(0.5 * (1.0 + np.cos(np.pi * np.clip(beyond, 0.0, 1.0))))
 
     def share_left_out(self, waves: Waves, bow: float, arm_m: tuple[float, float, float]) -> float:
-        """Share of the variance of a place's motion that is lost above the highest frequency.
+        """Return the fraction of a point's motion variance that is lost above the highest
+        frequency.
 
-        It is that of the motion in three directions as if the answers stayed as they are at the
-        highest frequency, so it is an upper bound where they fall with frequency.
-
-        bow: heading of the bow [rad]; arm_m: from the reference point to the place, in sea axes.
+        It is that of the motion in three directions with RAOs constant beyond the highest
+        frequency, hence an upper bound where they decrease with frequency. bow: heading of the bow
+        [rad]; arm_m: from the reference point to the point, in sea axes.
         """
         frequency = waves.omega / (2.0 * np.pi)
         c, s = np.cos(bow), np.sin(bow)
@@ -83,7 +82,7 @@ class Responses:
         return lost / total if total > 0.0 else 0.0
 
     def _held(self, frequency_hz: Vector, heading: Vector) -> Answers:
-        """Answers, (6, n), of which those of the outermost frequencies hold beyond them."""
+        """Return RAOs, (6, n), constant beyond the outermost frequencies."""
         turn = np.angle(np.exp(1j * heading))
         side = np.where(turn < 0.0, -1.0, 1.0)
         i, a = _cells(self.heading_deg, np.abs(np.degrees(turn)))
@@ -95,16 +94,16 @@ class Responses:
 
 
 def _cells(axis: Vector, at: Vector) -> tuple[NDArray[np.int64], Vector]:
-    """The interval of each value, and how far in it."""
+    """Return the interval of each value, and the fraction inside it."""
     i = np.clip(np.searchsorted(axis, at, side="right") - 1, 0, len(axis) - 2)
     return i, np.clip((at - axis[i]) / (axis[i + 1] - axis[i]), 0.0, 1.0)
 
 
 def read_responses(name_or_path: str) -> Responses:
-    """From a table in config/responses/ or at a path.
+    """Read RAOs from a table in config/responses/ or at a path.
 
     Raises:
-        InputError: one sentence on what is wrong with it.
+        InputError: the table is invalid; one sentence.
     """
     path = find_table(name_or_path, FOLDER)
     columns = read_columns(path, COLUMNS)

@@ -23,40 +23,40 @@ _PREFIX, _SUFFIX = "S_", "_m2_per_hz"
 class WaveSpectrum:
     """One-sided variance density of the surface: linear between its frequencies, zero outside."""
 
-    frequency_hz: Vector  # (n,) rising
+    frequency_hz: Vector  # (n,) ascending
     density_m2_per_hz: Vector  # (n,)
-    source: str  # where it comes from, in words
+    source: str  # description of its origin
 
     def density_at(self, frequency_hz: Vector) -> Vector:
-        """Density [m²/Hz] at any frequencies [Hz], same shape."""
+        """Return the density [m²/Hz] at any frequencies [Hz], same shape."""
         return np.interp(
             frequency_hz, self.frequency_hz, self.density_m2_per_hz, left=0.0, right=0.0
         )
 
     def moment(self, order: int) -> float:
-        """m_n = ∫ fⁿ·S(f) df [m²·Hzⁿ], by the trapezoidal rule on its own frequencies."""
+        """Return m_n = ∫ fⁿ·S(f) df [m²·Hzⁿ], by the trapezoidal rule on its own frequencies."""
         return float(
             np.trapezoid(self.frequency_hz**order * self.density_m2_per_hz, self.frequency_hz)
         )
 
     @property
     def significant_height_m(self) -> float:
-        """Hs = 4·√m0."""
+        """Return Hs = 4·√m0."""
         return 4.0 * math.sqrt(self.moment(0))
 
     @property
     def peak_period_s(self) -> float:
-        """Period of the frequency with the largest density."""
+        """Return the period of the frequency with the largest density."""
         return float(1.0 / self.frequency_hz[np.argmax(self.density_m2_per_hz)])
 
 
 def jonswap(height_m: float, peak_period_s: float, gamma: float | None = None) -> WaveSpectrum:
-    """The JONSWAP spectrum in its form by significant height and peak period (DNV-RP-C205, 3.5.5).
+    """Return the JONSWAP spectrum for significant wave height and peak period (DNV-RP-C205, 3.5.5).
 
     S(f) = A_γ·(5/16)·Hs²·fp⁴·f⁻⁵·exp(−1.25·(fp/f)⁴)·γ^exp(−((f − fp)/(σ·fp))²/2), σ 0.07 below and
-    0.09 above the peak, A_γ = 1 − 0.287·ln γ. γ = 1 is Pierson and Moskowitz. Without `gamma` it
-    follows from Tp/√Hs: 5 up to 3.6, exp(5.75 − 1.15·Tp/√Hs) up to 5, 1 beyond. The spectrum runs
-    from 0.4 to 5 times the peak frequency, beyond which lie 0.2 % of the variance.
+    0.09 above the peak, A_γ = 1 − 0.287·ln γ. γ = 1 is Pierson-Moskowitz. Without `gamma` it
+    follows from Tp/√Hs: 5 up to 3.6, exp(5.75 − 1.15·Tp/√Hs) up to 5, 1 beyond. The spectrum
+    extends from 0.4 to 5 times the peak frequency, beyond which lie 0.2 % of the variance.
 
     Raises:
         InputError: height, period or γ out of range.
@@ -77,10 +77,10 @@ def jonswap(height_m: float, peak_period_s: float, gamma: float | None = None) -
 
 
 def band_spectrum(values: Vector, rate_hz: float, band_hz: float = 0.01) -> WaveSpectrum:
-    """Spectrum of a record (n,) sampled at `rate_hz`: its periodogram averaged over bands.
+    """Return the spectrum of a record (n,) sampled at `rate_hz`: its periodogram in band averages.
 
-    Bands are centred at multiples of `band_hz`, as a buoy reports them; what is below the first
-    half band (mean, tide) is left out.
+    Bands are centred at multiples of `band_hz`, as reported by buoys; frequencies below the first
+    half band (mean, tide) are excluded.
     """
     count = len(values)
     line_hz = rate_hz / count
@@ -108,7 +108,7 @@ def _require(name: str, value: float, low: float, high: float, unit: str) -> Non
 
 
 def find_spectra(name: str | Path) -> Path:
-    """The file of a name in config/sea_states/ (without its ending), or of a path.
+    """Return the file of a name in config/sea_states/ (without its suffix), or of a path.
 
     Raises:
         InputError: there is neither.
@@ -123,12 +123,12 @@ def find_spectra(name: str | Path) -> Path:
 
 
 def read_spectrum(path: Path, column: str) -> WaveSpectrum:
-    """One column of a file of measured spectra (format: config/sea_states/README.md).
+    """Read one column of a file of measured spectra (format: config/sea_states/README.md).
 
     `column` is the hour alone or the whole heading.
 
     Raises:
-        InputError: with file, line and rule, if the file or the column is not right.
+        InputError: with file, line and rule, if file or column is invalid.
     """
     where = path.name
     rows = _read_rows(path)
@@ -156,7 +156,7 @@ def _read_rows(path: Path) -> list[list[str]]:
             rows = [row for row in csv.reader(file) if row]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(
-            phrase(path.name, f"it cannot be read ({error})", "right is a text file of commas")
+            phrase(path.name, f"it cannot be read ({error})", "right is a text file (CSV)")
         ) from error
     if len(rows) < 3:
         what = f"it has {len(rows)} of the 3 lines that it needs at least"
@@ -186,9 +186,9 @@ def _numbers(where: str, row: list[str], width: int) -> list[float]:
 def _check(where: str, frequency: Vector, density: Vector, column: str) -> None:
     if frequency[0] <= 0.0 or np.any(np.diff(frequency) <= 0.0):
         line = 2 if frequency[0] <= 0.0 else int(np.argmax(np.diff(frequency) <= 0.0)) + 3
-        what = f"the frequency {frequency[line - 2]:g} Hz does not rise"
+        what = f"the frequency {frequency[line - 2]:g} Hz is not ascending"
         raise InputError(
-            phrase(f"{where}, line {line}", what, "right are positive frequencies that rise")
+            phrase(f"{where}, line {line}", what, "right are positive, ascending frequencies")
         )
     if np.any(density < 0.0):
         line = int(np.argmax(density < 0.0)) + 2
@@ -196,5 +196,5 @@ def _check(where: str, frequency: Vector, density: Vector, column: str) -> None:
         raise InputError(phrase(f"{where}, line {line}", what, "right is 0 or more"))
     if not np.any(density > 0.0):
         raise InputError(
-            phrase(where, f"'{column}' is zero everywhere", "right is a sea with some energy")
+            phrase(where, f"'{column}' is zero everywhere", "right is a spectrum with energy")
         )

@@ -1,7 +1,7 @@
-"""A way of the hang-off in three directions, given in a table and splined.
+"""Prescribed motion of the hang-off in three directions: a time history, interpolated by splines.
 
-Columns t_s, x_m, y_m, z_m: displacement of the hang-off from its rest, east, north, up. Between the
-rows a cubic spline (not-a-knot) holds: continuous in acceleration, of fourth order in the interval.
+Columns t_s, x_m, y_m, z_m: displacement of the hang-off from its mean position, east, north, up.
+Between the rows a cubic spline (not-a-knot): continuous acceleration, fourth order in the interval.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ from rope_twin.sea.columns import find_table, read_columns
 from rope_twin.sea.spectrum import Vector
 
 FOLDER = "ways"
-FASTEST_M_PER_S = 15.0  # no ship is faster; at its input the twin refuses more, too
-TRIALS = 8  # places between two rows where the spline's speed is looked at
+FASTEST_M_PER_S = 15.0  # largest plausible speed; the twin rejects faster input, too
+TRIALS = 8  # points between two rows where the spline's speed is checked
 
 
 class Way:
-    """The splined way; `end_s` is its last time.
+    """Splined time history; `end_s` is its last time.
 
     Raises:
-        InputError: times do not begin at 0 and rise, or it is faster than a ship.
+        InputError: times do not begin at 0 and ascend, or it is faster than a ship.
     """
 
     def __init__(self, time_s: Vector, place_m: NDArray[np.float64], source: str) -> None:
-        """time_s: (n,); place_m: (n, 3)."""
-        from scipy.interpolate import CubicSpline  # slow to load, and few scenes need it
+        """Interpolate a time history; time_s: (n,); place_m: (n, 3)."""
+        from scipy.interpolate import CubicSpline  # slow to import, and rarely needed
 
         self.source = source
         self._check_times(time_s)
@@ -41,9 +41,9 @@ class Way:
         self._check_speed(trials, time_s, place_m)
 
     def at(self, time_s: Vector) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Displacement [m] and velocity [m/s] at times up to the end, (k, 3) each.
+        """Return displacement [m] and velocity [m/s] at times up to the end, (k, 3) each.
 
-        Before t = 0 it goes on as straight as it begins.
+        Before t = 0 it is extrapolated linearly.
         """
         inside = np.maximum(time_s, 0.0)
         velocity = self._spline(inside, 1)
@@ -57,7 +57,7 @@ class Way:
         late = np.flatnonzero(np.diff(time_s) <= 0.0)
         if late.size:
             what = f"{time_s[late[0] + 1]:g} s follows {time_s[late[0]]:g} s"
-            raise InputError(phrase(self.source, what, "t_s must rise from row to row"))
+            raise InputError(phrase(self.source, what, "t_s must ascend from row to row"))
 
     def _check_speed(self, trials: Vector, time_s: Vector, place: NDArray[np.float64]) -> None:
         right = f"a ship moves by at most {FASTEST_M_PER_S:g} m/s"
@@ -75,10 +75,10 @@ class Way:
 
 
 def read_way(name_or_path: str) -> Way:
-    """From a table in config/ways/ or at a path.
+    """Read a time history from a table in config/ways/ or at a path.
 
     Raises:
-        InputError: one sentence on what is wrong with it.
+        InputError: the table is invalid; one sentence.
     """
     path: Path = find_table(name_or_path, FOLDER)
     columns = read_columns(path, ("t_s", "x_m", "y_m", "z_m"))

@@ -13,7 +13,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.body.energy import pose_of
 from rope_twin.core.body.state import RigidBody
 from rope_twin.core.state import Boundary, Floats, Rope
-from rope_twin.core.statics.equilibrium import settle
+from rope_twin.core.statics.equilibrium import solve_statics
 from rope_twin.core.statics.forces import Equilibrium
 from rope_twin.core.step import advance
 from rope_twin.errors import SceneError, phrase
@@ -47,7 +47,7 @@ def find_start(scene: Scene, rope: Rope) -> Floats:
     line = scene.ropes[0]
     nodes = rope.state.nodes
     with no_garbage_collection():
-        end = settle(rope, line.length_m)
+        end = solve_statics(rope, line.length_m)
     _judge_body(scene, rope)
     judge_start(
         scene, end, float(nodes[rows.POSITION + 2, : rope.state.counts[rows.ELEMENTS]].max())

@@ -1,11 +1,11 @@
-"""The rope in time under forces taken apart in phase ([GE], [SJTU] ch. 5).
+"""Time-domain response of the force-decomposition model ([GE], [SJTU] ch. 5).
 
-Nodes that drive a mode are pushed by ½·C_Lv·ρ·D·U²·cos(2π·f·t)·sign φ at its true frequency where
-C_Lv > 0; where it is negative they are damped by c = -½·C_Lv·ρ·D·U²/(A·ω). C_Lv and C_a are looked
-up with each node's amplitude and frequency, which are read from its running motion over the last
-periods: ω = rms(ÿ)/rms(ẏ), A = √2·rms(ẏ)/ω, which a slow drift of y does not blur. The structure
-damps 2·m·ω·ζ. Steps are Bathe's by default: Newmark's (0.30, 0.55) damp 0.65 % of critical by
-themselves at PER_PERIOD, which is more than a rope's structure does.
+Nodes that excite a mode are loaded by ½·C_Lv·ρ·D·U²·cos(2π·f·t)·sign φ at its natural frequency
+where C_Lv > 0; where it is negative they are damped by c = -½·C_Lv·ρ·D·U²/(A·ω). C_Lv and C_a
+follow from each node's amplitude and frequency, which are measured from its motion over the last
+periods: ω = rms(ÿ)/rms(ẏ), A = √2·rms(ẏ)/ω, independent of a slow drift of y. Structural damping is
+2·m·ω·ζ. The default integrator is Bathe's: Newmark's (0.30, 0.55) has a numerical damping of 0.65 %
+of critical at PER_PERIOD, more than the structural damping of a rope.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rope_twin.core.modes.apart import Drives, Nodes, push_nodes, read_motion
+from rope_twin.core.modes.apart import Drives, Nodes, node_forces, update_means
 from rope_twin.core.modes.sharing import share_out
 from rope_twin.viv.decomposed import (
     TIE,
@@ -31,16 +31,16 @@ from rope_twin.viv.integrators import Integrator, Matrices, Motion, bathe, upper
 from rope_twin.viv.lateral_modes import stiffness
 from rope_twin.viv.span import Floats, Span, half_waves
 
-PER_PERIOD = 24  # steps per period of the fastest driven mode
+PER_PERIOD = 24  # steps per period of the fastest excited mode
 REMEMBERED = 3.0  # periods over which motion is averaged
-PART = 12  # modes that are looked for at a time beside a running twin
+PART = 12  # modes computed per call alongside a running twin
 
 
 class KeptResponse(NamedTuple):
-    """What a response goes on from, to the bit."""
+    """Restart data of a response; a restart is bit-identical."""
 
     span: Span
-    nodes: Floats  # place, speed, acceleration, both mean squares, amplitude, ω; (7, free nodes)
+    nodes: Floats  # motion (three rows), both mean squares, amplitude, ω; (7, free nodes)
     angles: Floats  # of the modes
     since_s: float
     time_s: float
@@ -48,7 +48,7 @@ class KeptResponse(NamedTuple):
 
 
 class DecomposedResponse:
-    """From rest; span.mass is without added mass.
+    """Response of a rope, starting without motion; span.mass is without added mass.
 
     Raises:
         InputError: the rope is slack somewhere.
@@ -65,7 +65,7 @@ class DecomposedResponse:
             same = np.full_like(model.table.added_mass, model.fixed_added_mass)
             self._table = model.table._replace(added_mass=same)
         self._take(span, None)
-        self._angles = np.zeros(len(self.excitation.frequency))  # of the modes at `_since_s`
+        self._angles = np.zeros(len(self.excitation.frequency))  # phases of the modes at `_since_s`
         self._since_s = 0.0
         self._nodes, self._drives = self._at_nodes(), self._driven()
         still = np.zeros((6, len(self._nodes.dry)))
@@ -74,9 +74,10 @@ class DecomposedResponse:
         self.amplitude, self.omega = still[5], self._nodes.omega.copy()
 
     def search(self, span: Span) -> ExcitationSearch:
-        """For what drives a rope that has changed, to be followed when it is through.
+        """Return an incremental analysis for a changed rope, to be passed to `follow` when
+        complete.
 
-        `thrifty`: among those about as fast as what drives it now.
+        `thrifty`: only among modes with frequencies close to those excited now.
 
         Raises:
             InputError: it is slack somewhere.
@@ -85,10 +86,10 @@ class DecomposedResponse:
         return ExcitationSearch(span, self.model, PART, near)
 
     def follow(self, span: Span, search: ExcitationSearch | None = None) -> None:
-        """The rope has changed: other tension, length or current. Motion goes on as it is.
+        """Update to a changed rope (tension, length or current); the motion continues.
 
-        Modes, powers and true frequencies are found again; a mode keeps its phase by its number.
-        `search`: where they were looked for before.
+        Modes, powers and natural frequencies are recomputed; a mode keeps its phase by its number.
+        `search`: result of an incremental analysis.
 
         Raises:
             InputError: it is slack somewhere; the old modes are kept.
@@ -111,28 +112,28 @@ class DecomposedResponse:
 
     @property
     def frequency(self) -> Floats:
-        """True ones, of the modes that the current may drive [Hz]."""
+        """Return the natural frequencies of the candidate modes [Hz]."""
         return self.excitation.frequency
 
     @property
     def dominant_hz(self) -> Floats:
-        """Frequency of the nodes by their running motion; 0 where nothing moves, (nodes,)."""
+        """Return the frequency of the nodes by their motion; 0 where nothing moves, (nodes,)."""
         return self._all(np.where(self.amplitude > 0.0, self.omega / (2.0 * pi), 0.0))
 
     @property
     def amplitudes(self) -> Floats:
-        """Of all nodes [D]."""
+        """Return the amplitude of all nodes [D]."""
         return self._all(self.amplitude)
 
     def kept(self) -> KeptResponse:
-        """From which `take_back` goes on."""
+        """Return the restart data for `take_back`."""
         return KeptResponse(
             self.span, np.stack([*self._motion, *self._squares, self.amplitude, self.omega]),
             self._angles.copy(), self._since_s, self.time_s, self.excitation.zones.copy(),
         )  # fmt: skip
 
     def take_back(self, kept: KeptResponse) -> None:
-        """Go on from there; its modes were those of a search."""
+        """Restore a response from its restart data; its modes were those of a search."""
         self._take(kept.span, self.search(kept.span))
         self._hand_over(kept.zones, 0.0)
         self._motion = Motion(*kept.nodes[:3])
@@ -142,7 +143,7 @@ class DecomposedResponse:
         self._nodes, self._drives = self._at_nodes(), self._driven()
 
     def _take(self, span: Span, search: ExcitationSearch | None) -> None:
-        """What drives this rope, and its stiffness."""
+        """Set the excitation of this rope, and its stiffness."""
         self.span = span
         moved = self.model.density * 0.25 * pi * span.diameter[1:] ** 2
         self.half_wave = half_waves(span, sqrt(self.model.band[0] * self.model.band[1]), moved)
@@ -150,14 +151,14 @@ class DecomposedResponse:
         self._bands = np.ascontiguousarray(_bands(span)[:, self._first : -1])
 
     def _hand_over(self, before: Floats, since_s: float) -> None:
-        """From the modes that the nodes drove a time ago to those that they come to drive now."""
+        """Move from the zones of `since_s` ago towards those of the present excitation."""
         found, span = self.excitation, self.span
         shedding = sqrt(self.model.band[0] * self.model.band[1]) * span.speed / span.diameter
         zones = handed_over(before, found.zones, found.locked, shedding, since_s)
         self.excitation = replace(found, zones=zones)
 
     def _at_nodes(self) -> Nodes:
-        """What the rope makes of the water, of the free nodes."""
+        """Return the load coefficients of the free nodes."""
         span, density = self.span, self.model.density
         whole = Nodes(
             push=0.5 * density * span.diameter * span.speed**2 * span.node_length,
@@ -170,7 +171,7 @@ class DecomposedResponse:
         return Nodes(*(np.ascontiguousarray(part[self._first : -1]) for part in whole))
 
     def _driven(self) -> Drives:
-        """Which modes the free nodes drive, and the longest step for that."""
+        """Return the modes excited by the free nodes, and set the longest step."""
         frequency = float(self.excitation.driven.max())
         self.step_s = 1.0 / (PER_PERIOD * frequency) if frequency > 0.0 else np.inf
         free = slice(self._first, -1)
@@ -182,17 +183,17 @@ class DecomposedResponse:
         return Drives(first, mode, part[node, mode], omega, self._angles)
 
     def _below_top(self) -> Floats:
-        """Of the free nodes, less than 0 [m]."""
+        """Return the coordinate of the free nodes below the hang-off, negative [m]."""
         return np.asarray(self.span.s[self._first : -1] - self.span.s[-1])
 
     def _all(self, free: Floats) -> Floats:
-        """The value of every node, 0 where it is held."""
+        """Return the value of every node, 0 where it is fixed."""
         whole = np.zeros(len(self.span.s))
         whole[self._first : -1] = free
         return whole
 
     def _first_guess(self) -> Floats:
-        """Frequency of each node before it has moved: its own drive, else the strongest mode's."""
+        """Return the initial frequency of each node: its excitation, else the strongest mode's."""
         driven, found = self.excitation.driven, self.excitation
         whole = np.ones((1, len(found.power)))
         main = float(share_out(found.power, whole, TIE)[0] @ found.frequency)
@@ -200,18 +201,18 @@ class DecomposedResponse:
 
     @property
     def motion(self) -> Floats:
-        """Across the rope at all nodes [m]."""
+        """Return the cross-flow displacement of all nodes [m]."""
         return self._all(self._motion.place)
 
     def advance(self, duration_s: float) -> None:
-        """Go on by a time, in steps of at most `step_s`."""
+        """Advance by a duration, in steps of at most `step_s`."""
         steps = max(1, int(np.ceil(duration_s / self.step_s - 1e-9)))
         for _ in range(steps):
             self._advance(duration_s / steps)
 
     def _advance(self, h: float) -> None:
         mass, damping, middle, end = np.empty((4, len(self.amplitude)))
-        push_nodes(
+        node_forces(
             self._table, self._nodes, self._drives, self.amplitude, self.omega,
             self.time_s - self._since_s, h, self.model.structural, mass, damping, middle, end,
             np.empty((2, len(self._drives.omega))),
@@ -219,15 +220,15 @@ class DecomposedResponse:
         parts = Matrices(mass, damping, self._bands)
         self._motion = self._integrate(self._motion, parts, middle, end, h)
         self.time_s += h
-        # amplitude and frequency: the mean since the start, until the start is forgotten
+        # means over the time since the start, at most over the averaging time
         own = 2.0 * pi / float(self._nodes.omega.max())
         share = max(1.0 - exp(-h / (self.remembered * own)), h / self.time_s)
         self.amplitude, self.omega = np.empty((2, len(mass)))
-        read_motion(self._nodes, self._motion, share, self._squares, self.amplitude, self.omega)
+        update_means(self._nodes, self._motion, share, self._squares, self.amplitude, self.omega)
 
 
 def _bands(span: Span) -> Floats:
-    """Stiffness between all nodes in LAPACK's upper form, no wider than it is."""
+    """Return the stiffness between all nodes in LAPACK's upper form, of minimum bandwidth."""
     if span.stiffness > 0.0:
         return upper_bands(stiffness(span).tocsr(), 3)
     k = span.tension / np.diff(span.s)

@@ -1,8 +1,8 @@
-"""Forces on a cylinder that is moved across a stream, from a table: C_Lv and C_a.
+"""Table of forces on a cylinder in forced cross-flow motion: C_Lv and C_a.
 
-C_Lv is the lift's part in phase with velocity (positive: it feeds the motion), C_a the added mass,
-over amplitude A/D and frequency f·D/U (Gopalkrishnan 1993 measured them first). Which table it is
-and where it comes from stands in the head of its file, config/viv.
+C_Lv is the lift in phase with velocity (positive: it excites the motion), C_a the added mass, over
+amplitude A/D and frequency f·D/U (first measured by Gopalkrishnan 1993). The source of the table is
+in the header of its file, config/viv.
 """
 
 from __future__ import annotations
@@ -22,33 +22,33 @@ COLUMNS = ("frequency", "amplitude", "C_Lv", "C_a")
 
 
 class ForceTable(NamedTuple):
-    """Bilinear between its rows; beyond its ends the last value holds."""
+    """Force coefficients, bilinear between rows; constant beyond the ends."""
 
-    frequency: Floats  # f·D/U, rising, (n,)
-    amplitude: Floats  # A/D, rising, (m,)
+    frequency: Floats  # f·D/U, ascending, (n,)
+    amplitude: Floats  # A/D, ascending, (m,)
     lift: Floats  # C_Lv, (n, m)
     added_mass: Floats  # C_a, (n, m)
 
     def lift_at(self, amplitude: Floats, frequency: Floats) -> Floats:
-        """C_Lv."""
+        """Return C_Lv."""
         return self._at(self.lift, amplitude, frequency)
 
     def added_mass_at(self, amplitude: Floats, frequency: Floats) -> Floats:
-        """C_a."""
+        """Return C_a."""
         return self._at(self.added_mass, amplitude, frequency)
 
     def both_at(self, amplitude: Floats, frequency: Floats) -> tuple[Floats, Floats]:
-        """C_Lv and C_a."""
+        """Return C_Lv and C_a."""
         both = np.stack([self.lift, self.added_mass])
         lift, added_mass = self._at(both, amplitude, frequency)
         return lift, added_mass
 
     def lift_along(self, amplitude: float, frequency: Floats) -> Floats:
-        """C_Lv of one amplitude for all frequencies."""
+        """Return C_Lv of one amplitude for all frequencies."""
         return np.interp(frequency, self.frequency, self._row(self.lift, amplitude))
 
     def added_mass_row(self, amplitude: float) -> Floats:
-        """C_a of one amplitude at the table's frequencies."""
+        """Return C_a of one amplitude at the table's frequencies."""
         return self._row(self.added_mass, amplitude)
 
     def _row(self, values: Floats, amplitude: float) -> Floats:
@@ -64,7 +64,7 @@ class ForceTable(NamedTuple):
 
 
 def _place(knots: Floats, at: Floats) -> tuple[np.ndarray, Floats]:
-    """Number of the knot below, and how far on from it to the next."""
+    """Return the index of the knot below, and the fraction from it to the next."""
     inside = np.clip(at, knots[0], knots[-1])
     i = np.clip(np.searchsorted(knots, inside, side="right") - 1, 0, len(knots) - 2)
     return i, (inside - knots[i]) / (knots[i + 1] - knots[i])
@@ -72,12 +72,12 @@ def _place(knots: Floats, at: Floats) -> tuple[np.ndarray, Floats]:
 
 @lru_cache
 def fitted_forces() -> ForceTable:
-    """The table that comes with the package: a fit, as its head says."""
+    """Return the table of the package: a fit, as its header states."""
     return read_force_table(share_dir() / "config" / "viv" / "fitted_forces.csv")
 
 
 def read_force_table(path: Path) -> ForceTable:
-    """A table with the columns frequency, amplitude, C_Lv and C_a, # before remarks.
+    """Read a table with the columns frequency, amplitude, C_Lv and C_a; # begins a comment.
 
     Raises:
         InputError: it cannot be read, or its rows are not a full grid.
@@ -89,11 +89,13 @@ def read_force_table(path: Path) -> ForceTable:
         figures = np.array([[float(row[name]) for name in COLUMNS] for row in rows])
         figures = figures.reshape(-1, len(COLUMNS))
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise InputError(phrase(str(path), f"it is no table of forces ({error})", right)) from error
+        raise InputError(
+            phrase(str(path), f"it is not a table of forces ({error})", right)
+        ) from error
     frequency, amplitude = (np.unique(figures[:, k]) for k in (0, 1))
     shape = (len(frequency), len(amplitude))
     if min(shape) < 2 or len(figures) != shape[0] * shape[1]:
-        what = f"{len(figures)} rows are no grid of frequencies and amplitudes"
+        what = f"{len(figures)} rows are not a grid of frequencies and amplitudes"
         raise InputError(phrase(str(path), what, right))
     figures = figures[np.lexsort((figures[:, 1], figures[:, 0]))]
     if not (figures[:, 1].reshape(shape) == amplitude).all() or not np.isfinite(figures).all():

@@ -1,12 +1,12 @@
-"""How a place goes over from driving one mode to another: in some periods of its vortices.
+"""Gradual transition of a place from exciting one mode to another, over some shedding periods.
 
-The papers share places out once, in a constant current. Beside a rope that moves the shares are
-found again and again; that a place's wake changes its mode in an instant is nowhere said, and could
-not be: what was shed before is still there. So a place goes over as 1 - e^(-t·f/PERIODS), f the
-frequency of its vortices. Which periods that takes is ours; in a constant current nothing depends
-on it. Without it the choice feeds back: drag grows where modes take over, the rope moves by it at
-some per cent of the water's speed, and which mode leads follows from that speed; two twins on other
-elements are then soon nothing like each other.
+The papers assign places to modes once, in a constant current. Along a moving rope the assignment is
+recomputed again and again, and an instantaneous change of a place's mode would be unphysical: the
+vortices shed before are still present. The assignment therefore changes as 1 - e^(-t·f/PERIODS), f
+the shedding frequency of the place. The number of periods is our choice; in a constant current
+nothing depends on it. Without the transition there is a feedback: drag is amplified where modes
+take over, which moves the rope at some per cent of the water's speed, and which mode leads depends
+on that speed; two twins on different meshes then soon diverge.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ PERIODS = 8.0
 def handed_over(
     before: Floats, wanted: Floats, locked: Floats, shedding_hz: Floats, since_s: float
 ) -> Floats:
-    """What part of each place drives each mode now, (places, modes).
+    """Return the fraction of each place that excites each mode now, (places, modes).
 
-    before: the same a time `since_s` ago, of as many places and modes as there were then; wanted:
-    what it comes to; locked: the part at which a mode is locked in, and no more can drive it;
-    shedding_hz: of the places, (places,).
+    before: the same `since_s` ago, for the places and modes of that time; wanted: the final value;
+    locked: the fraction at which a mode is locked in, an upper bound; shedding_hz: of the places,
+    (places,).
     """
     share = 1.0 - np.exp(-since_s * shedding_hz / PERIODS)
     places, modes = wanted.shape
@@ -36,7 +36,7 @@ def handed_over(
 
 
 def _at_shares(table: Floats, places: int) -> Floats:
-    """Rows at equal shares of the rope, linear between those given at equal shares."""
+    """Return rows at equal fractions of the rope, linear between those given at equal fractions."""
     if len(table) == places:
         return table
     at = np.linspace(0.0, len(table) - 1.0, places)

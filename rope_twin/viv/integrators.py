@@ -1,7 +1,7 @@
-"""Implicit steps of M·ÿ + C·ẏ + K·y = F with diagonal M and C: to compare integrators with.
+"""Implicit integrators of M·ÿ + C·ẏ + K·y = F with diagonal M and C.
 
 `newmark` (Newmark 1959; α 0.30 and δ 0.55 by default, as in [SJTU]) and `bathe` (Bathe and Baig
-2005: half a step by the trapezoidal rule, the other half by three points backward).
+2005: half a step by the trapezoidal rule, the other half by a three-point backward formula).
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from rope_twin.viv.span import Floats
 
 
 class Motion(NamedTuple):
-    """Of the free nodes, (n,) each."""
+    """Motion of the free nodes, (n,) each."""
 
     place: Floats
     speed: Floats
@@ -35,7 +35,7 @@ Integrator = Callable[[Motion, Matrices, Floats, Floats, float], Motion]
 
 
 def upper_bands(matrix: Any, diagonals: int) -> Floats:
-    """The upper diagonals of a symmetric sparse matrix in LAPACK's form."""
+    """Return the upper diagonals of a symmetric sparse matrix in LAPACK's form."""
     n = matrix.shape[0]
     bands = np.zeros((diagonals, n))
     for k in range(diagonals):
@@ -44,7 +44,7 @@ def upper_bands(matrix: Any, diagonals: int) -> Floats:
 
 
 def times(bands: Floats, vector: Floats) -> Floats:
-    """K·y of a matrix in that form."""
+    """Return K·y for a matrix in LAPACK's upper banded form."""
     last = len(bands) - 1
     product: Floats = np.asarray(bands[last] * vector)
     for k in range(1, last + 1):
@@ -54,7 +54,10 @@ def times(bands: Floats, vector: Floats) -> Floats:
 
 
 def newmark(alpha: float = 0.30, delta: float = 0.55) -> Integrator:
-    """y += h·v + h²·((½ - α)·a + α·a'), v += h·((1 - δ)·a + δ·a'); needs the force at the end."""
+    """Return an integrator y += h·v + h²·((½ - α)·a + α·a'), v += h·((1 - δ)·a + δ·a').
+
+    It uses the force at the end of the step.
+    """
 
     def step(at: Motion, parts: Matrices, middle: Floats, end: Floats, h: float) -> Motion:
         after, work = np.empty((3, len(end))), np.empty((5, len(end)))
@@ -65,7 +68,7 @@ def newmark(alpha: float = 0.30, delta: float = 0.55) -> Integrator:
 
 
 def bathe(at: Motion, parts: Matrices, middle: Floats, end: Floats, h: float) -> Motion:
-    """½ h by the trapezoidal rule, then v' = (y - 4·y½ + 3·y')/h, likewise a' of the speeds."""
+    """Advance ½ h by the trapezoidal rule, then by v' = (y - 4·y½ + 3·y')/h, likewise a'."""
     after, work = np.empty((3, len(end))), np.empty((5, len(end)))
     bathe_step(at, parts, middle, end, h, after, work)
     return Motion(after[0], after[1], after[2])

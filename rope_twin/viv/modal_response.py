@@ -1,19 +1,19 @@
-"""Vibration of a rope in its natural modes ([LCD] eqs 1 to 9: Le Cunff and Durand 1999).
+"""Response of a rope in its natural modes ([LCD] eqs 1 to 9: Le Cunff and Durand 1999).
 
-y(s, t) = Σ φ_i(s)·η_i(t), M_i·η̈_i + C_i·η̇_i + ω_i²·M_i·η_i = F_i(t): each mode is driven at its
-own frequency by ½·ρ·d·U²·C_l(A/d)·|φ_i| over the places that drive it, and damped by the structure
-and, elsewhere, by the water. A place drives one mode: among those that lock in there the one that
-moves most (shedding.leading_zones); modes that move alike share it, and where the rope changes a
-place goes over to another in some periods (handover). η_i is a convolution of F_i
-with e^(-ζω·t)·sin(ω_d·t), taken recursively (eq 9): with λ = -ζω + i·ω_d and
-c(t) = ∫ F(τ)·e^(λ(t-τ)) dτ,
+y(s, t) = Σ φ_i(s)·η_i(t), M_i·η̈_i + C_i·η̇_i + ω_i²·M_i·η_i = F_i(t): each mode is excited at its
+own frequency by ½·ρ·d·U²·C_l(A/d)·|φ_i| over its power-in zone, and damped by the structure and,
+elsewhere, by the water. A place excites one mode: of those locked in there the one with the largest
+response (shedding.leading_zones); modes of equal response share it, and where the rope changes a
+place moves to another mode over some periods (handover). η_i is a convolution of F_i with
+e^(-ζω·t)·sin(ω_d·t), evaluated recursively (eq 9): with λ = -ζω + i·ω_d and c(t) = ∫
+F(τ)·e^(λ(t-τ)) dτ,
 
     c(t + h) = e^(λh)·c(t) + ∫_t^(t+h) F(τ)·e^(λ(t+h-τ)) dτ,    η = Im c/(M·ω_d),
 
-the integral in closed form for a harmonic force: no error of the step but in amplitude, which feeds
-lift and damping of the next step. Kept between steps are η and η̇, Re c = M·(η̇ + ζω·η), so that
-neither jumps where the damping changes. √(η² + (η̇/ω)²) is the amplitude of a mode; that of a place
-is the root of the sum of their squares.
+the integral in closed form for a harmonic force: the only time-stepping error is in the amplitude,
+which determines lift and damping of the next step. The state between steps is η and η̇, Re c =
+M·(η̇ + ζω·η), so that neither jumps where the damping changes. √(η² + (η̇/ω)²) is the amplitude of
+a mode; that of a place is the root of the sum of their squares.
 """
 
 from __future__ import annotations
@@ -24,25 +24,25 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.core.modes.ringing import Drive, Ringing, add_up, ring
+from rope_twin.core.modes.ringing import Drive, ModalState, advance_modes, sum_amplitudes
 from rope_twin.viv.handover import handed_over
 from rope_twin.viv.lateral_modes import LateralModes, ModeSearch, find_lateral_modes
 from rope_twin.viv.shedding import Shedding
 from rope_twin.viv.span import EVEN, Floats, Span, half_waves, refined
 
-PER_WAVE = 24  # elements per wave at the highest Strouhal frequency: right there to 0.3 %
+PER_WAVE = 24  # elements per wave length at the highest Strouhal frequency: 0.3 % error there
 PER_PERIOD = 6  # steps per period of that frequency
-STILL = 1e-6  # d: a mode that is not driven and moves less is left out until it is driven
-GOLDEN = pi * (3.0 - 5.0**0.5)  # rad; times the square of its number a mode's phase at the start:
-# in proportion to the number itself, all modes would come together in one pulse
-LEAST = 1e-200  # N/m: what stays finite of a mode that nothing damps
+AMPLITUDE_MIN = 1e-6  # d: a mode without excitation and with less amplitude is inactive
+GOLDEN = pi * (3.0 - 5.0**0.5)  # rad; initial phase of a mode over the square of its number
+# (proportional to the number itself, all modes would add up to one pulse)
+DAMPING_MIN = 1e-200  # N/m: keeps the response of an undamped mode finite
 MOST_ELEMENTS = 6000
-TOGETHER = 128  # places: what is worked out of them stays in the processor's cache
-PART = 12  # modes that are looked for at a time beside a running twin
+TOGETHER = 128  # places processed at a time, so that intermediates stay in the cache
+PART = 12  # modes computed per call alongside a running twin
 
 
 class KeptResponse(NamedTuple):
-    """What a response goes on from, to the bit."""
+    """Restart data of a response; a restart is bit-identical."""
 
     given: Span
     coordinate: Floats  # η [m] of the modes
@@ -56,67 +56,67 @@ class KeptResponse(NamedTuple):
 
 
 class ModalResponse:
-    """A rope that vibrates in its modes, from rest.
+    """Modal VIV response of a rope, starting without motion.
 
     Raises:
         InputError: the rope is slack somewhere.
     """
 
-    given: Span  # as it was given
-    span: Span  # finer
+    given: Span  # input
+    span: Span  # refined mesh
     modes: LateralModes
-    step_s: float  # longest step: the amplitude is taken anew so often
+    step_s: float  # longest step: interval at which the amplitude is updated
 
     def __init__(self, span: Span, shedding: Shedding) -> None:
         self.shedding = shedding
-        self.time_s = self._zoned_s = 0.0  # now, and when the zones were last found
+        self.time_s = self._zoned_s = 0.0  # now, and time of the last zones
         self._elements = 0
         self._take(span)
         place, rate = np.zeros((2, len(self.modes.frequency)))
-        self._ringing = Ringing(place, rate, _first_angles(len(place)))
-        self._drive, self.zones = self._driven()  # zones: where each is driven, (places, modes)
-        self.amplitude = np.zeros(len(self.span.s))  # of the places [d]
+        self._ringing = ModalState(place, rate, _first_angles(len(place)))
+        self._drive, self.zones = self._driven()  # zones: fraction excited, (places, modes)
+        self.amplitude = np.zeros(len(self.span.s))  # A/d of the places
 
     @property
     def frequency(self) -> Floats:
-        """Of the modes that the current may drive [Hz]."""
+        """Return the frequencies of the modes that the current may excite [Hz]."""
         return self.modes.frequency
 
     @property
     def coordinate(self) -> Floats:
-        """Of each mode, η [m]."""
+        """Return the coordinate η of each mode [m]."""
         return self._ringing.place
 
     @property
     def angle(self) -> Floats:
-        """Phase of the force on each mode [rad]."""
+        """Return the phase of the force on each mode [rad]."""
         return self._ringing.angle
 
     @property
     def modal_amplitude(self) -> Floats:
-        """Of each mode [m]."""
+        """Return the amplitude of each mode [m]."""
         return np.hypot(self._ringing.place, self._ringing.rate)
 
     @property
     def motion(self) -> Floats:
-        """Across the rope at the places [m]."""
+        """Return the cross-flow displacement of the places [m]."""
         return self.modes.shape @ self.coordinate
 
     @property
     def dominant_hz(self) -> Floats:
-        """Frequency of the mode that moves each place most; 0 where none does."""
+        """Return the frequency of the strongest mode at each place; 0 without one."""
         if not len(self.frequency):
             return np.zeros(len(self.span.s))
         share = np.abs(self.modes.shape) * self.modal_amplitude
         return np.where(share.max(axis=1) > 0.0, self.frequency[share.argmax(axis=1)], 0.0)
 
     def follow_speed(self, speed: Floats) -> None:
-        """Another water speed at the places [m/s]; the modes stay."""
+        """Set another water speed at the places [m/s]; the modes are kept."""
         self.span = self.span._replace(speed=speed)
         self._drive, self.zones = self._driven()
 
     def search(self, span: Span) -> ModeSearch:
-        """For the modes of a rope that has changed, to be followed when it is through.
+        """Return an incremental modal analysis of a changed rope, to be passed to `follow`.
 
         Raises:
             InputError: it is slack somewhere.
@@ -125,10 +125,10 @@ class ModalResponse:
         return ModeSearch(fine, highest, PART)
 
     def follow(self, span: Span, search: ModeSearch | None = None) -> None:
-        """The rope has changed: other tension, length or current. Motion goes on as it is.
+        """Update to a changed rope (tension, length or current); the motion continues.
 
         The motion, with its velocity as the imaginary part, is projected on the new modes.
-        `search`: where they were looked for before.
+        `search`: result of an incremental analysis.
 
         Raises:
             InputError: it is slack somewhere; the old modes are kept.
@@ -144,19 +144,19 @@ class ModalResponse:
         known = min(len(angle), moved.shape[1])
         angles = _first_angles(moved.shape[1])
         angles[:known] = angle[:known]
-        self._ringing = Ringing(moved[0], moved[1], angles)
+        self._ringing = ModalState(moved[0], moved[1], angles)
         self._drive, self.zones = self._driven(before=self.zones)
         self.amplitude = self._amplitude()
 
     def advance(self, duration_s: float) -> None:
-        """Go on by a time, in steps of at most `step_s`."""
+        """Advance by a duration, in steps of at most `step_s`."""
         steps = max(1, int(np.ceil(duration_s / self.step_s - 1e-9)))
         for _ in range(steps):
             self._advance(duration_s / steps)
         self.time_s += duration_s
 
     def kept(self) -> KeptResponse:
-        """From which `take_back` goes on."""
+        """Return the restart data for `take_back`."""
         place, rate, angle = (part.copy() for part in self._ringing)
         return KeptResponse(
             self.given, place, rate, angle, self._drive.active.copy(), self.time_s,
@@ -164,18 +164,18 @@ class ModalResponse:
         )  # fmt: skip
 
     def take_back(self, kept: KeptResponse) -> None:
-        """Go on from there; its modes were those of a search."""
+        """Restore a response from its restart data; its modes were those of a search."""
         self._elements = kept.elements
         self._take(kept.given, self.search(kept.given))
         own = (kept.coordinate, kept.rate, kept.angle)
-        self._ringing, self.time_s = Ringing(*(part.copy() for part in own)), kept.time_s
+        self._ringing, self.time_s = ModalState(*(part.copy() for part in own)), kept.time_s
         self._zoned_s = kept.time_s
         self._drive, self.zones = self._driven(kept.active, kept.zones)
         self._zoned_s = kept.zoned_s
         self.amplitude = self._amplitude()
 
     def _refined(self, span: Span) -> tuple[Span, float]:
-        """In elements that are short enough, and the highest frequency that it can lock [Hz]."""
+        """Return the span on a sufficiently fine mesh, and the highest lock-in frequency [Hz]."""
         fastest = float((span.speed / span.diameter).max())
         shedding, highest = self.shedding.strouhal * fastest, fastest / self.shedding.band[0]
         wave_speed = float(np.sqrt((span.tension / span.mass).min()))
@@ -184,7 +184,7 @@ class ModalResponse:
         return refined(span, longest, EVEN, self._elements), highest
 
     def _take(self, span: Span, search: ModeSearch | None = None) -> None:
-        """Modes up to the highest that the current can lock."""
+        """Compute the modes up to the highest that the current can lock in."""
         fine, highest = self._refined(span)
         modes = find_lateral_modes(fine, highest) if search is None else search.found()
         self.given, self.span, self.modes = span, fine, modes
@@ -197,10 +197,10 @@ class ModalResponse:
     def _driven(
         self, active: NDArray[np.int64] | None = None, before: Floats | None = None
     ) -> tuple[Drive, Floats]:
-        """What water speed and modes make of lift and damping, and where each mode is driven.
+        """Return lift and damping coefficients of the modes, and the zones where each is excited.
 
-        `active`: modes that were driven or moved; None: those that do now. before: the zones that
-        these go over from; None: at once.
+        `active`: modes that were excited or moved; None: those that are now. before: the previous
+        zones of a gradual transition; None: immediate.
         """
         span, modes, water = self.span, self.modes, self.shedding
         below, above = water.below_and_above(self._omega, span.diameter, span.speed)
@@ -218,13 +218,13 @@ class ModalResponse:
         lift = 0.5 * water.density * span.diameter * span.speed**2 * span.node_length
         moved = np.abs(modes.shape)
         moved *= lift[:, None]
-        moved /= np.maximum(damping * self._omega, LEAST)
+        moved /= np.maximum(damping * self._omega, DAMPING_MIN)
         strouhal = water.strouhal * span.speed / span.diameter
         zones = water.zones(modes.frequency, strouhal, locked, moved)
         if before is not None:
             zones = handed_over(before, zones, locked, strouhal, self.time_s - self._zoned_s)
         self._zoned_s = self.time_s
-        moving = self.modal_amplitude > STILL * float(span.diameter.min())
+        moving = self.modal_amplitude > AMPLITUDE_MIN * float(span.diameter.min())
         if active is None:
             active = np.flatnonzero((zones > 0.0).any(axis=0) | moving)
         shape = modes.shape[:, active]
@@ -241,14 +241,14 @@ class ModalResponse:
 
     def _amplitude(self) -> Floats:
         amplitude = np.zeros(len(self.span.s))
-        add_up(self._drive, self._ringing, amplitude)
+        sum_amplitudes(self._drive, self._ringing, amplitude)
         return amplitude
 
     def _advance(self, h: float) -> None:
         lift = self.shedding.lift(self.amplitude)
         self.amplitude = self.amplitude.copy()
         work = np.empty((2, len(self._drive.active)))
-        ring(h, lift, self._drive, self._ringing, self.amplitude, work)
+        advance_modes(h, lift, self._drive, self._ringing, self.amplitude, work)
 
 
 def _first_angles(count: int) -> Floats:

@@ -1,9 +1,10 @@
-"""What the water does to a rope that its vortices shake: lock-in, lift and damping by amplitude.
+"""Hydrodynamics of the modal VIV model: lock-in, lift and damping as functions of amplitude.
 
-[LCD] is Le Cunff and Durand (1999), who take lift and hydrodynamic damping from Venugopal (1996).
-A mode of frequency f is locked in where the reduced velocity U/(f·d) lies in a band; there the
-lift drives it, elsewhere the water damps it. What [LCD] leaves open, and the variants tried, stands
-in docs/validation.md (L1, L2): with the band and zones here both of its largest amplitudes are met.
+[LCD] is Le Cunff and Durand (1999), who take lift and hydrodynamic damping from Venugopal (1996). A
+mode of frequency f is locked in where the reduced velocity U/(f·d) lies in a band; there the lift
+excites it, elsewhere the water damps it. Choices that [LCD] leaves open, and the variants tried,
+are in docs/validation.md (L1, L2): with this band and these zones both of its largest amplitudes
+are reproduced.
 """
 
 from __future__ import annotations
@@ -19,18 +20,18 @@ from rope_twin.core.modes.sharing import parts_below, share_out
 from rope_twin.viv.span import Floats
 
 Mask = NDArray[np.bool_]
-TIE = 0.1  # modes that differ by less share a place
+TIE = 0.1  # relative difference of response below which modes share a place
 
 STILL, STILL_SQUARE, SLOW, FAST = 0.25, 2.0 * sqrt(2.0), 0.18, 0.2  # Venugopal (1996)
 
 
 @dataclass(frozen=True)
 class Lift:
-    """C_l(A/d) of two parabolas that meet at the largest; beyond `zero` it takes power.
+    """C_l(A/d) of two parabolas that meet at the maximum; negative beyond `zero`.
 
-    The shape is Venugopal's (1996), as SHEAR7 has used it: from C_l at rest to the largest and
-    down through zero. His table is not in public material; the corner points here are the ones
-    usually told of it.
+    The shape is Venugopal's (1996), as used by SHEAR7: from C_l at zero amplitude to the maximum
+    and down through zero. His table is not public; the corner points here are commonly quoted
+    values.
     """
 
     at_rest: float = 0.3
@@ -39,7 +40,7 @@ class Lift:
     zero: float = 1.0  # [d]
 
     def __call__(self, amplitude: Floats) -> Floats:
-        """C_l at an amplitude in diameters."""
+        """Return C_l at an amplitude in diameters."""
         off = amplitude - self.largest_at
         low = (self.largest - self.at_rest) / self.largest_at**2
         high = self.largest / (self.zero - self.largest_at) ** 2
@@ -47,7 +48,7 @@ class Lift:
 
 
 def nearest_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
-    """Each place drives the mode nearest to its Strouhal frequency, if that one is locked in."""
+    """Assign each place to the mode nearest to its Strouhal frequency, if it is locked in."""
     if not len(frequency):
         return locked
     nearer_below = parts_below(shedding, 0.5 * (frequency[1:] + frequency[:-1]))
@@ -57,21 +58,21 @@ def nearest_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Fl
 
 
 def all_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
-    """Each place drives every mode that is locked in there."""
+    """Assign each place to every mode that is locked in there."""
     return locked
 
 
 def dominant_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
-    """The mode with most shedding near it (by f_s³) takes its whole band, the next what is left."""
+    """Assign its band to the mode with most shedding near it (by f_s³), the rest to the next."""
     near = nearest_zones(frequency, shedding, locked, moved)
     return share_out((shedding[:, None] ** 3 * near).sum(axis=0), locked, TIE)
 
 
 def leading_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
-    """The mode that moves most takes its whole band, the next what is left.
+    """Assign its whole band to the mode with the largest response, the remainder to the next.
 
-    Which that is tells a response in which each place drives the two modes that its Strouhal
-    frequency lies between, the nearer one more.
+    The response is estimated with each place exciting the two modes adjacent to its Strouhal
+    frequency, the nearer one more.
     """
     if not len(frequency):
         return locked
@@ -85,26 +86,26 @@ def leading_zones(frequency: Floats, shedding: Floats, locked: Floats, moved: Fl
     return share_out(size, locked, TIE)
 
 
-# Of the modes' frequencies, the places' own of shedding, the part of each place that a mode is
-# locked in over, and how far a place that drives a mode moves it, over C_l [m], (places, modes):
-# the part of each place that drives a mode.
+# f(mode frequencies, shedding frequencies of the places, fraction of each place with lock-in of a
+# mode, displacement of a mode by a place over C_l [m], (places, modes)) -> fraction of each place
+# that excites a mode.
 Zones = Callable[[Floats, Floats, Floats, Floats], Floats]
 
 
 @dataclass(frozen=True)
 class Shedding:
-    """Everything that the water's side of the modal approach needs."""
+    """Parameters of the hydrodynamic side of the modal VIV model."""
 
     strouhal: float = 0.17
-    band: tuple[float, float] = (5.0, 7.0)  # of U/(f·d) in which a mode is locked in
+    band: tuple[float, float] = (5.0, 7.0)  # lock-in range of U/(f·d)
     density: float = 1025.0  # [kg/m³]
     viscosity: float = 1.3e-6  # [m²/s]
-    structural: float = 0.015  # of critical, of every mode
+    structural: float = 0.015  # damping ratio of every mode
     lift: Callable[[Floats], Floats] = Lift()
     zones: Zones = leading_zones
 
     def still_water(self, omega: Floats, diameter: Floats) -> tuple[Floats, Floats]:
-        """Damping per metre in still water, c0 + c2·(A/d)² [N·s/m²]; (places, modes)."""
+        """Return damping per metre in still water, c0 + c2·(A/d)² [N·s/m²]; (places, modes)."""
         d = diameter[:, None]
         own = 0.5 * pi * self.density * d
         return own * (STILL_SQUARE * np.sqrt(omega * self.viscosity)), own * d * (STILL * omega)
@@ -112,10 +113,10 @@ class Shedding:
     def damping(
         self, omega: Floats, diameter: Floats, speed: Floats, below: Floats, above: Floats
     ) -> tuple[Floats, Floats]:
-        """Damping per metre outside the band, c0 + c2·(A/d)² [N·s/m²]; (places, modes).
+        """Return damping per metre outside the band, c0 + c2·(A/d)² [N·s/m²]; (places, modes).
 
-        Below it still water's and 0.18·ρ·d·U, above it 0.2·ρ·U²/ω (Venugopal 1996); `below`,
-        `above`: the parts of the places that are.
+        Below the band that of still water plus 0.18·ρ·d·U, above it 0.2·ρ·U²/ω (Venugopal 1996);
+        `below`, `above`: the respective fractions of the places.
         """
         U, d = speed[:, None], diameter[:, None]
         c0, c2 = self.still_water(omega, diameter)
@@ -127,7 +128,7 @@ class Shedding:
     def below_and_above(
         self, omega: Floats, diameter: Floats, speed: Floats
     ) -> tuple[Floats, Floats]:
-        """Parts of places at which U/(f·d) is below the band, and above; (places, modes).
+        """Return fractions of places with U/(f·d) below and above the band; (places, modes).
 
         Elsewhere modes are locked in.
         """

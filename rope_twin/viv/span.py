@@ -1,4 +1,4 @@
-"""A rope as vortices see it: a line under tension that can move across itself."""
+"""Line model of a rope for VIV: a tensioned beam or string with cross-flow motion."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-EVEN = 32  # a model's elements are a multiple of it: as many whatever the rope was given in
-MORE, FEWER = 1.25, 0.5  # times as many as there are would do: then they are made anew
+EVEN = 32  # the number of elements is a multiple, independent of the input mesh
+MORE, FEWER = 1.25, 0.5  # ratio of required to existing elements beyond which the mesh is changed
 
 
 class Span(NamedTuple):
-    """Rows from the lower end up; n elements, n + 1 nodes, the last one held by the ship."""
+    """Rows from the lower end up; n elements, n + 1 nodes, the last one fixed at the ship."""
 
-    s: Floats  # along the rope from the lower end [m], rising, (n + 1,)
+    s: Floats  # along the rope from the lower end [m], ascending, (n + 1,)
     tension: Floats  # of the elements [N], (n,)
     mass: Floats  # of the elements per metre, added mass included [kg/m], (n,)
-    diameter: Floats  # that the water sees, at the nodes [m], (n + 1,)
-    speed: Floats  # of the water across the rope, at the nodes [m/s], (n + 1,)
+    diameter: Floats  # hydrodynamic, at the nodes [m], (n + 1,)
+    speed: Floats  # normal water speed at the nodes [m/s], (n + 1,)
     stiffness: float = 0.0  # bending stiffness EI [N·m²], ends hinged
-    end_mass: float | None = None  # that swings across at the lower end [kg]; None: it is held
+    end_mass: float | None = None  # at the free lower end [kg]; None: it is fixed
 
     @property
     def node_mass(self) -> Floats:
-        """Lumped at the nodes, the end's mass included [kg]."""
+        """Return the mass lumped at the nodes, including that of the end [kg]."""
         half = 0.5 * self.mass * np.diff(self.s)
         lumps = np.zeros(len(self.s))
         lumps[:-1] += half
@@ -35,7 +35,7 @@ class Span(NamedTuple):
 
     @property
     def node_length(self) -> Floats:
-        """Of the half elements beside each node [m]."""
+        """Return the length lumped at each node from the adjacent half elements [m]."""
         half = 0.5 * np.diff(self.s)
         lengths = np.zeros(len(self.s))
         lengths[:-1] += half
@@ -44,11 +44,11 @@ class Span(NamedTuple):
 
 
 def refined(span: Span, longest_m: float, multiple: int = 1, kept: int = 0) -> Span:
-    """The same rope in equal elements of at most this length, linear between the given ones.
+    """Return the rope in equal elements of at most this length, by linear interpolation.
 
-    multiple: their number is one of it, but for a rope that was given in more; kept: as many as
-    there were, 0 for none. They stay as many while that is about right: another number moves all
-    frequencies by some 1e-4, and would come at another instant on every grid.
+    multiple: their number is a multiple of it, except for a rope given in more; kept: the previous
+    number, 0 for none. The number is kept while it is roughly right: a change shifts all
+    frequencies by about 1e-4, and would happen at another time on every mesh.
     """
     length = float(span.s[-1] - span.s[0])
     count = max(len(span.s) - 1, multiple * int(np.ceil(length / (longest_m * multiple))))
@@ -66,7 +66,7 @@ def refined(span: Span, longest_m: float, multiple: int = 1, kept: int = 0) -> S
 
 
 def half_waves(span: Span, per_diameter: float, moved: Floats | float = 0.0) -> Floats:
-    """Half a wave at f = per_diameter·U/d, at the nodes [m]; the whole rope at most.
+    """Return half a wave length at f = per_diameter·U/d, at the nodes [m]; at most the whole rope.
 
     moved: mass per metre beyond the span's own, at the elements [kg/m].
     """
@@ -78,7 +78,7 @@ def half_waves(span: Span, per_diameter: float, moved: Floats | float = 0.0) -> 
 
 
 def extended(at: Floats, s: Floats, values: Floats) -> Floats:
-    """Linear interpolation that goes on in a straight line beyond the first and last value."""
+    """Return linear interpolation, with linear extrapolation beyond the first and last value."""
     if len(s) < 2:
         return np.full(len(at), values[0])
     found = np.interp(at, s, values)

@@ -13,7 +13,7 @@ from rigs import Rig
 from rope_twin.core import state as rows
 from rope_twin.core.joined import ties
 from rope_twin.core.joined.joints import LOOSE, System, new_system
-from rope_twin.core.joined.statics import settle_joined
+from rope_twin.core.joined.statics import solve_joined_statics
 from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.state import Floats
 from rope_twin.scene.arrays.build import build
@@ -119,7 +119,7 @@ def legs(a: Rig, b: Rig, left: Point, right: Point, **below: Any) -> list[Line]:
 
 def rest(bench: JointBench) -> None:
     """Bring a bench to static equilibrium."""
-    end = settle_joined(bench.system, bench.still(0).value[:, 0])
+    end = solve_joined_statics(bench.system, bench.still(0).value[:, 0])
     assert end.found
     assert end.left_m < 1e-9
     bench.hold(1)

@@ -114,9 +114,9 @@ def test_drag_by_the_current_alone_does_not_damp() -> None:
     ("params", "words"),
     [
         (CurrentParams(profile=((0.0, (1.0, 0.0)),), layers=LAYERS), "keep one"),
-        (CurrentParams(), "no row"),
+        (CurrentParams(), "profile is empty"),
         (replace(BOTH, over_time=((3.0, 1.0), (3.0, 0.0))), "order the rows"),
-        (CurrentParams(layers=replace(LAYERS, upper=(11.0, 0.0))), "no sea current"),
+        (CurrentParams(layers=replace(LAYERS, upper=(11.0, 0.0))), "not a plausible current"),
     ],
 )
 def test_what_a_current_may_not_be(params: CurrentParams, words: str) -> None:
@@ -128,4 +128,4 @@ def test_what_drag_and_layers_may_not_be() -> None:
     rows_back = DragParams(normal=1.0, tangential=0.0, over_reynolds=((1e5, 1.0), (1e4, 1.0)))
     assert "order the rows" in (rows_back.check() or "")
     both = replace(rows_back, over_reynolds=((1e4, 1.0),), relative=False)
-    assert "leave one" in (both.check() or "")
+    assert "remove one" in (both.check() or "")

@@ -13,7 +13,7 @@ from test_effects import BLOCKS, R, jacobian, matrix
 from test_energy_accounts import seen, three
 
 from rope_twin.core import state as rows
-from rope_twin.core.energy import said
+from rope_twin.core.energy import account_sum
 from rope_twin.core.vortices.drag_growth import GROWTH, DragGrowth, set_growth
 from rope_twin.core.vortices.drag_growth import NODES as NOTED
 from rope_twin.effects.modal_vibration import ModalVibrationParams
@@ -82,7 +82,7 @@ def test_block_and_work_are_those_of_its_force(name: str, seed: int) -> None:
     force = (loads(effects, work) - loads((), work))[R]
     place = seen(work, np.zeros((3, NODES)), 0.0)
     done = (force * three(work, rows.VELOCITY)).sum()
-    assert said("power", effects, place) == pytest.approx(done, rel=1e-9)
+    assert account_sum("power", effects, place) == pytest.approx(done, rel=1e-9)
     assert done != 0.0
 
 

@@ -10,7 +10,7 @@ from effect_cases import NODES, apply, data_of, loads, some_stage, some_work
 
 from rope_twin.core import state as rows
 from rope_twin.core.acting.hooks import hooks_of
-from rope_twin.core.energy import Place, account, accounts_of, said
+from rope_twin.core.energy import Place, account, account_sum, accounts_of
 from rope_twin.core.state import Floats
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.weight import Weight
@@ -47,8 +47,12 @@ def seen(work: Floats, turning: Floats, dt: float) -> Place:
 
 def stored(effects: tuple[Any, ...], place: Place) -> float:
     end = Place(*(row[..., :1] for row in place))
-    along = said("kinetic", effects, place) + said("potential", effects, place)
-    return along + said("kinetic_end", effects, end) + said("potential_end", effects, end)
+    along = account_sum("kinetic", effects, place) + account_sum("potential", effects, place)
+    return (
+        along
+        + account_sum("kinetic_end", effects, end)
+        + account_sum("potential_end", effects, end)
+    )
 
 
 # A rigid body has motion of its own, so what it stores is no function of the nodes: its account is
@@ -74,7 +78,7 @@ def test_force_times_velocity_is_power_less_what_is_stored(name: str, seed: int)
     done = float((force * three(work, rows.VELOCITY)).sum())
     place = seen(work, turning, 0.0)
     end = Place(*(row[..., :1] for row in place))
-    power = said("power", effects, place) + said("power_end", effects, end)
+    power = account_sum("power", effects, place) + account_sum("power_end", effects, end)
     later, before = (stored(effects, seen(work, turning, dt)) for dt in (DT, -DT))
     rate = (later - before) / (2.0 * DT)
     assert done == pytest.approx(power - rate, rel=1e-6, abs=1e-6)
@@ -94,5 +98,5 @@ def test_an_effect_that_loads_the_rope_says_its_energy(name: str) -> None:
 def test_an_account_is_given_once_and_of_a_known_kind() -> None:
     with pytest.raises(ValueError, match="unknown account 'heat'"):
         account("heat", Weight)
-    with pytest.raises(ValueError, match="Weight has said its 'potential' already"):
+    with pytest.raises(ValueError, match="Weight has registered its 'potential' already"):
         account("potential", Weight)

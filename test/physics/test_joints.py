@@ -18,7 +18,7 @@ from rigs import Rig
 
 from rope_twin.core import state as rows
 from rope_twin.core.joined.joints import LOOSE
-from rope_twin.core.joined.statics import settle_joined
+from rope_twin.core.joined.statics import solve_joined_statics
 from rope_twin.core.step import advance
 from rope_twin.scene.arrays.build import build
 from rope_twin.twin.cutting.parted import PartedRopes
@@ -144,7 +144,7 @@ def test_second_order_in_the_step() -> None:
         bench = JointBench(legs(base, base, (-6.0, 0.0, 0.0), (6.0, 0.0, 0.0), EA=1e5))
         bench = JointBench([replace(line, rig=replace(line.rig, step=step, tolerance=1e-8))
                             for line in bench.lines])  # fmt: skip
-        settle_joined(bench.system, bench.still(0).value[:, 0])
+        solve_joined_statics(bench.system, bench.still(0).value[:, 0])
         steps = round(1.0 / step)
         t = step * np.arange(steps + 1)
         motion = bench.still(steps)

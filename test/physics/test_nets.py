@@ -107,9 +107,9 @@ def test_a_towed_net_hangs_where_its_forces_say() -> None:
 @pytest.mark.parametrize(
     ("params", "said"),
     [
-        (replace(PANEL, law="aarsness"), "there is no law 'aarsness'; give one of"),
-        (replace(PANEL, twine_m=0.003), "not given once"),
-        (replace(PANEL, solidity=None), "not given once"),
+        (replace(PANEL, law="aarsness"), "unknown law 'aarsness'; give one of"),
+        (replace(PANEL, twine_m=0.003), "given exactly once"),
+        (replace(PANEL, solidity=None), "given exactly once"),
         (replace(PANEL, solidity=None, twine_m=0.003, bar_m=0.01), "solidity 0.51 is above 0.35"),
         (replace(PANEL, solidity=None, twine_m=0.02, bar_m=0.01), "leaves no mesh between knots"),
     ],
@@ -141,8 +141,8 @@ def test_a_fairing_by_a_tow_speed() -> None:
 
 
 def test_what_a_fairing_may_not_be() -> None:
-    assert "no direction" in (replace(FACE, axis=(0.0, 0.0, 0.0)).check() or "")
-    assert "a ramp without a tow speed" in (replace(FACE, ramp_s=3.0).check() or "")
+    assert "zero vector" in (replace(FACE, axis=(0.0, 0.0, 0.0)).check() or "")
+    assert "without a tow speed" in (replace(FACE, ramp_s=3.0).check() or "")
     scene = Rig(length=50.0, elements=5, load=100.0, volume=0.0).scene()
     line = replace(scene.ropes[0], to="", fixed_at_m=(0.0, 0.0, -50.0))
     bare = replace(scene, payloads=(), effects=(PANEL, FACE), ropes=(line,))

@@ -15,7 +15,7 @@ from rope_twin import load_scene
 from rope_twin.core import state as rows
 from rope_twin.core.acting.hooks import all_wide
 from rope_twin.core.compiler.wide import LANES
-from rope_twin.core.energy import Place, said
+from rope_twin.core.energy import Place, account_sum
 from rope_twin.effects import Surroundings
 from rope_twin.effects.payload import Payload, PayloadParams, TwoWayPayload, build
 from rope_twin.scene.rising import Rising
@@ -97,10 +97,10 @@ def test_energy_accounts_close(w: float) -> None:
                         "acceleration": a, "flow": np.zeros((3, 1))})  # fmt: skip
 
     def stored(at: Place) -> float:
-        return said("kinetic_end", effects, at) + said("potential_end", effects, at)
+        return account_sum("kinetic_end", effects, at) + account_sum("potential_end", effects, at)
 
     rate = (stored(place(1e-5)) - stored(place(-1e-5))) / 2e-5
-    assert done == pytest.approx(said("power_end", effects, place(0.0)) - rate, rel=1e-6)
+    assert done == pytest.approx(account_sum("power_end", effects, place(0.0)) - rate, rel=1e-6)
 
 
 def towed(speed: float) -> float:
@@ -162,12 +162,12 @@ def test_a_grab_by_hoerners_hemispheres() -> None:
 
 
 def test_what_rising_may_not_be() -> None:
-    assert "nothing differs" in (Rising().check() or "")
+    assert "no value is given" in (Rising().check() or "")
     scene = splashing()
     ((where, what, right),) = faults(scene)
     assert where == "payloads[0]"
-    assert what == "'module' rises by other figures than it sinks"
-    assert right.startswith("leave out `splash_zone`")
+    assert what == "'module' has different properties in ascent and descent"
+    assert right.startswith("remove `splash_zone`")
 
 
 def splashing() -> Scene:

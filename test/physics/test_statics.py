@@ -16,7 +16,7 @@ from benchmarks.statics_speed import GUESSES as STUDY_GUESSES
 from benchmarks.statics_speed import ON_A_BED, statics_rows
 from rope_twin.core import state as rows
 from rope_twin.core.state import Rope
-from rope_twin.core.statics.equilibrium import settle
+from rope_twin.core.statics.equilibrium import solve_statics
 from rope_twin.core.statics.forces import Equilibrium
 from rope_twin.errors import SceneError
 from rope_twin.scene.arrays.build import build
@@ -115,7 +115,7 @@ def rest_of(rig: Rig, guess: Guess = as_built) -> tuple[Rope, Equilibrium]:
     guess(place, rig)
     if rig.fixed_at is not None:
         place[:, 0] = low
-    return rope, settle(rope, rig.length)
+    return rope, solve_statics(rope, rig.length)
 
 
 def check(rig: Rig, guess: Guess) -> None:
@@ -208,7 +208,7 @@ def test_what_rests_is_left_alone() -> None:
     """A second search starts at rest and moves nothing; so does a slack rope without weight."""
     rope, _ = rest_of(DEEP)
     before = rope.state.nodes.copy()
-    assert settle(rope, DEEP.length).rounds == 0
+    assert solve_statics(rope, DEEP.length).rounds == 0
     assert (rope.state.nodes == before).all()
     neutral = replace(DEEP, density=0.0, gravity=0.0, fixed_at=(500.0, 0.0, -300.0))
     rope, end = rest_of(neutral)

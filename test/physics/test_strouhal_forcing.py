@@ -15,7 +15,7 @@ from test_energy_accounts import seen, three
 
 from rope_twin.core import state as rows
 from rope_twin.core.compiler.jit import jit_entry
-from rope_twin.core.energy import said
+from rope_twin.core.energy import account_sum
 from rope_twin.effects import strouhal_forcing as strouhal
 from rope_twin.effects.strouhal_forcing import StrouhalForcing, StrouhalForcingParams
 
@@ -136,7 +136,7 @@ def test_what_it_says_of_its_energy_is_force_times_velocity(seed: int) -> None:
     assert np.abs(force).max() > 1.0
     place = seen(work, np.zeros((3, NODES)), 0.0)
     done = float((force * three(work, rows.VELOCITY)).sum())
-    assert done == pytest.approx(said("power", effects, place), rel=1e-6)
+    assert done == pytest.approx(account_sum("power", effects, place), rel=1e-6)
 
 
 def loads_at_rest(effects: tuple[Any, ...], work: Vector) -> Vector:

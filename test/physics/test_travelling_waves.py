@@ -17,7 +17,7 @@ from test_energy_accounts import seen, three
 
 from rope_twin import Twin
 from rope_twin.core import state as rows
-from rope_twin.core.energy import said
+from rope_twin.core.energy import account_sum
 from rope_twin.effects import travelling_waves as tw
 from rope_twin.effects.travelling_waves import TravellingWaves, TravellingWavesParams
 
@@ -126,7 +126,7 @@ def test_what_it_says_of_its_energy_is_force_times_velocity(seed: int) -> None:
     assert np.abs(force).max() > 1.0
     place = seen(work, np.zeros((3, NODES)), 0.0)
     done = float((force * three(work, rows.VELOCITY)).sum())
-    assert done == pytest.approx(said("power", effects, place), rel=1e-7)
+    assert done == pytest.approx(account_sum("power", effects, place), rel=1e-7)
 
 
 def hauled(**given: Any) -> Twin:

@@ -19,7 +19,7 @@ from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.in_modes import span_of_twin
 from rope_twin.twin.vibration.watch import DECOMPOSED, MODES, Watch
-from rope_twin.viv.decomposed import NEAR, ExcitationSearch, decomposed, near_driven
+from rope_twin.viv.decomposed import POWER_MIN, ExcitationSearch, decomposed, near_driven
 from rope_twin.viv.decomposed_response import DecomposedResponse
 from rope_twin.viv.lateral_modes import ModeSearch, find_lateral_modes
 from rope_twin.viv.modal_response import ModalResponse
@@ -89,7 +89,7 @@ def test_what_is_near_what_is_driven_is_all_that_is_driven() -> None:
     kept = len(found.power)
     assert kept < 0.8 * len(whole.power)
     assert not whole.zones[:, kept:].any()
-    fed = whole.power > NEAR * whole.power.max()
+    fed = whole.power > POWER_MIN * whole.power.max()
     assert found.power[fed[:kept]] == pytest.approx(whole.power[fed], rel=1e-4)
     np.testing.assert_allclose(found.zones, whole.zones[:, :kept], atol=1e-6)
 

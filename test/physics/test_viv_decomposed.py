@@ -60,7 +60,7 @@ def test_broken_tables_are_refused(tmp_path: Path) -> None:
         with pytest.raises(InputError, match="give rows of frequency, amplitude"):
             read_force_table(path)
     path.write_text("frequency,amplitude,C_Lv,C_a\n0.1,0,1,1\n0.1,1,1,1\n0.2,0,1,1\n0.2,2,1,1\n")
-    with pytest.raises(InputError, match="no grid"):
+    with pytest.raises(InputError, match="not a grid"):
         read_force_table(path)
 
 

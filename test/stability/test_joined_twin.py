@@ -12,7 +12,7 @@ from small_scene import digest
 
 from rope_twin import Snapshot, load_scene
 from rope_twin.core import state as rows
-from rope_twin.core.joined.statics import settle_joined
+from rope_twin.core.joined.statics import solve_joined_statics
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError
 from rope_twin.scene.arrays.build import build
@@ -90,7 +90,7 @@ def test_rest_is_found_from_upside_down(bridle: Scene) -> None:
         for rope in system.ropes:
             rope.state.nodes[rows.Z] *= sign
         system.joints.nodes[rows.Z] *= sign
-        end = settle_joined(system, place)
+        end = solve_joined_statics(system, place)
         assert end.found
         rests.append(end.tension_n)
     assert rests[1] == pytest.approx(rests[0], rel=1e-6)

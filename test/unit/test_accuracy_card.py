@@ -76,8 +76,8 @@ def test_a_changed_solver_makes_it_old(tmp_path: Path) -> None:
     write_card(scene, sample_card(scene) | {"solver": "0"})
     found = read_card(scene)
     assert found is not None
-    assert found.age(scene) == "the card is old: the solver was changed since it was made"
-    assert known_error(scene).words.startswith("unknown: the card is old")
+    assert found.age(scene) == "the card is outdated: the solver was changed since it was made"
+    assert known_error(scene).words.startswith("unknown: the card is outdated")
 
 
 def test_only_what_a_scene_lists_ages_its_card(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -207,7 +207,7 @@ def test_without_a_valid_card_nothing_is_bought(
     scene = carded_scene(tmp_path)
     write_card(scene, sample_card(scene) | {"solver": "old"})
     assert main(unpaced(scene, "--within", "1%")) == 1
-    assert "small: the card is old: the solver was changed" in capsys.readouterr().err
+    assert "small: the card is outdated: the solver was changed" in capsys.readouterr().err
     card.card_path(scene).unlink()
     assert main(unpaced(scene, "--within", "1%")) == 1
     said = capsys.readouterr().err

@@ -87,7 +87,7 @@ def test_what_the_scene_knows_is_taken_and_else_what_is_usual() -> None:
 
 
 def test_what_breaks_a_rule_is_not_run() -> None:
-    with pytest.raises(RopeTwinError, match="takes off what `payload` brings"):
+    with pytest.raises(RopeTwinError, match="corrects the loads of `payload`"):
         effect_cost._sound(bare(SplashZoneParams(height_m=2.5)))
 
 

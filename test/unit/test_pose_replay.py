@@ -291,7 +291,7 @@ def test_a_wrong_topic_and_a_wrong_start_are_answered(tmp_path: Path) -> None:
         ("{poses: {bag: sea_2p5}}", "sea_state.poses.bag: there is no bag 'sea_2p5' in bags/"),
         ("{poses: {bag: ./none}}", "sea_state.poses.bag: there is no bag at"),
         ("{poses: {bag: ''}}", "sea_state.poses.bag: it is empty; name a bag"),
-        ("{poses: {bag: ./bag}, bag: sea_2p5m}", "recorded poses and something else move the ship"),
+        ("{poses: {bag: ./bag}, bag: sea_2p5m}", "recorded poses and another motion are given"),
         ("{poses: {bag: ./bag, rest_m: [0, 0]}}", "sea_state.poses.rest_m"),
         ("{poses: {bag: ./bag, heading_deg: 400}}", "-360 to 360 °"),
         ("{poses: ./bag}", "sea_state.poses"),

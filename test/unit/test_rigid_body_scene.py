@@ -43,15 +43,15 @@ def listing(effect: str) -> str:
 
 BAD = [
     ("both a point and a body", listing("payload: {}"),
-     "effects", ("`rigid_body` and `payload`", "leave out `payload`")),
+     "effects", ("`rigid_body` and `payload`", "remove `payload`")),
     ("a body and a net", listing("net: {width_m: 2, height_m: 2, solidity: 0.2}"),
-     "effects", ("`rigid_body` and `net`", "knows the payload as a point")),
+     "effects", ("`rigid_body` and `net`", "treats the payload as a point")),
     ("a body and a fairing", listing("fairing: {face_m2: 2.0}"),
-     "effects", ("`rigid_body` and `fairing`", "take `payload` for the body")),
+     "effects", ("`rigid_body` and `fairing`", "use `payload` for the body")),
     ("a splash zone of another height", listing("splash_zone: {height_m: 2.0}"),
      "effects.splash_zone.height_m", ("2 m is not the height of the body, 1.5 m", "size_m")),
     ("no size", with_body("      size_m: [3.0, 2.0, 1.5]\n", ""), "effects[0].rigid_body",
-     ("size_m missing", "outline")),
+     ("size_m missing", "outer dimensions")),
     ("a side of nothing", with_body("[3.0, 2.0, 1.5]", "[3.0, 0.0, 1.5]"),
      "effects[0].rigid_body.size_m[1]", ("0 m is out of range", "0.05 to 200 m")),
     ("nothing holds it", with_body(f"      slings: [{SLING}]\n", ""), "effects[0].rigid_body",
@@ -59,18 +59,18 @@ BAD = [
     ("held twice", with_body("      slings", "      pinned_at_m: [0.0, 0.0, 1.0]\n      slings"),
      "effects[0].rigid_body", ("slings and a pin hold it", "give slings or pinned_at_m")),
     ("pinned below its weight", with_body(f"slings: [{SLING}]", "pinned_at_m: [0.0, 0.0, -1.0]"),
-     "effects[0].rigid_body", ("pinned at -1 m, not above its centre of gravity", "turns over")),
+     "effects[0].rigid_body", ("pinned at -1 m, not above its centre of gravity", "capsizes")),
     ("a sling without a length", with_body("length_m: 4.0, ", ""),
-     "effects[0].rigid_body.slings[0]", ("length_m missing", "length without load")),
+     "effects[0].rigid_body.slings[0]", ("length_m missing", "unstretched length")),
     ("a misspelt sling", with_body("stiffness_n_per_m", "stifness_n_per_m"),
      "effects[0].rigid_body.slings[0].stifness_n_per_m", ("did you mean 'stiffness_n_per_m'",)),
     ("moments that no body has",
      with_body("      slings", "      inertia_kg_m2: [1.0, 1.0, 5.0]\n      slings"),
-     "effects[0].rigid_body", ("has moments of inertia of 1, 1, 5", "sum of the other two")),
+     "effects[0].rigid_body", ("moments of inertia 1, 1, 5", "sum of the other two")),
     ("a deck that moves in two ways",
      with_body("      slings", "      deck: {height_m: -3.0, with_ship: true, heave: "
                "{amplitude_m: 1.0, period_s: 7.0}}\n      slings"),
-     "effects[0].rigid_body", ("heaves with the ship and by itself", "keep with_ship or heave")),
+     "effects[0].rigid_body", ("ship and independently", "keep with_ship or heave")),
     ("no mass", with_body().replace("mass_kg: 20000.0", "mass_kg: 0.0"), "payloads[0].mass_kg",
      ("without mass cannot move",)),
     ("no payload", with_body().replace("to: tool", "fixed_at_m: [0.0, 0.0, -499.0]").replace(
@@ -111,9 +111,9 @@ def four_slings(length_m: float, stiffness_n_per_m: float = 5e6) -> str:
     [
         (with_body("[3.0, 2.0, 1.5]", "[4.0, 2.0, 1.5]"),
          "size_m: 4 × 2 × 1.5 m, and the payload's shape is a box of 3 × 2 × 1.5 m"),
-        (four_slings(1.8), "slings[0, 1, 2, 3].length_m: 1.8 m do not reach the hook over a place "
-         "1.80 m aside"),
-        (four_slings(2.0), "slings[0, 1, 2, 3].length_m: 2 m lie 64° from the vertical"),
+        (four_slings(1.8), "slings[0, 1, 2, 3].length_m: 1.8 m does not reach the hook at a "
+         "lateral offset of 1.80 m"),
+        (four_slings(2.0), "slings[0, 1, 2, 3].length_m: 2 m is 64° from the vertical"),
         (four_slings(4.0, 2e4), "slings[0, 1, 2, 3].stiffness_n_per_m: its share of the load, 30 "
          "kN, stretches it by 1.5 m"),
     ],

@@ -33,7 +33,7 @@ ELEMENTS = "    elements: 50\n"
 
 BAD = {
     "both": (spoilt(ROPE, ROPE + SECTIONS), "ropes[0]", ("both `rope` and `sections`",)),
-    "neither": (spoilt(ROPE, ""), "ropes[0]", ("not said what it is made of", "`sections`")),
+    "neither": (spoilt(ROPE, ""), "ropes[0]", ("material is not given", "`sections`")),
     "endless below": (
         JOINED.replace("{rope: hmpe_76mm, length_m: 400.0}", "{rope: hmpe_76mm}"),
         "ropes[0].sections[1]",
@@ -42,7 +42,7 @@ BAD = {
     "too short": (
         JOINED.replace("{rope: steel_wire_40mm}", "{rope: steel_wire_40mm, length_m: 100.0}"),
         "ropes[0].sections",
-        ("520 m long together", "800 m"),
+        ("520 m long in total", "800 m"),
     ),
     "fewer elements than sections": (
         JOINED.replace("elements: 50", "elements: 3")
@@ -69,7 +69,7 @@ BAD = {
     "grading longer than equal elements": (
         spoilt(ELEMENTS, f"{ELEMENTS}    grading: {{lowest_m: 20.0}}\n"),
         "ropes[0].grading",
-        ("20 m is longer than the 10 m",),
+        ("20 m is longer than equal elements of 10 m",),
     ),
     "grading that does not reach": (
         spoilt(ELEMENTS, f"{ELEMENTS}    grading: {{lowest_m: 0.1, growth: 1.02}}\n"),
@@ -79,7 +79,7 @@ BAD = {
     "nodes out of order": (
         spoilt(ELEMENTS, f"{ELEMENTS}    grading: {{nodes_m: [0.2, 0.1]}}\n"),
         "ropes[0].grading",
-        ("do not rise",),
+        ("do not ascend",),
     ),
     "lowest element too long to haul in": (
         spoilt(ELEMENTS, f"{ELEMENTS}    grading: {{nodes_m: [60.0]}}\n"),

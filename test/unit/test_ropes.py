@@ -97,12 +97,12 @@ def test_a_book_of_ones_own(tmp_path: Path) -> None:
         (
             ", stiffness_per_d2: 4.0e+10",
             "",
-            r"constructions\.wire: its stiffness is not given once",
+            r"constructions\.wire: stiffness must be given exactly once",
         ),
         (
             "4.0e+10}",
             "4.0e+10, stiffness_over_breaking_load: 14.0}",
-            r"stiffness is not given once",
+            r"stiffness must be given exactly once",
         ),
         ("diameter_m: 0.05", "diameter_m: 50", r"wire_50mm\.diameter_m: 50 m is out of range"),
         ("by_figures: {}", "by_figures: {wire_50mm: 1}", r"by_figures\.wire_50mm: the number 1"),

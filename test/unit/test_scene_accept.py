@@ -50,17 +50,17 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "little drag across": (
         spoilt("normal: 1.2", "normal: 0.29"),
         "effects drag.normal: ",
-        ("0.29 across the rope", "1 to 1.8"),
+        ("0.29 is below the normal drag", "1 to 1.8"),
     ),
     "much drag along": (
         spoilt("tangential: 0.02", "tangential: 0.21"),
         "effects drag.tangential: ",
-        ("0.21 along the rope", "0.01 to 0.1"),
+        ("0.21 is too large for tangential drag", "0.01 to 0.1"),
     ),
     "a rope's own odd drag": (
         spoilt("steel_wire_40mm", FIGURES),
         "ropes[0].rope.drag_normal: ",
-        ("0.1 across the rope",),
+        ("0.1 is below the normal drag",),
     ),
 }
 
@@ -153,7 +153,7 @@ def test_a_strong_live_current_is_taken_with_a_warning(tmp_path: Path) -> None:
 
     assert twin.offer_current([[0.0, 1.8, 2.4], [-500.0, 0.0, 0.0]]) == ""
     assert row().level is Level.WARN
-    assert "3 m/s at z = 0 m is more than sea currents have, 2.5 m/s" in row().message
+    assert "3 m/s at z = 0 m exceeds the range of ocean currents, 2.5 m/s" in row().message
     assert twin.offer_current([[0.0, 0.9, 1.2], [-500.0, 0.0, 0.0]]) == ""
     assert "sea currents" not in row().message
 

@@ -162,7 +162,7 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
             "{start_s", "{bag: ./bag, start_s"
         ),
         "ship.motion_ramp_s: ",
-        ("kicks",),
+        ("excites the rope",),
     ),
     "current that ends above the rope's end": (
         spoilt(PROFILE, "[[0.0, [0.5, 0.0]], [-300.0, [0.1, 0.05]]]"),
@@ -181,7 +181,7 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
             "  - bending: {stiffness_n_m2: 1.0e+3, clamped_along: [0.0, 0.0, -1.0]}\n",
         ),
         "effects bending.clamped_along: ",
-        ("held in one direction", "leave it out"),
+        ("clamped in one direction", "remove it"),
     ),
     "thin water": (
         spoilt("water_density_kg_per_m3: 1025.0", "water_density_kg_per_m3: 1.2"),
@@ -196,12 +196,12 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "a ship at rest in the waves that the rope feels": (
         WAVES,
         "sea_state: ",
-        ("the ship lies still", "on_waves"),
+        ("the ship does not move", "on_waves"),
     ),
     "two seas": (
         WAVES.replace("{start_s", "{bag: sea_1p2m, start_s"),
         "sea_state: ",
-        ("the record", "two seas"),
+        ("the record", "two sea states"),
     ),
     "a heave that the payload cannot follow": (
         spoilt("{start_s: 10.0", "{heave: {amplitude_m: 7.0, period_s: 8.0}, start_s: 10.0"),

@@ -123,7 +123,7 @@ def test_check_lists_all_errors_of_single_values_by_line(
     starts = (
         "2, sauce: unknown key; did you mean 'source'?",
         "8, ropes[0].elements: the text 'many' is not a number; give a number (",
-        "11, ropes[0].to: the key 'to' stands here a second time (first in line 10); keep",
+        "11, ropes[0].to: the key 'to' is given a second time (first in line 10); keep",
         "14, payloads[0].mass_kg: -1 kg is out of range; give 0 to 1e+07 kg",
         "23, winch.schedule[1]: at_s missing; add at_s",
         "25, ship.hang_off_m: the number 0 instead of a list; give a list",
@@ -150,7 +150,7 @@ def test_check_lists_all_errors_between_values_by_line(
         "9, ropes[0].damping: no damping is given; ",
         "10, ropes[0].to: there is no payload 'toll'; did you mean 'tool'?",
         "12, payloads[0]: no rope holds 'tool'; ",
-        "21, winch.schedule[0].speed_m_per_s: 1.5 m/s is over the winch's 1; ",
+        "21, winch.schedule[0].speed_m_per_s: 1.5 m/s exceeds the winch's 1; ",
         "23, winch.schedule_repeats_every_s: 10 s cuts off the row at 20 s; ",
         "25, sea_state.on_waves: `waves` is not listed; ",
     )

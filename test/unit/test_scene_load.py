@@ -161,5 +161,5 @@ def test_the_main_job_is_what_it_is_said_to_be() -> None:
 
 def test_a_broken_effect_says_what_its_check_says(tmp_path: Path) -> None:
     text = spoilt("[-900.0, [0.1, 0.05]]", "[-900.0, [99.0, 0.05]]")
-    with pytest.raises(SceneError, match=r"effects\[2\]\.current: 99 m/s is no sea current; give"):
+    with pytest.raises(SceneError, match=r"effects\[2\]\.current: 99 m/s is not a plausible"):
         load_scene(written(tmp_path, text))

@@ -9,7 +9,7 @@ import pytest
 from scene_text import GOOD, assert_refused, written
 
 from rope_twin import load_scene
-from rope_twin.core.joined.hanging import laid
+from rope_twin.core.joined.hanging import initial_shape
 from rope_twin.core.joined.joints import LOOSE
 from rope_twin.scene.arrays.first_shape import first_places
 from rope_twin.scene.arrays.joined import alone, build_joined
@@ -46,7 +46,7 @@ def spoilt(old: str, new: str) -> str:
 
 BAD: list[tuple[str, str, str, tuple[str, ...]]] = [
     ("unknown upper end", spoilt("from: stern", "from: sterm"),
-     "ropes[3].from", ("nothing is called 'sterm'", "did you mean 'stern'?")),
+     "ropes[3].from", ("nothing is named 'sterm'", "did you mean 'stern'?")),
     ("unknown lower end", spoilt("to: tool}", "to: tol}"),
      "ropes[1].to", ("no payload 'tol'", "did you mean 'tool'?")),
     ("rope onto itself", spoilt("from: hook, to: tool", "from: tool, to: tool"),
@@ -65,7 +65,7 @@ BAD: list[tuple[str, str, str, tuple[str, ...]]] = [
               f"  - {{name: y, {LEG}, from: b, to: a}}\n"
               "joints:\n  - {name: a, mass_kg: 1.0}\n  - {name: b, mass_kg: 1.0}\n")
      .replace("  - {name: float, at_m: [0.0, 0.0, 0.0]}\n", ""),
-     "ropes[4]", ("'x' is part of a loop or chain that hangs on no hang-off",)),
+     "ropes[4]", ("'x' is part of a loop or chain without a hang-off",)),
     ("joint without a rope", spoilt("joints:\n", "joints:\n  - {name: ring}\n"),
      "joints[0]", ("no rope holds 'ring' from above",)),
     ("unjoined end",
@@ -92,7 +92,7 @@ BAD: list[tuple[str, str, str, tuple[str, ...]]] = [
     ("a joint that holds a direction",
      spoilt("from: hook, to: tool", f"{CLAMPED}, from: hook, to: tool")
      .replace("  - weight: {}", "  - weight: {}\n  - bending: {stiffness_n_m2: 1.0}"),
-     "ropes[1].bending.clamped_along", ("begins at 'hook', which is a hinge", "hang-off alone")),
+     "ropes[1].bending.clamped_along", ("begins at 'hook', which is a hinge", "only a hang-off")),
     ("no payload effect", spoilt("  - payload: {}\n", ""),
      "effects", ("`payload` is not listed", "add `- payload: {}`")),
 ]  # fmt: skip
@@ -155,7 +155,7 @@ def test_first_shape_keeps_every_length(name: str) -> None:
 )
 def test_slack_rope_is_laid_as_a_catenary(low: Place, high: Place, length: float, up: bool) -> None:
     """Its ends where they belong, its elements of one length, bending one way only."""
-    nodes = laid(np.array(low), np.array(high), np.linspace(0.0, length, 201), up)
+    nodes = initial_shape(np.array(low), np.array(high), np.linspace(0.0, length, 201), up)
     assert np.allclose(nodes[:, 0], low, atol=1e-9)
     assert np.allclose(nodes[:, -1], high, atol=1e-6 * length)
     elements = np.linalg.norm(np.diff(nodes), axis=0)

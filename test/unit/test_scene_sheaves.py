@@ -39,7 +39,7 @@ BAD: list[tuple[str, str, str, tuple[str, ...]]] = [
      "ropes[2]", ("goes from 'haulback_sheave' straight to a sheave", "a payload or a joint")),
     ("another make", spoilt("  - name: below_ascending\n    rope: hmpe_25mm",
                             "  - name: below_ascending\n    rope: hmpe_76mm"),
-     "ropes[3]", ("are one rope over the sheave and differ in make", "the same `rope`")),
+     "ropes[3]", ("are one rope and differ in material", "the same `rope`")),
     ("graded", spoilt(STRETCH, STRETCH + "    grading: {lowest_m: 1.0}\n"),
      "ropes[3]", ("is graded", "leave `grading` out")),
     ("held by nothing", LOOP.replace(OWN_FIGURES, ""),

@@ -48,28 +48,28 @@ BAD: dict[str, tuple[str, str, tuple[str, ...]]] = {
     ),
     "bed above the surface": (
         with_effect(GOOD, "seabed: {depth_m: -20.0}"),
-        "effects[4].seabed.depth_m", ("-20 m is out of range", "below the origin"),
+        "effects[4].seabed.depth_m", ("-20 m is out of range", "at the origin"),
     ),
     "sheave below the bottom": (
         with_effect(LOOP, "seabed: {depth_m: 1200.0}"),
-        "sheaves[0].tether.at_m", ("z = -1550 m, below the bed at -1200 m", "deepen `seabed`"),
+        "sheaves[0].tether.at_m", ("z = -1550 m, below the seabed at -1200 m", "deepen `seabed`"),
     ),
     "sheave below a slope": (
         with_effect(LOOP, "seabed: {depth_m: 1600.0, slope: [0.0, 0.5]}").replace(
             HELD, "at_m: [0.0, 200.0, -1550.0]"
         ),
-        "sheaves[0].tether.at_m", ("below the bed at -1500 m",),
+        "sheaves[0].tether.at_m", ("below the seabed at -1500 m",),
     ),
     "sheave above the water": (
         LOOP.replace(HELD, "at_m: [0.0, 0.0, 50.0]"),
         "sheaves[0].tether.at_m", ("is held 50 m above the water", "give a negative z"),
     ),
     "sheave in a shallow": (
-        with_effect(LOOP, SHALLOWS), "sheaves[0].tether.at_m", ("below the bed at -1500 m",),
+        with_effect(LOOP, SHALLOWS), "sheaves[0].tether.at_m", ("below the seabed at -1500 m",),
     ),
     "fixed end below the bed": (
         CHAIN.replace("seabed: {depth_m: 300.0}", "seabed: {depth_m: 290.0}"),
-        "ropes[0].fixed_at_m", ("z = -300 m, below the bed at -290 m", "deepen `seabed`"),
+        "ropes[0].fixed_at_m", ("z = -300 m, below the seabed at -290 m", "deepen `seabed`"),
     ),
     "spectrum without a value": (
         measured("./hole.csv"), "effects[4].waves.measured", ("hole.csv, line 4: ''", "finite"),
@@ -136,7 +136,7 @@ def test_uneven_steps_are_no_gap(tmp_path: Path) -> None:
 ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "rope longer than the water is deep": (
         with_effect(GOOD, "seabed: {depth_m: 300.0}"),
-        "ropes[0].length_m: ", ("500 m of rope are out over a bed 300 m below", "lying on it"),
+        "ropes[0].length_m: ", ("500 m of rope is out above a seabed 300 m below", "lying on it"),
     ),
     "order deeper than the rope": (
         spoilt(FIRST_ROW, "{at_s: 0.0, payload_depth_m: 5000.0}"),
@@ -146,7 +146,7 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
         with_effect(
             spoilt(FIRST_ROW, "{at_s: 0.0, payload_depth_m: 700.0}"), "seabed: {depth_m: 600.0}"
         ),
-        "schedule of winch 'winch', row 0: ", ("700 m is below the bed", "at 600 m there"),
+        "schedule of winch 'winch', row 0: ", ("700 m is below the seabed", "at 600 m there"),
     ),
     "breaking wave": (
         with_effect(GOOD, "waves: {regular: {height_m: 20.0, period_s: 4.0}}"),
@@ -163,12 +163,12 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "waves of another depth than the bed's": (
         with_effect(GOOD, "waves: {regular: {height_m: 2.0, period_s: 9.0}, depth_m: 40.0}"
                           "\n  - seabed: {depth_m: 600.0}"),
-        "effects waves.depth_m: ", ("40 m deep over a bed at 600 m", "give 600 m"),
+        "effects waves.depth_m: ", ("40 m deep over a seabed at 600 m", "give 600 m"),
     ),
     "deep waves over a shallow bed": (
         with_effect(GOOD, "waves: {regular: {height_m: 2.0, period_s: 12.0}}"
                           "\n  - seabed: {depth_m: 65.0}"),
-        "effects waves: ", ("225 m long, over a bed at 65 m", "add depth_m: 65"),
+        "effects waves: ", ("225 m long, feel a seabed at 65 m", "add depth_m: 65"),
     ),
     "vortices in no current": (
         with_effect(GOOD[: GOOD.index("  - current")] + GOOD[GOOD.index("  - weight") :],
@@ -178,7 +178,7 @@ ODD: dict[str, tuple[str, str, tuple[str, ...]]] = {
     "vortices that are a share of nothing": (
         with_effect(spoilt("  - drag: {normal: 1.2, tangential: 0.02}\n", ""),
                     "strouhal_forcing: {}"),
-        "effects strouhal_forcing: ", ("shares of `drag`, which is not listed", "of its own"),
+        "effects strouhal_forcing: ", ("fractions of `drag`, which is not listed", "of its own"),
     ),
     "ship of nine kilometres": (
         spoilt("ship: {", "ship: {reference_m: [9000.0, 0.0, 0.0], "),
@@ -203,7 +203,7 @@ def test_a_lower_end_above_the_water_is_warned_about(tmp_path: Path) -> None:
     text = spoilt("    to: tool\n", "    fixed_at_m: [0.0, 0.0, 20.0]\n")
     text = text.replace(text[text.index("payloads:") : text.index("winch:")], "")
     warnings = sense_checks(load_scene(written(tmp_path, text.replace("  - payload: {}\n", ""))))
-    assert any("the lower end is held 20 m above the water" in warning for warning in warnings)
+    assert any("the lower end is fixed 20 m above the water" in warning for warning in warnings)
 
 
 def test_an_unpaced_run_tells_what_is_odd(

@@ -49,7 +49,7 @@ def test_the_pace_of_a_cable_that_locks_in_at_13_hz() -> None:
 
 def test_a_scene_too_coarse_is_told_what_it_costs() -> None:
     (words,) = [words for words in sense_checks(shedding(CABLE)) if "vortices" in words]
-    assert "lock-in at 12.8 Hz wants elements under 0.86 m and steps under 0.39 ms" in words
+    assert "lock-in at 12.8 Hz requires elements below 0.86 m and steps below 0.39 ms" in words
     assert "26 times slower than this scene without it" in words
     fine = shedding(replace(CABLE, elements=400, step=0.0003))
     assert not [words for words in sense_checks(fine) if "vortices" in words]
@@ -68,7 +68,7 @@ def test_a_run_tells_once_what_its_vortices_want(
         path.write_text(scene.replace("elements: 180", f"elements: {elements}"), encoding="utf-8")
         assert main(["run", str(path), "--speed", "0", "--for", "0.1", "--no-record"]) == 0
         said = capsys.readouterr().err
-        assert said.count("lock-in at 2.65 Hz wants elements under 1.3 m") == 1
+        assert said.count("lock-in at 2.65 Hz requires elements below 1.3 m") == 1
         assert told in said
 
 
@@ -92,7 +92,7 @@ def test_two_models_in_one_scene_are_an_error(tmp_path: Path) -> None:
         load_scene(path)
     one = "  - wake_oscillator: {set: qu}\n  - drag:"
     path.write_text(GOOD.replace("  - drag:", one), encoding="utf-8")
-    with pytest.raises(SceneError, match="there is no set 'qu'; known: qu_metrikine, "):
+    with pytest.raises(SceneError, match="unknown set 'qu'; known: qu_metrikine, "):
         load_scene(path)
 
 
@@ -101,7 +101,9 @@ def test_a_model_beside_the_step_wants_nothing_of_the_grid_and_one_drag(tmp_path
     scene = CABLE.scene()
     scene = replace(scene, effects=(*scene.effects, ModalVibrationParams()))
     words = vortex_words(scene, lift_figures(scene))
-    assert words.startswith("modal_vibration: lock-in at 12.8 Hz is computed beside the step")
+    assert words.startswith(
+        "modal_vibration: lock-in at 12.8 Hz is computed decoupled from the step"
+    )
     assert not [told for told in sense_checks(scene) if "vortices" in told]
     path = tmp_path / "beside.yaml"
     for more, words in (
@@ -114,5 +116,5 @@ def test_a_model_beside_the_step_wants_nothing_of_the_grid_and_one_drag(tmp_path
             load_scene(path)
     spread = "  - decomposed_force: {}\n  - drag: {over_reynolds: [[1000.0, 1.2], [100000.0, 1.0]],"
     path.write_text(re.sub(r"  - drag: *\{", spread, GOOD), encoding="utf-8")
-    with pytest.raises(SceneError, match="`decomposed_force` makes one drag coefficient grow"):
+    with pytest.raises(SceneError, match="`decomposed_force` amplifies one drag coefficient"):
         load_scene(path)

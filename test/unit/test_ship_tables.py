@@ -29,14 +29,14 @@ from rope_twin.twin.twin import Twin
 
 HEAD = "t_s,x_m,y_m,z_m\n"
 WAYS = {
-    "missing column": ("t_s,x_m,y_m\n0,0,0\n", "no column z_m; the head must name t_s, x_m"),
-    "no rows": (HEAD, "it has a head and no rows"),
+    "missing column": ("t_s,x_m,y_m\n0,0,0\n", "no column z_m; the header must name t_s, x_m"),
+    "no rows": (HEAD, "it has a header and no rows"),
     "not a number": (HEAD + "0,0,0,0\n1,a,0,0\n", "line 3: could not convert string to float: 'a'"),
     "not finite": (HEAD + "0,0,0,0\n1,nan,0,0\n", "line 3: a value that is not finite"),
-    "too few values": (HEAD + "0,0,0,0\n1,0,0\n", "line 3: 3 values; the head names 4"),
+    "too few values": (HEAD + "0,0,0,0\n1,0,0\n", "line 3: 3 values; the header names 4"),
     "later start": (HEAD + "1,0,0,0\n2,0,0,0\n", "it begins at t = 1 s"),
     "one row": (HEAD + "0,0,0,0\n", "it has one row"),
-    "times that fall": (HEAD + "0,0,0,0\n2,0,0,0\n1,0,0,0\n", "1 s follows 2 s; t_s must rise"),
+    "times that fall": (HEAD + "0,0,0,0\n2,0,0,0\n1,0,0,0\n", "1 s follows 2 s; t_s must ascend"),
     "a jump": (HEAD + "0,0,0,0\n1,0,0,0\n2,40,0,0\n", "jumps by 40.0 m from 1 s to 2 s"),
     "a wild spline": (HEAD + "0,0,0,0\n1,14,0,0\n2,0,0,0\n3,14,0,0\n", "spline through it reaches"),
 }
@@ -198,7 +198,7 @@ def test_a_cut_table_moves_the_ship_and_is_warned_of_above_one_per_cent(tmp_path
         components_of(waves, 9.80665), math.radians(riding.heading_deg), arm
     )
     assert share > 0.01
-    assert warning.startswith("sea_state.on_waves.responses: the table ends at 0.13 Hz, and respo")
+    assert warning.startswith("sea_state.on_waves.responses: the table ends at 0.13 Hz, and RAOs ")
     assert f"fade to zero by 0.156 Hz: up to {100.0 * share:.2g} % of the variance of" in warning
     (warning,) = sense_checks(load_scene(cut_table(tmp_path, 0.11, 0.3)))
     assert "the table begins at 0.11 Hz, and" in warning

@@ -105,7 +105,7 @@ def test_a_scene_and_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str
     words = ["viv", "cable_waves", "--own", "--for", "24", "--into", str(tmp_path), "--json"]
     assert main(words) == 0
     printed = capsys.readouterr()
-    assert "lock-in at 1.7 Hz wants elements under" in printed.err
+    assert "lock-in at 1.7 Hz requires elements below" in printed.err
     told = json.loads(printed.out)
     assert {Path(path).name for path in told["files"]} == {
         "own_along.png", "own_motion.png", "own_along.parquet", "own_motion.parquet",
@@ -151,7 +151,7 @@ def test_a_scene_beside_the_step_and_its_files(
     words = ["viv", "vortices_modal", "--own", "--for", "10", "--into", str(tmp_path)]
     assert main(words) == 0
     printed = capsys.readouterr()
-    assert "computed beside the step" in printed.err
+    assert "computed decoupled from the step" in printed.err
     assert "in line none in its model" in printed.out
     assert "what the model's growth of the drag makes of it" in printed.out
     along = pyarrow.parquet.read_table(tmp_path / "own_along.parquet").to_pydict()

@@ -32,7 +32,7 @@ def told(row: str) -> str:
 
 BAD: list[Row] = [
     ("drive alone", with_parts(DRIVE), "winch.drive", ("there is none", "add `drum:")),
-    ("brake alone", with_parts(DRUM + BRAKE), "winch.brake", ("no drive", "add `drive:")),
+    ("brake alone", with_parts(DRUM + BRAKE), "winch.brake", ("and there is none", "add `drive:")),
     ("negative inertia", with_parts(DRUM + DRIVE.replace("3000.0", "-1.0")),
      "winch.drive.inertia_kg_m2", ("-1 kg·m² is out of range",)),
     ("no torque", with_parts(DRUM + "  drive: {inertia_kg_m2: 3000.0}\n"),
@@ -51,7 +51,7 @@ BAD: list[Row] = [
      "winch.sheave", ("outer_wire_m missing",)),
     ("sheave narrower than its rope",
      with_parts("  sheave: {diameter_m: 0.04, outer_wire_m: 0.0018}\n"),
-     "winch.sheave.diameter_m", ("0.04 m is not wider than the rope's 0.04 m", "twenty times")),
+     "winch.sheave.diameter_m", ("0.04 m is not wider than the rope's 0.04 m", "20 times")),
     ("wires thicker than half their rope",
      with_parts("  sheave: {diameter_m: 0.8, outer_wire_m: 0.03}\n"),
      "winch.sheave.outer_wire_m", ("do not fit a rope of 0.04 m", "one outer wire")),
@@ -60,13 +60,13 @@ BAD: list[Row] = [
     ("no brake to set without a commander", with_parts("  when_commander_lost: brake\n"),
      "winch.when_commander_lost", ("this winch has no brake", "or take ramp_to_zero")),
     ("a row that tells nothing", told("{at_s: 20.0}"), "winch.schedule[1]",
-     ("nothing is told", "give exactly one")),
+     ("no command is given", "give exactly one")),
     ("a row that tells two things", told("{at_s: 20.0, speed_m_per_s: 0.1, line_out_m: 600.0}"),
      "winch.schedule[1]", ("at once", "give exactly one")),
     ("a length that is not there", told("{at_s: 20.0, line_out_m: 900.0}"),
-     "winch.schedule[1].line_out_m", ("900 m lies outside the winch's 50 to 800 m",)),
+     "winch.schedule[1].line_out_m", ("900 m is outside the winch's 50 to 800 m",)),
     ("a tension that nothing keeps", told("{at_s: 20.0, tension_n: 1.0e+5}"),
-     "winch.schedule[1].tension_n", ("keeps no tension", "add `constant_tension:")),
+     "winch.schedule[1].tension_n", ("no constant-tension mode", "add `constant_tension:")),
     ("a switch that is none", told("{at_s: 20.0, switch: set_break}"),
      "winch.schedule[1].switch", ("'set_break' is none", "did you mean 'set_brake'?")),
     ("a switch of nothing", told("{at_s: 20.0, switch: compensate}"),
@@ -77,7 +77,7 @@ BAD: list[Row] = [
      .replace("payloads:\n", "x:\n").partition("x:\n")[0]
      + told("{at_s: 20.0, payload_depth_m: 400.0}").partition("shape:")[2].partition("\n")[2]
      .replace("  - payload: {}\n", ""),
-     "ropes[0].fixed_at_m", ("lower end is fixed", "tell it a line_out_m")),
+     "ropes[0].fixed_at_m", ("lower end is fixed", "give line_out_m instead")),
 ]  # fmt: skip
 
 
@@ -104,10 +104,10 @@ def test_parts_are_read_and_a_card_knows_them(tmp_path: Path) -> None:
     [
         (DRUM + DRIVE, "0.005", ""),
         (DRUM + DRIVE.replace("300000.0", "100000.0"), "0.005",
-         "winch.drive: it holds 117 kN on layer 2, and the rope pulls with 133 kN at rest; "
-         "give more than 114 kN·m, or expect rope to run out."),
+         "winch.drive: it holds 117 kN on layer 2, static tension is 133 kN; "
+         "give more than 114 kN·m, or expect it to render."),
         (DRUM + DRIVE + BRAKE.replace("400000.0", "90000.0"), "0.005", "winch.brake: it holds 105"),
-        (DRUM + DRIVE, "0.02", "winch.drive: a step of 0.02 s feeds tension back too late on 50 m"),
+        (DRUM + DRIVE, "0.02", "winch.drive: a step of 0.02 s delays the tension feedback"),
     ],
     ids=["enough", "weak drive", "weak brake", "long step"],
 )  # fmt: skip

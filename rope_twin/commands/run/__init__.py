@@ -124,13 +124,13 @@ def _tell_of_vortices(options: RunOptions, progress: FigureProgress) -> None:
     from rope_twin.scene.figures import lift_figures
     from rope_twin.scene.load import load_scene
     from rope_twin.scene.rules.rigging import is_joined
-    from rope_twin.scene.rules.shedding import coarse_for_vortices, shedding_model, vortex_words
+    from rope_twin.scene.rules.shedding import check_vortex_resolution, shedding_model, vortex_words
 
     scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
     if not shedding_model(scene) or is_joined(scene):
         return
     figures = lift_figures(scene)
-    if any(coarse_for_vortices(scene, figures)):
+    if any(check_vortex_resolution(scene, figures)):
         return
     if words := vortex_words(scene, figures):
         progress.say(words)

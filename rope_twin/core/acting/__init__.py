@@ -1,1 +1,1 @@
-"""What effects add to the step: hooks, loads and terms, composed at compile time."""
+"""Contributions of effects to the step: hooks, loads and terms, composed at compile time."""

@@ -1,7 +1,7 @@
-"""Loads: what effects add to a node, all of them in one pass over memory.
+"""Loads: forces of effects on a node, all of them in one pass over memory.
 
-A Load is force and derivative. Those of all effects are summed in registers for a node, in one loop
-over the nodes: the walk over the effects is written out while numba compiles
+A Load is a force and its derivative. Those of all effects are summed in registers for a node, in
+one loop over the nodes: the loop over the effects is unrolled while numba compiles
 (core/acting/hooks.py).
 """
 
@@ -15,7 +15,7 @@ from numba.extending import overload
 from rope_twin.core.acting.hooks import kernels, kernels_by_place, members, written_out
 from rope_twin.core.compiler.jit import LINKED, jit, jit_within
 from rope_twin.core.compiler.rows import rows, span
-from rope_twin.core.guards import FOLDED2
+from rope_twin.core.guards import TANGENT2_MIN
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,
@@ -31,7 +31,7 @@ from rope_twin.core.state import (
 
 
 class Node(NamedTuple):
-    """A node as a load sees it."""
+    """Kinematics and lumped properties of a node, the input of a load."""
 
     x: float  # position [m]
     y: float
@@ -48,17 +48,17 @@ class Node(NamedTuple):
     ux: float  # water velocity [m/s]
     uy: float
     uz: float
-    wx: float  # acceleration of the water [m/s²], where an effect sets it
+    wx: float  # acceleration of the water [m/s²], set only by some effects
     wy: float
     wz: float
     mass: float  # of the rope [kg]
     volume: float  # of displaced water [m³]
-    frontal: float  # area that drag across the rope refers to [m²]
-    skin: float  # area that drag along it refers to [m²]
+    frontal: float  # reference area of normal drag [m²]
+    skin: float  # reference area of tangential drag [m²]
 
 
 class Load(NamedTuple):
-    """What acts on a node: force less inertia, and minus its derivative to the acceleration.
+    """Load on a node: force less inertia, and minus its derivative to the acceleration.
 
     The derivative is q·d/dv + p·d/dx + d/da, as a symmetric block.
     """
@@ -75,7 +75,7 @@ class Load(NamedTuple):
 
 
 def _sum_loads(effects: Any, node: Any, stage: Any) -> Any:
-    """The rope's inertia and the loads of all effects on one node."""
+    """Return the sum of the rope's inertia and the loads of all effects on one node."""
     total = _inertia(node)
     for effect, call in members("load", effects):
         total = _sum(total, call(effect, node, stage))
@@ -105,8 +105,8 @@ def _sum(a: Any, b: Any) -> Any:
 
 
 @jit_within
-def seen(work: Any, low: int) -> Any:
-    """What loads see of the nodes from `low` on, but for the tangent: rows."""
+def load_rows(work: Any, low: int) -> Any:
+    """Return the rows that loads depend on, from node `low` on, except for the tangent."""
     x, y, z = rows(work, POSITION, low)
     vx, vy, vz = rows(work, VELOCITY, low)
     ax, ay, az = rows(work, ACCELERATION, low)
@@ -120,7 +120,7 @@ def seen(work: Any, low: int) -> Any:
 
 @jit_within
 def load_of(effects: Any, stage: Any, nodes: Any, tangent: Any, i: int) -> Any:
-    """Inertia and the loads of all effects on node i of what is `seen`."""
+    """Return inertia plus the loads of all effects on node i of `load_rows`."""
     x, y, z, vx, vy, vz, ax, ay, az, ux, uy, uz, wx, wy, wz, mass, volume, frontal, skin = nodes
     tx, ty, tz = tangent
     node = Node(
@@ -132,13 +132,13 @@ def load_of(effects: Any, stage: Any, nodes: Any, tangent: Any, i: int) -> Any:
 
 @jit
 def _set_tangents(work: Any, low: int, high: int) -> None:
-    """TANGENT of the nodes 1 <= low <= i < high: the mean direction of both elements."""
+    """Set TANGENT of the nodes 1 <= low <= i < high to the mean direction of adjacent elements."""
     tx, ty, tz = rows(work, DIRECTION, low)
     bx, by, bz = rows(work, DIRECTION, low - 1)
     mx, my, mz = rows(work, TANGENT, low)
     for i in range(high - low):
         x, y, z = bx[i] + tx[i], by[i] + ty[i], bz[i] + tz[i]
-        inverse = 1.0 / sqrt(x * x + y * y + z * z + FOLDED2)
+        inverse = 1.0 / sqrt(x * x + y * y + z * z + TANGENT2_MIN)
         mx[i] = x * inverse
         my[i] = y * inverse
         mz[i] = z * inverse
@@ -147,7 +147,7 @@ def _set_tangents(work: Any, low: int, high: int) -> None:
 def load_remembering(
     effects: Any, work: Any, stage: Any, low: Any, high: Any, tangents: Any
 ) -> Any:
-    """Add the loads of the effects that remember; `tangents`: they are to be found first."""
+    """Add the loads of effects with internal variables; `tangents`: compute the tangents first."""
     calls = members("load_nodes", effects)
     if tangents and calls:
         _set_tangents(work, low, high)
@@ -168,11 +168,11 @@ def _compose_remembering(
 
 @jit
 def add_load(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Residual += loads and inertia, block = their derivative, for the nodes low <= i < high.
+    """Add loads and inertia to the residual and set the block, for the nodes low <= i < high.
 
-    For nodes whose TANGENT is given; `assembly.load_nodes` finds it from the elements.
+    TANGENT of the nodes must be given; `assembly.load_nodes` computes it from the elements.
     """
-    nodes = seen(work, low)
+    nodes = load_rows(work, low)
     tx, ty, tz = rows(work, TANGENT, low)
     Rx, Ry, Rz = rows(work, RESIDUAL, low)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)

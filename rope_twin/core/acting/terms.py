@@ -1,7 +1,7 @@
-"""Terms: what effects add to the step besides their loads, composed at compile time.
+"""Terms: contributions of effects to the step besides their loads, composed at compile time.
 
-Each walk over the effects (core/acting/hooks.py) is written out while numba compiles: an absent
-effect leaves no code.
+Each loop over the effects (core/acting/hooks.py) is unrolled while numba compiles: an absent effect
+leaves no code.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def _compose_end(effects: Any, work: Any, stage: Any) -> Any:
 
 @jit
 def _clear_links(work: Any, n: int) -> None:
-    """No couplings yet, and nothing at the hang-off's node, which the loads leave out."""
+    """Clear the couplings, and residual and block of the hang-off's node, which loads leave out."""
     for i in range(n + 1):
         work[LINK, i] = work[LINK + 1, i] = 0.0
     for k in range(3):
@@ -61,7 +61,7 @@ def _clear_links(work: Any, n: int) -> None:
 
 
 def add_couplings(effects: Any, work: Any, stage: Any, n: Any) -> Any:
-    """Add every effect's forces between nodes that are not neighbours."""
+    """Add every effect's forces between nodes that are not next neighbours."""
     if couples(map(type, effects)):
         _clear_links(work, n)
     for effect, call in members("couple", effects):
@@ -80,7 +80,7 @@ def _compose_couplings(effects: Any, work: Any, stage: Any, n: Any) -> Any:
 
 @jit
 def _add_to_pull(force: Any, pull: Any, row: int) -> None:
-    """A force on the hang-off joins the pull of step `row`."""
+    """Add a force on the hang-off to the tension of step `row`."""
     square = 0.0
     for k in range(3):
         pull[row, PULL_X + k] += force[k]
@@ -89,7 +89,7 @@ def _add_to_pull(force: Any, pull: Any, row: int) -> None:
 
 
 def add_pull(effects: Any, work: Any, n: Any, pull: Any, row: Any) -> Any:
-    """Add what effects that couple nodes bring to the rope's pull on the hang-off."""
+    """Add the contribution of coupling effects to the rope's force on the hang-off."""
     for effect, call in members("pull", effects):
         _add_to_pull(call(effect, work, n), pull, row)
 
@@ -103,7 +103,7 @@ def _compose_pull(effects: Any, work: Any, n: Any, pull: Any, row: Any) -> Any:
 
 
 def is_calm(effects: Any, work: Any, stage: Any, n: Any, share: Any) -> Any:
-    """Whether no load comes or goes between the motion that there is and that with share·delta."""
+    """Return whether no active set differs between the present motion and that with share·delta."""
     if not may_be_calm(map(type, effects)):
         return False
     return all(call(own, work, stage, n, share) for own, call in members("calm", effects))

@@ -1,1 +1,1 @@
-"""A payload with six degrees of freedom, as the kernels see it."""
+"""Kernels of a payload with six degrees of freedom."""

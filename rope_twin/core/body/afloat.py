@@ -1,21 +1,21 @@
-"""A rigid body in the water's surface: wetted share, buoyancy with its righting moments, slamming.
+"""A partially submerged rigid body: submergence, buoyancy with righting moments, slamming.
 
-The body is cut into columns along its own z over the height H; their places and shares of its
-volume are Gauss and Legendre's, so that for a box whose bottom is wet and whose top is dry volume
-and moments are exact. A column whose middle is at height z is wet below the surface η over the
-share
+The body is cut into columns along its own z over the height H; their positions and volume fractions
+are Gauss-Legendre points and weights, so that volume and moments are exact for a box whose bottom
+is wet and whose top is dry. A column whose middle is at height z is submerged below the surface η
+over the fraction
 
     s = (η - z)/e + 1/2, from 0 to 1,  e⁸ = (H·n_z)⁸ + (a·n_x)⁸ + (b·n_y)⁸
 
-where n is the vertical in body axes and a, b are its sides: e is its height as it stands, and stays
-above 0 where it lies. Buoyancy ρ·g·V·w·s acts -½·(1 - s)·∂e/∂n from the middle: the middle of the
-wetted part of a column that stands. So it has a potential, ρ·g·V·w·½·e·s² while it is partly wet,
-and can make no energy.
+where n is the vertical in body axes and a, b are its sides: e is its vertical extent at the present
+attitude, and stays above 0 where it lies flat. Buoyancy ρ·g·V·w·s acts -½·(1 - s)·∂e/∂n from the
+middle: the middle of the submerged part of an upright column. It therefore has a potential,
+ρ·g·V·w·½·e·s² while partly submerged, and cannot create energy.
 
-Added mass and drag follow the wetted share β of the whole and act at the middle of the wetted part
-(DNV-RP-N103, 4.2 to 4.4). While a column enters at the speed v against the water, ½·ρ·C_s·A·w·v²
-pushes up at its lower end (4.3.8). β in the momenta is held over a substep: what its change does to
-the added mass is slamming's part, and leaving the water there is none.
+Added mass and drag follow the submergence ratio β of the whole body and act at the middle of the
+submerged part (DNV-RP-N103, 4.2 to 4.4). While a column enters at the speed v relative to the
+water, ½·ρ·C_s·A·w·v² acts upward at its lower end (4.3.8). β in the momenta is held constant over a
+substep: the effect of its change on the added mass is the slamming force, and water exit has none.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from rope_twin.core.payout.trial import LOW
 from rope_twin.core.solve.assembly import set_flow
 from rope_twin.core.state import POSITION, SURFACE, Floats
 
-FEW = 1e-12  # a share that counts as dry
+DRY_TOL = 1e-12  # submerged fraction below which a body counts as dry
 
 
 @jit_within
@@ -51,7 +51,7 @@ def _sixth(x: float) -> float:
 
 @jit
 def _extent(part: Any, n: Any) -> Any:
-    """e and ∂e/∂n."""
+    """Return the vertical extent e of a column and ∂e/∂n."""
     a, b, H = part.side_x * n[0], part.side_y * n[1], part.height * n[2]
     A, B, C = _sixth(a), _sixth(b), _sixth(H)
     e = sqrt(sqrt(sqrt(A * a * a + B * b * b + C * H * H)))
@@ -61,7 +61,7 @@ def _extent(part: Any, n: Any) -> Any:
 
 @jit
 def _extent_change(part: Any, n: Any, found: Any, dn: Any) -> Any:
-    """How both change with n."""
+    """Return the changes of e and ∂e/∂n for a change dn of the vertical in body axes."""
     e, g = found
     a, b, H = part.side_x * n[0], part.side_y * n[1], part.height * n[2]
     de, s = dot(g, dn), 7.0 / (_sixth(e) * e)
@@ -75,7 +75,7 @@ def _extent_change(part: Any, n: Any, found: Any, dn: Any) -> Any:
 
 @jit
 def _share(body: Any, j: int, part: Any, pose: Any, e: float) -> Any:
-    """Of column j: its middle, and its share s before it is held within 0 and 1."""
+    """Return the middle of column j and its submerged fraction s before clamping to [0, 1]."""
     r, s = vector(part.columns[j], 0), body.stage
     surface = s[at.SURFACE_Z] + s[at.SURFACE_X] * part.columns[j, 4]
     surface += s[at.SURFACE_Y] * part.columns[j, 5]
@@ -84,7 +84,7 @@ def _share(body: Any, j: int, part: Any, pose: Any, e: float) -> Any:
 
 @part("act", Afloat)
 def act(part: Any, body: Any, q: float, pose: Any) -> Any:
-    """Buoyancy and slamming of all columns, and what accelerates the body's water."""
+    """Return buoyancy and slamming of all columns and the Froude-Krylov force."""
     _, R, v, spin = pose
     n, s = R[2], body.stage
     found = _extent(part, n)
@@ -112,7 +112,7 @@ def act(part: Any, body: Any, q: float, pose: Any) -> Any:
 
 @jit
 def _add_column(part: Any, body: Any, at_n: Any, floats: Any, slams: Any, spin: Any) -> None:
-    """The changes of a column's buoyancy and slamming."""
+    """Add the derivatives of one column's buoyancy and slamming to the matrix."""
     q, n, found, share = at_n
     r, arm, lift = floats
     low, slam, enters = slams
@@ -136,7 +136,7 @@ def _add_column(part: Any, body: Any, at_n: Any, floats: Any, slams: Any, spin: 
 
 @jit
 def _surface_at(body: Any, rope: Any, stage: Any, place: Any) -> float:
-    """Height of the water's surface above or below a place, by way of a trial node's column."""
+    """Return the water surface elevation at a position, using a ghost node's column."""
     work, slot = rope.work, rope.state.s.shape[0] + LOW
     for k in range(3):
         work[POSITION + k, slot] = place[k]
@@ -146,7 +146,7 @@ def _surface_at(body: Any, rope: Any, stage: Any, place: Any) -> float:
 
 @part("foresee", Afloat)
 def foresee(part: Any, body: Any, rope: Any, stage: Any, pose: Any) -> None:
-    """The surface, a plane over the body, and the wetted share and its middle."""
+    """Evaluate the water surface as a plane over the body, the submergence ratio and its centre."""
     x, R, _, _ = pose
     s, half_x, half_y = body.stage, part.span_x, part.span_y
     middle = along(x, 1.0, outward(R, vector(body.middle, 0)))
@@ -169,18 +169,18 @@ def foresee(part: Any, body: Any, rope: Any, stage: Any, pose: Any) -> None:
         lower = 0.5 * (1.0 - min(max(share, 0.0), 1.0))
         arm = along(arm, wet, along(part_of_it, -lower, g))
     s[at.WET] = total
-    put(s, at.WET_ARM, along(NONE, 1.0 / max(total, FEW), arm))
+    put(s, at.WET_ARM, along(NONE, 1.0 / max(total, DRY_TOL), arm))
 
 
 @part("floor", Afloat)
 def floor(part: Any, body: Any, place: Any) -> float:
-    """Where the bottom of a body that floats would be."""
-    sunk = part.height * body.m / (body.displaced + FEW)
+    """Return the height of the keel of the body floating in equilibrium."""
+    sunk = part.height * body.m / (body.displaced + DRY_TOL)
     return float(body.stage[at.SURFACE_Z] - sunk if body.m < body.displaced else -1e300)
 
 
 def columns_now(part: Afloat, body: RigidBody, pose: Any) -> tuple[Floats, Floats, Floats]:
-    """Of each column its wetted share (n,), buoyancy and slamming (n, 3) [N]."""
+    """Return submerged fraction (n,), buoyancy and slamming (n, 3) [N] of each column."""
     n, s, sides = pose.turn[2], body.stage, np.array([part.side_x, part.side_y, part.height])
     e, _ = _extent_now(sides, n)
     r = part.columns[:, :3]
@@ -195,14 +195,14 @@ def columns_now(part: Afloat, body: RigidBody, pose: Any) -> tuple[Floats, Float
 
 
 def _extent_now(sides: Floats, n: Floats) -> tuple[float, Floats]:
-    """e and ∂e/∂n."""
+    """Return e and ∂e/∂n (plain Python version of `_extent`)."""
     e = float(((sides * n) ** 8).sum() ** 0.125)
     return e, np.asarray((sides * n) ** 7 * sides / e**7)
 
 
 @part("power", Afloat)
 def power(part: Afloat, body: RigidBody, pose: Any) -> float:
-    """Buoyancy, less that of the whole body, and slamming times velocity [W]."""
+    """Return the power of buoyancy, less that of the fully submerged body, and of slamming [W]."""
     sides = np.array([part.side_x, part.side_y, part.height])
     _, g = _extent_now(sides, pose.turn[2])
     wet, lift, slam = columns_now(part, body, pose)

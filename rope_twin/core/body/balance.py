@@ -1,9 +1,10 @@
-"""The balance of a rigid body in a stage, and what the body leaves on the hook.
+"""Equations of motion of a rigid body in an implicit stage, and their condensation to the hook.
 
-TR-BDF2 steps P, L, the place x and the turn θ since the substep's start (core/body/loads.py has
-their rates); sought are v and dθ/dt. So momenta are kept to round-off, whatever turns. The balance
-is solved to round-off by Newton's method with the exact derivative; what it leaves on the hook is
-then the exact derivative of the pull there, but for its skew part.
+TR-BDF2 steps P, L, the position x and the rotation θ since the start of the substep (their rates
+are in core/body/loads.py); the unknowns are v and dθ/dt. Momenta are thus conserved to round-off
+for any rotation. The equations are solved to round-off by Newton's method with the exact Jacobian;
+the Schur complement on the hook is then the exact derivative of the force there, except for its
+skew part.
 """
 
 from __future__ import annotations
@@ -48,15 +49,15 @@ from rope_twin.core.body.state import (
 )
 from rope_twin.core.compiler.jit import jit
 
-CAP, HALVINGS = 60, 8
-BALANCED, KEPT = 1e-9, 1e-12  # what may be left, of the forces and of the momenta
-NO_LOAD = 1e-200  # N·s: what may be left of a body that nothing acts on
-ROUND_OFF = 1e-15  # of a place, what its round-off may be: stiff slings feel it
+MAX_ITERATIONS, HALVINGS = 60, 8
+FORCE_TOL, MOMENTUM_TOL = 1e-9, 1e-12  # of the residual, relative to forces and momenta
+NO_LOAD = 1e-200  # N·s: absolute tolerance for a body without loads
+ROUND_OFF = 1e-15  # relative round-off of a position, amplified by stiff slings
 
 
 @jit
 def balance(body: Any, q: float, hook: Any) -> float:
-    """What the momenta miss at the sought speed and turn rate, in units of what may be missed."""
+    """Return the residual of the momenta at the current iterate, relative to its tolerance."""
     s = body.stage
     v, rate = vector(s, SPEED), vector(s, TURN_RATE)
     theta = along(vector(s, TURN_HAT), q, rate)
@@ -83,14 +84,14 @@ def balance(body: Any, q: float, hook: Any) -> float:
     P_hat, L_hat = vector(s, P_HAT), vector(s, L_HAT)
     kept = sqrt(dot(P_hat, P_hat)) + sqrt(dot(L_hat, L_hat)) / body.reach
     blur = ROUND_OFF * (sqrt(dot(x, x)) + body.reach) * body.stiffness
-    allowed = q * (BALANCED * s[FORCES] + blur) + KEPT * kept + NO_LOAD
+    allowed = q * (FORCE_TOL * s[FORCES] + blur) + MOMENTUM_TOL * kept + NO_LOAD
     turns = sqrt(dot(turn_lost, turn_lost)) / body.reach
     return float((sqrt(dot(lost, lost)) + turns) / allowed)
 
 
 @jit
 def eliminate(A: Any) -> None:
-    """The columns from HELD on become the solutions of six equations, rows changed for pivots."""
+    """Solve six equations in place, with row pivoting, for the columns from HELD on."""
     for j in range(6):
         best = j
         for i in range(j + 1, 6):
@@ -111,7 +112,7 @@ def eliminate(A: Any) -> None:
 
 @jit
 def _correct(body: Any) -> None:
-    """Newton's correction of speed and turn rate."""
+    """Apply Newton's correction of velocity and rotation rate."""
     A, s = body.matrix, body.stage
     eliminate(A)
     R = matrix_of(quaternion(s, ATTITUDE))
@@ -124,13 +125,13 @@ def _correct(body: Any) -> None:
 
 @jit
 def solve(body: Any, q: float, hook: Any) -> bool:
-    """Speed and turn rate for this motion of the hook; whether they were found.
+    """Solve for velocity and rotation rate at this motion of the hook; return whether it converged.
 
-    A correction that makes the miss larger is halved.
+    A correction that increases the residual is halved (line search).
     """
     s = body.stage
     miss = balance(body, q, hook)
-    for _ in range(CAP):
+    for _ in range(MAX_ITERATIONS):
         if miss <= 1.0:
             return True
         _correct(body)
@@ -147,11 +148,11 @@ def solve(body: Any, q: float, hook: Any) -> bool:
 
 @jit
 def left_on_hook(body: Any, q: float) -> Any:
-    """Minus the derivative of the pull on the hook to its acceleration, in the world's axes.
+    """Return minus the derivative of the force on the hook to its acceleration, in world axes.
 
-    After `solve`: W + q·w·A⁻¹·W', with the changes W and w of the slings' pull with the hook's
-    acceleration and with what is sought, and W' of the force and moment on the body, as xx, xy,
-    xz, yy, yz, zz. Where it is not symmetric the means of both sides are taken.
+    To be called after `solve`: W + q·w·A⁻¹·W', with the derivatives W and w of the sling forces to
+    the acceleration of the hook and to the unknowns, and W' of force and moment on the body, as xx,
+    xy, xz, yy, yz, zz. The symmetric part is returned.
     """
     A, H = body.matrix, body.hold
     eliminate(A)

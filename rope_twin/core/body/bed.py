@@ -1,7 +1,7 @@
-"""A rigid body on the seabed: each of its corners is carried, rubs and lifts off by itself.
+"""Contact of a rigid body's corners with the seabed: normal force, friction, lift-off.
 
-The same law as for a rope's payload (effects/seabed.py), with k shared among the corners. Dropped
-from Newton's matrix: how the slope of soundings changes below a corner.
+The law is that of a payload node (effects/seabed.py), with k shared among the corners. Omitted from
+the Jacobian: the change of slope of gridded soundings below a corner.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from rope_twin.core.state import Floats
 
 @jit
 def _push(bed: Any, body: Any, q: float, pose: Any, r: Any, ground: Any) -> Any:
-    """Of one place r; ground: height of the bed below it and its slopes."""
+    """Return the contact force at one corner r; ground: height and slopes of the seabed below."""
     z, east, north = ground
     nz = 1.0 / sqrt(1.0 + east * east + north * north)
     d = (z - pose[0][2] - dot(pose[1][2], r)) * nz
@@ -35,7 +35,7 @@ def _push(bed: Any, body: Any, q: float, pose: Any, r: Any, ground: Any) -> Any:
 
 
 def _ground(shape: Any, x: Any, y: Any) -> Any:
-    """Height of the bed below a place and its slopes, east and north."""
+    """Return the height of the seabed below a position and its slopes to the east and the north."""
     return plane_bed(shape, x, y) if isinstance(shape, Plane) else grid_bed(shape, x, y)
 
 
@@ -51,7 +51,7 @@ def _ground_by_type(shape: Any, x: Any, y: Any) -> Any:
 
 @part("act", PlaneBed, GridBed)
 def act(bed: Any, body: Any, q: float, pose: Any) -> Any:
-    """Of all corners on the bed."""
+    """Return the contact force and moment of all corners on the seabed."""
     f, t, size = NONE, NONE, 0.0
     for j in range(body.corners.shape[0]):
         r = vector(body.corners[j], 0)
@@ -64,7 +64,7 @@ def act(bed: Any, body: Any, q: float, pose: Any) -> Any:
 
 @part("floor", PlaneBed, GridBed)
 def floor(bed: Any, body: Any, place: Any) -> float:
-    """Its height there."""
+    """Return the height of the seabed at a position."""
     z, _, _ = _ground(bed.shape, place[0], place[1])
     return float(z)
 
@@ -72,7 +72,7 @@ def floor(bed: Any, body: Any, place: Any) -> float:
 def bed_pushes(
     bed: PlaneBed | GridBed, body: RigidBody, pose: Any
 ) -> tuple[Floats, Floats, Floats]:
-    """Height of each corner above the bed [m], push along the normal [N], and all of it (n, 3).
+    """Return clearance of each corner [m], normal force [N], and total contact force (n, 3) [N].
 
     pose: of core/body/energy.py.
     """
@@ -91,5 +91,5 @@ def bed_pushes(
 
 @part("power", PlaneBed, GridBed)
 def power(bed: Any, body: RigidBody, pose: Any) -> float:
-    """Pushes and friction times velocity [W]; what the soil stores is given back."""
+    """Return the power of contact and friction [W]; energy stored in the soil is given back."""
     return float((bed_pushes(bed, body, pose)[2] * pose.speed(body.corners)).sum())

@@ -1,14 +1,15 @@
-"""How a rigid body's motion changes with what a stage seeks: the tangents of Newton's matrix.
+"""Derivatives of a rigid body's motion to the unknowns of a stage: the tangents of Newton's matrix.
 
-Sought are the velocity v and the rate θ' of the turn (core/body/balance.py). With a change of one
-of these six numbers the place changes by q·δv, the attitude by a small turn ψ = q·J(θ)·δθ' and the
-angular velocity by δΩ = J(θ)·δθ' + q·(DJ(θ)[δθ'])·θ', with J of core/body/rotation.py. All changes
-are those that the world sees, told along the body's axes: of a place r of the body
+The unknowns are the velocity v and the rate θ' of the rotation (core/body/balance.py). A change of
+one of these six numbers changes the position by q·δv, the attitude by a small rotation ψ =
+q·J(θ)·δθ' and the angular velocity by δΩ = J(θ)·δθ' + q·(DJ(θ)[δθ'])·θ', with J of
+core/body/rotation.py. All changes are those seen from the world, in components along the body axes:
+for a point r of the body
 
-    δx + ψ × r,   δv + δΩ × r + ψ × (Ω × r),   and of its arm from G: ψ × r,
+    δx + ψ × r,   δv + δΩ × r + ψ × (Ω × r),   and for its arm from G: ψ × r,
 
-so that a force f there, which itself changes by w, changes the moment by r × w + (ψ × r) × f.
-Nothing is dropped.
+so that a force f there, which itself changes by w, changes the moment by r × w + (ψ × r) × f. The
+Jacobian is complete.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ NONE = (0.0, 0.0, 0.0)
 
 @jit_within
 def unit(k: int, size: float) -> Any:
-    """A vector along axis k; none of another k."""
+    """Return a vector of length `size` along axis k; zero for any other k."""
     return (
         size if k == 0 else 0.0, size if k == 1 else 0.0, size if k == 2 else 0.0
     )  # fmt: skip
@@ -32,10 +33,10 @@ def unit(k: int, size: float) -> Any:
 
 @jit
 def turn_slope(theta: Any, a: Any, b: Any) -> Any:
-    """(DJ(θ)[a])·b.
+    """Return (DJ(θ)[a])·b.
 
     J(θ)·b = b - α·θ × b + β·θ × (θ × b); α = (1 - cos φ)/φ², β = (φ - sin φ)/φ³ and their slopes
-    over φ by their series, to 1e-8 up to a turn of 0.3 rad in a substep.
+    over φ by their series, to 1e-8 up to a rotation of 0.3 rad in a substep.
     """
     f = dot(theta, theta)
     alpha = 1.0 / 2.0 - f * (1.0 / 24.0 - f * (1.0 / 720.0 - f / 40320.0))
@@ -51,7 +52,7 @@ def turn_slope(theta: Any, a: Any, b: Any) -> Any:
 
 @jit
 def set_changes(body: Any, q: float, theta: Any, rate: Any) -> None:
-    """The changes with each of the six numbers that are sought."""
+    """Set the derivatives of the motion to each of the six unknowns."""
     for k in range(3):
         row, axis = body.changes[k], unit(k, 1.0)
         put(row, D_PLACE, along(NONE, q, axis))
@@ -67,7 +68,7 @@ def set_changes(body: Any, q: float, theta: Any, rate: Any) -> None:
 
 @jit_within
 def change_of(body: Any, k: int, r: Any, turning: Any) -> Any:
-    """Changes of a place r of the body, of its velocity, and of its arm; turning: Ω × r."""
+    """Return changes of position, velocity and arm of a point r; turning: Ω × r."""
     row = body.changes[k]
     psi = vector(row, D_TURN)
     arm = cross(psi, r)
@@ -77,14 +78,14 @@ def change_of(body: Any, k: int, r: Any, turning: Any) -> Any:
 
 @jit_within
 def add_moment_change(body: Any, k: int, s: float, turn: Any) -> None:
-    """Matrix += s times a change of moment."""
+    """Add s times a change of moment to column k of the matrix."""
     for i in range(3):
         body.matrix[3 + i, k] += s * turn[i]
 
 
 @jit_within
 def add_change(body: Any, k: int, s: float, w: Any, turn: Any) -> None:
-    """Matrix += s times changes of force and moment."""
+    """Add s times changes of force and moment to column k of the matrix."""
     for i in range(3):
         body.matrix[i, k] += s * w[i]
         body.matrix[3 + i, k] += s * turn[i]
@@ -92,13 +93,13 @@ def add_change(body: Any, k: int, s: float, w: Any, turn: Any) -> None:
 
 @jit_within
 def moment_change(r: Any, w: Any, arm: Any, f: Any) -> Any:
-    """Of a force f at r that changes by w, as its arm does by `arm`."""
+    """Return the change of moment of a force f at r that changes by w, its arm by `arm`."""
     return along(cross(r, w), 1.0, cross(arm, f))
 
 
 @jit
 def add_steady(body: Any, q: float, r: Any, f: Any) -> None:
-    """A force on a place r of the body that the world sees unchanged, whatever the body does."""
+    """Add the derivatives of a force at a point r of the body that is constant in world axes."""
     for k in range(3, 6):
         arm = cross(vector(body.changes[k], D_TURN), r)
         add_moment_change(body, k, -q, cross(arm, f))

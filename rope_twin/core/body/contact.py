@@ -1,9 +1,8 @@
-"""A rigid body's places on something that carries them: it pushes, rubs, and never pulls.
+"""Contact of points of a rigid body: unilateral normal force and friction; the deck.
 
-As effects/seabed.py has it: N = k·d·(1 - χ·v_n), at least 0 (Hunt and Crossley 1975), and friction
--μ·N·v_t/√(|v_t|² + v_0²) (Oden and Martins 1985), here with all of its changes.
-
-The deck is a level plane that heaves.
+The law is that of effects/seabed.py: N = k·d·(1 - χ·v_n), at least 0 (Hunt and Crossley 1975), and
+friction -μ·N·v_t/√(|v_t|² + v_0²) (Oden and Martins 1985), here with all of its derivatives. The
+deck is a level plane that heaves.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ CREEP = 0.01  # v_0: friction is within 0.5 % of μ·N from ten times this on [m
 
 @jit
 def push_of(soil: Any, d: float, n: Any, v: Any) -> Any:
-    """Push on a place that is d > 0 deep along the normal n, moves at v; its N, gain and sliding.
+    """Return the contact force for depth d > 0, normal n and velocity v, and (N, gain, sliding).
 
     soil: k, χ, μ.
     """
@@ -45,7 +44,7 @@ def push_of(soil: Any, d: float, n: Any, v: Any) -> Any:
 
 @jit
 def push_change(soil: Any, d: float, n: Any, found: Any, moved: Any) -> Any:
-    """How that changes with place and velocity."""
+    """Return the change of the contact force for a change of position and velocity."""
     k, chi, mu = soil
     N, gain, slide = found
     place, speed = moved
@@ -62,9 +61,9 @@ def push_change(soil: Any, d: float, n: Any, found: Any, moved: Any) -> Any:
 
 @jit
 def add_push(body: Any, q: float, pose: Any, r: Any, touch: Any) -> Any:
-    """Force and moment in body axes on a place r that touches, and its N; its changes are noted.
+    """Return force and moment in body axes at a point r in contact, and N; add their derivatives.
 
-    touch: soil, depth > 0, normal, velocity of what it touches.
+    touch: soil, depth > 0, normal, velocity of the surface touched.
     """
     _, R, v, spin = pose
     soil, d, n, under = touch
@@ -82,7 +81,7 @@ def add_push(body: Any, q: float, pose: Any, r: Any, touch: Any) -> Any:
 
 @part("act", Deck)
 def act(deck: Any, body: Any, q: float, pose: Any) -> Any:
-    """Of all corners on the deck."""
+    """Return the contact force and moment of all corners on the deck."""
     x, R, _, _ = pose
     up, under = (0.0, 0.0, 1.0), (0.0, 0.0, body.stage[at.DECK_SPEED])
     f, t, size = NONE, NONE, 0.0
@@ -98,7 +97,7 @@ def act(deck: Any, body: Any, q: float, pose: Any) -> Any:
 
 @part("foresee", Deck)
 def foresee(deck: Any, body: Any, rope: Any, stage: Any, pose: Any) -> None:
-    """Height and rate of the deck at the stage's time."""
+    """Set height and vertical velocity of the deck at the stage's time."""
     s, n, time = body.stage, rope.state.counts[ELEMENTS], stage.time
     share, rate = 1.0, 0.0
     if time < deck.ramp:
@@ -114,12 +113,12 @@ def foresee(deck: Any, body: Any, rope: Any, stage: Any, pose: Any) -> None:
 
 @part("floor", Deck)
 def floor(deck: Any, body: Any, place: Any) -> float:
-    """Its height."""
+    """Return the height of the deck."""
     return float(body.stage[at.DECK_Z])
 
 
 def deck_pushes(deck: Deck, body: RigidBody, pose: Any) -> Floats:
-    """Of the deck on each corner, (corners, 3) [N]; pose: of body_energy."""
+    """Return the deck's force on each corner, (corners, 3) [N]; pose: of core/body/energy.py."""
     v = pose.speed(body.corners) - [0.0, 0.0, body.stage[at.DECK_SPEED]]
     sunk = np.maximum(body.stage[at.DECK_Z] - pose.place(body.corners)[:, 2], 0.0)
     push = deck.k * sunk * np.maximum(1.0 - deck.chi * v[:, 2], 0.0)
@@ -129,5 +128,5 @@ def deck_pushes(deck: Deck, body: RigidBody, pose: Any) -> Floats:
 
 @part("power", Deck)
 def power(deck: Deck, body: RigidBody, pose: Any) -> float:
-    """Pushes and friction times velocity [W]."""
+    """Return the power of contact forces and friction of the deck [W]."""
     return float((deck_pushes(deck, body, pose) * pose.speed(body.corners)).sum())

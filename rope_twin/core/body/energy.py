@@ -1,9 +1,10 @@
-"""Where a rigid body is, and what it stores and brings of energy, for Python.
+"""Pose and energy balance of a rigid body, for Python callers.
 
-Kinetic energy counts the water's at the velocity against it, c, and p·u besides, so that its rate
-is the power of all forces but the added mass: along z ∫w·M(w)·dw, of which the part that differs
-rising from sinking is ΔM/2·(w·√(w² + δ²) - δ²·asinh(w/δ)). Slings and pin store ½·k·stretch². What
-their dampers and the parts (core/body/parts.py) take goes to the water's account.
+Kinetic energy includes that of the added mass at the relative velocity c, and p·u besides, so that
+its rate is the power of all forces except the added mass: along z ∫w·M(w)·dw, of which the part
+that differs between ascent and descent is ΔM/2·(w·√(w² + δ²) - δ²·asinh(w/δ)). Slings and pin store
+½·k·stretch². The dissipation of their dampers and of the components (core/body/parts.py) is charged
+to the water's account.
 """
 
 from __future__ import annotations
@@ -16,47 +17,47 @@ from rope_twin.core.body import state as body_state
 from rope_twin.core.body.loads import TURN2
 from rope_twin.core.body.parts import power_of
 from rope_twin.core.body.state import DAMPING, LENGTH, STIFFNESS, RigidBody
-from rope_twin.core.guards import STILL2, TOUCHING2
+from rope_twin.core.guards import SLING2_MIN, SPEED2_MIN
 from rope_twin.core.state import Floats
 
 at = body_state
-SOON = 1e-5  # for a rate [s]
+SOON = 1e-5  # interval of a finite difference in time [s]
 
 
 class Pose(NamedTuple):
-    """A body at one time; vectors in the directions of the frame `sea` unless said otherwise."""
+    """Pose of a body at one time; vectors in axes of the frame `sea` unless stated otherwise."""
 
     centre: Floats  # of gravity, (3,) [m]
-    velocity: Floats  # of that [m/s]
+    velocity: Floats  # of the centre of gravity [m/s]
     quaternion: Floats  # x, y, z, w: turns body axes into the frame's, (4,)
     spin: Floats  # angular velocity in body axes [rad/s]
     turn: Floats  # the rotation matrix, (3, 3)
 
     def place(self, r: Any) -> Floats:
-        """Where a place r of the body is, (..., 3) [m]; from the centre of gravity, body axes."""
+        """Return the position (..., 3) [m] of a point r, given from the centre in body axes."""
         return np.asarray(self.centre + np.asarray(r) @ self.turn.T)
 
     def speed(self, r: Any) -> Floats:
-        """Its velocity, (..., 3) [m/s]."""
+        """Return the velocity (..., 3) [m/s] of a point r of the body."""
         return np.asarray(self.velocity + np.cross(self.spin, r) @ self.turn.T)
 
 
 def pose_of(body: RigidBody) -> Pose:
-    """The body as of the last accepted substep."""
+    """Return the pose of the body after the last accepted substep."""
     now = body.records[int(body.memory[0, 0])]
     Q = now[at.Q : at.Q + 4].copy()
     return Pose(_three(now, at.X), _three(now, at.V), Q, _three(now, at.SPIN), _matrix(Q))
 
 
 def pulls_of(body: RigidBody, hook: Any, speed: Any) -> tuple[Floats, Floats, Floats]:
-    """Of each leg its pull on the body (legs, 3) [N], what it stores [J], what it dissipates [W].
+    """Return each sling's force on the body (legs, 3) [N], stored energy [J] and dissipation [W].
 
-    hook, speed: place and velocity of the rope's end, (3,).
+    hook, speed: position and velocity of the rope's end, (3,).
     """
     pose, legs = pose_of(body), body.legs
     r, k, c = legs[:, :3], legs[:, STIFFNESS], legs[:, DAMPING]
     d, e = hook - pose.place(r), speed - pose.speed(r)
-    length = np.sqrt((d * d).sum(axis=1) + TOUCHING2)
+    length = np.sqrt((d * d).sum(axis=1) + SLING2_MIN)
     n = d / length[:, None]
     stretch, rate = length - legs[:, LENGTH], (n * e).sum(axis=1)
     pull = np.maximum(k * stretch + c * rate, 0.0)
@@ -69,7 +70,7 @@ def pulls_of(body: RigidBody, hook: Any, speed: Any) -> tuple[Floats, Floats, Fl
 
 
 def kinetic(body: Any, place: Any) -> Any:
-    """Of body, water and hook [J]."""
+    """Return the kinetic energy of body, added mass and hook [J]."""
     pose, now = pose_of(body), body.records[int(body.memory[0, 0])]
     own = 0.5 * body.m * pose.velocity @ pose.velocity + 0.5 * pose.spin @ body.inertia @ pose.spin
     water = _of_water(body, pose, now[at.WET_THEN], _three(now, at.ARM_THEN))
@@ -77,7 +78,7 @@ def kinetic(body: Any, place: Any) -> Any:
 
 
 def _of_water(body: Any, pose: Pose, wet: float, arm: Floats) -> float:
-    """Kinetic energy of the added mass where so much of the body is wet [J]."""
+    """Return the kinetic energy of the added mass at this submergence ratio [J]."""
     u, spin = _three(body.records[int(body.memory[0, 0])], at.WATER), pose.spin
     c = (pose.velocity - u) @ pose.turn + np.cross(spin, body.watered + arm)
     w, root = c[2], np.sqrt(c[2] ** 2 + TURN2)
@@ -89,7 +90,7 @@ def _of_water(body: Any, pose: Pose, wet: float, arm: Floats) -> float:
 
 
 def potential(body: Any, place: Any) -> Any:
-    """Weight less buoyancy times height of body and hook, and what slings store [J]."""
+    """Return the potential energy of body and hook in water, and of stretched slings [J]."""
     pose = pose_of(body)
     _, stored, _ = pulls_of(body, place.position[:, 0], place.velocity[:, 0])
     height = body.m * pose.centre[2] - body.displaced * pose.place(body.buoyed)[2]
@@ -97,9 +98,9 @@ def potential(body: Any, place: Any) -> Any:
 
 
 def power(body: Any, place: Any) -> Any:
-    """Of drag, the water's acceleration and the parts, less what the slings' dampers take [W].
+    """Return the power of drag, water acceleration and components, less sling dissipation [W].
 
-    With it what a wetted share that grows adds to the energy of the water that is carried along.
+    It includes what a growing submergence ratio adds to the kinetic energy of the added mass.
     """
     pose, now = pose_of(body), body.records[int(body.memory[0, 0])]
     u, grows, wet, arm = (
@@ -111,7 +112,7 @@ def power(body: Any, place: Any) -> Any:
     k, M = wet * body.k[:3], wet * body.added[:3]
     k[2] += wet * body.rising_k * blend
     M[2] += wet * body.rising * blend
-    drag = -np.sqrt(c @ c + STILL2) * k * c
+    drag = -np.sqrt(c @ c + SPEED2_MIN) * k * c
     swept = M * (grows @ pose.turn)
     total = (drag + swept) @ pose.turn.T @ pose.speed(h) - swept @ pose.turn.T @ u
     total += wet * body.displaced * grows @ pose.speed(body.buoyed + arm)
@@ -128,6 +129,6 @@ def _three(table: Floats, i: Any) -> Floats:
 
 
 def _matrix(Q: Floats) -> Floats:
-    """The rotation of a unit quaternion, (3, 3): I + 2·w·[q] + 2·[q]²."""
+    """Return the rotation matrix of a unit quaternion, (3, 3): I + 2·w·[q] + 2·[q]²."""
     skew = np.cross(np.eye(3), Q[:3])
     return np.asarray(np.eye(3) + 2.0 * Q[3] * skew + 2.0 * skew @ skew)

@@ -1,7 +1,7 @@
-"""Types of rigid bodies: one for each set of parts, as a step is compiled for types of effects.
+"""Types of rigid bodies, one for each set of components, which select the compiled code.
 
-So the step of a body without a deck has no deck in its code (core/body/parts.py). All are made on
-import, where numba's cache finds them by their names.
+The step of a body without a deck thus contains no code for a deck (core/body/parts.py). All types
+are made on import, so that numba's cache finds them by name.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from rope_twin.core.solve.remembering import remembering
 
 
 def _make(parts: tuple[type, ...]) -> type[RigidBody]:
-    """A type of body whose kernels and accounts are registered."""
+    """Return a type of body with its kernels and accounts registered."""
     name = "RigidBody" + "".join(part.__name__ for part in parts)
     kind = type(name, (RigidBody,), {"__slots__": (), "__module__": __name__})
     for hook in ("start", "predict", "load_end", "calm", "settle"):
@@ -46,7 +46,7 @@ _KINDS = {sum(some, ()): _make(sum(some, ())) for some in product(_WATERS, _DECK
 
 
 def with_parts(body: RigidBody, parts: tuple[Any, ...]) -> RigidBody:
-    """A body with these parts: what water it is in, then a deck, then the seabed."""
+    """Return a body with these components: water model, then a deck, then the seabed."""
     held = float(body.legs[:, STIFFNESS].sum())
     stiffness = held + len(body.corners) * sum(getattr(one, "k", 0.0) for one in parts)
     figures = {**body._asdict(), "parts": parts, "stiffness": stiffness}

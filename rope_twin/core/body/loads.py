@@ -1,23 +1,24 @@
-"""Forces on a rigid body, the momenta of body and water, and Newton's matrix of both.
+"""Loads on a rigid body, the momenta of body and added mass, and the Jacobian of both.
 
-Kirchhoff's equations (Lamb 1932, Hydrodynamics, § 124) for the momenta of body and added mass
-about the centre of gravity G, in the world's directions:
+Kirchhoff's equations (Lamb 1932, Hydrodynamics, § 124) for the momenta of body and added mass about
+the centre of gravity G, in world axes:
 
     dP/dt = F,  dL/dt = M - (v - u) × p,  P = m·v + p,  L = R·((I + I_A)·Ω + h × Rᵀp)
 
-with the water's momentum p = R·M_A·c, c = Rᵀ(v - u) + Ω × h the velocity against the water u at
-the place h of added mass and drag. u in p is held over a substep: a current that jumps gives no
-blow; the water's acceleration brings (ρV + M_A) times itself (Morison et al. 1950). Of a body in
-the surface M_A, I_A and drag are those of the wetted share and h is the middle of the wetted part
-(core/body/afloat.py); else the share is 1.
+with the momentum of the added mass p = R·M_A·c, c = Rᵀ(v - u) + Ω × h the velocity relative to the
+water u at the reference point h of added mass and drag. u in p is held constant over a substep: a
+current that jumps gives no impulse; the water's acceleration contributes (ρV + M_A) times itself
+(Morison et al. 1950). For a partially submerged body M_A, I_A and drag are scaled by the
+submergence ratio and h is the middle of the submerged part (core/body/afloat.py); otherwise the
+ratio is 1.
 
-Drag is -½·ρ·CdA_k·|c|·c_k along the body's axes and -½·ρ·C_k·|Ω_k|·Ω_k about them. Along z the
-figures blend from sinking to rising as effects/payload has it; the momentum is then
-M̄·w + ΔM·(√(w² + δ²) - δ), whose slope is M(w).
+Drag is -½·ρ·CdA_k·|c|·c_k along the body axes and -½·ρ·C_k·|Ω_k|·Ω_k about them. Along z the
+coefficients blend from descent to ascent as in effects/payload; the momentum is then M̄·w +
+ΔM·(√(w² + δ²) - δ), whose slope is M(w).
 
-A sling pulls with max(0, k·(l - L) + c·dl/dt), a pin with k·d + c·dd/dt in all directions; what
-else acts are parts (core/body/parts.py). Newton's matrix is the derivative of all this
-(core/body/change.py), arms and directions that turn with the body included.
+The tension of a sling is max(0, k·(l - L) + c·dl/dt), the force of a pin k·d + c·dd/dt in all
+directions; other loads are components (core/body/parts.py). Newton's matrix is the derivative of
+all this (core/body/change.py), including arms and directions that turn with the body.
 """
 
 from __future__ import annotations
@@ -58,9 +59,9 @@ from rope_twin.core.body.state import (
     Immersed,
 )
 from rope_twin.core.compiler.jit import jit, jit_within
-from rope_twin.core.guards import STILL2, TOUCHING2
+from rope_twin.core.guards import SLING2_MIN, SPEED2_MIN
 
-TURN2 = 0.05**2  # δ² of the blend from sinking to rising [m²/s²]
+TURN2 = 0.05**2  # δ² of the blend from descent to ascent [m²/s²]
 
 
 @jit_within
@@ -70,7 +71,7 @@ def _scaled(a: Any, b: Any) -> Any:
 
 @jit_within
 def water_momentum(body: Any, wet: float, c: Any) -> Any:
-    """M_A·c in body axes, and M along the axes at this velocity, of the wetted share."""
+    """Return M_A·c in body axes and M along the axes, scaled by the submergence ratio."""
     root = sqrt(c[2] * c[2] + TURN2)
     lift = wet * (body.added[2] * c[2] + body.rising * (root - sqrt(TURN2)))
     slope = wet * (body.added[2] + body.rising * c[2] / root)
@@ -80,7 +81,7 @@ def water_momentum(body: Any, wet: float, c: Any) -> Any:
 
 @jit_within
 def _own(body: Any, spin: Any) -> Any:
-    """(I + I_A)·Ω."""
+    """Return (I + I_A)·Ω."""
     wet = body.stage[WET_HELD]
     return (
         dot(body.inertia[0], spin) + wet * body.added[3] * spin[0],
@@ -91,7 +92,7 @@ def _own(body: Any, spin: Any) -> Any:
 
 @jit_within
 def _held(body: Any, pose: Any) -> Any:
-    """What the momenta count from: h, velocity against the water in body axes, p and M there."""
+    """Return h, relative velocity in body axes, and p and M, as held over a substep."""
     _, R, v, spin = pose
     s = body.stage
     h = along(vector(body.watered, 0), 1.0, vector(s, ARM_HELD))
@@ -103,7 +104,7 @@ def _held(body: Any, pose: Any) -> Any:
 
 @jit
 def momenta(body: Any, R: Any, v: Any, spin: Any) -> Any:
-    """P and L; the water's velocity and the wetted share are those that are held."""
+    """Return P and L, with water velocity and submergence ratio held over the substep."""
     h, _, p, _ = _held(body, (v, R, v, spin))
     P = along(outward(R, p), body.m, v)
     return P, outward(R, along(_own(body, spin), 1.0, cross(h, p)))
@@ -111,7 +112,7 @@ def momenta(body: Any, R: Any, v: Any, spin: Any) -> Any:
 
 @jit
 def _add_momenta(body: Any, q: float, pose: Any) -> Any:
-    """The changes of P and L into the matrix; the moment -(v - u) × p in body axes."""
+    """Add the derivatives of P and L to the matrix; return the moment -(v - u) × p in body axes."""
     h, against, p, M = _held(body, pose)
     L = along(_own(body, pose[3]), 1.0, cross(h, p))
     for k in range(6):
@@ -128,7 +129,7 @@ def _add_momenta(body: Any, q: float, pose: Any) -> Any:
 
 @jit
 def _add_drag(body: Any, q: float, pose: Any) -> Any:
-    """Force and moment of the water in body axes, less those in the momenta."""
+    """Return drag force and moment in body axes, without terms in the momenta; add derivatives."""
     _, R, v, spin = pose
     s = body.stage
     wet, h = s[WET], along(vector(body.watered, 0), 1.0, vector(s, WET_ARM))
@@ -136,7 +137,7 @@ def _add_drag(body: Any, q: float, pose: Any) -> Any:
     grows = inward(R, vector(s, FLOW_GROWS))
     c = along(against, 1.0, cross(spin, h))
     _, M = water_momentum(body, wet, c)
-    speed, root = sqrt(dot(c, c) + STILL2), sqrt(c[2] * c[2] + TURN2)
+    speed, root = sqrt(dot(c, c) + SPEED2_MIN), sqrt(c[2] * c[2] + TURN2)
     k = (wet * body.k[0], wet * body.k[1], wet * (body.k[2] + body.rising_k * c[2] / root))
     f = along(_scaled(M, grows), -speed, _scaled(k, c))
     e = _scaled(vector(body.k, 3), (abs(spin[0]), abs(spin[1]), abs(spin[2])))
@@ -161,7 +162,7 @@ def _add_drag(body: Any, q: float, pose: Any) -> Any:
 
 @part("act", Immersed)
 def act_immersed(part: Any, body: Any, q: float, pose: Any) -> Any:
-    """Buoyancy of the whole body, and what accelerates its water."""
+    """Return buoyancy of the whole body and the Froude-Krylov force of the water acceleration."""
     _, R, _, _ = pose
     b, lift = vector(body.buoyed, 0), body.displaced * body.g
     f = along(NONE, body.displaced, inward(R, vector(body.stage, FLOW_GROWS)))
@@ -172,15 +173,16 @@ def act_immersed(part: Any, body: Any, q: float, pose: Any) -> Any:
 
 @jit
 def pull_of(leg: Any, share: float, d: Any, e: Any) -> Any:
-    """Pull of a leg on the body, along d, with its length and size; share: of its stiffness.
+    """Return the force of a leg on the body along d, its length and magnitude.
 
-    d: from the body to the hook; e: its rate. The size is 0 where it is slack.
+    share: factor on its stiffness; d: vector from the body to the hook; e: its rate. The magnitude
+    is 0 where the sling is slack.
     """
     k, c, L = share * leg[STIFFNESS], leg[DAMPING], leg[LENGTH]
     if L == 0.0:
         pull = along(along(NONE, k, d), c, e)
         return pull, 1.0, sqrt(dot(pull, pull))
-    length = sqrt(dot(d, d) + TOUCHING2)
+    length = sqrt(dot(d, d) + SLING2_MIN)
     n = along(NONE, 1.0 / length, d)
     T = k * (length - L) + c * dot(n, e)
     if not T > 0.0:
@@ -190,7 +192,7 @@ def pull_of(leg: Any, share: float, d: Any, e: Any) -> Any:
 
 @jit
 def _pull_change(leg: Any, share: float, reach: Any, found: Any, moved: Any) -> Any:
-    """How that changes with d and e; not of a slack one."""
+    """Return the change of a leg's force for changes of d and e; zero for a slack sling."""
     k, c, L = share * leg[STIFFNESS], leg[DAMPING], leg[LENGTH]
     d, e = reach
     dd, de = moved
@@ -206,7 +208,7 @@ def _pull_change(leg: Any, share: float, reach: Any, found: Any, moved: Any) -> 
 
 @jit
 def _add_leg(body: Any, q: float, leg: Any, reach: Any, found: Any, spin: Any) -> None:
-    """The changes of its pull: with what is sought, and with the acceleration of the hook."""
+    """Add the derivatives of a leg's force to the unknowns and to the acceleration of the hook."""
     r, share, f = vector(leg, 0), body.stage[SHARE], found[0]
     turning = cross(spin, r)
     for k in range(6):
@@ -225,7 +227,7 @@ def _add_leg(body: Any, q: float, leg: Any, reach: Any, found: Any, spin: Any) -
 
 @jit
 def _add_slings(body: Any, q: float, pose: Any, hook: Any) -> Any:
-    """Force and moment of all slings in body axes, and the sum of their sizes."""
+    """Return force and moment of all slings in body axes, and the sum of their magnitudes."""
     x, R, v, spin = pose
     f, t, size = NONE, NONE, 0.0
     for j in range(body.legs.shape[0]):
@@ -244,9 +246,10 @@ def _add_slings(body: Any, q: float, pose: Any, hook: Any) -> Any:
 
 @jit
 def loads(body: Any, q: float, pose: Any, hook: Any, turn: Any) -> Any:
-    """Force and moment about G in body axes, with Newton's matrix.
+    """Return force and moment about G in body axes, and assemble Newton's matrix.
 
-    pose: place, R, velocity, spin; hook: place and velocity; turn: θ and its rate.
+    pose: position, R, velocity, angular velocity; hook: position and velocity; turn: θ and its
+    rate.
     """
     body.matrix[:, :] = 0.0
     body.hold[:, :] = 0.0

@@ -1,15 +1,17 @@
-"""Parts: what acts on a rigid body besides slings, weight and drag, and only where a scene has it.
+"""Components: loads on a rigid body besides slings, weight and drag, compiled only where present.
 
-A part is a NamedTuple among a body's `parts`; its file registers kernels by `@part(hook, Type)`:
+A component is a NamedTuple among a body's `parts`; its file registers kernels by `@part(hook,
+Type)`:
 
-- `act(part, body, q, pose)`: force and moment about G in body axes and the sum of their sizes; it
-  takes q times their changes off the matrix (core/body/change.py). pose: place, R, velocity, spin.
-- `foresee(part, body, rope, stage, pose)`: before a stage is solved, from the pose foreseen for it.
+- `act(part, body, q, pose)`: force and moment about G in body axes and the sum of the magnitudes;
+  it subtracts q times their derivatives from the matrix (core/body/change.py). pose: position, R,
+  velocity, angular velocity.
+- `foresee(part, body, rope, stage, pose)`: called before a stage is solved, at its predicted pose.
 - `floor(part, body, place)`: the height at which the body's corners there would touch it.
-- `power(part, body, pose)`, plain Python: what it brings to the body [W]; pose: of body_energy.
+- `power(part, body, pose)`, plain Python: power into the body [W]; pose: of core/body/energy.py.
 
-The types pick the code while numba compiles (as of effects, core/acting/hooks.py): a part that is
-absent leaves none.
+The types select the code while numba compiles (like effects, core/acting/hooks.py): an absent
+component leaves no code.
 """
 
 from __future__ import annotations
@@ -27,13 +29,13 @@ _KERNELS: dict[str, dict[type, Any]] = {"act": {}, "foresee": {}, "floor": {}, "
 
 
 def part(hook: str, *kinds: type) -> Callable[[Any], Any]:
-    """Register a function of parts of these types for a hook.
+    """Register a kernel of component types for a hook.
 
     Raises:
         ValueError: unknown hook.
     """
     if hook not in _KERNELS:
-        raise ValueError(f"unknown hook '{hook}' of a part; known: {', '.join(_KERNELS)}")
+        raise ValueError(f"unknown hook '{hook}' of a body component; known: {', '.join(_KERNELS)}")
 
     def register(function: Any) -> Any:
         made = function if hook == "power" else jit(function)
@@ -44,14 +46,14 @@ def part(hook: str, *kinds: type) -> Callable[[Any], Any]:
 
 
 def power_of(body: Any, pose: Any) -> float:
-    """What all parts bring to a body [W]."""
+    """Return the power of all components into a body [W]."""
     known = _KERNELS["power"]
     members = [(one, known[type(one)]) for one in body.parts if type(one) in known]
     return float(sum(call(one, body, pose) for one, call in members))
 
 
 def part_of(body: Any, *kinds: type) -> Any:
-    """The body's part of one of these types, or None."""
+    """Return the body's component of one of these types, or None."""
     return next((one for one in body.parts if isinstance(one, kinds)), None)
 
 
@@ -67,7 +69,7 @@ def _calls(hook: str, parts: Any) -> dict[int, Any]:
 
 
 def act_all(parts: Any, body: Any, q: Any, pose: Any, found: Any) -> Any:
-    """What is found so far of force, moment and size, and that of all parts."""
+    """Return the sum of `found` (force, moment, magnitude) and the loads of all components."""
     for one, call in _members("act", parts):
         found = _sum(found, call(one, body, q, pose))
     return found
@@ -81,7 +83,7 @@ def _compose_act(parts: Any, body: Any, q: Any, pose: Any, found: Any) -> Any:
 
 
 def foresee_all(parts: Any, body: Any, rope: Any, stage: Any, pose: Any) -> Any:
-    """A stage begins."""
+    """Call `foresee` of all components at the beginning of a stage."""
     for one, call in _members("foresee", parts):
         call(one, body, rope, stage, pose)
 
@@ -94,7 +96,7 @@ def _compose_foresee(parts: Any, body: Any, rope: Any, stage: Any, pose: Any) ->
 
 
 def highest_floor(parts: Any, body: Any, place: Any, least: Any) -> Any:
-    """The highest of all floors, at least `least`."""
+    """Return the highest floor of all components, at least `least`."""
     for one, call in _members("floor", parts):
         least = max(least, call(one, body, place))
     return least

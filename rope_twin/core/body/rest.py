@@ -1,15 +1,17 @@
-"""Where a rigid body rests below a hook that holds still, in the water that flows there.
+"""Static equilibrium of a rigid body below a fixed hook, in the water that flows there.
 
-Its six equations F = 0, M = 0 are followed in a time of their own: implicit Euler steps of a body
-without mass but with drag, whose step grows as the forces fall (pseudo-transient continuation,
-Kelley and Keyes 1998, SIAM J. Numer. Anal. 35, 508). So it comes to rest where it would by itself,
-and ends with Newton's speed. It turns freely about the vertical if nothing but the hook holds it.
+The six equations F = 0, M = 0 are followed in pseudo-time: implicit Euler steps of a massless body
+with drag, whose step size grows as the residual falls (pseudo-transient continuation, Kelley and
+Keyes 1998, SIAM J. Numer. Anal. 35, 508). The body therefore reaches the equilibrium that it would
+reach by itself, and convergence is finally quadratic. It turns freely about the vertical if nothing
+but the hook restrains it.
 
-Without friction a body on a slope, or on the bed in a current, rests only where its slings end its
-slide. Where that is far from below the hook, friction is asked whether it holds the body there: at
-rest the regularised friction (core/body/contact.py) is that of a creep V, so what is sought is a
-body that creeps steadily. V is taken as (x - x_0)·v_0/d_0 along the ground, x_0 the place below the
-hook: a spring that yields where friction does. Water and hook go with it: they feel no motion.
+Without friction a body on a slope, or on the seabed in a current, is in equilibrium only where its
+slings stop its slide. Where that is far from below the hook, friction is tried: in equilibrium the
+regularised friction (core/body/contact.py) is that of a creep velocity V, so a steadily creeping
+body is sought. V is set to (x - x_0)·v_0/d_0 along the ground, x_0 the position below the hook: a
+spring that yields where friction does. Water and hook move with the body, which sees no relative
+motion.
 """
 
 from __future__ import annotations
@@ -42,26 +44,26 @@ from rope_twin.core.body.state import (
 )
 from rope_twin.core.body.state import Q as ATTITUDE
 from rope_twin.core.compiler.jit import jit
-from rope_twin.core.guards import NONE_AT_ALL
+from rope_twin.core.guards import DIVISOR_MIN
 
 ROUNDS, BISECTIONS = 400, 60
-RESTS = 1e-12  # of the weight: a force that counts as none
-NUDGE = 1e-6  # of the reach, for slopes
-FARTHEST = 0.2  # of the reach, and radians, in one round
-FIRST, LEAST = 1.0, 1e-4  # drag over weight and reach
-SOFT, STIFFER = 0.02, 10.0  # slings' first stretch, and how much stiffer they get each time
-TINY_WEIGHT = 1e-3  # N, of what weighs nothing
-NEAR = 0.25  # of the reach: as far as a body may slide from below the hook to rest
-YIELDS = 0.1  # d_0 of the reach
-FASTEST = 10.0 * CREEP  # friction that holds gives its last 0.5 % here [m/s]
-SHORT = 1e-3  # for a slope of the ground [m]
-RUBS = 1e-9  # of the weight: friction that counts
+FORCE_TOL = 1e-12  # of the weight: residual force at which the body is in equilibrium
+DIFFERENCE_STEP = 1e-6  # of the reach: increment of finite differences
+MAX_CHANGE = 0.2  # of the reach, and in radians: largest change per iteration
+FIRST_DRAG, MIN_DRAG = 1.0, 1e-4  # initial and minimum drag over weight and reach
+SOFT_STRAIN, STIFFNESS_FACTOR = 0.02, 10.0  # initial strain of slings, factor per round
+TINY_WEIGHT = 1e-3  # N, weight assumed for a weightless body
+MAX_SLIDE = 0.25  # of the reach: largest slide to an equilibrium without friction
+YIELD_DISTANCE = 0.1  # of the reach: d_0
+MAX_CREEP = 10.0 * CREEP  # creep velocity at which friction reaches 99.5 % of its limit [m/s]
+SLOPE_STEP = 1e-3  # increment for the slope of the ground [m]
+FRICTION_MIN = 1e-9  # of the weight: smallest friction force considered
 FAR_DOWN = -1e300
 
 
 @jit
 def _lift(body: Any, drop: float) -> float:
-    """What the slings of an upright body lift whose G is so far below the hook [N]."""
+    """Return the vertical sling force on an upright body with G `drop` below the hook [N]."""
     total = 0.0
     for j in range(body.legs.shape[0]):
         r = vector(body.legs[j], 0)
@@ -72,7 +74,7 @@ def _lift(body: Any, drop: float) -> float:
 
 @jit
 def _drop(body: Any) -> float:
-    """How far G hangs below the hook, about: the slings lift the weight in water."""
+    """Return the approximate depth of G below the hook where the slings carry the body."""
     low, high = 0.0, 1.0
     for j in range(body.legs.shape[0]):
         leg = body.legs[j]
@@ -90,9 +92,9 @@ def _drop(body: Any) -> float:
 
 @jit
 def creep_of(body: Any, place: Any, held: Any) -> Any:
-    """Velocity along the ground of a body that is this far from where friction held it.
+    """Return the creep velocity along the ground of a body displaced from where friction held it.
 
-    held: that place, v_0/d_0, 0 without friction, and how far the body may go.
+    held: that position; v_0/d_0, 0 without friction; and the allowed displacement.
     """
     start, rate, _ = held
     if not rate > 0.0:
@@ -104,7 +106,7 @@ def creep_of(body: Any, place: Any, held: Any) -> Any:
 
 @jit
 def _forces_at(body: Any, place: Any, attitude: Any, creep: Any) -> Any:
-    """Force and moment in body axes, of a body that creeps with water and hook over the ground."""
+    """Return force and moment in body axes of a body that creeps together with water and hook."""
     s, flow, frozen = body.stage, vector(body.stage, FLOW_NOW), vector(body.stage, FROZEN)
     put(s, FLOW_NOW, along(flow, 1.0, creep))
     put(s, FROZEN, along(frozen, 1.0, creep))
@@ -117,23 +119,23 @@ def _forces_at(body: Any, place: Any, attitude: Any, creep: Any) -> Any:
 
 @jit
 def _forces(body: Any, place: Any, attitude: Any, held: Any) -> Any:
-    """Force and moment in body axes."""
+    """Return force and moment in body axes."""
     return _forces_at(body, place, attitude, creep_of(body, place, held))
 
 
 @jit
 def _moved(place: Any, attitude: Any, change: Any, turn: Any) -> Any:
-    """Place and attitude after a change in body axes."""
+    """Return position and attitude after a change given in body axes."""
     return along(place, 1.0, outward(matrix_of(attitude), change)), turned(attitude, turn)
 
 
 @jit
 def _take_slopes(body: Any, place: Any, attitude: Any, found: Any, held: Any) -> None:
-    """-dF/d(place, turn) into the matrix, the forces into its last column."""
-    # `loads` clears the matrix that these go into: they wait in a record that nobody uses yet
+    """Put -dF/d(position, rotation) into the matrix and the forces into its last column."""
+    # `loads` clears the matrix, so the columns are buffered in a record that is still unused
     spare, (f, t) = body.records, found
     for k in range(6):
-        size = NUDGE * body.reach if k < 3 else NUDGE
+        size = DIFFERENCE_STEP * body.reach if k < 3 else DIFFERENCE_STEP
         change, turn = unit(k, size), unit(k - 3, size)
         there, so = _moved(place, attitude, change, turn)
         force, twist = _forces(body, there, so, held)
@@ -151,7 +153,7 @@ def _take_slopes(body: Any, place: Any, attitude: Any, found: Any, held: Any) ->
 
 @jit
 def _step(body: Any, drag: float) -> Any:
-    """Change of place and turn in one round, at most as far as a round may go."""
+    """Return the change of position and attitude in one iteration, limited to MAX_CHANGE."""
     A = body.matrix
     for k in range(3):
         A[k, k] += drag / body.reach
@@ -159,20 +161,20 @@ def _step(body: Any, drag: float) -> Any:
     eliminate(A)
     change, turn = (A[0, MISS], A[1, MISS], A[2, MISS]), (A[3, MISS], A[4, MISS], A[5, MISS])
     far = max(sqrt(dot(change, change)) / body.reach, sqrt(dot(turn, turn)))
-    share = min(1.0, FARTHEST / (far + NONE_AT_ALL))
+    share = min(1.0, MAX_CHANGE / (far + DIVISOR_MIN))
     return along(NONE, share, change), along(NONE, share, turn)
 
 
 @jit
 def _miss(body: Any, found: Any) -> float:
-    """Size of forces and moments [N]."""
+    """Return the norm of force and moment [N]."""
     f, t = found
     return float(sqrt(dot(f, f)) + sqrt(dot(t, t)) / body.reach)
 
 
 @jit
 def _is_near(place: Any, held: Any) -> bool:
-    """Whether a body is as near to where it was put as it has to be."""
+    """Return whether a body is close enough to its starting position."""
     start, _, far = held
     x, y = place[0] - start[0], place[1] - start[1]
     return bool(sqrt(x * x + y * y) <= far)
@@ -180,10 +182,13 @@ def _is_near(place: Any, held: Any) -> bool:
 
 @jit
 def _relax(body: Any, start: Any, weight: float, held: Any) -> Any:
-    """Place and attitude of rest, and whether they are; the search ends where it goes too far."""
+    """Iterate position and attitude towards equilibrium; return them and whether they converged.
+
+    The iteration ends where the body moves too far.
+    """
     place, attitude = start
     blur = ROUND_OFF * (body.reach + sqrt(dot(place, place))) * body.stiffness
-    drag, enough = FIRST * weight, RESTS * weight + blur
+    drag, enough = FIRST_DRAG * weight, FORCE_TOL * weight + blur
     found = _forces(body, place, attitude, held)
     miss = _miss(body, found)
     for _ in range(ROUNDS):
@@ -194,26 +199,26 @@ def _relax(body: Any, start: Any, weight: float, held: Any) -> Any:
         there, so = _moved(place, attitude, change, turn)
         after = _forces(body, there, so, held)
         last, miss = miss, _miss(body, after)
-        if not miss < 2.0 * last + 0.1 * weight:  # too far: slings are stiff where it swings
+        if not miss < 2.0 * last + 0.1 * weight:  # overshoot: slings are stiff as it swings
             drag, miss = 10.0 * drag, last
             continue
         place, attitude, found = there, so, after
-        drag = max(drag * (min(miss / last, 0.5) if miss < last else 2.0), LEAST * weight)
+        drag = max(drag * (min(miss / last, 0.5) if miss < last else 2.0), MIN_DRAG * weight)
     return place, attitude, miss <= enough and _is_near(place, held)
 
 
 @jit
 def _ground(body: Any, place: Any) -> Any:
-    """Height of what would carry the body below a place, and its slopes, east and north."""
+    """Return the height of the support below a position, and its slopes (east, north)."""
     low = highest_floor(body.parts, body, place, FAR_DOWN)
-    east = highest_floor(body.parts, body, along(place, SHORT, (1.0, 0.0, 0.0)), FAR_DOWN)
-    north = highest_floor(body.parts, body, along(place, SHORT, (0.0, 1.0, 0.0)), FAR_DOWN)
-    return low, (east - low) / SHORT, (north - low) / SHORT
+    east = highest_floor(body.parts, body, along(place, SLOPE_STEP, (1.0, 0.0, 0.0)), FAR_DOWN)
+    north = highest_floor(body.parts, body, along(place, SLOPE_STEP, (0.0, 1.0, 0.0)), FAR_DOWN)
+    return low, (east - low) / SLOPE_STEP, (north - low) / SLOPE_STEP
 
 
 @jit
 def _start(body: Any, hook: Any) -> Any:
-    """Place and attitude: upright below the hook, or flat on what carries it if that is higher."""
+    """Return the initial guess: upright below the hook, or flat on a higher support."""
     place, lowest = along(hook, -_drop(body), (0.0, 0.0, 1.0)), 0.0
     for j in range(body.corners.shape[0]):
         lowest = min(lowest, body.corners[j, 2])
@@ -231,25 +236,25 @@ def _start(body: Any, hook: Any) -> Any:
 
 @jit
 def _softest(body: Any, weight: float) -> float:
-    """The share of the slings' stiffness to begin with."""
+    """Return the initial factor on the slings' stiffness."""
     long = body.reach
     for j in range(body.legs.shape[0]):
         long = max(long, body.legs[j, LENGTH])
-    return float(min(1.0, weight / (SOFT * long * body.stiffness)))
+    return float(min(1.0, weight / (SOFT_STRAIN * long * body.stiffness)))
 
 
 @jit
 def _settle(body: Any, start: Any, weight: float, held: Any) -> Any:
-    """Place and attitude of rest, and whether they are.
+    """Solve for position and attitude of equilibrium; return them and whether it converged.
 
-    Slings are soft at first, so that they give while the body finds its attitude, then ten times
-    stiffer and so on until they are themselves.
+    Continuation in the sling stiffness: the slings are soft at first, so that they yield while the
+    body finds its attitude, then ten times stiffer and so on up to their own stiffness.
     """
     s = body.stage
     s[SHARE] = _softest(body, weight)
     found = _relax(body, start, weight, held)
     while s[SHARE] < 1.0 and _is_near(found[0], held):
-        s[SHARE] = min(1.0, STIFFER * s[SHARE])
+        s[SHARE] = min(1.0, STIFFNESS_FACTOR * s[SHARE])
         found = _relax(body, (found[0], found[1]), weight, held)
     s[SHARE] = 1.0
     return found
@@ -257,26 +262,26 @@ def _settle(body: Any, start: Any, weight: float, held: Any) -> Any:
 
 @jit
 def _rest_of(body: Any, start: Any, weight: float) -> Any:
-    """Place, attitude and creep of rest, and whether they are."""
+    """Return position, attitude and creep velocity of equilibrium, and whether it converged."""
     below, forever = start[0], -FAR_DOWN
-    place, attitude, rests = _settle(body, start, weight, (below, 0.0, NEAR * body.reach))
+    place, attitude, rests = _settle(body, start, weight, (below, 0.0, MAX_SLIDE * body.reach))
     if rests:
         return place, attitude, NONE, rests
-    held = (below, CREEP / (YIELDS * body.reach), forever)
+    held = (below, CREEP / (YIELD_DISTANCE * body.reach), forever)
     place, attitude, rests = _settle(body, start, weight, held)
     creep = creep_of(body, place, held)
-    rubs = _miss(body, _forces_at(body, place, attitude, NONE)) > RUBS * weight
-    if rests and rubs and dot(creep, creep) < FASTEST * FASTEST:
+    rubs = _miss(body, _forces_at(body, place, attitude, NONE)) > FRICTION_MIN * weight
+    if rests and rubs and dot(creep, creep) < MAX_CREEP * MAX_CREEP:
         return place, attitude, creep, rests
     place, attitude, rests = _settle(body, start, weight, (below, 0.0, forever))
     return place, attitude, NONE, rests
 
 
 @jit
-def put_to_rest(body: Any, hook: Any) -> None:
-    """Record 0 is the body at rest below the hook; not finite if it finds no rest.
+def solve_body_statics(body: Any, hook: Any) -> None:
+    """Set record 0 to the static equilibrium below the hook; it is not finite if none was found.
 
-    The stage tells the water, and the deck's height, in which it begins.
+    The stage gives the water and the deck's height at which the run begins.
     """
     s, record = body.stage, body.records[0]
     put(s, FROZEN, vector(s, FLOW_NOW))

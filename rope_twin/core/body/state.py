@@ -1,4 +1,4 @@
-"""What the kernels of a rigid body see: its figures, its records, and where numbers stand in them.
+"""Data layout of a rigid body: its properties, its records, and the offsets of numbers in them.
 
 Vectors of the body are in its own axes and from its centre of gravity G.
 """
@@ -13,83 +13,83 @@ from rope_twin.core.bed import Grid, Plane
 from rope_twin.core.state import Floats
 
 
-# Not Python's integers: numba compiles a kernel again for each literal that it is given.
+# numpy integers: numba compiles a kernel again for each Python literal that it is called with.
 def _places(first: int, last: int, width: int = 3) -> Any:
     return (np.int64(place) for place in range(first, last, width))
 
 
-# A record: the body at one time. Rates of momentum and angular momentum about G, place of G,
-# velocity, spin, velocity and acceleration of the water at it, orientation; where the middle of the
-# wetted part is, from the middle of the whole, and the wetted share.
+# A record: the body at one time. Rates of momentum and angular momentum about G, position of G,
+# velocity, angular velocity, velocity and acceleration of the water there, orientation; centre of
+# the submerged part relative to the centre of the whole, and submergence ratio.
 FORCE, MOMENT, X, V, SPIN, WATER, GROWS, Q = _places(0, 24)
 ARM_THEN = np.int64(25)
 WET_THEN = 28
 RECORD = 29
-RECORDS = 4  # now, at the end of the stage, at the start of the step, and one to write into
+RECORDS = 4  # current, end of the stage, start of the step, and one to write into
 
-# The stage. What it starts from: place, turn, momentum, angular momentum; the water: velocity now,
-# velocity that the momentum of the water is counted from, acceleration. Then what is sought, and
-# what belongs to it; the substep's start and the end of its first stage; speed and turn rate that a
-# correction began with.
+# The stage. Explicit parts of position, rotation, momentum, angular momentum; the water: current
+# velocity, velocity held in the momentum of the added mass, acceleration. Then the unknowns and the
+# quantities derived from them; start of the substep and end of its first stage; velocity and
+# rotation rate before a correction.
 (X_HAT, TURN_HAT, P_HAT, L_HAT, FLOW_NOW, FROZEN, FLOW_GROWS,
  SPEED, TURN_RATE, PLACE, TURN, SPIN_NOW, PULL, TWIST, P_NOW, L_NOW, ON_HOOK,
  P_START, L_START, X_MIDDLE, TURN_MIDDLE, P_MIDDLE, L_MIDDLE, SPEED_MIDDLE, RATE_MIDDLE,
  SPEED_BEFORE, RATE_BEFORE) = _places(0, 81)  # fmt: skip
 ATTITUDE, Q_START = _places(81, 89, 4)  # quaternions
-DECK_Z, DECK_SPEED, DECK_PUSH = 89, 90, 91  # height [m], rate [m/s], its push on the body [N]
-FRESH = 92  # 1: the body has yet to be put where it rests
-SHIP_Z = 93  # height of the hang-off at rest [m]
-FORCES = 94  # sum of the sizes of all forces on the body [N]
-SHARE = 95  # of the slings' stiffness that counts: less than 1 while rest is sought
-HOOK = np.int64(96)  # where the rope ends while rest is sought, 3 numbers [m]
-# The wetted part: where its middle is from that of the whole, and its share; the same as the
-# momenta have it over a substep; rates; the surface above the body's middle, slopes along its x, y.
+DECK_Z, DECK_SPEED, DECK_PUSH = 89, 90, 91  # height [m], velocity [m/s], force on the body [N]
+FRESH = 92  # 1: static equilibrium has yet to be solved
+SHIP_Z = 93  # mean height of the hang-off [m]
+FORCES = 94  # sum of the magnitudes of all forces on the body [N]
+SHARE = 95  # factor on the slings' stiffness: less than 1 during the static solution
+HOOK = np.int64(96)  # position of the rope's end during the static solution, 3 numbers [m]
+# Submergence: centre of the submerged part relative to that of the whole, and ratio; the same as
+# held in the momenta over a substep; rates; water surface above the body's middle, its x, y slopes.
 WET_ARM, ARM_HELD, ARM_GROWS = _places(99, 108)
 WET, WET_HELD, WET_GROWS, SURFACE_Z, SURFACE_X, SURFACE_Y = 108, 109, 110, 111, 112, 113
 STAGE = 114
 
-# What the rope's equations were last told: the pull on the hook, and minus its derivative, as xx,
-# xy, xz, yy, yz, zz. The motion of the hook that the balance was last found for; how far the pull
-# may be another than foretold [N].
+# Cached linearisation last given to the rope's equations: force on the hook, and minus its
+# derivative, as xx, xy, xz, yy, yz, zz. Motion of the hook of the last solution; allowed difference
+# between predicted and actual force [N].
 TOLD_PULL, TOLD_SLOPE, TOLD_ELSE, SOLVED_PLACE, SOLVED_SPEED = _places(0, 15)
 ALLOWED = 15
 TOLD = 16
 
-# Columns of the matrix: A; what the hook's acceleration brings, without q; residual.
+# Columns of the matrix: A; derivatives to the hook's acceleration, without q; residual.
 HELD, MISS, COLUMNS = 6, 9, 10
 # A change of the body's motion (core/body/change.py): δx, δv, ψ, δΩ.
 D_PLACE, D_SPEED, D_TURN, D_SPIN = _places(0, 12)
 CHANGES = 12
 
-# A leg: where it holds the body, its length (0: a pin), stiffness, damping
+# A leg: attachment point on the body, length (0: a pin), stiffness, damping
 LENGTH, STIFFNESS, DAMPING, LEG = 3, 4, 5, 6
 
 
 class Immersed(NamedTuple):
-    """A body that is wet all over, as a part."""
+    """Component: a fully submerged body."""
 
-    share: float  # of it: 1
+    share: float  # submergence ratio: 1
 
 
 class Afloat(NamedTuple):
-    """A body in the water's surface, as a part; see core/body/afloat.py."""
+    """Component: a body at the water surface; see core/body/afloat.py."""
 
-    columns: Floats  # middle (3), share of the volume, place along x and y from the middle, (n, 6)
+    columns: Floats  # middle (3), volume fraction, x and y from the middle, (n, 6)
     height: float  # of the columns [m]
     side_x: float  # sides of each [m]
     side_y: float
-    span_x: float  # how far from the middle the surface is looked at, along x and y [m]
+    span_x: float  # distance from the middle where the surface is sampled, along x, y [m]
     span_y: float
-    aside: Floats  # of the centre of buoyancy from the middle, (3,) [m]
+    aside: Floats  # centre of buoyancy relative to the middle, (3,) [m]
     slam: float  # ½·ρ·C_s·A of the whole bottom [kg/m]
 
 
 class Deck(NamedTuple):
-    """What the body can stand on, as a part: a level plane."""
+    """Component: a deck on which the body can stand, a level plane."""
 
-    height: float  # at rest [m]
-    with_ship: float  # 1: it heaves as the hang-off does
-    amplitude: float  # of a heave of its own [m]
+    height: float  # mean height [m]
+    with_ship: float  # 1: it heaves with the hang-off
+    amplitude: float  # of an independent heave motion [m]
     omega: float  # [rad/s]
     phase: float  # [rad]
     ramp: float  # [s]
@@ -99,7 +99,7 @@ class Deck(NamedTuple):
 
 
 class PlaneBed(NamedTuple):
-    """The seabed below a body, as a part."""
+    """Component: a plane seabed below the body."""
 
     shape: Plane
     k: float  # stiffness at each corner [N/m]
@@ -108,10 +108,10 @@ class PlaneBed(NamedTuple):
 
 
 class GridBed(NamedTuple):
-    """The same of soundings."""
+    """Component: a gridded seabed below the body."""
 
     shape: Grid
-    k: float  # as of a PlaneBed
+    k: float  # k, χ, μ as in PlaneBed
     chi: float
     mu: float
 
@@ -119,34 +119,34 @@ class GridBed(NamedTuple):
 class RigidBody(NamedTuple):
     """A payload with six degrees of freedom that hangs on slings, or by a pin, from the hook."""
 
-    memory: Floats  # number of the record that holds; see core/solve/remembering.py
+    memory: Floats  # index of the valid record; see core/solve/remembering.py
     records: Floats  # (RECORDS, RECORD)
     stage: Floats  # scratch, (STAGE,)
     matrix: Floats  # scratch, (6, COLUMNS)
-    hold: Floats  # scratch: changes of the slings' pull with what is sought, and with the
+    hold: Floats  # scratch: derivatives of the slings' force to the unknowns and to the
     # acceleration of the hook, (3, 9)
     changes: Floats  # scratch, (6, CHANGES)
     told: Floats  # scratch, (TOLD,)
-    W: float  # weight in water, the hook's with it [N]
-    hook: float  # its mass [kg]
-    hook_weight: float  # in water [N]
+    W: float  # weight in water, including the hook [N]
+    hook: float  # mass of the hook [kg]
+    hook_weight: float  # weight of the hook in water [N]
     m: float  # of the body [kg]
     g: float  # [m/s²]
     displaced: float  # ρ·V [kg]
     inertia: Floats  # moments of inertia about G, (3, 3) [kg·m²]
-    added: Floats  # added mass along, added inertia about the axes at the middle of the water's
-    # forces, (6,); along z the mean of rising and sinking
-    rising: float  # half of rising less sinking, of the added mass along z [kg]
+    added: Floats  # added mass along, added inertia about the axes at the reference point of the
+    # water's forces, (6,); along z the mean of ascent and descent
+    rising: float  # half the difference of the added mass along z, ascent less descent [kg]
     k: Floats  # ½·ρ·CdA along, ½·ρ·C about them, (6,) [kg/m], [kg·m²]
-    rising_k: float  # half of rising less sinking, along z
-    buoyed: Floats  # where buoyancy acts, (3,) [m]
-    watered: Floats  # where the water's forces act, (3,)
+    rising_k: float  # half the difference of k along z, ascent less descent
+    buoyed: Floats  # centre of buoyancy, (3,) [m]
+    watered: Floats  # reference point of the water's forces, (3,)
     middle: Floats  # the middle of the body's outline, (3,)
-    size: Floats  # its outline, (3,) [m]
+    size: Floats  # dimensions of the outline, (3,) [m]
     legs: Floats  # (legs, LEG)
-    corners: Floats  # places that can touch a deck or the bed, (corners, 3)
-    carrying: float  # how many of them carry it where it stands
-    parts: tuple[Any, ...]  # what else acts on it (core/body/parts.py)
+    corners: Floats  # contact points with a deck or the seabed, (corners, 3)
+    carrying: float  # number of contact points that carry the body when it stands
+    parts: tuple[Any, ...]  # further loads (core/body/parts.py)
     heading: float  # of its x axis at the start, from east to north [rad]
-    reach: float  # from G to the farthest of all this [m]
-    stiffness: float  # of legs and deck, their sum [N/m]
+    reach: float  # largest distance from G to any of these points [m]
+    stiffness: float  # sum of the stiffness of legs and deck [N/m]

@@ -1,8 +1,8 @@
-"""How a rigid body joins the rope's stages: predicted, solved for the hook's motion, settled.
+"""Coupling of a rigid body to the rope's stages: prediction, solution, update.
 
-The number of the record that holds is what it remembers (core/solve/remembering.py): so a substep
-that is rejected, or a step that fails, leaves the body as it was. core/body/kinds.py registers
-these kernels for each type of body.
+The index of the valid record is an internal variable (core/solve/remembering.py): a substep that is
+rejected, or a step that fails, leaves the body unchanged. core/body/kinds.py registers these
+kernels for each type of body.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from rope_twin.core.body.balance import left_on_hook, solve
 from rope_twin.core.body.change import NONE
 from rope_twin.core.body.loads import momenta
 from rope_twin.core.body.parts import foresee_all
-from rope_twin.core.body.rest import put_to_rest
+from rope_twin.core.body.rest import solve_body_statics
 from rope_twin.core.body.rotation import (
     along,
     dot,
@@ -48,7 +48,7 @@ at = body_state
 
 
 def start(body: Any, rope: Any) -> None:
-    """The body is put to rest once the water is known; the ship is where it is at rest."""
+    """Mark the static equilibrium as unsolved; record the ship's mean height."""
     body.memory[0, 0] = 0.0
     body.stage[at.FRESH] = 1.0
     body.stage[at.SHIP_Z] = rope.state.nodes[POSITION + 2, rope.state.counts[ELEMENTS]]
@@ -56,7 +56,7 @@ def start(body: Any, rope: Any) -> None:
 
 @jit
 def _ask_water(body: Any, rope: Any, stage: Any, place: Any) -> None:
-    """Velocity and acceleration of the water there, by way of a trial node's column."""
+    """Set velocity and acceleration of the water at a position, using a ghost node's column."""
     work, slot = rope.work, rope.state.s.shape[0] + LOW
     for k in range(3):
         work[POSITION + k, slot] = place[k]
@@ -68,8 +68,8 @@ def _ask_water(body: Any, rope: Any, stage: Any, place: Any) -> None:
 
 @jit
 def _begin(body: Any, hook: Any) -> None:
-    """At rest below the hook."""
-    put_to_rest(body, hook)
+    """Initialise the body in static equilibrium below the hook."""
+    solve_body_statics(body, hook)
     put(body.records[0], at.WATER, vector(body.stage, at.FLOW_NOW))
     put(body.records[0], at.ARM_THEN, vector(body.stage, at.WET_ARM))
     body.records[0, at.WET_THEN] = body.stage[at.WET]
@@ -78,11 +78,11 @@ def _begin(body: Any, hook: Any) -> None:
 
 @jit
 def _predict_first(body: Any, q: float) -> None:
-    """The trapezoidal stage, from the record that holds."""
+    """Predict the trapezoidal stage from the valid record."""
     s, now = body.stage, body.records[int(body.memory[0, 0])]
     v, spin, before = vector(now, at.V), vector(now, at.SPIN), vector(now, at.WATER)
     grown = along(vector(s, at.FLOW_NOW), -1.0, before)
-    put(s, at.FROZEN, along(before, 0.5 / GAMMA, grown))  # that of the substep's middle
+    put(s, at.FROZEN, along(before, 0.5 / GAMMA, grown))  # velocity at the middle of the substep
     then = vector(now, at.ARM_THEN)
     moved = along(vector(s, at.WET_ARM), -1.0, then)
     put(s, at.ARM_HELD, along(then, 0.5 / GAMMA, moved))
@@ -110,7 +110,7 @@ def _put_second(s: Any, hat: int, middle: int, first: Any) -> None:
 
 @jit
 def _predict_second(body: Any) -> None:
-    """The BDF2 stage, from the substep's start and the first stage."""
+    """Predict the BDF2 stage from the start of the substep and the first stage."""
     s, now = body.stage, body.records[int(body.memory[0, 0])]
     _put_second(s, at.X_HAT, at.X_MIDDLE, vector(now, at.X))
     _put_second(s, at.TURN_HAT, at.TURN_MIDDLE, (0.0, 0.0, 0.0))
@@ -122,24 +122,24 @@ def _predict_second(body: Any) -> None:
 
 @jit
 def _foresee(body: Any, rope: Any, stage: Any, pose: Any) -> None:
-    """What the body meets at the pose foreseen for the stage, and the water there."""
+    """Evaluate components and water at the pose predicted for the stage."""
     foresee_all(body.parts, body, rope, stage, pose)
     h = along(vector(body.watered, 0), 1.0, vector(body.stage, at.WET_ARM))
     _ask_water(body, rope, stage, along(pose[0], 1.0, outward(pose[1], h)))
 
 
 def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
-    """What the stage starts from, and the water and the deck of its time."""
+    """Set the explicit part of the stage, and water and deck at its time."""
     if low > 0:
         return
     s, work, q = body.stage, rope.work, stage.q
     body.told[at.ALLOWED] = rope.model.tolerance
-    body.told[at.SOLVED_PLACE] = nan  # for no motion of the hook yet
+    body.told[at.SOLVED_PLACE] = nan  # not solved for any motion of the hook yet
     if s[at.FRESH] > 0.0:
         hook = (work[POSITION, 0], work[POSITION + 1, 0], work[POSITION + 2, 0])
         _foresee(body, rope, stage, (hook, matrix_of((0.0, 0.0, 0.0, 1.0)), NONE, NONE))
         _begin(body, hook)
-        # once more, in the water that is where it hangs
+        # repeat, in the water at the equilibrium position
         rest = body.records[0]
         pose = vector(rest, at.X), matrix_of(quaternion(rest, at.Q)), NONE, NONE
         _foresee(body, rope, stage, pose)
@@ -160,7 +160,7 @@ def predict(body: Any, rope: Any, stage: Any, kind: int, low: int, high: int) ->
 
 @jit
 def _solve(body: Any, q: float, hook: Any) -> bool:
-    """Whether the balance is found for this motion of the hook, which is kept."""
+    """Solve the equations of motion for this motion of the hook, and store it; return success."""
     found = solve(body, q, hook)
     put(body.told, at.SOLVED_PLACE, hook[0] if found else (nan, nan, nan))
     put(body.told, at.SOLVED_SPEED, hook[1])
@@ -169,7 +169,7 @@ def _solve(body: Any, q: float, hook: Any) -> bool:
 
 @jit
 def _is_solved(body: Any, q: float, hook: Any) -> bool:
-    """The same; not again for the motion that it was last found for."""
+    """Solve for this motion of the hook, if it has changed; return success."""
     x, v = hook
     x0, v0 = vector(body.told, at.SOLVED_PLACE), vector(body.told, at.SOLVED_SPEED)
     there = x[0] == x0[0] and x[1] == x0[1] and x[2] == x0[2]
@@ -179,9 +179,10 @@ def _is_solved(body: Any, q: float, hook: Any) -> bool:
 
 
 def load_end(body: Any, work: Any, stage: Any) -> None:
-    """R_0 += pull of the slings on the hook, its own weight and inertia; A_0 likewise.
+    """Add the slings' force on the hook, its weight and inertia to R_0, their derivative to A_0.
 
-    Infinite where the body finds no balance: the step is then halved (a NaN is no maximum).
+    The residual is set to infinity where the body has no solution: the step is then halved (NaN
+    would be ignored by a maximum).
     """
     x, y, z = rows(work, POSITION, 0)
     vx, vy, vz = rows(work, VELOCITY, 0)
@@ -190,7 +191,7 @@ def load_end(body: Any, work: Any, stage: Any) -> None:
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     s, hook = body.stage, ((x[0], y[0], z[0]), (vx[0], vy[0], vz[0]))
-    if s[at.FRESH] > 0.0:  # nothing was predicted
+    if s[at.FRESH] > 0.0:  # no prediction was made
         put(s, at.FLOW_NOW, (ux[0], uy[0], uz[0]))
         _begin(body, hook[0])
         _predict_first(body, stage.q)
@@ -213,9 +214,10 @@ def load_end(body: Any, work: Any, stage: Any) -> None:
 
 
 def calm(body: Any, work: Any, stage: Any, n: int, share: float) -> bool:
-    """Whether the pull on the hook that share·delta moves is what the rope's equations took it for.
+    """Return whether the force on the hook after share·delta agrees with its linearisation.
 
-    Slings that tighten, a deck or the bed that is touched would make it another.
+    It does not where slings tighten or where a deck or the seabed is touched (a change of active
+    set).
     """
     if share == 0.0:
         return True
@@ -235,7 +237,7 @@ def calm(body: Any, work: Any, stage: Any, n: int, share: float) -> bool:
 
 
 def settle(body: Any, rope: Any, stage: Any, kind: int) -> None:
-    """The stage's body, for the hook's motion as found; the second one leaves a new record."""
+    """Store the body for the converged motion of the hook; the second stage writes a record."""
     work, s = rope.work, body.stage
     place = (work[POSITION, 0], work[POSITION + 1, 0], work[POSITION + 2, 0])
     speed = (work[VELOCITY, 0], work[VELOCITY + 1, 0], work[VELOCITY + 2, 0])

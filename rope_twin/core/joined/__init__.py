@@ -1,1 +1,1 @@
-"""Ropes that meet at joints and sheaves: their step, their statics, their energy."""
+"""Multi-line systems: ropes connected at points and sheaves; their step, statics and energy."""

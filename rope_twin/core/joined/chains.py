@@ -1,11 +1,11 @@
-"""A chain between joints, eliminated onto the joints at its ends, and back.
+"""Condensation of a rope (a chain of nodes) to the connections at its ends, and back-substitution.
 
-The recursion is that of `elimination`, node by node; what remains of the chain is its Schur
-complement on the end nodes. Where both ends are joints the lower one comes along as three more
-columns: node i has (S + K)·delta_i = f + K·delta_{i+1} + P·delta_0, so that with H = (S + K)⁻¹·P
-delta_i = y + G·delta_{i+1} + H·delta_0, and K·H takes the place of P at node i + 1. That is what
-`eliminate_node` says of a force, for each column of P. The lower joint is left with
-D - Σ Pᵀ·H, a difference: its mass is seen to 1e-16·K.
+The recursion is that of `elimination`, node by node; the result is the chain's Schur complement on
+the end nodes. Where both ends are connections the lower one is carried along as three more columns:
+node i has (S + K)·delta_i = f + K·delta_{i+1} + P·delta_0, so that with H = (S + K)⁻¹·P delta_i = y
++ G·delta_{i+1} + H·delta_0, and K·H takes the place of P at node i + 1. That is what
+`eliminate_node` does with a force, for each column of P. The lower connection is left with D - Σ
+Pᵀ·H, a difference: its mass is resolved to 1e-16·K.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _NOTHING = (0.0, 0.0, 0.0)
 
 @jit_within
 def _element(work: Any, e: int) -> Any:
-    """Direction, AXIAL and GEOMETRIC."""
+    """Return direction, AXIAL and GEOMETRIC of element e."""
     return column(work, DIRECTION, e), work[AXIAL, e], work[GEOMETRIC, e]
 
 
@@ -45,7 +45,7 @@ def _dot(a: Any, b: Any) -> Any:
 
 @jit_within
 def _held(work: Any, i: int, e: int, Z: Any) -> Any:
-    """Ŝ of node i with what the eliminated part left on it; it goes on through element e."""
+    """Return Ŝ of node i with the Schur complement Z of the eliminated part; element e is next."""
     b = work[GEOMETRIC, e]
     return (
         Z[0] + (work[BLOCK, i] + b), Z[1] + work[BLOCK + 1, i], Z[2] + work[BLOCK + 2, i],
@@ -56,7 +56,7 @@ def _held(work: Any, i: int, e: int, Z: Any) -> Any:
 
 @jit_within
 def _pushed(work: Any, i: int, f: Any) -> Any:
-    """Force on node i with what the eliminated part left on it."""
+    """Return the force on node i, including the condensed force of the eliminated part."""
     return f[0] + work[RESIDUAL, i], f[1] + work[RESIDUAL + 1, i], f[2] + work[RESIDUAL + 2, i]
 
 
@@ -70,7 +70,7 @@ def _keep(work: Any, i: int, gain: Any, own: Any) -> None:
 
 @jit_ordered
 def eliminate_upward(work: Any, first: int, n: int) -> Any:
-    """From the lower end, free (first = 0) or held (1), onto node n: the block and force there."""
+    """Eliminate from the lower end, free (first = 0) or fixed (1), to node n: block and force."""
     Z, f = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0), _NOTHING
     if first == 1:
         Z = spring(work, ZERO)
@@ -83,7 +83,7 @@ def eliminate_upward(work: Any, first: int, n: int) -> Any:
 
 @jit_ordered
 def eliminate_downward(work: Any, n: int) -> Any:
-    """From the hang-off n, whose motion is prescribed, onto node 0: the block and force there."""
+    """Eliminate from the hang-off n, with prescribed motion, to node 0: block and force."""
     Z, f = spring(work, n - 1), _NOTHING
     for i in range(n - 1, 0, -1):
         e = i - 1
@@ -95,7 +95,7 @@ def eliminate_downward(work: Any, n: int) -> Any:
 
 @jit_ordered
 def eliminate_between(work: Any, n: int) -> Any:
-    """Onto both ends: block and force at node n, block and force at node 0, and P by columns.
+    """Condense to both ends: return block and force at node n, at node 0, and P by columns.
 
     P couples them: -P is the block of row n and column 0.
     """
@@ -124,7 +124,7 @@ def eliminate_between(work: Any, n: int) -> Any:
 
 @jit_within
 def _moved(work: Any, i: int, d: Any) -> Any:
-    """y + G·delta of the neighbour that node i was eliminated onto."""
+    """Return y + G·delta of the neighbour that node i was eliminated onto."""
     G = work[ELIMINATED : ELIMINATED + 12]
     return (
         G[9, i] + G[0, i] * d[0] + G[1, i] * d[1] + G[2, i] * d[2],
@@ -135,13 +135,13 @@ def _moved(work: Any, i: int, d: Any) -> Any:
 
 @jit_within
 def set_column(work: Any, first: int, i: int, d: Any) -> None:
-    """Column i of three rows."""
+    """Set column i of three rows."""
     work[first, i], work[first + 1, i], work[first + 2, i] = d
 
 
 @jit_ordered
 def substitute_upward(work: Any, first: int, n: int) -> None:
-    """Corrections after `eliminate_upward`, where that of node n is known."""
+    """Back-substitute after `eliminate_upward`, given the correction of node n."""
     d = column(work, CORRECTION, n)
     for i in range(n - 1, first - 1, -1):
         d = _moved(work, i, d)
@@ -152,7 +152,7 @@ def substitute_upward(work: Any, first: int, n: int) -> None:
 
 @jit_ordered
 def substitute_downward(work: Any, n: int) -> None:
-    """Corrections after `eliminate_downward`, where that of node 0 is known."""
+    """Back-substitute after `eliminate_downward`, given the correction of node 0."""
     d = column(work, CORRECTION, 0)
     for i in range(1, n):
         d = _moved(work, i, d)
@@ -161,7 +161,7 @@ def substitute_downward(work: Any, n: int) -> None:
 
 @jit_ordered
 def substitute_between(work: Any, n: int) -> None:
-    """Corrections after `eliminate_between`, where those of both ends are known."""
+    """Back-substitute after `eliminate_between`, given the corrections of both ends."""
     far, d = column(work, CORRECTION, 0), column(work, CORRECTION, n)
     for i in range(n - 1, 0, -1):
         H = work[FAR:CHAIN_ROWS]

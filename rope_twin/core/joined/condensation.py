@@ -1,7 +1,7 @@
-"""The elimination of a chain onto its joints that the effects ask for, and what couples its nodes.
+"""Choice of the condensation of a chain by its effects, and the effects' couplings between nodes.
 
-Chosen by the effects' types while numba compiles: where none couples nodes beyond their neighbours
-`chains` is all that there is in the code.
+Chosen by the effects' types while numba compiles: where none couples a node beyond its neighbours
+the code contains `chains` only.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from rope_twin.core.compiler.rows import column
 from rope_twin.core.joined import chains, coupled_chains
 from rope_twin.core.state import BLOCK, RESIDUAL
 
-_WITHIN = {**LINKED, "forceinline": True}  # in the caller, where effects are no arguments at all
+_WITHIN = {**LINKED, "forceinline": True}  # inlined in the caller, without effects as arguments
 
 
 def _chosen(plain: Any, coupled: Any) -> Callable[..., Any]:
-    """f(effects, ...): of the other arguments, `coupled` if an effect couples nodes, or `plain`."""
+    """Return f(effects, ...) that calls `coupled` if an effect couples nodes, else `plain`."""
 
     def call(effects: Any, *arguments: Any) -> Any:
         solve = coupled if couples(map(type, effects)) else plain
@@ -41,7 +41,7 @@ def _chosen(plain: Any, coupled: Any) -> Callable[..., Any]:
 
 
 def chain_rows(effects: tuple[Any, ...]) -> int:
-    """How many rows of scratch a chain between joints needs for these effects."""
+    """Return the rows of scratch of a chain between connections with these effects."""
     coupled = couples(map(type, effects))
     return coupled_chains.COUPLED_CHAIN_ROWS if coupled else chains.CHAIN_ROWS
 
@@ -58,7 +58,7 @@ substitute_between = _chosen(chains.substitute_between, coupled_chains.substitut
 
 @jit
 def _couple(effects: Any, work: Any, stage: Any, n: int, upto: int) -> None:
-    """The couplings; they begin with nothing at node n, which has its loads where upto > n."""
+    """Add the couplings and keep the loads of node n (present where upto > n), which they clear."""
     R, S = column(work, RESIDUAL, n), (column(work, BLOCK, n), column(work, BLOCK + 3, n))
     terms.add_couplings(effects, work, stage, n)
     if upto > n:
@@ -69,9 +69,9 @@ def _couple(effects: Any, work: Any, stage: Any, n: int, upto: int) -> None:
 
 
 def add_couplings(effects: Any, work: Any, stage: Any, n: Any, upto: Any) -> Any:
-    """Add every effect's forces between nodes that are not neighbours, where loads are known.
+    """Add every effect's forces between nodes that are not next neighbours, once loads are known.
 
-    upto: how many nodes carry loads, n or (the upper end is at a joint) n + 1.
+    upto: number of nodes that carry loads, n or (the upper end is at a connection) n + 1.
     """
     if couples(map(type, effects)):
         _couple(effects, work, stage, n, upto)

@@ -1,11 +1,11 @@
-"""A chain between joints whose effects couple a node to the next two, onto its ends and back.
+"""Condensation of a block-pentadiagonal chain to its end connections, and back-substitution.
 
-What `chains` is to `elimination` this is to `coupled_node`: node i has the block B = c·I - K with
-the next node and d·I with the second next. What a lower joint brings comes along as three more
-columns P of forces, which a node hands on to the next two as it does its own force: delta_i =
-own - G·delta_{i+1} - S⁻¹·d·delta_{i+2} + F·delta_0 with F = S⁻¹·P. The joint's own node begins with
-P_1 = K_0 - c_0·I and P_2 = -d_0·I. A joint is a hinge: an effect that bends the rope has a moment
-at inner nodes only, so that the chains that meet there share its force and nothing else.
+It is to `chains` what `coupled_node` is to `elimination`: node i has the block B = c·I - K with the
+next node and d·I with the second next. A lower connection is carried along as three more columns P
+of forces, which a node passes on to the next two like its own force: delta_i = own - G·delta_{i+1}
+- S⁻¹·d·delta_{i+2} + F·delta_0 with F = S⁻¹·P. The connection's own node begins with P_1 = K_0 -
+c_0·I and P_2 = -d_0·I. A connection is a hinge: an effect that bends the rope has a moment at inner
+nodes only, so that chains connected there share its force and nothing else.
 """
 
 from __future__ import annotations
@@ -38,9 +38,10 @@ _NONE = (_NOTHING, _NOTHING, _NOTHING)
 
 @jit_within
 def _node(work: Any, i: int, state: Any, K: Any, c: float) -> Any:
-    """Pivot, force and block to the next node of node i, whose next element is K.
+    """Return pivot, force and block to the next node of node i, whose next element is K.
 
-    state: what was left on it, its force, what was left on the next, and between the two.
+    state: Schur complement on it, its force, Schur complement on the next node, and between the
+    two.
     """
     S, f, _, between = state
     pivot = add_six(add_six(S, six(work, BLOCK, i)), K)
@@ -49,7 +50,7 @@ def _node(work: Any, i: int, state: Any, K: Any, c: float) -> Any:
 
 @jit_ordered
 def _take(work: Any, i: int, state: Any, K: Any, c: float, d: float) -> Any:
-    """Eliminate node i onto the next two, in the way of which K, c and d are; what is left then."""
+    """Eliminate node i onto the next two, through K, c and d; return the remaining state."""
     S, f, B = _node(work, i, state, K, c)
     kept, left = eliminate_coupled_node(S, f, B, d)
     keep(work, INVERSE, i, kept)
@@ -58,7 +59,7 @@ def _take(work: Any, i: int, state: Any, K: Any, c: float, d: float) -> Any:
 
 @jit_ordered
 def eliminate_coupled_upward(work: Any, first: int, n: int) -> Any:
-    """From the lower end, free (first = 0) or held (1), onto node n: the block and force there."""
+    """Eliminate from the lower end, free (first = 0) or fixed (1), to node n: block and force."""
     state = ground(work, first), _NOTHING, (_NIL, _NOTHING), _NONE
     for i in range(first, n):
         state = _take(work, i, state, spring(work, i), work[LINK, i], work[SECOND, i])
@@ -67,7 +68,7 @@ def eliminate_coupled_upward(work: Any, first: int, n: int) -> Any:
 
 @jit_ordered
 def eliminate_coupled_downward(work: Any, n: int) -> Any:
-    """From the hang-off n, whose motion is prescribed, onto node 0: the block and force there."""
+    """Eliminate from the hang-off n, with prescribed motion, to node 0: block and force."""
     state = spring(work, n - 1), _NOTHING, (_NIL, _NOTHING), _NONE
     for i in range(n - 1, 0, -1):
         d = work[SECOND, i - 2] if i > 1 else 0.0
@@ -77,9 +78,9 @@ def eliminate_coupled_downward(work: Any, n: int) -> Any:
 
 @jit_ordered
 def _pass_on(pivot: Any, P: Any, after: Any) -> Any:
-    """Columns P of forces on a node: S⁻¹·P, and the columns of the next two nodes.
+    """Return S⁻¹·P for columns P of forces on a node, and the columns of the next two nodes.
 
-    pivot: S, B and d of the node; after: the columns that the next node has so far.
+    pivot: S, B and d of the node; after: the existing columns of the next node.
     """
     S, B, d = pivot
     (x, _, _), (_, to_x, far_x, _, _) = eliminate_coupled_node(S, P[0], B, d)
@@ -96,7 +97,7 @@ def _dot(a: Any, b: Any) -> Any:
 
 @jit_within
 def _lessened(D: Any, P: Any, F: Any) -> Any:
-    """D - Pᵀ·F, symmetric; P and F by columns."""
+    """Return D - Pᵀ·F, symmetric; P and F by columns."""
     (px, py, pz), (x, y, z) = P, F
     return (
         D[0] - _dot(px, x), D[1] - _dot(px, y), D[2] - _dot(px, z),
@@ -106,7 +107,7 @@ def _lessened(D: Any, P: Any, F: Any) -> Any:
 
 @jit_ordered
 def eliminate_coupled_between(work: Any, n: int) -> Any:
-    """Onto both ends: block and force at node n, block and force at node 0, and P by columns.
+    """Condense to both ends: return block and force at node n, at node 0, and P by columns.
 
     P couples them: -P is the block of row n and column 0.
     """
@@ -131,7 +132,7 @@ def eliminate_coupled_between(work: Any, n: int) -> Any:
 
 @jit_ordered
 def substitute_coupled_upward(work: Any, first: int, n: int) -> None:
-    """Corrections after `eliminate_coupled_upward`, where that of node n is known."""
+    """Back-substitute after `eliminate_coupled_upward`, given the correction of node n."""
     near, far = column(work, CORRECTION, n), _NOTHING
     for i in range(n - 1, first - 1, -1):
         near, far = substituted(kept_of(work, INVERSE, i), near, scaled(work[SECOND, i], far)), near
@@ -142,7 +143,7 @@ def substitute_coupled_upward(work: Any, first: int, n: int) -> None:
 
 @jit_ordered
 def substitute_coupled_downward(work: Any, n: int) -> None:
-    """Corrections after `eliminate_coupled_downward`, where that of node 0 is known."""
+    """Back-substitute after `eliminate_coupled_downward`, given the correction of node 0."""
     near, far = column(work, CORRECTION, 0), _NOTHING
     for i in range(1, n):
         d = work[SECOND, i - 2] if i > 1 else 0.0
@@ -152,7 +153,7 @@ def substitute_coupled_downward(work: Any, n: int) -> None:
 
 @jit_ordered
 def substitute_coupled_between(work: Any, n: int) -> None:
-    """Corrections after `eliminate_coupled_between`, where those of both ends are known."""
+    """Back-substitute after `eliminate_coupled_between`, given the corrections of both ends."""
     near, far = column(work, CORRECTION, n), _NOTHING
     x, y, z = column(work, CORRECTION, 0)
     for i in range(n - 1, 0, -1):

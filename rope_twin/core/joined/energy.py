@@ -1,14 +1,14 @@
-"""Energy of ropes that meet, of sheaves and of ties, from the state at a step's border.
+"""Energy balance of a multi-line system with sheaves and links, from the state at a step boundary.
 
-Each rope is measured as a single one is, with its own payout speed; what joints do to the ropes'
-ends cancels between them, as a joint has one motion. So does what a sheave does with the rope that
-runs over it at V: F·V·q of both sides (F the pulls, q the last elements' vectors over their rest
-lengths), the energy that V takes from one and gives to the other, the work on the wheel and that of
-the stream's m·V²·(q + q') sum up to V/2·(difference of both strains)·(F + F' - T - T'), with T the
-last elements' tensions: that of half an element. What is left of a sheave is what it stores, by its
-own motion, by its wheel's and by its weight, and the friction of the rope on it.
+Each rope is measured like a single one, with its own payout speed; the forces of connections on the
+ropes' ends cancel, as a connection has one motion. So do those of a sheave on the rope that runs
+over it at V: F·V·q of both sides (F the tensions, q the last elements' vectors over their
+unstretched lengths), the energy that V takes from one and gives to the other, the work on the wheel
+and that of the material stream's m·V²·(q + q') sum up to V/2·(difference of both strains)·(F + F' -
+T - T'), with T the last elements' tensions: that of half an element. Left over for a sheave are its
+kinetic energy, that of its wheel, its potential energy, and the friction of the rope on it.
 
-A tie stores the work of its pull without damping, and none where it goes slack.
+A link stores the work of its force without damping, and none where it is slack.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rope_twin.core.energy import Border, Elements, Power, Store, damped, measure
-from rope_twin.core.guards import TIED2
+from rope_twin.core.guards import LINK2_MIN
 from rope_twin.core.joined import ties
 from rope_twin.core.joined.joints import LOOSE, Joints, System
 from rope_twin.core.joined.sheaves import (
@@ -39,31 +39,31 @@ from rope_twin.core.state import POSITION, PULL, PULL_X, PULL_Z, VELOCITY, Float
 
 
 class SystemBorder(NamedTuple):
-    """A state of one rope or of many at a step's border."""
+    """Energy and power of one rope or of a multi-line system at a step boundary."""
 
     store: Store
     power: Power
-    elements: tuple[Elements, ...]  # of each rope, and the ties as one more
+    elements: tuple[Elements, ...]  # of each rope, and of the links as one more
     rubbed: float  # what friction on sheaves dissipates [W]
 
 
 def of_one(border: Border) -> SystemBorder:
-    """The border of a single rope."""
+    """Return the SystemBorder of a single rope."""
     return SystemBorder(border.store, border.power, (border.elements,), 0.0)
 
 
 def lost(before: SystemBorder, after: SystemBorder, step: float) -> float:
-    """Energy that dampers of ropes and ties, and friction on sheaves, dissipate over a step [J]."""
+    """Return the energy dissipated over a step by dampers and sheave friction [J]."""
     pairs = zip(before.elements, after.elements, strict=True)
     own = sum(damped(one, other, step) for one, other in pairs)
     return own + 0.5 * step * (before.rubbed + after.rubbed)
 
 
 def measure_system(system: System, pulls: Floats, speeds: Floats, time: float) -> SystemBorder:
-    """Energy and power of the state of a system at a step's border.
+    """Return energy and power of the state of a system at a step boundary.
 
     pulls: of each rope at its upper end, (ropes, PULL_COLUMNS); speeds: payout over its hang-off,
-    (ropes,) [m/s], whatever they are where there is none.
+    (ropes,) [m/s], arbitrary where there is none.
     """
     joints, sheaves = system.joints, system.sheaves
     borders: list[Border] = []
@@ -88,10 +88,10 @@ def measure_system(system: System, pulls: Floats, speeds: Floats, time: float) -
 
 
 def _with_shared(system: System, rope: Rope) -> Rope:
-    """A rope with the effects that all have in common as the first one has them now.
+    """Return a rope whose shared effects are those of the first rope now.
 
-    Those are the ones that the stack holds as they are (core/joined/stack.py), such as a current
-    that has changed since the start.
+    Shared effects are stored once in the stack (core/joined/stack.py), such as a current that has
+    changed since the start.
     """
     kinds = (type(effect) for effect in system.stack.effects)
     now = zip(kinds, rope.effects, system.ropes[0].effects, strict=True)
@@ -101,7 +101,7 @@ def _with_shared(system: System, rope: Rope) -> Rope:
 
 
 def _flow(joints: Joints, sheaves: Sheaves | None, r: int) -> float:
-    """The speed at which rope r grows over its sheave; 0 where its upper end is at none [m/s]."""
+    """Return the speed at which rope r grows over its sheave [m/s]; 0 without a sheave."""
     if sheaves is None or sheaves.of[r] == NOWHERE:
         return 0.0
     column = int(sheaves.figures[FLOW_COLUMN, sheaves.of[r]])
@@ -109,7 +109,7 @@ def _flow(joints: Joints, sheaves: Sheaves | None, r: int) -> float:
 
 
 def _of_sheaves(joints: Joints, sheaves: Sheaves | None) -> Floats:
-    """Kinetic, elastic and potential energy of sheaves and wheels [J], (3,)."""
+    """Return kinetic, elastic and potential energy of sheaves and wheels [J], (3,)."""
     found = np.zeros(3)
     if sheaves is None:
         return found
@@ -125,7 +125,7 @@ def _of_sheaves(joints: Joints, sheaves: Sheaves | None) -> Floats:
 def _rubbed(
     joints: Joints, sheaves: Sheaves | None, elements: tuple[Elements, ...], pulls: Floats
 ) -> float:
-    """Power of the friction between ropes and sheaves, as `core.joined.sheaves` has it [W]."""
+    """Return the power of friction between ropes and sheaves, as in `core.joined.sheaves` [W]."""
     if sheaves is None:
         return 0.0
     total = 0.0
@@ -142,17 +142,17 @@ def _rubbed(
 
 
 def _tied(joints: Joints) -> tuple[Elements, float]:
-    """The ties as elements of rest length 1, for their damping, and the energy they store [J]."""
+    """Return the links as elements of unit length, for their damping, and their energy [J]."""
     held, count = joints.ties, joints.ties.shape[1]
     ends = _ends(joints, POSITION, held[ties.AT : ties.AT + 3])
     closing = _ends(joints, VELOCITY, np.zeros((3, count)))
-    length = np.sqrt((ends * ends).sum(axis=0) + TIED2)
+    length = np.sqrt((ends * ends).sum(axis=0) + LINK2_MIN)
     rate = (ends * closing).sum(axis=0) / length
     force, stiffness, least = (held[row] for row in (ties.FORCE, ties.STIFFNESS, ties.LEAST))
     stretched = length - held[ties.LENGTH]
     spring = np.maximum(force + stiffness * stretched, least)
     pull = np.maximum(force + stiffness * stretched + held[ties.DAMPING] * rate, least)
-    # where the spring would pull less than the least, it pulls that: stretched no less than so far
+    # below the minimum force the spring is clamped: its elongation is at least this
     slack = np.where(stiffness > 0.0, (least - force) / np.where(stiffness > 0.0, stiffness, 1.0),
                      -np.inf)  # fmt: skip
     acting = np.maximum(stretched, slack)
@@ -174,7 +174,7 @@ def _tied(joints: Joints) -> tuple[Elements, float]:
 
 
 def _ends(joints: Joints, first: int, fixed: Floats) -> Floats:
-    """A vector at the second end of each tie less that at the first, (3, ties)."""
+    """Return a vector at the second end of each link relative to the first, (3, ties)."""
     held, rows = joints.ties, joints.nodes[first : first + 3]
     seconds = held[ties.SECOND].astype(int)
     second = np.where(seconds == ties.ANCHORED, fixed, rows[:, seconds])

@@ -1,8 +1,8 @@
-"""Where points hang on ropes and bars, about: a first guess from which statics finds the rest.
+"""Initial guess of the static shape of a multi-line system: straight ropes or catenaries.
 
-Points under gravity, ropes that are no longer than they are, bars that are as long as they are:
-position-based dynamics (Müller et al. 2007, J. Vis. Commun. Image R. 18, 109), in which a few
-rounds of moving points until each length is right take the place of forces.
+Points under gravity, ropes not longer than their length, bars of fixed length: position-based
+dynamics (Müller et al. 2007, J. Vis. Commun. Image R. 18, 109), in which a few rounds of moving
+points until each length is satisfied replace forces.
 """
 
 from __future__ import annotations
@@ -16,27 +16,27 @@ import numpy as np
 from rope_twin.core.state import Floats
 
 ROUNDS, DROPS = 12, 150
-FALL = 0.05  # of the longest rope: how far points fall in a round at first
-SPREAD = 0.05  # of a rope: how far aside points begin, so that a bar knows where to point
-GOLDEN = 2.399963  # an angle that spreads points evenly
+FALL = 0.05  # of the longest rope: fall of a point in the first round
+SPREAD = 0.05  # of a rope: initial lateral offset of points, so that bars have a direction
+GOLDEN = 2.399963  # golden angle, spreads points evenly
 LITTLE = 1e-9
-TAUT, NARROW = 1e-6, 1e-2  # of a rope's length: less slack, and least span of a slack one
+TAUT, NARROW = 1e-6, 1e-2  # of a rope's length: largest slack of a taut one, least span
 
 Point = list[float]
 Link = tuple[Hashable, Hashable, float]  # a rope's upper and lower end or a bar's ends; length [m]
 
 
-def hang(
+def guess_positions(
     known: Mapping[Any, Any],
     free: Sequence[Hashable],
     ropes: Sequence[Link],
     bars: Sequence[Link],
     drops: int = DROPS,
 ) -> dict[Hashable, Floats]:
-    """Where the ends of ropes and bars hang, (3,) each [m].
+    """Return the approximate positions of the ends of ropes and bars, (3,) each [m].
 
-    known: those that are held, with their places; free: all others, spread in this order.
-    Every rope must hang on a held point over others.
+    known: fixed points with their positions; free: all others, spread in this order. Every rope
+    must be connected to a fixed point, if only through others.
     """
     found: dict[Hashable, Point] = {name: [float(x) for x in at] for name, at in known.items()}
     _hang_straight(found, ropes, bars)
@@ -60,7 +60,7 @@ def hang(
 def _hang_straight(
     found: dict[Hashable, Point], ropes: Sequence[Link], bars: Sequence[Link]
 ) -> None:
-    """Each point straight below the first rope that leads there, or beside the first bar."""
+    """Place each point straight below the first rope that leads there, or next to the first bar."""
     waiting = True
     while waiting:
         waiting = False
@@ -80,7 +80,7 @@ def _hang_straight(
 def _move(
     found: dict[Hashable, Point], held: set[Hashable], link: Link, *, only_shorter: bool
 ) -> None:
-    """Move two points along their line until they are so far apart."""
+    """Move two points along the line between them until their distance satisfies the link."""
     a, b, length = link
     one, other = found[a], found[b]
     x, y, z = other[0] - one[0], other[1] - one[1], other[2] - one[2]
@@ -95,12 +95,12 @@ def _move(
             point[2] += sign * z
 
 
-def laid(low: Floats, high: Floats, s: Floats, up: bool) -> Floats:
-    """Nodes of a rope between two places [m], (3, nodes): straight, or a catenary if it is longer.
+def initial_shape(low: Floats, high: Floats, s: Floats, up: bool) -> Floats:
+    """Return the nodes of a rope between two points [m], (3, nodes), straight or a catenary.
 
     s: unstretched distance of the nodes from the lower end [m], (nodes,); up: the rope floats. The
-    catenary of a rope that does not stretch (Irvine 1981, section 1.2): with the span h, the rise v
-    and the length L, sinh(b)/b = √(L² - v²)/h and its lowest point where the two arms say.
+    inextensible catenary (Irvine 1981, section 1.2): with the span h, the rise v and the length L,
+    sinh(b)/b = √(L² - v²)/h, and its lowest point follows from the two arms.
     """
     length, chord = float(s[-1]), high - low
     share = s / length
@@ -113,7 +113,7 @@ def laid(low: Floats, high: Floats, s: Floats, up: bool) -> Floats:
     aside = aside / size if size > LITTLE else np.array([1.0, 0.0, 0.0])
     rise = -float(chord[2]) if up else float(chord[2])
     ratio = float(np.sqrt(length**2 - rise**2)) / span
-    if ratio <= 1.0 + TAUT:  # all but vertical and all but taut
+    if ratio <= 1.0 + TAUT:  # nearly vertical and nearly taut
         return straight
     b = _half_parameter(ratio)
     a = 0.5 * span / b
@@ -122,14 +122,14 @@ def laid(low: Floats, high: Floats, s: Floats, up: bool) -> Floats:
     arc = s - middle
     along = a * (np.arcsinh(arc / a) - np.arcsinh(-middle / a))
     height = np.hypot(a, arc) - np.hypot(a, middle)
-    along *= size / along[-1]  # a vertical loop has been given a little span
+    along *= size / along[-1]  # a vertical loop was given a small span
     nodes: Floats = low[:, None] + aside[:, None] * along
     nodes[2] += -height if up else height
     return nodes
 
 
 def _half_parameter(ratio: float) -> float:
-    """b of sinh(b)/b = ratio > 1, by Newton on its logarithm."""
+    """Solve sinh(b)/b = ratio > 1 for b by Newton's method on the logarithm."""
     b = float(np.sqrt(6.0 * (ratio - 1.0))) if ratio < 3.0 else float(np.log(2.0 * ratio) + 1.0)
     for _ in range(30):
         value = np.log(np.sinh(b) / b) - np.log(ratio)

@@ -1,13 +1,13 @@
-"""Ropes that meet: which ends meet where, and the few equations of the joints themselves.
+"""Connections of a multi-line system: topology, and the dense system of the connections.
 
-A joint is a point with three unknowns. Its mass and loads are those of the half elements of the
-ropes that meet there, of a payload (the `load_end` of the one rope that owns it) and of ties. Each
-rope is eliminated onto its joints (core/joined/chains.py); the joints are then one small dense
-system, solved by LDLᵀ, and the ropes' nodes follow. All of it is O(nodes), and a single rope has no
-part in it.
+A connection (joint) is a point with three unknowns. Its mass and loads are those of the half
+elements of the ropes that end there, of a payload (the `load_end` of the one rope that owns it) and
+of links. Each rope is condensed to its connections (core/joined/chains.py); the connections then
+form one small dense system, solved by LDLᵀ, followed by back-substitution in the ropes. All of it
+is O(nodes); the code of a single rope does not contain it.
 
-Where ends meet, the joint's motion is the one truth: it is copied to the nodes of the ends, so
-that they coincide to the bit.
+The motion of a connection is stored once and copied to the end nodes of its ropes, so that they
+coincide bit for bit.
 """
 
 from __future__ import annotations
@@ -46,16 +46,16 @@ from rope_twin.core.state import (
 
 # Columns of the stack's model:
 FIRST_FREE, STEP, TOLERANCE = map(Model._fields.index, ("first_free", "step", "tolerance"))
-LOOSE = -1  # an end at no joint: an upper one is a hang-off, a lower one is free or fixed
+LOOSE = -1  # unconnected end: an upper one is a hang-off, a lower one is free or fixed
 
 
 class Joints(NamedTuple):
-    """Where ropes meet, and how the joints move."""
+    """Topology and motion of the connections of a system."""
 
     lower: Ints  # joint at the lower end of each rope, or LOOSE
-    upper: Ints  # joint at its upper end, or LOOSE: a hang-off with prescribed motion and line out
-    nodes: Floats  # position, velocity, acceleration, (NODE_ROWS, joints); with the ropes' states
-    # it is all that a restart needs
+    upper: Ints  # joint at its upper end, or LOOSE: a hang-off with prescribed motion and payout
+    nodes: Floats  # position, velocity, acceleration, (NODE_ROWS, joints); restart data, together
+    # with the ropes' states
     ties: Floats  # tethers and struts, (TIE_ROWS, ties); see core/joined/ties.py
     work: Floats  # scratch, (WORK_ROWS, joints)
     matrix: Floats  # scratch, (3·joints, 3·joints)
@@ -63,16 +63,16 @@ class Joints(NamedTuple):
 
 
 class System(NamedTuple):
-    """Ropes that move together."""
+    """A multi-line system: ropes that are solved together."""
 
     ropes: tuple[Rope, ...]  # with the same effects, each with at least two elements
     joints: Joints
-    stack: Stack  # of which the ropes are views, unless they were given other arrays
-    sheaves: Sheaves | None = None  # None: rope runs over none; its type picks the compiled code
+    stack: Stack  # the ropes are views of it, unless their arrays were replaced
+    sheaves: Sheaves | None = None  # None without sheaves; its type selects the compiled code
 
 
 class Joined(NamedTuple):
-    """What the kernels see of a system."""
+    """Kernel data of a system."""
 
     stack: Stack
     joints: Joints
@@ -82,10 +82,10 @@ class Joined(NamedTuple):
 def new_system(
     ropes: tuple[Rope, ...], lower: list[int], upper: list[int], ties: Floats | None = None
 ) -> System:
-    """Join ropes; the joints stand where the last rope that reaches them ends.
+    """Connect ropes; each connection is placed at the end of the last rope that reaches it.
 
-    lower, upper: the joint at each rope's ends, or LOOSE. The ropes move into one stack; a rope
-    whose lower end is at a joint holds its node 0 there.
+    lower, upper: the connection at each rope's ends, or LOOSE. The ropes move into one stack; node
+    0 of a rope whose lower end is connected coincides with the connection.
     """
     count = 1 + max([*lower, *upper, LOOSE])
     nodes = np.zeros((NODE_ROWS, count))
@@ -113,7 +113,7 @@ def new_system(
 
 
 def with_flows(joints: Joints, more: int) -> Joints:
-    """Joints with so many columns more, for the flows over sheaves."""
+    """Return connections with additional columns for the flows over sheaves."""
     count = joints.nodes.shape[1] + more
     nodes: Floats = np.zeros((NODE_ROWS, count))
     nodes[:, : count - more] = joints.nodes
@@ -126,13 +126,13 @@ def with_flows(joints: Joints, more: int) -> Joints:
 
 @jit_within
 def first_free(stack: Any, r: int) -> int:
-    """Lowest node of rope r that is free."""
+    """Return the lowest free node of rope r."""
     return int(stack.model[r, FIRST_FREE])
 
 
 @jit
 def place_ends(system: Any) -> None:
-    """Give the ropes' ends the motion of their joints."""
+    """Copy the motion of the connections to the ropes' end nodes."""
     stack, joints = system.stack, system.joints
     for r in range(stack.counts.shape[0]):
         work, low, high = stack.work[r], joints.lower[r], joints.upper[r]
@@ -146,7 +146,7 @@ def place_ends(system: Any) -> None:
 
 @jit
 def _add_end(joints: Any, work: Any, i: int, joint: int) -> None:
-    """Residual and block of a rope's end node join those of its joint."""
+    """Add residual and block of a rope's end node to those of its connection."""
     S, R = work[BLOCK : BLOCK + 6], work[RESIDUAL : RESIDUAL + 3]
     for k in range(3):
         joints.work[RESIDUAL + k, joint] += R[k, i]
@@ -155,7 +155,7 @@ def _add_end(joints: Any, work: Any, i: int, joint: int) -> None:
 
 @jit
 def add_block(matrix: Any, joint: int, S: Any) -> None:
-    """A symmetric block (xx, xy, xz, yy, yz, zz) joins a joint's own."""
+    """Add a symmetric block (xx, xy, xz, yy, yz, zz) to a connection's own."""
     i = 3 * joint
     matrix[i, i] += S[0]
     matrix[i + 1, i] += S[1]
@@ -167,14 +167,14 @@ def add_block(matrix: Any, joint: int, S: Any) -> None:
 
 @jit
 def clear(joints: Any) -> None:
-    """No forces and no matrix yet."""
+    """Clear forces and matrix of the connections."""
     joints.work[RESIDUAL : RESIDUAL + 3, :] = 0.0
     joints.matrix[:, :] = 0.0
 
 
 @jit
 def gather_ends(system: Any) -> None:
-    """Residuals and blocks of all ends join those of their joints."""
+    """Add residuals and blocks of all rope ends to those of their connections."""
     stack, joints = system.stack, system.joints
     for r in range(stack.counts.shape[0]):
         if joints.lower[r] != LOOSE:
@@ -185,14 +185,14 @@ def gather_ends(system: Any) -> None:
 
 @jit
 def _push(joints: Any, joint: int, f: Any) -> None:
-    """What a chain leaves on a joint joins the right-hand side, which CORRECTION holds."""
+    """Add a condensed force to the right-hand side of a connection, held in CORRECTION."""
     for k in range(3):
         joints.work[CORRECTION + k, joint] += f[k]
 
 
 @jit
 def _couple(matrix: Any, upper: int, lower: int, P: Any) -> None:
-    """-P between two joints, in the lower triangle; on the diagonal if they are the same."""
+    """Add -P between two connections (or of one to itself) to the lower triangle."""
     for k in range(3):
         for c in range(3):
             i, j = 3 * upper + k, 3 * lower + c
@@ -204,7 +204,7 @@ def _couple(matrix: Any, upper: int, lower: int, P: Any) -> None:
 
 @jit
 def _condense(system: Any, work: Any, first: int, n: int, r: int) -> None:
-    """Eliminate rope r onto its joints."""
+    """Condense rope r to its connections."""
     joints, sheaves = system.joints, system.sheaves
     effects = effects_at(system.stack.effects, r)
     low, high = joints.lower[r], joints.upper[r]
@@ -231,7 +231,7 @@ def _condense(system: Any, work: Any, first: int, n: int, r: int) -> None:
 
 @jit
 def _substitute(system: Any, work: Any, first: int, n: int, r: int) -> None:
-    """Corrections of rope r from those of its joints."""
+    """Back-substitute rope r from the corrections of its connections."""
     joints, effects = system.joints, effects_at(system.stack.effects, r)
     low, high = joints.lower[r], joints.upper[r]
     for k in range(CORRECTION, CORRECTION + 3):
@@ -249,9 +249,9 @@ def _substitute(system: Any, work: Any, first: int, n: int, r: int) -> None:
 
 @jit_ordered
 def _solve_joints(M: Any, b: Any) -> None:
-    """M·x = b for a symmetric positive definite M (its lower triangle), by LDLᵀ in place.
+    """Solve M·x = b for a symmetric positive definite M (its lower triangle), by LDLᵀ in place.
 
-    b: (3, joints), of which x takes the place.
+    b: (3, joints), replaced by x.
     """
     size = M.shape[0]
     for j in range(size):
@@ -271,7 +271,7 @@ def _solve_joints(M: Any, b: Any) -> None:
 
 @jit
 def solve_system(system: Any) -> None:
-    """Corrections of all nodes, where residuals and blocks of ropes and joints are known."""
+    """Solve for the corrections of all nodes from residuals and blocks of ropes and connections."""
     stack, joints = system.stack, system.joints
     for k in range(3):
         for j in range(joints.nodes.shape[1]):
@@ -285,7 +285,7 @@ def solve_system(system: Any) -> None:
 
 @jit
 def joint_slope(joints: Any) -> float:
-    """R·delta of the joints."""
+    """Return R·delta summed over the connections."""
     total = 0.0
     for j in range(joints.nodes.shape[1]):
         R, d = column(joints.work, RESIDUAL, j), column(joints.work, CORRECTION, j)

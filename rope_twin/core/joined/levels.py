@@ -1,7 +1,7 @@
-"""Ropes that meet on few elements: rest is found there first, for a fraction of the work.
+"""Coarse-to-fine static solution: equilibrium of a multi-line system on few elements first.
 
-What makes rest hard to find, ropes that lie anyhow, does not depend on the number of elements; what
-a step costs does.
+What makes the problem hard, arbitrary initial shapes, does not depend on the number of elements;
+the cost of a step does.
 """
 
 from __future__ import annotations
@@ -10,18 +10,18 @@ from collections.abc import Hashable
 
 import numpy as np
 
-from rope_twin.core.joined.hanging import Link, hang, laid
+from rope_twin.core.joined.hanging import Link, guess_positions, initial_shape
 from rope_twin.core.joined.joints import LOOSE, System, new_system, with_flows
 from rope_twin.core.joined.ties import ANCHORED, FIRST, LEAST, LENGTH, SECOND
 from rope_twin.core.payout.trial import TRIALS
 from rope_twin.core.state import ELEMENTS, END, POSITION, Floats, Rope, new_state
 
 SPARE_NODES = 4
-DROPS = 25  # enough for a first guess
+DROPS = 25  # enough for an initial guess
 
 
-def coarser(system: System, most: int) -> System:
-    """The system with so many elements a rope at most, at nodes that it has."""
+def coarsen(system: System, most: int) -> System:
+    """Return the system with at most `most` elements per rope, at a subset of its nodes."""
     joints, sheaves = system.joints, system.sheaves
     ropes = tuple(_coarser_rope(rope, most) for rope in system.ropes)
     found = new_system(ropes, list(joints.lower), list(joints.upper), joints.ties.copy())
@@ -33,7 +33,7 @@ def coarser(system: System, most: int) -> System:
 
 
 def _coarser_rope(rope: Rope, most: int) -> Rope:
-    """Nodes spread evenly over its own; where two sections meet a node stays."""
+    """Return a rope on evenly spaced ones of its nodes; nodes at section ends are kept."""
     n = int(rope.state.counts[ELEMENTS])
     s = rope.state.s[: n + 1]
     ends = [int(np.abs(s - end).argmin()) for end in rope.sections[END] if end < s[-1]]
@@ -46,8 +46,8 @@ def _coarser_rope(rope: Rope, most: int) -> Rope:
     return rope._replace(state=state)
 
 
-def take_places(fine: System, coarse: System) -> None:
-    """Nodes and joints of the fine system where the coarse one has them, straight in between."""
+def interpolate_from(fine: System, coarse: System) -> None:
+    """Interpolate nodes and connections of the fine system linearly from the coarse one."""
     for one, other in zip(fine.ropes, coarse.ropes, strict=True):
         n, few = (int(rope.state.counts[ELEMENTS]) + 1 for rope in (one, other))
         for k in range(POSITION, POSITION + 3):
@@ -57,8 +57,8 @@ def take_places(fine: System, coarse: System) -> None:
     fine.joints.nodes[POSITION : POSITION + 3] = coarse.joints.nodes[POSITION : POSITION + 3]
 
 
-def lay(system: System) -> None:
-    """Forget how the ropes lie: hang them where their lengths let them, about."""
+def set_initial_guess(system: System) -> None:
+    """Replace the ropes' shapes by the initial guess that follows from their lengths."""
     joints, ropes = system.joints, system.ropes
     known: dict[Hashable, Floats] = {}
     links: list[Link] = []
@@ -77,12 +77,12 @@ def lay(system: System) -> None:
     ]
     points = dict.fromkeys(name for link in links for name in link[:2])
     free = [name for name in points if name not in known]
-    found = hang(known, free, links, bars, DROPS)
+    found = guess_positions(known, free, links, bars, DROPS)
     for r, rope in enumerate(ropes):
         n = int(rope.state.counts[ELEMENTS])
         upper, lower = _ends(system, r)
         s = rope.state.s[: n + 1] - rope.state.s[0]
-        rope.state.nodes[POSITION : POSITION + 3, : n + 1] = laid(
+        rope.state.nodes[POSITION : POSITION + 3, : n + 1] = initial_shape(
             found[lower], found[upper], s, up=False
         )
     for j in {*joints.lower, *joints.upper} - {LOOSE}:
@@ -90,7 +90,7 @@ def lay(system: System) -> None:
 
 
 def _ends(system: System, r: int) -> tuple[Hashable, Hashable]:
-    """Names of the upper and the lower end of rope r: of joints their number."""
+    """Return keys of the upper and lower end of rope r: the connection's number, if any."""
     upper, lower = int(system.joints.upper[r]), int(system.joints.lower[r])
     return (
         ("top", r) if upper == LOOSE else upper,

@@ -1,7 +1,8 @@
-"""Rope reeved over sheaves: where two ropes of a system become one that runs, and how it rests.
+"""Reeving over sheaves: two ropes of a system that run as one, and their static equilibrium.
 
-At rest without friction both sides of a sheave pull alike. The wheel is held while the ropes come
-to rest, rope is moved over it by the secant of the difference, and at last the wheel is let go.
+In equilibrium without friction the tension on both sides of a sheave is equal. The wheel is held
+while the ropes reach equilibrium, rope is transferred by the secant method on the tension
+difference, and finally the wheel is released.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from rope_twin.core.joined.sheaves import (
     WHEEL,
     Sheaves,
 )
-from rope_twin.core.joined.statics import settle_joined, settle_near
+from rope_twin.core.joined.statics import refine_joined_statics, solve_joined_statics
 from rope_twin.core.payout.trial import TRIALS
 from rope_twin.core.state import (
     EA,
@@ -35,32 +36,32 @@ from rope_twin.core.state import (
 )
 from rope_twin.core.statics.forces import Equilibrium
 
-HELD = 1e30  # kg: inertia of a wheel that nothing turns
+HELD = 1e30  # kg: inertia of a locked wheel
 ROUNDS = 12
 ROUND_OFF = 1e-15  # of the largest coordinate
-ALIKE = 1e-3  # of a pull: what the wheel may turn by at last, a small part of an element
+ALIKE = 1e-3  # of a tension: largest difference at which the wheel is released
 SHORTEST, LONGEST = 0.5, 1.5  # of the element length: the last element of a stretch
 
 
 class Wheel(NamedTuple):
-    """A sheave and the two ropes that are one over it; both have it at their upper end."""
+    """A sheave and the two ropes that run as one over it; both have it at their upper end."""
 
-    point: int  # the joint that it turns at
-    into: int  # the rope that a positive flow makes longer
-    out: int  # the one that it makes shorter
+    point: int  # joint at its axis
+    into: int  # the rope that a positive flow lengthens
+    out: int  # the rope that it shortens
     mass: float = 0.0  # [kg]
     weight: float = 0.0  # in water [N]
-    inertia: float = 0.0  # of its turning over its radius squared [kg]
+    inertia: float = 0.0  # moment of inertia over radius squared [kg]
     friction: float = 0.0  # F/F' = exp(friction·angle of wrap)
 
 
 def reeve(system: System, wheels: Sequence[Wheel]) -> System:
-    """The system with the ropes running over these sheaves, the flow over each being 0.
+    """Return the system with its ropes running over these sheaves, the flow over each being 0.
 
-    The ropes of one sheave are of the same make at their upper ends, of one section each.
+    The ropes of one sheave have the same properties at their upper ends and one section each.
 
     Raises:
-        ValueError: a wheel's ropes do not end there, or are not of one make.
+        ValueError: a wheel's ropes do not end there, or differ in their properties.
     """
     joints, first = system.joints, system.joints.nodes.shape[1]
     if not wheels:
@@ -75,7 +76,7 @@ def reeve(system: System, wheels: Sequence[Wheel]) -> System:
         )  # fmt: skip
         one, other = (system.ropes[r].sections for r in (wheel.into, wheel.out))
         if one.shape != other.shape or one.shape[1] != 1 or (one != other).any():
-            raise ValueError(f"reeve: ropes {wheel.into} and {wheel.out} are not of one make")
+            raise ValueError(f"reeve: ropes {wheel.into} and {wheel.out} are of different material")
         for r, sign in ((wheel.into, 1.0), (wheel.out, -1.0)):
             if joints.upper[r] != wheel.point or of[r] != NOWHERE:
                 raise ValueError(f"reeve: rope {r} does not end at joint {wheel.point} alone")
@@ -88,30 +89,30 @@ def reeve(system: System, wheels: Sequence[Wheel]) -> System:
     return system._replace(joints=with_flows(joints, len(wheels)), sheaves=sheaves)
 
 
-def settle_reeved(system: System, place: Floats) -> Equilibrium:
-    """`settle_joined`, where rope may run over sheaves until both sides pull alike.
+def solve_reeved_statics(system: System, place: Floats) -> Equilibrium:
+    """Solve the static equilibrium, with rope running over sheaves until both tensions are equal.
 
     The flow over every sheave is 0 afterwards.
     """
     sheaves = system.sheaves
     if sheaves is None:
-        return settle_joined(system, place)
+        return solve_joined_statics(system, place)
     kept = sheaves.figures[[WHEEL, FRICTION]].copy()
     sheaves.figures[WHEEL], sheaves.figures[FRICTION] = HELD, 0.0
     end = _settle_held(system, sheaves, place)
     sheaves.figures[WHEEL] = kept[0]
     if end.found:
-        end = settle_near(system, place)
+        end = refine_joined_statics(system, place)
     sheaves.figures[FRICTION] = kept[1]
     _drop_round_off(system)
     return end
 
 
 def _drop_round_off(system: System) -> None:
-    """Make 0 what is left of coordinates that the search brought to 0.
+    """Set coordinates at round-off level to 0.
 
-    A loop in one plane would otherwise sway across it by ever less, down to numbers so small that
-    a processor takes four times as long with them.
+    A loop in one plane would otherwise sway across it with an ever smaller amplitude, down to
+    subnormal numbers, with which a processor takes four times as long.
     """
     tables = [rope.state.nodes[: POSITION + 3] for rope in system.ropes]
     tables.append(system.joints.nodes[: POSITION + 3])
@@ -121,14 +122,14 @@ def _drop_round_off(system: System) -> None:
 
 
 def _settle_held(system: System, sheaves: Sheaves, place: Floats) -> Equilibrium:
-    """Rest with the wheels held and as much rope over them as makes both sides pull alike."""
+    """Solve the equilibrium with locked wheels, and transfer rope until both tensions are equal."""
     pairs = sheaves.figures[[INTO, FROM]].T.astype(int)
     slope = np.array([-sum(_stiffness(system.ropes[r]) for r in pair) for pair in pairs])
     moved, before = np.zeros(len(pairs)), np.full(len(pairs), np.nan)
-    settle = settle_joined
+    settle = solve_joined_statics
     for _ in range(ROUNDS):
         end = settle(system, place)
-        settle = settle_near
+        settle = refine_joined_statics
         pulls = np.array([[_last_tension(system.ropes[r]) for r in pair] for pair in pairs])
         apart = pulls[:, 0] - pulls[:, 1]
         if not end.found or (np.abs(apart) <= ALIKE * pulls.max(axis=1)).all():
@@ -143,19 +144,19 @@ def _settle_held(system: System, sheaves: Sheaves, place: Floats) -> Equilibrium
 
 
 def _stiffness(rope: Rope) -> float:
-    """Of the whole rope along itself [N/m]."""
+    """Return the axial stiffness of the whole rope [N/m]."""
     return float(rope.sections[EA, 0] / rope.state.s[rope.state.counts[ELEMENTS]])
 
 
 def _last_tension(rope: Rope) -> float:
-    """Of the element at the sheave [N]."""
+    """Return the tension of the element at the sheave [N]."""
     return float(rope.work[TENSION, rope.state.counts[ELEMENTS] - 1])
 
 
 def _lay_again(rope: Rope, more: float) -> float:
-    """Make a rope longer at its last node, in the same shape; returns its length [m].
+    """Change a rope's length at its last node, in the same shape; return its length [m].
 
-    It keeps two elements at least and what its arrays have room for.
+    It keeps at least two elements and at most the capacity of its arrays.
     """
     state, size = rope.state, rope.model.element_length
     n = int(state.counts[ELEMENTS])

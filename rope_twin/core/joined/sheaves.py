@@ -1,21 +1,21 @@
-"""Sheaves: joints at which two ropes end, and over which rope goes from one to the other.
+"""Sheaves: connections at which two ropes end, and over which rope passes from one to the other.
 
-A rope that ends at a sheave has its last node there, and as much rope beyond its first as the flow
-u lets it have: L = base + u on one side and base - u on the other. u is an unknown of the system as
-a joint's place is, with the same time stepping; it takes a column of `joints` (u in the row x), so
-that a restart, a halved step and the joints' solve know of it without a word.
+A rope that ends at a sheave has its last node there, and its length depends on the flow u: L = base
++ u on one side and base - u on the other. u is an unknown of the system like the position of a
+connection, with the same time stepping; it has a column of `joints` (u in the row x), so that
+restart, substepping and the connections' solver need no special case.
 
 The rope that passes has x = x_sheave, v = v_sheave - V·q and a = a_sheave - A·q - 2·V·dq/dt, with q
-the last element's vector over its rest length and V, A the rates of L. These are the motion of the
-rope's last node in its kernels, so that an element needs no term for the rope that enters it. In
-small motions the node goes by B·du, B = -q on one side and +q on the other: the flow has the
-balance ΣB·R of the half elements there, that is F = F' of the pulls just beside the sheave less
+the last element's vector over its unstretched length and V, A the rates of L. These are the motion
+of the rope's last node in its kernels, so that an element needs no term for the rope that enters
+it. For a variation du the node moves by B·du, B = -q on one side and +q on the other: the flow has
+the balance ΣB·R of the half elements there, that is F = F' of the tensions next to the sheave less
 friction and inertia of the wheel, and no jump when an element splits or merges there, which keeps F
-(core/payout/events.py). On the sheave act -F·t - F'·t' + m·V²·(q + q'), the last one what turning
-the stream of rope takes, by the balance of momentum of what is at the sheave.
+(core/payout/events.py). On the sheave act -F·t - F'·t' + m·V²·(q + q'), the last term being the
+momentum flux of the turning rope, by the momentum balance of what is at the sheave.
 
-Dropped from the Jacobian, not from the balance: the derivatives of the stream's pull, of 2·V·dq/dt
-and of the elements' mass to u, which are V·q/l and p·load/EA of what stays.
+Omitted from the Jacobian, not from the balance: the derivatives of the momentum flux, of 2·V·dq/dt
+and of the elements' mass to u, which are V·q/l and p·load/EA relative to the terms kept.
 """
 
 from __future__ import annotations
@@ -47,31 +47,31 @@ from rope_twin.core.state import (
 )
 from rope_twin.core.step import finish
 
-NOWHERE = -1  # of a rope whose upper end is at no sheave
-# Rows of `figures`, a column each sheave:
+NOWHERE = -1  # sheave of a rope without one at its upper end
+# Rows of `figures`, one column per sheave:
 POINT, FLOW_COLUMN = 0, 1  # columns of `joints`: of the sheave and of its flow
-INTO, FROM = 2, 3  # the rope that a positive flow makes longer, and the other
+INTO, FROM = 2, 3  # the rope that a positive flow lengthens, and the other
 SHEAVE_MASS, SHEAVE_WEIGHT = 4, 5  # [kg], in water [N]
 WHEEL = 6  # inertia of the turning wheel over its radius squared [kg]
 FRICTION = 7  # of the rope on the wheel: F/F' = exp(FRICTION·angle of wrap)
 SHEAVE_ROWS = 8
-CREEP = 0.01  # m/s: speed at which friction is 76 % of what it is at last
+CREEP = 0.01  # m/s: speed at which friction is 76 % of its limit
 
 
 class Sheaves(NamedTuple):
-    """The sheaves of a system."""
+    """The sheaves of a multi-line system."""
 
     figures: Floats  # (SHEAVE_ROWS, sheaves)
     of: Ints  # sheave at each rope's upper end, or NOWHERE
-    side: Floats  # of each rope: 1 if a positive flow makes it longer, -1 if shorter
-    base: Floats  # line beyond each rope's first node when the flow is 0 [m]
+    side: Floats  # of each rope: 1 if a positive flow lengthens it, -1 if it shortens it
+    base: Floats  # length of each rope at zero flow [m]
     way: Floats  # scratch: B of each rope's last node, (3, ropes)
     borders: Boundary  # scratch: the last node's motion as of a hang-off, (ropes, 2, MOTIONS)
 
 
 @jit_within
 def line_at(sheaves: Any, motion: Any, r: int) -> Any:
-    """Line of rope r, its rate and acceleration; `motion`: that of the joints (work or nodes)."""
+    """Return the length of rope r, its rate and acceleration; `motion`: of the joints."""
     f, side = int(sheaves.figures[FLOW_COLUMN, sheaves.of[r]]), sheaves.side[r]
     return (
         sheaves.base[r] + side * motion[POSITION, f],
@@ -82,7 +82,7 @@ def line_at(sheaves: Any, motion: Any, r: int) -> Any:
 
 @jit
 def pass_end(sheaves: Any, joints: Any, rope: Any, r: int) -> None:
-    """Length of rope r's last element, and the motion of the rope that passes the sheave.
+    """Set the length of rope r's last element, and the motion of the rope that passes the sheave.
 
     An element that has run out gets the length NaN: the step then counts as not finite.
     """
@@ -105,7 +105,7 @@ def pass_end(sheaves: Any, joints: Any, rope: Any, r: int) -> None:
 
 @jit_within
 def _stretch_of(work: Any, n: int) -> Any:
-    """Length of the last element over its rest length."""
+    """Return the length of the last element over its unstretched length."""
     x, y, z = column(work, POSITION, n)
     ox, oy, oz = column(work, POSITION, n - 1)
     return sqrt((x - ox) ** 2 + (y - oy) ** 2 + (z - oz) ** 2) / work[REST, n - 1]
@@ -113,7 +113,7 @@ def _stretch_of(work: Any, n: int) -> Any:
 
 @jit_within
 def _apply(S: Any, B: Any) -> Any:
-    """S·B of a symmetric matrix (xx, xy, xz, yy, yz, zz)."""
+    """Return S·B of a symmetric matrix (xx, xy, xz, yy, yz, zz)."""
     return (
         S[0] * B[0] + S[1] * B[1] + S[2] * B[2],
         S[1] * B[0] + S[3] * B[1] + S[4] * B[2],
@@ -128,14 +128,14 @@ def _dot(a: Any, b: Any) -> Any:
 
 @jit_within
 def _block(work: Any, i: int) -> Any:
-    """Block of a node: xx, xy, xz, yy, yz, zz."""
+    """Return the block of a node: xx, xy, xz, yy, yz, zz."""
     S = work[BLOCK : BLOCK + 6]
     return S[0, i], S[1, i], S[2, i], S[3, i], S[4, i], S[5, i]
 
 
 @jit
 def add_end_to_flow(sheaves: Any, joints: Any, r: int, S: Any) -> None:
-    """A block S of rope r's last node as the flow has it: Bᵀ·S·B, and S·B beside the sheave's."""
+    """Project a block S of rope r's last node on the flow: Bᵀ·S·B, and S·B with the sheave."""
     k, B = sheaves.of[r], column(sheaves.way, ZERO, r)
     P, f = int(sheaves.figures[POINT, k]), int(sheaves.figures[FLOW_COLUMN, k])
     SB = _apply(S, B)
@@ -146,7 +146,7 @@ def add_end_to_flow(sheaves: Any, joints: Any, r: int, S: Any) -> None:
 
 @jit
 def add_sheaves(sheaves: Any, system: Any, stage: Any) -> None:
-    """Balance and blocks of sheaves and flows, where those of the ropes' ends are known."""
+    """Add balance and blocks of sheaves and flows, given those of the ropes' ends."""
     if sheaves is None:
         return
     for k in range(sheaves.figures.shape[1]):
@@ -158,7 +158,7 @@ def add_sheaves(sheaves: Any, system: Any, stage: Any) -> None:
 
 @jit
 def _add_sheave(sheaves: Any, joints: Any, k: int, pair: Any, q: float) -> None:
-    """Those of sheave k; pair: scratch and elements of the rope it leads into, and of the other."""
+    """Add balance and blocks of sheave k; pair: scratch and elements of both ropes."""
     figures = sheaves.figures
     P, f = int(figures[POINT, k]), int(figures[FLOW_COLUMN, k])
     a, b = int(figures[INTO, k]), int(figures[FROM, k])
@@ -188,7 +188,7 @@ def _add_sheave(sheaves: Any, joints: Any, k: int, pair: Any, q: float) -> None:
 
 @jit
 def condense_flow(sheaves: Any, joints: Any, r: int, left: Any) -> None:
-    """What rope r's elimination left on its last node, block and force, as the flow has it."""
+    """Project the condensed block and force of rope r's last node on the flow."""
     if sheaves is None:
         return
     if sheaves.of[r] == NOWHERE:
@@ -200,7 +200,7 @@ def condense_flow(sheaves: Any, joints: Any, r: int, left: Any) -> None:
 
 @jit
 def couple_flow(sheaves: Any, joints: Any, r: int, P: Any) -> None:
-    """-P between rope r's last node and its first one's joint, as the flow has it."""
+    """Project -P between rope r's last node and its first one's connection on the flow."""
     if sheaves is None:
         return
     if sheaves.of[r] == NOWHERE:
@@ -212,7 +212,7 @@ def couple_flow(sheaves: Any, joints: Any, r: int, P: Any) -> None:
 
 @jit
 def substitute_flow(sheaves: Any, joints: Any, work: Any, r: int, n: int) -> None:
-    """Correction of rope r's last node: the sheave's, and B times the flow's."""
+    """Add B times the flow's correction to that of rope r's last node."""
     if sheaves is None:
         return
     if sheaves.of[r] == NOWHERE:
@@ -224,7 +224,7 @@ def substitute_flow(sheaves: Any, joints: Any, work: Any, r: int, n: int) -> Non
 
 @jit
 def is_at_sheave(sheaves: Any, r: int) -> bool:
-    """Whether rope r's upper end is at one."""
+    """Return whether rope r's upper end is at a sheave."""
     if sheaves is None:
         return False
     return bool(sheaves.of[r] != NOWHERE)
@@ -232,9 +232,10 @@ def is_at_sheave(sheaves: Any, r: int) -> bool:
 
 @jit
 def _border(sheaves: Any, joints: Any, rope: Any, r: int) -> Any:
-    """The sheave as a hang-off of rope r, over a step that ends with the state as it is.
+    """Return the sheave as a hang-off of rope r, over a step that ends with the present state.
 
-    The line's value and rate at the step's start are those that give its acceleration at the end.
+    Value and rate of the length at the step's start are those that give its acceleration at the
+    end.
     """
     value, rate = sheaves.borders.value[r], sheaves.borders.rate[r]
     P, h = int(sheaves.figures[POINT, sheaves.of[r]]), rope.model.step
@@ -250,7 +251,7 @@ def _border(sheaves: Any, joints: Any, rope: Any, r: int) -> Any:
 
 @jit
 def finish_at_sheave(sheaves: Any, system: Any, r: int, pull: Any, time: float) -> None:
-    """What `finish` does at a hang-off; pull: rope r's on the sheave, (1, PULL_COLUMNS)."""
+    """Complete a step at a sheave, like `finish` at a hang-off; pull: (1, PULL_COLUMNS)."""
     if sheaves is None:
         return
     rope, joints = rope_of(system.stack, r), system.joints

@@ -1,8 +1,9 @@
-"""The arrays of all ropes of a system in one piece, so that one binary steps any number of them.
+"""Arrays of all ropes of a system in one piece, so that one binary steps any number of ropes.
 
-`rope_of(stack, r)` is rope r, made of views; to the kernels of a single rope it is one. What all
-ropes have in common (current, drag, ...) is there once; an effect whose figures differ from rope
-to rope (a payload) says how it is stacked, and how to pick one rope's out of that.
+`rope_of(stack, r)` is rope r, made of views; to the kernels of a single rope it looks like one.
+Shared properties (current, drag, ...) are stored once; an effect whose properties differ from rope
+to rope (a payload) registers how it is stacked, and how one rope's values are picked from the
+stack.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ _PICKERS: dict[type, Any] = {}
 
 
 class Stack(NamedTuple):
-    """Rope after rope along the first axis; the other axes are those of a Rope's arrays."""
+    """Arrays of all ropes, stacked along the first axis; other axes are those of a Rope."""
 
     model: Floats  # the fields of Model, (ropes, 7)
     nodes: Floats
@@ -52,7 +53,7 @@ class Stack(NamedTuple):
 
 
 def stacks(kind: type, stacked: type, picker: Any) -> Callable[[Any], Any]:
-    """Register how effects of this type are stacked, and the kernel that picks rope r's again.
+    """Register how effects of this type are stacked, and the kernel that picks rope r's values.
 
     picker: f(stacked effect, r), a plain function of numbers and arrays.
     """
@@ -66,7 +67,7 @@ def stacks(kind: type, stacked: type, picker: Any) -> Callable[[Any], Any]:
 
 
 def stacked_effects(ropes: Sequence[Rope]) -> tuple[Any, ...]:
-    """The effects of all ropes, of the first one where they cannot differ."""
+    """Return the stacked effects of all ropes; of the first rope where they cannot differ."""
     made = []
     for own in zip(*(rope.effects for rope in ropes), strict=True):
         stacker = _STACKERS.get(type(own[0]))
@@ -75,7 +76,7 @@ def stacked_effects(ropes: Sequence[Rope]) -> tuple[Any, ...]:
 
 
 def new_stack(ropes: Sequence[Rope]) -> Stack:
-    """A stack with room for these ropes, and with what never changes of them."""
+    """Return a stack sized for these ropes, filled with their constants."""
     count, room = len(ropes), max(rope.state.s.shape[0] for rope in ropes)
     lines = chain_rows(ropes[0].effects)
     sections = np.zeros((count, SECTION_ROWS, max(rope.sections.shape[1] for rope in ropes)))
@@ -97,7 +98,7 @@ def new_stack(ropes: Sequence[Rope]) -> Stack:
 
 
 def _stacked_law(laws: Sequence[Table | None]) -> Table | None:
-    """Tables of all ropes, with unused knots at infinity; all ropes have one or none has."""
+    """Return stacked tables, padded with knots at infinity; all ropes have one or none has."""
     tables = [law for law in laws if law is not None]
     if not tables:
         return None
@@ -113,13 +114,13 @@ def _stacked_law(laws: Sequence[Table | None]) -> Table | None:
 
 
 def view_of(stack: Stack, r: int, rope: Rope) -> Rope:
-    """Rope r as the stack holds it, for Python: its effects and law stay its own."""
+    """Return rope r as a view of the stack, for Python; effects and law are those of `rope`."""
     state = State(stack.nodes[r], stack.s[r], stack.offset[r], stack.counts[r], stack.health[r])
     return rope._replace(state=state, work=stack.work[r], sections=stack.sections[r])
 
 
 def load(stack: Stack, r: int, rope: Rope) -> None:
-    """Bring the stack up to date with a rope: its model, and its state if that lies elsewhere."""
+    """Copy a rope into the stack: its model, and its state if that is stored elsewhere."""
     stack.model[r] = rope.model
     if rope.state.nodes.base is not stack.nodes:
         for table, own in zip(_state_of(stack, r), rope.state, strict=True):
@@ -127,7 +128,7 @@ def load(stack: Stack, r: int, rope: Rope) -> None:
 
 
 def store(stack: Stack, r: int, rope: Rope) -> None:
-    """The other way: state and scratch of a rope that lies elsewhere."""
+    """Copy state and scratch from the stack to a rope that is stored elsewhere."""
     if rope.state.nodes.base is not stack.nodes:
         for table, own in zip(_state_of(stack, r), rope.state, strict=True):
             own[...] = table[..., : own.shape[-1]]
@@ -139,7 +140,7 @@ def _state_of(stack: Stack, r: int) -> tuple[Any, ...]:
 
 
 def effects_at(effects: Any, r: Any) -> Any:
-    """The effects as rope r has them."""
+    """Return the effects with the values of rope r."""
     return tuple(
         _PICKERS[type(effect)](effect, r) if type(effect) in _PICKERS else effect
         for effect in effects
@@ -159,7 +160,7 @@ def _compose_effects(effects: Any, r: Any) -> Any:
 
 
 def _law_at(law: Any, r: Any) -> Any:
-    """The law of rope r."""
+    """Return the law of rope r."""
     return None if law is None else Table(*(row[r] for row in law))
 
 
@@ -176,7 +177,7 @@ def _choose_law(law: Any, r: Any) -> Any:
 
 @jit
 def rope_of(stack: Any, r: int) -> Any:
-    """Rope r."""
+    """Return rope r of the stack."""
     m = stack.model[r]
     return Rope(
         Model(m[0], m[1], m[2], m[3], int(m[4]), m[5], m[6]),

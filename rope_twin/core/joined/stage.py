@@ -1,8 +1,8 @@
-"""One implicit stage of ropes that meet: Newton over all of them at once, as in core/solve/stage.
+"""One implicit stage of a multi-line system: Newton's method for all ropes, as in core/solve/stage.
 
-The same passes, acceptance and line search; only the solve goes over the joints. A stage is
-accepted when every tension in the system is what the linearisation expected of it and, where an
-effect's loads come and go, every node and joint is in balance.
+Passes, acceptance and line search are the same; only the linear solve includes the connections. A
+stage is accepted when every tension in the system agrees with its linearisation and, where an
+effect has an active set, every node and connection is balanced.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ RELOAD = np.int64(3)  # after TRAPEZOID, BDF2 and SEARCH: motion and tension are
 
 @jit
 def _count_left(work: Any, low: int, high: int, most: float) -> int:
-    """How many of the nodes low <= i < high are left with a force above `most` [N], or with NaN."""
+    """Return how many of the nodes low <= i < high have a residual above `most` [N], or NaN."""
     count = 0
     for i in range(low, high):
         x, y, z = column(work, RESIDUAL, i)
@@ -70,7 +70,7 @@ def _count_left(work: Any, low: int, high: int, most: float) -> int:
 
 @jit
 def _is_balanced(system: Any, stage: Any) -> bool:
-    """Whether no node or joint is left with a force above the tolerance, all loads taken anew."""
+    """Return whether all residuals are below the tolerance, with all loads evaluated again."""
     _evaluate(system, stage, RELOAD, 0.0)
     stack, joints = system.stack, system.joints
     most = stack.model[0, TOLERANCE]
@@ -82,7 +82,7 @@ def _is_balanced(system: Any, stage: Any) -> bool:
 
 
 def _balances(effects: Any, system: Any, stage: Any) -> Any:
-    """Whether the stage is solved as far as loads that come and go are concerned."""
+    """Return whether the stage is converged with regard to effects with active sets."""
     return not hooks.switches(map(type, effects)) or _is_balanced(system, stage)
 
 
@@ -95,10 +95,10 @@ def _choose_balance(effects: Any, system: Any, stage: Any) -> Any:
 
 @jit
 def solve_joined(system: Any, stage: Any, kind: int, cap: int) -> int:
-    """Find the accelerations; motion and tensions then belong to the stage's time.
+    """Solve for the accelerations; motion and tensions then belong to the stage's time.
 
-    Arguments and result are those of `solve_stage`; `stage` has no payout speed, which the ropes
-    have each. The counts of solves are kept by the first rope.
+    Arguments and result are those of `solve_stage`; `stage` has no payout speed, as each rope has
+    its own. Iterations are counted by the first rope.
     """
     health = system.stack.health[0]
     _evaluate(system, stage, kind, 0.0)
@@ -119,7 +119,7 @@ def solve_joined(system: Any, stage: Any, kind: int, cap: int) -> int:
 
 @jit
 def end_rope(work: Any, n: int) -> None:
-    """No element above node n: it lies along the one below, which alone pulls at it."""
+    """Close a rope at node n, without an element above: only the element below it acts."""
     for k in range(DIRECTION, DIRECTION + 3):
         work[k, n] = work[k, n - 1]
     work[TENSION, n] = 0.0
@@ -128,19 +128,19 @@ def end_rope(work: Any, n: int) -> None:
 
 @jit
 def _stage_of(system: Any, stage: Any, r: int) -> Any:
-    """The stage as rope r sees it, with its own payout speed."""
+    """Return the stage of rope r, with its own payout speed."""
     return Stage(stage.time, stage.p, stage.q, system.joints.speed[r])
 
 
 @jit
 def _upto(system: Any, r: int) -> int:
-    """How many nodes of rope r carry loads: all but a hang-off's."""
+    """Return the number of nodes of rope r that carry loads: all except a hang-off."""
     return int(system.stack.counts[r, ELEMENTS] + (system.joints.upper[r] != LOOSE))
 
 
 @jit
 def _move(motion: Any, stage: Any, kind: int, factor: float, low: int, high: int) -> None:
-    """Motion of the nodes low <= i < high: of the prediction, or (SEARCH) of a += factor·delta.
+    """Set the motion of the nodes low <= i < high: predicted, or (SEARCH) after a += factor·delta.
 
     motion: the rows of the state and of the scratch.
     """
@@ -155,13 +155,13 @@ def _move(motion: Any, stage: Any, kind: int, factor: float, low: int, high: int
 
 @jit
 def _move_joints(joints: Any, stage: Any, kind: int, factor: float) -> None:
-    """The same for the joints."""
+    """Set the motion of the connections, like `_move`."""
     _move((joints.nodes, joints.work), stage, kind, factor, ZERO, joints.nodes.shape[1])
 
 
 @jit
 def _evaluate_rope(system: Any, stage: Any, kind: int, factor: float, r: int) -> None:
-    """What `_evaluate` does for rope r, whose ends stand where they belong."""
+    """Evaluate rope r, whose end nodes are already in place."""
     rope, upto = rope_of(system.stack, r), _upto(system, r)
     work, n = rope.work, rope.state.counts[ELEMENTS]
     for start in range(0, n, CHUNK):
@@ -186,7 +186,7 @@ def _evaluate_rope(system: Any, stage: Any, kind: int, factor: float, r: int) ->
 
 @jit
 def _evaluate(system: Any, stage: Any, kind: int, factor: float) -> None:
-    """Motion, tension, residual and blocks of ropes and joints; RELOAD: the latter two."""
+    """Evaluate motion, tension, residual and blocks of the system; RELOAD: the latter two."""
     joints = system.joints
     if kind != RELOAD:
         _move_joints(joints, stage, kind, factor)
@@ -199,7 +199,7 @@ def _evaluate(system: Any, stage: Any, kind: int, factor: float) -> None:
 
 @jit
 def _gather(system: Any, stage: Any) -> None:
-    """Residual and matrix of the joints, but for what the chains leave there."""
+    """Assemble residual and matrix of the connections, without the condensed chains."""
     clear(system.joints)
     gather_ends(system)
     add_ties(system.joints.ties, system.joints.work, system.joints.matrix)
@@ -208,7 +208,7 @@ def _gather(system: Any, stage: Any) -> None:
 
 @jit
 def _correct_rope(system: Any, stage: Any, r: int) -> Any:
-    """What `_correct` does for rope r, whose ends stand where they belong."""
+    """Apply the correction to rope r, whose end nodes are already in place."""
     rope = rope_of(system.stack, r)
     work, n = rope.work, rope.state.counts[ELEMENTS]
     before, unexpected = 0.0, 0
@@ -223,7 +223,7 @@ def _correct_rope(system: Any, stage: Any, r: int) -> Any:
 
 @jit
 def _correct(system: Any, stage: Any) -> Any:
-    """a += delta, with motion and tension; R·delta, and how many tensions were not expected so."""
+    """Apply a += delta with motion and tension; return R·delta and the deviating tensions."""
     joints = system.joints
     before = joint_slope(joints)
     expect_pulls(joints.ties, joints.work)
@@ -240,7 +240,7 @@ def _correct(system: Any, stage: Any) -> Any:
 
 @jit
 def _slope(system: Any) -> Any:
-    """R·delta of all ropes and joints."""
+    """Return R·delta summed over all ropes and connections."""
     stack, total = system.stack, joint_slope(system.joints)
     for r in range(stack.counts.shape[0]):
         total += slope(stack.work[r], first_free(stack, r), stack.counts[r, ELEMENTS])
@@ -249,5 +249,5 @@ def _slope(system: Any) -> Any:
 
 @jit
 def _correct_by(system: Any, stage: Any, factor: float) -> None:
-    """a += factor·delta, with all that follows from it."""
+    """Apply a += factor·delta and evaluate the system."""
     _evaluate(system, stage, SEARCH, factor)

@@ -1,12 +1,13 @@
-"""Static equilibrium of ropes that meet, from any guess, with every effect.
+"""Static equilibrium of a multi-line system, from any initial guess, with every effect.
 
-Dynamic steps that grow, with the velocity set to zero after each: a step of h is a Newton solve of
-the convex energy with the mass over h² as a regulariser. Slack elements are no harder for it than
-taut ones, and at the longest steps the mass no longer counts, so that the last steps are Newton's
-own for the rope at rest (all but the loads' change with the shape, which the step leaves out).
-They end at the time 0 of which the rest is: before it the sea is flat.
-It is found on few elements first (core/joined/levels.py); a guess from which that is hard is given
-up for one that the ropes' lengths make. Where nothing comes nearer the ropes fall for a while.
+Dynamic relaxation with growing steps and the velocity reset to zero after each: a step of h is a
+Newton solve of the convex energy with the mass over h² as a regulariser. Slack elements are no
+harder for it than taut ones, and at the longest steps the mass is negligible, so that the last
+steps are Newton steps of the static problem (except for the derivative of the loads to the shape,
+which the step leaves out). They end at time 0: before it the sea is flat.
+
+It is solved on few elements first (core/joined/levels.py); a hard initial guess is replaced by one
+derived from the ropes' lengths. Where there is no progress the ropes fall freely for a while.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from rope_twin.core.joined.joints import LOOSE, System
-from rope_twin.core.joined.levels import coarser, lay, take_places
+from rope_twin.core.joined.levels import coarsen, interpolate_from, set_initial_guess
 from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.state import (
     ACCELERATION,
@@ -33,35 +34,35 @@ from rope_twin.core.state import (
     Boundary,
     Floats,
 )
-from rope_twin.core.statics.equilibrium import ENOUGH, FAST, ROUND_OFF, TOLERANCE_N
+from rope_twin.core.statics.equilibrium import FORCE_TOL_N, MAX_RATIO, ROUND_OFF, TENSION_TOL
 from rope_twin.core.statics.forces import INSTANT, SYMMETRIC, Equilibrium
 from rope_twin.core.statics.shape import largest
 
 ROUNDS, STEP_FIRST, STEP_LAST, STEP_LEAST, GROWTH, SHRINK = 40, 1.0, 3e3, 1e-4, 4.0, 0.1
 ATTEMPTS, FALL_STEPS, FALL_STEP = 8, 300, 0.05
-STEP_NEAR = 64.0  # the first where ropes are near rest
-LEVELS = (6, 30)  # elements a rope, at most, on which rest is sought first
-HARD = 600  # solves on few elements
-FEW = 4  # substeps of a step that is not too long
+STEP_NEAR = 64.0  # first step where ropes are near equilibrium
+LEVELS = (6, 30)  # maximum elements per rope of the coarse levels
+HARD_SOLVES = 600  # solves on a coarse level that mark a hard initial guess
+EASY_SUBSTEPS = 4  # substeps of a step that is short enough
 
 
-def settle_joined(system: System, place: Floats) -> Equilibrium:
-    """Move ropes and joints to equilibrium.
+def solve_joined_statics(system: System, place: Floats) -> Equilibrium:
+    """Solve the static equilibrium of ropes and connections.
 
-    place: (ropes, MOTIONS), each rope's hang-off and line out [m]; of a rope whose upper end is a
-    joint nothing is read. Without equilibrium the nodes end at the best shape found. The counts of
-    the solver's health start from zero afterwards, length offsets of events are gone.
+    place: (ropes, MOTIONS), each rope's hang-off and paid-out length [m]; rows of ropes whose upper
+    end is connected are not read. Without equilibrium the nodes end at the best shape found.
+    Afterwards the solver's counters start from zero and length corrections are removed.
     """
     if all(_count(system, r) - 1 <= LEVELS[0] for r in range(len(system.ropes))):
-        return settle_near(system, place, STEP_FIRST)
-    with np.errstate(all="ignore"):  # a shape that overflows is one that is no better
+        return refine_joined_statics(system, place, STEP_FIRST)
+    with np.errstate(all="ignore"):  # a shape that overflows is rejected as not better
         _boundary(system, place)
         _settle_coarsely(system, place)
-    return settle_near(system, place)
+    return refine_joined_statics(system, place)
 
 
-def settle_near(system: System, place: Floats, first: float = STEP_NEAR) -> Equilibrium:
-    """`settle_joined` from a shape that is near rest; first: the first of the long steps [s]."""
+def refine_joined_statics(system: System, place: Floats, first: float = STEP_NEAR) -> Equilibrium:
+    """Solve the equilibrium from a shape close to it; first: the first of the long steps [s]."""
     for rope in system.ropes:
         rope.state.offset[:] = 0.0
     with np.errstate(all="ignore"):
@@ -72,37 +73,37 @@ def settle_near(system: System, place: Floats, first: float = STEP_NEAR) -> Equi
 
 
 def weigh(system: System, place: Floats) -> None:
-    """Leave in the ropes' scratch what is there at rest: tension, stiffness, and the nodes' masses.
+    """Leave tension, stiffness and nodal masses of the static state in the ropes' scratch.
 
-    place: as for `settle_joined`. The blocks of nodes are mass alone, added mass with it.
+    place: as for `solve_joined_statics`. The blocks of nodes are mass alone, including added mass.
     """
     boundary = _boundary(system, place)
     _residual(system, boundary, np.zeros((len(system.ropes), 1, PULL_COLUMNS)))
 
 
 def _settle_coarsely(system: System, place: Floats) -> None:
-    """Bring the ropes near rest on few elements, and then on some more.
+    """Solve on a coarse mesh and then on a finer one (coarse-to-fine).
 
-    A guess from which the first steps are hard is worse than none.
+    An initial guess that is hard on the coarse mesh is replaced.
     """
     first = STEP_FIRST
     for most in LEVELS:
-        few = coarser(system, most)
+        few = coarsen(system, most)
         boundary = _boundary(few, place)
         pull = np.zeros((len(few.ropes), 1, PULL_COLUMNS))
-        end, _ = _take_long_steps(few, boundary, pull, first, most_solves=HARD)
+        end, _ = _take_long_steps(few, boundary, pull, first, most_solves=HARD_SOLVES)
         if not end.found:
-            lay(few)
+            set_initial_guess(few)
             _stop(few)
             _relax(few, boundary, first)
-        take_places(system, few)
+        interpolate_from(system, few)
         _stop(system)
         first = STEP_NEAR
     _boundary(system, place)
 
 
 def _boundary(system: System, place: Floats) -> Boundary:
-    """Hang-offs that stay for one step, and the ropes' upper nodes put there."""
+    """Return hang-offs fixed for one step, and place the ropes' upper nodes there."""
     value = np.repeat(place[:, None, :], 2, axis=1)
     for r, rope in enumerate(system.ropes):
         if system.joints.upper[r] == LOOSE:
@@ -113,7 +114,7 @@ def _boundary(system: System, place: Floats) -> Boundary:
 
 
 def _stopped(system: System, step: float, tolerance: float) -> System:
-    """The system with other steps, in which no element splits or merges."""
+    """Return the system with another step size, without remeshing."""
     return system._replace(
         ropes=tuple(
             rope._replace(
@@ -127,7 +128,7 @@ def _stopped(system: System, step: float, tolerance: float) -> System:
 
 
 def _tables(system: System) -> list[Floats]:
-    """The nodes of ropes and joints, (NODE_ROWS, any) each; views."""
+    """Return views of the nodes of ropes and connections, (NODE_ROWS, any) each."""
     tables = [rope.state.nodes[:, : _count(system, r)] for r, rope in enumerate(system.ropes)]
     return [*tables, system.joints.nodes]
 
@@ -154,9 +155,9 @@ def _put(system: System, places: list[Floats]) -> None:
 
 
 def _residual(system: System, boundary: Boundary, pull: Floats) -> tuple[float, float]:
-    """Largest force on a node or joint, and largest tension [N]; the nodes stay where they are.
+    """Return the largest residual force and the largest tension [N]; the nodes do not move.
 
-    One step of a femtosecond moves nothing, and finds the acceleration a = A⁻¹·F of every node.
+    One step of a femtosecond moves nothing, and yields the acceleration a = A⁻¹·F of every node.
     """
     places = _places(system)
     _stop(system)
@@ -182,7 +183,7 @@ def _residual(system: System, boundary: Boundary, pull: Floats) -> tuple[float, 
 
 
 def _round_off(system: System) -> float:
-    """Force that round-off of the places makes of an element's length [N]."""
+    """Return the force due to round-off of the positions in an element's length [N]."""
     most = 0.0
     for r, rope in enumerate(system.ropes):
         rest = np.diff(rope.state.s[: _count(system, r)])
@@ -193,7 +194,7 @@ def _round_off(system: System) -> float:
 
 
 def _relax(system: System, boundary: Boundary, first: float) -> Equilibrium:
-    """Long steps; where they lead nowhere, let the ropes fall for a while and try again."""
+    """Take long steps; without progress let the ropes fall for a while and try again."""
     pull = np.zeros((len(system.ropes), 1, PULL_COLUMNS))
     for _ in range(ATTEMPTS):
         end, nearest = _take_long_steps(system, boundary, pull, first)
@@ -205,9 +206,9 @@ def _relax(system: System, boundary: Boundary, first: float) -> Equilibrium:
 
 
 def _fall(system: System, boundary: Boundary, pull: Floats) -> None:
-    """Dynamic steps whose motion is stopped whenever it gets slower (Cundall 1976).
+    """Take dynamic steps and reset velocities whenever kinetic energy falls (Cundall 1976).
 
-    Ropes that lie slack far from where they will hang get there by their weight.
+    Slack ropes far from equilibrium get close to it by their weight.
     """
     tolerance = max(system.ropes[0].model.tolerance, _round_off(system))
     falling, energy = _stopped(system, FALL_STEP, tolerance), 0.0
@@ -225,11 +226,11 @@ def _fall(system: System, boundary: Boundary, pull: Floats) -> None:
 def _take_long_steps(
     system: System, boundary: Boundary, pull: Floats, first: float, most_solves: float = np.inf
 ) -> tuple[Equilibrium, bool]:
-    """How the search stands, and whether it ended because nothing comes nearer to rest.
+    """Return the state of the static solution, and whether it ended for lack of progress.
 
-    most_solves: where so many were not enough before the steps are at their longest, it ends.
+    most_solves: the iteration ends if this many solves were not enough to reach the longest steps.
     """
-    tolerance = max(TOLERANCE_N, _round_off(system))
+    tolerance = max(FORCE_TOL_N, _round_off(system))
     health, step, solves = system.ropes[0].state.health, first, 0
     last, before = np.inf, _places(system)
     for rounds in range(ROUNDS):
@@ -246,15 +247,15 @@ def _take_long_steps(
                 break
             continue
         substeps = int(health[SUBSTEPS])
-        if step >= STEP_LAST:  # before, a move does not tell how far rest is
+        if step >= STEP_LAST:  # before, a move is no error estimate
             move = _largest_move(before, _places(system))
             end = _rest(system, boundary, pull, tolerance)._replace(left_m=move, rounds=rounds)
-            if end.found and not move < FAST * last:  # no nearer: round-off
+            if end.found and not move < MAX_RATIO * last:  # no progress: round-off
                 return end, True
             last = move if end.found else np.inf
         if substeps == 1:
             step = min(step * GROWTH, STEP_LAST)
-        elif substeps > FEW:
+        elif substeps > EASY_SUBSTEPS:
             step /= GROWTH
     end = _rest(system, boundary, pull, tolerance)
     return end._replace(left_m=_largest_move(before, _places(system)), rounds=ROUNDS), False
@@ -265,7 +266,7 @@ def _largest_move(before: list[Floats], after: list[Floats]) -> float:
 
 
 def _rest(system: System, boundary: Boundary, pull: Floats, tolerance: float) -> Equilibrium:
-    """What is left of forces where the nodes are."""
+    """Return the residual of equilibrium at the present positions."""
     residual, tension = _residual(system, boundary, pull)
-    found = residual <= max(tolerance, ENOUGH * tension)
+    found = residual <= max(tolerance, TENSION_TOL * tension)
     return Equilibrium(found, residual, tension, np.inf, 0)

@@ -1,4 +1,4 @@
-"""One time step of ropes that meet: TR-BDF2, halved over the whole system, as in core/step.py."""
+"""One time step of a multi-line system: TR-BDF2 with substepping, as in core/step.py."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ from rope_twin.core.joined.stage import end_rope, solve_joined
 from rope_twin.core.rope.elastic import stretch_all
 from rope_twin.core.rope.sections import set_lengths
 from rope_twin.core.solve.assembly import load_nodes
-from rope_twin.core.solve.halving import BACK, HALVINGS, OUT, advance_halving
+from rope_twin.core.solve.halving import BACK, HALVINGS, OUT, advance_substeps
 from rope_twin.core.solve.prediction import GAMMA
 from rope_twin.core.solve.stage import (
     BDF2,
-    CAP,
     CONVERGED,
-    LAST_CAP,
+    MAX_CORRECTIONS,
+    MAX_CORRECTIONS_LAST,
     NOT_FINITE,
     TRAPEZOID,
     UNCONVERGED,
@@ -44,13 +44,13 @@ from rope_twin.core.step import finish, stage_at
 
 @jit
 def _boundary_of(boundary: Any, r: int) -> Any:
-    """The prescribed motion of rope r."""
+    """Return the prescribed motion of rope r."""
     return Boundary(boundary.value[r], boundary.rate[r])
 
 
 @jit
 def _size(nodes: Any, work: Any, n: int) -> float:
-    """Sum of all numbers of the stage's motion of n nodes: not finite if one of them is not."""
+    """Return the sum of absolute values of a stage's motion; not finite if one is not."""
     total = 0.0
     for k in range(nodes.shape[0]):
         for i in range(n):
@@ -60,7 +60,7 @@ def _size(nodes: Any, work: Any, n: int) -> float:
 
 @jit
 def _all_finite(system: Any) -> bool:
-    """Whether the stage's motion is finite, of ropes and so of joints."""
+    """Return whether the stage's motion of all ropes and connections is finite."""
     stack, joints = system.stack, system.joints
     total = _size(joints.nodes, joints.work, joints.nodes.shape[1])
     for r in range(stack.counts.shape[0]):
@@ -70,14 +70,14 @@ def _all_finite(system: Any) -> bool:
 
 @jit
 def _substep(system: Any, at: Any, level: int, done: int) -> Any:
-    """Both stages over 1/2^level of the step, from done/2^HALVINGS; the result is in work.
+    """Solve both stages over 1/2^level of the step, from done/2^HALVINGS, in work.
 
-    Returns the worse of what the stages returned.
+    Returns the worse outcome of the two stages.
     """
     boundary, row, time = at
     h = system.stack.model[0, STEP]
     start, share = done / (1 << HALVINGS), 1.0 / (1 << level)
-    cap = CAP if level < HALVINGS else LAST_CAP
+    cap = MAX_CORRECTIONS if level < HALVINGS else MAX_CORRECTIONS_LAST
     c = 0.5 * GAMMA * share * h
     outcome = CONVERGED
     for kind in (TRAPEZOID, BDF2):
@@ -91,7 +91,7 @@ def _substep(system: Any, at: Any, level: int, done: int) -> Any:
         stage = Stage(time + part * h, c * c, c, 0.0)
         outcome = min(outcome, solve_joined(system, stage, kind, cap))
         if outcome < CONVERGED and level < HALVINGS:
-            break  # it will be halved
+            break  # the substep will be halved
     if outcome == UNCONVERGED and level == HALVINGS and not _all_finite(system):
         outcome = NOT_FINITE
     return (int(outcome),)
@@ -99,10 +99,10 @@ def _substep(system: Any, at: Any, level: int, done: int) -> Any:
 
 @jit
 def _copy(nodes: Any, work: Any, row: int, n: int, way: int) -> None:
-    """The motion of n nodes to (way: OUT) the rows of work from `row` on, or BACK.
+    """Copy the motion of n nodes to (way: OUT) the rows of work from `row` on, or BACK.
 
-    As many rows as nodes has, which is NODE_ROWS: a number that the compiler knew would give a
-    loop for each of them.
+    It copies as many rows as nodes has, which is NODE_ROWS: a compile-time constant would be
+    unrolled.
     """
     for k in range(nodes.shape[0]):
         a, b = nodes[k], work[row + k]
@@ -115,7 +115,7 @@ def _copy(nodes: Any, work: Any, row: int, n: int, way: int) -> None:
 
 @jit
 def _copy_all(system: Any, row: int, way: int) -> None:
-    """The state to (OUT) work's rows from `row` on, or BACK, of ropes and joints."""
+    """Copy the state of ropes and connections to (OUT) work's rows from `row` on, or BACK."""
     stack, joints = system.stack, system.joints
     for r in range(stack.counts.shape[0]):
         _copy(stack.nodes[r], stack.work[r], row, stack.counts[r, ELEMENTS] + 1, way)
@@ -124,19 +124,19 @@ def _copy_all(system: Any, row: int, way: int) -> None:
 
 @jit
 def _accept(system: Any, found: Any) -> None:
-    """The substep's motion becomes the state's."""
+    """Copy the converged substep's motion to the state."""
     _copy_all(system, ZERO, BACK)
 
 
 @jit
 def _copy_start(system: Any, way: int) -> None:
-    """Motion of the step's start to scratch, or back."""
+    """Save the motion at the start of the step to scratch, or restore it."""
     _copy_all(system, KEPT_ROWS, way)
 
 
 @jit
 def _report_joined(rope: Any, pull: Any, row: int, time: float) -> None:
-    """The rope's pull on the joint at its upper end: the balance of the half element there."""
+    """Write the rope's tension on its upper connection: the balance of the half element there."""
     work, n = rope.work, rope.state.counts[ELEMENTS]
     end_rope(work, n)
     load_nodes(rope.effects, work, Stage(time, 1.0, 0.0, 0.0), n, n + 1)
@@ -150,7 +150,7 @@ def _report_joined(rope: Any, pull: Any, row: int, time: float) -> None:
 
 @jit
 def _start(system: Any, boundary: Any) -> None:
-    """Scratch from the states; ends take the motion of their joints."""
+    """Load scratch from the states; end nodes take the motion of their connections."""
     stack, joints = system.stack, system.joints
     _copy_all(system, ZERO, OUT)
     for r in range(stack.counts.shape[0]):
@@ -165,7 +165,7 @@ def _start(system: Any, boundary: Any) -> None:
 
 @jit
 def _recall(system: Any, boundary: Any, row: int, time: float) -> None:
-    """Tensions of the state at the start of step `row`, after a failed attempt at it."""
+    """Recompute tensions at the start of step `row`, after a failed attempt at it."""
     _start(system, boundary)
     for r in range(system.stack.counts.shape[0]):
         rope, stage = rope_of(system.stack, r), Stage(time, 1.0, 1.0, 0.0)
@@ -177,7 +177,7 @@ def _recall(system: Any, boundary: Any, row: int, time: float) -> None:
 
 @jit_entry
 def advance_joined_steps(system: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
-    """What `advance_joined` compiles."""
+    """Entry point of the compiled code behind `advance_joined`."""
     was = flush()
     done = _advance(hold(system), hold(boundary), pull, time, steps)
     restore(was)
@@ -187,11 +187,11 @@ def advance_joined_steps(system: Any, boundary: Any, pull: Any, time: float, ste
 @jit
 def _advance(system: Any, boundary: Any, pull: Any, time: float, steps: int) -> int:
     _start(system, boundary)
-    h, health = system.stack.model[0, STEP], system.stack.health[0]  # counts: by the first rope
+    h, health = system.stack.model[0, STEP], system.stack.health[0]  # counted by the first rope
     for row in range(steps):
         now = time + row * h
         at = boundary, row, now
-        if not advance_halving(system, health, at, _substep, _copy_start, _accept):
+        if not advance_substeps(system, health, at, _substep, _copy_start, _accept):
             _recall(system, boundary, row, now)
             return row
         for r in range(system.stack.counts.shape[0]):
@@ -212,18 +212,19 @@ _COMPILED: dict[tuple[type, ...], Any] = {}
 def advance_joined(
     system: System, boundary: Boundary, pull: Floats, time: float, steps: int
 ) -> int:
-    """Advance ropes that meet by `steps` steps from `time`; returns how many were done.
+    """Advance a multi-line system by `steps` time steps from `time` and return how many were done.
 
-    boundary: (ropes, steps + 1, MOTIONS), the motion of hang-offs and their line out at the steps'
-    borders; rows of ropes whose upper end is a joint are not read. pull: (ropes, steps,
-    PULL_COLUMNS), each rope's pull on its hang-off or upper joint after each step [N], a result.
-    Fewer than `steps`: the next state would not be finite; it is as it was before that step.
+    boundary: (ropes, steps + 1, MOTIONS), the motion of hang-offs and their paid-out length at the
+    step boundaries; rows of ropes whose upper end is connected are not read. pull: (ropes, steps,
+    PULL_COLUMNS), each rope's force on its hang-off or upper connection after each step [N], a
+    result. A result below `steps` means that the next state would not be finite; the state is then
+    the one before that step.
 
     Raises:
         ValueError: a table is not contiguous in memory.
     """
     if not all(table.flags.c_contiguous for table in (*boundary, pull)):
-        raise ValueError("advance_joined: boundary and pull must be contiguous; give copies")
+        raise ValueError("advance_joined: boundary and pull must be contiguous; pass copies")
     effects = stacked_effects(system.ropes)
     for r, rope in enumerate(system.ropes):
         load(system.stack, r, rope)

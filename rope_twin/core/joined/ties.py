@@ -1,11 +1,11 @@
-"""Ties: a joint tied to a fixed point (tether) or to another joint (strut).
+"""Links: spring-dampers from a connection to a fixed point (tether) or another one (strut).
 
-Along the line between its ends a tie pulls with FORCE + STIFFNESS·(l - LENGTH) + DAMPING·dl/dt,
-never less than LEAST: 0 for a rope that only pulls, minus infinity for a bar that also pushes.
-A tether with FORCE alone is a tugger in constant tension.
+The tension of a link along the line between its ends is FORCE + STIFFNESS·(l - LENGTH) +
+DAMPING·dl/dt, never less than LEAST: 0 for a rope, minus infinity for a bar that also takes
+compression. A tether with FORCE alone is a constant-tension tugger.
 
-Its block is AXIAL·d·dᵀ + GEOMETRIC·I as that of an element. A bar that pushes has no geometric
-part: it would be negative, p·T/l, which is nothing beside the mass at its ends.
+Its block is AXIAL·d·dᵀ + GEOMETRIC·I like that of an element. A bar in compression has no geometric
+part: it would be negative, p·T/l, which is negligible relative to the mass at its ends.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from typing import Any
 
 from rope_twin.core.compiler.jit import jit, jit_within
 from rope_twin.core.compiler.rows import column
-from rope_twin.core.guards import TIED2
+from rope_twin.core.guards import LINK2_MIN
 from rope_twin.core.state import CORRECTION, POSITION, RESIDUAL, VELOCITY
 
-ANCHORED = -1  # in the row SECOND: the tie's other end is the fixed point AT
-# What a tie is, and what the step leaves there; a column each tie:
+ANCHORED = -1  # in the row SECOND: the link's other end is the fixed point AT
+# Properties of a link, and results of the step; one column per link:
 FIRST, SECOND = 0, 1  # joints at its ends
 AT = 2  # the fixed point [m]
 FORCE, LENGTH, STIFFNESS, DAMPING, LEAST = 5, 6, 7, 8, 9  # [N], [m], [N/m], [N·s/m], [N]
@@ -29,7 +29,7 @@ PULL, EXPECTED, AXIAL, GEOMETRIC, TIE_ROWS = 13, 14, 15, 16, 17
 
 @jit_within
 def _difference(ties: Any, work: Any, first: int, k: int, fixed: Any) -> Any:
-    """A vector at the second end less that at the first."""
+    """Return a vector at the second end relative to the first."""
     ax, ay, az = column(work, first, int(ties[FIRST, k]))
     second = int(ties[SECOND, k])
     if second != ANCHORED:
@@ -39,12 +39,12 @@ def _difference(ties: Any, work: Any, first: int, k: int, fixed: Any) -> Any:
 
 @jit
 def pull_ties(ties: Any, work: Any, p: float, q: float) -> None:
-    """Direction, pull and stiffness of all ties, from the joints' motion."""
+    """Set direction, tension and stiffness of all links from the motion of the connections."""
     still = (0.0, 0.0, 0.0)
     for k in range(ties.shape[1]):
         x, y, z = _difference(ties, work, POSITION, k, column(ties, AT, k))
         vx, vy, vz = _difference(ties, work, VELOCITY, k, still)
-        length = sqrt(x * x + y * y + z * z + TIED2)
+        length = sqrt(x * x + y * y + z * z + LINK2_MIN)
         x, y, z = x / length, y / length, z / length
         rate = x * vx + y * vy + z * vz
         pull = ties[FORCE, k] + ties[STIFFNESS, k] * (length - ties[LENGTH, k])
@@ -61,7 +61,7 @@ def pull_ties(ties: Any, work: Any, p: float, q: float) -> None:
 
 @jit
 def add_ties(ties: Any, work: Any, matrix: Any) -> None:
-    """Forces and blocks of the ties join those of the joints (the matrix's lower triangle)."""
+    """Add forces and blocks of the links to the connections (the matrix's lower triangle)."""
     for k in range(ties.shape[1]):
         i, j = int(ties[FIRST, k]), int(ties[SECOND, k])
         for a in range(3):
@@ -83,7 +83,7 @@ def add_ties(ties: Any, work: Any, matrix: Any) -> None:
 
 @jit
 def expect_pulls(ties: Any, work: Any) -> None:
-    """The pull that the linearisation expects after the correction."""
+    """Store the tension that the linearisation predicts after the correction."""
     for k in range(ties.shape[1]):
         dx, dy, dz = _difference(ties, work, CORRECTION, k, (0.0, 0.0, 0.0))
         x, y, z = column(ties, TOWARDS, k)
@@ -93,7 +93,7 @@ def expect_pulls(ties: Any, work: Any) -> None:
 
 @jit
 def count_unexpected_ties(ties: Any, tolerance: float) -> int:
-    """Ties whose pull is not what the linearisation expected; NaN counts as one."""
+    """Return the number of links whose tension deviates from the linearisation, or is NaN."""
     wrong = 0
     for k in range(ties.shape[1]):
         wrong += not (abs(ties[PULL, k] - ties[EXPECTED, k]) <= tolerance)

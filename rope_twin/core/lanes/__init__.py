@@ -1,1 +1,1 @@
-"""Several ropes stepped at once, one in each SIMD lane: the kernels of one rope on wide numbers."""
+"""SIMD batch: several ropes stepped at once, one per lane, by the kernels of one rope."""

@@ -1,4 +1,4 @@
-"""`core/solve/elimination` for ropes in lanes, in the same order of operations."""
+"""Two-sided elimination for a SIMD batch, in the order of operations of a single rope."""
 
 from __future__ import annotations
 
@@ -31,9 +31,9 @@ INVERSE = ELIMINATED + 12
 
 @jit_ordered_within
 def _eliminate(work: Any, i: int, e: int, Z: Any, f: Any, moved: Any) -> Any:
-    """Eliminate node i through element e; Z and force for the neighbour are returned.
+    """Eliminate node i through element e; return Z and force on the neighbour.
 
-    Lanes that are not `moved` keep the factors that they have.
+    Lanes that are not in `moved` keep their factors.
     """
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
@@ -66,7 +66,7 @@ def _eliminate(work: Any, i: int, e: int, Z: Any, f: Any, moved: Any) -> Any:
 
 @jit_ordered_within
 def _keep_six(work: Any, i: int, inverse: Any, moved: Any) -> None:
-    """The inverse of node i, or the block of the node in the middle."""
+    """Store the inverse of node i, or the block of the middle node, in the lanes of `moved`."""
     xx, xy, xz, yy, yz, zz = span(work, INVERSE, 6, 0)
     xx[i] = choose(moved, inverse[0], xx[i])
     xy[i] = choose(moved, inverse[1], xy[i])
@@ -78,7 +78,7 @@ def _keep_six(work: Any, i: int, inverse: Any, moved: Any) -> None:
 
 @jit_ordered_within
 def _push(work: Any, i: int, f: Any) -> Any:
-    """Force for the neighbour of a node that was eliminated before."""
+    """Return the force on the neighbour of a node that is already eliminated."""
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     gxx, gxy, gxz, gyx, gyy, gyz, gzx, gzy, gzz, px, py, pz = span(work, ELIMINATED, 12, 0)
     xx, xy, xz, yy, yz, zz = span(work, INVERSE, 6, 0)
@@ -93,7 +93,7 @@ def _push(work: Any, i: int, f: Any) -> Any:
 
 @jit_ordered_within
 def _substitute(work: Any, i: int, d: Any) -> Any:
-    """delta of node i from that of its neighbour nearer the middle, kept and returned."""
+    """Store and return delta of node i, given that of its neighbour nearer the middle."""
     xx, xy, xz, yx, yy, yz, zx, zy, zz, x, y, z = span(work, ELIMINATED, 12, 0)
     dx, dy, dz = rows(work, CORRECTION, 0)
     px, py, pz = d
@@ -108,9 +108,9 @@ def _substitute(work: Any, i: int, d: Any) -> Any:
 
 @jit_ordered
 def eliminate_wide(work: Any, first: int, n: int, moved: Any) -> None:
-    """Eliminate from both ends at once; corrections of the one or two nodes in the middle.
+    """Eliminate from both ends at once and solve for the one or two nodes in the middle.
 
-    moved: lanes whose factors are wanted; the others keep those of before.
+    moved: lanes whose factors are updated; the others keep theirs.
     """
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2
     middle = first + pairs
@@ -130,7 +130,7 @@ def eliminate_wide(work: Any, first: int, n: int, moved: Any) -> None:
 
 @jit_ordered
 def push_wide(work: Any, first: int, n: int) -> None:
-    """The same for another residual, by the factors that each lane has."""
+    """Solve for another residual with the existing factors of each lane, up to the middle nodes."""
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2
     middle = first + pairs
     f_low = f_high = _nothing(work, middle)
@@ -144,14 +144,14 @@ def push_wide(work: Any, first: int, n: int) -> None:
 
 @jit_ordered_within
 def _nothing(work: Any, i: int) -> Any:
-    """No force, in all lanes."""
+    """Return a zero force in all lanes."""
     zero = row(work, RESIDUAL, 0)[i] * 0.0
     return zero, zero, zero
 
 
 @jit_ordered_within
 def _solve_middle(work: Any, first: int, n: int, f_low: Any, f_high: Any) -> None:
-    """Corrections of the one or two nodes in the middle; f: the force on it from either side."""
+    """Solve for the one or two nodes in the middle; f: condensed force from either side."""
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2
     middle = first + pairs
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
@@ -173,7 +173,7 @@ def _solve_middle(work: Any, first: int, n: int, f_low: Any, f_high: Any) -> Non
 
 @jit_ordered
 def substitute_wide(work: Any, first: int, n: int, low: int, high: int) -> None:
-    """Corrections of the pairs low <= k < high, once those nearer the middle are there.
+    """Back-substitute the pairs low <= k < high from the middle outward.
 
     Pair k is the nodes first + k and n - 1 - k.
     """

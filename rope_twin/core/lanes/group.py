@@ -1,4 +1,4 @@
-"""The arrays of a few ropes that are stepped in lanes, and the way in and out of them."""
+"""Arrays of a few ropes that are stepped as a SIMD batch, and copying in and out of them."""
 
 from __future__ import annotations
 
@@ -43,21 +43,21 @@ _OWN_FIGURES = ("element_length", "split_above", "merge_below", "tolerance")  # 
 
 
 class Kind(NamedTuple):
-    """What ropes must have in common to be stepped in lanes together."""
+    """Properties that ropes must share to be stepped in one SIMD batch."""
 
     elements: int
-    place: tuple[int, ...]  # each element's section; empty if there is one section only
+    place: tuple[int, ...]  # section of each element; empty if there is only one section
     sections: int
     first_free: int
     step: float
     absorb: float
-    effects: tuple[Any, ...]  # types, and shapes of their fields
+    effects: tuple[Any, ...]  # types and field shapes
 
 
 def why_alone(rope: Rope) -> str:
-    """Why a rope cannot be stepped in lanes; empty if it can.
+    """Return why a rope cannot be stepped in a SIMD batch; empty if it can.
 
-    Effects are named as scenes do, by their file.
+    Effects are given by the names used in scenes.
     """
     if config.DISABLE_JIT:
         return "plain Python"
@@ -70,14 +70,14 @@ def why_alone(rope: Rope) -> str:
 
 
 def _effect_of(kind: type) -> str:
-    """The file in effects/ that an effect's kernels are of, or else the part of core."""
+    """Return the file in effects/ that defines an effect's kernels, else the folder of core."""
     kernels = [hooks.kernel_of(hook, kind).py_func for hook in hooks.hooks_of(kind)]
     files = [kernel.__module__.split(".") for kernel in kernels]
     return next((path[2] for path in files if path[1] == "effects"), kind.__module__.split(".")[2])
 
 
 def kind_of(rope: Rope) -> Kind | None:
-    """What the rope has in common with those beside which it can be stepped; None: it cannot."""
+    """Return the properties shared by ropes of a batch; None if the rope cannot be batched."""
     if why_alone(rope):
         return None
     elements, sections = int(rope.state.counts[ELEMENTS]), rope.sections.shape[1]
@@ -94,7 +94,7 @@ def kind_of(rope: Rope) -> Kind | None:
 
 
 def aligned(*shape: int) -> Floats:
-    """Zeros of this shape; each wide number in one line of the cache."""
+    """Return zeros of this shape, aligned so that each SIMD vector lies in one cache line."""
     size = prod(shape)
     raw = np.zeros(size + ALIGNMENT // 8)
     first = -raw.ctypes.data % ALIGNMENT // 8
@@ -102,10 +102,10 @@ def aligned(*shape: int) -> Floats:
 
 
 class Group:
-    """Up to LANES ropes of one kind."""
+    """Batch of up to LANES ropes of one kind."""
 
     def __init__(self, kind: Kind, steps: int) -> None:
-        """Room for ropes of this kind and for so many steps."""
+        """Allocate arrays for ropes of this kind and for this many steps."""
         self.kind, self.steps = kind, steps
         columns = kind.elements + 1 + TRIALS
         figures: Any = {name: aligned(LANES) for name in _OWN_FIGURES}
@@ -135,9 +135,9 @@ class Group:
         self.pulls = aligned(steps, PULL_COLUMNS, LANES)
 
     def begin(self, ropes: list[Rope], boundaries: list[Boundary]) -> None:
-        """Take in ropes of the group's kind, and their motion at the borders of the steps.
+        """Copy in ropes of the group's kind, and their motion at the step boundaries.
 
-        Lanes without a rope of their own get one of the others'.
+        Unused lanes get a copy of the first rope.
         """
         self._tally[:] = 0.0
         for lane in range(LANES):
@@ -147,7 +147,7 @@ class Group:
                 table[: len(own), :, lane] = own
 
     def _put(self, lane: int, rope: Rope) -> None:
-        """The rope, with all its figures."""
+        """Copy in a rope with all of its properties."""
         own = self._rope
         for name in _OWN_FIGURES:
             getattr(own.model, name)[lane] = getattr(rope.model, name)
@@ -158,7 +158,7 @@ class Group:
         self.put(lane, rope.state)
 
     def put(self, lane: int, state: State) -> None:
-        """Take a rope's state into a lane."""
+        """Copy a rope's state into a lane."""
         own, n = self._rope.state, self.kind.elements
         own.nodes[: n + 1, :, lane] = state.nodes[:, : n + 1].T
         own.s[: n + 1, lane] = state.s[: n + 1]
@@ -166,7 +166,7 @@ class Group:
         self._lowest[lane] = state.counts[LOWEST_OFFSET]
 
     def take(self, lane: int, state: State) -> None:
-        """Give a lane's state back to its rope."""
+        """Copy a lane's state back to its rope."""
         own, n = self._rope.state, self.kind.elements
         state.nodes[:, : n + 1] = own.nodes[: n + 1, :, lane].T
         state.s[: n + 1] = own.s[: n + 1, lane]
@@ -174,9 +174,9 @@ class Group:
         state.counts[LOWEST_OFFSET] = self._lowest[lane]
 
     def advance(self, run: Run) -> tuple[int, list[int]]:
-        """Step on; returns the step reached, and the lanes that are left to do the last one.
+        """Advance the batch; return the step reached, and the lanes that failed to do the last one.
 
-        Fewer steps than wanted are done if there are such lanes.
+        It stops before the last step if there are such lanes.
         """
         code = _advance(
             self._rope, self._place, self._lowest, self._tally, self.boundary, self.pulls, run
@@ -185,11 +185,11 @@ class Group:
         return code // (ALL + 1), [lane for lane in range(LANES) if left >> lane & 1]
 
     def tension(self, lane: int) -> Floats:
-        """Tension of a lane's elements after the last step [N]."""
+        """Return the tension of a lane's elements after the last step [N]."""
         return self._rope.work[: self.kind.elements, TENSION, lane].copy()
 
     def account(self, lane: int, health: Ints) -> int:
-        """Add a lane's steps to its rope's health; returns at how many looks it was slack."""
+        """Add a lane's counters to its rope's health; return the number of slack samples."""
         solves, most, steps, slack = (int(value) for value in self._tally[:, lane])
         health[STEPS] += steps
         health[SUBSTEPS] += steps
@@ -203,7 +203,7 @@ _COMPILED: dict[tuple[type, ...], Any] = {}
 
 
 def _advance(*arguments: Any) -> int:
-    """`advance_lanes_steps`, compiled for the types of the rope's effects."""
+    """Call `advance_lanes_steps`, compiled for the types of the rope's effects."""
     kinds = tuple(map(type, arguments[0].effects))
     found = _COMPILED.get(kinds)
     if found is None:

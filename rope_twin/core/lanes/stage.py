@@ -1,9 +1,9 @@
-"""One implicit stage of ropes in lanes: Newton as in `core/solve/stage`.
+"""One implicit stage of a SIMD batch: Newton's method as in `core/solve/stage`.
 
-A lane that has converged is held while others go on, and keeps the factors of its last elimination,
-which its BDF2 stage begins with (core/solve/again). What is rare does not happen here: a lane that
-wants the line search, or whose factors do not serve, is given up, and its rope takes the step by
-itself.
+A lane that has converged is frozen while others iterate, and keeps the factors of its last
+elimination, with which its BDF2 stage begins (core/solve/again). Rare cases are excluded: a lane
+that needs the line search, or whose factors cannot be reused, is dropped, and its rope takes the
+step in the single-rope solver.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ SPAN = 4
 
 @jit
 def solve_stage(rope: Any, stage: Any, kind: int, wanted: int, again: int) -> Any:
-    """Find the acceleration; motion and tension then belong to the stage's time.
+    """Solve for the acceleration; motion and tension then belong to the stage's time.
 
-    wanted: lanes that matter, as bits; again: those that begin with the factors that there are.
-    Returns those that did not converge, and the corrections of each lane.
+    wanted: active lanes, as bits; again: lanes that begin with the existing factors. Returns the
+    lanes that did not converge, and the number of corrections of each lane.
     """
     n, first = rope.state.counts[ELEMENTS], rope.model.first_free
     _evaluate(rope, stage, kind)
@@ -54,7 +54,7 @@ def solve_stage(rope: Any, stage: Any, kind: int, wanted: int, again: int) -> An
 
 @jit
 def _correct_again(rope: Any, stage: Any, again: int) -> int:
-    """a += delta by the factors of before in these lanes, with motion; those left with a force."""
+    """Apply a correction with existing factors in lanes `again`; return those with residuals."""
     work, first, n = rope.work, rope.model.first_free, rope.state.counts[ELEMENTS]
     push_wide(work, first, n)
     substitute_wide(work, first, n, 0, (n - first - 1) // 2)
@@ -66,7 +66,7 @@ def _correct_again(rope: Any, stage: Any, again: int) -> int:
 
 @jit
 def _evaluate(rope: Any, stage: Any, kind: int) -> None:
-    """Motion, tension, residual and blocks of the prediction; spans of nodes as for one rope."""
+    """Evaluate motion, tension, residual and blocks of the prediction, in spans of nodes."""
     state, work, p, q = rope.state, rope.work, stage.p, stage.q
     n, first = state.counts[ELEMENTS], rope.model.first_free
     for chunk in range(0, n, CHUNK):
@@ -89,23 +89,23 @@ def _evaluate(rope: Any, stage: Any, kind: int) -> None:
 
 @jit
 def _reload(rope: Any, stage: Any) -> None:
-    """Residual and blocks where motion and tension are up to date."""
+    """Evaluate residual and blocks where motion and tension are up to date."""
     load_nodes(rope.effects, rope.work, stage, 1, rope.state.counts[ELEMENTS])
     load_lowest(rope.effects, rope.work, stage)
 
 
 @jit
 def _correct_span(rope: Any, stage: Any, going: Any, low: int, high: int, done: int) -> int:
-    """a += delta of the nodes low <= i < high, with the elements from `done` to high - 2."""
+    """Apply delta to the nodes low <= i < high, and update the elements from `done` to high - 2."""
     correct(rope.work, stage.p, stage.q, going, low, high)
     return int(stretch_corrected(rope, stage, 0.0, done, high - 1))
 
 
 @jit
 def _correct(rope: Any, stage: Any, going: Any) -> int:
-    """a += delta where `going` is 1, with motion and tension; lanes whose tensions all agree.
+    """Apply delta where `going` is 1, with motion and tension; return the converged lanes.
 
-    From the middle outward, as the substitution finds delta.
+    It proceeds from the middle outward, in the order of the back-substitution.
     """
     work, first, n = rope.work, rope.model.first_free, rope.state.counts[ELEMENTS]
     pairs = (n - first - 1) // 2

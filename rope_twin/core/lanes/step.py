@@ -1,7 +1,8 @@
-"""Time steps of ropes in lanes: TR-BDF2 as in `core/step`, without what is rare.
+"""Time steps of a SIMD batch: TR-BDF2 as in `core/step`, without its rare branches.
 
-A rope whose step would be halved, or searched along, or whose top element splits or merges, takes
-that step by itself: `advance_lanes` does the step for the other lanes and tells whose is left.
+A rope that needs substepping or the line search, or whose top element splits or merges, takes that
+step in the single-rope solver: `advance_lanes` does the step for the other lanes and returns which
+ones are left.
 """
 
 from __future__ import annotations
@@ -46,23 +47,23 @@ from rope_twin.core.state import (
 )
 from rope_twin.core.step import OFFSET_GONE, _report
 
-SOLVES_DONE, SOLVES_MOST, STEPS_DONE, SLACK_LOOKS, TALLIES = range(5)  # rows of a lane's tally
+SOLVES_DONE, SOLVES_MOST, STEPS_DONE, SLACK_LOOKS, TALLIES = range(5)  # rows of a lane's counters
 
 
 class Run(NamedTuple):
-    """Which steps to do, of a batch."""
+    """Range of steps of a batch to advance."""
 
-    time: float  # at the batch's begin [s]
-    first: int  # the step that comes next
-    steps: int  # of the batch
-    wanted: int  # lanes that matter, as bits
-    before: int  # steps since the start, at the batch's begin
-    look: int  # the ropes are looked along whenever so many steps are done
+    time: float  # at the start of the batch [s]
+    first: int  # the next step
+    steps: int  # number of steps of the batch
+    wanted: int  # active lanes, as bits
+    before: int  # steps since the start of the run, at the start of the batch
+    look: int  # interval of slack detection, in steps
 
 
 def _wide_effects(effects: Any) -> Any:
-    """Effects whose fields are arrays with a last axis of LANES, with wide numbers and tables."""
-    raise TypeError("wide numbers exist in compiled code only; plain Python steps ropes one by one")
+    """Return effects whose array fields (last axis LANES) are SIMD vectors and tables."""
+    raise TypeError("SIMD vectors exist in compiled code only; plain Python steps ropes one by one")
 
 
 @overload(_wide_effects, jit_options=LINKED, strict=False)
@@ -82,7 +83,7 @@ def _compose_effects(effects: Any) -> Any:
 
 @jit
 def _wide_rope(rope: Any) -> Any:
-    """The rope with wide numbers instead of arrays."""
+    """Return the rope with SIMD tables in place of arrays."""
     model, state = rope.model, rope.state
     return Rope(
         Model(
@@ -110,7 +111,7 @@ def _wide_rope(rope: Any) -> Any:
 
 @jit
 def _set_lengths(rope: Any, place: Any, L: Any) -> None:
-    """All elements and nodes, with line out L; place: each element's section."""
+    """Set all elements and nodes for paid-out length L; place: section of each element."""
     work, s, sections = rope.work, rope.state.s, rope.sections
     n = rope.state.counts[ELEMENTS]
     for k in range(MASS, SKIN + 1):
@@ -127,7 +128,7 @@ def _set_lengths(rope: Any, place: Any, L: Any) -> None:
 
 @jit
 def _eventful(rope: Any, place: Any, sections: int, L: Any, V: Any) -> Any:
-    """Lanes whose top element may split or merge after a step that ends with line out L."""
+    """Return the lanes whose top element may split or merge after a step to length L."""
     model, s, ends = rope.model, rope.state.s, rope.sections
     n = rope.state.counts[ELEMENTS]
     top = n - 1
@@ -146,7 +147,7 @@ def _eventful(rope: Any, place: Any, sections: int, L: Any, V: Any) -> Any:
 
 @jit
 def _keep(rope: Any, kept: Any) -> None:
-    """The stage's motion becomes the state's, in lanes that are kept."""
+    """Copy the stage's motion to the state in the lanes `kept`."""
     nodes, work = rope.state.nodes, rope.work
     x, y, z = node_rows(nodes, POSITION, 0)
     vx, vy, vz = node_rows(nodes, VELOCITY, 0)
@@ -175,7 +176,7 @@ def _keep(rope: Any, kept: Any) -> None:
 
 @jit
 def _fade_offsets(rope: Any, state: Any, lowest: Any, kept: int) -> None:
-    """As in `core/step`; state: the arrays, lowest: each lane's lowest element with an offset."""
+    """Let length corrections decay as in `core/step`; lowest: each lane's lowest one."""
     n, low = rope.state.counts[ELEMENTS], lowest[0]
     for lane in range(1, LANES):
         low = min(low, lowest[lane])
@@ -199,7 +200,7 @@ def _fade_offsets(rope: Any, state: Any, lowest: Any, kept: int) -> None:
 
 @jit
 def _stage_at(rope: Any, place: Any, boundary: Any, step: int, kind: int, time: float) -> Any:
-    """Set the boundary at the stage's part of the step and return the stage."""
+    """Set the boundary condition at the stage's fraction of the step and return the stage."""
     n, h = rope.state.counts[ELEMENTS], rope.model.step
     part = GAMMA if kind == TRAPEZOID else 1.0
     c = 0.5 * GAMMA * h
@@ -210,7 +211,7 @@ def _stage_at(rope: Any, place: Any, boundary: Any, step: int, kind: int, time: 
 
 @jit
 def _finish(rope: Any, place: Any, boundary: Any, pull: Any, step: int, time: float) -> None:
-    """After step `step` to `time`: the pull on the hang-off."""
+    """Complete step `step`, which ends at `time`: report the tension on the hang-off."""
     L, V, A = prescribed(boundary, step, LINE_COLUMN, 1.0, rope.model.step)
     n = rope.state.counts[ELEMENTS]
     rope.state.s[n] = L
@@ -220,7 +221,7 @@ def _finish(rope: Any, place: Any, boundary: Any, pull: Any, step: int, time: fl
 
 @jit
 def _slack(rope: Any) -> Any:
-    """Lanes with an element without tension."""
+    """Return the lanes with a slack element."""
     tension, slack = row(rope.work, TENSION, 0), 0
     for e in range(rope.state.counts[ELEMENTS]):
         slack |= bits(tension[e] <= 0.0)
@@ -231,7 +232,7 @@ def _slack(rope: Any) -> Any:
 def advance_lanes_steps(
     arrays: Any, place: Any, lowest: Any, tally: Any, boundary: Any, pull: Any, run: Any
 ) -> int:
-    """What `advance_lanes` compiles."""
+    """Entry point of the compiled code behind `Group.advance`."""
     was = flush()
     done = _advance(arrays, place, lowest, tally, boundary, pull, run)
     restore(was)

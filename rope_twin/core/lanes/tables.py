@@ -1,10 +1,10 @@
-"""Tables of wide numbers: what the kernels' arrays and rows are for ropes in lanes.
+"""Tables of SIMD vectors: the counterpart of arrays and their rows for a batch of ropes.
 
-`tiles(array, rows)` makes a matrix of an array (columns, rows, LANES): the rows of a node lie side
-by side in memory, a few pages at a time however many rows there are. `table(array)` makes a matrix
-of an array (rows, columns, LANES) or a row of one (columns, LANES), `wide(array)` a number of an
-array (LANES,). An entry is taken as in an array, `rows` and its like (core/compiler/rows) work on
-both. The arrays must begin at a multiple of ALIGNMENT.
+`tiles(array, rows)` makes a matrix of an array (columns, rows, LANES): the rows of a node are
+adjacent in memory, a few pages at a time for any number of rows. `table(array)` makes a matrix of
+an array (rows, columns, LANES) or a row of one (columns, LANES), `wide(array)` a vector of an array
+(LANES,). Entries are indexed as in an array; `rows` and the like (core/compiler/rows) work on both.
+The arrays must be aligned to ALIGNMENT.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from rope_twin.core.compiler.wide import ALIGNMENT, REGISTER, WIDE, WideType, sp
 
 
 class TableType(types.Type):
-    """numba's type of a matrix of wide numbers; `rows` 0: row by row, else so many in a column."""
+    """numba type of a matrix of SIMD vectors; `rows`: rows per column, 0: row by row."""
 
     def __init__(self, ndim: int, rows: int) -> None:
         super().__init__(name=f"WideTable({ndim}, {rows})")
         self.ndim, self.rows = ndim, rows
 
     def pointers(self, name: str, first: int, count: int) -> Any:
-        """Type of `count` rows from `first` on, and what generates their code from a column."""
+        """Return the type of `count` rows from `first` on, and their code generator."""
         stride = max(self.rows, 1)
         kinds = [WideRowType(f"{name} {first + k}", stride) for k in range(count)]
         result = kinds[0] if count == 1 else containers.BaseTuple.from_types(kinds)
@@ -51,7 +51,7 @@ class TableType(types.Type):
         return result, generate
 
     def row(self, scope: str) -> Any:
-        """Type of a table of one row, from a column on, and what generates its code."""
+        """Return the type of a one-row table from a column on, and the generator of its code."""
 
         def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
             return builder.gep(builder.extract_value(arguments[0], 0), [arguments[1]])
@@ -67,7 +67,7 @@ class _TableModel(models.StructModel):  # type: ignore[misc]
 
 
 class WideRowType(types.Type):
-    """numba's type of one row of a matrix of wide numbers."""
+    """numba type of one row of a matrix of SIMD vectors."""
 
     def __init__(self, scope: str, stride: int) -> None:
         super().__init__(name=f"WideRow({scope}, {stride})")
@@ -86,7 +86,7 @@ def _aligned(access: Any) -> Any:
 
 
 def _place(context: Any, builder: Any, kind: TableType, table: Any, index: Any) -> Any:
-    """Pointer to an entry of a table."""
+    """Return the pointer to an entry of a table."""
     data = builder.extract_value(table, 0)
     if kind.ndim == 1:
         return builder.gep(data, [index])
@@ -104,7 +104,7 @@ class _TableAttributes(AttributeTemplate):  # type: ignore[misc]
     key = TableType
 
     def resolve_shape(self, kind: TableType) -> Any:
-        """Of a table of one row only."""
+        """Return the shape's type, for a table of one row only."""
         return containers.UniTuple(types.intp, 1) if kind.ndim == 1 else None
 
 
@@ -115,7 +115,7 @@ def _shape(context: Any, builder: Any, kind: Any, value: Any) -> Any:
 
 
 def _index_kind(kind: TableType, index: Any) -> Any:
-    """What an index is converted to; None if it does not fit."""
+    """Return the type that an index is converted to; None if it does not fit."""
     if kind.ndim == 1:
         return types.intp if isinstance(index, types.Integer) else None
     if isinstance(index, containers.BaseTuple) and len(index) == 2:
@@ -193,21 +193,21 @@ def _table(array: Any, rows: int) -> Any:
 
 @intrinsic(prefer_literal=True)
 def tiles(context: Any, array: Any, rows: Any) -> Any:
-    """The matrix of an array (columns, rows, LANES), `rows` a literal."""
+    """Return the matrix of an array (columns, rows, LANES), `rows` a literal."""
     kind, generate = _table(array, rows.literal_value)
     return kind(array, rows), generate
 
 
 @intrinsic
 def table(context: Any, array: Any) -> Any:
-    """The table of an array (n, LANES) or (rows, columns, LANES)."""
+    """Return the table of an array (n, LANES) or (rows, columns, LANES)."""
     kind, generate = _table(array, 0)
     return kind(array), generate
 
 
 @intrinsic
 def wide(context: Any, array: Any) -> Any:
-    """The number of an array (LANES,)."""
+    """Return the SIMD vector of an array (LANES,)."""
 
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
         source = context.make_array(sig.args[0])(context, builder, arguments[0])

@@ -1,1 +1,1 @@
-"""Compiled sums of what knows a rope by its modes, beside the step (rope_twin.viv)."""
+"""Compiled kernels of the modal VIV models, decoupled from the step (rope_twin.viv)."""

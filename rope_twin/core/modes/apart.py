@@ -1,8 +1,7 @@
-"""Forces taken apart in phase, node by node, and what the motion's running means tell of it.
+"""Force decomposition node by node, from running means of the motion.
 
-[GE], [SJTU] ch. 5; what is solved, and why so, stands in rope_twin.viv.decomposed_response. The
-table has C_Lv and C_a over f·D/U and A/D: bilinear between its rows, beyond its ends the last value
-holds.
+[GE], [SJTU] ch. 5; the model and its derivation are described in rope_twin.viv.decomposed_response.
+The table has C_Lv and C_a over f·D/U and A/D: bilinear between its rows, constant beyond its ends.
 """
 
 from __future__ import annotations
@@ -15,38 +14,39 @@ from numpy.typing import NDArray
 from rope_twin.core.compiler.jit import jit, jit_entry
 from rope_twin.core.state import Floats
 
-LEAST = 0.02  # D: amplitude that the damping is taken of at least
+MIN_AMPLITUDE = 0.02  # [D]: minimum amplitude for which damping is evaluated
 
 
 class Nodes(NamedTuple):
-    """What does not change while the modes are kept, of the free nodes, (n,)."""
+    """Constants of the free nodes between two modal analyses, (n,)."""
 
     push: Floats  # ½·ρ·D·U² times length [N]
-    water: Floats  # displaced [kg]
+    water: Floats  # displaced water [kg]
     dry: Floats  # mass without added mass [kg]
     diameter: Floats  # [m]
     speed: Floats  # of the water across the rope [m/s]
-    omega: Floats  # before it has moved [rad/s]
+    omega: Floats  # initial frequency, before it has moved [rad/s]
 
 
 class Drives(NamedTuple):
-    """Which modes the nodes drive: of node n the entries first[n] to first[n + 1]."""
+    """Modes excited by each node: of node n the entries first[n] to first[n + 1]."""
 
     first: NDArray[Any]  # (n + 1,)
     mode: NDArray[Any]  # (entries,)
-    part: Floats  # of the node, with the sign of the mode there
+    part: Floats  # fraction of the node, with the sign of the mode there
     omega: Floats  # of the modes [rad/s], (k,)
-    angle: Floats  # their phases at the time that `since` counts from [rad]
+    angle: Floats  # their phases at the origin of `since` [rad]
 
 
 @jit_entry
-def push_nodes(
+def node_forces(
     table: Any, nodes: Any, drives: Any, amplitude: Any, omega: Any, since: float, h: float,
     structural: float, mass: Any, damping: Any, middle: Any, end: Any, turn: Any,
 ) -> None:  # fmt: skip
     """Write mass [kg], damping [N·s/m] and the forces in the middle and at the end of a step [N].
 
-    amplitude: [D]; omega: as the motion has it; since: start of the step; turn: scratch, (2, k).
+    amplitude: [D]; omega: measured frequency of the motion; since: start of the step; turn:
+    scratch, (2, k).
     """
     for k in range(drives.omega.shape[0]):
         turn[0, k] = cos(drives.omega[k] * (since + 0.5 * h) + drives.angle[k])
@@ -59,7 +59,7 @@ def push_nodes(
         lift = _between(table.lift, i, j, u, v)
         added = _between(table.added_mass, i, j, u, v)
         mass[n] = max(nodes.dry[n] + added * nodes.water[n], 0.1 * nodes.dry[n])
-        size = max(amplitude[n], LEAST) * nodes.diameter[n]
+        size = max(amplitude[n], MIN_AMPLITUDE) * nodes.diameter[n]
         against = nodes.push[n] * max(-lift, 0.0) / (size * omega[n])
         damping[n] = against + 2.0 * structural * omega[n] * mass[n]
         middle[n] = end[n] = 0.0
@@ -70,30 +70,31 @@ def push_nodes(
 
 
 @jit_entry
-def read_motion(
+def update_means(
     nodes: Any, motion: Any, share: float, squares: Any, amplitude: Any, omega: Any
 ) -> None:
-    """Let a share of ẏ² and ÿ² into their running means; ω = rms(ÿ)/rms(ẏ), A = √2·rms(ẏ)/ω."""
+    """Update the running means of ẏ² and ÿ² by a fraction; ω = rms(ÿ)/rms(ẏ), A = √2·rms(ẏ)/ω."""
     for n in range(amplitude.shape[0]):
         speed, acceleration = motion.speed[n], motion.acceleration[n]
         squares[0, n] += share * (speed * speed - squares[0, n])
         squares[1, n] += share * (acceleration * acceleration - squares[1, n])
         rms = sqrt(2.0 * squares[0, n])
-        known = rms > LEAST * nodes.diameter[n] * nodes.omega[n]
+        known = rms > MIN_AMPLITUDE * nodes.diameter[n] * nodes.omega[n]
         omega[n] = sqrt(squares[1, n] / squares[0, n]) if known else nodes.omega[n]
         amplitude[n] = rms / omega[n] / nodes.diameter[n]
 
 
 @jit_entry
-def settle_added_mass(
+def solve_added_mass(
     knots: Any, values: Any, ratio: Any, weight: Any, given: Any, dry: Any, wet: Any,
     rounds: int, same: float, added: Any, frequency: Any,
 ) -> None:  # fmt: skip
-    """True frequencies, f = f_1·√(M_1/(M + C_a·m)), with the C_a that the modes have at them.
+    """Solve for natural frequencies f = f_1·√(M_1/(M + C_a·m)) with the added mass at f.
 
-    Of each mode: given f_1 [Hz], dry M and wet M_1 [kg]; weight: water that the nodes displace
-    times φ² [kg], (modes, nodes), m its sum; C_a its mean by that weight, read along the nodes at
-    f·D/U, `ratio` of D to U [s]; the mean of two successive ones is taken on until they agree.
+    Of each mode: given f_1 [Hz], dry M and wet M_1 [kg]; weight: displaced water of the nodes times
+    φ² [kg], (modes, nodes), m its sum; C_a its mean with that weight, read along the nodes at
+    f·D/U, `ratio` of D to U [s]; fixed-point iteration with the mean of two successive iterates
+    until they agree.
     """
     for k in range(added.shape[0]):
         moved = 0.0
@@ -116,7 +117,7 @@ def settle_added_mass(
 
 @jit
 def _below(knots: Any, at: float, guess: int) -> int:
-    """Number of the knot below, of all but the last; neighbours lie close to each other."""
+    """Return the index of the knot below, of all but the last, searched from a guess."""
     i, last = guess, knots.shape[0] - 2
     while i < last and at >= knots[i + 1]:
         i += 1
@@ -127,7 +128,7 @@ def _below(knots: Any, at: float, guess: int) -> int:
 
 @jit
 def _share(knots: Any, at: float, i: int) -> float:
-    """How far on from knot i to the next, from 0 to 1."""
+    """Return the fraction of the way from knot i to the next, from 0 to 1."""
     share = (at - knots[i]) / (knots[i + 1] - knots[i])
     return float(min(max(share, 0.0), 1.0))
 

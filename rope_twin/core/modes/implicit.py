@@ -1,7 +1,7 @@
 """Implicit steps of M·ÿ + C·ẏ + K·y = F with diagonal M and C and a K of three or five diagonals.
 
-Their formulas and sources stand in rope_twin.viv.integrators. (K + D)·x = r with a diagonal D is
-solved by factors L·D·Lᵀ without a change of rows: the matrix is positive.
+Formulas and sources are in rope_twin.viv.integrators. (K + D)·x = r with a diagonal D is solved by
+an LDLᵀ factorisation without pivoting: the matrix is positive definite.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from rope_twin.core.compiler.jit import jit, jit_entry
 def newmark_step(
     at: Any, parts: Any, force: Any, h: float, alpha: float, delta: float, after: Any, work: Any
 ) -> None:
-    """Write place, speed and acceleration after h seconds to the rows of `after`, (3, n).
+    """Write displacement, velocity and acceleration after h seconds to the rows of `after`, (3, n).
 
     at: the three before; parts: mass, damping and stiffness (LAPACK's upper form); work: (5, n).
     """
@@ -44,7 +44,7 @@ def _newmark(
 
 @jit_entry
 def bathe_step(at: Any, parts: Any, middle: Any, end: Any, h: float, after: Any, work: Any) -> None:
-    """The same by two halves, with the forces at their ends."""
+    """Write the state after h seconds by Bathe's method; middle, end: forces of its substeps."""
     _newmark(at, parts, middle, 0.5 * h, 0.25, 0.5, after, work)
     y, v, mass, damping = at.place, at.speed, parts.mass, parts.damping
     for i in range(y.shape[0]):
@@ -62,7 +62,7 @@ def bathe_step(at: Any, parts: Any, middle: Any, end: Any, h: float, after: Any,
 
 @jit
 def _multiply(K: Any, after: Any, work: Any) -> None:
-    """K times the places, to row 1 of the scratch."""
+    """Multiply K by the displacements, into row 1 of the scratch."""
     n, last = after.shape[1], K.shape[0] - 1
     for i in range(n):
         work[1, i] = K[last, i] * after[0, i]
@@ -74,9 +74,9 @@ def _multiply(K: Any, after: Any, work: Any) -> None:
 
 @jit
 def _solve(K: Any, work: Any) -> None:
-    """(K + D)·x = r: D in row 0 of the scratch, r and then x in row 1."""
+    """Solve (K + D)·x = r: D in row 0 of the scratch, r and then x in row 1."""
     n, last = work.shape[1], K.shape[0] - 1
-    d, r, first, second = work[2], work[1], work[3], work[4]  # L's diagonals below its own
+    d, r, first, second = work[2], work[1], work[3], work[4]  # subdiagonals of L
     for i in range(n):
         d[i], first[i], second[i] = K[last, i] + work[0, i], 0.0, 0.0
         far = 0.0

@@ -1,4 +1,4 @@
-"""A rope's nodes, for what is computed beside the step on places of its own, at each look."""
+"""Sampling of a rope's nodes for models with their own mesh, decoupled from the step."""
 
 from __future__ import annotations
 
@@ -12,28 +12,28 @@ from rope_twin.core.state import ELEMENTS, FLOW, POSITION, VELOCITY, Floats, Rop
 
 
 def along(rope: Rope) -> Floats:
-    """Of the nodes, along the stretched rope from the hang-off, less than 0 [m]."""
+    """Return the nodes' coordinates along the stretched rope, from the hang-off, negative [m]."""
     found = np.empty(int(rope.state.counts[ELEMENTS]) + 1)
     _along(rope.state.nodes, found)
     return found
 
 
 def mix_flow(flow: Floats, rope: Rope, share: float) -> None:
-    """Let a share of water less rope into its running mean `flow` [m/s], (3, shares).
+    """Update the running mean `flow` of relative water velocity [m/s], (3, shares), by a fraction.
 
-    flow: at equal shares of the elements from the lower end up; the hang-off has that of the node
-    below.
+    flow: at equal fractions of the elements from the lower end up; the hang-off has the value of
+    the node below.
     """
     _mix(flow, rope.state.nodes, rope.work, int(rope.state.counts[ELEMENTS]), share)
 
 
 def mean_around(at: Floats, s: Floats, values: Floats, least: Floats) -> Floats:
-    """Mean of `values`, linear between `s`, around each of `at`, both rising.
+    """Return weighted means of `values`, linear between `s`, around each of `at`.
 
-    The weight falls in a straight line to 0 at the neighbours of `at`: so a sum over coarse nodes
-    has all of what goes up and down between them. `least`: it reaches so far to both sides at
-    least, (len(at),): what goes up and down with a period of that or a little less or more is then
-    the same on any nodes. At both ends of `s` values are mirrored.
+    `at` and `s` are ascending. The weight falls linearly to 0 at the neighbours of `at`, so that a
+    sum over coarse nodes contains everything that oscillates between them. `least`, (len(at),):
+    minimum half width of the window, so that oscillations of about that period give the same mean
+    on any mesh. Values are mirrored at both ends of `s`.
     """
     found, once, twice = np.empty(len(at)), np.empty(len(s)), np.empty(len(s))
     _mean(at, s, values, least, once, twice, found)
@@ -67,7 +67,7 @@ def _mix(flow: Any, nodes: Any, work: Any, n: int, share: float) -> None:
 
 @jit_entry
 def _mean(at: Any, s: Any, values: Any, least: Any, once: Any, twice: Any, found: Any) -> None:
-    once[0] = twice[0] = 0.0  # integrals of the values from s[0], and of these
+    once[0] = twice[0] = 0.0  # integrals of the values from s[0], and double integrals
     for i in range(1, s.shape[0]):
         step = s[i] - s[i - 1]
         once[i] = once[i - 1] + 0.5 * (values[i] + values[i - 1]) * step
@@ -89,7 +89,7 @@ def _mean(at: Any, s: Any, values: Any, least: Any, once: Any, twice: Any, found
 
 @jit
 def _below(s: Any, at: float, guess: int) -> int:
-    """The last of `s` that is not above, from a guess; the first where all are."""
+    """Return the index of the last of `s` not above `at`, from a guess; 0 if all are above."""
     i, last = guess, s.shape[0] - 1
     while i < last and s[i + 1] <= at:
         i += 1
@@ -100,7 +100,7 @@ def _below(s: Any, at: float, guess: int) -> int:
 
 @jit
 def _twice(s: Any, values: Any, once: Any, twice: Any, at: float, i: int) -> float:
-    """The values' double integral from s[0] to there; i: the last of `s` below."""
+    """Return the double integral of the values from s[0] to `at`; i: the last of `s` below."""
     i = min(i, s.shape[0] - 2)
     step = at - s[i]
     slope = (values[i + 1] - values[i]) / (s[i + 1] - s[i])
@@ -110,7 +110,7 @@ def _twice(s: Any, values: Any, once: Any, twice: Any, at: float, i: int) -> flo
 
 @jit
 def _mirrored(s: Any, values: Any, once: Any, twice: Any, at: float, guess: int) -> float:
-    """The same beyond the ends of `s` too, by at most its length."""
+    """Return the double integral, extended beyond the ends of `s` by mirroring."""
     if at < s[0]:
         inside = 2.0 * s[0] - at
         return float(_twice(s, values, once, twice, inside, _below(s, inside, guess)))

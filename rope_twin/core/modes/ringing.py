@@ -1,6 +1,7 @@
-"""One step of modes that ring, each driven at its own frequency ([LCD] eq 9).
+"""One step of modal oscillators, each driven at its own frequency ([LCD] eq 9).
 
-Le Cunff and Durand (1999); what is solved, and why so, stands in rope_twin.viv.modal_response.
+Le Cunff and Durand (1999); the model and its derivation are described in
+rope_twin.viv.modal_response.
 """
 
 from __future__ import annotations
@@ -13,23 +14,23 @@ from numpy.typing import NDArray
 from rope_twin.core.compiler.jit import jit, jit_entry
 from rope_twin.core.state import Floats
 
-MOST_DAMPED = 0.95  # of critical: a mode damped more does not ring
+MOST_DAMPED = 0.95  # of critical: modes with higher damping are inactive
 
 
 class Drive(NamedTuple):
-    """What water speed and modes make of lift and damping; places p, modes k that ring."""
+    """Lift and damping coefficients of active modes; places p, modes k."""
 
-    active: NDArray[Any]  # which of all modes they are, (k,)
+    active: NDArray[Any]  # their indices among all modes, (k,)
     omega: Floats  # [rad/s], (k,)
     mass: Floats  # modal [kg], (k,)
-    damping: Floats  # modal, at rest [N·s/m], (k,)
-    growing: Floats  # of damping with (A/d)², (p, k)
-    force: Floats  # ½·ρ·d·U²·|φ| times length where a mode is driven, halved [N], (p, k)
+    damping: Floats  # modal, at zero amplitude [N·s/m], (k,)
+    growing: Floats  # coefficient of damping with (A/d)², (p, k)
+    force: Floats  # half of ½·ρ·d·U²·|φ| times length where a mode is excited [N], (p, k)
     square: Floats  # (φ/d)² [1/m²], (k, p)
 
 
-class Ringing(NamedTuple):
-    """Of all modes, which a step changes."""
+class ModalState(NamedTuple):
+    """State of all modes."""
 
     place: Floats  # η [m]
     rate: Floats  # -η̇/ω [m]
@@ -37,8 +38,8 @@ class Ringing(NamedTuple):
 
 
 @jit_entry
-def ring(h: float, lift: Any, drive: Any, ringing: Any, amplitude: Any, work: Any) -> None:
-    """Go on by h seconds.
+def advance_modes(h: float, lift: Any, drive: Any, ringing: Any, amplitude: Any, work: Any) -> None:
+    """Advance the active modes by h seconds.
 
     lift: C_l at the places; amplitude: A/d there, before and then after the step; work: scratch,
     (2, k).
@@ -50,14 +51,14 @@ def ring(h: float, lift: Any, drive: Any, ringing: Any, amplitude: Any, work: An
 
 
 @jit_entry
-def add_up(drive: Any, ringing: Any, amplitude: Any) -> None:
-    """A/d at the places: the root of the sum of the squares of the modes there."""
+def sum_amplitudes(drive: Any, ringing: Any, amplitude: Any) -> None:
+    """Set A/d at the places to the root of the sum of squares over the modes."""
     _add_up(drive, ringing, amplitude)
 
 
 @jit
 def _sum_up(lift: Any, drive: Any, amplitude: Any, work: Any) -> None:
-    """Damping and force of each mode over all places."""
+    """Sum damping and force of each mode over all places."""
     modes = drive.active.shape[0]
     for k in range(modes):
         work[0, k], work[1, k] = drive.damping[k], 0.0
@@ -70,7 +71,7 @@ def _sum_up(lift: Any, drive: Any, amplitude: Any, work: Any) -> None:
 
 @jit
 def _ring_one(h: float, drive: Any, ringing: Any, work: Any, k: int) -> None:
-    """c(t + h) of mode k, of a unit mass, in closed form; then η and η̇ of it."""
+    """Advance c(t + h) of mode k, of unit modal mass, in closed form; then η and η̇ of it."""
     which, omega, mass = drive.active[k], drive.omega[k], drive.mass[k]
     angle, before = ringing.angle[which], ringing.place[which]
     share = min(work[0, k] / (2.0 * mass * omega), MOST_DAMPED)
@@ -90,7 +91,7 @@ def _ring_one(h: float, drive: Any, ringing: Any, work: Any, k: int) -> None:
 
 @jit
 def _quotient(rise: Any, rate: Any, h: float) -> Any:
-    """(e^(iωh) - e^(λh))/(iω - λ), which without any damping is h."""
+    """Return (e^(iωh) - e^(λh))/(iω - λ), whose limit without damping is h."""
     if abs(rate.real) + abs(rate.imag) < 1e-9 / h:
         return complex(h, 0.0)
     return rise / rate

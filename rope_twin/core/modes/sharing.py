@@ -1,10 +1,11 @@
-"""Who drives which place, where several modes are locked in there: the larger takes it.
+"""Power-in zones with mode competition: of several locked-in modes the largest is excited.
 
-Of a place that mode k is locked in over the part l_k of, it is given l_k·Π(1 - l_j·b_jk) over the
-other modes j, with b_jk = 1 where j is larger, 0 where it is smaller; scaled so that all are given
-what is locked in at all, 1 - Π(1 - l_j), of which that is the sum already where each b is 0 or 1.
-Two modes that are equal but for a factor of 1 + `tie` share: b goes from 0 to 1 between, smoothly
-in the logarithm of their sizes. So what is given does not jump where one outgrows the other.
+A place that mode k is locked in over the fraction l_k is assigned to it by l_k·Π(1 - l_j·b_jk) over
+the other modes j, with b_jk = 1 where j is larger, 0 where it is smaller; the result is scaled so
+that all together receive the locked-in fraction 1 - Π(1 - l_j), which is already the sum where each
+b is 0 or 1. Two modes whose amplitudes agree within a factor of 1 + `tie` share: b varies smoothly
+from 0 to 1 with the logarithm of their ratio, so that assignments do not jump where one outgrows
+the other.
 """
 
 from __future__ import annotations
@@ -19,10 +20,10 @@ from rope_twin.core.state import Floats
 
 
 def share_out(size: Floats, locked: Floats, tie: float) -> Floats:
-    """What each mode is given of each place, 0 to 1, (places, modes).
+    """Return the fraction of each place assigned to each mode, 0 to 1, (places, modes).
 
-    size: of the modes, of which one of 0 takes nothing; locked: part of each place that a mode is
-    locked in over.
+    size: amplitude of the modes (0: assigned nothing); locked: fraction of each place that a mode
+    is locked in over.
     """
     given, larger = np.zeros_like(locked), np.zeros((len(size), len(size)))
     _share_out(np.ascontiguousarray(size), locked, log(1.0 + tie), larger, given)
@@ -55,7 +56,7 @@ def _share_out(size: Any, locked: Any, width: float, larger: Any, given: Any) ->
 
 @jit
 def _larger(one: float, other: float, width: float) -> float:
-    """1 where one is larger than the other, 0 where it is smaller, both by more than a tie."""
+    """Return 1 where one is larger than the other, 0 where it is smaller, smooth within a tie."""
     if one <= 0.0 or other <= 0.0:
         return 0.0
     x = log(one / other) / width
@@ -67,9 +68,9 @@ def _larger(one: float, other: float, width: float) -> float:
 
 
 def parts_below(values: Floats, limits: Floats) -> Floats:
-    """The part of each place in which `values`, linear between places, lie below a limit.
+    """Return the fraction of each place where `values`, linear between places, are below a limit.
 
-    A place reaches halfway to its neighbours. (places, limits)
+    A place extends halfway to its neighbours. Result: (places, limits).
     """
     ends = np.concatenate([values[:1], 0.5 * (values[1:] + values[:-1]), values[-1:]])
     low, high = np.minimum(ends[1:], ends[:-1]), np.maximum(ends[1:], ends[:-1])

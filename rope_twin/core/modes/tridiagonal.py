@@ -1,15 +1,17 @@
-"""Some eigenvalues and vectors of a symmetric matrix with three diagonals, many at a time.
+"""Selected eigenvalues and vectors of a symmetric tridiagonal matrix, many at a time.
 
 Twisted factorisations, as in LAPACK's dlar1v (Dhillon and Parlett 2004): pivots of A - x from
-below, p_i = a_i - x - b²_{i-1}/p_{i-1}, and from above, q_i = a_i - x - b²_i/q_{i+1}. As many p_i
-are negative as eigenvalues lie below x (Sylvester). With γ_i = p_i + q_i - (a_i - x) and r where it
-is smallest, the vector that is 1 at r, z_i = -b_i·z_{i+1}/p_i below and -b_{i-1}·z_{i-1}/q_i above,
-solves (A - x)·z = γ_r·e_r, and x + γ_r/|z|² is its Rayleigh quotient, whose error goes with the
-square of that of x. |z|² comes with the pivots, from below by u_i = 1 + (b_{i-1}/p_{i-1})²·u_{i-1}.
-What is counted keeps each eigenvalue in a bracket; a quotient outside of it, or taken while others
-share it, gives way to the bracket's middle.
+below, p_i = a_i - x - b²_{i-1}/p_{i-1}, and from above, q_i = a_i - x - b²_i/q_{i+1}. The number of
+negative p_i is the number of eigenvalues below x (Sylvester). With γ_i = p_i + q_i - (a_i - x) and
+r where it is smallest, the vector that is 1 at r, z_i = -b_i·z_{i+1}/p_i below and
+-b_{i-1}·z_{i-1}/q_i above, solves (A - x)·z = γ_r·e_r, and x + γ_r/|z|² is its Rayleigh quotient,
+whose error is quadratic in that of x. |z|² comes with the pivots, from below by u_i = 1 +
+(b_{i-1}/p_{i-1})²·u_{i-1}.
 
-Loops over the eigenvalues stand innermost: these do not wait for each other's divisions.
+The counts keep each eigenvalue in a bracket; a quotient outside of it, or computed while others
+share it, is replaced by the bracket's middle.
+
+The innermost loops run over the eigenvalues, whose divisions are independent of each other.
 """
 
 from __future__ import annotations
@@ -21,30 +23,30 @@ import numpy as np
 from rope_twin.core.compiler.jit import jit, jit_entry
 from rope_twin.core.state import Floats
 
-EXACT = 1e-13  # of a bracket's width: a shift so near to its eigenvalue has its vector
-ROUNDING = 2e-16  # of n times the largest of the diagonal: a smaller γ says nothing
-MOST_ROUNDS = 200  # halvings alone take 60
+EXACT = 1e-13  # of a bracket's width: a shift this close to the eigenvalue is converged
+ROUNDING = 2e-16  # of n times the largest diagonal entry: a smaller γ is round-off
+MOST_ROUNDS = 200  # bisection alone takes 60
 
 
 class _Hunt(NamedTuple):
-    """For each eigenvalue, (k,)."""
+    """Iteration state of each eigenvalue, (k,)."""
 
     number: Floats  # from the lowest, 0
     shift: Floats  # x
-    low: Floats  # the bracket, and how many eigenvalues lie below its ends
+    low: Floats  # the bracket, and the number of eigenvalues below its ends
     high: Floats
     low_count: Floats
     high_count: Floats
-    counted: Floats  # below x
+    counted: Floats  # number of eigenvalues below x
     twist: Floats  # γ_r
     at: Floats  # r
-    width: Floats  # of the bracket as it was given
+    width: Floats  # of the initial bracket
     done: Floats  # 0 or 1
     value: Floats
 
 
 class _Pivots(NamedTuple):
-    """At all shifts, (n, k)."""
+    """Pivots and sums of squares at all shifts, (n, k)."""
 
     below: Floats
     above: Floats
@@ -53,7 +55,7 @@ class _Pivots(NamedTuple):
 
 
 def count_below(own: Floats, between: Floats, shifts: Floats) -> Floats:
-    """How many eigenvalues lie below each shift; own: the diagonal, between: the one beside it."""
+    """Return the number of eigenvalues below each shift; own: diagonal, between: off-diagonal."""
     counts = np.zeros(len(shifts))
     _count(own, between, shifts, counts, np.zeros(len(shifts)))
     return counts
@@ -62,10 +64,10 @@ def count_below(own: Floats, between: Floats, shifts: Floats) -> Floats:
 def find_eigenpairs(
     own: Floats, between: Floats, grid: Floats, counts: Floats, numbers: Floats
 ) -> tuple[Floats, Floats]:
-    """The eigenvalues of these numbers (from the lowest, 0), (k,), and their vectors, (n, k).
+    """Return the eigenvalues of these indices (lowest: 0), (k,), and their vectors, (n, k).
 
-    grid, counts: shifts that rise, and how many lie below each; the eigenvalues lie between them.
-    The largest part of a vector is about 1.
+    grid, counts: ascending shifts and the number of eigenvalues below each; the eigenvalues lie
+    between them. The largest component of a vector is about 1.
     """
     n, k = len(own), len(numbers)
     vectors = np.zeros((n, k))
@@ -109,7 +111,7 @@ def _find(own: Any, between: Any, least: float, hunt: Any, pivots: Any, vectors:
 
 @jit
 def _factorise(own: Any, between: Any, hunt: Any, pivots: Any) -> None:
-    """Pivots from below and above, sums of squares, and where γ is smallest."""
+    """Compute pivots from below and above, sums of squares, and where γ is smallest."""
     n, lanes = pivots.below.shape
     p, q, u, w = pivots.below, pivots.above, pivots.sum_below, pivots.sum_above
     x, count, twist, at = hunt.shift, hunt.counted, hunt.twist, hunt.at
@@ -143,7 +145,7 @@ def _factorise(own: Any, between: Any, hunt: Any, pivots: Any) -> None:
 
 @jit
 def _improve(least: float, hunt: Any, pivots: Any, k: int) -> int:
-    """The next shift of one eigenvalue; 0: this was it."""
+    """Set the next shift of one eigenvalue; return 0 if it has converged."""
     x, r = hunt.shift[k], int(hunt.at[k])
     square = pivots.sum_below[r, k] + pivots.sum_above[r, k] - 1.0
     better = x + hunt.twist[k] / square
@@ -166,7 +168,7 @@ def _improve(least: float, hunt: Any, pivots: Any, k: int) -> int:
 
 @jit
 def _write(between: Any, hunt: Any, pivots: Any, vectors: Any, k: int) -> None:
-    """The vector that is 1 where its twist is."""
+    """Write the eigenvector that is 1 at its twist index."""
     r = int(hunt.at[k])
     vectors[r, k] = 1.0
     for i in range(r - 1, -1, -1):

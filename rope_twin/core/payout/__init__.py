@@ -1,1 +1,1 @@
-"""Rope through the sheave, and what moves it."""
+"""Payout: material through the sheave, remeshing, and the prescribed motion."""

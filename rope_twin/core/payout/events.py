@@ -1,10 +1,11 @@
-"""Rope through the sheave: the top element grows and splits, shrinks and merges, without a bump.
+"""Remeshing at the sheave: split and merge of the top element without a transient.
 
-A new node gets the *material* velocity and acceleration of the rope at its place, stands in local
-dynamic equilibrium, and each half gets a length offset that makes its tension what the balance of
-its ends demands; so neither the pull on the hang-off nor any acceleration changes at the event,
-and the offsets then fade (Model.absorb). Material coordinates are kept: an event touches only the
-end of the arrays. A boundary between sections becomes a node as soon as it has left the sheave.
+A new node gets the *material* velocity and acceleration of the rope at its position, is placed in
+local dynamic equilibrium, and each half gets a length correction that makes its tension what the
+balance of its ends demands; so neither the tension at the hang-off nor any acceleration changes at
+the event, and the corrections then decay (Model.absorb). Material coordinates are kept: an event
+changes only the end of the arrays. A boundary between sections becomes a node as soon as it has
+left the sheave.
 """
 
 from __future__ import annotations
@@ -36,19 +37,19 @@ from rope_twin.core.state import (
 )
 
 FORCED_SPLIT = 4.0  # times split_above: an element this long splits even when slack
-SAG_LIMIT = 0.05  # a new node farther off the chord than this part of it stays on the chord
-NEWTON = 10
-# A move of a new node that is none: of the element that it splits, and [m]
-PLACED, PLACED_M = 1e-13, 1e-12
+SAG_LIMIT = 0.05  # of the chord: a new node farther off it is placed on the chord
+MAX_ITERATIONS = 10
+# Convergence of a new node's position: relative to the element that it splits, and [m]
+POSITION_TOL, POSITION_TOL_M = 1e-13, 1e-12
 SMALLEST_REST = 1e-3  # m
-SMALLEST_STEPS = 2.0  # and at least so many steps of payout
+SMALLEST_STEPS = 2.0  # and at least this many steps of payout
 
 
 @jit
 def change_elements(rope: Any, stage: Any, L: float, lower: float) -> None:
-    """At most one split or merge after a step; tensions then belong to the new elements.
+    """Perform at most one split or merge after a step; tensions then belong to the new elements.
 
-    stage: time and payout speed at the step's end; lower: of `split_length`. The trial nodes must
+    stage: time and payout speed at the step's end; lower: of `split_length`. The ghost nodes must
     have been loaded for this state.
     """
     model, state, work = rope.model, rope.state, rope.work
@@ -70,9 +71,9 @@ def change_elements(rope: Any, stage: Any, L: float, lower: float) -> None:
 
 @jit
 def split_length(rope: Any, V: float) -> Any:
-    """Rest length of the lower part of a top element that is to split; 0 if it is not.
+    """Return the unstretched length of the lower part of a top element to be split; 0 if it is not.
 
-    A section's end that is out by twice the least length is where the new node must be.
+    A section's end that is paid out by twice the minimum length determines the new node's position.
     """
     n = rope.state.counts[ELEMENTS]
     s, rest = rope.state.s[n - 1], rope.work[REST, n - 1]
@@ -84,9 +85,10 @@ def split_length(rope: Any, V: float) -> Any:
 
 @jit
 def _merge_length(rope: Any, V: float) -> Any:
-    """Rest length below which the top element merges; a section's end is kept as long as can be.
+    """Return the unstretched length below which the top element merges.
 
-    Beside an element shorter than those that the sheave makes it may get as short as that allows.
+    A section's end is kept as long as possible. Next to an element shorter than standard the limit
+    is reduced in proportion.
     """
     top, least = rope.state.counts[ELEMENTS] - 1, _least_length(rope, V)
     s, below = rope.state.s[top], rope.work[REST, top - 1] / rope.model.element_length
@@ -103,14 +105,15 @@ def _least_length(rope: Any, V: float) -> Any:
 
 @jit
 def _find_equilibrium(rope: Any, growth: float, middle: int) -> bool:
-    """Move trial node `middle` to T_u·t_u - T_l·t_l + (l/2)·load = 0.
+    """Move ghost node `middle` to T_u·t_u - T_l·t_l + (l/2)·load = 0.
 
-    The load is in its RESIDUAL, its neighbours are the trial nodes beside it. False if an element
-    goes slack or Newton does not converge; the caller then takes the point on the chord.
+    The load is in its RESIDUAL, its neighbours are the adjacent ghost nodes. Returns False if an
+    element goes slack or Newton's method does not converge; the caller then uses the point on the
+    chord.
     """
     work, low = rope.work, middle - 1
     half = 0.5 * (work[REST, low] + work[REST, middle])
-    for _ in range(NEWTON):
+    for _ in range(MAX_ITERATIONS):
         stretch(rope.law, rope.work, rope.state.offset, 1.0, 0.0, 0.0, low, middle)
         stretch(rope.law, rope.work, rope.state.offset, 1.0, 0.0, growth, middle, middle + 1)
         T_low, T_up = work[TENSION, low], work[TENSION, middle]
@@ -127,14 +130,14 @@ def _find_equilibrium(rope: Any, growth: float, middle: int) -> bool:
         work[POSITION, middle] += dx
         work[POSITION + 1, middle] += dy
         work[POSITION + 2, middle] += dz
-        if sqrt(dx * dx + dy * dy + dz * dz) < PLACED * 2.0 * half + PLACED_M:
+        if sqrt(dx * dx + dy * dy + dz * dz) < POSITION_TOL * 2.0 * half + POSITION_TOL_M:
             return True
     return False
 
 
 @jit
 def _split(rope: Any, stage: Any, lower: float) -> None:
-    """A new node in the top element, `lower` above the element's lower end."""
+    """Insert a new node in the top element, `lower` above the element's lower end."""
     state, work = rope.state, rope.work
     e = state.counts[ELEMENTS] - 1
     rest = work[REST, e]
@@ -147,10 +150,11 @@ def _split(rope: Any, stage: Any, lower: float) -> None:
 
 @jit
 def _balance_parts(rope: Any, V: float, lower: float, shares: Any) -> Any:
-    """Put the new node to where the rope hangs; the offsets of both parts that keep the tensions.
+    """Place the new node in equilibrium; return the length corrections of both parts.
 
-    They keep the acceleration below and the pull on the hang-off as they are; a section that begins
-    at the new node brings its own weight for the rope above it. shares: of the offset so far.
+    They preserve the acceleration below and the tension at the hang-off; a section that begins at
+    the new node has its own weight for the rope above it. shares: fractions of the existing
+    correction.
     """
     state, work, sections = rope.state, rope.work, rope.sections
     e, slots = state.counts[ELEMENTS] - 1, state.s.shape[0]
@@ -164,7 +168,7 @@ def _balance_parts(rope: Any, V: float, lower: float, shares: Any) -> Any:
     set_element(work, sections, below, low, lower)
     set_element(work, sections, above, middle, upper)
     state.offset[low], state.offset[middle] = share_low, share_up
-    for k in range(3):  # the element to the hang-off sees its geometric velocity
+    for k in range(3):  # the top element uses the geometric velocity of the hang-off
         work[VELOCITY + k, high] = state.nodes[VELOCITY + k, e + 1]
     growth = V / upper
     _place_middle(rope, rest, growth, middle)
@@ -182,7 +186,7 @@ def _balance_parts(rope: Any, V: float, lower: float, shares: Any) -> Any:
 
 @jit
 def _place_middle(rope: Any, rest: float, growth: float, middle: int) -> None:
-    """From the chord into equilibrium, if it is found near the chord."""
+    """Move the new node from the chord into equilibrium, if that is found near the chord."""
     work = rope.work
     cx, cy, cz = work[POSITION, middle], work[POSITION + 1, middle], work[POSITION + 2, middle]
     found = _find_equilibrium(rope, growth, middle)
@@ -195,7 +199,7 @@ def _place_middle(rope: Any, rest: float, growth: float, middle: int) -> None:
 
 @jit
 def _insert(rope: Any, e: int, lower: float, offsets: Any) -> None:
-    """Trial node MIDDLE becomes a node, element e two."""
+    """Turn ghost node MIDDLE into a node, and element e into two."""
     state, work, n = rope.state, rope.work, e + 1
     middle = state.s.shape[0] + MIDDLE
     for k in range(NODE_ROWS):
@@ -211,10 +215,10 @@ def _insert(rope: Any, e: int, lower: float, offsets: Any) -> None:
 
 @jit
 def _keep_strain_rate(rope: Any, V: float, rest: float, upper: float) -> None:
-    """Give the trial node the velocity at which the rope above it strains as the top element did.
+    """Set the ghost node's velocity to preserve the strain rate of the rope above it.
 
     A section with another stiffness leaves the sheave at another speed V·(1 + strain); its damper
-    must not take that for a rate of strain.
+    must not interpret that as a strain rate.
     """
     nodes, work, n = rope.state.nodes, rope.work, rope.state.counts[ELEMENTS]
     middle = rope.state.s.shape[0] + MIDDLE
@@ -226,7 +230,7 @@ def _keep_strain_rate(rope: Any, V: float, rest: float, upper: float) -> None:
 
 @jit
 def _merge(rope: Any, stage: Any) -> None:
-    """Drop the node below the hang-off; nothing else moves."""
+    """Remove the node below the hang-off; nothing else moves."""
     state, work, sections = rope.state, rope.work, rope.sections
     n, slots = state.counts[ELEMENTS], state.s.shape[0]
     low, middle, high, after = slots + LOW, slots + MIDDLE, slots + HIGH, slots + AFTER
@@ -234,7 +238,7 @@ def _merge(rope: Any, stage: Any) -> None:
     offset = state.offset[n - 2] + state.offset[n - 1]
     T = work[TENSION, n - 1]
     pull_before = T - 0.5 * upper * along(work, high, n - 1)
-    # the merged element as a trial, from slot `low` to slot `middle`
+    # the merged element as a probe, from slot `low` to slot `middle`
     for k in range(VELOCITY + 3):
         work[k, low], work[k, middle] = state.nodes[k, n - 2], state.nodes[k, n]
     set_element(work, sections, section_above(sections, state.s[n - 2]), low, rest)

@@ -1,8 +1,7 @@
-"""Prescribed motion over a step: hang-off position and line out as cubics through both ends.
+"""Prescribed motion over a step: hang-off and paid-out length as cubic Hermite polynomials.
 
-Values and rates are given at the steps' borders (a Boundary: rows are borders, columns x, y, z and
-line out); in between the cubic Hermite polynomial holds, so that every stage and every halved
-step sees the boundary at its own time.
+Values and rates are given at the step boundaries (a Boundary: rows are boundaries, columns x, y, z
+and paid-out length), so that every stage and substep sees the prescribed motion at its own time.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from rope_twin.core.state import ACCELERATION, LINE_COLUMN, POSITION, VELOCITY
 
 @jit
 def prescribed(boundary: Any, row: int, column: int, part: float, h: float) -> Any:
-    """Value, rate and second derivative of a column at `part` (0 to 1) of step `row`."""
+    """Return value, rate and second derivative of a column at the fraction `part` of a step."""
     y0, y1 = boundary.value[row, column], boundary.value[row + 1, column]
     d0, d1 = boundary.rate[row, column] * h, boundary.rate[row + 1, column] * h
     c2 = 3.0 * (y1 - y0) - 2.0 * d0 - d1
@@ -29,7 +28,7 @@ def prescribed(boundary: Any, row: int, column: int, part: float, h: float) -> A
 
 @jit
 def place_hang_off(work: Any, boundary: Any, row: int, part: float, h: float, n: int) -> Any:
-    """Put node n where the hang-off is; return line out L, its rate V and acceleration."""
+    """Set the hang-off's motion at node n; return paid-out length L, its rate and acceleration."""
     for k in range(3):
         value, first, second = prescribed(boundary, row, k, part, h)
         work[POSITION + k, n] = value

@@ -1,10 +1,11 @@
-"""Trial nodes at the end of the arrays: places on the rope at which a force per metre is wanted.
+"""Ghost nodes at the end of the arrays: probes on the rope where the force per metre is evaluated.
 
 LOW is the node below the top element, HIGH the rope that passes the hang-off, MIDDLE the node that
-a split would make between them. AFTER is the rope at the hang-off as the next event would leave it:
-of the section above a new node, or, without a split, with the node below dropped.
-They are loaded after every step, in one go: HIGH gives the pull on the hang-off, and the others let
-a split or a merge balance its forces without evaluating an effect again.
+a split would create between them. AFTER is the rope at the hang-off as the next event would leave
+it: of the section above a new node, or, without a split, with the node below removed.
+
+They are loaded after every step, in one pass: HIGH gives the tension at the hang-off, and the
+others let a split or a merge balance its forces without evaluating an effect again.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Any
 
 from rope_twin.core.acting import loads
 from rope_twin.core.compiler.jit import jit, jit_within
-from rope_twin.core.guards import CRUSHED2
+from rope_twin.core.guards import STRETCH2_MIN
 from rope_twin.core.rope.sections import section_above
 from rope_twin.core.solve.assembly import set_flow
 from rope_twin.core.state import (
@@ -38,10 +39,10 @@ TRIALS = 4
 
 @jit
 def _set_material(rope: Any, below: int, rest: float, V: float, A: float, slot: int) -> None:
-    """The rope at the hang-off, whose element reaches down to node `below`.
+    """Set a ghost node to the rope at the hang-off, whose element extends down to node `below`.
 
     Its velocity is v - V·q and its acceleration a - A·q - 2·V·dq/dt, with q the element's vector
-    over its rest length.
+    over its unstretched length.
     """
     nodes, work = rope.state.nodes, rope.work
     n = rope.state.counts[ELEMENTS]
@@ -49,7 +50,7 @@ def _set_material(rope: Any, below: int, rest: float, V: float, A: float, slot: 
     dy = nodes[POSITION + 1, n] - nodes[POSITION + 1, below]
     dz = nodes[POSITION + 2, n] - nodes[POSITION + 2, below]
     work[TANGENT, slot], work[TANGENT + 1, slot], work[TANGENT + 2, slot] = dx, dy, dz
-    length = sqrt(dx * dx + dy * dy + dz * dz + CRUSHED2 * rest * rest)
+    length = sqrt(dx * dx + dy * dy + dz * dz + STRETCH2_MIN * rest * rest)
     for k in range(3):
         q = work[TANGENT + k, slot] / rest
         q_rate = (nodes[VELOCITY + k, n] - nodes[VELOCITY + k, below] - V * q) / rest
@@ -61,10 +62,10 @@ def _set_material(rope: Any, below: int, rest: float, V: float, A: float, slot: 
 
 @jit
 def load_trials(rope: Any, stage: Any, A: float, lower: float) -> None:
-    """Force less inertia per metre at the trial nodes, into their RESIDUAL.
+    """Evaluate force less inertia per metre at the ghost nodes, into their RESIDUAL.
 
     For the state after a step: `work` holds its elements, stage its time and payout speed V, A is
-    the rate of V, `lower` the rest length below MIDDLE.
+    the rate of V, `lower` the unstretched length below MIDDLE.
     """
     s, sections = rope.state.s, rope.sections
     n = rope.state.counts[ELEMENTS]
@@ -75,7 +76,7 @@ def load_trials(rope: Any, stage: Any, A: float, lower: float) -> None:
 
 @jit
 def load_trials_of(rope: Any, stage: Any, A: float, lower: float, here: int, other: int) -> None:
-    """The same where `here` is the section at the hang-off, `other` the one that AFTER is of."""
+    """Evaluate the ghost nodes; here, other: sections at the hang-off and of AFTER."""
     state, work, sections = rope.state, rope.work, rope.sections
     n, slots = state.counts[ELEMENTS], state.s.shape[0]
     low, middle, high, after = slots + LOW, slots + MIDDLE, slots + HIGH, slots + AFTER
@@ -107,7 +108,7 @@ def load_trials_of(rope: Any, stage: Any, A: float, lower: float, here: int, oth
 
 @jit_within
 def set_trials(memory: Any, row: int, value: float, rope: Any) -> None:
-    """One value at every trial node, in a row of what an effect remembers."""
+    """Set one value at every ghost node, in a row of an effect's internal variables."""
     slots = rope.state.s.shape[0]
     for slot in range(slots - TRIALS, slots):
         memory[row, slot] = value
@@ -115,7 +116,7 @@ def set_trials(memory: Any, row: int, value: float, rope: Any) -> None:
 
 @jit
 def along(work: Any, slot: int, element: int) -> float:
-    """What is loaded at a trial node, along an element [N/m]."""
+    """Return the component of a ghost node's load along an element [N/m]."""
     total = 0.0
     for k in range(3):
         total += work[RESIDUAL + k, slot] * work[DIRECTION + k, element]

@@ -1,1 +1,1 @@
-"""What an element is: its section, its law of tension, its stiffness."""
+"""Elements of a rope: sections, tension law, stiffness."""

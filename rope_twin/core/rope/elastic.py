@@ -1,10 +1,9 @@
-"""Elements that only pull: T = max(0, E(strain) + c·strain rate), and their stiffness blocks.
+"""Tension-only elements, T = max(0, E(strain) + c·strain rate), and their stiffness blocks.
 
-E is EA·strain, or a table where the rope has one (core/rope/law.py).
-
-One max() over the sum keeps the law continuous and convex: a damper never pushes and there is no
-jump c·rate at first contact. Discretisation and guard: lumped mass rope with element directions
-t = Δx/l; l² is kept off zero by (1e-8·rest)² for an element whose nodes meet.
+E is EA·strain, or a table where the rope has one (core/rope/law.py). One max() over the sum keeps
+the law continuous and convex: a damper never pushes and there is no jump c·rate at first contact.
+Discretisation and regularisation: lumped-mass rope with element directions t = Δx/l; l² is
+regularised by (1e-8·l_0)² for an element whose nodes coincide.
 """
 
 from __future__ import annotations
@@ -15,7 +14,7 @@ from typing import Any
 from rope_twin.core.compiler.jit import jit, jit_within
 from rope_twin.core.compiler.rows import offset_row, row, rows
 from rope_twin.core.compiler.wide import choose, count_beyond
-from rope_twin.core.guards import CRUSHED2
+from rope_twin.core.guards import STRETCH2_MIN
 from rope_twin.core.rope.law import pull_of
 from rope_twin.core.state import (
     AXIAL,
@@ -36,7 +35,7 @@ from rope_twin.core.state import (
 
 @jit_within
 def _apart(motion: Any, e: int) -> Any:
-    """Position and velocity of an element's upper node less that of its lower one."""
+    """Return position and velocity of an element's upper node relative to its lower one."""
     px, py, pz, nx, ny, nz, vx, vy, vz, wx, wy, wz = motion
     return (
         nx[e] - px[e], ny[e] - py[e], nz[e] - pz[e],
@@ -46,7 +45,7 @@ def _apart(motion: Any, e: int) -> Any:
 
 @jit_within
 def _corrected(motion: Any, deltas: Any, weights: Any, e: int) -> Any:
-    """The same of nodes whose motion wants a correction yet."""
+    """Return the relative position and velocity with a pending correction of the nodes included."""
     px, py, pz, nx, ny, nz, vx, vy, vz, wx, wy, wz = motion
     dx, dy, dz, ex, ey, ez = deltas
     p, q, _ = weights
@@ -62,12 +61,12 @@ def _corrected(motion: Any, deltas: Any, weights: Any, e: int) -> Any:
 
 @jit_within
 def _stretched(part: Any, apart: Any, weights: Any, e: int) -> Any:
-    """Direction, tension, AXIAL and GEOMETRIC of element e, as `stretch` says."""
+    """Return direction, tension, AXIAL and GEOMETRIC of element e, as defined in `stretch`."""
     law, rest, slack, section, stiffness, damping = part
     dx, dy, dz, wx, wy, wz = apart
     p, q, growth = weights
     l0 = rest[e]
-    length = sqrt(dx * dx + dy * dy + dz * dz + CRUSHED2 * l0 * l0)
+    length = sqrt(dx * dx + dy * dy + dz * dz + STRETCH2_MIN * l0 * l0)
     inverse = 1.0 / length
     dx *= inverse
     dy *= inverse
@@ -84,7 +83,7 @@ def _stretched(part: Any, apart: Any, weights: Any, e: int) -> Any:
 
 @jit_within
 def _part(law: Any, work: Any, offset: Any, low: int) -> Any:
-    """The law and rows of the elements from `low` on."""
+    """Return the law and rows of the elements from `low` on."""
     stiffness, damping = row(work, STIFFNESS, low), row(work, DAMPING, low)
     return (
         law, row(work, REST, low), offset_row(offset, low), row(work, SECTION, low), stiffness,
@@ -94,7 +93,7 @@ def _part(law: Any, work: Any, offset: Any, low: int) -> Any:
 
 @jit_within
 def _motion(work: Any, low: int) -> Any:
-    """Position and velocity of the elements' lower and upper nodes: rows."""
+    """Return the rows of position and velocity of the elements' lower and upper nodes."""
     px, py, pz = rows(work, POSITION, low)
     nx, ny, nz = rows(work, POSITION, low + 1)
     vx, vy, vz = rows(work, VELOCITY, low)
@@ -106,13 +105,14 @@ def _motion(work: Any, low: int) -> Any:
 def stretch(
     law: Any, work: Any, offset: Any, p: float, q: float, growth: float, low: int, high: int
 ) -> None:
-    """Direction, tension and stiffness blocks of the elements low <= e < high.
+    """Set direction, tension and stiffness blocks of the elements low <= e < high.
 
-    T = E((l + offset - rest)/rest) + DAMPING·(t·Δv - growth·l), where growth [1/s] is the rate of
-    the rest length over that length; STIFFNESS is E's tangent over rest. The block of an element is
+    T = E((l + offset - l_0)/l_0) + DAMPING·(t·Δv - growth·l), l_0 the unstretched length, where
+    growth [1/s] is its relative rate; STIFFNESS is E's tangent over l_0. The block of an element is
     AXIAL·t·tᵀ + GEOMETRIC·I with GEOMETRIC = p·T/l and AXIAL = p·(STIFFNESS - growth·DAMPING) +
     q·DAMPING - GEOMETRIC, both 0 when slack. The derivative of the direction inside the strain rate
-    is dropped, which keeps the block symmetric; Newton then needs no more solves (measured).
+    is omitted, which keeps the block symmetric and costs no additional Newton iterations
+    (measured).
     """
     part, motion = _part(law, work, offset, low), _motion(work, low)
     tx, ty, tz = rows(work, DIRECTION, low)
@@ -129,9 +129,10 @@ def stretch(
 
 @jit
 def stretch_corrected(rope: Any, stage: Any, growth: float, low: int, high: int) -> int:
-    """`stretch` after a correction; how many tensions are not what the linearisation expected.
+    """Apply `stretch` after a correction; return the number of tensions that deviate.
 
-    It expected T + (AXIAL + GEOMETRIC)·t·Δdelta, T itself where slack. NaN is never expected.
+    The linearisation predicts T + (AXIAL + GEOMETRIC)·t·Δdelta, T itself where slack. NaN always
+    counts as a deviation.
     """
     work, tolerance = rope.work, rope.model.tolerance
     part = _part(rope.law, work, rope.state.offset, low)
@@ -157,7 +158,10 @@ def stretch_corrected(rope: Any, stage: Any, growth: float, low: int, high: int)
 
 @jit
 def count_unexpected(rope: Any, stage: Any, growth: float, low: int, high: int) -> int:
-    """The same where motion is not corrected yet; direction and tension are as if it were."""
+    """Return the number of tensions that will deviate once motion is corrected.
+
+    Direction and tension are set as if the motion were corrected.
+    """
     work, tolerance = rope.work, rope.model.tolerance
     part = _part(rope.law, work, rope.state.offset, low)
     motion, weights = _motion(work, low), (stage.p, stage.q, growth)
@@ -181,7 +185,10 @@ def count_unexpected(rope: Any, stage: Any, growth: float, low: int, high: int) 
 
 @jit
 def find_change(rope: Any, stage: Any, growth: float, low: int, high: int, column: int) -> None:
-    """Likewise direction and tension; the change of the elements' forces from `column` on."""
+    """Set direction and tension as if motion were corrected; store the change of element forces.
+
+    The change is stored from `column` on.
+    """
     work = rope.work
     part = _part(rope.law, work, rope.state.offset, low)
     motion, weights = _motion(work, low), (stage.p, stage.q, growth)
@@ -203,20 +210,20 @@ def find_change(rope: Any, stage: Any, growth: float, low: int, high: int, colum
 
 @jit_within
 def growth_of(rope: Any, stage: Any) -> Any:
-    """Rate of the top element's rest length over that length [1/s]."""
+    """Return the relative rate of the top element's unstretched length [1/s]."""
     return stage.V / rope.work[REST, rope.state.counts[ELEMENTS] - 1]
 
 
 @jit
 def stretch_top(rope: Any, stage: Any) -> None:
-    """The top element, which grows at the payout speed V."""
+    """Apply `stretch` to the top element, which grows at the payout speed V."""
     top, growth = rope.state.counts[ELEMENTS] - 1, growth_of(rope, stage)
     stretch(rope.law, rope.work, rope.state.offset, stage.p, stage.q, growth, top, top + 1)
 
 
 @jit
 def stretch_all(rope: Any, stage: Any) -> None:
-    """All elements."""
+    """Apply `stretch` to all elements."""
     top = rope.state.counts[ELEMENTS] - 1
     stretch(rope.law, rope.work, rope.state.offset, stage.p, stage.q, 0.0, top - top, top)
     stretch_top(rope, stage)

@@ -1,8 +1,9 @@
-"""Elastic tension of an element: in proportion to its strain, or from a table of its section.
+"""Elastic tension of an element: proportional to its strain, or from a table of its section.
 
-The type of `rope.law` picks the code while numba compiles, so a rope without a table has no trace
-of one. A table is a monotone cubic between its points (Fritsch and Butland 1984, SIAM J. Sci. Stat.
-Comput. 5, 300): tangents are continuous, so Newton meets no kinks but that of slack.
+The type of `rope.law` selects the code while numba compiles, so a rope without a table contains no
+code for one. A table is a monotone cubic between its points (Fritsch and Butland 1984, SIAM J. Sci.
+Stat. Comput. 5, 300): tangents are continuous, so the only kink for Newton's method is that at zero
+tension.
 """
 
 from __future__ import annotations
@@ -18,9 +19,9 @@ from rope_twin.core.state import Floats, Table
 
 
 def pull_of(law: Any, section: Any, stiffness: Any, e: int, extension: float, rest: float) -> Any:
-    """Elastic tension [N] of element e at this extension [m], and its tangent [N/m].
+    """Return the elastic tension [N] of element e at this extension [m], and its tangent [N/m].
 
-    section, stiffness: rows; a table leaves its tangent in `stiffness`.
+    section, stiffness: rows; a table stores its tangent in `stiffness`.
     """
     chosen = _by_stiffness if law is None else _by_table
     return chosen(law, section, stiffness, e, extension, rest)
@@ -28,7 +29,7 @@ def pull_of(law: Any, section: Any, stiffness: Any, e: int, extension: float, re
 
 @jit_within
 def tension_at(law: Any, section: int, strain: float) -> Any:
-    """T and dT/dstrain [N] of a section; below the first and beyond the last knot straight on."""
+    """Return T and dT/dstrain [N] of a section; linear below the first and beyond the last knot."""
     j = 0
     while j + 1 < law.knot.shape[1] and strain >= law.knot[section, j + 1]:
         j += 1
@@ -42,9 +43,10 @@ def tension_at(law: Any, section: int, strain: float) -> Any:
 
 
 def hold(law: Table | None, stiffness: Floats, section: Any, strain: Floats) -> Any:
-    """Elastic tension [N] and stored energy per unstretched metre [J/m] of elements; 0 when slack.
+    """Return elastic tension [N] and stored energy per unstretched metre [J/m]; 0 when slack.
 
-    In numpy, for accounts beside the step. stiffness: EA [N] of each, where there is no table.
+    In numpy, for the energy balance outside the step. stiffness: EA [N] of each element, where
+    there is no table.
     """
     strain = np.maximum(strain, 0.0)
     if law is None:

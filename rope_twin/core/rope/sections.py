@@ -1,8 +1,8 @@
-"""What the rope is made of: sections from the lower end up, each with its own figures.
+"""Sections of the rope from the lower end up, each with its own properties.
 
 A boundary between sections is always a node, so an element belongs to one section. Stiffness per
-element and mass, volume and areas per node follow from the rest lengths; effects read those rows
-and need not know of sections.
+element and mass, volume and areas per node follow from the unstretched lengths; effects read those
+rows and do not depend on sections.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SAME_PLACE = 1e-6  # m: material coordinates closer than this are one
 
 @jit_within
 def section_above(sections: Any, s: float) -> int:
-    """The section of the rope just above material coordinate s."""
+    """Return the section of the rope just above material coordinate s."""
     k = 0
     while sections[END, k] <= s + SAME_PLACE:
         k += 1
@@ -37,7 +37,7 @@ def section_above(sections: Any, s: float) -> int:
 
 @jit_within
 def set_element(work: Any, sections: Any, k: int, e: int, rest: float) -> None:
-    """Rest length and stiffness of element e, of section k."""
+    """Set unstretched length, section and stiffness of element e, of section k."""
     work[REST, e] = rest
     work[SECTION, e] = k
     work[STIFFNESS, e] = sections[EA, k] / rest
@@ -46,7 +46,7 @@ def set_element(work: Any, sections: Any, k: int, e: int, rest: float) -> None:
 
 @jit
 def set_lengths(work: Any, s: Any, sections: Any, n: int, L: float) -> None:
-    """All elements and nodes, with line out L."""
+    """Set all elements and lumped nodes for paid-out length L."""
     k = 0
     for row in range(MASS, SKIN + 1):
         work[row, 0] = 0.0
@@ -63,14 +63,14 @@ def set_lengths(work: Any, s: Any, sections: Any, n: int, L: float) -> None:
 
 @jit
 def set_top_length(work: Any, s: Any, sections: Any, n: int, L: float) -> None:
-    """The same for the only parts that change with the line out: the top element and its nodes."""
+    """Set the quantities that depend on the paid-out length L: the top element and its nodes."""
     top, below = section_above(sections, s[n - 1]), section_above(sections, s[n - 2])
     set_top_of(work, s, sections, n, L, top, below)
 
 
 @jit_within
 def set_top_of(work: Any, s: Any, sections: Any, n: int, L: float, top: int, below: int) -> None:
-    """The same where the top element and the one below are of these sections."""
+    """Set the top element and its nodes for given sections of the top element and the one below."""
     rest = L - s[n - 1]
     set_element(work, sections, top, n - 1, rest)
     for row in range(MASS, SKIN + 1):

@@ -1,1 +1,1 @@
-"""One implicit stage: prediction, assembly, and the direct solve."""
+"""One implicit stage of a rope: prediction, assembly, and the direct solver."""

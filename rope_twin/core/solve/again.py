@@ -1,9 +1,9 @@
-"""Whether a correction by factors of before leaves every node in balance.
+"""Factor reuse (simplified Newton): residual of a correction with the previous factors.
 
-Both stages of a step have the same weights p and q, and the rope hardly changes between them. Where
-the first took one correction, the second tries the first's factors: that costs a third of an
-elimination. Its loads and blocks are its own all the same, and what the correction leaves at a node
-is found with them: the change of both element forces exactly, that of the loads by the block.
+Both stages of a step have the same weights p and q, and the rope changes little between them. Where
+the first needed one correction, the second tries the first's factors: that costs a third of an
+elimination. Its loads and blocks are still its own, and the residual after the correction is
+evaluated with them: the change of both element forces exactly, that of the loads by the block.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from rope_twin.core.compiler.wide import count_beyond
 from rope_twin.core.rope.elastic import find_change, growth_of
 from rope_twin.core.state import BLOCK, CHANGE, CORRECTION, ELEMENTS, RESIDUAL
 
-# What may be left at a node, of the tolerance for a tension: many nodes may lean the same way.
+# Residual tolerance at a node over that of a tension: residuals of many nodes may add up.
 SHARE = 1e-3
 
 
 @jit
 def count_left(rope: Any, stage: Any, chunk: int) -> int:
-    """Not 0 (of lanes: bits) where a node is left with a force, were motion corrected.
+    """Return nonzero (for SIMD batches: lane bits) if a node has a residual after the correction.
 
-    Direction and tension are as if it were. Nodes follow one behind the elements. Column
-    e - start + 2 of CHANGE is of element e; below the lowest there is none.
+    Direction and tension are set as if motion were corrected. Nodes follow one behind the elements.
+    Column e - start + 2 of CHANGE belongs to element e; below the lowest there is none.
     """
     work, n, first = rope.work, rope.state.counts[ELEMENTS], rope.model.first_free
     none, left = 0.0 * growth_of(rope, stage), 0
@@ -47,7 +47,7 @@ def count_left(rope: Any, stage: Any, chunk: int) -> int:
 
 @jit
 def _count(rope: Any, low: int, high: int, start: int) -> int:
-    """The same of the nodes low <= i < high."""
+    """Return nonzero if one of the nodes low <= i < high has a residual."""
     work, least = rope.work, SHARE * rope.model.tolerance
     fx, fy, fz = rows(work, CHANGE, low - start + 2)
     gx, gy, gz = rows(work, CHANGE, low - start + 1)

@@ -1,7 +1,7 @@
-"""Node equations of one stage, for the nodes low <= i < high.
+"""Assembly of the node equations of one stage, for the nodes low <= i < high.
 
-Every pass works on a span of nodes, so that a stage can take the rope in chunks: what one pass
-leaves is still in the processor's nearest cache when the next one reads it.
+Every pass works on a span of nodes, so that a stage can process the rope in chunks: the results of
+one pass are still in the processor's nearest cache when the next one reads them.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 from rope_twin.core.acting import loads, terms
 from rope_twin.core.compiler.jit import jit, jit_sum
 from rope_twin.core.compiler.rows import row, rows, span
-from rope_twin.core.guards import FOLDED2
+from rope_twin.core.guards import TANGENT2_MIN
 from rope_twin.core.state import (
     BLOCK,
     CORRECTION,
@@ -27,7 +27,7 @@ from rope_twin.core.state import (
 
 @jit_sum
 def slope(work: Any, low: int, high: int) -> float:
-    """R·delta: minus the slope of the stage's energy along the correction."""
+    """Return R·delta: minus the slope of the stage's energy along the correction."""
     Rx, Ry, Rz = rows(work, RESIDUAL, low)
     dx, dy, dz = rows(work, CORRECTION, low)
     total = 0.0
@@ -38,7 +38,7 @@ def slope(work: Any, low: int, high: int) -> float:
 
 @jit
 def set_flow(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Water velocity at the nodes, at the stage's predicted positions.
+    """Set the water velocity at the nodes, at the stage's predicted positions.
 
     They differ from the accepted ones by p·(a - a predicted), of third order in the step.
     """
@@ -52,12 +52,12 @@ def set_flow(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
 
 @jit
 def load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """Residual R and block A of the nodes 1 <= low <= i < high.
+    """Set residual R and block A of the nodes 1 <= low <= i < high.
 
-    R_i = T_i·t_i - T_{i-1}·t_{i-1} - MASS·a + loads; A_i = MASS·I + what the effects add. The
-    tangent is the mean direction of both elements.
+    R_i = T_i·t_i - T_{i-1}·t_{i-1} - MASS·a + loads; A_i = MASS·I + the effects' blocks. The
+    tangent is the mean direction of both adjacent elements.
     """
-    nodes = loads.seen(work, low)
+    nodes = loads.load_rows(work, low)
     T, T_below = row(work, TENSION, low), row(work, TENSION, low - 1)
     tx, ty, tz = rows(work, DIRECTION, low)
     bx, by, bz = rows(work, DIRECTION, low - 1)
@@ -65,7 +65,7 @@ def load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> None
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, low)
     for i in range(high - low):
         x, y, z = bx[i] + tx[i], by[i] + ty[i], bz[i] + tz[i]
-        inverse = 1.0 / sqrt(x * x + y * y + z * z + FOLDED2)
+        inverse = 1.0 / sqrt(x * x + y * y + z * z + TANGENT2_MIN)
         load = loads.load_of(effects, stage, nodes, (x * inverse, y * inverse, z * inverse), i)
         Rx[i] = T[i] * tx[i] - T_below[i] * bx[i] + load.x
         Ry[i] = T[i] * ty[i] - T_below[i] * by[i] + load.y
@@ -81,7 +81,7 @@ def load_nodes(effects: Any, work: Any, stage: Any, low: int, high: int) -> None
 
 @jit
 def load_lowest(effects: Any, work: Any, stage: Any) -> None:
-    """The same for node 0, which has no element below it."""
+    """Set residual and block of node 0, which has no element below it."""
     for k in range(3):
         work[TANGENT + k, 0] = work[DIRECTION + k, 0]
         work[RESIDUAL + k, 0] = work[TENSION, 0] * work[DIRECTION + k, 0]

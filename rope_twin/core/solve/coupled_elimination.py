@@ -1,7 +1,8 @@
-"""The direct solve where effects couple a node to the next two (`coupled_node`), for a chain.
+"""Direct solver of a block-pentadiagonal chain (a node couples to the next two).
 
-`eliminate_coupled_plainly` goes from the lower end to the hang-off. Compiled code takes
-`core/solve/coupled_fold`, from both ends at once; a test holds both against a dense solve.
+The elimination of one node is in `coupled_node`. `eliminate_coupled_plainly` proceeds from the
+lower end to the hang-off. Compiled code uses `core/solve/coupled_fold`, the two-sided (twisted)
+factorisation; a test compares both with a dense solver.
 """
 
 from __future__ import annotations
@@ -35,9 +36,10 @@ SECOND = LINK + 1  # coupling with the second next node
 
 @jit_ordered
 def single_node(work: Any, i: int, state: Any, K: Any, c: float, d: float) -> Any:
-    """Eliminate node i by itself, whose next element is K, and its couplings c and d.
+    """Eliminate node i of one chain, with its next element K and its couplings c and d.
 
-    state: what was left on it, its force, what was left on the next, and between the two.
+    state: Schur complement on it, its force, Schur complement on the next node, and between the
+    two.
     """
     S, f, carried, between = state
     S = add_six(add_six(S, six(work, BLOCK, i)), K)
@@ -48,7 +50,7 @@ def single_node(work: Any, i: int, state: Any, K: Any, c: float, d: float) -> An
 
 @jit_within
 def keep(work: Any, factors: int, i: int, kept: Any) -> None:
-    """What the way back wants of node i; its S⁻¹ goes into six rows from `factors` on."""
+    """Store the factors of node i for the back-substitution; S⁻¹ from row `factors` on."""
     own, G, inverse = kept
     for k in range(3):
         work[ELIMINATED + k, i] = own[k]
@@ -61,7 +63,7 @@ def keep(work: Any, factors: int, i: int, kept: Any) -> None:
 
 @jit_within
 def kept_of(work: Any, factors: int, i: int) -> Any:
-    """The same again."""
+    """Load the factors of node i that `keep` stored."""
     G = (
         column(work, ELIMINATED + 3, i), column(work, ELIMINATED + 6, i),
         column(work, ELIMINATED + 9, i),
@@ -71,14 +73,14 @@ def kept_of(work: Any, factors: int, i: int) -> Any:
 
 @jit_within
 def set_correction(work: Any, i: int, delta: Any) -> None:
-    """The correction of a node."""
+    """Set the correction of a node."""
     for k in range(3):
         work[CORRECTION + k, i] = delta[k]
 
 
 @jit_ordered
 def eliminate_coupled_plainly(work: Any, first: int, n: int) -> None:
-    """Corrections of the nodes first <= i < n; they are 0 at n and below first."""
+    """Solve for the corrections of the nodes first <= i < n; they are 0 at n and below first."""
     nothing = (0.0, 0.0, 0.0)
     nil = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     state = ground(work, first), nothing, (nil, nothing), (nothing, nothing, nothing)
@@ -91,7 +93,7 @@ def eliminate_coupled_plainly(work: Any, first: int, n: int) -> None:
 
 @jit_ordered
 def push_coupled_plainly(work: Any, first: int, n: int) -> None:
-    """Corrections for another residual, by the factors that `eliminate_coupled_plainly` left."""
+    """Solve for another residual with the factors of `eliminate_coupled_plainly`."""
     f = carried = (0.0, 0.0, 0.0)
     for i in range(first, n):
         _, G, I = kept_of(work, FACTOR, i)
@@ -105,7 +107,7 @@ def push_coupled_plainly(work: Any, first: int, n: int) -> None:
 
 @jit_ordered
 def _substitute_plainly(work: Any, first: int, n: int) -> None:
-    """Corrections from the hang-off down."""
+    """Back-substitute from the hang-off down."""
     near = far = (0.0, 0.0, 0.0)
     for i in range(n - 1, first - 1, -1):
         d = work[SECOND, i]
@@ -116,7 +118,7 @@ def _substitute_plainly(work: Any, first: int, n: int) -> None:
 
 @jit
 def take_links(work: Any, n: int) -> None:
-    """Residual less what the corrections of other nodes change in it by the couplings."""
+    """Subtract the effect of the couplings on the corrections from the residual."""
     c, d = row(work, LINK, 0), row(work, SECOND, 0)
     for k in range(3):
         R, delta = work[RESIDUAL + k], work[CORRECTION + k]

@@ -1,10 +1,10 @@
-"""The solve of core/solve/coupled_elimination from both ends at once, one chain in each SIMD lane.
+"""Two-sided (twisted) factorisation of the block-pentadiagonal chain, one side in each SIMD lane.
 
-A single chain is bound by the latency of its own recursion. Pair k is the nodes first + k and
-n - 1 - k; the two or three nodes that are left in the middle are eliminated by themselves. What the
-way back wants of a pair is a record of 36 numbers, 24 in the rows ELIMINATED and 12 in FACTOR,
-where records lie end to end; after the last one in ELIMINATED stand the matrices that both chains
-left on the middle.
+A one-sided recursion is bound by its own latency. Pair k is the nodes first + k and n - 1 - k; the
+two or three nodes left in the middle are eliminated one by one. The factors of a pair for the
+back-substitution are a record of 36 numbers, 24 in the rows ELIMINATED and 12 in FACTOR, where
+records lie end to end; the last record in ELIMINATED is followed by the Schur complements of both
+sides on the middle.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ RECORD, MORE = 24, 12  # numbers of a pair in ELIMINATED, and in FACTOR
 
 @jit_within
 def _gathered_six(work: Any, i: int, j: int) -> Any:
-    """Blocks of the nodes i and j."""
+    """Return the blocks of the nodes i and j."""
     xx, xy, xz, yy, yz, zz = span(work, BLOCK, 6, 0)
     return (
         gather(xx, i, j), gather(xy, i, j), gather(xz, i, j), gather(yy, i, j), gather(yz, i, j),
@@ -69,7 +69,7 @@ def _gathered_six(work: Any, i: int, j: int) -> Any:
 
 @jit_ordered_within
 def _springs(work: Any, i: int, e: int) -> Any:
-    """K of the elements i and e."""
+    """Return K of the elements i and e."""
     tx, ty, tz = rows(work, DIRECTION, 0)
     x, y, z = gather(tx, i, e), gather(ty, i, e), gather(tz, i, e)
     a, b = gather(row(work, AXIAL, 0), i, e), gather(row(work, GEOMETRIC, 0), i, e)
@@ -79,7 +79,7 @@ def _springs(work: Any, i: int, e: int) -> Any:
 
 @jit_ordered_within
 def _paired_node(work: Any, i: int, j: int, k: int, state: Any) -> Any:
-    """Eliminate node i onto those above it and node j onto those below; record k is kept."""
+    """Eliminate node i onto those above it and node j onto those below; store record k."""
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     S, f, carried, between = state
     K = _springs(work, i, j - 1)
@@ -93,7 +93,7 @@ def _paired_node(work: Any, i: int, j: int, k: int, state: Any) -> Any:
 
 @jit_within
 def _store(work: Any, k: int, kept: Any) -> None:
-    """Record k."""
+    """Store record k."""
     own, G, I = kept
     record = row(work, ELIMINATED, RECORD * k)
     store(record, 0, own[0])
@@ -119,7 +119,7 @@ def _store(work: Any, k: int, kept: Any) -> None:
 
 @jit_within
 def _stored(work: Any, k: int) -> Any:
-    """Record k again."""
+    """Load record k."""
     r, m = row(work, ELIMINATED, RECORD * k), row(work, FACTOR, MORE * k)
     G = (
         (load(r, 6), load(r, 8), load(r, 10)), (load(r, 12), load(r, 14), load(r, 16)),
@@ -131,7 +131,7 @@ def _stored(work: Any, k: int) -> Any:
 
 @jit_within
 def _paired(a: Any, b: Any) -> Any:
-    """Pairs of the numbers of two symmetric matrices."""
+    """Return the entries of two symmetric matrices as pairs."""
     return (
         pair(a[0], b[0]), pair(a[1], b[1]), pair(a[2], b[2]), pair(a[3], b[3]), pair(a[4], b[4]),
         pair(a[5], b[5]),
@@ -140,13 +140,13 @@ def _paired(a: Any, b: Any) -> Any:
 
 @jit_within
 def _paired_three(a: Any, b: Any) -> Any:
-    """Pairs of the numbers of two vectors."""
+    """Return the entries of two vectors as pairs."""
     return pair(a[0], b[0]), pair(a[1], b[1]), pair(a[2], b[2])
 
 
 @jit_within
 def _lanes_of(state: Any, k: int) -> Any:
-    """Lane k of what was left: see `single_node`."""
+    """Return lane k of the remaining state; see `single_node`."""
     S, f, (second, far), (x, y, z) = state
     carried = (six_lanes(second, k), lanes(far, k))
     return six_lanes(S, k), lanes(f, k), carried, (lanes(x, k), lanes(y, k), lanes(z, k))
@@ -154,9 +154,10 @@ def _lanes_of(state: Any, k: int) -> Any:
 
 @jit_ordered
 def _solve_middle(work: Any, middle: int, rest: int, below: Any, above: Any) -> Any:
-    """The 2 or 3 nodes from `middle` on: delta of the lowest two, then of the highest two, inwards.
+    """Solve the 2 or 3 nodes from `middle` on; return delta of the lowest and highest two.
 
-    below, above: what the chains left on the lowest and on the highest of them.
+    The highest two are ordered inwards. below, above: Schur complements of both sides on the lowest
+    and the highest of them.
     """
     nothing = (0.0, 0.0, 0.0)
     nil = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
@@ -185,7 +186,7 @@ def _solve_middle(work: Any, middle: int, rest: int, below: Any, above: Any) -> 
 
 @jit_ordered
 def _eliminate_coupled_folded(work: Any, first: int, n: int) -> None:
-    """Corrections of the nodes first <= i < n; they are 0 at n and below first."""
+    """Solve for the corrections of the nodes first <= i < n; they are 0 at n and below first."""
     if n - first == 1:
         _solve_one(work, first, n)
         return
@@ -202,7 +203,7 @@ def _eliminate_coupled_folded(work: Any, first: int, n: int) -> None:
 
 @jit_ordered
 def _solve_one(work: Any, i: int, n: int) -> None:
-    """The correction of the only free node."""
+    """Solve for the correction of the only free node."""
     S = add_six(add_six(ground(work, i), spring(work, i)), six(work, BLOCK, i))
     set_correction(work, i, solve_symmetric(S, column(work, RESIDUAL, i)))
     hold_ends(work, i, n)
@@ -210,14 +211,14 @@ def _solve_one(work: Any, i: int, n: int) -> None:
 
 @jit_within
 def _store_six(record: Any, at: int, S: Any) -> None:
-    """Pairs of a symmetric matrix, or of two vectors."""
+    """Store pairs of a symmetric matrix, or of two vectors."""
     for k in range(6):
         store(record, at + 2 * k, S[k])
 
 
 @jit_within
 def _loaded_six(r: Any, at: int) -> Any:
-    """The same again."""
+    """Load pairs of a symmetric matrix, or of two vectors."""
     return (
         load(r, at), load(r, at + 2), load(r, at + 4), load(r, at + 6), load(r, at + 8),
         load(r, at + 10),
@@ -226,7 +227,7 @@ def _loaded_six(r: Any, at: int) -> Any:
 
 @jit_within
 def _store_middle(work: Any, pairs: int, state: Any) -> None:
-    """The matrices that were left on the middle, after the records of the pairs."""
+    """Store the Schur complements on the middle, after the records of the pairs."""
     S, _, (second, _), (x, y, z) = state
     record = row(work, ELIMINATED, RECORD * pairs)
     _store_six(record, 0, S)
@@ -239,7 +240,7 @@ def _store_middle(work: Any, pairs: int, state: Any) -> None:
 
 @jit_within
 def _stored_middle(work: Any, pairs: int, f: Any, far: Any) -> Any:
-    """What was left on the middle, with the forces f on it and far on the next one."""
+    """Load the Schur complements on the middle; f, far: forces on it and on the next node."""
     r = row(work, ELIMINATED, RECORD * pairs)
     x, y = (load(r, 24), load(r, 26), load(r, 28)), (load(r, 30), load(r, 32), load(r, 34))
     z = (load(r, 36), load(r, 38), load(r, 40))
@@ -248,7 +249,7 @@ def _stored_middle(work: Any, pairs: int, f: Any, far: Any) -> Any:
 
 @jit_ordered
 def _push_coupled_folded(work: Any, first: int, n: int) -> None:
-    """Corrections for another residual, by the records that `_eliminate_coupled_folded` left."""
+    """Solve for another residual with the records of `_eliminate_coupled_folded`."""
     if n - first == 1:
         _solve_one(work, first, n)
         return
@@ -271,7 +272,7 @@ def _push_coupled_folded(work: Any, first: int, n: int) -> None:
 
 @jit_ordered
 def _substitute_folded(work: Any, first: int, n: int, state: Any) -> None:
-    """Corrections from the middle outward; state: what both chains left on it."""
+    """Back-substitute from the middle outward; state: the Schur complements of both sides there."""
     dx, dy, dz = rows(work, CORRECTION, 0)
     pairs = (n - first - 2) // 2
     near_low, far_low, near_high, far_high = _solve_middle(

@@ -1,14 +1,14 @@
-"""One node of the direct solve where effects couple a node to the next two: 3×3 pivots, LDLᵀ.
+"""Elimination of one node of the block-pentadiagonal chain: 3×3 pivots, LDLᵀ.
 
-Beside the blocks A_i and K_e of `elimination`, node i has the blocks c·I with node i + 1 and with
-node i + 2 (rows LINK). A node is eliminated onto both; its 3×3 pivot is S = L·D·Lᵀ. With
-B the block to i + 1, V = L⁻¹·B, M = L⁻¹ and d the coupling to i + 2 they get -Vᵀ·D⁻¹·V,
--d·Vᵀ·D⁻¹·M and -d²·Mᵀ·D⁻¹·M. That is the banded LDLᵀ (Golub and Van Loan 2013, section 4.3) by
-nodes: backward stable for a positive definite matrix, and half the work of pairing the nodes into
-6×6 blocks. It differences K, where `elimination` does not, so that the mass is seen to 1e-16·K.
+Besides the blocks A_i and K_e of `elimination`, node i has the blocks c·I with node i + 1 and with
+node i + 2 (rows LINK). A node is eliminated onto both; its 3×3 pivot is S = L·D·Lᵀ. With B the
+block to i + 1, V = L⁻¹·B, M = L⁻¹ and d the coupling to i + 2 they receive -Vᵀ·D⁻¹·V, -d·Vᵀ·D⁻¹·M
+and -d²·Mᵀ·D⁻¹·M. That is the banded LDLᵀ (Golub and Van Loan 2013, section 4.3) by nodes: backward
+stable for a positive definite matrix, and half the work of pairing the nodes into 6×6 blocks. It
+subtracts multiples of K, which `elimination` does not, so that the mass is resolved to 1e-16·K.
 
-Written for numbers and for pairs of numbers alike (core/compiler/simd), which know no sign and take
-a number on their left only.
+Written for numbers and for pairs of numbers alike (core/compiler/simd), which have no unary minus
+and accept a number only on their left.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from rope_twin.core.solve.elimination import add_six
 
 @jit_ordered_within
 def less(a: Any, s: Any, b: Any) -> Any:
-    """a - s·b of vectors."""
+    """Return a - s·b of vectors."""
     return a[0] - s * b[0], a[1] - s * b[1], a[2] - s * b[2]
 
 
 @jit_ordered_within
 def add(a: Any, b: Any) -> Any:
-    """Sum of two vectors."""
+    """Return the sum of two vectors."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @jit_ordered_within
 def add_nine(a: Any, b: Any) -> Any:
-    """Sum of two matrices by rows."""
+    """Return the sum of two matrices by rows."""
     return add(a[0], b[0]), add(a[1], b[1]), add(a[2], b[2])
 
 
 @jit_ordered_within
 def link_less(c: Any, K: Any) -> Any:
-    """c·I - K by rows, K a symmetric matrix (xx, xy, xz, yy, yz, zz)."""
+    """Return c·I - K by rows, K a symmetric matrix (xx, xy, xz, yy, yz, zz)."""
     xx, xy, xz, yy, yz, zz = K
     return (
         (c - xx, 0.0 - xy, 0.0 - xz), (0.0 - xy, c - yy, 0.0 - yz), (0.0 - xz, 0.0 - yz, c - zz),
@@ -48,7 +48,7 @@ def link_less(c: Any, K: Any) -> Any:
 
 @jit_ordered_within
 def factor(S: Any) -> Any:
-    """L (10, 20, 21) and the inverse of D of a symmetric matrix (xx, xy, xz, yy, yz, zz)."""
+    """Return L (10, 20, 21) and the inverse of D of a symmetric matrix (xx, xy, xz, yy, yz, zz)."""
     xx, xy, xz, yy, yz, zz = S
     w0 = 1.0 / xx
     l10, l20 = xy * w0, xz * w0
@@ -61,7 +61,7 @@ def factor(S: Any) -> Any:
 
 @jit_ordered_within
 def inverse(L: Any) -> Any:
-    """Mᵀ·D⁻¹·M: the inverse of the matrix that was factored."""
+    """Return Mᵀ·D⁻¹·M: the inverse of the factorised matrix."""
     l10, l20, l21, w0, w1, w2 = L
     m20 = l10 * l21 - l20
     xz, yz, xy = m20 * w2, l21 * w2, l10 * w1
@@ -72,13 +72,13 @@ def inverse(L: Any) -> Any:
 
 @jit_ordered_within
 def times_six(s: Any, a: Any) -> Any:
-    """A number times a symmetric matrix."""
+    """Return a number times a symmetric matrix."""
     return s * a[0], s * a[1], s * a[2], s * a[3], s * a[4], s * a[5]
 
 
 @jit_ordered_within
 def apply(a: Any, b: Any) -> Any:
-    """A symmetric matrix times a vector."""
+    """Return a symmetric matrix times a vector."""
     xx, xy, xz, yy, yz, zz = a
     return (
         xx * b[0] + xy * b[1] + xz * b[2], xy * b[0] + yy * b[1] + yz * b[2],
@@ -88,7 +88,7 @@ def apply(a: Any, b: Any) -> Any:
 
 @jit_ordered_within
 def lessen(S: Any, V: Any, W: Any) -> Any:
-    """S - Vᵀ·W, symmetric; V and W = D⁻¹·V by rows."""
+    """Return S - Vᵀ·W, symmetric; V and W = D⁻¹·V by rows."""
     a, b, c = V
     x, y, z = W
     return (
@@ -103,7 +103,7 @@ def lessen(S: Any, V: Any, W: Any) -> Any:
 
 @jit_ordered_within
 def scaled(s: Any, a: Any) -> Any:
-    """A number times a vector."""
+    """Return a number times a vector."""
     return s * a[0], s * a[1], s * a[2]
 
 
@@ -114,9 +114,9 @@ def eliminate_coupled_node(S: Any, f: Any, B: Any, d: Any) -> Any:
     S: its pivot (xx, xy, xz, yy, yz, zz); f: its force; B: the block to the next node by rows; d:
     the coupling to the second next. Returns
 
-    - what the way back needs, own, G and I of delta = own - G·next - I·(d·second): S⁻¹·f, S⁻¹·B and
-      S⁻¹;
-    - what the node leaves: V and D⁻¹·V, of which the next gets -Vᵀ·D⁻¹·V; then -Bᵀ·own, -d·own,
+    - for the back-substitution, own, G and I of delta = own - G·next - I·(d·second): S⁻¹·f, S⁻¹·B
+      and S⁻¹;
+    - the Schur complement: V and D⁻¹·V, which add -Vᵀ·D⁻¹·V to the next node; then -Bᵀ·own, -d·own,
       -d²·S⁻¹ and, between the two, -d·Bᵀ·S⁻¹ by rows.
     """
     L = factor(S)
@@ -148,7 +148,7 @@ def eliminate_coupled_node(S: Any, f: Any, B: Any, d: Any) -> Any:
 
 @jit_ordered_within
 def push_coupled_node(f: Any, G: Any, I: Any, d: Any) -> Any:
-    """own for another force on a node eliminated before, and the forces for the next two nodes."""
+    """Return `own` for another force on an eliminated node, and forces on the next two nodes."""
     own = apply(I, f)
     x, y, z = G
     pushed = (
@@ -161,9 +161,9 @@ def push_coupled_node(f: Any, G: Any, I: Any, d: Any) -> Any:
 
 @jit_ordered_within
 def onto_next(left: Any, carried: Any, K: Any) -> Any:
-    """What a node and those before it leave on the next, on the second next and between them.
+    """Return the Schur complement on the next node, on the second next and between them.
 
-    left: what the node leaves; carried: matrix and force that those before it left on the next.
+    left: contribution of the node; carried: matrix and force of earlier nodes on the next.
     """
     (V, W), pushed, far, second, between = left
     S, f = carried
@@ -172,7 +172,7 @@ def onto_next(left: Any, carried: Any, K: Any) -> Any:
 
 @jit_ordered_within
 def substituted(kept: Any, near: Any, far: Any) -> Any:
-    """delta of a node from that of the next, and d times that of the second next."""
+    """Return delta of a node from that of the next, and d times that of the second next."""
     own, G, I = kept
     x, y, z = apply(I, far)
     px, py, pz = near

@@ -1,16 +1,16 @@
-"""The O(N) direct solve of (A + K)·delta = R for a chain of 3×3 blocks.
+"""O(N) direct solver of (A + K)·delta = R for a chain of 3×3 blocks (block-tridiagonal).
 
 A_i are the symmetric node blocks, K_e = a·t·tᵀ + b·I the element blocks (a = AXIAL, b = GEOMETRIC).
-Nodes are eliminated one after the other; what an eliminated part, S, leaves on its neighbour is
-Z = K - K·(S + K)⁻¹·K, never formed as that difference: K over the mass reaches 1e6 for short stiff
-elements and would cancel. It is S and K in series, and K is two: b·I along which S acts, then a.
+Nodes are eliminated one after the other; the Schur complement of an eliminated part, S, on its
+neighbour is Z = K - K·(S + K)⁻¹·K, never formed as that difference: K over the mass reaches 1e6 for
+short stiff elements and would cancel. It is S and K in series, and K consists of two: b·I along
+which S acts, then a. With Ŝ = S + b·I, C = adj Ŝ, det = det Ŝ, u = C·t, Δ = det + a·t·u, k = det·t
+- b·u and w = a/(det·Δ):
 
-With Ŝ = S + b·I, C = adj Ŝ, det = det Ŝ, u = C·t, Δ = det + a·t·u, k = det·t - b·u and
-w = a/(det·Δ):
 Z = b·I - (b²/det)·C + w·k·kᵀ, (S + K)⁻¹ = C/det - w·u·uᵀ, (S + K)⁻¹·K = (b/det)·C + w·u·kᵀ.
 
-`eliminate_plainly` goes from the lower end to the hang-off. Compiled code takes `core/solve/fold`,
-from both ends at once; a test holds it against a dense solve.
+`eliminate_plainly` proceeds from the lower end to the hang-off. Compiled code uses
+`core/solve/fold`, the two-sided (twisted) factorisation; a test compares it with a dense solver.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def eliminate_node(S: Any, f: Any, t: Any, a: Any, b: Any) -> Any:
     cyz = sxy * sxz - sxx * syz
     czz = sxx * syy - sxy * sxy
     det = (sxx * cxx + sxy * cxy) + sxz * cxz
-    # a·t·C·t from the products of t, which are ready before u: the division waits for it
+    # a·t·C·t from the products of t, which are ready before u: the division depends on it
     ax, ay, az, xx, yy = a * x, a * y, a * z, x + x, y + y
     diagonal = (ax * x * cxx + ay * y * cyy) + az * z * czz
     whole = det + (diagonal + ((ax * yy * cxy + az * xx * cxz) + az * yy * cyz))
@@ -57,7 +57,7 @@ def eliminate_node(S: Any, f: Any, t: Any, a: Any, b: Any) -> Any:
     uz = (cxz * x + cyz * y) + czz * z
     kx, ky, kz = det * x - b * ux, det * y - b * uy, det * z - b * uz
     w, g, h = (a * over_det) * over_whole, b * over_det, (b * b) * over_det
-    # what this node leaves on the next: the matrix Z ...
+    # Schur complement on the next node: the matrix Z ...
     left = (
         (b - h * cxx) + w * (kx * kx), w * (kx * ky) - h * cxy, w * (kx * kz) - h * cxz,
         (b - h * cyy) + w * (ky * ky), w * (ky * kz) - h * cyz, (b - h * czz) + w * (kz * kz),
@@ -86,7 +86,7 @@ def eliminate_node(S: Any, f: Any, t: Any, a: Any, b: Any) -> Any:
 
 @jit_ordered_within
 def push_node(gain: Any, inverse: Any, f: Any) -> Any:
-    """(S + K)⁻¹·f and the force K·(S + K)⁻¹·f for the neighbour, of a node eliminated before."""
+    """Return (S + K)⁻¹·f and the force K·(S + K)⁻¹·f on the neighbour, of an eliminated node."""
     gxx, gxy, gxz, gyx, gyy, gyz, gzx, gzy, gzz = gain
     xx, xy, xz, yy, yz, zz = inverse
     x, y, z = f
@@ -101,7 +101,7 @@ def push_node(gain: Any, inverse: Any, f: Any) -> Any:
 
 @jit_within
 def six(work: Any, first: int, i: int) -> Any:
-    """Column i of six rows."""
+    """Return column i of six rows."""
     return (
         work[first, i], work[first + 1, i], work[first + 2, i], work[first + 3, i],
         work[first + 4, i], work[first + 5, i],
@@ -110,7 +110,7 @@ def six(work: Any, first: int, i: int) -> Any:
 
 @jit_within
 def spring(work: Any, e: int) -> Any:
-    """K of element e: xx, xy, xz, yy, yz, zz."""
+    """Return K of element e: xx, xy, xz, yy, yz, zz."""
     x, y, z = work[DIRECTION, e], work[DIRECTION + 1, e], work[DIRECTION + 2, e]
     b, ax, ay = work[GEOMETRIC, e], work[AXIAL, e] * x, work[AXIAL, e] * y
     return ax * x + b, ax * y, ax * z, ay * y + b, ay * z, work[AXIAL, e] * z * z + b
@@ -118,7 +118,7 @@ def spring(work: Any, e: int) -> Any:
 
 @jit_within
 def ground(work: Any, first: int) -> Any:
-    """Z of the lowest free node: nothing, or the element to the fixed node below it."""
+    """Return Z of the lowest free node: zero, or the element to the fixed node below it."""
     xx, xy, xz, yy, yz, zz = spring(work, ZERO)
     tied = 1.0 if first == 1 else 0.0
     return tied * xx, tied * xy, tied * xz, tied * yy, tied * yz, tied * zz
@@ -126,7 +126,7 @@ def ground(work: Any, first: int) -> Any:
 
 @jit_within
 def _plain_node(work: Any, i: int, e: int, Z: Any, f: Any) -> Any:
-    """Eliminate node i through element e, one chain."""
+    """Eliminate node i through element e, in a one-sided sweep."""
     zxx, zxy, zxz, zyy, zyz, zzz = Z
     fx, fy, fz = f
     b = work[GEOMETRIC, e]
@@ -143,7 +143,7 @@ def _plain_node(work: Any, i: int, e: int, Z: Any, f: Any) -> Any:
 
 @jit_ordered
 def eliminate_plainly(work: Any, first: int, n: int) -> None:
-    """Corrections of the nodes first <= i < n; they are 0 at n and below first."""
+    """Solve for the corrections of the nodes first <= i < n; they are 0 at n and below first."""
     Z, f = ground(work, first), (0.0, 0.0, 0.0)
     for i in range(first, n):
         gain, own, Z, f, inverse = _plain_node(work, i, i, Z, f)
@@ -158,7 +158,7 @@ def eliminate_plainly(work: Any, first: int, n: int) -> None:
 
 @jit_ordered
 def push_plainly(work: Any, first: int, n: int) -> None:
-    """Corrections for another residual, by the factors that `eliminate_plainly` left."""
+    """Solve for another residual with the factors of `eliminate_plainly`."""
     f = (0.0, 0.0, 0.0)
     G = work[ELIMINATED : ELIMINATED + 18]
     for i in range(first, n):
@@ -174,7 +174,7 @@ def push_plainly(work: Any, first: int, n: int) -> None:
 
 @jit_ordered
 def _substitute_plainly(work: Any, first: int, n: int) -> None:
-    """Corrections from the hang-off down."""
+    """Back-substitute from the hang-off down."""
     dx = dy = dz = 0.0
     for i in range(n - 1, first - 1, -1):
         G = work[ELIMINATED : ELIMINATED + 12]
@@ -189,7 +189,7 @@ def _substitute_plainly(work: Any, first: int, n: int) -> None:
 
 @jit_within
 def hold_ends(work: Any, first: int, n: int) -> None:
-    """No correction where motion is prescribed."""
+    """Set the correction to zero where motion is prescribed."""
     for k in range(3):
         work[CORRECTION + k, n] = 0.0
         if first == 1:
@@ -198,7 +198,7 @@ def hold_ends(work: Any, first: int, n: int) -> None:
 
 @jit_ordered
 def solve_symmetric(S: Any, f: Any) -> Any:
-    """x of S·x = f for a symmetric 3×3 matrix (xx, xy, xz, yy, yz, zz), by LDLᵀ."""
+    """Solve S·x = f for a symmetric 3×3 matrix (xx, xy, xz, yy, yz, zz), by LDLᵀ."""
     sxx, sxy, sxz, syy, syz, szz = S
     fx, fy, fz = f
     l10, l20 = sxy / sxx, sxz / sxx
@@ -214,5 +214,5 @@ def solve_symmetric(S: Any, f: Any) -> Any:
 
 @jit_within
 def add_six(a: Any, b: Any) -> Any:
-    """Sum of two symmetric matrices."""
+    """Return the sum of two symmetric matrices."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]

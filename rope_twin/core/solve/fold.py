@@ -1,8 +1,8 @@
-"""The elimination of core/solve/elimination from both ends at once, one chain in each SIMD lane.
+"""Two-sided (twisted) factorisation of the chain of core/solve/elimination, a side per SIMD lane.
 
-A single chain is bound by the latency of its own recursion. Pair k is the nodes first + k and
-n - 1 - k; the chains meet in the middle. What is kept of a pair is a record of 36 numbers; records
-lie end to end in the rows ELIMINATED.
+A one-sided recursion is bound by its own latency. Pair k is the nodes first + k and n - 1 - k; the
+two sides meet in the middle. The factors of a pair are a record of 36 numbers; records lie end to
+end in the rows ELIMINATED.
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ from rope_twin.core.state import (
     RESIDUAL,
 )
 
-RECORD = 36  # numbers: pairs of the gain by rows, of own, of the inverse
+RECORD = 36  # numbers: pairs of the gain (S + K)⁻¹·K by rows, of own, of the inverse
 
 
 @jit_within
 def _paired_node(work: Any, i: int, j: int, k: int, Z: Any, f: Any) -> Any:
     """Eliminate node i through the element above it and node j through the one below.
 
-    What the substitution wants of them is record k; Z and force for the neighbours are returned.
+    Their factors are stored as record k; Z and force for the neighbours are returned.
     """
     Axx, Axy, Axz, Ayy, Ayz, Azz = span(work, BLOCK, 6, 0)
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
@@ -81,19 +81,19 @@ def _paired_node(work: Any, i: int, j: int, k: int, Z: Any, f: Any) -> Any:
 
 @jit_within
 def lanes(p: Any, k: int) -> Any:
-    """Lane k of three pairs."""
+    """Return lane k of three pairs."""
     return lane(p[0], k), lane(p[1], k), lane(p[2], k)
 
 
 @jit_within
 def six_lanes(p: Any, k: int) -> Any:
-    """Lane k of six pairs."""
+    """Return lane k of six pairs."""
     return lane(p[0], k), lane(p[1], k), lane(p[2], k), lane(p[3], k), lane(p[4], k), lane(p[5], k)
 
 
 @jit_within
 def _substitute(work: Any, k: int, px: Any, py: Any, pz: Any) -> Any:
-    """delta of a pair of nodes from that of their neighbours nearer the middle."""
+    """Return delta of a pair of nodes from that of their neighbours nearer the middle."""
     record = row(work, ELIMINATED, RECORD * k)
     return (
         (load(record, 18) + load(record, 0) * px) + (load(record, 2) * py + load(record, 4) * pz),
@@ -105,11 +105,11 @@ def _substitute(work: Any, k: int, px: Any, py: Any, pz: Any) -> Any:
 
 @jit_ordered
 def _eliminate_folded(work: Any, first: int, n: int) -> None:
-    """Corrections of the nodes first <= i < n, from both ends at once.
+    """Solve for the corrections of the nodes first <= i < n, from both ends at once.
 
-    Pair k is the nodes first + k and n - 1 - k. The chains meet in the middle; with an even number
-    of nodes the upper of the two there is eliminated onto the lower, in a round of its own whose
-    first lane is not used.
+    Pair k is the nodes first + k and n - 1 - k. The sides meet in the middle; with an even number
+    of nodes the upper of the two there is eliminated onto the lower, in an extra round whose first
+    lane is not used.
     """
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2
     middle = first + pairs
@@ -133,7 +133,7 @@ def _eliminate_folded(work: Any, first: int, n: int) -> None:
 
 @jit_within
 def _pushed_pair(work: Any, i: int, j: int, k: int, f: Any) -> Any:
-    """Force for the neighbours of nodes i and j, which record k is of."""
+    """Return the force on the neighbours of nodes i and j, whose factors are record k."""
     Rx, Ry, Rz = rows(work, RESIDUAL, 0)
     record = row(work, ELIMINATED, RECORD * k)
     force = (f[0] + gather(Rx, i, j), f[1] + gather(Ry, i, j), f[2] + gather(Rz, i, j))
@@ -154,7 +154,7 @@ def _pushed_pair(work: Any, i: int, j: int, k: int, f: Any) -> Any:
 
 @jit_ordered
 def _push_folded(work: Any, first: int, n: int) -> None:
-    """Corrections for another residual, by the records that `_eliminate_folded` left."""
+    """Solve for another residual with the records of `_eliminate_folded`."""
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2
     middle = first + pairs
     f = (pair(0.0, 0.0), pair(0.0, 0.0), pair(0.0, 0.0))
@@ -168,7 +168,7 @@ def _push_folded(work: Any, first: int, n: int) -> None:
 
 @jit_ordered
 def _substitute_all(work: Any, first: int, n: int, low: Any, high: Any) -> None:
-    """Corrections from the middle outward; low and high: the force on it from either side."""
+    """Back-substitute from the middle outward; low and high: force from either side."""
     dx, dy, dz = rows(work, CORRECTION, 0)
     pairs, rounds = (n - first - 1) // 2, (n - first) // 2
     middle = first + pairs

@@ -1,4 +1,4 @@
-"""One step in halves of halves, where Newton does not converge in the whole."""
+"""Substepping: a step is divided by two repeatedly where Newton's method does not converge."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from rope_twin.core.state import (
 )
 
 HALVINGS = 5  # down to h/32
-OUT, BACK = np.int64(0), np.int64(1)  # ways to copy: from the state to scratch, and back
+OUT, BACK = np.int64(0), np.int64(1)  # directions of a copy: from the state to scratch, and back
 
 
 @jit
-def advance_halving(
+def advance_substeps(
     rope: Any, health: Any, at: Any, substep: Any, copy_start: Any, accept: Any
 ) -> bool:
-    """One step of a rope, or of ropes that meet; health counts what it took.
+    """Advance one step of a rope or a multi-line system, with substeps if necessary; update health.
 
     at: boundary, row and time of the step. `substep(rope, at, level, done)` tries 1/2^level of the
-    step from done/2^HALVINGS, and returns its outcome before all that `accept(rope, found)` wants;
-    `copy_start(rope, way)` keeps the step's start (OUT) or puts it BACK. False: not finite; the
-    state is as it was.
+    step from done/2^HALVINGS, and returns its outcome followed by the input of `accept(rope,
+    found)`; `copy_start(rope, way)` saves the step's start (OUT) or restores it (BACK). Returns
+    False if the result is not finite; the state is then unchanged.
     """
     full = 1 << HALVINGS
     done, level, substeps = ZERO, ZERO, 0
@@ -48,7 +48,7 @@ def advance_halving(
             return False
         if outcome == UNCONVERGED:
             health[SUBSTEPS_UNCONVERGED] += 1
-        if done == 0 and part < full:  # the step's start, should a later part fail
+        if done == 0 and part < full:  # the step's start, in case a later part fails
             copy_start(rope, OUT)
         accept(rope, found)
         done += part

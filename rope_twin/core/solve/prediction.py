@@ -1,8 +1,8 @@
-"""What a stage of TR-BDF2 starts from: x = x_hat + p·a and v = v_hat + q·a with c = q, p = c².
+"""Prediction of a TR-BDF2 stage: x = x_hat + p·a and v = v_hat + q·a with c = q, p = c².
 
-TR-BDF2 (Bank et al. 1985; Hosea and Shampine 1996) with γ = 2 - √2: a trapezoidal stage to
-t + γ·h, then BDF2 to t + h, both with the same weight c = γ·h/2. The first guess of a is the last
-one known; x_hat and v_hat are not kept, since a correction of a moves x by p and v by q times it.
+TR-BDF2 (Bank et al. 1985; Hosea and Shampine 1996) with γ = 2 - √2: a trapezoidal stage to t + γ·h,
+then BDF2 to t + h, both with the same weight c = γ·h/2. The initial guess of a is the last one
+known; x_hat and v_hat are not stored, since a correction of a changes x by p and v by q times it.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ K2 = (1.0 - GAMMA) ** 2 / (GAMMA * (2.0 - GAMMA))  # and of the start
 
 @jit
 def predict_trapezoid(nodes: Any, work: Any, p: float, q: float, low: int, high: int) -> None:
-    """v_hat = v + q·a, x_hat = x + q·(v + v_hat), for the nodes low <= i < high."""
+    """Set v_hat = v + q·a, x_hat = x + q·(v + v_hat), for the nodes low <= i < high."""
     x0, y0, z0 = node_rows(nodes, POSITION, low)
     vx0, vy0, vz0 = node_rows(nodes, VELOCITY, low)
     ax0, ay0, az0 = node_rows(nodes, ACCELERATION, low)
@@ -43,7 +43,7 @@ def predict_trapezoid(nodes: Any, work: Any, p: float, q: float, low: int, high:
 
 @jit
 def predict_bdf2(nodes: Any, work: Any, p: float, q: float, low: int, high: int) -> None:
-    """v_hat = K1·v_middle - K2·v, x_hat = K1·x_middle - K2·x + q·v_hat; work holds the middle."""
+    """Set v_hat = K1·v_m - K2·v, x_hat = K1·x_m - K2·x + q·v_hat; the middle m is in work."""
     x0, y0, z0 = node_rows(nodes, POSITION, low)
     vx0, vy0, vz0 = node_rows(nodes, VELOCITY, low)
     x, y, z = rows(work, POSITION, low)
@@ -65,7 +65,7 @@ def predict_bdf2(nodes: Any, work: Any, p: float, q: float, low: int, high: int)
 def predict_on(
     nodes: Any, work: Any, p: float, q: float, pending: float, low: int, high: int
 ) -> None:
-    """`predict_bdf2` where pending·delta is to be added to the middle first."""
+    """Apply `predict_bdf2` after adding pending·delta to the middle."""
     x0, y0, z0 = node_rows(nodes, POSITION, low)
     vx0, vy0, vz0 = node_rows(nodes, VELOCITY, low)
     x, y, z = rows(work, POSITION, low)
@@ -91,7 +91,7 @@ def predict_on(
 
 @jit
 def accept(nodes: Any, work: Any, p: float, q: float, pending: float, low: int, high: int) -> None:
-    """The stage's motion, with pending·delta, becomes that of the nodes low <= i < high."""
+    """Copy the stage's motion, plus pending·delta, to the state of the nodes low <= i < high."""
     x0, y0, z0 = node_rows(nodes, POSITION, low)
     vx0, vy0, vz0 = node_rows(nodes, VELOCITY, low)
     ax0, ay0, az0 = node_rows(nodes, ACCELERATION, low)
@@ -114,7 +114,7 @@ def accept(nodes: Any, work: Any, p: float, q: float, pending: float, low: int, 
 
 @jit
 def correct(work: Any, p: float, q: float, factor: float, low: int, high: int) -> None:
-    """a += factor·delta, and x and v with it."""
+    """Apply a += factor·delta, and the same correction to x and v."""
     x, y, z = rows(work, POSITION, low)
     vx, vy, vz = rows(work, VELOCITY, low)
     ax, ay, az = rows(work, ACCELERATION, low)

@@ -1,29 +1,29 @@
-"""Effects that remember: numbers of their own at the nodes, carried from step to step.
+"""Effects with internal variables: history variables at the nodes, carried from step to step.
 
 The phase of the vortices at a node, or the wake behind it, has an equation of motion of its own. It
 is not lagged by a step: an effect solves it at each node for the node's acceleration, inside the
-stage, and hands its part of the derivative to the node's block.
+stage, and adds its part of the derivative to the node's block.
 
-Such an effect is a NamedTuple with a field `memory`, rows by columns, a column a node of the rope
-(0: the lower end) and a spare one. It says `remembering(Type, k)`: k numbers are carried on. Their
-rows are
+Such an effect is a NamedTuple with a field `memory`, rows by columns, one column per node of the
+rope (0: the lower end) and a spare one. It registers `remembering(Type, k)`: k numbers are carried
+over. Their rows are
 
-    0 ... k-1       now, at the end of the last accepted substep
+    0 ... k-1       current values, at the end of the last accepted substep
     k ... 2k-1      at the end of the stage that `settle` was last called for
-    2k ... 3k-1     at the start of a step that is halved, should it fail
+    2k ... 3k-1     at the start of a step that is divided into substeps, to restore it
     3k              material coordinate of the node [m]
 
-and any further rows are the effect's own. Its kernels, registered as those of `hooks`:
+and any further rows are the effect's own. Its kernels, registered like those of `hooks`:
 
-- `start(effect, rope)`: the numbers at time 0, where the rope rests: rows 0 ... k-1.
+- `start(effect, rope)`: the values at time 0, in static equilibrium: rows 0 ... k-1.
 - `predict(effect, rope, stage, kind, low, high)`: before a stage's first loads, of the nodes
   low <= i < high, when position, velocity and water are predicted. kind: TRAPEZOID or BDF2.
 - `load_nodes(effect, work, stage, low, high)`: adds to residual and blocks of nodes whose TANGENT
-  is given; also of the trial nodes at the end of the arrays (p = 1, q = 0: nothing moves there).
-- `settle(effect, rope, stage, kind)`: the stage is solved; rows k ... 2k-1 = its numbers.
+  is given; also of the ghost nodes at the end of the arrays (p = 1, q = 0: nothing moves there).
+- `settle(effect, rope, stage, kind)`: after a converged stage; rows k ... 2k-1 = its values.
 
-When elements split, merge or are regridded the numbers are interpolated over the rope's material.
-A rope without such an effect has no trace of all this in its code.
+When elements split, merge or are regridded the values are interpolated over the rope's material. A
+rope without such an effect contains no code for all this.
 """
 
 from __future__ import annotations
@@ -43,36 +43,36 @@ _REMEMBERED: dict[type, int] = {}
 
 
 def remembering(effect: type, count: int) -> None:
-    """Say that an effect carries `count` numbers per node on.
+    """Declare that an effect carries `count` internal variables per node.
 
     Raises:
-        ValueError: it has no memory, or has said so already.
+        ValueError: it has no memory, or was declared already.
     """
     if "memory" not in getattr(effect, "_fields", ()):
-        raise ValueError(f"{effect.__name__} has no field 'memory' to remember in")
+        raise ValueError(f"{effect.__name__} has no field 'memory' for its internal variables")
     if effect in _REMEMBERED:
-        raise ValueError(f"{effect.__name__} remembers already")
+        raise ValueError(f"{effect.__name__} has declared its internal variables already")
     _REMEMBERED[effect] = count
 
 
 def remembers(kinds: Iterable[type]) -> bool:
-    """Whether one of these types of effects remembers."""
+    """Return whether one of these types of effects has internal variables."""
     return any(kind in _REMEMBERED for kind in kinds)
 
 
 def numbers_carried(kind: type) -> int:
-    """How many numbers an effect of this type carries on at each node; 0: it does not remember."""
+    """Return the number of internal variables per node of an effect of this type; 0: none."""
     return _REMEMBERED.get(kind, 0)
 
 
 def new_memory(count: int, own: int, room: int) -> Any:
-    """Memory for `count` numbers carried on and `own` rows of the effect, for `room` nodes."""
+    """Return memory for `count` internal variables and `own` rows, for `room` nodes."""
     return np.zeros((3 * count + 1 + own, room + 1))
 
 
 @jit
 def _carry_over(memory: Any, state: Any, k: int) -> None:
-    """Numbers of the nodes that the rope has now, if it has others than when last asked."""
+    """Interpolate the values to the present nodes, if these have changed since the last call."""
     n, last = state.counts[ELEMENTS], memory.shape[1] - 1
     old = int(memory[3 * k, last])
     if n == old:
@@ -91,7 +91,7 @@ def _carry_over(memory: Any, state: Any, k: int) -> None:
 
 @jit
 def _mark(memory: Any, state: Any, k: int) -> None:
-    """These are the nodes."""
+    """Record the material coordinates of the present nodes."""
     n = state.counts[ELEMENTS]
     for i in range(n):
         memory[3 * k, i] = state.s[i]
@@ -100,7 +100,7 @@ def _mark(memory: Any, state: Any, k: int) -> None:
 
 @jit
 def _copy(memory: Any, source: int, target: int, k: int, n: int) -> None:
-    """Rows source ... of the nodes 0 <= i < n to rows target ..."""
+    """Copy k rows from `source` on to the rows from `target` on, of the nodes 0 <= i < n."""
     for r in range(k):
         a, b = memory[source + r], memory[target + r]
         for i in range(n):
@@ -109,29 +109,29 @@ def _copy(memory: Any, source: int, target: int, k: int, n: int) -> None:
 
 @jit
 def _keep(memory: Any, state: Any, k: int) -> None:
-    """Now is the start of a step."""
+    """Save the current values as those of the step's start."""
     _copy(memory, ZERO, 2 * k, k, state.counts[ELEMENTS])
 
 
 @jit
 def _take(memory: Any, state: Any, k: int) -> None:
-    """What the stage left is now."""
+    """Make the values of the last stage the current ones."""
     _copy(memory, k, ZERO, k, state.counts[ELEMENTS])
 
 
 @jit
 def _return(memory: Any, state: Any, k: int) -> None:
-    """Back to the start of the step."""
+    """Restore the values of the step's start."""
     _copy(memory, 2 * k, ZERO, k, state.counts[ELEMENTS])
 
 
-def _said(effects: Any) -> list[tuple[Any, int]]:
-    """The effects that remember, with how much (plain Python)."""
+def _with_variables(effects: Any) -> list[tuple[Any, int]]:
+    """Return the effects with internal variables, each with their number (plain Python)."""
     return [(own, _REMEMBERED[type(own)]) for own in effects if type(own) in _REMEMBERED]
 
 
 def _counts(effects: Any) -> dict[int, int]:
-    """How much each effect that remembers carries on, by its place (of numba's types)."""
+    """Return the number of internal variables of effects that have them, by index (numba types)."""
     kinds = [effect.instance_class for effect in effects]
     return {i: _REMEMBERED[kind] for i, kind in enumerate(kinds) if kind in _REMEMBERED}
 
@@ -139,7 +139,7 @@ def _counts(effects: Any) -> dict[int, int]:
 def _for_each(
     head: str, effects: Any, line: str, hook: str = "", result: str = "None", **names: Any
 ) -> Any:
-    """The function of this line for every effect that remembers; # stands for its place."""
+    """Return the function of this line for every effect with internal variables; #: its index."""
     counts = _counts(effects)
     calls = {i: call for i, call in kernels_by_place(hook, effects).items() if i in counts}
     names |= {f"k_{i}": np.int64(k) for i, k in counts.items()}
@@ -148,8 +148,8 @@ def _for_each(
 
 
 def begin_step(effects: Any, rope: Any, time: Any) -> Any:
-    """A step begins: at time 0 every memory starts anew, else it is that of the nodes there are."""
-    for effect, k in _said(effects):
+    """Initialise internal variables at time 0, else interpolate them to the present nodes."""
+    for effect, k in _with_variables(effects):
         if time == 0.0:
             kernel_of("start", type(effect))(effect, rope)
             _mark(effect.memory, rope.state, k)
@@ -169,8 +169,8 @@ def _compose_begin(effects: Any, rope: Any, time: Any) -> Any:
 
 
 def keep_memories(effects: Any, state: Any) -> Any:
-    """The first part of a step that was halved is accepted: keep the step's start."""
-    for effect, k in _said(effects):
+    """Save internal variables of the step's start when the first substep is accepted."""
+    for effect, k in _with_variables(effects):
         _keep(effect.memory, state, k)
 
 
@@ -181,8 +181,11 @@ def _compose_keep(effects: Any, state: Any) -> Any:
 
 
 def predict_memories(effects: Any, rope: Any, stage: Any, kind: Any, low: Any, high: Any) -> Any:
-    """A stage begins for the nodes low <= i < high: position, velocity and water are predicted."""
-    for effect, _ in _said(effects):
+    """Predict internal variables at the beginning of a stage, for the nodes low <= i < high.
+
+    Position, velocity and water are predicted already.
+    """
+    for effect, _ in _with_variables(effects):
         kernel_of("predict", type(effect))(effect, rope, stage, kind, low, high)
 
 
@@ -194,7 +197,7 @@ def _compose_predict(effects: Any, rope: Any, stage: Any, kind: Any, low: Any, h
 
 @jit
 def _complete(rope: Any, stage: Any, pending: float) -> float:
-    """The stage's motion, whole; nothing is pending then."""
+    """Apply the pending correction to the stage's motion; return 0, the fraction still pending."""
     n, first = rope.state.counts[ELEMENTS], rope.model.first_free
     if pending != 0.0:
         correct(rope.work, stage.p, stage.q, pending, first, n)
@@ -202,8 +205,11 @@ def _complete(rope: Any, stage: Any, pending: float) -> float:
 
 
 def settle_memories(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any) -> Any:
-    """A stage is solved; who remembers wants its motion whole. Returns what is pending after."""
-    for effect, _ in _said(effects):
+    """Update internal variables after a converged stage; return the pending correction.
+
+    Effects with internal variables require the complete motion of the stage.
+    """
+    for effect, _ in _with_variables(effects):
         pending = _complete(rope, stage, pending)
         kernel_of("settle", type(effect))(effect, rope, stage, kind)
     return pending
@@ -217,8 +223,8 @@ def _compose_settle(effects: Any, rope: Any, stage: Any, kind: Any, pending: Any
 
 
 def accept_memories(effects: Any, state: Any) -> Any:
-    """A substep is accepted."""
-    for effect, k in _said(effects):
+    """Accept the internal variables of a substep."""
+    for effect, k in _with_variables(effects):
         _take(effect.memory, state, k)
 
 
@@ -229,8 +235,8 @@ def _compose_accept(effects: Any, state: Any) -> Any:
 
 
 def return_memories(effects: Any, state: Any) -> Any:
-    """A step failed: back to its start."""
-    for effect, k in _said(effects):
+    """Restore internal variables of the step's start after a failed step."""
+    for effect, k in _with_variables(effects):
         _return(effect.memory, state, k)
 
 

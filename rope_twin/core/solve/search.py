@@ -1,4 +1,4 @@
-"""The line search of a stage: where a correction overshot, back along it to R·delta = 0, about."""
+"""Line search of a stage: where a correction overshoots, return along it to R·delta ≈ 0."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ from typing import Any
 
 from rope_twin.core.compiler.jit import jit
 
-SEARCH_FROM = 4  # the first correction that is searched along
+SEARCH_FROM = 4  # the first correction with a line search
 SEARCH_EVALUATIONS = 8
 
 
 @jit
 def search(rope: Any, stage: Any, before: float, correct: Any, slope_of: Any) -> None:
-    """Go to where R·delta is within a half of `before`, its value at the correction's start.
+    """Move along the correction until |R·delta| is at most half of `before`, its start value.
 
-    rope: a rope or ropes that meet; `correct(rope, stage, factor)` lets a += factor·delta, and
-    `slope_of(rope)` is R·delta there. Secants in a bracket that opens with (0, 1).
+    rope: a rope or a multi-line system; `correct(rope, stage, factor)` applies a += factor·delta,
+    and `slope_of(rope)` is R·delta there. Secant steps in a bracket that starts as (0, 1).
     """
     low, slope_low, high, slope_high = 0.0, before, 1.0, 0.0
     factor, here = 1.0, slope_of(rope)
@@ -33,7 +33,7 @@ def search(rope: Any, stage: Any, before: float, correct: Any, slope_of: Any) ->
 
 @jit
 def _secant(low: float, slope_low: float, high: float, slope_high: float) -> float:
-    """Where the straight line through the bracket's ends crosses 0, inside 5 to 95 % of it."""
+    """Return the zero of the secant through the bracket's ends, inside 5 to 95 % of it."""
     span = high - low
     cross = low + span * slope_low / (slope_low - slope_high)
     return min(max(cross, low + 0.05 * span), high - 0.05 * span)

@@ -1,9 +1,9 @@
 """One implicit stage: x = x_hat + p·a, v = v_hat + q·a, solved for a by semismooth Newton.
 
 The tension-only energy is convex in a, so there is one minimum. A stage is accepted when every
-tension is what the linearisation expected of it and, where an effect's loads come or go, every
-node is in balance; from the fourth correction on a secant line search keeps Newton from
-overshooting between slack and taut (plain steps suffice before).
+tension agrees with its linearisation and, where an effect has an active set, every node is
+balanced; from the fourth correction on a secant line search keeps Newton's method from overshooting
+between slack and taut (full steps suffice before).
 
 A stage may begin with the factors of the one before (core/solve/again).
 """
@@ -30,18 +30,18 @@ from rope_twin.core.solve.remembering import predict_memories
 from rope_twin.core.solve.search import SEARCH_FROM, search
 from rope_twin.core.state import ELEMENTS, RESIDUAL, SOLVES, SOLVES_MAX
 
-CAP = 12  # corrections before the step is halved instead
-# A row of slack elements is pulled taut one by one, a correction each: where the step is as short
-# as it gets, Newton may walk that far (the energy is convex, so it arrives).
-LAST_CAP = 200
-NOT_FINITE, UNCONVERGED, CONVERGED, PENDING = -1, 0, 1, 2  # the worse, the smaller
-# What an evaluation starts with. Not Python's integers: numba compiles again for each of those.
+MAX_CORRECTIONS = 12  # corrections before the step is divided into substeps
+# A row of slack elements becomes taut one by one, one correction each: at the shortest substep more
+# corrections are allowed (the energy is convex, so they converge).
+MAX_CORRECTIONS_LAST = 200
+NOT_FINITE, UNCONVERGED, CONVERGED, PENDING = -1, 0, 1, 2  # ordered from worst to best
+# Kinds of evaluation, as numpy integers: numba compiles again for each Python literal.
 TRAPEZOID, BDF2, SEARCH = np.int64(0), np.int64(1), np.int64(2)
-CHUNK = 64  # nodes that all passes take at a time: their rows fit into the nearest cache
+CHUNK = 64  # nodes per chunk of all passes: their rows fit into the nearest cache
 
 
 def _as_coupled(coupled: Any, plain: Any) -> Any:
-    """A solve of the chain: `coupled` where an effect's type couples nodes, else `plain`."""
+    """Return a solver of the chain: `coupled` if an effect's type couples nodes, else `plain`."""
 
     def solve(effects: Any, work: Any, first: Any, n: Any) -> None:
         (coupled if hooks.couples(map(type, effects)) else plain)(work, first, n)
@@ -60,7 +60,7 @@ def _as_coupled(coupled: Any, plain: Any) -> Any:
 
 @jit
 def _is_balanced(rope: Any) -> bool:
-    """Whether no node is left with a force above the tolerance, or with one that is no number."""
+    """Return whether the residual of every node is below the tolerance and not NaN."""
     Rx, Ry, Rz = rows(rope.work, RESIDUAL, 0)
     most, left = rope.model.tolerance * rope.model.tolerance, 0
     for i in range(rope.model.first_free, rope.state.counts[ELEMENTS]):
@@ -69,7 +69,7 @@ def _is_balanced(rope: Any) -> bool:
 
 
 def _switches(effects: Any) -> Any:
-    """Whether loads come and go, so that tensions do not tell whether a stage is solved."""
+    """Return whether effects have active sets, so that tensions alone do not show convergence."""
     return hooks.switches(map(type, effects))
 
 
@@ -82,18 +82,18 @@ def _choose_balance(effects: Any) -> Any:
 
 @jit
 def _push_links(work: Any, first: int, n: int) -> None:
-    """The corrections by old factors; what the couplings make of them is taken off the residual."""
+    """Solve with the previous factors; subtract the effect of the couplings from the residual."""
     push_coupled(work, first, n)
     take_links(work, n)
 
 
 _eliminate = _as_coupled(eliminate_coupled, eliminate)
-_push = _as_coupled(_push_links, push)  # by the factors that there are
+_push = _as_coupled(_push_links, push)  # with the existing factors
 
 
 @jit
 def _is_solved_again(rope: Any, stage: Any) -> bool:
-    """Whether one correction by the last elimination's factors solves the stage.
+    """Return whether one correction with the last elimination's factors solves the stage.
 
     If not, motion, tension and blocks are those of the prediction.
     """
@@ -110,11 +110,12 @@ def _is_solved_again(rope: Any, stage: Any) -> bool:
 
 @jit
 def solve_stage(rope: Any, stage: Any, kind: int, cap: int, pending: float, again: bool) -> int:
-    """Find the acceleration; tension and, but for what is pending, motion are the stage's then.
+    """Solve for the acceleration; tension and motion are then the stage's.
 
-    kind: TRAPEZOID or BDF2; cap: most corrections; pending: share of CORRECTION that the motion
-    before wants yet; again: begin with the factors that there are. Returns PENDING where the motion
-    found wants the last correction yet, CONVERGED, UNCONVERGED, or NOT_FINITE if a force is not.
+    kind: TRAPEZOID or BDF2; cap: maximum number of corrections; pending: fraction of CORRECTION
+    still to be added to the previous motion; again: begin with the existing factors. Returns
+    PENDING if the last correction is still to be added to the motion, CONVERGED, UNCONVERGED, or
+    NOT_FINITE if a force is not.
     """
     state, work = rope.state, rope.work
     n, first = state.counts[ELEMENTS], rope.model.first_free
@@ -141,9 +142,10 @@ def solve_stage(rope: Any, stage: Any, kind: int, cap: int, pending: float, agai
 
 @jit
 def _evaluate(rope: Any, stage: Any, kind: int, factor: float, pending: float) -> None:
-    """Motion, tension, residual and blocks: of the prediction, or (SEARCH) of a += factor·delta.
+    """Evaluate motion, tension, residual and blocks: predicted, or (SEARCH) corrected.
 
-    Elements and loads follow one node behind, since an element needs both of its nodes.
+    SEARCH applies a += factor·delta. Elements and loads follow one node behind, since an element
+    needs both of its nodes.
     """
     state, work, p, q = rope.state, rope.work, stage.p, stage.q
     n = state.counts[ELEMENTS]
@@ -170,7 +172,7 @@ def _evaluate(rope: Any, stage: Any, kind: int, factor: float, pending: float) -
 
 @jit
 def _look_ahead(rope: Any, stage: Any) -> int:
-    """Direction and tension were motion corrected; how many tensions are not expected so."""
+    """Set direction and tension as if corrected; return the number of deviating tensions."""
     last = rope.state.counts[ELEMENTS] - 1
     return int(
         count_unexpected(rope, stage, 0.0, last - last, last)
@@ -180,11 +182,11 @@ def _look_ahead(rope: Any, stage: Any) -> int:
 
 @jit
 def _correct_by(rope: Any, stage: Any, factor: float) -> None:
-    """a += factor·delta, with all that follows from it."""
+    """Apply a += factor·delta and evaluate the stage."""
     _evaluate(rope, stage, SEARCH, factor, 0.0)
 
 
 @jit
 def _slope(rope: Any) -> Any:
-    """R·delta of the rope."""
+    """Return R·delta of the rope."""
     return slope(rope.work, rope.model.first_free, rope.state.counts[ELEMENTS])

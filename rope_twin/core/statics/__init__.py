@@ -1,1 +1,1 @@
-"""Rest: the static equilibrium of one rope."""
+"""Static equilibrium of a single rope."""

@@ -1,15 +1,15 @@
-"""Static equilibrium with every effect, from any guess.
+"""Static equilibrium of a single rope with every effect, from any initial guess.
 
-Unknown are the forces S_e that the elements pass on, not the places of the nodes: for given loads
-f the balance S_i - S_{i-1} + f_i = 0 fixes them (a fixed lower end leaves three numbers, which
-close the chain: a convex problem), and the shape follows by laying the elements along their
-forces, x_{e+1} - x_e = l(|S_e|)·S_e/|S_e|. That is the compliance form: a stiff element is no
-harder than a soft one, nothing is ever slack in between, and the guess only serves to find the
-first loads. Two ways lead to loads that belong to the shape: taking them from the last shape
-(fast where weight rules), and Newton with the loads' own change with the shape, which is not
-symmetric (drag turns with the tangent). Where loads come and go with the place, as on a bed, and
-where both fail, places and forces are sought together (core/statics/pair.py). Where that fails too,
-the dynamic step with growing steps brings the rope nearer, and Newton tries again.
+The unknowns are the element forces S_e, not the node positions: for given loads f the balance S_i -
+S_{i-1} + f_i = 0 determines them (a fixed lower end leaves three numbers, which close the chain: a
+convex problem), and the shape follows by laying the elements along their forces, x_{e+1} - x_e =
+l(|S_e|)·S_e/|S_e|. That is the compliance form: a stiff element is no harder than a soft one, no
+intermediate shape is slack, and the guess only serves to evaluate the first loads. Two iterations
+lead to loads that belong to the shape: fixed-point iteration on the loads (fast where weight
+dominates), and Newton's method with the derivative of the loads to the shape, which is not
+symmetric (drag turns with the tangent). Where loads have an active set, as on a seabed, and where
+both fail, positions and forces are solved together (core/statics/pair.py). Where that fails too,
+dynamic relaxation with growing steps brings the rope nearer, and Newton's method is tried again.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from rope_twin.core.state import (
     Rope,
 )
 from rope_twin.core.statics.forces import Elastic, Equilibrium, StillRope
-from rope_twin.core.statics.pair import settle_pair
+from rope_twin.core.statics.pair import solve_primal_dual
 from rope_twin.core.statics.shape import (
-    STUCK,
+    MIN_FRACTION,
     Shape,
     element_forces,
     first_forces,
@@ -39,35 +39,35 @@ from rope_twin.core.statics.shape import (
 )
 from rope_twin.core.step import advance
 
-ROUNDS = 60  # of either way; seen: 1 to 4 by weight, up to 9 in strong currents
-ENOUGH = 1e-7  # of the largest tension: a rope left with this much force at a node rests
-TOLERANCE_N = 1e-6  # enough as well, where tensions are tiny
-ROUND_OFF = 4.0 * float(np.finfo(float).eps)  # of the places, in the length of an element
-SURE = 2  # rounds that ask anyway: nearer to the tension in question it is more exact
-DEEP = 1e-11  # of it: what is missed by the balance when rounds end; round-off leaves 1e-14
-FAST = 0.3  # loads of the last shape serve while each round leaves less than this part
+ROUNDS = 60  # of either iteration; observed: 1 to 4 under weight, up to 9 in strong currents
+TENSION_TOL = 1e-7  # of the largest tension: tolerance of the residual force at a node
+FORCE_TOL_N = 1e-6  # absolute tolerance, where tensions are tiny
+ROUND_OFF = 4.0 * float(np.finfo(float).eps)  # of the positions, in an element's length
+MIN_REFRESHES = 2  # rounds that always refresh the tangent, for accuracy
+BALANCE_TOL = 1e-11  # of the largest tension: residual at the end; round-off leaves 1e-14
+MAX_RATIO = 0.3  # fixed-point iteration continues while each round leaves less than this fraction
 RELAXATIONS, STEP_FIRST, STEP_LAST, STEP_LEAST, GROWTH, SHRINK = 30, 1.0, 3e3, 1e-4, 4.0, 0.1
-ATTEMPTS = 5  # of relaxing and Newton in turns
+ATTEMPTS = 5  # of relaxation and Newton's method, alternating
 
 
 def find_equilibrium(rope: Rope, L: float) -> float:
-    """Move the nodes to equilibrium at line out L; returns how far they may still be off [m].
+    """Move the nodes to equilibrium at paid-out length L; return the estimated position error [m].
 
-    Infinite: no equilibrium is within reach; `settle` tells more.
+    Infinite: no equilibrium was found; `solve_statics` returns details.
     """
-    end = settle(rope, L)
+    end = solve_statics(rope, L)
     return end.left_m if end.found else float("inf")
 
 
-def settle(rope: Rope, L: float) -> Equilibrium:
-    """Move the nodes to equilibrium at line out L [m].
+def solve_statics(rope: Rope, L: float) -> Equilibrium:
+    """Solve the static equilibrium at paid-out length L [m] and move the nodes there.
 
-    The hang-off stays where it is. Without equilibrium the nodes end at the best shape found. The
-    counts of the solver's health start from zero afterwards, length offsets of events are gone.
+    The hang-off stays where it is. Without equilibrium the nodes end at the best shape found.
+    Afterwards the solver's counters start from zero and length corrections are removed.
     """
     rope.state.offset[:] = 0.0
     still = StillRope(rope, L)
-    with np.errstate(all="ignore"):  # a shape that overflows is one that is no better
+    with np.errstate(all="ignore"):  # a shape that overflows is rejected as not better
         best, place = _rest_at(still, still.place.copy(), 0.0, 0), still.place.copy()
         ways = (_settle_pair, _settle_forces) if still.switches else (_settle_forces, _settle_pair)
         for settle_by in ways:
@@ -90,16 +90,17 @@ def settle(rope: Rope, L: float) -> Equilibrium:
 def _better(
     still: StillRope, end: Equilibrium, best: Equilibrium, place: Floats
 ) -> tuple[Equilibrium, Floats]:
-    """The search that just ended, with its shape, or the best one before it."""
+    """Return the result that just ended, with its shape, or the best one before it."""
     if end.found or end.residual_n < best.residual_n:
         return end, still.place.copy()
     return best, place
 
 
 def _settle_forces(still: StillRope, near: bool = False) -> Equilibrium:
-    """From the shape that the nodes are in; leaves them in the best one.
+    """Solve for the element forces from the present shape; leave the nodes in the best shape.
 
-    `near`: the elements already pull about as they will, so Newton can begin with their forces.
+    `near`: the elements already carry approximately their final tension, so Newton's method can
+    begin with their forces.
     """
     place, law = still.place.copy(), still.elastic()
     forces, round_off = still.forces(place), _round_off(still)
@@ -110,23 +111,23 @@ def _settle_forces(still: StillRope, near: bool = False) -> Equilibrium:
     tension = float(shape.forces.tension.max())
     while rounds < ROUNDS and np.isfinite(shape.size):
         rounds += 1
-        if rounds <= SURE or is_off(shape.S, shape.forces.tension):
+        if rounds <= MIN_REFRESHES or is_off(shape.S, shape.forces.tension):
             law = refreshed(still, law, shape.place)
         change = newton_change(still, law, shape) if newton else -np.cumsum(shape.miss, axis=1)
         following, share = _search(still, law, hold, shape, change)
         better = following.size < shape.size
-        quick = following.size < FAST * shape.size
+        quick = following.size < MAX_RATIO * shape.size
         moved = largest(following.place - shape.place)
         if better:
             move = moved * following.size / shape.size
             shape = following
-        elif not np.isfinite(move):  # the first shape was right but for round-off
+        elif not np.isfinite(move):  # the first shape was right except for round-off
             move = moved
         tension = float(shape.forces.tension.max())
-        found = shape.residual <= max(TOLERANCE_N, round_off, ENOUGH * tension)
-        if found and not (quick and shape.size > DEEP * tension):
+        found = shape.residual <= max(FORCE_TOL_N, round_off, TENSION_TOL * tension)
+        if found and not (quick and shape.size > BALANCE_TOL * tension):
             break
-        if newton and share < STUCK:
+        if newton and share < MIN_FRACTION:
             break
         newton = newton or not quick
     still.rest_at(shape.place)
@@ -134,11 +135,11 @@ def _settle_forces(still: StillRope, near: bool = False) -> Equilibrium:
 
 
 def _settle_pair(still: StillRope) -> Equilibrium:
-    return settle_pair(still, (max(TOLERANCE_N, _round_off(still)), ENOUGH))
+    return solve_primal_dual(still, (max(FORCE_TOL_N, _round_off(still)), TENSION_TOL))
 
 
 def _round_off(still: StillRope) -> float:
-    """Force that round-off of the places makes of an element's length [N]."""
+    """Return the force due to round-off of the positions in an element's length [N]."""
     reach = float(np.abs(still.place[:, -1]).max() + still.rest.sum())
     return ROUND_OFF * float(still.elastic().stiffness.max()) * reach
 
@@ -146,25 +147,25 @@ def _round_off(still: StillRope) -> float:
 def _search(
     still: StillRope, law: Elastic, hold: Floats | None, shape: Shape, change: Floats
 ) -> tuple[Shape, float]:
-    """The shape after the largest share of the change that lessens the miss, and the share."""
+    """Line search: return the shape after the largest reducing fraction of the change, and it."""
     share = 1.0
     while True:
         following = shape_of(still, law, hold, shape.S + share * change)
-        if following.size <= (1.0 - 1e-4 * share) * shape.size or share < STUCK:
+        if following.size <= (1.0 - 1e-4 * share) * shape.size or share < MIN_FRACTION:
             return following, share
         share *= 0.5
 
 
 def _relax(rope: Rope, still: StillRope, longest: float) -> Equilibrium:
-    """Rest by dynamic steps that grow up to the longest [s], with zero velocity after each.
+    """Relax dynamically with steps that grow up to the longest [s], with zero velocity after each.
 
-    Each is a Newton solve of the convex energy with the mass over the step squared as a
-    regulariser: slow, but slack elements, which carry no force and so have no direction, are no
-    harder for it than taut ones.
+    Each is a Newton solve of the convex energy with mass over step squared as a regulariser: slow,
+    but slack elements, which carry no force and so have no direction, are no harder for it than
+    taut ones.
     """
     boundary, round_off = still.boundary, _round_off(still)
     model = rope.model._replace(
-        split_above=np.inf, merge_below=0.0, tolerance=max(TOLERANCE_N, round_off)
+        split_above=np.inf, merge_below=0.0, tolerance=max(FORCE_TOL_N, round_off)
     )
     pull = np.zeros((1, PULL_COLUMNS))
     nodes, health, step = rope.state.nodes, rope.state.health, STEP_FIRST
@@ -183,7 +184,7 @@ def _relax(rope: Rope, still: StillRope, longest: float) -> Equilibrium:
             continue
         place = still.place.copy()
         end = _rest_at(still, place, largest(place - before), rounds)
-        if end.found and not end.left_m < FAST * last:  # no nearer: round-off
+        if end.found and not end.left_m < MAX_RATIO * last:  # no progress: round-off
             break
         last = end.left_m if end.found else np.inf
         step = min(step * GROWTH, longest)
@@ -191,9 +192,9 @@ def _relax(rope: Rope, still: StillRope, longest: float) -> Equilibrium:
 
 
 def _rest_at(still: StillRope, place: Floats, move: float, rounds: int) -> Equilibrium:
-    """What is left of forces at `place`, where the nodes then are."""
+    """Return the residual of equilibrium at `place`, where the nodes are left."""
     forces, round_off = still.forces(place), _round_off(still)
     still.rest_at(place)
     residual, tension = largest(forces.total), float(forces.tension.max())
-    found = residual <= max(TOLERANCE_N, round_off, ENOUGH * tension)
+    found = residual <= max(FORCE_TOL_N, round_off, TENSION_TOL * tension)
     return Equilibrium(found, residual, tension, move, rounds)

@@ -1,9 +1,9 @@
-"""Forces and masses of a rope that lies still in a given shape, from the dynamic step itself.
+"""Forces and masses of a motionless rope in a given shape, evaluated by the dynamic step itself.
 
-One step of a femtosecond from rest moves nothing: what it finds is the acceleration a = A⁻¹·F of
-every node, with A the mass that acts there, added mass included. So F = A·a is the unbalanced
-force of the shape, whatever the effects are, through the one compiled entry that the twin needs
-anyway. Damping and stiffness enter A with the step and its square: at 1e-15 s they are gone.
+One step of a femtosecond from zero velocity moves nothing: it yields the acceleration a = A⁻¹·F of
+every node, with A the mass that acts there, including added mass. So F = A·a is the out-of-balance
+force of the shape, for any effects, through the one compiled entry that the twin needs anyway.
+Damping and stiffness enter A with the step and its square: at 1e-15 s they vanish.
 """
 
 from __future__ import annotations
@@ -40,42 +40,42 @@ from rope_twin.core.step import advance
 INSTANT = 1e-15  # s
 PROBED_STRAIN = 1e-3
 SMALL_STRAIN = 1e-4
-# Places of xx, xy, xz, yy, yz, zz in a 3×3 matrix.
+# Indices of xx, xy, xz, yy, yz, zz in a 3×3 matrix.
 SYMMETRIC = np.array([[0, 1, 2], [1, 3, 4], [2, 4, 5]])
 
 
 class Forces(NamedTuple):
-    """What acts on a still shape of n elements; node n is the hang-off."""
+    """Forces on a motionless shape of n elements; node n is the hang-off."""
 
-    total: Floats  # unbalanced force on the nodes below the hang-off [N], 0 where held; (3, n)
-    load: Floats  # of it, what the elements' tension does not bring [N]; (3, n)
+    total: Floats  # out-of-balance force on the nodes below the hang-off [N], 0 where fixed; (3, n)
+    load: Floats  # external part of it, without element tension [N]; (3, n)
     tension: Floats  # [N]; (n,)
     mass: Floats  # [kg], xx, xy, xz, yy, yz, zz; (6, n)
 
 
 class Elastic(NamedTuple):
-    """Length of each element over its tension, a tangent: l = slack + T/stiffness."""
+    """Linearised length of each element over its tension: l = slack + T/stiffness."""
 
     slack: Floats  # [m]
     stiffness: Floats  # [N/m]
 
 
 class Equilibrium(NamedTuple):
-    """How the search for rest ended."""
+    """Result of a static solution."""
 
     found: bool
-    residual_n: float  # largest force left on a node; not finite: neither are the forces
+    residual_n: float  # largest residual force on a node; not finite if the forces are not
     tension_n: float  # largest tension
-    left_m: float  # how far a node may still be from rest: the last move times its gain
+    left_m: float  # estimated position error: the last move times its convergence ratio
     rounds: int
 
 
 class Couplings(NamedTuple):
-    """Stiffness that effects bring between nodes beyond their neighbours [N/m]."""
+    """Stiffness that effects add between a node and its next two neighbours [N/m]."""
 
     own: Floats  # of a node, xx, xy, xz, yy, yz, zz; (6, n)
     near: Floats  # c of the blocks c·I between node i and i + 1, (n,)
-    far: Floats  # and between i and i + 2
+    far: Floats  # c of the blocks between node i and i + 2
 
 
 @jit_entry
@@ -84,11 +84,11 @@ def _couple(effects: Any, work: Any, stage: Any, n: int) -> None:
 
 
 class StillRope:
-    """A rope whose nodes can be put anywhere, to ask what would act on them."""
+    """A motionless rope whose nodes can be placed anywhere, to evaluate the forces there."""
 
     def __init__(self, rope: Rope, L: float) -> None:
-        """The hang-off stays where it is; L is the line out [m]."""
-        # every stage takes one solve, and no element splits or merges
+        """Copy a rope; its hang-off stays where it is; L is the paid-out length [m]."""
+        # one solve per stage, and no element splits or merges
         model = rope.model._replace(
             step=INSTANT, tolerance=np.inf, split_above=np.inf, merge_below=0.0
         )
@@ -107,27 +107,27 @@ class StillRope:
 
     @property
     def place(self) -> Floats:
-        """View of where the nodes are now [m], (3, n + 1)."""
+        """Return a view of the present positions of the nodes [m], (3, n + 1)."""
         return self._rope.state.nodes[POSITION : POSITION + 3, : self.n + 1]
 
     @property
     def flows(self) -> bool:
-        """Whether the water moved where the nodes last were asked for forces."""
+        """Return whether the water moved at the last evaluation of forces."""
         return bool(self._rope.work[FLOW : FLOW + 3, : self.n].any())
 
     @property
     def switches(self) -> bool:
-        """Whether loads come and go with the place: tensions alone do not tell rest."""
+        """Return whether an effect has an active set: tensions alone do not show equilibrium."""
         return switches(map(type, self._rope.effects))
 
     def rest_at(self, place: Floats) -> None:
-        """Put the nodes there [m], without motion, and forget the solver's counts."""
+        """Place the nodes there [m], with zero velocity, and reset the solver's counters."""
         self.place[:] = place
         self._rope.state.nodes[VELOCITY:NODE_ROWS] = 0.0
         self._rope.state.health[:] = 0
 
     def forces(self, place: Floats) -> Forces:
-        """What acts on the nodes at `place` [m], (3, n + 1); all NaN if a force is not finite."""
+        """Return the forces at `place` [m], (3, n + 1); all NaN if one is not finite."""
         self.rest_at(place)
         nodes, work = self._rope.state.nodes, self._rope.work
         finite = advance(self._rope, self.boundary, self._pull, 0.0, 1) == 1
@@ -145,7 +145,7 @@ class StillRope:
         return Forces(total, load, tension, mass)
 
     def couplings(self) -> Couplings:
-        """Of the shape that the nodes are in; only for a rope whose `reach` is two nodes."""
+        """Return the couplings of the present shape; only for a rope whose `reach` is two nodes."""
         work, n = self._rope.work.copy(), self.n
         work[POSITION : POSITION + 3, : n + 1] = self.place
         work[REST, :n] = self.rest
@@ -154,9 +154,9 @@ class StillRope:
         return Couplings(work[BLOCK : BLOCK + 6, :n], work[LINK, :n], work[LINK + 1, :n])
 
     def elastic(self, length: Floats | None = None) -> Elastic:
-        """The elements' law about these lengths [m]; by default somewhat above the rest length.
+        """Return the linearised law at these lengths [m]; default: slightly stretched.
 
-        Read from a straight rope, so that tables and sections need no code here.
+        It is evaluated on a straight rope, so that tables and sections need no code here.
         """
         if length is None:
             length = self.rest * (1.0 + PROBED_STRAIN)
@@ -167,7 +167,7 @@ class StillRope:
         return Elastic(length - less / stiffness, stiffness)
 
     def _straight(self, length: Floats) -> Floats:
-        """Tension of elements of these lengths [N]."""
+        """Return the tension of elements of these lengths [N]."""
         place = np.repeat(self.place[:, -1:], self.n + 1, axis=1)
         place[2, :-1] -= np.cumsum(length[::-1])[::-1]
         return self.forces(place).tension

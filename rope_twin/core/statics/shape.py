@@ -1,8 +1,8 @@
-"""The shape that element forces make of a rope, and how to better them.
+"""Shape of a rope for given element forces, and Newton's method for these forces.
 
-For given loads f the balance S_i - S_{i-1} + f_i = 0 fixes the forces S_e that the elements pass
-on; a fixed lower end leaves three numbers, which close the chain (a convex problem). The shape
-follows by laying the elements along their forces, x_{e+1} - x_e = l(|S_e|)·S_e/|S_e|.
+For given loads f the balance S_i - S_{i-1} + f_i = 0 determines the element forces S_e; a fixed
+lower end leaves three numbers, which close the chain (a convex problem). The shape follows by
+laying the elements along their forces, x_{e+1} - x_e = l(|S_e|)·S_e/|S_e|.
 """
 
 from __future__ import annotations
@@ -11,45 +11,45 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rope_twin.core.guards import SMALLEST
+from rope_twin.core.guards import FORCE_MIN
 from rope_twin.core.state import Floats
 from rope_twin.core.statics.forces import Elastic, Forces, StillRope
 
 CLOSING, BLUNTER = 50, 10
-CLOSED = 4.0 * float(np.finfo(float).eps)
-STUCK = 1e-3  # share of a correction below which it leads nowhere
-PERTURBATION = 1e-7  # of an element's length: a node's move that shows how the loads change
-OFF = 1e-6  # of the largest tension: one this far from the tangent asks for a new one
+CLOSURE_TOL = 4.0 * float(np.finfo(float).eps)
+MIN_FRACTION = 1e-3  # fraction of a correction below which the line search fails
+PERTURBATION = 1e-7  # of an element's length: displacement of a finite difference of the loads
+TANGENT_TOL = 1e-6  # of the largest tension: deviation from the tangent at which it is refreshed
 SMALL_PULL_N = 1e-6
-NO_SPAN_M = 1e-9  # both ends in one place
+NO_SPAN_M = 1e-9  # both ends coincide
 
 
 def largest(vectors: Floats) -> float:
-    """Length of the longest of vectors, (3, any)."""
+    """Return the largest magnitude of vectors (3, any)."""
     return float(np.sqrt((vectors * vectors).sum(axis=0).max()))
 
 
 class Shape(NamedTuple):
-    """Element forces, the shape that they make, and what acts there."""
+    """Element forces, the resulting shape, and the forces there."""
 
     S: Floats  # (3, n)
     place: Floats  # (3, n + 1)
     forces: Forces
-    miss: Floats  # S_i - S_{i-1} + f_i [N], (3, n), 0 where held
+    miss: Floats  # residual S_i - S_{i-1} + f_i [N], (3, n), 0 where fixed
 
     @property
     def size(self) -> float:
-        """Of the miss, all nodes together [N]."""
+        """Return the norm of the residual over all nodes [N]."""
         return float(np.sqrt((self.miss * self.miss).sum()))
 
     @property
     def residual(self) -> float:
-        """Largest force left on a node [N]."""
+        """Return the largest residual force on a node [N]."""
         return largest(self.forces.total)
 
 
 def first_forces(still: StillRope, hold: Floats | None, load: Floats) -> Floats:
-    """Element forces that balance the loads; along the chord and by halves if both ends hold."""
+    """Return forces that balance the loads; two fixed ends share them, along the chord."""
     below = np.cumsum(load, axis=1)
     if hold is None:
         return -below
@@ -61,20 +61,20 @@ def first_forces(still: StillRope, hold: Floats | None, load: Floats) -> Floats:
 
 
 def element_forces(place: Floats, forces: Forces) -> Floats:
-    """What the elements of a shape pass on as they are: their tension along them."""
+    """Return the element forces of a given shape: tension along each element."""
     span = np.diff(place, axis=1)
-    length: Floats = np.sqrt((span * span).sum(axis=0)) + SMALLEST
+    length: Floats = np.sqrt((span * span).sum(axis=0)) + FORCE_MIN
     return forces.tension / length * span
 
 
 def is_off(S: Floats, tension: Floats) -> bool:
-    """Whether tensions are others than the law said: it is a tangent, the rope may have a table."""
+    """Return whether tensions deviate from the linearised law, as with a stiffness table."""
     size = np.sqrt((S * S).sum(axis=0))
-    return bool((np.abs(tension - size) > OFF * size.max()).any())
+    return bool((np.abs(tension - size) > TANGENT_TOL * size.max()).any())
 
 
 def refreshed(still: StillRope, law: Elastic, place: Floats) -> Elastic:
-    """The elements' tangent at their lengths there; that of before where they are slack."""
+    """Return the elements' tangent at their lengths there; the old one where slack."""
     length = np.sqrt((np.diff(place, axis=1) ** 2).sum(axis=0))
     new = still.elastic(np.maximum(length, still.rest))
     taut = new.stiffness > 0.0
@@ -84,15 +84,15 @@ def refreshed(still: StillRope, law: Elastic, place: Floats) -> Elastic:
 
 
 def _laid(still: StillRope, law: Elastic, S: Floats) -> Floats:
-    """Nodes where the elements lie along their forces."""
-    size = np.sqrt((S * S).sum(axis=0)) + SMALLEST
+    """Return the node positions where the elements lie along their forces."""
+    size = np.sqrt((S * S).sum(axis=0)) + FORCE_MIN
     span = (law.slack / size + 1.0 / law.stiffness) * S
     top = still.place[:, -1:]
     return np.concatenate([(top - np.cumsum(span[:, ::-1], axis=1))[:, ::-1], top], axis=1)
 
 
 def shape_of(still: StillRope, law: Elastic, hold: Floats | None, S: Floats) -> Shape:
-    """The shape of these element forces; a fixed lower end adds the pull that closes the chain."""
+    """Return the shape of these element forces; a fixed lower end adds the closing force."""
     if hold is not None:
         S = _closed(still, law, hold, S)
     place = _laid(still, law, S)
@@ -106,10 +106,11 @@ def shape_of(still: StillRope, law: Elastic, hold: Floats | None, S: Floats) -> 
 
 
 def _closed(still: StillRope, law: Elastic, hold: Floats, S: Floats) -> Floats:
-    """S plus the one pull that brings the lowest node to `hold`.
+    """Return S plus the one constant force that brings the lowest node to `hold`.
 
-    Where the rope turns back sharply a force nearly vanishes and its direction leaps; then larger
-    forces that blunt the corner, and ever smaller ones, lead there.
+    Where the rope turns back sharply a force nearly vanishes and its direction jumps; the problem
+    is then regularised by a force that blunts the corner, and the regularisation reduced step by
+    step.
     """
     chord = still.place[:, -1] - hold
     pull, closed = _pull(law, chord, S, np.zeros(3), 0.0)
@@ -126,19 +127,19 @@ def _closed(still: StillRope, law: Elastic, hold: Floats, S: Floats) -> Floats:
 def _pull(
     law: Elastic, chord: Floats, S: Floats, pull: Floats, blunt: float
 ) -> tuple[Floats, bool]:
-    """The pull that makes the elements span the chord: Newton on a convex problem.
+    """Return the force that makes the elements span the chord: Newton's method on a convex problem.
 
-    Its gradient is the gap, its curvature the compliance; `blunt` [N] rounds the corners. Returns
-    the pull and whether the gap is closed to round-off.
+    Its gradient is the gap, its Hessian the compliance; `blunt` [N] rounds the corners. Returns the
+    force and whether the gap is closed to round-off.
     """
-    small = CLOSED * float(law.slack.sum() + np.abs(chord).max())
+    small = CLOSURE_TOL * float(law.slack.sum() + np.abs(chord).max())
     gap, compliance = _gap(law, chord, S + pull[:, None], blunt)
     for _ in range(CLOSING):
         if np.sqrt(gap @ gap) <= small:
             return pull, True
         if not np.isfinite(compliance).all():
             return pull, False
-        change = np.linalg.lstsq(compliance, gap, rcond=None)[0]  # singular where all lie in line
+        change = np.linalg.lstsq(compliance, gap, rcond=None)[0]  # singular where all are collinear
         slope, share = float(gap @ change), 1.0
         while True:
             trial = pull + share * change
@@ -153,22 +154,22 @@ def _pull(
 
 
 def _gap(law: Elastic, chord: Floats, S: Floats, blunt: float) -> tuple[Floats, Floats]:
-    """Chord less what elements under these forces span [m], and its compliance [m/N]."""
-    size = np.sqrt((S * S).sum(axis=0) + blunt * blunt) + SMALLEST
+    """Return chord less span of the elements under these forces [m], and compliance [m/N]."""
+    size = np.sqrt((S * S).sum(axis=0) + blunt * blunt) + FORCE_MIN
     lateral = law.slack / size + 1.0 / law.stiffness
     along = S * (law.slack / size**3)
     return chord - S @ lateral, np.eye(3) * lateral.sum() - along @ S.T
 
 
 def newton_change(still: StillRope, law: Elastic, shape: Shape) -> Floats:
-    """Newton's change of S: (K - df/dx)·dx = miss for the nodes, then dS = K·(dx above - below).
+    """Return Newton's change of S: (K - df/dx)·dx = residual, then dS = K·(dx above - dx below).
 
     K_e = (|S|/l)·(I - t·tᵀ) + stiffness·t·tᵀ, the inverse of the element's compliance.
     """
 
-    size = np.sqrt((shape.S * shape.S).sum(axis=0)) + SMALLEST
+    size = np.sqrt((shape.S * shape.S).sum(axis=0)) + FORCE_MIN
     t = shape.S / size
-    lateral = size / np.maximum(law.slack + size / law.stiffness, SMALLEST)
+    lateral = size / np.maximum(law.slack + size / law.stiffness, FORCE_MIN)
     K = (law.stiffness - lateral) * t[:, None] * t[None, :]
     K[range(3), range(3)] += lateral
     move = solve_blocks(still, K, -load_change(still, shape), shape.miss)
@@ -176,19 +177,19 @@ def newton_change(still: StillRope, law: Elastic, shape: Shape) -> Floats:
 
 
 def solve_blocks(still: StillRope, K: Floats, blocks: Floats, miss: Floats) -> Floats:
-    """The moves of all nodes that make up for the miss, (3, n + 1); the hang-off's are 0.
+    """Solve for the displacements that remove the residual, (3, n + 1); 0 at the hang-off.
 
-    K: stiffness of each element, (3, 3, n); blocks: that of the loads, as `load_change` has it, to
-    which K is added. Not finite: the equations have no solution.
+    K: stiffness of each element, (3, 3, n); blocks: derivatives of the loads, from `load_change`,
+    to which K is added. Not finite: the equations have no solution.
     """
-    from scipy.linalg import LinAlgError, solve_banded  # takes longer to load than ropes to settle
+    from scipy.linalg import LinAlgError, solve_banded  # import is slower than a solution
 
     own = still.reach
     blocks[own] += K
     blocks[own, :, :, 1:] += K[:, :, :-1]
     blocks[own + 1] -= K
     blocks[own - 1, :, :, 1:] -= K[:, :, :-1]
-    if still.first:  # node 0 stays, whatever its column says
+    if still.first:  # node 0 is fixed, whatever its column holds
         blocks[:, :, :, 0] = 0.0
         blocks[own, range(3), range(3), 0] = 1.0
     band = 3 * own + 2
@@ -204,7 +205,7 @@ def solve_blocks(still: StillRope, K: Floats, blocks: Floats, miss: Floats) -> F
 
 
 def banded(blocks: Floats) -> Floats:
-    """Diagonals of a matrix of 3×3 blocks, as LAPACK's banded solvers take them.
+    """Return a matrix of 3×3 blocks in LAPACK's banded storage.
 
     blocks[d, k, c, i]: row 3·i + k, column 3·(i + d - reach) + c; (2·reach + 1, 3, 3, n). Blocks
     beyond either end are left out. Returns (2·band + 1, 3·n) with band = 3·reach + 2.
@@ -222,9 +223,10 @@ def banded(blocks: Floats) -> Floats:
 
 
 def load_change(still: StillRope, shape: Shape) -> Floats:
-    """df_i/dx_j for j from i - reach to i + reach, (2·reach + 1, 3, 3, n).
+    """Return df_i/dx_j by finite differences, j from i - reach to i + reach.
 
-    By moving every third node at once, or every fifth where effects reach two nodes far.
+    The shape is (2·reach + 1, 3, 3, n). Every third node is displaced at once, or every fifth where
+    effects couple the next two nodes.
     """
     count = 2 * still.reach + 1
     change = np.zeros((count, 3, 3, still.n))
@@ -232,7 +234,7 @@ def load_change(still: StillRope, shape: Shape) -> Floats:
     move = PERTURBATION * np.append(still.rest, still.rest[-1])
     for start in range(count):
         moved = slice(start, still.n, count)
-        d = (start - i + still.reach) % count  # node i's neighbour that moves is i + d - reach
+        d = (start - i + still.reach) % count  # the displaced neighbour of node i is i + d - reach
         at = np.clip(i + d - still.reach, 0, still.n)
         for c in range(3):
             place = shape.place.copy()

@@ -1,1 +1,1 @@
-"""What several models of vortex-induced vibration share."""
+"""Shared kernels of several models of vortex-induced vibration."""

@@ -1,9 +1,9 @@
-"""Drag that a rope has more because it shakes, where its vibration is no motion of the nodes.
+"""Drag amplification by vortex-induced vibration that is not resolved as motion of the nodes.
 
-Per metre -½·ρ·d·Cdn·g·|n|·n with n the rope's velocity through the water across itself and g what
-the drag coefficient has grown by, 0 where the rope keeps still. g is one number at each node, set
-between two steps by who knows the vibration; over a step it stays. It is carried with the rope's
-material (core/solve/remembering.py) through the winch, splits and merges.
+The additional force per metre is -½·ρ·d·Cdn·g·|n|·n with n the relative velocity normal to the rope
+and g the increase of the drag coefficient relative to it, 0 where the rope does not vibrate. g is
+one number at each node, set between two steps by the VIV model, constant over a step. It is carried
+with the rope's material (core/solve/remembering.py) through the winch, splits and merges.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from rope_twin.core.acting.hooks import kernel
 from rope_twin.core.compiler.rows import row, rows, span
 from rope_twin.core.energy import account
-from rope_twin.core.guards import STILL2
+from rope_twin.core.guards import SPEED2_MIN
 from rope_twin.core.payout.trial import TRIALS, set_trials
 from rope_twin.core.solve.remembering import new_memory, remembering
 from rope_twin.core.state import (
@@ -35,42 +35,42 @@ from rope_twin.quantity import quantity
 
 CARRIED = 1  # g
 GROWTH, GROWTH_NEXT = 0, CARRIED
-NODES = 3 * CARRIED  # where remembering notes the nodes that the numbers are of
+NODES = 3 * CARRIED  # row of material coordinates of the nodes that the numbers belong to
 
 
 @dataclass(frozen=True, kw_only=True)
 class DragGrowthParams:
-    """What the models beside the step have in common; the figures of the growth are Vandiver's."""
+    """Parameters shared by the decoupled VIV models; drag amplification as in Vandiver (1983)."""
 
     damping_fraction: float = quantity(
-        "structural damping of every mode over critical", "", 0.0, 0.5, default=0.015
+        "structural damping ratio of every mode", "", 0.0, 0.5, default=0.015
     )
-    modes_every_s: float = quantity("modes are found again so often", "s", 0.1, 60.0, default=1.0)
+    modes_every_s: float = quantity("interval of the modal analysis", "s", 0.1, 60.0, default=1.0)
     drag_growth: tuple[float, float] = quantity(
-        "a and b of 1 + a·(2·rms/d)^b, which multiplies the drag coefficient", "", 0.0, 5.0,
+        "a and b of the drag amplification factor 1 + a·(2·rms/d)^b", "", 0.0, 5.0,
         default=(1.043, 0.65),
     )  # fmt: skip
     drag: float | None = quantity(
-        "C_d that grows; absent: `normal` of the effect `drag`", "", 0.0, 10.0, default=None
+        "amplified C_d; default: `normal` of the effect `drag`", "", 0.0, 10.0, default=None
     )
 
 
 class DragGrowth(NamedTuple):
-    """What the kernels see."""
+    """Kernel data of the drag amplification."""
 
     memory: Floats  # g in row GROWTH, (rows, nodes)
-    kn: float  # ½·ρ·Cdn, of the drag that grows [kg/m³]
+    kn: float  # ½·ρ·Cdn of the amplified drag [kg/m³]
 
 
 def build_growth(params: DragGrowthParams, payload: Any, around: Any) -> DragGrowth:
-    """None yet; from the rope's drag and the water."""
+    """Return zero drag amplification, from the rope's drag coefficient and the water density."""
     drag = around.drag_normal if params.drag is None else params.drag
     kn = 0.5 * around.water_density_kg_per_m3 * drag
     return DragGrowth(new_memory(CARRIED, 0, around.room), float(kn))
 
 
 def set_growth(growth: DragGrowth, state: State, values: Floats) -> None:
-    """Set g of the nodes from the lower end up, between two steps; the hang-off's is not used."""
+    """Set g of the nodes from the lower end up, between two steps; unused at the hang-off."""
     n = int(state.counts[ELEMENTS])
     growth.memory[GROWTH, :n] = values[:n]
     growth.memory[NODES, :n] = state.s[:n]
@@ -84,19 +84,19 @@ remembering(DragGrowth, CARRIED)
 
 @kernel("start", DragGrowth)
 def start(growth: Any, rope: Any) -> None:
-    """A rope at rest does not shake."""
+    """Reset g to zero: a rope in static equilibrium does not vibrate."""
     for i in range(rope.state.s.shape[0]):
         growth.memory[GROWTH, i] = 0.0
 
 
 @kernel("predict", DragGrowth)
 def predict(growth: Any, rope: Any, stage: Any, kind: int, low: int, high: int) -> None:
-    """It stays as it is over a step: nothing of it is predicted."""
+    """Do nothing: g is constant over a step."""
 
 
 @kernel("load_nodes", DragGrowth)
 def load_nodes(growth: Any, work: Any, stage: Any, low: int, high: int) -> None:
-    """F = -c·n, c = kn·frontal area·g·|n|; A = q·c·(I - ττᵀ + nnᵀ/|n|²), as of the drag itself."""
+    """Add F = -c·n, c = kn·frontal area·g·|n|; A = q·c·(I - ττᵀ + nnᵀ/|n|²), like drag."""
     grown, frontal = growth.memory[GROWTH, low:], row(work, FRONTAL, low)
     vx, vy, vz = rows(work, VELOCITY, low)
     ux, uy, uz = rows(work, FLOW, low)
@@ -108,7 +108,7 @@ def load_nodes(growth: Any, work: Any, stage: Any, low: int, high: int) -> None:
         nx, ny, nz = vx[i] - ux[i], vy[i] - uy[i], vz[i] - uz[i]
         along = nx * x + ny * y + nz * z
         nx, ny, nz = nx - along * x, ny - along * y, nz - along * z
-        speed = sqrt(nx * nx + ny * ny + nz * nz + STILL2)
+        speed = sqrt(nx * nx + ny * ny + nz * nz + SPEED2_MIN)
         k = growth.kn * frontal[i] * grown[i]
         c = k * speed
         Rx[i] -= c * nx
@@ -125,7 +125,7 @@ def load_nodes(growth: Any, work: Any, stage: Any, low: int, high: int) -> None:
 
 @kernel("settle", DragGrowth)
 def settle(growth: Any, rope: Any, stage: Any, kind: int) -> None:
-    """What it was before the stage it is after; the trial nodes have the highest free node's."""
+    """Copy g to the end of the stage; ghost nodes take that of the highest free node."""
     memory, n = growth.memory, rope.state.counts[ELEMENTS]
     for i in range(n):
         memory[GROWTH_NEXT, i] = memory[GROWTH, i]
@@ -134,7 +134,7 @@ def settle(growth: Any, rope: Any, stage: Any, kind: int) -> None:
 
 @account("power", DragGrowth)
 def power(growth: Any, place: Any) -> Any:
-    """Force times velocity [W]; the hang-off's is as at the node below."""
+    """Return force times velocity [W]; g at the hang-off is that of the node below."""
     n = place.position.shape[1]
     grown = growth.memory[GROWTH, :n].copy()
     if n > 1:

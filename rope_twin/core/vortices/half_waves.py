@@ -1,8 +1,8 @@
-"""One frequency for each half wave of vortices along a rope, and the waves that it makes.
+"""Shedding frequency held over each half wavelength of the response along a rope.
 
-[LCD] Le Cunff and Durand (1999): ω = 2π·St·U/d, and waves of this frequency have
-k² = (√(T² + 4·EI·m_t·ω²) - T)/(2·EI), or m_t·ω²/T. Counted from the hang-off down, a half wave
-keeps the frequency of its upper end.
+[LCD] Le Cunff and Durand (1999): ω = 2π·St·U/d, and waves of this frequency have k² = (√(T² +
+4·EI·m_t·ω²) - T)/(2·EI), or m_t·ω²/T. Counted from the hang-off down, a half wave keeps the
+frequency of its upper end.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from typing import Any
 
 from rope_twin.core.compiler.jit import jit, jit_within
 from rope_twin.core.compiler.rows import row, rows
-from rope_twin.core.guards import FOLDED2, STOPPED
+from rope_twin.core.guards import RATE_MIN, TANGENT2_MIN
 from rope_twin.core.state import DIRECTION, FLOW, MASS, TENSION, VOLUME
 
 
 @jit_within
 def across(water: Any, tangent: Any) -> Any:
-    """U × t and its size, that of the water across the rope."""
+    """Return U × t and its magnitude, the water velocity normal to the rope."""
     u, v, w = water
     x, y, z = tangent
     cx, cy, cz = v * z - w * y, w * x - u * z, u * y - v * x
@@ -27,16 +27,16 @@ def across(water: Any, tangent: Any) -> Any:
 
 @jit_within
 def _pace(turns: float, water: Any, direction: Any, per_diameter: float) -> Any:
-    """2π·St·U/d [rad/s] of water across a direction of any length."""
+    """Return 2π·St·U/d [rad/s] for water normal to a direction vector of any length."""
     x, y, z = direction
-    inverse = 1.0 / sqrt(x * x + y * y + z * z + FOLDED2)
+    inverse = 1.0 / sqrt(x * x + y * y + z * z + TANGENT2_MIN)
     _, _, _, speed = across(water, (x * inverse, y * inverse, z * inverse))
     return turns * speed * per_diameter
 
 
 @jit
 def set_paces(turns: float, work: Any, per_diameter: Any, pace: Any, low: int, high: int) -> None:
-    """2π·St·U/d of the nodes low <= i < high [rad/s], U across the elements beside them.
+    """Set 2π·St·U/d of the nodes low <= i < high [rad/s], U normal to the adjacent elements.
 
     turns: 2π·St; per_diameter and pace: 1/d and the result, from node `low` on.
     """
@@ -56,26 +56,26 @@ def set_paces(turns: float, work: Any, per_diameter: Any, pace: Any, low: int, h
 
 @jit_within
 def wave_number(EI: float, T: float, m: float, omega: float) -> Any:
-    """k of a wave of this frequency [1/m]; 0 where the rope is slack. m: mass per metre."""
+    """Return k of a wave of this frequency [1/m]; 0 where the rope is slack. m: mass per metre."""
     inertia = m * omega * omega
-    square = 2.0 * inertia / (T + sqrt(T * T + 4.0 * EI * inertia) + STOPPED)
+    square = 2.0 * inertia / (T + sqrt(T * T + 4.0 * EI * inertia) + RATE_MIN)
     return sqrt(square) if T > 0.0 else 0.0
 
 
 @jit
 def _set_turns(waves: Any, work: Any, length: Any, turn: Any, n: int) -> None:
-    """k·length/ω of the nodes below n, without bending [s]."""
+    """Set k·length/ω of the nodes below n, without bending stiffness [s]."""
     T, mass, volume = row(work, TENSION, 0), row(work, MASS, 0), row(work, VOLUME, 0)
     for i in range(n):
         moved = mass[i] + waves.added * volume[i]
-        turn[i] = sqrt(2.0 * length[i] * moved / (T[i] + T[i] + STOPPED)) if T[i] > 0.0 else 0.0
+        turn[i] = sqrt(2.0 * length[i] * moved / (T[i] + T[i] + RATE_MIN)) if T[i] > 0.0 else 0.0
 
 
 @jit
 def hold_frequencies(waves: Any, work: Any, length: Any, held: Any, turn: Any, n: int) -> None:
-    """One ω from the hang-off down until half a wave is full: that of its upper end.
+    """Hold ω of the upper end over each half wave, from the hang-off down.
 
-    held: each node's own ω; becomes that of its half wave. turn: scratch.
+    held: each node's own ω, replaced by that of its half wave. turn: scratch.
     """
     T, mass, volume = row(work, TENSION, 0), row(work, MASS, 0), row(work, VOLUME, 0)
     if waves.EI == 0.0:

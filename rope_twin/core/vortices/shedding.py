@@ -1,6 +1,6 @@
-"""What sheds vortices along a rope: the water across its shape without the vibration.
+"""Vortex shedding along a rope, from the water velocity normal to its mean shape.
 
-The shape is the mean of the rope's tangent over a time; it follows payout and current.
+The shape is the running mean of the rope's tangent; it follows payout and current.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import Any
 
 from rope_twin.core.compiler.jit import jit, jit_within
 from rope_twin.core.compiler.rows import row, rows
-from rope_twin.core.guards import NONE_AT_ALL, STOPPED
+from rope_twin.core.guards import DIVISOR_MIN, RATE_MIN
 from rope_twin.core.rope.elastic import stretch_all
 from rope_twin.core.solve.assembly import set_flow
 from rope_twin.core.state import ELEMENTS, FLOW, POSITION, REST, TANGENT, VOLUME, Stage
@@ -20,13 +20,16 @@ INCLINED = sqrt(0.5)  # sine of 45°
 
 @jit_within
 def three_rows(memory: Any, first: int, low: int) -> Any:
-    """Three rows of a memory from node `low` on."""
+    """Return three rows of a memory from node `low` on."""
     return memory[first, low:], memory[first + 1, low:], memory[first + 2, low:]
 
 
 @jit
 def set_node_lengths(work: Any, length: Any, low: int, high: int) -> None:
-    """Rope that belongs to the free nodes low <= i < high [m]; length: from node `low` on."""
+    """Set the unstretched length lumped at the free nodes low <= i < high [m].
+
+    length: result, from node `low` on.
+    """
     first = max(low, 1)
     rest, below = row(work, REST, first), row(work, REST, first - 1)
     if low == 0:
@@ -37,8 +40,8 @@ def set_node_lengths(work: Any, length: Any, low: int, high: int) -> None:
 
 
 @jit
-def find_rest(rope: Any) -> None:
-    """Directions, tensions and water of the rope as it rests at time 0."""
+def evaluate_statics(rope: Any) -> None:
+    """Compute directions, tensions and water velocity in static equilibrium at time 0."""
     n, stage = rope.state.counts[ELEMENTS], Stage(0.0, 1.0, 0.0, 0.0)
     stretch_all(rope, stage)
     set_flow(rope.effects, rope.work, stage, n - n, n)
@@ -46,20 +49,20 @@ def find_rest(rope: Any) -> None:
 
 @jit
 def set_shape(rope: Any, shape: Any) -> None:
-    """The rope's own tangent at its free nodes: shape is three rows."""
+    """Set `shape` (three rows) to the rope's present tangent at its free nodes."""
     nodes, (x, y, z) = rope.state.nodes, shape
     for i in range(rope.state.counts[ELEMENTS]):
         low = max(i - 1, 0)
         dx = nodes[POSITION, i + 1] - nodes[POSITION, low]
         dy = nodes[POSITION + 1, i + 1] - nodes[POSITION + 1, low]
         dz = nodes[POSITION + 2, i + 1] - nodes[POSITION + 2, low]
-        inverse = 1.0 / sqrt(dx * dx + dy * dy + dz * dz + NONE_AT_ALL)
+        inverse = 1.0 / sqrt(dx * dx + dy * dy + dz * dz + DIVISOR_MIN)
         x[i], y[i], z[i] = inverse * dx, inverse * dy, inverse * dz
 
 
 @jit
 def follow_shape(work: Any, share: float, mean: Any, shape: Any, n: int) -> None:
-    """shape = mean + share·(tangent - mean) of the nodes below n; both are three rows."""
+    """Set shape = mean + share·(tangent - mean) of the nodes below n; both are three rows."""
     tx, ty, tz = rows(work, TANGENT, 0)
     (mx, my, mz), (x, y, z) = mean, shape
     for i in range(n):
@@ -70,7 +73,7 @@ def follow_shape(work: Any, share: float, mean: Any, shape: Any, n: int) -> None
 
 @jit_within
 def _shed(wake: Any, water: Any, tangent: Any) -> Any:
-    """Vector V × t_s, its size |V_N|, A and ε at a node whose shape without vibration is t_s."""
+    """Return V × t_s, its magnitude |V_N|, A and ε at a node; t_s: tangent of the mean shape."""
     u, v, w = water
     x, y, z = tangent
     cx, cy, cz = v * z - w * y, w * x - u * z, u * y - v * x
@@ -84,19 +87,19 @@ def _shed(wake: Any, water: Any, tangent: Any) -> Any:
 
 @jit
 def set_shedding(wake: Any, work: Any, own: Any, low: int, high: int) -> None:
-    """ω_s [rad/s], ε, the lift's strength [kg/m] and (A/D)·D_a of the nodes low <= i < high.
+    """Set ω_s [rad/s], ε, the lift factor [kg/m] and (A/D)·D_a of the nodes low <= i < high.
 
-    own: rows from node `low` on: the shape (three); ω_s, ε and strength, which has the node's
-    length; and (A/D)·D_a (three).
+    own: rows from node `low` on: the shape (three); ω_s, ε and lift factor, which contains the
+    node's length; and (A/D)·D_a (three).
     """
     (tx, ty, tz), (omega, epsilon, length), (bx, by, bz) = own
     ux, uy, uz = rows(work, FLOW, low)
     volume = row(work, VOLUME, low)
     for i in range(high - low):
-        per_diameter = sqrt(0.25 * pi * length[i] / (volume[i] + NONE_AT_ALL))
+        per_diameter = sqrt(0.25 * pi * length[i] / (volume[i] + DIVISOR_MIN))
         (x, y, z), speed, A, e = _shed(wake, (ux[i], uy[i], uz[i]), (tx[i], ty[i], tz[i]))
         omega[i] = 2.0 * pi * wake.strouhal * speed * per_diameter
         epsilon[i] = e
         length[i] *= wake.strength / per_diameter
-        scale = A * per_diameter / (speed + STOPPED)
+        scale = A * per_diameter / (speed + RATE_MIN)
         bx[i], by[i], bz[i] = scale * x, scale * y, scale * z

@@ -1,1 +1,1 @@
-"""The water of a sea at the nodes: figures of components, sums, reach."""
+"""Wave kinematics at the nodes: tables of components, sums, and truncation depths."""

@@ -1,10 +1,9 @@
-"""The water of a sea along a rope: at its nodes, or at a few of them.
+"""Wave kinematics along a rope: evaluated at its nodes, or interpolated from a few of them.
 
-Where the water moves alike at neighbouring nodes it is found at four nodes of a stretch, and
-a cubic goes through them. In any direction the fourth derivative of a component's velocity is at
-most a·ω·k⁴·e^{kz} (the surface's slope in Wheeler's z apart). With thirds s the cubic is wrong by
-s⁴/24 of the sum of these at the stretch's highest place, by s⁴/11 where a stretch has few nodes.
-
+Where the water moves alike at neighbouring nodes it is evaluated at four nodes of a stretch and
+interpolated by a cubic. In any direction the fourth derivative of a component's velocity is at most
+a·ω·k⁴·e^{kz} (except for the surface's slope in Wheeler's z). With thirds s the error of the cubic
+is s⁴/24 of the sum of these at the stretch's highest position, s⁴/11 where a stretch has few nodes.
 `sea` is any NamedTuple with the fields of `effects/waves.Waves`.
 """
 
@@ -19,13 +18,13 @@ from rope_twin.core.state import FLOW, FLOW_RATE, POSITION, SURFACE
 from rope_twin.core.waves.rows import ASIDE, BASE, ECHO, LEVEL, REACH, THIRD, figures, scratch
 from rope_twin.core.waves.sums import refer, turn, water
 
-FEWEST = 5  # nodes of a stretch: of fewer, each is found by itself
-NOWHERE = 1e30  # m: no angles are kept yet
+FEWEST = 5  # nodes of a stretch: with fewer, each is evaluated individually
+NOWHERE = 1e30  # m: no angles are stored yet
 
 
 @jit
 def _reaching(sea: Any, level: float) -> int:
-    """How many blocks of components reach down to a level."""
+    """Return the number of blocks of components that reach down to a level."""
     reach, count = figures(sea.table)[REACH], 0
     while count < sea.blocks and reach[count] <= level:
         count += 1
@@ -34,7 +33,7 @@ def _reaching(sea: Any, level: float) -> int:
 
 @jit
 def _echoing(sea: Any, level: float) -> int:
-    """How many of them the bottom throws back to there."""
+    """Return the number of those blocks with a significant reflection at the bottom."""
     echo, count = figures(sea.table)[ECHO], 0
     while count < sea.blocks and echo[count] > level:
         count += 1
@@ -43,13 +42,13 @@ def _echoing(sea: Any, level: float) -> int:
 
 @jit
 def _level(sea: Any, z: float, eta: float) -> float:
-    """Wheeler's z."""
+    """Return Wheeler's stretched z."""
     return float(max(min((z - eta) / (1.0 + eta / sea.depth), 0.0), -sea.depth))
 
 
 @jit
 def _find(sea: Any, share: Any, kept: Any, place: Any, time: float) -> Any:
-    """Surface, velocity and its rate at a place; share: of the sea that there is, and its rate."""
+    """Return surface, velocity and acceleration at a position; share: build-up factor, rate."""
     x, y, z = place
     part, rate = share
     base = kept[BASE]
@@ -72,9 +71,9 @@ def _find(sea: Any, share: Any, kept: Any, place: Any, time: float) -> Any:
 
 @jit
 def _stretch_end(sea: Any, nodes: Any, arc: Any, i: int, last: int, eta: float) -> int:
-    """The last node of a stretch from node i; how far along each of its nodes is, is in arc [m].
+    """Return the last node of a stretch from node i; arc length of its nodes is in arc [m].
 
-    eta: the surface above node i; from there it falls by the steepest slope at most.
+    eta: the surface elevation above node i; from there it falls by the steepest slope at most.
     """
     x, y, z = nodes
     level, third = figures(sea.table)[LEVEL], figures(sea.table)[THIRD]
@@ -97,7 +96,7 @@ def _stretch_end(sea: Any, nodes: Any, arc: Any, i: int, last: int, eta: float) 
 
 @jit
 def _thirds(arc: Any, i: int, end: int) -> Any:
-    """The nodes nearest above a third and two thirds of a stretch."""
+    """Return the nodes nearest above a third and two thirds of a stretch."""
     a, b = i, i
     for k in range(i + 1, end):
         if a == i and 3.0 * arc[k] >= arc[end]:
@@ -109,7 +108,7 @@ def _thirds(arc: Any, i: int, end: int) -> Any:
 
 @jit
 def _put(target: Any, i: int, values: Any) -> None:
-    """Surface and rate of velocity at a node are these; velocity is added."""
+    """Set surface elevation and water acceleration of a node; add the velocity."""
     u, v, w, du, dv, dw, surface_at = target
     surface_at[i] = values[0]
     u[i] += values[1]
@@ -130,9 +129,9 @@ def _blend(weights: Any, four: Any, k: int) -> float:
 
 @jit
 def _put_cubic(target: Any, span: Any, thirds: Any, four: Any) -> None:
-    """Likewise at the nodes of a stretch after its first, by the cubic through four of them.
+    """Interpolate the nodes of a stretch after its first by Lagrange's cubic through four.
 
-    Lagrange's; where the nodes are along the stretch is in the surface's row so far.
+    The arc lengths of the nodes are passed in the surface's row.
     """
     u, v, w, du, dv, dw, surface_at = target
     i, end = span
@@ -154,9 +153,9 @@ def _put_cubic(target: Any, span: Any, thirds: Any, four: Any) -> None:
 
 @jit
 def add_water(sea: Any, share: Any, work: Any, time: float, low: int, high: int) -> None:
-    """FLOW += velocity; FLOW_RATE and SURFACE = the sea's, of the nodes low <= i < high.
+    """Add wave velocity to FLOW, and set FLOW_RATE and SURFACE, of the nodes low <= i < high.
 
-    0 where no component reaches. share: of the sea that there is, and its rate [1/s].
+    They are 0 where no component reaches. share: build-up factor of the sea and its rate [1/s].
     """
     nodes = rows(work, POSITION, low)
     rates = rows(work, FLOW_RATE, low)
@@ -172,7 +171,7 @@ def add_water(sea: Any, share: Any, work: Any, time: float, low: int, high: int)
     kept[BASE][0] = NOWHERE
     kept[BASE][1] = kept[BASE][2] = 0.0
     target = (*rows(work, FLOW, low), *rates, surface_at)
-    i, last = low - low, high - low  # 0; a plain one is a type of its own: all is compiled twice
+    i, last = low - low, high - low  # 0; a literal has its own type and compiles everything twice
     while i < last:
         if nodes[2][i] >= sea.lowest:
             i = _go_along(sea, share, kept, nodes, target, time, (i, last))
@@ -183,7 +182,7 @@ def add_water(sea: Any, share: Any, work: Any, time: float, low: int, high: int)
 def _go_along(
     sea: Any, share: Any, kept: Any, nodes: Any, target: Any, time: float, span: Any
 ) -> int:
-    """Node i, and as many stretches from it as there are; the last node that is done."""
+    """Evaluate node i and as many stretches from it as possible; return the last node done."""
     i, last = span
     x, y, z = nodes
     arc = target[6]

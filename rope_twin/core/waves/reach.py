@@ -1,9 +1,8 @@
-"""How deep waves are felt, how far apart nodes may be that take the water from a cubic, and how far
-aside of a place angles may be turned instead of found.
+"""Truncation of wave kinematics: component depth, node spacing, range of rotated angles.
 
-All three leave something out of the water's velocity; what they leave out stays together under
-`neglected` [m/s]. Here k are wave numbers [1/m] from long to short and speed is a·ω of each at the
-surface [m/s], (n,), where ω counts as 1/s at least, so that it bounds the acceleration too.
+All three neglect a part of the water's velocity; the total stays below `neglected` [m/s]. Here k
+are wave numbers [1/m] from long to short and speed is a·ω of each at the surface [m/s], (n,), where
+ω is at least 1/s, so that the bound holds for the acceleration too.
 """
 
 from __future__ import annotations
@@ -12,32 +11,33 @@ import math
 
 import numpy as np
 
-from rope_twin.core.guards import NO_WAVES
+from rope_twin.core.guards import WAVE_MIN
 from rope_twin.core.state import Floats
 from rope_twin.core.waves.sums import LOWEST
 
-# Shares of what may be neglected. A cubic of four values makes 1.63 of an error that all may have.
+# Fractions of the error budget. A cubic amplifies an error of its four values by up to 1.63.
 CUT, TURN, BETWEEN = 0.2, 0.1, 0.5
 LEVELS, DEEPEST = 40, 2e3  # of the table of stretches, to this depth [m]
 HALVINGS = 60  # that find how deep a component reaches
-FARTHEST = 1e4  # m: so far aside angles are turned at most
-SMALL = 36.7  # e^-36.7 of 1 is round-off
+FARTHEST = 1e4  # m: maximum range of rotated angles
+ROUND_OFF_EXPONENT = 36.7  # e^-36.7 is round-off of 1
 
 
 def levels_to(depth: float) -> Floats:
-    """Where the longest stretches are told, from the surface down [m]."""
+    """Return the levels at which the longest stretches are tabulated, from the surface down [m]."""
     return -np.append(0.0, np.geomspace(0.25, min(depth, DEEPEST), LEVELS))
 
 
 def deepest(k: Floats, depth: float) -> float:
-    """The z at which the longest component ends: the bottom, or where nothing is left of it [m]."""
+    """Return the z at which the longest component ends: the bottom, or where it has decayed [m]."""
     return max(-LOWEST / float(k[0]), -depth)
 
 
 def reaches(k: Floats, speed: Floats, depth: float, neglected: float) -> Floats:
-    """For each component the z below which it and all shorter ones bring less than their share.
+    """Return for each component the z below which it and all shorter ones are negligible.
 
-    z is Wheeler's. The bound counts each at its largest, Σ a·ω·(e^{kz} + e^{-k(z+2h)}), by halves.
+    z is Wheeler's. The bound is the sum of all amplitudes, Σ a·ω·(e^{kz} + e^{-k(z+2h)}), solved by
+    bisection.
     """
     error, bottom = CUT * neglected, deepest(k, depth)
     reach = np.full(len(k), bottom)
@@ -55,7 +55,7 @@ def reaches(k: Floats, speed: Floats, depth: float, neglected: float) -> Floats:
 
 
 def lowest(reach: float, crest: float, depth: float) -> float:
-    """The z of nodes below which no component reaches, were all crests or troughs at one place.
+    """Return the z below which no component reaches a node, for coincident crests or troughs.
 
     From Wheeler's z that the longest one reaches, `reach` [m]; crest: Σ a [m].
     """
@@ -65,26 +65,26 @@ def lowest(reach: float, crest: float, depth: float) -> float:
 
 
 def echoes(k: Floats, depth: float) -> Floats:
-    """For each component the z down to which the bottom throws back nothing of it that counts."""
-    return 0.5 * SMALL / k - depth
+    """Return for each component the z down to which its reflection at the bottom is negligible."""
+    return 0.5 * ROUND_OFF_EXPONENT / k - depth
 
 
 def thirds(levels: Floats, k: Floats, speed: Floats, depth: float, neglected: float) -> Floats:
-    """A third of the longest stretch [m] that a cubic serves below each level.
+    """Return a third of the longest stretch [m] that a cubic can interpolate below each level.
 
-    (11·error/Σ a·ω·k⁴·(e^{kz} + e^{-k(z+2h)}))^¼, where ω counts as 1/s at least.
+    (11·error/Σ a·ω·k⁴·(e^{kz} + e^{-k(z+2h)}))^¼, where ω is at least 1/s.
     """
     error, size = BETWEEN * neglected, speed * k**4
-    return np.asarray((11.0 * error / np.maximum(_both(levels, k, depth) @ size, NO_WAVES)) ** 0.25)
+    return np.asarray((11.0 * error / np.maximum(_both(levels, k, depth) @ size, WAVE_MIN)) ** 0.25)
 
 
 def asides(
     levels: Floats, k: Floats, a: Floats, speed: Floats, depth: float, neglected: float
 ) -> Floats:
-    """How far aside [m] angles may be turned, for places below each level.
+    """Return the horizontal range [m] over which angles may be rotated, below each level.
 
-    A component turned by d = k·r is wrong by d⁶/720 of itself: the velocity by that of
-    Σ a·ω·k⁶·e^{kz}, and the surface by that of Σ a·k⁶, which shifts Wheeler's z and changes the
+    The relative error of a component rotated by d = k·r is d⁶/720: in the velocity that of Σ
+    a·ω·k⁶·e^{kz}, and in the surface that of Σ a·k⁶, which shifts Wheeler's z and changes the
     velocity by Σ a·ω·k·e^{kz} a metre, in shallow water by h/(h - Σ a) times as much.
     """
     room = 1.0 - float(a.sum()) / depth
@@ -92,9 +92,9 @@ def asides(
         return np.zeros(len(levels))
     both = _both(np.maximum(levels, deepest(k, depth)), k, depth)
     wrong = both @ (speed * k**6) + both @ (speed * k) * float(a @ k**6) / room
-    return np.minimum((720.0 * TURN * neglected / np.maximum(wrong, NO_WAVES)) ** (1 / 6), FARTHEST)
+    return np.minimum((720.0 * TURN * neglected / np.maximum(wrong, WAVE_MIN)) ** (1 / 6), FARTHEST)
 
 
 def _both(levels: Floats, k: Floats, depth: float) -> Floats:
-    """e^{kz} + e^{-k(z+2h)} of components at levels, (levels, n)."""
+    """Return e^{kz} + e^{-k(z+2h)} of components at levels, (levels, n)."""
     return np.exp(np.outer(levels, k)) + np.exp(-np.outer(levels + 2.0 * depth, k))

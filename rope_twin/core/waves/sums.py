@@ -1,9 +1,9 @@
-"""Sums over the components of a sea at one place, several components at a time.
+"""Sums over the components of a sea at one position, vectorised over components.
 
-`refer` finds the cosine and sine of each component's angle, and the surface, at a place. Beside it
-they are turned on: the angle differs by d = k·(distance along the heading), and with cos d to d⁴
-and sin d to d⁵ a component is wrong by d⁶/720 of itself at most. How far aside that is small
-enough tells core/waves/reach.
+`refer` evaluates cosine and sine of each component's angle, and the surface, at a base position.
+Near it they are rotated: the angle differs by d = k·(distance along the heading), and with cos d to
+d⁴ and sin d to d⁵ the relative error of a component is at most d⁶/720. The admissible distance is
+given by core/waves/reach.
 """
 
 from __future__ import annotations
@@ -30,15 +30,16 @@ from rope_twin.core.waves.rows import (
     figures,
 )
 
-LOWEST = 60.0  # e^-60 stands for less
+LOWEST = 60.0  # exponents below are clamped to e^-60
 
 
 @jit_within
 def cos_sin(angle: float) -> Any:
-    """Cosine and sine to 3e-15, in arithmetic that runs on several angles at once.
+    """Return cosine and sine to 3e-15, in arithmetic that vectorises over angles.
 
-    By half the angle, taken to within a quarter turn: polynomials through sin x/x and cos x at
-    Chebyshev's places of x², 0 to (π/2)². Taylor's of the same length is wrong by 2e-11.
+    From half the angle, reduced to a quarter turn: polynomials through sin x/x and cos x at
+    Chebyshev points of x², 0 to (π/2)². Taylor polynomials of the same degree have an error of
+    2e-11.
     """
     turns = angle * (0.5 / math.pi)
     x = math.pi * (turns - math.floor(turns + 0.5))
@@ -56,7 +57,7 @@ def cos_sin(angle: float) -> Any:
 
 @jit_within
 def decay(x: float) -> float:
-    """e^x for -60 < x <= 0 to 4e-14, likewise: (e^{x/64})^64, about x/64 = -1/2."""
+    """Return e^x for -60 < x <= 0 to 4e-14: (e^{x/64})^64, expanded about x/64 = -1/2."""
     y = x * (1.0 / 64.0) + 0.5
     e = 0.6065306597126334 + y * (0.6065306597126321 + y * (0.3032653298563332 + y * (
         0.10108844328558202 + y * (0.02527211082046181 + y * (0.005054422160007714 + y * (
@@ -73,7 +74,7 @@ def decay(x: float) -> float:
 
 @jit_sum
 def refer(sea: Any, kept: Any, x: float, y: float, time: float) -> float:
-    """η of the full sea at a place [m]; cosines and sines there are kept, to be turned too."""
+    """Return η of the full sea at a position [m]; store its cosines and sines for `turn`."""
     c, s, c_base, s_base = kept[COS], kept[SIN], kept[COS_BASE], kept[SIN_BASE]
     rows = figures(sea.table)
     kx, ky, omega, phase, a = rows[KX], rows[KY], rows[OMEGA], rows[PHASE], rows[AMPLITUDE]
@@ -90,7 +91,7 @@ def refer(sea: Any, kept: Any, x: float, y: float, time: float) -> float:
 
 @jit_sum
 def turn(sea: Any, kept: Any, x: float, y: float) -> float:
-    """The same so far aside of that place."""
+    """Return η near the base position [m], with the angles rotated from there."""
     c, s, c_base, s_base = kept[COS], kept[SIN], kept[COS_BASE], kept[SIN_BASE]
     rows = figures(sea.table)
     kx, ky, a = rows[KX], rows[KY], rows[AMPLITUDE]
@@ -109,9 +110,10 @@ def turn(sea: Any, kept: Any, x: float, y: float) -> float:
 
 @jit_sum
 def water(sea: Any, kept: Any, echoing: int, reaching: int, z: float) -> Any:
-    """Velocity and acceleration of the water from the `reaching` longest blocks at Wheeler's z.
+    """Return velocity and acceleration at Wheeler's z from the `reaching` longest blocks.
 
-    The bottom throws back the `echoing` longest ones: level and rise are then a little apart.
+    The `echoing` longest ones are reflected at the bottom: cosh and sinh profiles then differ
+    slightly.
     """
     rows, c, s = figures(sea.table), kept[COS], kept[SIN]
     k, omega, east, north, up = rows[K], rows[OMEGA], rows[EAST], rows[NORTH], rows[UP]

@@ -1,7 +1,7 @@
-"""What a scene's rigid body meets besides its slings: it becomes part of the body.
+"""Components of a scene's rigid body besides its slings: water, deck and seabed.
 
-The seabed stays an effect of the rope, with the hook as the load at its end; the splash zone is the
-body's alone.
+The seabed remains an effect of the rope as well, with the hook as the load at its end; the splash
+zone applies to the body only.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZone, SplashZoneParams
 from rope_twin.scene.schema import Scene
 
-COLUMNS = 3  # along each side of a body in the surface
-LEAST_SHARE = 0.1  # of its weight in air that presses a body that nearly floats onto the bed
+COLUMNS = 3  # along each side of a partially submerged body
+LEAST_SHARE = 0.1  # of the weight in air: minimum load of a nearly buoyant body on the seabed
 
 
 def meet(built: Sequence[Any], scene: Scene) -> tuple[Any, ...]:
-    """The kernels' data of a scene's effects, of which one is a rigid body."""
+    """Return the kernel data of a scene's effects, one of which is a rigid body."""
     (body,) = (own for own in built if isinstance(own, RigidBody))
     parts, others = list(body.parts), []
     for own in built:
@@ -45,7 +45,7 @@ def meet(built: Sequence[Any], scene: Scene) -> tuple[Any, ...]:
 
 
 def _afloat(params: SplashZoneParams, body: RigidBody, density: float) -> Afloat:
-    """Columns over the body's outline."""
+    """Return columns over the body's outline."""
     places, weights = leggauss(COLUMNS)
     (a, b, _), (X, Y, Z) = body.size, body.middle
     columns = [
@@ -66,7 +66,7 @@ def _afloat(params: SplashZoneParams, body: RigidBody, density: float) -> Afloat
 
 
 def _bed(own: Plane | Grid, params: SeabedParams, body: RigidBody) -> Any:
-    """The bed below the corners."""
+    """Return the seabed below the corners."""
     weight = (body.m - body.displaced) * body.g
     k = max(weight, LEAST_SHARE * body.m * body.g) / params.payload_penetration_m / body.carrying
     kind: Any = GridBed if isinstance(own, Grid) else PlaneBed
@@ -74,6 +74,6 @@ def _bed(own: Plane | Grid, params: SeabedParams, body: RigidBody) -> Any:
 
 
 def _below_hook(own: Any, params: SeabedParams, body: RigidBody) -> Any:
-    """The bed below the rope, whose end weighs no more than the hook."""
+    """Return the seabed below the rope, whose end carries only the hook."""
     k = max(body.hook_weight, 0.0) / params.payload_penetration_m
     return own._replace(soil=own.soil._replace(k_payload=k))

@@ -1,4 +1,4 @@
-"""From a scene to arrays: the model, a state in static equilibrium's neighbourhood, the effects."""
+"""Conversion of a scene to arrays: model, initial state near equilibrium, effects."""
 
 from __future__ import annotations
 
@@ -54,10 +54,10 @@ TOLERANCE_SHARE, TOLERANCE_LEAST_N, TOLERANCE_MOST_N = 0.003, 1.0, 500.0
 
 
 def build(scene: Scene) -> CoreRope:
-    """Arrays for the scene's rope with a straight, stretched first guess of its shape.
+    """Return the arrays of the scene's rope with a straight, stretched initial guess of its shape.
 
     Raises:
-        SceneError: ropes meet, an effect has no kernel, or a payload does not give its figures.
+        SceneError: a multi-line scene, an effect without a kernel, or an incomplete payload.
     """
     refuse_joined(scene)
     line = scene.ropes[0]
@@ -88,19 +88,19 @@ def build(scene: Scene) -> CoreRope:
 
 
 def _room(scene: Scene, line: RopeLine, s: Floats) -> int:
-    """Nodes that the arrays of a rope with nodes at these places must hold."""
+    """Return the node capacity of the arrays of a rope with nodes at these coordinates."""
     most = scene.winch.most_line_out_m if scene.winch else line.length_m
     to_come = ceil((most - line.length_m) / float(s[-1] - s[-2])) + len(line.made_of)
     return len(s) - 1 + to_come + SPARE_NODES + TRIALS
 
 
 def find_payload(scene: Scene, line: RopeLine) -> Payload | None:
-    """The payload at the line's lower end, or None if that end is fixed."""
+    """Return the payload at the line's lower end, or None if that end is fixed."""
     return next((payload for payload in scene.payloads if payload.name == line.to), None)
 
 
 def build_effects(scene: Scene, figures: PayloadFigures | None) -> tuple[Any, ...]:
-    """The kernels' data of the effects that the scene lists, in the order of EFFECTS."""
+    """Return the kernel data of the effects that the scene lists, in the order of EFFECTS."""
     water = scene.environment
     Ca = sum(own.normal for own in scene.effects if isinstance(own, AddedMassParams))
     Cd = sum(own.normal for own in scene.effects if isinstance(own, DragParams))
@@ -114,18 +114,18 @@ def build_effects(scene: Scene, figures: PayloadFigures | None) -> tuple[Any, ..
     for effect in EFFECTS:
         for params in scene.effects:
             if type(params) is effect.params:
-                # a body hangs below the rope's end: to other effects that end carries nothing
+                # a body hangs below the rope's end: for other effects that end is unloaded
                 own = None if apart and not isinstance(params, RigidBodyParams) else figures
                 built.append(effect.build(params, own, around))
                 if not hooks_of(type(built[-1])):
                     raise SceneError(
-                        phrase(f"effect '{effect.name}'", "it has no kernel", "mend its file")
+                        phrase(f"effect '{effect.name}'", "it has no kernel", "register one")
                     )
     return meet(built, scene) if apart else tuple(built)
 
 
 def section_damping(scene: Scene, line: RopeLine, figures: PayloadFigures | None) -> list[float]:
-    """c of T = E(strain) + c·strain rate [N·s] of each section, independent of the elements."""
+    """Return c of T = E(strain) + c·strain rate [N·s] of each section, independent of the mesh."""
     bars = hanging_bars(scene, line, figures, line.length_m)
     return damping_newton_seconds(line.damping, bars, end_mass_kg(figures), line.elements)
 
@@ -133,7 +133,7 @@ def section_damping(scene: Scene, line: RopeLine, figures: PayloadFigures | None
 def hanging_bars(
     scene: Scene, line: RopeLine, figures: PayloadFigures | None, line_out_m: float
 ) -> list[Bar]:
-    """The sections of the rope as it hangs at rest in still water with so much line out."""
+    """Return the sections of the rope hanging in still water at this paid-out length."""
     water = scene.environment
     load = 0.0
     if figures is not None:
@@ -143,7 +143,7 @@ def hanging_bars(
 
 
 def _sections(scene: Scene, line: RopeLine, figures: PayloadFigures | None) -> Floats:
-    """The rope's figures per metre, (rows.SECTION_ROWS, sections)."""
+    """Return the rope's properties per metre, (rows.SECTION_ROWS, sections)."""
     columns = np.zeros((rows.SECTION_ROWS, len(line.made_of)))
     columns[rows.END] = ends_m(line)
     columns[rows.C] = section_damping(scene, line, figures)
@@ -162,14 +162,14 @@ def _sections(scene: Scene, line: RopeLine, figures: PayloadFigures | None) -> F
 
 
 def _law(line: RopeLine) -> Table | None:
-    """The table of all sections if one of them has one: else none."""
+    """Return the table of all sections if one of them has one, else None."""
     if not any(section.rope.axial_stiffness for section in line.made_of):
         return None
     return tables_of(line)
 
 
 def tables_of(line: RopeLine) -> Table:
-    """Tension over strain of each section; a straight line where it has no table."""
+    """Return tension over strain of each section; a straight line where it has no table."""
     ropes = [section.rope for section in line.made_of]
     return cubics(
         [
@@ -182,7 +182,7 @@ def tables_of(line: RopeLine) -> Table:
 
 
 def _static_tension(effects: tuple[Any, ...], sections: Floats, s: Floats) -> Floats:
-    """Tension [N] at these places of a rope that hangs straight, by the scene's effects."""
+    """Return the static tension [N] at these coordinates of a straight hanging rope."""
     ends = (PayloadEffect, TwoWayPayload, RigidBody)
     tension = np.full(len(s), sum(e.W for e in effects if isinstance(e, ends)), float)
     for effect in effects:
@@ -197,13 +197,13 @@ def _static_tension(effects: tuple[Any, ...], sections: Floats, s: Floats) -> Fl
 
 
 def _tolerance(top_tension: float) -> float:
-    """Largest tension mismatch of an accepted stage [N]."""
+    """Return the largest tension mismatch of an accepted stage [N]."""
     share = TOLERANCE_SHARE * abs(top_tension)
     return min(max(share, TOLERANCE_LEAST_N), TOLERANCE_MOST_N)
 
 
 def _place(state: State, scene: Scene, line: RopeLine, tension: Floats) -> None:
-    """First guess: hanging straight and stretched, or straight to the fixed end."""
+    """Set the initial guess: hanging straight and stretched, or straight to the fixed end."""
     n = int(state.counts[ELEMENTS])
     top = np.array(scene.ship.hang_off_m)
     s = state.s[: n + 1]

@@ -1,4 +1,4 @@
-"""A rope of several sections as bars under their static load: its first axial mode and damping."""
+"""A rope of several sections as bars under static load: first axial mode and damping."""
 
 from __future__ import annotations
 
@@ -10,52 +10,52 @@ from math import cos, inf, isinf, pi, sin, sqrt
 from rope_twin.scene.schema import Damping, Environment, Rope, RopeLine
 from rope_twin.scene.shapes.shapes import PayloadFigures
 
-SCAN = 0.02  # of the bare rope's half wave: the first mode is bracketed in steps of this
+SCAN = 0.02  # of the half wave of the unloaded rope: step of the search for the first mode
 
 
 @dataclass(frozen=True)
 class Bar:
-    """A section of the hanging rope, for small changes about its static tension."""
+    """A section of the hanging rope, linearised about its static tension."""
 
     rope: Rope
-    length_m: float  # of it that is out, unstretched
-    weight_n_per_m: float  # in water, negative: it floats
+    length_m: float  # paid-out unstretched length
+    weight_n_per_m: float  # in water, negative: buoyant
     low_n: float  # static tension at its lower end
 
     @property
     def high_n(self) -> float:
-        """Static tension at its upper end [N]."""
+        """Return the static tension at its upper end [N]."""
         return self.low_n + self.weight_n_per_m * self.length_m
 
     @property
     def stiffness_n(self) -> float:
-        """EA for small changes, at the middle of the section [N]."""
+        """Return the tangent EA at the middle of the section [N]."""
         return self.rope.tangent_n(0.5 * (self.low_n + self.high_n))
 
     @property
     def travel_s(self) -> float:
-        """Time an axial wave takes along it [s]."""
+        """Return the travel time of an axial wave [s]."""
         return self.length_m * sqrt(self.rope.mass_kg_per_m / self.stiffness_n)
 
     @property
     def stretch_m(self) -> float:
-        """Static stretch [m], by Simpson's rule: exact where strain is in proportion to tension."""
+        """Return the static elongation [m] by Simpson's rule, exact for a linear law."""
         low, high = self.low_n, self.high_n
         strains = [self.rope.strain_at(tension) for tension in (low, 0.5 * (low + high), high)]
         return self.length_m * (strains[0] + 4.0 * strains[1] + strains[2]) / 6.0
 
 
 def weight_n_per_m(rope: Rope, water: Environment) -> float:
-    """A rope's weight in water per unstretched metre [N/m]."""
+    """Return a rope's weight in water per unstretched metre [N/m]."""
     area = 0.25 * pi * rope.hydrodynamic_diameter_m**2
     submerged = rope.mass_kg_per_m - water.water_density_kg_per_m3 * area
     return submerged * water.gravity_m_per_s2
 
 
 def bars_of(line: RopeLine, line_out_m: float, load_n: float, water: Environment) -> list[Bar]:
-    """The sections of a rope that hangs straight down with a weight below it.
+    """Return the sections of a rope that hangs straight down with a weight below it.
 
-    Sections that are not out have length 0 and the tension of the hang-off.
+    Sections that are not paid out have length 0 and the tension of the hang-off.
     """
     bars: list[Bar] = []
     for section, length in zip(line.made_of, line.lengths_m(line_out_m), strict=True):
@@ -65,15 +65,15 @@ def bars_of(line: RopeLine, line_out_m: float, load_n: float, water: Environment
 
 
 def end_mass_kg(payload: PayloadFigures | None) -> float:
-    """What swings at the lower end [kg]: the payload with its added mass; infinite if held."""
+    """Return the mass at the lower end [kg]: payload with added mass; infinite if fixed."""
     return payload.mass_kg + float(payload.added_mass_kg[2]) if payload else inf
 
 
 def first_axial_frequency(bars: Sequence[Bar], mass_kg: float) -> float:
-    """ω [rad/s] of the first axial mode with a mass (infinite: a fixed point) at the lower end.
+    """Return ω [rad/s] of the first axial mode with a mass (infinite: fixed) at the lower end.
 
-    The displacement is carried up through the sections as a bar's closed form; ω is where it
-    vanishes at the hang-off. For one section that is x·tan x = m·L/M with x = ω·L/c.
+    The displacement is propagated upward through the sections in closed form; ω is its zero at the
+    hang-off. For one section that is x·tan x = m·L/M with x = ω·L/c.
     """
     step = SCAN * pi / sum(bar.travel_s for bar in bars)
     high = step
@@ -88,7 +88,7 @@ def first_axial_frequency(bars: Sequence[Bar], mass_kg: float) -> float:
 
 
 def tension_at_length(bars: Sequence[Bar], length_m: float) -> float:
-    """Tension [N] that stretches the weightless sections to a length together; 0 if it is less."""
+    """Return the tension [N] that stretches weightless sections to a total length; 0 if slack."""
     low, high = 0.0, 1e12
     for _ in range(200):
         middle = 0.5 * (low + high)
@@ -100,11 +100,11 @@ def tension_at_length(bars: Sequence[Bar], length_m: float) -> float:
 def damping_newton_seconds(
     damping: Damping, bars: Sequence[Bar], mass_kg: float, elements: int
 ) -> list[float]:
-    """c of T = E(strain) + c·strain rate [N·s] of each section.
+    """Return c of T = E(strain) + c·strain rate [N·s] of each section.
 
-    From a fraction ζ of critical on the first axial mode: c = EA·2·ζ/ω, so that each section, and
-    with it the mode, is damped by ζ. From a fraction of one element's: c = ζ·l·√(EA·m) (Hall and
-    Goupee 2015, Ocean Eng. 104, 590), which changes with the element's length l.
+    From a damping ratio ζ of the first axial mode: c = EA·2·ζ/ω, so that each section, and with it
+    the mode, is damped by ζ. From a damping ratio of one element: c = ζ·l·√(EA·m) (Hall and Goupee
+    2015, Ocean Eng. 104, 590), which depends on the element's length l.
     """
     if damping.newton_seconds is not None:
         return [damping.newton_seconds for _ in bars]
@@ -118,7 +118,7 @@ def damping_newton_seconds(
 
 
 def damping_fraction(bars: Sequence[Bar], damping: Sequence[float], mass_kg: float) -> float:
-    """Fraction of critical on the first axial mode of sections with these c [N·s].
+    """Return the damping ratio of the first axial mode for sections with these c [N·s].
 
     ½·ω·∫c·u'² ds / ∫EA·u'² ds with the mode's displacement u.
     """
@@ -129,9 +129,9 @@ def damping_fraction(bars: Sequence[Bar], damping: Sequence[float], mass_kg: flo
 
 
 def _displacement(bars: Sequence[Bar], mass: float, omega: float) -> tuple[float, list[float]]:
-    """Displacement at the hang-off for 1 at the lower end, and ∫EA·u'² ds of each section.
+    """Return the displacement at the hang-off for 1 at the lower end, and ∫EA·u'² ds per section.
 
-    With a fixed lower end: for a force of 1 there.
+    With a fixed lower end: for a unit force there.
     """
     u, force = (0.0, 1.0) if isinf(mass) else (1.0, -mass * omega**2)
     stored = []
@@ -148,6 +148,6 @@ def _displacement(bars: Sequence[Bar], mass: float, omega: float) -> tuple[float
 
 
 def ends_m(line: RopeLine) -> list[float]:
-    """Where the sections end, from the lower end up [m]; the last one is endless."""
+    """Return the upper ends of the sections, from the lower end up [m]; the last: infinite."""
     known = list(accumulate(section.length_m or 0.0 for section in line.made_of))
     return [*known[:-1], inf]

@@ -1,15 +1,15 @@
-"""Where joints and payloads of a scene hang, about: a first guess (core/joined/hanging.py)."""
+"""Initial guess of the positions of connections and payloads (core/joined/hanging.py)."""
 
 from __future__ import annotations
 
-from rope_twin.core.joined.hanging import Link, hang
+from rope_twin.core.joined.hanging import Link, guess_positions
 from rope_twin.core.state import Floats
 from rope_twin.scene.rules.rigging import meeting_points, places
 from rope_twin.scene.schema import Scene
 
 
 def first_places(scene: Scene) -> dict[str, Floats]:
-    """Hang-offs, payloads and joints by name, (3,) each [m]."""
+    """Return approximate positions of hang-offs, payloads and joints by name, (3,) each [m]."""
     feet = {
         f"foot of {line.name}, {number}": line.fixed_at_m
         for number, line in enumerate(scene.ropes)
@@ -20,5 +20,5 @@ def first_places(scene: Scene) -> dict[str, Floats]:
         for number, line in enumerate(scene.ropes)
     ]
     bars: list[Link] = [(*strut.between, strut.length_m) for strut in scene.struts]
-    found = hang({**places(scene), **feet}, meeting_points(scene), ropes, bars)
+    found = guess_positions({**places(scene), **feet}, meeting_points(scene), ropes, bars)
     return {str(name): place for name, place in found.items()}

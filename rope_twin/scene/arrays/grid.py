@@ -1,4 +1,4 @@
-"""Where a rope's nodes are at the start: equal elements, or shorter ones near its lower end."""
+"""Initial mesh of a rope: equal elements, or shorter ones near its lower end."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from rope_twin.core.state import Floats
 from rope_twin.scene.arrays.composite import ends_m
 from rope_twin.scene.schema import Grading, RopeLine, Scene
 
-FEWEST_ELEMENTS = 3  # that a rope of a scene may have
-ROOM = 0.9  # of the least line out: the lowest element is no longer than this
+FEWEST_ELEMENTS = 3  # minimum per rope
+ROOM = 0.9  # of the minimum paid-out length: maximum length of the lowest element
 
 
 def node_coordinates(line: RopeLine, least_line_out_m: float | None) -> Floats:
-    """Unstretched distance of each node from the lower end [m].
+    """Return the unstretched distance of each node from the lower end [m].
 
-    A section's end is a node: the elements below and above it are stretched to meet there. Where
-    the winch may haul in until less than the lowest of equal elements is left, that one is divided
-    into some that double in length, the lowest half of what may be left.
+    A section's end is a node: the adjacent elements are stretched to meet there. Where the winch
+    may haul in to less than the lowest of equal elements, that one is divided into elements that
+    double in length, the lowest half of the minimum length.
     """
     length, count = line.length_m, line.elements
     grading = line.grading
@@ -38,13 +38,13 @@ def node_coordinates(line: RopeLine, least_line_out_m: float | None) -> Floats:
 
 
 def elements_with(own: Sequence[int], first: int) -> list[int]:
-    """Elements of all ropes where the first has so many: in proportion to their own."""
+    """Return the elements of all ropes in proportion, given the number of the first."""
     others = (max(FEWEST_ELEMENTS, round(count * first / own[0])) for count in own[1:])
     return [first, *others]
 
 
 def halvings(least: float, length: float) -> list[float]:
-    """Nodes between elements of least/2, least, 2·least ... in a length; none shorter than that."""
+    """Return nodes between elements of least/2, least, 2·least ... up to a length."""
     nodes, rest = [0.5 * least], 0.5 * least
     while nodes[-1] + 3.0 * rest <= length:
         rest *= 2.0
@@ -53,12 +53,12 @@ def halvings(least: float, length: float) -> list[float]:
 
 
 def least_line_out_m(scene: Scene) -> float | None:
-    """How short the winch may make the rope [m]; None without a winch."""
+    """Return the minimum paid-out length of the winch [m]; None without a winch."""
     return scene.winch.least_line_out_m if scene.winch else None
 
 
 def grading_faults(line: RopeLine, grading: Grading) -> Iterator[tuple[str, str]]:
-    """What is wrong with a grading, and what would be right."""
+    """Yield the faults of a mesh grading, each with a remedy."""
     length, count = line.length_m, line.elements
     if (grading.lowest_m is None) == (grading.nodes_m is None):
         given = "neither" if grading.lowest_m is None else "both"
@@ -66,7 +66,7 @@ def grading_faults(line: RopeLine, grading: Grading) -> Iterator[tuple[str, str]
     elif grading.lowest_m is not None:
         lowest, growth = grading.lowest_m, grading.growth
         if lowest > length / count:
-            what = f"{lowest:g} m is longer than the {length / count:g} m of equal elements"
+            what = f"{lowest:g} m is longer than equal elements of {length / count:g} m"
             yield what, "give a shorter one"
         elif largest_reach(lowest, growth, count) < length:
             reach = largest_reach(lowest, growth, count)
@@ -79,16 +79,16 @@ def grading_faults(line: RopeLine, grading: Grading) -> Iterator[tuple[str, str]
         if len(nodes) > count:
             yield f"{len(nodes) - 1} nodes for {count} elements", "give more elements"
         elif not all(low < high for low, high in pairwise([*nodes, length])):
-            yield "the nodes do not rise from 0 to length_m", "order them from the lower end up"
+            yield "the nodes do not ascend from 0 to length_m", "order them from the lower end up"
 
 
 def largest_reach(lowest: float, growth: float, count: int) -> float:
-    """Length of `count` elements that all grow [m]."""
+    """Return the length of `count` elements that all grow [m]."""
     return float(lowest * (growth ** min(count, 400) - 1.0) / (growth - 1.0))
 
 
 def _graded(lowest: float, growth: float, length: float, count: int) -> Floats:
-    """Elements lowest, lowest·growth, ... up to the equal ones that make up the length."""
+    """Return elements lowest, lowest·growth, ... up to the equal ones that fill the length."""
     growing = lowest * growth ** np.minimum(np.arange(count), 400.0)
     low, high = lowest, length
     for _ in range(100):
@@ -101,7 +101,7 @@ def _graded(lowest: float, growth: float, length: float, count: int) -> Floats:
 
 
 def _meeting(nodes: Floats, ends: Sequence[float]) -> Floats:
-    """The nodes, moved so that each of the ends is one; every section keeps an element at least."""
+    """Move nodes so that each of the ends is one; every section keeps at least one element."""
     if not ends:
         return nodes
     count = len(nodes) - 1

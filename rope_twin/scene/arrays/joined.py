@@ -1,8 +1,8 @@
-"""From a scene whose ropes meet to a core's System.
+"""Conversion of a multi-line scene to a System.
 
-Each rope is built as if it were alone with all that hangs in the scene at its lower end, which
-gives its elements, its damping (a fraction is of that mode) and its tolerance; then it gets the
-payload that it really has, and its place.
+Each rope is built as if it carried the total suspended load alone, which determines its elements,
+its damping (a ratio refers to that mode) and its tolerance; then it gets its own payload and
+position.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core.joined import ties
-from rope_twin.core.joined.hanging import laid
+from rope_twin.core.joined.hanging import initial_shape
 from rope_twin.core.joined.joints import LOOSE, System, new_system
 from rope_twin.core.joined.reeving import reeve
 from rope_twin.core.state import ELEMENTS, POSITION, C, Floats, Rope
@@ -40,15 +40,15 @@ NOTHING = PayloadFigures(0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 @dataclass(frozen=True)
 class BuiltSystem:
-    """The arrays of a scene whose ropes meet."""
+    """Arrays of a multi-line scene."""
 
     system: System
-    owners: dict[str, int]  # the rope at whose lower end each payload or joint is
-    hang_off_m: Floats  # of each rope, (ropes, 3); NaN where the upper end is a joint
+    owners: dict[str, int]  # rope with this payload or joint at its lower end
+    hang_off_m: Floats  # of each rope, (ropes, 3); NaN where the upper end is connected
 
 
 def alone(scene: Scene, number: int) -> Scene:
-    """One rope of the scene by itself, with all payloads and joints at its lower end."""
+    """Return a scene of one rope, with all payloads and connections at its lower end."""
     line = scene.ropes[number]
     winch = winch_of(scene, line)
     if runs_over_sheave(scene, line):
@@ -78,7 +78,7 @@ def alone(scene: Scene, number: int) -> Scene:
 
 
 def point_figures(scene: Scene) -> dict[str, PayloadFigures]:
-    """Mass, volume, added mass and drag of each payload and joint, with its half of the bars."""
+    """Return the properties of each payload and connection, with half the mass of its bars."""
     density = scene.environment.water_density_kg_per_m3
     found = {one.name: payload_figures(one, density) for one in scene.payloads}
     found |= {one.name: _steel(one.mass_kg) for one in scene.joints}
@@ -89,7 +89,7 @@ def point_figures(scene: Scene) -> dict[str, PayloadFigures]:
 
 
 def build_joined(scene: Scene) -> BuiltSystem:
-    """Ropes, joints and bars with a first guess of their shape.
+    """Return ropes, connections and bars with an initial guess of their shape.
 
     Raises:
         SceneError: as for a scene of one rope.
@@ -107,7 +107,7 @@ def build_joined(scene: Scene) -> BuiltSystem:
         first, last = ends_of(scene, line)
         low = np.array(line.fixed_at_m) if line.fixed_at_m else where[first]
         n = int(rope.state.counts[ELEMENTS])
-        rope.state.nodes[POSITION : POSITION + 3, : n + 1] = laid(
+        rope.state.nodes[POSITION : POSITION + 3, : n + 1] = initial_shape(
             low, where[last], rope.state.s[: n + 1], _floats(scene, line)
         )
         first_free = 1 if line.fixed_at_m else 0
@@ -129,13 +129,13 @@ def build_joined(scene: Scene) -> BuiltSystem:
 
 
 def _rope(scene: Scene, number: int, own: PayloadFigures) -> Rope:
-    """A rope's arrays, with effects that see what is at its lower end, and how large it is.
+    """Return a rope's arrays, with effects that act on what is at its lower end.
 
-    Where that is no payload nothing slams on the surface.
+    Without a payload there is no slamming.
     """
     single = alone(scene, number)
     rope = build(single)
-    if runs_over_sheave(scene, scene.ropes[number]):  # damped alike on both sides: as one rope
+    if runs_over_sheave(scene, scene.ropes[number]):  # both sides have the damping of one rope
         both = build(alone(with_both_stretches(scene, number), number))
         rope.sections[C] = both.sections[C]
     effects = tuple(_own_params(scene, number, own, params) for params in scene.effects)
@@ -143,7 +143,7 @@ def _rope(scene: Scene, number: int, own: PayloadFigures) -> Rope:
 
 
 def _own_params(scene: Scene, number: int, own: PayloadFigures, params: Any) -> Any:
-    """An effect's parameters as they are of one rope."""
+    """Return an effect's parameters for one rope."""
     line = scene.ropes[number]
     if isinstance(params, SplashZoneParams):
         payloads = {one.name: one.splash_zone for one in scene.payloads}
@@ -152,20 +152,20 @@ def _own_params(scene: Scene, number: int, own: PayloadFigures, params: Any) -> 
             params = replace(params, bottom_area_m2=0.0)
     if isinstance(params, BendingParams):
         params = line.bending or params
-        if line.from_ not in places(scene):  # a joint is a hinge
+        if line.from_ not in places(scene):  # a connection is a hinge
             params = replace(params, clamped_along=None)
     return params
 
 
 def _floats(scene: Scene, line: RopeLine) -> bool:
-    """Whether the rope as a whole is lighter than water."""
+    """Return whether the rope as a whole is lighter than water."""
     lengths = line.lengths_m(line.length_m)
     weights = (weight_n_per_m(one.rope, scene.environment) for one in line.made_of)
     return sum(w * length for w, length in zip(weights, lengths, strict=True)) < 0.0
 
 
 def _meetings(scene: Scene) -> list[str]:
-    """Payloads and joints that more than one rope or a bar ends at."""
+    """Return payloads and joints at which several ropes or a bar end."""
     ends = [name for line in scene.ropes for name in (line.from_, line.to)]
     ends += [name for strut in scene.struts for name in strut.between]
     points: list[Any] = [*scene.payloads, *scene.joints, *scene.sheaves]
@@ -174,7 +174,7 @@ def _meetings(scene: Scene) -> list[str]:
 
 
 def _ties(scene: Scene, joint_of: dict[str, int]) -> Floats:
-    """The bars as ties that push, (TIE_ROWS, struts)."""
+    """Return the bars as links that take compression, (TIE_ROWS, struts)."""
     made = np.zeros((ties.TIE_ROWS, len(scene.struts)))
     for column, strut in zip(made.T, scene.struts, strict=True):
         column[ties.FIRST], column[ties.SECOND] = (joint_of[name] for name in strut.between)

@@ -1,7 +1,7 @@
-"""From a scene's sheaves to a core's wheels and tethers.
+"""Conversion of a scene's sheaves to wheels and tethers of the core.
 
-A rope that ends at a sheave lies in the core with its last node there, whichever end is higher:
-that is where its elements come and go (core/joined/sheaves.py).
+A rope that ends at a sheave has its last node there in the core, whichever end is higher, because
+elements are added and removed there (core/joined/sheaves.py).
 """
 
 from __future__ import annotations
@@ -16,22 +16,22 @@ from rope_twin.core.state import Floats
 from rope_twin.scene.rigging import STEEL_KG_PER_M3
 from rope_twin.scene.schema import RopeLine, Scene, Winch
 
-LEAST_ELEMENTS = 2.0  # of a stretch: what is left of it when it has all but run out
+LEAST_ELEMENTS = 2.0  # minimum remaining length of a stretch, in elements
 
 
 def runs_over_sheave(scene: Scene, line: RopeLine) -> bool:
-    """Whether the rope ends at a sheave."""
+    """Return whether the rope ends at a sheave."""
     return any(line.to == sheave.name for sheave in scene.sheaves)
 
 
 def ends_of(scene: Scene, line: RopeLine) -> tuple[str, str]:
-    """The names of what is at the rope's first node and its last."""
+    """Return the names of the points at the rope's first node and its last."""
     names = (line.to, line.from_)
     return names[::-1] if runs_over_sheave(scene, line) else names
 
 
 def with_both_stretches(scene: Scene, number: int) -> Scene:
-    """The scene with a stretch of rope as long as both on its sheave together."""
+    """Return the scene with one rope as long as both stretches on its sheave together."""
     line = scene.ropes[number]
     both = [other for other in scene.ropes if other.to == line.to]
     length, elements = sum(o.length_m for o in both), sum(o.elements for o in both)
@@ -41,7 +41,7 @@ def with_both_stretches(scene: Scene, number: int) -> Scene:
 
 
 def room_for(scene: Scene, line: RopeLine) -> Winch:
-    """How short and how long a stretch may become: as a winch at its end would allow."""
+    """Return the range of a stretch's length, as limits of a winch at its end."""
     both = sum(other.length_m for other in scene.ropes if other.to == line.to)
     return Winch(
         speed_limit_m_per_s=1.0,
@@ -52,7 +52,7 @@ def room_for(scene: Scene, line: RopeLine) -> Winch:
 
 
 def wheels(scene: Scene, joint_of: dict[str, int]) -> list[Wheel]:
-    """The sheaves as the core has them; a positive flow goes into the first rope that is listed."""
+    """Return the sheaves as wheels; a positive flow enters the first rope listed."""
     made = []
     water = scene.environment
     for sheave in scene.sheaves:
@@ -73,7 +73,7 @@ def wheels(scene: Scene, joint_of: dict[str, int]) -> list[Wheel]:
 
 
 def tethers(scene: Scene, joint_of: dict[str, int]) -> Floats:
-    """What holds the sheaves, as ties, (TIE_ROWS, tethers)."""
+    """Return the tethers of the sheaves as links, (TIE_ROWS, tethers)."""
     held = [sheave for sheave in scene.sheaves if sheave.tether is not None]
     made = np.zeros((ties.TIE_ROWS, len(held)))
     for column, sheave in zip(made.T, held, strict=True):

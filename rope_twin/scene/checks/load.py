@@ -1,4 +1,4 @@
-"""Sense checks of the static load against what the rope, or several ropes together, bear."""
+"""Plausibility checks of the static load against the MBL of the rope, or of several ropes."""
 
 from __future__ import annotations
 
@@ -9,17 +9,17 @@ from rope_twin.scene.figures import LiftFigures
 from rope_twin.scene.hung_together import hung_together
 from rope_twin.scene.schema import Rope, Scene
 
-SAFETY_FACTOR = 3.0  # of breaking load over static load, common for lifting wire
+SAFETY_FACTOR = 3.0  # MBL over static load, common for lifting wire
 
 
 def check_load(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    """Of the static load at the start and with all rope out."""
+    """Check the static load at the start and at maximum payout."""
     line = scene.ropes[0]
     lengths = {"ropes[0]": (line.length_m, "")}
     if scene.winch:
         least, most = scene.winch.least_line_out_m, scene.winch.most_line_out_m
         if figures.hung.dry_share(least) > 0.0:
-            lengths["winch.least_line_out_m"] = (least, f" with {least:g} m out, out of the water,")
+            lengths["winch.least_line_out_m"] = (least, f" with {least:g} m out, above the water,")
         lengths["winch.most_line_out_m"] = (most, f" with {most:g} m out")
     for path, (length, when) in lengths.items():
         rope, tension = figures.weakest(length)
@@ -40,7 +40,7 @@ def check_load(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 
 
 def load_together(scene: Scene) -> Iterator[str]:
-    """Of what the ropes from the ship carry together, as if evenly: less than that is sure."""
+    """Check what the ropes from the ship carry together; the actual distribution is less even."""
     held = hung_together(scene)
     if held is None:
         return

@@ -1,6 +1,6 @@
-"""Sense checks: what a scene may say but hardly means, told in numbers with the way out.
+"""Plausibility checks: valid but unlikely values, reported in numbers with a remedy.
 
-A check never stops anything and changes nothing. Each yields sentences `where: what; way out.`
+A check never stops or changes anything. Each yields sentences `where: what; remedy.`
 """
 
 from __future__ import annotations
@@ -31,15 +31,15 @@ from rope_twin.scene.figures import (
 )
 from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.rules.shedding import (
-    coarse_for_vortices,
+    check_vortex_inputs,
+    check_vortex_resolution,
     model_beside,
-    odd_vortices,
     shedding_model,
 )
 from rope_twin.scene.schema import Scene
 
 LONGEST_ELEMENT_M, SHORTEST_ELEMENT_M = 50.0, 0.5
-LARGEST_DAMPING = 0.1  # of critical
+LARGEST_DAMPING = 0.1  # damping ratio
 # Measured with TR-BDF2 on snapping ropes: peak 0.2, 1 and 6 % low at T/h = 200, 100 and 40.
 STEPS_PER_PERIOD = 100.0
 STEPS_PER_ROPE_WAVE = 10.0
@@ -51,33 +51,33 @@ ROPE_DENSITIES_KG_PER_M3 = (300.0, 9000.0)
 # A smooth cylinder in the drag crisis has about 0.3; mooring chain 2.4 across it and 1.15/π along
 # it (DNV-OS-E301):
 LEAST_NORMAL_DRAG, CHAIN_NORMAL_DRAG, MOST_TANGENTIAL_DRAG = 0.3, 2.0, 0.2
-DRY_ROPE_SHARE = 0.005  # of the static top tension, by which rope above the water may be wrong
+DRY_ROPE_SHARE = 0.005  # of the static top tension: error accepted for rope above the water
 
 Check = Callable[[Scene, LiftFigures], Iterator[str]]
 
 
 def sense_checks(scene: Scene) -> list[str]:
-    """Every warning that the scene does not accept, one sentence each.
+    """Return every warning that the scene does not accept, one sentence each.
 
     Raises:
-        SceneError: if the payload's figures cannot be known.
+        SceneError: the payload's properties are incomplete.
     """
     return [words for words in _warnings(scene) if not any(a.matches(words) for a in scene.accept)]
 
 
 def accepted_warnings(scene: Scene) -> tuple[list[str], list[str]]:
-    """Return the warnings that the scene accepts, with its reasons, and entries without a warning.
+    """Return the accepted warnings with their reasons, and the entries without a warning.
 
     Raises:
-        SceneError: if the payload's figures cannot be known.
+        SceneError: the payload's properties are incomplete.
     """
     warnings, accepted, idle = _warnings(scene), [], []
     for number, entry in enumerate(scene.accept):
         found = [words for words in warnings if entry.matches(words)]
         accepted += [f"{words} Reason: {entry.reason.rstrip('.')}." for words in found]
         if not found:
-            what = f"the scene has no warning at '{entry.key}' that says '{entry.says}'"
-            idle.append(phrase(f"accept[{number}]", what, "leave it out, or name another"))
+            what = f"the scene has no warning at '{entry.key}' with the words '{entry.says}'"
+            idle.append(phrase(f"accept[{number}]", what, "remove it, or name another"))
     return accepted, idle
 
 
@@ -89,7 +89,7 @@ def _warnings(scene: Scene) -> list[str]:
 
 
 def _joined(scene: Scene) -> Iterator[str]:
-    """Of the first rope with all that hangs on it, and the elements and figures of the others."""
+    """Check the first rope with the total suspended load, and mesh and properties of the others."""
     yield from load_together(scene)
     first = alone(scene, 0)
     for check in CHECKS:
@@ -120,25 +120,23 @@ def _fixed_end(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 def _elements(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     line, length = scene.ropes[0], figures.longest_element_m
     if length > LONGEST_ELEMENT_M:
-        what = f"elements of {length:.1f} m are coarse for waves and bends of the rope"
+        what = f"elements of {length:.1f} m are coarse for waves and curvature of the rope"
         right = f"give at least {ceil(line.length_m / LONGEST_ELEMENT_M)} (4 m where slack matters)"
         yield phrase("ropes[0].elements", what, right)
     length = figures.shortest_element_m
     fine = line.grading is not None or (shedding_model(scene) and model_beside(scene) is None)
     if length < SHORTEST_ELEMENT_M and not fine:
         what = f"elements of {length:.2f} m cost time and bring no accuracy"
-        right = f"{max(3, floor(line.length_m / SHORTEST_ELEMENT_M))} elements are plenty"
+        right = f"{max(3, floor(line.length_m / SHORTEST_ELEMENT_M))} elements are sufficient"
         yield phrase("ropes[0].elements", what, right)
 
 
 def _bend_radius(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    """An arc shorter than an element is not seen."""
+    """Check the mesh for the minimum bend radius: a shorter arc is not resolved."""
     line, length = scene.ropes[0], figures.longest_element_m
     least = min((bar.rope.minimum_bend_radius_m or inf for bar in figures.bars), default=inf)
     if length > least * (1.0 + 1e-9):
-        what = (
-            f"elements of {length:.3g} m cannot tell a bend of minimum_bend_radius_m, {least:g} m"
-        )
+        what = f"elements of {length:.3g} m cannot resolve minimum_bend_radius_m, {least:g} m"
         right = f"give at least {ceil(line.length_m / least)}, or shorter ones where it bends"
         yield phrase("ropes[0].elements", what, right)
 
@@ -154,7 +152,7 @@ def _one_rope(path: str, bar: Bar) -> Iterator[str]:
     rope, speed = bar.rope, sqrt(bar.stiffness_n / bar.rope.mass_kg_per_m)
     low, high = WAVE_SPEEDS_M_PER_S
     if not low <= speed <= high:
-        what = f"axial waves run at {speed:.0f} m/s (steel wire 3200, polyester 2500, HMPE 8500)"
+        what = f"axial waves travel at {speed:.0f} m/s (steel wire 3200, polyester 2500, HMPE 8500)"
         yield phrase(path, what, "check axial_stiffness_n [N] and mass_kg_per_m")
     density = rope.mass_kg_per_m / (0.25 * pi * rope.hydrodynamic_diameter_m**2)
     low, high = ROPE_DENSITIES_KG_PER_M3
@@ -164,7 +162,7 @@ def _one_rope(path: str, bar: Bar) -> Iterator[str]:
 
 
 def _drag(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    """Of the coefficients for all ropes that have none of their own."""
+    """Check the drag coefficients of ropes without their own."""
     drag = scene.listed(DragParams)
     if drag is None:
         return
@@ -176,13 +174,13 @@ def _coefficients(
     path: str, prefix: str, normal: float | None, tangential: float | None
 ) -> Iterator[str]:
     if normal is not None and normal < LEAST_NORMAL_DRAG:
-        what = f"{normal:g} across the rope is less than a smooth cylinder has in the drag crisis"
+        what = f"{normal:g} is below the normal drag of a smooth cylinder in the drag crisis"
         right = "wire and fibre rope have 1 to 1.8, chain 2.4"
         yield phrase(f"{path}.{prefix}normal", what, right)
     chain = normal is not None and normal >= CHAIN_NORMAL_DRAG
     if tangential is not None and tangential > MOST_TANGENTIAL_DRAG and not chain:
-        what = f"{tangential:g} along the rope, on π times its diameter, is that of no rope"
-        right = "wire and fibre rope have 0.01 to 0.1, chain 0.37 with 2.4 across it"
+        what = f"{tangential:g} is too large for tangential drag, on π times the diameter"
+        right = "wire and fibre rope have 0.01 to 0.1, chain 0.37 with 2.4 normal to it"
         yield phrase(f"{path}.{prefix}tangential", what, right)
 
 
@@ -211,42 +209,42 @@ def _rope_floats(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         f"the rope floats with {lift / 1e3:.2f} kN over {line.length_m:g} m against "
         f"{figures.payload_weight_n / 1e3:.2f} kN of payload"
     )
-    yield phrase("ropes[0]", what, "give a heavier payload, or it hangs slack or rises")
+    yield phrase("ropes[0]", what, "give a heavier payload, or the rope goes slack or rises")
 
 
 def _effects(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     listed = listed_effects(scene)
     if "weight" not in listed:
-        what = "`weight` is not listed: the rope weighs nothing and does not float either"
+        what = "`weight` is not listed: the rope has neither weight nor buoyancy"
         yield phrase("effects", what, "add `- weight: {}`")
     if scene.payloads and not {"payload", "rigid_body"}.intersection(listed):
         what = f"`payload` is not listed: '{scene.payloads[0].name}' has no mass, weight or drag"
         yield phrase("effects", what, "add `- payload: {}`")
     if "waves" in listed and "drag" not in listed:
-        what = "`waves` is listed without `drag`: the rope feels its acceleration alone"
+        what = "`waves` is listed without `drag`: only the water's acceleration acts on the rope"
         yield phrase("effects", what, "add `- drag: {normal: ..., tangential: ...}`")
     if "current" in listed and "drag" not in listed:
-        what = "`current` is listed without `drag`: the rope does not feel it"
+        what = "`current` is listed without `drag`: it has no effect on the rope"
         yield phrase("effects", what, "add `- drag: {normal: ..., tangential: ...}`")
 
 
 def _bending(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     bending = listed_effects(scene).get("bending")
     if scene.winch and bending and bending.clamped_along is not None:
-        what = "rope from a winch is held in one direction (it jerks where elements split)"
-        yield phrase("effects bending.clamped_along", what, "leave it out, or the winch")
+        what = "rope from a winch is clamped in one direction (transients where elements split)"
+        yield phrase("effects bending.clamped_along", what, "remove it, or the winch")
 
 
 def _step(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     step = scene.time.step_s
     rope_wave = 2.0 * scene.ropes[0].length_m / figures.axial_wave_speed_m_per_s
     limits = [
-        (rope_wave, STEPS_PER_ROPE_WAVE, "the rope's own axial wave", "that wave is damped away"),
-        (SHORTEST_WAVE_S, STEPS_PER_WAVE, "the shortest sea waves", "they are cut off"),
+        (rope_wave, STEPS_PER_ROPE_WAVE, "the rope's own axial wave", "that wave is damped out"),
+        (SHORTEST_WAVE_S, STEPS_PER_WAVE, "the shortest sea waves", "they are not resolved"),
     ]
     if figures.payload is not None:
         name = "the first axial period of rope and payload"
-        limits.append((figures.first_axial_period_s, STEPS_PER_PERIOD, name, "snap peaks too low"))
+        limits.append((figures.first_axial_period_s, STEPS_PER_PERIOD, name, "snap loads too low"))
     for period, steps, name, loss in limits:
         if step * steps > period * (1.0 + 1e-9):
             what = f"{step:g} s is coarse for {name}, {period:.3g} s ({loss})"
@@ -259,16 +257,16 @@ def _damping(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if line.damping.fraction_of_one_element is not None:
         c = max(figures.damping_newton_seconds)
         what = (
-            f"given per element: {line.elements} elements make {c:.3g} N·s of it, "
-            f"{100.0 * fraction:.2g} % of critical on the first axial mode, twice as many half that"
+            f"given per element: {line.elements} elements give {c:.3g} N·s, "
+            f"{100.0 * fraction:.2g} % of critical on the first axial mode, twice as many give half"
         )
-        right = f"give `fraction_of_first_axial_mode: {fraction:.3g}`, so that it stays as it is"
+        right = f"give `fraction_of_first_axial_mode: {fraction:.3g}`, independent of the mesh"
         yield phrase(path, what, right)
     if fraction > LARGEST_DAMPING:
         what = f"{100.0 * fraction:.0f} % of critical on the first axial mode"
         yield phrase(path, what, "steel wire has 1 to 2 %, HMPE 3 to 5 %")
     if fraction == 0.0:
-        what = "without damping a snap's peak has no limit as elements get shorter"
+        what = "without damping the peak of a snap load has no limit with mesh refinement"
         yield phrase(path, what, "steel wire has 1 to 2 % of critical, HMPE 3 to 5 %")
 
 
@@ -280,14 +278,14 @@ def _schedule(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     if met is not None:
         when, limit = met
         name = "most_line_out_m" if limit == winch.most_line_out_m else "least_line_out_m"
-        what = f"it drives the line out against {name} ({limit:g} m) after {when:.0f} s"
+        what = f"it drives the paid-out length to {name} ({limit:g} m) after {when:.0f} s"
         right = "the winch stops there; let the schedule return, or change the limit"
         yield phrase("winch.schedule", what, right)
     fastest = max((row.speed_m_per_s or 0.0 for row in winch.schedule), default=0.0)
     sinking = figures.sinking_speed_m_per_s(scene.environment.water_density_kg_per_m3)
     if figures.payload is not None and fastest > sinking:
         what = f"it lowers at {fastest:g} m/s but the payload sinks at {sinking:.2f} m/s"
-        yield phrase("winch.schedule", what, "lower more slowly, or the rope falls slack")
+        yield phrase("winch.schedule", what, "lower more slowly, or the rope goes slack")
 
 
 def _ship(scene: Scene, figures: LiftFigures) -> Iterator[str]:
@@ -298,16 +296,16 @@ def _ship(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     sinking = figures.sinking_speed_m_per_s(scene.environment.water_density_kg_per_m3)
     if 0.0 < sinking < fastest:
         what = (
-            f"the hang-off goes down at up to {fastest:.2f} m/s, the payload sinks at {sinking:.2f}"
+            f"the hang-off descends at up to {fastest:.2f} m/s, the payload sinks at {sinking:.2f}"
         )
-        yield phrase("sea_state.heave", what, "expect a slack rope and snaps, or a gentler heave")
+        yield phrase("sea_state.heave", what, "expect a slack rope and snap loads, or less heave")
     if scene.sea_state.moves and ramp < SHORTEST_RAMP_S:
-        what = f"the ship's motion is there within {ramp:g} s, which kicks the resting rope"
+        what = f"the ship's motion builds up within {ramp:g} s, which excites the rope"
         yield phrase("ship.motion_ramp_s", what, "give 8 s or so")
 
 
 def _dry_rope(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    """Rope above the water, which is computed with the water's buoyancy and current."""
+    """Check rope above the water, which is computed with the water's buoyancy and current."""
     height = min(scene.ship.hang_off_m[2], scene.ropes[0].length_m)
     if height <= 0.0 or is_air(scene):
         return
@@ -325,10 +323,10 @@ def _dry_rope(scene: Scene, figures: LiftFigures) -> Iterator[str]:
         tension = tension_at_length(figures.bars, figures.chord_m)
     if max(lift, push) > DRY_ROPE_SHARE * tension:
         what = (
-            f"{height:g} m of rope above the water are computed as under water, with "
-            f"{lift:.0f} N of buoyancy and {push:.0f} N of drag in the surface's current too much"
+            f"{height:g} m of rope above the water is computed as submerged, with "
+            f"{lift:.0f} N of buoyancy and {push:.0f} N of drag in the surface current in excess"
         )
-        right = f"expect the top tension of {tension / 1e3:.1f} kN to be off by as much"
+        right = f"expect this error in the top tension of {tension / 1e3:.1f} kN"
         yield phrase("ship.hang_off_m[2]", what, right)
 
 
@@ -351,7 +349,7 @@ CHECKS: tuple[Check, ...] = (
     check_body,
     _ship,
     check_current,
-    coarse_for_vortices,
-    odd_vortices,
+    check_vortex_resolution,
+    check_vortex_inputs,
     check_environment,
 )

@@ -1,4 +1,4 @@
-"""Sense checks of the water: depths, waves, current, density; and of gravity."""
+"""Plausibility checks of the water: depths, waves, current, density; and of gravity."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from rope_twin.sea.responses import FADE, read_responses
 from rope_twin.sea.steepness import BREAKING, steepness_warning
 
 LONGEST_ARM_M = 400.0  # the longest ships
-FASTEST_CURRENT_M_PER_S = 2.5  # the Gulf Stream at its fastest; a tidal race may have more
-LEFT_OUT = 0.01  # of a variance, by waves beyond a table of responses
-ANOTHER = 0.2  # of the bed's depth: what that of the waves may differ by, where the bed slopes
-SAGGING = 1.01  # rope may be so much longer than the depth and still hang
-SAGGING_UP = 10.0  # a float's rope may be so many times as long as its anchor is deep
+FASTEST_CURRENT_M_PER_S = 2.5  # maximum of the Gulf Stream; a tidal race may exceed it
+LEFT_OUT = 0.01  # of a variance: accepted loss beyond an RAO table
+ANOTHER = 0.2  # of the water depth: accepted difference of the waves' depth on a sloping seabed
+SAGGING = 1.01  # length over depth up to which a rope hangs free
+SAGGING_UP = 10.0  # length over depth of the anchor up to which a mooring is taut
 
 
 def check_water(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    """Of ropes, winches and waves."""
+    """Check ropes, winches and waves."""
     yield from _ends(scene, moored_up(scene, figures))
     yield from _depth_orders(scene)
     yield from _steepness(scene)
@@ -37,7 +37,7 @@ def check_water(scene: Scene, figures: LiftFigures) -> Iterator[str]:
 
 
 def moored_up(scene: Scene, figures: LiftFigures) -> bool:
-    """Whether a float is held from below: its rope goes up from an anchor in the water."""
+    """Return whether a buoyant payload is moored from below, by an anchor in the water."""
     return figures.rises and scene.ship.hang_off_m[2] < -figures.line.length_m / SAGGING_UP
 
 
@@ -45,19 +45,19 @@ def _ends(scene: Scene, up: bool) -> Iterator[str]:
     bed = bed_of(scene)
     line, (x, y, z) = scene.ropes[0], scene.ship.hang_off_m
     if line.fixed_at_m is not None and line.fixed_at_m[2] > 0.0:
-        what = f"the lower end is held {line.fixed_at_m[2]:g} m above the water"
-        yield phrase("ropes[0].fixed_at_m", what, "depths are negative: z counts up")
+        what = f"the lower end is fixed {line.fixed_at_m[2]:g} m above the water"
+        yield phrase("ropes[0].fixed_at_m", what, "z is positive upward: depths are negative")
     if bed is None:
         return
     height = z - bed_at(bed, x, y)
     if line.fixed_at_m is None and not up and line.length_m > SAGGING * height:
-        what = f"{line.length_m:g} m of rope are out over a bed {height:g} m below the hang-off"
-        right = "payload and rope begin lying on it; give less rope if they are to hang"
+        what = f"{line.length_m:g} m of rope is out above a seabed {height:g} m below the hang-off"
+        right = "payload and rope start lying on it; give less rope if they should hang"
         yield phrase("ropes[0].length_m", what, right)
 
 
 def _depth_orders(scene: Scene) -> Iterator[str]:
-    """Depths that the winch cannot reach, by its rope or for the bed."""
+    """Check for depths that the winch cannot reach, by its rope or because of the seabed."""
     bed, hang_offs = bed_of(scene), places(scene)
     for name, winch in winches_by_name(scene).items():
         x, y, z = hang_offs[name]
@@ -70,8 +70,8 @@ def _depth_orders(scene: Scene) -> Iterator[str]:
                 what = f"a depth of {row.payload_depth_m:g} m needs more rope than there is"
                 yield phrase(where, what, f"give at most {most:g} m, or raise most_line_out_m")
             elif bed is not None and -row.payload_depth_m < bed_at(bed, x, y):
-                what = f"a depth of {row.payload_depth_m:g} m is below the bed"
-                yield phrase(where, what, f"the bed is at {-bed_at(bed, x, y):g} m there")
+                what = f"a depth of {row.payload_depth_m:g} m is below the seabed"
+                yield phrase(where, what, f"the seabed is at {-bed_at(bed, x, y):g} m there")
 
 
 def _steepness(scene: Scene) -> Iterator[str]:
@@ -82,12 +82,12 @@ def _steepness(scene: Scene) -> Iterator[str]:
     deep = scene.environment.gravity_m_per_s2 * period**2 / (2.0 * pi)
     length, depth = deep, waves.depth_m
     if depth is not None and deep > 0.0:
-        for _ in range(50):  # L = L₀·tanh(2π·d/L), halfway each time
+        for _ in range(50):  # L = L₀·tanh(2π·d/L), underrelaxed by one half
             length = 0.5 * (length + deep * tanh(2.0 * pi * depth / length))
     steepest = BREAKING * length * (1.0 if depth is None else tanh(2.0 * pi * depth / length))
     if height > steepest:
         what = f"a wave of {height:g} m in {period:g} s is {length:.0f} m long and would break"
-        yield phrase("effects waves.regular", what, f"give at most {steepest:.1f} m, or more time")
+        yield phrase("effects waves.regular", what, f"give at most {steepest:.1f} m, or longer")
 
 
 def _sea_steepness(scene: Scene) -> Iterator[str]:
@@ -101,21 +101,21 @@ def _sea_steepness(scene: Scene) -> Iterator[str]:
 
 
 def _another_sea(scene: Scene) -> Iterator[str]:
-    """The rope feels waves that the ship knows nothing of."""
+    """Check for waves that act on the rope but not on the ship."""
     waves, sea = listed_effects(scene).get("waves"), scene.sea_state
     if not isinstance(waves, WavesParams) or sea.on_waves is not None:
         return
-    right = "let it ride on them: `sea_state: {on_waves: {}}`"
+    right = "move it by these waves: `sea_state: {on_waves: {}}`"
     if not sea.moves:
-        what = "the rope feels `waves`, and the ship lies still"
-        yield phrase("sea_state", what, f"{right}, unless it stands on the ground")
+        what = "`waves` act on the rope, and the ship does not move"
+        yield phrase("sea_state", what, f"{right}, unless it is bottom-founded")
     elif sea.bag and waves.regular is None:
-        what = f"the ship moves by the record '{sea.bag}', and the rope feels the sea of `waves`"
-        yield phrase("sea_state", what, f"these are two seas; {right}")
+        what = f"the ship moves by the record '{sea.bag}', and `waves` act on the rope"
+        yield phrase("sea_state", what, f"these are two sea states; {right}")
 
 
 def _reach_of_responses(scene: Scene) -> Iterator[str]:
-    """Waves beyond a table of responses, where they make a difference."""
+    """Check for waves beyond an RAO table, where they make a difference."""
     waves, riding = listed_effects(scene).get("waves"), scene.sea_state.on_waves
     if riding is None or not riding.responses or not isinstance(waves, WavesParams):
         return
@@ -128,30 +128,30 @@ def _reach_of_responses(scene: Scene) -> Iterator[str]:
     lost = table.share_left_out(sea, radians(riding.heading_deg), (x - a, y - b, z - c))
     if lost > LEFT_OUT:
         what = (
-            f"the table ends at {highest:.3g} Hz, and responses fade to zero by "
+            f"the table ends at {highest:.3g} Hz, and RAOs fade to zero by "
             f"{FADE * highest:.3g} Hz: up to {100.0 * lost:.2g} % of the variance of the "
-            f"hang-off's motion is left out (of waves up to {frequency.max():.3g} Hz)"
+            f"hang-off's motion is neglected (of waves up to {frequency.max():.3g} Hz)"
         )
-        yield phrase(where, what, "give a table that reaches further")
+        yield phrase(where, what, "give a table to higher frequencies")
     variance = sea.amplitude_m**2
     long = float(variance[frequency < lowest].sum() / variance.sum())
     if long > LEFT_OUT:
         what = (
             f"the table begins at {lowest:.3g} Hz, and {100.0 * long:.2g} % of the waves' variance "
-            f"lies below, where its first responses hold (from {frequency.min():.3g} Hz)"
+            f"is below, where its first RAOs are used (from {frequency.min():.3g} Hz)"
         )
-        yield phrase(where, what, "give a table that begins lower")
+        yield phrase(where, what, "give a table from lower frequencies")
 
 
 def _depth_of_waves(scene: Scene) -> Iterator[str]:
-    """Waves know the depth by their own key, not by the bed."""
+    """Check the waves' own depth against the seabed."""
     waves, bed = listed_effects(scene).get("waves"), bed_of(scene)
     if not isinstance(waves, WavesParams) or bed is None:
         return
     depth = -bed_at(bed, *scene.ship.hang_off_m[:2])
     if waves.depth_m is not None:
         if abs(waves.depth_m - depth) > ANOTHER * depth:
-            what = f"waves of water {waves.depth_m:g} m deep over a bed at {depth:g} m"
+            what = f"waves in water {waves.depth_m:g} m deep over a seabed at {depth:g} m"
             yield phrase("effects waves.depth_m", what, f"give {depth:g} m")
         return
     if waves.regular is not None:
@@ -162,7 +162,7 @@ def _depth_of_waves(scene: Scene) -> Iterator[str]:
         return
     half = 0.5 * scene.environment.gravity_m_per_s2 * period**2 / (2.0 * pi)
     if depth < half:
-        what = f"waves of deep water, {2.0 * half:.0f} m long, over a bed at {depth:g} m feel it"
+        what = f"waves of deep water, {2.0 * half:.0f} m long, feel a seabed at {depth:g} m"
         yield phrase("effects waves", what, f"add depth_m: {depth:g}")
 
 
@@ -172,21 +172,21 @@ def _arm(scene: Scene) -> Iterator[str]:
     arm = dist(scene.ship.reference_m, scene.ship.hang_off_m)
     if arm > LONGEST_ARM_M:
         what = f"it is {arm:.0f} m from the hang-off"
-        yield phrase("ship.reference_m", what, f"a ship has arms of at most {LONGEST_ARM_M:g} m")
+        yield phrase("ship.reference_m", what, f"plausible are at most {LONGEST_ARM_M:g} m")
 
 
 def strong_current(
     where: str, points: Iterable[tuple[float, tuple[float, float]]], factor: float = 1.0
 ) -> str:
-    """Return a sentence on the fastest row of a profile if no sea current is so fast, or "".
+    """Return a warning for the fastest row of an implausibly strong current profile, or "".
 
-    points: rows of z [m] and velocity east, north [m/s]; factor: what multiplies the velocity.
+    points: rows of z [m] and velocity east, north [m/s]; factor: on the velocity.
     """
     speed, z = max(((factor * hypot(*velocity), z) for z, velocity in points), default=(0.0, 0.0))
     if speed <= FASTEST_CURRENT_M_PER_S:
         return ""
     what = (
-        f"{speed:.3g} m/s at z = {z:g} m is more than sea currents have, "
+        f"{speed:.3g} m/s at z = {z:g} m exceeds the range of ocean currents, "
         f"{FASTEST_CURRENT_M_PER_S:g} m/s"
     )
     return phrase(where, what, f"check the unit: 1 knot is 0.514 m/s, {speed:.3g} kn would be "
@@ -194,7 +194,7 @@ def strong_current(
 
 
 def check_current(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    """Of speed, and of a profile that does not reach from the hang-off to the rope's end."""
+    """Check speed, and a profile that does not extend from the hang-off to the rope's end."""
     current = listed_effects(scene).get("current")
     if current is None:
         return
@@ -202,7 +202,7 @@ def check_current(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     part = "profile" if current.layers is None else "layers"
     if warning := strong_current(f"effects current.{part}", current.points, factor):
         yield warning
-    if current.layers is not None:  # two layers are all there is
+    if current.layers is not None:  # two layers are complete
         return
     length = scene.winch.most_line_out_m if scene.winch else scene.ropes[0].length_m
     top = scene.ship.hang_off_m[2]
@@ -220,27 +220,27 @@ def _held(z: float, velocity: tuple[float, float], side: str, reach: str) -> str
     east, north = velocity
     what = (
         f"{side} its row at z = {z:g} m the value there ({east:g} east, {north:g} north m/s) is "
-        f"held, as far as the rope's end at z = {reach}"
+        f"used, as far as the rope's end at z = {reach}"
     )
     return phrase("effects current.profile", what, "add a row there")
 
 
 def is_air(scene: Scene) -> bool:
-    """Whether all of it stays above the water, in air, which then stands in for the water."""
+    """Return whether the whole scene is in air, whose density then replaces the water's."""
     longest = scene.winch.most_line_out_m if scene.winch else scene.ropes[0].length_m
     density = scene.environment.water_density_kg_per_m3
     return 1.0 <= density <= 1.4 and scene.ship.hang_off_m[2] > longest
 
 
 def check_environment(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    """Of the water's density and of gravity."""
+    """Check the water's density and gravity."""
     density, gravity = (
         scene.environment.water_density_kg_per_m3,
         scene.environment.gravity_m_per_s2,
     )
     if not 990.0 <= density <= 1060.0 and not is_air(scene):
-        what = f"{density:g} kg/m³ is neither fresh nor sea water"
-        yield phrase("environment.water_density_kg_per_m3", what, "sea water has 1025")
+        what = f"{density:g} kg/m³ is neither fresh water nor seawater"
+        yield phrase("environment.water_density_kg_per_m3", what, "seawater has 1025")
     if not 9.76 <= gravity <= 9.84:
         what = f"{gravity:g} m/s² is not the Earth's"
         yield phrase("environment.gravity_m_per_s2", what, "standard gravity is 9.80665")

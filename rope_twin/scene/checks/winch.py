@@ -1,4 +1,4 @@
-"""Sense checks of a winch's parts: what they can hold, and steps too long for their feedback."""
+"""Plausibility checks of a winch: holding capacity, and time steps for tension feedback."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ from rope_twin.scene.figures import LiftFigures
 from rope_twin.scene.schema import Scene
 
 ON, OFF = "compensate", "stop_compensating"
-LONGEST_STEP = 0.5  # of the time of an axial wave along the rope (see twin/hoisting/feel.py)
+LONGEST_STEP = 0.5  # of the travel time of an axial wave (see twin/hoisting/feel.py)
 
 
 def check_winch(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    """Of the first rope's winch."""
+    """Check the first rope's winch."""
     yield from _holding(scene, figures)
     yield from _feedback(scene, figures)
     yield from _compensates_from_the_start(scene)
@@ -33,10 +33,10 @@ def _holding(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     for part, torque in torques.items():
         if torque is not None and torque < load * radius:
             what = (
-                f"it holds {torque / radius * 1e-3:.0f} kN on layer {layer}, and the rope pulls "
-                f"with {load * 1e-3:.0f} kN at rest"
+                f"it holds {torque / radius * 1e-3:.0f} kN on layer {layer}, static tension is "
+                f"{load * 1e-3:.0f} kN"
             )
-            right = f"give more than {load * radius * 1e-3:.0f} kN·m, or expect rope to run out"
+            right = f"give more than {load * radius * 1e-3:.0f} kN·m, or expect it to render"
             yield phrase(f"winch.{part}", what, right)
 
 
@@ -48,15 +48,15 @@ def _feedback(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     travel = winch.least_line_out_m / figures.axial_wave_speed_m_per_s
     if scene.time.step_s > LONGEST_STEP * travel:
         what = (
-            f"a step of {scene.time.step_s:g} s feeds tension back too late on "
-            f"{winch.least_line_out_m:g} m of rope, along which a wave takes {travel:.3f} s"
+            f"a step of {scene.time.step_s:g} s delays the tension feedback too much on "
+            f"{winch.least_line_out_m:g} m of rope, with a wave travel time of {travel:.3f} s"
         )
         right = f"give at most {LONGEST_STEP * travel:.2g} s, or a longer least_line_out_m"
         yield phrase(f"winch.{part}", what, right)
 
 
 def _compensates_from_the_start(scene: Scene) -> Iterator[str]:
-    """Who switches it on later hardly means that it is on before."""
+    """Check for heave compensation that is switched on later but is on from the start."""
     winch = scene.winch
     if winch is None or winch.heave_compensation is None:
         return

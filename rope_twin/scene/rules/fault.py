@@ -1,5 +1,5 @@
-"""What a rule of scenes finds wrong."""
+"""Result of a rule of scenes."""
 
 from __future__ import annotations
 
-Fault = tuple[str, str, str]  # path in the scene's file, what is wrong, what would be right
+Fault = tuple[str, str, str]  # path in the scene's file, fault, remedy

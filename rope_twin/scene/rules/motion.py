@@ -1,4 +1,4 @@
-"""What must hold between a scene's ship and the tables that move it."""
+"""Rules between a scene's ship and the tables that prescribe its motion."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rope_twin.sea.way import read_way
 
 
 def beside(scene: Scene, name_or_path: str) -> str:
-    """A table's name as it is, or its path, which is relative to the scene's file, in full."""
+    """Return a table's name as is, or the absolute path of one relative to the scene's file."""
     if not is_path(name_or_path):
         return name_or_path
     return str((scene.path.parent / name_or_path).resolve())
@@ -24,17 +24,17 @@ def _way(scene: Scene) -> Iterator[Fault]:
     if not sea.path:
         return
     if sea.bag or sea.heave is not None:
-        yield "sea_state", "the hang-off has a way of its own and a record", "keep one of them"
+        yield "sea_state", "the hang-off has a prescribed motion and a record", "keep one of them"
     if not sea.loop:
-        yield "sea_state.loop", "a way ends where its table does", "leave `loop` out"
+        yield "sea_state.loop", "a prescribed motion ends with its table", "remove `loop`"
     try:
         way = read_way(beside(scene, sea.path))
     except InputError as error:
         yield "sea_state.path", *_halves(error)
         return
     if sea.start_s >= way.end_s:
-        what = f"the way of {way.end_s:g} s has ended by then"
-        yield "sea_state.start_s", what, "begin earlier"
+        what = f"the prescribed motion of {way.end_s:g} s has ended by then"
+        yield "sea_state.start_s", what, "start earlier"
 
 
 def _poses(scene: Scene) -> Iterator[Fault]:
@@ -42,9 +42,9 @@ def _poses(scene: Scene) -> Iterator[Fault]:
     if sea.poses is None:
         return
     if not sea.poses.bag.strip():
-        yield "sea_state.poses.bag", "it is empty", "name a bag, or leave `poses` out"
+        yield "sea_state.poses.bag", "it is empty", "name a bag, or remove `poses`"
     if sea.bag or sea.path or sea.heave is not None or sea.on_waves is not None:
-        yield "sea_state", "recorded poses and something else move the ship", "keep one of them"
+        yield "sea_state", "recorded poses and another motion are given", "keep one of them"
 
 
 def _responses(scene: Scene) -> Iterator[Fault]:
@@ -53,8 +53,8 @@ def _responses(scene: Scene) -> Iterator[Fault]:
         return
     if not riding.responses:
         if riding.heading_deg != 0.0:
-            right = "give `responses`, or leave `heading_deg` out"
-            yield "sea_state.on_waves", "a box hull heads into its sea whatever its heading", right
+            right = "give `responses`, or remove `heading_deg`"
+            yield "sea_state.on_waves", "a box hull is in head seas at any heading", right
         return
     try:
         read_responses(beside(scene, riding.responses))
@@ -63,7 +63,7 @@ def _responses(scene: Scene) -> Iterator[Fault]:
 
 
 def _halves(error: InputError) -> tuple[str, str]:
-    """The sentence of an error without its full stop: what is wrong, and what would be right."""
+    """Return fault and remedy of an error's sentence, without its full stop."""
     what, _, right = str(error).removesuffix(".").rpartition("; ")
     return what, right
 

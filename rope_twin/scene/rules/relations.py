@@ -1,7 +1,7 @@
-"""What must hold between the values of a scene: references, order, limits.
+"""Rules between the values of a scene: references, order, limits.
 
-Each rule yields its faults as (path in the file, what is wrong, what would be right); the reader
-has already checked every value by itself.
+Each rule yields its faults as (path in the file, fault, remedy); the reader has already checked
+every single value.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from rope_twin.scene.rules.water import WATER_RULES
 from rope_twin.scene.rules.winch import WINCH_RULES
 from rope_twin.scene.schema import Scene, Winch
 
-# What a rule may raise that relies on one that is broken:
+# Exceptions of a rule that depends on a violated one:
 _CONSEQUENCES = (
     ArithmeticError, AssertionError, AttributeError, LookupError, RopeTwinError, TypeError,
     ValueError,
@@ -41,13 +41,13 @@ _CONSEQUENCES = (
 
 
 def faults(scene: Scene) -> Iterator[Fault]:
-    """Every fault between the values of a scene, in the order of RULES."""
+    """Yield every fault between the values of a scene, in the order of RULES."""
     for rule in RULES:
         yield from rule(scene)
 
 
 def independent_faults(scene: Scene) -> list[Fault]:
-    """Return every fault, each once; a rule that cannot be applied because of one is left out."""
+    """Return every fault once; a rule made inapplicable by another fault is skipped."""
     found: dict[Fault, None] = {}
     for rule in RULES:
         try:
@@ -93,7 +93,7 @@ def _one_of_rope_and_sections(scene: Scene) -> Iterator[Fault]:
             yield path, "both `rope` and `sections` are given", right
         elif line.rope is None and not line.sections:
             right = "add `rope` (a preset's name or figures), or `sections`"
-            yield path, "it is not said what it is made of", right
+            yield path, "its material is not given", right
 
 
 def _section_lengths(scene: Scene) -> Iterator[Fault]:
@@ -101,7 +101,7 @@ def _section_lengths(scene: Scene) -> Iterator[Fault]:
         path = f"ropes[{number}].sections"
         for k, section in enumerate(line.sections[:-1]):
             if section.length_m is None:
-                what = "only the topmost section may do without a length"
+                what = "only the topmost section may have no length"
                 yield f"{path}[{k}]", what, "add length_m"
                 return
         lengths = [section.length_m for section in line.sections]
@@ -110,8 +110,8 @@ def _section_lengths(scene: Scene) -> Iterator[Fault]:
         if lengths and lengths[-1] is not None:
             total = sum(length or 0.0 for length in lengths)
             if total < needed:
-                what = f"the sections are {total:g} m long together, of {needed:g} m of rope"
-                right = "lengthen one, or leave the topmost one's length_m out: it then has no end"
+                what = f"the sections are {total:g} m long in total, for {needed:g} m of rope"
+                right = "lengthen one, or remove length_m of the topmost one: it is then unlimited"
                 yield path, what, right
         out = sum(end < line.length_m for end in ends_m(line)) + 1
         if out > line.elements:
@@ -129,7 +129,7 @@ def _own_drag(scene: Scene) -> Iterator[Fault]:
                     what = (
                         f"drag.{name} is 0 but {section.rope.about or 'a rope'} has its own {own:g}"
                     )
-                    right = "give the scene's coefficient a value, or leave the rope's own out"
+                    right = "give the scene's coefficient a value, or remove the rope's own"
                     yield f"ropes[{number}]", what, right
 
 
@@ -166,7 +166,7 @@ def _line_out(scene: Scene) -> Iterator[Fault]:
         own = winch_of(scene, line)
         if own and not own.least_line_out_m <= line.length_m <= own.most_line_out_m:
             reach = f"{own.least_line_out_m:g} to {own.most_line_out_m:g} m"
-            what = f"{line.length_m:g} m lies outside the winch's {reach}"
+            what = f"{line.length_m:g} m is outside the winch's {reach}"
             right = "change it, or least_line_out_m or most_line_out_m of the winch"
             yield f"ropes[{number}].length_m", what, right
 
@@ -179,7 +179,7 @@ def _schedule(scene: Scene) -> Iterator[Fault]:
 def _one_schedule(path: str, winch: Winch) -> Iterator[Fault]:
     for number, row in enumerate(winch.schedule):
         if row.speed_m_per_s is not None and abs(row.speed_m_per_s) > winch.speed_limit_m_per_s:
-            what = f"{row.speed_m_per_s:g} m/s is over the winch's {winch.speed_limit_m_per_s:g}"
+            what = f"{row.speed_m_per_s:g} m/s exceeds the winch's {winch.speed_limit_m_per_s:g}"
             right = "slow it down, or raise speed_limit_m_per_s"
             yield f"{path}.schedule[{number}].speed_m_per_s", what, right
     for number, (before, after) in enumerate(pairwise(winch.schedule), start=1):
@@ -191,7 +191,7 @@ def _one_schedule(path: str, winch: Winch) -> Iterator[Fault]:
     if repeat is None:
         return
     if not winch.schedule:
-        yield where, "there is no schedule to repeat", "add `schedule`, or leave this out"
+        yield where, "there is no schedule to repeat", "add `schedule`, or remove this"
     elif repeat <= winch.schedule[-1].at_s:
         what = f"{repeat:g} s cuts off the row at {winch.schedule[-1].at_s:g} s"
         yield where, what, "give more than the time of the last row"
@@ -201,60 +201,60 @@ def _effects(scene: Scene) -> Iterator[Fault]:
     names = {effect.params: effect.name for effect in EFFECTS}
     listed = [names[type(params)] for params in scene.effects]
     if "payload" in listed and not (scene.payloads or scene.joints):
-        yield "effects", "`payload` is listed but no payload is", "add `payloads`, or leave it out"
+        yield "effects", "`payload` is listed but no payload is", "add `payloads`, or remove it"
     shedding = [effect.name for effect in EFFECTS if effect.sheds and effect.name in listed]
     if len(shedding) > 1:
-        what = f"{' and '.join(shedding)} are models of the same vortices"
+        what = f"{' and '.join(shedding)} are models of the same vortex shedding"
         yield "effects", what, "keep one of them"
     if "splash_zone" in listed and not {"payload", "rigid_body"}.intersection(listed):
-        what = "`splash_zone` takes off what `payload` brings, which is not listed"
+        what = "`splash_zone` corrects the loads of `payload`, which is not listed"
         yield "effects", what, "add `- payload: {}`"
 
 
 def _drag_that_grows(scene: Scene) -> Iterator[Fault]:
-    """A model of vortices beside the step makes one coefficient grow."""
+    """A decoupled VIV model amplifies one drag coefficient."""
     own, model = model_beside(scene), shedding_model(scene)
     drag = scene.listed(DragParams)
     if own is None or own.drag is not None or drag is None:
         return
     if drag.over_reynolds or not drag.relative:
-        what = f"`{model}` makes one drag coefficient grow, and `drag` has no such one"
-        right = f"give `{model}` a `drag` of its own, or leave over_reynolds and relative out"
+        what = f"`{model}` amplifies one drag coefficient, and `drag` has no constant one"
+        right = f"give `{model}` a `drag` of its own, or remove over_reynolds and relative"
         yield "effects", what, right
 
 
 def _own_splash_zone(scene: Scene) -> Iterator[Fault]:
-    """A payload's own size in the splash zone stands in place of the effect's."""
+    """A payload's own splash-zone size replaces the effect's."""
     listed = scene.listed(SplashZoneParams) is not None
     for number, payload in enumerate(scene.payloads):
         path = f"payloads[{number}].splash_zone"
         if payload.splash_zone is not None and not listed:
-            yield path, "the effect `splash_zone` is not listed", "list it, or leave this out"
+            yield path, "the effect `splash_zone` is not listed", "list it, or remove this"
         elif payload.splash_zone is not None and not is_joined(scene):
-            yield path, "this is the only payload", "give the figures to the effect `splash_zone`"
+            yield path, "this is the only payload", "give the values to the effect `splash_zone`"
 
 
 def _at_the_end(scene: Scene) -> Iterator[Fault]:
-    """What hangs at the lower end needs a payload there."""
+    """An effect at the lower end needs a payload there."""
     for own in scene.effects:
         if isinstance(own, NetParams | FairingParams) and not scene.payloads:
             name = "net" if isinstance(own, NetParams) else "fairing"
             what = f"`{name}` is at the payload, and there is none"
-            yield "effects", what, "give the rope a payload, or leave it out"
+            yield "effects", what, "give the rope a payload, or remove it"
 
 
 def _two_ways(scene: Scene) -> Iterator[Fault]:
-    """A payload that rises by other figures than it sinks."""
+    """A payload with different properties in ascent and descent."""
     splashes = scene.listed(SplashZoneParams) is not None
     for number, payload in enumerate(scene.payloads):
         if payload.rising is None and not isinstance(payload.shape, TwoWayShape):
             continue
-        what = f"'{payload.name}' rises by other figures than it sinks"
+        what = f"'{payload.name}' has different properties in ascent and descent"
         if splashes:
-            right = "leave out `splash_zone`, which knows one set, or `rising` (and give a box)"
+            right = "remove `splash_zone`, which supports one set, or `rising` (and give a box)"
             yield f"payloads[{number}]", what, right
         elif is_joined(scene):
-            right = "where ropes meet give one set: leave out `rising`, or take another shape"
+            right = "in a multi-line scene give one set: remove `rising`, or use another shape"
             yield f"payloads[{number}]", what, right
 
 

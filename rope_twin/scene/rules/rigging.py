@@ -1,7 +1,7 @@
-"""What must hold of a scene's topology: where ropes begin and end, and that all of it hangs.
+"""Rules of a scene's topology: where ropes begin and end, and that everything is suspended.
 
-A scene of one rope from the winch to a payload or a fixed point is the plain case; anything else
-is `joined`.
+A scene of one rope from the winch to a payload or a fixed point is the single-line case; anything
+else is `joined` (multi-line).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rules.fault import Fault
 from rope_twin.scene.schema import RopeLine, Scene, Triple, Winch
 
-# Effects that ropes which meet can have: they see no payload, or one of each rope's own.
+# Effects supported in multi-line scenes: without a payload, or with one of each rope's own.
 MEETING = (
     CurrentParams, WavesParams, WeightParams, DragParams, AddedMassParams, BendingParams,
     SeabedParams, PayloadParams, SplashZoneParams,
@@ -32,41 +32,41 @@ MEETING = (
 
 
 def is_joined(scene: Scene) -> bool:
-    """Whether ropes meet in the scene, or could."""
+    """Return whether the scene is a multi-line system."""
     return len(scene.ropes) > 1 or bool(
         scene.joints or scene.struts or scene.hang_offs or scene.sheaves
     )
 
 
 def refuse_joined(scene: Scene, addition: str = "") -> None:
-    """For what steps one rope; `addition` is what a run of such a scene has to do without.
+    """Reject multi-line scenes where unsupported; `addition`: an option that would have to go.
 
     Raises:
-        SceneError: ropes meet in the scene.
+        SceneError: the scene is a multi-line system.
     """
     if not is_joined(scene):
         return
     what = f"ropes meet here, and {addition or 'this'} is for scenes of one rope"
     right = "give a scene of one rope, or step this one with `rope_twin run`"
     if addition:
-        right = "leave it out, or give a scene of one rope"
+        right = "remove it, or give a scene of one rope"
     raise SceneError(phrase(f"{scene.path}: ropes", what, right))
 
 
 def places(scene: Scene) -> dict[str, Triple]:
-    """Where ropes leave the ship, at rest [m], by name."""
+    """Return the mean positions of the hang-offs [m], by name."""
     return {WINCH: scene.ship.hang_off_m, **{one.name: one.at_m for one in scene.hang_offs}}
 
 
 def winch_of(scene: Scene, line: RopeLine) -> Winch | None:
-    """The winch that a rope comes from, if it does."""
+    """Return the winch that a rope comes from, or None."""
     if line.from_ == WINCH:
         return scene.winch
     return next((one.winch for one in scene.hang_offs if one.name == line.from_), None)
 
 
 def winches(scene: Scene) -> Iterator[tuple[str, Winch]]:
-    """Every winch with its path in the file."""
+    """Yield every winch with its path in the file."""
     if scene.winch:
         yield "winch", scene.winch
     for number, one in enumerate(scene.hang_offs):
@@ -75,13 +75,13 @@ def winches(scene: Scene) -> Iterator[tuple[str, Winch]]:
 
 
 def winches_by_name(scene: Scene) -> dict[str, Winch]:
-    """Every winch by the name of the hang-off that it stands at."""
+    """Return every winch by the name of its hang-off."""
     named = {WINCH: scene.winch, **{one.name: one.winch for one in scene.hang_offs}}
     return {name: winch for name, winch in named.items() if winch}
 
 
 def meeting_points(scene: Scene) -> list[str]:
-    """The names of payloads, joints and sheaves."""
+    """Return the names of payloads, joints and sheaves."""
     names = [*(one.name for one in scene.payloads), *(one.name for one in scene.joints)]
     return [*names, *(one.name for one in scene.sheaves)]
 
@@ -92,7 +92,7 @@ def _given(scene: Scene) -> Iterator[Fault]:
 
 
 def _own_names(scene: Scene) -> Iterator[Fault]:
-    """Payloads, joints and hang-offs are called by one name each."""
+    """Payloads, joints and hang-offs have unique names."""
     groups = {
         "payloads": [one.name for one in scene.payloads],
         "joints": [one.name for one in scene.joints],
@@ -117,7 +117,7 @@ def _upper_ends(scene: Scene) -> Iterator[Fault]:
     for number, line in enumerate(scene.ropes):
         path = f"ropes[{number}].from"
         if line.from_ not in known:
-            yield path, f"nothing is called '{line.from_}'", did_you_mean(line.from_, known)
+            yield path, f"nothing is named '{line.from_}'", did_you_mean(line.from_, known)
         elif line.from_ == line.to:
             yield path, f"the rope begins and ends at '{line.to}'", "let it end elsewhere"
         elif number == 0 and line.from_ != WINCH:
@@ -130,7 +130,7 @@ def _upper_ends(scene: Scene) -> Iterator[Fault]:
             yield path, what, "give each a winch of its own: add to `hang_offs`"
     for number, one in enumerate(scene.hang_offs):
         if not from_winch[one.name]:
-            right = f"give `from: {one.name}` to a rope, or leave the hang-off out"
+            right = f"give `from: {one.name}` to a rope, or remove the hang-off"
             yield f"hang_offs[{number}]", f"no rope comes from '{one.name}'", right
 
 
@@ -143,7 +143,7 @@ def _lower_ends(scene: Scene) -> Iterator[Fault]:
             yield path, "both `to` and `fixed_at_m` are given", right
         elif not line.to and not line.fixed_at_m:
             right = "add `to` (a payload's name) or `fixed_at_m` (a fixed point)"
-            yield path, "its lower end is neither held nor loaded", right
+            yield path, "its lower end is neither fixed nor loaded", right
         elif line.to and line.to not in names:
             if line.to in places(scene):
                 right = "let it end at a payload or a joint: ropes leave the ship by `from`"
@@ -153,13 +153,13 @@ def _lower_ends(scene: Scene) -> Iterator[Fault]:
 
 
 def _held(scene: Scene) -> Iterator[Fault]:
-    """Every payload and joint hangs on the lower end of a rope, and no joint is a loose end."""
+    """Every payload and joint is at the lower end of a rope, and no joint is a free end."""
     held = Counter(line.to for line in scene.ropes)
     ends = held + Counter(line.from_ for line in scene.ropes)
     ends += Counter(name for strut in scene.struts for name in strut.between)
     for number, payload in enumerate(scene.payloads):
         if not held[payload.name]:
-            right = f"give `to: {payload.name}` to a rope, or leave the payload out"
+            right = f"give `to: {payload.name}` to a rope, or remove the payload"
             yield f"payloads[{number}]", f"no rope holds '{payload.name}'", right
     for number, joint in enumerate(scene.joints):
         path = f"joints[{number}]"
@@ -167,12 +167,12 @@ def _held(scene: Scene) -> Iterator[Fault]:
             right = f"give `to: {joint.name}` to the rope that holds it"
             yield path, f"no rope holds '{joint.name}' from above", right
         elif ends[joint.name] == 1 and joint.mass_kg == 0.0:
-            right = "join another rope there, or hang a payload on it"
+            right = "connect another rope there, or hang a payload on it"
             yield path, f"only one rope ends at '{joint.name}', and it weighs nothing", right
 
 
 def _hanging(scene: Scene) -> Iterator[Fault]:
-    """Every rope hangs on the ship: walk down from the hang-offs, and along the bars."""
+    """Every rope is connected to the ship: a search from the hang-offs down and along the bars."""
     reached = set(places(scene))
     links = [(line.from_, line.to) for line in scene.ropes if line.to]
     links += [strut.between for strut in scene.struts]
@@ -183,7 +183,7 @@ def _hanging(scene: Scene) -> Iterator[Fault]:
         reached |= found
     for number, line in enumerate(scene.ropes):
         if line.from_ not in reached:
-            what = f"'{line.name}' is part of a loop or chain that hangs on no hang-off"
+            what = f"'{line.name}' is part of a loop or chain without a hang-off"
             yield f"ropes[{number}]", what, "let one of its ropes come from the winch"
 
 
@@ -206,26 +206,26 @@ def _what_joints_need(scene: Scene) -> Iterator[Fault]:
     for effect in EFFECTS:
         if effect.params in kinds and effect.params not in MEETING:
             what = f"`{effect.name}` is listed in a scene whose ropes meet"
-            yield "effects", what, "leave it out: it is for a single rope so far"
+            yield "effects", what, "remove it: it supports single-line scenes only"
     if PayloadParams not in kinds:
         right = "add `- payload: {}`"
-        yield "effects", "`payload` is not listed: nothing that hangs here has weight", right
+        yield "effects", "`payload` is not listed: no payload has weight", right
 
 
 def _own_bending(scene: Scene) -> Iterator[Fault]:
-    """A rope's own stiffness stands in place of the effect's; a joint is a hinge."""
+    """A rope's own stiffness replaces the effect's; a connection is a hinge."""
     listed = scene.listed(BendingParams) is not None
     for number, line in enumerate(scene.ropes):
         path = f"ropes[{number}].bending"
         if line.bending is None:
             continue
         if not listed:
-            yield path, "the effect `bending` is not listed", "list it, or leave this out"
+            yield path, "the effect `bending` is not listed", "list it, or remove this"
         elif not is_joined(scene):
-            yield path, "this is the only rope", "give the figures to the effect `bending`"
+            yield path, "this is the only rope", "give the values to the effect `bending`"
         elif line.bending.clamped_along is not None and line.from_ not in places(scene):
             what = f"'{line.name}' begins at '{line.from_}', which is a hinge"
-            yield f"{path}.clamped_along", what, "leave it out: a hang-off alone holds a direction"
+            yield f"{path}.clamped_along", what, "remove it: only a hang-off fixes a direction"
 
 
 RIGGING_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (

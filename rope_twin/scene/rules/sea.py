@@ -1,4 +1,4 @@
-"""What must hold of the sea that moves a scene's ship: a record, a sine, or waves."""
+"""Rules for the motion of a scene's ship: a record, a sine, or waves."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rope_twin.share import share_dir
 
 
 def bag_path(scene: Scene) -> Path | None:
-    """Where the bag of a scene lies (whether it exists or not); None without a bag."""
+    """Return the path of a scene's bag (existing or not); None without a bag."""
     poses = scene.sea_state.poses
     bag = scene.sea_state.bag or (poses.bag if poses else "")
     if not bag:
@@ -28,7 +28,7 @@ def bag_path(scene: Scene) -> Path | None:
 
 
 def is_path(bag: str) -> bool:
-    """Whether a bag is given by a path rather than by a name in bags/."""
+    """Return whether a bag is given by a path instead of a name in bags/."""
     return "/" in bag or bag.startswith(".") or bag.endswith(".mcap")
 
 
@@ -55,12 +55,12 @@ def _regular_heave(scene: Scene) -> Iterator[Fault]:
         what = f"both `bag` ('{sea.bag}') and `heave` are given"
         yield "sea_state", what, "keep the record or the sine"
     if not sea.loop:
-        right = "leave `loop` out, it is for bags"
-        yield "sea_state.loop", "a regular heave has no end to stop at", right
+        right = "remove `loop`, it is for bags"
+        yield "sea_state.loop", "a regular heave has no end", right
     fastest = 2.0 * pi * sea.heave.amplitude_m / sea.heave.period_s
     if fastest > FASTEST_M_PER_S:
         what = f"it moves the ship at up to {fastest:.1f} m/s"
-        right = f"a ship stays within {FASTEST_M_PER_S:g} m/s: lower it, or lengthen its period"
+        right = f"plausible is {FASTEST_M_PER_S:g} m/s: lower it, or lengthen its period"
         yield "sea_state.heave", what, right
         return
     omega = 2.0 * pi / sea.heave.period_s
@@ -85,19 +85,19 @@ def _on_waves(scene: Scene) -> Iterator[Fault]:
         yield "sea_state.on_waves", "`waves` is not listed", "add the effect `waves`"
         return
     if sea.bag or sea.heave is not None or sea.path:
-        yield "sea_state", "the ship rides on the waves and on a record", "keep one of them"
+        yield "sea_state", "the ship is moved by waves and by a record", "keep one of them"
     if sea.start_s != 0.0 or not sea.loop:
-        right = "leave `start_s` and `loop` out, they are for records"
-        yield "sea_state", "waves begin with the scene and have no end", right
+        right = "remove `start_s` and `loop`, they are for records"
+        yield "sea_state", "waves start with the scene and have no end", right
     if waves.ramp_s != scene.ship.motion_ramp_s:
         what = (
-            f"the sea rises over {waves.ramp_s:g} s, the ship over {scene.ship.motion_ramp_s:g} s"
+            f"the sea builds up in {waves.ramp_s:g} s, the ship in {scene.ship.motion_ramp_s:g} s"
         )
-        yield "ship.motion_ramp_s", what, "give `ramp_s` of `waves` and this one alike"
+        yield "ship.motion_ramp_s", what, "give `ramp_s` of `waves` the same value"
 
 
 def spectrum_of(waves: WavesParams) -> WaveSpectrum | None:
-    """Spectrum of the scene's sea; None for a regular wave.
+    """Return the spectrum of the scene's sea state; None for a regular wave.
 
     Raises:
         InputError: it cannot be read.

@@ -1,4 +1,4 @@
-"""What must hold of a scene's sheaves: two stretches of one rope end at each, and it is held."""
+"""Rules of a scene's sheaves: two stretches of one rope end at each, and it is held."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from rope_twin.scene.schema import RopeLine, Scene
 
 
 def lines_at(scene: Scene, sheave: Sheave) -> list[int]:
-    """Numbers of the ropes that end at a sheave."""
+    """Return the indices of the ropes that end at a sheave."""
     return [number for number, line in enumerate(scene.ropes) if line.to == sheave.name]
 
 
 def sheaves_hold(scene: Scene) -> Iterator[Fault]:
-    """Each sheave has two ropes of one make, neither of them straight from the ship."""
+    """Check that each sheave has two ropes of the same material, neither straight from the ship."""
     for number, sheave in enumerate(scene.sheaves):
         path = f"sheaves[{number}]"
         ends = lines_at(scene, sheave)
@@ -37,7 +37,7 @@ def sheaves_hold(scene: Scene) -> Iterator[Fault]:
 
 
 def _stretches(scene: Scene, ends: list[int]) -> Iterator[Fault]:
-    """The two ropes that are one over a sheave."""
+    """Check the two ropes that run as one over a sheave."""
     one, other = (scene.ropes[number] for number in ends)
     for number in ends:
         path, line = f"ropes[{number}]", scene.ropes[number]
@@ -46,13 +46,13 @@ def _stretches(scene: Scene, ends: list[int]) -> Iterator[Fault]:
             right = "put a payload or a joint between: a winch and a sheave need a stretch each"
             yield path, what, right
         if len(line.made_of) > 1:
-            right = "give it one `rope`; where the make changes put a joint"
+            right = "give it one `rope`; put a joint where the material changes"
             yield path, f"'{line.name}' runs over a sheave and has sections", right
         if line.grading is not None:
-            right = "leave `grading` out: elements come and go at its end"
+            right = "remove `grading`: elements are added and removed at its end"
             yield path, f"'{line.name}' runs over a sheave and is graded", right
     if _makes_differ(one, other):
-        what = f"'{one.name}' and '{other.name}' are one rope over the sheave and differ in make"
+        what = f"'{one.name}' and '{other.name}' are one rope and differ in material"
         yield f"ropes[{ends[1]}]", what, "give both the same `rope` and `damping`"
 
 

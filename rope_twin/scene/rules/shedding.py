@@ -1,7 +1,7 @@
-"""Scenes with a model of vortex-induced vibration: what cannot step them, and what they ask for.
+"""Rules for scenes with a VIV model: rejection where unsupported, and required resolution.
 
-The fastest vortices along the rope set the pace: a wave of that frequency on the rope as it hangs
-must be resolved in place and in time.
+The highest shedding frequency along the rope is decisive: a wave of that frequency on the hanging
+rope must be resolved in space and time.
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ from rope_twin.scene.arrays.composite import Bar, tension_at_length
 from rope_twin.scene.figures import LiftFigures
 from rope_twin.scene.schema import Scene
 
-# Linear elements shorten a wave by (π/n)²/6: 0.4 % at 20. TR-BDF2 is 0.01 % off in period and takes
-# next to nothing at 200 steps; the wake, which is damped by 5 % only, wants no more than that.
+# Linear elements shorten a wave by (π/n)²/6: 0.4 % at 20. At 200 steps TR-BDF2 has a period error
+# of 0.01 % and negligible damping; the wake, with a damping of 5 %, needs no more than that.
 ELEMENTS_PER_WAVE, STEPS_PER_PERIOD = 20.0, 200.0
-PLACES = 64  # along the rope that are looked at
-STROUHAL = 0.17  # where the model has no number of its own
+PLACES = 64  # sampling points along the rope
+STROUHAL = 0.17  # default, where the model has none
 
 
 @dataclass(frozen=True)
 class Pace:
-    """The fastest lock-in to expect, and what resolves it."""
+    """Highest expected lock-in frequency, and the resolution that it requires."""
 
     frequency_hz: float
-    element_m: float  # at most
-    step_s: float  # at most
+    element_m: float  # maximum
+    step_s: float  # maximum
 
 
 def shedding_model(scene: Scene) -> str:
-    """Name of the scene's model of vortex-induced vibration, or ""."""
+    """Return the name of the scene's VIV model, or ""."""
     for effect in EFFECTS:
         if effect.sheds and any(type(params) is effect.params for params in scene.effects):
             return effect.name
@@ -50,30 +50,30 @@ def shedding_model(scene: Scene) -> str:
 
 
 def model_beside(scene: Scene) -> Any:
-    """Parameters of the scene's model of vortices if it is computed beside the step, or None."""
+    """Return the parameters of the scene's decoupled VIV model, or None."""
     kinds = tuple(effect.params for effect in EFFECTS if effect.beside)
     return next((own for own in scene.effects if isinstance(own, kinds)), None)
 
 
 def strouhal_number(scene: Scene) -> float:
-    """Of the scene's model of vortices, or the usual one."""
+    """Return the Strouhal number of the scene's VIV model, or the default."""
     numbers = (getattr(own, "strouhal_number", None) for own in scene.effects)
     return next((number for number in numbers if number is not None), STROUHAL)
 
 
 def refuse_shedding(scene: Scene, what: str) -> None:
-    """For what cannot step such a scene; what: why not.
+    """Reject scenes with a VIV model where unsupported; what: the reason.
 
     Raises:
         SceneError: the scene has a model of vortex-induced vibration.
     """
     model = shedding_model(scene)
     if model:
-        raise SceneError(phrase(f"{scene.path}: effects.{model}", what, "leave the model out here"))
+        raise SceneError(phrase(f"{scene.path}: effects.{model}", what, "remove the model here"))
 
 
 def expected_pace(scene: Scene, figures: LiftFigures) -> Pace | None:
-    """Of the scene's model as the rope hangs straight; None: it has none, or nothing flows."""
+    """Return the pace for a straight hanging rope; None without a model or without flow."""
     if not shedding_model(scene):
         return None
     z, tension, bars = _hanging(scene, figures)
@@ -99,7 +99,7 @@ def expected_pace(scene: Scene, figures: LiftFigures) -> Pace | None:
 
 
 def _hanging(scene: Scene, figures: LiftFigures) -> tuple[list[float], list[float], list[Bar]]:
-    """Height [m], tension [N] and section of places from the lower end up."""
+    """Return elevation [m], tension [N] and section of sampling points from the lower end up."""
     line, top = scene.ropes[0], scene.ship.hang_off_m
     held = tension_at_length(figures.bars, figures.chord_m) if line.fixed_at_m else 0.0
     low = line.fixed_at_m[2] if line.fixed_at_m else top[2] - line.length_m
@@ -121,7 +121,7 @@ def _hanging(scene: Scene, figures: LiftFigures) -> tuple[list[float], list[floa
 
 
 def _current(scene: Scene, z: list[float]) -> list[float]:
-    """Speed of the current at these heights [m/s]."""
+    """Return the speed of the current at these elevations [m/s]."""
     own = scene.listed(CurrentParams)
     if own is None:
         return [0.0] * len(z)
@@ -131,15 +131,15 @@ def _current(scene: Scene, z: list[float]) -> list[float]:
 
 
 def vortex_words(scene: Scene, figures: LiftFigures) -> str:
-    """What the scene's model of vortices wants and gets, before a run; "" if it has none."""
+    """Return the resolution required and given for the VIV model, before a run; "" without one."""
     pace = expected_pace(scene, figures)
     if pace is None:
         return ""
     cost = _cost(scene, figures, pace)
     if model_beside(scene) is not None:
         return (
-            f"{shedding_model(scene)}: lock-in at {pace.frequency_hz:.3g} Hz is computed beside "
-            "the step, on places of its own; it wants nothing of this scene's elements and step."
+            f"{shedding_model(scene)}: lock-in at {pace.frequency_hz:.3g} Hz is computed "
+            "decoupled from the step, on its own mesh; this scene's need not resolve it."
         )
     told = (
         f"{shedding_model(scene)}: {_wanted(pace)}; this scene gives "
@@ -147,24 +147,24 @@ def vortex_words(scene: Scene, figures: LiftFigures) -> str:
     )
     if cost <= 1.0:
         return f"{told}."
-    return f"{told}, too coarse; right ones are {cost:.2g} times slower than this scene without it."
+    return f"{told}, too coarse; fine ones are {cost:.2g} times slower than this scene without it."
 
 
 def _wanted(pace: Pace) -> str:
     return (
-        f"lock-in at {pace.frequency_hz:.3g} Hz wants elements under "
-        f"{_rounded(pace.element_m):g} m and steps under {_rounded(1e3 * pace.step_s):g} ms"
+        f"lock-in at {pace.frequency_hz:.3g} Hz requires elements below "
+        f"{_rounded(pace.element_m):g} m and steps below {_rounded(1e3 * pace.step_s):g} ms"
     )
 
 
 def _cost(scene: Scene, figures: LiftFigures, pace: Pace) -> float:
-    """Times as many elements and steps as the scene has; the model's own work is not in it."""
+    """Return the factor of elements and steps over the scene's, without the model's own cost."""
     elements = max(figures.longest_element_m / pace.element_m, 1.0)
     return elements * max(scene.time.step_s / pace.step_s, 1.0)
 
 
-def coarse_for_vortices(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    """What the fastest lock-in wants of elements and steps, if the scene gives less."""
+def check_vortex_resolution(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """Check elements and step for the highest lock-in frequency."""
     pace = None if model_beside(scene) is not None else expected_pace(scene, figures)
     if pace is None:
         return
@@ -180,27 +180,27 @@ def coarse_for_vortices(scene: Scene, figures: LiftFigures) -> Iterator[str]:
     yield phrase(path, what, f"give these: {cost:.2g} times slower than this scene without it")
 
 
-def odd_vortices(scene: Scene, figures: LiftFigures) -> Iterator[str]:
-    """A model of vortices that has nothing to shed them, or no force."""
+def check_vortex_inputs(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """Check for a VIV model without flow or without force."""
     listed = {type(own): own for own in scene.effects}
     model, sea = shedding_model(scene), scene.sea_state
     if not model:
         return
     moved = bool(sea.path) or sea.poses is not None
     if CurrentParams not in listed and WavesParams not in listed and not moved:
-        what = "nothing flows past the rope, so nothing is shed"
+        what = "nothing flows past the rope, so no vortices are shed"
         yield phrase(f"effects {model}", what, "add `current`")
     own = listed.get(StrouhalForcingParams)
     if isinstance(own, StrouhalForcingParams) and own.drag is None and DragParams not in listed:
-        what = "its forces are shares of `drag`, which is not listed: it has none"
+        what = "its forces are fractions of `drag`, which is not listed: they are zero"
         yield phrase(f"effects {model}", what, "add `drag`, or give the effect a drag of its own")
     beside = model_beside(scene)
     if beside is not None and beside.drag is None and DragParams not in listed:
-        what = "the drag that it makes grow is not listed, so the rope does not feel it"
+        what = "the drag that it amplifies is not listed, so it has no effect on the rope"
         yield phrase(f"effects {model}", what, "add `drag`, or give the effect a drag of its own")
 
 
 def _rounded(value: float) -> float:
-    """Two digits, downward."""
+    """Round down to two digits."""
     place = 10.0 ** (floor(log10(value)) - 1)
     return floor(value / place) * place

@@ -1,4 +1,4 @@
-"""What must hold between a scene and the water: its bottom, its surface and its spectrum."""
+"""Rules between a scene and the water: seabed, surface and spectrum."""
 
 from __future__ import annotations
 
@@ -14,32 +14,32 @@ from rope_twin.effects.waves import WavesParams
 from rope_twin.scene.rules.fault import Fault
 from rope_twin.scene.schema import Scene
 
-# A step of a spectrum's frequencies is a hole when it is so many times both beside it: one row that
-# is missing among even ones doubles it; the first and the last have but one beside them.
+# A frequency step of a spectrum is a gap when it is this many times both adjacent steps: one
+# missing row doubles it; the first and the last have only one adjacent step.
 GAP, GAP_AT_AN_END = 1.8, 3.0
-BURIED_M = 1.0  # as an anchor may be
-# What a current profile must be, whether a scene gives it or a sensor does:
+BURIED_M = 1.0  # accepted depth of a buried anchor
+# Requirements on a current profile, from a scene or from a sensor:
 MIN_ROW_SPACING_M = 0.01
-SHEAR_LIMIT_PER_S = 100.0  # [m/s per m]: a step of 1 m/s within the least row spacing
+SHEAR_LIMIT_PER_S = 100.0  # [m/s per m]: 1 m/s within the minimum row spacing
 DEEPEST_ROW_M = -12e3
 
 
 def bed_at(bed: SeabedParams, x: float, y: float) -> float:
-    """Height of the bed below a place [m]; of soundings as effects/seabed.py has it."""
+    """Return the elevation of the seabed [m]; for soundings as in effects/seabed.py."""
     told = bed.soundings
     if told is not None:
         return -float(np.interp(y, told.y_m, [np.interp(x, told.x_m, row) for row in told.depth_m]))
-    assert bed.depth_m is not None, "checked when it was read"
+    assert bed.depth_m is not None, "checked when the scene was read"
     return -bed.depth_m + bed.slope[0] * x + bed.slope[1] * y
 
 
 def bed_of(scene: Scene) -> SeabedParams | None:
-    """The scene's bed, if it has one."""
+    """Return the scene's seabed, or None."""
     return scene.listed(SeabedParams)
 
 
 def steepest_shear(profile: NDArray[np.float64]) -> tuple[float, int]:
-    """Largest shear [1/s] of rows of z, east, north, (rows, 3), in order, and the row above it."""
+    """Return the largest shear [1/s] of rows z, east, north (rows, 3), and its upper row."""
     if len(profile) < 2:
         return 0.0, 0
     step = np.diff(profile, axis=0)
@@ -48,7 +48,7 @@ def steepest_shear(profile: NDArray[np.float64]) -> tuple[float, int]:
 
 
 def _current(scene: Scene) -> Iterator[Fault]:
-    """Rows of a current profile are far enough apart that the shear between them is finite."""
+    """Rows of a current profile are far enough apart for a finite shear."""
     current = scene.listed(CurrentParams)
     if current is None or len(current.profile) < 2:
         return
@@ -65,7 +65,7 @@ def _current(scene: Scene) -> Iterator[Fault]:
 
 
 def _held_sheaves(scene: Scene) -> Iterator[Fault]:
-    """A sheave's tether is held between surface and bed."""
+    """A sheave's tether is fixed between surface and seabed."""
     bed = bed_of(scene)
     for number, sheave in enumerate(scene.sheaves):
         if sheave.tether is None:
@@ -74,15 +74,15 @@ def _held_sheaves(scene: Scene) -> Iterator[Fault]:
         path = f"sheaves[{number}].tether.at_m"
         if z > 0.0:
             what = f"'{sheave.name}' is held {z:g} m above the water"
-            yield path, what, "a lower sheave is held below: give a negative z"
+            yield path, what, "a lower sheave is held below water: give a negative z"
         elif bed is not None and z < bed_at(bed, x, y):
             low = bed_at(bed, x, y)
-            what = f"'{sheave.name}' is held at z = {z:g} m, below the bed at {low:g} m"
-            yield path, what, "hold it at the bed or above, or deepen `seabed`"
+            what = f"'{sheave.name}' is held at z = {z:g} m, below the seabed at {low:g} m"
+            yield path, what, "hold it at the seabed or above, or deepen `seabed`"
 
 
 def _held_ends(scene: Scene) -> Iterator[Fault]:
-    """A rope's fixed end is not held inside the bed."""
+    """A rope's fixed end is not below the seabed."""
     bed = bed_of(scene)
     for number, line in enumerate(scene.ropes):
         if bed is None or line.fixed_at_m is None:
@@ -90,13 +90,13 @@ def _held_ends(scene: Scene) -> Iterator[Fault]:
         x, y, z = line.fixed_at_m
         low = bed_at(bed, x, y)
         if z < low - BURIED_M:
-            what = f"the lower end is held at z = {z:g} m, below the bed at {low:g} m"
-            right = "hold it at the bed or above, or deepen `seabed`"
+            what = f"the lower end is fixed at z = {z:g} m, below the seabed at {low:g} m"
+            right = "fix it at the seabed or above, or deepen `seabed`"
             yield f"ropes[{number}].fixed_at_m", what, right
 
 
 def _spectrum(scene: Scene) -> Iterator[Fault]:
-    """A measured spectrum has no hole, over which its neighbours would be joined by a line."""
+    """A measured spectrum has no gap, which would be interpolated linearly."""
     waves = scene.listed(WavesParams)
     if waves is None or waves.measured is None:
         return

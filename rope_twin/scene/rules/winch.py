@@ -1,4 +1,4 @@
-"""What must hold between the parts of a winch, and between them and its schedule."""
+"""Rules between the components of a winch, and between them and its schedule."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ def _parts(scene: Scene) -> Iterator[Fault]:
             what = "a drive turns a drum, and there is none"
             yield f"{path}.drive", what, "add `drum: {core_radius_m: ..., turns_per_layer: ...}`"
         if winch.brake is not None and winch.drive is None:
-            what = "a brake needs the inertia that it brakes, and there is no drive"
+            what = "a brake acts on the inertia of a drive, and there is none"
             yield f"{path}.brake", what, "add `drive: {inertia_kg_m2: ..., torque_limit_n_m: ...}`"
 
 
 def _sheave(scene: Scene) -> Iterator[Fault]:
-    """Wires are thinner than the rope that they make, and a sheave wider than it."""
+    """Wires are thinner than their rope, and a sheave is wider than the rope."""
     for line in scene.ropes:
         winch = winch_of(scene, line)
         sheave = winch.sheave if winch is not None else None
@@ -39,20 +39,20 @@ def _sheave(scene: Scene) -> Iterator[Fault]:
         thick = max(section.rope.diameter_m for section in line.made_of)
         if sheave.diameter_m <= thick:
             what = f"{sheave.diameter_m:g} m is not wider than the rope's {thick:g} m"
-            yield f"{path}.sheave.diameter_m", what, "give some twenty times the rope's diameter"
+            yield f"{path}.sheave.diameter_m", what, "give about 20 times the rope's diameter"
         if sheave.outer_wire_m > 0.5 * thick:
             what = f"wires of {sheave.outer_wire_m:g} m do not fit a rope of {thick:g} m"
             yield f"{path}.sheave.outer_wire_m", what, "give the diameter of one outer wire"
 
 
 def _commander(scene: Scene) -> Iterator[Fault]:
-    """A winch can do what it is to do when its commander is lost."""
+    """A winch supports its action for a lost commander."""
     for path, winch in winches(scene):
         key, wanted = f"{path}.when_commander_lost", winch.when_commander_lost
         if wanted not in WHEN_COMMANDER_LOST:
-            yield key, f"'{wanted}' is none", did_you_mean(wanted, WHEN_COMMANDER_LOST)
+            yield key, f"'{wanted}' is unknown", did_you_mean(wanted, WHEN_COMMANDER_LOST)
         elif wanted == SET_THE_BRAKE and winch.brake is None:
-            right = f"add `brake` to it, or take {RAMP_TO_ZERO}"
+            right = f"add `brake` to it, or use {RAMP_TO_ZERO}"
             yield key, f"'{wanted}' but this winch has no brake", right
 
 
@@ -66,15 +66,15 @@ def _rows(scene: Scene) -> Iterator[Fault]:
 def _row(winch: Winch, row: ScheduleRow) -> Iterator[Fault]:
     least, most = winch.least_line_out_m, winch.most_line_out_m
     if row.line_out_m is not None and not least <= row.line_out_m <= most:
-        what = f"{row.line_out_m:g} m lies outside the winch's {least:g} to {most:g} m"
+        what = f"{row.line_out_m:g} m is outside the winch's {least:g} to {most:g} m"
         yield "line_out_m", what, "change it, or least_line_out_m or most_line_out_m"
     if row.tension_n is not None and winch.constant_tension is None:
-        what = "this winch keeps no tension"
+        what = "this winch has no constant-tension mode"
         yield "tension_n", what, "add `constant_tension: {gain_m_per_s_per_kn: ...}` to it"
     if row.switch is None:
         return
     if row.switch not in SWITCHES:
-        yield "switch", f"'{row.switch}' is none", did_you_mean(row.switch, SWITCHES)
+        yield "switch", f"'{row.switch}' is unknown", did_you_mean(row.switch, SWITCHES)
     elif getattr(winch, SWITCHES[row.switch]) is None:
         part = SWITCHES[row.switch]
         what = f"'{row.switch}' but this winch has no {part.replace('_', ' ')}"
@@ -82,13 +82,13 @@ def _row(winch: Winch, row: ScheduleRow) -> Iterator[Fault]:
 
 
 def _depth(scene: Scene) -> Iterator[Fault]:
-    """An end that is held has no depth to go to."""
+    """A rope with a fixed lower end has no payload depth to control."""
     for number, line in enumerate(scene.ropes):
         winch = winch_of(scene, line)
         rows = winch.schedule if winch is not None and line.fixed_at_m is not None else ()
         if any(row.payload_depth_m is not None for row in rows):
-            what = "its lower end is fixed, and the winch is told a payload's depth"
-            yield f"ropes[{number}].fixed_at_m", what, "tell it a line_out_m"
+            what = "its lower end is fixed, and the winch schedule gives a payload depth"
+            yield f"ropes[{number}].fixed_at_m", what, "give line_out_m instead"
 
 
 WINCH_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (

@@ -1,4 +1,4 @@
-"""Shapes that meet the water with another face on the way down than on the way up."""
+"""Shapes with different drag in ascent and descent."""
 
 from __future__ import annotations
 
@@ -16,42 +16,43 @@ DOME_FLAT, DOME_ROUND = 1.17, 0.42  # solid: flow on the flat side, flow on the 
 
 @dataclass(frozen=True, kw_only=True)
 class Grab:
-    """A grab of two shells: open it is a cup upside down, closed and full a dome upside down.
+    """A grab of two shells: an inverted cup when open, an inverted dome when closed and full.
 
-    Drag along z is that of a hollow and of a solid hemisphere on its plan area, across that of its
-    outline, a box; added mass is that of the outline, and the water under the open shells goes
-    along.
+    Drag along z is that of a hollow or a solid hemisphere on its plan area, laterally that of its
+    outline, a box; added mass is that of the outline, plus the water under open shells.
     """
 
-    width_m: float = quantity("along x", "m", 0.1, 20.0)
-    length_m: float = quantity("along y", "m", 0.1, 20.0)
-    height_m: float = quantity("of the shells", "m", 0.1, 20.0)
-    solid_m3: float = quantity("volume of steel, and of its load if it is closed", "m³", 0.0, 1e3)
+    width_m: float = quantity("width along x", "m", 0.1, 20.0)
+    length_m: float = quantity("length along y", "m", 0.1, 20.0)
+    height_m: float = quantity("height of the shells", "m", 0.1, 20.0)
+    solid_m3: float = quantity("volume of steel, including the load if closed", "m³", 0.0, 1e3)
     closed: bool = text("closed and full; false: open and empty", False)
 
     def check(self) -> str | None:
-        """What is solid fits in."""
+        """Return a fault if the solid volume exceeds the outline, or None."""
         if self.solid_m3 > self._outline().volume_m3():
             return f"{self.solid_m3:g} m³ are more than its outline; give less"
         return None
 
     def volume_m3(self) -> float:
-        """Of what is solid [m³]."""
+        """Return the solid volume [m³]."""
         return self.solid_m3
 
     def added_mass_m3(self) -> Triple:
-        """The outline's, and what the shells hold: half an ellipsoid, if they are open [m³]."""
+        """Return that of the outline, plus half an ellipsoid of water if it is open [m³]."""
         x, y, z = self._outline().added_mass_m3()
         inside = 0.0 if self.closed else pi / 6.0 * self._plan_m2() * self.height_m
         return (x + inside, y + inside, z + inside)
 
     def drag_area_m2(self) -> Triple:
-        """Across as its outline; along z while it sinks: open mouth or round side first [m²]."""
+        """Return lateral drag of the outline; along z in descent: open mouth or round side first
+        [m²].
+        """
         x, y, _ = self._outline().drag_area_m2()
         return (x, y, (DOME_ROUND if self.closed else CUP_INTO) * self._plan_m2())
 
     def rising_drag_area_m2(self) -> float:
-        """Along z while it rises: round side or flat side first [m²]."""
+        """Return drag along z in ascent: round side or flat side first [m²]."""
         return (DOME_FLAT if self.closed else CUP_AGAINST) * self._plan_m2()
 
     def _plan_m2(self) -> float:

@@ -1,4 +1,4 @@
-"""The shapes that a payload can have, and the figures that follow for the payload effect."""
+"""Available payload shapes, and the payload properties derived from them."""
 
 from __future__ import annotations
 
@@ -24,39 +24,39 @@ SHAPES: dict[str, type[Shape]] = {
 
 @dataclass(frozen=True)
 class PayloadFigures:
-    """What the payload effect needs, along x, y, z; along z while it sinks, if that differs."""
+    """Input of the payload effect, along x, y, z; along z in descent, if that differs."""
 
     mass_kg: float
     volume_m3: float
     added_mass_kg: Triple
     drag_area_m2: Triple
-    added_mass_rising_kg: float | None = None  # along z while it rises; None: the same
+    added_mass_rising_kg: float | None = None  # along z in ascent; None: the same
     drag_area_rising_m2: float | None = None
 
     @property
     def rising_added_mass_kg(self) -> float:
-        """Along z while it rises [kg]."""
+        """Return the added mass along z in ascent [kg]."""
         own = self.added_mass_rising_kg
         return self.added_mass_kg[2] if own is None else own
 
     @property
     def rising_drag_area_m2(self) -> float:
-        """Along z while it rises [m²]."""
+        """Return the drag area along z in ascent [m²]."""
         own = self.drag_area_rising_m2
         return self.drag_area_m2[2] if own is None else own
 
     @property
     def differs_rising(self) -> bool:
-        """Whether it rises by other figures than it sinks."""
+        """Return whether its properties differ between ascent and descent."""
         sinking = (self.added_mass_kg[2], self.drag_area_m2[2])
         return (self.rising_added_mass_kg, self.rising_drag_area_m2) != sinking
 
 
 def payload_figures(payload: Payload, water_density_kg_per_m3: float) -> PayloadFigures:
-    """The figures of a payload: its own keys first, its shape for what they leave open.
+    """Return the properties of a payload: explicit keys first, the rest from its shape.
 
     Raises:
-        SceneError: if a figure is given by neither.
+        SceneError: if a property is given by neither.
     """
     shape, volume = payload.shape, payload.displaced_volume_m3
     added, drag = payload.added_mass_kg, payload.drag_area_m2

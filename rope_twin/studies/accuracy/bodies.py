@@ -9,7 +9,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.core.joined.joints import LOOSE
-from rope_twin.core.joined.reeving import settle_reeved
+from rope_twin.core.joined.reeving import solve_reeved_statics
 from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.state import Boundary, Floats, Ints
 from rope_twin.core.step import advance
@@ -134,7 +134,7 @@ class JoinedBody:
         place = np.zeros((len(system.ropes), rows.MOTIONS))
         place[:, : rows.LINE] = np.nan_to_num(built.hang_off_m)
         place[:, rows.LINE] = [line.length_m for line in scene.ropes]
-        end = settle_reeved(system, place)
+        end = solve_reeved_statics(system, place)
         judge_start(scene, end, max(self._highest(r) for r in range(len(system.ropes))))
         self._lowest = built.owners[scene.payloads[0].name] if scene.payloads else 0
         stack = system.stack

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rope_twin.core.state import Floats
-from rope_twin.core.statics.equilibrium import settle
+from rope_twin.core.statics.equilibrium import solve_statics
 from rope_twin.core.statics.forces import SYMMETRIC, Couplings, Elastic, StillRope
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError, phrase
@@ -40,7 +40,7 @@ def bring_to_rest(scene: Scene) -> AtRest:
     """
     refuse_body(scene, "the modes of a rope with a body that swings by itself are not known")
     rope, line = build(scene), scene.ropes[0]
-    end = settle(rope, line.length_m)
+    end = solve_statics(rope, line.length_m)
     if not end.found:
         raise SceneError(
             phrase(f"{scene.path}: ropes[0]", "no static equilibrium", "check what holds the rope")

@@ -9,7 +9,7 @@ import numpy as np
 
 from rope_twin.core.joined import ties
 from rope_twin.core.joined.joints import LOOSE, System
-from rope_twin.core.joined.reeving import settle_reeved
+from rope_twin.core.joined.reeving import solve_reeved_statics
 from rope_twin.core.joined.sheaves import (
     FROM,
     INTO,
@@ -78,7 +78,7 @@ def bring_system_to_rest(scene: Scene) -> StillSystem:
     held = np.zeros((len(scene.ropes), MOTIONS))
     held[:, :LINE] = np.nan_to_num(built.hang_off_m)
     held[:, LINE] = [line.length_m for line in scene.ropes]
-    if not settle_reeved(system, held).found:
+    if not solve_reeved_statics(system, held).found:
         right = "check what holds the ropes"
         raise SceneError(phrase(f"{scene.path}: ropes", "no static equilibrium", right))
     weigh(system, held)

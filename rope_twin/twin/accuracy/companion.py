@@ -16,12 +16,12 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.body.state import RigidBody
 from rope_twin.core.joined.joints import LOOSE, System, new_system, with_flows
-from rope_twin.core.joined.reeving import settle_reeved
+from rope_twin.core.joined.reeving import solve_reeved_statics
 from rope_twin.core.joined.sheaves import FLOW_COLUMN
 from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.solve.remembering import remembers
 from rope_twin.core.state import ELEMENTS, Boundary, Floats, Rope
-from rope_twin.core.statics.equilibrium import settle
+from rope_twin.core.statics.equilibrium import solve_statics
 from rope_twin.core.step import advance
 from rope_twin.twin.accuracy.error_bound import EVERY
 from rope_twin.twin.accuracy.own_winch import OwnWinch
@@ -83,7 +83,7 @@ class HalfRope:
         self._rope = half._replace(
             model=half.model._replace(step=EVERY * rope.model.step), effects=self._effects.own
         )
-        self.rests = resting and settle(self._rope, float(border[0][rows.LINE])).found
+        self.rests = resting and solve_statics(self._rope, float(border[0][rows.LINE])).found
         room = (STEPS_PER_CALL // EVERY + 2, rows.MOTIONS)
         self._ahead = Boundary(np.zeros(room), np.zeros(room))
         self._ahead.value[0], self._ahead.rate[0] = border
@@ -191,7 +191,7 @@ class HalfSystem:
             if elements
             else _joined_as(whole, [_with_step_doubled(rope, rope) for rope in whole.ropes])
         )
-        self.rests = resting and settle_reeved(self._system, value).found
+        self.rests = resting and solve_reeved_statics(self._system, value).found
         self._now = value.copy(), rate.copy()
         self.waiting = 0
         self.winches: dict[int, OwnWinch] = {}

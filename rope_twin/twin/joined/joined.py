@@ -15,7 +15,7 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.joined.energy import SystemBorder, measure_system
 from rope_twin.core.joined.joints import LOOSE, System
-from rope_twin.core.joined.reeving import settle_reeved
+from rope_twin.core.joined.reeving import solve_reeved_statics
 from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.joined.ties import PULL
 from rope_twin.core.state import Boundary, Floats, Rope
@@ -83,7 +83,7 @@ class JoinedRopes:
             SceneError: there is no equilibrium, or the ropes float.
         """
         with no_garbage_collection():
-            end = settle_reeved(self.system(self.first), self._boundary.value[:, 0])
+            end = solve_reeved_statics(self.system(self.first), self._boundary.value[:, 0])
         highest = max(float(self._nodes(r, rows.POSITION)[2, :-1].max()) for r in self._numbers)
         judge_start(self._scene, end, highest)
         for warning in weak_ropes(
