@@ -1,4 +1,4 @@
-"""Rows of the diagnostics on what ropes carry, and the limits of the scene that were broken."""
+"""Diagnostics rows on the utilisation of ropes and on violated limits of the scene."""
 
 from __future__ import annotations
 
@@ -7,62 +7,62 @@ from collections.abc import Sequence
 from rope_twin.messages.status import Level, Status
 from rope_twin.twin.snapshot import LimitBreach, RopeStrength, Snapshot
 
-HALF = 0.5  # of the breaking load: rules for lifting wire leave less of it to the highest tension
-BROKEN_FOR_S = 60.0  # a limit that is kept again is an ERROR for so long, a WARN from then on
+WARN_UTILISATION = 0.5  # codes for lifting wire allow less than this share of the MBL
+VIOLATED_FOR_S = 60.0  # a limit that is no longer violated stays an ERROR for so long, then a WARN
 
 
 def strength_status(ropes: Sequence[RopeStrength]) -> Status:
-    """Utilisation of the rope that is nearest to its breaking load, and what it means."""
+    """Return the row on the rope with the highest utilisation, with key values of every rope."""
     values = {}
     for one in ropes:
-        share = f"{100.0 * one.utilisation:.1f}"
-        values[f"{one.name}: highest [% of its breaking load]"] = share
+        values[f"{one.name}: utilisation [% of MBL]"] = f"{100.0 * one.utilisation:.1f}"
         if one.dynamic_amplification is not None:
             words = f"{one.dynamic_amplification:.3f}"
             values[f"{one.name}: dynamic amplification"] = words
     worst = max(ropes, key=lambda one: one.utilisation)
-    level = Level.OK if worst.utilisation < HALF else Level.WARN
+    level = Level.OK if worst.utilisation < WARN_UTILISATION else Level.WARN
     if worst.utilisation >= 1.0:
         level = Level.ERROR
     return Status("simulation: strength", level, strength_words(worst, len(ropes) > 1), values)
 
 
 def strength_words(one: RopeStrength, named: bool) -> str:
-    """How near a rope has come to its breaking load, for people."""
+    """Return the utilisation of a rope in words; `named`: say of which rope."""
     which = f" of '{one.name}'" if named else ""
-    words = (
-        f"highest tension{which} {one.highest_n / 1e3:.1f} kN, {100.0 * one.utilisation:.0f} % of "
-        f"its breaking load of {one.breaking_load_n / 1e3:.0f} kN"
-    )
+    tension = f"maximum tension{which} {one.highest_n / 1e3:.1f} kN"
+    words = f"{tension}, utilisation {one.utilisation:.2f} (MBL {one.breaking_load_n / 1e3:.0f} kN)"
     if one.utilisation >= 1.0:
-        words += ": a real rope would have parted"
+        words = (
+            f"MBL{which} exceeded (utilisation {one.utilisation:.2f}): rope failure expected; "
+            f"{tension}, MBL {one.breaking_load_n / 1e3:.0f} kN"
+        )
     if one.dynamic_amplification is not None:
-        words += f"; dynamic amplification {one.dynamic_amplification:.2f}"
+        words += f"; DAF {one.dynamic_amplification:.2f}"
     return words
 
 
 def limits_status(snapshot: Snapshot) -> Status:
-    """Limits of the scene that were broken: ERROR for a while, WARN for the rest of the run."""
-    name, broken = "simulation: limits", snapshot.breaches
-    if not broken:
-        return Status(name, Level.OK, "every limit of the scene is kept", {})
+    """Return the row on violated limits: ERROR for a while, WARN for the rest of the run."""
+    name, violated = "simulation: limits", snapshot.breaches
+    if not violated:
+        return Status(name, Level.OK, "within all limits of the scene", {})
     values = {}
-    for one in broken:
+    for one in violated:
         what = f"{one.where}: {one.limit}"
         values[f"{what}, worst (limit {one.allowed:g})"] = f"{one.worst:.6g}"
-        values[f"{what}, first, worst and last broken [s]"] = (
+        values[f"{what}, first, worst and last violation [s]"] = (
             f"{one.first_s:.2f}, {one.worst_s:.2f}, {one.last_s:.2f}"
         )
-    newest = max(one.last_s for one in broken)
-    level = Level.ERROR if snapshot.time_s - newest < BROKEN_FOR_S else Level.WARN
-    return Status(name, level, "; ".join(breach_words(one) for one in broken), values)
+    newest = max(one.last_s for one in violated)
+    level = Level.ERROR if snapshot.time_s - newest < VIOLATED_FOR_S else Level.WARN
+    return Status(name, level, "; ".join(breach_words(one) for one in violated), values)
 
 
-_LIMITS_IN_WORDS = {  # what a limit is of, its scale and unit, and how a number is written
+_LIMITS_IN_WORDS = {  # name of the limited quantity, scale, unit and number format
     "tension_n": ("tension of", 1e-3, " kN", ".1f"),
     "utilisation": ("utilisation of", 1.0, "", ".3g"),
     "strain": ("strain of", 100.0, " %", ".3g"),
-    "min_tension_n": ("least tension of", 1e-3, " kN", ".1f"),
+    "min_tension_n": ("minimum tension of", 1e-3, " kN", ".1f"),
     "bend_radius": ("bend radius of", 1.0, " m", ".3g"),
     "payload_speed_m_per_s": ("speed of", 1.0, " m/s", ".3g"),
     "payload_depth_m": ("depth of", 1.0, " m", ".1f"),
@@ -71,26 +71,26 @@ _LIMITS_IN_WORDS = {  # what a limit is of, its scale and unit, and how a number
 
 
 class BreachWords:
-    """Says of each limit that is broken so once, when it happens."""
+    """Reports each violated limit once, when it is first violated."""
 
     def __init__(self) -> None:
         self._said: set[tuple[str, str]] = set()
 
     def of(self, snapshot: Snapshot) -> list[str]:
-        """A sentence for each limit that was not broken at an earlier call."""
+        """Return a sentence for each limit that was not yet violated at an earlier call."""
         if len(snapshot.breaches) == len(self._said):
             return []
         fresh = [one for one in snapshot.breaches if (one.limit, one.where) not in self._said]
         self._said |= {(one.limit, one.where) for one in fresh}
-        return [f"limit broken: {breach_words(one)}" for one in fresh]
+        return [f"limit violated: {breach_words(one)}" for one in fresh]
 
 
 def breach_words(one: LimitBreach) -> str:
-    """A limit that was broken, for people."""
+    """Return a violated limit in words."""
     what, scale, unit, form = _LIMITS_IN_WORDS[one.limit]
     worst, allowed = (f"{scale * value:{form}}{unit}" for value in (one.worst, one.allowed))
     side = "below" if one.worst < one.allowed else "above"
     when = f"first at {one.first_s:.2f} s"
     if one.worst_s > one.first_s:
         when += f", worst at {one.worst_s:.2f} s"
-    return f"{what} '{one.where}' {worst}, {side} its limit of {allowed} ({when})"
+    return f"{what} '{one.where}' {worst}, {side} the limit of {allowed} ({when})"

@@ -1,4 +1,4 @@
-"""What operators read of a rope's shape: its touchdown, and its tightest bend."""
+"""Diagnostics rows on the shape of ropes: touchdown point (TDP) and smallest bend radius."""
 
 from __future__ import annotations
 
@@ -10,38 +10,38 @@ from rope_twin.twin.snapshot import Bend, RopeBend, Touchdown
 
 
 def touchdown_status(ropes: Sequence[Touchdown]) -> Status:
-    """Where the ropes touch down; nothing is wrong with it."""
+    """Return the row on the touchdown points; its level is always OK."""
     values: dict[str, str] = {}
     for one in ropes:
         x, y, z = one.position_m
         values |= {
             f"{one.name}: x, y, z [m]": f"{x:.2f}, {y:.2f}, {z:.2f}",
-            f"{one.name}: line out to it [m]": f"{one.line_out_m:.2f}",
+            f"{one.name}: line out to TDP [m]": f"{one.line_out_m:.2f}",
             f"{one.name}: layback [m]": f"{one.layback_m:.2f}",
-            f"{one.name}: tension there [N]": f"{one.tension_n:.6g}",
-            f"{one.name}: angle to the bed [degrees]": f"{one.angle_deg:.2f}",
+            f"{one.name}: tension at TDP [N]": f"{one.tension_n:.6g}",
+            f"{one.name}: angle to the seabed [degrees]": f"{one.angle_deg:.2f}",
         }
     message = "; ".join(touchdown_words(one, len(ropes) > 1) for one in ropes)
     return Status("simulation: touchdown", Level.OK, message, values)
 
 
 def touchdown_words(one: Touchdown, named: bool) -> str:
-    """Where a rope touches down, for people."""
+    """Return the touchdown point of a rope in words; `named`: say of which rope."""
     which = f" of '{one.name}'" if named else ""
     return (
-        f"touchdown{which} at {one.line_out_m:.1f} m of line out, layback {one.layback_m:.1f} m, "
-        f"{one.tension_n / 1e3:.1f} kN there"
+        f"touchdown point{which} at {one.line_out_m:.1f} m line out, layback "
+        f"{one.layback_m:.1f} m, tension {one.tension_n / 1e3:.1f} kN"
     )
 
 
 def bend_status(ropes: Sequence[RopeBend]) -> Status:
-    """Of the rope that is bent tightest beside what it may be, and all that are too tight."""
+    """Return the row on the rope closest to its minimum bend radius, and on all below theirs."""
     values: dict[str, str] = {}
     for one in ropes:
         values |= {
-            f"{one.now.name}: tightest radius now [m]": _radius(one.now.radius_m),
+            f"{one.now.name}: smallest bend radius now [m]": _radius(one.now.radius_m),
             f"{one.now.name}: below its upper end [m]": f"{one.now.line_out_m:.2f}",
-            f"{one.now.name}: tightest radius since the start [m]": _radius(one.tightest.radius_m),
+            f"{one.now.name}: smallest since the start [m]": _radius(one.tightest.radius_m),
         }
         if one.now.minimum_m:
             values[f"{one.now.name}: minimum bend radius [m]"] = f"{one.now.minimum_m:g}"
@@ -51,26 +51,26 @@ def bend_status(ropes: Sequence[RopeBend]) -> Status:
 
 
 def bends_in_words(bends: Sequence[Bend]) -> list[str]:
-    """The tightest beside what it may be, and all that are too tight, for people."""
+    """Return in words the bend closest to its minimum radius, and all below theirs."""
     limited = [one for one in bends if one.minimum_m] or bends
     ordered = sorted(limited, key=lambda one: -one.tightness)
-    told = [one for n, one in enumerate(ordered) if n == 0 or one.too_tight]
-    return [_bend_words(one, len(bends) > 1) for one in told]
+    reported = [one for n, one in enumerate(ordered) if n == 0 or one.too_tight]
+    return [_bend_words(one, len(bends) > 1) for one in reported]
 
 
 def _bend_words(one: Bend, named: bool) -> str:
     which = f" of '{one.name}'" if named else ""
     if math.isinf(one.radius_m):
-        return f"no bend{which}: it is straight"
+        return f"no bending{which}: straight"
     words = (
-        f"tightest bend{which} of {_radius(one.radius_m)} m radius, {one.line_out_m:.1f} m below "
-        f"its upper end at {one.at_s:.1f} s"
+        f"smallest bend radius{which} {_radius(one.radius_m)} m, {one.line_out_m:.1f} m below the "
+        f"upper end at {one.at_s:.1f} s"
     )
     if one.radius_m < one.element_m:
-        words += f" (no more than elements of {one.element_m:.3g} m can tell)"
+        words += f" (not resolved by elements of {one.element_m:.3g} m)"
     if one.too_tight:
-        return f"{words}: tighter than its minimum bend radius of {one.minimum_m:g} m"
-    return f"{words}; its minimum bend radius is {one.minimum_m:g} m" if one.minimum_m else words
+        return f"{words}: below the MBR of {one.minimum_m:g} m"
+    return f"{words}; MBR {one.minimum_m:g} m" if one.minimum_m else words
 
 
 def _radius(radius_m: float) -> str:

@@ -1,4 +1,4 @@
-"""A row of the diagnostics (diagnostic_msgs/DiagnosticStatus), and the bytes of many."""
+"""Diagnostics rows (diagnostic_msgs/DiagnosticStatus) and their serialisation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class Status:
-    """One row of the diagnostics: a name, how bad, one sentence, and the numbers behind it."""
+    """Diagnostics row: name, level, message of one sentence, and key values."""
 
     name: str
     level: Level
@@ -31,7 +31,7 @@ class Status:
 
 
 def encode_diagnostics(stamp_ns: int, rows: Sequence[Status]) -> bytes:
-    """diagnostics: one DiagnosticStatus a row."""
+    """Return a `diagnostics` message with one DiagnosticStatus per row."""
     header = forms.header("")
     header.stamp = forms.time(stamp_ns)
     status = [
@@ -52,5 +52,5 @@ def encode_diagnostics(stamp_ns: int, rows: Sequence[Status]) -> bytes:
 
 
 def counted(number: int, noun: str) -> str:
-    """Like `1 step`, `2 steps`."""
+    """Return a number with its noun, such as `1 step` or `2 steps`."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

@@ -1,4 +1,4 @@
-"""What a paced run uses of a core, and what of it was asked for."""
+"""CPU usage of a real-time run, and the budget that was asked for."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class CoreShare:
-    """Processor time over real time since the first slot [% of one core]."""
+    """CPU time over real time since the first real-time cycle [% of one core]."""
 
-    steps_pct: float  # of the thread that steps the rope
-    publishing_pct: float  # of the thread that makes the messages and hands them to the middleware
-    process_pct: float  # of the whole process: with its nodes, recorder and viewer in it, these too
-    asked_pct: float | None = None  # by --budget
-    calibrated_pct: float | None = None  # what was measured for it before the run began
+    steps_pct: float  # solver thread
+    publishing_pct: float  # thread that encodes messages and hands them to the middleware
+    process_pct: float  # whole process, with all nodes, recorder and viewer that run in it
+    asked_pct: float | None = None  # budget set by --budget
+    calibrated_pct: float | None = None  # measured for that budget before the run
 
     def figures(self) -> dict[str, float | None]:
-        """By name."""
+        """Return the fields by name."""
         return dataclasses.asdict(self)
 
     def words(self) -> str:
-        """A line for people."""
-        asked = "" if self.asked_pct is None else f" (asked: {self.asked_pct:g} %)"
+        """Return a line of text."""
+        budget = "" if self.asked_pct is None else f" (budget: {self.asked_pct:g} %)"
         return (
-            f"of one core {self.steps_pct:.3g} % to step, {self.publishing_pct:.2g} % to publish, "
-            f"{self.process_pct:.3g} % with all else in the process{asked}"
+            f"CPU usage of one core: {self.steps_pct:.3g} % solver, {self.publishing_pct:.2g} % "
+            f"publishing, {self.process_pct:.3g} % whole process{budget}"
         )

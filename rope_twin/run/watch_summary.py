@@ -1,4 +1,4 @@
-"""The figures and words of a run's last line on how the rope shakes and what it has used."""
+"""Run summary of VIV response and fatigue damage."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ Figures = dict[str, float | str]
 
 
 def vibration_figures(snapshot: Snapshot) -> Figures | None:
-    """Where it shakes most; None: not asked for, or not known yet."""
+    """Return the VIV response at its maximum; None: not enabled, or not known yet."""
     shaking = snapshot.vibration
     if shaking is None:
         return None
@@ -28,7 +28,7 @@ def vibration_figures(snapshot: Snapshot) -> Figures | None:
 
 
 def fatigue_figures(snapshot: Snapshot) -> Figures | None:
-    """Of the metre that has used most; None: not asked for."""
+    """Return the maximum fatigue damage and its location; None: not enabled."""
     wear = snapshot.fatigue
     if wear is None:
         return None
@@ -43,19 +43,19 @@ def fatigue_figures(snapshot: Snapshot) -> Figures | None:
 
 
 def watch_words(vibration: Figures | None, fatigue: Figures | None) -> list[str]:
-    """A line for each of the two that there is."""
+    """Return a line of text for each of the two that is not None."""
     lines = []
     if vibration is not None:
         lines.append(
-            f"vibration ({vibration['model']}): at most {vibration['cross_flow_diameters']:.3g} "
-            f"diameters, at {vibration['frequency_hz']:.3g} Hz, "
-            f"{vibration['from_hang_off_m']:.4g} m below the hang-off; drag up to "
-            f"{vibration['drag_amplification']:.3g} times; watching took "
+            f"VIV ({vibration['model']}): maximum cross-flow A/D "
+            f"{vibration['cross_flow_diameters']:.3g} at {vibration['frequency_hz']:.3g} Hz, "
+            f"{vibration['from_hang_off_m']:.4g} m below the hang-off; drag amplification up to "
+            f"{vibration['drag_amplification']:.3g}; monitoring took "
             f"{vibration['cost_pct']:.2g} % of real time"
         )
     if fatigue is not None:
         lines.append(
-            f"fatigue ({fatigue['curve']}): {fatigue['used']:.3g} of its life used of the metre "
+            f"fatigue ({fatigue['curve']}): maximum damage {fatigue['used']:.3g} (failure at 1), "
             f"{fatigue['from_lower_end_m']:.4g} m from the lower end, in {fatigue['counted_s']:g} s"
         )
     return lines
