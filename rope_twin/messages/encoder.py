@@ -71,11 +71,11 @@ class Encoder:
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """The topics that `encode` knows."""
+        """Return the topics that `encode` supports."""
         return tuple(self._encoders)
 
     def encode(self, topic_name: str, snapshot: Snapshot) -> bytes:
-        """The message of a topic at the snapshot's instant, stamped epoch + stamp_ns.
+        """Return the message of a topic at the snapshot's time, stamped epoch + stamp_ns.
 
         Raises:
             InputError: if the topic is not made from a snapshot.
@@ -216,7 +216,9 @@ class Encoder:
         return self._markers_form(snapshot, len(tension)).fill(values)
 
     def _markers_form(self, snapshot: Snapshot, count: int) -> Template:
-        """Of so many elements, made from the form of one: the winch changes their number."""
+        """Return the template for this number of elements, which the winch changes, from one of
+        one.
+        """
         scale_n, words = self._scale_n, scale_words(self._scale_n)
         further, bars = tuple(one.name for one in snapshot.payloads), len(snapshot.struts)
         slings = 0 if snapshot.body is None else len(snapshot.body.leg_end_m)
@@ -233,7 +235,7 @@ class Encoder:
 
 
 def _symbols(snapshot: Snapshot, line_m: float) -> dict[str, Any]:
-    """Payload, hang-off, the text above it, and further payloads, sized by the line out."""
+    """Return the values of payload, hang-off and text markers, scaled with the line out."""
     size = (_SYMBOL_SIZE * line_m,) * 3
     values: dict[str, Any] = {
         "markers.1.pose.position": snapshot.payload_position_m,
@@ -251,7 +253,7 @@ def _symbols(snapshot: Snapshot, line_m: float) -> dict[str, Any]:
 
 
 def _body_markers(snapshot: Snapshot, body: BodyShot, slings: int, line_m: float) -> dict[str, Any]:
-    """The payload as a box of its own sides, no smaller than the symbol; its slings."""
+    """Return the values of a 6-DOF payload's box, not below the symbol's size, and slings."""
     lowest = snapshot.ropes[-1] if snapshot.ropes else snapshot  # the other part of a rope in two
     hook = np.broadcast_to(lowest.node_position_m[-1], body.leg_end_m.shape)
     larger = max(1.0, _SYMBOL_SIZE * line_m / float(body.size_m.max()))
@@ -264,5 +266,5 @@ def _body_markers(snapshot: Snapshot, body: BodyShot, slings: int, line_m: float
 
 
 def scale_words(scale_n: float) -> str:
-    """What the colours of the rope mean, for a text beside it."""
+    """Return the meaning of the rope's colours, as a text marker."""
     return f"violet 0 kN, yellow {scale_n / 1000.0:g} kN, red slack"

@@ -1,4 +1,4 @@
-"""Snapshot -> CDR bytes of the topics of ropes that meet; of one rope they are empty."""
+"""Encoders of the topics of multi-line systems; for a single rope their messages are empty."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ class JoinedForms:
         self._sized = Templates()
 
     def ropes_state(self, snapshot: Snapshot, stamp: dict[str, int]) -> bytes:
-        """Length, payout speed and upper tension of each rope; length and pull of each bar."""
+        """Return length, pay-out rate and upper-end tension of each rope; length and tension of
+        struts.
+        """
         ropes, struts = snapshot.ropes, snapshot.struts
         rows = [(r.name, r.line_out_m, r.payout_speed_m_per_s, r.tension_top_n) for r in ropes]
         rows += [
@@ -40,7 +42,7 @@ class JoinedForms:
         return template.fill({**stamp, **values})
 
     def payloads_state(self, snapshot: Snapshot, stamp: dict[str, int]) -> bytes:
-        """Position and velocity of each payload along x, y and z."""
+        """Return position and velocity of each payload along x, y and z."""
         payloads = snapshot.payloads
         names = tuple(f"{one.name}/{axis}" for one in payloads for axis in _AXES)
         template = self._sized.get(
@@ -53,7 +55,7 @@ class JoinedForms:
         return template.fill({**stamp, **values})
 
     def bars_state(self, snapshot: Snapshot, stamp: dict[str, int]) -> bytes:
-        """Where both ends of each bar are."""
+        """Return the positions of both ends of each strut."""
         names = tuple(
             f"{bar.name}/{end}_{axis}"
             for bar in snapshot.struts
@@ -67,7 +69,7 @@ class JoinedForms:
         return template.fill({**stamp, **({"position": np.concatenate(ends)} if ends else {})})
 
     def crossings(self, snapshot: Snapshot, stamp: dict[str, int]) -> bytes:
-        """Where two lines are nearest, and where they cross, as positions of joints."""
+        """Return the minimum distance and the crossings of two lines, as joint positions."""
         lines = snapshot.lines
         rows: list[tuple[str, float]] = []
         if lines is not None:
@@ -84,7 +86,7 @@ class JoinedForms:
         return template.fill({**stamp, **({"position": [v for _, v in rows]} if rows else {})})
 
     def ropes_nodes(self, snapshot: Snapshot, stamp: dict[str, int]) -> bytes:
-        """x, y, z, tension and rope of each node."""
+        """Return x, y, z, tension and rope number of each node."""
         counts = [len(rope.node_position_m) for rope in snapshot.ropes]
         count = sum(counts)
         template = self._sized.get(
@@ -100,13 +102,15 @@ class JoinedForms:
 
 
 def line_events(snapshot: Snapshot) -> bytes:
-    """Crossings of two lines that began or ended, like `121.4 s: the lines cross at 836 m, ...`."""
+    """Return crossings of two lines that began or ended, such as `121.4 s: the lines cross at 836
+    m`.
+    """
     words = "; ".join(f"{event.time_s:.1f} s: {event.words()}" for event in snapshot.line_events)
     return serialise(new("std_msgs/msg/String", data=words))
 
 
 def all_elements(snapshot: Snapshot) -> tuple[Any, Any]:
-    """Ends (2·elements, 3) and tension (elements,) of the elements of all ropes."""
+    """Return ends (2·elements, 3) and tension (elements,) of the elements of all ropes."""
     if not snapshot.ropes:
         return _ends(snapshot.node_position_m), snapshot.element_tension_n
     ropes = snapshot.ropes
@@ -115,5 +119,5 @@ def all_elements(snapshot: Snapshot) -> tuple[Any, Any]:
 
 
 def _ends(nodes: Any) -> Any:
-    """Of the elements: nodes 0 1, 1 2, 2 3, ..."""
+    """Return the ends of the elements: nodes 0 1, 1 2, 2 3, ..."""
     return np.repeat(nodes, 2, axis=0)[1:-1]

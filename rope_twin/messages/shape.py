@@ -16,7 +16,7 @@ class ShapeForms:
         self._sized = Templates()
 
     def touchdown(self, snapshot: Snapshot, stamp: dict[str, int]) -> bytes:
-        """Of each rope that touches the bed; no figures where none does."""
+        """Return the touchdown point of each rope on the seabed; no joints if there is none."""
         figures: dict[str, float] = {}
         for one in snapshot.touchdowns:
             x, y, z = one.position_m
@@ -32,7 +32,7 @@ class ShapeForms:
         return self._fill("seabed/touchdown", figures, stamp)
 
     def bend(self, snapshot: Snapshot, stamp: dict[str, int]) -> bytes:
-        """Of each rope that is looked at; its minimum where one is given."""
+        """Return the smallest bend radius of each monitored rope, and its minimum if given."""
         figures: dict[str, float] = {}
         for one in snapshot.bends:
             name, (x, y, z) = one.now.name, one.position_m
@@ -49,7 +49,7 @@ class ShapeForms:
         return self._fill("rope/bend", figures, stamp)
 
     def utilisation(self, snapshot: Snapshot, stamp: dict[str, int]) -> bytes:
-        """Utilisation and loads of each rope; NaN without a static tension to compare with."""
+        """Return utilisation and tensions of each rope; NaN without a static tension."""
         figures: dict[str, float] = {}
         for one in snapshot.strength:
             static_n, amplification = one.static_n, one.dynamic_amplification

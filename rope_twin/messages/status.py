@@ -13,7 +13,7 @@ HARDWARE_ID = "rope_twin"
 
 
 class Level(IntEnum):
-    """diagnostic_msgs/DiagnosticStatus levels."""
+    """Level of a diagnostic_msgs/DiagnosticStatus."""
 
     OK = 0
     WARN = 1

@@ -1,4 +1,4 @@
-"""Snapshot -> CDR bytes of how the rope shakes and of the fatigue that it has used."""
+"""Encoders of the topics of VIV response and fatigue damage."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class WatchForms:
         self._sized = Templates()
 
     def vibration(self, snapshot: Snapshot, stamp: dict[str, int]) -> bytes:
-        """x, y, z of each node, and amplitude, frequency and drag there."""
+        """Return x, y, z of each node, with amplitude, frequency and drag amplification."""
         shaking = snapshot.vibration
         if shaking is None:
             raise InputError(phrase("encode", "the snapshot has no vibration", "ask for it"))
@@ -33,7 +33,7 @@ class WatchForms:
         return template.fill({**stamp, "data": points.view(np.uint8).ravel()})
 
     def fatigue(self, snapshot: Snapshot) -> bytes:
-        """Rows of COLUMNS, one for each metre."""
+        """Return rows of COLUMNS, one per metre of rope."""
         wear = snapshot.fatigue
         if wear is None:
             raise InputError(phrase("encode", "the snapshot has no fatigue", "ask for it"))
@@ -46,7 +46,7 @@ class WatchForms:
 
 
 def vibration_columns(shaking: RopeVibration) -> dict[str, np.ndarray]:
-    """What the cloud holds besides the places, by name."""
+    """Return the columns of the cloud in addition to the positions, by name."""
     columns = {"cross_flow": shaking.cross_flow, "cross_flow_hz": shaking.cross_flow_hz}
     if shaking.in_line is not None and shaking.in_line_hz is not None:
         columns |= {"in_line": shaking.in_line, "in_line_hz": shaking.in_line_hz}

@@ -1,4 +1,4 @@
-"""Snapshot -> CDR bytes of what the winches were told and what their parts do."""
+"""Encoders of the topics of winch control modes and component states."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ class WinchForms:
         self._sized = Templates()
 
     def mode(self, snapshot: Snapshot) -> bytes:
-        """What each winch was told and what holds it back, in words."""
+        """Return control mode and active limit of each winch, in words."""
         words = "; ".join(mode_words(winch) for winch in snapshot.winches)
         return serialise(new("std_msgs/msg/String", data=words))
 
     def parts(self, snapshot: Snapshot, stamp: dict[str, int]) -> bytes:
-        """The figures of each winch's parts, as positions of joints named winch/figure."""
+        """Return the component states of each winch, as positions of joints winch/quantity."""
         rows = [
             (f"{winch.name}/{name}", value)
             for winch in snapshot.winches
@@ -35,7 +35,7 @@ class WinchForms:
 
 
 def mode_words(winch: WinchShot) -> str:
-    """Like `winch: length 350 m; held at ...`."""
+    """Return the control mode in words, such as `winch: length 350 m (limit)`."""
     unit = MOTIONS.get(winch.mode, "")
     told = f"{winch.mode} {winch.target:g} {unit}" if unit else winch.mode.replace("_", " ")
     return f"{winch.name}: {told}" + (f" ({winch.at_limit})" if winch.at_limit else "")

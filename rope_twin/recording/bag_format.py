@@ -1,8 +1,12 @@
-"""What a rosbag2 directory with MCAP storage looks like: names, QoS text, metadata.yaml.
+"""Format of a rosbag2 directory with MCAP storage: names, QoS text and metadata.yaml.
 
-Follows rosbag2's own reader (metadata version 9, ROS 2 Kilted): policies as words in the
-channel's `offered_qos_profiles`, `topic_type_hash` beside it, and a copy of the bag's metadata
-inside the MCAP file (record `rosbag2`) so that the file can be opened without its directory.
+It follows rosbag2's own reader (metadata version 9, ROS 2 Kilted): policies as words in the
+channel's `offered_qos_profiles`, next to `topic_type_hash`, and a copy of the bag's metadata inside
+the MCAP file (record `rosbag2`), so that the file can be opened without its directory.
+
+Follows rosbag2's own reader (metadata version 9, ROS 2 Kilted): policies as words in the channel's
+`offered_qos_profiles`, `topic_type_hash` beside it, and a copy of the bag's metadata inside the
+MCAP file (record `rosbag2`) so that the file can be opened without its directory.
 """
 
 from __future__ import annotations
@@ -39,7 +43,7 @@ class RecordedTopic:
     extra: Mapping[str, str] = field(default_factory=dict)  # further notes on the channel
 
     def channel_metadata(self) -> dict[str, str]:
-        """What goes into the MCAP channel."""
+        """Return the metadata of the MCAP channel."""
         return {
             **self.extra,
             "offered_qos_profiles": self.qos_profiles,
@@ -48,12 +52,12 @@ class RecordedTopic:
 
 
 def recorded_name(name: str) -> str:
-    """The name under which a topic of the (relative) table is recorded."""
+    """Return the name under which a topic of the (relative) table is recorded."""
     return name if name.startswith("/") else f"/{name}"
 
 
 def describe_topic(topic: Topic) -> RecordedTopic:
-    """What a bag says of a topic of the table.
+    """Return the description in a bag of a topic of the table.
 
     Raises:
         BagError: its message type is not a standard one.
@@ -95,7 +99,7 @@ def _qos_text(qos: Qos) -> str:
 
 @dataclass(frozen=True)
 class BagSummary:
-    """What metadata.yaml tells of a bag with one file."""
+    """Content of metadata.yaml for a bag with one file."""
 
     file_name: str
     topics: Sequence[RecordedTopic]
@@ -105,7 +109,7 @@ class BagSummary:
     custom_data: Mapping[str, str]
 
     def as_yaml(self) -> str:
-        """The text of the `rosbag2_bagfile_information` mapping."""
+        """Return the text of the `rosbag2_bagfile_information` mapping."""
         total = sum(self.counts.values())
         start = {"nanoseconds_since_epoch": self.start_ns}
         duration = {"nanoseconds": self.duration_ns}
@@ -134,7 +138,7 @@ class BagSummary:
         )
 
     def as_file(self) -> str:
-        """The text of metadata.yaml."""
+        """Return the text of metadata.yaml."""
         inner = self.as_yaml().splitlines()
         return "\n".join(["rosbag2_bagfile_information:", *(f"  {line}" for line in inner)]) + "\n"
 

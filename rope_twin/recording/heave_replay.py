@@ -1,4 +1,4 @@
-"""Replays a recorded (or made) heave in twin time, once or in a loop without a seam."""
+"""Replay of recorded or synthesised heave in simulation time, once or as a seamless loop."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from rope_twin.twin.motion.ship_pose import ShipPose
 
 @dataclass(frozen=True)
 class HeaveSample:
-    """One sample in twin time."""
+    """Heave sample in simulation time."""
 
     stamp_ns: int  # since the twin's start
     position_m: float  # up, above the rest position
@@ -35,13 +35,17 @@ class HeaveSample:
 
 
 class HeaveReplay:
-    """Samples of a record by twin time; t = 0 of the twin is `start_s` into the record.
+    """Samples of a record by simulation time; t = 0 is `start_s` into the record.
 
-    In a loop the record repeats; `note` says so if its end does not join its beginning.
+    In a loop the record repeats; `note` reports if its end does not join its beginning.
     """
 
     def __init__(self, record: HeaveRecord, start_s: float = 0.0, loop: bool = True) -> None:
-        """Raises BagError if `start_s` is not inside the record."""
+        """Prepare the replay.
+
+        Raises:
+            BagError: `start_s` is not inside the record.
+        """
         self.source = record.source
         self.skipped = record.skipped
         rates = record.position_m[:, None], record.velocity_m_per_s[:, None]
@@ -61,29 +65,29 @@ class HeaveReplay:
         self.note = " ".join(filter(None, [record.note, told_of(record.source, track, seam)]))
 
     def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
-        """Samples with from_ns <= stamp_ns < to_ns in twin time, in order; each stamp once."""
+        """Return samples with from_ns <= stamp_ns < to_ns, in order; each stamp once."""
         return [
             HeaveSample(stamp_ns, z, v, None if np.isnan(eta) else eta)
             for stamp_ns, (z, v, eta) in self._passes.between(from_ns, to_ns)
         ]
 
     def is_over(self, from_ns: int) -> bool:
-        """Whether there is no sample from a twin time on."""
+        """Return whether there is no sample from a time on."""
         return self._passes.is_over(from_ns, self.duration_s)
 
 
 def open_heave(
     bag: str | Path, topic: str | None = None, start_s: float = 0.0, loop: bool = True
 ) -> HeaveReplay:
-    """Replay of a bag: a name in bags/, or the path of a rosbag2 directory or .mcap file.
+    """Return the replay of a bag: a name in bags/, or the path of a directory or .mcap file.
 
     Args:
         topic: the Odometry topic; by default ship/heave or the only one.
-        start_s: where in the bag the twin's t = 0 lies.
-        loop: go on from the beginning at the end; otherwise the samples end.
+        start_s: position of t = 0 in the bag.
+        loop: continue from the beginning at the end; otherwise the samples end.
 
     Raises:
-        BagError: one sentence on what is wrong with the bag, the topic or the start.
+        BagError: the bag, the topic or the start is invalid; one sentence.
     """
     return HeaveReplay(read_heave(find_bag(bag), topic), start_s, loop)
 
@@ -103,7 +107,7 @@ def replay_sea(sea: SeaRecord, start_s: float = 0.0, loop: bool = True) -> Heave
 
 
 def elevation_at(recorded: tuple[Stamps, Vector], at_ns: Stamps, loop_ns: int | None) -> Vector:
-    """Water surface (n,) at `at_ns`, by cubic Hermite pieces; nan outside and in gaps.
+    """Return the surface (n,) at `at_ns` by cubic Hermite interpolation; NaN outside and in gaps.
 
     recorded: its times (m,) and values (m,); loop_ns: after which they repeat, if they do.
     """
@@ -125,6 +129,6 @@ def elevation_at(recorded: tuple[Stamps, Vector], at_ns: Stamps, loop_ns: int | 
 
 
 def faded_surface(seam: Seam, time_ns: Stamps, elevation_m: Vector) -> Table:
-    """The water surface (h, 1) where the end of a pass fades into the next."""
+    """Return the surface (h, 1) where the end of a pass is blended into the next."""
     tail = np.interp(seam.tail_ns, time_ns, elevation_m)
     return np.asarray(tail + seam.weight * (elevation_m[: len(tail)] - tail))[:, None]

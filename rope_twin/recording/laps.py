@@ -19,7 +19,7 @@ FADE_S = 10.0
 
 
 class Track(NamedTuple):
-    """What moves: values and their rates of change [1/s] at times that begin with 0."""
+    """Motion record: values and their rates of change [1/s] at times that begin with 0."""
 
     time_ns: Stamps  # (n,) rising
     value: Table  # (n, k)
@@ -28,12 +28,12 @@ class Track(NamedTuple):
 
     @property
     def end_ns(self) -> int:
-        """One interval after the last sample."""
+        """Return the end: one interval after the last sample."""
         return int(self.time_ns[-1]) + self.period_ns
 
 
 class Seam(NamedTuple):
-    """Where passes begin anew, and what the later ones begin with."""
+    """Splice between passes: when they restart, and the blended beginning of the later ones."""
 
     loop_ns: int  # length of a pass
     samples: int  # in it
@@ -53,7 +53,7 @@ class Laps:
     reaches_back: bool  # whether passes go on before the first
 
     def between(self, from_ns: int, to_ns: int) -> list[tuple[int, bool, int]]:
-        """Stamp, whether of a later pass, and index of each sample of a stretch, in order."""
+        """Return stamp, whether in a later pass, and index of each sample of an interval."""
         low, high = from_ns + self.start_ns, to_ns + self.start_ns
         if self.loop_ns is None:
             return self._cut(low, high, 0, False)
@@ -71,27 +71,29 @@ class Laps:
 
 
 class Passes:
-    """Rows of a record, a row a sample, as its passes have them by twin time."""
+    """Rows of a record, one per sample, by simulation time and pass."""
 
     def __init__(self, laps: Laps, rows: Table, faded: Table | None) -> None:
-        """rows: of the first pass, (n, k); faded: what later ones begin with, None: the same."""
+        """Store the rows (n, k) of the first pass; faded: beginning of later ones, or None."""
         self._laps, self._first = laps, rows
         self._later = rows if faded is None else np.concatenate([faded, rows[len(faded) :]])
 
     def between(self, from_ns: int, to_ns: int) -> Iterator[tuple[int, Any]]:
-        """Stamp and numbers of each sample with from_ns <= stamp < to_ns, in order, each once."""
+        """Return stamp and values of each sample with from_ns <= stamp < to_ns, in order, each
+        once.
+        """
         for stamp_ns, later, index in self._laps.between(from_ns, to_ns):
             yield stamp_ns, (self._later if later else self._first)[index].tolist()
 
     def is_over(self, from_ns: int, duration_s: float) -> bool:
-        """Whether a record of so long has no sample from a twin time on."""
+        """Return whether a record of this length has no sample from a time on."""
         if self._laps.loop_ns is not None:
             return False
         return not self._laps.between(from_ns, from_ns + round(duration_s * 1e9))
 
 
 def lay_laps(track: Track, start_s: float, loop: bool) -> tuple[Laps, Seam | None]:
-    """How a record is passed through from `start_s` on, and its seam, if it has one.
+    """Return how a record is passed through from `start_s` on, and its splice, if any.
 
     Raises:
         BagError: the start is not inside the record.
@@ -109,7 +111,7 @@ def lay_laps(track: Track, start_s: float, loop: bool) -> tuple[Laps, Seam | Non
 
 
 def told_of(source: str, track: Track, seam: Seam | None) -> str:
-    """What is done about an end that does not join the beginning, in one sentence; or ""."""
+    """Return in one sentence how an end that does not join the beginning is handled, or ""."""
     if seam is None:
         return ""
     faded_s = (track.end_ns - seam.loop_ns) * 1e-9
@@ -120,7 +122,7 @@ def told_of(source: str, track: Track, seam: Seam | None) -> str:
 
 
 def joins(track: Track) -> bool:
-    """Whether the step from the last sample to the first is like the steps inside the record.
+    """Return whether the step from the last sample to the first is like those inside the record.
 
     Compared are, of each value, the change of its rate and what its change leaves unexplained by
     the rates (trapezoidal rule), each with three times the 99th percentile inside.
@@ -139,10 +141,10 @@ def joins(track: Track) -> bool:
 
 
 def find_seam(track: Track) -> Seam:
-    """The first pass is as recorded; the later ones begin blended from the end.
+    """Return the splice: the first pass is as recorded, later ones begin blended from the end.
 
-    With the tail x(t + P) and the head x(t), the later passes begin with x(t + P) + w·(x(t) -
-    x(t + P)), w rising smoothly (3s² - 2s³) from 0 to 1; the rate is its derivative.
+    With the tail x(t + P) and the head x(t), the later passes begin with x(t + P) + w·(x(t) - x(t +
+    P)), w rising smoothly (3s² - 2s³) from 0 to 1; the rate is its derivative.
     """
     time_ns = track.time_ns
     fade_ns = min(round(FADE_S * 1e9), int(time_ns[-1]) // 3)
@@ -161,7 +163,7 @@ def find_seam(track: Track) -> Seam:
 
 
 def hermite(at_ns: Stamps, time_ns: Stamps, value: Table, slope: Table) -> tuple[Table, Table]:
-    """Cubic Hermite values and rates at `at_ns`, from those at `time_ns`; (n, k) each."""
+    """Return cubic Hermite values and rates at `at_ns` from those at `time_ns`; (n, k) each."""
     left = np.clip(np.searchsorted(time_ns, at_ns, side="right") - 1, 0, len(time_ns) - 2)
     step = ((time_ns[left + 1] - time_ns[left]) * 1e-9)[:, None]
     s = ((at_ns - time_ns[left]) * 1e-9)[:, None] / step

@@ -1,4 +1,4 @@
-"""Replays the ship's recorded poses in twin time, once or in a loop without a seam."""
+"""Replay of recorded ship poses in simulation time, once or as a seamless loop."""
 
 from __future__ import annotations
 
@@ -23,16 +23,20 @@ from rope_twin.twin.motion.ship_pose import ShipPose, Vector3
 
 
 class PoseReplay:
-    """Poses of a record by twin time; t = 0 of the twin is `start_s` into the record.
+    """Poses of a record by simulation time; t = 0 is `start_s` into the record.
 
-    They are those of the record to the bit. In a loop they repeat; `note` says so if the end does
-    not join the beginning, and then places are blended, and turns as quaternions.
+    They are bit-identical to the record. In a loop they repeat; `note` reports if the end does not
+    join the beginning; positions are then blended, and orientations as quaternions.
     """
 
     def __init__(
         self, record: PoseRecord, arm_m: Vector3, start_s: float = 0.0, loop: bool = True
     ) -> None:
-        """arm_m: from the reference point to the hang-off. Raises BagError for a bad start."""
+        """Prepare the replay; arm_m: from the reference point to the hang-off.
+
+        Raises:
+            BagError: the start is not inside the record.
+        """
         self.source, self._arm = f"ship's poses of {record.source}", arm_m
         track = _track_of(record)
         self.duration_s = track.end_ns * 1e-9
@@ -51,7 +55,7 @@ class PoseReplay:
         self.note = " ".join(filter(None, [record.note, told_of(record.source, track, seam)]))
 
     def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
-        """Samples with from_ns <= stamp_ns < to_ns in twin time, in order; each stamp once."""
+        """Return samples with from_ns <= stamp_ns < to_ns, in order; each stamp once."""
         found = []
         for stamp_ns, row in self._passes.between(from_ns, to_ns):
             place, velocity, turn, rate = row[:3], row[3:6], row[6:10], row[10:13]
@@ -60,7 +64,7 @@ class PoseReplay:
         return found
 
     def is_over(self, from_ns: int) -> bool:
-        """Whether there is no sample from a twin time on."""
+        """Return whether there is no sample from a time on."""
         return self._passes.is_over(from_ns, self.duration_s)
 
 
@@ -77,7 +81,7 @@ def open_poses(
 
 
 def _track_of(record: PoseRecord) -> Track:
-    """Places and quaternions with their rates of change; signs as if the end met the beginning."""
+    """Return positions and quaternions with their rates; signs as if the end met the beginning."""
     velocity = turned_by(record.orientation, record.velocity_m_per_s)
     turning = turn_changes(record.orientation, record.rate_rad_per_s)
     value = np.concatenate([record.position_m, record.orientation], axis=1)
@@ -90,7 +94,7 @@ def _track_of(record: PoseRecord) -> Track:
 
 
 def _poses_at(seam: Seam) -> Table:
-    """Position, velocity, orientation and rate of turn (h, 13) where two passes are blended."""
+    """Return position, velocity, orientation and angular velocity (h, 13) of the blended passes."""
     size = np.sqrt((seam.value[:, 3:] ** 2).sum(axis=1, keepdims=True))
     turn = seam.value[:, 3:] / size
     along = (turn * seam.rate[:, 3:]).sum(axis=1, keepdims=True)

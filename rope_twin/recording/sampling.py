@@ -1,4 +1,4 @@
-"""At which instants a motion that was never recorded is sampled: as a motion sensor would."""
+"""Sampling times of synthetic motion, at the rate of a motion sensor."""
 
 from __future__ import annotations
 
@@ -9,6 +9,6 @@ SAMPLE_PERIOD_NS = 50_000_000  # 20 Hz, the rate of ship/heave
 
 
 def stamps_between(from_ns: int, to_ns: int) -> NDArray[np.int64]:
-    """The multiples of SAMPLE_PERIOD_NS with from_ns <= stamp < to_ns, in order."""
+    """Return the multiples of SAMPLE_PERIOD_NS with from_ns <= stamp < to_ns, in order."""
     first, end = -(-from_ns // SAMPLE_PERIOD_NS), -(-to_ns // SAMPLE_PERIOD_NS)
     return np.arange(first, end, dtype=np.int64) * SAMPLE_PERIOD_NS
