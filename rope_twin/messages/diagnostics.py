@@ -7,8 +7,12 @@ from __future__ import annotations
 
 import math
 
-from rope_twin.messages.load_status import limits_status, strength_status
-from rope_twin.messages.shape_status import bend_status, touchdown_status
+from rope_twin.messages.rope_status import (
+    bend_status,
+    limits_status,
+    strength_status,
+    touchdown_status,
+)
 from rope_twin.messages.status import Level, Status, counted
 from rope_twin.scene.card import KnownError, told_bound
 from rope_twin.twin.findings import EnergyBalance, MaterialFatigue, RopeVibration, TensionBand

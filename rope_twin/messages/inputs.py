@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.messages import forms
+from rope_twin.messages import templates
 from rope_twin.messages.cdr import Template, new, serialise
 from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC
 from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION, Order
@@ -85,7 +85,7 @@ def encode_current(rows: Sequence[Sequence[float]]) -> bytes:
 
 def encode_epoch(epoch_ns: int) -> bytes:
     """Return a twin/epoch message: ROS time of t = 0."""
-    return serialise(forms.time(epoch_ns))
+    return serialise(templates.time(epoch_ns))
 
 
 def encode_seat(words: str) -> bytes:
@@ -94,26 +94,26 @@ def encode_seat(words: str) -> bytes:
 
 
 def _stamp(stamp_ns: int) -> dict[str, int]:
-    sec, nanosec = forms.split(stamp_ns)
+    sec, nanosec = templates.split(stamp_ns)
     return {"header.stamp.sec": sec, "header.stamp.nanosec": nanosec}
 
 
 @cache
 def _heave() -> Template:
-    return Template(forms.odometry("sea", "hang_off"))
+    return Template(templates.odometry("sea", "hang_off"))
 
 
 @cache
 def _pose() -> Template:
-    return Template(forms.odometry("ship_at_rest", "ship"))
+    return Template(templates.odometry("ship_at_rest", "ship"))
 
 
 @cache
 def _elevation() -> Template:
-    return Template(forms.point_stamped("sea"))
+    return Template(templates.point_stamped("sea"))
 
 
 @cache
 def _joint(names: str, field: str) -> Template:
     """Return the template of a JointState with these names (lines) and one value in `field`."""
-    return Template(forms.joint_state(names.split("\n"), (field,)))
+    return Template(templates.joint_state(names.split("\n"), (field,)))

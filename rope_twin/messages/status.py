@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 
-from rope_twin.messages import forms
+from rope_twin.messages import templates
 from rope_twin.messages.cdr import new, serialise
 
 HARDWARE_ID = "rope_twin"
@@ -32,8 +32,8 @@ class Status:
 
 def encode_diagnostics(stamp_ns: int, rows: Sequence[Status]) -> bytes:
     """Return a `diagnostics` message with one DiagnosticStatus per row."""
-    header = forms.header("")
-    header.stamp = forms.time(stamp_ns)
+    header = templates.header("")
+    header.stamp = templates.time(stamp_ns)
     status = [
         new(
             "diagnostic_msgs/msg/DiagnosticStatus",

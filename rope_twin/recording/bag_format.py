@@ -11,9 +11,11 @@ MCAP file (record `rosbag2`) so that the file can be opened without its director
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from types import TracebackType
+from typing import Any, Self
 
 import yaml
 
@@ -166,3 +168,32 @@ def _dump(data: Any) -> str:
     return yaml.dump(
         data, Dumper=_PlainDumper, sort_keys=False, allow_unicode=True, width=float("inf")
     )
+
+
+class ClosableBag(ABC):
+    """Bag that is closed at the end of a `with` block, whatever ends it."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close the bag; may be called twice.
+
+        Raises:
+            BagError: the written data is not safe on disk.
+        """
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close in any case: the data written before an error is worth keeping."""
+        try:
+            self.close()
+        except BagError as failure:
+            if error is None:
+                raise
+            error.add_note(str(failure))

@@ -9,7 +9,7 @@ from pathlib import Path
 from rosbags.rosbag2 import Reader
 
 from rope_twin.errors import BagError, did_you_mean, phrase
-from rope_twin.recording.closing import Closing
+from rope_twin.recording.bag_format import ClosableBag
 from rope_twin.share import share_dir
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
@@ -44,7 +44,7 @@ def find_bag(bag: str | Path) -> Path:
     return path
 
 
-class BagReader(Closing):
+class BagReader(ClosableBag):
     """A bag that is open for reading; also a context manager."""
 
     def __init__(self, path: Path) -> None:

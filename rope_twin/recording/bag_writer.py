@@ -14,11 +14,11 @@ from rope_twin.recording.bag_format import (
     OWN_RECORD,
     ROSBAG_RECORD,
     BagSummary,
+    ClosableBag,
     RecordedTopic,
     describe_topic,
     recorded_name,
 )
-from rope_twin.recording.closing import Closing
 from rope_twin.recording.file_sink import WAITING_LIMIT_BYTES, FileSink
 from rope_twin.topics import Topic
 
@@ -26,7 +26,7 @@ CHUNK_BYTES = 256 * 1024  # 2 ms for the longest call; larger chunks stall the c
 _LARGEST_STAMP_NS = 2**63 - 1  # rosbag2 keeps stamps in a signed integer
 
 
-class BagWriter(Closing):
+class BagWriter(ClosableBag):
     """One bag, from making its directory to its metadata.yaml. Not for several threads at once.
 
     Nothing of it depends on the time of writing: equal calls make equal bytes.

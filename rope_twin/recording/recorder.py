@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rope_twin.errors import BagError, phrase
+from rope_twin.recording.bag_format import ClosableBag
 from rope_twin.recording.bag_writer import BagWriter
-from rope_twin.recording.closing import Closing
 from rope_twin.topics import Topic
 
 FLUSH_PERIOD_S = 0.4  # a killed process loses this much and the moment of writing, at most 1 s
@@ -30,7 +30,7 @@ class RecorderHealth:
     trouble: str  # one sentence, '' if all is well
 
 
-class BagRecorder(Closing):
+class BagRecorder(ClosableBag):
     """Records from any thread; `write` never waits.
 
     The thread is a daemon: close the recorder, or the last moment and metadata.yaml are missing

@@ -12,8 +12,7 @@ from math import cos, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.recording.heave_replay import HeaveSample
-from rope_twin.recording.sampling import stamps_between
+from rope_twin.recording.heave_replay import HeaveSample, stamps_between
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.components import Waves
 from rope_twin.sea.responses import Responses

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rope_twin.effects.waves import WavesParams, components_of
-from rope_twin.recording.heave_replay import HeaveSample
-from rope_twin.recording.sampling import stamps_between
+from rope_twin.recording.heave_replay import HeaveSample, stamps_between
 from rope_twin.recording.ship_sea import ShipOnWaves, wave_at
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.components import Waves

@@ -15,7 +15,7 @@ from uuid import uuid4
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import Status, statuses
-from rope_twin.messages.load_status import BreachWords
+from rope_twin.messages.rope_status import BreachWords
 from rope_twin.recording.input_log import InputLog, Mark
 from rope_twin.recording.session import Setup, describe_run, describe_session, encode_session
 from rope_twin.ros.params import SimulationParams
@@ -29,7 +29,7 @@ from rope_twin.ros.run_status import (
     saving_row,
 )
 from rope_twin.run.border import InputBorder
-from rope_twin.run.core_share import CoreShare
+from rope_twin.run.cpu_usage import CpuUsage
 from rope_twin.run.inputs import expect_own_sea
 from rope_twin.run.summary import RunSummary, summarise
 from rope_twin.scene.card import OTHER_SEA
@@ -171,7 +171,7 @@ class PacedTwin:
         share = None
         if health.granted_s > 0.0:
             used_s = (health.processor_s, self._publisher.processor_s, self._processor_s())
-            share = CoreShare(*(100.0 * one / health.granted_s for one in used_s)).figures()
+            share = CpuUsage(*(100.0 * one / health.granted_s for one in used_s)).figures()
         trouble = kept.trouble if kept is not None else ""
         return replace(
             summary,

@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.messages import Level, Status, decode
-from rope_twin.messages.forms import NANOSECONDS
 from rope_twin.messages.inputs import ORDER_FIELDS
+from rope_twin.messages.templates import NANOSECONDS
 from rope_twin.run.seat import Command, Seats
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.winch import SWITCHES

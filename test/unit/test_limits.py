@@ -12,7 +12,7 @@ import pytest
 from rope_twin.cli import main
 from rope_twin.errors import SceneError
 from rope_twin.messages import Encoder, decode, statuses
-from rope_twin.messages.load_status import BreachWords
+from rope_twin.messages.rope_status import BreachWords
 from rope_twin.messages.status import Level, Status
 from rope_twin.scene.digest import scene_digest
 from rope_twin.scene.limits import Limits

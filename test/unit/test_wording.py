@@ -15,7 +15,7 @@ from sample_snapshot import hanging_rope
 
 from rope_twin.messages import Status, statuses
 from rope_twin.ros.run_status import clock_row, publishing_row, saving_row
-from rope_twin.run.core_share import CoreShare
+from rope_twin.run.cpu_usage import CpuUsage
 from rope_twin.run.seat import PRIORITY, CommandSeat
 from rope_twin.run.summary import RunSummary
 from rope_twin.scene.card import KnownError
@@ -138,7 +138,7 @@ def run_rows() -> Iterator[Status]:
 
 
 def summaries() -> dict[str, RunSummary]:
-    share = CoreShare(1.6, 2.0, 9.0, 10.0).figures()
+    share = CpuUsage(1.6, 2.0, 9.0, 10.0).figures()
     return {
         "summary": SUMMARY,
         "summary of an overloaded run": replace(

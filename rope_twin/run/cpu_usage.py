@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class CoreShare:
+class CpuUsage:
     """CPU time over real time since the first real-time cycle [% of one core]."""
 
     steps_pct: float  # solver thread

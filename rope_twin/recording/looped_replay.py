@@ -1,7 +1,7 @@
-"""A record that is replayed once or in a loop: which of its samples fall into a stretch of time.
+"""Looped replay of a record, once or repeatedly: which of its samples fall into an interval.
 
-If its end does not join its beginning (a real recording), the last 10 s of each pass fade into the
-first 10 s of the next, so a pass is 10 s shorter.
+If its end does not join its beginning (a real recording), the last 10 s of each pass are blended
+into the first 10 s of the next, so that a pass is 10 s shorter.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Track(NamedTuple):
         return int(self.time_ns[-1]) + self.period_ns
 
 
-class Seam(NamedTuple):
+class Splice(NamedTuple):
     """Splice between passes: when they restart, and the blended beginning of the later ones."""
 
     loop_ns: int  # length of a pass
@@ -44,8 +44,8 @@ class Seam(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Laps:
-    """Twin time against times in the record; t = 0 of the twin is `start_ns` into it."""
+class PassSchedule:
+    """Simulation time of the passes through a record; t = 0 is `start_ns` into it."""
 
     start_ns: int
     time_ns: Stamps  # times of the samples of a pass
@@ -73,26 +73,26 @@ class Laps:
 class Passes:
     """Rows of a record, one per sample, by simulation time and pass."""
 
-    def __init__(self, laps: Laps, rows: Table, faded: Table | None) -> None:
+    def __init__(self, schedule: PassSchedule, rows: Table, faded: Table | None) -> None:
         """Store the rows (n, k) of the first pass; faded: beginning of later ones, or None."""
-        self._laps, self._first = laps, rows
+        self._schedule, self._first = schedule, rows
         self._later = rows if faded is None else np.concatenate([faded, rows[len(faded) :]])
 
     def between(self, from_ns: int, to_ns: int) -> Iterator[tuple[int, Any]]:
         """Return stamp and values of each sample with from_ns <= stamp < to_ns, in order, each
         once.
         """
-        for stamp_ns, later, index in self._laps.between(from_ns, to_ns):
+        for stamp_ns, later, index in self._schedule.between(from_ns, to_ns):
             yield stamp_ns, (self._later if later else self._first)[index].tolist()
 
     def is_over(self, from_ns: int, duration_s: float) -> bool:
         """Return whether a record of this length has no sample from a time on."""
-        if self._laps.loop_ns is not None:
+        if self._schedule.loop_ns is not None:
             return False
-        return not self._laps.between(from_ns, from_ns + round(duration_s * 1e9))
+        return not self._schedule.between(from_ns, from_ns + round(duration_s * 1e9))
 
 
-def lay_laps(track: Track, start_s: float, loop: bool) -> tuple[Laps, Seam | None]:
+def plan_passes(track: Track, start_s: float, loop: bool) -> tuple[PassSchedule, Splice | None]:
     """Return how a record is passed through from `start_s` on, and its splice, if any.
 
     Raises:
@@ -105,16 +105,16 @@ def lay_laps(track: Track, start_s: float, loop: bool) -> tuple[Laps, Seam | Non
         raise BagError(phrase(where, f"it lasts {duration_s:g} s", right))
     start_ns = round(start_s * 1e9)
     if not loop or joins(track):
-        return Laps(start_ns, track.time_ns, track.end_ns if loop else None, loop), None
-    seam = find_seam(track)
-    return Laps(start_ns, track.time_ns[: seam.samples], seam.loop_ns, False), seam
+        return PassSchedule(start_ns, track.time_ns, track.end_ns if loop else None, loop), None
+    splice = find_splice(track)
+    return PassSchedule(start_ns, track.time_ns[: splice.samples], splice.loop_ns, False), splice
 
 
-def told_of(source: str, track: Track, seam: Seam | None) -> str:
+def splice_note(source: str, track: Track, splice: Splice | None) -> str:
     """Return in one sentence how an end that does not join the beginning is handled, or ""."""
-    if seam is None:
+    if splice is None:
         return ""
-    faded_s = (track.end_ns - seam.loop_ns) * 1e-9
+    faded_s = (track.end_ns - splice.loop_ns) * 1e-9
     return (
         f"{source}: its end does not join its beginning, the last {faded_s:.3g} s of each pass "
         "fade into the next."
@@ -140,7 +140,7 @@ def joins(track: Track) -> bool:
     return bool((sizes[-1] <= np.maximum(1e-3, 3.0 * usual)).all())
 
 
-def find_seam(track: Track) -> Seam:
+def find_splice(track: Track) -> Splice:
     """Return the splice: the first pass is as recorded, later ones begin blended from the end.
 
     With the tail x(t + P) and the head x(t), the later passes begin with x(t + P) + w·(x(t) - x(t +
@@ -159,7 +159,7 @@ def find_seam(track: Track) -> Seam:
     w, w_rate = s * s * (3.0 - 2.0 * s), 6.0 * s * (1.0 - s) / (max(length_ns, 1) * 1e-9)
     apart = track.value[:head] - tail
     rate = tail_rate + w[:, None] * (track.rate[:head] - tail_rate) + w_rate[:, None] * apart
-    return Seam(loop_ns, count, tail + w[:, None] * apart, rate, head_ns + loop_ns, w)
+    return Splice(loop_ns, count, tail + w[:, None] * apart, rate, head_ns + loop_ns, w)
 
 
 def hermite(at_ns: Stamps, time_ns: Stamps, value: Table, slope: Table) -> tuple[Table, Table]:

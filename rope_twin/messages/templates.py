@@ -22,7 +22,7 @@ from rope_twin.messages.cdr import new
 
 NANOSECONDS = 1_000_000_000
 FLOAT32_BYTES = 4
-MARKER_LIFETIME_S = 1  # a rope that is no longer told about disappears
+MARKER_LIFETIME_S = 1  # markers of a rope that is not published disappear
 _FLOAT32 = 7  # sensor_msgs/PointField.FLOAT32
 _CUBE, _SPHERE, _LINE_LIST, _TEXT = 1, 2, 5, 9  # visualization_msgs/Marker.type
 PAYLOAD_RGB = (0.95, 0.60, 0.20)
