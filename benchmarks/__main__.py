@@ -1,7 +1,7 @@
 """`python -m benchmarks speed | order | ... | report`: speed and error.
 
-A speed is never told without its error. `report` writes docs/performance.md
-from speed, order, ensemble and a stored race against the peers.
+A speed is never reported without its error. `report` writes docs/performance.md from speed, order,
+ensemble and a stored comparison with peer codes.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def _page_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _tell(args: argparse.Namespace, rows: Sequence[Any], table: Sequence[Sequence[str]]) -> None:
-    """Rows as one JSON object or as a table."""
+    """Print rows as one JSON object or as a table."""
     if args.json:
         print(json.dumps({"rows": rows}, ensure_ascii=False, allow_nan=False))
     else:
@@ -155,7 +155,7 @@ def _order(args: argparse.Namespace, progress: CaseProgress) -> int:
 
 
 def _ensemble(args: argparse.Namespace, progress: CaseProgress) -> int:
-    """Exit code 1 if a member differs from a twin of its own."""
+    """Run the ensemble benchmark; exit code 1 if a member differs from its own twin."""
     cases = ensemble_speed.QUICK if args.quick else ensemble_speed.FULL
     rows = ensemble_speed.ensemble_rows(cases, progress.show)
     _tell(args, [asdict(row) for row in rows], ensemble_speed.ensemble_table(rows))
@@ -163,7 +163,7 @@ def _ensemble(args: argparse.Namespace, progress: CaseProgress) -> int:
 
 
 def _statics(args: argparse.Namespace, progress: CaseProgress) -> int:
-    """Exit code 1 if a rope does not come to rest."""
+    """Run the statics benchmark; exit code 1 if a rope has no static equilibrium."""
     nodes = 100 if args.quick else statics_speed.NODES
     rows = [*statics_speed.statics_rows(nodes=nodes)]
     rows += joined_statics_speed.joined_statics_rows(nodes=nodes)
@@ -172,7 +172,7 @@ def _statics(args: argparse.Namespace, progress: CaseProgress) -> int:
 
 
 def _compile(args: argparse.Namespace, progress: CaseProgress) -> int:
-    """Exit code 1 if a start takes longer than its limit."""
+    """Run the JIT compile benchmark; exit code 1 if a start takes longer than its limit."""
     scenes = args.scenes or (compile_time.QUICK if args.quick else scene_names())
     rows = list(compile_time.compile_rows(scenes, progress.show))
     told = [{**asdict(row), "ok": row.ok} for row in rows]
@@ -181,7 +181,7 @@ def _compile(args: argparse.Namespace, progress: CaseProgress) -> int:
 
 
 def _kept(rows: Iterator[Any], into: Path | None, page: Any) -> Iterator[Any]:
-    """The rows as they come; each goes onto the page of a folder, if one is given."""
+    """Collect the rows as they are measured; each is written to the page of a folder, if given."""
     if into is not None:
         page.check_page(into)
     for row in rows:
@@ -193,7 +193,7 @@ def _kept(rows: Iterator[Any], into: Path | None, page: Any) -> Iterator[Any]:
 
 
 def _effects(args: argparse.Namespace, progress: CaseProgress) -> int:
-    """Exit code 1 if a scene's code contains an effect that it does not list."""
+    """Run the effect benchmark; exit code 1 if the code contains an effect not in the scene."""
     nodes, names = (50, ["current"]) if args.quick else (1000, args.effects)
     names = effect_speed.choose_names(names)
     found = effect_speed.effect_speeds(nodes, names, progress.show)
@@ -225,7 +225,7 @@ def _vortices(args: argparse.Namespace, progress: CaseProgress) -> int:
 
 
 def _band(args: argparse.Namespace, progress: CaseProgress) -> int:
-    """Exit code 1 if a scene is not held, or by a bound that is too wide."""
+    """Run the error-interval benchmark; exit code 1 if a scene is not covered, or too widely."""
     cases = band.QUICK if args.quick else band.choose_cases(args.scenes)
     rows = list(_kept(band.measure_bands(cases, progress.show), args.into, band_page))
     _tell(args, [asdict(row) for row in rows], band_page.band_table(rows))

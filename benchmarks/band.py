@@ -1,11 +1,11 @@
-"""Whether the live error band holds: its bound beside the error against a converged reference.
+"""Test of the discretisation-error interval against a converged reference.
 
-Every scene runs with its own sea and winch. The reference is the same scene on four times the
-elements with a quarter of the step, or finer where a case says so; one on half of that tells how
-far to trust it. Where the rope never was slack nor on the bed both are of second order and
-extrapolated (Richardson 1911), and the doubt is what that adds; where it was, where the current
-jumps between layers or a winch answers to the tension, the doubt is the whole difference of the
-two.
+Every scene runs with its own sea and winch. The reference is the same scene with four times the
+elements and a quarter of the time step, or finer if a case requires it; a reference with half that
+resolution gives its uncertainty. If the rope was never slack nor on the seabed, both are of second
+order and extrapolated (Richardson 1911), and the uncertainty is the extrapolated part; if it was,
+or the current has jumps between layers, or the winch has tension feedback, the uncertainty is the
+full difference of the two.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from validation.case import choose
 
 @dataclass(frozen=True)
 class BandCase:
-    """A scene, for so long, against a reference of so many times its elements and steps."""
+    """Scene with a duration, and a reference of so many times its elements and steps."""
 
     scene: str
     seconds: float
@@ -105,12 +105,12 @@ class BandRow:
 
     @property
     def ok(self) -> bool:
-        """Whether the band holds and is near."""
+        """Return whether the interval covers the error and is narrow."""
         return self.held_pct >= HELD_PCT and self.ratio <= RATIO
 
 
 def choose_cases(names: Sequence[str]) -> tuple[BandCase, ...]:
-    """The cases of these scenes in the order of FULL; all if there are none.
+    """Return the cases of these scenes in the order of FULL; all if there are none.
 
     Raises:
         InputError: a scene without a case.
@@ -121,10 +121,10 @@ def choose_cases(names: Sequence[str]) -> tuple[BandCase, ...]:
 
 
 def measure_bands(cases: Sequence[BandCase], listen: Listener) -> Iterator[BandRow]:
-    """A row per scene.
+    """Return a row per scene.
 
     Raises:
-        SolverError: a run could not go on, or the band was lost on the way.
+        SolverError: a run failed, or the interval was lost during it.
     """
     for number, case in enumerate(cases):
         listen(number, len(cases), case.scene)
@@ -133,7 +133,7 @@ def measure_bands(cases: Sequence[BandCase], listen: Listener) -> Iterator[BandR
 
 
 def measure_band(case: BandCase) -> BandRow:
-    """One scene."""
+    """Measure one scene."""
     scene = load_scene(case.scene)
     twin = BandedTwin(scene)
     seen = list(fed(twin, case.seconds))
@@ -168,7 +168,7 @@ def measure_band(case: BandCase) -> BandRow:
 
 
 def _is_rough(shot: Snapshot) -> bool:
-    """Whether something is slack, or on bed or deck: the error is of first order then."""
+    """Return whether there was slack or contact with seabed or deck: first-order error."""
     pulls = [one.element_tension_n for one in shot.ropes] or [shot.element_tension_n]
     bed, body, stands = shot.seabed, shot.body, False
     if bed is not None:
@@ -186,17 +186,17 @@ def _band_of(shot: Snapshot) -> TensionBand:
 
 
 def _cost_pct(scene: Scene, case: BandCase) -> float:
-    """Of another run of the scene with a band."""
+    """Return the cost of the interval in another run of the scene [%]."""
     *_, last = fed(BandedTwin(scene), min(case.seconds, COST_S))
     return _band_of(last).cost_pct
 
 
 def _reference(scene: Scene, times: int) -> Twin:
-    """The scene on so many times the elements with as small a part of the step, from the same rest.
+    """Return the scene with more elements and a shorter step, from the same static equilibrium.
 
-    Where ropes meet what hangs there may turn without a force, as a bar does that hangs from one
-    rope: how it lies at rest is by chance, and another on each grid. So the finer one begins with
-    the shape of the coarser.
+    In a multi-line system a payload may rotate freely, as a strut on a single rope does: its
+    attitude at rest is arbitrary and differs between grids. The finer grid therefore begins with
+    the shape of the coarser one.
     """
     finer = Twin(variant(scene, times * scene.ropes[0].elements, scene.time.step_s / times))
     if is_joined(scene) and not scene.sheaves:
@@ -205,7 +205,7 @@ def _reference(scene: Scene, times: int) -> Twin:
 
 
 def begin_alike(finer: Twin, own: Twin) -> None:
-    """Bring ropes that meet to rest near where those of the same scene rest on fewer elements."""
+    """Solve the equilibrium of a multi-line system near that on fewer elements."""
     assert finer.joined is not None
     assert own.joined is not None
     system = finer.joined.system(finer.rope)

@@ -1,6 +1,6 @@
-"""What `python -m benchmarks band` found as tables, and between the marks of docs/error_band.md.
+"""Results of `python -m benchmarks band` as tables, and between the marks of docs/error_band.md.
 
-The rows are kept in a file beside the page: a run of some scenes leaves the others' as they were.
+The rows are stored in a file next to the page: a run of some scenes keeps the others' rows.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ HEAD = (
 
 
 def band_table(rows: Sequence[BandRow]) -> list[tuple[str, ...]]:
-    """The rows as words, below a head."""
+    """Return the rows as text, below a head."""
     return [HEAD, *(_words(row) for row in rows)]
 
 
@@ -57,12 +57,12 @@ def _words(row: BandRow) -> tuple[str, ...]:
 
 
 def _rounded(value: float) -> str:
-    """Two digits, without an exponent."""
+    """Return a value with two digits, without an exponent."""
     return f"{float(f'{value:.2g}'):.10g}"
 
 
 def read_rows(folder: Path) -> list[BandRow]:
-    """The rows that a folder holds; none if it holds no file of them.
+    """Return the rows in a folder; none if it has no file of them.
 
     Raises:
         InputError: the file cannot be read.
@@ -71,7 +71,7 @@ def read_rows(folder: Path) -> list[BandRow]:
 
 
 def check_page(folder: Path) -> None:
-    """Whether there is a page to write to.
+    """Check that there is a page to write to.
 
     Raises:
         InputError: there is none, or it has no marks.
@@ -93,7 +93,7 @@ def keep_rows(rows: Sequence[BandRow], folder: Path) -> Path:
 
 
 def as_section(rows: Sequence[BandRow]) -> str:
-    """What stands between the marks."""
+    """Return the text between the marks."""
     good = sum(row.ok for row in rows)
     lines = [
         f"{good} of {len(rows)} scenes are held for {HELD_PCT:g} % of the time at least, by a bound"

@@ -1,12 +1,12 @@
-"""How long the first start of each set of effects takes, and the second: compiled, and from cache.
+"""JIT compile time of each set of effects: cold start, and warm start from the cache.
 
-A set is what a step is compiled for: the types of everything in a rope, or in ropes that meet.
-Each is started in a fresh process with an empty cache of its own, and once more with what that
-left. A start is building the twin from a scene that is read already: arrays, step and statics
-compiled, the rope at rest. Python and numba are loaded before; that takes a second of itself.
+A set is what a step is compiled for: the types of everything in a line or multi-line system. Each
+is started in a fresh process with an empty cache of its own, and again with that cache. A start
+builds the twin from a scene that is already read: arrays, compilation of step and statics, static
+equilibrium. Python and numba are loaded before, which takes about a second.
 
-Judged is the processor's time: compiling is the work of one thread, so it is what a start takes
-where a core is free for it, and other programs disturb it less than they do the clock.
+The criterion is CPU time: compilation is single-threaded, so that CPU time is the time of a start
+on a free core, and is less disturbed by other programs than wall-clock time.
 """
 
 from __future__ import annotations
@@ -60,12 +60,12 @@ class CompileRow:
 
     @property
     def ok(self) -> bool:
-        """Whether both are within their limits."""
+        """Return whether both are within their limits."""
         return self.cold_s <= self.limit_s and self.warm_s <= self.warm_limit_s
 
 
 def compile_rows(scenes: Sequence[str], listen: Listener) -> Iterator[CompileRow]:
-    """A row for each set that occurs among the scenes, as they are measured.
+    """Return a row for each set among the scenes, as they are measured.
 
     Raises:
         RopeTwinError: a scene cannot be loaded or started.
@@ -82,7 +82,7 @@ def compile_rows(scenes: Sequence[str], listen: Listener) -> Iterator[CompileRow
 
 
 def distinct_sets(scenes: Sequence[str] = ()) -> list[list[str]]:
-    """The scenes (by default all that come with the package), those of one set together."""
+    """Group the scenes (by default all that come with the package) by set."""
     sets: dict[str, list[str]] = {}
     for name in scenes or scene_names():
         sets.setdefault(_kind(load_scene(name)), []).append(name)
@@ -90,7 +90,7 @@ def distinct_sets(scenes: Sequence[str] = ()) -> list[list[str]]:
 
 
 def compile_table(rows: Sequence[CompileRow]) -> list[tuple[str, ...]]:
-    """The rows as words, below a head."""
+    """Return the rows as text, below a head."""
     head = ("scene", "ropes", "effects", "cold s", "clock s", "warm s", "clock s", "")
     table: list[tuple[str, ...]] = [head]
     for row in rows:
@@ -102,7 +102,7 @@ def compile_table(rows: Sequence[CompileRow]) -> list[tuple[str, ...]]:
 
 
 def _kind(scene: Scene) -> str:
-    """The types that its step is compiled for."""
+    """Return the types that a scene's step is compiled for."""
     if not is_joined(scene):
         return kind_of([build(scene)])
     system = build_joined(scene).system
@@ -110,7 +110,7 @@ def _kind(scene: Scene) -> str:
 
 
 def _start(scene: Scene, cache: str) -> tuple[float, float]:
-    """Processor time and time on the clock of a start in a fresh process [s]."""
+    """Return CPU time and wall-clock time of a start in a fresh process [s]."""
     told = subprocess.run(
         [sys.executable, "-c", _START, str(scene.path)],
         env={**os.environ, "ROPE_TWIN_CACHE": cache},

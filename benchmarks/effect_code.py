@@ -1,4 +1,4 @@
-"""Which effects' code the compiled step of a scene contains, read from its assembly."""
+"""Effects whose code is in the compiled step of a scene, read from its assembly."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from rope_twin.scene.schema import Scene
 
 
 def step_assembly(scene: Scene) -> str:
-    """Assembly of the step for the scene's effects; it takes some ten seconds."""
+    """Return the assembly of the step for the scene's effects; it takes about 10 s."""
     border = np.zeros((2, MOTIONS))
     arguments = (build(scene), Boundary(border, border), np.zeros((1, PULL_COLUMNS)), 0.0, 1)
     return jit.assembly(advance_steps, arguments)
 
 
 def modules_of(scene: Scene, without: Scene) -> tuple[str, ...]:
-    """The modules of the kernels that a scene has and another has not: those of one effect."""
+    """Return the kernel modules that one scene has and another has not: those of one effect."""
     others = {type(effect) for effect in build(without).effects}
     kinds = [type(own) for own in build(scene).effects if type(own) not in others]
     kernels = [kernel_of(hook, kind) for kind in kinds for hook in hooks_of(kind)]
@@ -28,5 +28,5 @@ def modules_of(scene: Scene, without: Scene) -> tuple[str, ...]:
 
 
 def traces(code: str, module: str) -> int:
-    """How often symbols of a module's functions occur in assembly, as numba mangles them."""
+    """Count the symbols of a module's functions in assembly, as numba mangles them."""
     return code.count("".join(f"{len(part)}{part}" for part in module.split(".")))

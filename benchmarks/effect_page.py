@@ -1,6 +1,6 @@
-"""What `python -m benchmarks effects` found as tables, and between the marks of docs/effects.md.
+"""Results of `python -m benchmarks effects` as tables, and between the marks of docs/effects.md.
 
-The rows are kept in a file beside the page: a run of some effects leaves the others' as they were.
+The rows are stored in a file next to the page: a run of some effects keeps the others' rows.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ HEAD = (
 
 
 def effect_table(rows: Sequence[EffectSpeed]) -> list[tuple[str, ...]]:
-    """The rows as words, below a head."""
+    """Return the rows as text, below a head."""
     return [HEAD, *(_words(row) for row in rows)]
 
 
@@ -46,12 +46,12 @@ def _words(row: EffectSpeed) -> tuple[str, ...]:
 
 
 def as_json(row: EffectSpeed) -> dict[str, Any]:
-    """A row with what follows from it."""
+    """Return a row with the derived values."""
     return {**asdict(row), "off_is_base": row.off_over_base.holds_one}
 
 
 def read_rows(folder: Path) -> list[EffectSpeed]:
-    """The rows that a folder holds; none if it holds no file of them.
+    """Return the rows in a folder; none if it has no file of them.
 
     Raises:
         InputError: the file cannot be read.
@@ -67,7 +67,7 @@ def _row(told: dict[str, Any]) -> EffectSpeed:
 
 
 def check_page(folder: Path) -> None:
-    """Whether there is a page to write to.
+    """Check that there is a page to write to.
 
     Raises:
         InputError: there is none, or it has no marks.
@@ -89,7 +89,7 @@ def keep_rows(rows: Sequence[EffectSpeed], folder: Path) -> Path:
 
 
 def as_section(rows: Sequence[EffectSpeed], machine: str) -> str:
-    """What stands between the marks."""
+    """Return the text between the marks."""
     same = sum(row.off_over_base.holds_one for row in rows)
     lines = [
         f"In {same} of {len(rows)} rows 1 lies in the interval of the same scene again over itself"

@@ -1,8 +1,8 @@
-"""What an effect costs a step where it is listed, and that it costs nothing where it is not.
+"""Cost of an effect per step where it is listed, and proof that it costs nothing elsewhere.
 
-Three ropes step in turns: the scene without the effect, the same again, and the scene with it. The
-first two differ by what the timing is worth (benchmarks/paired). Whether the code of the scene
-without contains the effect is read from its assembly.
+Three ropes are stepped in turns: the scene without the effect, the same again, and the scene with
+it. The difference of the first two is the uncertainty of the timing (benchmarks/paired). Whether
+the code of the scene without it contains the effect is read from its assembly.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ class EffectSpeed:
 
 
 def effect_speeds(elements: int, names: Sequence[str], listen: Listener) -> Iterator[EffectSpeed]:
-    """A row per effect of `names`; with waves among them, one of all that a lift usually has.
+    """Return a row per effect of `names`; with waves, also one of all effects of a typical lift.
 
     Raises:
         SolverError: a rope finds no rest, or a step is not finite.
@@ -103,12 +103,12 @@ def effect_speeds(elements: int, names: Sequence[str], listen: Listener) -> Iter
 
 
 def all_names() -> tuple[str, ...]:
-    """All effects."""
+    """Return the names of all effects."""
     return tuple(effect.name for effect in EFFECTS)
 
 
 def choose_names(wanted: Sequence[str]) -> tuple[str, ...]:
-    """These effects, or all where none is named.
+    """Return these effects, or all if none is named.
 
     Raises:
         InputError: there is no such effect.
@@ -137,7 +137,7 @@ def _measured(base: Scene, name: str, codes: dict[tuple[type, ...], str]) -> Eff
 
 
 def _without(base: Scene, listed: Any) -> Scene:
-    """The base less an effect; without the payload the rope is held where that hung."""
+    """Return the base scene less an effect; without the payload the lower end is fixed there."""
     kept = tuple(own for own in base.effects if own is not listed)
     if not isinstance(listed, PayloadParams):
         return replace(base, effects=kept)
@@ -154,7 +154,7 @@ def _together(base: Scene) -> EffectSpeed:
 
 
 def _row(name: str, without: Scene, whole: Scene, symbols: int | None) -> EffectSpeed:
-    """A scene, the same again and one with more, timed in turns."""
+    """Time a scene, the same again and one with more effects, in turns."""
     elements = whole.ropes[0].elements
     plan = Plan(SETS, ROUNDS, round(SETTLE_S / STEP_S), max(1, NODE_STEPS // elements))
     took = time_rounds(lambda: [Bench(one) for one in (without, without, whole)], _heave, plan)
@@ -164,7 +164,7 @@ def _row(name: str, without: Scene, whole: Scene, symbols: int | None) -> Effect
 
 
 def _heave(bench: Bench, steps: int) -> Boundary:
-    """The hang-off from here on: z = A·(1 - cos ω·t)."""
+    """Return the hang-off motion from here on: z = A·(1 - cos ω·t)."""
     omega = 2.0 * math.pi / PERIOD_S
     t = bench.time + STEP_S * np.arange(steps + 1)
     value = np.tile([*bench.hang_off, bench.length], (steps + 1, 1))

@@ -1,9 +1,10 @@
-"""How fast an ensemble is, and whether it is the same, beside two others in the same minute.
+"""Speed of an ensemble, and whether it is bit-identical to single runs.
 
-These are its members on the same threads without SIMD lanes, and one rope alone.
+It is compared, within the same minute, with its members on the same threads without SIMD lanes, and
+with one single rope.
 
-Every member has a load and a part of the sea of its own. A few are run again as twins: what is not
-equal to the bit is counted, so that no speed is told of something else.
+Every member has its own load and section of the sea. Some are run again as twins: results that are
+not bit-identical are counted, so that the speed refers to the same computation.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ SEED = 1
 
 @dataclass(frozen=True)
 class Case:
-    """What to run."""
+    """Settings of the benchmark."""
 
     members: int
     elements: int
@@ -85,7 +86,7 @@ class EnsembleRow:
 def ensemble_rows(
     cases: tuple[Case, ...] = FULL, report: Report | None = None
 ) -> list[EnsembleRow]:
-    """A row for each case; `report` is called before each and at the end.
+    """Return a row for each case; `report` is called before each and at the end.
 
     Raises:
         RopeTwinError: the scene is not there, or cannot be run.
@@ -103,7 +104,7 @@ def ensemble_rows(
 
 
 def _measure(scene: Scene, case: Case) -> EnsembleRow:
-    """Repetitions of the ensemble and of a rope alone, one after the other."""
+    """Time repetitions of the ensemble and of a single rope, in turns."""
     length_s = WARM_S + 2.0 * case.repetitions * case.seconds
     single_s = max(1, round(SINGLE_LEAST * scene.time.step_s / case.seconds)) * case.seconds
     plan = _plan(scene, case.members)
@@ -148,8 +149,8 @@ def _measure(scene: Scene, case: Case) -> EnsembleRow:
 def _turn(
     ensemble: Ensemble, alone: Ensemble, seconds: float, single_s: float
 ) -> tuple[float, float, float, float]:
-    """Nanoseconds of a thread for a node and step: in lanes, without, and of one rope; and what
-    share of the threads' time in lanes was the processor's.
+    """Return nanoseconds of a thread per node and step: in lanes, without, and of a single rope;
+    and the share of CPU time in the threads' time in lanes.
     """
     began, busy_s = time.perf_counter(), time.process_time()
     together = _ns(ensemble, seconds) * ensemble.threads
@@ -162,13 +163,13 @@ def _turn(
 
 
 def _plan(scene: Scene, members: int) -> Plan:
-    """Loads around the scene's, and starts anywhere in the first minute of its sea."""
+    """Return loads around the scene's, and starts anywhere in the first minute of its sea."""
     load = Axis("payloads[0].mass_kg", 0.9, 1.1, multiply=True)
     return make_plan([load, Axis(SEA_OFFSET, 0.0, 60.0)], members, SEED)
 
 
 def _ns(ensemble: Ensemble, seconds: float) -> float:
-    """Real time [ns] over the steps of all nodes of all members."""
+    """Return the real time [ns] over the steps of all nodes of all members."""
     began = time.perf_counter()
     ensemble.advance(seconds)
     spent_ns = (time.perf_counter() - began) * 1e9
@@ -176,12 +177,12 @@ def _ns(ensemble: Ensemble, seconds: float) -> float:
 
 
 def _node_steps_per_s(scene: Scene, members: int) -> float:
-    """Steps of nodes in a second of twin time, of all members together."""
+    """Return the node steps per second of simulation time, for all members together."""
     return members * scene.ropes[0].elements / scene.time.step_s
 
 
 def _alone(scene: Scene, own: Variation, steps: int) -> Snapshot:
-    """The member as a twin that is fed sample by sample."""
+    """Return the member as a twin with input sample by sample."""
     twin = Twin(change_scene(scene, own.changes))
     if own.heave is not None:
         end_ns = (steps + 1) * twin.step_ns + 10**9
@@ -195,13 +196,13 @@ def _alone(scene: Scene, own: Variation, steps: int) -> Snapshot:
 
 
 def _same(found: Snapshot, expected: Snapshot) -> bool:
-    """Whether motion and tension of every node are equal."""
+    """Return whether motion and tension of every node are equal."""
     names = ("node_position_m", "node_velocity_m_per_s", "node_tension_n", "hang_off_force_n")
     return all(np.array_equal(getattr(found, name), getattr(expected, name)) for name in names)
 
 
 def ensemble_table(rows: Sequence[EnsembleRow]) -> list[list[str]]:
-    """The rows as cells, the first row being the heads."""
+    """Return the rows as cells, the first row being the heads."""
     heads = ["members", "elements", "step [s]", "threads", "× real time", "best", "in lanes",
              "ns/node/step", "best", "threads only", "best", "one rope alone", "best", "processor",
              "equal to a twin"]  # fmt: skip

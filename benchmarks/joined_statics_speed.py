@@ -1,4 +1,4 @@
-"""How long ropes that meet take to come to rest, from good and from bad guesses."""
+"""Time of the static solver for multi-line systems, from good and bad initial guesses."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _PLACE = slice(POSITION, POSITION + 3)
 def joined_statics_rows(
     scenes: Sequence[str] = SCENES, nodes: int = NODES
 ) -> Iterator[dict[str, Any]]:
-    """A row per scene and guess, as those of one rope; nodes: of all ropes together.
+    """Return a row per scene and guess, as for single lines; nodes: of all ropes together.
 
     Raises:
         SceneError: a scene cannot be loaded or built.
@@ -45,14 +45,14 @@ def joined_statics_rows(
 
 
 def _finer(scene: Scene, nodes: int) -> Scene:
-    """The scene with so many elements in all ropes together, each by its share."""
+    """Return the scene with this total number of elements, distributed in proportion."""
     times = nodes / sum(line.elements for line in scene.ropes)
     ropes = (replace(line, elements=max(2, round(times * line.elements))) for line in scene.ropes)
     return replace(scene, ropes=tuple(ropes))
 
 
 def _timed(scene: Scene, guess: str) -> tuple[float, Equilibrium]:
-    """Milliseconds of one search and how it ended; ends held by the ship stay."""
+    """Return milliseconds and result of one solution; ends held by the ship are fixed."""
     built, shape = build_joined(scene), GUESSES[guess]
     joints = built.system.joints
     for r, rope in enumerate(built.system.ropes):

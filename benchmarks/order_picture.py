@@ -60,7 +60,7 @@ def _draw(axes: Any, curve: Curve, scale: float) -> None:
 
 
 def _draw_slopes(axes: Any, curves: list[Curve], scale: float) -> None:
-    """Ticks at the sizes, and lines of order 1 and 2 to compare with."""
+    """Draw ticks at the sizes, and lines of order 1 and 2 for comparison."""
     sizes = sorted({scale * size for curve in curves for size in curve.sizes})
     low, high = sizes[0], sizes[-1]
     for order in (1, 2):

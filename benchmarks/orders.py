@@ -64,14 +64,14 @@ class Curve:
 
     @property
     def held_words(self) -> str:
-        """What is not refined."""
+        """Return in words what is not refined."""
         if self.refined == "step":
             return f"{self.held:g} elements"
         return f"{1e3 * self.held:g} ms"
 
 
 def measure_orders(sweeps: tuple[Sweep, ...], report: Report) -> tuple[Curve, ...]:
-    """Every sweep's curve.
+    """Measure the curve of every sweep.
 
     Raises:
         RopeTwinError: a scene is not there, or a step of it is not finite.

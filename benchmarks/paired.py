@@ -23,7 +23,7 @@ Motion = Callable[[Bench, int], Boundary]  # of a rope from now on, so many step
 
 @dataclass(frozen=True)
 class Plan:
-    """How often, and how long."""
+    """Number and length of the rounds."""
 
     sets: int
     rounds: int  # of each set
@@ -41,19 +41,19 @@ class Ratio:
 
     @property
     def holds_one(self) -> bool:
-        """Whether the two may be equal."""
+        """Return whether the interval contains 1, so that both may be equal."""
         return self.low <= 1.0 <= self.high
 
     def __str__(self) -> str:
-        """Median and interval."""
+        """Return median and interval as text."""
         return f"{self.median:.3f} ({self.low:.3f} to {self.high:.3f})"
 
 
 def ratio_of(times: Sequence[float], base: Sequence[float]) -> Ratio:
-    """Of times over those of the same rounds.
+    """Return the ratio of times to those of the same rounds.
 
-    The interval lies between two of the sorted ratios, n/2 ± 2.58·√n/2 (the sign test), at most
-    the outermost.
+    The interval lies between two of the sorted ratios, n/2 ± 2.58·√n/2 (the sign test), at most the
+    outermost.
     """
     ratios = np.sort(np.divide(times, base))
     n = len(ratios)
@@ -65,7 +65,7 @@ def ratio_of(times: Sequence[float], base: Sequence[float]) -> Ratio:
 def time_rounds(
     make: Callable[[], Sequence[Bench]], motion: Motion, plan: Plan
 ) -> list[list[float]]:
-    """Processor's seconds of a step of each rope that `make` gives, in each round."""
+    """Return the CPU seconds per step of each rope that `make` gives, in each round."""
     took: list[list[float]] = []
     for _ in range(plan.sets):
         benches = make()

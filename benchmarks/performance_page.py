@@ -111,7 +111,7 @@ than in narrow ones; next is the way to the second-level cache, which holds a gr
 
 
 def as_markdown(speed: Speed, curves: Sequence[Curve], many: Sequence[EnsembleRow]) -> str:
-    """The page."""
+    """Return the page."""
     return _PAGE.format(
         machine=speed.machine.as_text() + ".",
         seconds=speed.seconds,
@@ -129,7 +129,7 @@ def as_markdown(speed: Speed, curves: Sequence[Curve], many: Sequence[EnsembleRo
 
 
 def speed_table(rows: Sequence[Row]) -> Table:
-    """A line per case."""
+    """Return a line per case."""
     head = [
         "scene", "nodes", "step ms", "ns/node/step", "× real time", "rms %", "peak %", "trough %",
         "longest ms", "solves", "substeps", "cpu %",
@@ -154,7 +154,7 @@ def speed_table(rows: Sequence[Row]) -> Table:
 
 
 def basis_table(references: Sequence[Basis]) -> Table:
-    """A line per reference."""
+    """Return a line per reference."""
     head = [
         "reference", "nodes", "step ms", "mean kN", "max kN", "min kN", "rms ± %", "peak ± %",
     ]  # fmt: skip
@@ -172,7 +172,7 @@ def basis_table(references: Sequence[Basis]) -> Table:
 
 
 def order_table(curves: Sequence[Curve]) -> Table:
-    """A line per sweep."""
+    """Return a line per sweep."""
     head = ["scene", "held", "refined", "mean", "rms", "peak", "rms %", "peak %"]
     return [head] + [
         [
@@ -188,7 +188,7 @@ def order_table(curves: Sequence[Curve]) -> Table:
 
 
 def exponent_words(speed: Speed) -> str:
-    """How the cost grows with the nodes."""
+    """Return in words how the cost grows with the number of nodes."""
     words = [
         f"N^{power:.3f} at {1e3 * float(step_s):g} ms" for step_s, power in speed.exponents.items()
     ]

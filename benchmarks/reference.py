@@ -13,7 +13,7 @@ from rope_twin.studies.variants import variant
 
 @dataclass(frozen=True)
 class Errors:
-    """Of a top tension against that of a reference, at the former's own times."""
+    """Errors of a top tension against a reference, at its own times."""
 
     mean_pct: float  # mean magnitude, of the reference's standard deviation
     rms_pct: float  # of the reference's standard deviation
@@ -31,7 +31,9 @@ class Reference:
     tension_n: Vector
 
     def errors(self, tension_n: Vector, step_s: float) -> Errors:
-        """Of a tension after each step of `step_s`, a multiple of the reference's step."""
+        """Return the errors of a tension after each step of `step_s`, a multiple of the
+        reference's.
+        """
         every = round(step_s / self.step_s)
         there = self.tension_n[every - 1 :: every]
         scale = float(self.tension_n.std())
@@ -45,13 +47,13 @@ class Reference:
 
 
 def find_reference(name: str, nodes: int, step_s: float, seconds: float) -> Reference:
-    """Run a shipped scene with so many elements (as many as moving nodes) and this step."""
+    """Run a shipped scene with this number of elements (as many as moving nodes) and this step."""
     outcome = Trial(variant(load_scene(name), nodes, step_s), seconds).run()
     return Reference(name, nodes, step_s, outcome.tension_n)
 
 
 def doubt(reference: Reference, seconds: float) -> Errors:
-    """What a run with half the elements and twice the step differs by from the reference.
+    """Return the difference of a run with half the elements and twice the step to the reference.
 
     The reference's own error is a third of this at second order, all of it at first.
     """

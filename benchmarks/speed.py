@@ -27,7 +27,7 @@ SHORTEST_S, MOST_REPETITIONS = 2.0, 9
 
 @dataclass(frozen=True)
 class Plan:
-    """What to run."""
+    """Settings of the benchmark."""
 
     nodes: tuple[int, ...]  # of smooth_2km
     steps_s: tuple[float, ...]
@@ -104,7 +104,7 @@ class Basis:
 
 @dataclass(frozen=True)
 class Speed:
-    """The whole study."""
+    """Results of the benchmark."""
 
     machine: Machine
     seconds: float
@@ -142,13 +142,13 @@ def measure_speed(plan: Plan, report: Report) -> Speed:
 
 
 def told(case: Case) -> str:
-    """A case in words."""
+    """Return a case in words."""
     scene, nodes, step_s = case
     return f"{scene}, {nodes} nodes at {1e3 * step_s:g} ms"
 
 
 def exponent(rows: tuple[Row, ...], step_s: float) -> float:
-    """Slope of the best time of a step over the nodes, from FIT_FROM on, both logarithmic."""
+    """Return the log-log slope of the best time of a step over the nodes, from FIT_FROM on."""
     fitted = [row for row in rows if row.step_s == step_s and row.nodes >= FIT_FROM]
     nodes = np.log([row.nodes for row in fitted])
     cost = np.log([row.ns_per_node_step_best * row.nodes for row in fitted])
@@ -203,6 +203,6 @@ def _row(case: Case, reference: Reference, plan: Plan, stepwise: bool) -> Row:
 
 
 def _longest_step(trial: Trial) -> float:
-    """Longest of all steps [s], each the faster of two runs since other programs run as well."""
+    """Return the longest of all steps [s], each the faster of two runs on a shared machine."""
     took = [trial.run(steps_at_once=1).took_s for _ in range(2)]
     return float(np.min(took, axis=0).max())

@@ -1,4 +1,4 @@
-"""How long a scene's rope takes to come to rest, from good and from bad guesses."""
+"""Time of the static solver for a scene's rope, from good and bad initial guesses."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ COIL_M = 5.0  # radius
 
 @dataclass(frozen=True)
 class StaticsRow:
-    """One scene and guess."""
+    """One scene and initial guess."""
 
     scene: str
     nodes: int
@@ -42,7 +42,7 @@ class StaticsRow:
 def statics_rows(
     scenes: Sequence[str] = SCENES + ON_A_BED, nodes: int = NODES
 ) -> Iterator[dict[str, Any]]:
-    """A row per scene and guess, as a dictionary; the lower end of a rope held there stays.
+    """Return a row per scene and guess, as a dictionary; a fixed lower end remains fixed.
 
     Besides scenes that are loaded there are ropes ON_A_BED.
 
@@ -63,7 +63,7 @@ def statics_rows(
 
 
 def statics_table(rows: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
-    """The rows as words, below a head."""
+    """Return the rows as text, below a head."""
     head = ("scene", "guess", "nodes", "ms", "rounds", "force left N", "tension kN")
     table: list[tuple[str, ...]] = [head]
     for row in rows:
@@ -74,10 +74,10 @@ def statics_table(rows: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
 
 
 def _on_a_bed(name: str) -> Scene:
-    """A rope moored 230 m away in 100 m of water, or one whose payload has landed at 400 m.
+    """Return a rope moored 230 m away in 100 m of water, or one with its payload landed at 400 m.
 
-    Slack: the moored rope lies on the bed for most of its length and without tension for a third of
-    it; 50 m of rope lie loose beside the payload.
+    Both are slack: the moored rope lies on the seabed for most of its length and without tension
+    for a third of it; 50 m of rope lie slack next to the payload.
     """
     if name.startswith("landed"):
         scene = load_scene("landing")
@@ -94,7 +94,7 @@ def _on_a_bed(name: str) -> Scene:
 
 
 def _timed(scene: Scene, guess: str) -> tuple[float, Equilibrium]:
-    """Milliseconds of one search and how it ended."""
+    """Return milliseconds and result of one solution."""
     rope, line = build(scene), scene.ropes[0]
     place = rope.state.nodes[POSITION : POSITION + 3, : line.elements + 1]
     first = 1 if line.fixed_at_m is not None else 0

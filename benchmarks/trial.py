@@ -57,7 +57,7 @@ class Trial:
         """Run in pieces of so many steps (None: all at once), each timed.
 
         Raises:
-            SolverError: a step that is not finite.
+            SolverError: a step is not finite.
         """
         rope = self._rope._replace(state=self._start.copy())
         h, piece = self.scene.time.step_s, steps_at_once or self.steps
@@ -86,7 +86,7 @@ class Trial:
 
 
 def _motion(scene: Scene, steps: int) -> rows.Boundary:
-    """The hang-off at every border of the steps; the line out stays."""
+    """Return the hang-off motion at every step boundary; the line out is constant."""
     if scene.sea_state.heave is None:
         what = "its sea is not a regular heave"
         raise InputError(phrase(f"scene {scene.name}", what, "give `sea_state: {heave: ...}`"))

@@ -1,10 +1,10 @@
-"""How many times faster than real time a rope runs with a vortex model, and a model by itself.
+"""Real-time factor of a rope with a VIV model, and of a VIV model by itself.
 
-`vortex_speed` counts what a model adds to a step. Two models are not in the step: modes and forces
-taken apart in phase answer once a look, on places of their own, and look for their modes in parts.
-Here twins of scenes run with their model and without, at the scene's own elements and step; and
-these two answer alone, at rest in a constant current, as in a study without a twin. [LCD]: Le Cunff
-and Durand (1999).
+`vortex_speed` measures the cost that a model adds to a step. Two models are outside the time step:
+the modal and the force-decomposition model respond once per update, on a grid of their own, and
+solve for their modes in parts. Here twins of scenes run with and without their model, with the
+scene's own elements and time step; and these two models respond alone, in static equilibrium in a
+constant current, as in a study without a twin. [LCD]: Le Cunff and Durand (1999).
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Listener = Callable[[int, int, str], None]
 
 @dataclass(frozen=True)
 class Plan:
-    """Which, and how often a second of each is timed."""
+    """Models, and number of timed seconds of each."""
 
     scenes: tuple[str, ...]
     alone: tuple[str, ...]
@@ -61,7 +61,7 @@ class PaceRow:
 
 
 def pace_rows(plan: Plan, listen: Listener) -> Iterator[dict[str, Any]]:
-    """A row for each rope and model, as a dictionary.
+    """Return a row for each rope and model, as a dictionary.
 
     Raises:
         SolverError: a step is not finite.
@@ -75,7 +75,7 @@ def pace_rows(plan: Plan, listen: Listener) -> Iterator[dict[str, Any]]:
 
 
 def pace_table(rows: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
-    """The rows as words, below a head."""
+    """Return the rows as text, below a head."""
     head = ("rope", "runs", "model", "step ms", "places", "modes", "× real time (best)")
     table: list[tuple[str, ...]] = [head]
     for row in rows:
@@ -89,7 +89,7 @@ def pace_table(rows: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
 
 
 def _of_scene(name: str, pieces: int) -> list[PaceRow]:
-    """Its twin without its model, and with it."""
+    """Return a scene's twin with and without its model."""
     scene = load_scene(name)
     sheds = {effect.params: effect.name for effect in EFFECTS if effect.sheds}
     model = next(sheds[type(own)] for own in scene.effects if type(own) in sheds)
@@ -110,7 +110,7 @@ def _advance_of(twin: Twin) -> Advance:
 
 
 def _alone(name: str, pieces: int) -> list[PaceRow]:
-    """Both models on a published rope."""
+    """Return both models on a published rope."""
     rope = ALONE[name]
     wet = rope.span(lcd_current(NODES))
     dry = replace(rope, added_mass=0.0).span(lcd_current(NODES))
@@ -128,7 +128,7 @@ def _alone(name: str, pieces: int) -> list[PaceRow]:
 
 
 def _paces(advance: Advance, pieces: int) -> tuple[float, float]:
-    """Simulated seconds per second of the clock: median and best of the pieces."""
+    """Return simulation time per wall-clock time: median and best of the pieces."""
     advance(SETTLE_S)
     took = []
     for _ in range(pieces):

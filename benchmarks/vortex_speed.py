@@ -1,6 +1,6 @@
-"""How fast vortex models step, beside the same rope without them.
+"""Speed of VIV models, compared with the same rope without them.
 
-How right they are is no figure of this bench: `python -m validation Q1 Q3 L1 L2` has the errors.
+Their errors are not measured here, but by `python -m validation Q1 Q3 L1 L2`.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class VortexRow:
 
 
 def vortex_rows(cases: Sequence[Case], listen: Listener) -> Iterator[dict[str, Any]]:
-    """A row per scene and model, as a dictionary.
+    """Return a row per scene and model, as a dictionary.
 
     Raises:
         SolverError: a rope finds no rest, or a step is not finite.
@@ -64,7 +64,7 @@ def vortex_rows(cases: Sequence[Case], listen: Listener) -> Iterator[dict[str, A
 
 
 def vortex_table(rows: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
-    """The rows as words, below a head."""
+    """Return the rows as text, below a head."""
     head = ("scene", "nodes", "bending", "model", "ns/node/step (best)", "× real time (best)")
     table: list[tuple[str, ...]] = [head]
     for row in rows:
@@ -89,7 +89,7 @@ def _measured(name: str, elements: int, model: str) -> VortexRow:
 
 
 def _with(scene: Scene, model: Any) -> Scene:
-    """The scene with this model of vortices (None: without any)."""
+    """Return the scene with this VIV model (None: without any)."""
     kinds = tuple(type(own) for own in MODELS.values() if own is not None)
     others = tuple(own for own in scene.effects if not isinstance(own, kinds))
     return replace(scene, effects=others if model is None else (*others, model))

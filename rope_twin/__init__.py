@@ -27,7 +27,7 @@ _HOMES = {
 
 
 def __getattr__(name: str) -> Any:
-    """Import the public names when they are first used: the compiler behind Twin takes a second."""
+    """Import public names on first use, as the compiler behind Twin takes a second to load."""
     if name not in _HOMES:
         raise AttributeError(f"module 'rope_twin' has no attribute '{name}'")
     from importlib import import_module

@@ -1,7 +1,7 @@
-"""Which topics are due at which slot, the same for every runner.
+"""Publishing schedule: which topics are due at which cycle, the same for every runner.
 
-A slot is one publish period of the twin. Scalars are due at each slot, slower topics at every
-n-th, n chosen so that the topic is never slower than the table says (if slots are not).
+A cycle is one publish period of the twin. Scalars are due at each cycle, slower topics at every
+n-th, with n such that the topic is never slower than the table states (if cycles are not).
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ DIAGNOSTICS_PERIOD_NS = 1_000_000_000
 
 
 def every(rate_hz: float, slot_ns: int) -> int:
-    """A topic of this rate is due at every n-th slot; one on change whenever there is something."""
+    """Return n of the n-th cycles at which a topic is due; 1 for a topic published on change."""
     if rate_hz == 0.0:
         return 1
     return max(1, int(1e9 / (rate_hz * slot_ns) + 1e-9))
 
 
 def slot_of(snapshot: Snapshot) -> tuple[int, int]:
-    """Number and length [ns] of the slot that the snapshot ends; its step tells the length."""
+    """Return number and length [ns] of the cycle that the snapshot ends, from its time step."""
     slot_ns = steps_in_slot(snapshot.step_s) * round(snapshot.step_s * 1e9)
     return snapshot.stamp_ns // slot_ns, slot_ns
 
 
 def due_topics(slot: int, slot_ns: int, snapshot: Snapshot | None = None) -> list[str]:
-    """Names of the topics made from the snapshot at the end of a slot (the first is slot 1).
+    """Return the topics due from the snapshot at the end of a cycle (the first is cycle 1).
 
     Without the snapshot: those that every one has.
     """

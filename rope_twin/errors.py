@@ -1,4 +1,4 @@
-"""What the twin says when it cannot go on: one sentence with what, where, what would be right."""
+"""Errors that end an operation: one sentence with place, fault and remedy."""
 
 from __future__ import annotations
 
@@ -78,13 +78,13 @@ class SolverError(RopeTwinError):
 
 
 def phrase(where: str, what: str, right: str) -> str:
-    """One sentence: `where: what; right.`"""
+    """Return one sentence: `where: what; right.`"""
     end = "" if right.endswith("?") else "."
     return f"{where}: {what}; {right}{end}"
 
 
 def did_you_mean(word: object, known: Iterable[str]) -> str:
-    """The nearest known word as a question, or the list of known words."""
+    """Return the nearest known word as a question, or the list of known words."""
     options = sorted(known)
     for one in options:
         if one.casefold() == str(word).casefold():

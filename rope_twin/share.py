@@ -1,4 +1,4 @@
-"""Where the files that come with the package lie: scenes, rope presets, sea states, bags."""
+"""Location of the files that come with the package: scenes, rope presets, sea states, bags."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ _PACKAGE = "rope_twin"
 
 
 def share_dir() -> Path:
-    """The folder that holds config/, bags/ and launch/.
+    """Return the folder that holds config/, bags/ and launch/.
 
-    A source tree first (so that edits count), then the prefixes of a sourced ROS workspace,
-    then the Python environment's own prefix.
+    A source tree first (so that edits count), then the prefixes of a sourced ROS workspace, then
+    the Python environment's own prefix.
 
     Raises:
         FileNotFoundError: if none of them holds the package's files.

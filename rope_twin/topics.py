@@ -1,7 +1,7 @@
-"""The topic table: every topic that the suite publishes or listens to, in one place.
+"""Topic table: every topic that the suite publishes or subscribes to.
 
-The README shows the same table and a test holds them equal. All names are relative, so a
-namespace moves the whole suite; all types are standard ones.
+The README shows the same table, and a test keeps both equal. All names are relative, so that the
+whole suite can be moved into a namespace. All message types are standard ones.
 """
 
 from __future__ import annotations
@@ -15,20 +15,20 @@ from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION
 
 
 class Qos(Enum):
-    """The rows of quality of service that the suite uses."""
+    """QoS profiles of the suite; `QOS_ROWS` has their policies."""
 
-    STREAM = "stream"  # only the newest matters
-    SENSOR = "sensor"  # every sample counts, none is asked for again
-    COMMAND = "command"  # every one arrives
-    LATCHED = "latched"  # late joiners get the newest too
-    LOG = "log"  # every one arrives, also where many come at once
+    STREAM = "stream"  # only the newest message matters
+    SENSOR = "sensor"  # every sample counts, lost ones are not sent again
+    COMMAND = "command"  # every message is delivered
+    LATCHED = "latched"  # late joiners receive the newest message too
+    LOG = "log"  # every message is delivered, also in bursts
 
 
 class QosRow(NamedTuple):
-    """What a row of quality of service asks of the middleware."""
+    """Policies of a QoS profile; the history is always keep-last."""
 
-    reliable: bool  # else best effort
-    for_late_joiners: bool  # transient local, else volatile
+    reliable: bool  # False: best effort
+    for_late_joiners: bool  # transient local; False: volatile
     depth: int
 
 
@@ -43,141 +43,140 @@ QOS_ROWS = {
 
 @dataclass(frozen=True)
 class Topic:
-    """One row of the table."""
+    """One row of the topic table."""
 
     name: str
     type_name: str
     qos: Qos
     rate_hz: float  # nominal; 0: on change
-    publisher: str  # node that publishes it in the suite
+    publisher: str  # node of the suite that publishes it
     about: str
-    only_with: str = ""  # field of a Snapshot without which there is nothing to publish
+    only_with: str = ""  # published only if this field of the Snapshot is set; "": always
 
 
 TOPICS: tuple[Topic, ...] = (
-    # what the twin listens to
+    # inputs
     Topic("ship/heave", "nav_msgs/msg/Odometry", Qos.SENSOR, 20.0, "sea_state",
           "heave of the hang-off: pose.position.z [m, up], twist.linear.z [m/s]"),
     Topic("ship/odometry", "nav_msgs/msg/Odometry", Qos.SENSOR, 20.0, "sea_state",
-          "in place of ship/heave: pose of the ship's reference point against its rest [m], "
-          "and twist in the turned axes [m/s, rad/s]"),
+          "in place of ship/heave: pose of the ship's reference point relative to its still-water "
+          "position [m], and twist in body axes [m/s, rad/s]"),
     Topic("winch/speed_command", "sensor_msgs/msg/JointState", Qos.COMMAND, 10.0,
-          "winch_schedule", "velocity[0] [m/s], + pays out; stamp 0 means at once; "
-          "name[0] tells one of several winches"),
+          "winch_schedule", "velocity[0] pay-out rate [m/s], positive = pay out; `header.stamp` = "
+          "0: apply immediately; `name[0]` selects the winch"),
     Topic("winch/length_command", "sensor_msgs/msg/JointState", Qos.COMMAND, 10.0, "winch_schedule",
-          "position[0] line out to stop at [m]; stamp and name as for a speed"),
+          "position[0] line out to stop at [m]; stamp and name as for speed_command"),
     Topic("winch/depth_command", "sensor_msgs/msg/JointState", Qos.COMMAND, 10.0, "winch_schedule",
-          "position[0] depth of the payload to stop at [m]; stamp and name as for a speed"),
+          "position[0] payload depth to stop at [m]; stamp and name as for speed_command"),
     Topic("winch/tension_command", "sensor_msgs/msg/JointState", Qos.COMMAND, 10.0,
-          "winch_schedule", "effort[0] top tension to keep [N]; stamp and name as for a speed"),
+          "winch_schedule", "effort[0] set-point of the top tension in constant-tension mode [N]; "
+          "stamp and name as for speed_command"),
     Topic("winch/switch_command", "sensor_msgs/msg/JointState", Qos.COMMAND, 0.0,
           "winch_schedule", "name[0] the winch, name[1] one of " + ", ".join(SWITCHES)),
     Topic("rope/cut", "sensor_msgs/msg/JointState", Qos.COMMAND, 0.0, "winch_schedule",
-          "cuts the rope, once: position[0] unstretched rope from hang-off to cut [m], infinite: "
-          "at its lower end; stamp 0 means at once; name[0] tells one of several ropes"),
+          "cuts the rope, once: position[0] unstretched length from hang-off to cut [m], infinite: "
+          "at the lower end; `header.stamp` = 0: apply immediately; `name[0]` selects the rope"),
     Topic("current", "std_msgs/msg/Float64MultiArray", Qos.COMMAND, 0.0, "",
-          "current profile, rows of z [m], east, north [m/s], from the surface down"),
-    # what the sea is doing (for the eye, not used by the rope)
+          "current profile: rows of z [m], east, north [m/s], from the surface down"),
+    # for display only, not used by the rope
     Topic("sea/elevation", "geometry_msgs/msg/PointStamped", Qos.STREAM, 20.0, "sea_state",
-          "water surface at the ship: point.z [m]"),
-    # what the twin says
+          "sea surface elevation at the ship: point.z [m]"),
+    # outputs
     Topic("tension_top", "std_msgs/msg/Float64", Qos.STREAM, 50.0, "simulation",
-          "magnitude of the rope's pull on the hang-off [N]"),
+          "top tension: magnitude of the rope's force on the hang-off [N]"),
     Topic("tension_top_error_pct", "std_msgs/msg/Float64", Qos.STREAM, 50.0, "simulation",
-          "what its rms error is at most, by the scene's card [% of its standard deviation]; NaN: "
-          "unknown"),
+          "upper bound of the RMS discretisation error of the top tension, % of its standard "
+          "deviation (from the scene's convergence study); NaN if unknown"),
     Topic("tension_top/band", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
-          "where the converged top tension lies: effort low, high [N], then those of each further "
-          "rope from the ship; with an error band only",
-          only_with="band"),
+          "95 % discretisation-error interval of the top tension: effort lower, upper bound [N], "
+          "then those of each further rope from the ship; if enabled", only_with="band"),
     Topic("tension_payload", "std_msgs/msg/Float64", Qos.STREAM, 50.0, "simulation",
           "tension at the payload [N]"),
     Topic("hang_off/wrench", "geometry_msgs/msg/WrenchStamped", Qos.STREAM, 50.0, "simulation",
-          "the rope's pull on the hang-off [N], frame sea"),
+          "rope's force on the hang-off [N], frame sea"),
     Topic("tension", "std_msgs/msg/Float64MultiArray", Qos.STREAM, 25.0, "simulation",
           "tension of each element [N], from the hang-off down"),
     Topic("payload/odometry", "nav_msgs/msg/Odometry", Qos.STREAM, 50.0, "simulation",
-          "payload position [m], frame sea, and velocity [m/s]; of a rigid body its attitude too, "
-          "and the twist [m/s, rad/s] in its own axes"),
+          "payload position [m], frame sea, and velocity [m/s]; for a rigid body also attitude, "
+          "and twist [m/s, rad/s] in body axes"),
     Topic("winch/state", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
-          "position line out [m], velocity [m/s, + pays out], effort tension [N]"),
+          "position: line out [m]; velocity: pay-out rate [m/s], positive = pay out; effort: "
+          "tension [N]"),
     Topic("winch/mode", "std_msgs/msg/String", Qos.STREAM, 10.0, "simulation",
-          "what the winch was told and which of its limits holds it back, in words",
-          only_with="winches"),
+          "winch control mode and active limit (text)", only_with="winches"),
     Topic("winch/parts", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
-          "what its parts do, by name with the unit in it, like winch/drum_radius_m: position",
-          only_with="winches"),
+          "winch component states, for example winch/drum_radius_m; the name carries the unit, "
+          "value in `position[]`", only_with="winches"),
     Topic("winch/seat", "std_msgs/msg/String", Qos.LATCHED, 0.0, "simulation",
-          "which node commands each winch, like `winch: console`; or that its seat is free, and "
-          "how the last commander was lost"),
+          "node in command of each winch, for example `winch: console`; or that the seat is free, "
+          "and how the last commander was lost"),
     Topic("rope/nodes", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 25.0, "simulation",
           "x, y, z [m] and tension [N] of each node, from the hang-off down"),
     Topic("rope/markers", "visualization_msgs/msg/MarkerArray", Qos.STREAM, 25.0, "simulation",
           "rope coloured by tension, payload, hang-off"),
     Topic("rope/vibration", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 5.0, "simulation",
-          "how the rope shakes: x, y, z [m] of each node, from the hang-off down, cross_flow "
-          "[A/d], cross_flow_hz, in_line, in_line_hz where the model has them, and "
-          "drag_amplification, what it multiplies the rope's drag by (1: nothing); if asked for, "
-          "or the scene's model is beside the step",
+          "VIV response along the rope, from the hang-off down: x, y, z [m] of each node, "
+          "cross_flow [A/D], cross_flow_hz, in_line and in_line_hz where the model has them, and "
+          "drag_amplification (1: none); if enabled, or with a VIV model outside the time step",
           only_with="vibration"),
     Topic("rope/fatigue", "std_msgs/msg/Float64MultiArray", Qos.STREAM, 1.0, "simulation",
-          "fatigue used of each metre of material, from the lower end up: its distance from there "
-          "and from the hang-off (negative: aboard) [m], Miner's sum; if asked for",
+          "accumulated fatigue damage (Miner) per metre of rope, from the lower end up: distance "
+          "from the lower end and from the hang-off [m] (negative: aboard), damage; if enabled",
           only_with="fatigue"),
     Topic("rope/bend", "sensor_msgs/msg/JointState", Qos.STREAM, 25.0, "simulation",
-          "tightest bend of each rope with bending stiffness or minimum_bend_radius_m, by name "
-          "with the unit in it: cable/radius_m, /line_out_m down to it, /x_m, /y_m, /z_m, "
-          "/tightest_m since the start, /minimum_m if given: position",
+          "smallest bend radius of each rope with bending stiffness or minimum_bend_radius_m; the "
+          "name carries the unit, value in `position[]`: cable/radius_m, /line_out_m down to it, "
+          "/x_m, /y_m, /z_m, /tightest_m since the start, /minimum_m if given",
           only_with="bends"),
     Topic("rope/utilisation", "sensor_msgs/msg/JointState", Qos.STREAM, 5.0, "simulation",
-          "of each rope by name since the start: cable/utilisation, highest tension over MBL; "
-          "/dynamic_amplification, highest tension over static at the same line out; /highest_n; "
-          "/static_n now: position", only_with="strength"),
+          "per rope since the start, value in `position[]`: cable/utilisation, maximum tension "
+          "over MBL; /dynamic_amplification (DAF), maximum over static tension at the same line "
+          "out; /highest_n maximum tension; /static_n present static tension",
+          only_with="strength"),
     Topic("ropes/state", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
-          "where ropes meet, or one was cut, of each rope by name: position length [m], velocity "
-          "payout [m/s], effort tension at its upper end [N]; of each bar: length, 0, pull",
+          "multi-line systems (or after a cut), per rope: position length [m], velocity pay-out "
+          "rate [m/s], effort upper-end tension [N]; per strut: length, 0, tension",
           only_with="ropes"),
     Topic("ropes/nodes", "sensor_msgs/msg/PointCloud2", Qos.STREAM, 25.0, "simulation",
-          "where ropes meet, or one was cut: x, y, z [m], tension [N] and number of the rope of "
-          "each node, rope after rope, from its upper end down", only_with="ropes"),
+          "multi-line systems (or after a cut): x, y, z [m], tension [N] and rope number of each "
+          "node, rope by rope, from the upper end down", only_with="ropes"),
     Topic("payloads/state", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
-          "where ropes meet, or one was cut: position [m] and velocity [m/s] of each payload, "
-          "names like tool/x", only_with="ropes"),
+          "multi-line systems (or after a cut): position [m] and velocity [m/s] of each payload, "
+          "names such as tool/x", only_with="ropes"),
     Topic("bars/state", "sensor_msgs/msg/JointState", Qos.STREAM, 25.0, "simulation",
-          "ends of each bar between ropes that meet, names like bar/from_x, bar/to_z: position [m]",
-          only_with="struts"),
+          "multi-line systems: position of both ends of each strut [m], names such as bar/from_x, "
+          "bar/to_z", only_with="struts"),
     Topic("lines/crossings", "sensor_msgs/msg/JointState", Qos.STREAM, 5.0, "simulation",
-          "of two lines around a sheave, by name with the unit in it: nearest/depth_m, "
-          "nearest/distance_m, crossing_1/depth_m, /angle_deg, /gap_m, /x_m, /y_m: position",
+          "two lines around a sheave; the name carries the unit, value in `position[]`: "
+          "nearest/depth_m, nearest/distance_m, crossing_1/depth_m, /angle_deg, /gap_m, /x_m, /y_m",
           only_with="lines"),
     Topic("lines/events", "std_msgs/msg/String", Qos.COMMAND, 0.0, "simulation",
-          "where two lines begin to cross or part again: time, depth, angle, in words",
+          "start or end of a crossing of two lines: time, depth, angle (text)",
           only_with="line_events"),
     Topic("seabed/contact", "sensor_msgs/msg/JointState", Qos.STREAM, 50.0, "simulation",
-          "with a seabed, of payload and rope: position height of the payload above it, length of "
-          "rope on it [m]; effort the bed's push on each [N]", only_with="seabed"),
+          "seabed contact of payload and rope: position height of the payload above the seabed, "
+          "length of rope on it [m]; effort seabed reaction on each [N]", only_with="seabed"),
     Topic("seabed/touchdown", "sensor_msgs/msg/JointState", Qos.STREAM, 25.0, "simulation",
-          "with a seabed, where each rope that touches it first does, by name with the unit in it: "
-          "cable/x_m, /y_m, /z_m, /line_out_m, /layback_m, /tension_n, /angle_deg: position",
+          "touchdown point (TDP) of each rope on the seabed; the name carries the unit, value in "
+          "`position[]`: cable/x_m, /y_m, /z_m, /line_out_m, /layback_m, /tension_n, /angle_deg",
           only_with="seabed"),
     Topic("payload/rigging", "sensor_msgs/msg/JointState", Qos.STREAM, 25.0, "simulation",
-          "of a rigid body: position length [m] and effort pull [N] of each sling; of a deck "
-          "height of the lowest corner above it and push; of size/x, y, z its outline [m]; of "
-          "sling_1/x, y, z where a sling holds the body [m], in frame sea",
-          only_with="body"),
+          "6-DOF payload: sling lengths [m] and sling tensions [N]; deck clearance of the lowest "
+          "corner [m] and deck reaction [N]; size/x, y, z outline of the body [m]; sling_1/x, y, z "
+          "attachment point of a sling [m], frame sea", only_with="body"),
     Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", Qos.COMMAND, 1.0, "simulation",
-          "pacing, solver, inputs: OK, WARN, ERROR with the reason; of the recorder too"),
+          "pacing, solver and inputs: OK, WARN or ERROR with the reason; also of the recorder"),
     Topic("twin/epoch", "builtin_interfaces/msg/Time", Qos.LATCHED, 0.0, "simulation",
-          "ROS time of the twin's t = 0; replayed inputs are stamped from it"),
+          "ROS time of the simulation's t = 0; replayed inputs are stamped from it"),
     Topic("twin/session", "std_msgs/msg/String", Qos.LATCHED, 0.0, "simulation",
-          "JSON, at each start and after each pause: what `rope_twin replay` needs: scene, "
-          "parameters, program, machine, seeds, and the state where it does not start at rest"),
+          "JSON, at each start and after each pause, for `rope_twin replay`: scene, parameters, "
+          "program, machine, seeds, and the initial state if it is not the static equilibrium"),
     Topic("twin/inputs", "std_msgs/msg/String", Qos.LOG, 0.0, "simulation",
-          "JSON, for each slot with inputs: the twin time at which they were applied, and each "
-          "call with all its numbers"),
+          "JSON, for each real-time cycle with inputs: the simulation time at which they were "
+          "applied, and each call with all its values"),
 )  # fmt: skip
 
-# where each kind of order to a winch comes in
+# command topic of each control mode of a winch
 ORDER_TOPICS = {
     SPEED: "winch/speed_command",
     LENGTH: "winch/length_command",
@@ -190,7 +189,7 @@ SEAT_TOPIC = "winch/seat"
 WINCH_TOPICS = (*ORDER_TOPICS.values(), SWITCH_TOPIC)
 SESSION_TOPIC, INPUT_LOG_TOPIC = "twin/session", "twin/inputs"
 MOTION_TOPICS = "ship/heave", "ship/odometry"
-# what the simulation listens to
+# topics that the simulation subscribes to
 INPUTS = (*MOTION_TOPICS, *WINCH_TOPICS, CUT_TOPIC, "current")
 
 BY_NAME: dict[str, Topic] = {topic.name: topic for topic in TOPICS}

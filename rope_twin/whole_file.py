@@ -7,10 +7,10 @@ from pathlib import Path
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write beside the place, force it to the disk, rename it, and force the new name to the disk.
+    """Write a temporary file in the same folder, sync it to disk, rename it, and sync the folder.
 
     Raises:
-        OSError: the disk does not take it; what was at `path` is still there, and nothing beside.
+        OSError: the disk rejects it; the old file is unchanged and the temporary one removed.
     """
     part = path.with_name(f".{path.name}.part")
     try:

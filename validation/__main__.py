@@ -1,7 +1,7 @@
-"""`python -m validation [ID...]`: published and closed-form cases, ours beside theirs.
+"""`python -m validation [ID...]`: published and closed-form cases, rope_twin against reference.
 
-`--hard-cases` runs the robustness tests of the solver in their place. Exit code 0 if every case is
-met, 1 if one is not.
+`--hard-cases` runs the robustness tests of the solver instead. Exit code 0 if every case passes, 1
+if one fails.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def _validate(args: argparse.Namespace) -> int:
 
 
 def _converge(args: argparse.Namespace) -> int:
-    """Exit code 1 if a sweep is converged nowhere."""
+    """Run the convergence sweeps; exit code 1 if one does not converge."""
     sweeps = vortex_convergence.choose_sweeps(args.ids)
     if args.into is not None:
         check_picture(args.into / PICTURES / CONVERGENCE_PICTURE)

@@ -1,4 +1,4 @@
-"""What a validation case is, and what it finds: figures beside the published ones, and pictures.
+"""Validation case and its results: values with their reference and tolerance, and pictures.
 
 A file of cases knows neither tables nor matplotlib: it returns Findings and Panels.
 """
@@ -22,11 +22,11 @@ class Timed(Protocol):
 
     @property
     def id(self) -> str:
-        """Its name on the command line."""
+        """Return the name of the case on the command line."""
 
     @property
     def seconds(self) -> float:
-        """Duration of its run, approximately [s]."""
+        """Return the approximate duration of its run [s]."""
 
 
 C = TypeVar("C", bound=Timed)
@@ -48,19 +48,19 @@ class Finding:
 
     @property
     def ok(self) -> bool:
-        """Whether ours lies within; what is only shown always does."""
+        """Return whether the value passes; a value without criterion always does."""
         return not self.judged or (isfinite(self.ours) and bool(self.low <= self.ours <= self.high))
 
 
 def within_pct(quantity: str, ours: float, published: float, pct: float, unit: str = "") -> Finding:
-    """Ours must be within `pct` per cent of the published number."""
+    """Require a value within `pct` per cent of the published one."""
     margin = abs(published) * pct / 100.0
     low, high = published - margin, published + margin
     return Finding(quantity, float(ours), f"{published:.6g}", f"{pct:g} %", unit, low, high)
 
 
 def within(quantity: str, ours: float, published: float, margin: float, unit: str = "") -> Finding:
-    """Ours must be within `margin` of the published number."""
+    """Require a value within `margin` of the published one."""
     low, high = published - margin, published + margin
     words = f"± {margin:g} {unit}".strip()
     return Finding(quantity, float(ours), f"{published:.6g}", words, unit, low, high)
@@ -69,7 +69,7 @@ def within(quantity: str, ours: float, published: float, margin: float, unit: st
 def between(
     quantity: str, ours: float, limits: tuple[float, float], published: str, unit: str = ""
 ) -> Finding:
-    """Ours must lie between limits."""
+    """Require a value between limits."""
     low, high = limits
     if low == -inf:
         words = f"at most {high:g}"
@@ -79,13 +79,13 @@ def between(
 
 
 def shown(quantity: str, ours: float, published: str, unit: str = "") -> Finding:
-    """Ours beside another number, held to nothing."""
+    """Show a value next to another one, without acceptance criterion."""
     return Finding(quantity, float(ours), published, "shown", unit, judged=False)
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a case found."""
+    """Results of a case."""
 
     findings: tuple[Finding, ...]
     panels: tuple[Panel, ...] = ()
@@ -106,7 +106,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Row:
-    """What became of a case; `refusal`: why it could not be run through."""
+    """Outcome of a case; `refusal`: why it could not be completed."""
 
     case: Case
     found: Found
@@ -115,17 +115,17 @@ class Row:
 
     @property
     def ok(self) -> bool:
-        """Whether all of its figures are met."""
+        """Return whether all values of the case pass."""
         return not self.refusal and all(finding.ok for finding in self.found.findings)
 
 
 def choose(
     command: str, cases: Sequence[T], names: Sequence[str], name_of: Callable[[T], str]
 ) -> tuple[T, ...]:
-    """The cases of these names in their own order; all of them if no name is given.
+    """Return the cases with these names in their own order; all if no name is given.
 
     Raises:
-        InputError: a name that no case has, told as of the command.
+        InputError: an unknown name.
     """
     known = list(dict.fromkeys(name_of(case) for case in cases))
     for name in names:

@@ -23,23 +23,23 @@ ELEMENTS, FINEST_ELEMENTS = (25, 50, 100, 200, 400), 1600
 
 
 def twin_of(elements: int, step_s: float) -> Twin:
-    """deep_lift with this many elements and this step, Newton converged to 1 N."""
+    """Return deep_lift with this number of elements and time step, Newton tolerance 1 N."""
     return Twin(variant(load_scene(SCENE), elements, step_s, tolerance_n=1.0))
 
 
 def published(elements: int, step_s: float) -> Vector:
-    """Snapshot.tension_top_n every EVERY_S [N]."""
+    """Return Snapshot.tension_top_n every EVERY_S [N]."""
     shots = march(twin_of(elements, step_s), HEAVE, SECONDS, round(EVERY_S / step_s))
     return np.array([shot.tension_top_n for shot in shots])
 
 
 def rms(values: Vector) -> float:
-    """Root of the mean square."""
+    """Return the root mean square."""
     return float(np.sqrt(np.mean(values**2)))
 
 
 def slope(sizes: tuple[float, ...], errors: tuple[float, ...]) -> float:
-    """Order: slope of the error over the size, both logarithmic."""
+    """Return the order: slope of the error over the size, both logarithmic."""
     return float(np.polyfit(np.log(sizes), np.log(errors), 1)[0])
 
 

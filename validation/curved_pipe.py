@@ -32,17 +32,17 @@ class Watched:
 
     @property
     def rms(self) -> Floats:
-        """Of the vibration [D], (n,)."""
+        """Return the RMS of the vibration [D], (n,)."""
         return np.asarray(self.y.std(axis=0))
 
     @property
     def frequency(self) -> Floats:
-        """Dominant, at each node [Hz], (n,)."""
+        """Return the dominant frequency at each node [Hz], (n,)."""
         spectrum = np.abs(np.fft.rfft(self.y - self.y.mean(axis=0), axis=0))
         return np.asarray(np.fft.rfftfreq(len(self.y), SAMPLE_S)[spectrum.argmax(axis=0)])
 
     def upward_share(self, low: float, high: float) -> float:
-        """Of the motion's energy between two places along the pipe: in waves that run up."""
+        """Return the share of upward-travelling waves in the motion's energy between two places."""
         part = (self.s >= low) & (self.s <= high)
         both = np.fft.fft2((self.y - self.y.mean(axis=0))[:, part])
         energy = np.abs(both) ** 2
@@ -53,7 +53,7 @@ class Watched:
 
 
 def watch(elements: int, step_s: float, settle_s: float, watch_s: float) -> Watched:
-    """Tow the pipe from rest and watch it once it vibrates."""
+    """Tow the pipe from rest and record it once it vibrates."""
     scene = load_scene("curved_pipe")
     line = replace(scene.ropes[0], elements=elements)
     bench = Bench(replace(scene, ropes=(line,), time=replace(scene.time, step_s=step_s)))
@@ -77,7 +77,7 @@ def watch(elements: int, step_s: float, settle_s: float, watch_s: float) -> Watc
 
 
 def _lift_power(wake: WakeOscillator, u: Floats, tangent: Floats, bench: Bench, n: int) -> Floats:
-    """½·ρ·D·(C_L0/2)·q·|U_N|·(U × t)·v per metre, (n,)."""
+    """Return the lift power ½·ρ·D·(C_L0/2)·q·|U_N|·(U × t)·v per metre, (n,)."""
     lift = np.cross(u, tangent, axis=0)
     size = wake.strength * DIAMETER * wake.memory[0, :n] * np.sqrt((lift * lift).sum(axis=0))
     return np.asarray((size * lift * bench.velocity[:, :n]).sum(axis=0))

@@ -90,13 +90,13 @@ class _Run:
 
     @property
     def mean(self) -> float:
-        """Along the riser."""
+        """Return the mean along the riser."""
         return float(self.rms.mean())
 
 
 @dataclass(frozen=True)
 class _Way:
-    """How a response is computed."""
+    """Method of computing a response."""
 
     by: Integrator = bathe
     per_period: int = PER_PERIOD
@@ -122,7 +122,7 @@ def _respond(span: Span, model: Decomposed, duration: float, way: _Way) -> _Run:
 
 
 def _modes() -> list[Finding]:
-    """Dominant modes by power, at C_a = 1."""
+    """Return the dominant modes by power, at C_a = 1."""
     fixed, findings = decomposed(varying=False), []
     for rows, current, margin in ((UNIFORM, _uniform, 1), (SHEAR, _shear, 2)):
         for speed, mode in rows:
@@ -142,7 +142,7 @@ def _near(name: str, ours: int, published: int, margin: int) -> Finding:
 
 
 def _amplitudes(duration: float) -> tuple[list[Finding], dict[bool, list[_Run]]]:
-    """Mean rms/D over the mass ratio, with the added mass fixed and varying."""
+    """Return mean RMS/D over the mass ratio, with fixed and varying added mass."""
     findings, runs = [], {}
     for varying in (False, True):
         name = "C_a varying" if varying else "C_a 1"
@@ -162,7 +162,7 @@ def _amplitudes(duration: float) -> tuple[list[Finding], dict[bool, list[_Run]]]
 
 
 def _variants(duration: float) -> str:
-    """What the paper does not print, tried: mean rms/D of each over the mass ratio, as a table."""
+    """Return a table of mean RMS/D over the mass ratio for choices that the paper leaves open."""
     half, quarter = _Way(remembered=0.5), _Way(remembered=0.25)
     rows = []
     for name, structural, way in (
@@ -189,7 +189,7 @@ def _variants(duration: float) -> str:
 
 
 def _balanced() -> str:
-    """The same in steady motion, by harmonic balance."""
+    """Return the steady response by harmonic balance."""
     rows = []
     for reading in READINGS:
         cells = [reading.name]
@@ -216,7 +216,7 @@ def _table(rows: list[str]) -> str:
 
 
 def riser(duration: float = 40.0) -> Found:
-    """G1 in full."""
+    """Run the complete case G1."""
     findings = _modes()
     amplitudes, runs = _amplitudes(duration)
     findings += amplitudes
@@ -233,7 +233,7 @@ def riser(duration: float = 40.0) -> Found:
 
 
 def riser_in_short() -> Found:
-    """The modes, and one response."""
+    """Return the modes, and one response."""
     run = _respond(_uniform(0.4), decomposed(), 12.0, _Way())
     return Found(
         (*_modes(), between("uniform 0.4 m/s: it moves", run.mean, (0.1, 1.0), "0.1 to 1"))

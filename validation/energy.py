@@ -28,14 +28,14 @@ PAID_OUT = Rig(
 
 
 def damping(z: complex) -> float:
-    """|R(z)| of TR-BDF2 (Bank et al. 1985) for y' = z/h·y: what is left of it after a step."""
+    """Return |R(z)| of TR-BDF2 (Bank et al. 1985) for y' = z/h·y: amplification of a step."""
     c = 0.5 * GAMMA * z
     middle = (1.0 + c) / (1.0 - c)
     return float(abs((K1 * middle - K2) / (1.0 - c)))
 
 
 def energy(bench: Bench, rig: Rig) -> float:
-    """Motion, stretch and height of rope and payload [J]; nodes carry half of their elements."""
+    """Return the energy of rope and payload [J]; nodes carry half of their elements."""
     rest = np.diff(bench.rope.state.s[: bench.n + 1])
     mass = 0.5 * rig.mass * (np.concatenate([[0.0], rest]) + np.concatenate([rest, [0.0]]))
     mass[0] += rig.load
@@ -46,7 +46,7 @@ def energy(bench: Bench, rig: Rig) -> float:
 
 
 def _swing(step: float) -> Vector:
-    """Energy over that of the swing, less 1, ten steps apart; released at 30 degrees."""
+    """Return the relative change of a swing's energy, ten steps apart; released at 30 degrees."""
     rig = replace(SWUNG, step=step)
     bench = Bench(rig.scene())
     hanging = energy(bench, rig)
@@ -61,7 +61,7 @@ def _swing(step: float) -> Vector:
 
 
 def _spring(step: float) -> tuple[float, float]:
-    """What a mass on a spring loses in 20 s, ours and |R(i·ω·h)|^(2N), of its energy."""
+    """Return the energy loss of a mass on a spring in 20 s, computed and |R(i·ω·h)|^(2N)."""
     bench = Bench(replace(SPRING, step=step, tolerance=1e-4).scene())
     hanging = measure(bench.rope, np.zeros(3), 0.0, 0.0).store.total
     share = np.linspace(1.0, 0.0, 4)
@@ -76,7 +76,7 @@ def _spring(step: float) -> tuple[float, float]:
 
 
 def _payout() -> tuple[float, float, int]:
-    """What rope and payload lose while paid out, what the sheave takes [J], and elements born.
+    """Return the loss of rope and payload while paid out, the work at the sheave [J], and splits.
 
     Hang-off fixed, vacuum: d(energy)/dt = V·(m·w²/2 + T²/(2·EA)) - V·T·(dz/ds) of the rope that
     passes the sheave at w = V·dz/ds, its height being 0 there.

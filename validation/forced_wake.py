@@ -31,7 +31,7 @@ class Reading(NamedTuple):
 
 
 class Region(NamedTuple):
-    """Where power comes in: ends in V_r, and the largest amplitude [D]."""
+    """Region of power-in: limits in V_r, and maximum amplitude [D]."""
 
     lower: float
     upper: float
@@ -52,7 +52,7 @@ READINGS = (
 
 
 def mean_power(reading: Reading, pair: tuple[float, float], reduced: Vector, y: Vector) -> Vector:
-    """Power that the water brings to y·sin t, over V_r and y together (Runge and Kutta)."""
+    """Return the mean power of the water on y·sin t, over V_r and y together (Runge and Kutta)."""
     A, epsilon = pair
     reduced, y = np.broadcast_arrays(reduced, y)
     V, h = reduced / (2.0 * pi), 2.0 * pi / PER_PERIOD
@@ -82,7 +82,7 @@ def mean_power(reading: Reading, pair: tuple[float, float], reduced: Vector, y: 
 
 
 def region(reading: Reading, pair: tuple[float, float], highest: float) -> Region | None:
-    """Of positive power up to an amplitude, to a step of V_r and y; None: there is none."""
+    """Return the region of positive power, to a step of V_r and y; None: there is none."""
     reduced = np.arange(SPEEDS[0], SPEEDS[1] + 0.5 * STEP, STEP)
     y = np.arange(STEP, highest, STEP)
     gains = mean_power(reading, pair, reduced[:, None], y[None]) > 0.0
@@ -93,7 +93,7 @@ def region(reading: Reading, pair: tuple[float, float], highest: float) -> Regio
 
 
 def table_of_readings() -> str:
-    """Both regions by each reading, as a table."""
+    """Return both regions by each reading, as a table."""
     lines = ["| tried | A 4, ε 0.05: V_r | ŷ_max | A 1, ε 0.1: V_r | ŷ_max |"]
     lines += [
         "| --- | --- | --- | --- | --- |",

@@ -1,4 +1,4 @@
-"""A page that a command writes a part of, between two marks, and the rows kept beside it."""
+"""Page with a generated part between two marks, and the stored rows of that part."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ Row = TypeVar("Row")
 
 
 class MarkedPage(NamedTuple):
-    """Which page, and between which lines."""
+    """Page and the two marks in it."""
 
     name: str  # of the file
     begin: str
     end: str
 
     def around(self, folder: Path) -> tuple[str, str]:
-        """What stands before and after the marks on a folder's page.
+        """Return the text before and after the marks on a folder's page.
 
         Raises:
             InputError: there is no such page, or it has no marks.
@@ -46,10 +46,10 @@ class MarkedPage(NamedTuple):
 
 
 def read_stored(path: Path, as_row: Callable[[dict[str, Any]], Row], command: str) -> list[Row]:
-    """The rows that a file holds; none if there is no file.
+    """Return the rows in a file; none if there is no file.
 
     Raises:
-        InputError: the file cannot be read; `command` makes it anew.
+        InputError: the file cannot be read; `command` creates a new one.
     """
     if not path.exists():
         return []

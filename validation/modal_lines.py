@@ -52,22 +52,22 @@ class Record:
     factor: float  # times real time, by time spent computing
 
     def late(self, share: float = 0.5) -> Vector:
-        """Motion over the last part of the record."""
+        """Return the motion over the last part of the record."""
         return self.motion[int((1.0 - share) * len(self.motion)) :]
 
     @property
     def rms(self) -> Vector:
-        """Of the motion over d at the places, second half."""
+        """Return the RMS of the motion over d at the places, second half."""
         return np.asarray(self.late().std(axis=0))
 
     @property
     def dominant(self) -> int:
-        """Number of the mode that moves most, second half."""
+        """Return the number of the mode with the largest motion, second half."""
         return int((self.modal[len(self.modal) // 2 :] ** 2).mean(axis=0).argmax()) + 1
 
     @property
     def dominant_hz(self) -> float:
-        """Its frequency."""
+        """Return the frequency of the dominant mode [Hz]."""
         return float(self.response.frequency[self.dominant - 1])
 
 
@@ -78,7 +78,7 @@ def record(
     duration: float,
     step_s: float | None = None,
 ) -> Record:
-    """The response of a rope to a constant current, every step of it (None: the model's own)."""
+    """Return the response of a rope to a constant current at every step (None: the model's own)."""
     response = ModalResponse(rope.span(speed), shedding)
     step = response.step_s if step_s is None else step_s
     count = int(duration / step)
@@ -96,7 +96,7 @@ def record(
 
 
 def _variants(rope: PublishedRope, duration: float) -> str:
-    """The definitions that the paper leaves open, tried."""
+    """Return the results of definitions that the paper leaves open."""
     speed, words = lcd_current(NODES), []
     wide, narrow = (4.0, 8.0), (5.0, 7.0)
     variants = (
@@ -122,14 +122,14 @@ def _variants(rope: PublishedRope, duration: float) -> str:
 
 
 def _leading_alone(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
-    """The first mode of leading_zones only."""
+    """Return the first mode of leading_zones only."""
     near = nearest_zones(frequency, shedding, locked, moved)
     first = (moved * near).sum(axis=0)
     return share_out(np.where(first == first.max(initial=0.0), first, 0.0), locked, TIE)
 
 
 def _fed(frequency: Floats, shedding: Floats, locked: Floats, moved: Floats) -> Floats:
-    """As dominant_zones, but the strongest is the one with most U² in its whole band."""
+    """Return dominant zones where the strongest mode has most U² in its whole band."""
     return share_out((shedding[:, None] ** 2 * locked).sum(axis=0), locked, TIE)
 
 
@@ -165,7 +165,7 @@ def _speed(run: Record) -> Finding:
 
 
 def modes_of_riser(duration: float = 120.0, variants: bool = True) -> Found:
-    """L1 by modes, and with `variants` by waves too."""
+    """Run L1 by modes, with `variants` also by waves."""
     run = record(LCD_RISER, lcd_current(NODES), Shedding(), duration)
     findings = (
         within_pct("modes: dominant frequency", run.dominant_hz, 0.95, 2.0, "Hz"),
@@ -182,7 +182,7 @@ def modes_of_riser(duration: float = 120.0, variants: bool = True) -> Found:
 
 
 def modes_of_cable(duration: float = 40.0, variants: bool = True) -> Found:
-    """L2 by modes, and with `variants` by waves too."""
+    """Run L2 by modes, with `variants` also by waves."""
     run = record(LCD_CABLE, lcd_current(NODES), Shedding(), duration)
     findings = (
         within_pct("modes: dominant frequency", run.dominant_hz, 12.75, 0.5, "Hz"),
@@ -199,7 +199,7 @@ def modes_of_cable(duration: float = 40.0, variants: bool = True) -> Found:
 
 
 def modes_in_uniform_current(duration: float = 40.0) -> Found:
-    """L3: locks on the fifth mode; with a swell at the top, modes come and go."""
+    """Run L3: lock-in on the fifth mode; with a swell at the top, modes alternate."""
     nodes = NODES
     calm = record(LCD_CABLE, np.full(nodes, 0.2), Shedding(), duration)
     total = np.sqrt((calm.modal**2).sum(axis=1))
@@ -239,7 +239,7 @@ def modes_in_uniform_current(duration: float = 40.0) -> Found:
 
 
 def _with_swell(duration: float) -> tuple[Vector, Vector, Vector]:
-    """Motion over d (times, places), times [s], and number of peaks along the cable."""
+    """Return motion over d (times, places), times [s], and number of peaks along the cable."""
     response = ModalResponse(LCD_CABLE.span(np.full(NODES, 0.4)), Shedding())
     share = response.span.s / LCD_CABLE.length
     every = 0.05
@@ -253,7 +253,7 @@ def _with_swell(duration: float) -> tuple[Vector, Vector, Vector]:
 
 
 def count_peaks(motion: Vector) -> Vector:
-    """Places along a rope where it stands out furthest, above a fifth of the largest; (times,)."""
+    """Count the local maxima along a rope above a fifth of the largest; (times,)."""
     size = np.abs(motion)
     inner = size[:, 1:-1]
     peak = (inner > size[:, :-2]) & (inner >= size[:, 2:])

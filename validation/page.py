@@ -26,7 +26,7 @@ HEAD = ["id", "quantity", "ours", "published", "tolerance", "met", "source"]
 
 
 def as_json(row: Row) -> dict[str, Any]:
-    """What a case found, plain."""
+    """Return the results of a case as plain data."""
     return {
         "id": row.case.id,
         "about": row.case.about,
@@ -53,7 +53,7 @@ def _finding_as_json(finding: Finding) -> dict[str, Any]:
 
 
 def flat_rows(results: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
-    """One row for each number of these cases' plain results, for programs that read a table.
+    """Return one row per number of these cases' plain results.
 
     A case that could not run has one row, which does not pass, with its reason as the quantity;
     `pass` is None where a number is shown and not judged.
@@ -72,7 +72,7 @@ def flat_rows(results: Iterable[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def table_rows(result: dict[str, Any]) -> list[list[str]]:
-    """Cells of HEAD for a case's plain results."""
+    """Return the cells of HEAD for a case's plain results."""
     if result["refusal"]:
         return [[result["id"], result["refusal"], "", "", "", "NO", result["source"]]]
     return [
@@ -96,7 +96,7 @@ def _number(value: float | None, unit: str) -> str:
 
 
 def markdown_table(results: Iterable[dict[str, Any]]) -> str:
-    """All rows as one table."""
+    """Return all rows as one Markdown table."""
     return markdown.table([HEAD, *(cells for result in results for cells in table_rows(result))])
 
 
@@ -114,7 +114,7 @@ def keep_results(rows: Iterable[Row], folder: Path) -> list[dict[str, Any]]:
 
 
 def read_results(folder: Path) -> list[dict[str, Any]]:
-    """The results that a folder holds, in the cases' order.
+    """Return the results in a folder, in the cases' order.
 
     Raises:
         InputError: one of them cannot be read.
@@ -134,7 +134,7 @@ def _path(folder: Path, case: str) -> Path:
 
 
 def check_page(folder: Path) -> None:
-    """See, before anything is computed, that there is a page to write into.
+    """Check, before any computation, that there is a page to write into.
 
     Raises:
         InputError: there is none, or it has no marks.
@@ -143,7 +143,7 @@ def check_page(folder: Path) -> None:
 
 
 def write_page(results: list[dict[str, Any]], folder: Path) -> Path:
-    """Replace what lies between the page's marks.
+    """Replace the text between the page's marks.
 
     Raises:
         InputError: there is no such page, or it has no marks.
@@ -208,5 +208,5 @@ def draw_case(row: Row, folder: Path) -> None:
 
 
 def picture_name(case: str) -> str:
-    """File of a case's picture."""
+    """Return the file name of a case's picture."""
     return f"validation_{case.lower()}.png"

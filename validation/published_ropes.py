@@ -1,4 +1,4 @@
-"""Published ropes that vortices shake, as spans: [LCD] is Le Cunff and Durand (1999)."""
+"""Published VIV cases as line models; [LCD] is Le Cunff and Durand (1999)."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ class PublishedRope:
 
     @property
     def moved(self) -> float:
-        """Mass with added mass [kg/m]."""
+        """Return the mass with added mass [kg/m]."""
         return self.mass + self.added_mass * DENSITY * 0.25 * pi * self.diameter**2
 
     def span(self, speed: Floats) -> Span:
-        """With the current [m/s] at equally spaced nodes, from the lower end up."""
+        """Return the line model for a current [m/s] at equidistant nodes, from the lower end up."""
         n = len(speed) - 1
         s = np.linspace(0.0, self.length, n + 1)
         weight = (self.mass - DENSITY * 0.25 * pi * self.diameter**2) * GRAVITY
@@ -49,6 +49,6 @@ LCD_CABLE = PublishedRope(length=300.0, diameter=0.02, mass=1.728, top_tension=1
 
 
 def lcd_current(nodes: int) -> Floats:
-    """[LCD]: 0.2 m/s at the lower end, linear to 1.5 m/s at 250 m, constant above."""
+    """Return [LCD] current: 0.2 m/s at the bottom up to 1.5 m/s at 250 m, then constant."""
     s = np.linspace(0.0, 300.0, nodes)
     return np.minimum(0.2 + 1.3 * s / 250.0, 1.5)

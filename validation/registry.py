@@ -25,7 +25,7 @@ FAMILIES = "PLQGUS"  # of ids, in the order of the page
 
 
 def order_of_ids(name: str) -> tuple[int, int]:
-    """Where an id like P10 stands on the page."""
+    """Return a sort key for ids such as P10."""
     return FAMILIES.index(name[0]), int(name[1:])
 
 
@@ -52,7 +52,7 @@ CASES: tuple[Case, ...] = tuple(
 
 
 def choose_cases(ids: Sequence[str]) -> tuple[Case, ...]:
-    """The cases of these ids in the order of CASES; all if there are none.
+    """Return the cases with these ids in the order of CASES; all if there are none.
 
     Raises:
         InputError: an id that no case has.

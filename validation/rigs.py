@@ -69,7 +69,7 @@ class Rig:
     winch: Winch | None = None
 
     def scene(self) -> Scene:
-        """The scene, as a file would have given it."""
+        """Return the scene, as a file would give it."""
         rope = Rope(
             diameter_m=self.diameter,
             mass_kg_per_m=self.mass,
@@ -122,34 +122,34 @@ class Rig:
         return BendingParams(stiffness_n_m2=EI, clamped_along=self.clamp)
 
     def twin(self) -> Twin:
-        """The running twin, at rest."""
+        """Return the twin, in static equilibrium."""
         return Twin(self.scene())
 
     @property
     def weight(self) -> float:
-        """The rope's weight in water per metre [N/m]."""
+        """Return the rope's submerged weight per metre [N/m]."""
         area = 0.25 * math.pi * self.diameter**2
         return (self.mass - self.density * area) * self.gravity
 
     @property
     def load_weight(self) -> float:
-        """The payload's weight in water [N]."""
+        """Return the payload's submerged weight [N]."""
         return (self.load - self.density * self.volume) * self.gravity
 
     @property
     def top_weight(self) -> float:
-        """The pull of the rope hanging still and straight [N]."""
+        """Return the top tension of the rope hanging straight [N]."""
         return self.load_weight + self.weight * self.length
 
     @property
     def hanging_depth(self) -> float:
-        """Depth of the lower end of the rope hanging still [m]: L + (W + w·L/2)·L/EA."""
+        """Return the depth of the lower end of the hanging rope [m]: L + (W + w·L/2)·L/EA."""
         L = self.length
         return L + (self.load_weight + 0.5 * self.weight * L) * L / self.EA
 
 
 def sine(amplitude: float, period: float) -> Motion:
-    """Motion a·sin(2π·t/T) and its velocity; the ship's ramp fades it in."""
+    """Return the motion a·sin(2π·t/T) and its velocity, with the ship's build-up ramp."""
     omega = 2.0 * math.pi / period
 
     def at(time: float) -> tuple[float, float]:
@@ -160,7 +160,7 @@ def sine(amplitude: float, period: float) -> Motion:
 
 
 def faded(motion: Motion, fade: float) -> Motion:
-    """A motion that starts from rest, faded in as the ship's is."""
+    """Return a motion that starts from rest, with the ship's build-up ramp."""
 
     def at(time: float) -> tuple[float, float]:
         z, v = motion(time)

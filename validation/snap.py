@@ -35,7 +35,7 @@ class Caught:
 
 
 def drop(rig: Rig, height: float, seconds: float) -> Caught:
-    """The ship drops faster than the load falls, then rests.
+    """Motion of a ship that drops faster than the load falls, then stops.
 
     With neither drag nor damping the load falls freely: v² = v_k² + 2·(W/M')·(way left).
 
@@ -65,7 +65,7 @@ def drop(rig: Rig, height: float, seconds: float) -> Caught:
 
 
 def snap(weight: float, stiffness: float, mass: float, speed: float) -> float:
-    """T_max = W + √(W² + K·M'·v²): energy of a mass that falls taut on a weightless spring."""
+    """Return T_max = W + √(W² + K·M'·v²): energy of a mass that falls taut on a massless spring."""
     return weight + math.sqrt(weight**2 + stiffness * mass * speed**2)
 
 

@@ -22,23 +22,23 @@ AT_REST = 1e-9  # of the length: what the search for rest may leave
 
 
 class Nodes:
-    """What the core's arrays of a rope hold now."""
+    """View of the core's arrays of a rope."""
 
     rope: rows.Rope
 
     @property
     def n(self) -> int:
-        """Elements in use."""
+        """Return the number of elements in use."""
         return int(self.rope.state.counts[rows.ELEMENTS])
 
     @property
     def position(self) -> Vector:
-        """View of the node positions, lower end first, (3, nodes)."""
+        """Return a view of the node positions, lower end first, (3, nodes)."""
         return self.rope.state.nodes[rows.POSITION : rows.POSITION + 3, : self.n + 1]
 
     @property
     def velocity(self) -> Vector:
-        """View of the node velocities, lower end first, (3, nodes)."""
+        """Return a view of the node velocities, lower end first, (3, nodes)."""
         return self.rope.state.nodes[rows.VELOCITY : rows.VELOCITY + 3, : self.n + 1]
 
 
@@ -59,7 +59,7 @@ class Bench(Nodes):
 
     @property
     def acceleration(self) -> Vector:
-        """View of the node accelerations, payload first, (3, nodes)."""
+        """Return a view of the node accelerations, payload first, (3, nodes)."""
         return self.rope.state.nodes[rows.ACCELERATION : rows.ACCELERATION + 3, : self.n + 1]
 
     def hold(self, steps: int) -> Vector:
@@ -67,7 +67,7 @@ class Bench(Nodes):
         return self.follow(self.still(steps))
 
     def still(self, steps: int) -> rows.Boundary:
-        """The motion of a hang-off at rest."""
+        """Return the motion of a hang-off at rest."""
         value = np.tile([*self.hang_off, self.length], (steps + 1, 1))
         return rows.Boundary(value, np.zeros_like(value))
 
@@ -89,7 +89,7 @@ class Bench(Nodes):
 def time_in_turns(
     benches: Sequence[Bench], pieces: int, motion: Callable[[Bench], rows.Boundary]
 ) -> list[list[float]]:
-    """Seconds that each bench takes to follow its motion, in turns, so many times."""
+    """Time benches in turns; return the seconds that each takes to follow its motion."""
     took: list[list[float]] = [[] for _ in benches]
     for _ in range(pieces):
         for bench, own in zip(benches, took, strict=True):
@@ -101,7 +101,7 @@ def time_in_turns(
 
 
 def lift(height: float, duration: float) -> Motion:
-    """From 0 to `height` within `duration`, smooth (quintic), then at rest."""
+    """Return a smooth (quintic) rise from 0 to `height` within `duration`."""
 
     def at(time: float) -> tuple[float, float]:
         share, rate = ramp(time, duration)
@@ -111,7 +111,7 @@ def lift(height: float, duration: float) -> Motion:
 
 
 def pluck(height: float, duration: float) -> Motion:
-    """The end goes to `height` and back within `duration`, then rests."""
+    """Return a displacement to `height` and back within `duration`."""
     up = lift(height, 0.5 * duration)
 
     def at(time: float) -> tuple[float, float]:
@@ -124,7 +124,7 @@ def pluck(height: float, duration: float) -> Motion:
 
 
 def frequency(values: Vector, step: float) -> float:
-    """Frequency [Hz] of a nearly pure oscillation about its mean.
+    """Return the frequency of a nearly harmonic oscillation about its mean [Hz].
 
     A straight line through the times of its rising zero crossings (cubic in between).
 

@@ -25,7 +25,8 @@ CRITICAL_DEG = {0.5: 19.4, 1.0: 46.1}  # over speed [m/s]
 
 
 def catenary(s: Vector, H: float, V: float, w: float, EA: float) -> tuple[Vector, Vector, Vector]:
-    """Elastic catenary from its lower end (Irvine 1981, Cable Structures, eqs 1.16-1.18).
+    """Return the elastic catenary from its lower end (Irvine 1981, Cable Structures, eqs
+    1.16-1.18).
 
     s unstretched from the lower end [m]; H horizontal and V vertical tension there [N], V < 0 if
     the line first dips. Returns x, z from the lower end [m] and the tension [N].
@@ -37,7 +38,7 @@ def catenary(s: Vector, H: float, V: float, w: float, EA: float) -> tuple[Vector
 
 
 def solve_catenary(rig: Rig, across: float, up: float) -> tuple[float, float]:
-    """H and V of the line from its lower end to a point `across` and `up` [m].
+    """Return H and V of the line from its lower end to a point `across` and `up` [m].
 
     Raises:
         SolverError: the search does not end.

@@ -64,7 +64,7 @@ READINGS = (
 def steady_amplitude(
     span: Span, model: Decomposed, reading: Reading = KEPT, mode: int | None = None
 ) -> Floats:
-    """|Y| at all nodes [D]; not a number where no steady motion is found.
+    """Return |Y| at all nodes [D]; NaN where no steady motion is found.
 
     Both ends are held. `mode`: to be driven, from 1; None: the one with most power.
     """
@@ -111,12 +111,12 @@ def steady_amplitude(
 
 
 def mean_rms(span: Span, model: Decomposed, reading: Reading, mode: int | None = None) -> float:
-    """Along the riser, over D."""
+    """Return the mean RMS along the riser, over D."""
     return sqrt(0.5) * float(steady_amplitude(span, model, reading, mode).mean())
 
 
 def _both_sides(upper: Floats) -> Floats:
-    """LAPACK's general banded form of a symmetric matrix in its upper one."""
+    """Convert a symmetric matrix from LAPACK's upper band form to its general band form."""
     lower = np.zeros((DIAGONALS, upper.shape[1]))
     for k in range(1, DIAGONALS + 1):
         lower[k - 1, :-k] = upper[DIAGONALS - k, k:]

@@ -28,7 +28,7 @@ RADII = {
 
 
 def lagged_matrix(m: float, added: float, h: float) -> Vector:
-    """x, v, a one step on by the trapezoidal rule for m·a1 + k·x1 = -m_a·a0."""
+    """Return the matrix of x, v, a over one trapezoidal step of m·a1 + k·x1 = -m_a·a0."""
     p, q = 0.25 * h * h, 0.5 * h
     x_hat, v_hat = np.array([1.0, h, p]), np.array([0.0, 1.0, q])
     a = (np.array([0.0, 0.0, -added]) - STIFFNESS * x_hat) / (m + STIFFNESS * p)
@@ -36,7 +36,7 @@ def lagged_matrix(m: float, added: float, h: float) -> Vector:
 
 
 def _lagged(m: float, added: float, h: float) -> Vector:
-    """Positions at h, 2h ... from 10 m at rest."""
+    """Return positions at h, 2h ... from 10 m at rest."""
     step, state = lagged_matrix(m, added, h), np.array([10.0, 0.0, -10.0 * STIFFNESS / (m + added)])
     positions = []
     for _ in range(round(SECONDS / h)):
@@ -46,7 +46,7 @@ def _lagged(m: float, added: float, h: float) -> Vector:
 
 
 def _error(positions: Vector, omega: float, h: float) -> float:
-    """Largest distance from 10·cos(ωt) at h, 2h ..."""
+    """Return the largest difference from 10·cos(ωt) at h, 2h ..."""
     times = h * np.arange(1, len(positions) + 1)
     return float(np.abs(positions - 10.0 * np.cos(omega * times)).max())
 
@@ -65,19 +65,19 @@ class Oscillator:
         self._shape = np.linspace(1.0, 0.0, 4)
 
     def set(self, x: float, v: float) -> None:
-        """Displacement, velocity and the acceleration that belongs to them."""
+        """Set displacement, velocity and the consistent acceleration."""
         self._bench.position[2] = self._rest + x * self._shape
         self._bench.velocity[2] = v * self._shape
         self._bench.acceleration[2] = -(self.omega**2) * x * self._shape
 
     def step(self) -> tuple[float, float]:
-        """Displacement and velocity one step on."""
+        """Return displacement and velocity one step later."""
         self._bench.hold(1)
         return self._bench.position[2, 0] - self._rest[0], self._bench.velocity[2, 0]
 
 
 def _ours(m: float, added: float, h: float, start: float) -> Vector:
-    """Positions of our step, from `start` but scaled to 10 m: the problem is linear."""
+    """Return positions by the solver's step, from `start` scaled to 10 m: the problem is linear."""
     oscillator = Oscillator(m, added, h)
     oscillator.set(start, 0.0)
     steps = round(SECONDS / h)
@@ -116,7 +116,7 @@ def _added_mass() -> Found:
 
 
 def tr_bdf2_radius(part: float) -> float:
-    """|R(iωh)| of TR-BDF2 at h/T = part (Hosea and Shampine 1996), γ = 2 - √2.
+    """Return |R(iωh)| of TR-BDF2 at h/T = part (Hosea and Shampine 1996), γ = 2 - √2.
 
     R = (k1·(1 + γz/2)/(1 - γz/2) + 1 - k1)/(1 - γz/2).
     """
@@ -127,7 +127,7 @@ def tr_bdf2_radius(part: float) -> float:
 
 
 def newmark_radius(part: float, alpha: float, delta: float) -> float:
-    """Of Newmark's method for ω = 2π, h = part, undamped (Bathe 1996, section 9.4)."""
+    """Return the spectral radius of Newmark's method, ω = 2π, h = part (Bathe 1996, sec. 9.4)."""
     w2, h = (2.0 * math.pi) ** 2, part
     # a1 = -ω²·x1; x1 = x + h·v + h²·((1/2 - α)·a + α·a1); v1 = v + h·((1 - δ)·a + δ·a1)
     x1 = np.array([1.0 - (0.5 - alpha) * h * h * w2, h]) / (1.0 + alpha * h * h * w2)
@@ -136,14 +136,14 @@ def newmark_radius(part: float, alpha: float, delta: float) -> float:
 
 
 def bathe_radius(part: float) -> float:
-    """Of Bathe's method (2007): half a step trapezoidal, then three-point backward Euler."""
+    """Return that of Bathe's method (2007): half a trapezoidal step, then three-point BDF."""
     z = 2j * math.pi * part
     middle = (1.0 + 0.25 * z) / (1.0 - 0.25 * z)
     return float(abs((4.0 * middle - 1.0) / (3.0 - z)))
 
 
 def _our_radius(part: float) -> float:
-    """Of the step that the twin takes, from what it makes of (1, 0) and (0, 1)."""
+    """Return the spectral radius of the twin's step, from its results for (1, 0) and (0, 1)."""
     period = 2.0 * math.pi / math.sqrt(STIFFNESS / 21.0)
     oscillator = Oscillator(10.0, 11.0, part * period)
     columns = []

@@ -34,7 +34,7 @@ class HangingRope:
         self.moving = rig.load + rig.added[0]
 
     def shape(self, omega: float, s: Vector) -> tuple[Vector, Vector]:
-        """y and y' at s."""
+        """Return y and y' at s."""
         from scipy.special import j0, j1, y0, y1
 
         tension = self.W + self.w * s
@@ -44,12 +44,12 @@ class HangingRope:
         return j0(u) * y0(top) - y0(u) * j0(top), slope
 
     def miss(self, omega: float) -> float:
-        """W·y'(0) + M'·ω²·y(0)."""
+        """Return the boundary residual W·y'(0) + M'·ω²·y(0)."""
         y, slope = self.shape(omega, np.zeros(1))
         return float(self.W * slope[0] + self.moving * omega**2 * y[0])
 
     def frequencies(self, count: int) -> list[float]:
-        """The lowest ω [rad/s], by sign changes on a fine grid."""
+        """Return the lowest ω [rad/s], by sign changes on a fine grid."""
         from scipy.optimize import brentq
 
         grid = np.linspace(1e-3, 4.0, 8000)
@@ -59,7 +59,7 @@ class HangingRope:
 
 
 def swing_period(exact: HangingRope, omega: float, sooner: bool) -> float:
-    """Of the rope released from a mode's own shape [s], its motion projected on that mode."""
+    """Return the swing period of the rope released from a mode shape [s], by modal projection."""
     bench = Bench(SWUNG.scene())
     s = np.linspace(0.0, SWUNG.length, SWUNG.elements + 1)
     shape = exact.shape(omega, s)[0]

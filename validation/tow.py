@@ -18,14 +18,14 @@ TOWED = Rig(
 
 
 def water(rig: Rig, z: float) -> Vector:
-    """The current at a height [m/s]."""
+    """Return the current at a height [m/s]."""
     heights = [row[0] for row in reversed(rig.current)]
     east, north = (np.interp(z, heights, [r[1][k] for r in reversed(rig.current)]) for k in (0, 1))
     return np.array([east, north, 0.0])
 
 
 def shot_upward(rig: Rig, depth: float, s: Vector) -> Vector:
-    """Place [m] and pull [N] at s [m] from the payload, which is at -depth; (6, n).
+    """Return position [m] and force [N] at s [m] from the payload, which is at -depth; (6, n).
 
     d(T·t)/ds = w·z - f(U, t), dx/ds = (1 + T/EA)·t, f the Morison drag per unstretched metre.
     """
@@ -52,7 +52,7 @@ def shot_upward(rig: Rig, depth: float, s: Vector) -> Vector:
 
 
 def solve_tow(rig: Rig, s: Vector) -> Vector:
-    """The rope that ends at the origin, by shooting: as `shot_upward`, x and y from the top."""
+    """Return the rope that ends at the origin, by shooting: as `shot_upward`, from the top."""
     from scipy.optimize import brentq
 
     def miss(depth: float) -> float:

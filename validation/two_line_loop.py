@@ -50,7 +50,7 @@ def _loop(name: str, seconds: int) -> Found:
 
 
 def _unheard(event: LineEvent) -> None:
-    """Crossings are read at the end."""
+    """Ignore crossings during the run; they are read at the end."""
 
 
 def _panels(calm: LineRun, rough: LineRun) -> tuple[Panel, ...]:

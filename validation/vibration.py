@@ -32,7 +32,7 @@ PERIODS_S = (
 
 
 def _one_string(mass: float, diameter: float, Ca: float) -> tuple[list[Finding], Line]:
-    """The modes of the discrete string are sines too: the projection on one oscillates purely."""
+    """Return the projection on a mode of the discrete string, a sine that oscillates by itself."""
     rig = replace(
         STRING, mass=mass, diameter=diameter, added_mass=Ca, fixed_at=(STRETCHED, 0.0, 0.0)
     )
@@ -61,7 +61,7 @@ def _strings(cases: Sequence[tuple[float, float, float]] = STRINGS) -> Found:
 
 
 def _period(rope: Rig, length: float) -> tuple[float, float, Vector, Vector]:
-    """Exact and measured period [s]; time [s] and motion in the first mode after one lift."""
+    """Return exact and measured period [s]; time [s] and first-mode motion after one lift."""
     from scipy.optimize import brentq
 
     ratio = rope.mass * length / MOVING

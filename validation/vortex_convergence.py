@@ -1,7 +1,8 @@
-"""Where the vortex models of Q1 and L2 are converged: their response over element and step.
+"""Convergence of the VIV models of Q1 and L2 with element length and time step.
 
-One of the two is refined while the other is held; the last run of a sweep is its reference. A sweep
-is converged from the coarsest setting on that this one and all finer ones keep within the limits.
+One of the two is refined while the other is fixed; the last run of a sweep is its reference. A
+sweep is converged from the coarsest setting on for which this one and all finer ones are within the
+limits.
 """
 
 from __future__ import annotations
@@ -58,7 +59,7 @@ class Point:
 
     @property
     def close(self) -> bool:
-        """Whether it is within the limits of the finest."""
+        """Return whether a run is within the limits of the finest one."""
         return (
             abs(self.rms_off_pct) <= AMPLITUDE_PCT and abs(self.frequency_off_pct) <= FREQUENCY_PCT
         )
@@ -75,7 +76,7 @@ class Convergence:
 
     @property
     def converged(self) -> Point | None:
-        """The coarsest from which on all are close; None: only the finest, which says nothing."""
+        """Return the coarsest setting from which all are close; None: only the finest is."""
         found = None
         for point in reversed(self.points[:-1]):
             if not point.close:
@@ -85,7 +86,7 @@ class Convergence:
 
     @property
     def words(self) -> str:
-        """Where it is converged, in a sentence."""
+        """Return in a sentence where the sweep is converged."""
         limits = f"{AMPLITUDE_PCT:g} % in amplitude and {FREQUENCY_PCT:g} % in frequency"
         held = self.points[-1]
         if self.refined == "element":
@@ -104,27 +105,27 @@ class Convergence:
 
 
 def towed_pipe(elements: int, step_s: float) -> Response:
-    """Q1: rms anywhere, and the frequency of its lowest third, where power comes in."""
+    """Return for Q1 the maximum RMS, and the frequency of the lowest third, the power-in region."""
     seen = curved_pipe.watch(elements, step_s, curved_pipe.SETTLE_S, curved_pipe.WATCH_S)
     low = seen.s < 0.3 * seen.s[-1]
     return float(seen.rms.max()), peak_hz(seen.y[:, low], curved_pipe.SAMPLE_S)
 
 
 def cable_by_waves(elements: int, step_s: float) -> Response:
-    """L2 by travelling waves, 24 s."""
+    """Return the response of L2 by travelling waves, 24 s."""
     own = wave_lines.rig(LCD_CABLE, wave_lines.CABLE_EA, elements, step_s)
     run = wave_lines.wave_run(own, TravellingWavesParams(), 24.0)
     return float(run.rms.max()), peak_hz(run.motion, step_s)
 
 
 def cable_by_modes(elements: int, step_s: float) -> Response:
-    """L2 by modes, 40 s."""
+    """Return the response of L2 by modes, 40 s."""
     run = modal_lines.record(LCD_CABLE, lcd_current(elements + 1), Shedding(), 40.0, step_s)
     return float(run.rms.max()), run.dominant_hz
 
 
 def peak_hz(motion: Vector, step_s: float) -> float:
-    """Frequency with most power in all columns, by a parabola through the logarithm of its peak."""
+    """Return the frequency of most power in all columns, by a parabola through the log peak."""
     moved = (motion - motion.mean(axis=0)) * np.hanning(len(motion))[:, None]
     power = (np.abs(np.fft.rfft(moved, axis=0)) ** 2).sum(axis=1)
     k = int(power[1:-1].argmax()) + 1
@@ -134,7 +135,7 @@ def peak_hz(motion: Vector, step_s: float) -> float:
 
 
 def _wave_speed(tension_n: float, moved_kg_per_m: float, EI: float, hz: float) -> float:
-    """Of a wave of this frequency on a beam under tension [m/s]; EI·k⁴ + T·k² = m·ω²."""
+    """Return the wave speed at a frequency [m/s] on a beam in tension; EI·k⁴ + T·k² = m·ω²."""
     inertia = moved_kg_per_m * (2.0 * pi * hz) ** 2
     number = sqrt(2.0 * inertia / (tension_n + sqrt(tension_n**2 + 4.0 * EI * inertia)))
     return 2.0 * pi * hz / number
@@ -155,7 +156,7 @@ SWEEPS = (
 
 
 def choose_sweeps(ids: Sequence[str]) -> tuple[Sweep, ...]:
-    """Those of these cases; all if there are none.
+    """Return the sweeps of these cases; all if there are none.
 
     Raises:
         InputError: a case that has none.
@@ -164,7 +165,7 @@ def choose_sweeps(ids: Sequence[str]) -> tuple[Sweep, ...]:
 
 
 def measure(sweeps: Sequence[Sweep], listen: Listener) -> Iterator[Convergence]:
-    """Each sweep's, as it ends; a setting that two sweeps share is run once.
+    """Run the sweeps, yielding each at its end; a setting that two sweeps share is run once.
 
     Raises:
         SolverError: a step is not finite.
@@ -194,12 +195,12 @@ def _point(sweep: Sweep, setting: tuple[int, float], response: Response, finest:
 
 
 def as_json(rows: Sequence[Convergence]) -> list[dict[str, Any]]:
-    """Plain, with where each is converged."""
+    """Return the results as plain data, with the setting from which each is converged."""
     return [asdict(row) | {"words": row.words} for row in rows]
 
 
 def panels(rows: Sequence[Convergence]) -> tuple[Panel, ...]:
-    """How far off the finest, over what is refined."""
+    """Return panels of the deviation from the finest run, over the refined quantity."""
     drawn = []
     for row in rows:
         some = row.points[:-1]
@@ -217,7 +218,7 @@ def panels(rows: Sequence[Convergence]) -> tuple[Panel, ...]:
 
 
 def table(stored: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
-    """Plain rows as cells, below a head."""
+    """Return plain rows as cells, below a head."""
     head = ("case", "model", "elements", "per wave", "step ms", "per period", "rms D", "off %",
             "Hz", "off %")  # fmt: skip
     cells: list[tuple[str, ...]] = [head]
@@ -233,7 +234,7 @@ def table(stored: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
 
 
 def read_stored(path: Path) -> list[dict[str, Any]]:
-    """What an earlier run has left there; nothing if there is none.
+    """Return the results of an earlier run; nothing if there are none.
 
     Raises:
         InputError: it cannot be read.

@@ -28,12 +28,12 @@ FREE = {  # y/D and f/f_n over V_r
 
 
 def force(q: Vector, V: float, rate: Vector) -> Vector:
-    """|U|·(C_L0/2·q·V - C_D·y'), twice the force across the flow of eqs 26-29."""
+    """Return |U|·(C_L0/2·q·V - C_D·y'), twice the cross-flow force of eqs 26-29."""
     return np.asarray(np.hypot(V, rate) * (0.5 * SET.lift * q * V - DRAG * rate))
 
 
 def mean_power(reduced: float, y: float, A: float, epsilon: float) -> float:
-    """Power that the water brings to y·sin τ, by harmonic balance of q (eqs 18-23 with U_N exact).
+    """Return the mean power on y·sin τ, by harmonic balance of q (eqs 18-23 with U_N exact).
 
     q = Im(z·e^{iτ}); |z|² = Q solves ((Ω² - 1)² + (ε·Ω·(Q/4 - 1))²)·Q = (A·y)², Ω = St·V_r. Force
     |U|·(C_L0/2·q·V - C_D·y')/2 with |U|² = V² + y'²: the root that the paper prints without y².
@@ -48,12 +48,12 @@ def mean_power(reduced: float, y: float, A: float, epsilon: float) -> float:
 
 
 def power_map(reduced: Vector, y: Vector, pair: tuple[float, float]) -> Vector:
-    """Power over V_r (columns) and ŷ (rows)."""
+    """Return the power over V_r (columns) and ŷ (rows)."""
     return np.array([[mean_power(V, one, *pair) for V in reduced] for one in y])
 
 
 def largest_amplitude(reduced: float, pair: tuple[float, float]) -> float:
-    """The highest ŷ at which power still comes in; 0: at none."""
+    """Return the largest ŷ with positive power; 0: none."""
     from scipy.optimize import brentq
 
     grid = np.linspace(0.02, 1.4, 139)
@@ -66,7 +66,7 @@ def largest_amplitude(reduced: float, pair: tuple[float, float]) -> float:
 
 
 def ends(A: float) -> tuple[float, float]:
-    """V_r at which the region ends, in closed form: |1 - (St·V_r)²| = β·V_r, β = C_L0·A/(8π·C_D).
+    """Return V_r at the limits of the region: |1 - (St·V_r)²| = β·V_r, β = C_L0·A/(8π·C_D).
 
     With g = ε·Ω·(Q/4 - 1) and d = Ω² - 1 the part of q in phase with the velocity is g·Q/(A·y), and
     (A·y)² = (d² + g²)·Q: power comes in where g² + d² < 2·β·V_r·g, which some g > 0 meets as long
@@ -78,7 +78,7 @@ def ends(A: float) -> tuple[float, float]:
 
 
 def highest(reduced: float, pair: tuple[float, float]) -> float:
-    """ŷ up to which power comes in between the ends, in closed form: the larger g of `ends`."""
+    """Return the largest ŷ with positive power between the limits: the larger g of `ends`."""
     A, epsilon = pair
     omega = SET.strouhal * reduced
     half, d = SET.lift * A * reduced / (8.0 * pi * DRAG), omega * omega - 1.0
@@ -87,7 +87,7 @@ def highest(reduced: float, pair: tuple[float, float]) -> float:
 
 
 def _edge(pair: tuple[float, float], inside: float, outside: float) -> float:
-    """V_r at which the region of positive power ends, by halves."""
+    """Return V_r at the limit of the region of positive power, by bisection."""
     for _ in range(12):
         middle = 0.5 * (inside + outside)
         if largest_amplitude(middle, pair) > 0.0:
@@ -152,7 +152,7 @@ WHY_FORCED = (
 
 
 def _regions(own: dict[float, tuple[float, float]]) -> tuple[Panel, ...]:
-    """Maps of the power's sign, with what is published and the free cylinder of Q3."""
+    """Return maps of the power's sign, with published values and the free cylinder of Q3."""
     V, y = np.linspace(4.5, 7.5, 121), np.linspace(0.025, 1.4, 56)
     free = Line([V for V, _ in own.values()], [y for _, y in own.values()], "Q3's cylinder", "k^")
     published = (
@@ -178,7 +178,7 @@ def _regions(own: dict[float, tuple[float, float]]) -> tuple[Panel, ...]:
 
 
 def free_response(reduced: float, seconds: float = 150.0) -> tuple[float, float]:
-    """y/D and f/f_n of a cylinder on springs, in water f_n = 1, D = 1, ρ = 1."""
+    """Return y/D and f/f_n of an elastically mounted cylinder; in water f_n = 1, D = 1, ρ = 1."""
     A, epsilon = SET.upright
     displaced, V = 0.25 * pi, reduced
     M, wet = (MASS_RATIO + 1.0) * displaced, 2.0 * pi

@@ -38,12 +38,12 @@ class WaveRun:
 
     @property
     def rms(self) -> Vector:
-        """Of the motion at the nodes."""
+        """Return the RMS of the motion at the nodes."""
         return np.asarray(self.motion.std(axis=0))
 
     @property
     def spectrum(self) -> tuple[Vector, Vector]:
-        """Frequencies [Hz] and power of all nodes together."""
+        """Return frequencies [Hz] and power of all nodes together."""
         moved = (self.motion - self.motion.mean(axis=0)) * np.hanning(len(self.motion))[:, None]
         power = (np.abs(np.fft.rfft(moved, axis=0)) ** 2).sum(axis=1)
         frequency: Vector = np.asarray(np.fft.rfftfreq(len(moved), self.step), dtype=np.float64)
@@ -51,18 +51,18 @@ class WaveRun:
 
     @property
     def dominant_hz(self) -> float:
-        """Frequency with most power."""
+        """Return the frequency of most power [Hz]."""
         frequency, power = self.spectrum
         return float(frequency[power.argmax()])
 
     @property
     def peaks(self) -> float:
-        """Half waves in an instant, the median."""
+        """Return the median number of half waves along the rope."""
         inner = self.motion[:, 1:-1]
         return float(np.median((inner[:, 1:] * inner[:, :-1] < 0.0).sum(axis=1) + 1))
 
     def slow_hz(self, below: float) -> tuple[float, float]:
-        """Frequency of the slow motion with most power, and what part of the power is slow."""
+        """Return the dominant frequency of the slow motion, and its share of the power."""
         frequency, power = self.spectrum
         slow = (frequency > 0.1) & (frequency < below)
         at = int(np.where(slow, power, 0.0).argmax())
@@ -70,7 +70,7 @@ class WaveRun:
 
 
 def rig(rope: PublishedRope, EA: float, elements: int, step: float) -> Rig:
-    """The rope upright between its held ends, stretched to its length at its tension."""
+    """Return the upright rope between its fixed ends, stretched to its length at its tension."""
     weight = (rope.mass - DENSITY * 0.25 * np.pi * rope.diameter**2) * GRAVITY
     mean = rope.top_tension - 0.5 * weight * rope.length
     return Rig(
@@ -82,7 +82,7 @@ def rig(rope: PublishedRope, EA: float, elements: int, step: float) -> Rig:
 
 
 def wave_run(own: Rig, params: TravellingWavesParams, duration: float) -> WaveRun:
-    """The twin's core for a time; its second half is kept."""
+    """Run the twin's core for a time; the second half is recorded."""
     scene = own.scene()
     bench = Bench(replace(scene, effects=(*scene.effects, params)))
     count = round(duration / own.step)
@@ -98,7 +98,7 @@ def wave_run(own: Rig, params: TravellingWavesParams, duration: float) -> WaveRu
 
 
 def waves_of_riser(duration: float = 200.0) -> tuple[list[Finding], Panel, str]:
-    """L1 by waves: figures, a picture, and the variants tried."""
+    """Run L1 by waves: values, a picture, and the variants."""
     own = rig(LCD_RISER, RISER_EA, 150, 0.025)
     run = wave_run(own, TravellingWavesParams(), duration)
     findings = [
@@ -111,7 +111,7 @@ def waves_of_riser(duration: float = 200.0) -> tuple[list[Finding], Panel, str]:
 
 
 def waves_of_cable(duration: float = 48.0) -> tuple[list[Finding], Panel, str]:
-    """L2 by waves; frequency and slow motion."""
+    """Run L2 by waves; frequency and slow motion."""
     own = rig(LCD_CABLE, CABLE_EA, 300, 0.004)
     run = wave_run(own, TravellingWavesParams(), duration)
     slow, part = run.slow_hz(1.0)

@@ -40,12 +40,12 @@ CALL_S = 0.02  # MoorDyn is called so often at least; its own steps are shorter 
 
 
 class PeerRefusal(Exception):
-    """A peer cannot run a scene, and says why."""
+    """A peer code cannot run a scene; the text gives the reason."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """How a peer steps."""
+    """Time stepping of a peer code."""
 
     scheme: str
     step_s: float
@@ -53,14 +53,14 @@ class Setting:
 
     @property
     def words(self) -> str:
-        """In short."""
+        """Return a short description."""
         how = f"{-self.damping:g} of critical" if self.damping < 0.0 else f"{self.damping:g} N·s"
         return f"{self.scheme}, {1e3 * self.step_s:.3g} ms, {how}"
 
 
 @dataclass(frozen=True)
 class Job:
-    """What is to be run."""
+    """Case to be run."""
 
     scene: Scene
     segments: int
@@ -78,12 +78,12 @@ class History:
 
     @property
     def real_time_factor(self) -> float:
-        """Simulated over processor time."""
+        """Return simulation time over CPU time."""
         return self.every_s * len(self.tension_n) / max(self.took_s, 1e-9)
 
 
 def require_peers(names: Sequence[str] = tuple(PEERS), command: str = "bench peers") -> None:
-    """See that they are there.
+    """Check that the peer codes are installed.
 
     Raises:
         InputError: one is not installed.
@@ -97,7 +97,7 @@ def require_peers(names: Sequence[str] = tuple(PEERS), command: str = "bench pee
 
 
 def run_moordyn(job: Job, setting: Setting) -> History:
-    """From rest; ends early where the tension is beyond the job's `lost_n`."""
+    """Run MoorDyn from rest; it ends early if the tension exceeds the job's `lost_n`."""
     import moordyn
 
     scene, segments, seconds = job.scene, job.segments, job.seconds
@@ -127,7 +127,7 @@ def run_moordyn(job: Job, setting: Setting) -> History:
 
 
 def run_cabledyn(job: Job, setting: Setting) -> History:
-    """From its own rest; ends early where a step does not converge.
+    """Run CableDyn from its own equilibrium; it ends early if a step does not converge.
 
     Raises:
         PeerRefusal: CableDyn does not take the scene.
@@ -174,7 +174,7 @@ def _scheme(setting: Setting) -> tuple[str, float, float]:
 
 
 def _hang_off(scene: Scene, at_s: float) -> tuple[float, float, float]:
-    """Height [m], speed and acceleration of the scene's own heave with its ramp."""
+    """Return height [m], speed and acceleration of the scene's own heave with its ramp."""
     heave = scene.sea_state.heave
     assert heave is not None, "the scenes of this study have a regular heave"
     z, v = RegularSea(heave, scene.sea_state.start_s).at(at_s)
@@ -188,7 +188,7 @@ def _hang_off(scene: Scene, at_s: float) -> tuple[float, float, float]:
 
 @contextlib.contextmanager
 def silence() -> Iterator[Any]:
-    """Nothing reaches the console meanwhile: both peers write to it from compiled code."""
+    """Suppress console output, which both peers write from compiled code."""
     sys.stdout.flush()
     sys.stderr.flush()
     kept = [os.dup(1), os.dup(2)]

@@ -1,7 +1,7 @@
-"""A scene as an input deck of MoorDyn 2 and of CableDyn, which reads nearly the same format.
+"""Input decks of MoorDyn 2 and CableDyn, which reads nearly the same format, from a scene.
 
-Both take the drag coefficients on the diameter of the volume, as a scene does, the axial one on π
-times it, and damping in N·s. What a deck cannot say is refused.
+Both refer the drag coefficients to the diameter of the displaced volume, as a scene does, the axial
+one to π times it, and have damping in N·s. A scene that a deck cannot represent is rejected.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SAYS = (AddedMassParams, CurrentParams, DragParams, PayloadParams, WeightParams)
 
 @dataclass(frozen=True)
 class Figures:
-    """What both decks say of a scene. SI units."""
+    """Properties in both decks, in SI units."""
 
     diameter: float  # that of the volume
     mass: float  # per metre
@@ -47,20 +47,20 @@ class Figures:
 
     @property
     def wave_speed(self) -> float:
-        """Of tension along the rope [m/s]: √(EA/m)."""
+        """Return the speed of axial waves [m/s]: √(EA/m)."""
         return math.sqrt(self.EA / self.mass)
 
     def frequency(self, segments: int) -> float:
-        """Of one element's shortest axial motion [rad/s]: 2·√(EA/m)/l0."""
+        """Return the highest axial frequency of one element [rad/s]: 2·√(EA/m)/l0."""
         return 2.0 * self.wave_speed * segments / self.length
 
     def damping_ratio(self, segments: int) -> float:
-        """Of that motion: c·√(EA/m)/(EA·l0)."""
+        """Return the damping ratio of that mode: c·√(EA/m)/(EA·l0)."""
         return self.damping * self.wave_speed * segments / (self.EA * self.length)
 
     @property
     def hanging_m(self) -> float:
-        """Depth of the lower end at rest: L + (W + w·L/2)·L/EA."""
+        """Return the depth of the lower end at rest: L + (W + w·L/2)·L/EA."""
         area = 0.25 * math.pi * self.diameter**2
         rope = 0.5 * (self.mass - self.density * area) * self.length
         pull = (self.load - self.density * self.volume + rope) * self.gravity
@@ -106,7 +106,7 @@ _RIGHT = "take one of one uniform rope with damping in N·s, in a current at mos
 
 
 def _load_figures(name: str, load: Payload) -> tuple[float, float]:
-    """Drag area and added mass, the same along all axes."""
+    """Return drag area and added mass, the same along all axes."""
     area, mass = set(load.drag_area_m2 or ()), set(load.added_mass_kg or ())
     if len(area) != 1 or len(mass) != 1:
         what = "its payload is not the same along all axes"
@@ -115,7 +115,7 @@ def _load_figures(name: str, load: Payload) -> tuple[float, float]:
 
 
 def moordyn_deck(given: Figures, segments: int, scheme: str, damping: float, step_s: float) -> str:
-    """For MoorDyn; a negative damping is a fraction of an element's critical one."""
+    """Return the deck for MoorDyn; negative damping: a fraction of an element's critical one."""
     sheds = f" {given.lift!r} 0.08 0.18" if given.lift else ""  # Cl dF cF
     return "\n".join(
         [
@@ -149,7 +149,7 @@ def moordyn_deck(given: Figures, segments: int, scheme: str, damping: float, ste
 
 
 def cabledyn_deck(given: Figures, segments: int, step_s: float, seconds: float) -> str:
-    """For CableDyn, whose current has two rows at most."""
+    """Return the deck for CableDyn, whose current has at most two rows."""
     current = "none current"
     if given.profile:
         (z1, (x1, y1)), (z2, (x2, y2)) = given.profile
@@ -186,7 +186,7 @@ def cabledyn_deck(given: Figures, segments: int, step_s: float, seconds: float) 
 
 
 def current_table(given: Figures) -> str:
-    """The current for MoorDyn, from below up."""
+    """Return the current profile for MoorDyn, from the bottom up."""
     rows = [(z, *velocity) for z, velocity in reversed(given.profile)]
     rows += [(ABOVE_M, *given.profile[0][1])] if given.profile else []
     body = [f"{z!r} {east!r} {north!r} 0" for z, east, north in rows]

@@ -1,7 +1,7 @@
-"""What a race against a peer is judged by: its case, its error, and rope_twin's ladder beside it.
+"""Cases and errors of the comparison with peer codes, and rope_twin's own settings.
 
-Errors are of the top tension over whole periods of the heave after its start: the largest of the
-errors of mean, maximum and minimum, each in per cent of itself; the minimum of a rope that falls
+Errors are of the top tension over whole periods of the heave after its build-up: the largest of the
+errors of mean, maximum and minimum, each in per cent of itself; the minimum of a rope that goes
 slack in per cent of the mean.
 """
 
@@ -35,7 +35,7 @@ SLACK = 0.05  # of the mean: a lower minimum is that of a rope that falls slack
 
 @dataclass(frozen=True)
 class Case:
-    """One race."""
+    """One comparison."""
 
     scene: str
     segments: int
@@ -47,7 +47,7 @@ class Case:
 
     @property
     def job(self) -> Scene:
-        """The scene."""
+        """Return the case as a job for a peer code."""
         scene = load_scene(self.scene)
         if not self.still:
             return scene
@@ -57,7 +57,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Marks:
-    """What the error is taken of [N]."""
+    """Quantities that the error is taken of [N]."""
 
     mean: float
     highest: float
@@ -65,11 +65,11 @@ class Marks:
 
     @property
     def slack(self) -> bool:
-        """The rope falls slack."""
+        """Return whether the rope goes slack."""
         return self.lowest < SLACK * self.mean
 
     def error_pct(self, other: Marks) -> float:
-        """Of another against this; infinite if it is not a number."""
+        """Return the error of other quantities relative to these [%]; infinite if not a number."""
         apart = (
             abs(other.mean / self.mean - 1.0),
             abs(other.highest / self.highest - 1.0),
@@ -79,7 +79,7 @@ class Marks:
 
 
 def marks(tension_n: NDArray[np.float64], every_s: float, case: Case) -> Marks | None:
-    """Of a tension at the ends of equal intervals; None if it ended early."""
+    """Return the quantities of a tension at the ends of equal intervals; None if it ended early."""
     times = every_s * np.arange(1, len(tension_n) + 1)
     if not len(times) or times[-1] < case.seconds - 1e-6:
         return None
@@ -88,7 +88,7 @@ def marks(tension_n: NDArray[np.float64], every_s: float, case: Case) -> Marks |
 
 
 class Ours:
-    """rope_twin on a case: its reference, and each setting of the ladder once."""
+    """Results of rope_twin in a case: its reference, and each setting once."""
 
     def __init__(self, case: Case) -> None:
         self.case, self.scene = case, case.job
@@ -99,11 +99,13 @@ class Ours:
         self._found: dict[tuple[int, float], float] = {}
 
     def trial(self, elements: int, step_s: float) -> Trial:
-        """The scene, ready to run with these."""
+        """Return the scene, ready to run with this setting."""
         return Trial(variant(self.scene, elements, step_s), self.case.seconds)
 
     def cheapest(self, within_pct: float, elements: Sequence[int]) -> tuple[int, float] | None:
-        """Elements and the largest step within an error, of the first number that has one."""
+        """Return elements and largest step within an error, for the first suitable number of
+        elements.
+        """
         for number in elements:
             for step_s in STEPS_S:
                 if self.error_pct(number, step_s) <= within_pct:
@@ -111,7 +113,7 @@ class Ours:
         return None
 
     def error_pct(self, elements: int, step_s: float) -> float:
-        """Of a setting."""
+        """Return the error of a setting [%]."""
         key = elements, step_s
         if key not in self._found:
             self._found[key] = self.truth.error_pct(self._marks(*key))

@@ -68,7 +68,7 @@ How fair it is:
 
 
 def as_section(race: PeerRace) -> str:
-    """The section."""
+    """Return the section of the page."""
     return _SECTION.format(
         picture=PICTURE.as_posix(),
         versions=" and ".join(f"{_NAMES[name]} {v}" for name, v in race.peers.items()),
@@ -85,7 +85,7 @@ def as_section(race: PeerRace) -> str:
 
 
 def peer_table(rows: Sequence[PeerRow]) -> Table:
-    """A line per peer, scheme and case."""
+    """Return a line per peer, scheme and case."""
     head = [
         "case", "segments", "peer", "scheme", "× real time", "error %", "rope_twin", "× real time",
         "error %", "ratio",
@@ -108,7 +108,7 @@ def peer_table(rows: Sequence[PeerRow]) -> Table:
 
 
 def best_table(rows: Sequence[PeerRow]) -> Table:
-    """The fastest setting of each peer in each case, and rope_twin with any number of elements."""
+    """Return the fastest setting of each peer per case, and of rope_twin with any elements."""
     head = [
         "case", "segments", "peer at its best", "× real time", "error %", "rope_twin",
         "× real time", "error %", "times faster", "any elements", "× real time",
@@ -134,7 +134,7 @@ def best_table(rows: Sequence[PeerRow]) -> Table:
 
 
 def best(rows: Sequence[PeerRow]) -> list[PeerRow]:
-    """Of each peer in each case: the fastest within the limit, else the least wrong."""
+    """Return the fastest setting within the limit per peer and case, or the most accurate one."""
     chosen: dict[tuple[str, int, str], PeerRow] = {}
     for row in rows:
         key = row.case, row.segments, row.peer
@@ -213,10 +213,10 @@ def _draw_case(axes: Any, rows: list[PeerRow]) -> None:
 
 
 def read_race(path: Path) -> PeerRace:
-    """A race that `python -m benchmarks peers --json` told.
+    """Return the results printed by `python -m benchmarks peers --json`.
 
     Raises:
-        InputError: it is not one.
+        InputError: the file has no such results.
     """
     try:
         told = json.loads(path.read_text(encoding="utf-8"))

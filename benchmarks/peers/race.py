@@ -1,12 +1,12 @@
-"""The race against MoorDyn and CableDyn at equal error: both on the same work in one run, in turns.
+"""Comparison with MoorDyn and CableDyn at equal error: the same case in one run, in turns.
 
-A peer gets, scheme by scheme, the largest step that stays within LIMIT_PCT; the rope_twin setting
-beside it is the cheapest whose error is not larger (or not larger than the reference is uncertain),
-with as many elements as the peer, and with any number of them.
+A peer gets, for each scheme, the largest time step within LIMIT_PCT; the rope_twin setting compared
+is the cheapest whose error is not larger (or not larger than the uncertainty of the reference),
+with the peer's number of elements, and with any number.
 
-Damping is the scene's, in N·s. At many elements that is far above an element's critical damping,
-which explicit schemes pay for with their step; on smooth scenes, where the answer does not depend
-on it, MoorDyn may therefore also take its own fraction of critical, and its better result counts.
+Damping is the scene's, in N·s. With many elements that is far above an element's critical damping,
+which limits the time step of explicit schemes; in smooth scenes, where the result does not depend
+on it, MoorDyn may therefore also use a fraction of critical damping, and its better result counts.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ QUICK = (Case("smooth_2km", 20, 28.0, 20.0, ("RK2", "Midpoint5"), (0.02,)),)
 class PeerRow:
     """A peer with one scheme at its best setting, and rope_twin at an error not larger.
 
-    None: no setting of the ladder comes under the peer's error; the peer wins.
+    None: rope_twin has no setting with that error; the peer wins.
     """
 
     peer: str
@@ -83,7 +83,7 @@ class PeerRow:
 
 @dataclass(frozen=True)
 class PeerRace:
-    """The whole study."""
+    """Results of all comparisons."""
 
     machine: Machine
     peers: dict[str, str]  # versions
@@ -92,7 +92,7 @@ class PeerRace:
     refused: dict[str, str]  # by CableDyn: scene, and its words
 
     def as_json(self) -> dict[str, Any]:
-        """For `--json`."""
+        """Return the results for `--json`."""
         return asdict(self)
 
 
@@ -107,7 +107,7 @@ class Found:
 
 
 def race(cases: Sequence[Case], report: Report) -> PeerRace:
-    """Search each peer's settings and race them.
+    """Search the settings of each peer and compare them.
 
     Raises:
         InputError: a peer is not installed.
@@ -134,7 +134,7 @@ def _speed(found: Found) -> tuple[str, float]:
 
 
 def _search_moordyn(ours: Ours, carried: list[Setting]) -> Iterator[Found]:
-    """Each scheme with its largest step within the limit; of two dampings the faster."""
+    """Return each scheme with its largest step within the limit; of two dampings the faster."""
     given, segments = figures(ours.scene), ours.case.segments
     omega, ratio = given.frequency(segments), given.damping_ratio(segments)
     if segments > SEARCHED and carried:
@@ -162,7 +162,7 @@ def _search_cabledyn(ours: Ours) -> Found:
 
 
 def _largest_step(ours: Ours, peer: str, start: Setting, tries: int) -> Found:
-    """The first within the limit while the step shrinks; else the one with the least error."""
+    """Return the first step within the limit as it shrinks; else that with the smallest error."""
     found, step_s = [], start.step_s
     for _ in range(tries):
         found.append(_try(ours, peer, Setting(start.scheme, step_s, start.damping)))
@@ -181,7 +181,7 @@ def _try(ours: Ours, peer: str, setting: Setting) -> Found:
 
 
 def _fastest(found: Sequence[Found], scene: Scene, segments: int) -> list[Setting]:
-    """MoorDyn's best, with the step as a share of an element's, where that carries to others."""
+    """Return MoorDyn's best setting, with the step as a fraction of an element's limit, if any."""
     omega, damped = figures(scene).frequency(segments), figures(scene).damping > 0.0
     good = [
         one
@@ -227,7 +227,7 @@ def _row(ours: Ours, found: Found) -> PeerRow:
 def _in_turns(
     ours: Ours, found: Found, fair: tuple[int, float] | None, free: tuple[int, float] | None
 ) -> tuple[float, float | None, float | None]:
-    """Real-time factors of the peer and of both our settings, medians of runs in turns."""
+    """Return real-time factors of the peer and of both rope_twin settings: medians of turns."""
     trials = [ours.trial(*setting) if setting else None for setting in (fair, free)]
     peer, own = [found.history.real_time_factor], (list[float](), list[float]())
     for turn in range(REPEATS):

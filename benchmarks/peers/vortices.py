@@ -1,10 +1,10 @@
-"""MoorDyn's model of vortices on the curved pipe of [QM], beside the wake oscillator: how fast.
+"""Speed of MoorDyn's VIV model and of the wake oscillator, on the curved pipe of [QM].
 
-MoorDyn's is a synchronisation model: a lift of given size at each node whose frequency is drawn to
-that of the node's motion; no memory of the wake but a phase. Pipe, weight, bending, current and
-number of elements are the same, and so is the step. As MoorDyn says, its model has been tried with
-RK2 and RK4 only; of each scheme it gets the largest part of a millisecond with which it stays
-finite, critically damped in its elements. Speeds are by processor time, in turns.
+MoorDyn's is a synchronisation model: a lift of given magnitude at each node whose frequency is
+drawn to that of the node's motion; the wake has no memory but a phase. Pipe, weight, bending,
+current, number of elements and time step are the same. MoorDyn states that its model was tested
+with RK2 and RK4 only; each scheme uses the largest fraction of a millisecond with which it remains
+finite, critically damped in its elements. Speeds are by CPU time, run in turns.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ Listener = Callable[[int, int, str], None]
 
 @dataclass(frozen=True)
 class Plan:
-    """What is raced."""
+    """Settings of the comparison."""
 
     elements: int
     seconds: float  # simulated in a turn
@@ -75,7 +75,7 @@ class PeerVortexRow:
 
 
 def race_vortices(plan: Plan, listen: Listener) -> Iterator[dict[str, Any]]:
-    """A row per scheme, as a dictionary.
+    """Return a row per scheme, as a dictionary.
 
     Raises:
         InputError: MoorDyn is not installed.
@@ -91,7 +91,7 @@ def race_vortices(plan: Plan, listen: Listener) -> Iterator[dict[str, Any]]:
 
 
 def race_table(rows: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
-    """The rows as words, below a head."""
+    """Return the rows as text, below a head."""
     head = ("peer", "scheme", "elements", "step ms", "× real time", "rms D", "rope_twin",
             "rms D", "times faster")  # fmt: skip
     table: list[tuple[str, ...]] = [head]
@@ -110,7 +110,7 @@ def race_table(rows: Sequence[dict[str, Any]]) -> list[tuple[str, ...]]:
 
 
 def pipe_figures(scene: Scene) -> Figures:
-    """The scene as MoorDyn takes it: bending and lift as figures of its line."""
+    """Return the scene as MoorDyn has it: bending and lift as line properties."""
     apart = (BendingParams, WakeOscillatorParams)
     plain = tuple(own for own in scene.effects if not isinstance(own, apart))
     EI = sum(own.stiffness_n_m2 for own in scene.effects if isinstance(own, BendingParams))
@@ -118,7 +118,7 @@ def pipe_figures(scene: Scene) -> Figures:
 
 
 class _OurPipe:
-    """At rest in its current."""
+    """rope_twin's pipe, at rest in its current."""
 
     def __init__(self, scene: Scene, elements: int, step_s: float) -> None:
         self._bench = Bench(variant(scene, elements, step_s))
@@ -130,7 +130,7 @@ class _OurPipe:
         self._bench.hold(self._steps)
 
     def across(self) -> Floats:
-        """Place of the nodes across the flow [m]."""
+        """Return the cross-flow position of the nodes [m]."""
         return np.asarray(self._bench.position[1]).copy()
 
 
@@ -153,11 +153,11 @@ class _MoorDynPipe:
         self._calls += 1
 
     def across(self) -> Floats:
-        """Place of the nodes across the flow [m]."""
+        """Return the cross-flow position of the nodes [m]."""
         return np.array([self._code.GetLineNodePos(self._line, k)[1] for k in self._nodes])
 
     def close(self) -> None:
-        """Let MoorDyn go."""
+        """Close MoorDyn."""
         self._code.Close(self._system)
 
 
@@ -168,7 +168,7 @@ class _Timed:
         self.pipe, self.factors, self._seen, self.lost = pipe, list[float](), list[Floats](), False
 
     def turn(self, seconds: float) -> None:
-        """Go on for a time; nothing once it is lost."""
+        """Advance for a time; no effect once the solution has failed."""
         spent = 0.0
         for _ in range(round(seconds / CALL_S)):
             if self.lost:
@@ -184,7 +184,7 @@ class _Timed:
         self.factors.append(seconds / spent)
 
     def rms(self) -> float:
-        """Of the node that moves most, second half of all turns [m]."""
+        """Return the RMS of the node with the largest motion, second half of all turns [m]."""
         return float(np.array(self._seen[len(self._seen) // 2 :]).std(axis=0).max())
 
 

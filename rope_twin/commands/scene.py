@@ -17,7 +17,7 @@ from typing import Any
 
 from rope_twin.commands.console import CaseProgress
 from rope_twin.errors import SceneError, did_you_mean, phrase
-from rope_twin.messages.load_status import breach_words
+from rope_twin.messages.rope_status import breach_words
 from rope_twin.scene.card import known_error, told_bound
 from rope_twin.scene.checks.rope import accepted_warnings, sense_checks
 from rope_twin.scene.figures import LiftFigures, lift_figures, listed_effects, stretch_m

@@ -40,7 +40,7 @@ __all__ = [
 
 
 def decode(topic_name: str, data: bytes | memoryview) -> Any:
-    """The message in the bytes of one of the suite's topics (a leading slash is allowed).
+    """Return the message in the bytes of one of the suite's topics (a leading slash is allowed).
 
     Raises:
         InputError: if the topic is not in the table, or the bytes are no message of its type.

@@ -30,29 +30,33 @@ _LITTLE = {
 
 @cache
 def typestore() -> Any:
-    """The message definitions of ROS 2 Kilted (loaded once, 0.2 s)."""
+    """Return the message definitions of ROS 2 Kilted (loaded once, 0.2 s)."""
     return get_typestore(Stores.ROS2_KILTED)
 
 
 def new(type_name: str, **fields: Any) -> Any:
-    """A message object of the given type."""
+    """Return a message object of the given type."""
     return typestore().types[type_name](**fields)
 
 
 def serialise(message: Any) -> bytes:
-    """CDR bytes, little-endian, of a message object."""
+    """Return the CDR bytes, little-endian, of a message object."""
     data: memoryview = typestore().serialize_cdr(message, message.__msgtype__, little_endian=True)
     return bytes(data)
 
 
 def deserialise(type_name: str, data: bytes | memoryview) -> Any:
-    """The message object in CDR bytes. Raises rosbags' SerdeError if they are not one."""
+    """Return the message object in CDR bytes.
+
+    Raises:
+        SerdeError: (of rosbags) the bytes are not such a message.
+    """
     return typestore().deserialize_cdr(data, type_name)
 
 
 @dataclass(frozen=True)
 class Slot:
-    """Where one number or one block of equal numbers lies in the bytes."""
+    """Location of a number, or of a block of numbers of one type, in the bytes."""
 
     offset: int  # [bytes] from the first byte of the encapsulation header
     dtype: np.dtype[Any]
@@ -61,11 +65,11 @@ class Slot:
 
     @property
     def entry_bytes(self) -> int:
-        """Of a list: bytes of an entry."""
+        """Return the size of an entry of a list [bytes]."""
         return int(np.prod(self.shape[1:], dtype=np.int64)) * self.dtype.itemsize
 
     def moved(self, to: Callable[[int], int]) -> Slot:
-        """The same elsewhere."""
+        """Return the slot with its offsets mapped by `to`."""
         length = self.length_offset
         return replace(
             self, offset=to(self.offset), length_offset=None if length is None else to(length)
@@ -92,7 +96,8 @@ class Template:
         self.slots = walk.slots
 
     def stretched(self, counts: Mapping[str, int]) -> Template:
-        """The same with other numbers of entries in some of its lists, all as the first.
+        """Return a template with other numbers of entries in some lists, all copies of the first
+        entry.
 
         In microseconds, where making the parts of a long list and a template of them takes tenths
         of a second. The list must have an entry already, and keep one.
@@ -130,7 +135,7 @@ class Template:
         return template
 
     def fill(self, values: Mapping[str, Any]) -> bytes:
-        """The bytes with these numbers in the named slots; the template itself stays as it is.
+        """Return the bytes with these values in the named slots; the template itself is unchanged.
 
         Raises:
             KeyError: if a slot does not exist.
@@ -149,13 +154,13 @@ class Template:
 
 
 class Templates:
-    """Templates of topics whose messages change in size or names: each made anew when that does."""
+    """Templates of topics whose messages change in size or names; each is rebuilt on a change."""
 
     def __init__(self) -> None:
         self._known: dict[str, tuple[object, Template]] = {}
 
     def get(self, topic: str, key: object, make: Callable[[], Any]) -> Template:
-        """The template of a topic as long as `key` is the same; else a new one of `make()`."""
+        """Return the template of a topic, rebuilt by `make()` if `key` has changed."""
         known = self._known.get(topic)
         if known is None or known[0] != key:
             known = self._known[topic] = (key, Template(make()))
@@ -169,7 +174,7 @@ def _scalar_format(dtype: np.dtype[Any]) -> str:
 
 @cache
 def _uniform(type_name: str) -> tuple[np.dtype[Any], int] | None:
-    """Kind and count of the numbers of a message type that is nothing but equal numbers."""
+    """Return type and count of numbers of a message type that has only equal numbers, or None."""
     kinds = [
         description[1][0] if description[0] == Nodetype.BASE else None
         for _, description in typestore().fielddefs[type_name][1]
@@ -187,7 +192,7 @@ class _Walk:
         self.slots: dict[str, Slot] = {}
 
     def part(self, message: Any, type_name: str, path: str) -> None:
-        """A message or a part of one; `path` ends with a dot unless empty."""
+        """Walk a message or a part of one; `path` ends with a dot unless empty."""
         uniform = _uniform(type_name)
         if uniform and path:
             self._numbers(uniform[0], (uniform[1],), path[:-1])
@@ -237,6 +242,6 @@ class _Walk:
         self.position += size
 
     def _skip(self, alignment: int, size: int) -> None:
-        """Pads to the alignment, then goes on by `size` bytes."""
+        """Pad to the alignment, then advance by `size` bytes."""
         inside = self.position - HEADER_BYTES
         self.position += -inside % alignment + size

@@ -24,14 +24,16 @@ _ROUND = (1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
 
 def shade(fraction: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Colours (n, 3) in 0 to 1 for places on the scale (n,); beyond the ends, the end's colour."""
+    """Return colours (n, 3) in 0 to 1 for fractions of the scale (n,), clipped to its ends."""
     return np.stack(
         [np.interp(fraction, _STEPS, _TABLE[:, channel]) for channel in range(3)], axis=-1
     ).astype(np.float32)
 
 
 def tension_colours(tension_n: NDArray[np.float64], scale_n: float) -> NDArray[np.float32]:
-    """Colours (n, 4: r, g, b, alpha) in 0 to 1 of tensions (n,) on a scale from 0 to scale_n."""
+    """Return colours (n, 4: r, g, b, alpha) in 0 to 1 of tensions (n,) on a scale from 0 to
+    scale_n.
+    """
     colours = np.ones((len(tension_n), 4), dtype=np.float32)
     colours[:, :3] = shade(tension_n / scale_n)
     colours[tension_n < SLACK_BELOW_N, :3] = SLACK_RGB
@@ -39,7 +41,7 @@ def tension_colours(tension_n: NDArray[np.float64], scale_n: float) -> NDArray[n
 
 
 def scale_above(peak_n: float) -> float:
-    """The upper end of a colour scale: a round number at least 10 % above the largest tension."""
+    """Return the upper end of a colour scale: round, and at least 10 % above the peak tension."""
     wanted = max(1.1 * peak_n, 10.0 * SLACK_BELOW_N)
     if not math.isfinite(wanted):
         raise ValueError(f"no colour scale reaches {peak_n} N")

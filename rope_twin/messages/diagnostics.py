@@ -1,14 +1,18 @@
-"""What operators read of a twin: OK, WARN or ERROR in plain words (REP 107).
+"""Diagnostics rows of a twin: level OK, WARN or ERROR, and a message in plain words (REP 107).
 
-The words report; they never stop anything.
+A row only reports; it never stops anything.
 """
 
 from __future__ import annotations
 
 import math
 
-from rope_twin.messages.load_status import limits_status, strength_status
-from rope_twin.messages.shape_status import bend_status, touchdown_status
+from rope_twin.messages.rope_status import (
+    bend_status,
+    limits_status,
+    strength_status,
+    touchdown_status,
+)
 from rope_twin.messages.status import Level, Status, counted
 from rope_twin.scene.card import KnownError, told_bound
 from rope_twin.twin.findings import EnergyBalance, MaterialFatigue, RopeVibration, TensionBand
@@ -20,17 +24,18 @@ from rope_twin.twin.snapshot import (
     Snapshot,
 )
 
-GAIN_PCT = 0.1  # of the energy exchanged: what integrating the work may be wrong by
-BEHIND_S = 0.5  # further behind than this, what is published is no longer the present
-RECOVERY_ERROR_S = 60.0  # a failed step is an error for so long, in twin time, then a warning
-LATE_FOR_S = 60.0  # a late step is warned of for so long
+GAIN_PCT = 0.1  # of the energy exchanged: tolerance of the integration of work
+BEHIND_S = 0.5  # a twin further behind than this does not publish the present state
+RECOVERY_ERROR_S = 60.0  # simulation time after which a failed step turns from ERROR to WARN
+LATE_FOR_S = 60.0  # how long a missed deadline is reported as a warning
 
 
 def statuses(snapshot: Snapshot, pacing: PacingHealth | None) -> list[Status]:
-    """The state of solver, accuracy, pacing (None: not paced), winch, ropes, limits and inputs.
+    """Return one row each for solver, accuracy, winch, build-up, pacing, strength and limits.
 
-    And touchdown and tightest bend, where there are such; and the energy balance, the error band,
-    vibration and fatigue, if the run keeps them.
+    Rows for touchdown, bend radius, seabed contact and a cut follow where they apply; rows for
+    energy balance, error interval, vibration and fatigue where the run monitors them; then one row
+    for each input. `pacing` is None for a run that is not real-time.
     """
     rows = [
         _solver(snapshot),
@@ -70,53 +75,51 @@ def _solver(snapshot: Snapshot) -> Status:
     values = {
         "steps": str(health.steps),
         "solves per step": f"{health.solves / health.steps:.2f}" if health.steps else "0",
-        "most solves in a stage": str(health.solves_max_per_stage),
+        "max. solves in a stage": str(health.solves_max_per_stage),
         "extra substeps": str(health.substeps),
-        "most substeps in a step": str(health.substeps_max_per_step),
+        "max. substeps in a step": str(health.substeps_max_per_step),
         "rejected substeps": str(health.rejected_substeps),
         "unconverged substeps": str(health.unconverged_substeps),
         "computing time [s]": f"{health.computing_s:.3f}",
     }
     if health.recoveries:
         values["failed steps recovered from"] = str(health.recoveries)
-        values["newest of them [s ago]"] = f"{health.recovered_ago_s:.2f}"
+        values["last failed step [s ago]"] = f"{health.recovered_ago_s:.2f}"
+    failed = counted(health.recoveries, "failed step")
     if health.recovered_ago_s < RECOVERY_ERROR_S:
-        times = counted(health.recoveries, "time")
-        message = f"recovered {times} from a failed step; the newest: {health.recovery}"
+        message = f"recovered from {failed}; last: {health.recovery}"
         return Status("simulation: solver", Level.ERROR, message, values)
     if snapshot.doubtful:
         return Status(
             "simulation: solver",
             Level.ERROR,
-            "the newest step did not converge: tension and positions are doubtful",
+            "last step not converged: tension and positions unreliable",
             values,
         )
     if health.unconverged_substeps:
         return Status(
             "simulation: solver",
             Level.WARN,
-            f"converged now, but {counted(health.unconverged_substeps, 'substep')} since the start "
-            "did not",
+            f"last step converged; {counted(health.unconverged_substeps, 'substep')} not converged "
+            "since the start",
             values,
         )
     if health.recoveries:
-        times = counted(health.recoveries, "time")
-        message = f"it converges, but recovered {times} from a failed step; the newest: "
-        return Status("simulation: solver", Level.WARN, message + health.recovery, values)
-    return Status("simulation: solver", Level.OK, "every step converged", values)
+        message = f"last step converged; recovered from {failed}, last: {health.recovery}"
+        return Status("simulation: solver", Level.WARN, message, values)
+    return Status("simulation: solver", Level.OK, "all steps converged", values)
 
 
 def _accuracy(error: KnownError) -> Status:
-    """What the card says; that it says nothing is no fault of the run's."""
+    """Return the error from the convergence study; an unknown error is not a fault of the run."""
     values = {
-        "rms error at most [% of the standard deviation]": told_bound(error.rms_pct),
-        "error of the highest at most [%]": told_bound(error.peak_pct),
-        "by": error.words,
+        "RMS error bound [% of the standard deviation]": told_bound(error.rms_pct),
+        "peak error bound [%]": told_bound(error.peak_pct),
+        "source": error.words,
     }
     if math.isnan(error.rms_pct):
-        return Status("simulation: accuracy", Level.OK, f"error of the top tension {error.words}",
-                      values)  # fmt: skip
-    words = f"rms error of the top tension {told_bound(error.rms_pct)} % {error.words}"
+        return Status("simulation: accuracy", Level.OK, f"top-tension error {error.words}", values)
+    words = f"RMS error of the top tension {told_bound(error.rms_pct)} % {error.words}"
     return Status("simulation: accuracy", Level.OK, words, values)
 
 
@@ -129,8 +132,8 @@ def _winch(snapshot: Snapshot) -> Status:
     if snapshot.winch_at_limit:
         return Status("simulation: winch", Level.WARN, snapshot.winch_at_limit, values)
     speed = snapshot.payout_speed_m_per_s
-    doing = "stands" if speed == 0.0 else "pays out" if speed > 0.0 else "hauls in"
-    return Status("simulation: winch", Level.OK, f"{doing}, inside its limits", values)
+    doing = "stopped" if speed == 0.0 else "paying out" if speed > 0.0 else "hauling in"
+    return Status("simulation: winch", Level.OK, f"{doing}; within limits", values)
 
 
 def _start_up(snapshot: Snapshot) -> Status:
@@ -140,11 +143,11 @@ def _start_up(snapshot: Snapshot) -> Status:
         return Status(
             "simulation: start-up",
             Level.WARN,
-            f"the ship's motion is still being faded in ({share:.0%}): tension is not yet the "
-            "sea's",
+            f"build-up period: {share:.0%} of the ship motion applied, tension not yet "
+            "representative",
             values,
         )
-    return Status("simulation: start-up", Level.OK, "the ship's full motion is felt", values)
+    return Status("simulation: start-up", Level.OK, "full ship motion applied", values)
 
 
 def _energy(balance: EnergyBalance) -> Status:
@@ -165,44 +168,44 @@ def _energy(balance: EnergyBalance) -> Status:
     share = f"{abs(balance.residual_pct):.2g} % of the energy exchanged"
     if balance.residual_pct < -GAIN_PCT:
         return Status(
-            "simulation: energy", Level.WARN, f"{share} appeared from nothing: shorten the step",
-            values,
+            "simulation: energy", Level.WARN,
+            f"energy balance violated: gain of {share}; reduce the time step", values,
         )  # fmt: skip
     return Status("simulation: energy", Level.OK, f"residual {share}", values)
 
 
 def _seabed(bed: BedContact) -> Status:
     values = {
-        "payload above the bed [m]": f"{bed.payload_height_m:.3f}",
-        "bed's push on the payload [N]": f"{bed.payload_push_n:.6g}",
-        "rope on the bed [m]": f"{bed.rope_on_bed_m:.6g}",
-        "bed's push on the rope [N]": f"{bed.rope_push_n:.6g}",
+        "payload above the seabed [m]": f"{bed.payload_height_m:.3f}",
+        "seabed reaction on the payload [N]": f"{bed.payload_push_n:.6g}",
+        "rope on the seabed [m]": f"{bed.rope_on_bed_m:.6g}",
+        "seabed reaction on the rope [N]": f"{bed.rope_push_n:.6g}",
     }
-    message = f"the payload is {bed.payload_height_m:.2f} m above the bed"
+    message = f"payload {bed.payload_height_m:.2f} m above the seabed"
     if bed.payload_landed:
-        message = f"the payload has landed; the bed carries {bed.payload_push_n / 1e3:.1f} kN of it"
+        message = f"payload landed; seabed reaction {bed.payload_push_n / 1e3:.1f} kN"
     if bed.rope_on_bed_m > 0.0:
-        message += f", {bed.rope_on_bed_m:.1f} m of rope lie on it"
+        message += f"; {bed.rope_on_bed_m:.1f} m of rope on the seabed"
     return Status("simulation: seabed", Level.OK, message, values)
 
 
 def _cut(cut: CutShot, depth_m: float) -> Status:
     values = {
         "cut at [s]": f"{cut.at_s:.2f}",
-        "rope that hung on [m]": f"{cut.left_m:.2f}",
+        "rope above the cut [m]": f"{cut.left_m:.2f}",
         "rope below the cut [m]": f"{cut.lost_m:.2f}",
-        "depth of its lower end [m]": f"{depth_m:.2f}",
+        "depth of the lower end [m]": f"{depth_m:.2f}",
     }
-    message = f"{cut_words(cut)}; its lower end is {depth_m:.1f} m deep"
+    message = f"{cut_words(cut)}; lower end at {depth_m:.1f} m depth"
     return Status("simulation: rope", Level.WARN, message, values)
 
 
 def cut_words(cut: CutShot) -> str:
-    """When and where the rope was cut, for people."""
+    """Return in words when and where the rope was cut."""
     at = f"cut at {cut.at_s:.2f} s, {cut.left_m:.1f} m below"
     if cut.rope:
-        return f"rope '{cut.rope}' was {at} its upper end; {cut.lost_m:.1f} m of it are below"
-    return f"the rope was {at} the hang-off; {cut.lost_m:.1f} m went down by themselves"
+        return f"rope '{cut.rope}' {at} its upper end; {cut.lost_m:.1f} m below the cut"
+    return f"rope {at} the hang-off; {cut.lost_m:.1f} m released"
 
 
 def _band(snapshot: Snapshot, band: TensionBand) -> Status:
@@ -210,15 +213,15 @@ def _band(snapshot: Snapshot, band: TensionBand) -> Status:
     values = {
         "low [N]": f"{band.low_n:.6g}",
         "high [N]": f"{band.high_n:.6g}",
-        "bound of the error [N]": f"{band.bound_n:.3g}",
-        "more time [%]": f"{band.cost_pct:.0f}",
+        "error bound [N]": f"{band.bound_n:.3g}",
+        "extra CPU time [%]": f"{band.cost_pct:.0f}",
     }
     if tension_n > 0.0:
-        values["bound of the error [% of the tension]"] = f"{100.0 * band.bound_n / tension_n:.3g}"
+        values["error bound [% of the tension]"] = f"{100.0 * band.bound_n / tension_n:.3g}"
     for one in snapshot.ropes[1:]:
         if one.band is not None:
-            values[f"bound of the error of '{one.name}' [N]"] = f"{one.band.bound_n:.3g}"
-    message = f"the top tension is within {band.bound_n:.3g} N of the converged one"
+            values[f"error bound of '{one.name}' [N]"] = f"{one.band.bound_n:.3g}"
+    message = f"top tension within {band.bound_n:.3g} N of the converged solution (95 % interval)"
     return Status("simulation: error band", Level.OK, message, values)
 
 
@@ -226,18 +229,18 @@ def _vibration(snapshot: Snapshot, shaking: RopeVibration) -> Status:
     at = shaking.worst
     values = {
         "model": shaking.model,
-        "largest cross-flow amplitude [d]": f"{shaking.cross_flow[at]:.3g}",
+        "maximum cross-flow A/D": f"{shaking.cross_flow[at]:.3g}",
         "its frequency [Hz]": f"{shaking.cross_flow_hz[at]:.3g}",
         "below the hang-off [m]": f"{snapshot.arc_length_m[at]:.1f}",
-        "largest drag amplification": f"{shaking.drag_amplification.max():.3g}",
-        "cost of watching [% of real time]": f"{shaking.cost_pct:.2g}",
+        "maximum drag amplification": f"{shaking.drag_amplification.max():.3g}",
+        "monitoring time [% of real time]": f"{shaking.cost_pct:.2g}",
     }
     if shaking.every_s > 0.0:
-        values["modes found again every [s]"] = f"{shaking.every_s:g}"
-        values["modes found"] = str(shaking.solves)
+        values["modes recomputed every [s]"] = f"{shaking.every_s:g}"
+        values["mode solutions"] = str(shaking.solves)
     message = (
-        f"{shaking.cross_flow[at]:.2f} diameters at {shaking.cross_flow_hz[at]:.2f} Hz, "
-        f"{snapshot.arc_length_m[at]:.0f} m below the hang-off"
+        f"maximum cross-flow A/D {shaking.cross_flow[at]:.2f} at "
+        f"{shaking.cross_flow_hz[at]:.2f} Hz, {snapshot.arc_length_m[at]:.0f} m below the hang-off"
     )
     name = "simulation: vibration"
     if shaking.note:
@@ -247,21 +250,21 @@ def _vibration(snapshot: Snapshot, shaking: RopeVibration) -> Status:
 
 def _fatigue(wear: MaterialFatigue) -> Status:
     at = wear.worst
-    used, place = float(wear.used[at]), float(wear.from_hang_off_m[at])
+    damage, place = float(wear.used[at]), float(wear.from_hang_off_m[at])
     values = {
         "curve": wear.curve,
         "with bending": "yes" if wear.bending else "no",
         "counted [s]": f"{wear.counted_s:.1f}",
-        "most used of a metre (1: it breaks)": f"{used:.3e}",
-        "that metre, from the lower end [m]": f"{wear.from_lower_end_m[at]:.1f}",
-        "from the hang-off [m], negative: aboard": f"{place:.1f}",
+        "maximum damage (failure at 1)": f"{damage:.3e}",
+        "distance from the lower end [m]": f"{wear.from_lower_end_m[at]:.1f}",
+        "distance below the hang-off [m], negative: aboard": f"{place:.1f}",
     }
     where = f"{place:.0f} m below the hang-off" if place >= 0.0 else "aboard"
     message = (
-        f"{used:.2e} of its life used of the metre {wear.from_lower_end_m[at]:.0f} m from the "
-        f"lower end, now {where}"
+        f"maximum accumulated damage {damage:.2e} (failure at 1), "
+        f"{wear.from_lower_end_m[at]:.0f} m from the lower end, currently {where}"
     )
-    level = Level.WARN if used >= 1.0 else Level.OK
+    level = Level.WARN if damage >= 1.0 else Level.OK
     return Status("simulation: fatigue", level, message, values)
 
 
@@ -275,30 +278,30 @@ def _pacing(pacing: PacingHealth) -> Status:
         "thread priority": "real-time" if pacing.priority else "ordinary",
     }
     late = (
-        f"{counted(pacing.late_steps, 'step')} ended late since the start, the worst by "
-        f"{pacing.worst_lateness_s * 1000.0:.1f} ms"
+        f"{counted(pacing.late_steps, 'missed deadline')} since the start, worst "
+        f"{pacing.worst_lateness_s * 1000.0:.1f} ms late"
     )
     if pacing.error:
         level, message = Level.ERROR, f"stopped: {pacing.error}"
     elif pacing.behind_s > BEHIND_S:
-        level, message = Level.ERROR, f"{pacing.behind_s:.2f} s behind its grid; {late}"
+        level, message = Level.ERROR, f"{pacing.behind_s:.2f} s behind real time; {late}"
     elif pacing.late_ago_s is not None and pacing.late_ago_s < LATE_FOR_S:
         level, message = Level.WARN, late
     elif not pacing.running:
         level, message = Level.OK, "paused"
     elif pacing.late_steps:
-        level, message = Level.OK, f"every step of the last minute ended in time; {late}"
+        level, message = Level.OK, f"all deadlines met in the last {LATE_FOR_S:.0f} s; {late}"
     else:
-        level, message = Level.OK, "every step ended in time"
+        level, message = Level.OK, "all deadlines met"
     return Status("simulation: pacing", level, message, values)
 
 
-def _refused(health: InputHealth) -> str:
-    return f"{counted(health.recently_refused, 'sample')} refused in the last 60 s; the newest"
+def _rejected(health: InputHealth) -> str:
+    return f"{counted(health.recently_refused, 'sample')} rejected in the last 60 s; last"
 
 
-def _why_refused(health: InputHealth) -> str:
-    """The newest refusal, and what is being done about a gap at present."""
+def _rejection(health: InputHealth) -> str:
+    """Return the last rejection, and how a gap is currently handled."""
     if health.refusal and health.note != health.refusal:
         return f"{health.refusal.removesuffix('.')}; now: {health.note}"
     return health.refusal or health.note or "no reason given"
@@ -307,7 +310,7 @@ def _why_refused(health: InputHealth) -> str:
 def _input_values(health: InputHealth, age: str) -> dict[str, str]:
     values = {
         "accepted": str(health.accepted),
-        "age of the newest [s]": age,
+        "age of the last sample [s]": age,
         "refused": str(health.refused),
         "refused in the last 60 s": str(health.recently_refused),
         "late": str(health.late),
@@ -316,7 +319,7 @@ def _input_values(health: InputHealth, age: str) -> dict[str, str]:
         "impossible": str(health.impossible),
         "stuck": str(health.stuck),
         "unconfirmed after a gap": str(health.unconfirmed),
-        "newest note": health.note,
+        "last note": health.note,
     }
     if health.executed_late:
         values["executed late"] = str(health.executed_late)
@@ -335,23 +338,23 @@ def _input(name: str, health: InputHealth) -> Status:
     faults = [health.fault] if health.fault else []
     if health.stale:
         faults.append(
-            f"stale: {health.note or f'no {words} for {age} s: going on with what is known'}"
+            f"stale: {health.note or f'no {words} for {age} s; continuing with the last input'}"
         )
         if health.refusal and health.refusal != health.note and health.recently_refused:
-            faults.append(f"{_refused(health)}: {health.refusal.removesuffix('.')}")
+            faults.append(f"{_rejected(health)}: {health.refusal.removesuffix('.')}")
     if faults:
         faults += [health.warning] if health.warning else []
         return Status(title, Level.ERROR, "; ".join(faults), values)
     warnings = [health.warning] if health.warning else []
     if name == "current" and health.note and health.note != health.refusal:
-        warnings.append(health.note.removesuffix("."))  # taken, and faster than sea currents are
+        warnings.append(health.note.removesuffix("."))  # accepted, but implausibly fast
     if health.recently_refused:
-        warnings.append(f"{_refused(health)}: {_why_refused(health)}")
+        warnings.append(f"{_rejected(health)}: {_rejection(health)}")
     if warnings:
         return Status(title, Level.WARN, "; ".join(warnings), values)
     if not health.accepted:
-        return Status(title, Level.OK, "nothing received yet", values)
-    message = f"fresh, {counted(health.accepted, 'sample')} taken"
+        return Status(title, Level.OK, "no sample received yet", values)
+    message = f"up to date; {counted(health.accepted, 'sample')} accepted"
     if health.refused:
-        message += f"; {health.refused} refused since the start, none in the last 60 s"
+        message += f"; {health.refused} rejected since the start, none in the last 60 s"
     return Status(title, Level.OK, message, values)

@@ -11,13 +11,17 @@ from typing import Any
 import numpy as np
 
 from rope_twin.errors import InputError, did_you_mean, phrase
-from rope_twin.messages import forms
+from rope_twin.messages import templates
 from rope_twin.messages.cdr import Template, Templates
 from rope_twin.messages.colours import scale_above, tension_colours
-from rope_twin.messages.joined import JoinedForms, all_elements, line_events
-from rope_twin.messages.shape import ShapeForms
-from rope_twin.messages.watched import WatchForms
-from rope_twin.messages.winch import WinchForms
+from rope_twin.messages.topic_encoders import (
+    MonitorEncoder,
+    ShapeEncoder,
+    SystemEncoder,
+    WinchEncoder,
+    all_elements,
+    line_events,
+)
 from rope_twin.twin.snapshot import BodyShot, Snapshot
 
 # Marker sizes: a 40 mm rope on 3,000 m cannot be seen, so symbols grow with the line out.
@@ -31,16 +35,20 @@ class Encoder:
     def __init__(self, epoch_ns: int, frame_id: str = "sea") -> None:
         self._epoch_ns = epoch_ns
         self._frame_id = frame_id
-        self._number = Template(forms.number())
-        self._wrench = Template(forms.wrench(frame_id))
-        self._odometry = Template(forms.odometry(frame_id, "payload"))
-        self._winch = Template(forms.joint_state(("winch",), ("position", "velocity", "effort")))
-        self._contact = Template(forms.joint_state(("payload", "rope"), ("position", "effort")))
+        self._number = Template(templates.number())
+        self._wrench = Template(templates.wrench(frame_id))
+        self._odometry = Template(templates.odometry(frame_id, "payload"))
+        self._winch = Template(
+            templates.joint_state(("winch",), ("position", "velocity", "effort"))
+        )
+        self._contact = Template(templates.joint_state(("payload", "rope"), ("position", "effort")))
         self._sized = Templates()
-        self._rope_form: tuple[int, Template, Template] | None = None  # elements, of one, of all
+        self._rope_template: tuple[int, Template, Template] | None = (
+            None  # elements, of one, of all
+        )
         self._scale_n = 0.0
-        joined = JoinedForms(frame_id)
-        winch, watched, shape = WinchForms(), WatchForms(frame_id), ShapeForms()
+        joined = SystemEncoder(frame_id)
+        winch, watched, shape = WinchEncoder(), MonitorEncoder(frame_id), ShapeEncoder()
         self._encoders: dict[str, Callable[[Snapshot], bytes]] = {
             "tension_top": self._tension_top,
             "tension_top_error_pct": self._tension_top_error,
@@ -71,11 +79,11 @@ class Encoder:
 
     @property
     def topics(self) -> tuple[str, ...]:
-        """The topics that `encode` knows."""
+        """Return the topics that `encode` supports."""
         return tuple(self._encoders)
 
     def encode(self, topic_name: str, snapshot: Snapshot) -> bytes:
-        """The message of a topic at the snapshot's instant, stamped epoch + stamp_ns.
+        """Return the message of a topic at the snapshot's time, stamped epoch + stamp_ns.
 
         Raises:
             InputError: if the topic is not made from a snapshot.
@@ -92,7 +100,7 @@ class Encoder:
         return encoder(snapshot)
 
     def _stamp(self, snapshot: Snapshot, path: str = "header.stamp") -> dict[str, int]:
-        sec, nanosec = forms.split(self._epoch_ns + snapshot.stamp_ns)
+        sec, nanosec = templates.split(self._epoch_ns + snapshot.stamp_ns)
         return {f"{path}.sec": sec, f"{path}.nanosec": nanosec}
 
     def _tension_top(self, snapshot: Snapshot) -> bytes:
@@ -109,7 +117,7 @@ class Encoder:
         bands |= {one.name: one.band for one in snapshot.ropes[1:] if one.band is not None}
         names = tuple(f"{name}_{edge}" for name in bands for edge in ("low", "high"))
         template = self._sized.get(
-            "tension_top/band", names, lambda: forms.joint_state(names, ("effort",))
+            "tension_top/band", names, lambda: templates.joint_state(names, ("effort",))
         )
         edges = [edge for one in bands.values() for edge in (one.low_n, one.high_n)]
         return template.fill({**self._stamp(snapshot), "effort": edges})
@@ -129,7 +137,7 @@ class Encoder:
             "twist.twist.linear": snapshot.payload_velocity_m_per_s,
         }
         body = snapshot.body
-        if body is not None:  # a twist is told in the child frame, the body's own
+        if body is not None:  # the twist is in the child frame, body axes
             values["pose.pose.orientation"] = body.quaternion
             values["twist.twist.linear"] = snapshot.payload_velocity_m_per_s @ body.turn
             values["twist.twist.angular"] = body.angular_velocity_rad_per_s
@@ -141,9 +149,9 @@ class Encoder:
             right = "list the effect `rigid_body`"
             raise InputError(phrase("encode", "the payload is no rigid body", right))
         legs, decks = len(body.leg_pull_n), int(body.deck_push_n is not None)
-        names = forms.rigging_names(legs, decks)
+        names = templates.rigging_names(legs, decks)
         template = self._sized.get(
-            "payload/rigging", names, lambda: forms.joint_state(names, ("position", "effort"))
+            "payload/rigging", names, lambda: templates.joint_state(names, ("position", "effort"))
         )
         clear, push = [body.deck_clearance_m] * decks, [body.deck_push_n] * decks
         return template.fill(
@@ -178,13 +186,15 @@ class Encoder:
 
     def _tension(self, snapshot: Snapshot) -> bytes:
         count = len(snapshot.element_tension_n)
-        template = self._sized.get("tension", count, lambda: forms.row_of_numbers("element", count))
+        template = self._sized.get(
+            "tension", count, lambda: templates.row_of_numbers("element", count)
+        )
         return template.fill({"data": snapshot.element_tension_n})
 
     def _rope_nodes(self, snapshot: Snapshot) -> bytes:
         count = len(snapshot.node_position_m)
         template = self._sized.get(
-            "rope/nodes", count, lambda: forms.point_cloud(self._frame_id, count)
+            "rope/nodes", count, lambda: templates.point_cloud(self._frame_id, count)
         )
         points = np.empty((count, 4), dtype="<f4")
         points[:, :3] = snapshot.node_position_m
@@ -213,27 +223,29 @@ class Encoder:
             last += len(snapshot.body.leg_end_m) > 0
         for index in range(last):
             values |= self._stamp(snapshot, f"markers.{index}.header.stamp")
-        return self._markers_form(snapshot, len(tension)).fill(values)
+        return self._markers_template(snapshot, len(tension)).fill(values)
 
-    def _markers_form(self, snapshot: Snapshot, count: int) -> Template:
-        """Of so many elements, made from the form of one: the winch changes their number."""
+    def _markers_template(self, snapshot: Snapshot, count: int) -> Template:
+        """Return the template for this number of elements, which the winch changes, from one of
+        one.
+        """
         scale_n, words = self._scale_n, scale_words(self._scale_n)
         further, bars = tuple(one.name for one in snapshot.payloads), len(snapshot.struts)
         slings = 0 if snapshot.body is None else len(snapshot.body.leg_end_m)
         form = self._sized.get(
             "rope/markers of one element",
             (scale_n, further, bars, slings),
-            lambda: forms.rope_markers(self._frame_id, 1, words, further, bars, slings),
+            lambda: templates.rope_markers(self._frame_id, 1, words, further, bars, slings),
         )
-        if self._rope_form is None or self._rope_form[:2] != (count, form):
+        if self._rope_template is None or self._rope_template[:2] != (count, form):
             # the winch changes the count every second or so; a point as an object takes 30 µs
             ends_of = {"markers.0.points": 2 * count, "markers.0.colors": 2 * count}
-            self._rope_form = count, form, form.stretched(ends_of)
-        return self._rope_form[2]
+            self._rope_template = count, form, form.stretched(ends_of)
+        return self._rope_template[2]
 
 
 def _symbols(snapshot: Snapshot, line_m: float) -> dict[str, Any]:
-    """Payload, hang-off, the text above it, and further payloads, sized by the line out."""
+    """Return the values of payload, hang-off and text markers, scaled with the line out."""
     size = (_SYMBOL_SIZE * line_m,) * 3
     values: dict[str, Any] = {
         "markers.1.pose.position": snapshot.payload_position_m,
@@ -251,7 +263,7 @@ def _symbols(snapshot: Snapshot, line_m: float) -> dict[str, Any]:
 
 
 def _body_markers(snapshot: Snapshot, body: BodyShot, slings: int, line_m: float) -> dict[str, Any]:
-    """The payload as a box of its own sides, no smaller than the symbol; its slings."""
+    """Return the values of a 6-DOF payload's box, not below the symbol's size, and slings."""
     lowest = snapshot.ropes[-1] if snapshot.ropes else snapshot  # the other part of a rope in two
     hook = np.broadcast_to(lowest.node_position_m[-1], body.leg_end_m.shape)
     larger = max(1.0, _SYMBOL_SIZE * line_m / float(body.size_m.max()))
@@ -264,5 +276,5 @@ def _body_markers(snapshot: Snapshot, body: BodyShot, slings: int, line_m: float
 
 
 def scale_words(scale_n: float) -> str:
-    """What the colours of the rope mean, for a text beside it."""
+    """Return the meaning of the rope's colours, as a text marker."""
     return f"violet 0 kN, yellow {scale_n / 1000.0:g} kN, red slack"

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.messages import forms
+from rope_twin.messages import templates
 from rope_twin.messages.cdr import Template, new, serialise
 from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC
 from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION, Order
@@ -18,7 +18,9 @@ ORDER_FIELDS = {SPEED: "velocity", LENGTH: "position", DEPTH: "position", TENSIO
 
 
 def encode_heave(stamp_ns: int, position_m: float, velocity_m_per_s: float) -> bytes:
-    """ship/heave: heave of the hang-off above its rest position and its rate, up positive."""
+    """Return a ship/heave message: heave of the hang-off above its rest position and rate, up
+    positive.
+    """
     return _heave().fill(
         {
             **_stamp(stamp_ns),
@@ -29,7 +31,7 @@ def encode_heave(stamp_ns: int, position_m: float, velocity_m_per_s: float) -> b
 
 
 def encode_pose(stamp_ns: int, pose: ShipPose) -> bytes:
-    """ship/odometry: the pose of the ship's reference point against its rest."""
+    """Return a ship/odometry message: pose of the reference point relative to its rest position."""
     return _pose().fill(
         {
             **_stamp(stamp_ns),
@@ -42,12 +44,12 @@ def encode_pose(stamp_ns: int, pose: ShipPose) -> bytes:
 
 
 def encode_elevation(stamp_ns: int, elevation_m: float) -> bytes:
-    """sea/elevation: the water surface at the ship above mean water level."""
+    """Return a sea/elevation message: sea surface at the ship above mean water level."""
     return _elevation().fill({**_stamp(stamp_ns), "point": (0.0, 0.0, elevation_m)})
 
 
 def encode_order(stamp_ns: int, order: Order, winch: str = "winch") -> tuple[str, bytes]:
-    """Topic and message of an order to a winch; a stamp of 0 means at once.
+    """Return topic and message of a winch command; a stamp of 0 means apply immediately.
 
     Length and depth are positions, a speed a velocity, a tension an effort, a switch a second name.
     """
@@ -60,13 +62,13 @@ def encode_order(stamp_ns: int, order: Order, winch: str = "winch") -> tuple[str
 
 
 def encode_cut(stamp_ns: int, below_m: float, rope: str = "") -> tuple[str, bytes]:
-    """Topic and message of a cut so far below the upper end; a stamp of 0 means at once."""
+    """Return topic and message of a cut below the upper end; a stamp of 0 means immediately."""
     values = {**_stamp(stamp_ns), "position": (below_m,)}
     return CUT_TOPIC, _joint(rope or "rope", "position").fill(values)
 
 
 def encode_current(rows: Sequence[Sequence[float]]) -> bytes:
-    """current: rows of z [m], east, north [m/s], from the surface down."""
+    """Return a `current` message: rows of z [m], east, north [m/s], from the surface down."""
     numbers = [float(number) for row in rows for number in row]
     sizes = (("row", len(rows), len(numbers)), ("column", 3, 3))
     layout = new(
@@ -82,36 +84,36 @@ def encode_current(rows: Sequence[Sequence[float]]) -> bytes:
 
 
 def encode_epoch(epoch_ns: int) -> bytes:
-    """twin/epoch: ROS time of the twin's t = 0."""
-    return serialise(forms.time(epoch_ns))
+    """Return a twin/epoch message: ROS time of t = 0."""
+    return serialise(templates.time(epoch_ns))
 
 
 def encode_seat(words: str) -> bytes:
-    """winch/seat: which node commands each winch."""
+    """Return a winch/seat message: the node in command of each winch."""
     return serialise(new("std_msgs/msg/String", data=words))
 
 
 def _stamp(stamp_ns: int) -> dict[str, int]:
-    sec, nanosec = forms.split(stamp_ns)
+    sec, nanosec = templates.split(stamp_ns)
     return {"header.stamp.sec": sec, "header.stamp.nanosec": nanosec}
 
 
 @cache
 def _heave() -> Template:
-    return Template(forms.odometry("sea", "hang_off"))
+    return Template(templates.odometry("sea", "hang_off"))
 
 
 @cache
 def _pose() -> Template:
-    return Template(forms.odometry("ship_at_rest", "ship"))
+    return Template(templates.odometry("ship_at_rest", "ship"))
 
 
 @cache
 def _elevation() -> Template:
-    return Template(forms.point_stamped("sea"))
+    return Template(templates.point_stamped("sea"))
 
 
 @cache
 def _joint(names: str, field: str) -> Template:
-    """Of joints with these names, a line each, and room for one value in the field, if any."""
-    return Template(forms.joint_state(names.split("\n"), (field,)))
+    """Return the template of a JointState with these names (lines) and one value in `field`."""
+    return Template(templates.joint_state(names.split("\n"), (field,)))

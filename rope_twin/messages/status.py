@@ -1,4 +1,4 @@
-"""A row of the diagnostics (diagnostic_msgs/DiagnosticStatus), and the bytes of many."""
+"""Diagnostics rows (diagnostic_msgs/DiagnosticStatus) and their serialisation."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
 
-from rope_twin.messages import forms
+from rope_twin.messages import templates
 from rope_twin.messages.cdr import new, serialise
 
 HARDWARE_ID = "rope_twin"
 
 
 class Level(IntEnum):
-    """diagnostic_msgs/DiagnosticStatus levels."""
+    """Level of a diagnostic_msgs/DiagnosticStatus."""
 
     OK = 0
     WARN = 1
@@ -22,7 +22,7 @@ class Level(IntEnum):
 
 @dataclass(frozen=True)
 class Status:
-    """One row of the diagnostics: a name, how bad, one sentence, and the numbers behind it."""
+    """Diagnostics row: name, level, message of one sentence, and key values."""
 
     name: str
     level: Level
@@ -31,9 +31,9 @@ class Status:
 
 
 def encode_diagnostics(stamp_ns: int, rows: Sequence[Status]) -> bytes:
-    """diagnostics: one DiagnosticStatus a row."""
-    header = forms.header("")
-    header.stamp = forms.time(stamp_ns)
+    """Return a `diagnostics` message with one DiagnosticStatus per row."""
+    header = templates.header("")
+    header.stamp = templates.time(stamp_ns)
     status = [
         new(
             "diagnostic_msgs/msg/DiagnosticStatus",
@@ -52,5 +52,5 @@ def encode_diagnostics(stamp_ns: int, rows: Sequence[Status]) -> bytes:
 
 
 def counted(number: int, noun: str) -> str:
-    """Like `1 step`, `2 steps`."""
+    """Return a number with its noun, such as `1 step` or `2 steps`."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

@@ -1,15 +1,21 @@
-"""What a rosbag2 directory with MCAP storage looks like: names, QoS text, metadata.yaml.
+"""Format of a rosbag2 directory with MCAP storage: names, QoS text and metadata.yaml.
 
-Follows rosbag2's own reader (metadata version 9, ROS 2 Kilted): policies as words in the
-channel's `offered_qos_profiles`, `topic_type_hash` beside it, and a copy of the bag's metadata
-inside the MCAP file (record `rosbag2`) so that the file can be opened without its directory.
+It follows rosbag2's own reader (metadata version 9, ROS 2 Kilted): policies as words in the
+channel's `offered_qos_profiles`, next to `topic_type_hash`, and a copy of the bag's metadata inside
+the MCAP file (record `rosbag2`), so that the file can be opened without its directory.
+
+Follows rosbag2's own reader (metadata version 9, ROS 2 Kilted): policies as words in the channel's
+`offered_qos_profiles`, `topic_type_hash` beside it, and a copy of the bag's metadata inside the
+MCAP file (record `rosbag2`) so that the file can be opened without its directory.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from types import TracebackType
+from typing import Any, Self
 
 import yaml
 
@@ -39,7 +45,7 @@ class RecordedTopic:
     extra: Mapping[str, str] = field(default_factory=dict)  # further notes on the channel
 
     def channel_metadata(self) -> dict[str, str]:
-        """What goes into the MCAP channel."""
+        """Return the metadata of the MCAP channel."""
         return {
             **self.extra,
             "offered_qos_profiles": self.qos_profiles,
@@ -48,12 +54,12 @@ class RecordedTopic:
 
 
 def recorded_name(name: str) -> str:
-    """The name under which a topic of the (relative) table is recorded."""
+    """Return the name under which a topic of the (relative) table is recorded."""
     return name if name.startswith("/") else f"/{name}"
 
 
 def describe_topic(topic: Topic) -> RecordedTopic:
-    """What a bag says of a topic of the table.
+    """Return the description in a bag of a topic of the table.
 
     Raises:
         BagError: its message type is not a standard one.
@@ -95,7 +101,7 @@ def _qos_text(qos: Qos) -> str:
 
 @dataclass(frozen=True)
 class BagSummary:
-    """What metadata.yaml tells of a bag with one file."""
+    """Content of metadata.yaml for a bag with one file."""
 
     file_name: str
     topics: Sequence[RecordedTopic]
@@ -105,7 +111,7 @@ class BagSummary:
     custom_data: Mapping[str, str]
 
     def as_yaml(self) -> str:
-        """The text of the `rosbag2_bagfile_information` mapping."""
+        """Return the text of the `rosbag2_bagfile_information` mapping."""
         total = sum(self.counts.values())
         start = {"nanoseconds_since_epoch": self.start_ns}
         duration = {"nanoseconds": self.duration_ns}
@@ -134,7 +140,7 @@ class BagSummary:
         )
 
     def as_file(self) -> str:
-        """The text of metadata.yaml."""
+        """Return the text of metadata.yaml."""
         inner = self.as_yaml().splitlines()
         return "\n".join(["rosbag2_bagfile_information:", *(f"  {line}" for line in inner)]) + "\n"
 
@@ -162,3 +168,32 @@ def _dump(data: Any) -> str:
     return yaml.dump(
         data, Dumper=_PlainDumper, sort_keys=False, allow_unicode=True, width=float("inf")
     )
+
+
+class ClosableBag(ABC):
+    """Bag that is closed at the end of a `with` block, whatever ends it."""
+
+    @abstractmethod
+    def close(self) -> None:
+        """Close the bag; may be called twice.
+
+        Raises:
+            BagError: the written data is not safe on disk.
+        """
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Close in any case: the data written before an error is worth keeping."""
+        try:
+            self.close()
+        except BagError as failure:
+            if error is None:
+                raise
+            error.add_note(str(failure))

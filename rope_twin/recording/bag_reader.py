@@ -1,4 +1,4 @@
-"""Opens rosbag2 bags (MCAP or SQLite, a directory or a bare .mcap file) and says what is wrong."""
+"""Reader of rosbag2 bags (MCAP or SQLite, a directory or a bare .mcap file), with error reports."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from rosbags.rosbag2 import Reader
 
 from rope_twin.errors import BagError, did_you_mean, phrase
-from rope_twin.recording.closing import Closing
+from rope_twin.recording.bag_format import ClosableBag
 from rope_twin.share import share_dir
 
 MCAP_MAGIC = b"\x89MCAP0\r\n"
@@ -24,12 +24,12 @@ class TopicContent:
 
 
 def list_bags() -> dict[str, Path]:
-    """The bags that come with the package, by name."""
+    """Return the names and paths of the bags that come with the package."""
     return {file.parent.name: file.parent for file in share_dir().glob("bags/*/metadata.yaml")}
 
 
 def find_bag(bag: str | Path) -> Path:
-    """The bag of a name in bags/ or of a path (a directory or an .mcap file).
+    """Return the path of a bag, from a name in bags/ or a path (a directory or an .mcap file).
 
     Raises:
         BagError: there is neither.
@@ -44,11 +44,15 @@ def find_bag(bag: str | Path) -> Path:
     return path
 
 
-class BagReader(Closing):
+class BagReader(ClosableBag):
     """A bag that is open for reading; also a context manager."""
 
     def __init__(self, path: Path) -> None:
-        """Raises BagError with the reason if it is not a readable bag."""
+        """Open the bag.
+
+        Raises:
+            BagError: it is not a readable bag; one sentence with the reason.
+        """
         self.path = Path(path)
         _check_outside(self.path)
         try:
@@ -59,7 +63,7 @@ class BagReader(Closing):
 
     @property
     def topics(self) -> Mapping[str, TopicContent]:
-        """What the bag holds, by topic name."""
+        """Return the topics of the bag, by name."""
         content: dict[str, TopicContent] = {}
         for connection in self._reader.connections:
             before = content.get(connection.topic, TopicContent(connection.msgtype, 0))
@@ -69,21 +73,21 @@ class BagReader(Closing):
 
     @property
     def custom_data(self) -> dict[str, str]:
-        """The notes on the bag in its metadata.yaml."""
+        """Return the notes on the bag in its metadata.yaml."""
         return dict(self._reader.storage.metadata.custom or {})
 
     @property
     def start_ns(self) -> int:
-        """Log time of the first message."""
+        """Return the log time of the first message [ns]."""
         return int(self._reader.start_time)
 
     @property
     def duration_ns(self) -> int:
-        """From the first message to the last."""
+        """Return the time from the first to the last message [s]."""
         return max(0, int(self._reader.duration) - 1)  # rosbags counts to just after the last
 
     def messages(self, topic_name: str) -> Iterator[tuple[int, bytes]]:
-        """Log time [ns] and CDR bytes of each message of a topic, by log time.
+        """Return log time [ns] and CDR bytes of each message of a topic, by log time.
 
         Raises:
             BagError: the bag turns out to be damaged.
@@ -99,12 +103,12 @@ class BagReader(Closing):
             raise _unreadable(self.path, error) from error
 
     def close(self) -> None:
-        """Let go of the files."""
+        """Close the files."""
         self._reader.close()
 
 
 def _check_outside(path: Path) -> None:
-    """The faults that can be seen without parsing, each with its own sentence."""
+    """Report faults that are visible without parsing, each with its own sentence."""
     where = f"bag {path}"
     if not path.exists():
         raise BagError(phrase(where, "it does not exist", "give the path of a bag"))

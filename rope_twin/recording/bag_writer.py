@@ -14,11 +14,11 @@ from rope_twin.recording.bag_format import (
     OWN_RECORD,
     ROSBAG_RECORD,
     BagSummary,
+    ClosableBag,
     RecordedTopic,
     describe_topic,
     recorded_name,
 )
-from rope_twin.recording.closing import Closing
 from rope_twin.recording.file_sink import WAITING_LIMIT_BYTES, FileSink
 from rope_twin.topics import Topic
 
@@ -26,7 +26,7 @@ CHUNK_BYTES = 256 * 1024  # 2 ms for the longest call; larger chunks stall the c
 _LARGEST_STAMP_NS = 2**63 - 1  # rosbag2 keeps stamps in a signed integer
 
 
-class BagWriter(Closing):
+class BagWriter(ClosableBag):
     """One bag, from making its directory to its metadata.yaml. Not for several threads at once.
 
     Nothing of it depends on the time of writing: equal calls make equal bytes.
@@ -77,22 +77,22 @@ class BagWriter(Closing):
 
     @property
     def directory(self) -> Path:
-        """The bag."""
+        """Return the directory of the bag."""
         return self._directory
 
     @property
     def counts(self) -> Mapping[str, int]:
-        """Messages by recorded topic name."""
+        """Return the number of messages by recorded topic name."""
         return self._counts
 
     @property
     def size_bytes(self) -> int:
-        """Bytes in the file."""
+        """Return the size of the file [bytes]."""
         return self._sink.written_bytes
 
     @property
     def trouble(self) -> str:
-        """One sentence while the bag is displaced or the disk does not take it, else ''."""
+        """Return why the bag cannot be written at present (moved, or a disk error), or ""."""
         if self._displaced:
             return str(self._displacement())
         if not self._sink.trouble:
@@ -134,7 +134,7 @@ class BagWriter(Closing):
         self._counts[topic.name] = 0
 
     def note_channels(self) -> None:
-        """Note outside the chunks which channel is which topic.
+        """Write the topic of each channel outside the chunks.
 
         The first chunk alone defines the channels until the file's end repeats them: without this
         note its loss in a bag that was cut off would cost all messages.
@@ -157,10 +157,10 @@ class BagWriter(Closing):
     ) -> None:
         """Add one message (CDR bytes) at an absolute time [ns].
 
-        A disk that refuses to take it is told in `trouble`, not raised: the bytes wait.
+        A disk error is reported in `trouble`, not raised: the bytes are kept in memory.
 
         Raises:
-            BagError: closed bag, unknown topic, impossible stamp, or too much waits already.
+            BagError: closed bag, unknown topic, impossible stamp, or too many bytes in memory.
         """
         name = recorded_name(topic_name)
         if self._closed:
@@ -186,7 +186,7 @@ class BagWriter(Closing):
             self._sink.flush()
 
     def check_place(self) -> None:
-        """Look whether the bag is still where it was made; `trouble` says so if it is not."""
+        """Check whether the bag still exists at its path; if not, `trouble` reports it."""
         self._displaced = self._sink.displaced
 
     def flush(self) -> None:
@@ -194,7 +194,7 @@ class BagWriter(Closing):
         self._writer.flush()
 
     def close(self) -> None:
-        """End the file and write metadata.yaml. A second call does nothing.
+        """Close the file and write metadata.yaml; may be called twice.
 
         Raises:
             BagError: the disk did not take the rest; what it took can be recovered.

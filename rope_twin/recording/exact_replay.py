@@ -56,14 +56,14 @@ class Difference:
     replayed: str
 
     def __str__(self) -> str:
-        """One sentence."""
+        """Return the difference in one sentence."""
         at = f"{self.topic}{self.where and ', '}{self.where} at {self.time_s:.9g} s"
         return f"{at}: {self.recorded} in the bag, {self.replayed} in the replay"
 
 
 @dataclass
 class Verification:
-    """Result of a verification."""
+    """Result of the verification of a bag."""
 
     sessions: tuple[Session, ...]
     compared: Counter[str] = field(default_factory=Counter)  # equal or not, by topic
@@ -78,24 +78,24 @@ class Verification:
 
     @property
     def outcome(self) -> Outcome:
-        """Equal, different, or not to be had."""
+        """Return the result: equal, different, or not available."""
         if self.difference is not None:
             return Outcome.DIFFERENT
         return Outcome.IMPOSSIBLE if self.fault else Outcome.EQUAL
 
     @property
     def total(self) -> int:
-        """Messages that were compared."""
+        """Return the number of compared messages."""
         return sum(self.compared.values())
 
 
 def verify(bag: Path, hear: Callable[[Twin], None]) -> Verification:
-    """Replay a bag (directory or .mcap file, cut off or whole) and compare.
+    """Replay a bag (directory or .mcap file, complete or truncated) and compare its messages.
 
-    hear: says to a twin that was fed over topics what its scene's own sea is, as its run did.
+    hear: gives a twin with input from topics its scene's own sea, as its run did.
 
     Raises:
-        BagError: there is no such bag, or none that can be replayed; one sentence.
+        BagError: no such bag, or one that cannot be replayed; one sentence.
         RopeTwinError: its twin cannot be built here.
     """
     content = read_content(bag)
@@ -138,9 +138,10 @@ class RunReplay:
     def __init__(
         self, sessions: list[RecordedSession], last_ns: int, hear: Callable[[Twin], None]
     ) -> None:
-        """last_ns: ROS time of the newest stamp that the bag has of this run.
+        """Prepare the replay of a run.
 
-        hear: says to a twin that was fed over topics what its scene's own sea is.
+        last_ns: ROS time of the last stamp that the bag has of this run; hear: gives a twin with
+        input from topics its scene's own sea.
         """
         self._hear = hear
         self._sessions = sessions
@@ -163,14 +164,14 @@ class RunReplay:
         return self._waiting.pop(key, None)
 
     def is_unknown(self, topic: str, number: int) -> bool:
-        """Whether a message is of a time whose inputs the bag does not have."""
+        """Return whether a message is of a time for which the bag has no inputs."""
         return number <= self._sessions[0].session.published.get(topic, 0) or any(
             low[topic] < number and (high is None or number <= high[topic])
             for low, high in self._unknown
         )
 
     def missing(self) -> Counter[str]:
-        """Messages of the replay that nobody asked for, up to the newest one in the bag."""
+        """Return the replayed messages that the bag lacks, up to its last message."""
         late = (key for key, one in self._waiting.items() if one.time_ns <= self._last_ns)
         return self._missing + Counter(topic for topic, _ in late)
 
@@ -191,7 +192,7 @@ class RunReplay:
         return True
 
     def _make(self) -> Iterator[tuple[str, int, Produced]]:
-        """Topic, number and bytes of each message that is due, in the order of publishing."""
+        """Return topic, number and bytes of each due message, in the order of publishing."""
         twin: Twin | None = None
         stepper: Recovery | None = None
         for at, recorded in enumerate(self._sessions):
@@ -223,7 +224,7 @@ class RunReplay:
 def _session_messages(
     twin: Twin, stepper: Steppable, recorded: RecordedSession, until_ns: int
 ) -> Iterator[tuple[str, Produced]]:
-    """Topic and bytes of what is due in the slots of a session that begin before a time."""
+    """Return topic and bytes of the messages due in the cycles of a session before a time."""
     encoder, waiting = Encoder(recorded.session.epoch_ns), recorded.calls()
     while twin.time_ns < until_ns:
         if waiting and min(waiting) < twin.time_ns:
@@ -245,7 +246,7 @@ def _session_messages(
 
 
 def _compare(message: Recorded, replay: RunReplay, found: Verification) -> bool:
-    """Compare one message of the bag; False: enough was seen."""
+    """Compare one message of the bag; return False if no more need be compared."""
     topic, number = message.topic, message.sequence
     produced = replay.find(topic, number)
     if produced is None:
@@ -277,7 +278,7 @@ def same_payload(recorded: bytes, produced: bytes) -> bool:
 
 
 def _note(found: Verification, difference: Difference) -> None:
-    """Keep the first difference in twin time."""
+    """Keep the first difference by simulation time."""
     if found.difference is None or difference.time_s < found.difference.time_s:
         found.difference = difference
 
@@ -289,7 +290,7 @@ def _no_such(message: Recorded, replay: RunReplay) -> Difference:
 
 
 def _difference(topic: str, recorded: bytes, produced: Produced) -> Difference:
-    """Where two messages differ first."""
+    """Return in words the first difference of two messages."""
     where, one, other = "", f"{len(recorded)} bytes", f"{len(produced.data)} bytes"
     try:
         found = first_difference(decode(topic, recorded), decode(topic, produced.data))
@@ -326,7 +327,7 @@ def first_difference(one: Any, other: Any, at: str = "") -> tuple[str, str, str]
 
 
 def _compare_inputs(content: BagContent, found: Verification) -> None:
-    """Look for each applied input in the topic that it came on."""
+    """Compare each applied input with its topic in the bag."""
     for recorded in content.sessions:
         session = recorded.session
         last_ns = content.last_ns(session.run) - session.epoch_ns

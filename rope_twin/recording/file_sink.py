@@ -1,4 +1,7 @@
-"""A file that is only ever appended to, and that outlives a full disk.
+"""Append-only file that survives a full disk.
+
+Bytes that the disk rejects are kept in memory and written again at the next flush, so that a
+temporarily full disk leaves neither a gap nor a broken record.
 
 What the disk does not take waits in memory and is tried again at the next flush, so a disk that was
 full for a moment leaves no hole and no broken record.
@@ -13,14 +16,18 @@ WAITING_LIMIT_BYTES = 64 * 2**20
 
 
 class FileSink:
-    """The stream that an MCAP writer writes to: `write`, `tell`, `flush`.
+    """Stream for an MCAP writer: `write`, `tell`, `flush`.
 
     Unbuffered below: once `flush` has returned and nothing waits, the bytes are with the operating
     system and survive the death of this process.
     """
 
     def __init__(self, path: Path) -> None:
-        """Raises OSError if the file exists or cannot be made."""
+        """Create the file.
+
+        Raises:
+            OSError: the file exists or cannot be created.
+        """
         self._path = path
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
         self._waiting = bytearray()
@@ -29,22 +36,22 @@ class FileSink:
 
     @property
     def trouble(self) -> str:
-        """Why bytes are waiting, in the words of the operating system; '' if all is well."""
+        """Return why bytes are pending, in the words of the operating system, or ""."""
         return self._trouble
 
     @property
     def waiting_bytes(self) -> int:
-        """Bytes not yet taken by the file."""
+        """Return the number of bytes not yet written to the file."""
         return len(self._waiting)
 
     @property
     def written_bytes(self) -> int:
-        """Bytes taken by the file."""
+        """Return the number of bytes written to the file."""
         return self._written
 
     @property
     def displaced(self) -> bool:
-        """Whether the path no longer leads to this file: it or a folder was deleted or moved."""
+        """Return whether the file or one of its folders was deleted or moved."""
         if self._descriptor < 0:
             return False
         own = os.fstat(self._descriptor)
@@ -55,16 +62,16 @@ class FileSink:
         return (there.st_dev, there.st_ino) != (own.st_dev, own.st_ino)
 
     def write(self, data: bytes) -> int:
-        """Append, in memory until the next flush."""
+        """Append bytes in memory until the next flush."""
         self._waiting += data
         return len(data)
 
     def tell(self) -> int:
-        """Where the next byte will stand in the file."""
+        """Return the position in the file of the next byte."""
         return self._written + len(self._waiting)
 
     def flush(self) -> None:
-        """Hand what waits to the file; a refusal is kept in `trouble`, nothing is dropped."""
+        """Write the pending bytes; an error is kept in `trouble`, and no byte is dropped."""
         done = 0
         try:
             while done < len(self._waiting):
@@ -76,7 +83,7 @@ class FileSink:
         del self._waiting[:done]
 
     def close(self) -> None:
-        """Flush once more and let go of the file."""
+        """Flush once more and close the file."""
         if self._descriptor >= 0:
             self.flush()
             os.close(self._descriptor)

@@ -1,4 +1,6 @@
-"""Reads the heave of a ship out of a bag and checks its rate.
+"""Reader of ship heave from a bag, with a check of its rate.
+
+No fault is corrected silently: skipped and derived values are counted and reported in `note`.
 
 Nothing is mended in silence: what was skipped or derived is counted and told in `note`.
 """
@@ -46,12 +48,12 @@ class HeaveRecord:
 
     @property
     def period_ns(self) -> int:
-        """The usual interval between samples (the median)."""
+        """Return the usual interval between samples (the median) [ns]."""
         return int(np.median(np.diff(self.time_ns)))
 
 
 def read_heave(path: Path, topic: str | None = None) -> HeaveRecord:
-    """The heave in a bag: `topic`, or ship/heave, or its only Odometry topic.
+    """Return the heave in a bag: of `topic`, or ship/heave, or its only Odometry topic.
 
     Stamps are those of the headers, where they are set, else the times of recording.
 
@@ -81,7 +83,7 @@ def read_heave(path: Path, topic: str | None = None) -> HeaveRecord:
 
 
 def _refuse_poses(bag: BagReader) -> None:
-    """A ship's pose is not taken for heave: that of its reference point is not the hang-off's.
+    """Reject a pose record as heave: its reference point is not the hang-off.
 
     Raises:
         BagError: the bag has poses, and no heave of the usual name.
@@ -96,7 +98,7 @@ def _refuse_poses(bag: BagReader) -> None:
 
 
 def read_elevation(bag: BagReader) -> tuple[Stamps, Vector, list[str]]:
-    """Stamps (m,) and water surface (m,) of the bag's sea/elevation, empty if it has none; notes.
+    """Return stamps (m,) and surface (m,) of the bag's sea/elevation, empty if none, and notes.
 
     Raises:
         BagError: most of it cannot be used.
@@ -120,7 +122,7 @@ def _heave_of(message: Any) -> tuple[float, float]:
 
 
 def _impossible(values: Table) -> Faults:
-    """Samples that a running twin would refuse, one by one."""
+    """Return which samples a running twin would reject, each by itself."""
     most = np.array([HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S])
     fault = (
         f"beyond the ±{most[0]:g} m about its rest and ±{most[1]:g} m/s that a ship stays within"
@@ -129,7 +131,7 @@ def _impossible(values: Table) -> Faults:
 
 
 def _odd(where: str, stamp_ns: Stamps, position: Vector) -> Iterator[str]:
-    """What can be replayed and is hardly meant."""
+    """Return notes on values that can be replayed but are implausible."""
     mean, spread = float(position.mean()), float(position.std())
     if abs(mean) > max(LARGEST_MEAN_M, spread):
         yield (
@@ -145,7 +147,7 @@ def _odd(where: str, stamp_ns: Stamps, position: Vector) -> Iterator[str]:
 
 
 def _check_velocity(where: str, stamp_ns: Stamps, values: Table) -> tuple[Vector, str]:
-    """The heave rate (n,): as recorded, or derived where the bag has none; and the note on it.
+    """Return the heave rate (n,), recorded or derived if the bag has none, and a note on it.
 
     Raises:
         BagError: it runs against the position.

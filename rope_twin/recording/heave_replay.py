@@ -1,4 +1,4 @@
-"""Replays a recorded (or made) heave in twin time, once or in a loop without a seam."""
+"""Replay of recorded or synthesised heave in simulation time, once or as a seamless loop."""
 
 from __future__ import annotations
 
@@ -6,25 +6,28 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rope_twin.recording.bag_reader import find_bag
 from rope_twin.recording.heave_record import HeaveRecord, read_heave
-from rope_twin.recording.laps import (
+from rope_twin.recording.looped_replay import (
     Passes,
-    Seam,
+    Splice,
     Track,
     hermite,
-    lay_laps,
-    told_of,
+    plan_passes,
+    splice_note,
 )
 from rope_twin.recording.stamped_rows import GAP_PERIODS, Stamps, Table, Vector
 from rope_twin.twin.motion.irregular_sea import SeaRecord
 from rope_twin.twin.motion.ship_pose import ShipPose
 
+SAMPLE_PERIOD_NS = 50_000_000  # 20 Hz, the rate of ship/heave
+
 
 @dataclass(frozen=True)
 class HeaveSample:
-    """One sample in twin time."""
+    """Heave sample in simulation time."""
 
     stamp_ns: int  # since the twin's start
     position_m: float  # up, above the rest position
@@ -35,61 +38,65 @@ class HeaveSample:
 
 
 class HeaveReplay:
-    """Samples of a record by twin time; t = 0 of the twin is `start_s` into the record.
+    """Samples of a record by simulation time; t = 0 is `start_s` into the record.
 
-    In a loop the record repeats; `note` says so if its end does not join its beginning.
+    In a loop the record repeats; `note` reports if its end does not join its beginning.
     """
 
     def __init__(self, record: HeaveRecord, start_s: float = 0.0, loop: bool = True) -> None:
-        """Raises BagError if `start_s` is not inside the record."""
+        """Prepare the replay.
+
+        Raises:
+            BagError: `start_s` is not inside the record.
+        """
         self.source = record.source
         self.skipped = record.skipped
         rates = record.position_m[:, None], record.velocity_m_per_s[:, None]
         track = Track(record.time_ns, *rates, record.period_ns)
         self.duration_s = float(track.end_ns) * 1e-9
-        laps, seam = lay_laps(track, start_s, loop)
-        self.loop_ns = laps.loop_ns  # of a pass; None: there is one
-        repeats_ns = None if seam else self.loop_ns
+        schedule, splice = plan_passes(track, start_s, loop)
+        self.loop_ns = schedule.loop_ns  # of a pass; None: there is one
+        repeats_ns = None if splice else self.loop_ns
         recorded = record.elevation_time_ns, record.elevation_m
         surface = elevation_at(recorded, track.time_ns, repeats_ns)
         rows = np.stack([record.position_m, record.velocity_m_per_s, surface], axis=1)
         faded = None
-        if seam is not None:
-            parts = [seam.value, seam.rate, faded_surface(seam, track.time_ns, surface)]
+        if splice is not None:
+            parts = [splice.value, splice.rate, faded_surface(splice, track.time_ns, surface)]
             faded = np.concatenate(parts, axis=1)
-        self._passes = Passes(laps, rows, faded)
-        self.note = " ".join(filter(None, [record.note, told_of(record.source, track, seam)]))
+        self._passes = Passes(schedule, rows, faded)
+        self.note = " ".join(filter(None, [record.note, splice_note(record.source, track, splice)]))
 
     def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
-        """Samples with from_ns <= stamp_ns < to_ns in twin time, in order; each stamp once."""
+        """Return samples with from_ns <= stamp_ns < to_ns, in order; each stamp once."""
         return [
             HeaveSample(stamp_ns, z, v, None if np.isnan(eta) else eta)
             for stamp_ns, (z, v, eta) in self._passes.between(from_ns, to_ns)
         ]
 
     def is_over(self, from_ns: int) -> bool:
-        """Whether there is no sample from a twin time on."""
+        """Return whether there is no sample from a time on."""
         return self._passes.is_over(from_ns, self.duration_s)
 
 
 def open_heave(
     bag: str | Path, topic: str | None = None, start_s: float = 0.0, loop: bool = True
 ) -> HeaveReplay:
-    """Replay of a bag: a name in bags/, or the path of a rosbag2 directory or .mcap file.
+    """Return the replay of a bag: a name in bags/, or the path of a directory or .mcap file.
 
     Args:
         topic: the Odometry topic; by default ship/heave or the only one.
-        start_s: where in the bag the twin's t = 0 lies.
-        loop: go on from the beginning at the end; otherwise the samples end.
+        start_s: position of t = 0 in the bag.
+        loop: continue from the beginning at the end; otherwise the samples end.
 
     Raises:
-        BagError: one sentence on what is wrong with the bag, the topic or the start.
+        BagError: the bag, the topic or the start is invalid; one sentence.
     """
     return HeaveReplay(read_heave(find_bag(bag), topic), start_s, loop)
 
 
 def replay_sea(sea: SeaRecord, start_s: float = 0.0, loop: bool = True) -> HeaveReplay:
-    """Replay of a synthesised sea, which is periodic and so loops without a seam."""
+    """Replay of a synthesised sea, which is periodic and so loops without a splice."""
     time_ns = np.round(np.arange(len(sea.heave_m)) * 1e9 / sea.rate_hz).astype(np.int64)
     record = HeaveRecord(
         time_ns=time_ns,
@@ -103,7 +110,7 @@ def replay_sea(sea: SeaRecord, start_s: float = 0.0, loop: bool = True) -> Heave
 
 
 def elevation_at(recorded: tuple[Stamps, Vector], at_ns: Stamps, loop_ns: int | None) -> Vector:
-    """Water surface (n,) at `at_ns`, by cubic Hermite pieces; nan outside and in gaps.
+    """Return the surface (n,) at `at_ns` by cubic Hermite interpolation; NaN outside and in gaps.
 
     recorded: its times (m,) and values (m,); loop_ns: after which they repeat, if they do.
     """
@@ -124,7 +131,13 @@ def elevation_at(recorded: tuple[Stamps, Vector], at_ns: Stamps, loop_ns: int | 
     return np.where(known, result, np.nan)
 
 
-def faded_surface(seam: Seam, time_ns: Stamps, elevation_m: Vector) -> Table:
-    """The water surface (h, 1) where the end of a pass fades into the next."""
-    tail = np.interp(seam.tail_ns, time_ns, elevation_m)
-    return np.asarray(tail + seam.weight * (elevation_m[: len(tail)] - tail))[:, None]
+def faded_surface(splice: Splice, time_ns: Stamps, elevation_m: Vector) -> Table:
+    """Return the surface (h, 1) where the end of a pass is blended into the next."""
+    tail = np.interp(splice.tail_ns, time_ns, elevation_m)
+    return np.asarray(tail + splice.weight * (elevation_m[: len(tail)] - tail))[:, None]
+
+
+def stamps_between(from_ns: int, to_ns: int) -> NDArray[np.int64]:
+    """Return the multiples of SAMPLE_PERIOD_NS with from_ns <= stamp < to_ns, in order."""
+    first, end = -(-from_ns // SAMPLE_PERIOD_NS), -(-to_ns // SAMPLE_PERIOD_NS)
+    return np.arange(first, end, dtype=np.int64) * SAMPLE_PERIOD_NS

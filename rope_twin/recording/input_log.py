@@ -1,8 +1,8 @@
-"""The log of applied inputs as messages: written by a run, read back for its exact replay.
+"""Log of applied inputs as messages: written by a run and read back for its exact replay.
 
-A message of twin/inputs is one JSON object. `run` and `session` say which twin/session it belongs
-to, `number` counts the messages of a session from 1. Either `calls` were made at `time_ns`, or the
-snapshots after `skipped_ns[0]` and before `skipped_ns[1]` were computed and not published.
+A message of twin/inputs is one JSON object. `run` and `session` identify its twin/session, `number`
+counts the messages of a session from 1. Either `calls` were made at `time_ns`, or the snapshots
+after `skipped_ns[0]` and before `skipped_ns[1]` were computed and not published.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from rope_twin.twin.snapshot import Snapshot
 
 
 def encode_json(content: Any) -> bytes:
-    """A std_msgs/String with a JSON text; floats come back with every bit."""
+    """Return a std_msgs/String with a JSON text; floats are restored bit by bit."""
     return serialise(new("std_msgs/msg/String", data=json.dumps(content)))
 
 
 def decode_json(topic: str, data: bytes) -> dict[str, Any]:
-    """The JSON object in a std_msgs/String.
+    """Return the JSON object in a std_msgs/String.
 
     Raises:
         BagError: there is none.
@@ -53,7 +53,7 @@ class InputLog:
     """Entries on their way from the thread that steps to the one that publishes."""
 
     def __init__(self, run: str) -> None:
-        """`run`: a name that no other run in the same bag has."""
+        """Make an empty log; `run`: a name that is unique in the bag."""
         self.run = run
         self.session = 0  # number of the newest one, from 1
         self.logged = 0  # messages of the newest session
@@ -61,19 +61,19 @@ class InputLog:
         self._published_ns = 0
 
     def begin(self, time_ns: int) -> dict[str, Any]:
-        """Start a session at this twin time, while nobody steps; its part of twin/session."""
+        """Start a session at this time, between steps, and return its part of twin/session."""
         self._published_ns = time_ns
         return self._next_session()
 
     def take(self, entry: LogEntry | Mark) -> None:
-        """Queue an entry; for the thread that steps."""
+        """Queue an entry; to be called by the solver thread."""
         self._waiting.append(entry)
 
     def messages(self, snapshot: Snapshot | None) -> Iterator[tuple[str, dict[str, Any]]]:
-        """Topic and content of what waits and was logged before a snapshot (None: all).
+        """Return topic and content of the entries before a snapshot (None: all).
 
-        With snapshots that were thrown out before this one. A session that begins is the content
-        of twin/session without the number of messages that were published before.
+        With snapshots that were thrown out before this one. A session that begins is the content of
+        twin/session without the number of messages that were published before.
         """
         while self._waiting and (snapshot is None or self._waiting[0].time_ns < snapshot.stamp_ns):
             entry = self._waiting.popleft()
@@ -108,7 +108,11 @@ class LoggedCalls:
     plain: Any
 
     def calls(self) -> tuple[Call, ...]:
-        """The calls with their arguments. Raises BagError if they are none."""
+        """Return the calls with their arguments.
+
+        Raises:
+            BagError: they are not valid calls.
+        """
         try:
             return calls_of(self.plain)
         except (ValueError, TypeError) as error:
@@ -125,10 +129,10 @@ class Skipped:
 
 
 def read_log(data: bytes) -> tuple[tuple[str, int], LoggedCalls | Skipped]:
-    """Run and number of the session, and what a message of twin/inputs says.
+    """Return run and number of the session, and the content of a message of twin/inputs.
 
     Raises:
-        BagError: it is no such message.
+        BagError: it is not such a message.
     """
     content = decode_json(INPUT_LOG_TOPIC, data)
     try:

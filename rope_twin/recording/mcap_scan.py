@@ -69,7 +69,7 @@ class _Part(NamedTuple):
 
 @dataclass
 class _Summary:
-    """What stands behind the data, known to be right."""
+    """Verified summary section behind the data."""
 
     data_end: int = 0  # the byte at which it begins
     definitions: list[Stored] = field(default_factory=list)
@@ -88,7 +88,7 @@ class McapScan:
         self.left_out: set[str] = set()  # kinds of records that are whole but not handed on
 
     def records(self) -> Iterator[Stored]:
-        """Schemas, channels, metadata and messages in the order of the file. Never raises.
+        """Return schemas, channels, metadata and messages in file order; it never raises.
 
         Where the summary is whole its schemas and channels come before all else.
         """
@@ -143,7 +143,7 @@ class _File:
         self._broke_off: int | None = None
 
     def begin(self) -> int | None:
-        """The byte of the first record; None: this is no MCAP file."""
+        """Return the position of the first record; None: not an MCAP file."""
         after = len(MCAP_MAGIC)
         if self.magic_first or self.summary is not None:
             return after
@@ -155,7 +155,7 @@ class _File:
         return after if opcode == Opcode.HEADER else self._next_chunk(0)
 
     def part(self, at: int) -> _Part | None:
-        """The record that begins at a byte, or what stands in its place; None: the data is over."""
+        """Return the record at a position, or the damage there; None at the end of the data."""
         if self._data_ended or at >= self._data_end or self._is_footer(at):
             return None
         head = self._bytes(at, _FRAME.size)
@@ -179,7 +179,7 @@ class _File:
         return _Part(next_at, [], f"{what}: {next_at - at} bytes are lost")
 
     def ending(self, at: int) -> list[tuple[str, bool]]:
-        """How the file ends behind the last part: each fault, and whether it costs nothing."""
+        """Return the faults at the end of the file, each with whether it loses data."""
         if self._broke_off is not None:
             at = self._broke_off
             words = f"breaks off at byte {at} of {self.size}: {self.size - at} bytes are lost"
@@ -196,7 +196,11 @@ class _File:
         return [("does not end like an MCAP file", False)]
 
     def _whole(self, opcode: int, at: int, end: int) -> _Part:
-        """A record whose content is as its kind must be. Raises one of _DAMAGE if it is not."""
+        """Return a record whose content is valid for its kind.
+
+        Raises:
+            one of _DAMAGE: it is not valid.
+        """
         content = self._bytes(at + _FRAME.size, end - at - _FRAME.size)
         if opcode == Opcode.CHUNK:
             # Unpacked as a whole first: a chunk is either handed on or reported, never both.
@@ -217,7 +221,7 @@ class _File:
         return _Part(end, records, opcode=opcode)
 
     def _chunk_by_its_sizes(self, at: int) -> _Part | None:
-        """The chunk at a byte whose opcode or length is damaged, by what it says inside."""
+        """Return the chunk at a position of damaged opcode or length, from the sizes inside."""
         inside = at + _FRAME.size
         try:
             *_, name_bytes = _CHUNK.unpack(self._bytes(inside, _CHUNK.size))
@@ -236,13 +240,13 @@ class _File:
         return _Part(end, records, words, Opcode.CHUNK, lossless=True) if records else None
 
     def _limit(self, at: int) -> int:
-        """The byte that a record at this one cannot reach beyond."""
+        """Return the position that a record at this one cannot extend beyond."""
         chunks = self.summary.chunks if self.summary else []
         following = bisect.bisect_right(chunks, at)
         return chunks[following] if following < len(chunks) else self._data_end
 
     def _behind_damage(self, at: int, end: int | None) -> int | None:
-        """The byte at which to go on; `end`: by the damaged record's length, if it can be."""
+        """Return the position behind damage; `end`: from the damaged record's length, if valid."""
         summary = self.summary
         if summary is not None and summary.chunks and summary.chunk_count == len(summary.chunks):
             return self._limit(at)
@@ -250,7 +254,7 @@ class _File:
         return self._next_chunk(at + 1) or end
 
     def _next_chunk(self, at: int) -> int | None:
-        """The next byte at which a chunk begins that is right by its sizes and its CRC."""
+        """Return the position of the next chunk with valid sizes and CRC."""
         while at < self._data_end:
             window = self._bytes(at, _WINDOW_BYTES + _FRAME.size)
             for match in _CHUNK_HEAD.finditer(window):
@@ -265,7 +269,7 @@ class _File:
         return None
 
     def _is_record(self, at: int) -> bool:
-        """Whether a known kind of record with a possible length seems to begin at this byte."""
+        """Return whether a record of a known kind and a plausible length seems to begin here."""
         if at == self._data_end:
             return True
         head = self._bytes(at, _FRAME.size)
@@ -298,7 +302,7 @@ _FIELDS = {
 
 
 def _parse(opcode: int, content: bytes) -> list[Stored]:
-    """What is to be handed on of a record other than a chunk.
+    """Return the parsed content of a record other than a chunk.
 
     Raises:
         one of _DAMAGE: the content is not as long as its kind must be, or of no kind for data.
@@ -326,7 +330,7 @@ def _parse(opcode: int, content: bytes) -> list[Stored]:
 
 
 def _read_summary(file: _File) -> _Summary | None:
-    """The summary; None: the file has none, or a damaged one."""
+    """Return the summary; None if the file has none, or a damaged one."""
     at = file.size - len(MCAP_MAGIC) - _FOOTER.size
     try:
         footer = file._bytes(at, _FOOTER.size)
@@ -346,7 +350,11 @@ def _read_summary(file: _File) -> _Summary | None:
 
 
 def _parse_summary(body: bytes, start: int) -> _Summary:
-    """Raises one of _DAMAGE if its records do not fit."""
+    """Return the parsed summary.
+
+    Raises:
+        one of _DAMAGE: its records are inconsistent.
+    """
     found = _Summary(start)
     for opcode, content in _frames(body):
         if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
@@ -360,7 +368,11 @@ def _parse_summary(body: bytes, start: int) -> _Summary:
 
 
 def _frames(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Opcode and content of each record in a chunk. Raises ValueError if they do not fit."""
+    """Return opcode and content of each record in a chunk.
+
+    Raises:
+        ValueError: the records are inconsistent.
+    """
     at = 0
     while at < len(data):
         opcode, length = _FRAME.unpack_from(data, at)
@@ -372,7 +384,11 @@ def _frames(data: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _unpack(content: bytes) -> list[Stored]:
-    """The records of a chunk, decompressed and checked. Raises one of _DAMAGE."""
+    """Return the records of a chunk, decompressed and checked.
+
+    Raises:
+        one of _DAMAGE: the chunk is damaged.
+    """
     _, _, size, checksum, name_length = _CHUNK.unpack_from(content)
     at = _CHUNK.size + name_length
     compression = content[_CHUNK.size : at].decode("ascii")

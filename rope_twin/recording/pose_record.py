@@ -1,8 +1,8 @@
-"""Reads the ship's poses out of a bag, sorts out what cannot be used and checks its rates.
+"""Reader of ship poses from a bag, with selection of valid samples and a check of their rates.
 
-nav_msgs/Odometry has pose and twist (in the ship's turned axes, REP 103 and 105), a
-geometry_msgs/PoseStamped only the pose. Nothing is mended in silence: what was skipped or derived
-is counted and told in `note`.
+nav_msgs/Odometry has pose and twist (in body axes, REP 103 and 105), geometry_msgs/PoseStamped only
+the pose. No fault is corrected silently: skipped and derived values are counted and reported in
+`note`.
 """
 
 from __future__ import annotations
@@ -50,12 +50,12 @@ class PoseRecord:
 
     @property
     def period_ns(self) -> int:
-        """The usual interval between samples (the median)."""
+        """Return the usual interval between samples (the median) [ns]."""
         return int(np.median(np.diff(self.time_ns)))
 
 
 def read_poses(path: Path, recorded: RecordedPoses) -> PoseRecord:
-    """The poses in a bag: of `recorded.topic`, or ship/odometry, or its only topic of poses.
+    """Return the poses in a bag: of `recorded.topic`, or ship/odometry, or its only topic of poses.
 
     Raises:
         BagError: not a bag, no such topic, a wrong type, or too little that can be used.
@@ -86,7 +86,8 @@ def read_poses(path: Path, recorded: RecordedPoses) -> PoseRecord:
 
 
 def turn_rates(orientation: Table, change: Table) -> Table:
-    """Rates of turn (n, 3) about the turned axes of unit quaternions (n, 4) that change so [1/s].
+    """Return the angular velocities (n, 3) in body axes of unit quaternions (n, 4) and their rates
+    [1/s].
 
     ω = 2·Im(q*·dq/dt), e.g. Fossen (2011), eq. 2.69 solved for ω.
     """
@@ -97,14 +98,14 @@ def turn_rates(orientation: Table, change: Table) -> Table:
 
 
 def turn_changes(orientation: Table, rate: Table) -> Table:
-    """How quaternions (n, 4) change [1/s] at these rates of turn (n, 3): dq/dt = ½·q·ω."""
+    """Return the rates of quaternions (n, 4) [1/s] at angular velocities (n, 3): dq/dt = ½·q·ω."""
     axis, w = orientation[:, :3], orientation[:, 3:]
     along = w * rate + np.cross(axis, rate)
     return 0.5 * np.concatenate([along, -(axis * rate).sum(axis=1, keepdims=True)], axis=1)
 
 
 def turned_by(orientation: Table, vectors: Table, back: bool = False) -> Table:
-    """Vectors (n, 3) in the axes of the sea from the turned ones, or back."""
+    """Return vectors (n, 3) rotated from body axes to those of the sea, or back."""
     from scipy.spatial.transform import Rotation  # slow to load, and few scenes need it
 
     return np.asarray(Rotation.from_quat(orientation).apply(vectors, inverse=back))
@@ -125,7 +126,7 @@ def _pose(pose: Any) -> tuple[float, ...]:
 
 
 def _judge(values: Table) -> Faults:
-    """What no ship's pose is like, as the twin would refuse it (twin/motion/ship_pose.py)."""
+    """Return the faults of samples that the twin would reject (twin/motion/ship_pose.py)."""
     with np.errstate(invalid="ignore", over="ignore"):
         size = np.sqrt((values[:, _TURN] ** 2).sum(axis=1))
         upward = 1.0 - 2.0 * (values[:, _TURN][:, :2] ** 2).sum(axis=1)
@@ -137,17 +138,17 @@ def _judge(values: Table) -> Faults:
 
 
 def _without_jumps(orientation: Table) -> Table:
-    """q and -q are one turn: the sign of each that is nearer to the one before."""
+    """Return quaternions with continuous signs: q and -q are the same rotation."""
     away = (orientation[1:] * orientation[:-1]).sum(axis=1) < 0.0
     sign = np.append(1.0, np.where(np.cumsum(away) % 2 == 1, -1.0, 1.0))
     return np.asarray(orientation * sign[:, None])
 
 
 def _with_rates(where: str, time_ns: Stamps, values: Table) -> tuple[Table, list[str]]:
-    """Values (n, 13) with velocity and rate of turn: as recorded, or derived and then told.
+    """Return values (n, 13) with linear and angular velocity, recorded or derived (with a note).
 
     Raises:
-        BagError: they run against the pose.
+        BagError: they contradict the pose.
     """
     time_s, turn = time_ns * 1e-9, values[:, _TURN]
     if len(time_s) < 3:
@@ -171,10 +172,10 @@ def _with_rates(where: str, time_ns: Stamps, values: Table) -> tuple[Table, list
 
 
 def _agreement(where: str, name: str, told: Table, found: Table) -> str:
-    """What there is to say of a twist beside what the pose makes of it; or "".
+    """Return a note on the agreement of a recorded twist with the derivative of the pose, or "".
 
     Raises:
-        BagError: it runs against it.
+        BagError: the twist contradicts the pose.
     """
     close = float((told * found).sum() / np.sqrt((told**2).sum() * (found**2).sum()))
     if close < 0.0:
@@ -188,7 +189,7 @@ def _agreement(where: str, name: str, told: Table, found: Table) -> str:
 
 
 def _from_rest(values: Table, recorded: RecordedPoses) -> tuple[Table, Table, Table, Table]:
-    """Place, orientation, velocity and rate of turn against the rest that the scene names.
+    """Return position, orientation and velocities relative to the rest pose that the scene gives.
 
     With the attitude at rest Q, the turn from there is R·Q⁻¹ and the axes turned by it see the
     twist as Q·v and Q·ω.
@@ -206,7 +207,7 @@ def _from_rest(values: Table, recorded: RecordedPoses) -> tuple[Table, Table, Ta
 
 
 def _far_from_rest(where: str, place: Table, turn: Table) -> str:
-    """A note if the record begins far from rest: perhaps its rest was not given; or "".
+    """Return a note if the record begins far from rest, perhaps because none was given; or "".
 
     Raises:
         BagError: it is higher above or below the water than a ship can be.

@@ -1,4 +1,6 @@
-"""What an exact replay needs of a bag: its sessions, the log of inputs, and the inputs themselves.
+"""Content of a bag that an exact replay needs: sessions, input log, and recorded inputs.
+
+The bag is read from its beginning, so that a truncated bag is read up to its break.
 
 The bag is read from its beginning, so that one that was cut off is read as far as it goes.
 """
@@ -65,20 +67,20 @@ class RecordedSession:
     gap: str = ""  # why not all
 
     def calls(self) -> dict[int, list[LoggedCalls]]:
-        """The log by twin time."""
+        """Return the log by simulation time."""
         by_time: dict[int, list[LoggedCalls]] = defaultdict(list)
         for entry in self.entries:
             by_time[entry.time_ns].append(entry)
         return by_time
 
     def skips(self, stamp_ns: int) -> bool:
-        """Whether the snapshot of this twin time was not published."""
+        """Return whether the snapshot of this simulation time was not published."""
         return any(one.after_ns < stamp_ns < one.before_ns for one in self.skipped)
 
     def judge(self, logged: int | None, first_ns: int | None) -> None:
-        """Put the log in order; where one of its messages is missing, it ends.
+        """Sort the log, and end it where a message is missing.
 
-        logged: how many messages it has, if known. first_ns: twin time of the session's first
+        logged: number of its messages, if known; first_ns: simulation time of the session's first
         message in the bag.
         """
         numbers = sorted(
@@ -113,7 +115,7 @@ class BagContent:
 
     @cached_property
     def runs(self) -> list[str]:
-        """Names of the runs, by time."""
+        """Return the names of the runs, by time."""
         return list(dict.fromkeys(one.session.run for one in self.sessions))
 
     @cached_property
@@ -121,22 +123,22 @@ class BagContent:
         return [self.of(run)[0].log_ns for run in self.runs]
 
     def of(self, run: str) -> list[RecordedSession]:
-        """The sessions of a run, by number."""
+        """Return the sessions of a run, by number."""
         return [one for one in self.sessions if one.session.run == run]
 
     def run_at(self, log_ns: int) -> str | None:
-        """The run that published at a time; None: before the first."""
+        """Return the run that published at a time; None: before the first."""
         at = bisect_right(self._begins, log_ns)
         return self.runs[at - 1] if at else None
 
     def last_ns(self, run: str) -> int:
-        """ROS time of the newest stamp of a run; that of its beginning where it has none."""
+        """Return the ROS time of the last stamp of a run, or of its beginning if it has none."""
         newest = self.of(run)[-1].session
         begun_ns = newest.epoch_ns + newest.time_ns
         return max((ns for at, ns in self._stamps if self.run_at(at) == run), default=begun_ns)
 
     def messages(self, topics: tuple[str, ...]) -> Iterator[Recorded]:
-        """Messages of these topics, in the order of the file."""
+        """Return the messages of these topics, in file order."""
         wanted = frozenset(topics)
         for file in self._files:
             yield from (one for one in _scan(McapScan(file)) if one.topic in wanted)
@@ -180,7 +182,7 @@ class BagContent:
             self._stamps.append((one.log_ns, sec * 1_000_000_000 + nanosec))
 
     def _logged(self, at: int) -> int | None:
-        """How many messages the log of a session has, if the one after it says so."""
+        """Return the number of messages in a session's log, if the next session reports it."""
         if at + 1 == len(self.sessions):
             return None
         one, following = (self.sessions[k].session for k in (at, at + 1))
@@ -188,7 +190,9 @@ class BagContent:
         return following.logged_before if goes_on else None
 
     def _first_ns(self, at: int) -> int | None:
-        """Twin time of the first stamp in a session, that of the bag if it is the first."""
+        """Return the simulation time of the first stamp in a session, or of the bag if it is the
+        first.
+        """
         session, epoch_ns = self.sessions[at], self.sessions[at].session.epoch_ns
         first = (ns - epoch_ns for log_ns, ns in self._stamps if at == 0 or log_ns > session.log_ns)
         return min(first, default=None)
@@ -198,7 +202,7 @@ class BagContent:
             self._recovered = True
 
     def _judge_tail(self) -> None:
-        """Of a bag that was cut off: messages may be there whose inputs are lost."""
+        """Check the end of a truncated bag: messages may be present whose inputs are lost."""
         last = self.sessions[-1]
         if last.known_ns is not None:
             return
@@ -221,7 +225,7 @@ class Match:
 
 
 class RecordedInputs:
-    """Inputs as they were recorded, by what they say."""
+    """Recorded inputs, by topic and content."""
 
     def __init__(self) -> None:
         self._by_stamp: dict[tuple[str, int], list[Values]] = defaultdict(list)
@@ -238,7 +242,7 @@ class RecordedInputs:
         self._by_values[message.topic].add(repr(values))
 
     def find(self, call: Call, epoch_ns: int) -> Match | None:
-        """What the bag says of a logged call; None: it is no input from outside."""
+        """Return the recorded input of a logged call; None: it is not an external input."""
         given = _given(call)
         if given is None:
             return None
@@ -271,10 +275,10 @@ _NAMES = {
 
 
 def read_content(bag: Path) -> BagContent:
-    """Read what a bag (directory or .mcap file) holds of its runs.
+    """Return the runs in a bag (directory or .mcap file).
 
     Raises:
-        BagError: there is no such bag, or it says nothing of a run that can be replayed.
+        BagError: no such bag, or it has no run that can be replayed.
     """
     files = [bag] if bag.is_file() else sorted(bag.glob("*.mcap"), key=_file_order)
     if not files:
@@ -290,7 +294,7 @@ def read_content(bag: Path) -> BagContent:
 
 
 def _scan(scan: McapScan, metadata: Any = None) -> Iterator[Recorded]:
-    """Messages of a file with the names of their topics."""
+    """Return the messages of a file with their topic names."""
     topics: dict[int, str] = {}
     for record in scan.records():
         if isinstance(record, StoredMessage):
@@ -303,13 +307,13 @@ def _scan(scan: McapScan, metadata: Any = None) -> Iterator[Recorded]:
 
 
 def _file_order(path: Path) -> tuple[int, str]:
-    """By the number at the end of the name: _2 before _10."""
+    """Return a sort key by the number at the end of the name: _2 before _10."""
     number = path.stem.rpartition("_")[2]
     return (int(number) if number.isdigit() else 0, path.name)
 
 
 def _numbers_in(topic: str, message: Any) -> tuple[int, Values]:
-    """ROS stamp [ns] (0: none) and numbers of a message of one of INPUTS."""
+    """Return ROS stamp [ns] (0: none) and values of a message of one of INPUTS."""
     if topic == "current":
         return 0, tuple(np.asarray(message.data, dtype=float).tolist())
     stamp_ns = message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec
@@ -331,7 +335,7 @@ def _numbers_in(topic: str, message: Any) -> tuple[int, Values]:
 
 
 def _given(call: Call) -> tuple[str, int | None, Values] | None:
-    """Topic, stamp in twin time and numbers of a call; None: it has no topic."""
+    """Return topic, stamp in simulation time and values of a call; None: it has no topic."""
     if call.method == "offer_heave":
         stamp_ns, position_m, velocity_m_per_s = call.arguments[:3]
         return "ship/heave", stamp_ns, (position_m, velocity_m_per_s)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rope_twin.errors import BagError, phrase
+from rope_twin.recording.bag_format import ClosableBag
 from rope_twin.recording.bag_writer import BagWriter
-from rope_twin.recording.closing import Closing
 from rope_twin.topics import Topic
 
 FLUSH_PERIOD_S = 0.4  # a killed process loses this much and the moment of writing, at most 1 s
@@ -21,7 +21,7 @@ QUEUE_LIMIT_BYTES = 64 * 2**20
 
 @dataclass(frozen=True)
 class RecorderHealth:
-    """How the recording goes."""
+    """State of a recording."""
 
     recorded: int  # messages handed to the bag
     lost: int  # messages that could not be taken
@@ -30,7 +30,7 @@ class RecorderHealth:
     trouble: str  # one sentence, '' if all is well
 
 
-class BagRecorder(Closing):
+class BagRecorder(ClosableBag):
     """Records from any thread; `write` never waits.
 
     The thread is a daemon: close the recorder, or the last moment and metadata.yaml are missing
@@ -40,7 +40,11 @@ class BagRecorder(Closing):
     def __init__(
         self, directory: Path, topics: Iterable[Topic], metadata: Mapping[str, str] | None = None
     ) -> None:
-        """Raises BagError if the bag cannot be made."""
+        """Create the bag.
+
+        Raises:
+            BagError: the bag cannot be created.
+        """
         self._bag = BagWriter(directory, topics, metadata)
         self._bag.note_channels()
         self._condition = threading.Condition()
@@ -56,11 +60,11 @@ class BagRecorder(Closing):
 
     @property
     def directory(self) -> Path:
-        """The bag."""
+        """Return the directory of the bag."""
         return self._bag.directory
 
     def write(self, topic_name: str, stamp_ns: int, data: bytes, sequence: int = 0) -> bool:
-        """Queue one message; False (and counted) if it cannot be taken.
+        """Queue one message; return False (and count it) if the queue is full.
 
         sequence: the publisher's number of it; 0: unknown.
         """
@@ -76,7 +80,7 @@ class BagRecorder(Closing):
             return True
 
     def health(self) -> RecorderHealth:
-        """How it goes now."""
+        """Return the current state of the recording."""
         with self._condition:
             trouble = self._bag.trouble
             if self._lost and not trouble:
@@ -119,7 +123,7 @@ class BagRecorder(Closing):
             self._failure = error
 
     def _take(self) -> tuple[list[tuple[str, int, bytes, int]], bool]:
-        """What was queued meanwhile, and whether nothing will follow."""
+        """Return the queued messages, and whether no more will follow."""
         with self._condition:
             self._condition.wait_for(lambda: self._closing, timeout=_TAKE_PERIOD_S)
             batch = list(self._queue)

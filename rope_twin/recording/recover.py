@@ -27,7 +27,7 @@ from rope_twin.topics import BY_NAME
 
 
 class Outcome(IntEnum):
-    """How it ended; the value is the exit code of the command."""
+    """Result of a recovery; the value is the exit code of the command."""
 
     WHOLE = 0
     NOTHING = 1
@@ -36,7 +36,7 @@ class Outcome(IntEnum):
 
 @dataclass(frozen=True)
 class Recovery:
-    """What was saved."""
+    """Recovered content."""
 
     outcome: Outcome
     directory: Path | None  # the new bag; None if there was nothing to save
@@ -85,7 +85,7 @@ def recover(bag: Path, out: Path | None = None) -> Recovery:
 
 @dataclass
 class _Source:
-    """The files of a broken bag and what its metadata.yaml still says."""
+    """Files of a broken bag and the remains of its metadata.yaml."""
 
     files: list[Path]
     promised: int | None = None
@@ -127,7 +127,7 @@ def _read_metadata(path: Path) -> dict[str, Any] | None:
 
 
 def _file_order(path: Path) -> tuple[str, int]:
-    """By name, a number at its end as a number: _2 before _10."""
+    """Return a sort key by name, with a number at its end as a number: _2 before _10."""
     match = re.fullmatch(r"(.*?)(\d*)", path.stem)
     return (match[1], int(match[2] or 0)) if match else (path.stem, 0)
 
@@ -150,7 +150,7 @@ class _Salvage:
         return self._writer.counts if self._writer else {}
 
     def take(self, scan: McapScan) -> None:
-        """Everything in one file (ids of schemas and channels are the file's own)."""
+        """Take all records of one file (ids of schemas and channels are the file's own)."""
         schemas: dict[int, Schema] = {}
         channels: dict[int, RecordedTopic] = {}
         noted: Mapping[str, str] = {}  # names by id, for channels whose own record is lost
@@ -174,14 +174,14 @@ class _Salvage:
                 scan.left_out.add(f"notes '{record.name}'")
 
     def finish(self, lost: list[str]) -> Path:
-        """End the new bag; it says itself that it is not the original."""
+        """Close the new bag, with a note that it is not the original."""
         writer = self._open()
         writer.add_metadata({"recovered": "; ".join(lost) or "nothing was lost"})
         writer.close()
         return self._out
 
     def lost(self) -> list[str]:
-        """A sentence for each kind of message that could not be handed on."""
+        """Return a sentence for each kind of message that could not be recovered."""
         sentences = [
             f"{count} messages on {name} are of another type than those before"
             for name, count in self._conflicts.items()

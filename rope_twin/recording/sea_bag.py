@@ -24,7 +24,7 @@ def write_sea_bag(
     elevation_rate_hz: float,
     notes: Mapping[str, str] | None = None,
 ) -> None:
-    """Heave at the record's rate, elevation at a lower one; each header's stamp is its log time.
+    """Write heave at the record's rate and elevation at a lower one; stamps are log times.
 
     Values are rounded to RESOLUTION, as a sensor would.
 

@@ -1,8 +1,8 @@
-"""What a bag says of the run that it holds: enough to build the twin again, on any machine.
+"""Description of a run in its bag, sufficient to build the twin again on any machine.
 
 A message of twin/session is one JSON object, written at each start and after each pause: scene
-files with their text, parameters, program, machine, seeds, how many messages of each topic were
-published before, and the state of a twin that does not start at rest.
+files with their text, parameters, program, machine, seeds, the number of messages published before
+on each topic, and the state of a twin that does not start from static equilibrium.
 """
 
 from __future__ import annotations
@@ -65,12 +65,12 @@ class Setup:
     feeds_itself: bool = False  # the run has the scene's sea of its own, from no topic
 
     def make(self, scene: Scene, state: SavedState | None, hear: Callable[[Twin], None]) -> Twin:
-        """Return the twin of a run with these parameters, at rest or at a state.
+        """Return the twin of a run with these parameters, in static equilibrium or at a state.
 
-        hear: says to the twin of a run that is fed from outside what its scene's own sea is.
+        hear: gives the twin of a run with external input its scene's own sea.
 
         Raises:
-            RopeTwinError: scene, state or parameters are wrong.
+            RopeTwinError: scene, state or parameters are invalid.
         """
         watch = Watch(self.vibration, self.fatigue)
         kind = twin_kind(self.energy, self.error_band, watch)
@@ -128,7 +128,7 @@ def describe_session(run: Mapping[str, Any], twin: Twin, epoch_ns: int) -> dict[
 def encode_session(described: Mapping[str, Any], published: Mapping[str, int]) -> bytes:
     """Return a message of twin/session.
 
-    published: messages of each topic so far, by the publishers that go on.
+    published: number of messages of each topic up to now, by publishers that continue.
     """
     state = described["state"]
     text, fault = None, ""
@@ -221,7 +221,7 @@ class Session:
         return twin
 
     def _scene(self) -> Scene:
-        """The scene of the bag: from where it was, if that is unchanged, else from its text."""
+        """Return the scene of the bag: from its original path if unchanged, else from its text."""
         described = self.content["scene"]
         folder, files = Path(described["folder"]), described["files"]
         for name in files:
@@ -274,7 +274,7 @@ def machine() -> dict[str, str]:
 
 
 def _commit() -> str:
-    """The commit of a source tree; "" where the package is installed or git is not there."""
+    """Return the commit of a source tree; "" for an installed package or without git."""
     if not (_PACKAGE.parent / ".git").exists():
         return ""
     command = ["git", "-C", str(_PACKAGE.parent), "rev-parse", "HEAD"]
@@ -285,7 +285,7 @@ def _commit() -> str:
 
 
 def _root_and_files(scene: Scene) -> tuple[Path, list[Path]]:
-    """The folder that holds all files of the scene's own, and those with the package's."""
+    """Return the folder of the scene's own files, and all files with those of the package."""
     files = [scene.path.resolve(), *_tables(scene), share_dir() / "config" / "ropes.yaml"]
     if (study := card_path(scene)).is_file():
         files.append(study.resolve())
@@ -297,7 +297,7 @@ def _root_and_files(scene: Scene) -> tuple[Path, list[Path]]:
 
 
 def _tables(scene: Scene) -> Iterator[Path]:
-    """Files of numbers that the scene names."""
+    """Return the data files that the scene names."""
     sea = scene.sea_state
     if sea.path:
         yield find_table(sea.path, way.FOLDER).resolve()
@@ -311,7 +311,7 @@ def _tables(scene: Scene) -> Iterator[Path]:
 
 
 def _name_of(path: Path, root: Path) -> str:
-    """The name of a file in a bag: below the root, or below the package's files."""
+    """Return the name of a file in a bag: relative to the root, or to the package's files."""
     path = path.resolve()
     if path.is_relative_to(root):
         return path.relative_to(root).as_posix()
@@ -325,7 +325,7 @@ def _path_of(name: str, root: Path) -> Path:
 
 
 def _inside(folder: Path, name: str) -> Path:
-    """A path below a folder: a bag may come from anywhere, and names no other place."""
+    """Return a path below a folder; a bag of unknown origin may not name any other place."""
     path = (folder / name).resolve()
     if not path.is_relative_to(folder.resolve()):
         raise _refusal(f"a file name that leads out of its folder ({name})", "give another bag")
@@ -340,13 +340,13 @@ def _text(path: Path) -> str | None:
 
 
 def _figures(scene: Scene, root: Path) -> str:
-    """Return a digest of all that the scene says, whatever folder its files are in."""
+    """Return a digest of the scene's content, whatever folder its files are in."""
     described = repr(dataclasses.replace(scene, path=Path(), digest=""))
     return hashlib.sha256(described.replace(str(root.resolve()), "").encode()).hexdigest()[:16]
 
 
 def _seeds(value: Any, at: str) -> Iterator[tuple[str, int]]:
-    """Path and number of every seed in the scene."""
+    """Return path and value of every seed in the scene."""
     if dataclasses.is_dataclass(value):
         for field in dataclasses.fields(value):
             part, path = getattr(value, field.name), f"{at}.{field.name}".lstrip(".")

@@ -12,8 +12,7 @@ from math import cos, sin
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.recording.heave_replay import HeaveSample
-from rope_twin.recording.sampling import stamps_between
+from rope_twin.recording.heave_replay import HeaveSample, stamps_between
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.components import Waves
 from rope_twin.sea.responses import Responses
@@ -25,7 +24,7 @@ Floats = NDArray[np.float64]
 
 
 def sample_of(pose: ShipPose, arm_m: Vector3, elevation_m: float | None) -> HeaveSample:
-    """The sample of a pose: what it makes of the hang-off, and the pose itself."""
+    """Return the sample of a pose: the hang-off motion and the pose itself."""
     place, velocity = hang_off_motion(pose, arm_m)
     aside = (*place[:2], *velocity[:2])
     return HeaveSample(pose.stamp_ns, place[2], velocity[2], elevation_m, pose, aside)
@@ -56,12 +55,12 @@ class ShipOnWaves:
         )
 
     def freedoms(self, time_s: float) -> tuple[Floats, Floats]:
-        """Surge, sway, heave [m], roll, pitch, yaw [rad] at a time, (6,), and their rates."""
+        """Return surge, sway, heave [m], roll, pitch, yaw [rad] at a time, and the rates, (6,)."""
         moved = self._answer * np.exp(1j * self._omega * time_s)
         return moved.sum(axis=1).real, (1j * self._omega * moved).sum(axis=1).real
 
     def pose(self, stamp_ns: int) -> ShipPose:
-        """At a twin time; by itself, so that it has the same bits in whatever stretch."""
+        """Return the pose at a time, computed by itself: bit-identical in whatever interval."""
         moved, rate = (part.tolist() for part in self.freedoms(stamp_ns * 1e-9))
         x, y, z, w = _quaternion(*moved[3:])
         orientation = (*self._from_bow(x, y), z, w)
@@ -70,7 +69,7 @@ class ShipOnWaves:
         return ShipPose(stamp_ns, self._in_sea(moved[:3]), velocity, orientation, spin)
 
     def _from_bow(self, forward: float, port: float) -> tuple[float, float]:
-        """East and north of what is forward and to port on the ship at rest."""
+        """Return east and north of a direction forward and to port on the ship at rest."""
         c, s = cos(self._bow), sin(self._bow)
         return c * forward - s * port, s * forward + c * port
 
@@ -78,7 +77,7 @@ class ShipOnWaves:
         return (*self._from_bow(vector[0], vector[1]), vector[2])
 
     def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
-        """Samples with from_ns <= stamp_ns < to_ns in twin time, in order."""
+        """Return samples with from_ns <= stamp_ns < to_ns, in order."""
         found = []
         for stamp in stamps_between(from_ns, to_ns).tolist():
             surface = (self._surface * np.exp(1j * self._omega * (stamp * 1e-9))).sum().real
@@ -86,18 +85,18 @@ class ShipOnWaves:
         return found
 
     def is_over(self, from_ns: int) -> bool:
-        """Never: the components go on."""
+        """Return False: the wave components have no end."""
         return False
 
 
 def wave_at(waves: Waves, x: float, y: float) -> NDArray[np.complex128]:
-    """a·exp(-i(k·x + φ)) of each component at a place [m], (components,)."""
+    """Return a·exp(-i(k·x + φ)) of each component at a position [m], (components,)."""
     along = waves.wave_number * (x * np.cos(waves.heading) + y * np.sin(waves.heading))
     return np.asarray(waves.amplitude_m * np.exp(-1j * (along + waves.phase)))
 
 
 def _quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """x, y, z, w of yaw, then pitch, then roll about the turned axes."""
+    """Return the quaternion x, y, z, w of yaw, then pitch, then roll about the rotated axes."""
     a, d = cos(0.5 * roll), sin(0.5 * roll)
     b, e = cos(0.5 * pitch), sin(0.5 * pitch)
     c, f = cos(0.5 * yaw), sin(0.5 * yaw)
@@ -107,7 +106,7 @@ def _quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:
 
 
 def _body_rates(roll: float, pitch: float, rates: Sequence[float]) -> Vector3:
-    """Rate of turn about the turned axes from the rates of roll, pitch and yaw.
+    """Return the angular velocity in body axes from the rates of roll, pitch and yaw.
 
     Fossen (2011), Handbook of Marine Craft Hydrodynamics, eq. 2.26.
     """
@@ -129,7 +128,7 @@ class WayOfHangOff:
         self.source = f"hang-off on the way of {way.source}, {way.end_s:g} s long"
 
     def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
-        """Samples with from_ns <= stamp_ns < to_ns in twin time, in order."""
+        """Return samples with from_ns <= stamp_ns < to_ns, in order."""
         stamps = stamps_between(from_ns, to_ns)
         times = np.asarray(stamps * 1e-9 + self._start_s, np.float64)
         known = times <= self._way.end_s
@@ -139,12 +138,12 @@ class WayOfHangOff:
         return [sample_of(pose, (0.0, 0.0, 0.0), None) for pose in poses]
 
     def is_over(self, from_ns: int) -> bool:
-        """Whether the way has ended before a twin time."""
+        """Return whether the motion has ended before a time."""
         return from_ns * 1e-9 + self._start_s > self._way.end_s
 
 
 def open_way(scene: Scene, start_s: float = 0.0) -> WayOfHangOff:
-    """The way of the scene's `sea_state.path`, begun `start_s` later.
+    """Return the prescribed motion of the scene's `sea_state.path`, started `start_s` later.
 
     Raises:
         InputError: one sentence on what is wrong with the table.

@@ -1,4 +1,6 @@
-"""Reads the stamped messages of one topic of a bag and sorts out those that cannot be used.
+"""Reader of the stamped messages of one topic of a bag, with selection of the valid ones.
+
+No fault is corrected silently: skipped messages are counted and reported in notes.
 
 Nothing is mended in silence: what is skipped is counted and told in notes.
 """
@@ -27,7 +29,7 @@ _LONGEST_GAP_S = 60.0  # beyond it, it is the clock that jumped, or two recordin
 
 
 def choose_topic(bag: BagReader, topic: str | None, usual: str, types: Sequence[str]) -> str:
-    """The topic with what is wanted: `topic`, or the one of the usual name, or the only one.
+    """Return the suitable topic: `topic`, or the one of the usual name, or the only one.
 
     usual: its name in this suite, like ship/heave, whose last words name what is wanted.
 
@@ -88,7 +90,8 @@ class StampedRows:
             self._values.append(take(message))
 
     def usable(self, judge: Callable[[Table], Faults] | None = None) -> tuple[Stamps, Table]:
-        """Stamps (n,), rising, and values (n, k), finite and without the faults that `judge` sees.
+        """Return stamps (n,), rising, and values (n, k), finite and without the faults found by
+        `judge`.
 
         Raises:
             BagError: few are left, or time has a hole.
@@ -141,7 +144,7 @@ class StampedRows:
 def _judge(
     stamp_ns: Stamps, values: Table, others: Faults
 ) -> tuple[NDArray[np.bool_], dict[str, int]]:
-    """Which samples are sound and later than all before; the faults of the others, counted."""
+    """Return which samples are valid and later than all before, and the counted faults."""
     finite = np.all(np.isfinite(values), axis=1)
     stamped = stamp_ns != 0
     keep = finite & stamped

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rope_twin.effects.waves import WavesParams, components_of
-from rope_twin.recording.heave_replay import HeaveSample
-from rope_twin.recording.sampling import stamps_between
+from rope_twin.recording.heave_replay import HeaveSample, stamps_between
 from rope_twin.recording.ship_sea import ShipOnWaves, wave_at
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.components import Waves
@@ -16,10 +15,10 @@ from rope_twin.sea.spectrum import Vector
 
 
 class WaveSea:
-    """Samples of heave and of the surface at the hang-off by twin time.
+    """Samples of heave and of the surface at the hang-off by simulation time.
 
-    A component a·cos(k·x - ω·t + φ) is the real part of a·exp(i(ω·t - k·x - φ)); the ship answers
-    with its response times that. The sea itself rises from flat as the ship's ramp says.
+    A component a·cos(k·x - ω·t + φ) is the real part of a·exp(i(ω·t - k·x - φ)); the ship motion is
+    its RAO times that. The sea itself builds up from flat with the ship's ramp.
     """
 
     note = ""
@@ -31,17 +30,17 @@ class WaveSea:
         self._omega = waves.omega
 
     def at(self, time_s: Vector) -> tuple[Vector, Vector, Vector]:
-        """Position [m], velocity [m/s] and surface [m] at times (n,), exact."""
+        """Return position [m], velocity [m/s] and surface [m] at times (n,), exactly."""
         turn = np.exp(1j * np.outer(time_s, self._omega))
         moved = turn @ np.stack([self._heave, 1j * self._omega * self._heave, self._wave], axis=1)
         position, velocity, surface = moved.real.T
         return position, velocity, surface
 
     def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
-        """Samples with from_ns <= stamp_ns < to_ns in twin time, in order.
+        """Return samples with from_ns <= stamp_ns < to_ns, in order.
 
-        Each by itself, so that it has the same bits in whatever stretch: a product of matrices adds
-        in an order that depends on how many rows there are.
+        Each is computed by itself, so that it is bit-identical in whatever interval: the order of
+        summation in a matrix product depends on the number of rows.
         """
         stamps = stamps_between(from_ns, to_ns).tolist()
         samples = []
@@ -51,12 +50,12 @@ class WaveSea:
         return samples
 
     def is_over(self, from_ns: int) -> bool:
-        """Never: the components go on."""
+        """Return False: the wave components have no end."""
         return False
 
 
 def sea_of_waves(scene: Scene) -> WaveSea | ShipOnWaves | None:
-    """The ship's motion on the scene's waves, or None if it does not ride on them.
+    """Return the ship's motion on the scene's waves, or None if the scene has no such motion.
 
     Raises:
         InputError: its table of responses is wrong.

@@ -1,4 +1,4 @@
-"""How a node of the suite lives as a process of its own: from arguments to a clean end."""
+"""Entry point of a node as a process: arguments, signals, and a clean shutdown."""
 
 from __future__ import annotations
 
@@ -24,38 +24,41 @@ from rope_twin.share import share_dir
 _USAGE = "parameters are given as --ros-args -p NAME:=VALUE"
 DISCOVERY_RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 PARENT = "ROPE_TWIN_PARENT"  # environment: process id of the suite that started this node
-_WAIT_S = 0.1  # the longest wait in the executor: how soon a signal is noticed
+_WAIT_S = 0.1  # longest wait in the executor, and so the delay until a signal is noticed
 
 
 class SuiteNode(Protocol):
-    """What every node of the suite offers; `destroy_node` is rclpy's own."""
+    """Interface of every node of the suite; `destroy_node` is rclpy's own."""
 
     @property
     def finished(self) -> bool:
-        """Whether the node has done what it was started for."""
+        """Return whether the node has completed its task."""
 
     def begin(self) -> None:
-        """Start working; raises RopeTwinError with one sentence if that cannot be."""
+        """Start working.
+
+        Raises:
+            RopeTwinError: the node cannot start; one sentence.
+        """
 
     def close(self) -> None:
-        """End cleanly: threads joined, files closed. Harmless when called twice."""
+        """Shut down cleanly: join threads, close files; may be called twice."""
 
     def destroy_node(self) -> None:
-        """Let go of the middleware."""
+        """Release the resources of the middleware."""
 
 
 class StopSignal:
-    """What asks a process to end (Ctrl-C, SIGTERM, a terminal that closed), as a flag.
+    """Stop request by a signal (Ctrl-C, SIGTERM, a closed terminal), as a flag.
 
-    The main loop reads it; a second signal ends the process at once.
-
-    Nothing is raised where the signal happens to arrive: in the middle of a compilation or of a
-    callback from C that would do harm.
+    The main loop reads the flag; a second signal ends the process immediately. No exception is
+    raised at the point where the signal arrives, since that would do harm during a compilation or a
+    callback from C.
     """
 
     def __init__(self) -> None:
         self.requested = False
-        self.note = ""  # said at once when a signal comes: why the end may take a while
+        self.note = ""  # printed when a signal arrives: why the shutdown may take a while
         self._before = {
             number: signal.signal(number, self._on_signal) for number in ending_signals()
         }
@@ -68,17 +71,17 @@ class StopSignal:
             signal.signal(known, signal.SIG_DFL)
 
     def restore(self) -> None:
-        """Give the signals back."""
+        """Restore the previous signal handlers."""
         for number, handler in self._before.items():
             signal.signal(number, handler)
 
 
 def keep_to_loopback() -> None:
-    """Keep the nodes of this process and of those that it starts on this machine.
+    """Restrict the nodes of this process and of its child processes to this machine.
 
-    To be called before `initialise`. An environment that has ROS_AUTOMATIC_DISCOVERY_RANGE already
-    is left as it is. The variable limits discovery alone; the profile of Fast DDS has it receive on
-    the loopback interface only, unless the environment names another profile.
+    To be called before `initialise`. An environment that already has ROS_AUTOMATIC_DISCOVERY_RANGE
+    is left unchanged. The variable limits discovery only; the Fast DDS profile restricts reception
+    to the loopback interface, unless the environment names another profile.
     """
     if DISCOVERY_RANGE in os.environ:
         return
@@ -88,12 +91,12 @@ def keep_to_loopback() -> None:
 
 
 def initialise(args: list[str] | None) -> None:
-    """rclpy.init without its own signal handlers: they would end the context under our feet.
+    """Call rclpy.init without its signal handlers, which would shut the context down too early.
 
-    `args` are those of a process: its name first; None: sys.argv.
+    `args` are the arguments of a process, its name first; None: sys.argv.
 
     Raises:
-        InputError: one sentence on what cannot be understood.
+        InputError: the arguments are invalid; one sentence.
     """
     home = Path(os.environ.get("HOME", "/nonexistent"))
     if "ROS_LOG_DIR" not in os.environ and not os.access(home, os.W_OK):
@@ -106,11 +109,11 @@ def initialise(args: list[str] | None) -> None:
         reason = str(error).splitlines()[0].partition(", at /")[0].rstrip(".")
         raise InputError(phrase("arguments", reason, _USAGE)) from error
     if others:
-        raise InputError(phrase("arguments", f"'{others[0]}' is not understood", _USAGE))
+        raise InputError(phrase("arguments", f"unknown argument '{others[0]}'", _USAGE))
 
 
 def run_node(make: Callable[[], SuiteNode], args: list[str] | None = None) -> int:
-    """Run one node until it has finished or is told to stop; the exit code."""
+    """Run one node until it has finished or a stop is requested; return the exit code."""
     stop = StopSignal()
     node: SuiteNode | None = None
     executor: SingleThreadedExecutor | None = None
@@ -127,7 +130,7 @@ def run_node(make: Callable[[], SuiteNode], args: list[str] | None = None) -> in
         sys.stderr.write(f"{error}\n")
         return 1
     except ExternalShutdownException:
-        pass  # told to stop: the clean end below is all there is to do
+        pass  # a stop request: the clean shutdown below is all that is needed
     finally:
         _end(node, executor)
         stop.restore()
@@ -135,7 +138,7 @@ def run_node(make: Callable[[], SuiteNode], args: list[str] | None = None) -> in
 
 
 def _orphaned() -> bool:
-    """Whether the process that started this node is gone: then nobody else would stop it."""
+    """Return whether the parent process of this node is gone, so that nothing would stop it."""
     parent = os.environ.get(PARENT)
     return parent is not None and parent != str(os.getppid())
 

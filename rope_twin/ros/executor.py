@@ -1,13 +1,13 @@
-"""An executor for nodes that speak often: what it waits for is gathered once, not at each waking.
+"""Executor for nodes with high message rates: it keeps its wait set instead of rebuilding it.
 
-rclpy's own gathers every entity of every node before each wait, and its handlers wake it once more
-for each callback: with the nodes of the suite that takes a millisecond each time, a fifth of a core
-in all. Here subscriptions and timers are served from one wait set that is kept until an entity is
-made or destroyed. What is rare (services, clients, events, tasks) is left to rclpy's executor.
+rclpy's executor collects every entity of every node before each wait, and its handlers wake it once
+more for each callback: with the nodes of the suite this takes 1 ms each time, a fifth of a core in
+total. Here subscriptions and timers are served from one wait set, which is kept until an entity is
+created or destroyed. Services, clients, events and tasks are rare and are left to rclpy's executor.
 
-rclpy.experimental.EventsExecutor costs as little, but that of rclpy 9.1 fails while a suite is
-being ended. As this one leans on parts of rclpy that it does not promise, `make_executor` gives
-rclpy's own where they are others.
+rclpy.experimental.EventsExecutor is as fast, but that of rclpy 9.1 fails while a suite is shut
+down. This executor uses private parts of rclpy; where they differ, `make_executor` returns rclpy's
+own executor.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.waitable import NumberOfEntities
 
 _NEEDED = ("_take_timer", "_take_subscription", "_guard", "_context", "_tasks")
-_EARLIER = "_execute_timer"  # where it is, taking a timer does not tell what to run
+_EARLIER = "_execute_timer"  # rclpy versions with it do not return the callback of a timer
 
 
 def make_executor() -> SingleThreadedExecutor:
-    """A SuiteExecutor where this rclpy has what it needs, rclpy's own elsewhere."""
+    """Return a SuiteExecutor if this rclpy has the parts that it needs, else rclpy's own."""
     plain = SingleThreadedExecutor()
     if hasattr(plain, _EARLIER) or not all(hasattr(plain, name) for name in _NEEDED):
         return plain
@@ -33,34 +33,34 @@ def make_executor() -> SingleThreadedExecutor:
 
 
 class SuiteExecutor(SingleThreadedExecutor):
-    """`spin_once` runs all that is ready, in the thread that calls it. To be spun by one thread."""
+    """Executor whose `spin_once` runs all ready callbacks; to be spun by one thread only."""
 
     def __init__(self) -> None:
         self._gathered: _Gathered | None = None
         super().__init__()
 
     def add_node(self, node: Any) -> bool:
-        """Serve a node too."""
+        """Add a node."""
         self._gathered = None
         return bool(super().add_node(node))
 
     def remove_node(self, node: Any) -> None:
-        """Serve a node no longer."""
+        """Remove a node."""
         self._gathered = None
         super().remove_node(node)
 
     def wake(self) -> None:
-        """An entity was made or destroyed."""
+        """Drop the wait set, since an entity was created or destroyed."""
         self._gathered = None
         super().wake()
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
-        """Let all entities go and serve nothing any more."""
+        """Release all entities and stop serving."""
         self._gathered = None
         return bool(super().shutdown(timeout_sec))
 
     def spin_once(self, timeout_sec: float | None = None) -> None:
-        """Wait until something is ready, at most so long, and run what is.
+        """Wait at most `timeout_sec` until an entity is ready, and run all ready callbacks.
 
         Raises:
             ExternalShutdownException: the context was shut down.
@@ -81,7 +81,7 @@ class SuiteExecutor(SingleThreadedExecutor):
 
 
 class _Ready:
-    """What a wait has found."""
+    """Ready entities after a wait."""
 
     def __init__(self, timers: list[Any], subscriptions: list[Any], others: bool) -> None:
         self.timers = timers
@@ -90,7 +90,7 @@ class _Ready:
 
 
 class _Gathered:
-    """All entities of some nodes, held so that none is destroyed meanwhile, and a wait set."""
+    """Wait set with all entities of some nodes, which are held so that none is destroyed."""
 
     def __init__(self, nodes: list[Any], guard: Any, context: Any) -> None:
         held = self._held = ExitStack()
@@ -128,7 +128,7 @@ class _Gathered:
         self._held.close()
 
     def wait(self, timeout_s: float | None) -> _Ready:
-        """Wait for any of them, at most so long (None: for ever)."""
+        """Wait at most `timeout_s` for any entity (None: for ever) and return the ready ones."""
         found = self._set
         found.clear_entities()
         for one in self._subscriptions.values():
@@ -146,7 +146,7 @@ class _Gathered:
             waitable.add_to_wait_set(found)
         found.wait(-1 if timeout_s is None else round(timeout_s * 1e9))
         guards = _of(self._guards, found.get_ready_entities("guard_condition"))
-        for guard in guards:  # its trigger was taken by the wait: rclpy's executor raises it anew
+        for guard in guards:  # the wait has consumed the trigger: set it again for rclpy's executor
             guard._executor_triggered = True
         others = (
             bool(found.get_ready_entities("service"))
@@ -162,7 +162,7 @@ class _Gathered:
 
 
 def _by_pointer(held: ExitStack, entities: list[Any]) -> dict[int, Any]:
-    """The entities by the number that a wait set tells, each of them held."""
+    """Return the entities by the pointer that a wait set reports, each of them held."""
     for one in entities:
         held.enter_context(one.handle)
     return {one.handle.pointer: one for one in entities}
@@ -173,11 +173,11 @@ def _of(entities: dict[int, Any], pointers: list[int]) -> list[Any]:
 
 
 def _run(call: Any) -> None:
-    """Run what was taken, if anything was: callbacks here are plain functions and never wait."""
+    """Run the callback that was taken, if any; callbacks here are plain functions."""
     if call is not None:
         coroutine = call()
         try:
             coroutine.send(None)
         except StopIteration:
             return
-        raise RuntimeError("a callback of the suite waits for something")
+        raise RuntimeError("a callback of the suite is a coroutine that waits")

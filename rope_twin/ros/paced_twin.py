@@ -1,8 +1,8 @@
-"""A twin with its worker and publisher threads and its epoch: what lives from configure to cleanup.
+"""Real-time twin: a twin with its solver and publisher threads and its epoch.
 
-Twin time and ROS time: ROS stamp = epoch + twin time. On the steady clock the slot that covers
-[t, t + slot] begins `input_delay_s` after ROS time epoch + t/speed, so that inputs stamped a
-little after t are there by then.
+It exists from configure to cleanup of the simulation node. A ROS stamp is epoch + simulation time.
+On the steady clock the real-time cycle that covers [t, t + cycle] begins `input_delay_s` after ROS
+time epoch + t/speed, so that inputs stamped shortly after t have arrived by then.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from uuid import uuid4
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import Status, statuses
-from rope_twin.messages.load_status import BreachWords
+from rope_twin.messages.rope_status import BreachWords
 from rope_twin.recording.input_log import InputLog, Mark
 from rope_twin.recording.session import Setup, describe_run, describe_session, encode_session
-from rope_twin.ros.announcer import Announcer
 from rope_twin.ros.params import SimulationParams
+from rope_twin.ros.publisher import Publisher
 from rope_twin.ros.run_status import (
     Clocks,
     clock_row,
@@ -29,7 +29,7 @@ from rope_twin.ros.run_status import (
     saving_row,
 )
 from rope_twin.run.border import InputBorder
-from rope_twin.run.core_share import CoreShare
+from rope_twin.run.cpu_usage import CpuUsage
 from rope_twin.run.inputs import expect_own_sea
 from rope_twin.run.summary import RunSummary, summarise
 from rope_twin.scene.card import OTHER_SEA
@@ -47,12 +47,12 @@ from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.watch import Watch
 
-START_LEAD_S = 0.5  # from the epoch's publication to t = 0, for others to get ready ...
-AWAITED_LEAD_S = 1.5  # ... and, from this one's making, where others have yet to find each other
+START_LEAD_S = 0.5  # from the publication of the epoch to t = 0, for other nodes to prepare ...
+AWAITED_LEAD_S = 1.5  # ... and from construction to t = 0, while other nodes discover each other
 
 
 class PacedTwin:
-    """Owns the twin; inputs come in as bytes, outputs leave as bytes."""
+    """Owns the twin; inputs and outputs are serialised messages."""
 
     def __init__(
         self,
@@ -61,14 +61,14 @@ class PacedTwin:
         publish: Callable[[str, bytes], None],
         published: Callable[[], Mapping[str, int]] = dict,
     ) -> None:
-        """Build and compile (seconds when nothing is cached).
+        """Build and compile the twin (seconds if nothing is cached).
 
-        published: how many messages of each topic have gone out by `publish`, ever.
+        published: returns the number of messages published on each topic up to now.
 
         Raises:
             SceneError: the scene cannot be built.
-            StateError: the state to go on from does not serve, or none can be saved.
-            InputError: the run would end before it begins, or there is no such model or curve.
+            StateError: the saved state is unsuitable, or no state can be saved.
+            InputError: the run would end before it begins, or a model or curve is unknown.
         """
         self.scene = scene
         self._params = params
@@ -101,23 +101,23 @@ class PacedTwin:
         )
         if self.ladder is not None:
             self.pacer.watch(self.ladder.judge)
-        self._announcer = Announcer(self._handover, publish, self._first, self._log, published)
-        self._clocks: Clocks | None = None  # of the newest begin
+        self._publisher = Publisher(self._handover, publish, self._first, self._log, published)
+        self._clocks: Clocks | None = None  # at the last start
         self.border = InputBorder(self.twin, self._inputs, params.command_priority)
-        self._process_s = 0.0  # processor time of the whole process in earlier pacing
-        self._process_at_s: float | None = None  # the same at the newest begin; None: halted
+        self._process_s = 0.0  # CPU time of the whole process before the last halt
+        self._process_at_s: float | None = None  # process time at the last start; None: halted
         self._broken = BreachWords()
 
     def begin(self, ros_now_ns: int) -> int:
-        """Start (or go on after `halt`) and return the epoch: ROS time of the twin's t = 0 [ns]."""
+        """Start, or resume after `halt`; return the epoch: ROS time of t = 0 [ns]."""
         steady_now_ns = time.monotonic_ns()
         lead_ns = round(START_LEAD_S * 1e9)
-        if self._params.wait_for:  # compiling may have been time enough
+        if self._params.wait_for:  # compilation may have taken that long already
             lead_ns = max(lead_ns, round(AWAITED_LEAD_S * 1e9) + self._made_ns - steady_now_ns)
         speed = self._params.speed
         at_ns = self.twin.time_ns
         epoch_ns = ros_now_ns + lead_ns - round(at_ns / speed)
-        # A slow twin still needs whole heave samples, a fast one the same real time to get them.
+        # A slow run still needs whole heave samples, a fast one the same real time to get them.
         delay_ns = round(self._params.input_delay_s * max(1.0, speed) * 1e9 / speed)
         self._clocks = Clocks(ros_now_ns, steady_now_ns)
         described = describe_session(self._described, self.twin, epoch_ns) | self._log.begin(at_ns)
@@ -127,14 +127,14 @@ class PacedTwin:
         if at_ns > 0:
             self._inputs.doubt_inputs()
         self.border.epoch_ns = epoch_ns
-        self._announcer.start(epoch_ns)
+        self._publisher.start(epoch_ns)
         follow_ahead()
         self._process_at_s = time.process_time()
         self.pacer.start(steady_now_ns + lead_ns + delay_ns)
         return epoch_ns
 
     def describe_again(self) -> None:
-        """Begin a session of its own for a recorder that has joined, at the next slot."""
+        """Begin a new session at the next cycle, for a recorder that has joined."""
         epoch_ns = self.border.epoch_ns
         if epoch_ns is None:
             return
@@ -147,9 +147,9 @@ class PacedTwin:
         self._inputs.at_next_slot(mark)
 
     def halt(self) -> None:
-        """Stop after the slot at hand; all that was computed is published, the state is saved."""
+        """Stop after the current cycle, publish all computed snapshots and save the state."""
         self.pacer.stop()
-        self._announcer.stop()
+        self._publisher.stop()
         self._process_s, self._process_at_s = self._processor_s(), None
         self.border.epoch_ns = None
         if self._keeper is not None:
@@ -158,11 +158,11 @@ class PacedTwin:
 
     @property
     def last(self) -> Snapshot:
-        """The newest snapshot."""
+        """Return the last snapshot."""
         return self.pacer.last or self._first
 
     def summary(self) -> RunSummary:
-        """The figures of the run so far."""
+        """Return the run summary up to now."""
         kept = self._keeper.health() if self._keeper is not None else None
         state = str(kept.path) if kept is not None and kept.saved_s is not None else None
         changes = self.ladder.changes if self.ladder is not None else 0
@@ -170,8 +170,8 @@ class PacedTwin:
         summary = summarise(self.twin, self.last, health)
         share = None
         if health.granted_s > 0.0:
-            used_s = (health.processor_s, self._announcer.processor_s, self._processor_s())
-            share = CoreShare(*(100.0 * one / health.granted_s for one in used_s)).figures()
+            used_s = (health.processor_s, self._publisher.processor_s, self._processor_s())
+            share = CpuUsage(*(100.0 * one / health.granted_s for one in used_s)).figures()
         trouble = kept.trouble if kept is not None else ""
         return replace(
             summary,
@@ -183,33 +183,33 @@ class PacedTwin:
         )
 
     def _processor_s(self) -> float:
-        """Processor time of the whole process while it was paced."""
+        """Return the CPU time of the whole process while it was running in real time."""
         at_s = self._process_at_s
         return self._process_s + (0.0 if at_s is None else time.process_time() - at_s)
 
-    def sayings(self) -> Iterator[str]:
-        """What the ladder has done and which limits were broken since, a sentence each."""
+    def notices(self) -> Iterator[str]:
+        """Return new changes of the accuracy level and newly violated limits, a sentence each."""
         yield from self._broken.of(self.last)
         while self.ladder is not None and self.ladder.said:
             yield self.ladder.said.popleft()
 
     @property
     def epoch_ns(self) -> int | None:
-        """ROS time of the twin's t = 0 [ns]; None: halted."""
+        """Return the ROS time of t = 0 [ns]; None: halted."""
         return self.border.epoch_ns
 
     def arrival_ns(self, ros_now_ns: int) -> int | None:
-        """ROS time of a message that arrives now; None where twin time is not that of any clock."""
+        """Return the ROS time of a message that arrives now; None if speed is not 1."""
         return ros_now_ns if self._params.speed == 1.0 else None
 
     def rows(self, now: Clocks) -> list[Status]:
-        """Diagnostics of solver, pacing, inputs, messages and clocks."""
+        """Return the diagnostics rows of solver, pacing, inputs, messages and clocks."""
         health = self.pacer.health()
         rows = [run_row(self.summary()), *statuses(self.last, health)]
         if self.ladder is not None:
             rows.append(rung_row(self.ladder, self.last))
         rows += self.border.rows()
-        rows.append(publishing_row(self._announcer.error, health.lost_snapshots))
+        rows.append(publishing_row(self._publisher.error, health.lost_snapshots))
         if self._keeper is not None:
             rows.append(saving_row(self._keeper.health()))
         if self.border.epoch_ns is not None:
@@ -217,27 +217,27 @@ class PacedTwin:
         return rows
 
     def _clock_moved_s(self, now: Clocks) -> float:
-        """By how much ROS time has moved against the steady clock since the newest begin."""
+        """Return the shift of ROS time against the steady clock since the last start [s]."""
         assert self._clocks is not None
         begun = self._clocks
         return ((now.ros_ns - begun.ros_ns) - (now.steady_ns - begun.steady_ns)) * 1e-9
 
 
 def _begin(scene: Scene, params: SimulationParams) -> tuple[Twin, str]:
-    """The twin at rest or at the state to go on from, and which it is, in words."""
+    """Return the twin in static equilibrium or at a saved state, and a text saying which."""
     watch = Watch(params.vibration, params.fatigue)
     kind = twin_kind(params.energy, params.error_band, watch)
     if not params.start_from:
-        return kind(scene), "beginning at rest"
+        return kind(scene), "starting from static equilibrium"
     path = Path(params.start_from).resolve()
     if params.start_from == params.save_to and not path.exists():
-        return kind(scene), f"beginning at rest: there is no saved state {path} yet"
+        return kind(scene), f"starting from static equilibrium: no saved state {path} yet"
     twin = kind.restore(path, scene)
-    return twin, f"going on from {path} at {twin.time_ns * 1e-9:.2f} s"
+    return twin, f"resuming from {path} at {twin.time_ns * 1e-9:.2f} s"
 
 
 def _setup(params: SimulationParams) -> Setup:
-    """What of the parameters the numbers depend on."""
+    """Return the parameters that the results depend on."""
     return Setup(
         elements=params.elements or None,
         step_s=params.step_s or None,
@@ -252,7 +252,7 @@ def _setup(params: SimulationParams) -> Setup:
 
 
 def _ladder(twin: Twin, params: SimulationParams) -> TwinLadder | None:
-    """The twin's ladder, on a rung on which this machine keeps up; None: there is none."""
+    """Return the accuracy levels, at one that is real-time on this machine; None: disabled."""
     if not params.ladder:
         return None
     ladder = TwinLadder(twin)
@@ -264,12 +264,12 @@ def _ladder(twin: Twin, params: SimulationParams) -> TwinLadder | None:
 
 
 def _steps_to_do(twin: Twin, stop_after_s: float) -> int:
-    """How many steps are left until the twin time at which to stop; 0: no end."""
+    """Return the number of steps left until the simulation time at which to stop; 0: no end."""
     if stop_after_s == 0.0:
         return 0
     left = round((stop_after_s - twin.time_ns * 1e-9) / twin.step_s)
     if left <= 0:
         where = f"node simulation, parameter stop_after_s {stop_after_s:g}"
         what = f"the saved state is at {twin.time_ns * 1e-9:g} s already"
-        raise InputError(phrase(where, what, "name a later end"))
+        raise InputError(phrase(where, what, "set a later end"))
     return left

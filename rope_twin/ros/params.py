@@ -1,7 +1,7 @@
-"""The parameters of every node: one frozen dataclass each, and the one loop that declares them.
+"""Parameters of every node, a frozen dataclass each, and their declaration.
 
-A parameter is a field with `quantity` (a number with unit and range) or `text` (words and
-switches). The same metadata becomes the ROS descriptor, so `ros2 param describe` says it all.
+A parameter is a field with `quantity` (a number with unit and range) or `text` (text and
+switches). The same metadata becomes the ROS descriptor that `ros2 param describe` prints.
 """
 
 from __future__ import annotations
@@ -30,135 +30,137 @@ _OF_ROS = ("use_sim_time", "qos_overrides.", "start_type_description_service")
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SimulationParams:
-    """Of the node that steps the rope."""
+    """Parameters of the simulation node."""
 
-    scene: str = text("name of a scene in config/scenes, or a path to one", "deep_lift")
+    scene: str = text("name of a scene in config/scenes, or path of a scene file", "deep_lift")
     input_delay_s: float = quantity(
-        "the twin runs this far behind ROS time, so that heave samples on both sides of each step "
-        "are there", "s", 0.0, 10.0, default=0.15,
+        "delay of the simulation behind ROS time, so that heave samples before and after each time "
+        "step have arrived", "s", 0.0, 10.0, default=0.15,
     )  # fmt: skip
-    speed: float = quantity("twin time over real time", "", SPEED_LOW, SPEED_HIGH, default=1.0)
-    stop_after_s: float = quantity("twin time after which to stop; 0: never", "s", 0.0, 1e7,
+    speed: float = quantity("simulation time over real time", "", SPEED_LOW, SPEED_HIGH,
+                            default=1.0)  # fmt: skip
+    stop_after_s: float = quantity("simulation time after which to stop; 0: never", "s", 0.0, 1e7,
                                    default=0.0)  # fmt: skip
-    autostart: bool = text("configure and activate without waiting to be told", True)
+    autostart: bool = text("configure and activate at start-up", True)
     wait_for: str = text(
-        "topics, separated by spaces, to await at the start: inputs until somebody publishes them, "
-        "own topics until somebody listens", "",
+        "topics, separated by spaces, to wait for at the start: inputs until they have a "
+        "publisher, outputs until they have a subscriber", "",
     )  # fmt: skip
-    wait_for_s: float = quantity("how long to await them", "s", 0.0, 60.0, default=5.0)
-    save_to: str = text("file that the state is saved to, now and then and at the end; empty: none",
-                        "")  # fmt: skip
+    wait_for_s: float = quantity("timeout of wait_for", "s", 0.0, 60.0, default=5.0)
+    save_to: str = text("file for the saved state, written periodically and at the end; empty: "
+                        "none", "")  # fmt: skip
     save_every_s: float = quantity("real time between two saved states", "s", 0.1, 3600.0,
                                    default=10.0)  # fmt: skip
     start_from: str = text(
-        "saved state to go on from; empty: from rest. The file of save_to may be missing, then it "
-        "is from rest too: so a simulation that was killed goes on, and a first one begins", "",
+        "saved state to resume from; empty: start from static equilibrium. If it is the file of "
+        "save_to, it may be missing: a first run starts from static equilibrium, and a restarted "
+        "one resumes", "",
     )  # fmt: skip
     failure_directory: str = text(
-        "folder for the state at which the solver gave up; empty: the working directory", "",
+        "folder for the state at a solver failure; empty: the working directory", "",
     )  # fmt: skip
-    elements: int = quantity("elements in place of the scene's; 0: the scene's", "", 0, 20000,
+    elements: int = quantity("number of elements; 0: the scene's", "", 0, 20000,
                              default=0)  # fmt: skip
-    step_s: float = quantity("step in place of the scene's; 0: the scene's", "s", 0.0, 0.2,
+    step_s: float = quantity("time step; 0: the scene's", "s", 0.0, 0.2,
                              default=0.0)  # fmt: skip
-    energy: bool = text("keep the energy balance and tell it in the diagnostics; slower", False)
+    energy: bool = text("report the energy balance in diagnostics; slower", False)
     ladder: bool = text(
-        "take larger steps, then fewer elements, while the machine cannot keep up", True
+        "overload protection: longer time steps, then fewer elements, while the deadline is missed",
+        True,
     )
     error_band: bool = text(
-        "keep a band around the top tension in which the converged one lies; slower",
-        False,
+        "publish a 95 % discretisation-error interval of the top tension; slower", False
     )
     other_sea: bool = text(
-        "the ship moves otherwise than in the scene: by its card no error of the tension is known",
-        False,
+        "the ship motion differs from the scene's: its convergence study gives no error", False
     )
     command_priority: str = text(
         "nodes that may command a winch, highest priority first; * stands for all others, the last "
-        "one may plan ahead", PRIORITY,
+        "one may send commands ahead of time", PRIORITY,
     )  # fmt: skip
-    allow_cut: bool = text("listen to rope/cut: whoever publishes there cuts the rope", False)
-    vibration: str = text("keep how the rope shakes, by this model; empty: do not", "")
-    fatigue: str = text("keep the fatigue used of each metre by this curve; empty: do not", "")
+    allow_cut: bool = text("subscribe to rope/cut: any publisher there can cut the rope", False)
+    vibration: str = text("VIV model of the monitored response; empty: none", "")
+    fatigue: str = text("S-N curve of the monitored fatigue damage; empty: none", "")
     sender_lead_s: float = quantity(
-        "a replay may publish ship motion so long before its time; a stamp further ahead of its "
+        "time by which a replay may publish ship motion in advance; a stamp further ahead of its "
         "arrival is a fault of the sender's clock", "s", 0.0, 5.0, default=0.2,
     )  # fmt: skip
     correct_sender_clocks: bool = text(
-        "correct stamps of ship motion by the measured offset of their sender's clock", False
+        "correct the stamps of ship motion by the measured clock offset of the sender", False
     )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class SeaStateParams:
-    """Of the node that moves the ship: a recorded heave, or one made from a spectrum."""
+    """Parameters of the sea_state node: ship motion from a record or a spectrum."""
 
-    scene: str = text("scene whose recorded sea is played when no bag is named", "deep_lift")
+    scene: str = text("scene whose recorded sea is replayed if no bag is named", "deep_lift")
     bag: str = text("name in bags/ or path of a bag with a heave topic; empty: the scene's", "")
-    poses: str = text("bag of the ship's poses to replay in place of heave; empty: none", "")
-    topic: str = text("its topic in the bag; empty: the only one that fits", "")
-    start_s: float = quantity("offset into the bag, on top of the scene's if it is the scene's",
+    poses: str = text("bag of ship poses to replay in place of heave; empty: none", "")
+    topic: str = text("topic in the bag; empty: the only suitable one", "")
+    start_s: float = quantity("offset into the bag, added to the scene's if it is the scene's bag",
                               "s", 0.0, 1e6, default=0.0)  # fmt: skip
-    loop: bool = text("start again at the end", True)
+    loop: bool = text("repeat the record from its beginning", True)
     significant_height_m: float = quantity(
-        "make the sea from a JONSWAP spectrum of this height instead; 0: replay a bag",
+        "significant wave height Hs of a JONSWAP sea; 0: replay a bag",
         "m", 0.0, 20.0, default=0.0,
     )  # fmt: skip
-    peak_period_s: float = quantity("peak period of that spectrum", "s", 2.0, 30.0, default=9.0)
-    seed: int = quantity("seed of the made sea", "", 0, 2**31 - 1, default=1)
-    lead_s: float = quantity("samples are published this long before their time", "s", 0.0, 5.0,
+    peak_period_s: float = quantity("peak period Tp of that spectrum", "s", 2.0, 30.0, default=9.0)
+    seed: int = quantity("random seed for the wave phases", "", 0, 2**31 - 1, default=1)
+    lead_s: float = quantity("time by which samples are published in advance", "s", 0.0, 5.0,
                              default=0.2)  # fmt: skip
-    speed: float = quantity("twin time over real time", "", SPEED_LOW, SPEED_HIGH, default=1.0)
+    speed: float = quantity("simulation time over real time", "", SPEED_LOW, SPEED_HIGH,
+                            default=1.0)  # fmt: skip
     wait_for_epoch: bool = text(
-        "stamp from the twin's epoch (exact repeats); false: from now on, as a motion sensor does",
-        True,
-    )
+        "stamp samples from the simulation's epoch (reproducible); false: from now on, like a "
+        "motion sensor", True,
+    )  # fmt: skip
     simulation_node: str = text(
-        "node whose twin/epoch is followed; with its namespace if that is another", "simulation"
+        "node whose twin/epoch is followed, with its namespace if that differs", "simulation"
     )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class WinchScheduleParams:
-    """Of the node that plays the scene's winch schedule."""
+    """Parameters of the winch_schedule node."""
 
-    scene: str = text("scene whose winch schedule is played", "deep_lift")
+    scene: str = text("scene whose winch schedule is published", "deep_lift")
     cut: str = text(
-        "cut the rope: PLACE@SECONDS, metres below the hang-off (or end) and twin time; empty: "
-        "never",
-        "",
-    )
-    lead_s: float = quantity("commands are published this long before their time", "s", 0.0, 5.0,
+        "cut the rope: PLACE@SECONDS, metres below the hang-off (or end) and simulation time; "
+        "empty: never", "",
+    )  # fmt: skip
+    lead_s: float = quantity("time by which commands are published in advance", "s", 0.0, 5.0,
                              default=0.2)  # fmt: skip
-    speed: float = quantity("twin time over real time", "", SPEED_LOW, SPEED_HIGH, default=1.0)
+    speed: float = quantity("simulation time over real time", "", SPEED_LOW, SPEED_HIGH,
+                            default=1.0)  # fmt: skip
     simulation_node: str = text(
-        "node whose twin/epoch is followed; with its namespace if that is another", "simulation"
+        "node whose twin/epoch is followed, with its namespace if that differs", "simulation"
     )
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RecorderParams:
-    """Of the node that writes every topic of the suite to a bag."""
+    """Parameters of the recorder node."""
 
-    directory: str = text("bag directory to make; empty: rope_twin_DATE_TIME here", "")
+    directory: str = text("bag directory to create; empty: rope_twin_DATE_TIME here", "")
     beside: bool = text(
-        "where the directory is in use already, record beside it, as DIRECTORY_2 and so on: for a "
-        "recorder that is started again", False,
-    )  # fmt: skip
-    standby: str = text(
-        "begin only when this file is there, in place of a recorder that died; empty: at once", ""
+        "if the directory exists, record to DIRECTORY_2 and so on: for a restarted recorder", False
     )
-    allow_cut: bool = text("record rope/cut too, where the simulation listens to it", False)
+    standby: str = text(
+        "start recording when this file exists, to replace a failed recorder; empty: immediately",
+        "",
+    )
+    allow_cut: bool = text("record rope/cut too, if the simulation subscribes to it", False)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ViewerParams:
-    """Of the node that shows the suite in rerun."""
+    """Parameters of the viewer node."""
 
     file: str = text("write this .rrd file; empty: open a window", "")
-    rate_hz: float = quantity("pictures a second", "Hz", 0.5, 10.0, default=10.0)
+    rate_hz: float = quantity("update rate", "Hz", 0.5, 10.0, default=10.0)
     simulation_node: str = text(
-        "node whose twin/epoch is believed; with its namespace if that is another", "simulation"
+        "node whose twin/epoch is used, with its namespace if that differs", "simulation"
     )
 
 
@@ -166,7 +168,7 @@ def declare(node: Node, params: type[P]) -> P:
     """Declare every field of `params` at the node and read it.
 
     Raises:
-        InputError: one sentence for a value of the wrong type or out of range.
+        InputError: a value has the wrong type or is out of range; one sentence.
     """
     fields = dataclasses.fields(params)  # type: ignore[arg-type]
     _warn_of_unknown(node, [field.name for field in fields])
@@ -182,13 +184,13 @@ def declare(node: Node, params: type[P]) -> P:
 
 
 def read(node: Node, params: type[P]) -> P:
-    """The present values of declared parameters."""
+    """Return the current values of declared parameters."""
     names = [field.name for field in dataclasses.fields(params)]  # type: ignore[arg-type]
     return params(**{name: node.get_parameter(name).value for name in names})
 
 
 def overrides(values: dict[str, Any]) -> list[Parameter]:
-    """Parameters for a node that is made in this process."""
+    """Return parameter overrides for a node that is made in this process."""
     return [Parameter(name, value=value) for name, value in values.items()]
 
 
@@ -219,7 +221,7 @@ def _sentence(node: Node, field: dataclasses.Field[Any], kind: type) -> InputErr
 
 
 def _warn_of_unknown(node: Node, known: list[str]) -> None:
-    """A mistyped name must not become a default in silence; rclpy would let it pass."""
+    """Warn about unknown parameter names, which rclpy would ignore silently."""
     for name in _given(node):
         if name not in known and not name.startswith(_OF_ROS):
             where = f"node {node.get_name()}, parameter {name}"
@@ -229,5 +231,5 @@ def _warn_of_unknown(node: Node, known: list[str]) -> None:
 
 
 def _given(node: Node) -> dict[str, Parameter]:
-    """What the node was given by file, command line or its maker (rclpy has no public door)."""
+    """Return the overrides of a node by file, command line or constructor (rclpy has no API)."""
     return dict(getattr(node, "_parameter_overrides", {}))

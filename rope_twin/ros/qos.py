@@ -1,4 +1,4 @@
-"""The topic table's rows of quality of service, and its types, in rclpy's terms."""
+"""QoS profiles and message types of the topic table as rclpy objects."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rope_twin.topics import QOS_ROWS, Qos, Topic
 
 
 def profile(qos: Qos, depth: int | None = None) -> QoSProfile:
-    """The profile of a row; a listener that must not lose anything asks for more `depth`."""
+    """Return the rclpy profile; a subscriber that must not lose a message needs more `depth`."""
     row = QOS_ROWS[qos]
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
@@ -25,13 +25,13 @@ def profile(qos: Qos, depth: int | None = None) -> QoSProfile:
 
 
 def message_type(topic: Topic) -> Any:
-    """The rclpy class of a topic's messages, such as std_msgs.msg.Float64."""
+    """Return the rclpy class of a topic's messages, such as std_msgs.msg.Float64."""
     package, _, name = topic.type_name.split("/")
     return getattr(importlib.import_module(f"{package}.msg"), name)
 
 
 def unsuited(node: Any, topic: Topic) -> bool:
-    """Whether somebody listens to one of our topics and asks for more than it offers."""
+    """Return whether a subscriber of one of our topics requests more than its QoS offers."""
     row = QOS_ROWS[topic.qos]
     asked = [end.qos_profile for end in node.get_subscriptions_info_by_topic(topic.name)]
     return any(
@@ -42,39 +42,39 @@ def unsuited(node: Any, topic: Topic) -> bool:
 
 
 def unheard_publishers(node: Any, topic: Topic) -> list[str]:
-    """Return who publishes to one of our inputs what it cannot take, and why, in words."""
+    """Return in words the incompatible publishers of one of our inputs, and why they are."""
     row = QOS_ROWS[topic.qos]
     found = []
     for end in node.get_publishers_info_by_topic(topic.name):
         offered = end.qos_profile
         why = ""
         if end.topic_type != topic.type_name:
-            why = f"publishes {end.topic_type} where {topic.type_name} is wanted"
+            why = f"publishes {end.topic_type}, expected {topic.type_name}"
         elif row.reliable and offered.reliability == ReliabilityPolicy.BEST_EFFORT:
-            why = "offers best effort where reliable is asked for"
+            why = "offers best effort, requested is reliable"
         elif row.for_late_joiners and offered.durability == DurabilityPolicy.VOLATILE:
-            why = "offers volatile where transient local is asked for"
+            why = "offers volatile, requested is transient local"
         if why:
             found.append(f"node {end.node_name} {why}")
     return found
 
 
 def asked_of(topic: Topic) -> str:
-    """Return the QoS that an input asks for, in words."""
+    """Return in words the QoS that an input requests."""
     row = QOS_ROWS[topic.qos]
     kept = "transient local" if row.for_late_joiners else "volatile"
     return f"{'reliable' if row.reliable else 'best effort'}, {kept}, depth {row.depth}"
 
 
 def quiet_publisher() -> PublisherEventCallbacks:
-    """For publishers: `unsuited` looks for listeners that their quality of service does not suit.
+    """Return publisher callbacks without QoS events; `unsuited` finds incompatible subscribers.
 
-    rclpy's executor asks after two events of every publisher each time that it wakes, which in this
-    suite would take two thirds of its time.
+    rclpy's executor checks two events of every publisher each time it wakes, which would take two
+    thirds of its time in this suite.
     """
     return PublisherEventCallbacks(use_default_callbacks=False)
 
 
 def quiet_listener() -> SubscriptionEventCallbacks:
-    """For listeners beside the simulation, which tells who publishes to it what it cannot take."""
+    """Return subscriber callbacks without QoS events; the simulation reports incompatibilities."""
     return SubscriptionEventCallbacks(use_default_callbacks=False)

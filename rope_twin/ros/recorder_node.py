@@ -1,8 +1,8 @@
-"""The node that records every topic of the table, inputs too, byte for byte.
+"""Recorder node: records every topic of the table, inputs included, byte for byte.
 
-The bytes go from the subscription to a queue; writing happens on the recorder's own thread. The
-log time is the publisher's own time of sending. On a machine that is too busy messages wait in the
-middleware: each call takes all that wait at its topic, and at the end all topics are emptied.
+The bytes go from the subscription to a queue; the recorder's own thread writes them. The log time
+is the publisher's time of sending. On an overloaded machine messages queue in the middleware: each
+callback takes all queued messages of its topic, and at the end all topics are drained.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from rclpy.node import Node
 
 from rope_twin.errors import BagError
 from rope_twin.messages import Level, Status, encode_diagnostics
+from rope_twin.messages.status import counted
 from rope_twin.recording.bag_format import describe_topic
 from rope_twin.recording.recorder import BagRecorder
-from rope_twin.ros.arrivals import Arrivals
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import RecorderParams, declare
 from rope_twin.ros.qos import message_type, profile, quiet_listener, quiet_publisher
 from rope_twin.topics import BY_NAME, CUT_TOPIC, TOPICS, Qos, Topic
 
-_DEPTH = 1000  # what may wait in the middleware while this process is held up
-_TELL_S = 1.0
-_LOOK_S = 0.05  # on standby: how often to look whether it is time to begin
+_DEPTH = 1000  # messages that may queue in the middleware while this process is blocked
+_DIAGNOSTICS_S = 1.0
+_POLL_S = 0.05  # on standby: period of checking for the start file
 
 
 def free_path(path: Path, suffix: str = "") -> Path:
@@ -39,6 +39,30 @@ def free_path(path: Path, suffix: str = "") -> Path:
     return free
 
 
+class MessageLoss:
+    """Counts the sequence numbers that are missing between messages of a publisher.
+
+    A queue that overflows while a process is blocked drops messages silently; the sequence numbers
+    reveal it. Messages sent before the first received one are not counted.
+    """
+
+    def __init__(self) -> None:
+        self._newest: dict[bytes, int] = {}
+        self.received = 0
+        self.lost = 0
+
+    def count(self, info: dict[str, Any]) -> None:
+        """Count a received message; `info`: its metadata from the middleware."""
+        self.received += 1
+        number, publisher = info["publication_sequence_number"], info["publisher_gid"]["data"]
+        if number is None:
+            return  # a middleware without sequence numbers
+        before = self._newest.get(publisher)
+        if before is not None:
+            self.lost += max(0, number - before - 1)
+        self._newest[publisher] = max(number, before or 0)
+
+
 class RecorderNode(Node):
     """Subscribes to all topics as raw bytes and hands them to a BagRecorder."""
 
@@ -47,21 +71,21 @@ class RecorderNode(Node):
         self._params = declare(self, RecorderParams)
         self._recorder: BagRecorder | None = None
         self._listening: dict[str, Any] = {}  # subscription by topic
-        self._arrivals = Arrivals()
-        self._unwritten = 0  # messages that came and could not be taken
-        self._told = ""
-        self.failure = ""  # why the bag is not whole, known when closed
+        self._loss = MessageLoss()
+        self._unwritten = 0  # messages received that could not be written
+        self._logged = ""
+        self.failure = ""  # why the bag is incomplete, known when closed
 
     def begin(self) -> None:
-        """Make the bag and subscribe; on standby, when it is called.
+        """Create the bag and subscribe; on standby, as soon as the start file exists.
 
         Raises:
-            BagError: the bag cannot be made.
+            BagError: the bag cannot be created.
         """
         if not self._params.standby:
             self._start()
             return
-        for topic in TOPICS:  # what is loaded now takes no time then
+        for topic in TOPICS:  # loading the types now saves time at the start
             message_type(topic)
             describe_topic(topic)
 
@@ -70,8 +94,8 @@ class RecorderNode(Node):
                 timer.cancel()
                 self._start()
 
-        timer = self.create_timer(_LOOK_S, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
-        self.get_logger().info("standing by to record")
+        timer = self.create_timer(_POLL_S, look, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.get_logger().info("recorder on standby")
 
     def _start(self) -> None:
         directory = Path(self._params.directory or time.strftime("rope_twin_%Y%m%d_%H%M%S"))
@@ -96,28 +120,29 @@ class RecorderNode(Node):
             profile(diagnostics.qos),
             event_callbacks=quiet_publisher(),
         )
-        self.create_timer(_TELL_S, self._tell, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self.create_timer(_DIAGNOSTICS_S, self._publish_diagnostics, clock=steady)
         self.get_logger().info(f"recording to {directory}")
 
     @property
     def finished(self) -> bool:
-        """A recorder has no end of its own."""
+        """Return False: a recorder does not finish by itself."""
         return False
 
     @property
     def received(self) -> int:
-        """Messages that have come so far."""
-        return self._arrivals.received
+        """Return the number of messages received."""
+        return self._loss.received
 
     @property
     def lost(self) -> int:
-        """Messages that were published and will not be in the bag, so far."""
+        """Return the number of published messages that will be missing in the bag."""
         if self._recorder is not None:
             self._unwritten = self._recorder.health().lost
-        return self._arrivals.lost + self._unwritten
+        return self._loss.lost + self._unwritten
 
     def close(self) -> None:
-        """Take what waits, write what is queued and end the bag; what went wrong is logged."""
+        """Drain the topics, write the queue and close the bag; failures are logged."""
         if self._recorder is None:
             return
         for topic in self._listening:
@@ -129,11 +154,11 @@ class RecorderNode(Node):
             self.failure = str(error)
             self.get_logger().error(self.failure)
         if self.lost:
-            self._say(self.status().message)
+            self._warn_once(self.status().message)
         self._recorder = None
 
     def status(self) -> Status:
-        """How the recording goes, in words."""
+        """Return the diagnostics row of the recorder."""
         name = "recorder: bag"
         if self._recorder is None:
             return Status(name, Level.OK, "not recording")
@@ -144,59 +169,56 @@ class RecorderNode(Node):
             "recorded": str(health.recorded),
             "waiting": str(health.queued),
             "lost by the recorder": str(health.lost),
-            "lost on the way": str(self._arrivals.lost),
+            "lost in transit": str(self._loss.lost),
             "size [MB]": f"{health.size_bytes / 1e6:.2f}",
         }
         if health.trouble:
             return Status(name, Level.ERROR, health.trouble, values)
-        if self._arrivals.lost:
-            message = (
-                f"{self._arrivals.lost} messages are missing in the bag: the machine was too busy "
-                "to take them in time"
-            )
+        if self._loss.lost:
+            message = f"{counted(self._loss.lost, 'message')} missing in the bag: CPU overload"
             return Status(name, Level.WARN, message, values)
-        return Status(name, Level.OK, f"recording, {health.recorded} messages so far", values)
+        return Status(name, Level.OK, f"recording; {health.recorded} messages written", values)
 
     def _taker(self, topic: Topic) -> Any:
         def take(data: bytes, info: dict[str, Any]) -> None:
-            self._keep(topic.name, data, info)
+            self._record(topic.name, data, info)
             self._take_waiting(topic.name)
 
         return take
 
     def _take_waiting(self, topic: str) -> None:
-        """Keep what waits at a topic: the executor's round for each message costs far more."""
+        """Record all queued messages of a topic: one executor cycle each would cost far more."""
         subscription = self._listening[topic]
         for _ in range(_DEPTH):
             with subscription.handle:
                 found = subscription.handle.take_message(subscription.msg_type, True)
             if found is None:
                 return
-            self._keep(topic, *found)
+            self._record(topic, *found)
 
-    def _keep(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
+    def _record(self, topic: str, data: bytes, info: dict[str, Any]) -> None:
         if self._recorder is not None:
-            self._arrivals.count(info)
+            self._loss.count(info)
             stamp_ns = info["source_timestamp"] or time.time_ns()
             number = info["publication_sequence_number"] or 0
             self._recorder.write(topic, stamp_ns, data, number & 0xFFFFFFFF)
 
-    def _tell(self) -> None:
+    def _publish_diagnostics(self) -> None:
         status = self.status()
         now_ns = self.get_clock().now().nanoseconds
         self._diagnostics.publish(encode_diagnostics(now_ns, [status]))
         if status.level != Level.OK:
-            self._say(status.message)
+            self._warn_once(status.message)
 
-    def _say(self, message: str) -> None:
-        """Log it, once."""
-        if message != self._told:
-            self._told = message
+    def _warn_once(self, message: str) -> None:
+        """Log a warning unless it repeats the last one."""
+        if message != self._logged:
+            self._logged = message
             self.get_logger().warning(message)
 
 
 def main(args: list[str] | None = None) -> int:
-    """Console entry; the exit code is 1 if the bag is not whole."""
+    """Run the node (console entry); the exit code is 1 if the bag is incomplete."""
     made: list[RecorderNode] = []
 
     def make() -> RecorderNode:

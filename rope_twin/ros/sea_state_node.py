@@ -1,7 +1,7 @@
-"""The node that moves the ship: recorded heave or poses, a regular heave, or a made one.
+"""Sea-state node: ship motion from recorded heave or poses, a regular heave, or a spectrum.
 
-Samples are stamped with their own time and published `lead_s` before it: a replayed sea knows its
-future. With wait_for_epoch false the record starts at once, stamped with ROS time.
+Samples are stamped with their own time and published `lead_s` in advance, which a replay can do.
+With wait_for_epoch false the record starts immediately, stamped with ROS time.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any
 from rope_twin.messages import encode_elevation
 from rope_twin.recording.heave_replay import replay_sea
 from rope_twin.ros.entry import run_node
-from rope_twin.ros.feeding import FeedingNode
+from rope_twin.ros.input_streamer import InputNode
 from rope_twin.ros.params import SeaStateParams, declare
 from rope_twin.run.inputs import FIRST_NS, Sea, encode_motion, motion_topic, open_sea
 from rope_twin.scene.load import load_scene
@@ -23,34 +23,38 @@ from rope_twin.twin.motion.irregular_sea import synthesise
 _SECOND_NS = 1_000_000_000
 
 
-class SeaStateNode(FeedingNode):
+class SeaStateNode(InputNode):
     """Publishes ship/heave or ship/odometry and, where the record has it, sea/elevation."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("sea_state", **node_options)
         self._params = declare(self, SeaStateParams)
         self._replay: Sea | None = None
-        self._newest_ns = 0  # of the samples published
+        self._newest_ns = 0  # stamp of the last published sample
         self.ended = False
 
     def begin(self) -> None:
-        """Read or make the sea, then follow the twin's epoch. Raises RopeTwinError."""
+        """Read or synthesise the sea, then follow the simulation's epoch.
+
+        Raises:
+            RopeTwinError: the sea cannot be read; one sentence.
+        """
         self._replay = _open(self._params)
         if self._replay is None:
-            self.get_logger().warning(f"scene {self._params.scene} has no sea: the ship lies still")
+            self.get_logger().warning(f"scene {self._params.scene} has no sea: no ship motion")
             return
         self.get_logger().info(self._replay.source)
         if self._replay.note:
             self.get_logger().warning(self._replay.note)
         topics = (motion_topic(self._replay), "sea/elevation")
-        self.start_feeding(topics, self._params.lead_s, self._params.speed, FIRST_NS)
+        self.start_publishing(topics, self._params.lead_s, self._params.speed, FIRST_NS)
         if self._params.wait_for_epoch:
             self.await_epoch(self._params.simulation_node)
         else:
             self.follow_epoch(self.get_clock().now().nanoseconds)
 
-    def publish_stretch(self, epoch_ns: int, from_ns: int, to_ns: int) -> None:
-        """Publish the samples of a stretch of twin time."""
+    def publish_interval(self, epoch_ns: int, from_ns: int, to_ns: int) -> None:
+        """Publish the samples of an interval of simulation time."""
         assert self._replay is not None
         samples = self._replay.between(from_ns, to_ns)
         for sample in samples:
@@ -64,7 +68,7 @@ class SeaStateNode(FeedingNode):
             not self.ended and to_ns - self._newest_ns > _SECOND_NS and self._replay.is_over(to_ns)
         ):
             self.ended = True
-            self.get_logger().warning("the recorded sea has ended; no more heave is published")
+            self.get_logger().warning("end of the recorded sea: ship motion no longer published")
 
 
 def _open(params: SeaStateParams) -> Sea | None:
@@ -83,7 +87,7 @@ def _open(params: SeaStateParams) -> Sea | None:
 
 
 def main(args: list[str] | None = None) -> int:
-    """Console entry."""
+    """Run the node (console entry); return the exit code."""
     return run_node(SeaStateNode, args)
 
 

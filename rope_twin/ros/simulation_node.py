@@ -1,7 +1,8 @@
-"""The node that steps the rope in real time: a lifecycle around a PacedTwin.
+"""Simulation node: steps the rope in real time; a lifecycle node around a PacedTwin.
 
-configure reads the scene, builds and compiles; activate publishes the epoch and paces; deactivate
-pauses (activate goes on with a new epoch); cleanup drops the twin. Callbacks only pass bytes on.
+configure reads the scene, builds and compiles; activate publishes the epoch and runs in real time;
+deactivate pauses (activate resumes with a new epoch); cleanup drops the twin. Callbacks only pass
+serialised messages on.
 """
 
 from __future__ import annotations
@@ -22,7 +23,6 @@ from std_srvs.srv import Trigger
 
 from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
 from rope_twin.messages import Level, Status, encode_diagnostics, encode_epoch, encode_seat
-from rope_twin.ros.company import Senders, publisher_name
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.paced_twin import PacedTwin
 from rope_twin.ros.params import SimulationParams, declare, read
@@ -35,6 +35,7 @@ from rope_twin.ros.qos import (
     unsuited,
 )
 from rope_twin.ros.run_status import Clocks, with_hint
+from rope_twin.ros.senders import Senders, publisher_name
 from rope_twin.run.seat import RELEASE, TAKE, service_name
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.checks.rope import sense_checks
@@ -52,9 +53,9 @@ from rope_twin.topics import (
 from rope_twin.twin.pacing import keep_pauses_short
 
 _SUCCESS, _FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
-_POLL_S, _TELL_S, _LOOK_S = 0.1, 1.0, 0.5
-_DESCRIBE_S = 10.0  # between two descriptions for recorders that join
-WAITING_FOR_CLOCK = "waiting for the first message on /clock, as use_sim_time is true"
+_POLL_S, _DIAGNOSTICS_S, _COMMANDERS_S = 0.1, 1.0, 0.5
+_DESCRIBE_S = 10.0  # minimum time between two session descriptions for joining recorders
+WAITING_FOR_CLOCK = "waiting for the first message on /clock (use_sim_time is true)"
 
 
 class SimulationNode(LifecycleNode):
@@ -65,16 +66,16 @@ class SimulationNode(LifecycleNode):
         self._params = declare(self, SimulationParams)
         self.add_on_set_parameters_callback(self._judge_parameters)
         self._state = "unconfigured"
-        self._sentence = ""  # why the newest transition failed
+        self._sentence = ""  # why the last transition failed
         self._waited_s = 0.0
-        self._told_finished = False
-        self._told_of_others = ""
+        self._finished = False
+        self._logged_sources = ""
         self._published = Counter[str]()  # messages by topic
-        self._listeners, self._described_s = 0, float("-inf")  # of the log of inputs
+        self._listeners, self._described_s = 0, float("-inf")  # subscribers of the input log
         self._senders = Senders(self)
         self._seat_services: list[Any] = []
-        self._seat_words = ""  # as published last
-        self._looked_s = 0.0  # when commanders were looked for
+        self._seat_words = ""  # last published text
+        self._looked_s = 0.0  # time of the last check of the commanders
         self.paced: PacedTwin | None = None
         self._own_publishers = {
             topic.name: self.create_publisher(
@@ -93,39 +94,43 @@ class SimulationNode(LifecycleNode):
                 message_type(topic), name, self._taker(name), profile(topic.qos), raw=True
             )
         steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self.create_timer(_TELL_S, self._tell, clock=steady)
+        self.create_timer(_DIAGNOSTICS_S, self._publish_diagnostics, clock=steady)
         self.create_timer(_POLL_S, self._poll, clock=steady)
 
-    # -- life ----------------------------------------------------------------------------------
+    # -- lifecycle -----------------------------------------------------------------------------
 
     def begin(self) -> None:
-        """Configure and activate, if the parameter `autostart` says so."""
+        """Configure and activate if the parameter `autostart` is true.
+
+        Raises:
+            InputError: the node cannot be configured or activated.
+        """
         if not self._params.autostart:
             return
         if self.trigger_configure() != _SUCCESS or self.trigger_activate() != _SUCCESS:
-            raise InputError(self._sentence or "simulation: it cannot start")
+            raise InputError(self._sentence or "simulation: cannot start")
 
     @property
     def finished(self) -> bool:
-        """Whether `stop_after_s` has been reached and told."""
-        return self._told_finished
+        """Return whether `stop_after_s` has been reached and reported."""
+        return self._finished
 
     @property
     def waiting(self) -> bool:
-        """Whether it is active but still awaits the publishers of `wait_for`."""
+        """Return whether the node is active but still waits for `wait_for` or the clock."""
         return self._state in (WAITING_FOR_CLOCK, "waiting for inputs")
 
     def close(self) -> None:
-        """Stop pacing, publish what was computed and say so in a last diagnostics message."""
+        """Stop, publish all computed snapshots and a last diagnostics message."""
         if self.paced is not None and self._state != "closed":
             self.paced.halt()
             self._state = "closed"
-            self._tell()
-            # The last word must be out before the publisher is gone.
+            self._publish_diagnostics()
+            # The last message must be sent before the publisher is destroyed.
             self._own_publishers["diagnostics"].wait_for_all_acked(Duration(seconds=1))
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Read the scene, build, compile; a failure is one sentence in the log."""
+        """Read the scene, build and compile; a failure is logged in one sentence."""
         self._params = read(self, SimulationParams)
         try:
             known = (*self._inputs, *self._own_publishers)
@@ -146,27 +151,27 @@ class SimulationNode(LifecycleNode):
         except RopeTwinError as error:
             return self._fail(str(error))
         except Exception as error:
-            # rclpy swallows what a transition raises; an operator must not be left without a word.
+            # rclpy discards exceptions of a transition; the operator must see the reason.
             self.get_logger().debug(traceback.format_exc())
             reason = str(error).partition("\n")[0]
-            return self._fail(f"the twin cannot be built: {type(error).__name__}: {reason}")
+            return self._fail(f"simulation: build failed ({type(error).__name__}: {reason})")
         self._state = "inactive"
         return _SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Pace from now on, or as soon as the awaited inputs have publishers."""
+        """Run from now on, or as soon as the topics of `wait_for` are connected."""
         keep_pauses_short()
         self._waited_s = 0.0
-        self._state = WAITING_FOR_CLOCK  # of the epoch; the system's is always there
+        self._state = WAITING_FOR_CLOCK  # ends at once with the system clock
         self._poll()
         return _SUCCESS
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Pause after the slot at hand."""
+        """Pause after the current cycle."""
         assert self.paced is not None
         self.paced.halt()
         self._state = "inactive"
-        self._tell()
+        self._publish_diagnostics()
         return _SUCCESS
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -179,12 +184,12 @@ class SimulationNode(LifecycleNode):
         return _SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """End for good, from any state."""
+        """Shut down, from any state."""
         self.close()
         return _SUCCESS
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """After a failed transition nothing runs; configure may be tried again."""
+        """Stop after a failed transition; configure may be tried again."""
         if self.paced is not None:
             self.paced.halt()
         return self.on_cleanup(state)
@@ -195,10 +200,10 @@ class SimulationNode(LifecycleNode):
         return _FAILURE
 
     def _poll(self) -> None:
-        """Start when the inputs are there; notice the end."""
+        """Start when the awaited topics are connected; detect the end of the run."""
         if self.paced is None:
             return
-        for sentence in self.paced.sayings():
+        for sentence in self.paced.notices():
             self.get_logger().warning(sentence)
         if self._state == WAITING_FOR_CLOCK and self._has_time():
             self._state = "waiting for inputs"
@@ -207,7 +212,7 @@ class SimulationNode(LifecycleNode):
             if not missing or self._waited_s >= self._params.wait_for_s:
                 if missing:
                     self.get_logger().warning(
-                        f"nobody is there yet for {', '.join(missing)}: starting without"
+                        f"no publisher or subscriber yet for {', '.join(missing)}: starting anyway"
                     )
                 epoch_ns = self.paced.begin(self.get_clock().now().nanoseconds)
                 self._publish("twin/epoch", encode_epoch(epoch_ns))
@@ -218,14 +223,14 @@ class SimulationNode(LifecycleNode):
         elif self._state == "active" and self.paced.pacer.health().finished:
             self.paced.halt()
             self._state = "finished"
-            self._tell()
-            self._told_finished = True
+            self._publish_diagnostics()
+            self._finished = True
         elif self._state == "active":
             self._describe_to_newcomers()
-            self._look_at_commanders()
+            self._check_commanders()
 
     def _describe_to_newcomers(self, begun: bool = False) -> None:
-        """Let a recorder that joins while the twin runs know all that a replay needs."""
+        """Begin a new session for a recorder that joins, so that its bag can be replayed."""
         assert self.paced is not None
         listeners = self._own_publishers[INPUT_LOG_TOPIC].get_subscription_count()
         now_s = time.monotonic()
@@ -238,16 +243,16 @@ class SimulationNode(LifecycleNode):
             self.paced.describe_again()
 
     def _has_time(self) -> bool:
-        """Whether ROS time is known: with use_sim_time it is 0 until the first /clock."""
+        """Return whether ROS time is known: with use_sim_time it is 0 until the first /clock."""
         return bool(self.get_clock().now().nanoseconds > 0)
 
-    def _look_at_commanders(self) -> None:
-        """See twice a second whether who commands a winch is still there."""
+    def _check_commanders(self) -> None:
+        """Check twice a second whether the commanders of the winches are still present."""
         now_s = time.monotonic()
         if (
             self.paced is None
             or not self.paced.border.seats.taken
-            or now_s < self._looked_s + _LOOK_S
+            or now_s < self._looked_s + _COMMANDERS_S
         ):
             return
         self._looked_s = now_s
@@ -257,14 +262,14 @@ class SimulationNode(LifecycleNode):
         self._publish_seat()
 
     def _publish_seat(self) -> None:
-        """Say who commands each winch, where that has changed."""
+        """Publish the commander of each winch if it has changed."""
         words = self.paced.border.seats.words() if self.paced is not None else ""
         if words != self._seat_words:
             self._seat_words = words
             self._publish(SEAT_TOPIC, encode_seat(words))
 
     def _offer_seats(self) -> None:
-        """Make the services by which the seats of the winches are taken and released."""
+        """Create the services that take and release the seats of the winches."""
         assert self.paced is not None
         for winch in self.paced.border.seats.winches:
             for what in (TAKE, RELEASE):
@@ -272,7 +277,7 @@ class SimulationNode(LifecycleNode):
                 try:
                     made = self.create_service(Trigger, name, self._seat_server(winch, what))
                 except InvalidServiceNameException:
-                    self.get_logger().warning(f"no service {name}: that is no name in ROS")
+                    self.get_logger().warning(f"no service {name}: not a valid ROS name")
                 else:
                     self._seat_services.append(made)
 
@@ -289,7 +294,7 @@ class SimulationNode(LifecycleNode):
         return serve
 
     def _is_there(self, name: str) -> bool:
-        """Whether an input has a publisher, or one of our topics a listener."""
+        """Return whether an input has a publisher, or an output a subscriber."""
         if name in self._inputs:
             return bool(self.count_publishers(name))
         listeners: int = self._own_publishers[name].get_subscription_count()
@@ -335,8 +340,8 @@ class SimulationNode(LifecycleNode):
             return take_command
         return take_motion if name in MOTION_TOPICS else take
 
-    def _tell(self) -> None:
-        """Diagnostics, once a second and at each change of state."""
+    def _publish_diagnostics(self) -> None:
+        """Publish diagnostics, once per second and at each change of state."""
         now = Clocks(self.get_clock().now().nanoseconds, time.monotonic_ns())
         level = Level.WARN if self._state == WAITING_FOR_CLOCK else Level.OK
         rows = [Status("simulation: state", level, self._state), *self._graph_rows()]
@@ -347,11 +352,11 @@ class SimulationNode(LifecycleNode):
         self._publish("diagnostics", encode_diagnostics(now.ros_ns, rows))
 
     def _motion_hint(self) -> str:
-        """Return where ship motion is awaited, and who publishes what cannot be taken."""
+        """Return where ship motion is expected, and which publishers are incompatible."""
         domain = self.context.get_domain_id()
         names = [self.resolve_topic_name(name) for name in MOTION_TOPICS]
         hint = (
-            f"awaited on {' or '.join(names)} in ROS domain {domain}, "
+            f"expected on {' or '.join(names)} in ROS domain {domain}, "
             f"QoS {asked_of(BY_NAME[MOTION_TOPICS[0]])}"
         )
         unheard = [words for name in MOTION_TOPICS
@@ -359,11 +364,11 @@ class SimulationNode(LifecycleNode):
         if unheard:
             return f"{hint}; {', '.join(unheard)}"
         if not any(self.count_publishers(name) for name in MOTION_TOPICS):
-            return f"{hint}; nobody publishes there"
+            return f"{hint}; no publisher there"
         return hint
 
     def _graph_rows(self) -> list[Status]:
-        """Who else is on our topics: one source of motion is heard, two twins confuse everybody."""
+        """Return the row on publishers and subscribers of our topics, as the graph has them."""
         mixed = [name for name in MOTION_TOPICS if self.count_publishers(name) > 1]
         twins = self.count_publishers("tension_top")
         values = {name: str(self.count_publishers(name)) for name in self._inputs}
@@ -375,23 +380,21 @@ class SimulationNode(LifecycleNode):
             message = f"{twins} simulations publish here; give each its own ROS_DOMAIN_ID"
             level = Level.ERROR
         elif mixed:
-            message = f"more than one publisher of {', '.join(mixed)}: only one of them is heard"
+            message = f"more than one publisher of {', '.join(mixed)}: only one of them is used"
         elif unheard:
-            message = f"an input cannot be heard: {'; '.join(unheard)}"
+            message = f"incompatible publisher of an input: {'; '.join(unheard)}"
         elif deaf:
-            message = (
-                f"who listens to {', '.join(deaf)} and asks for more than is offered hears nothing"
-            )
+            message = f"incompatible QoS: a subscriber of {', '.join(deaf)} receives nothing"
         else:
-            return [Status("simulation: sources", Level.OK, "one source for each input", values)]
-        if message != self._told_of_others:
+            return [Status("simulation: sources", Level.OK, "one source per input", values)]
+        if message != self._logged_sources:
             self.get_logger().warning(message)
-            self._told_of_others = message
+            self._logged_sources = message
         return [Status("simulation: sources", level, message, values)]
 
 
 def main(args: list[str] | None = None) -> int:
-    """Console entry."""
+    """Run the node (console entry); return the exit code."""
     return run_node(SimulationNode, args)
 
 

@@ -1,4 +1,4 @@
-"""All nodes in one process on one executor; recorder, viewer and twin on threads of their own."""
+"""All nodes in one process on one executor; recorder, viewer and solver have their own threads."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
 from rope_twin.errors import InputError
-from rope_twin.ros.ahead import CompilingAhead
-from rope_twin.ros.company import Seat, refuse_company
 from rope_twin.ros.entry import StopSignal, initialise, keep_to_loopback
 from rope_twin.ros.executor import make_executor
 from rope_twin.ros.params import overrides
+from rope_twin.ros.precompile import Precompilation
 from rope_twin.ros.recorder_node import RecorderNode
 from rope_twin.ros.sea_state_node import SeaStateNode
 from rope_twin.ros.simulation_node import SimulationNode
+from rope_twin.ros.single_instance import InstanceLock, lock_instance
 from rope_twin.ros.winch_schedule_node import WinchScheduleNode
 from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import FigureProgress
@@ -27,12 +27,12 @@ from rope_twin.scene.load import load_scene
 
 _WAIT_S = 0.1
 _QUIET_S, _DRAIN_S = 0.2, 3.0
-# Who speaks ends first, who listens last.
+# Publishing nodes are shut down first, subscribing ones last.
 END_ORDER = ("simulation", "sea_state", "winch_schedule", "viewer", "recorder")
 
 
 def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
-    """The parameters of each node that these options ask for; the keys are the nodes to start."""
+    """Return the parameters of each node to be started with these options, by node."""
     speed = {"speed": options.speed}
     cut = {"allow_cut": options.allow_cut or bool(options.cut)}
     nodes: dict[str, dict[str, Any]] = {}
@@ -45,7 +45,7 @@ def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
         **speed,
     }
     nodes["winch_schedule"] = {"scene": options.scene, "cut": options.cut, **speed}
-    # After those that read what the user named: nothing is made on disk for a mistyped name.
+    # After the nodes that read named files: nothing is written to disk for a mistyped name.
     if options.record is not None:
         nodes["recorder"] = {"directory": str(options.record), **cut}
     if options.view is not None:
@@ -70,28 +70,28 @@ def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
 
 
 class Suite:
-    """The nodes of a run, from their start to their end."""
+    """Nodes of a run, from start to shutdown."""
 
     def __init__(self, options: RunOptions) -> None:
         self._options = options
         self._nodes: dict[str, Any] = {}
         self._executor: SingleThreadedExecutor | None = None
-        self._ahead: CompilingAhead | None = None
-        self._seat: Seat | None = None
-        self.not_recorded = 0  # messages, known when closed
-        self.not_kept = ""  # why the bag is not whole, likewise
+        self._precompilation: Precompilation | None = None
+        self._lock: InstanceLock | None = None
+        self.not_recorded = 0  # messages missing in the bag, known when closed
+        self.not_kept = ""  # why the bag is incomplete, known when closed
 
     def start(self, ready: Callable[[], None], stop: StopSignal) -> None:
-        """Make all nodes; the simulation comes last, when everybody listens.
+        """Make all nodes, the simulation last, when all others subscribe.
 
-        `ready` is called when everything that the user named was found, before the twin is built.
+        `ready` is called when all files that the user named are found, before the twin is built.
 
         Raises:
-            RopeTwinError: one sentence; `close` is still to be called.
-            KeyboardInterrupt: told to stop before the twin was built; as above.
+            RopeTwinError: a node cannot start; one sentence. `close` must still be called.
+            KeyboardInterrupt: a stop was requested before the twin was built; likewise.
         """
-        load_scene(self._options.scene)  # what is wrong with it is said before anything else
-        self._ahead = CompilingAhead(self._options)
+        load_scene(self._options.scene)  # errors of the scene are reported first
+        self._precompilation = Precompilation(self._options)
         initialise(["rope_twin"])
         self._executor = make_executor()
         for name, parameters in node_parameters(self._options).items():
@@ -100,9 +100,9 @@ class Suite:
             self._executor.add_node(node)
             if name == "simulation":
                 ready()
-                self._ahead.wait(stop)
-                self._seat = refuse_company(node)
-                stop.note = "\nending as soon as the twin is built; again: at once\n"
+                self._precompilation.wait(stop)
+                self._lock = lock_instance(node)
+                stop.note = "\nstopping as soon as the twin is built; again: immediately\n"
             if stop.requested:
                 raise KeyboardInterrupt
             node.begin()
@@ -110,23 +110,27 @@ class Suite:
 
     @property
     def simulation(self) -> SimulationNode:
-        """The node that steps the rope."""
+        """Return the simulation node."""
         node: SimulationNode = self._nodes["simulation"]
         return node
 
     @property
     def ended(self) -> bool:
-        """Whether the run is over by itself: all steps done, or the solver cannot go on."""
+        """Return whether the run has ended: all steps done, or the solver failed."""
         paced = self.simulation.paced
         return self.simulation.finished or (paced is not None and bool(paced.pacer.health().error))
 
     def spin(self, wait_s: float = _WAIT_S) -> None:
-        """Let the executor do what is due."""
+        """Run the callbacks that are due."""
         assert self._executor is not None
         self._executor.spin_once(timeout_sec=wait_s)
 
     def summary(self) -> RunSummary:
-        """The figures so far. Raises InputError while there is no twin yet."""
+        """Return the run summary up to now.
+
+        Raises:
+            InputError: the simulation has not started.
+        """
         if self.simulation.paced is None:
             raise InputError("the simulation has not started.")
         options = self._options
@@ -137,9 +141,9 @@ class Suite:
         )
 
     def close(self) -> None:
-        """End who speaks, let the recorder take what is under way, then end who listens."""
-        if self._ahead is not None:
-            self._ahead.end()
+        """Shut down the publishing nodes, let the recorder drain, then shut down the others."""
+        if self._precompilation is not None:
+            self._precompilation.end()
         for name in END_ORDER:
             if name not in self._nodes:
                 continue
@@ -157,11 +161,11 @@ class Suite:
             node.destroy_node()
         self._nodes.clear()
         rclpy.try_shutdown()
-        if self._seat is not None:
-            self._seat.leave()
+        if self._lock is not None:
+            self._lock.release()
 
     def _drain(self) -> None:
-        """Spin until nothing has come to the recorder for a while."""
+        """Spin until the recorder has received no message for a while."""
         recorder: RecorderNode = self._nodes["recorder"]
         give_up = time.monotonic() + _DRAIN_S
         received, quiet_since = recorder.received, time.monotonic()
@@ -172,11 +176,11 @@ class Suite:
 
 
 def run_suite(options: RunOptions, progress: FigureProgress) -> RunSummary:
-    """Run until the end of `for_s`, Ctrl-C or a solver that cannot go on; then end cleanly.
+    """Run until the end of `for_s`, a signal or a solver failure; then shut down cleanly.
 
     Raises:
         RopeTwinError: the suite could not start; one sentence.
-        KeyboardInterrupt: told to stop before the twin was built.
+        KeyboardInterrupt: a stop was requested before the twin was built.
     """
     if not options.network:
         keep_to_loopback()
@@ -199,14 +203,14 @@ def run_suite(options: RunOptions, progress: FigureProgress) -> RunSummary:
 
 
 def where(options: RunOptions) -> str:
-    """What is recorded and shown where."""
-    parts = [f"recording to {options.record}" if options.record else "recording nothing"]
+    """Return in words what is recorded and shown where."""
+    parts = [f"recording to {options.record}" if options.record else "not recording"]
     if options.screen:
         parts.append("showing in a rerun window")
     elif options.view_file:
-        parts.append(f"no window, the view goes to {options.view_file}")
-    words = "; ".join(parts) + "; Ctrl-C ends it"
-    return f"{words}\nbuilding the twin (the first time it is compiled, which takes a while)"
+        parts.append(f"no window, view written to {options.view_file}")
+    words = "; ".join(parts) + "; stop with Ctrl-C"
+    return f"{words}\nbuilding the twin (the first run compiles it, which takes a while)"
 
 
 def _make(name: str, parameters: dict[str, Any]) -> Any:
@@ -216,7 +220,7 @@ def _make(name: str, parameters: dict[str, Any]) -> Any:
         "winch_schedule": WinchScheduleNode,
         "simulation": SimulationNode,
     }
-    if name == "viewer":  # imported only where it is wanted: rerun is an extra
+    if name == "viewer":  # imported only if needed: rerun is an optional dependency
         from rope_twin.ros.viewer_node import ViewerNode
 
         made[name] = ViewerNode

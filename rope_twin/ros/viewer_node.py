@@ -1,8 +1,8 @@
-"""The node that shows the suite in rerun: a window, or an .rrd file.
+"""Viewer node: shows the suite in rerun, in a window or an .rrd file.
 
-Callbacks only queue bytes; decoding and drawing happen on the viewer's own thread, at most
-`rate_hz` times a second. Every scalar is kept, of the big topics only the newest is drawn. What
-goes wrong with the view never touches the run.
+Callbacks only queue bytes; the viewer's own thread decodes and draws, at most `rate_hz` times per
+second. Every scalar is kept; of large topics only the newest message is drawn. A failure of the
+viewer does not affect the run.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from rclpy.node import Node
 
 from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.messages import decode
-from rope_twin.ros.company import Senders
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import ViewerParams, declare
 from rope_twin.ros.qos import message_type, profile, quiet_listener
+from rope_twin.ros.senders import Senders
 from rope_twin.topics import BY_NAME, Qos
 from rope_twin.view.rope_view import SHOWN_TOPICS, RopeView
 from rope_twin.view.sinks import FileSink, WindowSink, load_rerun
 
-_DEPTH = 200  # messages of a topic that may wait in the middleware
-_QUEUE = 5000  # messages that may wait for a viewer that is slow to start
+_DEPTH = 200  # messages of a topic that may queue in the middleware
+_QUEUE = 5000  # messages that may queue for a viewer that is slow to start
 _NEWEST_ONLY = ("tension", "rope/nodes", "payloads/state", "bars/state", "sea/elevation")
 
 
 class ViewerNode(Node):
-    """Subscribes to what RopeView shows."""
+    """Subscribes to the topics that RopeView shows."""
 
     def __init__(self, **node_options: Any) -> None:
         super().__init__("viewer", **node_options)
@@ -45,9 +45,9 @@ class ViewerNode(Node):
         self._shut = False  # the user has closed the window
 
     def begin(self) -> None:
-        """Subscribe and open the view (on its own thread: a window takes seconds to come up).
+        """Subscribe and open the view, on its own thread, as a window takes seconds to open.
 
-        rerun is loaded here and now: later, while the twin runs, loading it would stall a slot.
+        rerun is loaded here: loading it while the simulation runs would cause missed deadlines.
         """
         try:
             load_rerun()
@@ -70,13 +70,17 @@ class ViewerNode(Node):
 
     @property
     def finished(self) -> bool:
-        """Whether the window was closed. Raises InputError if there never was a view."""
+        """Return whether the window was closed.
+
+        Raises:
+            InputError: the view could not be opened.
+        """
         if self._failure:
             raise InputError(self._failure)
         return self._shut
 
     def close(self) -> None:
-        """Show what is queued and close the view; a window stays for the user."""
+        """Show the queued messages and close the view; a window stays open for the user."""
         self._closing.set()
         if self._thread is not None:
             self._thread.join()
@@ -84,7 +88,7 @@ class ViewerNode(Node):
 
     def _taker(self, name: str) -> Any:
         def take(data: bytes, info: dict[str, Any]) -> None:
-            if name == "twin/epoch":  # another node's would shift all that is drawn
+            if name == "twin/epoch":  # another node's epoch would shift all curves
                 sender = self._senders.name(name, info)
                 if sender not in ("", self._params.simulation_node):
                     return
@@ -97,12 +101,12 @@ class ViewerNode(Node):
             self._show()
         except RopeTwinError as error:
             self._fail(str(error))
-        except Exception as error:  # whatever rerun raises: the run goes on without a picture
+        except Exception as error:  # whatever rerun raises: the run continues without a view
             self._fail(f"view: {type(error).__name__}: {error}")
 
     def _fail(self, sentence: str) -> None:
         self._failure = sentence
-        self.get_logger().warning(f"the run is not shown: {sentence}")
+        self.get_logger().warning(f"run not shown: {sentence}")
 
     def _show(self) -> None:
         file = self._params.file
@@ -115,7 +119,7 @@ class ViewerNode(Node):
             self._draw(view)
             if isinstance(sink, WindowSink) and not sink.alive and not self._shut:
                 self._shut = True
-                self.get_logger().info("the window was closed; the run goes on")
+                self.get_logger().info("window closed; the run continues")
         view.close()
 
     def _draw(self, view: RopeView) -> None:
@@ -128,7 +132,7 @@ class ViewerNode(Node):
 
 
 def main(args: list[str] | None = None) -> int:
-    """Console entry."""
+    """Run the node (console entry); return the exit code."""
     return run_node(ViewerNode, args)
 
 

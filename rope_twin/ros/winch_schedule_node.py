@@ -1,9 +1,9 @@
-"""The node that plays a scene's winch schedule, and a planned cut, as stamped commands.
+"""Winch-schedule node: publishes a scene's winch schedule, and a planned cut, as commands.
 
-It yields: as soon as a node of another name publishes on a command topic it says so and falls
-silent for good, so that an operator who takes the winch keeps it (start the node again to give it
-back). Until the newcomer's first command the last commanded speed stands. A node of the same name
-is its own predecessor that was killed and has not been forgotten yet, and is no reason to yield.
+The node yields: as soon as a node of another name publishes on a command topic, it logs a warning
+and stops publishing for good, so that an operator who takes the winch keeps it (restart the node to
+give it back). Until the other node's first command the last commanded speed remains in force. A
+node of the same name is a killed predecessor that is still in the graph, and no reason to yield.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 from rope_twin.messages import encode_cut, encode_order
 from rope_twin.ros.entry import run_node
-from rope_twin.ros.feeding import FeedingNode
+from rope_twin.ros.input_streamer import InputNode
 from rope_twin.ros.params import WinchScheduleParams, declare
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rules.rigging import winches_by_name
@@ -26,7 +26,7 @@ from rope_twin.twin.hoisting.orders import SPEED
 from rope_twin.twin.hoisting.schedule import motion_of, schedule_samples
 
 
-class WinchScheduleNode(FeedingNode):
+class WinchScheduleNode(InputNode):
     """Publishes winch commands at 10 Hz and at each change of the schedule."""
 
     def __init__(self, **node_options: Any) -> None:
@@ -37,32 +37,32 @@ class WinchScheduleNode(FeedingNode):
         self.yielded = False
 
     def begin(self) -> None:
-        """Read the scene and wait for the twin's epoch."""
+        """Read the scene and wait for the simulation's epoch."""
         scene = load_scene(self._params.scene)
         self._winches = {n: w for n, w in winches_by_name(scene).items() if w.schedule}
         self._cut = plan_for(scene, self._params.cut)
         if not self._winches and self._cut is None:
             if winches_by_name(scene):
-                what = f"scene {scene.name} has no winch schedule: the winch is left alone"
+                what = f"scene {scene.name} has no winch schedule: no winch commands published"
                 self.get_logger().warning(what)
             else:
-                self.get_logger().info(f"scene {scene.name} has no winch: the line out stays")
+                self.get_logger().info(f"scene {scene.name} has no winch: constant line out")
             return
         topics = topics_of(self._winches.values()) if self._winches else ()
         topics += (CUT_TOPIC,) if self._cut is not None else ()
-        self.start_feeding(topics, self._params.lead_s, self._params.speed)
+        self.start_publishing(topics, self._params.lead_s, self._params.speed)
         self.await_epoch(self._params.simulation_node)
 
-    def publish_stretch(self, epoch_ns: int, from_ns: int, to_ns: int) -> None:
-        """Publish the commands of a stretch of twin time, unless someone else commands."""
+    def publish_interval(self, epoch_ns: int, from_ns: int, to_ns: int) -> None:
+        """Publish the commands of an interval of simulation time, unless another node commands."""
         if self._cut is not None and from_ns <= self._cut.at_ns < to_ns:
             cut = self._cut
             self.send(*encode_cut(epoch_ns + cut.at_ns, cut.below_m, cut.rope))
         if self._winches and not self.yielded and (others := self._other_commanders()):
             self.yielded = True
             self.get_logger().warning(
-                f"{', '.join(others)} commands the winch too: the schedule yields and stays silent "
-                "(start this node again to resume it)"
+                f"{', '.join(others)} also commands the winch: the schedule yields and stops "
+                "(restart this node to resume it)"
             )
         if self.yielded:
             return
@@ -71,7 +71,7 @@ class WinchScheduleNode(FeedingNode):
                 self.send(*encode_order(epoch_ns + sample.stamp_ns, sample.order, name))
 
     def _other_commanders(self) -> list[str]:
-        """Names of other nodes that publish any command to a winch."""
+        """Return the names of other nodes that publish on a winch command topic."""
         others: set[str] = set()
         for topic in WINCH_TOPICS:
             if self.count_publishers(topic) > self.publishes(topic):
@@ -80,7 +80,7 @@ class WinchScheduleNode(FeedingNode):
 
 
 def topics_of(winches: Iterable[Winch]) -> tuple[str, ...]:
-    """Where these winches' schedules publish; a speed in any case, for before their first row."""
+    """Return the topics of these winches' schedules; always a speed, for before the first row."""
     rows = [row for winch in winches for row in winch.schedule]
     motions = {motion.kind for row in rows if (motion := motion_of(row))}
     found = {ORDER_TOPICS[SPEED], *(ORDER_TOPICS[kind] for kind in motions)}
@@ -90,7 +90,7 @@ def topics_of(winches: Iterable[Winch]) -> tuple[str, ...]:
 
 
 def main(args: list[str] | None = None) -> int:
-    """Console entry."""
+    """Run the node (console entry); return the exit code."""
     return run_node(WinchScheduleNode, args)
 
 

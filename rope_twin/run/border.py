@@ -1,9 +1,9 @@
-"""The border: messages from outside on their way to a twin.
+"""Input border: checks messages from outside before they reach a twin.
 
-A message that does not decode, comes from a second sender of the ship's motion or from a node that
-does not command the winch is refused here, counted and reported. Whether the numbers of the others
-make sense is the twin's own judgement (`Twin.offer_*`). There is one sender of motion at a time:
-another one is heard once the first has been silent for SILENT_S.
+A message that cannot be decoded, comes from a second sender of the ship motion, or from a node that
+does not command the winch is rejected here, counted and reported. The twin itself checks whether
+the values are plausible (`Twin.offer_*`). One sender of motion is used at a time; another one is
+accepted once the first has been silent for SILENT_S.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.messages import Level, Status, decode
-from rope_twin.messages.forms import NANOSECONDS
 from rope_twin.messages.inputs import ORDER_FIELDS
+from rope_twin.messages.templates import NANOSECONDS
 from rope_twin.run.seat import Command, Seats
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.winch import SWITCHES
@@ -40,15 +40,15 @@ from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.twin import Twin
 
-SILENT_S = 0.5  # without a message from the sender of motion another one is followed
-REPORTED_S = 60.0  # how long a refusal keeps its row above OK
+SILENT_S = 0.5  # silence of the sender of motion after which another one is accepted
+REPORTED_S = 60.0  # how long a rejection keeps its row above OK
 MESSAGES_ROW, SENDERS_ROW = "simulation: messages", "simulation: senders"
 
 Content = TypeVar("Content")
 
 
 class Refusals:
-    """Refused messages of one topic: all, those of the last REPORTED_S, and the newest reason."""
+    """Rejected messages of one topic: total, those of the last REPORTED_S, and the last reason."""
 
     def __init__(self) -> None:
         self.count = 0
@@ -56,31 +56,31 @@ class Refusals:
         self._recent: deque[float] = deque(maxlen=100_000)
 
     def add(self, note: str, now_s: float) -> None:
-        """Count a refused message."""
+        """Count a rejected message."""
         self.count, self.note = self.count + 1, note
         self._recent.append(now_s)
 
     def recent(self, now_s: float) -> int:
-        """Return how many were refused in the last REPORTED_S."""
+        """Return how many were rejected in the last REPORTED_S."""
         while self._recent and self._recent[0] < now_s - REPORTED_S:
             self._recent.popleft()
         return len(self._recent)
 
 
 class MotionSender:
-    """Which of several senders of one motion topic is followed.
+    """Selects one of several senders of a motion topic.
 
-    One that takes over for good, as after a restart, is not heard for SILENT_S and then followed.
+    A sender that replaces another, as after a restart, is ignored for SILENT_S and then accepted.
     """
 
     def __init__(self) -> None:
         self._sender: object = None
         self._heard_s = -math.inf
-        self._refused = False  # whether another one spoke since the followed one last did
-        self.mixed = False  # whether two have spoken by turns
+        self._refused = False  # whether another one was rejected since the last accepted message
+        self.mixed = False  # whether two senders have sent in turn
 
     def admit(self, sender: object, now_s: float) -> bool:
-        """Return whether a message of this sender is taken; `sender` is any name of it."""
+        """Return whether a message of this sender is accepted; `sender` is any identifier."""
         if sender != self._sender and now_s - self._heard_s < SILENT_S:
             self._refused = True
             return False
@@ -90,9 +90,9 @@ class MotionSender:
 
 
 class InputBorder:
-    """Takes messages as bytes, from any thread, and queues what they say for the twin.
+    """Decodes messages, from any thread, and queues their content for the twin.
 
-    Nothing that is wrong with a message is raised: it is counted and reported in `rows`.
+    A faulty message raises nothing: it is counted and reported in `rows`.
     """
 
     def __init__(
@@ -102,7 +102,10 @@ class InputBorder:
         priority: str,
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
-        """`priority`: names of commanding nodes from the highest down; `now_s`: a steady clock."""
+        """Make the border of a twin.
+
+        `priority`: names of commanding nodes, highest first; `now_s`: a steady clock.
+        """
         self._twin, self._inputs, self._now_s = twin, inputs, now_s
         self._lock = threading.Lock()
         self._malformed = {name: Refusals() for name in INPUTS}
@@ -112,17 +115,17 @@ class InputBorder:
         self.seats = Seats(
             twin.scene, priority, lambda order, winch: self._command(None, order, winch), now_s
         )
-        self.epoch_ns: int | None = None  # ROS time of the twin's t = 0; None: nothing is taken
+        self.epoch_ns: int | None = None  # ROS time of t = 0; None: all inputs are ignored
 
     def take_motion(
         self, topic: str, data: bytes, sender: object = None, received_ns: int | None = None
     ) -> None:
-        """Take a message of one of MOTION_TOPICS.
+        """Accept or reject a message on one of MOTION_TOPICS.
 
         Args:
-            topic: of the message.
+            topic: topic of the message.
             data: the message as CDR.
-            sender: any name of its publisher.
+            sender: any identifier of its publisher.
             received_ns: ROS time of its arrival; None: not known.
         """
         content = self._read(topic, lambda: _MOTION_READERS[topic](data))
@@ -131,8 +134,8 @@ class InputBorder:
         with self._lock:
             now_s = self._now_s()
             if not self._senders[topic].admit(sender, now_s):
-                right = "let one sender publish it, or let the first fall silent"
-                note = phrase(topic, "a second sender publishes it too, and is not heard", right)
+                right = "stop one of the two senders"
+                note = phrase(topic, "a second sender publishes it too and is ignored", right)
                 self._strangers[topic].add(note, now_s)
                 return
         arrival_ns = None if received_ns is None else received_ns - epoch_ns
@@ -145,13 +148,13 @@ class InputBorder:
     def take_order(
         self, topic: str, data: bytes, sender: str | None = None, publisher: str = ""
     ) -> None:
-        """Take a message of one of WINCH_TOPICS.
+        """Accept or reject a message on one of WINCH_TOPICS.
 
         Args:
-            topic: of the message.
+            topic: topic of the message.
             data: the message as CDR.
-            sender: name of its node, which must have the winch's seat; None: there is no seat.
-            publisher: what the sender was called while its name was not known.
+            sender: name of its node, which must have the winch's seat; None: not checked.
+            publisher: name of the sender while its node was not known.
         """
         content = self._read(topic, lambda: read_order(topic, data))
         if content is None or (epoch_ns := self._epoch()) is None:
@@ -168,7 +171,7 @@ class InputBorder:
         self._command(at_ns, order, name)
 
     def take_cut(self, data: bytes) -> None:
-        """Take a rope/cut message."""
+        """Accept or reject a rope/cut message."""
         content = self._read(CUT_TOPIC, lambda: read_cut(data))
         if content is not None and (epoch_ns := self._epoch()) is not None:
             stamp_ns, below_m, rope = content
@@ -176,13 +179,13 @@ class InputBorder:
             self._inputs.offer_cut(at_ns, below_m, rope)
 
     def take_current(self, data: bytes) -> None:
-        """Take a `current` message; it has no stamp and holds from now on."""
+        """Accept or reject a `current` message; it has no stamp and applies from now on."""
         content = self._read("current", lambda: read_current(data))
         if content is not None:
             self._inputs.offer_current(content)
 
     def rows(self) -> list[Status]:
-        """Return the diagnostics of seats, messages and senders."""
+        """Return the diagnostics rows of seats, messages and senders."""
         with self._lock:
             now_s = self._now_s()
             ignored = self._ignored + self._inputs.refused
@@ -194,15 +197,15 @@ class InputBorder:
 
     @property
     def mixed(self) -> str:
-        """Which motion came from several senders by turns, in words; "" for none."""
+        """Return in words which motion several senders sent in turn; "": none."""
         names = [name for name, one in self._senders.items() if one.mixed]
-        return f"{', '.join(names)}: it came from several senders, one was heard" if names else ""
+        return f"{', '.join(names)}: several senders, one of them used" if names else ""
 
     def _command(self, at_ns: int | None, order: Order, winch: str) -> None:
         self._inputs.offer_order(at_ns, order, winch)
 
     def _read(self, topic: str, read: Callable[[], Content]) -> Content | None:
-        """Return what a message says; None, counted, if it was no proper one."""
+        """Return the content of a message; count a malformed one and return None."""
         try:
             return read()
         except InputError as error:
@@ -211,7 +214,7 @@ class InputBorder:
             return None
 
     def _epoch(self) -> int | None:
-        """Return the epoch; None, counted, where there is none to place an input by."""
+        """Return the epoch; if there is none, count the input as ignored and return None."""
         epoch_ns = self.epoch_ns
         if epoch_ns is None:
             self._ignored += 1
@@ -219,35 +222,35 @@ class InputBorder:
 
 
 def _messages_row(malformed: dict[str, Refusals], ignored: int, now_s: float) -> Status:
-    """Messages that were refused by topic, and inputs ignored while the twin was not active."""
+    """Return the row on malformed messages, and on inputs ignored while not active."""
     values = {topic: str(refused.count) for topic, refused in malformed.items()}
     values["ignored while not active"] = str(ignored)
     recent = {topic: count for topic, one in malformed.items() if (count := one.recent(now_s))}
     if not recent:
         total = sum(refused.count for refused in malformed.values())
-        words = "every message was well formed"
+        words = "all messages well formed"
         if total:
             words = f"{total} malformed since the start, none in the last {REPORTED_S:g} s"
         return Status(MESSAGES_ROW, Level.OK, words, values)
     notes = " ".join(malformed[topic].note for topic in recent)
-    message = f"{sum(recent.values())} refused as malformed in the last {REPORTED_S:g} s; "
-    return Status(MESSAGES_ROW, Level.WARN, f"{message}the newest of each: {notes}", values)
+    message = f"{sum(recent.values())} malformed and rejected in the last {REPORTED_S:g} s; "
+    return Status(MESSAGES_ROW, Level.WARN, f"{message}last per topic: {notes}", values)
 
 
 def _senders_row(strangers: dict[str, Refusals], now_s: float) -> Status:
-    """Whether the ship's motion comes from one sender."""
+    """Return the row on second senders of the ship motion."""
     values = {f"{topic}: of others": str(one.count) for topic, one in strangers.items()}
     notes = [one.note for one in strangers.values() if one.recent(now_s)]
     if notes:
         return Status(SENDERS_ROW, Level.ERROR, " ".join(notes), values)
-    return Status(SENDERS_ROW, Level.OK, "the ship's motion comes from one sender", values)
+    return Status(SENDERS_ROW, Level.OK, "one sender of ship motion", values)
 
 
 def read_heave(data: bytes) -> tuple[int, tuple[float, float]]:
-    """ROS stamp [ns], and heave [m] and its rate [m/s], of a ship/heave message.
+    """Return ROS stamp [ns], heave [m] and heave rate [m/s] of a ship/heave message.
 
     Raises:
-        InputError: if the bytes are no such message, or its stamp is no time.
+        InputError: if the bytes are not such a message, or its stamp is invalid.
     """
     message = decode("ship/heave", data)
     stamp_ns = _stamp_ns("ship/heave", message.header.stamp)
@@ -255,10 +258,10 @@ def read_heave(data: bytes) -> tuple[int, tuple[float, float]]:
 
 
 def read_pose(data: bytes) -> tuple[int, ShipPose]:
-    """ROS stamp [ns] of a ship/odometry message, and its pose, stamped with 0.
+    """Return the ROS stamp [ns] of a ship/odometry message, and its pose, stamped with 0.
 
     Raises:
-        InputError: if the bytes are no such message, or its stamp is no time.
+        InputError: if the bytes are not such a message, or its stamp is invalid.
     """
     message = decode("ship/odometry", data)
     stamp_ns = _stamp_ns("ship/odometry", message.header.stamp)
@@ -280,16 +283,16 @@ _MOTION_READERS: dict[str, Callable[[bytes], tuple[int, ShipPose | tuple[float, 
 
 
 def read_order(topic: str, data: bytes) -> tuple[int | None, Order, str]:
-    """ROS stamp [ns] (None: at once), order and name of the winch of a message on its topics.
+    """Return ROS stamp [ns] (None: apply immediately), command and winch of a winch message.
 
     Raises:
-        InputError: if the bytes are no such message, its stamp is no time, or it does not carry
-            exactly the one value, or switch, that the topic is for.
+        InputError: if the bytes are not such a message, its stamp is invalid, or it does not carry
+            exactly one value (or switch) of the topic's kind.
     """
     message = decode(topic, data)
     names = [str(name) for name in message.name]
     if topic == SWITCH_TOPIC and names[1:] == [EMERGENCY_STOP]:
-        # never refused for its stamp: one that is no time becomes one of long ago, and is flagged
+        # never rejected for its stamp: an invalid one is replaced by a past time, and is flagged
         stamp = message.header.stamp
         stamp_ns = _stamp_ns(topic, stamp) if 0 <= stamp.nanosec < NANOSECONDS else 1
     else:
@@ -299,9 +302,9 @@ def read_order(topic: str, data: bytes) -> tuple[int | None, Order, str]:
         if len(names) != 2:
             right = f"give two: the winch's, and one of {', '.join(SWITCHES)}"
             raise InputError(phrase(topic, f"{len(names)} names", right))
-        if names[1] in SEAT_ORDERS:  # the twin obeys them, but no message may give them
+        if names[1] in SEAT_ORDERS:  # internal commands, not allowed in a message
             right = did_you_mean(names[1], SWITCHES)
-            raise InputError(phrase(topic, f"'{names[1]}' is no switch", right))
+            raise InputError(phrase(topic, f"'{names[1]}' is not a switch", right))
         return stamp_ns or None, Order(names[1]), winch
     kind = next(kind for kind, own in ORDER_TOPICS.items() if own == topic)
     values = getattr(message, ORDER_FIELDS[kind])
@@ -311,35 +314,35 @@ def read_order(topic: str, data: bytes) -> tuple[int | None, Order, str]:
     return stamp_ns or None, Order(kind, float(values[0])), winch
 
 
-_VALUES = {  # what the one value is called in the plural, and what it is
-    SPEED: ("velocities", "there must be exactly one, the winch's, + pays out"),
+_VALUES = {  # name of the value in the plural, and its meaning
+    SPEED: ("velocities", "there must be exactly one, the pay-out rate"),
     LENGTH: ("positions", "there must be exactly one, the line out to stop at"),
     DEPTH: ("positions", "there must be exactly one, the payload's depth to stop at"),
-    TENSION: ("efforts", "there must be exactly one, the tension to keep"),
+    TENSION: ("efforts", "there must be exactly one, the tension set-point"),
 }
 
 
 def read_cut(data: bytes) -> tuple[int | None, float, str]:
-    """ROS stamp [ns] (None: at once), place below the upper end [m] and rope of a rope/cut message.
+    """Return ROS stamp [ns] (None: at once), length above the cut [m] and rope of a rope/cut.
 
     Raises:
-        InputError: if the bytes are no such message, its stamp is no time, or it does not carry
+        InputError: if the bytes are not such a message, its stamp is invalid, or it does not carry
             exactly one position.
     """
     message = decode(CUT_TOPIC, data)
     stamp_ns = _stamp_ns(CUT_TOPIC, message.header.stamp)
     if len(message.position) != 1:
-        right = "there must be exactly one, the rope between hang-off and cut"
+        right = "there must be exactly one, the length of rope between hang-off and cut"
         raise InputError(phrase(CUT_TOPIC, f"{len(message.position)} positions", right))
     rope = str(message.name[0]) if len(message.name) else ""
     return stamp_ns or None, float(message.position[0]), rope
 
 
 def read_current(data: bytes) -> NDArray[np.float64]:
-    """Rows (k, 3) of z [m], east and north [m/s] of a `current` message.
+    """Return the rows (k, 3) of z [m], east and north [m/s] of a `current` message.
 
     Raises:
-        InputError: if the bytes are no such message or its layout is not k rows of 3.
+        InputError: if the bytes are not such a message or its layout is not k rows of 3.
     """
     message = decode("current", data)
     numbers = np.asarray(message.data, dtype=np.float64)

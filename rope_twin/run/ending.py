@@ -1,4 +1,4 @@
-"""What asks a run to end: Ctrl-C, SIGTERM, and a terminal that closed (SIGHUP)."""
+"""Signals that end a run: Ctrl-C (SIGINT), SIGTERM, and a closed terminal (SIGHUP)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from types import FrameType
 
 
 def ending_signals() -> tuple[signal.Signals, ...]:
-    """The signals that end a run in good order; under nohup a closed terminal is none of them."""
+    """Return the signals that end a run cleanly; under nohup SIGHUP is not among them."""
     if signal.getsignal(signal.SIGHUP) == signal.SIG_IGN:
         return signal.SIGINT, signal.SIGTERM
     return signal.SIGINT, signal.SIGTERM, signal.SIGHUP
@@ -18,9 +18,9 @@ def ending_signals() -> tuple[signal.Signals, ...]:
 
 @contextmanager
 def end_told() -> Iterator[threading.Event]:
-    """Such a signal sets a flag, so that it never comes in the middle of a step.
+    """Set an event on such a signal, so that no signal interrupts a time step.
 
-    A second one does what it did before.
+    A second signal has its original effect.
     """
     told = threading.Event()
     if threading.current_thread() is not threading.main_thread():

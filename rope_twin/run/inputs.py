@@ -1,7 +1,7 @@
-"""What moves the ship in a run, chosen in one place for every runner.
+"""Ship motion of a run: selection of its source, the same for every runner.
 
-With the winch schedule (`rope_twin.twin.hoisting.schedule`) this is all that a run feeds to its
-twin, with the same stamps whether it is paced over ROS or not.
+Together with the winch schedule (`rope_twin.twin.hoisting.schedule`) this is all input of a run.
+The stamps are the same in a real-time run over ROS and in an unpaced one.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from rope_twin.twin.motion.heave_series import HeaveSeries
 from rope_twin.twin.twin import Twin
 
 FIRST_NS = -100_000_000  # samples begin this early, so that t = 0 lies between two of them
-LEAD_NS = 200_000_000  # samples are given this long before they are needed
+LEAD_NS = 200_000_000  # samples are passed to the twin this long before they are needed
 
 
 class Sea(Protocol):
-    """Where heave comes from, in twin time."""
+    """Source of ship motion, in simulation time."""
 
-    source: str  # what it is, in words
-    note: str  # what was wrong with it and what is done about it; empty: nothing
+    source: str  # description
+    note: str  # fault of the source and how it is handled; empty: none
 
     def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
-        """Samples with from_ns <= stamp_ns < to_ns, in order; each stamp once."""
+        """Return the samples with from_ns <= stamp_ns < to_ns, in order; each stamp once."""
 
     def is_over(self, from_ns: int) -> bool:
-        """Whether there is no sample from a time on."""
+        """Return whether there is no sample from a time on."""
 
 
 def open_sea(
@@ -48,15 +48,16 @@ def open_sea(
     loop: bool = True,
     poses: str = "",
 ) -> Sea | None:
-    """What moves the ship: heave of `bag`, poses of `poses`, or the scene's sea; None: nothing.
+    """Return the ship motion: heave of `bag`, poses of `poses`, or the scene's sea; None: none.
 
     `start_s` counts from the scene's own start if it is the scene's sea. A regular heave has no
-    end, whatever `loop` says. Where the ship rests in `poses`, the scene's own poses say.
+    end, whatever `loop` is. The ship's still-water position in `poses` is taken from the scene's
+    own poses.
 
     Raises:
-        BagError: one sentence on what is wrong with the bag.
-        InputError: a topic is named but there is no bag to look for it in, heave and poses are
-            both given, or a table that the scene names is wrong.
+        BagError: the bag cannot be used; one sentence.
+        InputError: a topic is named without a bag, heave and poses are both given, or a table that
+            the scene names is invalid.
     """
     if bag and poses:
         right = "give heave or poses of the ship, not both"
@@ -83,10 +84,10 @@ def open_sea(
 
 
 def expect_own_sea(twin: Twin) -> None:
-    """Compare the motion that a twin takes from elsewhere with its scene's own sea.
+    """Compare the motion input of a twin with its scene's own sea.
 
-    For a run that is fed from outside, over topics or from a recording. Without an error of the
-    scene's card there is nothing to lose, and the sea is not opened.
+    For a run with input from topics or a recording. If the scene's convergence study gives no
+    error, there is nothing to invalidate, and the sea is not opened.
     """
     if math.isnan(twin.card_error.rms_pct):
         return
@@ -97,30 +98,30 @@ def expect_own_sea(twin: Twin) -> None:
 
 
 def offer(twin: Twin | InputQueue, sample: HeaveSample) -> str:
-    """Give a twin one sample; "" or why it was refused."""
+    """Pass one sample to a twin; return why it was rejected, or ""."""
     if sample.pose is not None:
         return twin.offer_pose(sample.pose)
     return twin.offer_heave(sample.stamp_ns, sample.position_m, sample.velocity_m_per_s)
 
 
 def motion_topic(sea: Sea) -> str:
-    """The topic that a sea's samples are told in."""
+    """Return the topic that a sea's samples are published on."""
     posed = isinstance(sea, ShipOnWaves | WayOfHangOff | PoseReplay)
     return "ship/odometry" if posed else "ship/heave"
 
 
 def encode_motion(stamp_ns: int, sample: HeaveSample) -> tuple[str, bytes]:
-    """The topic and message that tell of a sample, stamped so."""
+    """Return topic and message of a sample with this stamp."""
     if sample.pose is not None:
         return "ship/odometry", encode_pose(stamp_ns, sample.pose)
     return "ship/heave", encode_heave(stamp_ns, sample.position_m, sample.velocity_m_per_s)
 
 
 def series_of(samples: list[HeaveSample]) -> HeaveSeries | None:
-    """What the samples make of the hang-off, for many steps at once; None if there are none.
+    """Return the hang-off motion of the samples, for many steps at once; None if there are none.
 
     Raises:
-        InputError: no ship moves so.
+        InputError: the motion is implausible for a ship.
     """
     if not samples:
         return None

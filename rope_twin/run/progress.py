@@ -1,4 +1,4 @@
-"""How far a run has come, on standard error."""
+"""Progress of a run on standard error."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ import sys
 import time
 from typing import Protocol, TextIO
 
-WIDTH = 80  # of a terminal that does not tell
+WIDTH = 80  # columns of a terminal of unknown width
 
 
 def columns(stream: TextIO) -> int:
-    """Of the terminal that the stream is."""
+    """Return the width in columns of the terminal behind a stream."""
     try:
         return os.get_terminal_size(stream.fileno()).columns or WIDTH
     except (OSError, ValueError):
@@ -19,14 +19,14 @@ def columns(stream: TextIO) -> int:
 
 
 class Shown(Protocol):
-    """What has a line for people."""
+    """Anything that can be shown as a progress line."""
 
     def as_progress(self) -> str:
-        """The line."""
+        """Return the progress line."""
 
 
 class FigureProgress:
-    """One changing line on a terminal, a line every ten seconds elsewhere; on standard error."""
+    """Prints one updated line on a terminal, elsewhere a line every 10 s; on standard error."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self._stream = stream or sys.stderr
@@ -37,15 +37,15 @@ class FigureProgress:
 
     @property
     def due(self) -> bool:
-        """Whether it is time for the next line."""
+        """Return whether it is time for the next line."""
         return time.monotonic() >= self._next_s
 
     def show(self, figures: Shown) -> None:
-        """Their line, now."""
+        """Print the progress line now."""
         self._next_s = time.monotonic() + self._period_s
         line = figures.as_progress()
         if self._live:
-            line = line[: columns(self._stream) - 1]  # a wrapped line cannot be written over
+            line = line[: columns(self._stream) - 1]  # a wrapped line cannot be overwritten
             self._stream.write("\r" + line.ljust(self._width))
             self._width = len(line)
         else:
@@ -53,13 +53,13 @@ class FigureProgress:
         self._stream.flush()
 
     def say(self, sentence: str) -> None:
-        """A line of its own."""
+        """Print a sentence on a line of its own."""
         self.finish()
         self._stream.write(sentence + "\n")
         self._stream.flush()
 
     def finish(self) -> None:
-        """Leave the changing line."""
+        """End the updated line."""
         if self._width:
             self._stream.write("\n")
             self._width = 0

@@ -1,13 +1,14 @@
-"""The commander's seat of a winch: one node commands it at a time, the others are refused.
+"""Command authority of a winch ("seat"): one node commands it at a time, others are rejected.
 
-Who sends a command is known by the name of its node (`company.Senders`); a parameter lists names
-by priority. The first that sends a command takes a free seat; a node of higher priority takes it
-at any time, one of equal priority only after the seat was asked for or released on a service.
-An emergency stop is everybody's, its reset only the commander's.
+The sender of a command is identified by the name of its node (`senders.Senders`); a
+parameter lists names by priority. The first node that sends a command takes a free seat. A node of
+higher priority takes it at any time, one of equal priority only after the seat was requested or
+released by a service call. Any node may trigger an emergency stop; only the commander may reset it.
 
-A commander that leaves the network, or falls silent after a stream of commands, is lost: the seat
-is free and the winch does what its scene says (`when_commander_lost`). One that falls silent while
-a node of higher priority is there has yielded to it, and its last command stands.
+A commander that leaves the network, or stops sending after a stream of commands, is lost: the seat
+becomes free and the winch does what its scene specifies (`when_commander_lost`). A commander that
+stops sending while a node of higher priority is present has yielded to it, and its last command
+remains in force.
 """
 
 from __future__ import annotations
@@ -30,53 +31,56 @@ from rope_twin.twin.hoisting.orders import (
     Order,
 )
 
-ANY = "*"  # in a list of priorities: every node that is not in it
+ANY = "*"  # in a priority list: every node that the list does not name
 PRIORITY = "local_panel console * winch_schedule"
-RESERVED_S = 5.0  # how long an asked-for seat waits for its new commander
-SILENT_NS = 2_000_000_000  # twin time after which a stream of commands has ended
-STREAM_GAP_NS = 500_000_000  # commands that follow each other faster are a stream ...
+RESERVED_S = 5.0  # how long a requested seat waits for its new commander
+SILENT_NS = 2_000_000_000  # simulation time without a command after which a stream has ended
+STREAM_GAP_NS = 500_000_000  # commands at shorter intervals are a stream ...
 STREAM_COMMANDS = 10  # ... once there are so many
-AHEAD_NS = 1_000_000_000  # a stamp further ahead is reported, but of the node that plans
-GONE_S = 1.0  # how long a node is out of sight before it is lost
-QUIET_S = 1.0  # a commander that has sent something since is not released by others
-WARNED_S = 60.0  # how long a refusal is warned of
+AHEAD_NS = 1_000_000_000  # a stamp further ahead is reported, except from the planning node
+GONE_S = 1.0  # how long a node is missing from the graph before it is lost
+QUIET_S = 1.0  # a commander that has sent a command since cannot be released by others
+WARNED_S = 60.0  # how long a rejection is reported as a warning
 
 
 class Verdict(NamedTuple):
-    """What becomes of a command."""
+    """Decision on a command."""
 
-    refusal: str = ""  # why it is not for the twin, in one sentence
-    is_new: bool = False  # whether another node commands from now on than the last one
+    refusal: str = ""  # why it is rejected, in one sentence; "": accepted
+    is_new: bool = False  # whether the commander changes with this command
 
 
 class CommandSeat:
-    """The seat of one winch; times are of the steady clock [s] and of the twin [ns]."""
+    """Seat of one winch; times are steady-clock times [s] and simulation times [ns]."""
 
     def __init__(self, winch: str, priority: str, when_lost: str) -> None:
-        """`priority`: names of nodes from the highest down; `when_lost`: of the scene's winch."""
+        """Make a free seat.
+
+        `priority`: names of nodes, highest priority first; `when_lost`: the scene's setting.
+        """
         self.winch, self._when_lost = winch, when_lost
         self._names = priority.split()
         if ANY not in self._names:
             self._names.append(ANY)
-        self.holder = ""  # name of the node that commands; "": the seat is free
-        self._former = ""  # the last one that had it
+        self.holder = ""  # name of the commanding node; "": the seat is free
+        self._former = ""  # its last holder
         self.refused = 0
         self._refusal, self._refused_s = "", -WARNED_S
         self._reserved_until_s = 0.0
         self._lost = ""  # how the last commander was lost, until another one commands
         self._yielded = ""
-        self._commanded_s = 0.0  # when the newest command came
-        self._newest_ns = 0  # twin time up to which it was commanded
-        self._streak = 0  # commands that followed each other in a stream
-        self._stands = True  # whether the last command is to stand still
-        self._gap_ns, self._gap_s = 0, -WARNED_S  # the newest hole in a stream, and when it ended
+        self._commanded_s = 0.0  # arrival time of the last command
+        self._newest_ns = 0  # simulation time up to which the winch was commanded
+        self._streak = 0  # consecutive commands of a stream
+        self._stands = True  # whether the last command was zero speed
+        self._gap_ns, self._gap_s = 0, -WARNED_S  # last gap in a stream, and when it ended
         self._planner = planner_of(priority)
-        self._ahead_ns = 0  # by how much the newest was stamped ahead, of one that does not plan
-        self._unseen_s: float | None = None  # since when the holder is out of sight
-        self._silent = False  # at the last look too: what waits in the middleware is taken first
+        self._ahead_ns = 0  # how far ahead the last command was stamped, if not by the planner
+        self._unseen_s: float | None = None  # since when the holder is missing from the graph
+        self._silent = False  # silent at the last check too: queued messages are read in between
 
     def rank(self, name: str) -> int:
-        """Place of a node in the list of priorities, 0 the highest."""
+        """Return the position of a node in the priority list, 0 being the highest."""
         own = name.rpartition("/")[2]
         for one in (name, own, ANY):
             if one in self._names:
@@ -84,13 +88,13 @@ class CommandSeat:
         return len(self._names)
 
     def judge(self, sender: str, order: Order, now_s: float) -> Verdict:
-        """Let a command through to the twin, or refuse it; it may take the seat."""
+        """Accept or reject a command; an accepted one may take the seat."""
         if order.kind == EMERGENCY_STOP or sender == self.holder:
             return Verdict()
         is_reserved = now_s < self._reserved_until_s and self.rank(sender) <= self.rank(self.holder)
         if self.holder and not is_reserved and self.rank(sender) >= self.rank(self.holder):
-            what = f"'{order.kind}' of node {sender} is refused: {self.holder} has the seat"
-            right = f"ask for it on the service {service_name(self.winch, TAKE)}"
+            what = f"'{order.kind}' from node {sender} rejected: {self.holder} has the seat"
+            right = f"request the seat with the service {service_name(self.winch, TAKE)}"
             self._refusal = phrase(f"winch {self.winch}", what, right)
             self.refused, self._refused_s = self.refused + 1, now_s
             return Verdict(self._refusal)
@@ -102,7 +106,10 @@ class CommandSeat:
         return Verdict(is_new=is_new)
 
     def note(self, order: Order, stamp_ns: int | None, now_ns: int, now_s: float) -> None:
-        """Note a command of the holder: twin time of its stamp (None: at once) and now."""
+        """Register a command of the holder.
+
+        `stamp_ns`: simulation time of its stamp, None: apply immediately; `now_ns`, `now_s`: now.
+        """
         self._commanded_s = now_s
         if order.kind not in MOTIONS:
             return
@@ -118,39 +125,39 @@ class CommandSeat:
         self._silent, self._yielded = False, ""
 
     def rename(self, name: str) -> None:
-        """The holder's name has become known."""
+        """Set the holder's name once the graph knows it."""
         self.holder = self._former = name
 
     def resume(self, now_ns: int) -> None:
-        """The twin goes on after a pause, in which no command was due."""
+        """Continue after a pause, in which no command was due."""
         self._newest_ns = max(self._newest_ns, now_ns)
 
     def ask(self, now_s: float) -> tuple[bool, str]:
         """Reserve the seat for the next node of the holder's priority that commands."""
         if not self.holder:
-            return True, f"the seat of {self.winch} is free: the first command takes it"
+            return True, f"seat of {self.winch} free: the first command takes it"
         self._reserved_until_s = now_s + RESERVED_S
         return True, (
-            f"{self.holder} has the seat of {self.winch}; the next other node of its priority that "
-            f"commands within {RESERVED_S:g} s gets it"
+            f"{self.holder} has the seat of {self.winch}; the next command within {RESERVED_S:g} s "
+            "from another node of its priority takes it"
         )
 
     def release(self, now_s: float) -> tuple[bool, str, tuple[str, ...]]:
-        """Free the seat of a commander that is quiet; success, words, and orders to the winch."""
+        """Free the seat of an idle commander; return success, text and commands to the winch."""
         if not self.holder:
-            return False, f"the seat of {self.winch} is free already", ()
+            return False, f"seat of {self.winch} already free", ()
         ago_s = now_s - self._commanded_s
         if ago_s < QUIET_S:
-            words = f"{self.holder} has commanded {self.winch} {ago_s:.1f} s ago: it must be quiet"
+            words = f"{self.holder} commanded {self.winch} {ago_s:.1f} s ago: it must be idle"
             return False, f"{words} for {QUIET_S:g} s", ()
         words = f"{self.holder} has released the seat of {self.winch}"
         self.holder = ""
         return True, words, (NEW_COMMANDER,) if self._stands else (COMMANDER_LOST,)
 
     def look(self, present: set[str], now_ns: int, now_s: float) -> tuple[str, ...]:
-        """See whether the holder is still there; what to order the winch to do.
+        """Check whether the holder is still present; return the resulting commands to the winch.
 
-        present: names of the nodes that publish on its command topics now.
+        present: names of the nodes that currently publish on its command topics.
         """
         if not self.holder:
             return ()
@@ -171,7 +178,7 @@ class CommandSeat:
         if above:
             self._yielded = above[0]
             return ()
-        return self._lose("fell silent", now_ns)
+        return self._lose("stopped sending", now_ns)
 
     def _lose(self, how: str, now_ns: int) -> tuple[str, ...]:
         at_s = now_ns * 1e-9
@@ -180,56 +187,54 @@ class CommandSeat:
         return () if self._stands else (COMMANDER_LOST,)
 
     def words(self) -> str:
-        """Like `winch: console`, for the topic winch/seat."""
+        """Return the text for the topic winch/seat, such as `winch: console`."""
         if self.holder:
             return f"{self.winch}: {self.holder}"
         return f"{self.winch}: free" + (f" ({self._lost})" if self._lost else "")
 
     def row(self, now_s: float) -> Status:
-        """Diagnostics: who commands, and whom it was refused to."""
+        """Return the diagnostics row on the commander and on rejected commands."""
         name = f"simulation: seat {self.winch}"
         values = {
             "commander": self.holder or "none",
             "refused": str(self.refused),
-            "newest refusal": self._refusal,
+            "last rejection": self._refusal,
             "priority": " ".join(self._names),
             "when the commander is lost": self._when_lost,
         }
-        level, message = Level.OK, f"{self.holder} commands"
+        level, message = Level.OK, f"{self.holder} in command"
         if not self.holder:
-            message = "the seat is free: the first command takes it"
+            message = "seat free: the first command takes it"
         if self._lost:
-            level, message = Level.ERROR, f"{self._lost}; the seat is free"
+            level, message = Level.ERROR, f"{self._lost}; seat free"
         elif self._ahead_ns > AHEAD_NS:
             level = Level.WARN
-            message += (
-                f"; its commands are stamped {self._ahead_ns * 1e-9:.1f} s ahead and wait for "
-            )
-            message += "their time: its clock may be wrong"
+            message += f"; its commands are stamped {self._ahead_ns * 1e-9:.1f} s ahead and are "
+            message += "held until then: check its clock"
         elif self._yielded:
             level = Level.WARN
-            message = f"{self.holder} is silent, as {self._yielded} is there: its last command"
-            message += f" stands until {self._yielded} commands"
+            message = f"{self.holder} has yielded to {self._yielded}: its last command remains in "
+            message += f"force until {self._yielded} commands"
         if now_s - self._gap_s < WARNED_S:
             level = max(level, Level.WARN)
-            message += f"; its commands stopped for {self._gap_ns * 1e-9:.1f} s in between"
+            message += f"; command stream interrupted for {self._gap_ns * 1e-9:.1f} s"
         if now_s - self._refused_s < WARNED_S:
             level = max(level, Level.WARN)
-            message += f"; {self.refused} refused since the start, the newest: {self._refusal}"
+            message += f"; {self.refused} rejected since the start, last: {self._refusal}"
         return Status(name, level, message, values)
 
 
 class Command(NamedTuple):
-    """A command as it came."""
+    """A command as received."""
 
     order: Order
-    stamp_ns: int | None  # twin time [ns]; None: at once
-    sender: str  # name of its node, or what `publisher` says while that is not known
-    publisher: str = ""  # what the sender was called before its name was known
+    stamp_ns: int | None  # simulation time [ns]; None: apply immediately
+    sender: str  # name of its node, or that of its publisher while the node is not known
+    publisher: str = ""  # name of the sender before its node was known
 
 
 class Seats:
-    """The seats of all winches of a scene; `order` takes what they order the winches to do."""
+    """Seats of all winches of a scene; `order` receives their commands to the winches."""
 
     def __init__(
         self,
@@ -248,23 +253,23 @@ class Seats:
 
     @property
     def winches(self) -> tuple[str, ...]:
-        """Names of the winches."""
+        """Return the names of the winches."""
         return tuple(self._by_winch)
 
     @property
     def taken(self) -> bool:
-        """Whether any winch has a commander."""
+        """Return whether any winch has a commander."""
         return any(seat.holder for seat in self._by_winch.values())
 
     def admit(self, winch: str, command: Command, now_ns: int) -> Command | None:
-        """Judge a command; as it is for the twin, or None if another node commands the winch.
+        """Return the command to be passed on, or None if another node commands the winch.
 
-        A stop of a sender that does not plan is executed at once, by whatever clock it is stamped.
-        now_ns: twin time.
+        An emergency stop is executed immediately, whatever its stamp, unless the planner sent it.
+        now_ns: simulation time.
         """
         seat, now_s = self._by_winch.get(winch), self._now_s()
         if seat is None:
-            return command  # for no winch of this scene: the twin refuses it
+            return command  # for no winch of this scene: the twin rejects it
         if command.publisher and seat.holder == command.publisher:
             seat.rename(command.sender)
         verdict = seat.judge(command.sender, command.order, now_s)
@@ -281,12 +286,12 @@ class Seats:
         return command
 
     def resume(self, now_ns: int) -> None:
-        """The twin begins, or goes on after a pause."""
+        """Start, or continue after a pause."""
         for seat in self._by_winch.values():
             seat.resume(now_ns)
 
     def look(self, present: set[str], now_ns: int) -> list[str]:
-        """See whether the commanders are still there; what was found, a sentence each."""
+        """Check whether the commanders are still present; return a sentence for each lost one."""
         found = []
         for name, seat in self._by_winch.items():
             held, now_s = seat.holder, self._now_s()
@@ -297,28 +302,28 @@ class Seats:
         return found
 
     def ask(self, winch: str) -> tuple[bool, str]:
-        """Reserve a seat for the next commander; success and words."""
+        """Reserve a seat for the next commander; return success and text."""
         return self._by_winch[winch].ask(self._now_s())
 
     def release(self, winch: str) -> tuple[bool, str]:
-        """Free a seat; success and words."""
+        """Free a seat; return success and text."""
         done, words, kinds = self._by_winch[winch].release(self._now_s())
         for kind in kinds:
             self._order(Order(kind), winch)
         return done, words
 
     def words(self) -> str:
-        """Who commands each winch, for the topic winch/seat."""
+        """Return the commander of each winch, for the topic winch/seat."""
         return "; ".join(seat.words() for seat in self._by_winch.values())
 
     def rows(self) -> list[Status]:
-        """Diagnostics of each."""
+        """Return a diagnostics row for each seat."""
         now_s = self._now_s()
         return [seat.row(now_s) for seat in self._by_winch.values()]
 
 
 def planner_of(priority: str) -> str:
-    """Return the node that sends its commands ahead of their time: the last one that is named."""
+    """Return the planning node, which sends commands ahead of time: the last in the list."""
     last = priority.split()[-1:]
     return last[0] if last and last != [ANY] else ""
 
@@ -327,5 +332,5 @@ TAKE, RELEASE = "take_seat", "release_seat"
 
 
 def service_name(winch: str, what: str) -> str:
-    """The service for the seat of a winch: winch/take_seat, of another one winch/NAME/take_seat."""
+    """Return the service name for a winch: winch/take_seat, or winch/NAME/take_seat."""
     return f"winch/{what}" if winch == WINCH else f"winch/{winch}/{what}"

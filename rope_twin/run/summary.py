@@ -1,4 +1,4 @@
-"""What a run made: the figures of its last line, and the line that shows how it goes."""
+"""Run summary: results and performance of a run, as text, JSON and a progress line."""
 
 from __future__ import annotations
 
@@ -12,11 +12,14 @@ from typing import Any
 
 from rope_twin.effects import EFFECTS
 from rope_twin.messages.diagnostics import cut_words
-from rope_twin.messages.load_status import breach_words, strength_words
-from rope_twin.messages.shape_status import bends_in_words, touchdown_words
+from rope_twin.messages.rope_status import (
+    bends_in_words,
+    breach_words,
+    strength_words,
+    touchdown_words,
+)
 from rope_twin.messages.status import counted
-from rope_twin.run.core_share import CoreShare
-from rope_twin.run.watch_summary import fatigue_figures, vibration_figures, watch_words
+from rope_twin.run.cpu_usage import CpuUsage
 from rope_twin.scene.card import told_bound
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.snapshot import (
@@ -33,82 +36,82 @@ from rope_twin.twin.twin import Twin
 
 @dataclass(frozen=True, kw_only=True)
 class RunSummary:
-    """Figures of a run so far; field names are the keys of `--json`."""
+    """Results of a run up to now; field names are the keys of `--json`."""
 
     scene: str
     effects: tuple[str, ...]
     elements: int
     step_s: float
     steps: int
-    time_s: float  # twin time
+    time_s: float  # simulation time
     late_steps: int
     worst_lateness_s: float
-    real_time_factor: float  # of the model alone: simulated time over time spent computing
-    paced_real_time_factor: float | None  # the same within the slots of a paced run
+    real_time_factor: float  # of the solver only: simulation time over computing time
+    paced_real_time_factor: float | None  # within the real-time cycle; None: not real-time
     tension_top_now_n: float
     tension_top_max_n: float
     tension_top_mean_n: float
     tension_top_min_n: float
-    tension_top_error_pct: float | None  # rms, at most, of its standard deviation; None: unknown
-    tension_top_peak_error_pct: float | None  # of the highest, at most; likewise
-    tension_top_error_reason: str  # of which run the error is, or why it is unknown
+    tension_top_error_pct: float | None  # RMS bound, % of its standard deviation; None: unknown
+    tension_top_peak_error_pct: float | None  # bound on the error of the maximum; None: unknown
+    tension_top_error_reason: str  # source of the error, or why it is unknown
     line_out_m: float
     payload_depth_m: float
     heave_accepted: int
     heave_refused: int
-    heave_late: int  # of the refused: came after they were needed
-    heave_refusal: str  # the newest one's sentence
+    heave_late: int  # those of the rejected samples that came after they were needed
+    heave_refusal: str  # reason of the last rejection
     commands_accepted: int
     commands_refused: int
-    lower_end: str = "payload"  # what payload_depth_m is of
-    # where ropes meet, or one was cut: name, elements, length_m, tension_top_n; and name, depth_m
+    lower_end: str = "payload"  # the item that payload_depth_m refers to
+    # multi-line systems (or after a cut): name, elements, length_m, tension_top_n; name, depth_m
     ropes: list[dict[str, Any]] = field(default_factory=list)
     payloads: list[dict[str, Any]] = field(default_factory=list)
-    # RopeStrength's, of each rope, and its utilisation
+    # fields of RopeStrength and the utilisation, per rope
     strength: list[dict[str, Any]] = field(default_factory=list)
-    # LimitBreach's, of each limit of the scene that was broken; any makes the exit code 4
+    # fields of LimitBreach, per violated limit of the scene; any makes the exit code 4
     limits_broken: list[dict[str, Any]] = field(default_factory=list)
-    touchdowns: list[dict[str, Any]] = field(default_factory=list)  # Touchdown's, at the end
-    # Bend's, the tightest of each rope that is watched; radius_m None: it was straight
+    touchdowns: list[dict[str, Any]] = field(default_factory=list)  # of Touchdown, at the end
+    # fields of Bend, the smallest radius of each monitored rope; radius_m None: straight
     bends: list[dict[str, Any]] = field(default_factory=list)
     speed: float = 1.0  # 0: as fast as possible
-    chosen: str = ""  # why these elements and this step, if --within or --budget asked
-    core_share: dict[str, float | None] | None = None  # CoreShare's figures; None: not paced
-    rung_changes: int = 0  # how often the ladder was stepped down or up
-    recoveries: int = 0  # failed steps after which the twin went on
-    recovery: str = ""  # why the newest of them failed, and what was done
-    error: str = ""  # the sentence with which the run ended early
-    mixed: str = ""  # which input came from several senders by turns
+    chosen: str = ""  # why --within or --budget selected these elements and this time step
+    core_share: dict[str, float | None] | None = None  # fields of CpuUsage; None: not real-time
+    rung_changes: int = 0  # changes of the accuracy level
+    recoveries: int = 0  # failed steps that the simulation recovered from
+    recovery: str = ""  # why the last of them failed, and what was done
+    error: str = ""  # why the run ended early
+    mixed: str = ""  # inputs that came from several senders in turn
     bag: str | None = None
-    not_recorded: int = 0  # messages that were published and are not in the bag
-    not_kept: str = ""  # why the bag or the newest state is not whole on the disk
-    # --processes: what died and was started again, a sentence each; and what stayed dead
+    not_recorded: int = 0  # messages that were published but are not in the bag
+    not_kept: str = ""  # why the bag or the last state is incomplete on disk
+    # --processes: restarts, a sentence each; and processes that were not restarted
     restarts: list[str] = field(default_factory=list)
     not_running: str = ""
     view: str | None = None
     state: str | None = None  # file with the saved state
-    energy: dict[str, float] | None = None  # EnergyBalance.figures; None: not asked for
-    cut: dict[str, Any] | None = None  # CutShot's figures; None: the rope is whole
-    cut_refused: str = ""  # why a cut that was asked for was not made
-    error_band: dict[str, float] | None = None  # TensionBand's figures; None: not asked for, or
+    energy: dict[str, float] | None = None  # EnergyBalance.figures; None: not enabled
+    cut: dict[str, Any] | None = None  # fields of CutShot; None: the rope is intact
+    cut_refused: str = ""  # why a requested cut was not made
+    error_band: dict[str, float] | None = None  # fields of TensionBand; None: not enabled, or
     no_band: str = ""  # why there is none
-    vibration: dict[str, float | str] | None = None  # where it is largest; None: not asked for
-    fatigue: dict[str, float | str] | None = None  # of the metre used most; likewise
+    vibration: dict[str, float | str] | None = None  # at its maximum; None: not enabled
+    fatigue: dict[str, float | str] | None = None  # at the maximum damage; None: not enabled
 
     def as_json(self) -> str:
-        """One line."""
+        """Return the summary as one line of JSON."""
         return json.dumps(dataclasses.asdict(self), ensure_ascii=False, allow_nan=False)
 
     def as_values(self) -> dict[str, str]:
-        """Each figure as JSON text, for the values of a diagnostics row."""
+        """Return each field as JSON text, for the key values of a diagnostics row."""
         return {key: json.dumps(value) for key, value in dataclasses.asdict(self).items()}
 
     @classmethod
     def from_values(cls, values: dict[str, str]) -> RunSummary | None:
-        """The inverse of `as_values`; None if the values are not the figures of a run.
+        """Return the summary that `as_values` gave; None if the values are not one.
 
-        They may come from anybody: each must be of its field's type, and the whole must be such
-        that it can be printed.
+        The values come from the network: each must have the type of its field, and the summary
+        must be printable.
         """
         hints = typing.get_type_hints(cls)
         try:
@@ -124,32 +127,32 @@ class RunSummary:
         return summary
 
     def as_text(self) -> str:
-        """A few lines for people."""
+        """Return a few lines of text."""
         elements = sum(rope["elements"] for rope in self.ropes) or self.elements
         of = f" of {self.ropes[0]['name']}" if self.ropes else ""
         lines = [
-            f"scene {self.scene}: {self.steps} steps of {self.step_s:g} s on "
-            f"{counted(elements, 'element')} with {', '.join(self.effects)}",
-            f"top tension{of} {_kn(self.tension_top_min_n)} to {_kn(self.tension_top_max_n)}, "
-            f"mean {_kn(self.tension_top_mean_n)}",
+            f"scene {self.scene}: {self.steps} steps of {self.step_s:g} s, "
+            f"{counted(elements, 'element')}; effects: {', '.join(self.effects)}",
+            f"top tension{of}: min. {_kn(self.tension_top_min_n)}, "
+            f"max. {_kn(self.tension_top_max_n)}, mean {_kn(self.tension_top_mean_n)}",
             *self._strength_words(),
-            *(f"limit broken: {breach_words(LimitBreach(**one))}" for one in self.limits_broken),
+            *(f"limit violated: {breach_words(LimitBreach(**one))}" for one in self.limits_broken),
             *self._shape_words(),
             self._error_words(),
             *self._end_words(),
             *self._pace_words(),
         ]
         if self.heave_refused:
-            told = self.heave_accepted + self.heave_refused
-            words = f"{self.heave_refused} of {told} samples of heave were refused; the newest: "
+            samples = self.heave_accepted + self.heave_refused
+            words = f"{self.heave_refused} of {samples} heave samples rejected; last: "
             lines.append(words + self.heave_refusal.rstrip("."))
         if self.recoveries:
-            times = counted(self.recoveries, "failed step")
-            lines.append(f"the twin recovered from {times}; the newest: {self.recovery}")
+            failed = counted(self.recoveries, "failed step")
+            lines.append(f"recovered from {failed}; last: {self.recovery}")
         if self.cut is not None:
             lines.append(cut_words(CutShot(**self.cut)))
         lines += [self.cut_refused] if self.cut_refused else []
-        lines += self._trust_words()
+        lines += self._monitor_words()
         lines += watch_words(self.vibration, self.fatigue)
         lines += self.restarts
         lines += [f"bag {self.bag}{self._missing_words()}"] if self.bag else []
@@ -158,66 +161,67 @@ class RunSummary:
         return "\n".join(lines)
 
     def _strength_words(self) -> list[str]:
-        """How near the ropes came to their breaking loads: the nearest, and all beyond."""
+        """Return the highest utilisation of a rope, and all beyond the MBL."""
         names = [field.name for field in dataclasses.fields(RopeStrength)]
         ropes = [RopeStrength(**{name: one[name] for name in names}) for one in self.strength]
         ropes.sort(key=lambda one: -one.utilisation)
-        told = [one for n, one in enumerate(ropes) if n == 0 or one.utilisation >= 1.0]
-        return [strength_words(one, len(ropes) > 1) for one in told]
+        reported = [one for n, one in enumerate(ropes) if n == 0 or one.utilisation >= 1.0]
+        return [strength_words(one, len(ropes) > 1) for one in reported]
 
     def _shape_words(self) -> list[str]:
-        """Where ropes touch down at the end, and how tight they were bent."""
+        """Return the touchdown points at the end, and the smallest bend radii."""
         places = [Touchdown(**one) for one in self.touchdowns]
         bends = [Bend(**one | {"radius_m": one["radius_m"] or math.inf}) for one in self.bends]
         words = [touchdown_words(one, len(self.ropes) > 1) for one in places]
         return words + (bends_in_words(bends) if bends else [])
 
     def _pace_words(self) -> list[str]:
-        """How fast it is, and what came late."""
-        fast = f"the model alone runs {_times(self.real_time_factor)} times real time"
+        """Return real-time factor, missed deadlines and CPU usage."""
+        fast = f"real-time factor: {_times(self.real_time_factor)} (solver only)"
         if self.paced_real_time_factor is not None:
-            fast += f" ({_times(self.paced_real_time_factor)} times in its slots, woken each time)"
-        late = f"{self.late_steps} steps late"
+            fast += f", {_times(self.paced_real_time_factor)} (in real-time cycle)"
+        late = counted(self.late_steps, "missed deadline")
         if self.late_steps:
-            late += f" (worst {self.worst_lateness_s * 1e3:.1f} ms)"
+            late += f" (worst {self.worst_lateness_s * 1e3:.1f} ms late)"
         lines = [fast, late]
         if self.core_share is not None:
-            lines.append(CoreShare(**self.core_share).words())  # type: ignore[arg-type]
+            lines.append(CpuUsage(**self.core_share).words())  # type: ignore[arg-type]
         if self.rung_changes:
-            lines.append(f"{self.rung_changes} steps down or up the ladder of accuracy")
+            lines.append(counted(self.rung_changes, "change") + " of the accuracy level")
         return lines
 
-    def _trust_words(self) -> list[str]:
-        """The energy's balance and the band of the tension, where asked for."""
+    def _monitor_words(self) -> list[str]:
+        """Return energy balance and error interval, where enabled."""
         lines = []
         if self.energy is not None:
             numerical, part = self.energy["residual_j"], self.energy["residual_pct"]
             lines.append(
                 f"energy: {self.energy['exchanged_j']:.4g} J exchanged, residual "
-                f"{numerical:.3g} J ({part:.2g} %; dissipated numerically if positive)"
+                f"{numerical:.3g} J ({part:.2g} %; positive: numerical dissipation)"
             )
         if self.error_band is not None:
             lines.append(
-                f"error band: top tension now {_kn(self.error_band['low_n'])} to "
-                f"{_kn(self.error_band['high_n'])} (±{self.error_band['bound_n']:.3g} N); it took "
-                f"{self.error_band['cost_pct']:.0f} % more time"
+                f"error interval (95 %): top tension now {_kn(self.error_band['low_n'])} to "
+                f"{_kn(self.error_band['high_n'])} (±{self.error_band['bound_n']:.3g} N); "
+                f"{self.error_band['cost_pct']:.0f} % extra CPU time"
             )
-        return [*lines, f"error band: {self.no_band}"] if self.no_band else lines
+        return [*lines, f"error interval: {self.no_band}"] if self.no_band else lines
 
     def _missing_words(self) -> str:
-        lost = self.not_recorded
-        why = "" if self.not_kept else ": the machine was too busy"
-        return f"; {lost} messages are missing in it{why}" if lost else ""
+        if not self.not_recorded:
+            return ""
+        why = "" if self.not_kept else " (CPU overload)"
+        return f"; {counted(self.not_recorded, 'message')} missing{why}"
 
     def _end_words(self) -> list[str]:
-        """Where the rope is at the end; of several each one and each payload."""
+        """Return the final state: line out and depth, or each rope and payload of several."""
         if not self.ropes:
             depth = f"{self.lower_end} at {self.payload_depth_m:.1f} m depth"
             return [f"line out {self.line_out_m:.1f} m, {depth}"]
         words = [
-            f"rope {rope['name']}: {rope['length_m']:.1f} m on "
+            f"rope {rope['name']}: {rope['length_m']:.1f} m, "
             f"{counted(rope['elements'], 'element')}, "
-            f"{_kn(float(rope['tension_top_n']))} at its upper end"
+            f"upper-end tension {_kn(float(rope['tension_top_n']))}"
             for rope in self.ropes
         ]
         loads = [f"{one['name']} at {one['depth_m']:.1f} m depth" for one in self.payloads]
@@ -226,25 +230,25 @@ class RunSummary:
     def _error_words(self) -> str:
         by = self.tension_top_error_reason
         if self.tension_top_error_pct is None:
-            return f"error of the tension {by}"
+            return f"top-tension error {by}"
         rms, peak = (
             "unknown" if one is None else f"{told_bound(one)} %"
             for one in (self.tension_top_error_pct, self.tension_top_peak_error_pct)
         )
-        return f"error of the tension {rms} rms, {peak} of its highest, {by}"
+        return f"top-tension error: {rms} RMS, {peak} peak, {by}"
 
     def as_progress(self) -> str:
-        """One line for people, while it runs; what matters most within 80 columns."""
+        """Return a progress line; the most important values are within 80 columns."""
         return (
             f"{self.time_s:8.1f} s  line out {self.line_out_m:7.1f} m  "
-            f"top tension {_kn(self.tension_top_now_n)}, max {_kn(self.tension_top_max_n)}  "
+            f"top tension {_kn(self.tension_top_now_n)}, max. {_kn(self.tension_top_max_n)}  "
             f"{self.late_steps} late  error {_at_most(self.tension_top_error_pct)}  "
             f"{_times(self.real_time_factor)} × real time"
         )
 
 
 def _is_a(value: Any, hint: Any) -> bool:
-    """Whether a value is of a type, as far as JSON has it: outermost, and items of a tuple."""
+    """Return whether a value has a type, as far as JSON has it: outermost, and items of lists."""
     kinds = typing.get_args(hint)
     origin = typing.get_origin(hint)
     if origin in (types.UnionType, typing.Union):
@@ -288,13 +292,13 @@ def _rope_figures(rope: RopeShot) -> dict[str, Any]:
 
 
 def _bend_figures(bend: Bend) -> dict[str, Any]:
-    """JSON knows no infinite radius."""
+    """Return the fields of a bend; an infinite radius becomes None, as JSON has no infinity."""
     radius = None if math.isinf(bend.radius_m) else bend.radius_m
     return dataclasses.asdict(bend) | {"radius_m": radius}
 
 
 def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> RunSummary:
-    """The figures at the snapshot; `pacing` None: as fast as possible, nothing can be late."""
+    """Return the summary at a snapshot; `pacing` is None for a run that is not real-time."""
     statistics = twin.statistics()
     heave = snapshot.inputs.get("heave")
     command = snapshot.inputs.get("winch_command")
@@ -352,10 +356,67 @@ def summarise(twin: Twin, snapshot: Snapshot, pacing: PacingHealth | None) -> Ru
 
 
 def effect_names(parameters: tuple[object, ...]) -> list[str]:
-    """Names, as scenes write them, of the effects whose parameters these are."""
+    """Return the names, as in a scene file, of the effects with these parameters."""
     return [
         effect.name
         for value in parameters
         for effect in EFFECTS
         if isinstance(value, effect.params)
     ]
+
+
+Figures = dict[str, float | str]
+
+
+def vibration_figures(snapshot: Snapshot) -> Figures | None:
+    """Return the VIV response at its maximum; None: not enabled, or not known yet."""
+    shaking = snapshot.vibration
+    if shaking is None:
+        return None
+    at = shaking.worst
+    figures: Figures = {
+        "model": shaking.model,
+        "cross_flow_diameters": float(shaking.cross_flow[at]),
+        "frequency_hz": float(shaking.cross_flow_hz[at]),
+        "from_hang_off_m": float(snapshot.arc_length_m[at]),
+        "drag_amplification": float(shaking.drag_amplification.max()),
+        "cost_pct": shaking.cost_pct,
+        "solves": shaking.solves,
+    }
+    if shaking.in_line is not None:
+        figures["in_line_diameters"] = float(shaking.in_line.max())
+    return figures
+
+
+def fatigue_figures(snapshot: Snapshot) -> Figures | None:
+    """Return the maximum fatigue damage and its location; None: not enabled."""
+    wear = snapshot.fatigue
+    if wear is None:
+        return None
+    at = wear.worst
+    return {
+        "curve": wear.curve,
+        "counted_s": wear.counted_s,
+        "used": float(wear.used[at]),
+        "from_lower_end_m": float(wear.from_lower_end_m[at]),
+        "from_hang_off_m": float(wear.from_hang_off_m[at]),
+    }
+
+
+def watch_words(vibration: Figures | None, fatigue: Figures | None) -> list[str]:
+    """Return a line of text for each of the two that is not None."""
+    lines = []
+    if vibration is not None:
+        lines.append(
+            f"VIV ({vibration['model']}): maximum cross-flow A/D "
+            f"{vibration['cross_flow_diameters']:.3g} at {vibration['frequency_hz']:.3g} Hz, "
+            f"{vibration['from_hang_off_m']:.4g} m below the hang-off; drag amplification up to "
+            f"{vibration['drag_amplification']:.3g}; monitoring took "
+            f"{vibration['cost_pct']:.2g} % of real time"
+        )
+    if fatigue is not None:
+        lines.append(
+            f"fatigue ({fatigue['curve']}): maximum damage {fatigue['used']:.3g} (failure at 1), "
+            f"{fatigue['from_lower_end_m']:.4g} m from the lower end, in {fatigue['counted_s']:g} s"
+        )
+    return lines

@@ -1,7 +1,7 @@
-"""A run as fast as possible: the same twin, the same inputs, the same bag, and no ROS.
+"""Unpaced run: as fast as possible, without ROS, with the same twin, inputs and bag.
 
-The inputs are offered with the stamps that the ROS nodes use and as long before they are needed,
-so the result equals that of a paced run to the bit.
+Inputs have the same stamps as those of the ROS nodes and are passed on equally early, so that the
+result is bit-identical to a real-time run that misses no deadline.
 """
 
 from __future__ import annotations
@@ -44,23 +44,23 @@ from rope_twin.twin.pacing import keep_pauses_short, steps_in_slot
 from rope_twin.twin.recovery import Recovery
 from rope_twin.twin.snapshot import Snapshot
 
-ENOUGH_S = 3.0  # of computing say how fast a model is
+MEASURED_S = 3.0  # computing time that suffices to measure the speed of a model
 UNPACED = "unpaced"  # name of the only run in a bag
-BLIND_S = 1.0  # steps without a look at the rope, where only the speed is wanted
+BLIND_S = 1.0  # simulation time between speed samples, without snapshots
 
-Message = tuple[int, str, bytes]  # twin time [ns], topic, CDR
+Message = tuple[int, str, bytes]  # simulation time [ns], topic, CDR
 
 
 class UnpacedRun:
-    """One twin with its inputs and its bag, stepped slot by slot by whoever calls."""
+    """One twin with its inputs and its bag; the caller advances it cycle by cycle."""
 
     def __init__(self, options: RunOptions, epoch_ns: int | None = None) -> None:
-        """Build, compile and open what is needed; `epoch_ns`: ROS time of t = 0.
+        """Build and compile the twin and open its files; `epoch_ns`: ROS time of t = 0.
 
-        By default the run begins now: with a state to go on from, t = 0 lies before that.
+        By default the run begins now; if it resumes from a saved state, t = 0 is earlier.
 
         Raises:
-            RopeTwinError: scene, bag or directory are wrong; one sentence.
+            RopeTwinError: scene, bag or directory are invalid; one sentence.
         """
         scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
         self._cut = plan_for(scene, options.cut)
@@ -72,7 +72,7 @@ class UnpacedRun:
         kind = twin_kind(options.energy, options.error_band, options.watch)
         self.twin = kind(scene) if start is None else kind.restore(start, scene)
         self.twin.failure_folder = options.failure_folder
-        self.twin.expect_motion(None)  # `_offer` feeds what `open_sea` gives, and nothing else
+        self.twin.expect_motion(None)  # `_offer` passes on the samples of `open_sea` only
         if options.other_sea:
             self.twin.doubt_card(OTHER_SEA)
         self._recovery = Recovery(self.twin)
@@ -85,9 +85,9 @@ class UnpacedRun:
         self._log = InputLog(UNPACED)
         log = None if self._bag is None else self._log.take
         self._inputs = InputQueue(self.twin, self._recovery, log)
-        self._messages: deque[Message] = deque()  # of inputs: offered, not yet recorded
+        self._messages: deque[Message] = deque()  # inputs passed on, but not yet recorded
         self._sequence = Counter[str]()  # messages in the bag, by topic
-        # A state to go on from has been offered more than its bag has: that much comes once more.
+        # A saved state already has inputs that its bag does not have: they are recorded again.
         self._known_ns = {} if start is None else self.twin.newest_ns()
         self._offered_ns = FIRST_NS if self.twin.steps == 0 else self.twin.time_ns
         self._told_ns = self.twin.time_ns
@@ -102,11 +102,15 @@ class UnpacedRun:
 
     @property
     def sea_note(self) -> str:
-        """What was wrong with the sea that is replayed and what is done about it; or nothing."""
+        """Return the fault of the replayed sea and how it is handled; "": none."""
         return self._sea.note if self._sea else ""
 
     def advance_slot(self) -> Snapshot:
-        """Offer inputs, step, record. Raises SolverError; the last good state is kept."""
+        """Pass on inputs, advance one cycle and record it.
+
+        Raises:
+            SolverError: the solver failed; the last good state is kept.
+        """
         began_ns = self.twin.time_ns
         self._offer(began_ns + self._slot_ns + LEAD_NS)
         self._inputs.advance(self._steps)
@@ -124,31 +128,39 @@ class UnpacedRun:
         return snapshot
 
     def advance_blindly(self, time_s: float) -> None:
-        """Offer inputs and step, with no snapshot and no record. Raises SolverError."""
+        """Pass on inputs and advance, without snapshot or record.
+
+        Raises:
+            SolverError: the solver failed.
+        """
         steps = max(1, round(time_s / self.twin.step_s))
         self._offer(self.twin.time_ns + steps * self.twin.step_ns + LEAD_NS)
         self._messages.clear()
         self._inputs.advance(steps)
 
     def summary(self, error: str = "") -> RunSummary:
-        """The figures so far."""
+        """Return the run summary up to now."""
         bag = str(self._options.record) if self._options.record else None
         state = str(self._options.save) if self._saved else None
         return replace(summarise(self.twin, self.last, None), bag=bag, state=state, error=error)
 
     def save(self) -> None:
-        """Save the state where the options say. Raises StateError."""
+        """Save the state to the file that the options name, if any.
+
+        Raises:
+            StateError: the state cannot be saved.
+        """
         if self._options.save is not None:
             self.twin.save(self._options.save)
             self._saved = True
 
     def close(self) -> None:
-        """End the bag."""
+        """Close the bag."""
         if self._bag is not None:
             self._bag.close()
 
     def _offer(self, until_ns: int) -> None:
-        """Give the twin all samples before `until_ns` that it has not had."""
+        """Pass all samples before `until_ns` to the twin that it has not received yet."""
         messages: list[Message] = []
         for heave in self._sea.between(self._offered_ns, until_ns) if self._sea else ():
             at_ns = heave.stamp_ns
@@ -187,7 +199,7 @@ class UnpacedRun:
 
 
 def _setup(options: RunOptions) -> Setup:
-    """What of the options the numbers depend on."""
+    """Return the options that the results depend on."""
     watch = options.watch
     return Setup(
         elements=options.elements,
@@ -202,17 +214,17 @@ def _setup(options: RunOptions) -> Setup:
 
 
 def measure_alone(options: RunOptions, time_s: float) -> float:
-    """Real-time factor of the model alone: the run's beginning once more, without waiting.
+    """Return the real-time factor of the solver only, from the first seconds of the run.
 
-    The median over seconds, since other programs use the machine too.
-
-    In a paced run every slot begins with what other programs left in the processor's caches, which
-    costs a short step several times its own work; `RunSummary.paced_real_time_factor` has that.
+    It is the median of samples of BLIND_S, because other programs use the machine too. A real-time
+    run is slower: each cycle starts with cold CPU caches, which can cost several times the work of
+    a short time step; `RunSummary.paced_real_time_factor` includes that.
     """
     run = UnpacedRun(replace(options, record=None, energy=False, error_band=False, watch=None))
     run.twin.failure_folder = None
     end_ns = run.twin.time_ns + time_s * 1e9
-    enough_s = run.twin.statistics().computing_s + ENOUGH_S  # a state knows how long it took
+    # a saved state includes the computing time up to it
+    enough_s = run.twin.statistics().computing_s + MEASURED_S
     factors = []
     try:
         while run.twin.time_ns < end_ns and run.twin.statistics().computing_s < enough_s:
@@ -222,7 +234,7 @@ def measure_alone(options: RunOptions, time_s: float) -> float:
             simulated_s = (after.steps - before.steps) * run.twin.step_s
             factors.append(simulated_s / (after.computing_s - before.computing_s))
     except SolverError:
-        pass  # the run itself has told; what was stepped counts
+        pass  # the run itself has reported it; the steps before it count
     return median(factors) if factors else 0.0
 
 
@@ -232,12 +244,12 @@ def run_unpaced(
     epoch_ns: int | None = None,
     say: Callable[[str], None] | None = None,
 ) -> RunSummary:
-    """Run to the twin time `options.for_s`, or until told to end; `report` follows each slot.
+    """Run to the simulation time `options.for_s`, or until a signal ends the run.
 
-    `say`: takes what is to be said before it begins.
+    `report` is called after each cycle; `say` receives notes before the run begins.
 
     Raises:
-        RopeTwinError: scene, bag, state or directory are wrong; one sentence.
+        RopeTwinError: scene, bag, state or directory are invalid; one sentence.
     """
     run = UnpacedRun(options, epoch_ns)
     for words in filter(None, (run.sea_note, run.twin.told)):

@@ -38,7 +38,7 @@ def fed(twin: Twin, seconds: float) -> Iterator[Snapshot]:
 
 
 def still(time: float) -> tuple[float, float]:
-    """No motion."""
+    """Return zero motion."""
     return 0.0, 0.0
 
 

@@ -1,11 +1,10 @@
-"""What each effect costs a scene, and what it changes in the top tension.
+"""CPU cost of each effect in a scene, and its influence on the top tension.
 
-An effect that the scene lists is taken out, one that it does not list is put in with parameters
-that the scene itself or common practice suggests (studies/usual_effects.py), which it tells;
-everything else stays, the ship's motion too, even where the ship rides on the waves that are taken
-out. A model of vortices beside the step is no matter of the bare steps: with and without it the
-scene is run by its twin. Each effect by itself: what two change together is not the sum of what
-each does.
+An effect that the scene lists is removed; one that it does not list is added with parameters from
+the scene or common practice (studies/usual_effects.py), which are reported. Everything else is
+unchanged, including the ship motion, even if it results from the waves that are removed. With a VIV
+model outside the time step the scene is run by its twin, with and without it. Effects are varied
+one at a time: the joint influence of two is not the sum of both.
 """
 
 from __future__ import annotations
@@ -74,10 +73,10 @@ class EffectStudy:
 
 
 def measure_effects(scene: Scene, seconds: float, listen: Listener) -> EffectStudy:
-    """Run the scene, and run it again for each effect there is.
+    """Run the scene, and run it again for each effect.
 
     Raises:
-        RopeTwinError: the scene as it is cannot run so long.
+        RopeTwinError: the unchanged scene cannot be run for so long.
     """
     by_twin = is_joined(scene) or model_beside(scene) is not None
     course = None if by_twin else Course(scene, seconds, LOOK_S)
@@ -107,7 +106,7 @@ def measure_effects(scene: Scene, seconds: float, listen: Listener) -> EffectStu
 
 
 def _row(scene: Scene, effect: Effect, whole: Ran, run: Callable[[Scene], Ran]) -> EffectRow:
-    """One effect out of the scene, or in it."""
+    """Return the result with one effect removed or added."""
     listed = effect.name in listed_effects(scene)
     words = ""
     try:
@@ -134,7 +133,7 @@ def _row(scene: Scene, effect: Effect, whole: Ran, run: Callable[[Scene], Ran]) 
 
 
 def _sound(scene: Scene) -> Scene:
-    """The scene, if no rule of scenes is broken; the motion of its ship is given already.
+    """Return the scene if it is valid; the motion of its ship is already given.
 
     Raises:
         RopeTwinError: one is.
@@ -157,7 +156,7 @@ def _run(scene: Scene, course: Course | None, seconds: float) -> Ran:
 
 
 def _run_twin(scene: Scene, seconds: float) -> Ran:
-    """By its twin, the median over its publish periods, inputs included."""
+    """Run the scene by its twin; return the median over its publish periods, inputs included."""
     twin = Twin(scene)
     took, before = [], twin.statistics()
     for _ in fed(twin, seconds):
@@ -168,7 +167,7 @@ def _run_twin(scene: Scene, seconds: float) -> Ran:
 
 
 def _words(params: Any) -> str:
-    """Parameters as a scene would write them, without those that were left alone."""
+    """Return parameters as a scene would give them, without those that are not set."""
     given = {
         field.name: getattr(params, field.name)
         for field in dataclasses.fields(params)
@@ -178,7 +177,7 @@ def _words(params: Any) -> str:
 
 
 def effect_table(study: EffectStudy) -> Iterator[str]:
-    """Lines for people."""
+    """Return the results as lines of text."""
     base = study.as_it_is
     yield (
         f"{study.scene}: {study.seconds:g} s, {study.elements} elements, steps of "

@@ -30,7 +30,7 @@ SAMPLES_KEPT = 2048  # of every piece, before they are reduced to where they tur
 
 
 def turning_points(series: Vector) -> Vector:
-    """The first value, those where the series turns, and the last: all that rainflow looks at.
+    """Return the turning points of a series with its first and last value, as rainflow needs them.
 
     Of two parts, one after the other: turning_points([*turning_points(a), *b]) is that of the
     whole.
@@ -45,7 +45,7 @@ def turning_points(series: Vector) -> Vector:
 
 
 def count_cycles(series: Vector) -> Cycles:
-    """Rainflow counting of a series (ASTM E1049-85, 5.4.4); the residue counts as half cycles."""
+    """Count rainflow cycles of a series (ASTM E1049-85, 5.4.4); residue as half cycles."""
     points = turning_points(series)
     # the last value twice: of a series of two the package would not see the second
     found = list(rainflow.extract_cycles([*points.tolist(), *points[-1:].tolist()]))
@@ -54,13 +54,13 @@ def count_cycles(series: Vector) -> Cycles:
 
 
 def stress_damage(stress_pa: Vector, curve: StressCurve) -> Vector:
-    """Damage at each of many places from the stress there: (samples, places) to (places,)."""
+    """Return the damage (places,) from the stress at many places (samples, places)."""
     return np.array([curve.stress_damage(count_cycles(place)) for place in stress_pa.T])
 
 
 @dataclass(frozen=True)
 class RopeDamage:
-    """What a run did to the rope. Rows are pieces of material, from the lower end up."""
+    """Damage of the rope in a run; rows are pieces of material, from the lower end up."""
 
     from_lower_end_m: Vector  # (pieces,) middle of the piece, unstretched
     damage: Vector  # (pieces,) Miner's sum over the run
@@ -69,7 +69,7 @@ class RopeDamage:
 
     @property
     def worst(self) -> int:
-        """Number of the piece that suffered most."""
+        """Return the index of the piece with the maximum damage."""
         return int(np.argmax(self.damage))
 
 
@@ -84,7 +84,7 @@ class RopeFatigue:
         self, line: RopeLine, most_line_out_m: float, piece_m: float, curve: Curve,
         over_sheave_pa: float = 0.0,
     ):  # fmt: skip
-        """Pieces of about `piece_m` up to the most line out that the winch has."""
+        """Divide the rope, up to the maximum line out, into pieces of about `piece_m`."""
         pieces = max(1, round(most_line_out_m / piece_m))
         self._middles = (np.arange(pieces) + 0.5) * most_line_out_m / pieces
         self._curve = curve
@@ -102,7 +102,7 @@ class RopeFatigue:
         self._turns: list[list[Vector]] = [[np.zeros(0)] for _ in range(pieces)]
 
     def take(self, seen: Snapshot) -> None:
-        """One instant; call it often enough to meet the crests of what is to be counted."""
+        """Take a sample; sample often enough to resolve the peaks of the tension."""
         from_lower = (seen.arc_length_m[-1] - seen.arc_length_m)[::-1]
         tension = seen.element_tension_n[::-1]
         places = np.concatenate(([0.0], 0.5 * (from_lower[1:] + from_lower[:-1]), from_lower[-1:]))
@@ -118,7 +118,7 @@ class RopeFatigue:
         self._keep(np.interp(self._middles, places, values, right=np.nan))
 
     def _keep(self, tensions: Vector) -> None:
-        """A row of the history; NaN: nothing new."""
+        """Append a row to the history; NaN: no new value."""
         if self._filled == SAMPLES_KEPT:
             self._reduce()
         self._rows[self._filled] = tensions
@@ -135,7 +135,7 @@ class RopeFatigue:
         self._filled = 0
 
     def damage(self) -> RopeDamage:
-        """What the run did so far."""
+        """Return the damage accumulated in the run."""
         self._reduce()
         counted = [count_cycles(np.concatenate(kept)) for kept in self._turns]
         pairs = zip(counted, self._strength, strict=True)

@@ -19,7 +19,7 @@ _CPUINFO = Path("/proc/cpuinfo")
 
 @dataclass(frozen=True)
 class Machine:
-    """What a figure of speed depends on besides the solver."""
+    """Properties of the machine that computing times depend on."""
 
     processor: str
     cores: int  # that this process may use
@@ -30,7 +30,7 @@ class Machine:
     run: str = ""  # which day, and which solver; empty: not known
 
     def as_text(self) -> str:
-        """One line."""
+        """Return the properties as one line of text."""
         return (
             f"{self.processor}, {self.cores} cores, load {self.load:.1f}; a dependent multiply-add "
             f"takes {self.multiply_add_ns:.2f} ns; Python {self.python}, numba {self.numba}"
@@ -39,7 +39,7 @@ class Machine:
 
 
 def this_machine() -> Machine:
-    """Ask the machine, and time it (some 50 ms)."""
+    """Query the machine and measure its speed (about 50 ms)."""
     return Machine(
         processor=_processor(),
         cores=len(os.sched_getaffinity(0)),
@@ -58,7 +58,7 @@ def _processor() -> str:
 
 
 def _time_chain() -> float:
-    """Best time of a link [ns]."""
+    """Return the shortest time of a link of the benchmark [ns]."""
     chain(1.0, 0.5, 0.5, 1)  # compiled here
     took = []
     for _ in range(REPETITIONS):

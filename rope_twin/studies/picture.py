@@ -59,7 +59,7 @@ class Panel:
 
 
 def check_picture(path: Path) -> None:
-    """See, before anything is computed, that a picture can be drawn there.
+    """Check, before any computation, that a picture can be drawn at this path.
 
     Raises:
         InputError: matplotlib is not installed, the ending is not one of a picture, or nothing can
@@ -93,7 +93,7 @@ def write_picture(figure: Figure, path: Path, dpi: float) -> None:
 
 
 def mark_decades(axes: Axes) -> None:
-    """Plain figures on both logarithmic axes, between decades too where those are few."""
+    """Label both logarithmic axes with plain numbers, also between decades where there are few."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     for axis in (axes.xaxis, axes.yaxis):

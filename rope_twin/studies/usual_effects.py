@@ -1,9 +1,10 @@
-"""What an effect is put into a scene with that does not list it.
+"""Default parameters of effects that are added to a scene.
 
-What the scene itself says comes first; what it does not say is what is usual at sea: a current of
-0.5 m/s at the surface and 0.1 m/s at the lowest place that the rope reaches, the waves of sea state
-4 (STANAG 4194), a bed 10 m below that place. The uppermost rope's EI is a solid rod's, EA·d²/16: an
-upper bound, that of wires which do not slip. The payload's face and sides are its shape's.
+Parameters are taken from the scene where it gives them; the others are typical values at sea: a
+current of 0.5 m/s at the surface and 0.1 m/s at the lowest point that the rope reaches, waves of
+sea state 4 (STANAG 4194), a seabed 10 m below that point. The uppermost rope's EI is that of a
+solid rod, EA·d²/16: an upper bound, for wires that do not slip. Areas of the payload are those of
+its shape.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ CLEARANCE_M = 10.0
 
 
 def suggested(effect: Effect, scene: Scene) -> Any:
-    """Parameters for an effect that the scene does not list; a str: what it would need."""
+    """Return parameters for an effect that the scene does not list, or what is missing."""
     given = _usual(effect.name, scene)
     missing = [
         field
@@ -40,7 +41,7 @@ def suggested(effect: Effect, scene: Scene) -> Any:
 
 
 def _usual(name: str, scene: Scene) -> dict[str, Any]:
-    """What is known or usual; empty where the effect has no business or needs more."""
+    """Return known or typical parameters; empty if the effect is not applicable or needs more."""
     lowest, line = _lowest_m(scene), scene.ropes[0]
     if name == "drag":
         return {"normal": 1.2, "tangential": 0.02}
@@ -61,7 +62,7 @@ def _usual(name: str, scene: Scene) -> dict[str, Any]:
 
 
 def _by_shape(name: str, sides: Triple | None) -> dict[str, Any]:
-    """What the payload's shape says; it is held where it hangs, in the middle of its top."""
+    """Return parameters from the payload's shape, suspended at the middle of its top."""
     if sides is None:
         return {}
     length, width, height = sides
@@ -75,7 +76,7 @@ def _by_shape(name: str, sides: Triple | None) -> dict[str, Any]:
 
 
 def _sides(scene: Scene) -> Triple | None:
-    """Of the payload's outline, or those of a square as large where it is round [m]."""
+    """Return the sides of the payload's outline, or of an equal square if round [m]."""
     shape = scene.payloads[0].shape if scene.payloads else None
     diameter = getattr(shape, "diameter_m", None)
     height = getattr(shape, "height_m", diameter)
@@ -86,7 +87,7 @@ def _sides(scene: Scene) -> Triple | None:
 
 
 def _lowest_m(scene: Scene) -> float:
-    """The lowest z that the first rope reaches [m]."""
+    """Return the lowest z that the first rope reaches [m]."""
     line = scene.ropes[0]
     if line.fixed_at_m is not None:
         return line.fixed_at_m[2]

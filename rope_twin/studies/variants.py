@@ -18,10 +18,10 @@ def variant(
     step_s: float | None = None,
     tolerance_n: float | None = None,
 ) -> Scene:
-    """The scene with these in place of its own; None keeps what the scene says.
+    """Return the scene with these values in place of its own; None keeps the scene's value.
 
-    elements: of the first rope; where ropes meet the others get theirs in proportion.
-    For scenes whose damping is in N·s, or a fraction of the first axial mode, the physics stays.
+    elements: of the first rope; in multi-line systems the others are scaled in proportion. For
+    scenes whose damping is in N·s, or a fraction of the first axial mode, the physics is unchanged.
     """
     own = [line.elements for line in scene.ropes]
     counts = own if elements is None else elements_with(own, elements)
@@ -33,7 +33,9 @@ def variant(
 
 
 def with_effect(scene: Scene, params: Any) -> Scene:
-    """The scene with one effect more, in the order of EFFECTS; a rigid body ousts the point."""
+    """Return the scene with one more effect, in the order of EFFECTS; a 6-DOF body replaces the
+    point.
+    """
     order = [effect.params for effect in EFFECTS]
     body = isinstance(params, RigidBodyParams)
     kept = [own for own in scene.effects if not (body and isinstance(own, PayloadParams))]

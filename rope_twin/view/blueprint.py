@@ -1,4 +1,4 @@
-"""The layout of the window: the rope on the left, tension over depth in the middle, plots."""
+"""Layout of the viewer: line profile, tension vs depth, and time histories, from the left."""
 
 from __future__ import annotations
 
@@ -19,49 +19,49 @@ LOWER_END = "lower_end"
 CURVES = (
     ("plots/tension/top", "top", "fde725"),
     ("plots/tension/payload", "payload", "35b7a0"),
-    ("plots/heave", "heave of the ship", "6fa8ff"),
+    ("plots/heave", "ship heave", "6fa8ff"),
     ("plots/line_out", "line out", "f2a65a"),
     ("plots/real_time_factor", "real-time factor", "c0c0c8"),
 )
-# edges of the band around the tension at the top, only where a run keeps one
+# error interval of the top tension, only if a run computes one
 BAND_CURVES = (
-    ("plots/tension/top/low", "least it may be", "8d8432"),
-    ("plots/tension/top/high", "most it may be", "8d8432"),
+    ("plots/tension/top/low", "lower bound (95 %)", "8d8432"),
+    ("plots/tension/top/high", "upper bound (95 %)", "8d8432"),
 )
-# entities, title and share of the height of each plot
+# entity, title and share of the height of each plot
 _PLOTS = (
-    ("plots/tension/top", "Tension at the top [kN]", 4),
-    ("plots/tension/payload", "Tension at the payload [kN]", 3),
-    ("plots/heave", "Heave of the ship [m]", 3),
+    ("plots/tension/top", "Top tension [kN]", 4),
+    ("plots/tension/payload", "Payload tension [kN]", 3),
+    ("plots/heave", "Ship heave [m]", 3),
     ("plots/line_out", "Line out [m]", 3),
-    ("plots/real_time_factor", "In its slots, times faster than real time", 3),
+    ("plots/real_time_factor", "Real-time factor [-]", 3),
 )
 
 
-# entity, title and panels of what a run may be asked to tell of its rope
+# entity, title and number of panels of the charts of VIV response and fatigue
 _CHARTS = {
-    VIBRATION: (VIBRATION, "Vibration over length below the hang-off [m]", 3),
-    FATIGUE: (FATIGUE, "Fatigue used over length below the hang-off [m]", 1),
+    VIBRATION: (VIBRATION, "VIV response vs length below the hang-off [m]", 3),
+    FATIGUE: (FATIGUE, "Fatigue damage vs length below the hang-off [m]", 1),
 }
-LIVE_S = 120.0  # so far back reach the plots of a live window
+LIVE_S = 120.0  # time span of the plots of a live window
 Ranges = Mapping[str, tuple[float, float]]
-Eye = tuple[list[float], list[float]]  # where it is, where it looks
+Camera = tuple[list[float], list[float]]  # position and target
 
 
 @dataclass(frozen=True)
 class Shown:
-    """What there is to show by now."""
+    """Content that is available for display."""
 
-    frame: overview.Frame | None = None  # of the whole rope
-    close: Eye | None = None  # of its lower end
-    upper: Eye | None = None  # of hang-off and sea
-    plots: tuple[Plot, ...] = ()  # besides those that every run has
-    ranges: Ranges = field(default_factory=dict)  # of the plot of an entity; else by its data
-    charts: tuple[str, ...] = ()  # which of VIBRATION and FATIGUE there is something of
+    frame: overview.Frame | None = None  # of the line profile
+    close: Camera | None = None  # of the lower end
+    upper: Camera | None = None  # of hang-off and sea surface
+    plots: tuple[Plot, ...] = ()  # in addition to those that every run has
+    ranges: Ranges = field(default_factory=dict)  # axis range by entity; others fit their data
+    charts: tuple[str, ...] = ()  # which of VIBRATION and FATIGUE have data
 
 
 def layout(shown: Shown, live: bool) -> Any:
-    """The blueprint for what is shown; live: plots reach back LIVE_S instead of to the start."""
+    """Return the blueprint; live: plots span LIVE_S instead of the whole run."""
     import rerun.blueprint as rrb
 
     left = rrb.Vertical(_whole_rope(shown.frame), _lower_end(shown.close), row_shares=[5, 3])
@@ -95,7 +95,7 @@ def _chart(entity: str, title: str, panels: int) -> Any:
 
 
 def _right(shown: Shown, live: bool) -> Any:
-    """The plots that every run has; beside them, in tabs, those of figures that came by name."""
+    """Return the plots that every run has, and in tabs those of quantities that came by name."""
     import rerun.blueprint as rrb
 
     ranges = shown.ranges
@@ -114,7 +114,7 @@ def _right(shown: Shown, live: bool) -> Any:
     return rrb.Tabs(usual, *further, active_tab=0)
 
 
-def _lower_end(eye: Eye | None) -> Any:
+def _lower_end(eye: Camera | None) -> Any:
     import rerun.blueprint as rrb
 
     controls = None
@@ -122,7 +122,7 @@ def _lower_end(eye: Eye | None) -> Any:
         position, target = eye
         controls = rrb.EyeControls3D(position=position, look_target=target, eye_up=(0.0, 0.0, 1.0))
     return rrb.Spatial3DView(
-        origin=LOWER_END, name="Lower end, to scale", background=BACKGROUND, line_grid=False,
+        origin=LOWER_END, name="Lower end (to scale)", background=BACKGROUND, line_grid=False,
         eye_controls=controls,
     )  # fmt: skip
 
@@ -131,24 +131,25 @@ def _whole_rope(frame: overview.Frame | None) -> Any:
     import rerun.blueprint as rrb
 
     eye = None
-    title = "Whole rope"
+    title = "Line profile"
     if frame is not None:
         position, target = overview.eye(frame)
         eye = rrb.EyeControls3D(position=position, look_target=target, eye_up=(0.0, 0.0, 1.0))
-        title += f", sideways ×{frame.factor}" if frame.factor > 1 else ", to scale"
+        stretched = f"horizontal scale ×{frame.factor}"
+        title += f" ({stretched if frame.factor > 1 else 'to scale'})"
     return rrb.Spatial3DView(
         origin=OVERVIEW, name=title, background=BACKGROUND, line_grid=False, eye_controls=eye
     )
 
 
-def _surface(sight: Eye) -> Any:
+def _surface(sight: Camera) -> Any:
     import rerun.blueprint as rrb
 
     position, target = sight
     eye = rrb.EyeControls3D(position=position, look_target=target, eye_up=(0.0, 0.0, 1.0))
     return rrb.Spatial3DView(
         origin=SURFACE,
-        name="Hang-off and sea surface, to scale",
+        name="Hang-off and sea surface (to scale)",
         background=BACKGROUND,
         line_grid=False,
         eye_controls=eye,
@@ -160,7 +161,7 @@ def _profile() -> Any:
 
     return rrb.Spatial2DView(
         origin=PROFILE,
-        name=f"Tension [kN] over depth [m], thin: range of {RANGE_S:g} s",
+        name=f"Tension [kN] vs depth [m]; thin lines: min/max of last {RANGE_S:g} s",
         background=BACKGROUND,
         visual_bounds=rrb.VisualBounds2D(
             x_range=(-0.12 * WIDTH, 1.04 * WIDTH), y_range=(-0.05 * HEIGHT, 1.15 * HEIGHT)

@@ -1,7 +1,7 @@
-"""Charts of a quantity along the rope: how it shakes, and the fatigue that it has used.
+"""Charts of a quantity along the rope, such as VIV response and fatigue damage.
 
 rerun has no plot of one quantity over another, so the axes are drawn here, as in
-`rope_twin.view.profile`: a panel is WIDTH wide and HEIGHT high, the hang-off is above.
+`rope_twin.view.profile`: a panel is WIDTH wide and HEIGHT high, with the hang-off at its top.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from rope_twin.view.ticks import ticks_over
 WIDTH, HEIGHT, GAP = 560.0, 1000.0, 110.0
 _GRID = (66, 68, 76)
 _WORDS = (205, 205, 210)
-_HEAD, _LIFT = -95.0, 30.0  # title above the panel; rerun hangs a label below its point
+_HEAD, _LIFT = -95.0, 30.0  # title above the panel; rerun places a label below its point
 
 Values = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A quantity along the rope; NaN where there is none."""
+    """Quantity along the rope; NaN where it is not defined."""
 
     name: str
     values: Values
@@ -32,16 +32,16 @@ class Curve:
 
 
 class DepthChart:
-    """One panel below `path`; its scales grow with what is shown, and never shrink."""
+    """One panel below `path`; its scales grow with the data and never shrink."""
 
     def __init__(self, stream: Any, path: str, title: str, place: int) -> None:
-        """`place`: which one it is, from the left."""
+        """`place`: number of the panel, from the left."""
         self._stream, self._path, self._title = stream, path, title
         self._left = place * (WIDTH + GAP)
         self._axes = (0.0, 0.0)
 
     def show(self, depth_m: Values, curves: list[Curve]) -> None:
-        """The curves of this instant over metres below the hang-off; aboard is not drawn."""
+        """Draw curves over the length below the hang-off [m]; rope aboard is not drawn."""
         import rerun as rr
 
         out = depth_m >= 0.0
@@ -80,7 +80,7 @@ class DepthChart:
         hair = rr.Radius.ui_points(0.5)
         self._stream.log(f"{self._path}/grid", rr.LineStrips2D(grid, colors=_GRID, radii=hair))
         self._label("values", [[at, HEIGHT] for at in x], [f"{value:g}" for value in across])
-        if self._left == 0.0:  # those beside it have the same depths, and no room for them
+        if self._left == 0.0:  # the other panels have the same depths, and no space for labels
             self._label("depths", [[-60.0, at - _LIFT] for at in y], [f"{d:g}" for d in down])
         names = ", ".join(curve.name for curve in curves)
         middle = self._left + 0.5 * WIDTH

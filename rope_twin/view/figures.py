@@ -1,7 +1,7 @@
-"""Curves of figures that come by name: of a winch's parts, two lines, a rope's shape.
+"""Curves of quantities that come by name: winch components, crossings of two lines, line shape.
 
-Which there are depends on the scene, so plots are made as figures come; they lie in tabs beside the
-plots that every run has.
+Which of them exist depends on the scene, so that plots are created as values arrive, in tabs next
+to the plots that every run has.
 """
 
 from __future__ import annotations
@@ -18,48 +18,48 @@ class Plot:
     """One plot in a tab."""
 
     tab: str
-    entity: str  # all curves below it are drawn
+    entity: str  # all curves below this path are drawn
     title: str
 
 
-# group, title, factor and name of the curve of each figure of a winch's parts (twin/hoisting)
+# group, title, factor and curve name of each quantity of a winch's components (twin/hoisting)
 _WINCH = {
-    "drum_speed_rad_per_s": ("drum_speed", "Drum speed [rad/s], + pays out", 1.0, "drum"),
-    "motor_torque_n_m": ("torque", "Torque of motor and brake [kN m]", 1e-3, "motor"),
-    "brake_torque_n_m": ("torque", "Torque of motor and brake [kN m]", 1e-3, "brake"),
-    "compensation_m": ("stroke", "Heave compensation: stroke [m]", 1.0, "stroke"),
-    "compensation_m_per_s": ("stroke_rate", "Heave compensation: rate [m/s]", 1.0, "rate"),
-    "drum_radius_m": ("radius", "Radius that the rope leaves from [m]", 1.0, "radius"),
-    "layer": ("layer", "Layer on the drum", 1.0, "layer"),
-    "brake_holds": ("switches", "Brake holds, compensation on", 1.0, "brake"),
-    "compensation_on": ("switches", "Brake holds, compensation on", 1.0, "compensation"),
+    "drum_speed_rad_per_s": ("drum_speed", "Drum speed [rad/s], positive = pay out", 1.0, "drum"),
+    "motor_torque_n_m": ("torque", "Motor and brake torque [kN·m]", 1e-3, "motor"),
+    "brake_torque_n_m": ("torque", "Motor and brake torque [kN·m]", 1e-3, "brake"),
+    "compensation_m": ("stroke", "AHC stroke [m]", 1.0, "stroke"),
+    "compensation_m_per_s": ("stroke_rate", "AHC rate [m/s]", 1.0, "rate"),
+    "drum_radius_m": ("radius", "Effective drum radius [m]", 1.0, "radius"),
+    "layer": ("layer", "Drum layer [-]", 1.0, "layer"),
+    "brake_holds": ("switches", "Brake set, AHC on [-]", 1.0, "brake"),
+    "compensation_on": ("switches", "Brake set, AHC on [-]", 1.0, "AHC"),
 }
 _ORDER = {f"plots/winch/{row[0]}": k for k, row in enumerate(_WINCH.values())}
-_UNSHOWN = ("target",)  # of four different units, and in winch/mode
+_UNSHOWN = ("target",)  # its unit depends on the control mode; winch/mode has it
 _COLOURS = ("fde725", "6fa8ff", "35b7a0", "f2a65a", "c792ea", "e06c75")
 WINCH_TAB, LINES_TAB, SHAPE_TAB = "Winch", "Lines", "Shape"
-_DEPTHS = Plot(LINES_TAB, "plots/lines/crossings", "Height of the crossings [m]")
-_ANGLES = Plot(LINES_TAB, "plots/lines/angles", "Angle of the crossings [degrees]")
-# factor and plot of each figure of touchdown and tightest bend that is drawn
+_DEPTHS = Plot(LINES_TAB, "plots/lines/crossings", "Elevation of the crossings [m]")
+_ANGLES = Plot(LINES_TAB, "plots/lines/angles", "Crossing angle [deg]")
+# factor and plot of each quantity of touchdown and bend radius that is drawn
 _SHAPE = {
-    "layback_m": (1.0, Plot(SHAPE_TAB, "plots/shape/layback", "Layback of the touchdown [m]")),
-    "tension_n": (1e-3, Plot(SHAPE_TAB, "plots/shape/tension", "Tension at the touchdown [kN]")),
-    "radius_m": (1.0, Plot(SHAPE_TAB, "plots/shape/bend", "Radius of the tightest bend [m]")),
+    "layback_m": (1.0, Plot(SHAPE_TAB, "plots/shape/layback", "TDP layback [m]")),
+    "tension_n": (1e-3, Plot(SHAPE_TAB, "plots/shape/tension", "Tension at TDP [kN]")),
+    "radius_m": (1.0, Plot(SHAPE_TAB, "plots/shape/bend", "Smallest bend radius [m]")),
 }
-_DISTANCE = Plot(LINES_TAB, "plots/lines/distance", "Nearest distance of the lines [m]")
+_DISTANCE = Plot(LINES_TAB, "plots/lines/distance", "Minimum distance between the lines [m]")
 
 
 class Figures:
-    """Adds curves as their figures come; `plots` are those that there are by now."""
+    """Adds curves as their values arrive; `plots` are those that exist by now."""
 
     def __init__(self, new_series: Callable[[str, str, str, bool], Series]) -> None:
-        """new_series: makes a curve from entity, name and colour; whether of dots."""
+        """new_series: makes a curve from entity, name, colour, and whether it is of dots."""
         self._new_series = new_series
         self._known: dict[str, Series] = {}
         self.plots: list[Plot] = []
 
     def winch(self, time_ns: int, names: list[str], values: list[float]) -> bool:
-        """Figures named like winch/drum_radius_m. True if there is a new plot."""
+        """Add values with names like winch/drum_radius_m; return whether there is a new plot."""
         before = len(self.plots)
         for name, value in zip(names, values, strict=True):
             winch, _, figure = name.rpartition("/")
@@ -73,7 +73,7 @@ class Figures:
         return len(self.plots) > before
 
     def lines(self, time_ns: int, names: list[str], values: list[float]) -> bool:
-        """Figures named like crossing_1/depth_m. True if there is a new plot."""
+        """Add values with names like crossing_1/depth_m; return whether there is a new plot."""
         before = len(self.plots)
         for name, value in zip(names, values, strict=True):
             where, _, figure = name.rpartition("/")
@@ -87,11 +87,11 @@ class Figures:
         return len(self.plots) > before
 
     def shape(self, time_ns: int, names: list[str], values: list[float]) -> bool:
-        """Figures named like cable/layback_m. True if there is a new plot."""
+        """Add values with names like cable/layback_m; return whether there is a new plot."""
         before = len(self.plots)
         for name, value in zip(names, values, strict=True):
             rope, _, figure = name.rpartition("/")
-            if figure in _SHAPE and math.isfinite(value):  # of a straight rope there is no radius
+            if figure in _SHAPE and math.isfinite(value):  # a straight rope has no finite radius
                 factor, plot = _SHAPE[figure]
                 self._add(plot, rope, rope, time_ns, factor * value)
         return len(self.plots) > before

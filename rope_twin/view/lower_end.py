@@ -1,6 +1,6 @@
-"""The lower end of the rope close by and to scale: the payload, and slings or bridles around it.
+"""Close-up view of the rope's lower end, to scale: payload, slings and bridles.
 
-The eye goes along with the lower end, so that what is seen is how things hang about it.
+The camera follows the lower end.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.messages.colours import tension_colours
-from rope_twin.messages.forms import PAYLOAD_RGB
+from rope_twin.messages.templates import PAYLOAD_RGB
 from rope_twin.view.ticks import round_step
 
-_LEAST_M = 5.0  # so much is seen above, below and beside at least
-_NEAR_M = 80.0  # what ends farther away belongs to another part of the picture
-_ROOM = 1.25
-_GROWN = 1.2  # the eye moves when things are so many times farther than they were
+_LEAST_M = 5.0  # minimum visible distance above, below and to the sides
+_NEAR_M = 80.0  # ropes that end farther away are not part of this view
+_MARGIN = 1.25
+_GROWN = 1.2  # the camera moves when the extent has grown by this factor
 _WATER = (120, 175, 230)
 _LINES = (130, 132, 140)
 _WORDS = (205, 205, 210)
@@ -29,33 +29,33 @@ Points = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Sight:
-    """What is seen about the lower end [m]."""
+    """Visible region around the lower end [m]."""
 
     below: float = _LEAST_M
     beside: float = _LEAST_M
-    aside: tuple[float, float] = (1.0, 0.0)  # unit vector east, north that points to the right
+    aside: tuple[float, float] = (1.0, 0.0)  # unit vector (east, north) that points right
 
     @property
     def above(self) -> float:
-        """So much rope is seen above the lower end."""
+        """Return the visible length of rope above the lower end."""
         return max(_LEAST_M, 0.6 * max(self.below, self.beside))
 
     @property
     def half(self) -> float:
-        """Half of what the eye has before it, up and down."""
-        return _ROOM * max(0.5 * (self.below + self.above), self.beside)
+        """Return half of the visible height."""
+        return _MARGIN * max(0.5 * (self.below + self.above), self.beside)
 
     @property
     def middle(self) -> float:
-        """Height of the picture's middle over the lower end."""
+        """Return the height of the middle of the picture above the lower end."""
         return 0.5 * (self.above - self.below)
 
     def spot(self, right: float, up: float) -> list[float]:
-        """A place in the plane of the picture, about its middle."""
+        """Return a point in the plane of the picture, relative to its middle."""
         return [self.aside[0] * right, self.aside[1] * right, self.middle + up]
 
     def eye(self) -> tuple[list[float], list[float]]:
-        """Where the eye is and where it looks, for rerun's 55 degrees of view."""
+        """Return camera position and target, for rerun's field of view of 55 degrees."""
         target = np.array([0.0, 0.0, self.middle])
         back = np.array([self.aside[1], -self.aside[0], 0.0])
         away = self.half / math.tan(math.radians(27.5))
@@ -63,30 +63,30 @@ class Sight:
 
 
 def depth_in_words(depth_m: float) -> str:
-    """Where the lower end is; in the air as well."""
+    """Return the depth of the lower end in words, or its height above the water."""
     if depth_m >= 0.0:
-        return f"{depth_m:.1f} m deep"
+        return f"{depth_m:.1f} m depth"
     return f"{-depth_m:.1f} m above the water"
 
 
 class LowerEnd:
-    """Draws below `path`; `sight` is another when the eye has to move, None before the first."""
+    """Draws the lower end below `path`; `sight` changes when the camera moves, None at first."""
 
     def __init__(self, stream: Any, path: str) -> None:
         self._stream = stream
         self._path = path
         self._focus = np.zeros(3)
-        self.payloads: dict[str, Points] = {}  # places by name; none: one at the rope's end
-        self._outline_m: Points | None = None  # of a payload that is a rigid body
-        self._pose: tuple[Points, list[float]] | None = None  # its middle and attitude
-        self._slings = np.zeros((0, 3)), np.zeros(0)  # where they hold it, and their pulls
+        self.payloads: dict[str, Points] = {}  # positions by name; empty: one at the rope's end
+        self._outline_m: Points | None = None  # side lengths of a 6-DOF payload
+        self._pose: tuple[Points, list[float]] | None = None  # its centre and attitude
+        self._slings = np.zeros((0, 3)), np.zeros(0)  # attachment points and tensions
         self._scale_n = 0.0
-        self._falls = 0  # > 0: the body hangs on the part below a cut, which was seen just now
-        self._at_water = False  # the water's surface is in sight
+        self._falls = 0  # > 0: the body falls with the part below a cut, which was just drawn
+        self._at_water = False  # whether the sea surface is visible
         self.sight: Sight | None = None
 
     def take_rigging(self, names: list[str], position: Points, effort: Points) -> None:
-        """The payload is a rigid body: its sides, where slings hold it and how hard they pull."""
+        """Set sides, attachment points and sling tensions of a 6-DOF payload."""
         row = {name: number for number, name in enumerate(names)}
         if "size/x" in row:
             self._outline_m = position[[row[f"size/{axis}"] for axis in "xyz"]]
@@ -95,11 +95,11 @@ class LowerEnd:
         self._slings = position[ends].reshape(-1, 3), effort[[row[name] for name in slings]]
 
     def take_pose(self, place_m: Points, quaternion: list[float]) -> None:
-        """Where the payload is, and how it is turned (x, y, z, w)."""
+        """Set position and attitude (x, y, z, w) of the payload."""
         self._pose = place_m, quaternion
 
     def show_rope(self, position_m: Points, elements_n: Points, scale_n: float) -> bool:
-        """The first rope, nodes (n, 3) from the hang-off down. True if the eye has to move."""
+        """Draw the first rope, nodes (n, 3) from the top down; return if the camera has to move."""
         self._scale_n, self._falls = scale_n, max(0, self._falls - 1)
         if not self._falls:
             self._focus = position_m[-1].copy()
@@ -107,16 +107,16 @@ class LowerEnd:
         if first:
             self._take(Sight())
         self._draw("rope", position_m, elements_n, scale_n)
-        if self._falls:  # the payload is drawn with the rope that it hangs on
+        if self._falls:  # the payload is drawn with the rope that carries it
             return first
         return self._draw_payloads() or first
 
     def show_further(
         self, number: int, position_m: Points, elements_n: Points, scale_n: float
     ) -> bool:
-        """One of further ropes, if it comes near. True if the eye has to move.
+        """Draw another rope if it comes near; return whether the camera has to move.
 
-        Besides a rigid body the only one is the part below a cut, and the eye falls with it.
+        With a 6-DOF payload the only other rope is the part below a cut; the camera follows it.
         """
         moved = False
         if self._outline_m is not None and self.sight is not None:
@@ -126,20 +126,20 @@ class LowerEnd:
         near = np.sqrt((away**2).sum(axis=1)) < _NEAR_M
         if self.sight is None or not near.any():
             return False
-        if near.all():  # else it is no sling, but goes on elsewhere
+        if near.all():  # otherwise it is not a sling, but leads elsewhere
             moved |= self._widen(away)
         self._draw(f"rope/{number}", position_m, elements_n, scale_n)
         return moved
 
     def place_payloads(self, names: list[str], values: Points) -> None:
-        """Where payloads are: names like tool/x, a value for each."""
+        """Set the payload positions, with names like tool/x and a value for each."""
         rows = np.asarray(values, dtype=np.float64).reshape(-1, 3)
         self.payloads = {
             name.rpartition("/")[0]: row for name, row in zip(names[::3], rows, strict=True)
         }
 
     def show_bars(self, ends_m: Points) -> None:
-        """Bars between ropes that meet, (n, 2, 3)."""
+        """Draw the struts of a multi-line system, ends (n, 2, 3)."""
         import rerun as rr
 
         ends, _ = _cut(ends_m - self._focus, self._bounds)
@@ -149,11 +149,11 @@ class LowerEnd:
 
     @property
     def _bounds(self) -> float:
-        """So far from the lower end things are drawn."""
+        """Return the distance from the lower end up to which lines are drawn."""
         return 2.0 * (self.sight or Sight()).half
 
     def _widen(self, away: Points) -> bool:
-        """See that all of this, (n, 3) from the lower end, is in the picture. True if it moved."""
+        """Widen the view to include points (n, 3) relative to the lower end; return if it moved."""
         assert self.sight is not None
         side = np.sqrt((away[:, :2] ** 2).sum(axis=1))
         far, below = int(side.argmax()), float(-away[:, 2].min())
@@ -168,7 +168,7 @@ class LowerEnd:
         return True
 
     def _take(self, sight: Sight) -> None:
-        """Look so from now on, with a bar that tells the scale."""
+        """Set the visible region, and draw its scale bar."""
         import rerun as rr
 
         self.sight = sight
@@ -182,7 +182,7 @@ class LowerEnd:
         self._label("scale/words", sight.spot(left + 0.5 * bar_m, low), f"{bar_m:g} m")
 
     def _draw(self, name: str, position_m: Points, elements_n: Points, scale_n: float) -> None:
-        """The elements within sight, about the lower end."""
+        """Draw the visible elements, relative to the lower end."""
         import rerun as rr
 
         nodes = position_m - self._focus
@@ -197,7 +197,7 @@ class LowerEnd:
         )
 
     def _draw_payloads(self) -> bool:
-        """True if the eye has to move."""
+        """Draw payload, depth label and water; return whether the camera has to move."""
         import rerun as rr
 
         assert self.sight is not None
@@ -226,7 +226,7 @@ class LowerEnd:
         return False
 
     def _draw_water(self, sight: Sight) -> None:
-        """The mean water level, where it is in sight."""
+        """Draw the mean water level where it is visible."""
         import rerun as rr
 
         up = -float(self._focus[2]) - sight.middle
@@ -238,7 +238,7 @@ class LowerEnd:
             self._stream.log(f"{self._path}/water", strips)
 
     def _draw_body(self, sides: Points, place: Points, quaternion: list[float]) -> bool:
-        """A rigid body as large as it is and turned as it is. True if the eye has to move."""
+        """Draw a 6-DOF payload in true size and attitude; return whether the camera has to move."""
         import rerun as rr
 
         center = place - self._focus
@@ -269,9 +269,9 @@ class LowerEnd:
 
 
 def _cut(ends: Points, bounds: float) -> tuple[Points, NDArray[np.intp]]:
-    """Elements (n, 2, 3) that begin or end within a sphere, shortened to it; and which they are.
+    """Return the elements (n, 2, 3) with an end in a sphere, clipped to it, and their indices.
 
-    An element may be longer than all that is seen: only what is inside is drawn.
+    An element may be longer than the visible region: only the part inside is drawn.
     """
     from_middle = np.sqrt((ends**2).sum(axis=2))
     shown = np.flatnonzero(from_middle.min(axis=1) < bounds)

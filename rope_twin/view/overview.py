@@ -1,7 +1,7 @@
-"""The whole rope in 3-D, seen from the side.
+"""Line profile in 3-D, seen from the side.
 
-Three kilometres of rope that hang a few tens of metres aside are a needle: distances sideways are
-drawn larger by a round factor, which the view's title and a scale bar tell.
+Three kilometres of rope with a lateral offset of a few tens of metres would look like a needle:
+horizontal distances are enlarged by a round factor, which the view's title and a scale bar show.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.messages.colours import tension_colours
-from rope_twin.messages.forms import HANG_OFF_RGB, PAYLOAD_RGB
+from rope_twin.messages.templates import HANG_OFF_RGB, PAYLOAD_RGB
 from rope_twin.view.ticks import depth_words, depths_over, round_step
 
 _FACTORS = (50, 20, 10, 5, 2, 1)
-_WIDE = 0.25  # the rope is drawn this wide at most, in parts of its height ...
-_TOO_WIDE = 0.6  # ... and the factor falls when motion has made it wider than this
-_GONE = 0.3  # a hang-off that is under way is put back into the middle so far from it
-# in parts of the scale: room for a name and for the depth scale, and what is seen sideways
+_WIDE = 0.25  # maximum drawn width of the rope, as a fraction of its height ...
+_TOO_WIDE = 0.6  # ... and the width beyond which the factor is reduced
+_GONE = 0.3  # drawn distance from the middle at which a moving hang-off is centred again
+# as fractions of the scale: space for a name and for the depth scale, and visible half width
 _NAME, _SCALE, _SEEN = 0.1, 0.3, 0.9
 _LINES = (130, 132, 140)
 _WORDS = (205, 205, 210)
@@ -31,42 +31,42 @@ _SPOT = (255, 255, 255)
 
 @dataclass(frozen=True)
 class Frame:
-    """How the picture is taken."""
+    """Scale and orientation of the picture."""
 
-    factor: int  # of distances sideways
+    factor: int  # enlargement of horizontal distances
     depth_m: float  # of the lowest node
-    aside: tuple[float, float]  # unit vector east, north that points to the right in the picture
-    wide: float = 0.0  # how far right the rope goes, as drawn
-    above_m: float = 0.0  # how far the highest node is above the water
-    at_m: tuple[float, float] = (0.0, 0.0)  # east, north of the hang-off, the middle of the picture
+    aside: tuple[float, float]  # unit vector (east, north) that points right in the picture
+    wide: float = 0.0  # drawn extent of the rope to the right
+    above_m: float = 0.0  # height of the highest node above the water
+    at_m: tuple[float, float] = (0.0, 0.0)  # east, north of the hang-off: middle of the picture
 
     @property
     def depths_m(self) -> NDArray[np.float64]:
-        """Ticks of the depth scale, from above; negative above the water."""
+        """Return the ticks of the depth scale, from the top down; negative above the water."""
         return depths_over(self.above_m, 0.999 * self.depth_m)
 
     @property
     def high_m(self) -> float:
-        """From end to end of that scale."""
+        """Return the length of the depth scale [m]."""
         depths = self.depths_m
         return float(depths[-1] - depths[0])
 
     def gone_m(self, position_m: NDArray[np.float64]) -> float:
-        """How far aside from the middle the hang-off of a rope (n, 3) is."""
+        """Return the horizontal distance of a rope's hang-off from the middle; nodes (n, 3)."""
         return float(np.hypot(*(position_m[0, :2] - self.at_m)))
 
     def place(self, position_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Positions (n, 3) as drawn."""
+        """Return positions (n, 3) as drawn."""
         from_hang_off = position_m - np.array([*self.at_m, 0.0])
         return np.asarray(from_hang_off * np.array([self.factor, self.factor, 1.0]))
 
     def spot(self, right: float, height_m: float) -> list[float]:
-        """A point in the plane of the picture; `right` as drawn."""
+        """Return a point in the plane of the picture; `right` as drawn."""
         return [self.aside[0] * right, self.aside[1] * right, height_m]
 
 
 def frame_for(position_m: NDArray[np.float64], gone_m: float = 0.0) -> Frame:
-    """The picture that suits a rope (n, 3) whose hang-off was seen to go so far aside [m]."""
+    """Return the frame for a rope (n, 3) whose hang-off has moved by `gone_m` horizontally."""
     depth, above = _reach(position_m)
     high, at = depth + above, (float(position_m[0, 0]), float(position_m[0, 1]))
     off = position_m[:, :2] - position_m[0, :2]
@@ -75,27 +75,27 @@ def frame_for(position_m: NDArray[np.float64], gone_m: float = 0.0) -> Frame:
     width = float(distance[far])
     factor = next((f for f in _FACTORS if f * max(width, gone_m) <= _WIDE * high), 1)
     straight = width < 1e-4 * high
-    if straight:  # which way it leans does not matter: look north
+    if straight:  # any direction will do: look north
         return Frame(factor, depth, (1.0, 0.0), above_m=above, at_m=at)
     aside = (float(off[far, 0] / width), float(off[far, 1] / width))
     return Frame(factor, depth, aside, factor * width, above, at)
 
 
 def _reach(position_m: NDArray[np.float64]) -> tuple[float, float]:
-    """Depth of the lowest node, 1 m at least, and height of the highest above the water [m]."""
+    """Return the depth of the lowest node (at least 1 m) and the height of the highest [m]."""
     heights = position_m[:, 2]
     return max(float(-heights.min()), 1.0), max(float(heights.max()), 0.0)
 
 
 class Overview:
-    """Draws the rope below `path`; `frame` is new when the picture has to be taken anew."""
+    """Draws the rope below `path`; `frame` is replaced when the camera has to move."""
 
     def __init__(self, stream: Any, path: str) -> None:
         self._stream = stream
         self._path = path
         self.frame: Frame | None = None
-        self.payloads: dict[str, NDArray[np.float64]] = {}  # places; none: one at the rope's end
-        self._further: dict[int, NDArray[np.float64]] = {}  # nodes of ropes but the first
+        self.payloads: dict[str, NDArray[np.float64]] = {}  # positions; empty: at the rope's end
+        self._further: dict[int, NDArray[np.float64]] = {}  # nodes of all ropes but the first
 
     def show(
         self,
@@ -103,7 +103,7 @@ class Overview:
         elements_n: NDArray[np.float64],
         scale_n: float,
     ) -> bool:
-        """The rope at this instant: nodes (n, 3). True if the eye has to move (a new frame)."""
+        """Draw the rope, nodes (n, 3); return whether the camera has to move (a new frame)."""
         import rerun as rr
 
         every = np.concatenate([position_m, *self._further.values()])
@@ -150,7 +150,7 @@ class Overview:
         elements_n: NDArray[np.float64],
         scale_n: float,
     ) -> None:
-        """One of further ropes that meet the first one, nodes (n, 3), in its picture."""
+        """Draw another rope of a multi-line system, nodes (n, 3)."""
         import rerun as rr
 
         if self.frame is None:
@@ -167,7 +167,7 @@ class Overview:
         )
 
     def show_spots(self, name: str, position_m: NDArray[np.float64], labels: list[str]) -> None:
-        """Places to be looked at, (n, 3), with a word each: where lines cross, or touch down."""
+        """Mark positions (n, 3) with a label each: crossings of lines, touchdown points."""
         import rerun as rr
 
         if self.frame is None:
@@ -181,7 +181,7 @@ class Overview:
         )  # fmt: skip
 
     def _draw_scales(self, frame: Frame) -> None:
-        """A depth scale left of the rope, the sea, and how long a distance sideways looks."""
+        """Draw the depth scale left of the rope, the sea, and a bar of the horizontal scale."""
         import rerun as rr
 
         depths, high = frame.depths_m, frame.high_m
@@ -201,7 +201,7 @@ class Overview:
         places = [frame.spot(left - 0.09 * high, 0.018 * high - d) for d in depths]
         words = [f"{depth_words(depth)} m" for depth in depths]
         places.append(frame.spot(0.5 * end, low))
-        words.append(f"{bar_m:g} m sideways")
+        words.append(f"{bar_m:g} m horizontal")
         log(
             f"{path}/words",
             rr.Points3D(places, labels=words, show_labels=True, colors=_WORDS,
@@ -224,7 +224,7 @@ class Overview:
 
 
 def has_left(frame: Frame, position_m: NDArray[np.float64]) -> bool:
-    """Whether the rope no longer fits the picture, has become small in it or is under way."""
+    """Return whether the rope exceeds the picture, has become small in it or has moved away."""
     depth, above = _reach(position_m)
     high, drawn = depth + above, frame.depth_m + frame.above_m
     off = position_m[:, :2] - frame.at_m
@@ -236,9 +236,10 @@ def has_left(frame: Frame, position_m: NDArray[np.float64]) -> bool:
 
 
 def eye(frame: Frame) -> tuple[list[float], list[float]]:
-    """Where the eye is and where it looks, for rerun's 55 degrees of view in a tall window.
+    """Return camera position and target, for rerun's field of view of 55 degrees.
 
-    A rope that goes far aside is in it with the name of what hangs there, and so is the scale.
+    The window is tall; the end of a rope with a large lateral offset, its label and the depth scale
+    are visible.
     """
     high, top = frame.high_m, -float(frame.depths_m[0])
     right_e, right_n = frame.aside

@@ -1,4 +1,4 @@
-"""A picture of a recording, without a screen: rerun's viewer draws into memory with Vulkan."""
+"""Screenshot of a recording without a display: rerun's viewer renders off-screen with Vulkan."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from rope_twin.view.sinks import free_port, has_library, load_rerun, start_viewe
 
 SIZE = (1600, 1000)
 _SETTLE_S = 90.0
-_OPEN_S = 20.0  # within which the viewer finds the first data of a file that has any
+_OPEN_S = 20.0  # time within which the viewer finds the first data of a file
 _DRIVERS = ("/usr/share/vulkan/icd.d", "/etc/vulkan/icd.d", "/usr/local/share/vulkan/icd.d")
 _EDGE = 4  # the window's outline [pixels]
-_SOFTWARE = "lvp_icd"  # lavapipe: draws on the processor, the same everywhere
+_SOFTWARE = "lvp_icd"  # lavapipe: renders on the CPU, with the same result everywhere
 
 
 def what_a_picture_lacks() -> str:
-    """One sentence on what to install, or nothing if all is there."""
+    """Return a sentence on the packages to install, or "" if none is missing."""
     missing = [] if has_library("libvulkan.so.1") else ["libvulkan1"]
     if _driver() is None:
         missing.append("mesa-vulkan-drivers")
@@ -40,7 +40,7 @@ def take_picture(recording: Path, picture: Path) -> None:
     """Draw the last moment of an .rrd file into a PNG.
 
     Raises:
-        InputError: if something is missing on this machine, the viewer fails or the file cannot
+        InputError: if a package is missing on this machine, the viewer fails or the file cannot
             be written.
     """
     load_rerun()
@@ -56,9 +56,9 @@ def take_picture(recording: Path, picture: Path) -> None:
     try:
         wait_for_viewer(viewer, port)
         data = _settled(port, recording)
-    except RuntimeError as error:  # how the viewer's client reports whatever goes wrong
+    except RuntimeError as error:  # how the viewer's client reports all failures
         raise InputError(
-            phrase("view", f"no picture came ({error})", "try again, or look with --save FILE.rrd")
+            phrase("view", f"no picture received ({error})", "try again, or use --save FILE.rrd")
         ) from error
     finally:
         viewer.kill()
@@ -67,13 +67,13 @@ def take_picture(recording: Path, picture: Path) -> None:
 
 
 def _driver() -> Path | None:
-    """The file that describes a Vulkan driver; the software one first."""
+    """Return the description file of a Vulkan driver, preferably the software renderer's."""
     found = [file for folder in _DRIVERS for file in sorted(Path(folder).glob("*.json"))]
     return min(found, key=lambda file: not file.name.startswith(_SOFTWARE), default=None)
 
 
 def _settled(port: int, recording: Path) -> bytes:
-    """The picture once two in a row are the same: the viewer fetches and draws in pieces."""
+    """Return the picture once two in a row are equal: the viewer loads and draws in pieces."""
     from rerun.experimental import ViewerClient
 
     client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
@@ -83,7 +83,7 @@ def _settled(port: int, recording: Path) -> bytes:
     while (waited_s := time.monotonic() - start) < _SETTLE_S:
         state = client.get_state()
         if waited_s > _OPEN_S and not state.recordings:
-            raise RuntimeError(f"the viewer finds nothing to show in {recording}")
+            raise RuntimeError(f"the viewer finds no data in {recording}")
         now = bytes(client.take_screenshot())
         if now == before and state.recordings and not state.loading:
             return now
@@ -107,7 +107,7 @@ def _write(data: bytes, picture: Path) -> None:
 
 
 def _without_title_bar(image: Any) -> Any:
-    """The picture below the empty bar that a window without a frame keeps for its title."""
+    """Return the picture without the empty title bar of a frameless window."""
     column = np.asarray(image, dtype=np.int16)[:, image.width // 2]
     away = np.abs(column[_EDGE : image.height // 10] - column[_EDGE]).max(axis=1) > 2
     top = _EDGE + int(away.argmax()) if away.any() else 0

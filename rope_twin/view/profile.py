@@ -1,4 +1,4 @@
-"""The chart of tension over depth, whose colour bar is the legend of every rope in the view.
+"""Chart of tension vs depth, whose colour bar is the legend of every rope in the view.
 
 rerun has no plot of one quantity over another, so the axes are drawn here: chart coordinates run
 from 0 to WIDTH to the right and from 0 to HEIGHT downward.
@@ -16,20 +16,20 @@ from rope_twin.messages.colours import SLACK_RGB, shade, tension_colours
 from rope_twin.view.ticks import depth_words, depths_over, ticks_over
 
 WIDTH, HEIGHT = 1250.0, 1000.0
-RANGE_S = 60.0  # the thin curves: least and most tension over this time
+RANGE_S = 60.0  # time span of the minimum and maximum tension (thin lines)
 _BAR = 24.0  # thickness of the colour bar
 _UNDER = HEIGHT + 3.0 * _BAR  # numbers of the colour bar
 _ASIDE = -75.0  # to the left of the chart
-_ALONG = np.linspace(0.0, 1.0, 201)  # places in parts of the depth; nodes may come and go
+_ALONG = np.linspace(0.0, 1.0, 201)  # fixed positions along the depth, as nodes come and go
 _STRIPS = 250
-_LIFT = 30.0  # rerun hangs a label below its point; this puts it beside
+_LIFT = 30.0  # rerun places a label below its point; this offset places it beside
 _GRID = (66, 68, 76)
 _WORDS = (205, 205, 210)
 _THIN = (150, 150, 158)
 
 
 class Profile:
-    """Draws the chart below `path`; axes are drawn again when a scale changes."""
+    """Draws the chart below `path`; the axes are redrawn when a scale changes."""
 
     def __init__(self, stream: Any, path: str) -> None:
         self._stream = stream
@@ -39,7 +39,7 @@ class Profile:
 
     def show(self, time_ns: int, depth_m: NDArray[np.float64], nodes_n: NDArray[np.float64],
              elements_n: NDArray[np.float64], scale_n: float) -> None:  # fmt: skip
-        """The curve of this instant: depths and tensions (n,) of nodes, tensions of elements."""
+        """Draw depths and tensions (n,) of the nodes, in the colours of the element tensions."""
         import rerun as rr
 
         if self._outgrown(scale_n, depth_m):
@@ -70,9 +70,10 @@ class Profile:
         )  # fmt: skip
 
     def _outgrown(self, scale_n: float, depth_m: NDArray[np.float64]) -> bool:
-        """Whether the axes have to be other ones; a payload that heaves over a tick is no reason.
+        """Return whether the axes have to change.
 
-        A hang-off at the water that heaves out of the chart is none either.
+        A payload that heaves across a tick, or a hang-off at the water that heaves out of the
+        chart, does not change them.
         """
         low, high = float(depth_m.max()), float(depth_m.min())
         tall = self._deepest_m - self._top_m
@@ -85,7 +86,7 @@ class Profile:
         return np.stack([tension_n / self._scale_n * WIDTH, down * HEIGHT], axis=-1)
 
     def _range(self, time_ns: int, tension_n: NDArray[np.float64]) -> Any:
-        """Least and most tension along the rope over RANGE_S; starts anew after a jump back."""
+        """Return minimum and maximum tension along the rope over RANGE_S; restart after a jump."""
         history = self._history
         if history and time_ns < history[-1][0]:
             history.clear()

@@ -1,4 +1,4 @@
-"""Decoded messages in, rerun out: the same for live topics and for bags."""
+"""Display of decoded messages in rerun, the same for live topics and for bags."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages.colours import scale_above
-from rope_twin.messages.forms import FLOAT32_BYTES, NANOSECONDS
+from rope_twin.messages.templates import FLOAT32_BYTES, NANOSECONDS
 from rope_twin.view.blueprint import (
     BAND_CURVES,
     CURVES,
@@ -43,15 +43,15 @@ SHOWN_TOPICS = (
     "seabed/touchdown", "rope/bend", "diagnostics",
 )  # fmt: skip
 PICTURE_NS = NANOSECONDS // 10  # ropes and sea are drawn at most 10 times a second
-_EPOCH_WITHIN_NS = 2 * NANOSECONDS  # so long the first messages wait for twin/epoch
+_EPOCH_WITHIN_NS = 2 * NANOSECONDS  # how long the first messages are held until twin/epoch comes
 
 
 class RopeView:
-    """Shows the suite's messages. To be used from one thread.
+    """Shows the suite's messages; to be used from one thread only.
 
-    Every scalar is kept; ropes are thinned out to 10 a second. Only stamped topics are drawn: the
-    Float64 topics carry the same numbers without a stamp, and would be plotted at the time of
-    their arrival.
+    Every scalar is kept; ropes are drawn at most 10 times per second. Only stamped topics are
+    drawn: the Float64 topics carry the same values without a stamp, and would be plotted at their
+    time of arrival.
     """
 
     def __init__(self, sink: Sink) -> None:
@@ -94,7 +94,7 @@ class RopeView:
         sink.stream.send_blueprint(layout(Shown(), sink.live))
 
     def show(self, topic_name: str, message: Any, time_ns: int) -> None:
-        """A decoded message that came (or was recorded) at a ROS time; others are passed over."""
+        """Show a decoded message received (or recorded) at a ROS time; ignore other topics."""
         name = topic_name.removeprefix("/")
         if name == "twin/epoch":
             if self._timelines is None:
@@ -103,16 +103,16 @@ class RopeView:
             self._take(name, message, _stamp_ns(message, time_ns))
 
     def flush(self) -> None:
-        """Hand everything that waits to the sink."""
+        """Pass all pending data to the sink."""
         if self._timelines is None and self._waiting:
             self._begin(min(time_ns for _, _, time_ns in self._waiting))
         for series in self._series.values():
             series.flush()
 
     def close(self) -> None:
-        """Hand over what waits and close the sink."""
+        """Flush and close the sink."""
         self.flush()
-        if not self._sink.live:  # a window would lose what its user has arranged
+        if not self._sink.live:  # in a window it would reset the user's arrangement
             ranges = {
                 path: decade_range(series.least, series.most)
                 for path, series in self._series.items()
@@ -122,7 +122,7 @@ class RopeView:
         self._sink.close()
 
     def _arrange(self, ranges: Ranges | None = None) -> None:
-        """Lay the window out anew for what there is to see."""
+        """Update the layout of the window to its current content."""
         sight = self._lower_end.sight
         close = None if sight is None else sight.eye()
         plots = tuple(self._figures.plots)
@@ -137,7 +137,7 @@ class RopeView:
             return
         self._waiting.append((name, message, time_ns))
         first_ns = self._waiting[0][2]
-        if abs(time_ns - first_ns) > _EPOCH_WITHIN_NS:  # nobody tells: begin with what is there
+        if abs(time_ns - first_ns) > _EPOCH_WITHIN_NS:  # no epoch: begin at the first message
             self._begin(first_ns)
 
     def _begin(self, epoch_ns: int) -> None:
@@ -156,7 +156,7 @@ class RopeView:
         return series
 
     def _is_time(self, what: str, time_ns: int) -> bool:
-        """Whether to draw again; also after a jump back (a bag that starts anew)."""
+        """Return whether to draw again; also after a jump back, when a bag restarts."""
         last_ns = self._drawn_ns.get(what)
         due = last_ns is None or not 0 <= time_ns - last_ns < PICTURE_NS
         if due:
@@ -213,7 +213,7 @@ class RopeView:
         self._profile.show(time_ns, -position[:, 2], nodes_n, elements_n, self._scale_n)
 
     def _further_ropes(self, message: Any, time_ns: int) -> None:
-        """All ropes but the first, which `rope/nodes` tells of."""
+        """Draw all ropes but the first, which is in `rope/nodes`."""
         rows = _points(message, "ropes/nodes", ("x", "y", "z", "tension", "rope"))
         if self._overview.frame is None or not self._is_time("ropes", time_ns):
             return
@@ -251,7 +251,7 @@ class RopeView:
             self._arrange()
 
     def _crossings(self, message: Any, time_ns: int) -> None:
-        """Curves, and points where the lines cross in the picture of the whole rope."""
+        """Add curves, and mark the crossings of the lines in the line profile."""
         names, values = list(message.name), list(message.position)
         if self._figures.lines(time_ns, names, values):
             self._arrange()
@@ -263,7 +263,7 @@ class RopeView:
             self._overview.show_spots("crossings", np.array(spots).reshape(-1, 3), labels)
 
     def _touchdown(self, message: Any, time_ns: int) -> None:
-        """Curves, and points in the picture of the whole rope."""
+        """Add curves, and mark the touchdown points in the line profile."""
         names, values = list(message.name), list(message.position)
         if self._figures.shape(time_ns, names, values):
             self._arrange()
@@ -291,7 +291,7 @@ class RopeView:
             self._surface.show_sea(float(message.point.z))
 
     def _diagnostics(self, message: Any, time_ns: int) -> None:
-        """A line for each status that changed, and the real-time factor."""
+        """Add a log line for each status that has changed, and the real-time factor."""
         assert self._timelines is not None
         self._timelines.set(time_ns)
         for status in message.status:
@@ -302,18 +302,18 @@ class RopeView:
 
 
 def _points(message: Any, topic: str, fields: tuple[str, ...]) -> NDArray[np.float64]:
-    """The points of a cloud of float32 numbers, (points, fields)."""
+    """Return the points of a cloud of float32 values, (points, fields)."""
     size = len(fields) * FLOAT32_BYTES
     if message.point_step != size:
         what = f"points of {message.point_step} bytes"
-        right = f"right are {size}: {', '.join(fields)} as float32"
+        right = f"expected are {size} bytes: {', '.join(fields)} as float32"
         raise InputError(phrase(f"topic {topic}", what, right))
     rows = np.frombuffer(np.asarray(message.data, dtype=np.uint8).tobytes(), dtype="<f4")
     return rows.reshape(-1, len(fields)).astype(np.float64)
 
 
 def _stamp_ns(message: Any, time_ns: int) -> int:
-    """The time that a message is about: its stamp, or when it came if it has none."""
+    """Return the stamp of a message, or its time of arrival if it has none."""
     header = getattr(message, "header", None)
     if header is None:
         return time_ns

@@ -1,4 +1,4 @@
-"""A scalar over time. Samples are handed to rerun in batches, so every one of them is kept."""
+"""Time history of a scalar; samples are passed to rerun in batches, so that every one is kept."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 
 from rope_twin.view.timelines import Timelines
 
-LIVE_BATCH_NS = 200_000_000  # 5 calls a second for each curve, whatever the rate of its topic
-FILE_BATCH_NS = 5_000_000_000  # few large pieces: small files that open quickly
+LIVE_BATCH_NS = 200_000_000  # 5 calls per second and curve, whatever the rate of its topic
+FILE_BATCH_NS = 5_000_000_000  # few large batches: small files that open quickly
 
 
 class Series:
@@ -23,13 +23,13 @@ class Series:
         self._timelines = timelines
         self._path = path
         self._batch_ns = batch_ns
-        self.least, self.most = math.inf, -math.inf  # of all finite samples so far
+        self.least, self.most = math.inf, -math.inf  # of all finite samples
         self._columns = rr.Scalars.columns
         self._times: list[int] = []
         self._values: list[float] = []
 
     def add(self, time_ns: int, value: float) -> None:
-        """One sample at a ROS time."""
+        """Add a sample at a ROS time."""
         self._times.append(time_ns)
         self._values.append(value)
         if math.isfinite(value):
@@ -38,21 +38,21 @@ class Series:
             self.flush()
 
     def style(self, name: str, rgb: str) -> None:
-        """Name and colour (six hexadecimal digits) of the curve."""
+        """Set name and colour (six hexadecimal digits) of the curve."""
         import rerun as rr
 
         line = rr.SeriesLines(names=name, colors=int(rgb + "ff", 16), widths=1.5)
         self._stream.log(self._path, line, static=True)
 
     def dots(self, name: str, rgb: str) -> None:
-        """The same for a curve of dots: what comes and goes is not joined."""
+        """Draw the curve as dots with this name and colour: samples with gaps are not joined."""
         import rerun as rr
 
         dots = rr.SeriesPoints(names=name, colors=int(rgb + "ff", 16), marker_sizes=2.5)
         self._stream.log(self._path, dots, static=True)
 
     def flush(self) -> None:
-        """Hand over what is waiting."""
+        """Pass the pending samples to rerun."""
         if not self._times:
             return
         self._stream.send_columns(

@@ -1,4 +1,4 @@
-"""Where the view goes: a file or a window. Never into memory alone, which would grow for ever."""
+"""Output of the view: a file or a window, never memory alone, which would grow without limit."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from typing import Any, Protocol
 from rope_twin.errors import InputError, phrase
 
 APPLICATION = "rope_twin"
-_VIEWER_MEMORY = "1GB"  # the window forgets its oldest data beyond this
+_VIEWER_MEMORY = "1GB"  # beyond this the window drops its oldest data
 _START_S = 30.0
 _MARK = b"RRF2"  # of rerun's files
 _HEAD = struct.Struct("<12sQQ")  # mark, version and options; kind and length of the first message
 _KINDS = (1, 2, 3)  # store, data, blueprint; 0 ends a recording
-_X11_LIBRARIES = {  # opened by the window at run time: its file, its Debian package
+_X11_LIBRARIES = {  # loaded by the window at run time: file and Debian package
     "libX11-xcb.so.1": "libx11-xcb1",
     "libXcursor.so.1": "libxcursor1",
     "libXi.so.6": "libxi6",
@@ -31,12 +31,12 @@ _X11_LIBRARIES = {  # opened by the window at run time: its file, its Debian pac
 
 
 def load_rerun() -> Any:
-    """The rerun package.
+    """Return the rerun package.
 
     Raises:
         InputError: if it is not installed.
     """
-    # A file of unknown length has no footer, on purpose: rerun need not warn of it.
+    # A file of unknown length deliberately has no footer: suppress rerun's warning.
     os.environ.setdefault("RUST_LOG", "error")
     try:
         import rerun
@@ -48,24 +48,28 @@ def load_rerun() -> Any:
 
 
 class Sink(Protocol):
-    """Somewhere that takes a rerun recording."""
+    """Destination of a rerun recording."""
 
     stream: Any  # rerun.RecordingStream
-    live: bool  # looked at while it grows, so that only what is recent is plotted
+    live: bool  # viewed while it grows: only recent data is plotted
 
     def close(self) -> None:
-        """Write out what is left and let go; nothing may be logged afterwards."""
+        """Flush and close; nothing may be logged afterwards."""
 
 
 class FileSink:
-    """An .rrd file.
+    """Sink that writes an .rrd file.
 
     `footer` makes a finished file quicker to open, at the price of memory that grows with the
     file; leave it off for recordings of unknown length.
     """
 
     def __init__(self, path: Path, footer: bool = False) -> None:
-        """Raises InputError if the file cannot be made."""
+        """Create the file.
+
+        Raises:
+            InputError: the file cannot be created.
+        """
         rerun = load_rerun()
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -77,11 +81,15 @@ class FileSink:
         self.stream = rerun.RecordingStream(APPLICATION)
         try:
             self.stream.save(path, write_footer=footer)
-        except RuntimeError as error:  # rerun's own, of a disk that is full
+        except RuntimeError as error:  # raised by rerun if the disk is full
             raise _unwritten(path, str(error)) from error
 
     def close(self) -> None:
-        """Write out what is left. Raises InputError if the disk does not take it."""
+        """Flush and close the file.
+
+        Raises:
+            InputError: the data cannot be written.
+        """
         try:
             self.stream.flush()
         except RuntimeError as error:
@@ -95,10 +103,10 @@ def _unwritten(path: Path, reason: str) -> InputError:
 
 
 def recording_fault(path: Path) -> str:
-    """Return what is wrong with the beginning of an .rrd file, or "" if a viewer can read it.
+    """Return the fault in the header of an .rrd file, or "" if a viewer can read it.
 
-    A recording that a crash cut off has no footer and is fine. What the head of such a file is:
-    the mark, four bytes of version, four of options, then kind and length of the first message.
+    A recording truncated by a crash has no footer and is valid. The header consists of the mark,
+    four bytes of version, four of options, then kind and length of the first message.
 
     Raises:
         InputError: the file cannot be read.
@@ -109,26 +117,30 @@ def recording_fault(path: Path) -> str:
             size = stream.seek(0, os.SEEK_END)
     except OSError as error:
         what = f"it cannot be read ({error.strerror or error})"
-        raise InputError(phrase(f"file {path}", what, "check the file's rights")) from error
+        raise InputError(phrase(f"file {path}", what, "check its permissions")) from error
     if not head.startswith(_MARK):
-        return "it is not a rerun recording" if head else "it is empty"
+        return "not a rerun recording" if head else "empty file"
     if len(head) < _HEAD.size:
-        return "it holds no message"
+        return "no message in the file"
     _, kind, length = _HEAD.unpack(head)
     if kind not in _KINDS or not 0 < length <= size - _HEAD.size:
-        return "its first message is damaged"
+        return "first message damaged"
     return ""
 
 
 class WindowSink:
-    """A window of its own process, reached over the loopback network only.
+    """Sink that shows a window in a separate process, connected by the loopback network only.
 
-    The window stays when this side closes. If the user closes it first, `alive` says so and what
-    is logged goes nowhere.
+    The window stays open when this side closes. If the user closes it first, `alive` becomes False
+    and logged data is discarded.
     """
 
     def __init__(self) -> None:
-        """Raises InputError if there is no screen or the window does not come up."""
+        """Open the window.
+
+        Raises:
+            InputError: there is no display, or the window does not open.
+        """
         rerun = load_rerun()
         self.live = True
         if missing := what_a_window_lacks():
@@ -143,27 +155,25 @@ class WindowSink:
 
     @property
     def alive(self) -> bool:
-        """Whether the window is still there."""
+        """Return whether the window is still open."""
         return self._process.poll() is None
 
     def close(self) -> None:
-        """Send what is left; the window stays for the user."""
+        """Flush; the window stays open for the user."""
         if self.alive:
             self.stream.flush(timeout_sec=5.0)
         self.stream.disconnect()
 
 
 def has_screen() -> bool:
-    """Whether there is a display to open a window on."""
+    """Return whether there is a display to open a window on."""
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
 def what_a_window_lacks() -> str:
-    """One sentence if no window can be opened here, or nothing."""
+    """Return why no window can be opened here, in one sentence, or ""."""
     if not has_screen():
-        return phrase(
-            "view", "there is no screen here", "use --save FILE.rrd or --screenshot FILE.png"
-        )
+        return phrase("view", "no display", "use --save FILE.rrd or --screenshot FILE.png")
     libraries = _X11_LIBRARIES if os.environ.get("DISPLAY") else {}
     missing = [package for library, package in libraries.items() if not has_library(library)]
     if missing:
@@ -176,7 +186,7 @@ def what_a_window_lacks() -> str:
 
 
 def has_library(name: str) -> bool:
-    """Whether the dynamic linker finds a library."""
+    """Return whether the dynamic linker finds a library."""
     try:
         ctypes.CDLL(name)
     except OSError:
@@ -185,21 +195,25 @@ def has_library(name: str) -> bool:
 
 
 def free_port() -> int:
-    """A TCP port of the loopback network that nobody uses at the moment."""
+    """Return a TCP port of the loopback network that is currently unused."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return int(probe.getsockname()[1])
 
 
 def start_viewer(*arguments: str, **environment: str) -> subprocess.Popen[bytes]:
-    """rerun's viewer as a process of its own: loopback only, no usage statistics, errors only."""
+    """Start rerun's viewer as a process: loopback only, no usage statistics, errors only.
+
+    Raises:
+        InputError: the viewer is not installed.
+    """
     package = importlib.util.find_spec("rerun_cli")
     if package is None or package.origin is None:
         raise InputError(phrase("view", "rerun's viewer is missing", "install rope_twin[viz]"))
     program = Path(package.origin).with_name("rerun")
     quiet = {
         "CI": "1",  # rerun sends no usage statistics where this is set
-        "RUST_LOG": "error",  # also keeps its notes about the graphics driver out of the picture
+        "RUST_LOG": "error",  # also keeps notes about the graphics driver out of the picture
         "RERUN_APP_ONLY": "true",
     }
     return subprocess.Popen(
@@ -213,10 +227,10 @@ def start_viewer(*arguments: str, **environment: str) -> subprocess.Popen[bytes]
 
 
 def wait_for_viewer(process: subprocess.Popen[bytes], port: int) -> None:
-    """Return as soon as the viewer listens.
+    """Wait until the viewer accepts connections.
 
     Raises:
-        InputError: if it ends or does not listen in time.
+        InputError: if it ends, or does not accept connections in time.
     """
     deadline = time.monotonic() + _START_S
     while time.monotonic() < deadline:
@@ -229,5 +243,5 @@ def wait_for_viewer(process: subprocess.Popen[bytes], port: int) -> None:
         time.sleep(0.05)
     process.kill()
     raise InputError(
-        phrase("view", "rerun's viewer did not start", f"try it by hand: {sys.executable} -m rerun")
+        phrase("view", "rerun's viewer did not start", f"test it with: {sys.executable} -m rerun")
     )

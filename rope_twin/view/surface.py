@@ -1,4 +1,4 @@
-"""The hang-off and the sea around it, close by and to scale."""
+"""Close-up view of hang-off and sea surface, to scale."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.messages.colours import tension_colours
-from rope_twin.messages.forms import HANG_OFF_RGB
+from rope_twin.messages.templates import HANG_OFF_RGB
 from rope_twin.view.ticks import depths_over
 
-# Of a hang-off at the water, in metres; of one above it all but the scale grows by `Sight.size`.
-PATCH = 7.0  # half the side of the patch of sea
-SCALE = 6.0  # the scale of height goes so far below the water and above the hang-off
-EYE, TARGET = (-4.0, -19.0, 6.5), (-1.0, 0.0, -0.6)  # relative to the middle of what is seen
+# For a hang-off at the water [m]; for one above it all but SCALE is multiplied by `Sight.size`.
+PATCH = 7.0  # half the side of the drawn sea surface
+SCALE = 6.0  # extent of the height scale below the water and above the hang-off
+EYE, TARGET = (-4.0, -19.0, 6.5), (-1.0, 0.0, -0.6)  # camera, relative to the middle of the view
 _BESIDE = np.array([2.2, 0.0, 0.4])
-SHOWN_M = 60.0  # so much of the rope is drawn here
+SHOWN_M = 60.0  # length of rope that is drawn
 _SEA = (52, 118, 190)
 _WAVE = (120, 175, 230)
 _LINES = (130, 132, 140)
@@ -26,24 +26,24 @@ _WORDS = (205, 205, 210)
 
 @dataclass(frozen=True)
 class Sight:
-    """How the picture is taken, so that hang-off and water are both in it."""
+    """Visible region, which includes hang-off and water."""
 
-    above_m: float = 0.0  # the hang-off above mean water level
+    above_m: float = 0.0  # height of the hang-off above mean water level
 
     @property
     def size(self) -> float:
-        """How much larger than for a hang-off at the water everything is."""
+        """Return the scale factor relative to a hang-off at the water."""
         return 1.0 + 0.5 * self.above_m / SCALE
 
     def eye(self) -> tuple[list[float], list[float]]:
-        """Where the eye is and where it looks, relative to the water below the hang-off."""
+        """Return camera position and target, relative to the water below the hang-off."""
         middle = np.array([0.0, 0.0, 0.5 * self.above_m])
         place, target = middle + self.size * np.array(EYE), middle + self.size * np.array(TARGET)
         return place.tolist(), target.tolist()
 
 
 class Surface:
-    """Draws below `path`: the upper rope, the hang-off, the sea surface and a scale of height."""
+    """Draws the upper rope, the hang-off, the sea surface and a height scale below `path`."""
 
     def __init__(self, stream: Any, path: str) -> None:
         self._stream = stream
@@ -53,7 +53,7 @@ class Surface:
 
     def show_rope(self, position_m: NDArray[np.float64], elements_n: NDArray[np.float64],
                   scale_n: float) -> bool:  # fmt: skip
-        """The upper end of the rope: nodes (n, 3) from the hang-off down. True: a new sight."""
+        """Draw the upper end of the rope, nodes (n, 3) from the top; return if the view is new."""
         import rerun as rr
 
         first = self._at is None
@@ -63,7 +63,7 @@ class Surface:
             self.sight = Sight(max(float(position_m[0, 2]), 0.0))
             self._draw_scale()
         if np.linalg.norm(below - self._at) > PATCH * self.sight.size:
-            self._at = below  # a ship under way takes its piece of sea along
+            self._at = below  # the drawn sea surface follows a ship under way
         self._draw_upper_end(f"{self._path}/rope", position_m - self._at, elements_n, scale_n)
         top, size = position_m[:1] - self._at, self.sight.size
         ball = rr.Points3D(top, radii=0.5 * size, colors=HANG_OFF_RGB)
@@ -77,7 +77,7 @@ class Surface:
 
     def show_further(self, number: int, position_m: NDArray[np.float64],
                      elements_n: NDArray[np.float64], scale_n: float) -> None:  # fmt: skip
-        """The upper end of one of further ropes, if it is near the surface."""
+        """Draw the upper end of another rope if it is near the surface."""
         if self._at is None or position_m[0, 2] < -SHOWN_M:
             return
         path = f"{self._path}/rope/{number}"
@@ -85,7 +85,7 @@ class Surface:
 
     def _draw_upper_end(self, path: str, nodes_m: NDArray[np.float64],
                         elements_n: NDArray[np.float64], scale_n: float) -> None:  # fmt: skip
-        """As much of a rope as is shown, its elements in the colours of their tension."""
+        """Draw the visible part of a rope, its elements in the colours of their tension."""
         import rerun as rr
 
         count = int(np.searchsorted(nodes_m[0, 2] - nodes_m[:, 2], SHOWN_M)) + 1
@@ -100,7 +100,7 @@ class Surface:
         )
 
     def show_sea(self, elevation_m: float) -> None:
-        """The water surface at the ship."""
+        """Draw the sea surface at the ship."""
         import rerun as rr
 
         half = PATCH * self.sight.size
@@ -119,7 +119,7 @@ class Surface:
         )
 
     def _draw_scale(self) -> None:
-        """Height above mean water level, a little to the left of the rope."""
+        """Draw the scale of height above mean water level, to the left of the rope."""
         import rerun as rr
 
         size = self.sight.size

@@ -1,4 +1,4 @@
-"""Round numbers for axes."""
+"""Axis ticks at round numbers."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-_ABOVE = 0.25  # of a step: what reaches so far above the water has its place in the scale
-_OVER = 0.1  # of a step: what may stick out of it there, as a crane that heaves
-_MARGIN = 0.1  # at either end, in parts of the range or of a step
+_ABOVE = 0.25  # fraction of a step: a height above the water beyond it extends the scale
+_OVER = 0.1  # fraction of a step by which a height may exceed the scale, as a crane that heaves
+_MARGIN = 0.1  # at either end, as a fraction of the range or of a step
 _MOST = 5.5
 
 
 def round_step(span: float, most: int = 7) -> float:
-    """The smallest of 1, 2, 5 times a power of ten that divides `span` into at most `most`."""
+    """Return the smallest 1, 2 or 5 × 10ⁿ that divides `span` into at most `most` steps."""
     if not (math.isfinite(span) and span > 0.0):
         return 1.0
     least = span / most
@@ -23,15 +23,15 @@ def round_step(span: float, most: int = 7) -> float:
 
 
 def ticks_over(span: float, most: int = 7) -> NDArray[np.float64]:
-    """0, step, 2 step, ... up to the first tick at or beyond `span`."""
+    """Return 0, step, 2 step, ... up to the first tick at or beyond `span`."""
     step = round_step(span, most)
     return np.asarray(np.arange(math.ceil(max(span, step) / step - 1e-9) + 1) * step)
 
 
 def depths_over(highest_m: float, deepest_m: float, most: int = 7) -> NDArray[np.float64]:
-    """Ticks of depth over what lies between a height above the water and a depth, from above.
+    """Return depth ticks from a height above the water to a depth, from the top down.
 
-    Negative depths are heights; of a hang-off that hardly rises above the water there are none.
+    Negative depths are heights; a hang-off barely above the water has none.
     """
     deepest_m, highest_m = max(deepest_m, 0.0), max(highest_m, 0.0)
     step = round_step(max(deepest_m + highest_m, 1e-9), most)
@@ -41,15 +41,15 @@ def depths_over(highest_m: float, deepest_m: float, most: int = 7) -> NDArray[np
 
 
 def depth_words(depth_m: float) -> str:
-    """A tick's figure: of a height above the water with a plus."""
+    """Return the label of a depth tick; heights above the water have a plus sign."""
     return f"{depth_m:g}" if depth_m >= 0.0 else f"+{-depth_m:g}"
 
 
 def decade_range(low: float, high: float) -> tuple[float, float]:
-    """A range around low to high with a few multiples of a power of ten in it, at least two.
+    """Return an axis range around low to high that contains at least two multiples of 10ⁿ.
 
-    rerun labels plots at multiples of a power of ten only, and only where these are far enough
-    apart: about _MOST of them in a plot of the view.
+    rerun labels plots at multiples of a power of ten only, and only if they are far enough apart:
+    about _MOST of them in a plot of the view.
     """
     span = max(high - low, 1e-3 * max(abs(low), abs(high)), 1e-6)
     margin = _MARGIN * span

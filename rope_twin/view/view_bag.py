@@ -1,4 +1,4 @@
-"""Plays a recorded bag into the view; also one that was cut off, up to the break."""
+"""Playback of a recorded bag in the view; a truncated bag is played up to the break."""
 
 from __future__ import annotations
 
@@ -12,38 +12,38 @@ from mcap.records import Channel
 
 from rope_twin import messages
 from rope_twin.errors import BagError, InputError, phrase
-from rope_twin.messages.forms import NANOSECONDS
+from rope_twin.messages.templates import NANOSECONDS
 from rope_twin.recording.bag_reader import find_bag
 from rope_twin.recording.mcap_scan import McapScan, StoredMessage
 from rope_twin.view.rope_view import SHOWN_TOPICS
 
 
 class Shows(Protocol):
-    """What a bag is played into: RopeView."""
+    """Interface of a view that a bag is played into: RopeView."""
 
     def show(self, topic_name: str, message: object, time_ns: int) -> None: ...
 
 
 @dataclass
 class Played:
-    """What came of it."""
+    """Result of a playback."""
 
     shown: int = 0
-    start_ns: int | None = None  # the twin's start, or the first message if the bag has no epoch
+    start_ns: int | None = None  # epoch, or time of the first message if the bag has no epoch
     end_ns: int = 0
     problems: list[str] = field(default_factory=list)  # one sentence each
 
     @property
     def duration_s(self) -> float:
-        """From the start to the last message shown."""
+        """Return the time from the start to the last message shown [s]."""
         return 0.0 if self.start_ns is None else (self.end_ns - self.start_ns) / NANOSECONDS
 
 
 def play(bag: str | os.PathLike[str], view: Shows, until_s: float | None = None) -> Played:
-    """Show a bag's messages up to `until_s` after the start of the twin.
+    """Show a bag's messages up to `until_s` after the start of the simulation.
 
     Raises:
-        BagError: no such bag, not MCAP, or nothing in it that the view shows.
+        BagError: no such bag, not MCAP, or it has no topic that the view shows.
         InputError: the bag ends before `until_s`.
     """
     path = find_bag(os.fspath(bag))
@@ -78,7 +78,7 @@ def play(bag: str | os.PathLike[str], view: Shows, until_s: float | None = None)
 
 
 def _messages(path: Path, played: Played) -> Iterator[tuple[str, StoredMessage]]:
-    """Relative topic name and message of what the view shows, in the order of recording."""
+    """Return topic name and message of the topics that the view shows, in recorded order."""
     files = sorted(path.glob("*.mcap")) if path.is_dir() else [path]
     if not files or any(file.suffix != ".mcap" for file in files):
         raise BagError(phrase(f"bag {path}", "it holds no .mcap file", "record with MCAP storage"))
@@ -95,10 +95,10 @@ def _messages(path: Path, played: Played) -> Iterator[tuple[str, StoredMessage]]
 
 
 def _shown_name(recorded: str) -> str:
-    """The topic's name in the table; a namespace in front is passed over. '' if not shown."""
+    """Return the topic's name in the table, without its namespace; "" if it is not shown."""
     return next((name for name in SHOWN_TOPICS if f"/{recorded}".endswith(f"/{name}")), "")
 
 
 def _nothing(path: Path, played: Played) -> str:
-    what = "nothing in it can be shown" + "".join(f"; {words}" for words in played.problems)
-    return phrase(f"bag {path}", what, f"right is a bag with {', '.join(SHOWN_TOPICS)}")
+    what = "no topic to show" + "".join(f"; {words}" for words in played.problems)
+    return phrase(f"bag {path}", what, f"name a bag with {', '.join(SHOWN_TOPICS)}")

@@ -1,4 +1,4 @@
-"""How the rope shakes and what fatigue it has used, over its length: two pictures, if told."""
+"""Charts of VIV response and fatigue damage along the rope, if they are published."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ DRAG_RGB, USED_RGB = (111, 168, 255), (242, 106, 90)
 
 
 class WatchedCharts:
-    """Draws both; `shown` says which there is something of."""
+    """Draws both charts; `shown` are those that have data."""
 
     def __init__(self, stream: Any) -> None:
         self.shown: tuple[str, ...] = ()
-        self._amplitude = DepthChart(stream, f"{VIBRATION}/amplitude", "A/d", 0)
-        self._frequency = DepthChart(stream, f"{VIBRATION}/frequency", "Hz", 1)
-        self._drag = DepthChart(stream, f"{VIBRATION}/drag", "drag", 2)
-        self._used = DepthChart(stream, FATIGUE, "share of life used", 0)
+        self._amplitude = DepthChart(stream, f"{VIBRATION}/amplitude", "A/D [-]", 0)
+        self._frequency = DepthChart(stream, f"{VIBRATION}/frequency", "frequency [Hz]", 1)
+        self._drag = DepthChart(stream, f"{VIBRATION}/drag", "drag [-]", 2)
+        self._used = DepthChart(stream, FATIGUE, "damage [-]", 0)
 
     def show_vibration(self, columns: dict[str, NDArray[np.float64]]) -> bool:
-        """Columns of `rope/vibration` by name; True if it is the first of its kind.
+        """Draw the columns of `rope/vibration`; return whether they are the first.
 
-        Bags of before the drag was told have no column of it.
+        Old bags have no column of the drag amplification.
         """
         place = np.stack([columns[axis] for axis in "xyz"])
         steps = np.sqrt((np.diff(place, axis=1) ** 2).sum(axis=0))
@@ -46,8 +46,8 @@ class WatchedCharts:
         return self._is_first(VIBRATION)
 
     def show_fatigue(self, table: NDArray[np.float64]) -> bool:
-        """Rows of `rope/fatigue`; True if it is the first of its kind."""
-        self._used.show(table[:, 1], [Curve("each metre of rope", table[:, 2], USED_RGB)])
+        """Draw the rows of `rope/fatigue`; return whether they are the first."""
+        self._used.show(table[:, 1], [Curve("per metre of rope", table[:, 2], USED_RGB)])
         return self._is_first(FATIGUE)
 
     def _is_first(self, name: str) -> bool:
@@ -58,5 +58,5 @@ class WatchedCharts:
 
 
 def _moving(hz: NDArray[np.float64]) -> NDArray[np.float64]:
-    """NaN where nothing moves."""
+    """Return the frequencies, NaN where there is no vibration."""
     return np.where(hz > 0.0, hz, np.nan)

@@ -52,7 +52,7 @@ class Running:
 
     def newest_reason(self, topic: str) -> str:
         rows = self.rows()
-        note = rows[f"simulation: input {INPUT_ROW[topic]}"].values["newest note"]
+        note = rows[f"simulation: input {INPUT_ROW[topic]}"].values["last note"]
         return note + rows["simulation: messages"].message
 
 

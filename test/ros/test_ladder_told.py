@@ -18,7 +18,7 @@ def paced(**parameters: object) -> PacedTwin:
 
 
 def rung_rows(twin: PacedTwin) -> list[Status]:
-    return [row for row in twin.rows(clocks()) if row.name == "simulation: rung"]
+    return [row for row in twin.rows(clocks()) if row.name == "simulation: accuracy level"]
 
 
 def test_a_machine_with_room_is_on_the_scenes_own_rung() -> None:
@@ -28,7 +28,7 @@ def test_a_machine_with_room_is_on_the_scenes_own_rung() -> None:
     assert row.values["elements"] == "40"
     assert row.values["step [s]"] == "0.01"
     assert row.values["changes"] == "0"
-    assert list(twin.sayings()) == []
+    assert list(twin.notices()) == []
     assert twin.summary().rung_changes == 0
 
 
@@ -36,15 +36,15 @@ def test_a_lower_rung_is_told_once_in_a_sentence_and_stays_in_the_diagnostics() 
     twin = paced()
     assert twin.ladder is not None
     assert twin.ladder.start_at(2.0)
-    (sentence,) = twin.sayings()
+    (sentence,) = twin.notices()
     assert sentence.startswith(
         "stepping down to rung 3 of 4, 40 elements and steps of 50 ms, error"
     )
     assert sentence.endswith(": it would take 200% of the time there is")
-    assert list(twin.sayings()) == []
+    assert list(twin.notices()) == []
     (row,) = rung_rows(twin)
     assert row.level is Level.WARN
-    assert row.message.startswith("on rung 3 of 4, 40 elements and steps of 50 ms, error")
+    assert "level 3 of 4, 40 elements and steps of 50 ms, error" in row.message
     assert row.values["step [s]"] == "0.05"
     assert twin.summary().rung_changes == 1
     assert twin.summary().step_s == 0.05
@@ -63,5 +63,5 @@ def test_the_words_say_how_many_elements_are_left(halvings: int) -> None:
     twin = paced()
     assert twin.ladder is not None
     twin.ladder.start_at(100.0 if halvings else 1.0)
-    (sentence,) = twin.sayings()
+    (sentence,) = twin.notices()
     assert ("20 elements in place of 40" in sentence) == bool(halvings)

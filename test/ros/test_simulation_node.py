@@ -247,8 +247,7 @@ def test_a_listener_that_gets_nothing_is_told(bench: Bench, running: Any) -> Non
     bench.own.create_subscription(message_type(BY_NAME["tension_top"]), "tension_top", print, asked)
     bench.until(
         lambda: any(
-            "who listens to tension_top and asks for more"
-            in rows_of(one)["simulation: sources"].message
+            "QoS: a subscriber of tension_top" in rows_of(one)["simulation: sources"].message
             for one in told
         ),
         "a word on the listener",

@@ -109,7 +109,7 @@ def test_a_step_that_fails_once_is_made_again(
     assert shots[-1].tension_top_n == pytest.approx(unbroken[-1].tension_top_n, rel=1e-9)
     row = solver_row(shots[-1])
     assert row.level == Level.ERROR
-    assert "recovered 1 time from a failed step" in row.message
+    assert "recovered from 1 failed step" in row.message
     assert "step 252" in row.message
     shots = run(recovery, twin, 61.0)
     assert solver_row(shots[-1]).level == Level.WARN

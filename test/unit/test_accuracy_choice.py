@@ -128,7 +128,7 @@ def test_a_run_says_its_error_or_that_it_is_unknown(
     scene = carded_scene(tmp_path)
     assert main(unpaced(scene)) == 0
     out, said = capsys.readouterr()
-    assert "error of the tension 0.21 % rms, 0.11 % of its highest, at most, in the card's" in out
+    assert "top-tension error: 0.21 % RMS, 0.11 % peak, at most, in the card's" in out
     assert main(unpaced(scene, "--json", "--bag", "sea_1p2m")) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["tension_top_error_pct"] is told["tension_top_peak_error_pct"] is None
@@ -138,7 +138,7 @@ def test_a_run_says_its_error_or_that_it_is_unknown(
     card.card_path(scene).unlink()
     assert main(unpaced(scene)) == 0
     out, said = capsys.readouterr()
-    assert "error of the tension unknown: no card" in out
+    assert "top-tension error unknown: no card" in out
     assert "error unknown" in said
 
 

@@ -266,7 +266,7 @@ def test_a_run_with_a_band_publishes_records_and_sums_it_up(tmp_path: Path) -> N
     shots: list[Snapshot] = []
     summary = run_unpaced(options, lambda run: shots.append(run.last))
     assert summary.error_band is not None
-    assert "error band: top tension now" in summary.as_text()
+    assert "error interval (95 %): top tension now" in summary.as_text()
     assert shots[-1].band is not None
     assert summary.error_band["bound_n"] == shots[-1].band.bound_n
     edges = recorded_edges(tmp_path / "bag")

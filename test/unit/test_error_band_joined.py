@@ -97,7 +97,7 @@ def test_every_rope_from_the_ship_has_a_band_and_no_other_and_all_are_told() -> 
     assert list(message.effort) == [first.low_n, first.high_n, aft.low_n, aft.high_n]
     assert list(message.name) == ["tension_top_low", "tension_top_high", "aft_low", "aft_high"]
     (row,) = (one for one in statuses(shot, None) if one.name == "simulation: error band")
-    assert row.values["bound of the error of 'aft' [N]"] == f"{aft.bound_n:.3g}"
+    assert row.values["error bound of 'aft' [N]"] == f"{aft.bound_n:.3g}"
     legs = BandedTwin(load_scene("bridle_lift")).snapshot().ropes
     assert [rope.band is not None for rope in legs] == [True, False, False, False, False]
 

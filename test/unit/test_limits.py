@@ -12,7 +12,7 @@ import pytest
 from rope_twin.cli import main
 from rope_twin.errors import SceneError
 from rope_twin.messages import Encoder, decode, statuses
-from rope_twin.messages.load_status import BreachWords
+from rope_twin.messages.rope_status import BreachWords
 from rope_twin.messages.status import Level, Status
 from rope_twin.scene.digest import scene_digest
 from rope_twin.scene.limits import Limits
@@ -59,9 +59,10 @@ def test_a_broken_limit_is_exit_code_4_unless_it_is_allowed(
     (broken,) = told["limits_broken"]
     assert (broken["limit"], broken["where"], broken["first_s"]) == ("tension_n", "hoist", 0.0)
     assert told["steps"] == 100, "the run is not ended early"
-    assert said.count("limit broken: tension of 'hoist' 210.4 kN, above its limit of 200.0 kN") == 1
+    words = "limit violated: tension of 'hoist' 210.4 kN, above the limit of 200.0 kN"
+    assert said.count(words) == 1
     assert run(path, "--allow-overload") == 0
-    assert "limit broken: tension of 'hoist'" in capsys.readouterr().out
+    assert "limit violated: tension of 'hoist'" in capsys.readouterr().out
     assert run(written(tmp_path, "{tension_n: 220000.0}")) == 0
 
 
@@ -70,7 +71,7 @@ def test_a_scene_that_breaks_a_limit_at_rest_is_unsound(
 ) -> None:
     assert main(["scene", "check", str(written(tmp_path, "{utilisation: 0.2}"))]) == 1
     out = capsys.readouterr().out
-    assert "error: at rest, utilisation of 'hoist' 0.208, above its limit of 0.2" in out
+    assert "error: at rest, utilisation of 'hoist' 0.208, above the limit of 0.2" in out
     assert "is unsound" in out
     assert main(["scene", "check", str(written(tmp_path, "{utilisation: 0.21}"))]) == 0
     assert "is sound" in capsys.readouterr().out

@@ -31,10 +31,10 @@ def test_all_is_well_when_all_is_well() -> None:
 def test_a_doubtful_step_is_an_error_and_a_past_one_a_warning() -> None:
     past = replace(hanging_rope(), solver=SolverHealth(steps=10, unconverged_substeps=1))
     assert row("solver", past).level is Level.WARN
-    assert "1 substep since" in row("solver", past).message
+    assert "1 substep " in row("solver", past).message
     now = row("solver", replace(past, doubtful=True))
     assert now.level is Level.ERROR
-    assert "doubtful" in now.message
+    assert "not converged" in now.message
 
 
 def test_the_winch_says_why_it_is_held_back() -> None:
@@ -42,19 +42,19 @@ def test_the_winch_says_why_it_is_held_back() -> None:
     assert row("winch", held).level is Level.WARN
     assert row("winch", held).message == held.winch_at_limit
     hauling = replace(hanging_rope(), payout_speed_m_per_s=-0.5)
-    assert row("winch", hauling).message.startswith("hauls in")
+    assert row("winch", hauling).message.startswith("hauling in")
 
 
 def test_the_tension_never_goes_without_its_error() -> None:
     """By the card, or the reason why there is none; that is no fault of the run's."""
     told = row("accuracy", hanging_rope())
-    assert told.message == "rms error of the top tension 0.5 % at most, in a run on paper"
-    assert told.values["error of the highest at most [%]"] == "0.1"
+    assert "0.5 % at most, in a run on paper" in told.message
+    assert told.values["peak error bound [%]"] == "0.1"
     nothing = KnownError(words="unknown: no card")
     told = row("accuracy", replace(hanging_rope(), card_error=nothing))
     assert told.level is Level.OK
-    assert told.message == "error of the top tension unknown: no card"
-    assert told.values["rms error at most [% of the standard deviation]"] == "unknown"
+    assert told.message.endswith("unknown: no card")
+    assert told.values["RMS error bound [% of the standard deviation]"] == "unknown"
 
 
 def test_start_up_is_told_until_the_motion_is_all_there() -> None:
@@ -66,19 +66,19 @@ def test_start_up_is_told_until_the_motion_is_all_there() -> None:
 @pytest.mark.parametrize(
     ("health", "level", "words"),
     [
-        (replace(GOOD, error="the rope cannot be stepped on"), Level.ERROR, "cannot be stepped"),
-        (replace(GOOD, behind_s=1.5), Level.ERROR, "1.50 s behind"),
+        (GOOD._replace(error="the rope cannot be stepped on"), Level.ERROR, "cannot be stepped"),
+        (GOOD._replace(behind_s=1.5), Level.ERROR, "1.50 s behind"),
         (
-            replace(GOOD, late_steps=2, worst_lateness_s=0.004, late_ago_s=3.0),
+            GOOD._replace(late_steps=2, worst_lateness_s=0.004, late_ago_s=3.0),
             Level.WARN,
-            "2 steps ended late",
+            "2 missed deadlines",
         ),
         (
-            replace(GOOD, late_steps=2, worst_lateness_s=0.004, late_ago_s=61.0),
+            GOOD._replace(late_steps=2, worst_lateness_s=0.004, late_ago_s=61.0),
             Level.OK,
-            "every step of the last minute ended in time; 2 steps ended late since the start",
+            "in the last 60 s; 2 missed deadlines since the start",
         ),
-        (replace(GOOD, running=False), Level.OK, "paused"),
+        (GOOD._replace(running=False), Level.OK, "paused"),
     ],
 )
 def test_pacing(health: PacingHealth, level: Level, words: str) -> None:
@@ -95,8 +95,8 @@ def test_the_error_band_is_told_where_there_is_one() -> None:
     assert not [r for r in statuses(replace(hanging_rope(), band=None), GOOD) if "band" in r.name]
     told = row("error band", hanging_rope())
     assert told.level is Level.OK
-    assert told.message == "the top tension is within 40 N of the converged one"
-    assert told.values["more time [%]"] == "25"
+    assert "within 40 N of the converged" in told.message
+    assert told.values["extra CPU time [%]"] == "25"
 
 
 def test_the_energy_balance_is_told_where_there_is_one() -> None:
@@ -108,13 +108,13 @@ def test_the_energy_balance_is_told_where_there_is_one() -> None:
     )  # fmt: skip
     told = row("energy", replace(hanging_rope(), energy=balance))
     assert told.level is Level.OK
-    assert told.message == "residual 0.05 % of the energy exchanged"
+    assert "0.05 % of the energy exchanged" in told.message
     assert told.values["work of the water [J]"] == "-9000"
     assert told.values["residual [% of exchanged]"] == "0.05"
     assert len(told.values) == 12
     gained = row("energy", replace(hanging_rope(), energy=replace(balance, residual_j=-2e3)))
     assert gained.level is Level.WARN
-    assert gained.message.startswith("0.2 % of the energy exchanged appeared from nothing")
+    assert "gain of 0.2 % of the energy exchanged" in gained.message
 
 
 def test_a_residual_beside_nothing_is_round_off() -> None:
@@ -131,8 +131,8 @@ def test_a_residual_beside_nothing_is_round_off() -> None:
 @pytest.mark.parametrize(
     ("health", "level", "words"),
     [
-        (InputHealth(), Level.OK, "nothing received yet"),
-        (InputHealth(accepted=7, age_s=0.1), Level.OK, "fresh, 7 samples"),
+        (InputHealth(), Level.OK, "no sample received yet"),
+        (InputHealth(accepted=7, age_s=0.1), Level.OK, "7 samples accepted"),
         (
             InputHealth(
                 accepted=7,
@@ -142,12 +142,12 @@ def test_a_residual_beside_nothing_is_round_off() -> None:
                 note="heave of 90 m is impossible",
             ),
             Level.WARN,
-            "3 samples refused in the last 60 s; the newest: heave of 90 m is impossible",
+            "3 samples rejected in the last 60 s; last: heave of 90 m is impossible",
         ),
         (
             InputHealth(accepted=7, late=1, impossible=2, note="heave of 90 m is impossible"),
             Level.OK,
-            "fresh, 7 samples taken; 3 refused since the start, none in the last 60 s",
+            "7 samples accepted; 3 rejected since the start, none in the last 60 s",
         ),
         (
             InputHealth(accepted=7, stuck=2, recently_refused=2, fault="the sender is stuck"),
@@ -168,7 +168,7 @@ def test_a_residual_beside_nothing_is_round_off() -> None:
                 note="samples are back",
             ),
             Level.WARN,
-            "1 sample refused in the last 60 s; the newest: it came late; now: samples are back",
+            "1 sample rejected in the last 60 s; last: it came late; now: samples are back",
         ),
         (
             InputHealth(
@@ -179,7 +179,7 @@ def test_a_residual_beside_nothing_is_round_off() -> None:
                 note="it came late.",
             ),
             Level.WARN,
-            "the newest: it came late.",
+            "last: it came late.",
         ),
         (InputHealth(accepted=7, age_s=4.2, stale=True), Level.ERROR, "no heave for 4.200 s"),
         (InputHealth(stale=True, note="fading out"), Level.ERROR, "stale: fading out"),
@@ -192,7 +192,7 @@ def test_a_residual_beside_nothing_is_round_off() -> None:
                 note="kept",
             ),
             Level.ERROR,
-            "stale: kept; 2 samples refused in the last 60 s; the newest: 50 m/s; too fast",
+            "stale: kept; 2 samples rejected in the last 60 s; last: 50 m/s; too fast",
         ),
     ],
 )
@@ -206,9 +206,9 @@ def test_inputs(health: InputHealth, level: Level, words: str) -> None:
 @pytest.mark.parametrize(
     ("highest_kn", "level", "words"),
     [
-        (499.0, Level.OK, "highest tension 499.0 kN, 50 % of its breaking load of 1000 kN"),
-        (501.0, Level.WARN, "50 % of its breaking load"),
-        (1420.0, Level.ERROR, "142 % of its breaking load of 1000 kN: a real rope would have par"),
+        (499.0, Level.OK, "499.0 kN, utilisation 0.50 (MBL 1000 kN)"),
+        (501.0, Level.WARN, "utilisation 0.50"),
+        (1420.0, Level.ERROR, "MBL exceeded (utilisation 1.42): rope failure expected"),
     ],
 )
 def test_a_rope_beyond_its_breaking_load_is_told(
@@ -219,8 +219,8 @@ def test_a_rope_beyond_its_breaking_load_is_told(
     assert (told.level, words in told.message) == (level, True)
     slack = (*strength, RopeStrength("aft", 0.0, 1e6))
     both = row("strength", replace(hanging_rope(), strength=slack))
-    assert both.message.startswith("highest tension of 'hoist' ")
-    assert both.values["aft: highest [% of its breaking load]"] == "0.0"
+    assert "of 'hoist' " in both.message
+    assert both.values["aft: utilisation [% of MBL]"] == "0.0"
 
 
 def test_diagnostics_come_back_as_they_went_in() -> None:
@@ -238,10 +238,8 @@ def test_diagnostics_come_back_as_they_went_in() -> None:
 def test_the_seabed_is_told_of() -> None:
     """Landed and lying; and hanging above it."""
     row = next(r for r in statuses(hanging_rope(), GOOD) if "seabed" in r.name)
-    assert row.message == (
-        "the payload has landed; the bed carries 95.0 kN of it, 12.0 m of rope lie on it"
-    )
+    assert all(words in row.message for words in ("landed", "95.0 kN", "12.0 m of rope"))
     above = replace(hanging_rope(), seabed=BedContact(3.21, 0.0, 0.0, 0.0))
     row = next(r for r in statuses(above, GOOD) if "seabed" in r.name)
-    assert row.message == "the payload is 3.21 m above the bed"
+    assert "3.21 m above the seabed" in row.message
     assert not [r for r in statuses(replace(above, seabed=None), GOOD) if "seabed" in r.name]

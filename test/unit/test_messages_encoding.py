@@ -14,7 +14,7 @@ from sample_snapshot import hanging_rope
 
 from rope_twin import messages
 from rope_twin.errors import InputError
-from rope_twin.messages import forms
+from rope_twin.messages import templates
 from rope_twin.messages.cdr import Template
 from rope_twin.topics import TOPICS, Topic
 from rope_twin.twin.hoisting.orders import Order
@@ -268,8 +268,8 @@ def test_unknown_topic_is_not_decoded() -> None:
 def test_a_stretched_form_is_that_of_the_longer_rope(elements: int, bars: int, slings: int) -> None:
     """To the byte, and with every number in the same place."""
     ends = {"markers.0.points": 2 * elements, "markers.0.colors": 2 * elements}
-    one = Template(forms.rope_markers("sea", 1, "words", ("tool",), bars, slings))
-    long = Template(forms.rope_markers("sea", elements, "words", ("tool",), bars, slings))
+    one = Template(templates.rope_markers("sea", 1, "words", ("tool",), bars, slings))
+    long = Template(templates.rope_markers("sea", elements, "words", ("tool",), bars, slings))
     found = one.stretched(ends)
     assert found.data == long.data
     assert found.slots == long.slots
@@ -278,7 +278,7 @@ def test_a_stretched_form_is_that_of_the_longer_rope(elements: int, bars: int, s
 
 @pytest.mark.parametrize("path", ["markers.0.scale", "markers.0.pose.position"])
 def test_what_is_no_list_is_not_stretched(path: str) -> None:
-    form = Template(forms.rope_markers("sea", 1, "words"))
+    form = Template(templates.rope_markers("sea", 1, "words"))
     with pytest.raises(ValueError, match="cannot have 4 entries"):
         form.stretched({path: 4})
     with pytest.raises(ValueError, match="cannot have 0 entries"):

@@ -58,33 +58,29 @@ def test_topics_are_there_where_the_scene_has_them() -> None:
 
 
 def test_words_tell_the_tightest_and_warn_below_the_minimum() -> None:
-    assert row("touchdown", lying()).message == (
-        "touchdown at 362.2 m of line out, layback 162.2 m, 12.3 kN there"
-    )
+    touchdown = row("touchdown", lying()).message
+    assert all(words in touchdown for words in ("362.2 m", "layback 162.2 m", "12.3 kN"))
     tight = row("bend", lying())
-    assert (tight.level, tight.message) == (
-        Level.WARN,
-        "tightest bend of 2.5 m radius, 361.0 m below its upper end at 17.3 s: tighter than its "
-        "minimum bend radius of 3 m",
-    )
-    assert tight.values["cable: tightest radius now [m]"] == "40"
+    assert tight.level == Level.WARN
+    assert all(words in tight.message for words in ("2.5 m", "361.0 m", "17.3 s", "MBR of 3 m"))
+    assert tight.values["cable: smallest bend radius now [m]"] == "40"
     wide = row("bend", lying(radius_m=3.1))
     assert wide.level == Level.OK
-    assert wide.message.endswith("at 17.3 s; its minimum bend radius is 3 m")
+    assert wide.message.endswith("at 17.3 s; MBR 3 m")
     coarse = row("bend", lying(radius_m=3.1, element_m=4.0))
-    assert "(no more than elements of 4 m can tell)" in coarse.message
+    assert "not resolved by elements of 4 m" in coarse.message
     straight = row("bend", lying(radius_m=math.inf))
-    assert straight.message == "no bend: it is straight"
+    assert "straight" in straight.message
 
 
 def test_of_several_ropes_the_worst_and_all_too_tight_are_named() -> None:
     shot = lying()
     (first,) = shot.bends
     named = [replace(TIGHT, name="aft", radius_m=radius) for radius in (9.0, 2.0)]
-    for other, words in zip(named, (["'cable'"], ["'aft'", "'cable'"]), strict=True):
+    for other, words in zip(named, (["cable"], ["aft", "cable"]), strict=True):
         both = replace(shot, bends=(first, replace(first, now=other, tightest=other)))
         parts = row("bend", both).message.split("; ")
-        assert [part.split()[3] for part in parts] == words
+        assert [part.split("'")[1] for part in parts] == words
 
 
 def test_they_are_drawn(tmp_path: Path) -> None:

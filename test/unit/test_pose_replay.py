@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from rope_twin import Snapshot
 from rope_twin.errors import BagError, InputError, SceneError
-from rope_twin.messages import encode_elevation, encode_pose, forms
+from rope_twin.messages import encode_elevation, encode_pose, templates
 from rope_twin.messages.cdr import new, serialise
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.heave_replay import open_heave
@@ -71,9 +71,9 @@ def write_poses(
 
 def bare_pose(at_ns: int, pose: ShipPose) -> bytes:
     """A PoseStamped, which has no twist."""
-    head = forms.header("sea")
-    head.stamp = forms.time(at_ns)
-    inner = forms.pose()
+    head = templates.header("sea")
+    head.stamp = templates.time(at_ns)
+    inner = templates.pose()
     for field, values in (("position", pose.position_m), ("orientation", pose.orientation)):
         for axis, value in zip("xyzw", values, strict=False):
             setattr(getattr(inner, field), axis, value)

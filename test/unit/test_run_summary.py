@@ -20,7 +20,7 @@ def test_of_one_rope_it_is_its_lower_end() -> None:
     twin = Rig(length=100.0, elements=10).twin()
     shot = twin.snapshot()
     lines = summarise(twin, shot, None).as_text().splitlines()
-    assert lines[2].startswith("highest tension ")
+    assert lines[2].startswith("maximum tension ")
     assert lines[4] == "line out 100.0 m, payload at 100.3 m depth"
     twin.scene = replace(twin.scene, payloads=())
     assert "m, lower end at 100.3 m depth" in summarise(twin, shot, None).as_text()
@@ -31,28 +31,28 @@ def test_where_ropes_meet_it_is_every_rope_and_payload() -> None:
     twin, shot = Rig(length=100.0, elements=10).twin(), lifted()
     summary = summarise(twin, shot, None)
     head, tension, _, *ends = summary.as_text().splitlines()
-    assert "on 9 elements" in head
-    assert tension.startswith("top tension of hoist ")
-    assert [line.partition(",")[0] for line in ends[:3]] == [
-        "rope hoist: 100.0 m on 4 elements", "rope port: 8.0 m on 2 elements",
-        "rope starboard: 8.0 m on 3 elements",
+    assert ", 9 elements;" in head
+    assert tension.startswith("top tension of hoist:")
+    assert [line.rpartition(",")[0] for line in ends[:3]] == [
+        "rope hoist: 100.0 m, 4 elements", "rope port: 8.0 m, 2 elements",
+        "rope starboard: 8.0 m, 3 elements",
     ]  # fmt: skip
-    assert ends[1].endswith("6.0 kN at its upper end")
+    assert ends[1].endswith("6.0 kN")
     assert ends[3] == "port at 107.6 m depth, starboard at 107.6 m depth"
     assert RunSummary.from_values(summary.as_values()) == summary
     one = replace(summary, ropes=[summary.ropes[0] | {"elements": 1}])
     head, _, _, end, *_ = one.as_text().splitlines()
-    assert "on 1 element with" in head
-    assert "on 1 element, " in end
+    assert ", 1 element;" in head
+    assert ", 1 element, " in end
 
 
 def test_refused_heave_is_told_with_the_newest_reason() -> None:
     twin = Rig(length=100.0, elements=10).twin()
     twin.offer_heave(10_000_000, 0.1, 0.0)
-    assert "refused" not in summarise(twin, twin.snapshot(), None).as_text()
+    assert "rejected" not in summarise(twin, twin.snapshot(), None).as_text()
     twin.offer_heave(20_000_000, 90.0, 0.0)
     said = summarise(twin, twin.snapshot(), None).as_text()
-    assert "1 of 2 samples of heave were refused; the newest: heave: position 90 m" in said
+    assert "1 of 2 heave samples rejected; last: heave: position 90 m" in said
 
 
 class Terminal(io.StringIO):

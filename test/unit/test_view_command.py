@@ -71,10 +71,10 @@ def test_a_file_that_is_no_recording_is_refused_at_once(bag: Path, tmp_path: Pat
     rrd.write_bytes(whole[: len(whole) * 2 // 3])
     assert sinks.recording_fault(rrd) == ""
     faults = {
-        random: "it is not a rerun recording",
-        b"": "it is empty",
-        whole[:12]: "it holds no message",
-        whole[:12] + random: "its first message is damaged",
+        random: "not a rerun recording",
+        b"": "empty file",
+        whole[:12]: "no message in the file",
+        whole[:12] + random: "first message damaged",
     }
     for data, words in faults.items():
         rrd.write_bytes(data)
@@ -106,7 +106,7 @@ def test_a_cut_bag_is_shown_and_its_loss_told(
 def test_no_screen_is_told(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    with pytest.raises(InputError, match=r"no screen here; use --save FILE\.rrd or --screenshot"):
+    with pytest.raises(InputError, match=r"no display; use --save FILE\.rrd or --screenshot"):
         command(str(bag))
 
 

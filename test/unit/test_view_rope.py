@@ -153,7 +153,7 @@ def test_the_lower_end_is_drawn_about_itself_to_scale(session: Session) -> None:
         assert points[-1] == pytest.approx([0.0, 0.0, 0.0], abs=1e-6)
     (bar,) = found.column("lower_end/bars", "LineStrips3D:strips")
     assert np.array(bar[0][1]) == pytest.approx([2.0, 0.0, -4.0], abs=1e-3)
-    assert found.column("lower_end/depth", "Points3D:labels")[-1] == ["2999.6 m deep"]
+    assert found.column("lower_end/depth", "Points3D:labels")[-1] == ["2999.6 m depth"]
     assert found.column("lower_end/payload", "Boxes3D:labels")[-1] == ["load"]
     assert found.column("overview/payload", "Boxes3D:labels") == [["payload"], ["load"]]
     ((_, _, deep),) = found.column("overview/payload", "Boxes3D:centers")[-1]
@@ -186,7 +186,7 @@ def test_a_rigid_body_hangs_on_its_slings(session: Session) -> None:
     assert np.array(right) == pytest.approx(np.array([[0, 0, 0], [-2.0, -1.5, -5.0]]), abs=1e-3)
     slack, taut = found.column("lower_end/slings", "LineStrips3D:colors")[-1][::-1]
     assert slack != taut
-    deep = f"{-middle[2]:.1f} m deep"
+    deep = f"{-middle[2]:.1f} m depth"
     assert found.column("lower_end/depth", "Points3D:labels")[-1] == [deep], "of the body"
 
 
@@ -203,7 +203,7 @@ def test_the_water_is_drawn_where_the_lower_end_passes_it(session: Session) -> N
         assert np.array(strips[0])[:, 2] == pytest.approx([height_m] * 2, abs=1e-3)
     assert gone == []
     words = found.column("lower_end/depth", "Points3D:labels")
-    assert words[:2] == [["2.0 m above the water"], ["2.0 m deep"]]
+    assert words[:2] == [["2.0 m above the water"], ["2.0 m depth"]]
 
 
 def test_a_ship_under_way_takes_its_piece_of_sea_along(session: Session) -> None:
@@ -354,7 +354,7 @@ def test_a_foreign_point_cloud_is_refused(session: Session) -> None:
     snapshot = hanging_rope()
     message = messages.decode("rope/nodes", session.encoder.encode("rope/nodes", snapshot))
     message.point_step = 32
-    with pytest.raises(InputError, match="points of 32 bytes; right are 16"):
+    with pytest.raises(InputError, match="points of 32 bytes"):
         session.view.show("rope/nodes", message, EPOCH_NS)
     session.view.close()
 

@@ -362,8 +362,8 @@ def test_a_rope_that_its_vortices_shake_tells_so_and_goes_on_from_a_state() -> N
         assert np.array_equal(getattr(shaking, name), getattr(same, name)), name
     assert np.array_equal(used(shot), used(other))
     rows_told = {row.name: row for row in statuses(shot, None)}
-    assert "diameters at" in rows_told["simulation: vibration"].message
-    assert "of its life used of the metre" in rows_told["simulation: fatigue"].message
+    assert "cross-flow A/D" in rows_told["simulation: vibration"].message
+    assert "accumulated damage" in rows_told["simulation: fatigue"].message
 
 
 def test_a_run_records_and_sums_up(tmp_path: Path) -> None:

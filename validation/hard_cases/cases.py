@@ -36,7 +36,7 @@ CASES: tuple[Case, ...] = (
 
 @dataclass(frozen=True)
 class Row:
-    """What became of a case."""
+    """Outcome of a robustness test."""
 
     case: Case
     checks: tuple[Check, ...]
@@ -45,19 +45,19 @@ class Row:
 
     @property
     def ok(self) -> bool:
-        """Whether every figure holds."""
+        """Return whether every value is within its limit."""
         return not self.refusal and all(check.ok for check in self.checks)
 
     @property
     def worst(self) -> Check:
-        """The figure nearest to its limit, or farthest beyond it."""
+        """Return the value closest to its limit, or farthest beyond it."""
         if self.refusal:
             return Check(self.refusal, float("nan"), 0.0, "")
         return max(self.checks, key=lambda check: check.strain)
 
 
 def choose_cases(ids: Sequence[str]) -> tuple[Case, ...]:
-    """The cases of these ids in the order of CASES; all if there are none.
+    """Return the cases with these ids in the order of CASES; all if there are none.
 
     Raises:
         InputError: an id that no case has.

@@ -1,4 +1,4 @@
-"""What a hard case finds: figures, each against the limit that it must not pass."""
+"""Results of a robustness test: values, each with a limit."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ class Check:
 
     @property
     def ok(self) -> bool:
-        """Whether it holds."""
+        """Return whether the value is within its limit."""
         return bool(self.figure <= self.limit)
 
     @property
     def strain(self) -> float:
-        """How much of the limit is used up; inf where it does not hold and the limit is 0."""
+        """Return value over limit; inf if a limit of 0 is violated."""
         if self.limit > 0.0 and not np.isnan(self.figure):
             return float(self.figure / self.limit)
         return 0.0 if self.ok else float("inf")
@@ -34,7 +34,7 @@ class Check:
 
 @dataclass(frozen=True)
 class Case:
-    """One hard case."""
+    """One robustness test."""
 
     id: str
     about: str  # what is hard about it
@@ -45,7 +45,7 @@ class Case:
 
 
 def front_pct(acceleration: float) -> float:
-    """Rms error of the top tension that steps of the acceleration may leave, in per cent.
+    """Return the RMS error of the top tension that steps of the acceleration may cause [%].
 
     The front of such a step is of first order in time: 0.05 % for steel at 10 ms and 0.3 m/s², the
     limit that payout is held to, and in proportion to the step.
@@ -54,16 +54,16 @@ def front_pct(acceleration: float) -> float:
 
 
 def off(what: str, found: float, expected: float, limit_pct: float) -> Check:
-    """A figure's relative error in per cent."""
+    """Return the relative error of a value [%]."""
     return Check(what, 100.0 * float(abs(found / expected - 1.0)), limit_pct)
 
 
 def rms_off(what: str, found: Vector, expected: Vector, limit_pct: float) -> Check:
-    """The rms difference of two series over the mean of the expected one, in per cent."""
+    """Return the RMS difference of two series over the mean of the expected one [%]."""
     difference = float(np.sqrt(np.mean((found - expected) ** 2)))
     return Check(what, 100.0 * difference / abs(float(expected.mean())), limit_pct)
 
 
 def all_converged(unconverged: int) -> Check:
-    """No substep was accepted without convergence."""
+    """Check that no substep was accepted without convergence."""
     return Check("substeps accepted without convergence", float(unconverged), 0.0, "")

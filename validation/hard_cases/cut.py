@@ -1,7 +1,7 @@
-"""Hard cases of a rope that is cut under load: at the payload, and in the middle.
+"""Robustness tests of a rope that is cut under load: at the payload, and in the middle.
 
-Both parts go on as in a twin: the upper one with a bare lower end, the lower one free at its upper
-end, with the payload. A sling of one element stays on a payload that is cut off.
+Both parts continue as in a twin: the upper one with a bare lower end, the lower one free at its
+upper end, with the payload. A sling of one element remains on a payload that is cut off.
 """
 
 from __future__ import annotations
@@ -77,24 +77,24 @@ class Parts:
         return pull[:, rows.PULL]
 
     def push_of_bed(self) -> float:
-        """On the lower part [N]."""
+        """Return the seabed reaction on the lower part [N]."""
         bed = bed_contact(self._ropes.lowest(self.upper.rope))
         return bed.payload_push_n + bed.rope_push_n if bed is not None else math.nan
 
     def energy(self) -> float:
-        """Of both [J]."""
+        """Return the energy of both parts [J]."""
         return self.upper.energy() + self.lower.energy()
 
 
 def settled(rig: Rig) -> Arrays:
-    """A rope at rest."""
+    """Return a rope in static equilibrium."""
     whole = Arrays(rig)
     whole.settle()
     return whole
 
 
 def momentum(part: Arrays) -> float:
-    """Vertical momentum of a part with what hangs on it [N·s]."""
+    """Return the vertical momentum of a part with its payload [N·s]."""
     rest = np.diff(part.s)
     lump = part.rig.mass * 0.5 * (np.concatenate([[0.0], rest]) + np.concatenate([rest, [0.0]]))
     lump[0] += part.rig.load
@@ -102,7 +102,7 @@ def momentum(part: Arrays) -> float:
 
 
 def recoil(below: int) -> list[Check]:
-    """The upper part of a hanging rope that is cut in vacuum; the release runs up it as a wave.
+    """Test the upper part of a hanging rope that is cut in vacuum, with its release wave.
 
     Before the wave reaches the top at L/c, c = √(EA/m): the cut end flies up at T/√(EA·m), T the
     tension that was cut, the pull on the hang-off stays, and momentum grows as T·t. Afterwards the
@@ -138,7 +138,7 @@ def recoil(below: int) -> list[Check]:
 
 
 def fall(below: int) -> list[Check]:
-    """The lower part in vacuum: its centre of mass falls with g, however its release wave runs.
+    """Test the lower part in vacuum: its centre of mass falls with g.
 
     The wave goes down from the cut; it meets the tension T - m·g·c·t, leaves rope that is slack,
     and that falls: v = -T/√(EA·m) + g·t_a - g·(t - t_a) where it came at t_a. When it has passed
@@ -179,7 +179,7 @@ def fall(below: int) -> list[Check]:
 
 
 def highest_energy(left: Arrays, pieces: int, steps: int) -> float:
-    """The largest energy [J] at the ends of so many pieces of the run to come."""
+    """Return the largest energy at the ends of the following pieces of the run [J]."""
     highest = -np.inf
     for _ in range(pieces):
         left.hold(steps)
@@ -188,13 +188,15 @@ def highest_energy(left: Arrays, pieces: int, steps: int) -> float:
 
 
 def stretch_energy(T: float, rig: Rig) -> float:
-    """Energy stored in a hanging rope with tension T at its lower end [J]: ∫T²/(2·EA) ds."""
+    """Return the strain energy of a hanging rope with tension T at its lower end [J]: ∫T²/(2·EA)
+    ds.
+    """
     top = T + rig.weight * rig.length
     return (top**3 - T**3) / (6.0 * rig.EA * rig.weight)
 
 
 def come_to_rest(below: int) -> list[Check]:
-    """The same in water and a current, until the bare rope hangs as one that was never cut.
+    """Test the upper part in water and current, until it hangs like a bare rope.
 
     What falls has its terminal speed by then: W + w·l = ½·ρ·(CdA + Ct·π·d·l)·v².
     """
@@ -215,7 +217,7 @@ def come_to_rest(below: int) -> list[Check]:
 
 
 def terminal_speed(length: float) -> float:
-    """At which the payload sinks with so much rope taut behind it [m/s]."""
+    """Return the terminal velocity of the payload with this length of taut rope behind it [m/s]."""
     rig = WET_WIRE
     area = rig.area[2] + rig.drag[1] * math.pi * rig.diameter * length
     weight = rig.load_weight + rig.weight * length
@@ -223,7 +225,7 @@ def terminal_speed(length: float) -> float:
 
 
 def land(below: int) -> list[Check]:
-    """What falls lies on a bed 200 m below in the end, which carries what it weighs in water."""
+    """Test the lower part on a seabed 200 m below, whose reaction is its submerged weight."""
     rig = WET_WIRE
     scene = rig.scene()
     scene = replace(scene, effects=(*scene.effects[:-1], BED, scene.effects[-1]))
@@ -237,12 +239,12 @@ def land(below: int) -> list[Check]:
 
 
 def cut_at_payload() -> list[Check]:
-    """20 t fall off 1,000 m of wire."""
+    """Cut 20 t off 1,000 m of wire, at the payload."""
     return [*recoil(1), *fall(1), *come_to_rest(1)]
 
 
 def cut_in_middle() -> list[Check]:
-    """The lower 500 m and 20 t fall off."""
+    """Cut off the lower 500 m with 20 t."""
     return [*recoil(250), *fall(250), *come_to_rest(50), *land(50)]
 
 

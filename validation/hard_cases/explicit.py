@@ -20,7 +20,7 @@ SHARE = 0.25  # of the largest stable step
 
 
 def explicit_top_tension(rig: Rig, heave: Motion, seconds: float) -> Vector:
-    """The pull on the hang-off [N] at the rig's step borders after the first, (steps,).
+    """Return the force on the hang-off [N] at the step boundaries after the first, (steps,).
 
     Half an element's inertia, weight and drag are added to the top element's tension, as in the
     published figure.
@@ -64,14 +64,14 @@ class _Line:
         self.added = rig.added_mass * rig.density * area * self.lump
 
     def largest_step(self) -> float:
-        """The stability limit [s]."""
+        """Return the stability limit of the time step [s]."""
         rig = self.rig
         speed = math.sqrt(rig.EA / rig.mass)
         omega, zeta = 2.0 * speed / self.rest, rig.damping * speed / (rig.EA * self.rest)
         return 2.0 / omega * (math.sqrt(1.0 + zeta * zeta) - zeta)
 
     def _pulls(self) -> tuple[Vector, Vector]:
-        """Tension of the elements [N] and their direction, +1 or -1."""
+        """Return tension [N] and direction, +1 or -1, of the elements."""
         gap = np.diff(self.z)
         way = np.where(gap < 0.0, -1.0, 1.0)
         strain = way * gap / self.rest - 1.0
@@ -79,7 +79,7 @@ class _Line:
         return np.maximum(self.rig.EA * strain + self.rig.damping * rate, 0.0), way
 
     def advance(self, h: float, z: float, v: float) -> None:
-        """One step; the hang-off is then at z with velocity v."""
+        """Advance one step, at whose end the hang-off is at z with velocity v."""
         tension, way = self._pulls()
         force = tension * way
         force[1:] -= tension[:-1] * way[:-1]
@@ -94,7 +94,7 @@ class _Line:
         self.z[-1] = z
 
     def pull(self, acceleration: float) -> float:
-        """What the rope pulls on the hang-off [N], downward."""
+        """Return the force of the rope on the hang-off [N], downward."""
         tension, way = self._pulls()
         rig, half, v = self.rig, 0.5 * self.rest, float(self.v[-1])
         drag = 0.5 * rig.density * rig.diameter * math.pi * rig.drag[1] * abs(v) * v

@@ -38,7 +38,7 @@ GENTLE = 3.0  # m/s²
 
 
 def step_of_100_ms() -> list[Check]:
-    """smooth_2km and snap_vertical at ten times the usual step."""
+    """Run smooth_2km and snap_vertical with ten times the usual time step."""
     smooth, first = run_at_rest_in_heave(replace(SMOOTH_2KM, step=0.1), sine(1.5, 8.0), 120.0)
     late = smooth[399:]
     snap, second = run_at_rest_in_heave(replace(SNAP_VERTICAL, step=0.1), HEAVE_4M, 60.0)
@@ -54,11 +54,10 @@ def step_of_100_ms() -> list[Check]:
 
 
 def current_step() -> list[Check]:
-    """A bare cable in still water meets 2 m/s at once, and the current goes again.
+    """Expose a bare cable in still water to a current of 2 m/s at once, and remove it again.
 
-    In the steady state it hangs straight at the critical angle a from the vertical,
-    w·sin a = ½·ρ·d·Cdn·U²·cos² a (its end has no load), and pulls with
-    w·L·cos a + ½·ρ·pi·d·Cdt·U²·sin² a·L.
+    In the steady state it hangs straight at the critical angle a from the vertical, w·sin a =
+    ½·ρ·d·Cdn·U²·cos² a (its end has no load), and pulls with w·L·cos a + ½·ρ·pi·d·Cdt·U²·sin² a·L.
     """
     diameter, normal, along, U = 0.0173, 1.5, 0.01, 2.0
     mass = 8.89 / 9.80665 + WATER * 0.25 * math.pi * diameter**2  # 8.89 N/m in water
@@ -92,10 +91,10 @@ def current_step() -> list[Check]:
 
 
 def heave_jump() -> list[Check]:
-    """Heave of 1.5 m / 8 s stops coming for 2 s and returns 1 m higher.
+    """Interrupt a heave of 1.5 m / 8 s for 2 s, and resume it 1 m higher.
 
-    The tension must be that of the hang-off's motion as the twin published it, and that motion
-    must be gentle.
+    The tension must be that of the hang-off's motion as the twin published it, and that motion must
+    be gentle.
     """
     rig = Rig(load=20e3, damping=0.0)
     twin = rig.twin()
@@ -129,7 +128,7 @@ def heave_jump() -> list[Check]:
 
 
 def motion_made(shots: list[Snapshot], step: float) -> Motion:
-    """The hang-off's heave as published, cubic between the step borders."""
+    """Return the hang-off's heave as published, cubic between the step boundaries."""
     z: Vector = np.array([0.0, *(shot.heave_m for shot in shots), shots[-1].heave_m])
     speeds = [shot.hang_off_velocity_m_per_s[2] for shot in shots]
     v: Vector = np.array([0.0, *speeds, speeds[-1]])

@@ -21,7 +21,7 @@ STIFFNESS = 9.0  # N/m, of the published oscillator
 
 
 def seven_thousand_elements() -> list[Check]:
-    """smooth_2km with elements of 0.29 m."""
+    """Run smooth_2km with elements of 0.29 m."""
     rig = replace(SMOOTH_2KM, elements=7000, step=0.02)
     pull, unconverged = run_at_rest_in_heave(rig, sine(1.5, 8.0), 120.0)
     late = pull[round(40.0 / rig.step) - 1 :]
@@ -34,10 +34,10 @@ def seven_thousand_elements() -> list[Check]:
 
 
 def simulated_day() -> list[Check]:
-    """24 hours of heave and current, the winch out and in by 15 m every 80 s.
+    """Run 24 hours of heave and current, with the winch out and in by 15 m every 80 s.
 
-    Everything repeats after 80 s, so the rope must: as it was after the first hour it must be
-    after the last.
+    Everything repeats after 80 s, so the rope must: as it was after the first hour it must be after
+    the last.
     """
     rig = replace(SMOOTH_2KM, elements=100, step=0.02)
     arrays = Arrays(rig)
@@ -68,7 +68,7 @@ def simulated_day() -> list[Check]:
 
 
 def cycle(rig: Rig) -> tuple[Vector, Vector]:
-    """Hang-off and line out over one cycle: values and rates, (steps + 1, MOTIONS)."""
+    """Return hang-off and line out over one cycle: values and rates, (steps + 1, MOTIONS)."""
     t = rig.step * np.arange(round(CYCLE_S / rig.step) + 1)
     value, rate = np.zeros((2, len(t), rows.MOTIONS))
     omega, slow = 2.0 * math.pi / 8.0, 2.0 * math.pi / CYCLE_S
@@ -80,7 +80,7 @@ def cycle(rig: Rig) -> tuple[Vector, Vector]:
 
 
 def lagged_matrix(m: float, added: float, h: float) -> Vector:
-    """x, v, a one step on by the trapezoidal rule for m·a1 + k·x1 = -m_a·a0."""
+    """Return the matrix of x, v, a over one trapezoidal step of m·a1 + k·x1 = -m_a·a0."""
     p, q = 0.25 * h * h, 0.5 * h
     x_hat, v_hat = np.array([1.0, h, p]), np.array([0.0, 1.0, q])
     a = (np.array([0.0, 0.0, -added]) - STIFFNESS * x_hat) / (m + STIFFNESS * p)
@@ -88,7 +88,7 @@ def lagged_matrix(m: float, added: float, h: float) -> Vector:
 
 
 def lagged_error(m: float, added: float, h: float, x0: float) -> float:
-    """Largest error of the lagged form over 20 s [m]."""
+    """Return the largest error of the lagged form over 20 s [m]."""
     omega = math.sqrt(STIFFNESS / (m + added))
     step, state = lagged_matrix(m, added, h), np.array([x0, 0.0, -(omega**2) * x0])
     worst = 0.0
@@ -99,7 +99,7 @@ def lagged_error(m: float, added: float, h: float, x0: float) -> float:
 
 
 def our_error(m: float, added: float, h: float, x0: float) -> float:
-    """The same of a payload on a rope without mass, k = EA/L, about its own equilibrium [m]."""
+    """Return the largest error of a payload on a massless rope, k = EA/L, about equilibrium [m]."""
     arrays = Arrays(
         Rig(
             length=100.0,
@@ -125,7 +125,7 @@ def our_error(m: float, added: float, h: float, x0: float) -> float:
 
 
 def explicit_added_mass() -> list[Check]:
-    """The published oscillator: lagged added mass fails once it exceeds the mass; ours holds."""
+    """Test the published oscillator: lagged added mass fails once it exceeds the mass."""
     printed = ((0.2, 3.24), (0.1, 1.78), (0.05, 0.93), (0.01, 0.19), (0.001, 0.020))
     lagged = max(abs(lagged_error(11.0, 10.0, h, 10.0) - error) for h, error in printed)
     radius = min(

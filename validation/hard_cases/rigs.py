@@ -1,4 +1,4 @@
-"""What the hard cases are built from: the core's arrays of a rig, and heave that fades in."""
+"""Fixtures of the robustness tests: the core's arrays of a rope, and heave with build-up."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ class Arrays(Nodes):
 
     @property
     def s(self) -> Vector:
-        """View of the material coordinates from the lower end [m], (nodes,)."""
+        """Return a view of the material coordinates from the lower end [m], (nodes,)."""
         return self.rope.state.s[: self.n + 1]
 
     @property
     def unconverged(self) -> int:
-        """Substeps that were accepted without convergence so far."""
+        """Return the number of substeps accepted without convergence."""
         return int(self.rope.state.health[rows.SUBSTEPS_UNCONVERGED])
 
     def settle(self) -> None:
-        """Go to static equilibrium.
+        """Solve the static equilibrium.
 
         Raises:
             SolverError: there is none within reach.
@@ -47,7 +47,7 @@ class Arrays(Nodes):
             raise SolverError(phrase("the rope at rest", what, "a solver defect: report it"))
 
     def find_acceleration(self) -> None:
-        """The acceleration that belongs to a state set by hand: that of a step of 1 µs."""
+        """Solve the acceleration that is consistent with a given state, by a step of 1 µs."""
         model = self.rope.model
         self.rope = self.rope._replace(model=model._replace(step=1e-6))
         self.hold(1)
@@ -85,7 +85,7 @@ class Arrays(Nodes):
         return pull[:, rows.PULL]
 
     def energy(self) -> float:
-        """Motion (payload with its added mass), stretch and height of rope and payload [J].
+        """Return kinetic (with added mass), strain and potential energy of rope and payload [J].
 
         The rope's added mass is left out: cases that look at energy have none.
         """
@@ -101,5 +101,5 @@ class Arrays(Nodes):
 
 
 def sine(amplitude: float, period: float, fade: float = 8.0) -> Motion:
-    """Heave a·sin(2π·t/T) and its velocity, faded in over `fade` [s]."""
+    """Return the heave a·sin(2π·t/T) and its velocity, with a build-up of `fade` [s]."""
     return faded(rigs.sine(amplitude, period), fade)

@@ -20,7 +20,7 @@ GRAVITY = 9.81
 
 
 def study_rope(displaced: float, nominal: float) -> Rig:
-    """3.6 kg/m, EA 150 MN, displaced mass in kg/m; Cdn 1.2, Cdt 0.01, Ca 1 on `nominal` [m].
+    """Return a rope of 3.6 kg/m, EA 150 MN; Cdn 1.2, Cdt 0.01, Ca 1 on `nominal` diameter [m].
 
     The diameter is the one that displaces that mass; the coefficients are scaled so that drag and
     added mass stay those of the nominal one.
@@ -59,7 +59,7 @@ HEAVE_4M = sine(4.0, PERIOD_S)
 
 
 def run_at_rest_in_heave(rig: Rig, heave: Motion, seconds: float) -> tuple[Vector, int]:
-    """The pull on the hang-off after each step, and how many substeps did not converge."""
+    """Return the force on the hang-off after each step, and the number of unconverged substeps."""
     arrays = Arrays(rig)
     arrays.settle()
     pull = arrays.heave(heave, 0, round(seconds / rig.step))
@@ -67,7 +67,7 @@ def run_at_rest_in_heave(rig: Rig, heave: Motion, seconds: float) -> tuple[Vecto
 
 
 def against_explicit(rig: Rig, heave: Motion) -> list[Check]:
-    """Peak and impulse of three heaves against the explicit computation; the return to rest.
+    """Compare peak and impulse of three heaves with the explicit method; test the return to rest.
 
     The impulse and not the samples themselves: a knock of 20 ms that comes 5 ms late is no error of
     physics, but what the hang-off has received by then would be. Three heaves of the seven: later
@@ -89,7 +89,7 @@ def against_explicit(rig: Rig, heave: Motion) -> list[Check]:
 
 
 def light_payload() -> list[Check]:
-    """2 t, heave 4 m / 8 s: slack for 65 % of the time, vertical and with sideways loops."""
+    """Run 2 t in heave 4 m / 8 s: slack for 65 % of the time, vertical and with lateral loops."""
     vertical, first = run_at_rest_in_heave(SNAP_VERTICAL, HEAVE_4M, 60.0)
     loops, second = run_at_rest_in_heave(SNAP_2KM, HEAVE_4M, 60.0)
     return [
@@ -100,7 +100,7 @@ def light_payload() -> list[Check]:
 
 
 def payload_of_200_kg() -> list[Check]:
-    """200 kg on 2 km of rope, heave 4 m / 8 s."""
+    """Run 200 kg on 2 km of rope in heave 4 m / 8 s."""
     rig = replace(
         SNAP_VERTICAL, elements=100, load=200.0, volume=0.05, added=(51.25,) * 3, area=(1.0,) * 3
     )
@@ -108,13 +108,13 @@ def payload_of_200_kg() -> list[Check]:
 
 
 def no_payload() -> list[Check]:
-    """The bare end, heave 4 m / 8 s."""
+    """Run the bare lower end in heave 4 m / 8 s."""
     rig = replace(SNAP_VERTICAL, elements=100, load=0.0, volume=0.0, added=NOTHING, area=NOTHING)
     return against_explicit(rig, HEAVE_4M)
 
 
 def storm() -> list[Check]:
-    """20 t in irregular heave of 6.5 m significant height, and on 5 km in a regular 5 m."""
+    """Run 20 t in irregular heave of Hs 6.5 m, and on 5 km in a regular 5 m."""
     rig = replace(SMOOTH_2KM, elements=100, current=((0.0, (0.0, 0.0)),))
     pull, first = run_at_rest_in_heave(rig, storm_heave(), 120.0)
     reference = explicit_top_tension(rig, storm_heave(), 120.0)
@@ -129,7 +129,7 @@ def storm() -> list[Check]:
 
 
 def storm_heave() -> Motion:
-    """A sum of 40 waves with a Pierson-Moskowitz spectrum, Hs 6.5 m, Tp 12 s, fixed phases."""
+    """Return 40 components of a Pierson-Moskowitz spectrum, Hs 6.5 m, Tp 12 s, fixed phases."""
     significant, peak_hz = 6.5, 1.0 / 12.0
     f = np.linspace(0.5 * peak_hz, 3.0 * peak_hz, 40)
     shape = f**-5 * np.exp(-1.25 * (peak_hz / f) ** 4)
@@ -146,7 +146,7 @@ def storm_heave() -> Motion:
 
 
 def stiff_rope() -> list[Check]:
-    """EA of 150 GN: rope and payload move as one body with the ship.
+    """Run an EA of 150 GN: rope and payload move as one body with the ship.
 
     F = W + w·L + (M' + m·L)·a + k·|v|·v + k_t·L·|v|·v at the hang-off's own v and a.
     """
@@ -167,7 +167,7 @@ def stiff_rope() -> list[Check]:
 
 
 def floating_rope() -> list[Check]:
-    """3 in HMPE: added mass 1.04 of its mass, 3 km float under 2 t, heave 4 m / 8 s."""
+    """Run 3 in HMPE: added mass 1.04 of its mass, 3 km buoyant under 2 t, heave 4 m / 8 s."""
     rig = HMPE_3IN
     snap = against_explicit(rig, HEAVE_4M)
     resting = Arrays(rig)
@@ -181,7 +181,7 @@ def floating_rope() -> list[Check]:
 
 
 def string_frequency() -> Check:
-    """The first frequency of the same rope stretched across water against √(T/μ)/(2·L)."""
+    """Compare the first frequency of the same rope as a taut string with √(T/μ)/(2·L)."""
     length, strain = 100.0, 2e-3
     rig = replace(
         HMPE_3IN, length=length / (1.0 + strain), elements=50, fixed_at=(-length, 0.0, 0.0),
@@ -204,7 +204,7 @@ def string_frequency() -> Check:
 
 
 def heavy_load() -> list[Check]:
-    """500 t on 1,000 m of 40 mm wire, stretched by 7.6 %, heave 1.5 m / 8 s."""
+    """Run 500 t on 1,000 m of 40 mm wire, stretched by 7.6 %, in heave 1.5 m / 8 s."""
     rig = Rig(load=500e3)
     heave, seconds = sine(1.5, 8.0), 60.0
     arrays = Arrays(rig)

@@ -21,7 +21,7 @@ LIGHT = Rig(
 
 
 def place(rig: Rig, shape: Vector) -> Arrays:
-    """The rig at rest in a shape of its own, (3, elements + 1) from the lower end up."""
+    """Return the fixture at rest in a given shape, (3, elements + 1) from the lower end up."""
     arrays = Arrays(rig)
     arrays.position[:] = shape
     arrays.velocity[:] = 0.0
@@ -29,18 +29,18 @@ def place(rig: Rig, shape: Vector) -> Arrays:
 
 
 def below_hang_off(rig: Rig) -> Vector:
-    """Unstretched distance of the nodes from the hang-off [m], lower end first."""
+    """Return the unstretched distance of the nodes from the hang-off [m], lower end first."""
     return np.linspace(rig.length, 0.0, rig.elements + 1)
 
 
 def horizontal(rig: Rig) -> Vector:
-    """Straight out to the side, unstretched."""
+    """Return a horizontal, unstretched shape."""
     away = below_hang_off(rig)
     return np.stack([away, np.zeros_like(away), np.zeros_like(away)])
 
 
 def coiled(rig: Rig) -> Vector:
-    """A helix of 3 m radius with chords of 0.8 elements, that sinks 0.2 m an element."""
+    """Return a helix of 3 m radius with chords of 0.8 elements and a pitch of 0.2 m per element."""
     turn = np.arange(rig.elements, -1, -1.0)
     chord = 0.8 * rig.length / rig.elements
     angle = 2.0 * math.asin(min(0.5 * math.sqrt(chord**2 - 0.04) / 3.0, 1.0)) * turn
@@ -48,7 +48,7 @@ def coiled(rig: Rig) -> Vector:
 
 
 def folded(rig: Rig) -> Vector:
-    """Hanging to half its length with every node in slack, zigzag by a few centimetres."""
+    """Return a slack zigzag of a few centimetres that hangs to half its length."""
     away = below_hang_off(rig)
     side = np.where(np.arange(len(away)) % 2 == 0, 0.0, 0.03)
     side[-1] = 0.0
@@ -56,12 +56,12 @@ def folded(rig: Rig) -> Vector:
 
 
 def gathered(rig: Rig) -> Vector:
-    """All nodes in one point."""
+    """Return all nodes in one point."""
     return np.zeros((3, rig.elements + 1))
 
 
 def finds_rest(shape: Vector, name: str) -> list[Check]:
-    """Static equilibrium from this shape, against the closed form."""
+    """Compare the static equilibrium from this shape with the closed form."""
     arrays = place(HEAVY, shape)
     arrays.settle()
     depth, aside = -float(arrays.position[2, 0]), float(np.abs(arrays.position[:2]).max())
@@ -74,7 +74,7 @@ def finds_rest(shape: Vector, name: str) -> list[Check]:
 
 
 def energy_falls(shape: Vector, name: str) -> list[Check]:
-    """20 t on 200 m of wire let go in still water: at no look may energy have risen."""
+    """Release 20 t on 200 m of wire in still water: the energy may not increase."""
     arrays = place(WET, shape)
     arrays.find_acceleration()
     energies = [arrays.energy()]
@@ -89,7 +89,7 @@ def energy_falls(shape: Vector, name: str) -> list[Check]:
 
 
 def pendulum_pull(rig: Rig, seconds: float) -> Vector:
-    """Pull over W of a mass let go from the horizontal, at the rig's steps: 3·cos θ.
+    """Return tension over W of a mass released from the horizontal, at the steps: 3·cos θ.
 
     θ'' = -(g/L)·sin θ by the fourth-order Runge-Kutta method.
     """
@@ -109,7 +109,7 @@ def pendulum_pull(rig: Rig, seconds: float) -> Vector:
 
 
 def start_horizontal() -> list[Check]:
-    """5 t on a light, stiff rope is let go from the horizontal: 3·W at the lowest point."""
+    """Release 5 t on a light, stiff rope from the horizontal: 3·W at the lowest point."""
     rig = replace(LIGHT, EA=6.9e8)
     arrays = place(rig, horizontal(rig))
     arrays.find_acceleration()
@@ -127,7 +127,7 @@ def start_horizontal() -> list[Check]:
 
 
 def caught(shape: Vector) -> list[Check]:
-    """5 t falls from a slack shape until the rope is taut: W + √(W² + K·M·v²), v² = 2·g·h.
+    """Drop 5 t from a slack shape: W + √(W² + K·M·v²), v² = 2·g·h, as the rope becomes taut.
 
     The rope weighs 1 kg, so it takes no part.
     """
@@ -151,7 +151,7 @@ def caught(shape: Vector) -> list[Check]:
 
 
 def start_coiled() -> list[Check]:
-    """A coil under the hang-off."""
+    """Start from a coil under the hang-off."""
     return [
         *caught(coiled(LIGHT)),
         *energy_falls(coiled(WET), "coiled"),
@@ -160,7 +160,7 @@ def start_coiled() -> list[Check]:
 
 
 def start_slack() -> list[Check]:
-    """Every element slack."""
+    """Start with every element slack."""
     return [
         *caught(folded(LIGHT)),
         *energy_falls(folded(WET), "all slack"),
@@ -171,7 +171,7 @@ def start_slack() -> list[Check]:
 
 
 def neutral_slack() -> list[Check]:
-    """A rope that weighs nothing in water, slack everywhere: nothing may happen to it."""
+    """Start a neutrally buoyant rope, slack everywhere: it must not move."""
     diameter = 0.04
     rig = Rig(
         length=200.0, elements=40, diameter=diameter, mass=WATER * 0.25 * math.pi * diameter**2,

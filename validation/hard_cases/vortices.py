@@ -39,7 +39,7 @@ AMPLITUDE_M = 2.0
 
 
 def slackening_heave(amplitude_m: float) -> Motion:
-    """From 0 to twice the amplitude and back in 2.5 s, from rest to rest, for 20 s."""
+    """Return a heave from 0 to twice the amplitude and back in 2.5 s, for 20 s."""
     omega = 2.0 * math.pi / PERIOD_S
 
     def at(time: float) -> tuple[float, float]:
@@ -54,9 +54,9 @@ def slackening_heave(amplitude_m: float) -> Motion:
 def treat_roughly(
     twin: Twin, amplitude_m: float, speed: float, every: int
 ) -> tuple[list[Snapshot], list[Snapshot]]:
-    """A current at once, 15 s of lock-in, then slack and snap in it and 20 m hauled through it.
+    """Apply a sudden current, 15 s of lock-in, then slack and snap in it, and haul 20 m through it.
 
-    What was seen in lock-in, every so many steps, and in all of the rest.
+    Return the samples of the lock-in, every so many steps, and of all the rest.
     """
     heave = slackening_heave(amplitude_m)
     list(march(twin, heave, 5.0, 10))
@@ -67,7 +67,7 @@ def treat_roughly(
 
 
 def _through_it_all(model: Any) -> list[Check]:
-    """Current at once, lock-in, slack and snap in it, 20 m hauled through it, lock-in again."""
+    """Apply a sudden current, lock-in, slack and snap, haul 20 m, and lock-in again."""
     scene = RIG.scene()
     twin = Twin(replace(scene, effects=(*scene.effects, model)))
     locked, rough = treat_roughly(twin, AMPLITUDE_M, SPEED, 2)
@@ -85,7 +85,7 @@ def _through_it_all(model: Any) -> list[Check]:
 
 
 def _until_it_stops(model: Any) -> list[Check]:
-    """Lock-in, the current taken away at once, still water, and the current again."""
+    """Apply lock-in, remove the current, still water, and the current again."""
     scene = RIG.scene()
     twin = AccountedTwin(replace(scene, effects=(*scene.effects, model)))
     list(march(twin, still, 2.0, 10))
@@ -112,7 +112,7 @@ def _until_it_stops(model: Any) -> list[Check]:
 
 
 def _like_a_fresh_rope(model: Any, after: list[Snapshot]) -> list[Check]:
-    """What slack and hauling leave is forgotten: it shakes as a rope of that length does."""
+    """Test that slack and hauling have no lasting effect: VIV is that of a new rope."""
     last = after[-1]
     scene = replace(RIG, length=last.line_out_m, elements=len(last.element_tension_n)).scene()
     fresh = Twin(replace(scene, effects=(*scene.effects, model)))
@@ -129,7 +129,7 @@ def _like_a_fresh_rope(model: Any, after: list[Snapshot]) -> list[Check]:
 
 
 def _shaking(shots: list[Snapshot]) -> tuple[float, float]:
-    """Across the current: rms over rope and time [diameters], root of the mean square frequency."""
+    """Return cross-flow RMS over rope and time [diameters], and RMS frequency."""
     window = np.hanning(len(shots))[:, None]
     power = (np.abs(np.fft.rfft(_sideways(shots) * window, axis=0)) ** 2).sum(axis=1)
     frequency = np.fft.rfftfreq(len(shots), 2.0 * RIG.step)
@@ -141,13 +141,13 @@ def _shaking(shots: list[Snapshot]) -> tuple[float, float]:
 
 
 def _sideways(shots: list[Snapshot]) -> Any:
-    """Across the current from each node's mean place [m], (shots, nodes)."""
+    """Return the cross-flow offset from each node's mean position [m], (shots, nodes)."""
     y = np.array([shot.node_position_m[:, 1] for shot in shots])
     return y - y.mean(axis=0)
 
 
 def _across(shots: list[Snapshot]) -> float:
-    """Largest distance across the current from a node's mean place [diameters]."""
+    """Return the largest cross-flow offset from a node's mean position [diameters]."""
     return float(np.abs(_sideways(shots)).max()) / RIG.diameter
 
 

@@ -1,7 +1,7 @@
-"""Hard cases of the vortex models beside the step: a current at once, slack in lock-in, hauling.
+"""Robustness tests of VIV models outside the time step: sudden current, slack in lock-in, hauling.
 
-The rope has twenty elements of five metres, far too coarse for its vortices; the models take places
-of their own. What they feed back is its drag.
+The rope has twenty elements of five metres, far too coarse for its vortices; the models use a finer
+grid of their own. They act on the rope by drag amplification.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ AMPLITUDE_M = 2.5  # of the heave
 
 
 def _through_it_all(model: Any) -> list[Check]:
-    """Current at once, lock-in, slack and snap in it, 20 m hauled through it, lock-in again."""
+    """Apply a sudden current, lock-in, slack and snap, haul 20 m, and lock-in again."""
     scene = RIG.scene()
     twin = AccountedTwin(replace(scene, effects=(*scene.effects, model)))
     locked, rough = treat_roughly(twin, AMPLITUDE_M, SPEED, 5)
@@ -65,7 +65,7 @@ def _through_it_all(model: Any) -> list[Check]:
 
 
 def _like_a_fresh_rope(model: Any, last: list[Snapshot], growth: float) -> list[Check]:
-    """What slack and hauling leave is forgotten: it shakes, and leans, as a rope of that length."""
+    """Test that slack and hauling have no lasting effect: VIV and offset as for a new rope."""
     end = last[-1]
     elements, current = len(end.element_tension_n), ((0.0, (SPEED, 0.0)),)
     rig = replace(RIG, length=end.line_out_m, elements=elements, current=current)
@@ -84,7 +84,7 @@ def _like_a_fresh_rope(model: Any, last: list[Snapshot], growth: float) -> list[
 
 
 def _looked(twin: Twin) -> tuple[list[Snapshot], float]:
-    """LOOK_S more, and how much the drag has grown in it, on the mean of rope and time."""
+    """Run LOOK_S more; return its mean drag amplification over rope and time."""
     shots, grown = [], []
     for shot in march(twin, still, LOOK_S, 5):
         own = next(effect for effect in twin.rope.effects if isinstance(effect, DragGrowth))
@@ -99,18 +99,18 @@ def _of(shot: Snapshot) -> RopeVibration:
 
 
 def _shaking(shots: list[Snapshot]) -> tuple[float, float]:
-    """Mean amplitude [diameters] and mean frequency, both over rope and time."""
+    """Return mean amplitude [diameters] and mean frequency, both over rope and time."""
     size = np.mean([_of(shot).cross_flow for shot in shots])
     return float(size), float(np.mean([_of(shot).cross_flow_hz for shot in shots]))
 
 
 def _lean(shots: list[Snapshot]) -> float:
-    """How far downstream the lower end is, on the mean [m]."""
+    """Return the mean downstream offset of the lower end [m]."""
     return float(np.mean([shot.node_position_m[-1, 0] for shot in shots]))
 
 
 def _largest(shots: list[Snapshot]) -> float:
-    """Amplitude anywhere at any time [diameters]."""
+    """Return the largest amplitude anywhere at any time [diameters]."""
     return max(float(_of(shot).cross_flow.max()) for shot in shots)
 
 

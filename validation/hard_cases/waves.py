@@ -61,7 +61,7 @@ class _Series:
 
 
 def top_tension(bar: HangingBar, line: Motion, top: Motion, seconds: float, step: float) -> Vector:
-    """F [N] at 0, step, 2·step ... `line` gives line out L and V, `top` the sheave's z and z'.
+    """Return F [N] at 0, step, 2·step ...; `line`: line out L and V, `top`: the sheave's z and z'.
 
     Marched with `step`; the delay L/c must be longer than that.
     """
@@ -88,7 +88,7 @@ def top_tension(bar: HangingBar, line: Motion, top: Motion, seconds: float, step
 
 
 def ramped_speed(length: float, acceleration: float, commands: list[tuple[float, float]]) -> Motion:
-    """Line out of a winch that follows (time, speed) commands with a limited acceleration."""
+    """Return the line out of a winch under (time, speed) commands with an acceleration limit."""
     knots: list[tuple[float, float, float, float]] = [(0.0, length, 0.0, 0.0)]  # t, L, V, A
 
     def move(to: float) -> tuple[float, float]:

@@ -1,5 +1,6 @@
-"""Hard cases at the sheave: hauled to 2 m, an element that vanishes, an emergency stop, a mesh of
-0.2 m beside 50 m."""
+"""Robustness tests at the sheave: hauling to 2 m, a vanishing element, an emergency stop, a mesh of
+0.2 m next to 50 m.
+"""
 
 from __future__ import annotations
 
@@ -32,12 +33,12 @@ MARCH_S = 1e-3
 
 
 def bar_of(rig: Rig) -> HangingBar:
-    """The same rope for the exact travelling waves."""
+    """Return the same rope for the exact travelling waves."""
     return HangingBar(rig.mass, rig.weight, rig.EA, rig.load, rig.load_weight)
 
 
 def haul_to_two_metres() -> list[Check]:
-    """From 60 m at 1 m/s until 2 m are left, and out again to where it began."""
+    """Haul from 60 m at 1 m/s until 2 m are left, and pay out again."""
     winch = Winch(
         speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=0.3, least_line_out_m=2.0,
         most_line_out_m=200.0,
@@ -61,9 +62,10 @@ def haul_to_two_metres() -> list[Check]:
 
 
 def jump_pct(shots: list[Snapshot]) -> float:
-    """Largest second difference of the top tension in the 11 samples from an event on [% of mean].
+    """Return the largest second difference of the top tension in the 11 samples after an event [%].
 
-    Only where the winch runs steadily meanwhile: its own acceleration steps bend the tension more.
+    It is relative to the mean, and valid only while the winch speed is constant: steps of its
+    acceleration change the tension more.
     """
     tension = np.array([shot.tension_top_n for shot in shots])
     bend = np.abs(np.diff(tension, 2))
@@ -77,7 +79,7 @@ def jump_pct(shots: list[Snapshot]) -> float:
 
 
 def vanishing_element() -> list[Check]:
-    """An element at the sheave shrinks to 1 mm under heave before it is merged."""
+    """Shrink an element at the sheave to 1 mm under heave before it is merged."""
     rig = replace(STEEL, length=200.0, elements=20)
     seconds, speed = 60.0, -0.05  # 2 m are gone after 42 s
     heave = sine(1.5, 8.0)
@@ -117,7 +119,7 @@ def vanishing_element() -> list[Check]:
 
 
 def emergency_stop() -> list[Check]:
-    """20 t at 2 m/s stopped within 0.2 s, lowering and hauling; exact until the end."""
+    """Stop 20 t at 2 m/s within 0.2 s, lowering and hauling; compare with the exact solution."""
     winch = Winch(
         speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=10.0, least_line_out_m=12.0,
         most_line_out_m=3000.0,
@@ -141,7 +143,7 @@ def emergency_stop() -> list[Check]:
 
 
 def mixed_elements() -> list[Check]:
-    """20 elements of 0.2 m at the sheave beside elements of 50 m, smooth and in snap."""
+    """Run 20 elements of 0.2 m at the sheave next to elements of 50 m, smooth and in snap."""
     short, long = np.full(20, 0.2), np.full(20, 50.0)
     rig = replace(STEEL, length=1004.0, elements=40)
     heave = sine(1.5, 8.0)
@@ -159,7 +161,7 @@ def mixed_elements() -> list[Check]:
 
 
 def mixed(rig: Rig, rests: Vector) -> Arrays:
-    """A rig at rest with elements of these lengths from the lower end up [m]."""
+    """Return a fixture at rest with elements of these lengths from the lower end up [m]."""
     arrays = Arrays(rig)
     arrays.s[1:] = np.cumsum(rests)
     depth = rig.length - arrays.s

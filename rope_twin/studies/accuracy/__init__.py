@@ -1,1 +1,1 @@
-"""What accuracy costs a scene, and its card: `rope_twin accuracy`."""
+"""Convergence study of a scene, and its accuracy table: `rope_twin accuracy`."""

@@ -1,4 +1,4 @@
-"""What a card's runs step: one rope, or ropes that meet; at rest, and put back there at will."""
+"""Models of a convergence study: a line or a multi-line system that can be reset to equilibrium."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ class Body(Protocol):
     memory_mb: float  # of all arrays that the steps work on
 
     def begin(self) -> None:
-        """Back to rest."""
+        """Reset to static equilibrium."""
 
     def advance(self, motion: Boundary, time: float, steps: int) -> tuple[int, Floats]:
-        """How many steps were done, and the top tension after each [N], (steps,)."""
+        """Return the number of steps done, and the top tension after each [N], (steps,)."""
 
     def depth_m(self) -> float:
-        """Of the lower end, or of the first payload."""
+        """Return the depth of the lower end, or of the first payload [m]."""
 
     def is_slack(self) -> bool:
-        """Whether an element is without tension."""
+        """Return whether any element is slack."""
 
     @property
     def health(self) -> Ints:
-        """The solver's counts since the beginning."""
+        """Return the solver's counts since the start."""
 
 
 def body_of(scene: Scene) -> Body:
-    """The rope or ropes of a scene.
+    """Return the model of a scene.
 
     Raises:
         SceneError: it cannot be built, or has no equilibrium.
@@ -64,30 +64,30 @@ class RopeBody:
         self.memory_mb = _memory_mb((rope.state, rope.work, rope.sections, rope.effects, rope.law))
 
     def begin(self) -> None:
-        """Back to rest."""
+        """Reset to static equilibrium."""
         self._rope = copy.deepcopy(self._start)
 
     def advance(self, motion: Boundary, time: float, steps: int) -> tuple[int, Floats]:
-        """How many steps were done, and the top tension after each."""
+        """Return the number of steps done, and the top tension after each [N]."""
         pull = np.zeros((steps, rows.PULL_COLUMNS))
         return advance(self._rope, motion, pull, time, steps), pull[:, rows.PULL]
 
     def depth_m(self) -> float:
-        """Of the lower end."""
+        """Return the depth of the lower end [m]."""
         return -float(self._rope.state.nodes[rows.POSITION + 2, 0])
 
     def is_slack(self) -> bool:
-        """Whether an element is without tension."""
+        """Return whether any element is slack."""
         return _is_slack(self._rope)
 
     @property
     def health(self) -> Ints:
-        """The solver's counts since the beginning."""
+        """Return the solver's counts since the start."""
         return self._rope.state.health
 
 
 class ShakenBody(RopeBody):
-    """One rope with a model of vortices beside the step, which looks at it as a twin's does."""
+    """Line with a VIV model outside the time step, updated as in a twin."""
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene)
@@ -96,12 +96,12 @@ class ShakenBody(RopeBody):
         self._shake()
 
     def begin(self) -> None:
-        """Back to rest, and nothing shakes yet."""
+        """Reset to static equilibrium, without vibration."""
         super().begin()
         self._shake()
 
     def advance(self, motion: Boundary, time: float, steps: int) -> tuple[int, Floats]:
-        """How many steps were done, and the top tension after each."""
+        """Return the number of steps done, and the top tension after each [N]."""
         pull, done = np.zeros((steps, rows.PULL_COLUMNS)), 0
         while done < steps:
             count = min(steps - done, self._shaking.steps_to_look(self._steps))
@@ -126,7 +126,9 @@ class ShakenBody(RopeBody):
 
 
 class JoinedBody:
-    """Ropes that meet; their motion is (ropes, steps + 1, MOTIONS), the top that of the first."""
+    """Multi-line system; its motion is (ropes, steps + 1, MOTIONS), its top tension the first
+    rope's.
+    """
 
     def __init__(self, scene: Scene) -> None:
         built = build_joined(scene)
@@ -144,30 +146,30 @@ class JoinedBody:
         self.memory_mb = _memory_mb((stack, system.joints, system.sheaves))
 
     def begin(self) -> None:
-        """Back to rest."""
+        """Reset to static equilibrium."""
         for table, start in zip(self._tables, self._start, strict=True):
             table[...] = start
 
     def advance(self, motion: Boundary, time: float, steps: int) -> tuple[int, Floats]:
-        """How many steps were done, and the first rope's top tension after each."""
+        """Return the number of steps done, and the first rope's top tension after each [N]."""
         pull = np.zeros((len(self._system.ropes), steps, rows.PULL_COLUMNS))
         return advance_joined(self._system, motion, pull, time, steps), pull[0, :, rows.PULL]
 
     def depth_m(self) -> float:
-        """Of the first payload."""
+        """Return the depth of the first payload [m]."""
         return -float(self._system.ropes[self._lowest].state.nodes[rows.POSITION + 2, 0])
 
     def is_slack(self) -> bool:
-        """Whether an element of any rope is without tension."""
+        """Return whether any element of any rope is slack."""
         return any(_is_slack(rope) for rope in self._system.ropes)
 
     @property
     def health(self) -> Ints:
-        """The solver's counts since the beginning, which the first rope keeps."""
+        """Return the solver's counts since the start, which the first rope stores."""
         return self._system.ropes[0].state.health
 
     def _highest(self, r: int) -> float:
-        """Of the nodes of rope r below its hang-off [m]."""
+        """Return the height of the highest node of rope r below its hang-off [m]."""
         rope, joints = self._system.ropes[r], self._system.joints
         count = int(rope.state.counts[rows.ELEMENTS]) + int(joints.upper[r] != LOOSE)
         return float(rope.state.nodes[rows.POSITION + 2, :count].max())
@@ -179,7 +181,7 @@ def _is_slack(rope: rows.Rope) -> bool:
 
 
 def _arrays(value: Any) -> list[Any]:
-    """All arrays in a value that is made of tuples."""
+    """Return all arrays in a nested tuple."""
     if isinstance(value, np.ndarray):
         return [value]
     return [one for part in value for one in _arrays(part)] if isinstance(value, tuple) else []

@@ -1,8 +1,8 @@
-"""Which rung to take: the cheapest within an error, the most accurate within a budget.
+"""Selection of a resolution: the cheapest within an error, or the most accurate within a budget.
 
-A coarse setting may hit a peak by luck, an error that grows again when it is refined. Luck is not
-bought: a rung counts with the largest error among itself and all rungs that are finer than it in
-both elements and step.
+A coarse resolution may have a small error by coincidental cancellation, which grows again on
+refinement. Such errors are not used: a level counts with the largest error among itself and all
+levels that are finer in both elements and time step.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from rope_twin.scene.card import Rung
 
 
 class Priced(Protocol):
-    """A rung with a speed."""
+    """Accuracy level with a speed."""
 
     @property
     def real_time_factor(self) -> float:
-        """Simulated time over time taken."""
+        """Return simulation time over computing time."""
 
     def place(self) -> tuple[int, float, float | None]:
-        """Elements, step [s] and tolerance [N] (None: the scene's own)."""
+        """Return elements, time step [s] and tolerance [N] (None: the scene's own)."""
 
     def bound(self, name: str) -> float:
-        """What the error of a quantity is at most; NaN where it is unknown."""
+        """Return the error bound of a quantity; NaN if it is unknown."""
 
 
 NOTHING = 1e-6  # below, errors are round-off
@@ -33,7 +33,7 @@ P = TypeVar("P", bound=Priced)
 
 
 def sure_bound(rung: Priced, rungs: Iterable[Priced], name: str) -> float:
-    """The bound without luck; NaN where one of the finer rungs has none."""
+    """Return the bound without coincidental cancellation; NaN if a finer level has none."""
     elements, step_s, tolerance = rung.place()
     finer = [
         other.bound(name)
@@ -44,17 +44,16 @@ def sure_bound(rung: Priced, rungs: Iterable[Priced], name: str) -> float:
 
 
 def cheapest_within(rungs: Sequence[P], name: str, target: float) -> P | None:
-    """The fastest rung with the scene's own tolerance whose bound is `target` at most."""
+    """Return the fastest level with the scene's own tolerance whose bound is at most `target`."""
     own = [rung for rung in rungs if rung.place()[2] is None]
     good = [rung for rung in own if sure_bound(rung, own, name) <= target]
     return max(good, key=lambda rung: rung.real_time_factor, default=None)
 
 
 def most_accurate(rungs: Sequence[P], name: str, costs: Sequence[float], budget: float) -> P | None:
-    """The rung with the least bound among those whose cost is within the budget.
+    """Return the level with the smallest bound among those whose cost is within the budget.
 
-    Of rungs that cannot be told apart, since a finer one's bound is less by under a tenth, the
-    cheapest is taken.
+    Of levels whose bounds differ by less than a tenth, the cheapest is returned.
     """
     fitting = [
         (sure_bound(rung, rungs, name), cost, rung)
@@ -70,7 +69,7 @@ def most_accurate(rungs: Sequence[P], name: str, costs: Sequence[float], budget:
 
 
 def next_better(rungs: Sequence[P], name: str, bound: float, costs: Sequence[float]) -> P | None:
-    """The cheapest rung whose bound is less by a tenth at least; None if there is none."""
+    """Return the cheapest level with a bound smaller by at least a tenth; None if there is none."""
     better = [
         (cost, number)
         for number, (rung, cost) in enumerate(zip(rungs, costs, strict=True))
@@ -80,6 +79,6 @@ def next_better(rungs: Sequence[P], name: str, bound: float, costs: Sequence[flo
 
 
 def best_bound(rungs: Sequence[Rung], name: str) -> float:
-    """The least error that the ladder offers; NaN if none is known."""
+    """Return the smallest error of all levels; NaN if none is known."""
     bounds = [sure_bound(rung, rungs, name) for rung in rungs]
     return min((one for one in bounds if not math.isnan(one)), default=math.nan)

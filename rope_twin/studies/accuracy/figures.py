@@ -1,4 +1,4 @@
-"""What is judged of a run, and the difference of one run to another in each of these quantities."""
+"""Quantities of a convergence study, and the difference between two runs in each of them."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ Values = dict[str, float | None]
 
 
 def values(series: Series) -> Values:
-    """The run's own figures, SI; rms quantities have none by themselves."""
+    """Return the quantities of a run, SI; RMS differences have no value of their own."""
     tension = series.tension_n
     return {
         "tension_mean_n": float(tension.mean()),
@@ -52,7 +52,7 @@ def values(series: Series) -> Values:
 
 
 def differences(series: Series, truth: Series) -> Values:
-    """Of the run to a run with the same or a shorter step, each with its sign where it has one.
+    """Return the differences to a run with the same or a shorter step, signed where applicable.
 
     In the units of QUANTITIES; None where there is nothing to compare.
     """
@@ -74,13 +74,13 @@ def differences(series: Series, truth: Series) -> Values:
 
 
 def tension_scale(series: Series) -> float:
-    """The standard deviation of the top tension; its mean if it is still."""
+    """Return the standard deviation of the top tension, or its mean if it is constant."""
     mean, spread = float(series.tension_n.mean()), float(series.tension_n.std())
     return spread if spread > STILL * abs(mean) else mean
 
 
 def snap_peak_n(series: Series) -> float | None:
-    """Mean of the highest top tensions of the taut spells that follow slack; None: no snap."""
+    """Return the mean of the peak top tensions after slack (snap loads); None: no snap."""
     edges = np.flatnonzero(np.diff(np.concatenate([[True], series.slack, [True]])))
     every = round(series.look_s / series.step_s)
     peaks = [

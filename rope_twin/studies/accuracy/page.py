@@ -1,4 +1,4 @@
-"""The accuracy card as tables for the console and as a page of Markdown."""
+"""Report of a convergence study, as tables on the console and as a page of Markdown."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ How to read this, and what it does not contain: docs/accuracy.md. Made by
 
 
 def as_markdown(study: Study, card: dict[str, object], picture: str) -> str:
-    """The page; `card` is the study as its JSON file has it."""
+    """Return the page; `card` is the study as in its JSON file."""
     still = " (here of its mean, since nothing moves)" if is_still(study) else ""
     return _PAGE.format(
         name=study.scene.name,
@@ -71,7 +71,7 @@ def as_markdown(study: Study, card: dict[str, object], picture: str) -> str:
 
 
 def _of_which(scene: Scene) -> str:
-    """Which rope tension and elements are of, where there are several."""
+    """Return which rope tension and elements refer to in a multi-line system."""
     if not is_joined(scene):
         return ""
     return (
@@ -81,13 +81,13 @@ def _of_which(scene: Scene) -> str:
 
 
 def is_still(study: Study) -> bool:
-    """Whether the top tension hardly varies."""
+    """Return whether the top tension is almost constant."""
     tension = study.reference.series.tension_n
     return float(tension.std()) <= STILL * abs(float(tension.mean()))
 
 
 def summary(study: Study) -> list[str]:
-    """What the ladder says, in a few sentences."""
+    """Return the conclusions of the study in a few sentences."""
     lines = []
     own = study.own
     if own is not None:
@@ -113,7 +113,7 @@ def summary(study: Study) -> list[str]:
 
 
 def notes(study: Study) -> list[str]:
-    """What does not converge, the witness, vortices, and settings that failed."""
+    """Return notes on non-convergence, the independent code, VIV, and failed runs."""
     lines = [f"Witness: {study.witness}.", *_of_vortices(study.scene)]
     for quantity in QUANTITIES:
         doubt = study.reference.doubts[quantity.name]
@@ -129,7 +129,7 @@ def notes(study: Study) -> list[str]:
 
 
 def _of_vortices(scene: Scene) -> list[str]:
-    """What the fastest lock-in wants, and that errors of the tension do not tell of it."""
+    """Return the resolution that the fastest lock-in needs, which tension errors do not reveal."""
     words = "" if is_joined(scene) else vortex_words(scene, lift_figures(scene))
     if not words or model_beside(scene) is not None:
         return [words] if words else []
@@ -140,7 +140,7 @@ def _of_vortices(scene: Scene) -> list[str]:
 
 
 def row_table(study: Study) -> Table:
-    """A line per rung, the scene's own marked."""
+    """Return a line per accuracy level, with the scene's own marked."""
     table = [["elements", "step ms", "× real time", "MB", *HEADS.values()]]
     for row in study.rows:
         setting = row.setting
@@ -159,7 +159,7 @@ def row_table(study: Study) -> Table:
 
 
 def doubt_table(study: Study) -> Table:
-    """A line per quantity: orders and uncertainty of the reference."""
+    """Return a line per quantity: orders of convergence and uncertainty of the reference."""
     table = [["quantity", "order in elements", "order in steps", "uncertainty"]]
     for quantity in QUANTITIES:
         doubt = study.reference.doubts[quantity.name]
@@ -174,7 +174,7 @@ def doubt_table(study: Study) -> Table:
 
 
 def shown(row: Row, name: str) -> str:
-    """A cell: the error, what it is at most where it lies below the uncertainty, or a value."""
+    """Return a cell: the error, its bound if it is below the uncertainty, or a value."""
     error, at_most = row.errors[name], row.at_most[name]
     if error is None or at_most is None:
         value = row.values.get({PEAK: "tension_max_n", "snap_peak": "snap_peak_n"}.get(name, ""))

@@ -69,7 +69,7 @@ def _draw_panel(axes: Any, study: Study, name: str) -> None:
 
 
 def _draw_rungs(axes: Any, rows: list[Row], name: str) -> None:
-    """A line for each number of elements, a marker for each step."""
+    """Draw a line for each number of elements, with a marker for each time step."""
     from matplotlib import colormaps
 
     counts = sorted({row.setting.elements for row in rows})
@@ -93,7 +93,7 @@ def _draw_rungs(axes: Any, rows: list[Row], name: str) -> None:
 
 
 def _draw_front(axes: Any, rows: list[Row], name: str) -> None:
-    """Pareto front: the settings that no other beats in both error and speed."""
+    """Draw the Pareto front of error and speed."""
     ordered = sorted(rows, key=lambda row: -row.real_time_factor)
     front: list[tuple[float, float]] = []
     for row in ordered:

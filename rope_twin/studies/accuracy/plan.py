@@ -1,6 +1,6 @@
-"""The ladder of a scene's accuracy card: which settings, over which window, against which run.
+"""Plan of a convergence study: accuracy levels, time window and reference run.
 
-It follows from the scene alone, not from the machine, so that a card can be made again anywhere.
+It depends on the scene only, not on the machine, so that a study can be repeated anywhere.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SHORTEST_WINDOW = 10  # looks
 
 @dataclass(frozen=True)
 class Reach:
-    """How far a ladder goes."""
+    """Extent of a convergence study."""
 
     step_factors: tuple[float, ...]  # of the scene's own step
     doublings: int  # of its own elements, as long as MOST allows; one at least
@@ -46,7 +46,7 @@ SHORT = Reach((1.0, 2.0, 5.0), 1, 0.5, 30.0, 30.0)  # of scenes that cost much
 
 @dataclass(frozen=True)
 class Plan:
-    """What is run."""
+    """Runs of a convergence study."""
 
     seconds: float
     own: Setting
@@ -57,14 +57,14 @@ class Plan:
 
     @property
     def work(self) -> float:
-        """Nodes times steps, with the reference's coarser grids and what timing repeats."""
+        """Return nodes times steps, including the reference's coarser grids and repeated timing."""
         ladder = math.fsum(one.elements / one.step_s for one in self.settings)
         fine = self.reference.elements / self.reference.step_s
         return self.ropes * self.seconds * (2.5 * fine + 2.5 * ladder)
 
 
 def make_plan(scene: Scene, seconds: float | None = None) -> Plan:
-    """The ladder of a scene and its window (None: as the scene's events ask for).
+    """Return accuracy levels and window of a scene (None: as the scene's events require).
 
     Raises:
         SceneError: the scene cannot be built.
@@ -80,7 +80,7 @@ def make_plan(scene: Scene, seconds: float | None = None) -> Plan:
 
 
 def dearness(scene: Scene) -> float:
-    """What a node and step cost beside those of a rope without waves and vortices."""
+    """Return the cost of a node and step relative to those of a rope without waves and vortices."""
     components = sum(int(getattr(one, "components", 0)) for one in scene.effects)
     vortices = VORTICES if shedding_model(scene) else 0.0
     return 1.0 + components / COMPONENTS + vortices
@@ -111,14 +111,14 @@ def _plan(scene: Scene, seconds: float | None, reach: Reach) -> Plan:
 
 
 def _window_s(scene: Scene, reach: Reach) -> float:
-    """A minute, or one round of the winch schedule if that is longer (two minutes at most)."""
+    """Return a minute, or one cycle of the winch schedule if longer (two minutes at most) [s]."""
     winch = scene.winch
     scheduled = winch.schedule_repeats_every_s or 0.0 if winch and winch.schedule else 0.0
     return min(max(reach.window_s, scheduled), reach.longest_window_s)
 
 
 def _counts(own: int, doublings: int) -> list[int]:
-    """Elements of the ladder: the scene's own, halved and doubled."""
+    """Return the numbers of elements: the scene's own, halved and doubled."""
     counts, down = [own], own
     while round(down / 2) >= FEWEST:
         down = round(down / 2)
@@ -130,5 +130,5 @@ def _counts(own: int, doublings: int) -> list[int]:
 
 
 def _whole(seconds: float) -> float:
-    """Without the last bits, which differ between ways to compute one time."""
+    """Return a number without its last bits, which depend on how a time was computed."""
     return round(seconds, 12)

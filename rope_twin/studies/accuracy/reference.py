@@ -1,11 +1,12 @@
-"""The reference of a card: a run so fine that its own uncertainty is small, and that uncertainty.
+"""Reference solution of a convergence study, with its own uncertainty.
 
-Three grids in the element (n, n/2, n/4) and three in the step (h, 2h, 4h). With the differences
-d₂ of the middle and d₁ of the coarse grid to the next finer one the order is p = log₂(d₁/d₂), and
-the finest grid's own error about d₂/(2^p - 1) (Richardson 1911); times 1.25 it is the uncertainty
-(grid convergence index, Roache 1998, chapter 5). An order above 2, the formal one, is chance and
-counts as 2. An order below LEAST_ORDER is none: where the differences matter, the quantity does
-not converge, and the spread over the grids is told instead.
+Three grids in the element length (n, n/2, n/4 elements) and three in the time step (h, 2h, 4h).
+With the differences d₂ of the middle and d₁ of the coarse grid to the next finer one the order is p
+= log₂(d₁/d₂), and the finest grid's own error is about d₂/(2^p - 1) (Richardson 1911); 1.25 times
+that is the uncertainty (grid convergence index, Roache 1998, chapter 5). An order above 2, the
+formal one, is coincidental and counts as 2. An order below LEAST_ORDER is not an order: if the
+differences matter, the quantity does not converge, and the spread over the grids is reported
+instead.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ NOTHING = {"%": 1e-6, "m": 1e-8}  # round-off
 
 @dataclass(frozen=True)
 class Doubt:
-    """How far one quantity of the reference can be trusted, in the quantity's unit."""
+    """Uncertainty of one quantity of the reference, in the quantity's unit."""
 
     element_order: float | None  # None: there was none, or nothing to measure it by
     step_order: float | None
@@ -60,7 +61,7 @@ def find_reference(course: Course, setting: Setting, report: Callable[[str], Non
 
 
 def judge(setting: Setting, runs: list[Series]) -> Reference:
-    """The reference from the runs: the finest, two coarser in elements, two coarser in steps."""
+    """Return the reference from the runs: the finest, two coarser in elements, two in time step."""
     fine, n2, n4, h2, h4 = runs
     by_element = differences(n4, n2), differences(n2, fine)
     by_step = differences(h4, h2), differences(h2, fine)
@@ -79,7 +80,7 @@ def judge(setting: Setting, runs: list[Series]) -> Reference:
 def uncertainty(
     coarse: float | None, middle: float | None, unit: str
 ) -> tuple[float | None, float | None]:
-    """Of the finest grid, from two differences, and their order; None where there is none.
+    """Return uncertainty and order of the finest grid from two differences; None if not defined.
 
     Both differences None (nothing to compare, as the peaks of snaps without slack): zero.
     """
@@ -111,7 +112,7 @@ _SPREAD_OF = {
 
 
 def _spread(name: str, seen: list[Values], apart: list[Values]) -> tuple[float, float] | None:
-    """Least and largest value over the grids; of an rms quantity, of the differences."""
+    """Return minimum and maximum over the grids; for an RMS quantity, of the differences."""
     if name in _SPREAD_OF:
         found = [one[_SPREAD_OF[name]] for one in seen]
     else:

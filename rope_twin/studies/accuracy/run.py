@@ -38,7 +38,7 @@ ENOUGH_S, FEWEST_RUNS, MOST_RUNS = 0.6, 2, 7  # of timing
 
 @dataclass(frozen=True)
 class Setting:
-    """What a run may vary of a scene."""
+    """Variable settings of a run."""
 
     elements: int  # of the first rope; the others' in proportion
     step_s: float
@@ -51,7 +51,7 @@ class Setting:
 
 @dataclass(frozen=True)
 class Series:
-    """What a run was seen to do."""
+    """Results of a run."""
 
     step_s: float
     tension_n: Vector  # top tension after each step
@@ -64,7 +64,7 @@ class Series:
 
 
 class Course:
-    """What moves the rope of a scene over a window, for runs of it at many settings.
+    """Motion of a scene's rope over a window, for runs at many settings.
 
     Raises:
         RopeTwinError: the scene's sea is not there or ends before the window does.
@@ -80,9 +80,10 @@ class Course:
         self._line = None if known else _recorded_line(scene, seconds)
 
     def motion(self, step_s: float) -> rows.Boundary:
-        """Hang-off and line out at every border of the steps, (steps + 1, MOTIONS).
+        """Return hang-off motion and line out at every step boundary, (steps + 1, MOTIONS).
 
-        Where ropes meet it is (ropes, steps + 1, MOTIONS), at rest where a rope has no hang-off.
+        For multi-line systems it is (ropes, steps + 1, MOTIONS), constant for a rope without
+        hang-off.
         """
         if step_s not in self._motions:
             scene = self.scene
@@ -97,7 +98,9 @@ class Course:
         return self._motions[step_s]
 
     def _heave_at(self, place: Triple) -> HeaveSeries | None:
-        """What moves a hang-off that rests there: poses at its own arm, heave as it is."""
+        """Return the motion of a hang-off at this rest position: from poses with its arm, or the
+        heave.
+        """
         posed = [one for one in self._samples if one.pose is not None]
         if not posed or place == self.scene.ship.hang_off_m:
             return self._heave
@@ -105,7 +108,7 @@ class Course:
         return series_of([sample_of(one.pose, arm, None) for one in posed if one.pose])
 
     def _of_rope(self, line: RopeLine, place: Triple | None, step_s: float) -> rows.Boundary:
-        """The motion of one rope, whose hang-off is at rest at `place`; None: it has none."""
+        """Return the motion of a rope with a hang-off at `place` at rest; None: it has none."""
         steps, batch = round(self.seconds / step_s), max(1, round(BATCH_S / step_s))
         if place is None:
             still = np.zeros((steps + 1, rows.MOTIONS))
@@ -128,7 +131,7 @@ class Course:
 
 
 def _recorded_line(scene: Scene, seconds: float) -> CubicHermiteSpline:
-    """Line out over time of a winch that feels its rope, from a run at the scene's own setting.
+    """Return the recorded line out of a winch with tension feedback, at the scene's own setting.
 
     All runs of a course get the same: what differs between them is then the solver's doing.
     """
@@ -185,7 +188,7 @@ class Trial:
         )
 
     def real_time_factor(self) -> float:
-        """Simulated time over time taken by the steps alone.
+        """Return simulation time over the computing time of the steps.
 
         The run is cut into pieces and repeated; the fastest time of each piece counts, since other
         programs use the machine too.

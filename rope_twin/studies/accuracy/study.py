@@ -1,7 +1,7 @@
-"""What accuracy costs: a scene over a ladder of elements, steps and tolerances, with each error.
+"""Convergence study: a scene at several numbers of elements, time steps and tolerances.
 
-Error against a reference that states its own uncertainty, real-time factor and memory, rung by
-rung; from these the accuracy card (`rope_twin.scene.card` reads it).
+Each level has an error against a reference of known uncertainty, a real-time factor and a memory
+size; together they are the accuracy table (`rope_twin.scene.card` reads it).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Report = Callable[[int, int, str], None]  # done, of how many, what comes next
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """One rung."""
+    """One accuracy level."""
 
     setting: Setting
     real_time_factor: float
@@ -40,18 +40,18 @@ class Row:
     at_most: Values  # their magnitudes and the reference's uncertainty
 
     def place(self) -> tuple[int, float, float | None]:
-        """Elements, step [s] and tolerance [N] (None: the scene's own)."""
+        """Return elements, time step [s] and tolerance [N] (None: the scene's own)."""
         return self.setting.elements, self.setting.step_s, self.setting.tolerance_n
 
     def bound(self, name: str) -> float:
-        """What a quantity's error is at most, in its unit; NaN where it is unknown."""
+        """Return the error bound of a quantity, in its unit; NaN if it is unknown."""
         at_most = self.at_most[name]
         return math.nan if at_most is None else at_most
 
 
 @dataclass(frozen=True)
 class Study:
-    """Everything that a card tells."""
+    """Results of a convergence study."""
 
     scene: Scene
     plan: Plan
@@ -63,15 +63,15 @@ class Study:
 
     @property
     def own(self) -> Row | None:
-        """The rung of the scene's own setting."""
+        """Return the level of the scene's own setting."""
         return next((row for row in self.rows if row.setting == self.plan.own), None)
 
 
 def measure_accuracy(scene: Scene, plan: Plan, report: Report, timed: bool = True) -> Study:
-    """Run the reference, its witness and every rung; untimed the errors alone, and no witness.
+    """Run the reference, the independent code and every level; untimed: errors only.
 
     Raises:
-        RopeTwinError: the reference cannot be run. A rung that cannot is one of the failures.
+        RopeTwinError: the reference cannot be run. A level that cannot is listed as a failure.
     """
     machine = this_machine()
     course = Course(scene, plan.seconds, plan.look_s)
@@ -99,7 +99,7 @@ def measure_accuracy(scene: Scene, plan: Plan, report: Report, timed: bool = Tru
 
 
 def as_card(study: Study) -> dict[str, Any]:
-    """The card as its JSON file has it, and as `--json` prints it."""
+    """Return the study as its JSON file and `--json` have it."""
     scene, reference = study.scene, study.reference
     witness = study.witness
     seen = witness if isinstance(witness, str) else {**asdict(witness), "words": str(witness)}

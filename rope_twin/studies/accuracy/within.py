@@ -1,7 +1,7 @@
-"""Whether `run --within` keeps its word: what it buys of a scene, run again and measured anew.
+"""Verification of `run --within`: the selected setting is run again against a finer reference.
 
-The truth is a run that is finer than the card's reference, which it does not use: half its step,
-and twice its elements where those are not more than enough already.
+That reference is independent of the convergence study's: half its time step, and twice its elements
+unless those are sufficient already.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ Report = Callable[[int, int, str], None]  # done, of how many, what comes next
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is to be bought, and over which window it is measured."""
+    """Error target, and the window over which it is verified."""
 
     quantity: Quantity
     within: float  # in the quantity's unit
@@ -34,7 +34,7 @@ class Wanted:
 
 @dataclass(frozen=True)
 class Bought:
-    """What was bought of one scene, and what it was found to be."""
+    """Selected setting of one scene, and its measured error."""
 
     scene: str
     quantity: str
@@ -50,15 +50,15 @@ class Bought:
 
     @property
     def ok(self) -> bool:
-        """Whether the error is what was asked for; to sell nothing breaks no word."""
+        """Return whether the error meets the target; a refused selection does not violate it."""
         return self.error is None or abs(self.error) <= self.within
 
 
 def check_scenes(scenes: Sequence[Scene], wanted: Wanted, report: Report) -> Iterator[Bought]:
-    """A row per scene.
+    """Return a result per scene.
 
     Raises:
-        RopeTwinError: a card is missing or old, or a run failed.
+        RopeTwinError: an accuracy table is missing or old, or a run failed.
     """
     for number, scene in enumerate(scenes):
         report(number, len(scenes), scene.name)
@@ -67,7 +67,7 @@ def check_scenes(scenes: Sequence[Scene], wanted: Wanted, report: Report) -> Ite
 
 
 def check_scene(scene: Scene, wanted: Wanted) -> Bought:
-    """One scene.
+    """Verify one scene.
 
     Raises:
         RopeTwinError: as for all.
@@ -110,7 +110,7 @@ def _nothing(scene: Scene, quantity: Quantity, within: float, known: Sequence[Ru
 
 
 def bought_table(rows: Sequence[Bought], unit: str) -> list[list[str]]:
-    """The rows as words, below a head."""
+    """Return the results as rows of text, below a head."""
     head = ["scene", "elements", "step ms", "× real time", f"card ≤ {unit}", f"measured {unit}",
             "over s", "against", "holds"]  # fmt: skip
     return [head, *([row.scene, *_cells(row)] for row in rows)]

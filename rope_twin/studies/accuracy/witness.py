@@ -1,9 +1,9 @@
-"""A witness of the reference: the same rope by an explicit code of its own, in plain numpy.
+"""Independent verification code: the same rope by an explicit method in plain numpy.
 
-Leapfrog, v += h·F/M between x += h·v, far below its stability limit h < (2/ω)·(√(1 + ζ²) - ζ),
-ω = 2·√(EA/m)/l0, ζ = c·√(EA/m)/(EA·l0). No Newton, no stages, no halving, none of the compiled
-kernels: what both agree on is neither's invention. It takes a small piece, a few elements over a
-few seconds with the winch standing still, and meets the solver there on the same elements.
+Leapfrog, v += h·F/M between x += h·v, far below its stability limit h < (2/ω)·(√(1 + ζ²) - ζ), ω =
+2·√(EA/m)/l0, ζ = c·√(EA/m)/(EA·l0). It has no Newton iteration, no stages, no substeps and none of
+the compiled kernels, so that agreement is not due to shared code. It runs a short piece, a few
+elements over a few seconds with the winch stopped, on the same elements as the solver.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ KNOWN = (CurrentParams, WeightParams, DragParams, AddedMassParams, PayloadParams
 
 @dataclass(frozen=True)
 class Witness:
-    """What the explicit code said."""
+    """Result of the independent code."""
 
     elements: int
     seconds: float
@@ -54,7 +54,7 @@ class Witness:
 
 
 def call_witness(scene: Scene, step_s: float, most_s: float = math.inf) -> Witness | str:
-    """Run both for so long at most, the solver with this step; or why there is no witness.
+    """Run both codes for this time, the solver with this step; or return why it is impossible.
 
     Raises:
         RopeTwinError: the scene cannot be built or run.
@@ -87,7 +87,7 @@ def call_witness(scene: Scene, step_s: float, most_s: float = math.inf) -> Witne
 
 
 def _beyond(scene: Scene) -> str:
-    """The first thing in the scene that the explicit code does not know; "" if there is none."""
+    """Return the first feature of the scene that the independent code lacks, or ""."""
     line = scene.ropes[0]
     if len(scene.ropes) > 1:
         return "more than one rope"
@@ -150,13 +150,13 @@ class _Rope:
         self.flow = np.array([velocity for _, velocity in upward]).T
 
     def largest_step(self) -> float:
-        """The stability limit [s]."""
+        """Return the stability limit of the time step [s]."""
         speed = math.sqrt(self.EA / self.per_metre)
         omega, zeta = 2.0 * speed / self.rest, self.c * speed / (self.EA * self.rest)
         return 2.0 / omega * (math.sqrt(1.0 + zeta * zeta) - zeta)
 
     def run(self, motion: rows.Boundary, h: float) -> Vector:
-        """The pull on the hang-off [N] after each step of h."""
+        """Return the force on the hang-off [N] after each step of h."""
         place, rate = motion.value[:, :3], motion.rate[:, :3]
         acceleration = np.gradient(rate, h, axis=0)
         x, half = self.x, np.zeros_like(self.x)  # velocity half a step before
@@ -175,7 +175,7 @@ class _Rope:
         return pulls
 
     def _forces(self, x: Vector, v: Vector) -> tuple[Vector, Vector]:
-        """All forces on the nodes but inertia [N], and the tangents there."""
+        """Return all forces on the nodes except inertia [N], and the tangents there."""
         gap = np.diff(x)
         length = np.sqrt((gap * gap).sum(axis=0))
         way = gap / length
@@ -199,12 +199,12 @@ class _Rope:
         return force, tangent
 
     def _inertia(self, tangent: Vector, acceleration: Vector) -> Vector:
-        """Of the half element at the hang-off, with the water that it carries along."""
+        """Return the inertia force of the half element at the hang-off, with its added mass [N]."""
         across = acceleration - (acceleration @ tangent) * tangent
         return np.asarray(self.mass[-1] * acceleration + self.added[-1] * across)
 
     def _accelerations(self, force: Vector, tangent: Vector) -> Vector:
-        """F/M; M has the rope's mass along the tangent and the water's too across it."""
+        """Return F/M; M is the rope's mass along the tangent, and includes added mass across it."""
         along = (force * tangent).sum(axis=0) * tangent
         found: Vector = along / self.mass + (force - along) / (self.mass + self.added)
         tau = tangent[:, 0]

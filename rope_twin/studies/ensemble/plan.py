@@ -1,8 +1,8 @@
-"""What the members of a study are to have of their own: drawn at random, or on a grid.
+"""Variables of the members of an ensemble: random or on a grid.
 
-An axis is written `PATH=LOW..HIGH` (each member draws a number), `PATH=LOW..HIGH:COUNT` (evenly
-spaced) or `PATH=A,B,C`; with `*=` the number multiplies what the scene says. Axes with given values
-are crossed; at each point of that grid there are as many members as are asked for.
+An axis is written `PATH=LOW..HIGH` (each member draws a value), `PATH=LOW..HIGH:COUNT` (evenly
+spaced) or `PATH=A,B,C`; with `*=` the value multiplies that of the scene. Axes with given values
+are crossed; each point of that grid has the requested number of members.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ RIGHT = "write PATH=LOW..HIGH, PATH=LOW..HIGH:COUNT or PATH=A,B,C (*= to multipl
 
 @dataclass(frozen=True)
 class Axis:
-    """One number that varies."""
+    """One variable."""
 
     path: str
     low: float = 0.0
@@ -33,13 +33,13 @@ class Axis:
     multiply: bool = False
 
     def __str__(self) -> str:
-        """As it would be written."""
+        """Return the axis as it would be written."""
         sign = "*=" if self.multiply else "="
         numbers = ",".join(f"{value:g}" for value in self.values)
         return f"{self.path}{sign}{numbers or f'{self.low:g}..{self.high:g}'}"
 
     def change(self, value: float) -> Change:
-        """The change that gives a member its value."""
+        """Return the change that gives a member its value."""
         return Change(self.path, value, self.multiply)
 
 
@@ -54,7 +54,7 @@ class Plan:
 
 
 def read_axis(option: str, words: str) -> Axis:
-    """An axis as written on a command line.
+    """Return an axis as written on a command line.
 
     Raises:
         InputError: one sentence.
@@ -68,7 +68,7 @@ def read_axis(option: str, words: str) -> Axis:
 
 
 def read_range(option: str, path: str, numbers: str, multiply: bool = False) -> Axis:
-    """An axis from its path and `LOW..HIGH`, `LOW..HIGH:COUNT` or `A,B,C`.
+    """Return an axis from its path and `LOW..HIGH`, `LOW..HIGH:COUNT` or `A,B,C`.
 
     Raises:
         InputError: one sentence.
@@ -91,7 +91,7 @@ def read_range(option: str, path: str, numbers: str, multiply: bool = False) -> 
 
 
 def make_plan(axes: Sequence[Axis], members: int | None, seed: int) -> Plan:
-    """Each member's values. More members of the same seed begin with the same ones.
+    """Return each member's values. More members of the same seed begin with the same ones.
 
     Args:
         axes: what varies.

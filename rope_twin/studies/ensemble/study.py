@@ -30,7 +30,7 @@ AFTER_NS = 1_000_000_000  # heave goes on so long after the end: the last step l
 
 @dataclass(frozen=True)
 class StudyResult:
-    """What came out, a row for each member."""
+    """Results of an ensemble, one row per member."""
 
     plan: Plan
     figures: list[MemberFigures]
@@ -44,27 +44,27 @@ class StudyResult:
 
     @property
     def real_time_factor(self) -> float:
-        """Twin time over real time, all members together."""
+        """Return simulation time over real time, for all members together."""
         return self.time_s / self.computing_s if self.computing_s > 0.0 else 0.0
 
     @property
     def failed(self) -> int:
-        """Members that stopped early."""
+        """Return the number of members that stopped early."""
         return sum(bool(one.failure) for one in self.figures)
 
     @property
     def slack(self) -> int:
-        """Members that went slack somewhere."""
+        """Return the number of members with a slack line."""
         return sum(one.slack_share > 0.0 for one in self.figures)
 
     @property
     def overloaded(self) -> int:
-        """Members whose rope would have broken."""
+        """Return the number of members whose MBL was exceeded."""
         pairs = zip(self.figures, self.breaking_loads_n, strict=True)
         return sum(one.tension_top_max_n > most for one, most in pairs)
 
     def quantiles(self, first: int = 0, count: int | None = None) -> dict[str, list[float]]:
-        """QUANTILES of each of FIGURES over the members that came to the end; empty: none did."""
+        """Return QUANTILES of each of FIGURES over the completed members; empty: none."""
         end = None if count is None else first + count
         whole = [one for one in self.figures[first:end] if not one.failure]
         if not whole:
@@ -83,10 +83,10 @@ def run_study(
     report: Callable[[float, float], None],
     threads: int | None = None,
 ) -> StudyResult:
-    """Run all members for so long; `report(twin time, real time)` is called every 8 s of twin time.
+    """Run all members; `report(simulation time, real time)` is called every 8 s of simulation time.
 
     Raises:
-        RopeTwinError: a member, the sea or a number is wrong; one sentence.
+        RopeTwinError: a member, the sea or a value is invalid; one sentence.
     """
     began = time.perf_counter()
     whole_steps("--for", seconds, scene.time.step_s)
@@ -118,13 +118,13 @@ def run_study(
 
 
 def _piece(left_s: float, step_s: float) -> float:
-    """Whole steps of about BATCH_S, or what is left."""
+    """Return whole steps of about BATCH_S, or the remaining ones."""
     most = max(1, round(BATCH_S / step_s))
     return min(most, round(left_s / step_s)) * step_s
 
 
 def variations(scene: Scene, plan: Plan, seconds: float) -> list[Variation]:
-    """Each member's changes and its part of the sea.
+    """Return each member's changes and its section of the sea.
 
     Raises:
         InputError: a sea ends before the run does.
@@ -151,7 +151,7 @@ class Seas:
         self._records: dict[SeaState, HeaveSeries] = {}
 
     def heave(self, changes: Sequence[Change], offset_s: float) -> HeaveSeries | None:
-        """What moves a member's ship, from `offset_s` after the scene's own start on.
+        """Return the ship motion of a member, from `offset_s` after the scene's own start.
 
         The samples are those that `rope_twin run` feeds to its twin.
 
@@ -180,7 +180,7 @@ class Seas:
         return record.starting_at(start_ns)
 
     def _on_waves(self, changes: Sequence[Change], offset_s: float) -> HeaveSeries:
-        """The ship rides on the member's own waves: whatever is changed may change them."""
+        """Return the motion of a ship on the member's own waves, which any change may affect."""
         if offset_s != 0.0:
             what = "the ship rides on waves, which begin with the scene"
             raise InputError(phrase("--sea-offset", what, "vary effects.waves.seed instead"))
@@ -198,7 +198,7 @@ def _sampled(scene: Scene, until_ns: int) -> HeaveSeries:
 
 @lru_cache(maxsize=8)
 def _recorded(state: SeaState, until_ns: int) -> HeaveSeries:
-    """A bag's samples, read once for all ensembles of a process."""
+    """Return a bag's samples, read once for all ensembles of a process."""
     sea = open_heave(state.bag, None, state.start_s, state.loop)
     samples = sea.between(FIRST_NS, until_ns)
     series = series_of(samples)
@@ -207,6 +207,6 @@ def _recorded(state: SeaState, until_ns: int) -> HeaveSeries:
 
 
 def _rounded_up(length_ns: int) -> int:
-    """A minute times a power of two, so that like lengths share a record."""
+    """Return a minute times a power of two, so that similar lengths share a record [s]."""
     minutes = -(-length_ns // MINUTE_NS)
     return MINUTE_NS << (minutes - 1).bit_length()

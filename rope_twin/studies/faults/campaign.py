@@ -55,7 +55,11 @@ class LoneTwin:
     """A twin behind its border on a clock that nobody waits for: as paced, and faster."""
 
     def __init__(self, scene: Scene) -> None:
-        """Raises SceneError."""
+        """Make the twin of a run.
+
+        Raises:
+            SceneError: the scene cannot be built.
+        """
         self._twin = Twin(scene)
         self._inputs = InputQueue(self._twin, Recovery(self._twin))
         self._border = InputBorder(self._twin, self._inputs, PRIORITY, lambda: self.now_ns * 1e-9)
@@ -67,7 +71,7 @@ class LoneTwin:
 
     @property
     def now_ns(self) -> int:
-        """Twin time that the ROS clock shows at the beginning of the next slot."""
+        """Return the simulation time of the ROS clock at the beginning of the next cycle [ns]."""
         return self._twin.time_ns + DELAY_NS
 
     def deliver(self, message: Message) -> None:
@@ -92,13 +96,13 @@ class LoneTwin:
         return self._last
 
     def rows(self) -> list[Status]:
-        """Diagnostics as they would be published now."""
+        """Return the diagnostics rows as they would be published now."""
         return [*statuses(self._last, None), *self._border.rows()]
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What became of one run."""
+    """Result of one run."""
 
     input: str
     fault: str
@@ -113,7 +117,7 @@ class Finding:
 
     @property
     def met(self) -> bool:
-        """Whether it survived and was flagged in time, or could not be."""
+        """Return whether the run survived and was flagged in time, or need not be flagged."""
         return self.survived and (bool(self.hidden) or self.off_while_ok_s <= PATIENCE_S)
 
 
@@ -149,7 +153,7 @@ def follow(scene: Scene, messages: Iterable[Message]) -> Course:
 
 
 def judge(topic: str, fault: Fault, sound: Course, faulted: Course) -> Finding:
-    """Compare a faulted run with the sound one."""
+    """Compare a faulted run with the undisturbed one."""
     count = min(len(sound.time_s), len(faulted.time_s))
     time_s = np.array(sound.time_s[:count])
     after = time_s > FROM_S
@@ -186,7 +190,7 @@ def _raised(sound: Course, faulted: Course, count: int) -> Iterator[dict[str, tu
 
 
 def _longest_s(time_s: NDArray[np.float64], holds: NDArray[np.bool_]) -> float:
-    """Longest time for which it holds without a break [s]."""
+    """Return the longest uninterrupted time for which a condition holds [s]."""
     longest = begun = 0.0
     for k, one in enumerate(holds):
         if not one:
@@ -206,10 +210,10 @@ def plan(scene: Scene, inputs: Sequence[str], pairs: bool = True) -> list[tuple[
 
 
 class Bench:
-    """A scene's sound traffic and sound run, beside which each fault is judged."""
+    """Undisturbed traffic and run of a scene, against which each fault is compared."""
 
     def __init__(self, scene: Scene, posed: bool) -> None:
-        """posed: the ship's odometry moves the rope, in place of its heave.
+        """posed: the ship's odometry is used in place of its heave.
 
         Raises:
             InputError: the scene's ship lies still.
@@ -241,16 +245,16 @@ def run_campaign(
     report: Callable[[Finding], None],
     jobs: int = 1,
 ) -> list[Finding]:
-    """Run each fault beside a sound twin; `report` takes each finding as it comes.
+    """Run each fault next to an undisturbed twin; `report` receives each result immediately.
 
     Args:
-        scene: whose sea moves the ship.
+        scene: the scene whose sea moves the ship.
         runs: input and fault of each, from `plan`.
         report: called in the order of the runs.
-        jobs: processes that run at once.
+        jobs: number of parallel processes.
 
     Raises:
-        InputError: the scene's ship lies still.
+        InputError: the scene has no ship motion.
         SceneError: the scene cannot be built.
     """
     _BENCHES.clear()

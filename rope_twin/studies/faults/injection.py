@@ -29,7 +29,7 @@ Profile = tuple[tuple[float, float, float], ...]  # rows of z [m], east, north [
 
 @dataclass(frozen=True)
 class Message:
-    """One message on its way to the twin; times are twin time."""
+    """One message on its way to the twin, in simulation time."""
 
     topic: str
     received_ns: int
@@ -39,7 +39,7 @@ class Message:
     garbage: bytes = b""  # what comes in place of the content
 
     def encoded(self, epoch_ns: int) -> bytes:
-        """CDR bytes as the middleware delivers them; epoch_ns: ROS time of the twin's t = 0."""
+        """Return CDR bytes as delivered by the middleware; epoch_ns: ROS time of t = 0."""
         if self.garbage:
             return self.garbage
         stamp_ns = max(0, epoch_ns + self.stamp_ns)
@@ -58,7 +58,7 @@ Change = Callable[[list[Message], random.Random], list[Message]]
 
 @dataclass(frozen=True)
 class Fault:
-    """What goes wrong with an input from one moment on."""
+    """Fault of an input from a given time on."""
 
     name: str
     change: Change
@@ -66,7 +66,7 @@ class Fault:
 
 
 def faults_of(topic: str) -> list[Fault]:
-    """Every fault of one input, and pairs of those that can occur together."""
+    """Return every fault of one input, and pairs of faults that can occur together."""
     single = [*_ANY, *_OF[topic]]
     if topic in (HEAVE, ODOMETRY):
         paired = [fault for fault in single if fault.name in _PAIRED]
@@ -108,7 +108,7 @@ def _all_numbers(value: float) -> Change:
 
 
 def _slow(given: list[Message], rng: random.Random) -> list[Message]:
-    """Let one message through every 0.5 s."""
+    """Pass one message every 0.5 s."""
     kept: list[Message] = []
     for one in given:
         if not kept or one.stamp_ns >= kept[-1].stamp_ns + SECOND_NS // 2:
@@ -137,7 +137,7 @@ def _clock_off(offset_s: float) -> Change:
 
 
 def _intermittent(given: list[Message], rng: random.Random) -> list[Message]:
-    """Drop every other second."""
+    """Drop all messages of every other second."""
     return [one for one in given if one.stamp_ns // SECOND_NS % 2]
 
 
@@ -151,7 +151,7 @@ def _repeated(given: list[Message], rng: random.Random) -> list[Message]:
 
 
 def _out_of_order(given: list[Message], rng: random.Random) -> list[Message]:
-    """Swap the contents and stamps of neighbours, the times of arrival stay."""
+    """Swap contents and stamps of neighbours; times of arrival are unchanged."""
     swapped = list(given)
     for k in range(0, len(swapped) - 1, 2):
         a, b = swapped[k], swapped[k + 1]
@@ -161,7 +161,7 @@ def _out_of_order(given: list[Message], rng: random.Random) -> list[Message]:
 
 
 def _other_sender(given: list[Message], rng: random.Random) -> list[Message]:
-    """Let a second sender speak by turns, with what was true five seconds before, turned over."""
+    """Add a second sender that sends in turn, with inverted values from five seconds before."""
     turn = _scaled_by(lambda value: -value)
     late_ns = 5 * SECOND_NS
     shift_ns = 20_000_000  # between two of the first one's
@@ -179,7 +179,7 @@ def _other_sender(given: list[Message], rng: random.Random) -> list[Message]:
 def _scaled_by(
     value: Callable[[float], float], rate: Callable[[float], float] | None = None
 ) -> Change:
-    """Change positions (or the one value of an order or profile) by `value`, rates by `rate`."""
+    """Change positions (or the value of a command or profile) by `value`, rates by `rate`."""
     rate = rate or value
 
     def content(one: Message) -> Any:
@@ -325,12 +325,12 @@ _PAIRED = {
 
 
 def laid_over(messages: list[Message], fault: Fault, from_ns: int, seed: int) -> list[Message]:
-    """Return the messages with the fault from a moment on, in the order of their arrival.
+    """Return the messages with the fault from a given time on, in the order of arrival.
 
     Args:
         messages: of one input, in the order of their stamps.
-        fault: what happens to those stamped `from_ns` [ns, twin time] or later.
-        from_ns: when it begins.
+        fault: the fault of those stamped `from_ns` [ns, simulation time] or later.
+        from_ns: its beginning.
         seed: of random bytes, noise and losses.
     """
     sound = [one for one in messages if one.stamp_ns < from_ns]

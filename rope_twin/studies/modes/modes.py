@@ -1,12 +1,13 @@
-"""Natural frequencies and modes of a scene's rope about its static shape.
+"""Natural frequencies and modes of a scene's rope about its static equilibrium.
 
-Small undamped motion u of the nodes about rest: M·ü + K·u = 0. K holds each element's stiffness
-k·t·tᵀ + (T/l)·(I - t·tᵀ), axial and by tension (Irvine 1981, Cable Structures, ch. 3), and bending
-where the scene lists it; M what every effect says that it weighs or drags along: rope, added mass
-across it, payload with its added mass. Both ends are the scene's. Left out are damping and how the
-water's loads change with the shape.
+Small undamped motion u of the nodes about equilibrium: M·ü + K·u = 0. K holds each element's
+stiffness k·t·tᵀ + (T/l)·(I - t·tᵀ), axial and geometric (Irvine 1981, Cable Structures, ch. 3), and
+bending if the scene lists it; M the mass and added mass of every effect: rope, its added mass in
+the transverse direction, payload with its added mass. Both ends have the scene's boundary
+conditions. Damping and the change of hydrodynamic loads with the shape are neglected.
 
-The smallest of K·φ = ω²·M·φ are found by shift and invert (Ericsson and Ruhe 1980, ARPACK's way).
+The smallest eigenvalues of K·φ = ω²·M·φ are found by shift and invert (Ericsson and Ruhe 1980, as
+in ARPACK).
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ class Modes:
 
 
 def find_modes(scene: Scene, count: int) -> Modes:
-    """The `count` lowest modes and the first axial ones.
+    """Return the `count` lowest modes and the first axial ones.
 
     Raises:
         InputError: a count that the rope's free nodes do not give.
@@ -83,7 +84,7 @@ def find_modes(scene: Scene, count: int) -> Modes:
 
 
 def _matrices(rest: AtRest) -> tuple[Any, Any]:
-    """K and M as sparse matrices over 3 numbers per free node."""
+    """Return K and M as sparse matrices with 3 unknowns per free node."""
     from scipy.sparse import bsr_array
 
     span = np.diff(rest.place, axis=1)
@@ -110,7 +111,7 @@ def _matrices(rest: AtRest) -> tuple[Any, Any]:
 
 
 def _coupled(couplings: Couplings, first: int) -> Any:
-    """Stiffness of effects that reach two nodes far, as a sparse matrix."""
+    """Return the stiffness of effects that couple second neighbours, as a sparse matrix."""
     from scipy.sparse import block_diag, diags_array, eye_array, kron
 
     near, far = couplings.near[first:-1], couplings.far[first:-2]
@@ -121,7 +122,7 @@ def _coupled(couplings: Couplings, first: int) -> Any:
 
 
 def solve(K: Any, M: Any, count: int, near: float) -> tuple[Floats, Floats]:
-    """Frequencies ω [rad/s], rising, and modes of which ω² lies nearest to `near`; M-normal.
+    """Return frequencies ω [rad/s], rising, and M-normal modes with ω² nearest to `near`.
 
     The start vector is fixed, so that the same scene gives the same digits.
     """
@@ -134,7 +135,7 @@ def solve(K: Any, M: Any, count: int, near: float) -> tuple[Floats, Floats]:
 
 
 def _axial_guesses(rest: AtRest) -> Floats:
-    """ω [rad/s] of the first modes if every node could only move along the rope.
+    """Return ω [rad/s] of the first modes of a rope whose nodes move only along it.
 
     Shifted off by a millionth: on a frequency itself the shifted matrix is singular.
     """
@@ -154,7 +155,7 @@ def _axial_guesses(rest: AtRest) -> Floats:
 
 
 def _modes(rest: AtRest, omega: Floats, vectors: Floats) -> Iterator[Mode]:
-    """Each as a Mode; directions of equal frequency are told apart by the rope's plane."""
+    """Return the modes; those of equal frequency are separated by the rope's plane."""
     normal = _normal(rest)
     vectors = _separate(rest, omega, vectors, normal)
     speed = _speed_across(rest)
@@ -187,18 +188,18 @@ def _modes(rest: AtRest, omega: Floats, vectors: Floats) -> Iterator[Mode]:
 
 
 def near_waves(period_s: float) -> float:
-    """A period over the nearest of WAVE_PERIODS_S; 1 among them."""
+    """Return the ratio of a period to the nearest of WAVE_PERIODS_S."""
     low, high = WAVE_PERIODS_S
     return float(period_s / min(max(period_s, low), high))
 
 
 def _energy(rest: AtRest, motion: Floats) -> float:
-    """Twice the kinetic energy of a motion at ω = 1."""
+    """Return twice the kinetic energy of a motion at ω = 1."""
     return float((motion * np.einsum("kcn,cn->kn", rest.mass, motion)).sum())
 
 
 def _normal(rest: AtRest) -> Floats:
-    """Of the plane that the rope lies in best; of a straight one, across the current or y."""
+    """Return the normal of the rope's mean plane; of a straight rope, across the current or y."""
     offset = rest.place - rest.place[:, -1:]
     axes, sizes, _ = np.linalg.svd(offset, full_matrices=False)
     if sizes[1] > STRAIGHT * sizes[0]:
@@ -210,7 +211,7 @@ def _normal(rest: AtRest) -> Floats:
 
 
 def _separate(rest: AtRest, omega: Floats, vectors: Floats, normal: Floats) -> Floats:
-    """Modes of equal frequency turned into the plane and out of it."""
+    """Rotate modes of equal frequency into the in-plane and out-of-plane directions."""
     turned = vectors.copy()
     start = 0
     for end in range(1, len(omega) + 1):
@@ -227,12 +228,12 @@ def _separate(rest: AtRest, omega: Floats, vectors: Floats, normal: Floats) -> F
 
 
 def _water(rest: AtRest) -> Floats:
-    """The same at the free nodes."""
+    """Return the water properties at the free nodes."""
     return water_at(rest.scene, rest.place[2, rest.first : -1])
 
 
 def _speed_across(rest: AtRest) -> Floats:
-    """Of the current across the rope at the free nodes [m/s]."""
+    """Return the speed of the current normal to the rope at the free nodes [m/s]."""
     water = _water(rest)
     across = water - (water * rest.tangent).sum(axis=0) * rest.tangent
     return np.asarray(np.sqrt((across * across).sum(axis=0)))

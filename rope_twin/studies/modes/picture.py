@@ -17,7 +17,7 @@ _COLOURS = {"axial": "#d55e00", "in-plane": "#0072b2", "out-of-plane": "#009e73"
 
 
 def draw_modes(scene: str, found: Modes, path: Path) -> None:
-    """A panel per mode: size of the motion along the rope, signed by its main direction.
+    """Draw a panel per mode: amplitude along the rope, signed by its main direction.
 
     Raises:
         InputError: matplotlib is not there, or the picture cannot be written.
@@ -50,7 +50,7 @@ def _draw(axes: Any, mode: Mode, along: Any) -> None:
 
 
 def draw_system_modes(scene: str, found: SystemModes, path: Path) -> None:
-    """A panel per mode: the ropes at rest as seen from the side, and where the mode moves them.
+    """Draw a panel per mode: the ropes at rest in side view, and displaced by the mode.
 
     Raises:
         InputError: matplotlib is not there, or the picture cannot be written.
@@ -74,7 +74,7 @@ def draw_system_modes(scene: str, found: SystemModes, path: Path) -> None:
 
 
 def _draw_system(axes: Any, mode: SystemMode, places: list[Floats], size: float) -> None:
-    """Seen along x or y, whichever shows more of the motion."""
+    """Draw a system along x or y, whichever shows more of the motion."""
     motion = np.concatenate(mode.shapes)
     side = int((motion[:, :2] ** 2).sum(axis=0).argmax())
     for k, (place, shape) in enumerate(zip(places, mode.shapes, strict=True)):

@@ -33,7 +33,7 @@ class AtRest:
 
 
 def bring_to_rest(scene: Scene) -> AtRest:
-    """The scene's rope in its current.
+    """Return the static equilibrium of the scene's rope in its current.
 
     Raises:
         SceneError: it cannot rest, is slack somewhere, or carries a rigid body.
@@ -72,7 +72,7 @@ def bring_to_rest(scene: Scene) -> AtRest:
 
 
 def water_at(scene: Scene, z: Floats) -> Floats:
-    """The scene's current at these heights [m/s], (3, n)."""
+    """Return the scene's current at these heights [m/s], (3, n)."""
     water = np.zeros((3, len(z)))
     for params in scene.effects:
         if isinstance(params, CurrentParams):

@@ -1,8 +1,9 @@
-"""Natural frequencies and modes of ropes that meet: K·φ = ω²·M·φ of all of them together.
+"""Natural frequencies and modes of a multi-line system: K·φ = ω²·M·φ of all ropes together.
 
-K and M are those of studies/modes/modes.py for each rope, joined where the ropes are: nodes at a
-joint are one, rope over a sheave runs through, bars and tethers hold their ends. A mode is told by
-where its strain energy lies: in elements that stretch, or in tension that turns (a pendulum).
+K and M are those of studies/modes/modes.py for each rope, assembled at the connections: nodes at a
+connection are one, rope over a sheave is continuous, struts and tensioners hold their ends. A mode
+is classified by its strain energy: in elements that stretch, or in tension that rotates (a
+pendulum).
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ STRETCHING, SWINGING, UNHELD = "stretching", "swinging", "free"
 
 @dataclass(frozen=True)
 class SystemMode:
-    """One natural mode of ropes that meet."""
+    """One natural mode of a multi-line system."""
 
     frequency_hz: float
     period_s: float  # infinite where nothing holds the motion
@@ -45,7 +46,7 @@ class SystemMode:
 
 @dataclass(frozen=True)
 class SystemModes:
-    """The lowest modes of a scene whose ropes meet, and the first that stretch."""
+    """Lowest modes of a multi-line system, and its first axial ones."""
 
     lowest: tuple[SystemMode, ...]
     stretching: tuple[SystemMode, ...]
@@ -53,7 +54,7 @@ class SystemModes:
 
 
 def find_system_modes(scene: Scene, count: int) -> SystemModes:
-    """The `count` lowest modes and the first that stretch the ropes.
+    """Return the `count` lowest modes and the first that stretch the ropes.
 
     Raises:
         InputError: a count that the ropes' free nodes do not give.
@@ -80,7 +81,7 @@ def find_system_modes(scene: Scene, count: int) -> SystemModes:
 
 
 def _whole(still: StillSystem, part: Any) -> Any:
-    """A matrix of the unknowns from those of the ropes' nodes."""
+    """Assemble a matrix of the unknowns from those of the ropes' nodes."""
     from scipy.sparse import block_diag
 
     local = block_diag([part(line) for line in still.lines], format="csr")
@@ -88,13 +89,13 @@ def _whole(still: StillSystem, part: Any) -> Any:
 
 
 def _stretch(line: StillLine) -> Any:
-    """k·t·tᵀ of each element."""
+    """Return the axial stiffness k·t·tᵀ of each element."""
     t, _ = line.directions
     return _chain(np.einsum("e,ke,ce->ekc", line.stiffness, t, t))
 
 
 def _turn(line: StillLine) -> Any:
-    """(T/l)·(I - t·tᵀ) of each element, and what bending adds."""
+    """Return the geometric stiffness (T/l)·(I - t·tᵀ) of each element, and that of bending."""
     t, length = line.directions
     lateral = line.tension / length
     chain = _chain(lateral[:, None, None] * (np.eye(3) - np.einsum("ke,ce->ekc", t, t)))
@@ -102,7 +103,7 @@ def _turn(line: StillLine) -> Any:
 
 
 def _chain(blocks: Floats) -> Any:
-    """The matrix of blocks between neighbours, (n, 3, 3): they pull at both nodes alike."""
+    """Return the matrix of blocks (n, 3, 3) that couple neighbouring nodes."""
     from scipy.sparse import bsr_array
 
     n = len(blocks)
@@ -116,7 +117,7 @@ def _chain(blocks: Floats) -> Any:
 
 
 def _bent(line: StillLine) -> Any:
-    """Stiffness of bending, which reaches two nodes far; the upper end is held or a hinge."""
+    """Return the bending stiffness of second neighbours; the upper end is clamped or hinged."""
     from scipy.sparse import block_diag, diags_array, eye_array, kron
 
     bent = line.couplings
@@ -138,7 +139,7 @@ def _masses(line: StillLine) -> Any:
 def _modes(
     still: StillSystem, stretch: Any, omega: Floats, vectors: Floats
 ) -> Iterator[SystemMode]:
-    """Each as a SystemMode."""
+    """Return the modes as SystemMode objects."""
     masses = [line.mass for line in still.lines]
     ends = np.cumsum([mass.shape[0] for mass in masses])[:-1]
     for found, vector in zip(omega, vectors.T, strict=True):
@@ -171,7 +172,7 @@ def _modes(
 
 
 def _strouhal(still: StillSystem, r: int, at: int) -> float:
-    """Frequency of vortices at node `at` of rope r [Hz]."""
+    """Return the vortex-shedding frequency at node `at` of rope r [Hz]."""
     line = still.lines[r]
     t = line.directions[0][:, min(at, len(line.tension) - 1)]
     water = water_at(still.scene, line.place[2, at : at + 1])[:, 0]

@@ -1,4 +1,4 @@
-"""A scene's ropes that meet, at rest: what their small motion about it is made of."""
+"""Static equilibrium of a multi-line system, as the basis of its modes."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class StillLine:
 
     @property
     def directions(self) -> tuple[Floats, Floats]:
-        """Unit vectors (3, n) and lengths [m] of the elements."""
+        """Return unit vectors (3, n) and lengths [m] of the elements."""
         span = np.diff(self.place, axis=1)
         length = np.sqrt((span * span).sum(axis=0))
         return span / length, length
@@ -68,7 +68,7 @@ class StillSystem:
 
 
 def bring_system_to_rest(scene: Scene) -> StillSystem:
-    """The scene's ropes in their current.
+    """Return the static equilibrium of the scene's ropes in their current.
 
     Raises:
         SceneError: they cannot rest, or are slack somewhere.
@@ -89,7 +89,7 @@ def bring_system_to_rest(scene: Scene) -> StillSystem:
 
 
 def _line(scene: Scene, number: int, rope: Rope, length_m: float) -> StillLine:
-    """One rope as the weighing left it."""
+    """Return one rope as weighed in the equilibrium."""
     n = int(rope.state.counts[ELEMENTS])
     tension, name = rope.work[TENSION, :n].copy(), scene.ropes[number].name
     if not (tension > 0.0).all():
@@ -107,7 +107,7 @@ def _line(scene: Scene, number: int, rope: Rope, length_m: float) -> StillLine:
 
 
 def _numbers(system: System, lines: tuple[StillLine, ...], points: int) -> tuple[list[Any], int]:
-    """Of each rope's nodes the place among joints and free nodes, or LOOSE; how many there are."""
+    """Return each node's index among connections and free nodes, or LOOSE; and their number."""
     joints, at, count = system.joints, [], points
     for r, rope in enumerate(system.ropes):
         n = lines[r].place.shape[1] - 1
@@ -124,10 +124,10 @@ def _numbers(system: System, lines: tuple[StillLine, ...], points: int) -> tuple
 
 
 def _unknowns(system: System, lines: tuple[StillLine, ...]) -> tuple[Any, Floats, Any]:
-    """`follow`, `joint_mass` and `tied` of a system.
+    """Return `follow`, `joint_mass` and `tied` of a system.
 
-    Unknowns are three for each joint, three for each node that is no end and none that is held,
-    and the flow over each sheave.
+    Unknowns are three for each joint, three for each node that is no end and none that is held, and
+    the flow over each sheave.
     """
     from scipy.sparse import coo_array
 
@@ -158,7 +158,7 @@ def _unknowns(system: System, lines: tuple[StillLine, ...]) -> tuple[Any, Floats
 def _over(
     sheaves: Sheaves, k: int, lines: tuple[StillLine, ...], ends: Any
 ) -> tuple[Floats, Floats]:
-    """Rows and values by which the rope's last nodes follow the flow over sheave k.
+    """Return rows and values by which the rope's last nodes follow the flow over sheave k.
 
     Rope that comes over goes down the one line and up the other, stretched as it is.
     """
@@ -171,7 +171,7 @@ def _over(
 
 
 def _tied(held: Floats, place: Floats, size: int) -> Any:
-    """Stiffness of bars and tethers: along them their own, across them by their pull."""
+    """Return the axial and geometric stiffness of struts and tensioners."""
     from scipy.sparse import coo_array
 
     matrix = coo_array((size, size)).tocsr()

@@ -1,6 +1,6 @@
-"""Some runs of a study, stepped together: what a core, or a worker of a cluster, is given at once.
+"""Batches of runs of a study that are stepped together, one per core or cluster worker.
 
-Each run equals a twin of its own to the bit, so it does not matter which runs share a batch.
+Each run is bit-identical to a twin of its own, so that results do not depend on the batches.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Batch:
 def cut_into_batches(
     study: Study, runs: Sequence[tuple[StudyRun, Made]], at_once: int = LANES
 ) -> list[Batch]:
-    """Runs of the same scene together, so many at most."""
+    """Group runs of the same scene into batches of limited size."""
     groups: dict[str, list[tuple[StudyRun, Made]]] = {}
     for run, one in runs:
         groups.setdefault(one.scene.digest, []).append((run, one))
@@ -60,7 +60,7 @@ def cut_into_batches(
 
 
 def run_batch(batch: Batch) -> list[Row]:
-    """A row for each run.
+    """Return a row of results for each run.
 
     Raises:
         RopeTwinError: the sea is not there or too short, or the curve does not fit the rope.
@@ -137,7 +137,7 @@ def _figures(ensemble: Ensemble, number: int, seconds: float) -> Row:
 
 
 def _card(known: KnownError, changed: bool) -> Row:
-    """The error of the scene's card; to a run with other figures it is a guide."""
+    """Return the error of the scene's convergence study; indicative for a run with other values."""
     return {
         "card_error_rms_pct": None if math.isnan(known.rms_pct) else known.rms_pct,
         "card_error_peak_pct": None if math.isnan(known.peak_pct) else known.peak_pct,

@@ -32,7 +32,7 @@ class StudyRun:
 
 
 def design_runs(study: Study) -> list[StudyRun]:
-    """All runs, in an order that is the same every time.
+    """Return all runs, always in the same order.
 
     Raises:
         InputError: there are too many.
@@ -58,7 +58,7 @@ def design_runs(study: Study) -> list[StudyRun]:
 
 
 def _choices(variable: Variable) -> Sequence[Value]:
-    """What it can be on a grid."""
+    """Return the values of a variable on a grid."""
     if variable.ranges:
         low, high, count = variable.from_, variable.to, variable.count
         assert low is not None
@@ -70,7 +70,7 @@ def _choices(variable: Variable) -> Sequence[Value]:
 
 
 def _drawn(variable: Variable, share: float) -> Value:
-    """What it is at a share from 0 to 1 of its range or of its list."""
+    """Return the value of a variable at a fraction from 0 to 1 of its range or list."""
     if variable.ranges:
         assert variable.from_ is not None
         assert variable.to is not None
@@ -81,7 +81,7 @@ def _drawn(variable: Variable, share: float) -> Value:
 
 @dataclass(frozen=True)
 class Made:
-    """What a run makes of the study's scene."""
+    """Scene of a run, made from that of the study."""
 
     scene: Scene  # with its names, and with what all ropes of an ensemble must share
     changes: tuple[Change, ...]  # to that
@@ -89,7 +89,7 @@ class Made:
 
 
 def made_of(study: Study, scene: Scene, run: StudyRun) -> Made:
-    """The scene and the changes of a run, seen to be possible.
+    """Return scene and changes of a run, checked to be valid.
 
     Raises:
         InputError: a variable leads nowhere or out of a range; one sentence with its place.
@@ -118,7 +118,11 @@ def made_of(study: Study, scene: Scene, run: StudyRun) -> Made:
 
 
 def _offset_s(scene: Scene, value: float) -> float:
-    """Raises InputError: the scene has no sea that could begin elsewhere."""
+    """Return the offset into the sea [s].
+
+    Raises:
+        InputError: the scene has no sea that could begin elsewhere.
+    """
     if scene.sea_state.on_waves is not None:
         right = "vary effects.waves.seed instead"
         raise InputError(phrase(SEA_OFFSET_S, "the ship rides on waves that begin with it", right))
@@ -128,7 +132,7 @@ def _offset_s(scene: Scene, value: float) -> float:
 
 
 def _judge_each(study: Study, scene: Scene, run: StudyRun) -> None:
-    """Refuse the first variable that is not possible by itself, with its place in the file."""
+    """Reject the first variable that is invalid by itself, with its place in the file."""
     for number, (variable, value) in enumerate(zip(study.vary, run.values, strict=True)):
         if not variable.names and variable.path != SEA_OFFSET_S:
             with _at(f"{study.path}: vary[{number}]"):
@@ -137,7 +141,7 @@ def _judge_each(study: Study, scene: Scene, run: StudyRun) -> None:
 
 @contextmanager
 def _at(where: str) -> Iterator[None]:
-    """Say where in the study it was."""
+    """Add the place in the study to an error."""
     try:
         yield
     except RopeTwinError as error:
@@ -145,7 +149,7 @@ def _at(where: str) -> Iterator[None]:
 
 
 def _changes(variable: Variable, value: Value) -> list[Change]:
-    """What a variable's value changes."""
+    """Return the change of a variable's value."""
     if variable.cases:
         case = next(one for one in variable.cases if one.name == value)
         return [Change(path, number, variable.multiply) for path, number in case.set_.items()]
@@ -158,7 +162,7 @@ def _preset(name: str) -> Rope:
 
 
 def _named(scene: Scene, path: str, name: str) -> Scene:
-    """The scene with another rope or another bag.
+    """Return the scene with another rope or another bag.
 
     Raises:
         RopeTwinError: there is none of that name, or a rule of scenes is broken by it.

@@ -1,4 +1,4 @@
-"""A parameter study as its YAML file says it, read as strictly as a scene."""
+"""Reader of the YAML file of a parameter study, as strict as that of scenes."""
 
 from __future__ import annotations
 
@@ -42,16 +42,16 @@ class Variable:
 
     @property
     def column(self) -> str:
-        """Its name in tables."""
+        """Return the name of the variable in tables."""
         return self.name or self.path + ("*" if self.multiply else "")
 
     @property
     def ranges(self) -> bool:
-        """Whether any number from lowest to highest may be drawn."""
+        """Return whether any number from lowest to highest may be drawn."""
         return self.from_ is not None
 
     def check(self) -> str | None:
-        """One way of saying what it can be."""
+        """Check that exactly one kind of values is given."""
         ways = [self.from_ is not None or self.to is not None, bool(self.values), bool(self.names),
                 bool(self.cases)]  # fmt: skip
         if sum(ways) != 1:
@@ -92,14 +92,14 @@ class FatigueWish:
     sample_s: float = quantity("how often its tension is looked at", "s", 1e-3, 10.0, default=0.1)
 
     def check(self) -> str | None:
-        """The curve is known."""
+        """Check that the S-N curve is known."""
         known = ", ".join(CURVES)
         return None if self.curve in CURVES else f"there is no curve '{self.curve}'; known: {known}"
 
 
 @dataclass(frozen=True, kw_only=True)
 class Study:
-    """A whole study."""
+    """Parameter study."""
 
     name: str
     path: Path
@@ -114,7 +114,7 @@ class Study:
     fatigue: FatigueWish | None = text("count damage along the rope", None)
 
     def check(self) -> str | None:
-        """What the variables must have in common."""
+        """Check that the variables are consistent."""
         columns = [one.column for one in self.vary]
         twice = next((name for name in columns if columns.count(name) > 1), "")
         if not self.vary:
@@ -128,7 +128,7 @@ class Study:
 
 
 def read_study(path: Path) -> tuple[Study, Scene]:
-    """A study and the scene it is of.
+    """Return a study and its scene.
 
     Raises:
         SceneError: one sentence on what is wrong in the file or the scene.

@@ -1,7 +1,7 @@
-"""The rows of a study on disk, so that a killed study goes on where it was.
+"""Rows of a study on disk, so that an interrupted study can be resumed.
 
-Every finished batch is a Parquet file of its own, written beside its place and renamed: a file is
-whole or not there. At the end they become one, runs.parquet, sorted by run.
+Every finished batch is a Parquet file of its own, written under a temporary name and renamed: a
+file is complete or absent. At the end they become one, runs.parquet, sorted by run.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _LISTS = ("damage", "damage_from_lower_end_m")
 
 
 def check_parquet() -> None:
-    """See that rows can be written.
+    """Check that Parquet files can be written.
 
     Raises:
         InputError: pyarrow is not installed.
@@ -46,7 +46,7 @@ class StudyFolder:
     """
 
     def __init__(self, folder: Path, study: Study, stamp: str) -> None:
-        """`stamp` tells whether the rows found there are of this study, scene and solver."""
+        """Open the folder; `stamp` identifies study, scene and solver of the rows found there."""
         check_parquet()
         self._folder, self._study = folder, study
         try:
@@ -83,7 +83,7 @@ class StudyFolder:
         write_whole(mark, json.dumps(told, ensure_ascii=False).encode())
 
     def done(self) -> set[int]:
-        """Numbers of the runs whose rows are there."""
+        """Return the numbers of the runs with rows in the folder."""
         return {int(row["run"]) for row in self.rows(["run"])}
 
     def add(self, rows: Sequence[Row]) -> None:
@@ -92,7 +92,7 @@ class StudyFolder:
         self._write(self._folder / f"part-{first:06d}-{len(rows)}.parquet", rows)
 
     def rows(self, columns: list[str] | None = None) -> list[Row]:
-        """All rows that are there, by run; each once."""
+        """Return all rows in the folder, by run; each once."""
         import pyarrow.parquet as parquet
 
         found: dict[int, Row] = {}
@@ -124,7 +124,7 @@ class StudyFolder:
         write_whole(path, sink.getvalue().to_pybytes())
 
     def _schema(self, row: Row) -> pyarrow.Schema:
-        """Types by column, whatever the first row happens to lack."""
+        """Return the types by column, whichever values the first row lacks."""
         import pyarrow
 
         words = {one.column for one in self._study.vary if one.names or one.cases}

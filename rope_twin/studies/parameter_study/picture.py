@@ -1,4 +1,4 @@
-"""What a study found, as a picture: highest and lowest tension over each variable."""
+"""Picture of a study: maximum and minimum tension over each variable."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ HIGH, LOW = "#d55e00", "#0072b2"
 
 
 def draw_study(study: Study, rows: Sequence[Row], path: Path) -> None:
-    """A panel for each variable; one more for the damage along the rope, if it was counted.
+    """Draw a panel for each variable, and one for the damage along the rope if it was counted.
 
     Raises:
         InputError: it cannot be drawn or written.
@@ -65,7 +65,7 @@ def _draw(axes: Any, variable: Variable, rows: Sequence[Row]) -> None:
 
 
 def _draw_damage(axes: Any, rows: Sequence[Row]) -> None:
-    """The range over the runs, and their median, from the lower end up."""
+    """Draw range and median of the damage over the runs, from the lower end up."""
     length = min(len(row["damage"]) for row in rows)
     damage = np.array([row["damage"][:length] for row in rows])
     place = rows[0]["damage_from_lower_end_m"][:length]

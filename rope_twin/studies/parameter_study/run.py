@@ -27,7 +27,7 @@ RETRIES = 2  # of a batch whose worker died
 
 
 def study_stamp(study: Study, scene: Scene) -> str:
-    """Of all that the rows depend on: the study, the scene's figures, the solver."""
+    """Return a digest of study, scene and solver, on which all rows depend."""
     told = repr((study.digest, scene.digest, solver_version(scene)))
     return hashlib.sha256(told.encode()).hexdigest()[:16]
 
@@ -40,7 +40,7 @@ def run_parameter_study(
     scheduler: str = "",
     at_once: int = LANES,
 ) -> tuple[list[Row], Path]:
-    """Do all runs whose rows are not in the folder yet; all rows, and the file with them.
+    """Run all runs that have no row in the folder yet; return all rows, and their file.
 
     Args:
         study: what varies.
@@ -86,7 +86,7 @@ def _check_times(study: Study, steps_s: set[float]) -> None:
 
 
 def _on_cores(batches: Sequence[Batch]) -> Iterator[list[Row]]:
-    """One batch on each core; the first alone, since it may have to compile."""
+    """Run one batch per core; the first by itself, since it may have to compile."""
     if not batches:
         return
     yield run_batch(batches[0])
@@ -100,7 +100,7 @@ def _on_cores(batches: Sequence[Batch]) -> Iterator[list[Row]]:
 
 
 def _on_cluster(batches: Sequence[Batch], address: str) -> Iterator[list[Row]]:
-    """One batch on each worker at a time; a batch whose worker dies goes to another."""
+    """Run one batch per worker at a time; a batch of a failed worker goes to another one."""
     if importlib.util.find_spec("distributed") is None:
         right = "install it with `pip install 'rope_twin[study]'`"
         raise InputError(phrase("distributed", "--scheduler needs it", right))
@@ -123,7 +123,7 @@ def _on_cluster(batches: Sequence[Batch], address: str) -> Iterator[list[Row]]:
 
 
 def _knock(address: str) -> None:
-    """See that somebody is there: a client that was made in vain complains when it is collected.
+    """Check that the cluster answers, since a client that cannot connect reports it too late.
 
     Raises:
         InputError: it is no address.

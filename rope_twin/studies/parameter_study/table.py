@@ -1,4 +1,4 @@
-"""What a study found, as lines for people: quantiles over all runs, and what each variable does."""
+"""Summary table of a study: quantiles over all runs, and the influence of each variable."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ MANY = 8  # different numbers; more are told by parts of the range
 
 
 def whole_runs(rows: Sequence[Row]) -> list[Row]:
-    """Those that came to their end."""
+    """Return the completed runs."""
     return [row for row in rows if not row["failure"]]
 
 
 def study_lines(study: Study, rows: Sequence[Row]) -> Iterator[str]:
-    """The table."""
+    """Return the lines of the table."""
     good = whole_runs(rows)
     yield f"{study.name}: {len(rows)} runs of {study.seconds:g} s of {study.scene}"
     failed = [row for row in rows if row["failure"]]
@@ -56,7 +56,7 @@ def _known(rows: Sequence[Row]) -> list[tuple[str, str, float]]:
 
 
 def _effect_of(variable: Variable, rows: Sequence[Row]) -> Iterator[str]:
-    """A line for each value of a variable, or for each part of its range."""
+    """Return a line for each value of a variable, or for each part of its range."""
     yield f"{variable.column}: median over the runs{_ranks(variable, rows)}"
     known = _known(rows)
     yield " " * 24 + "".join(f"{words.split(' [')[0]:>32}" for _, words, _ in known[:3])
@@ -86,7 +86,7 @@ def _levels(variable: Variable, rows: Sequence[Row]) -> list[tuple[str, list[Row
 
 
 def _ranks(variable: Variable, rows: Sequence[Row]) -> str:
-    """How its rank goes with that of the highest tension; numbers only."""
+    """Return the rank correlation with the maximum tension; for numbers only."""
     values = [row[variable.column] for row in rows]
     if variable.names or variable.cases or len(set(values)) < 3:
         return ""

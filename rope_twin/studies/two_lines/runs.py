@@ -29,7 +29,7 @@ SECOND_NS = 1_000_000_000
 
 @dataclass(frozen=True)
 class Noise:
-    """How smooth a line's pull on the ship is from step to step."""
+    """Smoothness of a line's tension at the ship from step to step."""
 
     jump_pct: float  # largest |F(k+1) - 2·F(k) + F(k-1)| over the mean
     events: int  # splits and merges of elements meanwhile
@@ -37,7 +37,7 @@ class Noise:
 
 @dataclass(frozen=True)
 class LineRun:
-    """One run."""
+    """Results of one run."""
 
     sea: str
     time_s: Floats
@@ -52,7 +52,7 @@ class LineRun:
     real_time_factor: float
 
     def figures(self) -> dict[str, Any]:
-        """What a JSON file takes."""
+        """Return the results for a JSON file."""
         nearest = min(self.nearest, key=lambda one: one.distance_m)
         return {
             "sea": self.sea,
@@ -70,7 +70,7 @@ class LineRun:
 
 
 def record_of(sea_state: int, seed: int) -> SeaRecord:
-    """The heave of a middle-sized vessel in a sea state, 600 s that repeat."""
+    """Return the heave of a medium-sized vessel in a sea state, a record of 600 s that repeats."""
     height, period = SEA_STATES[sea_state]
     return synthesise(jonswap(height, period), BoxHull(), seed, duration_s=600.0)
 
@@ -107,7 +107,7 @@ def run_lines(
 
 
 class _Seen:
-    """What is kept of every sample."""
+    """Values stored for every sample."""
 
     def __init__(self) -> None:
         self.times: list[float] = []
@@ -118,7 +118,7 @@ class _Seen:
         self.events: list[LineEvent] = []
 
     def take(self, shot: Snapshot, watch: LineWatch) -> list[LineEvent]:
-        """One sample; crossings that began or ended since the last."""
+        """Take one sample; return crossings that began or ended since the last one."""
         near, happened = watch.look(shot)
         self.nearest.append(near)
         self.events += happened
@@ -130,7 +130,7 @@ class _Seen:
 
 
 def _flat(shot: Snapshot, watch: LineWatch) -> tuple[Floats, Floats]:
-    """Both lines along their plane and down, (nodes, 2)."""
+    """Return both lines in their vertical plane, (nodes, 2)."""
     places = (
         np.concatenate([shot.ropes[number].node_position_m for number in line])
         for line in watch.lines
@@ -146,7 +146,7 @@ class _Heave:
         self._sea = sea
 
     def offer(self, twin: Twin, second: int) -> None:
-        """Those of (second, second + 1]."""
+        """Pass on the commands of (second, second + 1]."""
         if self._sea is None:
             return
         rate = round(self._sea.rate_hz)
@@ -158,7 +158,7 @@ class _Heave:
 
 
 def _offer(twin: Twin, scene: Scene, second: int, heave: _Heave) -> None:
-    """Commands and heave of a second to come."""
+    """Pass on commands and heave of the next second."""
     for name, winch in winches_by_name(scene).items():
         for row in schedule_samples(winch, second * SECOND_NS, (second + 1) * SECOND_NS):
             twin.offer_order(row.stamp_ns, row.order, name)
@@ -168,7 +168,7 @@ def _offer(twin: Twin, scene: Scene, second: int, heave: _Heave) -> None:
 def _listen(
     twin: Twin, scene: Scene, second: int, heave: _Heave, tops: list[int]
 ) -> tuple[Noise, Noise]:
-    """Go on step by step and hear how smooth the pulls are."""
+    """Continue step by step and measure the smoothness of the tensions."""
     pulls, before = [], twin.snapshot().solver
     for more in range(round(NOISE_S)):
         _offer(twin, scene, second + more, heave)

@@ -1,9 +1,9 @@
-"""Two scenes with a model of vortices each, side by side: VIV under heave against that at rest.
+"""Comparison of two scenes with a VIV model each: VIV under heave and VIV without.
 
-Both twins run with their own regular heave and winch schedule. Where their model steps with the
-rope, what tension does to the vibration is in the rope itself, no mode is solved for; motion is
-taken across the current at the surface, of the nodes as the grid has them, over the rope's
-diameter. Where it is computed beside the step, its own motion is taken whenever it has gone on.
+Both twins run with their own regular heave and winch schedule. With a model inside the time step
+the influence of tension on the vibration is part of the rope itself, and no mode is solved for; the
+motion is that of the grid's nodes across the surface current, over the rope's diameter. With a
+model outside the time step its own motion is taken at each update.
 """
 
 from __future__ import annotations
@@ -46,12 +46,12 @@ class Shaken:
 
     @property
     def rms(self) -> Floats:
-        """Of the motion, (places,)."""
+        """Return the RMS of the motion, (places,)."""
         return np.asarray(self.motion.std(axis=0))
 
     @property
     def spectrum(self) -> tuple[Floats, Floats]:
-        """Frequencies [Hz] and power per Hz of all places together [d²/Hz]."""
+        """Return frequencies [Hz] and power per Hz of all places together [d²/Hz]."""
         from scipy.signal import welch
 
         length = min(len(self.motion), round(40.0 / self.every_s))
@@ -62,7 +62,7 @@ class Shaken:
 
     @property
     def size(self) -> tuple[Floats, Floats]:
-        """Times [s] and rms of all places over WINDOW_S about them."""
+        """Return times [s] and RMS of all places over WINDOW_S around them."""
         count = min(max(1, round(WINDOW_S / self.every_s)), len(self.motion))
         square = (self.motion**2).mean(axis=1)
         window = np.full(count, 1.0 / count)
@@ -70,7 +70,7 @@ class Shaken:
         return np.convolve(self.time_s, window, "valid"), np.asarray(np.sqrt(mean))
 
     def figures(self) -> ShakenFigures:
-        """What is told in numbers."""
+        """Return the results as numbers by name."""
         frequency, power = self.spectrum
         above = frequency > 0.0
         mean = float((power[above] * frequency[above]).sum() / power[above].sum())
@@ -88,7 +88,7 @@ class Shaken:
 
 @dataclass(frozen=True)
 class ShakenFigures:
-    """Of a run's second half."""
+    """Results of the second half of a run."""
 
     scene: str
     model: str
@@ -104,12 +104,12 @@ class ShakenFigures:
 
 
 def run_shaken(scene: Scene, duration_s: float) -> Shaken:
-    """A scene from rest; the second half counts.
+    """Run a scene from static equilibrium; the second half counts.
 
     Raises:
-        SceneError: it has no model of vortices, or no current at the surface.
-        InputError: the run is too short, its sea is neither still nor a regular heave, or its
-            winch is told other things than speeds.
+        SceneError: it has no VIV model, or no current at the surface.
+        InputError: the run is too short, its sea is neither still nor a regular heave, or its winch
+            has other commands than speeds.
         SolverError: the twin's next state would not be finite.
     """
     model, across = shedding_model(scene), _across(scene)
@@ -146,7 +146,7 @@ def run_shaken(scene: Scene, duration_s: float) -> Shaken:
 
 
 def _across(scene: Scene) -> Floats:
-    """Unit vector across the current at the surface, horizontal."""
+    """Return the horizontal unit vector across the current at the surface."""
     east, north, _ = water_at(scene, np.zeros(1))[:, 0]
     speed = float(np.hypot(east, north))
     if speed == 0.0:
@@ -156,7 +156,7 @@ def _across(scene: Scene) -> Floats:
 
 
 def beside_table(runs: tuple[Shaken, ...]) -> list[tuple[str, ...]]:
-    """Both runs as words, below a head."""
+    """Return both runs as rows of text, below a head."""
     head = ("scene", "model", "mean kN", "min kN", "max kN", "rms/d most", "at", "rms/d mean",
             "Hz", "± Hz", "swelling")  # fmt: skip
     rows: list[tuple[str, ...]] = [head]
@@ -172,12 +172,12 @@ def beside_table(runs: tuple[Shaken, ...]) -> list[tuple[str, ...]]:
 
 
 def beside_json(runs: tuple[Shaken, ...]) -> list[dict[str, Any]]:
-    """Plain."""
+    """Return both runs as plain data."""
     return [asdict(run.figures()) for run in runs]
 
 
 def draw_beside(runs: tuple[Shaken, ...], path: Path) -> None:
-    """Tension, rms along the rope, spectrum, size over time and the last motion of each.
+    """Draw tension, RMS along the rope, spectrum, amplitude over time and final motion of each.
 
     Raises:
         InputError: matplotlib is not there, or the picture cannot be written.
@@ -212,5 +212,5 @@ def _kn(run: Shaken) -> Floats:
 
 
 def _last(run: Shaken, values: Floats) -> Floats:
-    """The rows of the last SHOWN_S."""
+    """Return the rows of the last SHOWN_S."""
     return values[-round(SHOWN_S / run.every_s) :]

@@ -1,7 +1,8 @@
-"""Vortex-induced vibration under heave and payout against that at constant tension ([SJTU] ch. 5).
+"""VIV under heave and pay-out, compared with VIV at constant tension ([SJTU] ch. 5).
 
-The twin runs with its scene's regular heave and winch schedule; beside it the rope vibrates in its
-modes, which are found again at a stated rate as tension, length and relative water speed change.
+The twin runs with its scene's regular heave and winch schedule; a one-way coupled modal VIV model
+runs along, whose modes are recomputed at a given rate as tension, length and relative water speed
+change.
 """
 
 from __future__ import annotations
@@ -43,18 +44,18 @@ class MovingRun:
 
     @property
     def rms(self) -> Floats:
-        """Of the motion, second half: an amplitude A counts as A/√2."""
+        """Return the RMS of the motion in the second half; an amplitude A counts as A/√2."""
         late = self.amplitude[len(self.amplitude) // 2 :]
         return np.asarray(np.sqrt(0.5 * (late**2).mean(axis=0)))
 
 
 def run_moving(scene: Scene, shedding: Shedding, duration_s: float, every_s: float) -> MovingRun:
-    """A scene with its regular heave or winch schedule, from rest.
+    """Run a scene with its regular heave or winch schedule from static equilibrium.
 
     Raises:
-        InputError: the scene's sea is neither still nor a regular heave, its winch is told other
-            things than speeds, or the rope is slack at rest.
-        SceneError: ropes meet, or the rope cannot rest.
+        InputError: the scene's sea is neither still nor a regular heave, its winch has other
+            commands than speeds, or the rope is slack in static equilibrium.
+        SceneError: a multi-line system, or a rope without static equilibrium.
         SolverError: the twin's next state would not be finite.
     """
     heave, speeds = regular_motion(scene)
@@ -83,10 +84,10 @@ def run_moving(scene: Scene, shedding: Shedding, duration_s: float, every_s: flo
 
 
 def regular_motion(scene: Scene) -> tuple[Motion, Speeds]:
-    """Heave over time and the winch's speeds.
+    """Return heave over time and the winch's speeds.
 
     Raises:
-        InputError: the sea is neither still nor a regular heave, or the winch is told other things.
+        InputError: the sea is neither still nor a regular heave, or the winch has other commands.
     """
     sea = scene.sea_state
     if sea.moves and sea.heave is None:
@@ -104,7 +105,7 @@ def regular_motion(scene: Scene) -> tuple[Motion, Speeds]:
 
 
 def draw_moving(name: str, run: MovingRun, path: Path) -> None:
-    """Amplitude over time and rope, beside both rms."""
+    """Draw the amplitude over time and length, with both RMS profiles."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(11.0, 5.5), layout="constrained")

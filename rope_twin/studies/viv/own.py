@@ -1,17 +1,16 @@
-"""A scene's rope as its own model of vortices shakes it: what a VIV engineer asks of the run.
+"""VIV assessment of a scene's rope in a run with the scene's own VIV model.
 
-Where the model steps with the rope, of the motion of the nodes what is slower than a fifth of the
-fastest vortices (ship, winch, sway) is left out, forward and backward in time by a Butterworth
-filter, and the rest is told across the flow and with it. A filter does not know
-how the motion goes on beyond its ends, and shows some there that is none: the rope is looked at for
-AROUND_PERIODS before the part that counts, and runs on for as long after it. Where it is
-computed beside the step, its motion is told as it is; it has none in line.
+With a model inside the time step, motion slower than a fifth of the fastest vortices (ship, winch,
+sway) is removed from the nodes' motion by a Butterworth filter, forward and backward in time, and
+the rest is resolved into cross-flow and in-line components. A filter has edge effects: sampling
+begins AROUND_PERIODS before the evaluated part, and continues for as long after it. With a model
+outside the time step its motion is used directly; it has no in-line component.
 
-Drag amplification is that of the run: the mean of f·|u_n|·u_n over |U_n|·U_n, with the water's
-velocity relative to the rope across it, u_n, its mean, U_n, and f, what a model beside the step
-multiplies the drag coefficient by. Stress is that of bending, E·d/2 times the curvature of the rope
-as the nodes have it, or of the motion beside the step, in the direction in which it is largest; the
-damage is that of tension and bending together (rope_twin.twin.fatigue.wear), per year of the run.
+Drag amplification is that of the run: the mean of f·|u_n|·u_n over |U_n|·U_n, with the velocity of
+the water relative to the rope and normal to it, u_n, its mean, U_n, and f, the drag amplification
+of a model outside the time step. Stress is that of bending, E·d/2 times the curvature of the rope
+on its nodes, or of the motion of the model, in the direction in which it is largest; damage is that
+of tension and bending together (rope_twin.twin.fatigue.wear), per year of the run.
 """
 
 from __future__ import annotations
@@ -66,12 +65,12 @@ class OwnRun:
 
     @property
     def rms(self) -> Floats:
-        """Of the motion over the diameter, across the flow and with it, (2, places)."""
+        """Return the RMS of cross-flow and in-line motion over the diameter, (2, places)."""
         return np.asarray(self.motion.std(axis=1))
 
     @property
     def growth(self) -> float:
-        """Rms across the flow of all places in the second half of the time over that in the first.
+        """Return the cross-flow RMS of all places in the second half over that in the first.
 
         1: settled; else it still builds up or fades, or swells slowly. NaN: nothing moved at first.
         """
@@ -84,12 +83,12 @@ class OwnRun:
 
     @property
     def in_line(self) -> bool:
-        """Whether its model has a motion with the flow."""
+        """Return whether its model has in-line motion."""
         return bool(np.isfinite(self.motion[1]).all())
 
     @property
     def frequency_hz(self) -> Floats:
-        """Rice's (1944) mean frequency of both, 0 where nothing moves, (2, places)."""
+        """Return Rice's (1944) mean frequency of both directions, 0 without motion, (2, places)."""
         rise = np.diff(self.motion, axis=1).std(axis=1)
         total = (self.motion[:, 1:] + self.motion[:, :-1]).std(axis=1)
         moves = total > 1e-9
@@ -98,7 +97,7 @@ class OwnRun:
 
     @property
     def damage_per_year(self) -> Floats:
-        """Miner's sum per year of such a run; NaN where no stress is known, (places,)."""
+        """Return Miner's sum per year of such a run; NaN where no stress is known, (places,)."""
         if self.fatigue is None:
             return np.full(len(self.from_hang_off_m), np.nan)
         own, used = self.fatigue.from_hang_off_m[::-1], self.fatigue.used[::-1]
@@ -106,11 +105,11 @@ class OwnRun:
 
     @property
     def vandiver(self) -> Floats:
-        """Drag amplification that Vandiver (1983) found of such a motion, (places,)."""
+        """Return the drag amplification of such a motion by Vandiver (1983), (places,)."""
         return amplified_drag(self.rms[0])
 
     def spectra(self) -> tuple[Floats, Floats]:
-        """Frequencies [Hz] and power across the flow [d²/Hz], (frequencies, places)."""
+        """Return frequencies [Hz] and cross-flow power [d²/Hz], (frequencies, places)."""
         from scipy.signal import welch
 
         length = max(16, len(self.time_s) // 2)
@@ -121,14 +120,14 @@ class OwnRun:
 
 
 def run_own(scene: Scene, duration_s: float, curve: str) -> OwnRun:
-    """A scene from rest, with its regular heave and winch schedule; its second half counts.
+    """Run a scene from static equilibrium with its regular heave and winch schedule.
 
-    curve: name of an S-N curve of stress.
+    The second half counts. curve: name of an S-N curve of stress.
 
     Raises:
-        SceneError: it lists no model of vortices, nothing flows, or it cannot be built.
-        InputError: the run is too short, its sea is neither still nor a regular heave, or its
-            winch is told other things than speeds.
+        SceneError: it lists no VIV model, has no flow, or cannot be built.
+        InputError: the run is too short, its sea is neither still nor a regular heave, or its winch
+            has other commands than speeds.
         SolverError: the twin's next state would not be finite.
     """
     if not shedding_model(scene):
@@ -168,7 +167,11 @@ def run_own(scene: Scene, duration_s: float, curve: str) -> OwnRun:
 
 
 def refuse_short(duration_s: float, vortices_hz: float) -> None:
-    """Of LEAST_PERIODS in the part that counts less can be said. Raises InputError."""
+    """Reject a run whose evaluated part is shorter than LEAST_PERIODS.
+
+    Raises:
+        InputError: the run is too short.
+    """
     least = LEAST_PERIODS / (vortices_hz * (1.0 - STEADY))
     if duration_s < least:
         what = f"{duration_s:g} s are too short for vortices of {vortices_hz:.3g} Hz"
@@ -176,14 +179,18 @@ def refuse_short(duration_s: float, vortices_hz: float) -> None:
 
 
 def _even(seen: list[tuple[float, float, Look]]) -> list[Floats]:
-    """Times, top tensions and the parts of the looks, at equal times; time is the first axis."""
+    """Return times, top tensions and the fields of the samples at equal intervals, time first."""
     times, pulls, looks = zip(*seen, strict=True)
     parts = zip(*looks, strict=True)
     return made_even(np.array(times), np.array(pulls), *(np.array(part) for part in parts))
 
 
 def expected_hz(scene: Scene) -> float:
-    """Of its fastest vortices. Raises SceneError where there are none."""
+    """Return the frequency of the fastest vortices [Hz].
+
+    Raises:
+        SceneError: there are none.
+    """
     pace = expected_pace(scene, lift_figures(scene))
     if pace is None:
         what = "nothing flows, so no vortices"
@@ -192,7 +199,7 @@ def expected_hz(scene: Scene) -> float:
 
 
 def _figures(scene: Scene, from_lower_m: Floats, EI: float) -> tuple[Floats, Floats]:
-    """Diameter that the water sees [m] and E·d/2 [Pa·m] at places; NaN: not all of steel."""
+    """Return hydrodynamic diameter [m] and E·d/2 [Pa·m] at places; NaN: not solid steel."""
     line = scene.ropes[0]
     made = [section.rope for section in line.made_of]
     which = np.minimum(np.searchsorted(ends_m(line), from_lower_m, side="right"), len(made) - 1)
@@ -206,7 +213,7 @@ def _figures(scene: Scene, from_lower_m: Floats, EI: float) -> tuple[Floats, Flo
 
 
 def _wear(scene: Scene, twin: Twin, curve: str) -> RopeWear | None:
-    """None: some of the rope is neither all of steel nor a pipe."""
+    """Return the fatigue counter; None: part of the rope is neither solid steel nor a pipe."""
     line, EI = scene.ropes[0], bending_stiffness(twin.rope.effects)
     if any(np.isnan(metal_area(section.rope, EI)) for section in line.made_of):
         return None
@@ -215,7 +222,7 @@ def _wear(scene: Scene, twin: Twin, curve: str) -> RopeWear | None:
 
 
 def _fast(motion: Floats, hz: float, every_s: float) -> Floats:
-    """Without what is slower than a fifth of the vortices; (sides, times, places)."""
+    """Return motion without slow components (ship, winch); (sides, times, places)."""
     from scipy.signal import butter, sosfiltfilt
 
     mean = motion.mean(axis=1, keepdims=True)
@@ -226,7 +233,7 @@ def _fast(motion: Floats, hz: float, every_s: float) -> Floats:
 
 
 def _amplification(across: Floats, grown: Floats) -> Floats:
-    """Mean drag over that of the mean velocity, 1 where the water stands still, (places,).
+    """Return mean drag over that of the mean velocity, 1 without flow, (places,).
 
     across: (times, 3, places); grown: what the coefficient is multiplied by, (times, places).
     """
@@ -239,7 +246,9 @@ def _amplification(across: Floats, grown: Floats) -> Floats:
 
 
 def _worst_rms(bent: Floats) -> Floats:
-    """Standard deviation of vectors (times, 2, places) where it is largest, (places,)."""
+    """Return the largest standard deviation of vectors (times, 2, places) over direction,
+    (places,).
+    """
     off = bent - bent.mean(axis=0)
     xx, yy = (off * off).mean(axis=0)
     xy = (off[:, 0] * off[:, 1]).mean(axis=0)

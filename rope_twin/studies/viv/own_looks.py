@@ -1,8 +1,8 @@
-"""Looks at a rope that the scene's own model of vortices shakes, at equal times.
+"""Samples of a rope with the scene's own VIV model, at equal intervals.
 
-A model that steps with the rope moves its nodes. One that is computed beside the step
-(rope_twin.twin.vibration.shaking) has a motion of its own, across the flow only, and lets the drag
-grow; it is looked at when it has just gone on.
+A model inside the time step moves the rope's nodes. A model outside the time step
+(rope_twin.twin.vibration.shaking) has its own motion, cross-flow only, and amplifies the drag; it
+is sampled right after each of its updates.
 """
 
 from __future__ import annotations
@@ -39,22 +39,22 @@ class Look(NamedTuple):
 
 
 class Looks(Protocol):
-    """How a rope is looked at."""
+    """Sampling of a rope."""
 
     drifts: bool  # whether its motion has slow parts that are none of its vortices
 
     def steps(self) -> int:
-        """To the next look."""
+        """Return the number of steps to the next sample."""
 
     def look(self) -> Look:
-        """Now."""
+        """Take a sample."""
 
     def bent(self, middles: Floats) -> Floats:
-        """Curvature at material coordinates [1/m], (2, places)."""
+        """Return the curvature at material coordinates [1/m], (2, places)."""
 
 
 def looks_of(twin: Twin, vortices_hz: float) -> Looks:
-    """As the scene's model wants it.
+    """Return the sampling that the scene's model needs.
 
     Raises:
         InputError: steps are too long to look at vortices of that frequency.
@@ -75,7 +75,7 @@ def looks_of(twin: Twin, vortices_hz: float) -> Looks:
 def marched(
     twin: Twin, heave: Motion, duration_s: float, speeds: Speeds, steps: Callable[[], int]
 ) -> Iterator[Snapshot]:
-    """As `march`, with as many steps each time as are asked for then.
+    """Advance like `march`, with the currently required number of steps each time.
 
     Raises:
         SolverError: as `march` does.
@@ -89,7 +89,7 @@ def marched(
 
 
 def made_even(times: Floats, *values: Floats) -> list[Floats]:
-    """At equal times, the shortest that lie between; a pace may have been taken up on the way."""
+    """Resample at equal intervals, the shortest that occur; the interval may change in a run."""
     every = float(np.diff(times).min())
     if np.diff(times).max() < (1.0 + 1e-6) * every:
         return [times, *values]
@@ -150,7 +150,7 @@ class _Beside:
         return Look(moved, _at_places(s, _across(rope)), grown, self.bent(at))
 
     def bent(self, middles: Floats) -> Floats:
-        """Of the model, and of the rope where the scene lists its bending."""
+        """Return the curvature of the model, and of the rope if the scene lists its bending."""
         rope = self._twin.rope
         bent = self._shaking.tracker.bent(rope, middles)
         if bending_stiffness(rope.effects) > 0.0:
@@ -160,12 +160,14 @@ class _Beside:
 
 
 def _marks(rope: Rope) -> Floats:
-    """Material coordinates of the nodes, from the lower end up."""
+    """Return the material coordinates of the nodes, from the lower end up."""
     return np.asarray(rope.state.s[: int(rope.state.counts[rows.ELEMENTS]) + 1])
 
 
 def _across(rope: Rope) -> Floats:
-    """Water less rope across it at the nodes, (3, nodes)."""
+    """Return the velocity of the water relative to the rope, normal to it, at the nodes, (3,
+    nodes).
+    """
     along, flow = tangents(rope.state.nodes[_PLACE, : len(_marks(rope))]), relative_flow(rope)
     return np.asarray(flow - (flow * along).sum(axis=0) * along)
 
@@ -176,7 +178,7 @@ def _at_places(s: Floats, values: Floats) -> Floats:
 
 
 def _sides(rope: Rope) -> Floats:
-    """Unit vectors across rope and water, and across the rope with the water, (2, 3, places)."""
+    """Return unit vectors normal to the rope, across and along the flow, (2, 3, places)."""
     s = _marks(rope)
     water = rope.work[rows.FLOW : rows.FLOW + 3, : len(s)].copy()
     water[:, -1] = water[:, -2]

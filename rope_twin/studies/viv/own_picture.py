@@ -1,4 +1,4 @@
-"""What a scene's own model of vortices did, as pictures and tables in one folder."""
+"""Pictures and tables of a run with the scene's own VIV model, in one folder."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ BELOW = "along the rope, + up from the hang-off [m]"
 
 
 def write_own(run: OwnRun, folder: Path) -> list[Path]:
-    """`own_along.png`, `own_motion.png` and two Parquet tables; returns their paths.
+    """Write `own_along.png`, `own_motion.png` and two Parquet tables; return their paths.
 
     Raises:
         InputError: matplotlib or pyarrow is not there, or the folder cannot be written.
@@ -36,7 +36,7 @@ def write_own(run: OwnRun, folder: Path) -> list[Path]:
 
 
 def own_figures(run: OwnRun) -> dict[str, Any]:
-    """What is told in numbers."""
+    """Return the results as numbers by name."""
     across, with_flow = run.rms
     at = int(across.argmax())
     known = run.fatigue is not None
@@ -60,7 +60,7 @@ def own_figures(run: OwnRun) -> dict[str, Any]:
 
 
 def own_words(run: OwnRun) -> str:
-    """The same in words."""
+    """Return the results as text."""
     told = own_figures(run)
     in_line = "none in its model"
     if run.in_line:
@@ -89,7 +89,7 @@ def own_words(run: OwnRun) -> str:
 
 
 def _unsettled(growth: float) -> str:
-    """A line where the motion is not the same in both halves of its time; else nothing."""
+    """Return a line if the motion differs between both halves of its time; else nothing."""
     if abs(growth - 1.0) <= SETTLED:
         return ""
     return (

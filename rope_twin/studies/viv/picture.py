@@ -1,4 +1,4 @@
-"""What a rope does in a current, as pictures and tables in one folder (matplotlib, pyarrow)."""
+"""Pictures and tables of a VIV assessment, in one folder (matplotlib, pyarrow)."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def check_folder(folder: Path) -> None:
 
 
 def write_all(name: str, run: VivRun, fatigue: Fatigue, folder: Path) -> list[Path]:
-    """All pictures and tables; returns their paths."""
+    """Write all pictures and tables; return their paths."""
     drawn = [
         _figure(folder / "current.png", f"{name}: what the current can drive", _current, run),
         _figure(folder / "modes.png", f"{name}: modes that move most", _shapes, run),
@@ -68,7 +68,7 @@ def _figure(path: Path, title: str, draw: Any, run: VivRun) -> Path:
 
 
 def _panels(figure: Any, count: int) -> Any:
-    """Panels side by side over the same length of rope, the hang-off on top."""
+    """Return panels side by side over the same length of rope, hang-off on top."""
     axes = np.atleast_1d(figure.subplots(1, count, sharey=True))
     axes[0].set_ylabel("rope below the hang-off [m]")
     axes[0].invert_yaxis()
@@ -154,7 +154,7 @@ def _spectra(figure: Any, run: VivRun) -> None:
 
 
 def _tables(run: VivRun, fatigue: Fatigue, folder: Path) -> list[Path]:
-    """The numbers: along the rope, of the modes, and the motion over time at some places."""
+    """Return the results along the rope, of the modes, and the motion over time at some places."""
     span, water = run.response.span, run.response.shedding
     along = {
         "from_hang_off_m": run.from_top_m,
@@ -189,7 +189,7 @@ def _to_all(run: VivRun, fatigue: Fatigue, values: Any) -> Any:
 
 
 def write_table(path: Path, columns: dict[str, Any]) -> Path:
-    """One Parquet file.
+    """Write one Parquet file.
 
     Raises:
         InputError: it cannot be written.
@@ -206,7 +206,7 @@ def write_table(path: Path, columns: dict[str, Any]) -> Path:
 
 
 def _driven_hz(run: VivRun) -> Any:
-    """Frequency of the mode that most of a place drives, 0: none."""
+    """Return the frequency of the mode with most power-in at a place; 0: none."""
     zones = run.response.zones
     if not zones.size:
         return np.zeros(len(zones))

@@ -1,8 +1,8 @@
-"""A scene's rope at rest as a line that vortices shake across the current.
+"""Line model of a scene's rope for cross-flow VIV.
 
-From the rope at rest in the scene's current: tension, mass with added mass, speed of the water
-across it. The motion is that across the plane of current and rope, for which a sagging rope is a
-string of its own length (Irvine 1981, ch. 3).
+It is taken from the static equilibrium in the scene's current: tension, mass with added mass, and
+normal flow velocity. The motion is normal to the plane of current and rope, for which a sagging
+rope is a string of its own length (Irvine 1981, ch. 3).
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ class SceneSpan:
 
 
 def span_of(scene: Scene) -> SceneSpan:
-    """The rope of a scene at rest.
+    """Return the line model of a scene in static equilibrium.
 
     Raises:
-        SceneError: ropes meet, it lists no current, or the rope cannot rest or is slack somewhere.
+        SceneError: a multi-line system, no current, no static equilibrium, or a slack rope.
     """
     if not any(isinstance(params, CurrentParams) for params in scene.effects):
         what = "no current, so no vortices"
@@ -67,13 +67,13 @@ def span_of(scene: Scene) -> SceneSpan:
 
 
 def _at_nodes(of_elements: Floats) -> Floats:
-    """Mean of the elements beside each node."""
+    """Return the mean of the elements adjacent to each node."""
     both = np.concatenate([of_elements[:1], of_elements, of_elements[-1:]])
     return np.asarray(0.5 * (both[1:] + both[:-1]))
 
 
 def _speed(scene: Scene, rest: AtRest) -> Floats:
-    """Of the current across the rope at all nodes [m/s]."""
+    """Return the speed of the current normal to the rope at all nodes [m/s]."""
     water = water_at(scene, rest.place[2])
     direction = np.gradient(rest.place, axis=1)
     direction /= np.sqrt((direction * direction).sum(axis=0))
@@ -82,7 +82,7 @@ def _speed(scene: Scene, rest: AtRest) -> Floats:
 
 
 def _across(scene: Scene, rest: AtRest) -> Floats:
-    """Unit vector across rope and current at the lower end."""
+    """Return the unit vector normal to rope and current at the lower end."""
     water = water_at(scene, rest.place[2]).sum(axis=1)
     normal = np.cross(water, rest.place[:, 1] - rest.place[:, 0])
     size = float(np.linalg.norm(normal))

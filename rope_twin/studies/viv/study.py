@@ -1,10 +1,10 @@
-"""What a VIV engineer asks of a rope: what the current can lock, what it then does, what it costs.
+"""VIV assessment of a rope: lock-in zones, VIV response and fatigue damage.
 
-Response in modes (rope_twin.viv.modal_response) about the rope at rest. Drag grows with the motion
-by 1 + 1.043·(2·rms/d)^0.65 (Vandiver 1983). Stress is that of bending, E·d/2·y″ with E = EA over
-the metal area: for a stranded rope, whose wires slide, an upper bound. A rope whose bending
-stiffness is that of a pipe of its diameter, EI/EA = (d² + d_i²)/16, is one, and has its metal area.
-Damage is counted by rainflow of the bending stress alone; the tension is as at rest.
+Modal response (rope_twin.viv.modal_response) about the static equilibrium. Drag is amplified by 1 +
+1.043·(2·rms/d)^0.65 (Vandiver 1983). Stress is that of bending, E·d/2·y″ with E = EA over the metal
+area: an upper bound for a stranded rope, whose wires slide. A rope with the bending stiffness of a
+pipe of its diameter, EI/EA = (d² + d_i²)/16, is treated as a pipe, with its metal area. Damage is
+counted by rainflow of the bending stress alone; the tension is static.
 """
 
 from __future__ import annotations
@@ -42,11 +42,13 @@ class VivRun:
 
     @property
     def first(self) -> int:
-        """The first time that is steady."""
+        """Return the index of the first steady time."""
         return int((1.0 - STEADY) * len(self.time_s))
 
     def motion(self, places: Floats | None = None) -> Floats:
-        """Over the diameter while steady, (times, places), at all or some places by number."""
+        """Return the steady motion over the diameter, (times, places), at all or some places by
+        number.
+        """
         shape, diameter = self.response.modes.shape, self.response.span.diameter
         if places is not None:
             some = places.astype(int)
@@ -55,19 +57,19 @@ class VivRun:
 
     @property
     def covariance(self) -> Floats:
-        """Of the coordinates while steady [m²], (modes, modes)."""
+        """Return the covariance of the steady modal coordinates [m²], (modes, modes)."""
         late = self.coordinate[self.first :]
         late = late - late.mean(axis=0)
         return np.asarray(late.T @ late / len(late))
 
     def rms(self) -> Floats:
-        """Of the motion over the diameter, (places,)."""
+        """Return the RMS of the motion over the diameter, (places,)."""
         shape = self.response.modes.shape
         square = np.einsum("pm,mn,pn->p", shape, self.covariance, shape, optimize=True)
         return np.asarray(np.sqrt(np.maximum(square, 0.0)) / self.response.span.diameter)
 
     def frequency_hz(self) -> Floats:
-        """Mean frequency of the places' motion, rms(ẏ)/rms(y)/2π by modes; 0 where none moves."""
+        """Return the mean frequency rms(ẏ)/rms(y)/2π of the motion, by modes; 0 without motion."""
         shape = self.response.modes.shape
         variance = np.diag(self.covariance)
         square = shape**2 @ variance
@@ -76,11 +78,11 @@ class VivRun:
         return np.sqrt(np.where(moves, rate / np.where(moves, square, 1.0), 0.0))
 
     def drag_amplification(self) -> Floats:
-        """Of the drag coefficient across the rope (Vandiver 1983)."""
+        """Return the amplification of the normal drag coefficient (Vandiver 1983)."""
         return amplified_drag(self.rms())
 
     def spectra(self, places: Floats) -> tuple[Floats, Floats]:
-        """Frequencies [Hz] and power of the motion per Hz [d²/Hz], (frequencies, places)."""
+        """Return frequencies [Hz] and power of the motion per Hz [d²/Hz], (frequencies, places)."""
         from scipy.signal import welch
 
         motion = self.motion(places)
@@ -91,7 +93,7 @@ class VivRun:
 
     @property
     def modal_rms(self) -> Floats:
-        """Of each mode over the mean diameter."""
+        """Return the RMS of each mode over the mean diameter."""
         mean = float(self.response.span.diameter.mean())
         return np.asarray(np.sqrt(np.diag(self.covariance)) / mean)
 
@@ -106,11 +108,11 @@ class Fatigue:
 
 
 def run_viv(scene: Scene, shedding: Shedding, duration_s: float) -> VivRun:
-    """The rope of a scene from rest for a time, as its modes answer to the vortices.
+    """Compute the VIV response of a scene's rope from rest for a given time.
 
     Raises:
-        SceneError: ropes meet, there is no current, or the rope cannot rest.
-        InputError: it is slack somewhere.
+        SceneError: a multi-line system, no current, or no static equilibrium.
+        InputError: the rope is slack somewhere.
     """
     lying = span_of(scene)
     response = ModalResponse(lying.span, shedding)
@@ -126,26 +128,26 @@ def run_viv(scene: Scene, shedding: Shedding, duration_s: float) -> VivRun:
 
 
 def most_moved(run: VivRun, count: int) -> Floats:
-    """Numbers of the modes that move most, `count` at most, from the lowest up; none that rests."""
+    """Return the numbers of the modes with the largest motion, at most `count`, in rising order."""
     rms = run.modal_rms
     most = np.argsort(-rms, kind="stable")[:count]
     return np.sort(most[rms[most] > HARDLY * rms.max(initial=0.0)])
 
 
 def where_it_moves(frequency_hz: Floats, rms: Floats) -> Floats:
-    """Frequencies, NaN where the motion is next to nothing: for pictures."""
+    """Return frequencies for pictures, NaN where the motion is negligible."""
     return np.where(rms > HARDLY * rms.max(initial=0.0), frequency_hz, np.nan)
 
 
 def chosen_places(run: VivRun, most: int = PLACES) -> Floats:
-    """Numbers of at most so many places, equally far apart."""
+    """Return the numbers of a limited number of equally spaced places."""
     last = len(run.response.span.s) - 1
     count = min(most, last + 1)
     return np.unique(np.linspace(0.0, last, count).round())
 
 
 def count_fatigue(run: VivRun, scene: Scene, curve: StressCurve) -> Fatigue:
-    """Bending stress of the run's steady part, and its damage per year of it."""
+    """Return bending stress of the steady part of the run, and its damage per year."""
     places = chosen_places(run)
     some = places.astype(int)
     s = run.response.span.s
@@ -161,7 +163,7 @@ def count_fatigue(run: VivRun, scene: Scene, curve: StressCurve) -> Fatigue:
 
 
 def _stress_per_curvature(run: VivRun, scene: Scene, some: np.ndarray) -> Floats:
-    """E·d/2 [Pa·m] at places; NaN where the rope is not all of steel."""
+    """Return E·d/2 [Pa·m] at places; NaN where the rope is not solid steel."""
     line = scene.ropes[0]
     figures = []
     for section in line.made_of:

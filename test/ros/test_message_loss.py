@@ -48,7 +48,7 @@ def test_what_ran_over_is_counted_and_told(bench: Bench, tmp_path: Path) -> None
     node = held_up_recorder(bench, tmp_path / "bag", sent)
     bench.until(lambda: node.received > ROOM, "what is left of them")
     assert node.lost == 250
-    assert "250 messages are missing in the bag" in node.status().message
+    assert "250 messages missing" in node.status().message
     node.close()
     assert node.lost == 250
     assert len(heave_in(tmp_path / "bag")) == sent - 250

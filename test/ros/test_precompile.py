@@ -2,7 +2,7 @@
 
 That a run with nothing compiled takes the code from there, in its figures on the way:
 
-    pytest -n 0 -m long -s test/ros/test_ahead.py
+    pytest -n 0 -m long -s test/ros/test_precompile.py
 """
 
 from __future__ import annotations
@@ -15,21 +15,21 @@ from pathlib import Path
 
 import pytest
 
-from rope_twin.ros import ahead
-from rope_twin.ros.ahead import CompilingAhead
+from rope_twin.ros import precompile
 from rope_twin.ros.entry import StopSignal
+from rope_twin.ros.precompile import Precompilation
 from rope_twin.run.options import RunOptions
 
 FROM_THE_CACHE = """
 from rope_twin.run.options import RunOptions
 from rope_twin.core.step import advance_steps
-from rope_twin.ros.ahead import CompilingAhead
+from rope_twin.ros.precompile import Precompilation
 from rope_twin.ros.entry import StopSignal
 from rope_twin.scene.load import load_scene
 from rope_twin.twin.twin import Twin
 
-ahead = CompilingAhead(RunOptions(scene="still_water"))
-ahead.wait(StopSignal())
+precompile = Precompilation(RunOptions(scene="still_water"))
+precompile.wait(StopSignal())
 Twin(load_scene("still_water"))
 stats = advance_steps.stats
 print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
@@ -44,7 +44,7 @@ def stop() -> StopSignal:
 
 
 def test_it_is_waited_for_until_it_ends(stop: StopSignal) -> None:
-    compiling = CompilingAhead(RunOptions(scene="still_water"))
+    compiling = Precompilation(RunOptions(scene="still_water"))
     compiling.wait(stop)
     assert compiling.exit_code == 0
     compiling.end()
@@ -53,8 +53,8 @@ def test_it_is_waited_for_until_it_ends(stop: StopSignal) -> None:
 def test_who_is_told_to_stop_does_not_wait(
     stop: StopSignal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ahead, "_build", lambda options: time.sleep(600.0))
-    compiling = CompilingAhead(RunOptions())
+    monkeypatch.setattr(precompile, "_build", lambda options: time.sleep(600.0))
+    compiling = Precompilation(RunOptions())
     stop.requested = True
     with pytest.raises(KeyboardInterrupt):
         compiling.wait(stop)
@@ -67,7 +67,7 @@ def test_what_is_wrong_is_left_for_the_twin_itself_to_tell(
     stop: StopSignal, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """A scene that there is no more: the other process says nothing, and nobody waits."""
-    compiling = CompilingAhead(RunOptions(scene="no_such_scene"))
+    compiling = Precompilation(RunOptions(scene="no_such_scene"))
     compiling.wait(stop)
     assert compiling.exit_code == 1
     assert capfd.readouterr() == ("", "")

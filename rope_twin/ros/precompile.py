@@ -1,9 +1,9 @@
-"""Compiling ahead: a process of its own builds the twin while this one makes everybody else.
+"""Precompilation: a separate process builds the twin while this one makes the other nodes.
 
-The first start of a set of effects compiles it, on one core for more than ten seconds; making the
-nodes, reading the sea and loading the viewer takes two, and so does all of a start with a set that
-is compiled already. The other process leaves compiled code in the cache, nothing else: when it is
-done the twin is built here, from there. What is wrong with a scene is then told here as ever.
+The first start of a set of effects compiles it, which takes more than 10 s on one core. Making the
+nodes, reading the sea and loading the viewer takes 2 s, as does a complete start with cached code.
+The other process only leaves compiled code in the cache: when it is done, the twin is built here
+from the cache, and errors of the scene are reported here as usual.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
 from rope_twin.twin.kinds import twin_kind
 
-_WAIT_S = 0.1  # how soon a signal is noticed
+_WAIT_S = 0.1  # delay until a signal is noticed
 
 
-class CompilingAhead:
-    """The other process. It is a fork, which has all modules: begin before there are threads."""
+class Precompilation:
+    """Compiling process. It is a fork, which has all modules: start it before any thread."""
 
     def __init__(self, options: RunOptions) -> None:
         fork = multiprocessing.get_context("fork")
@@ -34,14 +34,14 @@ class CompilingAhead:
 
     @property
     def exit_code(self) -> int | None:
-        """0: all is compiled; None: it still runs."""
+        """Return the exit code; 0: all code is compiled, None: still running."""
         return self._process.exitcode
 
     def wait(self, stop: StopSignal) -> None:
-        """Return when it has ended, however.
+        """Wait until the process has ended, successfully or not.
 
         Raises:
-            KeyboardInterrupt: told to stop.
+            KeyboardInterrupt: a stop was requested.
         """
         make_ready()
         while self._process.is_alive():
@@ -50,14 +50,14 @@ class CompilingAhead:
             self._process.join(_WAIT_S)
 
     def end(self) -> None:
-        """End it if it still runs; harmless when called twice."""
+        """Terminate the process if it still runs; may be called twice."""
         if self._process.is_alive():
             self._process.terminate()
         self._process.join()
 
 
 def _build(options: RunOptions) -> None:
-    """Build the run's twin and forget it, without a word: the twin itself has the same to say."""
+    """Build the run's twin and drop it, with all output suppressed: the real build repeats it."""
     for number in ending_signals():
         signal.signal(number, signal.SIG_DFL)
     sys.stdout = sys.stderr = os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")

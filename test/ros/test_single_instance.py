@@ -1,4 +1,4 @@
-"""Twins beside each other on one ROS domain: one works, and what comes by turns is told."""
+"""Two simulations on one ROS domain: the second one is refused."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pytest
 from ros_bench import PATIENCE_S
 from ros_process import Process, Processes
 
-from rope_twin.ros.company import Seat
+from rope_twin.ros.single_instance import InstanceLock
 
 
 def summary_of(process: Process) -> dict[str, Any]:
@@ -31,7 +31,7 @@ def test_a_second_run_beside_another_is_refused_and_the_first_goes_on(
     first.until_says("late")
     second = processes.cli("run", "deep_lift", "--headless", "--no-record", "--for", "9")
     assert second.wait() == 1
-    assert "another twin is at work there" in second.text
+    assert "another simulation" in second.text
     assert "Traceback" not in second.text
     first.send(signal.SIGINT)
     assert first.wait() == 0
@@ -52,23 +52,27 @@ def test_of_two_runs_that_begin_at_the_same_moment_one_goes_on(processes: Proces
     (gone,) = (one for one in two if one.ended)
     (left,) = (one for one in two if one is not gone)
     assert gone.wait() == 1
-    assert "another twin is at work there" in gone.text
+    assert "another simulation" in gone.text
     left.until_says("late")
     left.send(signal.SIGINT)
     assert left.wait() == 0
     assert summary_of(left)["mixed"] == ""
 
 
-def test_a_seat_is_free_again_when_it_is_left() -> None:
+def test_a_lock_is_free_again_when_it_is_released() -> None:
     own = f"a test's own {os.getpid()}"
-    one, other, elsewhere = Seat(own, "/"), Seat(own, "/"), Seat(own, "/aft")
-    assert one.take()
-    assert not other.take()
-    assert elsewhere.take()
-    one.leave()
-    assert other.take()
-    for seat in (one, other, elsewhere):
-        seat.leave()
+    one, other, elsewhere = (
+        InstanceLock(own, "/"),
+        InstanceLock(own, "/"),
+        InstanceLock(own, "/aft"),
+    )
+    assert one.acquire()
+    assert not other.acquire()
+    assert elsewhere.acquire()
+    one.release()
+    assert other.acquire()
+    for lock in (one, other, elsewhere):
+        lock.release()
 
 
 @pytest.mark.ros

@@ -1,7 +1,7 @@
-"""A record that is replayed once or in a loop: which of its samples fall into a stretch of time.
+"""Looped replay of a record, once or repeatedly: which of its samples fall into an interval.
 
-If its end does not join its beginning (a real recording), the last 10 s of each pass fade into the
-first 10 s of the next, so a pass is 10 s shorter.
+If its end does not join its beginning (a real recording), the last 10 s of each pass are blended
+into the first 10 s of the next, so that a pass is 10 s shorter.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ FADE_S = 10.0
 
 
 class Track(NamedTuple):
-    """What moves: values and their rates of change [1/s] at times that begin with 0."""
+    """Motion record: values and their rates of change [1/s] at times that begin with 0."""
 
     time_ns: Stamps  # (n,) rising
     value: Table  # (n, k)
@@ -28,12 +28,12 @@ class Track(NamedTuple):
 
     @property
     def end_ns(self) -> int:
-        """One interval after the last sample."""
+        """Return the end: one interval after the last sample."""
         return int(self.time_ns[-1]) + self.period_ns
 
 
-class Seam(NamedTuple):
-    """Where passes begin anew, and what the later ones begin with."""
+class Splice(NamedTuple):
+    """Splice between passes: when they restart, and the blended beginning of the later ones."""
 
     loop_ns: int  # length of a pass
     samples: int  # in it
@@ -44,8 +44,8 @@ class Seam(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Laps:
-    """Twin time against times in the record; t = 0 of the twin is `start_ns` into it."""
+class PassSchedule:
+    """Simulation time of the passes through a record; t = 0 is `start_ns` into it."""
 
     start_ns: int
     time_ns: Stamps  # times of the samples of a pass
@@ -53,7 +53,7 @@ class Laps:
     reaches_back: bool  # whether passes go on before the first
 
     def between(self, from_ns: int, to_ns: int) -> list[tuple[int, bool, int]]:
-        """Stamp, whether of a later pass, and index of each sample of a stretch, in order."""
+        """Return stamp, whether in a later pass, and index of each sample of an interval."""
         low, high = from_ns + self.start_ns, to_ns + self.start_ns
         if self.loop_ns is None:
             return self._cut(low, high, 0, False)
@@ -71,27 +71,29 @@ class Laps:
 
 
 class Passes:
-    """Rows of a record, a row a sample, as its passes have them by twin time."""
+    """Rows of a record, one per sample, by simulation time and pass."""
 
-    def __init__(self, laps: Laps, rows: Table, faded: Table | None) -> None:
-        """rows: of the first pass, (n, k); faded: what later ones begin with, None: the same."""
-        self._laps, self._first = laps, rows
+    def __init__(self, schedule: PassSchedule, rows: Table, faded: Table | None) -> None:
+        """Store the rows (n, k) of the first pass; faded: beginning of later ones, or None."""
+        self._schedule, self._first = schedule, rows
         self._later = rows if faded is None else np.concatenate([faded, rows[len(faded) :]])
 
     def between(self, from_ns: int, to_ns: int) -> Iterator[tuple[int, Any]]:
-        """Stamp and numbers of each sample with from_ns <= stamp < to_ns, in order, each once."""
-        for stamp_ns, later, index in self._laps.between(from_ns, to_ns):
+        """Return stamp and values of each sample with from_ns <= stamp < to_ns, in order, each
+        once.
+        """
+        for stamp_ns, later, index in self._schedule.between(from_ns, to_ns):
             yield stamp_ns, (self._later if later else self._first)[index].tolist()
 
     def is_over(self, from_ns: int, duration_s: float) -> bool:
-        """Whether a record of so long has no sample from a twin time on."""
-        if self._laps.loop_ns is not None:
+        """Return whether a record of this length has no sample from a time on."""
+        if self._schedule.loop_ns is not None:
             return False
-        return not self._laps.between(from_ns, from_ns + round(duration_s * 1e9))
+        return not self._schedule.between(from_ns, from_ns + round(duration_s * 1e9))
 
 
-def lay_laps(track: Track, start_s: float, loop: bool) -> tuple[Laps, Seam | None]:
-    """How a record is passed through from `start_s` on, and its seam, if it has one.
+def plan_passes(track: Track, start_s: float, loop: bool) -> tuple[PassSchedule, Splice | None]:
+    """Return how a record is passed through from `start_s` on, and its splice, if any.
 
     Raises:
         BagError: the start is not inside the record.
@@ -103,16 +105,16 @@ def lay_laps(track: Track, start_s: float, loop: bool) -> tuple[Laps, Seam | Non
         raise BagError(phrase(where, f"it lasts {duration_s:g} s", right))
     start_ns = round(start_s * 1e9)
     if not loop or joins(track):
-        return Laps(start_ns, track.time_ns, track.end_ns if loop else None, loop), None
-    seam = find_seam(track)
-    return Laps(start_ns, track.time_ns[: seam.samples], seam.loop_ns, False), seam
+        return PassSchedule(start_ns, track.time_ns, track.end_ns if loop else None, loop), None
+    splice = find_splice(track)
+    return PassSchedule(start_ns, track.time_ns[: splice.samples], splice.loop_ns, False), splice
 
 
-def told_of(source: str, track: Track, seam: Seam | None) -> str:
-    """What is done about an end that does not join the beginning, in one sentence; or ""."""
-    if seam is None:
+def splice_note(source: str, track: Track, splice: Splice | None) -> str:
+    """Return in one sentence how an end that does not join the beginning is handled, or ""."""
+    if splice is None:
         return ""
-    faded_s = (track.end_ns - seam.loop_ns) * 1e-9
+    faded_s = (track.end_ns - splice.loop_ns) * 1e-9
     return (
         f"{source}: its end does not join its beginning, the last {faded_s:.3g} s of each pass "
         "fade into the next."
@@ -120,7 +122,7 @@ def told_of(source: str, track: Track, seam: Seam | None) -> str:
 
 
 def joins(track: Track) -> bool:
-    """Whether the step from the last sample to the first is like the steps inside the record.
+    """Return whether the step from the last sample to the first is like those inside the record.
 
     Compared are, of each value, the change of its rate and what its change leaves unexplained by
     the rates (trapezoidal rule), each with three times the 99th percentile inside.
@@ -138,11 +140,11 @@ def joins(track: Track) -> bool:
     return bool((sizes[-1] <= np.maximum(1e-3, 3.0 * usual)).all())
 
 
-def find_seam(track: Track) -> Seam:
-    """The first pass is as recorded; the later ones begin blended from the end.
+def find_splice(track: Track) -> Splice:
+    """Return the splice: the first pass is as recorded, later ones begin blended from the end.
 
-    With the tail x(t + P) and the head x(t), the later passes begin with x(t + P) + w·(x(t) -
-    x(t + P)), w rising smoothly (3s² - 2s³) from 0 to 1; the rate is its derivative.
+    With the tail x(t + P) and the head x(t), the later passes begin with x(t + P) + w·(x(t) - x(t +
+    P)), w rising smoothly (3s² - 2s³) from 0 to 1; the rate is its derivative.
     """
     time_ns = track.time_ns
     fade_ns = min(round(FADE_S * 1e9), int(time_ns[-1]) // 3)
@@ -157,11 +159,11 @@ def find_seam(track: Track) -> Seam:
     w, w_rate = s * s * (3.0 - 2.0 * s), 6.0 * s * (1.0 - s) / (max(length_ns, 1) * 1e-9)
     apart = track.value[:head] - tail
     rate = tail_rate + w[:, None] * (track.rate[:head] - tail_rate) + w_rate[:, None] * apart
-    return Seam(loop_ns, count, tail + w[:, None] * apart, rate, head_ns + loop_ns, w)
+    return Splice(loop_ns, count, tail + w[:, None] * apart, rate, head_ns + loop_ns, w)
 
 
 def hermite(at_ns: Stamps, time_ns: Stamps, value: Table, slope: Table) -> tuple[Table, Table]:
-    """Cubic Hermite values and rates at `at_ns`, from those at `time_ns`; (n, k) each."""
+    """Return cubic Hermite values and rates at `at_ns` from those at `time_ns`; (n, k) each."""
     left = np.clip(np.searchsorted(time_ns, at_ns, side="right") - 1, 0, len(time_ns) - 2)
     step = ((time_ns[left + 1] - time_ns[left]) * 1e-9)[:, None]
     s = ((at_ns - time_ns[left]) * 1e-9)[:, None] / step

@@ -1,4 +1,9 @@
-"""The messages as objects, numbers still zero: what every fixed field of a topic says.
+"""Message objects with zero values: all fixed fields of the topics.
+
+The frame is `sea` (REP 103: east, north, up). Covariances are zero, which by ROS convention means
+unknown, not exact. Orientations are the identity except for a 6-DOF payload, whose twist is in body
+axes (those of the child frame); elsewhere the axes of `hang_off` and `payload` are those of `sea`,
+and twists need no rotation.
 
 Frame `sea` (REP 103: east, north, up). Covariances stay zero, which by the convention of ROS means
 unknown, not exact. Orientations are the identity but for a payload that is a rigid body, whose
@@ -17,7 +22,7 @@ from rope_twin.messages.cdr import new
 
 NANOSECONDS = 1_000_000_000
 FLOAT32_BYTES = 4
-MARKER_LIFETIME_S = 1  # a rope that is no longer told about disappears
+MARKER_LIFETIME_S = 1  # markers of a rope that is not published disappear
 _FLOAT32 = 7  # sensor_msgs/PointField.FLOAT32
 _CUBE, _SPHERE, _LINE_LIST, _TEXT = 1, 2, 5, 9  # visualization_msgs/Marker.type
 PAYLOAD_RGB = (0.95, 0.60, 0.20)
@@ -25,7 +30,7 @@ HANG_OFF_RGB = (0.90, 0.90, 0.90)
 
 
 def split(time_ns: int) -> tuple[int, int]:
-    """Seconds and nanoseconds of a ROS time."""
+    """Return seconds and nanoseconds of a ROS time."""
     return divmod(time_ns, NANOSECONDS)
 
 
@@ -52,7 +57,7 @@ def colour(rgb: tuple[float, float, float] = (0.0, 0.0, 0.0), alpha: float = 1.0
 
 
 def pose() -> Any:
-    """At the origin, turned by nothing (w = 1)."""
+    """Return a pose at the origin with identity orientation (w = 1)."""
     turn = new("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0)
     return new("geometry_msgs/msg/Pose", position=point(), orientation=turn)
 
@@ -82,14 +87,14 @@ def odometry(frame_id: str, child_frame_id: str) -> Any:
 
 
 def joint_state(names: Sequence[str], fields: Collection[str]) -> Any:
-    """Joints of these names with a number each in these of position, velocity and effort."""
+    """Return joints of these names with a value each in these of position, velocity and effort."""
     sizes = {name: len(names) * (name in fields) for name in ("position", "velocity", "effort")}
     numbers = {name: np.zeros(size) for name, size in sizes.items()}
     return new("sensor_msgs/msg/JointState", header=header(""), name=list(names), **numbers)
 
 
 def rigging_names(legs: int, decks: int) -> list[str]:
-    """Slings of a rigid body, the deck below it if there is one, its outline, the slings' ends."""
+    """Return the joint names of the slings, the deck (if any), the outline and the sling ends."""
     names = [f"sling_{number}" for number in range(1, legs + 1)] + ["deck"] * decks
     names += [f"size/{axis}" for axis in "xyz"]
     return names + [f"sling_{number}/{axis}" for number in range(1, legs + 1) for axis in "xyz"]
@@ -102,7 +107,7 @@ def row_of_numbers(label: str, count: int) -> Any:
 
 
 def table_of_numbers(label: str, count: int, columns: tuple[str, ...]) -> Any:
-    """Rows of so many columns, whose names are the label of the second dimension."""
+    """Return an array of rows; the column names are the label of its second dimension."""
     wide = len(columns)
     rows = new("std_msgs/msg/MultiArrayDimension", label=label, size=count, stride=count * wide)
     names = " ".join(columns)
@@ -120,7 +125,7 @@ def ropes_cloud(frame_id: str, count: int) -> Any:
 
 
 def cloud(frame_id: str, count: int, names: tuple[str, ...]) -> Any:
-    """Points of so many float32 numbers."""
+    """Return a cloud of `count` points with these float32 fields."""
     fields = [
         new(
             "sensor_msgs/msg/PointField",
@@ -154,10 +159,10 @@ def rope_markers(
     bars: int = 0,
     slings: int = 0,
 ) -> Any:
-    """The rope (a segment an element, coloured at both ends alike), payload, hang-off, scale.
+    """Return the markers of rope (one segment per element), payload, hang-off and scale.
 
-    further: names of the payloads of ropes that meet; bars: how many there are between them;
-    slings: of a rigid body.
+    further: names of the payloads of a multi-line system; bars: number of its struts; slings:
+    number of slings of a 6-DOF payload.
     """
     rope = _marker(frame_id, "rope", _LINE_LIST, colour())
     rope.points = [point() for _ in range(2 * elements)]

@@ -1,4 +1,4 @@
-"""From waiting snapshots to published bytes, on a thread of its own."""
+"""Publisher thread: encodes queued snapshots and publishes the topics that are due."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from rope_twin.twin.snapshot import Snapshot
 _log = logging.getLogger(__name__)
 
 
-class Announcer:
-    """Takes snapshots from the pacer's worker and publishes the topics that are due."""
+class Publisher:
+    """Publishes the due topics of the snapshots that the solver thread has queued."""
 
     def __init__(
         self,
@@ -29,9 +29,16 @@ class Announcer:
         log: InputLog | None = None,
         published: Callable[[], Mapping[str, int]] = dict,
     ) -> None:
-        """`first` is not published: encoding it once, here and for nothing, loads the definitions
-        of all messages. Later it would take from the time that others have until t = 0.
-        `log`: its entries are published too; `published`: messages of each topic so far.
+        """Load all message definitions by encoding `first`, which is not published.
+
+        Loading them later would take from the time that other nodes have before t = 0.
+
+        Args:
+            handover: queue of snapshots.
+            publish: publishes the bytes of a message on a topic.
+            first: any snapshot of the run.
+            log: input log whose entries are published too.
+            published: returns the number of messages published on each topic up to now.
         """
         rehearsal = Encoder(0)
         for topic in SNAPSHOT_TOPICS:
@@ -43,18 +50,18 @@ class Announcer:
         self._epoch_ns = 0
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
-        self.processor_s = 0.0  # that publishing has used
-        self.error = ""  # newest message that could not be published; empty while all is well
+        self.processor_s = 0.0  # CPU time of publishing
+        self.error = ""  # last message that could not be published; "": none
 
     def start(self, epoch_ns: int) -> None:
-        """Publish from now on, stamped `epoch_ns` + the twin's time."""
+        """Publish from now on, stamped `epoch_ns` + simulation time."""
         self._stopping.clear()
         self._epoch_ns = epoch_ns
         self._thread = threading.Thread(target=self._run, name="twin-publisher", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
-        """Publish what is waiting, then end. Harmless when not running."""
+        """Publish the queued snapshots, then stop; without effect when not running."""
         self._stopping.set()
         if self._thread is not None:
             self._thread.join()
@@ -65,16 +72,16 @@ class Announcer:
         before_s = self.processor_s - time.thread_time()
         while True:
             snapshot = self._handover.take(timeout_s=0.05)
-            if self._announce_log(snapshot):
+            if self._publish_log(snapshot):
                 encoder = Encoder(self._epoch_ns)  # as in a replay that begins here
             if snapshot is not None:
-                self._announce(encoder, snapshot)
+                self._publish_snapshot(encoder, snapshot)
                 self.processor_s = before_s + time.thread_time()
             elif self._stopping.is_set():
                 return
 
-    def _announce_log(self, snapshot: Snapshot | None) -> bool:
-        """Publish what was logged before a snapshot; whether a session has begun."""
+    def _publish_log(self, snapshot: Snapshot | None) -> bool:
+        """Publish the inputs logged before a snapshot; return whether a session has begun."""
         begun = False
         try:
             for name, content in self._log.messages(snapshot) if self._log else ():
@@ -89,12 +96,12 @@ class Announcer:
             self.error = f"topic {INPUT_LOG_TOPIC}: {type(error).__name__}: {error}"
         return begun
 
-    def _announce(self, encoder: Encoder, snapshot: Snapshot) -> None:
+    def _publish_snapshot(self, encoder: Encoder, snapshot: Snapshot) -> None:
         for name in due_topics(*slot_of(snapshot), snapshot):
             try:
                 self._publish(name, encoder.encode(name, snapshot))
             except Exception as error:
-                # One topic that fails must not take the others with it; diagnostics tell.
+                # One topic that fails must not stop the others; diagnostics report it.
                 if not self.error:
                     _log.exception("topic %s cannot be published", name)
                 self.error = f"topic {name}: {type(error).__name__}: {error}"

@@ -11,7 +11,7 @@ from ros_bench import PATIENCE_S
 
 from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.messages import Encoder
-from rope_twin.ros.announcer import Announcer
+from rope_twin.ros.publisher import Publisher
 from rope_twin.scene.load import load_scene
 from rope_twin.twin.handover import Handover
 from rope_twin.twin.snapshot import Snapshot
@@ -34,17 +34,17 @@ def test_what_was_computed_before_the_stop_is_published_in_order(
 ) -> None:
     heard: dict[str, list[bytes]] = defaultdict(list)
     handover = Handover(100)
-    announcer = Announcer(handover, lambda name, data: heard[name].append(data), snapshots[0])
+    publisher = Publisher(handover, lambda name, data: heard[name].append(data), snapshots[0])
     for snapshot in snapshots:
         handover.put(snapshot)
-    announcer.start(EPOCH_NS)
-    announcer.stop()
-    assert announcer.error == ""
+    publisher.start(EPOCH_NS)
+    publisher.stop()
+    assert publisher.error == ""
     encoder = Encoder(EPOCH_NS)
     for topic in SNAPSHOT_TOPICS:
         due = snapshots if topic.rate_hz == 50.0 else snapshots[1::2]
         assert heard[topic.name] == [encoder.encode(topic.name, snapshot) for snapshot in due]
-    announcer.stop()  # harmless
+    publisher.stop()  # harmless
 
 
 def test_a_topic_that_fails_is_told_and_harms_no_other(snapshots: list[Snapshot]) -> None:
@@ -56,14 +56,14 @@ def test_a_topic_that_fails_is_told_and_harms_no_other(snapshots: list[Snapshot]
         heard[name] += 1
 
     handover = Handover(100)
-    announcer = Announcer(handover, publish, snapshots[0])
-    announcer.start(EPOCH_NS)
+    publisher = Publisher(handover, publish, snapshots[0])
+    publisher.start(EPOCH_NS)
     for snapshot in snapshots:
         handover.put(snapshot)
     deadline = time.monotonic() + PATIENCE_S
     while heard["rope/markers"] < 4:
         assert time.monotonic() < deadline
         time.sleep(0.005)
-    announcer.stop()
-    assert announcer.error == "topic tension: OSError: no buffer space"
+    publisher.stop()
+    assert publisher.error == "topic tension: OSError: no buffer space"
     assert heard["tension_top"] == 8
