@@ -1,14 +1,14 @@
-"""Whether a run is the one that the scene's accuracy card describes: one rule for every display.
+"""Validity of a convergence study for a run: one rule for every display.
 
-A card states the discretisation error of one run: the scene from its static equilibrium, with its
-own sea, winch schedule and current, for the card's seconds. A twin with the same inputs goes
-through the same phases of the lift (splash zone, landing) at the same time, so the error is known
-exactly as long as nothing has come from elsewhere and the card's seconds have not passed. From the
-first difference on the state itself is another one: the error stays unknown for the rest of the
-run, and for every run that resumes from it. No allowance is made beyond the card's seconds.
+A convergence study states the discretisation error of one run: the scene from its static
+equilibrium, with its own sea, winch schedule and current, for the duration of the study. A twin
+with the same inputs passes through the same phases of the lift (splash zone, landing) at the same
+time, so its error is known as long as no other input has come and the duration has not passed. From
+the first difference on the state itself is different: the error stays unknown for the rest of the
+run, and for every run that resumes from it. No allowance is made beyond the duration.
 
-Everything here is a function of twin time and accepted inputs, so a paced run, an unpaced run and
-a replay publish the same error; it is part of a saved state.
+All of this is a function of twin time and accepted inputs, so a real-time run, an offline run and a
+replay publish the same error; it is part of a saved state.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from rope_twin.scene.schema import Scene
 from rope_twin.twin.motion.ship_pose import STILL, ShipPose
 from rope_twin.twin.snapshot import Snapshot
 
-MOTION_TOL = 1e-6  # m, m/s, rad/s: a sample that differs by less is the scene's own
-UNHEARD_NS = 500_000_000  # without a sample for so long the sea counts as missing
+MOTION_TOL = 1e-6  # m, m/s, rad/s: a sample that differs by less matches the scene's sea
+UNHEARD_NS = 500_000_000  # the sea counts as missing after this time without a sample
 TIME_TOL_NS = 1_000
 CUT_WORDS = "the rope was cut"
 OTHER_SCHEDULE = "it resumes from a run with another schedule or sea"
 
 
 class MotionSample(Protocol):
-    """One sample of the hang-off's heave, with the ship's pose where that moves the hang-off."""
+    """One sample of the hang-off's heave, with the ship's pose if that moves the hang-off."""
 
     @property
     def position_m(self) -> float:
@@ -39,7 +39,7 @@ class MotionSample(Protocol):
 
     @property
     def velocity_m_per_s(self) -> float:
-        """Its rate [m/s]."""
+        """Heave rate [m/s]."""
 
     @property
     def pose(self) -> ShipPose | None:
@@ -47,29 +47,29 @@ class MotionSample(Protocol):
 
 
 class OwnMotion(Protocol):
-    """The scene's own sea, in twin time."""
+    """Motion by the scene's own sea, in twin time."""
 
     def between(self, from_ns: int, to_ns: int) -> Sequence[MotionSample]:
-        """Samples with from_ns <= stamp_ns < to_ns, in order."""
+        """Return the samples with from_ns <= stamp_ns < to_ns, in order."""
 
 
 class CardValidity:
-    """Watches one run; `claim` turns the card's error into the one that holds for the run."""
+    """Validity of the scene's convergence study for one run; `claim` gives the error that holds."""
 
     def __init__(self, scene: Scene) -> None:
         self._moves = scene.sea_state.moves
         self.digest = scene_digest(scene)  # a run may resume in a scene with another schedule
-        self._why = self._stated = ""  # latched: the first reason, and the first that was stated
-        self._agreed_ns: int | None = None  # stamp of the newest sample that is the scene's own
-        self._strange: tuple[int, str] | None = None  # from when motion differs, in words
+        self._why = self._stated = ""  # latched: first reason, and first reason set by `doubt`
+        self._agreed_ns: int | None = None  # stamp of the newest sample that matches the sea
+        self._strange: tuple[int, str] | None = None  # time and message of the first difference
 
     def doubt(self, why: str) -> None:
-        """The error is unknown from now on, whatever the card says; the first reason stands."""
+        """Mark the error as unknown from now on; the first reason is kept."""
         self._stated = self._stated or why
         self._why = self._why or why
 
     def resume(self, digest: str) -> None:
-        """Go on in a scene with this digest, from a state that was saved."""
+        """Continue from a saved state in a scene with this digest."""
         if digest != self.digest:
             self.doubt(OTHER_SCHEDULE)
             self.digest = digest
@@ -77,9 +77,10 @@ class CardValidity:
     def hear_heave(
         self, own: OwnMotion | None, stamp_ns: int, position_m: float, velocity_m_per_s: float
     ) -> None:
-        """Compare an accepted sample of heave with the scene's own sea.
+        """Compare an accepted heave sample with the scene's own sea.
 
-        None: there is none, or it is not known here and nothing is compared.
+        own: None if the sea is unknown here; nothing is then compared, unless the scene has no
+        motion.
         """
         if own is None and self._moves:
             return
@@ -90,7 +91,7 @@ class CardValidity:
             self._judge(stamp_ns, expected is not None and _near(expected, heard))
 
     def hear_pose(self, own: OwnMotion | None, pose: ShipPose) -> None:
-        """Compare an accepted pose with the scene's own sea; None as for heave."""
+        """Compare an accepted pose with the scene's own sea; own: as in `hear_heave`."""
         if own is None and self._moves:
             return
         expected = self._expected(own, pose.stamp_ns)
@@ -102,7 +103,7 @@ class CardValidity:
     def _expected(
         self, own: OwnMotion | None, stamp_ns: int
     ) -> ShipPose | tuple[float, float] | None:
-        """The scene's own pose, or heave and its rate, at this stamp; None: it has no sample."""
+        """Return the sea's own pose, or heave and its rate, at this stamp; None: no sample."""
         if own is None:
             return ShipPose(stamp_ns, STILL, STILL)
         for sample in own.between(stamp_ns, stamp_ns + 1):
@@ -110,7 +111,7 @@ class CardValidity:
         return None
 
     def _judge(self, stamp_ns: int, own: bool) -> None:
-        """Between two samples both count: motion differs from the last one that agreed on."""
+        """Record whether a sample matches; the motion differs from the last matching sample on."""
         if own:
             self._agreed_ns = stamp_ns
         elif self._strange is None:
@@ -119,7 +120,7 @@ class CardValidity:
             self._strange = (since_ns, why)
 
     def look(self, taken: Snapshot, compared: bool) -> None:
-        """Judge the inputs at a snapshot; compared: samples of motion are judged (or fed so)."""
+        """Check the inputs at a snapshot; compared: motion was compared, or is the sea itself."""
         now_ns = taken.stamp_ns
         if self._why or now_ns == 0:
             return
@@ -135,7 +136,7 @@ class CardValidity:
             self._look_at_sea(taken, compared)
 
     def _look_at_sea(self, taken: Snapshot, compared: bool) -> None:
-        """Whether the scene's sea is heard, and known to be the scene's."""
+        """Check that samples of the scene's sea arrive and were compared."""
         heave = taken.inputs.get("heave")
         if not compared:
             self._latch("the ship's motion was not compared with the scene's own sea")
@@ -148,7 +149,7 @@ class CardValidity:
         self._why = self._why or why
 
     def claim(self, known: KnownError, time_ns: int) -> KnownError:
-        """The card's error, or why it is unknown for this run at this time."""
+        """Return the error known from the study, or why it is unknown for this run at this time."""
         nothing = math.isnan(known.rms_pct) and math.isnan(known.peak_pct)
         if why := self._stated if nothing else self._why:
             return KnownError(words=f"unknown: {why}")
@@ -160,7 +161,7 @@ class CardValidity:
 
 
 def beyond(seconds: float) -> str:
-    """Why nothing is known of a run that lasts longer than the card's, in words."""
+    """Return the message for a run longer than its convergence study."""
     return f"the card's run ended at {seconds:g} s"
 
 

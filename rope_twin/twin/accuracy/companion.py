@@ -1,8 +1,8 @@
-"""A companion of half the elements and twice the step beside what a twin steps, by the same code.
+"""Coarse solution parallel to a twin: half the elements and twice the time step, same solver.
 
-Of one rope, or of ropes that meet: every rope is halved; joints, bars, sheaves and bodies are the
-same. Hang-offs, line out and current are the twin's to the bit, but for a rope whose winch answers
-to it: there the companion has a winch of its own.
+It covers a single rope or a multi-line system: every rope is coarsened; connections, bars, sheaves
+and bodies are the same. Hang-offs, paid-out lengths and current are bit-identical to the twin's,
+except for a rope whose winch responds to its tension: there the coarse solution has its own winch.
 """
 
 from __future__ import annotations
@@ -31,38 +31,38 @@ from rope_twin.twin.stepped import STEPS_PER_CALL
 if TYPE_CHECKING:
     from rope_twin.twin.vibration.shaking import Shaking
 
-RARER = 4  # looks of the twin's model of vortices make one of the companion's: six in a period
-FEW = 4  # elements: a rope of fewer keeps them, for ropes that meet have two at least
+RARER = 4  # samplings of the twin's VIV model per sampling here, so six in a period
+FEW = 4  # elements: a rope with fewer is not coarsened, as joined ropes need at least two
 
 
 class Companion(Protocol):
-    """What runs beside the twin."""
+    """Interface of a coarse solution."""
 
-    rests: bool  # it began at rest
-    waiting: int  # steps of the twin that it has not done
-    winches: dict[int, OwnWinch]  # of the ropes whose winch has begun to feel them
+    rests: bool  # it started in static equilibrium
+    waiting: int  # steps of the twin that it has not done yet
+    winches: dict[int, OwnWinch]  # by rope, winches that have used tension feedback
 
     def follow(
         self, boundary: Boundary, done: int, effects: Any, time_s: float
     ) -> list[float] | None:
-        """Do what the twin has done, `done` steps up to `time_s`; the top tension of each step.
+        """Advance by the twin's last `done` steps up to `time_s`; return the top tensions [N].
 
-        boundary: of the twin's first rope, row 0 before those steps. None: its next state would not
+        boundary: of the twin's first rope, row 0 before those steps. None: the next state would not
         be finite.
         """
 
     def look(self, boundary: Boundary, steps: int, currents: int) -> None:
-        """Let vortices beside the step shake it, as `Shaking.look`; steps: of the twin, by now."""
+        """Sample the loosely coupled VIV model, as `Shaking.look`; steps: done by the twin."""
 
     def amplified(self) -> Floats:
-        """What these multiply its drag by at the nodes, from the lower end up."""
+        """Return the drag amplification at the nodes, from the lower end up."""
 
     def further(self, r: int) -> list[float]:
-        """The same of another rope that hangs from the ship; of the last call."""
+        """Return the top tensions of another rope from the ship in the last `follow` [N]."""
 
 
 class HalfRope:
-    """The same rope on half the elements, or on as many where its winch has a drive."""
+    """Coarse solution of a single rope; with a winch drive it keeps the elements."""
 
     def __init__(
         self,
@@ -73,9 +73,10 @@ class HalfRope:
         elements: bool = True,
         shaking: Shaking | None = None,
     ) -> None:
-        """`border`: value and rate of the prescribed motion now; `resting`: it is to rest.
+        """Coarsen the rope at `border`, value and rate of the prescribed motion now.
 
-        elements: whether these are halved, or only the step doubled; shaking: the twin's.
+        resting: whether to solve for static equilibrium; elements: whether to halve their number,
+        or only to double the step; shaking: the twin's loosely coupled VIV model.
         """
         self._shaking = None if shaking is None else shaking.apart(RARER)
         half = coarser(rope, at) if elements else copy.deepcopy(rope)
@@ -95,8 +96,8 @@ class HalfRope:
     def follow(
         self, boundary: Boundary, done: int, effects: Any, time_s: float
     ) -> list[float] | None:
-        """As a companion does."""
-        first = EVERY - self.waiting  # row of the border at which its next step ends
+        """Advance by the twin's last steps; return the top tensions [N], or None if it failed."""
+        first = EVERY - self.waiting  # row of the boundary at which its next step ends
         steps, self.waiting = divmod(self.waiting + done, EVERY)
         if steps == 0:
             return []
@@ -115,18 +116,18 @@ class HalfRope:
         return tensions
 
     def amplified(self) -> Floats:
-        """What vortices beside the step multiply its drag by, as `Shaking.amplified`."""
+        """Return the drag amplification by its loosely coupled VIV model at the nodes."""
         assert self._shaking is not None
         return self._shaking.amplified(self._rope)
 
     def look(self, boundary: Boundary, steps: int, currents: int) -> None:
-        """As a companion does."""
+        """Sample its loosely coupled VIV model when due."""
         own = self._shaking
         if own is not None and self.waiting == 0 and own.steps_to_look(steps) <= 0:
             own.look(self._rope, boundary, steps, currents)
 
     def _advance(self, start_s: float, steps: int) -> int:
-        """Step on through the borders ahead; how many steps that was."""
+        """Advance through the step boundaries ahead; return the number of steps done."""
         if not self.winches:
             return advance(self._rope, self._ahead, self._pulls, start_s, steps)
         pull_n, step = self._pull_n, self._rope.model.step
@@ -140,25 +141,25 @@ class HalfRope:
         return steps
 
     def further(self, r: int) -> list[float]:
-        """There is none."""
+        """Raise KeyError, as there is no other rope."""
         raise KeyError(r)
 
 
 class Meeting(Protocol):
-    """A twin's ropes that meet, after a call of `advance`."""
+    """Multi-line system of a twin after a call of `advance`."""
 
-    pull: Floats  # of each rope now, (ropes, PULL_COLUMNS)
-    moved: Boundary  # hang-offs and line out of all, (ropes, steps + 1, MOTIONS), of the last call
+    pull: Floats  # force on each upper end now [N], (ropes, PULL_COLUMNS)
+    moved: Boundary  # hang-offs and payouts in the last call, (ropes, steps + 1, MOTIONS)
 
     def system(self, first: Rope) -> System:
-        """All of them."""
+        """Return the system of all ropes."""
 
     def borders(self, boundary: Boundary, steps: int) -> Boundary:
-        """The same of the steps to come."""
+        """Return hang-offs and paid-out lengths of coming steps, (ropes, steps + 1, MOTIONS)."""
 
 
 class HalfSystem:
-    """The same ropes that meet, each on half the elements, or on as many where one has a drive."""
+    """Coarse solution of a multi-line system; with a winch drive it keeps the elements."""
 
     def __init__(
         self,
@@ -169,14 +170,15 @@ class HalfSystem:
         resting: bool,
         elements: bool = True,
     ) -> None:
-        """boundary: of the first rope, row `border` the present; `resting`: they are to rest.
+        """Coarsen the ropes; boundary: of the first rope, row `border` is the present.
 
-        elements: whether these are halved, or only the step doubled.
+        resting: whether to solve for static equilibrium; elements: whether to halve their number,
+        or only to double the step.
         """
         self._ropes, whole = ropes, ropes.system(first)
         value, rate = (table[:, border] for table in ropes.borders(boundary, border))
         joints = whole.joints
-        # of the ropes that hang from the ship: what is prescribed to them now
+        # prescribed motion now of the ropes that hang from the ship
         self.hang_offs = {
             r: (value[r].copy(), rate[r].copy())
             for r, upper in enumerate(joints.upper)
@@ -201,7 +203,7 @@ class HalfSystem:
     def follow(
         self, boundary: Boundary, done: int, effects: Any, time_s: float
     ) -> list[float] | None:
-        """As a companion does."""
+        """Advance by the twin's last steps; return the top tensions [N], or None if it failed."""
         first = EVERY - self.waiting
         steps, self.waiting = divmod(self.waiting + done, EVERY)
         if steps == 0:
@@ -224,7 +226,7 @@ class HalfSystem:
         return self.further(0)
 
     def _advance(self, ahead: Boundary, start_s: float, steps: int) -> int:
-        """Step on through these borders, (ropes, steps + 1, MOTIONS); how many steps that was."""
+        """Advance through boundaries (ropes, steps + 1, MOTIONS); return the steps done."""
         system = self._system
         if not self.winches:
             return advance_joined(system, ahead, self._pulls, start_s, steps)
@@ -242,23 +244,23 @@ class HalfSystem:
         return steps
 
     def amplified(self) -> Floats:
-        """Ropes that meet have no vortices beside the step."""
+        """Raise TypeError, as multi-line systems have no loosely coupled VIV model."""
         raise TypeError
 
     def look(self, boundary: Boundary, steps: int, currents: int) -> None:
-        """Nor does a model of them look at these."""
+        """Do nothing, as multi-line systems have no loosely coupled VIV model."""
 
     def further(self, r: int) -> list[float]:
-        """Of rope r."""
+        """Return the top tensions of rope r in the last `follow` [N]."""
         tensions: list[float] = self._pulls[r, :, rows.PULL].tolist()
         return tensions
 
 
 class EffectsApart:
-    """The twin's effects, those apart that keep their state in themselves.
+    """Effects of the twin, with separate copies of those that hold a state.
 
-    A rigid body knows where it is; vortices have a phase or a wake at each node, which the core
-    carries over to the companion's nodes by their marks.
+    A rigid body holds its position; vortex models hold a phase or a wake at each node, which the
+    core transfers to the coarse nodes by their material coordinates.
     """
 
     def __init__(self, effects: tuple[Any, ...]) -> None:
@@ -270,7 +272,7 @@ class EffectsApart:
         self.own = self.take(effects)
 
     def take(self, effects: tuple[Any, ...]) -> tuple[Any, ...]:
-        """Take what the twin has now (another current): the same tuple where none is apart."""
+        """Take the twin's present effects (another current); return them with the copies."""
         self.given = effects
         if self._apart:
             effects = tuple(self._apart.get(place, one) for place, one in enumerate(effects))
@@ -279,10 +281,10 @@ class EffectsApart:
 
 
 def halved(whole: System, pull: Floats, payout_m_per_s: Floats) -> System:
-    """The system with every rope on every second node and twice the step; joints stay as they are.
+    """Return the system with every rope on every second node and twice the step.
 
-    pull: of each rope on its hang-off or upper joint, (ropes, PULL_COLUMNS); payout: of those that
-    hang from the ship, (ropes,).
+    Connections stay. pull: force of each rope on its hang-off or upper connection [N], (ropes,
+    PULL_COLUMNS); payout: of the ropes that hang from the ship, (ropes,).
     """
     passing = _passing_m_per_s(whole)
     ropes = []
@@ -296,12 +298,12 @@ def halved(whole: System, pull: Floats, payout_m_per_s: Floats) -> System:
 
 
 def _with_step_doubled(rope: Rope, twin: Rope) -> Rope:
-    """With twice the step of the twin's."""
+    """Return the rope with twice the twin's step."""
     return rope._replace(model=rope.model._replace(step=EVERY * twin.model.step))
 
 
 def _passing_m_per_s(whole: System) -> list[float]:
-    """How fast each rope grows at a sheave; 0 where there is none."""
+    """Return the rate at which each rope grows at a sheave [m/s]; 0 where there is none."""
     sheaves = whole.sheaves
     if sheaves is None:
         return [0.0] * len(whole.ropes)
@@ -314,7 +316,7 @@ def _passing_m_per_s(whole: System) -> list[float]:
 
 
 def _joined_as(whole: System, ropes: Sequence[Rope]) -> System:
-    """These ropes where the system's meet, its joints and sheaves as they are, of its own."""
+    """Return these ropes in a system with copies of the connections and sheaves of `whole`."""
     joints, sheaves = whole.joints, whole.sheaves
     found = new_system(tuple(ropes), list(joints.lower), list(joints.upper), joints.ties.copy())
     if sheaves is not None:

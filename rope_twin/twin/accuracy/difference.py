@@ -1,14 +1,14 @@
-"""How much of the difference to a companion on half the elements is the rope's error.
+"""Fraction of the difference to the coarse solution that is the rope's error.
 
-A third where elements and step are of second order (Richardson 1911). More where waves die within
-an element (`surface_layer`), where the drag grows beside the step (`grown_apart`), where ropes
-meet, and where the current jumps between two layers:
+It is a third where elements and step are of second order (Richardson 1911). It is larger where
+waves decay within an element (`surface_layer`), where the drag is amplified by a loosely coupled
+VIV model (`grown_apart`), in multi-line systems, and where the current jumps between two layers:
 
-The current is felt at nodes. A step of it that lies at the part y of an element, from the node
-below, loads the rope as if it lay in the middle between two nodes, by (y - ½) elements too high or
-low: an error of first order, half an element at most. On every second node it is a whole element at
-most, and the difference of the two is always half an element. So the error is never larger than the
-difference, and half of it in the mean.
+The current acts at nodes. A jump of it at the fraction y of an element, from the node below, loads
+the rope as if it lay midway between two nodes, by (y - ½) elements too high or low: an error of
+first order, at most half an element. On the coarse mesh it is at most a whole element, and the
+difference of the two is always half an element. So the error never exceeds the difference, and is
+half of it on average.
 """
 
 from __future__ import annotations
@@ -21,16 +21,16 @@ from rope_twin.effects.current import Current, CurrentInTime
 from rope_twin.twin.accuracy.grown_apart import SHAKEN
 from rope_twin.twin.accuracy.surface_layer import error_per_difference
 
-MEETING = 0.5  # where ropes meet: elements of several lengths err each in its own way, and what
-# cancels in the difference need not in the rope; found on bridle_lift, where a third held 94.8 %
-THIN = 0.01  # of an element: a step of the current
-PASSING_S = 1.5  # so long a difference counts where elements pass a step of the current: the rope
-# rounds the step off, and the difference passes through zero when one of the companion's passes;
-# found on two_line_14km, and enough in two_line_loop, whose elements are five times as long
+MEETING = 0.5  # multi-line: elements of several lengths have different errors, and those that
+# cancel in the difference may not in the rope; fitted on bridle_lift, where 1/3 covered 94.8 %
+THIN = 0.01  # of an element: thickness of a layer that counts as a jump of the current
+PASSING_S = 1.5  # window of the difference where elements pass a jump of the current: the rope
+# smooths the jump, and the difference passes through zero when a coarse element passes it;
+# fitted on two_line_14km; sufficient in two_line_loop, whose elements are five times as long
 
 
 def share_of_difference(rope: Rope, meets: bool) -> float:
-    """Of the rope's error; meets: others end where it does."""
+    """Return the fraction of the difference that is the rope's error; meets: multi-line."""
     shaken = any(isinstance(effect, DragGrowth) for effect in rope.effects)
     least = max(MEETING if meets else 0.0, SHAKEN if shaken else 0.0)
     share = max(error_per_difference(rope), least)
@@ -38,12 +38,12 @@ def share_of_difference(rope: Rope, meets: bool) -> float:
 
 
 def whole_for_s(rope: Rope) -> float:
-    """How long the whole difference counts [s]; 0 where the current has no step."""
+    """Return how long the full difference counts [s]; 0 where the current has no jump."""
     return PASSING_S if has_layers(rope) else 0.0
 
 
 def has_layers(rope: Rope) -> bool:
-    """Whether the current jumps within a small part of an element."""
+    """Return whether the current jumps within a small part of an element."""
     for effect in rope.effects:
         current = effect.current if isinstance(effect, CurrentInTime) else effect
         if isinstance(current, Current):

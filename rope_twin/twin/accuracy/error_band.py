@@ -1,14 +1,14 @@
-"""How far the present top tension may be from the converged one: a companion beside the twin.
+"""Discretisation-error interval of the top tension, from a coarse solution parallel to the twin.
 
-The companion has half the elements and twice the step, and the same hang-off, line out and current
-to the bit. Elements and step are both of second order, so where the motion is smooth its tension
+The coarse solution has half the elements and twice the step, with bit-identical hang-off, paid-out
+length and current. Elements and step are both of second order, so for smooth motion its tension
 differs from the rope's by three times the rope's error (Richardson 1911), in space and in time
-together, at a quarter of the rope's work. What the difference says elsewhere: `error_bound`.
+together, at a quarter of the rope's work. Other cases are treated in `error_bound`.
 
-Where ropes meet the companion is of all of them, and each rope that hangs from the ship has a band.
-Where a winch answers to the tension the companion has one of its own (`own_winch`). What a drive
-makes wrong is of first order in the step, and longer elements may hide it: a companion of a scene
-with a drive has twice the step and all elements.
+In multi-line scenes the coarse solution covers all ropes, and each rope that hangs from the ship
+has an interval. Where a winch responds to the tension the coarse solution has its own
+(`own_winch`). The error of a drive is of first order in the step, and longer elements may hide it:
+in a scene with a drive the coarse solution has twice the step and all elements.
 """
 
 from __future__ import annotations
@@ -45,30 +45,30 @@ from rope_twin.twin.twin import Twin
 
 __all__ = ["SETTLING_S", "BandedTwin", "bed_below", "nodes_on", "touches"]
 
-SETTLING_S = 20.0  # so long a companion that was made on the way knows nothing yet
-COMPARED_S = 1.0  # so often the growth of the drag is compared
+SETTLING_S = 20.0  # settling time of a coarse solution that was started during a run
+COMPARED_S = 1.0  # interval at which drag amplifications are compared
 _OWN = (  # not in a saved state
     "_rests_n", "_band_s", "_companion", "_tops", "_sight", "_known_from_s", "_look_s",
     "_compared_s",
 )  # fmt: skip
-LOOK_S = 0.1  # between two looks along the rope for slack elements and at the bed
+LOOK_S = 0.1  # interval of the checks for slack elements and seabed contact
 
 
 class BandedTwin(Twin):
-    """A twin with a companion and a band around its top tension: the same run to the bit.
+    """A twin with an error interval of its top tension; the run itself is bit-identical.
 
-    A saved state does not hold the companion; a restored twin makes a new one.
+    A saved state does not hold the coarse solution; a restored twin makes a new one.
     """
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene)
         self._rests_n = [float(one[rows.PULL]) for one in self._present_pulls()]
-        self._band_s = 0.0  # time spent on it
+        self._band_s = 0.0  # CPU time of the interval
         self._open_band(resting=True)
 
     @classmethod
     def restore(cls, saved: str | Path | SavedState, scene: Scene) -> Self:
-        """As for a twin."""
+        """Return a twin that resumes from a saved state, with a new coarse solution."""
         twin = super().restore(saved, scene)
         if twin.cut is None:
             twin._open_band(resting=False)
@@ -77,7 +77,7 @@ class BandedTwin(Twin):
         return twin
 
     def offer_order(self, stamp_ns: int | None, order: Order, winch: str = WINCH) -> str:
-        """As for a twin; the companion's winch takes it too."""
+        """Command a winch and its copy in the coarse solution; return "" or the rejection."""
         fault = super().offer_order(stamp_ns, order, winch)
         names = [WINCH, *(line.from_ for line in self.scene.ropes[1:])]
         if (
@@ -90,14 +90,14 @@ class BandedTwin(Twin):
         return fault
 
     def doubt_inputs(self) -> None:
-        """As for a twin; the companion's winches take the new plan too."""
+        """Invalidate inputs known in advance, also in the winches of the coarse solution."""
         super().doubt_inputs()
         with self._lock:
             for own in self._companion.winches.values():
                 own.doubt()
 
     def snapshot(self) -> Snapshot:
-        """A frozen copy of the present with the band, once that is known."""
+        """Return a frozen copy of the present with the interval, once it is known."""
         taken = super().snapshot()
         if no_band := self._no_band(taken.time_s):
             return replace(taken, no_band=no_band)
@@ -114,12 +114,12 @@ class BandedTwin(Twin):
         return replace(taken, band=band, ropes=tuple(ropes))
 
     def take_rung(self, rung: Rung) -> None:
-        """As for a twin; the companion is made anew, from the rope on its new rung."""
+        """Continue on another accuracy level with a new coarse solution."""
         super().take_rung(rung)
         self._open_band(resting=False)
 
     def go_back(self, then: Checkpoint) -> bool:
-        """As for a twin; the companion is made again, from the rope as it was then."""
+        """Return to an earlier state with a new coarse solution."""
         went = super().go_back(then)
         if self._tops:
             self._open_band(resting=False)
@@ -127,11 +127,11 @@ class BandedTwin(Twin):
 
     @property
     def _band(self) -> ErrorBand:
-        """Of the first rope."""
+        """Error estimate of the first rope."""
         return self._tops[0].band
 
     def _no_band(self, time_s: float) -> str:
-        """Why there is none now; "" where there is."""
+        """Return why there is no interval now; "" if there is one."""
         if self.cut is not None:
             at = f"{self.cut.at_s:.2f} s"
             return f"unknown since the cut at {at}: its companion does not follow a rope in parts"
@@ -141,12 +141,12 @@ class BandedTwin(Twin):
         return ""
 
     def _part(self, lost_m: float, rope: int) -> None:
-        """The companion stays behind."""
+        """Cut a rope and end the coarse solution."""
         super()._part(lost_m, rope)
         self._close_band()
 
     def _close_band(self) -> None:
-        """Follow no further."""
+        """End the coarse solution."""
         self._tops.clear()
         self._companion.winches.clear()
 
@@ -155,12 +155,12 @@ class BandedTwin(Twin):
         return (self._rope,) if joined is None else joined.system(self._rope).ropes
 
     def _present_pulls(self) -> list[Floats]:
-        """Of every rope on its upper end, rows.PULL_COLUMNS each."""
+        """Return the force of every rope on its upper end [N], (rows.PULL_COLUMNS,) each."""
         joined = self.joined
         return [self._pull] if joined is None else list(joined.pull)
 
     def _open_band(self, resting: bool, border: int = 0) -> None:
-        """A new companion of the present, whose prescribed motion is in row `border`."""
+        """Start a coarse solution from the present, with boundary conditions in row `border`."""
         joined, made_fast = self.joined, [self._rope.model.first_free == 1]
         value, rate = (table[border].copy() for table in self._boundary)
         self._companion: Companion
@@ -180,7 +180,7 @@ class BandedTwin(Twin):
         ropes = self._all_ropes()
         self._sight = Sight(ropes, made_fast)
         self._tops = [self._top(r, ropes[r], at_r) for r, at_r in now.items()]
-        self._look_s = 0.0  # when to look for slack elements again
+        self._look_s = 0.0  # time of the next check for slack elements
         self._compared_s = self.time_ns * 1e-9
         settled = self._companion.rests
         self._known_from_s = 0.0 if settled else self.time_ns * 1e-9 + SETTLING_S
@@ -199,7 +199,7 @@ class BandedTwin(Twin):
         return {name: value for name, value in super()._changing().items() if name not in _OWN}
 
     def _forget_borders(self, done: int) -> None:
-        """Let the companion follow while the borders of the steps just done are still there."""
+        """Advance the coarse solution, then make the boundary after `done` steps the first one."""
         if self._tops:
             self._follow(done)
         super()._forget_borders(done)
@@ -214,7 +214,7 @@ class BandedTwin(Twin):
         self._share_winches(answering)
 
     def _let_companion_look(self, done: int) -> None:
-        """Where the twin is about to look, the companion's own model of vortices does too."""
+        """Sample the coarse solution's VIV model when the twin's own is due."""
         own = self._shaking
         if own is not None and own.steps_to_look(self._steps) == 0:
             now = Boundary(*(table[done:] for table in self._boundary))
@@ -226,13 +226,13 @@ class BandedTwin(Twin):
                 self._band.grow_apart(now_s, by)
 
     def _answering(self) -> dict[int, Winch]:
-        """The winches that ask what their rope is like for the next step, by its number."""
+        """Return the winches that need tension feedback for the next step, by rope number."""
         first = {0: self._winch} if self._winch.feels(self.time_ns) else {}
         joined = self.joined
         return first if joined is None else first | joined.feeling(self.time_ns)
 
     def _share_winches(self, answering: dict[int, Winch]) -> None:
-        """The companion gets its own of those that it has none of, when it is where the twin is."""
+        """Copy winches to the coarse solution that it lacks, once it reached the twin's time."""
         half = self._companion
         if not half.waiting:
             for r in answering.keys() - half.winches.keys():
@@ -240,11 +240,14 @@ class BandedTwin(Twin):
                     half.winches[r] = OwnWinch(answering[r], self.scene, r)
 
     def _judge(self, done: int, answers: bool) -> None:
-        """Answers: the line out follows from the rope."""
+        """Advance the coarse solution and update the error estimates.
+
+        answers: whether the paid-out length responds to the tension.
+        """
         now_s, h = self.time_ns * 1e-9, self.step_s
         waiting = self._companion.waiting
         followed = self._companion.follow(self._boundary, done, self._current.effects, now_s)
-        if followed is None:  # it failed where the rope did not
+        if followed is None:  # the coarse solution failed, the rope did not
             self._open_band(resting=False, border=done)
             return
         joined, own = self.joined, self._pulls[:done, rows.PULL].tolist()
@@ -268,7 +271,7 @@ class BandedTwin(Twin):
         self._see(now_s)
 
     def _see(self, now_s: float) -> None:
-        """What the ropes have done that their difference to the companion does not tell."""
+        """Detect events whose error the difference to the coarse solution does not show."""
         ropes = self._all_ropes()
         pull_n = self._sight.event_pull_n(ropes)
         if pull_n is not None:
@@ -284,7 +287,7 @@ class BandedTwin(Twin):
                 self._look_at_bed(self._sight.bed, now_s)
 
     def _look_for_slack(self, ropes: tuple[Rope, ...], now_s: float) -> None:
-        """A rope, or a sling of the body; on its deck that may come off them any moment."""
+        """Report slack ropes, slack slings and a body on its deck to the error estimates."""
         rope, legs, on_deck = is_slack(ropes), self._sight.slack_legs(), self._sight.on_deck()
         for top in self._tops:
             if rope:
@@ -295,7 +298,7 @@ class BandedTwin(Twin):
                 top.band.stand_on_deck(now_s)
 
     def _look_at_bed(self, bed: Bed | None, now_s: float) -> None:
-        """An end that is made fast there does not land, but the rope above it is laid down."""
+        """Report landing and rope laid down to the estimates; an anchored end does not land."""
         ropes = self._all_ropes()
         stands, lays = self._sight.stands(ropes, bed), self._sight.lays(ropes, bed)
         for top in self._tops:
@@ -306,7 +309,7 @@ class BandedTwin(Twin):
 
 
 def _of(all_ropes: Boundary, r: int) -> Boundary:
-    """The prescribed motion of one rope."""
+    """Return the prescribed motion of one rope."""
     return Boundary(*(table[r] for table in all_ropes))
 
 

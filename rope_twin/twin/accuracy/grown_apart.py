@@ -1,9 +1,9 @@
-"""Whether the drag of rope and companion has grown alike, where a model of vortices makes it grow.
+"""Divergence of the drag amplified by a VIV model between the rope and its coarse solution.
 
-Which mode drives a place is a choice. Where rope and companion choose alike, what their drag grows
-by differs by little and the error of both is of second order. Where they do not, the companion
-tells no more than how far a rope that chooses otherwise may be from this one: the difference is the
-error then, not a multiple of it.
+Which mode is excited at a node is a selection. Where rope and coarse solution select alike, their
+drag differs little and the error of both is of second order. Where they do not, the coarse solution
+only shows how far a rope with another selection may be from this one: the difference is then the
+error itself, not a multiple of it.
 """
 
 from __future__ import annotations
@@ -12,16 +12,17 @@ import numpy as np
 
 from rope_twin.core.state import Floats
 
-# found on the two scenes with such a model and five other lifts by each:
-SHAKEN = 0.37  # of the difference that is the rope's error where the drag has grown alike
-ALIKE, OTHERWISE = 0.005, 0.015  # of the drag: it differs by less, by more
-REMEMBERED_S = 5.0  # so long it counts: the rope has moved by it
+# fitted on the two scenes with such a model and five other lifts by each:
+SHAKEN = 0.37  # fraction of the difference that is the error where the drag agrees
+ALIKE, OTHERWISE = 0.005, 0.015  # relative difference of the drag: agreement, divergence
+REMEMBERED_S = 5.0  # how long a divergence counts: the rope has moved by it
 
 
 def differ_by(amplified: Floats, companions: Floats) -> float:
-    """What a rope has more or less drag than the companion, in the mean along it, over its mean.
+    """Return the mean difference of two drag amplifications along the rope over their mean.
 
-    Both are what the drag is multiplied by at the nodes, from the lower end up.
+    amplified, companions: of the rope and of the coarse solution, at the nodes from the lower end
+    up.
     """
     at = np.linspace(0.0, 1.0, len(companions))
     own = np.interp(at, np.linspace(0.0, 1.0, len(amplified)), amplified)
@@ -29,6 +30,6 @@ def differ_by(amplified: Floats, companions: Floats) -> float:
 
 
 def share_where_they_differ(share: float, by: float) -> float:
-    """Of a difference that is the rope's error; `share`: where the drag has grown alike."""
+    """Return the fraction of the difference that is the error; share: where the drag agrees."""
     part = (by - ALIKE) / (OTHERWISE - ALIKE)
     return share + (1.0 - share) * min(max(part, 0.0), 1.0)

@@ -1,10 +1,10 @@
-"""When a paced twin steps down its ladder because the machine cannot keep up, and when up again.
+"""Overload protection: a real-time twin changes its accuracy level to keep its deadlines.
 
-Load is the time that slots take to compute over the time they have. Down, at once as far as
-needed: when the load over WINDOW_S is above FULL, or RUNNING slots in turn took longer than they
-have and ended late. A single stall, however long, is neither. Up, one rung at a time: when the
-load, times how much more work the rung above is, stayed below ROOM for a while and no slot was
-late; the while doubles each time that a rung taken so has to be left again soon.
+Load is the computing time of cycles over the time available. Down, at once as far as needed: when
+the load over WINDOW_S exceeds FULL, or RUNNING consecutive cycles took longer than available and
+ended late. A single stall, however long, is neither. Up, one level at a time: when the load, scaled
+by the work of the level above, stayed below ROOM for a waiting time and no cycle was late; the
+waiting time doubles each time that a level taken in this way has to be left again soon.
 """
 
 from __future__ import annotations
@@ -25,52 +25,52 @@ from rope_twin.twin.pacing import SlotTimes
 from rope_twin.twin.twin import Twin
 
 WINDOW_S, LEAST_SLOTS, RUNNING = 0.4, 8, 3
-CLIP = 1.5  # load of a single slot, at most: one long stall is no lack of speed
-FULL, ROOM, FIT = 0.8, 0.4, 0.6  # of the time there is: too much, enough room to go up, and down to
+CLIP = 1.5  # maximum load of a single cycle: one long stall is no lack of speed
+FULL, ROOM, FIT = 0.8, 0.4, 0.6  # load: overload, limit to go up, target when going down
 WAIT_S, LONGEST_WAIT_S = 5.0, 80.0
-SOON_S = 30.0  # a rung left again within this was taken too early
+SOON_S = 30.0  # a level left again within this time was taken too early
 SAYINGS = 20
-TRIALS = 5  # slots that are tried before the start
+TRIALS = 5  # number of cycles timed before the start
 
 
 class Climber(Protocol):
-    """What is stepped on a ladder."""
+    """Interface of a twin that can change its accuracy level."""
 
     def take_rung(self, rung: Rung) -> None:
-        """Go on from here with other elements or another step."""
+        """Continue with another mesh or time step."""
 
 
 class Ladder:
-    """Watches the slots of one twin and moves it; to be used by the thread that steps."""
+    """Overload protection of one twin; for use by the stepping thread."""
 
     def __init__(
         self, twin: Climber, rungs: Sequence[Rung], at: Rung, wait_s: float = WAIT_S
     ) -> None:
-        """`rungs`: from the best down; `at`: the one that the twin is on."""
+        """Start at the level `at` of `rungs`, which are ordered from the best down."""
         self._twin = twin
         self._rungs = tuple(rungs)
         self._at = self._rungs.index(at)
         self._slots: deque[SlotTimes] = deque()
         self._moved_s = float("-inf")
-        self._look_s = float("-inf")  # when to see again whether there is room
+        self._look_s = float("-inf")  # time of the next check for spare capacity
         self._went_up = False
         self._wait_s = self._least_wait_s = wait_s
         self.changes = 0
         self.load = 0.0  # over the newest window
-        self.reason = ""  # of the newest move
+        self.reason = ""  # reason of the newest change
 
     @property
     def rung(self) -> Rung:
-        """The rung that the twin is on."""
+        """Present accuracy level."""
         return self._rungs[self._at]
 
     @property
     def place(self) -> tuple[int, int]:
-        """Which rung that is, 1 the best, of how many."""
+        """Number of the present level, 1 the best, and count of levels."""
         return self._at + 1, len(self._rungs)
 
     def judge(self, slot: SlotTimes) -> bool:
-        """Take a slot in; True: the twin is on another rung from now on."""
+        """Take the timing of a cycle; return True if the twin has changed its level."""
         self._slots.append(slot)
         longest = WINDOW_S if self._at == 0 else max(self._wait_s, WINDOW_S)
         while self._slots[0].end_ns * 1e-9 < slot.end_ns * 1e-9 - longest:
@@ -85,14 +85,14 @@ class Ladder:
         return self._at > 0 and self._step_up(slot)
 
     def start_at(self, load: float) -> bool:
-        """Before the first slot: take a rung that fits, if the present one would take this load."""
+        """Before the first cycle, take a level that fits if the present one has this load."""
         if load <= FIT:
             return False
         words = f"it would take {load:.0%} of the time there is"
         return self._move(self._fitting(load), float("-inf"), words)
 
     def _load_since(self, begin_s: float) -> tuple[float, int]:
-        """Load of the slots since then, and how many they are; a stall counts as CLIP at most."""
+        """Return load and number of the cycles since then; a stall counts at most CLIP."""
         since = takewhile(lambda slot: slot.end_ns * 1e-9 > begin_s, reversed(self._slots))
         loads = [_load(slot) for slot in since]
         clipped = sum(min(load, CLIP) for load in loads)
@@ -112,7 +112,7 @@ class Ladder:
 
     def _step_up(self, slot: SlotTimes) -> bool:
         now_s = slot.end_ns * 1e-9
-        if self._moved_s == float("-inf"):  # it began on this rung: its first slot
+        if self._moved_s == float("-inf"):  # its first cycle on the initial level
             self._moved_s = now_s
         if now_s - self._moved_s < self._wait_s or now_s < self._look_s:
             return False
@@ -124,7 +124,7 @@ class Ladder:
         return self._move(self._at - 1, now_s, f"there is room, {load:.0%} is used")
 
     def _fitting(self, load: float) -> int:
-        """The next rung below that makes of this load one that fits, or the last."""
+        """Return the next level below that reduces this load to one that fits, or the last."""
         for at in range(self._at + 1, len(self._rungs)):
             if load * _work(self._rungs[at]) / _work(self.rung) <= FIT:
                 return at
@@ -144,17 +144,20 @@ class Ladder:
 
 
 class TwinLadder(Ladder):
-    """The ladder of a scene's twin, which says in a sentence what it does."""
+    """Overload protection of a scene's twin, with messages on its changes."""
 
     def __init__(self, twin: Twin, wait_s: float = WAIT_S) -> None:
         scene = twin.scene
         rungs = ladder_of(scene)
         super().__init__(twin, rungs if twin.rung in rungs else (twin.rung,), twin.rung, wait_s)
         self._owner = twin
-        self.said: deque[str] = deque(maxlen=SAYINGS)  # sentences that nobody has taken yet
+        self.said: deque[str] = deque(maxlen=SAYINGS)  # messages not yet reported
 
     def measure(self, steps_s: float, speed: float) -> float:
-        """Load on the present rung, tried on a branch: least of TRIALS slots of `steps_s`."""
+        """Return the load of the present level: the minimum of TRIALS cycles on a branch.
+
+        steps_s: twin time of a cycle [s]; speed: ratio of twin time to real time.
+        """
         trial = self._owner.branch()
         steps = max(1, round(steps_s / trial.step_s))
         least = float("inf")
@@ -164,15 +167,15 @@ class TwinLadder(Ladder):
                 trial.advance(steps)
                 least = min(least, time.perf_counter() - began)
         except SolverError:
-            return 0.0  # the run itself will tell
+            return 0.0  # the run itself reports the error
         return least * speed / (steps * trial.step_s)
 
     def judge(self, slot: SlotTimes) -> bool:
-        """As of any ladder; a rope that was cut stays on the rung that it was cut on."""
+        """Take the timing of a cycle; a cut rope stays on its level."""
         return self._owner.cut is None and super().judge(slot)
 
     def error(self) -> KnownError:
-        """What the scene's card knows of the present rung."""
+        """Return the error of the present level that is known from the convergence study."""
         return self._owner.card_error
 
     def _move(self, target: int, now_s: float, why: str) -> bool:
@@ -185,7 +188,7 @@ class TwinLadder(Ladder):
         return moved
 
     def words(self) -> str:
-        """The present rung."""
+        """Return a description of the present level."""
         error = self.error()
         known = error.words if isnan(error.rms_pct) else f"at most {told_bound(error.rms_pct)} %"
         own = self._owner.scene.ropes[0].elements
@@ -200,5 +203,5 @@ def _load(slot: SlotTimes) -> float:
 
 
 def _work(rung: Rung) -> float:
-    """Work for a second of twin time, in elements of the scene and steps."""
+    """Return the work for a second of twin time, relative to the scene's elements."""
     return 1.0 / (rung.step_s * (1 << rung.halvings))

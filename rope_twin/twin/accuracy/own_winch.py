@@ -1,8 +1,9 @@
-"""A winch of the companion's own, where winches answer to what they feel of the rope.
+"""Winch of the coarse solution, where winches respond to the tension of their rope.
 
-A drive that renders, a brake that slips, an order by depth or tension pay out by what the rope
-does, so part of the rope's error is in the line out. The companion's winch is the twin's at the
-moment at which that first feels its rope, gets the same orders and feels the companion.
+A drive that renders, a brake that slips, a command by depth or tension pay out by the rope's
+response, so part of the rope's error is in the paid-out length. The coarse solution's winch is a
+copy of the twin's at the moment of its first tension feedback; it gets the same commands and the
+coarse tension.
 """
 
 from __future__ import annotations
@@ -19,27 +20,27 @@ from rope_twin.twin.hoisting.winch import Winch
 
 
 class OwnWinch:
-    """It pays out to one of the companion's ropes from now on."""
+    """Winch of one rope of the coarse solution."""
 
     def __init__(self, winch: Winch, scene: Scene, r: int) -> None:
-        """`winch`: the twin's of rope r at the time that the companion has reached."""
+        """Copy the twin's winch of rope r at the time that the coarse solution has reached."""
         self._winch = copy.deepcopy(winch)
         self._line = scene.ropes[r]
         self._rest_z = places(scene)[self._line.from_][2]
 
     def take(self, stamp_ns: int | None, order: Order, now_ns: int) -> None:
-        """An order that the twin's winch has taken; what it refuses was counted there."""
+        """Take a command that the twin's winch has accepted; rejections were counted there."""
         self._winch.take(stamp_ns, order, now_ns)
 
     def doubt(self) -> None:
-        """As for the twin's."""
+        """Invalidate commands that were known in advance."""
         self._winch.doubt()
 
     def prescribe(self, rope: Rope, begin_ns: int, borders: Boundary, pull_n: float) -> None:
-        """Line out at the end of the step that begins now.
+        """Set the paid-out length at the end of the step that begins now.
 
-        borders: at the step's begin and end, (2, rows.MOTIONS) each; what the hang-off does is
-        there already. pull_n: of the rope on the hang-off now [N].
+        borders: at the step's beginning and end, (2, rows.MOTIONS) each; the hang-off's motion is
+        already there. pull_n: tension at the hang-off now [N].
         """
         value, rate = borders
         felt = None

@@ -1,4 +1,4 @@
-"""One rung of a twin's ladder: a step, and how coarse the rope is."""
+"""Accuracy level of a twin: time step and mesh coarseness."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Rung:
-    """What a twin steps with."""
+    """Time step and mesh coarseness of a twin."""
 
     step_ns: int
-    halvings: int = 0  # how often the scene's elements were halved
+    halvings: int = 0  # number of times the scene's element count was halved
 
     @property
     def step_s(self) -> float:
-        """The step [s]."""
+        """Time step [s]."""
         return self.step_ns / 1e9

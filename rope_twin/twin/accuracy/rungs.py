@@ -1,4 +1,4 @@
-"""The ladder of a twin: larger steps first, then fewer elements, and how it takes a rung."""
+"""Accuracy levels of a scene (larger steps first, then fewer elements) and the change of level."""
 
 from __future__ import annotations
 
@@ -14,26 +14,27 @@ from rope_twin.twin.accuracy.regrid import Grid, HangOff, coarse_room, coarser, 
 from rope_twin.twin.accuracy.rung import Rung
 
 STEPS_NS = (2_000_000, 5_000_000, 10_000_000, 20_000_000, 50_000_000)
-LEAST_ELEMENTS = 20  # smooth scenes are within a per cent on as many
+LEAST_ELEMENTS = 20  # enough for an error within one per cent in smooth scenes
 
 
 @dataclass(frozen=True)
 class Base:
-    """The grid that the scene asks for, without its marks."""
+    """Mesh of the scene, without its material coordinates."""
 
     model: Model
     room: int
 
 
 def top_rung(scene: Scene) -> Rung:
-    """The scene's own elements and step."""
+    """Return the scene's own mesh and time step."""
     return Rung(round(scene.time.step_s * 1e9))
 
 
 def ladder_of(scene: Scene) -> tuple[Rung, ...]:
-    """From the scene's own rung down, each with less work than the one before.
+    """Return the accuracy levels from the scene's own down, each with less work than the last.
 
-    Ropes that meet, wakes of vortices and rigid bodies cannot be carried over: one rung is left.
+    Multi-line systems, wakes of vortices and rigid bodies cannot be transferred to another mesh:
+    such a scene has one level.
     """
     if is_joined(scene) or shedding_model(scene) or body_of(scene):
         return (top_rung(scene),)
@@ -47,7 +48,7 @@ def ladder_of(scene: Scene) -> tuple[Rung, ...]:
 
 
 def error_at(scene: Scene, rung: Rung) -> KnownError:
-    """What the scene's card knows of a rung."""
+    """Return the error of a level that is known from the scene's convergence study."""
     if rung == top_rung(scene):
         return known_error(scene)
     line = replace(scene.ropes[0], elements=scene.ropes[0].elements >> rung.halvings)
@@ -62,20 +63,23 @@ def error_at(scene: Scene, rung: Rung) -> KnownError:
 def carry_over(
     rope: Rope, marks: list[Floats], rung: Rung, base: Base, at: HangOff
 ) -> tuple[Rope, list[Floats]]:
-    """The rope on another rung; `marks`: of each finer grid that it was on, the scene's first."""
+    """Return the rope on another level and the coordinates of the finer meshes left.
+
+    marks: material coordinates of each finer mesh that it was on, the scene's first.
+    """
     marks = list(marks)
     while len(marks) < rung.halvings:
         marks.append(marks_of(rope))
         rope = coarser(rope, at)
     while len(marks) > rung.halvings:
         rope = finer(rope, _grid(base, rope, len(marks) - 1, marks.pop()), at)
-    own = base.model.step  # a step that is no whole number of nanoseconds comes back as it was
+    own = base.model.step  # restores a step that is no whole number of nanoseconds exactly
     model = rope.model._replace(step=own if round(own * 1e9) == rung.step_ns else rung.step_s)
     return rope._replace(model=model), marks
 
 
 def _grid(base: Base, rope: Rope, halvings: int, marks: Floats) -> Grid:
-    """The scene's grid after so many halvings."""
+    """Return the scene's mesh after this many halvings."""
     room, times = base.room, float(1 << halvings)
     for _ in range(halvings):
         room = coarse_room(room, rope.sections)

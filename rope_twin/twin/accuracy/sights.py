@@ -1,6 +1,6 @@
-"""What a twin's ropes do that makes their error rough: slack, an event, a landing.
+"""Detection of events that make a rope's error of first order: slack, split or merge, landing.
 
-Of one rope, or of all ropes that meet: what one does is felt in all.
+It covers a single rope, or all ropes of a multi-line system: an event in one affects all.
 """
 
 from __future__ import annotations
@@ -24,28 +24,28 @@ _PLACE = slice(rows.POSITION, rows.POSITION + 3)
 
 
 def bed_below(rope: Rope) -> Bed | None:
-    """The scene's seabed."""
+    """Return the scene's seabed; None if it lists none."""
     return next((effect for effect in rope.effects if isinstance(effect, Plane | Grid)), None)
 
 
 def body_below(rope: Rope) -> RigidBody | None:
-    """The scene's rigid body."""
+    """Return the scene's rigid body; None if it lists none."""
     return next((effect for effect in rope.effects if isinstance(effect, RigidBody)), None)
 
 
 def nodes_on(bed: Bed, rope: Rope) -> int:
-    """How many of the nodes below the hang-off lie on the bed."""
+    """Return the number of nodes below the hang-off that lie on the bed."""
     n = int(rope.state.counts[rows.ELEMENTS])
     return int(np.count_nonzero(clearance(bed, rope.state.nodes[_PLACE, :n]) <= 0.0))
 
 
 def touches(bed: Bed, rope: Rope) -> bool:
-    """The lower end stands on the bed."""
+    """Return whether the lower end stands on the bed."""
     return bool(clearance(bed, rope.state.nodes[_PLACE, :1])[0] <= 0.0)
 
 
 def is_slack(ropes: Sequence[Rope]) -> bool:
-    """An element of one of the ropes pulls nothing."""
+    """Return whether an element of one of the ropes is slack."""
     return any(
         not rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]].min() > 0.0
         for rope in ropes
@@ -53,17 +53,17 @@ def is_slack(ropes: Sequence[Rope]) -> bool:
 
 
 def offset_pull_n(rope: Rope) -> float:
-    """What the length offsets of events pull [N]: their sum times the whole rope's stiffness."""
+    """Force of the length offsets of events [N]: their sum times the whole rope's stiffness."""
     n = int(rope.state.counts[rows.ELEMENTS])
     yielding = 1.0 / np.maximum(rope.work[rows.STIFFNESS, :n], SOFTEST)
     return float(np.abs(rope.state.offset[:n]).sum() / yielding.sum())
 
 
 class Sight:
-    """Looks along the ropes from time to time, and remembers what it saw."""
+    """Event detector that samples the ropes and compares with the previous sample."""
 
     def __init__(self, ropes: Sequence[Rope], made_fast: Sequence[bool]) -> None:
-        """made_fast: whether the lower end of each is held in place."""
+        """Take the first sample; made_fast: whether the lower end of each rope is fixed."""
         self.bed, self._body = bed_below(ropes[0]), body_below(ropes[0])
         self._nodes = ropes[0].state.nodes
         self._made_fast = list(made_fast)
@@ -71,22 +71,22 @@ class Sight:
         self._lying = 0 if self.bed is None else self._count_lying(self.bed, ropes)
 
     def slack_legs(self) -> list[bool]:
-        """Of each sling of the body below the first rope, whether it pulls nothing."""
+        """Return for each sling of the body below the first rope whether it is slack."""
         if self._body is None:
             return []
         speed = self._nodes[rows.VELOCITY : rows.VELOCITY + 3, 0]
         force, _, _ = pulls_of(self._body, self._nodes[_PLACE, 0], speed)
-        legs = self._body.legs[:, LENGTH] > 0.0  # the others are pins, which push as well
+        legs = self._body.legs[:, LENGTH] > 0.0  # the others are pins, which also take compression
         slack: list[bool] = (np.abs(force[legs]).max(axis=1, initial=0.0) <= 0.0).tolist()
         return slack
 
     def unloaded(self) -> bool:
-        """Whether there are slings, and none pulls: a slack rope is one without its load."""
+        """Return whether there are slings and all are slack: a slack rope then has no load."""
         legs = self.slack_legs()
         return bool(legs) and all(legs)
 
     def on_deck(self) -> bool:
-        """Whether a corner of the body is on its deck."""
+        """Return whether a corner of the body is on its deck."""
         body = self._body
         if body is None or part_of(body, Deck) is None:
             return False
@@ -94,7 +94,7 @@ class Sight:
         return bool(lowest <= body.stage[at.DECK_Z])
 
     def event_pull_n(self, ropes: Sequence[Rope]) -> float | None:
-        """What the events since the last look pull [N]; None where nothing split or merged."""
+        """Return the force of events since the last sample [N]; None if nothing split or merged."""
         pulls = []
         for r, rope in enumerate(ropes):
             count = _elements(rope)
@@ -104,7 +104,7 @@ class Sight:
         return max(pulls, default=None)
 
     def stands(self, ropes: Sequence[Rope], bed: Bed | None) -> bool:
-        """Whether what hangs on one of the ropes stands on the bed."""
+        """Return whether a load of one of the ropes stands on the bed."""
         if bed is None:
             return False
         if self._body is not None:
@@ -114,14 +114,14 @@ class Sight:
         return any(touches(bed, rope) for rope, fast in ends if not fast)
 
     def lays(self, ropes: Sequence[Rope], bed: Bed | None) -> bool:
-        """Whether ropes that are made fast have laid a node down since the last look."""
+        """Return whether fixed ropes have laid a node down since the last sample."""
         if bed is None or True not in self._made_fast:
             return False
         before, self._lying = self._lying, self._count_lying(bed, ropes)
         return self._lying > before
 
     def _count_lying(self, bed: Bed, ropes: Sequence[Rope]) -> int:
-        """Nodes on the bed of the ropes that are made fast."""
+        """Return the number of nodes of the fixed ropes on the bed."""
         ends = zip(ropes, self._made_fast, strict=True)
         return sum(nodes_on(bed, rope) for rope, fast in ends if fast)
 

@@ -1,11 +1,11 @@
-"""How far the difference to a coarser companion may be trusted where short waves load the rope.
+"""Reliability of the difference to a coarser solution where short waves load the rope.
 
-The water's acceleration falls as e^{kz} below the surface. A rope feels it at nodes, so with
+The water's acceleration decays as e^{kz} below the surface. A rope feels it at nodes, so with
 elements of length l a component with wave number k loads it by the trapezoidal sum of e^{kz}, which
 is too large by l/2·coth(k·l/2) - 1/k per metre of its force at the surface (a geometric series):
 k·l²/12, of second order, where k·l is small, but l/2 itself, of first order, where the component
-dies within an element. From elements of 2·l the difference is then not three times the error but
-once.
+decays within an element. From elements of 2·l the difference is then not three times the error but
+equal to it.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from rope_twin.core.waves.rows import AMPLITUDE, OMEGA, K
 from rope_twin.effects.waves import Waves
 from rope_twin.twin.accuracy.error_bound import THIRD
 
-THIN = 1e-3  # k·l/2 below which the series x²/3 - x⁴/45 is exact to the last digit but two
+THIN = 1e-3  # k·l/2 below which x²/3 is used; the next term of the series is -x⁴/45
 
 
 def surplus_m(k: Floats, element_m: float) -> Floats:
-    """What nodes `element_m` apart add to a component's load, times its load per metre at z = 0."""
+    """Excess load of nodes `element_m` apart over a component's load per metre at z = 0 [m]."""
     x = 0.5 * k * element_m
     closed = x / np.tanh(np.maximum(x, THIN)) - 1.0
     return np.asarray(np.where(x < THIN, x * x / 3.0, closed) / k)
 
 
 def error_per_difference(rope: Rope) -> float:
-    """Of the rope's error, for a companion on half the elements: 1/3 to 1, by the scene's waves.
+    """Return the fraction 1/3 to 1 of the difference that is the error, by the scene's waves.
 
     Root mean square over the components, each by its acceleration a·ω²; a third without waves.
     """

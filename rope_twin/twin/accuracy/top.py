@@ -1,4 +1,4 @@
-"""The upper end of a rope that hangs from the ship, and the band around the tension there."""
+"""Error estimate of the tension at the upper end of a rope that hangs from the ship."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rope_twin.twin.accuracy.out_of_step import OutOfStep
 
 
 class Top:
-    """Number of the rope, its band, and the border before the last one of its prescribed motion."""
+    """Error estimate of one rope, and the second last boundary of its prescribed motion."""
 
     def __init__(
         self,
@@ -26,19 +26,22 @@ class Top:
         step_s: float,
         vortices: OutOfStep | None = None,
     ) -> None:
-        """`now`: value and rate of the prescribed motion; `vortices`: where they set their pace."""
+        """Start at `now`, value and rate of the prescribed motion.
+
+        vortices: phase drift, if self-excited.
+        """
         self.rope, self.band, self.vortices = rope, band, vortices
         self._before: Border = border_before(*now, step_s)
 
     def jumps(self, boundary: Boundary, done: int, step_s: float) -> list[float]:
-        """Of the prescribed acceleration where each of the steps just done begins [m/s²]."""
+        """Jumps of the prescribed acceleration at the beginning of the steps just done [m/s²]."""
         value, rate = (table[: done + 1] for table in boundary)
         found = acceleration_jumps(self._before, value, rate, step_s)
         self._before = value[done - 1].tolist(), rate[done - 1].tolist()
         return found
 
     def no_jumps(self, boundary: Boundary, done: int, step_s: float) -> list[float]:
-        """As if there were none: a line that follows from the rope bends at every step."""
+        """Return zero jumps, for a payout that responds to the tension and has a kink each step."""
         value, rate = boundary
         self._before = value[done - 1].tolist(), rate[done - 1].tolist()
         return [0.0] * done
@@ -51,10 +54,10 @@ class Top:
         followed: Sequence[float],
         waiting: int,
     ) -> None:
-        """Take in the steps just done and what the companion did of them.
+        """Take the steps just done and the coarse solution's tensions.
 
-        times: of the last step, and a step [s]; own, followed: the top tensions; waiting: steps
-        that the companion had not done before.
+        times: of the last step, and step length [s]; own, followed: top tensions [N]; waiting:
+        steps that the coarse solution had not done before.
         """
         now_s, h = times
         band, done = self.band, len(own)
@@ -68,6 +71,6 @@ class Top:
                     self.vortices.take(at_s, own[k], followed[turn - 1])
 
     def bound_n(self, time_s: float) -> float:
-        """The tension of the newest step is at most this wrong, 95 % of the time."""
+        """Return the 95 % bound on the error of the newest step's tension [N]."""
         bound = self.band.bound_n(time_s)
         return bound if self.vortices is None else max(bound, self.vortices.bound_n(time_s))
