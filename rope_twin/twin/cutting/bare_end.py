@@ -1,4 +1,4 @@
-"""A scene's effects for a rope with nothing at its lower end, of the same types: no new binary."""
+"""Effects of a rope with nothing at its lower end, of the same types, so nothing is recompiled."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rope_twin.effects.splash_zone import SplashZone
 from rope_twin.effects.waves import Waves
 
 _NOTHING = (0.0, 0.0, 0.0)
-_WITHOUT: dict[type, dict[str, Any]] = {  # what is set to make an effect at the end bring nothing
+_WITHOUT: dict[type, dict[str, Any]] = {  # values that remove the load of an effect at the end
     Payload: dict.fromkeys(Payload._fields, 0.0),
     TwoWayPayload: dict.fromkeys(TwoWayPayload._fields, 0.0),
     SplashZone: {"lift": 0.0, "slam": 0.0, "wet": _NOTHING, "added": _NOTHING, "k": _NOTHING},
@@ -29,17 +29,21 @@ _WITHOUT: dict[type, dict[str, Any]] = {  # what is set to make an effect at the
 
 
 def is_at_end(effect: Any) -> bool:
-    """Whether the effect loads the lower end of the rope by what is there."""
+    """Return whether the effect loads the lower end of the rope."""
     return "load_end" in hooks_of(type(effect))
 
 
 def without_load(effects: tuple[Any, ...]) -> tuple[Any, ...]:
-    """The effects of the rope alone; raises TypeError for one at the end that is not known here."""
+    """Return the effects of the rope alone.
+
+    Raises:
+        TypeError: an effect at the lower end is unknown here.
+    """
     return tuple(_bare(effect) if is_at_end(effect) else effect for effect in effects)
 
 
 def _bare(effect: Any) -> Any:
-    if isinstance(effect, Plane | Grid):  # the bed stays, what stood on it is gone
+    if isinstance(effect, Plane | Grid):  # the bed stays, the payload on it does not
         return effect._replace(soil=effect.soil._replace(k_payload=0.0))
     if isinstance(effect, RigidBody):
         return _parked(effect)
@@ -49,15 +53,15 @@ def _bare(effect: Any) -> Any:
 
 
 def _parked(body: RigidBody) -> RigidBody:
-    """A body of this type that no sling holds, that nothing pulls and that touches nothing.
+    """Return a body of this type without slings, forces or contacts.
 
-    It rests where this one is, and its equations are 0 = 0: what it adds to the rope's is 0.
+    It stays where this one is, and its equations are 0 = 0: its contribution to the rope is 0.
     """
     records, now = np.zeros_like(body.records), body.records[int(body.memory[0, 0])]
     for first, count in ((at.X, 3), (at.Q, 4), (at.WATER, 3)):
         records[0, first : first + count] = now[first : first + count]
     memory = body.memory.copy()
-    memory[0] = 0.0  # the record that holds
+    memory[0] = 0.0  # index of the valid record
     return body._replace(
         memory=memory,
         records=records,
@@ -77,7 +81,7 @@ def _parked(body: RigidBody) -> RigidBody:
 
 
 def _untouched(part: Any) -> Any:
-    """A part of a body that weighs nothing and has no corners."""
+    """Return a component of a body without weight and corners."""
     if isinstance(part, Afloat):
         return part._replace(columns=np.zeros((0, part.columns.shape[1])), slam=0.0)
     return part

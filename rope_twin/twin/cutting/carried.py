@@ -1,7 +1,7 @@
-"""What effects carry from step to step by themselves (core/solve/remembering), for a rope in two.
+"""Internal variables of effects (core/solve/remembering) for a rope in two parts.
 
-Each part has arrays of its own for it, so that neither moves what the other goes on from. Nodes
-keep their numbers; the node put in at the cut takes those between its neighbours', as where an
+Each part has its own arrays, so that neither changes the state of the other. Nodes keep their
+values; the node inserted at the cut takes values between those of its neighbours, as where an
 element splits.
 """
 
@@ -18,18 +18,18 @@ from rope_twin.core.vortices.drag_growth import GROWTH, DragGrowth
 
 
 def is_carried(effect: Any) -> bool:
-    """Whether an effect remembers, so that two ropes cannot share it."""
+    """Return whether an effect has internal variables, so that two ropes cannot share it."""
     return numbers_carried(type(effect)) > 0
 
 
 def of_part(effects: tuple[Any, ...], s: Floats, lost_m: float, spare: int) -> tuple[Any, ...]:
-    """The effects for a part of their rope.
+    """Return the effects for a part of their rope.
 
     Args:
-        effects: of the whole rope, or the same without what is at its lower end.
-        s: of the part's free nodes, in the whole rope [m].
-        lost_m: the part begins so far above the whole rope's lower end.
-        spare: for how many nodes more than the whole rope's.
+        effects: of the whole rope, or the same without the load at its lower end.
+        s: coordinates of the part's free nodes in the whole rope [m], (nodes,).
+        lost_m: start of the part above the whole rope's lower end [m].
+        spare: additional capacity in nodes.
     """
     return tuple(
         own._replace(memory=_memory_of(own, s, lost_m, spare)) if is_carried(own) else own
@@ -38,13 +38,13 @@ def of_part(effects: tuple[Any, ...], s: Floats, lost_m: float, spare: int) -> t
 
 
 def sheds_in_step(effect: Any) -> bool:
-    """Whether it is a model of vortices that are shed at the nodes, inside the step."""
+    """Return whether an effect is a VIV model at the nodes inside the step."""
     at_nodes = is_carried(effect) and "load_nodes" in hooks_of(type(effect))
     return at_nodes and not isinstance(effect, DragGrowth)
 
 
 def without_growth(effects: tuple[Any, ...]) -> tuple[Any, ...]:
-    """The same for rope that falls: slack rope has no modes, so no drag grows by its vibration."""
+    """Reset the drag amplification of a falling part: slack rope has no modes."""
     for own in effects:
         if isinstance(own, DragGrowth):
             own.memory[GROWTH] = 0.0
@@ -52,12 +52,12 @@ def without_growth(effects: tuple[Any, ...]) -> tuple[Any, ...]:
 
 
 def own_copies(effects: tuple[Any, ...]) -> tuple[Any, ...]:
-    """The effects, those that remember with copies of all their arrays."""
+    """Return the effects; those with internal variables get copies of all their arrays."""
     return tuple(_copy(own) if is_carried(own) else own for own in effects)
 
 
 def carried_arrays(effects: tuple[Any, ...]) -> list[Floats]:
-    """All arrays of the effects that remember, themselves."""
+    """Return all arrays of the effects with internal variables, not copied."""
     return [part for own in effects if is_carried(own) for part in own if _is_array(part)]
 
 
@@ -71,7 +71,7 @@ def _is_array(part: Any) -> bool:
 
 
 def _memory_of(effect: Any, s: Floats, lost_m: float, spare: int) -> Floats:
-    """Memory for these nodes: numbers interpolated, rows of its own as at the nearest node."""
+    """Return memory for these nodes: values interpolated, other rows as at the nearest node."""
     memory, k = effect.memory, numbers_carried(type(effect))
     old, n = int(memory[3 * k, -1]), len(s)
     marks = memory[3 * k, :old]

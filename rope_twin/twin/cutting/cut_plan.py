@@ -1,4 +1,4 @@
-"""A cut that is planned before a run: words and what they mean, without a scene."""
+"""Cut planned before a run: its text form and meaning, without a scene."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from rope_twin.errors import InputError, phrase
 
-LEAST_M = 1.0  # of rope that stays at the hang-off, and on what is at the lower end
-AT_LOWER_END = math.inf  # as a place: as near to the lower end as can be
+LEAST_M = 1.0  # minimum length left at the hang-off, and at the lower end
+AT_LOWER_END = math.inf  # position as close to the lower end as possible
 _FORM = (
     "write PLACE@SECONDS: metres below the hang-off, or end, and twin time, like 1500@30, or "
     "leg:4@30 where ropes meet"
@@ -20,11 +20,11 @@ class PlannedCut(NamedTuple):
 
     at_ns: int  # twin time
     below_m: float  # unstretched rope between hang-off and cut; infinite: at the lower end
-    rope: str = ""  # its name, where several meet; without one the first
+    rope: str = ""  # its name in a multi-line scene; "": the first
 
 
 def read_plan(words: str) -> PlannedCut | None:
-    """A cut from PLACE@SECONDS, as `1500@30`, `end@30` or `leg:4@30`; None of no words.
+    """Return a cut from PLACE@SECONDS (`1500@30`, `end@30` or `leg:4@30`); None for no words.
 
     Raises:
         InputError: the words are no plan.

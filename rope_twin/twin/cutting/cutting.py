@@ -1,4 +1,4 @@
-"""The order to cut the rope: judged when it comes, kept until it is due, done once."""
+"""Command to cut a rope: validated on arrival, kept until it is due, executed once."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from rope_twin.twin.cutting.cut_plan import AT_LOWER_END, LEAST_M, PlannedCut, r
 from rope_twin.twin.health import AHEAD_NS, InputCounter, too_late
 from rope_twin.twin.snapshot import CutShot, InputHealth
 
-ANY = "rope"  # of a message that names none
+ANY = "rope"  # name in a message that means no particular rope
 
 
 def plan_for(scene: Scene, words: str) -> PlannedCut | None:
-    """As `read_plan`, of a scene in which it can come true.
+    """Return the cut that `read_plan` reads, if it is possible in the scene.
 
     Raises:
-        InputError: also if it never can.
+        InputError: the words are no plan, or the cut is never possible.
     """
     plan = read_plan(words)
     if plan is None:
@@ -41,18 +41,21 @@ def plan_for(scene: Scene, words: str) -> PlannedCut | None:
 
 
 class CutInput:
-    """Takes one order; the rope is cut once."""
+    """Input of one cut command."""
 
     def __init__(self, scene: Scene) -> None:
         self.counter = InputCounter("cut")
         self.done: CutShot | None = None
         self._whole = _why_not(scene)  # why this rope cannot be cut at all
         self._scene = scene
-        # due at [ns], metres below the upper end, which rope
+        # due time [ns], metres below the upper end, number of the rope
         self._waiting: tuple[int, float, int] | None = None
 
     def offer(self, stamp_ns: int | None, below_m: float, now_ns: int, rope: str = "") -> str:
-        """Cut so far below the upper end, unstretched (None: at once); "" or the refusal."""
+        """Submit a cut below the upper end (stamp None: at once); return "" or the rejection.
+
+        below_m: unstretched distance below the upper end [m].
+        """
         fault = self._fault(stamp_ns, below_m, now_ns)
         if fault is None and (wrong := _unknown(self._scene, rope)):
             fault = "impossible", *wrong
@@ -65,16 +68,16 @@ class CutInput:
         return ""
 
     def steps_before(self, now_ns: int, step_ns: int, steps: int) -> int:
-        """How many of the steps from now on come before it is due."""
+        """Return how many of the coming steps lie before the cut."""
         if self._waiting is None:
             return steps
         return min(steps, max(1, -(-(self._waiting[0] - now_ns) // step_ns)))
 
     def take(self, now_ns: int, length_m: Callable[[int], float]) -> tuple[float, int] | None:
-        """Length of the lower part [m] and which rope if one is to be cut now, else None.
+        """Return the length of the lower part [m] and the rope number if a cut is due, else None.
 
-        length_m: of a rope, unstretched. A place where there is no rope by then is refused: the
-        rope stays whole.
+        length_m: returns the unstretched length of a rope. A position beyond the rope's present
+        length is rejected: the rope stays whole.
         """
         if self._waiting is None or self._waiting[0] > now_ns:
             return None
@@ -91,7 +94,7 @@ class CutInput:
         return line_out_m - below_m, rope
 
     def health(self, now_ns: int) -> dict[str, InputHealth]:
-        """What became of the orders; empty while none has come."""
+        """Return the health of the input; empty before the first command."""
         came = self.counter.accepted or self.counter.refused
         return {"cut": self.counter.health(now_ns, False)} if came else {}
 
@@ -120,13 +123,13 @@ class CutInput:
 
 
 def rope_called(scene: Scene, name: str) -> int:
-    """The number of the rope of this name; without one, or where there is one only, the first."""
+    """Return the number of the rope of this name; 0 without a name or in a single-line scene."""
     names = [line.name for line in scene.ropes]
     return names.index(name) if is_joined(scene) and name in names else 0
 
 
 def _unknown(scene: Scene, name: str) -> tuple[str, str] | None:
-    """What is wrong with a rope's name, and what would be right."""
+    """Return the error and the remedy for an unknown rope name; None if it is valid."""
     names = [line.name for line in scene.ropes]
     if name in ("", ANY, *names):
         return None

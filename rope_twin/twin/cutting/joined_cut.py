@@ -1,9 +1,9 @@
-"""A rope cut in two where ropes meet: the system of the parts, and its first step.
+"""Cut of a rope in a multi-line system: the system of the parts, and its first step.
 
-The lower part is one rope more. Its upper end is a joint at which nothing else ends, so that it
-moves freely; what was at the rope's lower end, a joint or a payload, is at that of the lower part.
-The upper part hangs on where the rope did, with nothing at its lower end. All of them go on in one
-step, whether what is below the cut still hangs on other ropes or falls by itself.
+The lower part is an additional rope. Its upper end is a connection with no other rope, so that it
+moves freely; the connection or payload at the rope's lower end is now at that of the lower part.
+The upper part keeps its upper end and has nothing at its lower end. All are advanced in one step,
+whether the part below the cut is still held by other ropes or falls freely.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ _A = slice(rows.ACCELERATION, rows.ACCELERATION + 3)
 
 
 class SeveredSystem(NamedTuple):
-    """Ropes that meet, one of them in two; the lower part is the last rope."""
+    """Multi-line system with one rope cut in two; the lower part is the last rope."""
 
     system: System
     lost_m: float  # unstretched length of the lower part
 
 
 def sever_joined(system: System, border: Boundary, place: Place) -> SeveredSystem:
-    """Cut a rope of a system without sheaves; the system is left as it is.
+    """Cut a rope of a system without sheaves; the argument is unchanged.
 
     border: of all ropes, (ropes, 1, MOTIONS).
 
@@ -80,7 +80,7 @@ def sever_joined(system: System, border: Boundary, place: Place) -> SeveredSyste
 
 
 def scene_of_parts(scene: Scene, number: int, lost_m: float) -> Scene:
-    """The scene as it is then: the rope ends nowhere, the last rope comes from nowhere."""
+    """Return the scene after the cut: the rope ends nowhere, the last rope comes from nowhere."""
     line = scene.ropes[number]
     upper = replace(line, to="", fixed_at_m=None)
     lower: RopeLine = replace(line, name=f"{line.name}/lower", from_="", length_m=lost_m)
@@ -90,9 +90,10 @@ def scene_of_parts(scene: Scene, number: int, lost_m: float) -> Scene:
 
 
 def advance_in_pieces(system: System, boundary: Boundary, time: float) -> Floats | None:
-    """The first step after a cut, in doubling pieces (see `parted`); None: all is as before.
+    """Advance the first step after a cut in doubling substeps (see `parted`).
 
-    boundary: (ropes, 2, MOTIONS). Returns the ropes' pulls at its end, (ropes, 1, PULL_COLUMNS).
+    boundary: (ropes, 2, MOTIONS). Returns the forces on the upper ends after it [N], (ropes, 1,
+    PULL_COLUMNS), or None if it failed and all is unchanged.
     """
     pull = np.zeros((len(system.ropes), 1, rows.PULL_COLUMNS))
     kept = copy.deepcopy(([rope.state for rope in system.ropes], system.joints))
@@ -120,7 +121,7 @@ def _with_step(system: System, step: float) -> System:
 
 
 def _of_two_elements(nodes: Nodes, k: int) -> tuple[Nodes, int]:
-    """Both parts of two elements at least, as a rope between joints has to be."""
+    """Divide parts of one element in two, as a rope between connections needs two elements."""
     if k == 1:
         nodes, _ = nodes.with_node_at(0.5 * float(nodes.s[1]))
         k = 2
@@ -130,14 +131,14 @@ def _of_two_elements(nodes: Nodes, k: int) -> tuple[Nodes, int]:
 
 
 def _with_one_more(border: Boundary) -> Boundary:
-    """A border with a row for the lower part, of which nothing is read."""
+    """Return a boundary with a row for the lower part, which is not used."""
     return Boundary(*(np.concatenate([table, table[-1:]]) for table in border))
 
 
 def _find_accelerations(
     system: System, parts: tuple[int, int], border: Boundary, time: float
 ) -> None:
-    """Give the parts' nodes the acceleration that their forces are, all else as it is."""
+    """Set the accelerations of the parts' nodes from their forces; all else is unchanged."""
     value, rate = border
     both = Boundary(
         np.concatenate([value, value + INSTANT_S * rate], axis=1),
@@ -159,6 +160,6 @@ def _find_accelerations(
 
 
 def _take_accelerations(rope: Rope, trial: Rope, *, held: bool) -> None:
-    """held: the upper end keeps its own."""
+    """Copy accelerations from a trial step; held: except that of the upper end."""
     n = int(rope.state.counts[rows.ELEMENTS]) + (0 if held else 1)
     rope.state.nodes[_A, :n] = trial.state.nodes[_A, :n]

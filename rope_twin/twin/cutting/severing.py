@@ -1,17 +1,17 @@
-"""A rope in two: what a cut makes of the solver's arrays, and how the part that falls is stepped.
+"""Cut of a rope: the solver's arrays of both parts, and the step of the falling part.
 
-The cut is a node: where none is, one is put into the element: place, velocity and length offset are
-interpolated, so that mass, momentum, height and stretch stay as they are (kinetic energy loses
-¼·m·ξ·(1 - ξ)·|Δv|² of the element's mass m). The node is then the end of both parts, in each with
-the half element that it has there. Both ends begin with the acceleration that
-the forces left on them give, that of a step of a microsecond, taken twice.
+The cut is at a node. Where none is, one is inserted into the element: position, velocity and length
+offset are interpolated, so that mass, momentum, height and stretch are unchanged (kinetic energy
+loses ¼·m·ξ·(1 - ξ)·|Δv|² of the element's mass m). The node is then the end of both parts, in each
+with the half element that it has there. Both ends start with the acceleration of the forces left on
+them, from a step of a microsecond taken twice.
 
 The upper part hangs on as before, with nothing at its lower end. The lower part has a free upper
-end. The step holds the uppermost node of a rope, so this one goes on beyond its end in a section
-without mass, volume, area, stiffness and damping, which can neither pull nor weigh: the end is free
-to the bit. The node that holds that section goes ahead of the end along it, so that the end's
-tangent is the rope's own. Effects that bend the rope see a section so long that it resists nothing;
-those that shed vortices count the rope between nodes, and see one of 2 mm: 1 mm more at the end.
+end. The step holds the uppermost node of a rope, so this part continues beyond its end in a section
+without mass, volume, area, stiffness and damping, which transmits no force: the end is exactly
+free. The node that holds that section moves ahead of the end along it, so that the end's tangent is
+the rope's own. For effects with bending stiffness the section is so long that it does not resist;
+VIV models count the rope between nodes, and get a section of 2 mm: 1 mm more at the end.
 """
 
 from __future__ import annotations
@@ -42,17 +42,17 @@ from rope_twin.scene.arrays.grid import ROOM, halvings
 from rope_twin.twin.cutting.carried import of_part, own_copies, sheds_in_step, without_growth
 from rope_twin.twin.elements import elements_of, tensions
 
-NEAR = 0.01  # of an element: a node so near is where the rope is cut
-BEYOND_M = 1e9  # length of the section that is not there
-BEYOND_SHEDDING_M = 2.0 * SMALLEST_REST  # the same where nodes shed: as short as can be
-AHEAD_M = 1.0  # where its upper end is held: so far beyond the free end
+NEAR = 0.01  # of an element: the rope is cut at a node within this distance
+BEYOND_M = 1e9  # length of the massless section beyond the free end
+BEYOND_SHEDDING_M = 2.0 * SMALLEST_REST  # the same with VIV models: as short as possible
+AHEAD_M = 1.0  # distance of its held upper end beyond the free end
 INSTANT_S = 1e-6
-SPARE = 16  # nodes: those put in, and the one beyond
+SPARE = 16  # nodes: those inserted, and the one beyond the free end
 _X, _V, _A = (slice(k, k + 3) for k in (rows.POSITION, rows.VELOCITY, rows.ACCELERATION))
 
 
 class Nodes(NamedTuple):
-    """A rope's nodes and elements from the lower end up."""
+    """Nodes and elements of a rope from the lower end up."""
 
     motion: Floats  # position, velocity, acceleration of the material, (NODE_ROWS, nodes)
     s: Floats  # (nodes,)
@@ -60,7 +60,7 @@ class Nodes(NamedTuple):
     tension: Floats  # (elements,)
 
     def with_node_at(self, s: float) -> tuple[Nodes, int]:
-        """Itself with a node there, and which one that is."""
+        """Return these nodes with one at this material coordinate [m], and its index."""
         e = int(np.searchsorted(self.s, s, side="right")) - 1
         e = min(max(e, 0), len(self.offset) - 1)
         share = (s - self.s[e]) / (self.s[e + 1] - self.s[e])
@@ -77,30 +77,30 @@ class Nodes(NamedTuple):
 
 
 class Severed(NamedTuple):
-    """The two parts of a rope."""
+    """Two parts of a cut rope."""
 
     upper: Rope
-    lower: Rope  # with the section that is not there on top
+    lower: Rope  # with the massless section on top
     lost_m: float  # unstretched length of the lower part
 
 
 class Place(NamedTuple):
-    """Where and when a rope is cut."""
+    """Position and time of a cut."""
 
     at_m: float  # unstretched length of the part below the cut
-    least_m: float  # how short the winch may haul the part above
+    least_m: float  # minimum payout of the winch above
     time: float  # now [s]
-    rope: int = 0  # which one, where several meet
+    rope: int = 0  # its number in a multi-line scene
 
 
 def sever(rope: Rope, border: Boundary, place: Place, bare: tuple[Any, ...]) -> Severed:
     """Cut a rope.
 
     Args:
-        rope: whole; it is left as it is.
+        rope: whole rope; unchanged.
         border: its prescribed motion now, in row 0.
-        place: where.
-        bare: its effects without what is at its lower end.
+        place: position of the cut.
+        bare: its effects without the load at its lower end.
 
     Raises:
         SolverError: the forces at a new end are not finite.
@@ -122,19 +122,19 @@ def sever(rope: Rope, border: Boundary, place: Place, bare: tuple[Any, ...]) -> 
 
 
 def rope_s(rope: Rope) -> Floats:
-    """Material coordinates of its nodes, a view [m]."""
+    """Material coordinates of the nodes, a view [m], (nodes,)."""
     return rope.state.s[: int(rope.state.counts[rows.ELEMENTS]) + 1]
 
 
 def without_beyond(lower: Rope) -> Rope:
-    """A lower part as it is, without the section that is not there; a view but for the count."""
+    """Return a lower part without its massless section; a view except for the counts."""
     counts = lower.state.counts.copy()
     counts[rows.ELEMENTS] -= 1
     return lower._replace(state=lower.state._replace(counts=counts))
 
 
 def ahead_of(lower: Rope) -> tuple[Floats, Floats]:
-    """Where the node beyond the free end is held, and its rate, (MOTIONS,) each."""
+    """Position of the held node beyond the free end, and its rate, (MOTIONS,) each."""
     end = int(lower.state.counts[rows.ELEMENTS]) - 1
     x = lower.state.nodes[_X, end]
     along = x - lower.state.nodes[_X, end - 1]
@@ -146,7 +146,7 @@ def ahead_of(lower: Rope) -> tuple[Floats, Floats]:
 
 
 def step_free(lower: Rope, time: float) -> bool:
-    """Advance a lower part by a step; False: the next state would not be finite, it is as before.
+    """Advance a lower part by a step; False: the next state is not finite and it is unchanged.
 
     The node beyond the free end keeps the end's velocity over the step.
     """
@@ -158,14 +158,14 @@ def step_free(lower: Rope, time: float) -> bool:
 
 
 def refresh_tension(rope: Rope, payout_m_per_s: float) -> None:
-    """Tensions of the present state, where another one was tried."""
+    """Recompute the tensions of the present state after a failed trial."""
     now = elements_of(rope.state, rope.sections, payout_m_per_s)
     n = len(now.rest)
     rope.work[rows.TENSION, :n] = tensions(rope, now, rope.state.offset[:n])
 
 
 def nodes_of(rope: Rope, V: float) -> Nodes:
-    """Of the material: at the hang-off the rope passes with v - V·(its vector over l_rest)."""
+    """Return the nodes of the material, which passes the hang-off with v - V·(vector/l_rest)."""
     s = rope_s(rope).copy()
     n = len(s) - 1
     motion = rope.state.nodes[:, : n + 1].copy()
@@ -174,7 +174,7 @@ def nodes_of(rope: Rope, V: float) -> Nodes:
 
 
 def divided(s: Floats, least_m: float) -> list[float]:
-    """Nodes in the lowest element, as in a whole rope that the winch hauls in so far.
+    """Return nodes to insert in the lowest element, as in a whole rope hauled in this far.
 
     The uppermost element shrinks at the sheave and must not be the lowest one too.
     """
@@ -184,7 +184,7 @@ def divided(s: Floats, least_m: float) -> list[float]:
 
 
 def upper_part(rope: Rope, nodes: Nodes, k: int, bare: tuple[Any, ...]) -> Rope:
-    """What hangs on; sections that are gone end below its lower end."""
+    """Return the part that hangs on; sections cut off end below its lower end."""
     sections = rope.sections.copy()
     sections[rows.END] -= nodes.s[k]
     part = Nodes(nodes.motion[:, k:], nodes.s[k:] - nodes.s[k], nodes.offset[k:], nodes.tension[k:])
@@ -196,7 +196,7 @@ def upper_part(rope: Rope, nodes: Nodes, k: int, bare: tuple[Any, ...]) -> Rope:
 
 
 def falling_part(rope: Rope, nodes: Nodes, k: int) -> Rope:
-    """What is below node k, as it is; no element of it splits or merges."""
+    """Return the part below node k; its elements neither split nor merge."""
     motion, s = nodes.motion[:, : k + 1], nodes.s[: k + 1]
     part = Nodes(motion, s, nodes.offset[:k], nodes.tension[:k])
     state = _state(part, rope.state.s.shape[0] + SPARE)
@@ -205,7 +205,7 @@ def falling_part(rope: Rope, nodes: Nodes, k: int) -> Rope:
 
 
 def _lower(rope: Rope, nodes: Nodes, k: int) -> Rope:
-    """What falls, with the section that is not there above it."""
+    """Return the falling part with the massless section above it."""
     lost = nodes.s[k]
     sections = np.hstack([rope.sections, np.zeros((rows.SECTION_ROWS, 1))])
     sections[rows.END, :-1] = np.minimum(sections[rows.END, :-1], lost)
@@ -225,13 +225,13 @@ def _lower(rope: Rope, nodes: Nodes, k: int) -> Rope:
 
 
 def _beyond_m(effects: tuple[Any, ...]) -> float:
-    """How long the section is that is not there."""
+    """Return the length of the massless section [m]."""
     sheds = any(sheds_in_step(own) for own in effects)
     return BEYOND_SHEDDING_M if sheds else BEYOND_M
 
 
 def _with_nothing(law: Table) -> Table:
-    """The table with a section more, whose tension is 0 at any strain."""
+    """Return the tension table with a section of zero tension at any strain."""
     knots = law.knot.shape[1]
     last = {field: np.zeros((1, knots)) for field in Table._fields}
     last["knot"][0, 1:] = np.inf
@@ -247,7 +247,7 @@ def _state(part: Nodes, room: int) -> State:
 
 
 def _filled(rope: Rope, state: State, part: Nodes) -> Rope:
-    """The part with scratch of its own and the tolerance of its own weight."""
+    """Return the part with its own scratch arrays and a tolerance from its weight."""
     work = new_work(columns_for(state.s.shape[0]), work_rows(rope.effects))
     work[rows.TENSION, : len(part.tension)] = part.tension
     own = max(TOLERANCE_SHARE * _weight_n(rope, part), TOLERANCE_LEAST_N)
@@ -256,7 +256,7 @@ def _filled(rope: Rope, state: State, part: Nodes) -> Rope:
 
 
 def _weight_n(rope: Rope, part: Nodes) -> float:
-    """Of the rope itself in water, either way [N]."""
+    """Weight of the rope in water, as a magnitude [N]."""
     section = np.searchsorted(rope.sections[rows.END], part.s[:-1] + SAME_PLACE, side="right")
     mass, volume = rope.sections[rows.PER_METRE : rows.PER_METRE + 2, section]
     return sum(
@@ -267,7 +267,7 @@ def _weight_n(rope: Rope, part: Nodes) -> float:
 
 
 def _find_accelerations(part: Rope, border: Boundary, time: float) -> None:
-    """Give a part's nodes the acceleration that its forces are, all else as it is."""
+    """Set the accelerations of a part's nodes from its forces; all else is unchanged."""
     model = part.model._replace(step=INSTANT_S, split_above=np.inf, merge_below=0.0)
     after = border.value + INSTANT_S * border.rate
     both = Boundary(np.vstack([border.value, after]), np.vstack([border.rate, border.rate]))
