@@ -1,7 +1,7 @@
-"""The prescribed motion of an ensemble's members, a batch of steps at a time.
+"""Boundary conditions of an ensemble's members, computed a batch of steps at a time.
 
-Members with the same inputs share the numbers: whoever needs a batch first computes it. They are
-the numbers that a `Twin` gets from the same samples, to the bit.
+Members with the same inputs share them: the member that needs a batch first computes it. They are
+bit-identical to those of a `Twin` with the same samples.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from rope_twin.twin.motion.ship import ramp
 
 
 def foreseen(scene: WinchScene | None, commands: Sequence[OrderSample] | None) -> bool:
-    """Whether the line out follows from commands and heave alone, not from the rope's tension."""
+    """Return whether paid-out length follows from commands and heave, without tension feedback."""
     if scene is None:
         return True
     if commands is None:
@@ -38,7 +38,7 @@ def foreseen(scene: WinchScene | None, commands: Sequence[OrderSample] | None) -
 
 
 class WinchTrack:
-    """Line out over the steps, from commands that are known in advance."""
+    """Paid-out length over the steps, from commands that are known in advance."""
 
     def __init__(
         self,
@@ -47,10 +47,11 @@ class WinchTrack:
         commands: Sequence[OrderSample] | None,
         step_s: float,
     ) -> None:
-        """`commands` None: the schedule of the scene.
+        """Start from `length_m` with these commands; None: the schedule of the scene.
 
         Raises:
-            InputError: the winch refuses a command, or feels the rope: that is not known ahead.
+            InputError: the winch rejects a command, or a command needs tension feedback, which
+                cannot be computed in advance.
         """
         if not foreseen(scene, commands):
             what = "its drive, brake, or an order by depth or tension depends on the rope's tension"
@@ -69,10 +70,10 @@ class WinchTrack:
         self._first, self._lines = 0, np.array([[length_m, 0.0]])
 
     def through(self, first: int, steps: int, heave_rate: Floats | None = None) -> Floats:
-        """Line out [m] and its rate [m/s] at the borders of the steps, (steps + 1, 2).
+        """Paid-out length [m] and its rate [m/s] at the step boundaries, (steps + 1, 2).
 
-        Batches come in order, each maybe several times. `heave_rate`: of the hang-off at the end of
-        each step [m/s]; None: it lies still.
+        Batches come in order, each maybe several times. heave_rate: of the hang-off at the end of
+        each step [m/s]; None: no motion.
         """
         rates = np.zeros(steps) if heave_rate is None else heave_rate
         with self._lock:
@@ -86,7 +87,7 @@ class WinchTrack:
             return self._lines
 
     def _offer(self, from_ns: int, to_ns: int) -> None:
-        """Hand the winch what it needs for a batch; the trial has shown that it takes all."""
+        """Pass the commands of a batch to the winch; the trial has shown that it accepts them."""
         due = [] if self._commands is not None else schedule_samples(self._scene, from_ns, to_ns)
         while self._commands and self._commands[0].stamp_ns < to_ns:
             due.append(self._commands.popleft())
@@ -95,12 +96,12 @@ class WinchTrack:
 
 
 class Borders:
-    """Hang-off and line out over the steps, for all members that share them."""
+    """Hang-off and paid-out length over the steps, for all members that share them."""
 
     def __init__(
         self, ship: Ship, winch: WinchTrack, heave: HeaveSeries | None, step_s: float
     ) -> None:
-        """`heave` None: the ship lies still."""
+        """Combine the motion of ship and winch; heave None: the ship does not move."""
         self._ship, self._winch, self._heave = ship, winch, heave
         self._step_ns = round(step_s * 1e9)
         self._lock = threading.Lock()
@@ -110,10 +111,10 @@ class Borders:
         self.boundary.value[0, LINE] = winch.through(0, 0)[0, 0]
 
     def through(self, first: int, steps: int) -> Boundary:
-        """The motion at the borders of the steps, (steps + 1, MOTIONS); only to be read.
+        """Motion at the step boundaries, (steps + 1, MOTIONS); read-only.
 
         Raises:
-            InputError: heave or commands do not serve.
+            InputError: the heave series or the commands are invalid for these steps.
         """
         with self._lock:
             if (self._first, len(self.boundary.value)) != (first, steps + 1):
@@ -144,7 +145,7 @@ class Borders:
 
 @lru_cache(maxsize=16)
 def _ramps(first: int, steps: int, step_ns: int, duration_s: float) -> tuple[Floats, Floats]:
-    """The ship's start-up ramp and its rate at the borders after `first`, (steps,) each."""
+    """Build-up factor of the ship's motion, and its rate, at the boundaries after `first`."""
     borders = range(first + 1, first + steps + 1)
     pairs = np.array([ramp(border * step_ns * 1e-9, duration_s) for border in borders])
     return np.ascontiguousarray(pairs[:, 0]), np.ascontiguousarray(pairs[:, 1])

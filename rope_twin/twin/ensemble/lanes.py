@@ -1,8 +1,8 @@
-"""A turn of members whose ropes are stepped in SIMD lanes.
+"""Batches of ensemble members whose ropes are stepped in SIMD lanes.
 
-Each gets the numbers that it would get alone, to the bit, so that who shares a group with whom does
-not matter. What is rare (a step that is halved or searched along, an element that splits or merges)
-a member does by itself; one that does so often goes on alone until the end of the turn.
+Each member gets bit-identical results to stepping alone, so the grouping does not matter. Rare
+events (a step that is halved or needs a line search, an element that splits or merges) are computed
+for the member alone; a member with many of them leaves the group until the end of the batch.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from rope_twin.core.lanes.step import Run
 from rope_twin.core.state import ELEMENTS, PULL_COLUMNS, TENSION, Boundary, Floats
 from rope_twin.twin.ensemble.member import Batch, Member, Scratch
 
-LEAST = 4  # members that are worth a group: all lanes cost what three or four ropes cost alone
-OFTEN, OFTEN_LEAST = 0.2, 10  # steps done alone, of all; and at least so many
+LEAST = 4  # minimum members of a group: all lanes cost as much as three or four single ropes
+OFTEN, OFTEN_LEAST = 0.2, 10  # fraction and minimum number of steps done alone to leave
 
 
 def sort_into_groups(members: Iterable[Member], abreast: int = LANES) -> list[list[Member]]:
-    """Members that can share a group, so many at most; and those alone that find too few others."""
+    """Return groups of at most `abreast` members of one kind; members of small groups are alone."""
     kinds: dict[Kind | None, list[Member]] = {}
     for member in members:
         kinds.setdefault(member.kind(), []).append(member)
@@ -36,7 +36,7 @@ def sort_into_groups(members: Iterable[Member], abreast: int = LANES) -> list[li
 
 
 def compile_lanes(groups: Iterable[Sequence[Member]]) -> None:
-    """Compile the step in lanes for groups that have several members, where it is not yet."""
+    """Compile the SIMD step for groups of several members, if it is not compiled yet."""
     kinds = (some[0].kind() for some in groups if len(some) > 1)
     by_types = {tuple(own[0] for own in kind.effects): kind for kind in kinds if kind is not None}
     for kind in by_types.values():
@@ -44,7 +44,7 @@ def compile_lanes(groups: Iterable[Sequence[Member]]) -> None:
 
 
 def take_turn(members: Sequence[Member], steps: int, look_steps: int, scratch: Scratch) -> None:
-    """Step members on that share a group, or one alone."""
+    """Advance the members of a group by a batch of steps."""
     if len(members) == 1:
         members[0].advance(steps, look_steps, scratch)
     else:
@@ -52,7 +52,7 @@ def take_turn(members: Sequence[Member], steps: int, look_steps: int, scratch: S
 
 
 class _Turn:
-    """Members of one kind on their way through a batch of steps."""
+    """A batch of steps of members of one kind."""
 
     def __init__(
         self, members: Sequence[Member], steps: int, look_steps: int, scratch: Scratch
@@ -65,12 +65,12 @@ class _Turn:
         self._boundaries = [member.borders.through(self._before, steps) for member in members]
         self._group = scratch.group(kind)
         self._group.begin([member.rope for member in members], self._boundaries)
-        self._members = dict(enumerate(members))  # by lane, those that are still in it
-        self._alone: dict[int, list[int]] = {lane: [] for lane in self._members}  # steps done so
-        self._tension: dict[int, Floats] = {}  # after the last of these
+        self._members = dict(enumerate(members))  # by lane, those still in the group
+        self._alone: dict[int, list[int]] = {lane: [] for lane in self._members}  # steps alone
+        self._tension: dict[int, Floats] = {}  # by lane, after the last step alone
 
     def run(self) -> None:
-        """Do all steps."""
+        """Do all steps of the batch."""
         done = 0
         while self._members and done < self._steps:
             wanted = sum(1 << lane for lane in self._members)
@@ -103,7 +103,7 @@ class _Turn:
             group.put(lane, state)
 
     def _leave(self, lane: int, done: int) -> None:
-        """A member takes its rope out after `done` steps; the rest of the turn it does alone."""
+        """Take a rope out of the group after `done` steps; it completes the batch alone."""
         member, group, alone = self._members.pop(lane), self._group, self._alone[lane]
         if not member.failure and not (alone and alone[-1] == done):
             group.take(lane, member.rope.state)
