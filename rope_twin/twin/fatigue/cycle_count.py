@@ -1,9 +1,9 @@
-"""Rainflow counting of many series while they grow (ASTM E1049-85, 5.4.4): nothing is read twice.
+"""Incremental rainflow counting of many series (ASTM E1049-85, 5.4.4).
 
-Of each series only the turning points whose range is still open are kept. With every new one the
-last two ranges are compared: a range that the next one covers is a cycle, or half of one if it
-holds the first point. What stays open counts as half cycles when somebody asks. All series are
-looked at together, by array; a sum does not depend on how the samples came in pieces.
+For each series only the turning points of open ranges are stored. At each new turning point the
+last two ranges are compared: a range covered by the next one is a cycle, or half a cycle if it
+contains the first point. Ranges still open count as half cycles when the total is requested. All
+series are processed together as arrays; the sum does not depend on how the samples were grouped.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from numpy.typing import NDArray
 from rope_twin.twin.fatigue.endurance import Cycles, Vector
 
 Numbers = NDArray[np.int64]
-Cost = Callable[[Numbers, Cycles], Vector]  # of which series each cycle is; what each of them uses
-ROOM = 16  # open turning points of a series at first
+Cost = Callable[[Numbers, Cycles], Vector]  # damage of each cycle, given its series
+ROOM = 16  # initial capacity for open turning points of a series
 
 
 class CycleCount:
-    """So many series, from their first value on; a NaN is no value and changes nothing."""
+    """Rainflow count of several series from their first value on; a NaN is skipped."""
 
     def __init__(self, series: int) -> None:
-        self.used = np.zeros(series)  # by closed cycles
-        self.cycles = np.zeros(series)  # closed
+        self.used = np.zeros(series)  # damage by closed cycles
+        self.cycles = np.zeros(series)  # number of closed cycles
         self._last = np.full(series, np.inf)  # newest value, inf: none yet
-        self._way = np.zeros(series)  # 1 up, -1 down, 0 not known yet
+        self._way = np.zeros(series)  # direction: 1 up, -1 down, 0 not known yet
         self._open = np.zeros((series, ROOM))  # turning points
         self._count = np.zeros(series, np.int64)
 
     def take(self, values: Vector, cost: Cost) -> None:
-        """The next value of each series."""
+        """Take the next value of each series, (series,)."""
         begun = np.isfinite(self._last)
         new = np.where(np.isnan(values), self._last, values)
         with np.errstate(invalid="ignore"):
@@ -45,7 +45,7 @@ class CycleCount:
         self._last = new
 
     def total(self, cost: Cost) -> Vector:
-        """What all cycles use, the open ones as half cycles, (series,)."""
+        """Return the damage of all cycles, with the open ones as half cycles, (series,)."""
         end = copy.deepcopy(self)
         begun = np.flatnonzero(end._count > 0)
         end._push(begun, end._last[begun], cost)
@@ -56,7 +56,7 @@ class CycleCount:
         return end.used
 
     def _push(self, which: Numbers, points: Vector, cost: Cost) -> None:
-        """A turning point of these series, and the cycles that it closes."""
+        """Add a turning point to these series, and close the cycles that it completes."""
         if int(self._count.max(initial=0)) + 1 >= self._open.shape[1]:
             self._open = np.hstack([self._open, np.zeros_like(self._open)])
         kept, count = self._open, self._count

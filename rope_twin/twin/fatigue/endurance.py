@@ -1,7 +1,7 @@
-"""How many cycles a rope endures: curves of stress and of tension, and Miner's sum.
+"""S-N curves (stress) and T-N curves (tension) of rope fatigue, and Miner's sum.
 
-Curves are those of DNV-OS-E301 (stress on the metal area) and API RP 2SK (tension over the breaking
-load). Miner (1945): a cycle uses the share 1/N of what the rope endures; at 1 it breaks.
+The curves are those of DNV-OS-E301 (stress on the metal area) and API RP 2SK (tension over the
+breaking load). Miner (1945): a cycle uses the fraction 1/N of the fatigue life; failure is at 1.
 """
 
 from __future__ import annotations
@@ -19,61 +19,61 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 STEEL_KG_PER_M3 = 7850.0
-ALL_STEEL_KG_PER_M3 = 7000.0  # mass over displaced volume; less: fibre, or much that is not steel
+ALL_STEEL_KG_PER_M3 = 7000.0  # minimum mass over displaced volume of an all-steel rope
 
 
 @dataclass(frozen=True)
 class Cycles:
     """Cycles of a load, each array (cycles,)."""
 
-    range: Vector  # from trough to crest
+    range: Vector  # double amplitude, from trough to crest
     mean: Vector
     count: Vector  # 1, or 0.5 for a half cycle
 
 
 @dataclass(frozen=True)
 class Strength:
-    """What a curve needs to know of a rope."""
+    """Properties of a rope that a curve needs."""
 
-    metal_area_m2: float  # NaN: it is not all of steel
+    metal_area_m2: float  # NaN: not all steel
     breaking_load_n: float
 
 
 class Curve(Protocol):
-    """How many cycles a rope endures."""
+    """Interface of a fatigue curve."""
 
     def damage(self, cycles: Cycles, strength: Strength) -> float:
-        """Miner's sum of cycles of tension [N]; 1: it breaks."""
+        """Return Miner's sum of cycles of tension [N]; 1: failure."""
 
 
 @dataclass(frozen=True)
 class StressCurve:
-    """N = constant·S^-exponent, S the range of stress on the metal area [MPa]."""
+    """S-N curve N = constant·S^-exponent, S the stress range on the metal area [MPa]."""
 
     constant: float
     exponent: float
 
     def used(self, cycles: Cycles) -> Vector:
-        """Share of life that each cycle of stress [Pa] uses, (cycles,)."""
+        """Return the damage of each cycle of stress [Pa], (cycles,)."""
         used: Vector = cycles.count * (1e-6 * cycles.range) ** self.exponent / self.constant
         return used
 
     def stress_damage(self, cycles: Cycles) -> float:
-        """Miner's sum of cycles of stress [Pa]."""
+        """Return Miner's sum of cycles of stress [Pa]."""
         return float(self.used(cycles).sum())
 
     def damage(self, cycles: Cycles, strength: Strength) -> float:
-        """Miner's sum of cycles of tension [N]."""
+        """Return Miner's sum of cycles of tension [N]."""
         area = strength.metal_area_m2
         return self.stress_damage(Cycles(cycles.range / area, cycles.mean / area, cycles.count))
 
 
 @dataclass(frozen=True)
 class TensionCurve:
-    """N = K·R^-exponent with log10 K = log10_k + per_mean_load·L_m.
+    """T-N curve N = K·R^-exponent with log10 K = log10_k + per_mean_load·L_m.
 
-    R is the range of the tension and L_m its mean, both over the breaking load; L_m is taken of
-    each cycle by itself.
+    R is the range of the tension and L_m its mean, both over the breaking load; L_m is the mean of
+    each individual cycle.
     """
 
     log10_k: float
@@ -81,13 +81,13 @@ class TensionCurve:
     exponent: float
 
     def used(self, cycles: Cycles) -> Vector:
-        """Share of life that each cycle of tension over breaking load uses, (cycles,)."""
+        """Return the damage of each cycle of tension over breaking load, (cycles,)."""
         endured = 10.0 ** (self.log10_k + self.per_mean_load * cycles.mean)
         used: Vector = cycles.count * cycles.range**self.exponent / endured
         return used
 
     def damage(self, cycles: Cycles, strength: Strength) -> float:
-        """Miner's sum of cycles of tension [N]."""
+        """Return Miner's sum of cycles of tension [N]."""
         load = strength.breaking_load_n
         return float(self.used(Cycles(cycles.range / load, cycles.mean / load, cycles.count)).sum())
 
@@ -101,10 +101,10 @@ STRESS_CURVES = {name: one for name, one in CURVES.items() if isinstance(one, St
 
 
 def find_curve(where: str, name: str) -> StressCurve | TensionCurve:
-    """A curve of CURVES.
+    """Return a curve of CURVES; where: the option or key that names it, for messages.
 
     Raises:
-        InputError: there is none of this name; `where` says who asks.
+        InputError: there is none of this name.
     """
     if name not in CURVES:
         raise InputError(phrase(where, f"no curve '{name}'", did_you_mean(name, CURVES)))
@@ -112,10 +112,10 @@ def find_curve(where: str, name: str) -> StressCurve | TensionCurve:
 
 
 def find_stress_curve(where: str, name: str) -> StressCurve:
-    """A curve of STRESS_CURVES.
+    """Return a curve of STRESS_CURVES; where: the option or key that names it, for messages.
 
     Raises:
-        InputError: there is none of this name; `where` says who asks.
+        InputError: there is none of this name.
     """
     if name in STRESS_CURVES:
         return STRESS_CURVES[name]
@@ -126,7 +126,7 @@ def find_stress_curve(where: str, name: str) -> StressCurve:
 
 
 def strength_of(rope: Rope) -> Strength:
-    """Breaking load, and the metal area of a rope that is all of steel."""
+    """Return the breaking load, and the metal area if the rope is all steel."""
     volume = 0.25 * np.pi * rope.hydrodynamic_diameter_m**2
     steel = rope.mass_kg_per_m > ALL_STEEL_KG_PER_M3 * volume
     area = rope.mass_kg_per_m / STEEL_KG_PER_M3 if steel else np.nan
@@ -134,23 +134,24 @@ def strength_of(rope: Rope) -> Strength:
 
 
 def pipe_area(EI: float, EA: float, diameter: float) -> float:
-    """Metal area of the pipe with these stiffnesses [m²], EI/EA = (d² + d_i²)/16; 0: there is none.
+    """Metal area of the pipe with these stiffnesses [m²]; 0: there is none.
 
-    A rope whose bending stiffness is that of a pipe of its diameter is one.
+    From EI/EA = (d² + d_i²)/16: a rope with the bending stiffness of a pipe of its diameter is
+    treated as that pipe.
     """
     inner = 16.0 * EI / EA - diameter**2
     return 0.25 * np.pi * (diameter**2 - inner) if 0.0 < inner < diameter**2 else 0.0
 
 
 def metal_area(rope: Rope, EI: float) -> float:
-    """Of a rope with this bending stiffness, 0 if it has none [m²]; NaN: not all of steel."""
+    """Metal area of a rope with this bending stiffness (0: none) [m²]; NaN: not all steel."""
     return pipe_area(EI, rope.tangent_n(0.0), rope.diameter_m) or strength_of(rope).metal_area_m2
 
 
 def kind_of(rope: Rope, EI: float) -> str:
-    """What a rope with this bending stiffness is other than steel wire, in words; "": it is wire.
+    """Return the type of a rope other than steel wire in words; "" for steel wire.
 
-    Links of chain displace more than a bar of their diameter, wires less.
+    A chain displaces more than a bar of its diameter, a wire rope less.
     """
     if pipe_area(EI, rope.tangent_n(0.0), rope.diameter_m) > 0.0:
         return "a pipe"
@@ -160,7 +161,7 @@ def kind_of(rope: Rope, EI: float) -> str:
 
 
 def other_than_wire(line: RopeLine, name: str, EI: float) -> str:
-    """One sentence on the sections that a curve of wire does not hold for; "": it holds for all."""
+    """Return a warning on sections that a wire rope curve does not cover; "" if there are none."""
     kinds = [(number, kind_of(one.rope, EI)) for number, one in enumerate(line.made_of, start=1)]
     others = [f"section {number} is {kind}" for number, kind in kinds if kind]
     if not others:
@@ -170,10 +171,10 @@ def other_than_wire(line: RopeLine, name: str, EI: float) -> str:
 
 
 def refuse_fibre(line: RopeLine, EI: float = 0.0) -> None:
-    """For a curve of stress.
+    """Reject a rope for which a stress curve cannot be used.
 
     Raises:
-        InputError: a section of the rope is neither all of steel nor a pipe.
+        InputError: a section of the rope is neither all steel nor a pipe.
     """
     for number, section in enumerate(line.made_of):
         if np.isnan(metal_area(section.rope, EI)):

@@ -1,18 +1,18 @@
-"""Fatigue used of every metre of a rope's material, while the twin runs.
+"""Accumulated fatigue damage per metre of rope material, during a run.
 
-A metre belongs to the material: it has its distance from the lower end and keeps it, and what it
-has used, while the winch hauls it in and pays it out again. Aboard it meets no load of the sea: its
-history stands still, as it does below a cut.
+A metre belongs to the material: it keeps its distance from the lower end, and its damage, while the
+winch hauls it in and pays it out again. Aboard it sees no load of the sea, so its history pauses,
+as it does below a cut.
 
-Where the winch has a sheave, a metre that runs over it, either way, is bent and straight again: one
-cycle of the outer wires' E·δ/(D + d) on top of the tension there, by a curve of stress. Every wire
-comes to the outside within a lay of the strands, so all places around the rope have it. Bending on
-the drum is not counted.
+If the winch has a sheave, a metre that runs over it in either direction is bent and straightened:
+one cycle of the outer wires' E·δ/(D + d) on top of the tension there, by a stress curve. Every wire
+comes to the outside within a lay of the strands, so the cycle applies all around the rope. Bending
+on the drum is not counted.
 
-By a curve of stress: tension over the metal area, and where the rope has a bending stiffness E·d/2
-times its curvature, at eight places around its circumference, of which the worst counts. Of a
-stranded rope, whose wires slide, that is an upper bound. The circumference is that of a rope that
-does not twist as it leans over. By a curve of tension: tension alone.
+Stress curve: tension over the metal area and, if the rope has a bending stiffness, E·d/2 times its
+curvature, at eight points around the circumference, of which the worst counts. For a stranded rope,
+whose wires slide, this is an upper bound. The circumference is that of a rope that leans over
+without twisting. Tension curve: tension alone.
 """
 
 from __future__ import annotations
@@ -39,24 +39,24 @@ from rope_twin.twin.findings import MaterialFatigue
 
 PIECE_M = 1.0
 OUT, ABOARD, UNKNOWN = 0, 1, 2
-AROUND = 8  # places around the circumference
+AROUND = 8  # points around the circumference
 
 
 @dataclass(frozen=True)
 class WearWish:
-    """What is to be counted of which rope."""
+    """Settings of the fatigue count."""
 
-    curve: str  # name of an S-N curve
-    bends: bool  # whether curvature is told besides the tension
-    over_sheave_pa: float = 0.0  # stress of bending over the sheave; 0: not counted
+    curve: str  # name of a fatigue curve
+    bends: bool  # whether curvature is given in addition to tension
+    over_sheave_pa: float = 0.0  # bending stress over the sheave; 0: not counted
 
 
 class RopeWear:
-    """Pieces of a metre, from the lower end up to the most rope that the winch has.
+    """Damage of each metre, from the lower end up to the maximum payout.
 
     Raises:
-        InputError: there is no such curve, or it is one of stress and a part of the rope is neither
-            all of steel nor a pipe.
+        InputError: there is no such curve, or it is a stress curve and a part of the rope is
+            neither all steel nor a pipe.
     """
 
     def __init__(self, line: RopeLine, most_line_out_m: float, wish: WearWish, EI: float) -> None:
@@ -86,14 +86,14 @@ class RopeWear:
         return bool(self._per_curvature.any())
 
     def cut_off(self, lost_m: float) -> None:
-        """So much of the rope hangs below a cut [m]: what it has used stays as it is."""
+        """Set the length below a cut [m]; its damage no longer changes."""
         self._lost_m = lost_m
 
     def take(self, rope: Rope, pull_n: float, bent: Floats | None = None) -> None:
-        """One instant of the rope; often enough to meet the crests of what is to be counted.
+        """Take one instant of the rope; the sampling must resolve the crests of the load.
 
-        `pull_n`: on the hang-off; `bent`: curvature of the pieces across the rope as `turned` has
-        it, [1/m], (2, pieces).
+        pull_n: tension at the hang-off [N]; bent: curvature of each metre across the rope, in the
+        components of `turned` [1/m], (2, metres).
         """
         n = int(rope.state.counts[rows.ELEMENTS])
         s, tension = self._lost_m + rope.state.s[: n + 1], rope.work[rows.TENSION, :n]
@@ -108,7 +108,7 @@ class RopeWear:
         self._count.take(loads, self._used)
 
     def _run_over_sheave(self, top_m: float, pull_n: float) -> None:
-        """What has passed the hang-off since the last look, either way: bent, and straight."""
+        """Count a bending cycle for material that passed the hang-off since the last sample."""
         aboard = np.where(self.middles > top_m, ABOARD, OUT)
         passed = (aboard != self._aboard) & (self._aboard != UNKNOWN)
         self._aboard = aboard
@@ -119,7 +119,7 @@ class RopeWear:
             self._count.take(np.tile(load, len(self._around)), self._used)
 
     def shot(self, line_out_m: float, counted_s: float) -> MaterialFatigue:
-        """What is used so far; open cycles count half."""
+        """Return the accumulated damage; open cycles count half."""
         shape = (len(self._around), len(self.middles))
         return MaterialFatigue(
             curve=self.name,
@@ -131,14 +131,14 @@ class RopeWear:
         )
 
     def _used(self, which: Numbers, cycles: Cycles) -> Floats:
-        """What cycles of these series use."""
+        """Return the damage of cycles of these series."""
         return self._curve.used(cycles)
 
 
 def curvature(rope: Rope) -> tuple[Floats, Floats]:
-    """Of the rope at its nodes by the effect that bends it: across it as `turned` has it [1/m].
+    """Curvature of the rope at its nodes by its bending effect, in components of `turned`.
 
-    Material coordinates of the nodes (nodes,), curvature (2, nodes).
+    Returns material coordinates of the nodes [m], (nodes,), and curvature [1/m], (2, nodes).
     """
     n = int(rope.state.counts[rows.ELEMENTS])
     s = rope.state.s[: n + 1]
@@ -156,10 +156,10 @@ def curvature(rope: Rope) -> tuple[Floats, Floats]:
 
 
 def turned(vectors: Floats, along: Floats) -> Floats:
-    """Components (2, places) of vectors (3, places) across a rope along unit vectors.
+    """Components (2, points) of vectors (3, points) across a rope along unit vectors.
 
-    East and north as they are of a rope that stands upright and is leant over without twist:
-    a·b - (a·(e + t))·t_b/(1 + t_z), with e upward and t along the rope.
+    East and north as carried along by a rope that is tilted from upright without twist: a·b - (a·(e
+    + t))·t_b/(1 + t_z), with e upward and t along the rope.
     """
     lean = vectors[2] + (vectors * along).sum(axis=0)
     share = lean / np.maximum(1.0 + along[2], 1e-9)
@@ -167,5 +167,5 @@ def turned(vectors: Floats, along: Floats) -> Floats:
 
 
 def bending_stiffness(effects: tuple[Any, ...]) -> float:
-    """EI of the rope [N·m²]; 0: it has none."""
+    """Bending stiffness EI of the rope [N·m²]; 0: none."""
     return float(sum(own.EI for own in effects if isinstance(own, Bending)))
