@@ -1,8 +1,8 @@
-"""Active heave compensation: the winch pays out as the hang-off rises.
+"""Active heave compensation (AHC): the winch pays out as the hang-off rises.
 
 Its speed follows efficiency·e^(-iω·delay)/(1 + iω·lag) of the hang-off's velocity, so that a steady
-heave of amplitude A leaves the payload's end of a stiff line |1 - that factor|·A. At the limits of
-stroke, speed and acceleration it says so.
+heave of amplitude A leaves the payload's end of a stiff line |1 - that factor|·A. Active limits of
+stroke, speed and acceleration are reported.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ from rope_twin.twin.hoisting.pace import braking_speed
 
 
 class Compensation:
-    """The part of a winch that answers heave; `add` is called once a step."""
+    """Heave compensation of a winch; `add` is called once a step."""
 
     def __init__(self, params: HeaveCompensation) -> None:
         self._params = params
         self._on = True
-        self._stroke = self._rate = 0.0  # paid out beyond what else was asked for [m], [m/s]
+        self._stroke = self._rate = 0.0  # payout added to the command [m], and its rate [m/s]
         self._seen: deque[tuple[int, float]] = deque()  # time [ns], velocity of the hang-off [m/s]
         self._delayed = self._lagged = 0.0  # the velocity after the dead time, and after the lag
         self._at_limit = ""
 
     def add(self, wanted: LineOut, moment: Moment) -> LineOut:
-        """The line at the end of the step, with the stroke."""
+        """Return the line at the end of the step, including the stroke."""
         params, h = self._params, moment.step_s
         self._measure(moment)
         target = params.efficiency * self._lagged if self._on else 0.0
@@ -39,13 +39,13 @@ class Compensation:
         rate = self._within_stroke(rate, h)
         self._at_limit = self._limit_words(target, rate)
         stroke = self._stroke + 0.5 * h * (self._rate + rate)
-        if abs(stroke) > params.stroke_m:  # the last step of braking, by less than a·h²/8
+        if abs(stroke) > params.stroke_m:  # in the last step of braking, by less than a·h²/8
             stroke, rate = math.copysign(params.stroke_m, stroke), 0.0
         self._stroke, self._rate = stroke, rate
         return LineOut(wanted.length_m + self._stroke, wanted.speed_m_per_s + rate)
 
     def _measure(self, moment: Moment) -> None:
-        """What dead time and lag make of the hang-off's velocity, at the end of the step."""
+        """Apply dead time and lag to the hang-off's velocity at the end of the step."""
         end_ns, h, lag = (
             moment.begin_ns + round(moment.step_s * 1e9),
             moment.step_s,
@@ -65,7 +65,7 @@ class Compensation:
             self._lagged = self._delayed
 
     def _within_stroke(self, rate: float, step_s: float) -> float:
-        """A rate from which it can still stop at the end of its stroke."""
+        """Return a rate from which it can still stop within its stroke."""
         side = math.copysign(1.0, rate)
         room = self._params.stroke_m - side * self._stroke
         going = max(side * self._rate, 0.0)
@@ -83,21 +83,21 @@ class Compensation:
         return ""
 
     def obey(self, switch: str, time_ns: int) -> None:
-        """Switch on or off; when stopped in an emergency it comes to rest too."""
+        """Switch on or off; an emergency stop stops it too."""
         if switch in (COMPENSATE, STOP_COMPENSATING, EMERGENCY_STOP):
             self._on = switch == COMPENSATE
         if switch == COMPENSATE:
-            self._stroke = 0.0  # its middle is where the line is
+            self._stroke = 0.0  # mid-stroke is the present line
 
     def know_rope(self, whole_m: float) -> None:
-        """It moves whatever is out."""
+        """Do nothing, as compensation does not depend on the total length."""
 
     def words(self) -> str:
-        """Which of its limits it is at."""
+        """Return the active limit; "" if none."""
         return self._at_limit
 
     def figures(self, line: LineOut) -> dict[str, float]:
-        """Stroke and its rate, + paid out, and whether it is on."""
+        """Return stroke and its rate, + paid out, and whether it is on."""
         return {
             "compensation_m": self._stroke,
             "compensation_m_per_s": self._rate,
@@ -106,7 +106,7 @@ class Compensation:
 
 
 def _read(seen: deque[tuple[int, float]], at_ns: int) -> float:
-    """The velocity at a time, linear between samples; before the first it was at rest."""
+    """Return the velocity at a time, linear between samples; 0 before the first."""
     (t0, v0), (t1, v1) = seen[0], seen[min(1, len(seen) - 1)]
     if at_ns < t0:
         return 0.0

@@ -1,14 +1,14 @@
-"""Motor and brake of a drum whose inertia the rope's tension turns.
+"""Motor and brake of a winch drum with inertia.
 
-Motor or brake bring the line to the wished speed with as much pull as that takes, up to what their
-torque gives on the drum's present radius r; what it cannot hold is rendered:
+Motor or brake bring the line to the commanded speed with the line pull that this takes, up to their
+torque over the drum's present radius r; beyond that the winch renders:
 
     (J/r²)·(V' - V)/h = F' - P,   F' = F - hold·(V' - parting) - brace·(V' - V)
 
-with F the tension of the last step, V and V' the payout speed before and after the step and P the
-pull. F' is how the rope will answer (`rope_twin.twin.hoisting.feel`): the drum is integrated
-implicitly in the rope's stiffness and stays stable however light it is. With F in its place J/r²
-would have to be more than half the impedance over the step, h·√(EA·m)/2.
+with F the tension of the last step, V and V' the pay-out speed before and after the step and P the
+line pull. F' is the expected response of the rope (`rope_twin.twin.hoisting.feel`): the drum is
+integrated implicitly in the rope's stiffness and stays stable at any inertia. With F instead, J/r²
+would have to exceed half the impedance over the step, h·√(EA·m)/2.
 """
 
 from __future__ import annotations
@@ -17,24 +17,24 @@ from rope_twin.scene import winch_parts
 from rope_twin.twin.hoisting.line import LineOut, Moment
 from rope_twin.twin.hoisting.orders import EMERGENCY_STOP, RELEASE_BRAKE, SET_BRAKE
 
-SLIPS_M_PER_S = 1e-6  # a drum slower than this under a set brake stands
+SLIPS_M_PER_S = 1e-6  # a slower drum under a set brake counts as standing
 
 
 class Machine:
-    """The drum with the rope that is on it."""
+    """Drum with its layers of rope."""
 
     def __init__(self, drum: winch_parts.Drum, diameter_m: float, most_line_out_m: float) -> None:
-        """`most_line_out_m`: all the rope there is; what is not out is on the drum."""
+        """Take the total length of the rope; the length not paid out is on the drum."""
         self._drum, self._diameter, self.whole_m = drum, diameter_m, most_line_out_m
 
     def layer(self, line_out_m: float) -> tuple[int, float]:
-        """The layer from which rope leaves the drum, and its radius [m]."""
+        """Return the layer from which rope leaves the drum, and its radius [m]."""
         layer = self._drum.layer_of(self.whole_m - line_out_m, self._diameter)
         return layer, self._drum.radius_m(layer, self._diameter)
 
 
 class Drive:
-    """The motor."""
+    """Motor of the winch."""
 
     def __init__(self, params: winch_parts.Drive, machine: Machine) -> None:
         self._params, self._machine = params, machine
@@ -42,7 +42,7 @@ class Drive:
         self._at_limit = ""
 
     def hold(self, before: LineOut, wanted: LineOut, moment: Moment) -> LineOut:
-        """The line as it was asked for, or as far as the torque brings it."""
+        """Return the commanded line, or as far as the torque moves it."""
         after, self._torque, whole = self.pull(
             before, wanted, moment, self._params.torque_limit_n_m
         )
@@ -52,7 +52,7 @@ class Drive:
     def pull(
         self, before: LineOut, wanted: LineOut, moment: Moment, torque_n_m: float
     ) -> tuple[LineOut, float, bool]:
-        """The line after a step with so much torque at most, the torque, and if it was enough."""
+        """Return the line after a step with at most this torque, the torque, and if it sufficed."""
         felt, h = moment.felt, moment.step_s
         assert felt is not None, "the winch said that it asks for it"
         _, radius = self._machine.layer(before.length_m)
@@ -69,15 +69,15 @@ class Drive:
 
     @property
     def has_line(self) -> bool:
-        """Never: it is the motor."""
+        """Whether the motor alone controls the line: never."""
         return False
 
     def rest(self) -> None:
-        """The motor is off: the brake has the drum."""
+        """Switch the motor off, as the brake holds the drum."""
         self._torque, self._at_limit = 0.0, ""
 
     def _limit_words(self, before: LineOut, wanted: LineOut, after: LineOut, moment: Moment) -> str:
-        """A drum that runs away renders under little pull too: its inertia is held back."""
+        """Return the message on rendering; a runaway drum renders at low tension by its inertia."""
         assert moment.felt is not None
         layer, radius = self._machine.layer(before.length_m)
         limit = self._params.torque_limit_n_m / radius
@@ -88,34 +88,34 @@ class Drive:
         )
 
     def words(self) -> str:
-        """Whether it renders."""
+        """Return the message on rendering; "" if it does not render."""
         return self._at_limit
 
     def figures(self, line: LineOut) -> dict[str, float]:
-        """Its torque, + hauls in."""
+        """Return the motor torque, + hauls in."""
         return {"motor_torque_n_m": self._torque}
 
     def obey(self, switch: str, time_ns: int) -> None:
-        """It has no switch of its own."""
+        """Do nothing, as the drive has no switch."""
 
     def know_rope(self, whole_m: float) -> None:
-        """What is not out is on the drum."""
+        """Set the total length; the length not paid out is on the drum."""
         self._machine.whole_m = whole_m
 
 
 class Brake:
-    """Friction on the drum: holds it, or slips at its capacity."""
+    """Brake of the drum: holds, or slips at its holding capacity."""
 
     def __init__(self, params: winch_parts.Brake, drive: Drive) -> None:
         self._params, self._drive = params, drive
-        self._set = False  # as it was told
-        self._holds = False  # as it does
-        self._due_ns: int | None = None  # when the two are to agree
+        self._set = False  # as commanded
+        self._holds = False  # in effect
+        self._due_ns: int | None = None  # when the command takes effect
         self._torque = 0.0
         self._at_limit = ""
 
     def hold(self, before: LineOut, wanted: LineOut, moment: Moment) -> LineOut:
-        """The line as it was asked for if the brake is off, else at rest or slipping."""
+        """Return the commanded line if the brake is off, else the line standing or slipping."""
         if self._due_ns is not None and self._due_ns <= moment.begin_ns:
             self._holds, self._due_ns = self._set, None
         self._at_limit = ""
@@ -134,14 +134,14 @@ class Brake:
 
     @property
     def has_line(self) -> bool:
-        """While it holds."""
+        """Whether the brake holds."""
         return self._holds
 
     def know_rope(self, whole_m: float) -> None:
-        """Its drum is the drive's."""
+        """Do nothing, as the drum is the drive's."""
 
     def obey(self, switch: str, time_ns: int) -> None:
-        """Set or release it; it follows after its delay. An emergency stop sets it."""
+        """Set or release the brake with its delay; an emergency stop sets it."""
         if switch in (SET_BRAKE, EMERGENCY_STOP, RELEASE_BRAKE):
             wanted = switch != RELEASE_BRAKE
             if wanted != self._set:
@@ -149,9 +149,9 @@ class Brake:
                 self._due_ns = time_ns + round(self._params.delay_s * 1e9)
 
     def words(self) -> str:
-        """Whether it holds or slips."""
+        """Return the message on slipping; "" if it does not slip."""
         return self._at_limit
 
     def figures(self, line: LineOut) -> dict[str, float]:
-        """Whether it holds, and its torque, + against paying out."""
+        """Return whether the brake holds, and its torque, + against paying out."""
         return {"brake_holds": float(self._holds), "brake_torque_n_m": self._torque}

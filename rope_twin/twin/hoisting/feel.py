@@ -1,18 +1,18 @@
-"""How the rope at the hang-off will answer a change of payout speed within one step.
+"""Tension feedback: expected response of the rope to a change of pay-out speed within one step.
 
-The tension is that of the last step. Over the next one the node below the hang-off goes on with its
-velocity, and moves under the change as the uppermost node of an endless chain of masses m·l and
-springs k does in one step h of the implicit Euler rule: such a chain has at its end the stiffness
+The tension is that of the last step. Over the next one the node below the hang-off continues with
+its velocity, and responds to the change like the uppermost node of an endless chain of masses m·l
+and springs k in one step h of the implicit Euler rule. Such a chain has at its end the stiffness
 
     D = (√(μ² + 4·k·μ) - μ)/2,   μ = m·l/h²,
 
 which is k for long elements and √(EA·m)/h, the impedance over the step, for short ones. A drum that
-takes F - h·D·(V' - parting) for the next tension is stable as long as the rope's true answer is
+uses F - h·D·(V' - parting) as the next tension is stable as long as the rope's true response is
 less than twice that, and the step is shorter than half the time L/c that a wave takes along the
-rope (beyond, its lower end answers within a step, which an endless chain does not). The reported
-pull also holds the acceleration of the half element at the hang-off, which follows the payout's at
-once: to a drum that half element is inertia. Rope is counted unstretched, so V takes up V times the
-stretch of the parting.
+rope (otherwise its lower end responds within a step, which an endless chain does not). The reported
+tension also includes the acceleration of the half element at the hang-off, which follows the payout
+at once: for the drum that half element is inertia. Rope is counted unstretched, so V takes up V
+times the stretch of the separation.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ from rope_twin.twin.hoisting.line import Felt
 
 
 class Course(NamedTuple):
-    """Of a hang-off and its winch at the begin of a step."""
+    """Motion of a hang-off and its winch at the beginning of a step."""
 
-    heave_m: float  # above its place at rest
-    payout_m_per_s2: float  # acceleration of the line out
+    heave_m: float  # above its mean position
+    payout_m_per_s2: float  # acceleration of the payout
 
 
 def feel(rope: Rope, line: RopeLine, pull_n: float, border: Floats, course: Course) -> Felt:
-    """What a winch feels of its rope.
+    """Return the tension feedback of a rope to its winch.
 
     Args:
         rope: with the state at the end of the last step.
-        line: what the scene says of it.
-        pull_n: its pull on the hang-off then [N].
-        border: hang-off at begin and end of the next step, (2, rows.MOTIONS) [m].
-        course: of hang-off and winch at the begin.
+        line: its definition in the scene.
+        pull_n: its tension at the hang-off then [N].
+        border: hang-off at the beginning and end of the next step, (2, rows.MOTIONS) [m].
+        course: motion of hang-off and winch at the beginning.
     """
     state, h = rope.state, rope.model.step
     n = int(state.counts[rows.ELEMENTS])

@@ -1,4 +1,8 @@
-"""From an order to a wish: what speed it asks for now, and where the line must be able to stop."""
+"""Control modes of a winch: speed, length, depth and constant tension.
+
+A mode gives the target speed of the next step and the lengths within which the line must be able to
+stop.
+"""
 
 from __future__ import annotations
 
@@ -10,26 +14,26 @@ from rope_twin.scene.winch_parts import ConstantTension
 from rope_twin.twin.hoisting.line import Felt, LineOut, Wish
 from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION
 
-DEPTH_SMOOTHING_S = 20.0  # longer than waves and a rope's axial period, shorter than a lift
+DEPTH_SMOOTHING_S = 20.0  # longer than wave and axial periods, shorter than a lift
 
 
 class Goal(Protocol):
-    """One way to be told where to go."""
+    """Interface of a control mode."""
 
     kind: str
 
     def begin(self, value: float) -> None:
-        """An order of this kind takes effect."""
+        """Start control at this set-point, in the mode's unit."""
 
     def wish(self, line: LineOut, felt: Felt | None, step_s: float) -> Wish:
-        """For the next step."""
+        """Return the target of the next step."""
 
     def words(self) -> str:
-        """Why it does not get what it asks for, if it does not."""
+        """Return the active limit of the mode; "" if none."""
 
 
 class SpeedGoal:
-    """A speed, + pays out, as far as the winch goes and there is rope."""
+    """Speed control, + pays out, within the payout limits."""
 
     kind = SPEED
 
@@ -38,15 +42,15 @@ class SpeedGoal:
         self._wish = _limited(0.0, scene)
 
     def begin(self, value: float) -> None:
-        """A speed [m/s]."""
+        """Start at a set-point of speed [m/s]."""
         self._speed, self._wish = value, _limited(value, self._scene)
 
     def wish(self, line: LineOut, felt: Felt | None, step_s: float) -> Wish:
-        """That speed."""
+        """Return the commanded speed."""
         return self._wish
 
     def words(self) -> str:
-        """Whether the winch is too slow for it."""
+        """Return the speed limit, if the command exceeds it."""
         limit = self._scene.speed_limit_m_per_s
         if abs(self._speed) <= limit:
             return ""
@@ -54,7 +58,7 @@ class SpeedGoal:
 
 
 class LengthGoal:
-    """A line out at which to stop, reached as quickly as the limits allow."""
+    """Length control: stops at a payout, reached as fast as the limits allow."""
 
     kind = LENGTH
 
@@ -62,39 +66,39 @@ class LengthGoal:
         self._scene, self._length = scene, scene.least_line_out_m
 
     def begin(self, value: float) -> None:
-        """A line out [m]."""
+        """Start at a set-point of payout [m]."""
         self._length = value
 
     def wish(self, line: LineOut, felt: Felt | None, step_s: float) -> Wish:
-        """Towards it."""
+        """Return the target towards the set-point."""
         return _towards(self._length, line, self._scene)
 
     def words(self) -> str:
-        """Nothing: an order out of reach was refused."""
+        """Return "": a command out of range was rejected."""
         return ""
 
 
 class DepthGoal:
-    """A depth of the payload at which to stop.
+    """Depth control: stops at a depth of the payload.
 
-    The rope's stretch and curve make the depth differ from the line out. That difference, less the
-    heave of the hang-off, is smoothed over DEPTH_SMOOTHING_S, so that the winch does not chase the
-    payload's swinging in the waves, and says which line out gives the depth.
+    Stretch and curvature of the rope make the depth differ from the payout. That difference, less
+    the heave of the hang-off, is smoothed over DEPTH_SMOOTHING_S, so that the winch does not follow
+    the payload's motion in waves, and gives the payout for the depth.
     """
 
     kind = DEPTH
 
     def __init__(self, scene: WinchScene) -> None:
         self._scene, self._depth = scene, 0.0
-        self._beyond: float | None = None  # depth less line out, smoothed [m]
+        self._beyond: float | None = None  # depth less payout, smoothed [m]
         self._at_end = ""
 
     def begin(self, value: float) -> None:
-        """A depth [m below the mean water level]."""
+        """Start at a set-point of depth [m below the mean water level]."""
         self._depth = value
 
     def wish(self, line: LineOut, felt: Felt | None, step_s: float) -> Wish:
-        """Towards the line out that gives the depth."""
+        """Return the target towards the payout for the depth."""
         assert felt is not None, "the winch said that it asks for it"
         beyond = felt.depth_m - line.length_m
         if self._beyond is not None:
@@ -111,15 +115,15 @@ class DepthGoal:
         return _towards(length, line, self._scene)
 
     def words(self) -> str:
-        """Whether the line is too short or too long for it."""
+        """Return the payout limit, if the depth is out of reach."""
         return self._at_end
 
 
 class TensionGoal:
-    """A top tension to keep: a proportional and integral controller of the speed.
+    """Constant tension (CT) control: a PI controller of the speed.
 
-    With the tension F' at the step's end as the rope will answer, V' = g·(F' - F_named) + integral,
-    solved for V': so a high gain does not make it and a stiff rope swing from step to step.
+    With the tension F' expected at the step's end, V' = g·(F' - F_set) + integral, solved for V': a
+    high gain then causes no oscillation with a stiff rope from step to step.
     """
 
     kind = TENSION
@@ -130,25 +134,25 @@ class TensionGoal:
         self._asked = 0.0
 
     def begin(self, value: float) -> None:
-        """A tension [N]."""
+        """Start at a set-point of tension [N]."""
         if value != self._tension:
             self._tension, self._integral = value, 0.0
 
     def wish(self, line: LineOut, felt: Felt | None, step_s: float) -> Wish:
-        """Pay out what pulls too much, haul in what pulls too little."""
+        """Return the target: pay out if the tension is too high, haul in if it is too low."""
         assert felt is not None, "the winch said that it asks for it"
         limit, gain = self._scene.speed_limit_m_per_s, 1e-3 * self._gains.gain_m_per_s_per_kn
         answer, V = felt.hold + felt.brace, line.speed_m_per_s
         if self._gains.integral_time_s is not None:
             error = gain * (felt.pull_n - self._tension)
             grown = self._integral + step_s / self._gains.integral_time_s * error
-            self._integral = min(max(grown, -limit), limit)  # it asks for no more than there is
+            self._integral = min(max(grown, -limit), limit)  # anti-windup at the speed limit
         above = felt.at_speed(V) - self._tension
         self._asked = (gain * above + self._integral) / (1.0 + gain * answer)
         return _limited(self._asked, self._scene)
 
     def words(self) -> str:
-        """Whether the winch is too slow for it."""
+        """Return the speed limit, if the controller exceeds it."""
         limit = self._scene.speed_limit_m_per_s
         if abs(self._asked) <= limit:
             return ""
@@ -159,7 +163,7 @@ class TensionGoal:
 
 
 def goals_of(scene: WinchScene) -> tuple[Goal, ...]:
-    """What a winch of this make can be told; the first is what it does at the start."""
+    """Return the control modes of a winch; the first is active at the start."""
     goals: tuple[Goal, ...] = (SpeedGoal(scene), LengthGoal(scene), DepthGoal(scene))
     if scene.constant_tension is not None:
         goals += (TensionGoal(scene, scene.constant_tension),)

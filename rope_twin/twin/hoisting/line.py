@@ -1,4 +1,4 @@
-"""What the parts of a winch hand to each other."""
+"""Values exchanged between the components of a winch."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from typing import NamedTuple
 
 
 class LineOut(NamedTuple):
-    """Line out and its rate at one instant."""
+    """Payout and its rate at one instant."""
 
     length_m: float
     speed_m_per_s: float  # + pays out
 
 
 class Wish(NamedTuple):
-    """How the line is to move, and between which lengths it must be able to stop."""
+    """Target speed of the line, and the lengths within which it must be able to stop."""
 
     speed_m_per_s: float
     low_m: float
@@ -22,39 +22,39 @@ class Wish(NamedTuple):
 
 
 class Felt(NamedTuple):
-    """What the rope was like at the end of the last step, and how it will answer the next one.
+    """Tension feedback: the rope at the end of the last step and its expected response.
 
-    Its pull at the next step's end is free - hold·(V' - parting) - brace·(V' - V), with V and V'
-    the payout speeds before and after that step.
+    Its tension at the next step's end is free - hold·(V' - parting) - brace·(V' - V), with V and V'
+    the pay-out speeds before and after that step.
     """
 
-    pull_n: float  # on the hang-off
-    free_n: float  # the same if the payout speed had not been changing
-    depth_m: float  # of its lower end below the mean water level, less the heave of the hang-off
-    parting_m_per_s: float  # hang-off and the node below it part so, over the step
-    hold: float  # of the elastic rope [N·s/m]
-    brace: float  # of its damper, and of the half element at the hang-off [N·s/m]
+    pull_n: float  # tension at the hang-off
+    free_n: float  # the same at a constant pay-out speed
+    depth_m: float  # of its lower end below mean water level, less the heave of the hang-off
+    parting_m_per_s: float  # separation rate of hang-off and the node below it, over the step
+    hold: float  # response of the elastic rope [N·s/m]
+    brace: float  # response of its damping and of the half element at the hang-off [N·s/m]
 
     def at_speed(self, V: float) -> float:
-        """The pull with which it would go on at a payout speed of 0 from this one [N]."""
+        """Return the tension at a zero pay-out speed after this one [N]."""
         return self.free_n + self.hold * self.parting_m_per_s + self.brace * V
 
 
 class Hung(NamedTuple):
-    """The rope that a winch is given, as far as its orders and its drum are about it."""
+    """Properties of the rope on a winch that its commands and its drum depend on."""
 
     diameter_m: float  # on the drum
-    stretch: float  # most of its length over the unstretched one: it breaks then
-    hang_off_m: float  # height of the hang-off above the mean water level, at rest
+    stretch: float  # maximum stretched over unstretched length, at break
+    hang_off_m: float  # mean height of the hang-off above the mean water level
 
 
 UNKNOWN_ROPE = Hung(0.0, math.inf, 0.0)
 
 
 class Moment(NamedTuple):
-    """One step of the winch."""
+    """One time step of a winch."""
 
     begin_ns: int
     step_s: float
-    heave_m_per_s: float  # of the hang-off, up, at the step's end
-    felt: Felt | None  # where a part or an order of the winch asks for it
+    heave_m_per_s: float  # velocity of the hang-off, up, at the step's end
+    felt: Felt | None  # tension feedback, if a component or command needs it

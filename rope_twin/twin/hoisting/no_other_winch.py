@@ -1,4 +1,4 @@
-"""What ropes answer about winches besides the first one where there is none."""
+"""Part of the `Ropes` interface about further winches, for a single rope."""
 
 from __future__ import annotations
 
@@ -8,42 +8,42 @@ from rope_twin.twin.motion.hang_off import Moves
 
 
 class NoOtherWinch:
-    """That part of `Ropes` for a rope by itself, whole or cut."""
+    """Methods of `Ropes` about further winches and ropes, for a single rope, whole or cut."""
 
     def offer(self, name: str, stamp_ns: int | None, order: Order, now_ns: int) -> str:
-        """There is no other winch, and nobody asks for one that is not there."""
+        """Raise RuntimeError, as there is no other winch."""
         raise RuntimeError(f"there is no winch {name}")
 
     def doubt(self) -> None:
-        """Nothing."""
+        """Do nothing, as there is no other winch."""
 
     def newest_ns(self) -> dict[str, int]:
-        """None."""
+        """Return no stamps, as there is no other winch."""
         return {}
 
     def feel(self, time_ns: int) -> bool:
-        """There is no other winch."""
+        """Return False, as there is no other winch."""
         return False
 
     def prescribe(
         self, row: int, from_ns: int, step_s: float, heave: tuple[float, float], moves: Moves
     ) -> None:
-        """Nothing."""
+        """Do nothing, as there is no other hang-off."""
 
     def length_m(self, r: int) -> float:
-        """There is no other rope."""
+        """Raise RuntimeError, as there is no other rope."""
         raise RuntimeError(f"there is no rope {r}: this scene has one")
 
     def lose(self, r: int, lost_m: float, left_m: float) -> None:
-        """There is no other rope."""
+        """Raise RuntimeError, as there is no other rope."""
         raise RuntimeError(f"there is no rope {r}: this scene has one")
 
     def prescribe_again(self) -> None:
-        """Nothing."""
+        """Do nothing, as there is no other hang-off."""
 
     def border(self, first: Boundary) -> Boundary:
-        """Of the one rope that has any."""
+        """Return hang-off and paid-out length of the single rope, (1, MOTIONS)."""
         return Boundary(*(table[:1].copy() for table in first))
 
     def forget(self, done: int, prescribed: int) -> None:
-        """Nothing."""
+        """Do nothing, as there are no other boundary conditions."""

@@ -1,4 +1,4 @@
-"""What a winch can be told: to move in one of four ways, or to switch something."""
+"""Winch commands: four control modes and switches, and their validation."""
 
 from __future__ import annotations
 
@@ -15,37 +15,37 @@ DEEPEST_M = 12_000.0
 LARGEST_TENSION_N = 1e9
 
 SPEED, LENGTH, DEPTH, TENSION = "speed", "length", "depth", "tension"
-MOTIONS = {  # unit of each
+MOTIONS = {  # unit of each control mode
     SPEED: "m/s",  # + pays out
-    LENGTH: "m",  # line out to stop at
+    LENGTH: "m",  # payout to stop at
     DEPTH: "m",  # of the payload below the mean water level, to stop at
-    TENSION: "N",  # to keep at the hang-off
+    TENSION: "N",  # to maintain at the hang-off
 }
-FEELING = (DEPTH, TENSION)  # those for which the winch asks what the rope is like
+FEELING = (DEPTH, TENSION)  # control modes that need tension feedback
 EMERGENCY_STOP, RESET = "emergency_stop", "reset"
 SET_BRAKE, RELEASE_BRAKE = "set_brake", "release_brake"
-# Given by whoever watches the commanders, never by a commander:
+# Sent by the monitor of the commanders, never by a commander:
 NEW_COMMANDER, COMMANDER_LOST = "new_commander", "commander_lost"
 SEAT_ORDERS = (NEW_COMMANDER, COMMANDER_LOST)
 COMPENSATE, STOP_COMPENSATING = "compensate", "stop_compensating"
 
 
 class Order(NamedTuple):
-    """A motion with its value in the unit of MOTIONS, or a switch (its value says nothing)."""
+    """Winch command: a control mode with its set-point in the unit of MOTIONS, or a switch."""
 
     kind: str  # of MOTIONS, SWITCHES or SEAT_ORDERS
     value: float = 0.0
 
 
 class Fault(NamedTuple):
-    """Why an order is refused: how it is counted, and the sentence."""
+    """Reason of a rejection: the kind under which it is counted, and the message."""
 
     kind: str
     sentence: str
 
 
 def find_fault(order: Order, winch: WinchScene | None, hung: Hung) -> Fault | None:
-    """What no winch of this scene, with this rope, can do about an order, whenever it comes."""
+    """Return why a winch of this scene with this rope can never execute a command; None: it can."""
     if winch is None:
         return _impossible("this scene has no winch", "add a winch to the scene")
     kind, value = order

@@ -1,7 +1,7 @@
-"""How a line follows a wish: within the limits of acceleration and, if there is one, of jerk.
+"""Motion profiles of a winch: limits of acceleration and, if given, of jerk.
 
-Both stop within the wish's lengths: the first ahead of them at its acceleration limit, the second
-along the quickest jerk-limited stop.
+Both stop within the target's lengths: the first brakes ahead of them at its acceleration limit, the
+second with the fastest jerk-limited stop.
 """
 
 from __future__ import annotations
@@ -12,31 +12,31 @@ from typing import Protocol
 from rope_twin.twin.hoisting.line import LineOut, Wish
 from rope_twin.twin.hoisting.stop import Motion, along, pulse, reach
 
-CREEP_M_PER_S = 1e-6  # slower than this beside a limit is standstill
-CLOSE_M = 1e-6  # nearer than this to where it is to stop it is there
-HALVINGS = 10  # of the interval between braking and going on
+CREEP_M_PER_S = 1e-6  # a slower speed at a limit counts as standstill
+CLOSE_M = 1e-6  # tolerance of the stopping position
+HALVINGS = 10  # bisection steps between braking and continuing
 
 
 class Pace(Protocol):
-    """How speed follows what is wished."""
+    """Interface of a motion profile."""
 
     def move(self, line: LineOut, wish: Wish, step_s: float) -> tuple[LineOut, bool]:
-        """The line one step later, and whether it must brake for the wish's lengths."""
+        """Return the line one step later, and whether it must brake for the target's lengths."""
 
     def yield_to(self, line: LineOut) -> None:
-        """Something stronger has moved the line."""
+        """Accept that a limit has moved the line here."""
 
 
 class AccelerationLimited:
-    """Speed goes to the target with the acceleration limit; line out is its exact integral."""
+    """Profile with limited acceleration; the payout is the exact integral of the speed."""
 
     def __init__(self, acceleration: float) -> None:
         self._acceleration = acceleration
 
     def move(self, line: LineOut, wish: Wish, step_s: float) -> tuple[LineOut, bool]:
-        """One step."""
+        """Return the line one step later, and whether it must brake."""
         target, held = wish.speed_m_per_s, False
-        if target == line.speed_m_per_s == 0.0:  # as in most steps of most runs
+        if target == line.speed_m_per_s == 0.0:  # shortcut of most steps
             return line, False
         outward = target > 0.0
         room = wish.high_m - line.length_m if outward else line.length_m - wish.low_m
@@ -50,18 +50,18 @@ class AccelerationLimited:
         return follow(line, target, self._acceleration, step_s), held
 
     def yield_to(self, line: LineOut) -> None:
-        """It remembers nothing."""
+        """Do nothing, as the profile has no state."""
 
 
 class JerkLimited:
-    """The quickest way to the wished speed whose acceleration is continuous."""
+    """Fastest profile to the target speed with continuous acceleration."""
 
     def __init__(self, acceleration: float, jerk: float) -> None:
         self._most, self._jerk = acceleration, jerk
         self._acceleration = 0.0
 
     def move(self, line: LineOut, wish: Wish, step_s: float) -> tuple[LineOut, bool]:
-        """One step."""
+        """Return the line one step later, and whether it must brake."""
         now = Motion(line.length_m, line.speed_m_per_s, self._acceleration)
         ahead = wish.high_m - now.x if wish.speed_m_per_s > 0.0 else now.x - wish.low_m
         there = abs(ahead) < CLOSE_M and abs(now.v) < CREEP_M_PER_S
@@ -73,11 +73,11 @@ class JerkLimited:
         return LineOut(after.x, after.v), held
 
     def yield_to(self, line: LineOut) -> None:
-        """The acceleration is no longer its own."""
+        """Reset the acceleration."""
         self._acceleration = 0.0
 
     def _hardest(self, now: Motion, going: Motion, wish: Wish, step_s: float) -> Motion:
-        """Between going on and braking: the most that still stops within the wish's lengths."""
+        """Return the motion between continuing and braking that just stops within the lengths."""
         stop = along(now, pulse(now, 0.0, self._most, self._jerk), step_s)
         low, high, best = 0.0, 1.0, stop
         for _ in range(HALVINGS):
@@ -91,23 +91,23 @@ class JerkLimited:
         return best
 
     def _stops(self, motion: Motion, wish: Wish) -> bool:
-        """Whether the quickest stop from there stays within the wish's lengths."""
+        """Return whether the fastest stop from this motion stays within the target's lengths."""
         lowest, highest = reach(motion, pulse(motion, 0.0, self._most, self._jerk))
         return lowest >= wish.low_m and highest <= wish.high_m
 
 
 def braking_speed(room_m: float, acceleration: float, step_s: float) -> float:
-    """Largest speed v at the end of a step after which the line still stops in time.
+    """Return the largest speed v at the end of a step from which the line still stops in time.
 
-    v²/(2·a) + v·h/2 = room: braking from v, and v's share of the step itself (its other half, of
-    the speed at the step's start, is taken off the room by the caller).
+    v²/(2·a) + v·h/2 = room: braking from v, and v's part of the step itself (the other half, of the
+    speed at the step's start, is subtracted from the room by the caller).
     """
     lag = 0.5 * acceleration * step_s
     return math.sqrt(2.0 * acceleration * max(room_m, 0.0) + lag * lag) - lag
 
 
 def _follow_evenly(line: LineOut, target: float, acceleration: float, step_s: float) -> LineOut:
-    """With one acceleration over the step: no farther than `braking_speed` reckons with."""
+    """Return the line after constant acceleration, within the distance of `braking_speed`."""
     most = acceleration * step_s
     speed = line.speed_m_per_s + min(max(target - line.speed_m_per_s, -most), most)
     return LineOut(line.length_m + step_s * 0.5 * (line.speed_m_per_s + speed), speed)

@@ -1,7 +1,7 @@
-"""The parts that a winch may have between what its pace wishes and what its drum does.
+"""Components of a winch between its motion profile and its drum.
 
-Some add to the motion (heave compensation), some hold it back (drive, brake), some only look at it
-(the drum's layers). A winch has those that its scene lists; the others do not exist.
+Some add to the motion (heave compensation), some limit it (drive, brake), some only report it (drum
+layers). A winch has the components that its scene lists.
 """
 
 from __future__ import annotations
@@ -17,47 +17,47 @@ Figures = dict[str, float]
 
 
 class Part(Protocol):
-    """What every part can tell."""
+    """Interface of a winch component."""
 
     def figures(self, line: LineOut) -> Figures:
-        """What operators read, the unit in the name."""
+        """Return the states for operators, the unit in the name."""
 
     def words(self) -> str:
-        """Which limit of it holds the winch back; "" if none."""
+        """Return the active limit; "" if none."""
 
     def obey(self, switch: str, time_ns: int) -> None:
-        """A switch was set, maybe another part's."""
+        """Take a switch command, which may be for another component."""
 
     def know_rope(self, whole_m: float) -> None:
-        """All the rope that there is now, out or on the drum."""
+        """Set the total length of rope, paid out or on the drum [m]."""
 
 
 class Adding(Part, Protocol):
-    """A part that adds to the motion."""
+    """Interface of a component that adds to the motion."""
 
     def add(self, wanted: LineOut, moment: Moment) -> LineOut:
-        """The line at the end of the step, with what it adds."""
+        """Return the line at the end of the step with the addition."""
 
 
 class Holding(Part, Protocol):
-    """A part that the motion has to get past."""
+    """Interface of a component that limits the motion."""
 
     @property
     def has_line(self) -> bool:
-        """Whether it has the line to itself and the motor is off."""
+        """Whether it alone controls the line and the motor is off."""
 
     def hold(self, before: LineOut, wanted: LineOut, moment: Moment) -> LineOut:
-        """The line at the end of the step, as far as it allows."""
+        """Return the line at the end of the step, as far as it allows."""
 
 
 class Layers:
-    """Which layer of the drum the rope leaves from, on what radius, and how fast the drum turns."""
+    """Drum layer, radius and speed."""
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
 
     def figures(self, line: LineOut) -> Figures:
-        """Layer, radius and speed; + pays out."""
+        """Return layer, radius and speed, + pays out."""
         layer, radius = self._machine.layer(line.length_m)
         return {
             "layer": float(layer),
@@ -66,19 +66,19 @@ class Layers:
         }
 
     def words(self) -> str:
-        """It has no limits."""
+        """Return "", as there are no limits."""
         return ""
 
     def obey(self, switch: str, time_ns: int) -> None:
-        """It has no switch."""
+        """Do nothing, as there is no switch."""
 
     def know_rope(self, whole_m: float) -> None:
-        """What is not out is on the drum."""
+        """Set the total length; the length not paid out is on the drum."""
         self._machine.whole_m = whole_m
 
 
 def adding_parts(scene: WinchScene) -> tuple[Adding, ...]:
-    """In the order of the chain."""
+    """Return the components that add to the motion, in their order."""
     own = scene.heave_compensation
     return (Compensation(own),) if own is not None else ()
 
@@ -86,7 +86,7 @@ def adding_parts(scene: WinchScene) -> tuple[Adding, ...]:
 def drum_parts(
     scene: WinchScene, diameter_m: float
 ) -> tuple[tuple[Part, ...], tuple[Holding, ...]]:
-    """What looks at the motion, and what holds it back, in the order of the chain."""
+    """Return the components that report the motion, and those that limit it, in their order."""
     if scene.drum is None:
         return (), ()
     machine = Machine(scene.drum, diameter_m, scene.most_line_out_m)

@@ -1,4 +1,4 @@
-"""Orders on their way to a winch: judged by their stamps, kept until they are due."""
+"""Queue of winch commands: validated by their stamps, kept until they are due."""
 
 from __future__ import annotations
 
@@ -8,38 +8,38 @@ from rope_twin.errors import phrase
 from rope_twin.twin.health import AHEAD_NS, InputCounter, too_far_ahead, too_late
 from rope_twin.twin.hoisting.orders import EMERGENCY_STOP, Order
 
-DONE = 32  # orders that are remembered after they took effect
-LATE_NS = 1_000_000_000  # an order that comes later after its stamp than this is refused
-MAX_AT_ONCE = 100  # orders without a stamp that may wait for the next step
-MAX_PLANNED = 1000  # orders that may wait for their stamps
+DONE = 32  # number of executed commands that are remembered
+LATE_NS = 1_000_000_000  # a command that arrives later after its stamp is rejected
+MAX_AT_ONCE = 100  # commands without a stamp that may wait for the next step
+MAX_PLANNED = 1000  # commands that may wait for their stamps
 
 Stamped = tuple[int | None, str, float]  # twin time [ns] (None: at once), kind and value
 
 
 class OrderQueue:
-    """Orders of one sort; `offer` takes them in, `due` gives them out."""
+    """Queue of one kind of commands; `offer` takes them, `due` returns them."""
 
     def __init__(self, name: str) -> None:
-        """`name`: of the input, in counts and diagnostics."""
+        """Create a queue for the input of this name in counts and diagnostics."""
         self.counter = InputCounter(name)
         self.waiting: deque[Stamped] = deque()
         self._newest_ns: int | None = None
-        self._at_once_ns: int | None = None  # when the newest order without a stamp came
+        self._at_once_ns: int | None = None  # arrival of the newest command without a stamp
         self._done: deque[Stamped] = deque(maxlen=DONE)
-        self._in_doubt = False  # whether what waits is from before a pause
+        self._in_doubt = False  # whether waiting commands are from before a pause
 
     def doubt(self) -> None:
-        """Who commands was away: from its first new stamp on, its new plan replaces the old.
+        """Let the commander's first new stamp replace the waiting commands, after a pause.
 
-        What it repeats of the time before is known and no fault.
+        Commands that it repeats from before the pause are known and no fault.
         """
         self._in_doubt = True
 
     def offer(self, stamp_ns: int | None, order: Order, now_ns: int) -> str:
-        """Take an order (None: at once) whose value is sound; "" or the sentence of its refusal.
+        """Queue a command with a valid value (stamp None: at once); return "" or the rejection.
 
-        One that comes less than LATE_NS after its stamp is executed at once and reported as late.
-        An emergency stop is never refused for its stamp, nor because too many wait.
+        A command that arrives less than LATE_NS after its stamp is executed at once and reported as
+        late. An emergency stop is never rejected for its stamp, nor for a full queue.
         """
         urgent = order.kind == EMERGENCY_STOP
         if stamp_ns is not None:
@@ -73,7 +73,7 @@ class OrderQueue:
         return ""
 
     def _stamp_fault(self, stamp_ns: int, now_ns: int) -> tuple[str, str] | None:
-        """How a stamp is counted for which an order is refused, and the sentence."""
+        """Return the kind and message of a rejection for its stamp; None: it is valid."""
         newest_ns, at_once_ns = self._newest_ns, self._at_once_ns
         stamp_s = f"stamp {stamp_ns * 1e-9:.3f} s"
         if stamp_ns == newest_ns:
@@ -98,7 +98,7 @@ class OrderQueue:
         self.counter.warn(sentence, now_ns)
 
     def _is_full(self, one: Stamped) -> str:
-        """Why no more orders like this one can wait, in one sentence; or ""."""
+        """Return why no more commands like this one can wait; "" if they can."""
         if one[1] == EMERGENCY_STOP:
             return ""
         most = MAX_AT_ONCE if one[0] is None else MAX_PLANNED
@@ -108,25 +108,25 @@ class OrderQueue:
         return phrase("winch command", what, "send commands when they change, or ten a second")
 
     def forget_plan(self) -> None:
-        """Drop what waits for its stamp, but for stops: another commander has a plan of its own."""
+        """Drop commands that wait for their stamps, except stops, as the commander has changed."""
         kept = (one for one in self.waiting if one[0] is None or one[1] == EMERGENCY_STOP)
         self.waiting = deque(kept)
         self._newest_ns = None
 
     def put_at_once(self, order: Order, now_ns: int) -> None:
-        """Execute an order at once that nobody has sent."""
+        """Execute a command of the twin itself at once."""
         self._at_once_ns = now_ns
         self._queue((None, order.kind, float(order.value)))
 
     def _queue(self, one: Stamped) -> None:
-        """What an operator wants at once does not wait for a plan: it replaces it."""
+        """Append a command; one without a stamp replaces the planned ones."""
         if one[0] is None:
             self.waiting.clear()
             self._newest_ns = None
         self.waiting.append(one)
 
     def due(self, time_ns: int) -> list[Order]:
-        """The orders whose stamp is not after `time_ns`, in order; they are given out once."""
+        """Return the commands with stamps up to `time_ns`, in order, and remove them."""
         found: list[Order] = []
         while self.waiting and _is_due(self.waiting[0], time_ns):
             self._done.append(self.waiting.popleft())
@@ -134,7 +134,7 @@ class OrderQueue:
         return found
 
     def last_due(self, time_ns: int) -> Order | None:
-        """The last of those that `due` would give."""
+        """Return the last of the commands that `due` would return; None: none is due."""
         last = None
         for one in self.waiting:
             if not _is_due(one, time_ns):
@@ -143,17 +143,17 @@ class OrderQueue:
         return None if last is None else Order(*last[1:])
 
     def _drop_from(self, stamp_ns: int) -> None:
-        """Drop orders that wait for this time or later ones; what comes first stands."""
+        """Drop commands that wait for this time or later; earlier ones stay."""
         self.waiting = deque(one for one in self.waiting if one[0] is None or one[0] < stamp_ns)
         self._newest_ns = self.waiting[-1][0] if self.waiting else None
         self._in_doubt = False
 
 
 class SwitchQueue(OrderQueue):
-    """Switches: one that is wanted at once goes ahead of planned ones, and these stand."""
+    """Queue of switches: one for at once goes ahead of planned ones and keeps them."""
 
     def _queue(self, one: Stamped) -> None:
-        """After those that are wanted at once too."""
+        """Insert a switch without a stamp after the others without one; append a planned one."""
         if one[0] is not None:
             self.waiting.append(one)
             return

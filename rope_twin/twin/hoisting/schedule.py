@@ -1,4 +1,4 @@
-"""The winch schedule of a scene as stamped orders, the same for every runner."""
+"""Winch schedule of a scene as stamped commands, the same for every runner."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from rope_twin.scene.schema import ScheduleRow, Winch
 from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION, Order
 
-COMMAND_PERIOD_NS = 100_000_000  # a command is repeated at 10 Hz, so that its absence shows
-MISSING_NS = 250_000_000  # a command of the schedule that has not come by then is missing
-_MOTION_OF = {  # key of a row and the order that it is
+COMMAND_PERIOD_NS = 100_000_000  # commands repeat at 10 Hz, so that their absence is detected
+MISSING_NS = 250_000_000  # delay after which a command of the schedule counts as missing
+_MOTION_OF = {  # control mode of each key of a row
     "speed_m_per_s": SPEED,
     "line_out_m": LENGTH,
     "payload_depth_m": DEPTH,
@@ -19,36 +19,36 @@ _MOTION_OF = {  # key of a row and the order that it is
 
 @dataclass(frozen=True)
 class OrderSample:
-    """The winch is to do this from this twin time on."""
+    """Winch command that takes effect at this twin time."""
 
     stamp_ns: int
     order: Order
 
 
 class ScheduleWatch:
-    """Watches whether a winch is commanded as the scene's schedule says, no more and no less."""
+    """Monitor of deviations of a winch's commands from the scene's schedule."""
 
     def __init__(self, winch: Winch | None) -> None:
         self._winch = winch
         self.differs_s: float | None = None  # twin time of the first difference
-        self._motion_ns = 0  # when a motion was last taken up
+        self._motion_ns = 0  # time of the last motion command
         self._looked_ns = 0
-        self._switches = 0  # taken up
+        self._switches = 0  # number of switches executed
 
     def motion(self, order: Order, time_ns: int) -> None:
-        """Judge a motion that is taken up at a twin time."""
+        """Compare a motion command executed at a twin time with the schedule."""
         self._motion_ns = time_ns
         if self.differs_s is None and self._scheduled(time_ns) != order:
             self.differs_s = time_ns * 1e-9
 
     def switches(self, kinds: list[str], after_ns: int, time_ns: int) -> None:
-        """Judge the switches taken up at a twin time; none was after `after_ns` until then."""
+        """Compare switches executed at a twin time with those scheduled since `after_ns`."""
         if self.differs_s is None and kinds != self._switches_after(after_ns, time_ns):
             self.differs_s = time_ns * 1e-9
         self._switches += len(kinds)
 
     def look(self, time_ns: int, obeyed: Order, stopped: bool) -> None:
-        """Judge whether a command is missing; obeyed: the motion in force when this step began."""
+        """Check for a missing command; obeyed: motion in force when this step began."""
         if self.differs_s is not None or time_ns - self._looked_ns < COMMAND_PERIOD_NS:
             return
         self._looked_ns = time_ns
@@ -64,14 +64,14 @@ class ScheduleWatch:
         return rest if self._winch is None else scheduled_motion(self._winch, time_ns)
 
     def _switches_after(self, after_ns: int, time_ns: int) -> list[str]:
-        """The switches of the schedule with after_ns < instant <= time_ns, in order."""
+        """Return the switches of the schedule with after_ns < instant <= time_ns, in order."""
         if self._winch is None or not self._winch.schedule:
             return []
         instants = sorted(set(_row_instants(self._winch, after_ns + 1, time_ns + 1)))
         return [word for at_ns in instants for word in _switches_at(self._winch, at_ns)]
 
     def _switches_until(self, time_ns: int) -> int:
-        """How many switches the schedule has had until a twin time."""
+        """Return the number of switches in the schedule up to a twin time."""
         if self._winch is None or time_ns < 0:
             return 0
         rows = [_at_ns(row) for row in self._winch.schedule if row.switch]
@@ -84,11 +84,11 @@ class ScheduleWatch:
 
 
 def schedule_samples(winch: Winch | None, from_ns: int, to_ns: int) -> list[OrderSample]:
-    """The commands with `from_ns <= stamp_ns < to_ns` (twin time), in order.
+    """Return the commands with `from_ns <= stamp_ns < to_ns` (twin time), in order.
 
-    Motions stand on the 10 Hz grid and, so that no change waits for the grid, at each row's own
-    instant; switches only at that. Before the first motion the speed is zero. Without a schedule
-    there are none.
+    Motion commands come on the 10 Hz grid and, without delay of a change, at each row's own
+    instant; switches only at the latter. Before the first motion the speed is zero. Without a
+    schedule there are none.
     """
     if winch is None or not winch.schedule:
         return []
@@ -104,7 +104,7 @@ def schedule_samples(winch: Winch | None, from_ns: int, to_ns: int) -> list[Orde
 
 
 def scheduled_motion(winch: Winch, stamp_ns: int) -> Order:
-    """The motion that the schedule asks for at a twin time."""
+    """Return the motion command of the schedule at a twin time."""
     repeat_ns = _repeat_ns(winch)
     within_ns = stamp_ns % repeat_ns if repeat_ns else stamp_ns
     motion = Order(SPEED, 0.0)
@@ -116,7 +116,7 @@ def scheduled_motion(winch: Winch, stamp_ns: int) -> Order:
 
 
 def motion_of(row: ScheduleRow) -> Order | None:
-    """The motion that a row asks for; None if it is a switch."""
+    """Return the motion command of a row; None if it is a switch."""
     for key, kind in _MOTION_OF.items():
         if (value := getattr(row, key)) is not None:
             return Order(kind, value)
@@ -124,7 +124,7 @@ def motion_of(row: ScheduleRow) -> Order | None:
 
 
 def _switches_at(winch: Winch, stamp_ns: int) -> list[str]:
-    """The switches of the rows whose instant this is."""
+    """Return the switches of the rows at this instant."""
     repeat_ns = _repeat_ns(winch)
     within_ns = stamp_ns % repeat_ns if repeat_ns else stamp_ns
     return [row.switch for row in winch.schedule if row.switch and _at_ns(row) == within_ns]
@@ -139,13 +139,13 @@ def _repeat_ns(winch: Winch) -> int:
 
 
 def _row_instants(winch: Winch, from_ns: int, to_ns: int) -> list[int]:
-    """When rows take effect within [from_ns, to_ns), over all repetitions."""
+    """Return the instants of rows within [from_ns, to_ns), over all repetitions [ns]."""
     repeat_ns = _repeat_ns(winch)
     rows = [_at_ns(row) for row in winch.schedule]
     if not repeat_ns:
         return [row for row in rows if from_ns <= row < to_ns]
     rounds = range(from_ns // repeat_ns, max(0, to_ns) // repeat_ns + 1)
     instants = [again * repeat_ns + row for again in rounds for row in rows if row < repeat_ns]
-    # the wrap itself is a change too: the schedule is at its beginning again
+    # the repetition itself is a change too: the schedule restarts
     instants += [again * repeat_ns for again in rounds if again > 0]
     return [instant for instant in instants if from_ns <= instant < to_ns]

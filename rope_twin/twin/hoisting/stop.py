@@ -1,7 +1,7 @@
-"""Motion of limited jerk: the quickest change of speed, where it leads, and how far it reaches.
+"""Jerk-limited motion: the fastest change of speed, the motion along it, and its reach.
 
-The quickest way to a speed, ending without acceleration, is one pulse of acceleration: a rise with
-the jerk limit, a part at the acceleration limit if that is reached, and a fall with the jerk limit.
+The fastest way to a speed that ends without acceleration is one pulse of acceleration: a rise at
+the jerk limit, a part at the acceleration limit if that is reached, and a fall at the jerk limit.
 """
 
 from __future__ import annotations
@@ -9,18 +9,18 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-Pieces = tuple[tuple[float, float], ...]  # jerk [m/s³] and how long [s]
+Pieces = tuple[tuple[float, float], ...]  # jerk [m/s³] and duration [s]
 
 
 class Motion(NamedTuple):
-    """Place, speed and acceleration at an instant."""
+    """Position, speed and acceleration at an instant."""
 
     x: float  # [m]
     v: float  # [m/s]
     a: float  # [m/s²]
 
     def later(self, jerk: float, t: float) -> Motion:
-        """After a time of constant jerk."""
+        """Return the motion after a time of constant jerk."""
         a = self.a + jerk * t
         v = self.v + t * (self.a + 0.5 * jerk * t)
         x = self.x + t * (self.v + t * (0.5 * self.a + jerk * t / 6.0))
@@ -28,10 +28,10 @@ class Motion(NamedTuple):
 
 
 def pulse(now: Motion, speed: float, acceleration: float, jerk: float) -> Pieces:
-    """The pieces of the quickest way to a speed, with no acceleration at the end.
+    """Return the pieces of the fastest way to a speed, without acceleration at the end.
 
-    With g the change of speed to go and a the acceleration now, the peak p of the pulse follows
-    from g = (2·p² - a²)/(2·j), as long as it stays below the limit.
+    With g the remaining change of speed and a the present acceleration, the peak p of the pulse
+    follows from g = (2·p² - a²)/(2·j), as long as it stays below the limit.
     """
     gain = speed - now.v
     side = 1.0 if gain >= 0.5 * now.a * abs(now.a) / jerk else -1.0
@@ -46,7 +46,7 @@ def pulse(now: Motion, speed: float, acceleration: float, jerk: float) -> Pieces
 
 
 def along(now: Motion, pieces: Pieces, time_s: float) -> Motion:
-    """Where the pieces lead within a time; after the last one without acceleration."""
+    """Return the motion after a time along the pieces; no acceleration after the last one."""
     left = time_s
     for jerk, length in pieces:
         now = now.later(jerk, min(length, left))
@@ -57,7 +57,7 @@ def along(now: Motion, pieces: Pieces, time_s: float) -> Motion:
 
 
 def reach(now: Motion, pieces: Pieces) -> tuple[float, float]:
-    """Lowest and highest place on the way."""
+    """Return the lowest and highest position on the way [m]."""
     low = high = now.x
     for jerk, length in pieces:
         if length <= 0.0:
@@ -70,7 +70,7 @@ def reach(now: Motion, pieces: Pieces) -> tuple[float, float]:
 
 
 def _turns(now: Motion, jerk: float, length: float) -> list[float]:
-    """When the speed passes zero within a piece: v + a·t + j·t²/2 = 0."""
+    """Return the times within a piece at which the speed is zero: v + a·t + j·t²/2 = 0."""
     if jerk == 0.0:
         roots = [-now.v / now.a] if now.a != 0.0 else []
     else:

@@ -1,9 +1,10 @@
-"""The winch: orders with a stamp become line out, within its limits and those of its parts.
+"""Winch: stamped commands become payout, within its limits and those of its components.
 
-Line out L is unstretched rope below the hang-off. An order (by speed, length, depth or tension)
-becomes a wish, the pace follows it within the limits of acceleration and jerk, some parts add to
-that motion and others hold it back (`rope_twin.twin.hoisting`). What holds it back moves the pace's
-own line too: a winch that has rendered goes on from where it is.
+Payout L is the unstretched length of rope below the hang-off. A command (speed, length, depth or
+tension) sets the control mode, whose target the motion profile follows within the limits of
+acceleration and jerk; some components add to that motion and others limit it
+(`rope_twin.twin.hoisting`). A limit moves the profile's own line too: a winch that has rendered
+continues from its actual payout.
 """
 
 from __future__ import annotations
@@ -45,26 +46,26 @@ _WHEN_LOST = {
     RAMP_TO_ZERO: "it ramps to zero speed",
     SET_THE_BRAKE: "it ramps to zero speed and sets its brake",
 }
-END_SHARE = 0.75  # of the least line out: a winch that could not stop before is stopped there
+END_SHARE = 0.75  # of the minimum payout: hard stop of a winch that could not stop before
 
 
 def command_input(name: str) -> str:
-    """The name of the input that commands the winch of this name, in counts and diagnostics."""
+    """Return the name of the command input of a winch, in counts and diagnostics."""
     return "winch_command" if name == WINCH else f"winch_command {name}"
 
 
 def switch_input(name: str) -> str:
-    """The name of the input that switches parts of the winch of this name."""
+    """Return the name of the switch input of a winch."""
     return "winch_switch" if name == WINCH else f"winch_switch {name}"
 
 
 def input_of(order: Order, name: str) -> str:
-    """The name of the input that takes an order to the winch of this name."""
+    """Return the name of the input that takes a command to the winch of this name."""
     return switch_input(name) if order.kind in SWITCHES else command_input(name)
 
 
 class Winch:
-    """One winch; `take` takes orders, `step` moves on by one time step."""
+    """One winch; `take` takes commands, `step` advances by one time step."""
 
     def __init__(
         self,
@@ -73,7 +74,7 @@ class Winch:
         name: str = WINCH,
         hung: Hung = UNKNOWN_ROPE,
     ) -> None:
-        """`name`: of the hang-off that it stands at; `hung`: the rope on it."""
+        """Create the winch of the hang-off `name`; hung: properties of its rope."""
         self._orders = OrderQueue(command_input(name))
         self._switches = SwitchQueue(switch_input(name))
         self.counter, self._name = self._orders.counter, name
@@ -82,11 +83,11 @@ class Winch:
         self._has_switches = any(getattr(scene, key, None) for key in SWITCHES.values())
         self._line = self._nominal = LineOut(length_m, 0.0)
         self._kind, self._value = SPEED, 0.0
-        self._goal = 0  # of the goals, the one that the kind of order names
-        self._last = (self._line, 1.0)  # the line ahead of the last step, and its length [s]
-        self._stopped = False  # in an emergency
-        self._watch, self._begun_ns = ScheduleWatch(scene), -1  # begin of the last step
-        self._end_m = 0.0  # line out at which the end of a rope that was cut is at the sheave
+        self._goal = 0  # index of the active control mode
+        self._last = (self._line, 1.0)  # line before the last step, and that step [s]
+        self._stopped = False  # emergency stop is active
+        self._watch, self._begun_ns = ScheduleWatch(scene), -1  # beginning of the last step
+        self._end_m = 0.0  # payout at which the end of a cut rope is at the sheave
         self._goals = () if scene is None else goals_of(scene)
         self._pace = None if scene is None else _pace_of(scene)
         self._adding = () if scene is None else adding_parts(scene)
@@ -95,34 +96,34 @@ class Winch:
         )
 
     def doubt(self) -> None:
-        """Who commands was away: from its first new stamp on, its new plan replaces the old.
+        """Let the commander's first new stamp replace the waiting commands, after a pause.
 
-        What it repeats of the time before is known and no fault.
+        Commands that it repeats from before the pause are known and no fault.
         """
         self._orders.doubt()
         self._switches.doubt()
 
     @property
     def line(self) -> LineOut:
-        """Line out and speed now."""
+        """Payout and speed now."""
         return self._line
 
     @property
     def payout_m_per_s2(self) -> float:
-        """Acceleration of the line at the end of the last step, of the cubic that the rope sees."""
+        """Acceleration of the payout at the end of the last step, of the core's cubic [m/s²]."""
         before, step_s = self._last
         way = (self._line.length_m - before.length_m) / step_s
         return (4.0 * self._line.speed_m_per_s + 2.0 * before.speed_m_per_s - 6.0 * way) / step_s
 
     def feels(self, time_ns: int) -> bool:
-        """Whether its step from this time on asks what the rope is like."""
+        """Return whether its step from this time on needs tension feedback."""
         if self._holding:
             return True
         due = self._orders.last_due(time_ns) if self._orders.waiting else None
         return (self._kind if due is None else due.kind) in FEELING
 
     def take(self, stamp_ns: int | None, order: Order, now_ns: int) -> str:
-        """Take an order (None: at once); returns "" or the sentence of its refusal."""
+        """Submit a command (stamp None: at once); return "" or the reason for its rejection."""
         fault = find_fault(order, self._scene, self._hung)
         if fault is not None:
             return self.refuse(order, fault.sentence, fault.kind)
@@ -139,7 +140,7 @@ class Winch:
         return refusal
 
     def _change_commander(self, kind: str, now_ns: int) -> None:
-        """Drop the former commander's plan; if that is lost, do what the scene says."""
+        """Drop the former commander's plan; if it was lost, act as the scene specifies."""
         assert self._scene is not None, "orders to no winch are refused"
         self._orders.forget_plan()
         self._switches.forget_plan()
@@ -154,17 +155,17 @@ class Winch:
             self._switches.put_at_once(Order(SET_BRAKE), now_ns)
 
     def refuse(self, order: Order, sentence: str, kind: str = "impossible") -> str:
-        """Count an order that is not for this winch; returns the sentence."""
+        """Count a command that is not for this winch as rejected; return the sentence."""
         queue = self._orders if order.kind in MOTIONS else self._switches
         return queue.counter.refuse(kind, sentence)
 
     def newest_ns(self) -> dict[str, int]:
-        """Stamp of the newest accepted order and switch, by the name of the input."""
+        """Return the stamp of the newest accepted command and switch by input name [ns]."""
         counters = (self._orders.counter, self._switches.counter)
         return {c.name: c.newest_ns for c in counters if c.newest_ns is not None}
 
     def health(self, now_ns: int) -> dict[str, InputHealth]:
-        """What became of the commands, by the name of the input; of switches where it has any."""
+        """Return the health of the inputs by name; of switches if the winch has any."""
         told = {self.counter.name: self.counter.health(now_ns, self.stale(now_ns))}
         own = self._switches.counter
         if self._has_switches or own.refused:
@@ -172,9 +173,9 @@ class Winch:
         return told
 
     def stale(self, now_ns: int) -> bool:
-        """Whether it runs on a command that has not been repeated for STALE_NS.
+        """Return whether it runs on a speed command that has not been repeated for STALE_NS.
 
-        A length, depth or tension stands until another order comes.
+        A length, depth or tension command holds until another one comes.
         """
         newest = self.counter.newest_ns
         runs = self._kind == SPEED and self._value != 0.0
@@ -187,10 +188,10 @@ class Winch:
         heave_m_per_s: float = 0.0,
         felt: Felt | None = None,
     ) -> LineOut:
-        """Move on from `time_ns` by one step; returns line out and speed at its end.
+        """Advance from `time_ns` by one step; return payout and speed at its end.
 
-        Commands whose stamp is not after `time_ns` take effect now, in order. `heave_m_per_s`: of
-        the hang-off at the step's end; `felt`: where it `feels`.
+        Commands with stamps up to `time_ns` take effect now, in order. heave_m_per_s: velocity of
+        the hang-off at the step's end; felt: tension feedback, if it `feels`.
         """
         if self._orders.waiting or self._switches.waiting:
             self._obey(time_ns)
@@ -212,9 +213,9 @@ class Winch:
         return self._line
 
     def continue_from(self, line: LineOut) -> None:
-        """Go on from this line out and speed: the rope went back to it after a failed step.
+        """Continue from this payout and speed, as the rope returned to them after a failed step.
 
-        Orders, switches and parts stay as they are.
+        Commands, switches and components are unchanged.
         """
         self._line = self._nominal = line
         self._last = (line, self._last[1])
@@ -222,9 +223,9 @@ class Winch:
             self._pace.yield_to(line)
 
     def lose(self, lost_m: float, left_m: float) -> None:
-        """The rope was cut, `left_m` of it hang on: so much less is out, and is there at all.
+        """Adapt to a cut: `left_m` of rope are paid out, and `lost_m` less exist in total.
 
-        An order by length or depth was of the whole rope and ends; the winch stops.
+        A length or depth command was for the whole rope and ends; the winch stops.
         """
         shift = left_m - self._line.length_m
         self._line, self._nominal = (
@@ -246,7 +247,7 @@ class Winch:
         self._take_up(Order(self._kind, self._value) if stands else Order(SPEED, 0.0))
 
     def shot(self) -> WinchShot | None:
-        """What it does, for operators; None without a winch."""
+        """Return its state for operators; None without a winch."""
         if self._scene is None:
             return None
         figures: dict[str, float] = {}
@@ -268,7 +269,7 @@ class Winch:
         return (*self._adding, *self._looking, *self._holding)
 
     def _obey(self, time_ns: int) -> None:
-        """Take up what is due. In an emergency stop no motion is."""
+        """Execute the commands that are due; no motion during an emergency stop."""
         switches, motions = self._switches.due(time_ns), self._orders.due(time_ns)
         if switches:
             self._watch.switches([one.kind for one in switches], self._begun_ns, time_ns)
@@ -292,13 +293,13 @@ class Winch:
         if switch == EMERGENCY_STOP or (switch == RESET and self._stopped):
             self._stopped = switch == EMERGENCY_STOP
             self._take_up(Order(SPEED, 0.0))
-        if switch == COMPENSATE:  # it begins at the middle of its stroke, where the line is
+        if switch == COMPENSATE:  # compensation starts at mid-stroke from the present line
             self._nominal = self._nominal._replace(length_m=self._line.length_m)
         for part in self._parts:
             part.obey(switch, time_ns)
 
     def _follow(self, step_s: float, felt: Felt | None) -> str:
-        """Move the nominal line; says which limit holds it."""
+        """Move the nominal line; return the active limit."""
         scene, pace = self._scene, self._pace
         assert scene is not None
         assert pace is not None
@@ -317,7 +318,7 @@ class Winch:
         return goal.words()
 
     def _pass_parts(self, moment: Moment) -> None:
-        """From the nominal line to the one that the parts make of it."""
+        """Apply the components to the nominal line."""
         wanted = self._nominal
         for adding in self._adding:
             wanted = adding.add(wanted, moment)
@@ -332,15 +333,15 @@ class Winch:
         self.at_limit = "; ".join(words for words in limits if words)
 
     def _at_rope_end(self, line: LineOut) -> LineOut:
-        """A drum that renders until it is empty is held by the rope's end on it."""
+        """Hold a drum that renders until it is empty at the rope's end on it."""
         assert self._scene is not None
         most = self._scene.most_line_out_m
         return LineOut(most, 0.0) if line.length_m > most else line
 
     def _give_way(self, line: LineOut, wanted: LineOut) -> None:
-        """The line did not go where it was wanted: neither did the nominal one.
+        """Move the nominal line by the difference of the actual line from its target.
 
-        A drive goes on asking for the same speed; behind a brake it begins anew from standstill.
+        A drive keeps its target speed; behind a brake the line restarts from standstill.
         """
         length, speed = self._nominal
         length += line.length_m - wanted.length_m
@@ -352,7 +353,7 @@ class Winch:
 
 
 def winch_of_rope(scene: Scene, line: RopeLine) -> Winch:
-    """The winch at the upper end of a rope of the scene; without one its line never changes."""
+    """Return the winch at the upper end of a rope; without one its payout is constant."""
     winch = winch_of(scene, line)
     return Winch(
         winch, line.length_m, line.from_, UNKNOWN_ROPE if winch is None else _hung(scene, line)
@@ -360,7 +361,7 @@ def winch_of_rope(scene: Scene, line: RopeLine) -> Winch:
 
 
 def _hung(scene: Scene, line: RopeLine) -> Hung:
-    """Its rope."""
+    """Return the properties of its rope."""
     ropes = [section.rope for section in line.made_of]
     stretch = 1.0 + max(rope.strain_at(rope.breaking_load_n) for rope in ropes)
     return Hung(ropes[-1].diameter_m, stretch, places(scene)[line.from_][2])
