@@ -1,7 +1,7 @@
-"""What a twin of ropes that meet has besides its first rope, and that rope's winch and hang-off.
+"""Multi-line system of a twin, except its first rope with that rope's winch and hang-off.
 
-The first rope stays where a twin of one rope has it; here are the others, the joints, further
-winches and hang-offs, and the step of all of them together.
+The twin owns the first rope as in a single-line scene; this module has the other ropes,
+connections, winches and hang-offs, and the step of all of them together.
 """
 
 from __future__ import annotations
@@ -50,14 +50,14 @@ _log = logging.getLogger(__name__)
 
 
 class JoinedRopes:
-    """Everything of several ropes that is not the first one's.
+    """All ropes of a multi-line scene except the first one's boundary conditions.
 
     Raises:
         SceneError: the scene cannot be built.
     """
 
     def __init__(self, scene: Scene, steps: int) -> None:
-        """Room for the borders of so many steps."""
+        """Build the system, with boundary conditions for up to `steps` steps."""
         built = build_joined(scene)
         self._scene = scene
         self._ropes, self._joints = built.system.ropes[1:], built.system.joints
@@ -70,14 +70,14 @@ class JoinedRopes:
         self._boundary = Boundary(np.zeros(size), np.zeros(size))
         self._boundary.value[:, :, : rows.LINE] = np.nan_to_num(self._hang_offs)[:, None]
         self._boundary.value[:, :, rows.LINE] = [[line.length_m] for line in scene.ropes]
-        self.pull = np.zeros((len(scene.ropes), rows.PULL_COLUMNS))  # now, of each rope
-        self.pulls = self.pull[:, None]  # and after each step of the last call,
-        self.moved = self._boundary  # which began at the first of these borders
-        self._highest_n = np.zeros(len(scene.ropes))  # of the pull at each upper end, since then
-        self._severed = self._fresh = False  # a rope was cut, and no step was done since
+        self.pull = np.zeros((len(scene.ropes), rows.PULL_COLUMNS))  # force on upper ends now
+        self.pulls = self.pull[:, None]  # and after each step of the last call
+        self.moved = self._boundary  # boundary conditions of the last call
+        self._highest_n = np.zeros(len(scene.ropes))  # maximum tension at each upper end
+        self._severed = self._fresh = False  # a rope was cut; no step since then
 
     def find_start(self) -> Floats:
-        """Bring the ropes to rest, compiling everything on the way; the first one's pull.
+        """Solve for static equilibrium, compiling all kernels; return the first rope's top force.
 
         Raises:
             SceneError: there is no equilibrium, or the ropes float.
@@ -99,37 +99,37 @@ class JoinedRopes:
         return first
 
     def offer(self, name: str, stamp_ns: int | None, order: Order, now_ns: int) -> str:
-        """An order for the winch of this name; "" or why it was refused."""
+        """Submit a command to the winch of this name; return "" or the rejection."""
         names = [line.from_ for line in self._scene.ropes]
         return self._winches[names.index(name)].take(stamp_ns, order, now_ns)
 
     def doubt(self) -> None:
-        """Commands known for times to come may no longer hold."""
+        """Invalidate commands that were known in advance."""
         for winch in self._winches[1:]:
             winch.doubt()
 
     def newest_ns(self) -> dict[str, int]:
-        """Stamp of the newest accepted command of each winch but the first, where there is one."""
+        """Return the stamp of the newest accepted command of each winch but the first [ns]."""
         newest: dict[str, int] = {}
         for winch in self._winches[1:]:
             newest |= winch.newest_ns()
         return newest
 
     def feel(self, time_ns: int) -> bool:
-        """Whether a winch but the first asks what its rope is like for the step from then on."""
+        """Return whether a winch but the first needs tension feedback for the step from then on."""
         return bool(self.feeling(time_ns))
 
     def feeling(self, time_ns: int) -> dict[int, Winch]:
-        """Those winches, by the number of their rope."""
+        """Return those winches by the number of their rope."""
         rest = enumerate(self._winches[1:], start=1)
         return {r: winch for r, winch in rest if winch.feels(time_ns)}
 
     def prescribe(
         self, row: int, from_ns: int, step_s: float, heave: tuple[float, float], moves: Moves
     ) -> None:
-        """Hang-offs and line out at border `row`.
+        """Set hang-offs and payouts at step boundary `row`.
 
-        heave: of the ship, and its rate; moves: how poses move the hang-offs that they move.
+        heave: ship heave [m] and its rate [m/s]; moves: motion of the hang-offs moved by poses.
         """
         value, rate = self._boundary
         for r in self._numbers[1:]:
@@ -143,7 +143,7 @@ class JoinedRopes:
                 value[r, row, rows.LINE], rate[r, row, rows.LINE] = line
 
     def _felt(self, r: int, row: int) -> Felt:
-        """What the winch of a rope feels ahead of the step that ends at border `row`."""
+        """Return the tension feedback of a rope before the step that ends at boundary `row`."""
         borders = self._boundary.value[r, row - 1 : row + 1]
         heave = float(borders[0, rows.Z] - self._hang_offs[r, 2])
         course = Course(heave, self._winches[r].payout_m_per_s2)
@@ -151,7 +151,7 @@ class JoinedRopes:
         return feel(self._rope(r), self._scene.ropes[r], pull, borders, course)
 
     def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
-        """`advance` of all ropes; boundary, pulls: of the first one, as there."""
+        """Advance all ropes like core's `advance`; boundary, pulls: of the first one."""
         steps = len(pulls)
         own = self.borders(boundary, steps)
         pull = np.zeros((len(self._numbers), steps, rows.PULL_COLUMNS))
@@ -166,18 +166,18 @@ class JoinedRopes:
         return done
 
     def system(self, first: Rope) -> System:
-        """All ropes; current and the like are those of the first one (see core/joined/stack.py)."""
+        """Return all ropes with the first one's environment (see core/joined/stack.py)."""
         return System((first, *self._ropes), self._joints, self._stack, self._sheaves)
 
     def borders(self, boundary: Boundary, steps: int) -> Boundary:
-        """Those of the next steps of all ropes, (ropes, steps + 1, MOTIONS); given: the first's."""
+        """Return boundary conditions of all ropes in coming steps, (ropes, steps + 1, MOTIONS)."""
         own = Boundary(*(table[:, : steps + 1].copy() for table in self._boundary))
         for table, given in zip(own, boundary, strict=True):
             table[0] = given[: steps + 1]
         return own
 
     def _advance(self, system: System, own: Boundary, time: float, pull: Floats) -> int:
-        """Step all; the first step after a cut in pieces."""
+        """Advance all; the first step after a cut in substeps."""
         if not self._fresh:
             return advance_joined(system, own, pull, time, pull.shape[1])
         begun = advance_in_pieces(system, Boundary(*(table[:, :2] for table in own)), time)
@@ -193,7 +193,7 @@ class JoinedRopes:
         return 1 + done
 
     def part(self, first: Rope, border: Boundary, place: Place) -> tuple[JoinedRopes, float]:
-        """Cut a rope; itself, with the lower part as one rope more, and how long that is [m]."""
+        """Cut a rope; return itself with the lower part as additional rope, and its length [m]."""
         r = place.rope
         now = Boundary(*(table[:, :1].copy() for table in self._boundary))
         for table, given in zip(now, border, strict=True):
@@ -215,21 +215,21 @@ class JoinedRopes:
         return self, lost_m
 
     def length_m(self, r: int) -> float:
-        """Unstretched length of a rope but the first [m]."""
+        """Return the unstretched length of a rope other than the first [m]."""
         state = self._rope(r).state
         return float(state.s[state.counts[rows.ELEMENTS]])
 
     def lose(self, r: int, lost_m: float, left_m: float) -> None:
-        """Tell the winch of a rope but the first that so much was cut off, and so much hangs on."""
+        """Report to the winch of another rope the length cut off and the length left [m]."""
         self._winches[r].lose(lost_m, left_m)
 
     def forget(self, done: int, prescribed: int) -> None:
-        """Make the border after `done` steps the first one; so many after it are prescribed."""
+        """Make the boundary after `done` steps the first; `prescribed` ones follow it."""
         for table in self._boundary:
             table[:, : prescribed + 1] = table[:, done : done + prescribed + 1]
 
     def prescribe_again(self) -> None:
-        """Let the winches of ropes but the first go on from the line out of the last step."""
+        """Let the winches of other ropes continue from the payout of the last step."""
         value, rate = self._boundary
         for r in self._numbers[1:]:
             if self._joints.upper[r] == LOOSE:
@@ -237,20 +237,20 @@ class JoinedRopes:
                 self._winches[r].continue_from(LineOut(length, speed))
 
     def border(self, first: Boundary) -> Boundary:
-        """Hang-offs and line out now, (ropes, MOTIONS); first: borders of the first rope."""
+        """Return hang-offs and payouts now, (ropes, MOTIONS); first: those of the first rope."""
         own = Boundary(*(table[:, 0].copy() for table in self._boundary))
         for table, given in zip(own, first, strict=True):
             table[0] = given[0]
         return own
 
     def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
-        """Energy and power of all ropes now; pull, speed: of the first one."""
+        """Return energy and power of all ropes now; pull [N], speed [m/s]: of the first one."""
         pulls, speeds = self.pull.copy(), self._boundary.rate[:, 0, rows.LINE].copy()
         pulls[0], speeds[0] = pull, speed
         return measure_system(self.system(first), pulls, speeds, time)
 
     def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
-        """The snapshot of the first rope, with all ropes and payloads."""
+        """Complete the first rope's snapshot with all ropes, payloads and winches."""
         value, rate = (table[:, 0, rows.LINE] for table in self._boundary)
         now = SystemNow(
             self._scene, self.system(self.first), self._owners, self.pull, LinesOut(value, rate)
@@ -287,7 +287,7 @@ class JoinedRopes:
         return taken if self._lines is None else self._lines.complete(taken)
 
     def hung(self, first: Rope, shot: Snapshot) -> tuple[HungRope, ...]:
-        """All of them."""
+        """Return the shapes of all ropes."""
         ropes = zip(self._scene.ropes, (first, *self._ropes), shot.ropes, strict=True)
         return tuple(
             hung_to_sheave(line, rope, own)
@@ -297,11 +297,11 @@ class JoinedRopes:
         )
 
     def lowest(self, first: Rope) -> Rope:
-        """The first one: what is told of one rope is told of it."""
+        """Return the first rope, which stands for a single rope."""
         return first
 
     def changing(self) -> dict[str, Any]:
-        """What a restart needs besides what the twin has itself."""
+        """Return the additional state that a restart needs, by name."""
         kept: dict[str, Any] = {
             "joined/nodes": self._joints.nodes,
             "joined/pulls of struts": self._joints.ties[PULL],
@@ -321,7 +321,7 @@ class JoinedRopes:
         return kept
 
     def take_back(self, values: dict[str, Any], first: Rope) -> None:
-        """Take out of the values what `changing` gave; first: the first rope as it is now."""
+        """Remove from `values` what `changing` gave and restore it; first: the first rope now."""
         self.first = first
         self._joints = self._joints._replace(nodes=values.pop("joined/nodes"))
         self._joints.ties[PULL] = values.pop("joined/pulls of struts")
@@ -349,7 +349,7 @@ class JoinedRopes:
 
     @staticmethod
     def _tension(rope: Rope) -> Floats:
-        """Of the elements [N], a view of the scratch."""
+        """Tension of the elements [N], a view of the scratch array."""
         return rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]]
 
     def _nodes(self, r: int, first: int) -> Floats:

@@ -1,10 +1,10 @@
-"""Two lines that hang side by side: how near they come, and where they cross.
+"""Clearance and crossings of two lines that hang side by side.
 
-Each line runs from its hang-off down to the sheave. Seen from across the plane of both hang-offs
-they cross where one has got to the other side of the other: where their distance along that plane
-changes sign. How far they pass each other there is the gap across the plane: with the current in
-that plane it is next to nothing, and the lines touch. Lines are compared at equal depth, and one
-that turns up again is followed by the greatest depth so far; how often that was so is counted.
+Each line runs from its hang-off down to the sheave. Seen normal to the plane of both hang-offs they
+cross where one passes to the other side of the other: where their distance along that plane changes
+sign. The gap is their distance there normal to the plane: with the current in that plane it is
+close to zero, and the lines touch. Lines are compared at equal depth, and one that turns upward
+again is followed by its greatest depth up to there; the number of such snapshots is counted.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from rope_twin.scene.schema import Scene
 from rope_twin.twin.joined.lines_shot import Crossing, LineEvent, LinesShot, Nearest
 from rope_twin.twin.snapshot import Snapshot
 
-AT_SHEAVE = 0.02  # of the sheave's depth: nearer than this above it the lines meet anyway
-SAME = 0.05  # of the sheave's depth: a crossing that has moved by less is the same one
+AT_SHEAVE = 0.02  # of the sheave's depth: the zone above it where the lines meet is left out
+SAME = 0.05  # of the sheave's depth: maximum shift of a crossing between two snapshots
 LEAST_SPAN_M = 1e-3
 LOOK_NS = 1_000_000_000
 
 
 def lines_of(scene: Scene) -> tuple[list[int], list[int]]:
-    """Numbers of the ropes of both lines over the scene's sheave, from the hang-off down.
+    """Return the rope numbers of both lines over the scene's sheave, from the hang-off down.
 
     Raises:
-        InputError: there is not one sheave, or a line does not go up to the ship as one.
+        InputError: the scene has not exactly one sheave, or a line branches on its way to the ship.
     """
     if len(scene.sheaves) != 1:
         what = f"the scene has {len(scene.sheaves)} sheaves"
@@ -56,10 +56,14 @@ def lines_of(scene: Scene) -> tuple[list[int], list[int]]:
 
 
 class LineWatch:
-    """Follows both lines from snapshot to snapshot."""
+    """Monitor of both lines from snapshot to snapshot.
+
+    Raises:
+        InputError: as `lines_of`, or both hang-offs are at the same position.
+    """
 
     def __init__(self, scene: Scene) -> None:
-        """Raises InputError as `lines_of` does, or where both hang-offs are at one place."""
+        """Find both lines and the plane of their hang-offs; raises InputError as the class says."""
         self.lines = lines_of(scene)
         at = places(scene)
         one, other = (np.array(at[scene.ropes[line[0]].from_][:2]) for line in self.lines)
@@ -68,11 +72,11 @@ class LineWatch:
             right = "set `at_m` of one of them aside: the lines are watched in the plane of both"
             raise InputError(phrase(f"{scene.path}: hang_offs", "both are at one place", right))
         self.plane = (other - one) / span
-        self.crossings: tuple[Crossing, ...] = ()  # at the last look
-        self.turned_up = 0  # snapshots in which a line turned up again
+        self.crossings: tuple[Crossing, ...] = ()  # in the last snapshot
+        self.turned_up = 0  # number of snapshots in which a line turned upward
 
     def look(self, shot: Snapshot) -> tuple[Nearest, list[LineEvent]]:
-        """Take in a snapshot: where they are nearest, and what has begun or ended since."""
+        """Return the minimum distance in a snapshot, and crossings that began or ended since."""
         paths = [self._path(shot, line) for line in self.lines]
         self.turned_up += any((np.diff(path[:, 2]) > 0.0).any() for path in paths)
         depth, both, slopes = _side_by_side(paths)
@@ -86,13 +90,13 @@ class LineWatch:
         return Nearest(shot.time_s, float(depth[above][k]), float(distance[k])), happened
 
     def _path(self, shot: Snapshot, line: list[int]) -> Floats:
-        """Nodes of a line from the hang-off down, (nodes, 3)."""
+        """Position of the nodes of a line from the hang-off down [m], (nodes, 3)."""
         parts = [shot.ropes[line[0]].node_position_m]
         parts += [shot.ropes[number].node_position_m[1:] for number in line[1:]]
         return np.concatenate(parts)
 
     def _compare(self, now: list[Crossing], time_s: float, same_m: float) -> list[LineEvent]:
-        """Crossings that are new, and those that are gone."""
+        """Return events of crossings that began, and of those that ended."""
         left, happened = list(self.crossings), []
         for crossing in now:
             near = [old for old in left if abs(old.depth_m - crossing.depth_m) < same_m]
@@ -108,7 +112,7 @@ def _event(time_s: float, what: str, at: Crossing) -> LineEvent:
 
 
 def _side_by_side(paths: list[Floats]) -> tuple[Floats, Floats, Floats]:
-    """Both lines at the same depths: depths, x and y of each line, and their slopes.
+    """Return both lines at the same depths: depths, x and y of each line, and their slopes.
 
     (n,), (2, n, 2), (n, 2, 2): the slopes dx/dz and dy/dz of each line just below a depth.
     """
@@ -129,7 +133,7 @@ def _side_by_side(paths: list[Floats]) -> tuple[Floats, Floats, Floats]:
 
 
 def find_crossings(depth: Floats, both: Floats, slopes: Floats, plane: Floats) -> list[Crossing]:
-    """Where the distance along the plane changes sign, from the top down.
+    """Return the crossings, where the distance along the plane changes sign, from the top down.
 
     depth: rising, (n,) [m]; both: x and y of each line, (2, n, 2) [m]; slopes: of both lines below
     each depth, (n, 2, 2); plane: unit vector, (2,).
@@ -156,17 +160,17 @@ def find_crossings(depth: Floats, both: Floats, slopes: Floats, plane: Floats) -
 
 
 class LineReport:
-    """What a running twin tells of its two lines, looked at once a second of twin time."""
+    """Report of a running twin on its two lines, once a second of twin time."""
 
     def __init__(self, watch: LineWatch) -> None:
         self._watch = watch
-        self._looked = -1  # second of the last look
+        self._looked = -1  # second of the last sampling
         self._shot: LinesShot | None = None
 
     def complete(self, shot: Snapshot) -> Snapshot:
-        """The snapshot with what is known of the lines.
+        """Add the results of the lines to the snapshot.
 
-        At the start nobody hears yet: the first look is after the first step.
+        There is no subscriber at the start: the first sampling is after the first step.
         """
         second = shot.stamp_ns // LOOK_NS
         if shot.step == 0 or second == self._looked:
@@ -177,7 +181,7 @@ class LineReport:
         return replace(shot, lines=self._shot, line_events=tuple(events))
 
     def known(self) -> list[Any]:
-        """What a restart needs, as plain numbers."""
+        """Return the state that a restart needs, as plain numbers."""
         known = self._watch.crossings
         crossings = [[one.depth_m, one.angle_deg, one.gap_m, *one.position_m] for one in known]
         near = self._shot.nearest if self._shot else Nearest(0.0, 0.0, 0.0)
@@ -185,7 +189,7 @@ class LineReport:
         return [self._looked, self._watch.turned_up, last, crossings]
 
     def take_back(self, known: list[Any]) -> None:
-        """Go on from what `known` gave."""
+        """Resume from the state that `known` gave."""
         self._looked, self._watch.turned_up, last, rows = known
         self._watch.crossings = tuple(
             Crossing(depth_m=depth, angle_deg=angle, gap_m=gap, position_m=(x, y, z))
@@ -196,8 +200,8 @@ class LineReport:
 
 
 def report_on(scene: Scene) -> LineReport | None:
-    """A report on the scene's two lines; None where there are no two lines to watch."""
+    """Return a report on the scene's two lines; None if there are no two lines."""
     try:
         return LineReport(LineWatch(scene))
-    except InputError:  # as said: most scenes are of another kind
+    except InputError:  # most scenes have no two lines around a sheave
         return None

@@ -1,4 +1,4 @@
-"""What a snapshot tells of ropes that meet: each rope, payload, bar and sheave, and the bed."""
+"""Snapshot of a multi-line system: each rope, payload, bar and sheave, and the seabed."""
 
 from __future__ import annotations
 
@@ -26,36 +26,36 @@ from rope_twin.twin.snapshot import (
 
 
 class LinesOut(NamedTuple):
-    """Of each rope, (ropes,)."""
+    """Payout of each rope and its rate, (ropes,)."""
 
     length_m: Floats
     speed_m_per_s: Floats
 
 
 class SystemNow(NamedTuple):
-    """All ropes as they are now."""
+    """Present state of all ropes."""
 
     scene: Scene
     system: System
-    owners: dict[str, int]  # at the lower end of which rope a payload is
-    pull: Floats  # on the upper ends, (ropes, rows.PULL_COLUMNS)
+    owners: dict[str, int]  # by payload, the rope at whose lower end it is
+    pull: Floats  # force on the upper ends [N], (ropes, rows.PULL_COLUMNS)
     line: LinesOut
 
     def nodes(self, r: int, first: int) -> Floats:
-        """Three rows of the state of a rope from `first` on, (3, nodes)."""
+        """Return three rows of the state of a rope from `first` on, (3, nodes)."""
         state = self.system.ropes[r].state
         return state.nodes[first : first + 3, : state.counts[rows.ELEMENTS] + 1]
 
 
 def rope_shots(now: SystemNow, first: Snapshot) -> tuple[RopeShot, ...]:
-    """Of every rope; first: what is told of the first one."""
+    """Return the state of every rope; first: snapshot of the first one."""
     names = [line.name for line in now.scene.ropes]
     further = (_rope_shot(now, r, name) for r, name in enumerate(names[1:], start=1))
     return first_rope(first, names[0]), *further
 
 
 def payload_shots(now: SystemNow) -> tuple[PayloadShot, ...]:
-    """Of every payload."""
+    """Return the state of every payload."""
     return tuple(
         PayloadShot(
             name=one.name,
@@ -67,7 +67,7 @@ def payload_shots(now: SystemNow) -> tuple[PayloadShot, ...]:
 
 
 def strut_shots(now: SystemNow) -> tuple[StrutShot, ...]:
-    """Of every bar."""
+    """Return the state of every bar."""
     joints = now.system.joints
     shots = []
     for k, one in enumerate(now.scene.struts):
@@ -77,12 +77,12 @@ def strut_shots(now: SystemNow) -> tuple[StrutShot, ...]:
 
 
 def sheave_shots(now: SystemNow) -> tuple[SheaveShot, ...]:
-    """Of every sheave."""
+    """Return the state of every sheave."""
     return tuple(_sheave_shot(now, k, one.name) for k, one in enumerate(now.scene.sheaves))
 
 
 def contact(now: SystemNow) -> BedContact | None:
-    """Of all ropes with the bed: the height is that of the lowest payload."""
+    """Return the seabed contact of all ropes; the height is that of the lowest payload."""
     found = [bed_contact(rope) for rope in now.system.ropes]
     contacts = [one for one in found if one is not None]
     if not contacts:
@@ -103,7 +103,7 @@ def _rope_shot(now: SystemNow, r: int, name: str) -> RopeShot:
     between = 0.5 * (tension[1:] + tension[:-1])
     at_nodes = np.concatenate((tension[:1], between, [pull]))
     line = (float(now.line.length_m[r]), float(now.line.speed_m_per_s[r]))
-    downward = slice(None, None, -1)  # from its upper end, the last node
+    downward = slice(None, None, -1)  # its upper end is the last node
     if runs_over_sheave(now.scene, now.scene.ropes[r]):
         downward, line = slice(None), _stretch(now, r)
     return RopeShot(
@@ -118,7 +118,7 @@ def _rope_shot(now: SystemNow, r: int, name: str) -> RopeShot:
 
 
 def _stretch(now: SystemNow, r: int) -> tuple[float, float]:
-    """Unstretched length of a rope that ends at a sheave, and its rate."""
+    """Return the unstretched length of a rope that ends at a sheave [m], and its rate [m/s]."""
     sheaves = now.system.sheaves
     assert sheaves is not None
     flow = int(sheaves.figures[FLOW_COLUMN, sheaves.of[r]])
