@@ -1,7 +1,7 @@
-"""What is prescribed to the rope: hang-off and line out at the borders of the next steps.
+"""Boundary conditions of the rope: hang-off and payout at the boundaries of the next steps.
 
-It follows from what a twin is told, heave or poses and orders to its winch, and where the winch
-feels the rope, from the rope as the last step left it.
+They follow from the inputs of a twin (heave or poses, winch commands) and, where the winch needs
+tension feedback, from the rope after the last step.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from rope_twin.twin.ropes import Ropes
 
 
 class LeadOver:
-    """Difference of each hang-off to the live motion after a return to an earlier state.
+    """Blending of each hang-off into the live motion after a return to an earlier state.
 
-    It fades to zero within REJOIN_S as the cubic that has the difference and its rate at its
-    beginning and neither at its end, as after a gap in the samples of heave.
+    The difference decays to zero within REJOIN_S as the cubic that has the difference and its rate
+    at its beginning and zero at its end, as after a gap in the heave samples.
     """
 
     def __init__(self, ropes: int) -> None:
-        self.until_ns = -1  # twin time from which on there is none
+        self.until_ns = -1  # twin time of the end of the blending
         self._error, self._rate = np.zeros((ropes, 3)), np.zeros((ropes, 3))
 
     def begin(self, now_ns: int, error_m: rows.Floats, rate_m_per_s: rows.Floats) -> None:
-        """Fade from these differences of the hang-offs, (ropes, 3) each."""
+        """Start blending from these differences of the hang-offs, (ropes, 3) each."""
         self.until_ns = now_ns + round(REJOIN_S * 1e9)
         self._error, self._rate = error_m.copy(), rate_m_per_s.copy()
 
     def at(self, time_ns: int) -> tuple[rows.Floats, rows.Floats]:
-        """Difference [m] and its rate [m/s] of each hang-off, (ropes, 3) each."""
+        """Return difference [m] and its rate [m/s] of each hang-off, (ropes, 3) each."""
         if time_ns >= self.until_ns:
             return np.zeros_like(self._error), np.zeros_like(self._rate)
         u = 1.0 - (self.until_ns - time_ns) * 1e-9 / REJOIN_S
@@ -47,7 +47,7 @@ class LeadOver:
         return value, slope / REJOIN_S
 
     def added(self, moves: Moves, heave: tuple[float, float], time_ns: int) -> Moves:
-        """Motion of the hang-offs of ropes but the first; heave moves them if nothing else does."""
+        """Add the differences to the other hang-offs' motion; heave moves those without poses."""
         error, rate = self.at(time_ns)
         still = (0.0, 0.0)
         led = {}
@@ -60,46 +60,46 @@ class LeadOver:
 
 
 class Inputs(NamedTuple):
-    """What tells of the motion."""
+    """Sources of the boundary conditions."""
 
     heave: HangOffTrack
     winch: Winch
-    ropes: Ropes  # with the winches of the others
+    ropes: Ropes  # with the winches of other ropes
     lead: LeadOver
 
 
 class Present(NamedTuple):
-    """The rope at the end of the last step."""
+    """State of the rope at the end of the last step."""
 
     time_ns: int
-    step_ns: int  # of the next steps
+    step_ns: int  # length of the next steps
     rope: Rope
-    pull_n: float  # on the hang-off
+    pull_n: float  # tension at the hang-off
 
 
 class Prescribed:
-    """Hang-off and line out from now on; row 0 of the tables is the present."""
+    """Hang-off and payout from now on; row 0 of the arrays is the present."""
 
     def __init__(self, scene: Scene, steps: int, length_m: float) -> None:
-        """Room for so many steps; length_m: the line out at the start."""
+        """Allocate boundary conditions for `steps` steps; length_m: payout at the start [m]."""
         self._ship, self._line = scene.ship, scene.ropes[0]
         *self._rest, self._rest_z = scene.ship.hang_off_m
         borders = (steps + 1, rows.MOTIONS)
         self.boundary = rows.Boundary(np.zeros(borders), np.zeros(borders))
         self.boundary.value[:] = [*scene.ship.hang_off_m, length_m]
-        self.steps = 0  # ahead whose borders are filled in
+        self.steps = 0  # number of steps prescribed in advance
 
     def forget(self, done: int) -> None:
-        """Make the border after `done` steps the first row; what lies after it is still to come."""
+        """Make the boundary after `done` steps the first row; later ones are kept."""
         self.steps -= done
         for table in self.boundary:
             table[: self.steps + 1] = table[done : done + self.steps + 1]
 
     def fill(self, steps: int, inputs: Inputs, now: Present) -> int:
-        """Hang-off motion and line out at the borders of the next steps, from the inputs.
+        """Set hang-off and payout at the boundaries of the next steps; return how many can be done.
 
-        Steps that an earlier call prescribed and could not do keep what they were given. Where a
-        winch feels the rope, the next step must be done first: returns how many can be done now.
+        Steps prescribed by an earlier call but not done keep their values. Where a winch needs
+        tension feedback, the steps before it must be done first.
         """
         for row in range(self.steps + 1, steps + 1):
             begin_ns = now.time_ns + (row - 1) * now.step_ns
@@ -112,14 +112,14 @@ class Prescribed:
         return steps
 
     def _fill_border(self, row: int, inputs: Inputs, now: Present, felt: bool) -> None:
-        """The border at the end of the step that begins now; felt: the winch asks for the rope."""
+        """Set the boundary at the end of the step that begins now; felt: needs tension feedback."""
         begin_ns, border_ns = now.time_ns, now.time_ns + now.step_ns
         rest, rest_z = self._rest, self._rest_z
         value, rate = self.boundary
         z, v = inputs.heave.at(border_ns)
         share, share_rate = ramp(border_ns * 1e-9, self._ship.motion_ramp_s)
         heave = (share * z, share * v + share_rate * z)
-        if inputs.heave.posed:  # else x and y are those of rest in every row
+        if inputs.heave.posed:  # else x and y have their mean values in every row
             for k, (aside, moving) in enumerate(inputs.heave.aside_at(border_ns)):
                 value[row, k] = rest[k] + share * aside
                 rate[row, k] = share * moving + share_rate * aside

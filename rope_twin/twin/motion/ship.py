@@ -1,14 +1,14 @@
-"""The ship's heave at the hang-off: samples that come with a stamp, read at any later time.
+"""Heave of the hang-off: stamped samples, interpolated at any later time.
 
-Between samples the cubic Hermite polynomial through position and velocity holds. When no sample is
-there yet for the time asked for, the last one is carried on with a velocity that dies away
+Between samples the cubic Hermite polynomial through position and velocity holds. While the sample
+after the requested time is missing, the last one is extrapolated with a velocity that decays
 (GAP_DECAY_S): position stays bounded and continuous, and the track counts as stale. When samples
-come back, what was assumed is led over to what was measured within REJOIN_S, or longer where a leap
-is too large for that. Nothing else is smoothed, and the health says when either happens.
+come back, the extrapolated motion is blended into the measured one within REJOIN_S, or longer where
+a jump is too large for that. Nothing else is smoothed, and the health reports when either happens.
 
-After a pause or a restart (`doubt`) the samples known ahead hold only if their sender repeats them,
-as a replay does. If it sends anything else, a real ship has moved on meanwhile: what was known is
-dropped, and the way over to the new samples is that after a gap.
+After a pause or a restart (`doubt`) the samples known in advance are valid only if their sender
+repeats them, as a replay does. If it sends anything else, the ship has moved on meanwhile: the
+known samples are dropped, and the new ones are joined as after a gap.
 """
 
 from __future__ import annotations
@@ -22,51 +22,51 @@ from rope_twin.twin.health import AHEAD_NS, InputCounter, too_far_ahead, too_lat
 
 HEAVE_LIMIT_M = 30.0
 VELOCITY_LIMIT_M_PER_S = FASTEST_M_PER_S
-JUMP_M = 0.01  # what a position may change by at once: the resolution of a sensor
-JUMP_WINDOW_NS = 2_000_000_000  # after a longer gap any possible position is believed
-LEAP_NS = 2_000_000_000  # of a later stamp than the first, ahead of both present and last
+JUMP_M = 0.01  # allowed sudden change of a position: the resolution of a sensor
+JUMP_WINDOW_NS = 2_000_000_000  # after a longer gap any possible position is accepted
+LEAP_NS = 2_000_000_000  # maximum of a stamp after the first, ahead of present and last stamp
 KEEP_NS = 5_000_000_000
 STALE_NS = 500_000_000
 GAP_DECAY_S = 1.0
 REJOIN_S = 2.0
-REJOIN_SPEED_M_PER_S = 3.0  # a leap over which that would be faster takes longer
+REJOIN_SPEED_M_PER_S = 3.0  # speed limit of the blending, which takes longer for larger jumps
 NO_SEGMENT = (0, -1, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 class HeaveTrack:
-    """Heave over twin time [ns]; `offer` takes samples, `at` is asked for rising times."""
+    """Heave over twin time [ns]; `offer` takes samples, `at` is called with rising times."""
 
     def __init__(
         self, limit_m: float = HEAVE_LIMIT_M, speed_limit_m_per_s: float = VELOCITY_LIMIT_M_PER_S
     ) -> None:
-        """No position is believed beyond `limit_m`, and nothing that is faster than the limit."""
+        """Set the maximum position [m] and the maximum speed of accepted samples."""
         self.counter = InputCounter("heave")
-        self.missing_ns = 0  # for how long there was no sample beyond the time asked for
+        self.missing_ns = 0  # total time without a sample after the requested time
         self._limit_m, self._speed_limit = limit_m, speed_limit_m_per_s
-        self._rejoin_s = REJOIN_S  # of the newest gap
+        self._rejoin_s = REJOIN_S  # duration of the newest blending
         self._stamps: list[int] = []
         self._samples: list[tuple[float, float]] = []
         self._asked_ns: int | None = None
         self._given = (0.0, 0.0)
-        self._assumed_from: tuple[int, float, float] | None = None  # set while samples are missing
-        self._error = (0.0, 0.0)  # assumed less measured, position and velocity, at _error_ns
+        self._assumed_from: tuple[int, float, float] | None = None  # start of an extrapolation
+        self._error = (0.0, 0.0)  # extrapolated less measured position, velocity at _error_ns
         self._error_ns = -(10**18)
-        # samples around the last time asked for: begin, end, z, velocity·h, c2, c3, h
+        # samples around the last requested time: begin, end, z, velocity·h, c2, c3, h
         self._segment: tuple[float, ...] = NO_SEGMENT
-        self._on_track = False  # nothing is assumed, led over or remarked upon
-        self._in_doubt = False  # whether samples were known before a pause that may be void by now
-        self._confirmed = False  # whether one of them has come again since
+        self._on_track = False  # interpolated, without extrapolation or blending
+        self._in_doubt = False  # whether known samples are from before a pause
+        self._confirmed = False  # whether one of them has been repeated since
 
     def rest_until(self, time_ns: int | None) -> None:
-        """It was asked for up to then, and was at rest."""
+        """Record that the motion was zero up to then."""
         self._asked_ns = time_ns
 
     def doubt(self) -> None:
-        """The sender was away: what it has told of times to come may no longer hold."""
+        """Invalidate samples that were known in advance, as the sender was interrupted."""
         self._in_doubt, self._confirmed = bool(self._stamps), False
 
     def offer(self, stamp_ns: int, position_m: float, velocity_m_per_s: float) -> str:
-        """Take a sample; returns "" or the sentence with which it was refused."""
+        """Submit a sample; return "" or the reason for its rejection."""
         if self._in_doubt and self._is_settled(stamp_ns, (position_m, velocity_m_per_s)):
             return ""
         fault = (
@@ -79,7 +79,7 @@ class HeaveTrack:
         return fault
 
     def drop(self) -> None:
-        """Forget all samples: the way over to the next ones is that after a gap."""
+        """Drop all samples: the next ones are joined as after a gap."""
         self._stamps.clear()
         self._samples.clear()
         self._segment, self._on_track = NO_SEGMENT, False
@@ -87,27 +87,27 @@ class HeaveTrack:
             self._assumed_from = (self._asked_ns, *self._given)
 
     def _append(self, stamp_ns: int, position_m: float, velocity_m_per_s: float) -> None:
-        """Take a sample that was judged."""
+        """Store a validated sample."""
         self.counter.accept(stamp_ns)
         self._stamps.append(stamp_ns)
         self._samples.append((float(position_m), float(velocity_m_per_s)))
 
     def _is_settled(self, stamp_ns: int, sample: tuple[float, float]) -> bool:
-        """While in doubt: whether the sample is known already. Another one ends the doubt."""
+        """While in doubt, return whether the sample is known; another one ends the doubt."""
         place = bisect_right(self._stamps, stamp_ns) - 1
         if place >= 0 and self._stamps[place] == stamp_ns and self._samples[place] == sample:
             self._confirmed = True
             return True
         now = self._asked_ns
         if now is None or stamp_ns < now or not self._is_possible(*sample):
-            return False  # refused in the usual way; the doubt stays
+            return False  # rejected in the usual way; the doubt stays
         if not (self._confirmed and place == len(self._stamps) - 1):
             self.drop()
         self._in_doubt = self._confirmed = False
         return False
 
     def _number_fault(self, z: float, v: float) -> str:
-        """Why the numbers of a sample are refused, counted; or ""."""
+        """Return why the numbers of a sample are rejected, counted; or ""."""
         refuse = self.counter.refuse
         if not (math.isfinite(z) and math.isfinite(v)):
             return refuse("non_finite", phrase("heave", f"position {z} m, velocity {v} m/s",
@@ -119,7 +119,7 @@ class HeaveTrack:
         return ""
 
     def _stamp_fault(self, stamp_ns: int) -> str:
-        """Why the stamp of a sample is refused, counted; or ""."""
+        """Return why the stamp of a sample is rejected, counted; or ""."""
         refuse = self.counter.refuse
         if self._stamps and stamp_ns == self._stamps[-1]:
             return refuse("repeated", phrase("heave", f"stamp {stamp_ns * 1e-9:.3f} s came twice",
@@ -138,7 +138,7 @@ class HeaveTrack:
         return ""
 
     def _jump_fault(self, stamp_ns: int, z: float) -> str:
-        """What is impossible about a position after the last sample, counted; or ""."""
+        """Return why a position after the last sample is impossible, counted; or ""."""
         if self._stamps and 0 < stamp_ns - self._stamps[-1] <= JUMP_WINDOW_NS:
             seconds = (stamp_ns - self._stamps[-1]) * 1e-9
             jump = z - self._samples[-1][0]
@@ -149,11 +149,11 @@ class HeaveTrack:
         return ""
 
     def _is_possible(self, z: float, v: float) -> bool:
-        """Whether a ship can be so (NaN cannot)."""
+        """Return whether the values are within the ship's limits; NaN is not."""
         return abs(z) <= self._limit_m and abs(v) <= self._speed_limit
 
     def at(self, time_ns: int) -> tuple[float, float]:
-        """Position [m] and velocity [m/s] at a twin time not before the one asked for last."""
+        """Return position [m] and velocity [m/s] at a time not before the previous call's."""
         if time_ns == self._asked_ns:
             return self._given
         if self._on_track and self._segment[0] < time_ns <= self._segment[1]:
@@ -184,14 +184,14 @@ class HeaveTrack:
         return self._given
 
     def _last_known(self) -> tuple[int, float, float]:
-        """Stamp, position and velocity that a gap starts from; at rest before the first sample."""
+        """Return stamp, position and velocity at the start of a gap; zero before any sample."""
         if not self._stamps or self._asked_ns is None:
             return 0, 0.0, 0.0
         (z, v), (dz, dv) = self._samples[-1], self._rejoin(self._stamps[-1])
         return self._stamps[-1], z + dz, v + dv
 
     def _measured(self, time_ns: int) -> tuple[float, float]:
-        """Cubic Hermite between the samples around the time; straight on before the first.
+        """Cubic Hermite between the samples around the time; linear before the first.
 
         At a sample the piece that ends there holds, whether the next one is known yet or not.
         """
@@ -214,7 +214,7 @@ class HeaveTrack:
         return z0 + u * (d0 + u * (c2 + u * c3)), (d0 + u * (2.0 * c2 + u * 3.0 * c3)) / h
 
     def _open_rejoin(self, time_ns: int) -> None:
-        """Remember by how much the assumed motion differs from the track that is now known."""
+        """Store the difference of the extrapolated motion from the track that is now known."""
         z, v = self._measured(time_ns)
         self._error = (self._given[0] - z, self._given[1] - v)
         self._error_ns = time_ns
@@ -225,7 +225,7 @@ class HeaveTrack:
         return time_ns - self._error_ns < self._rejoin_s * 1e9
 
     def _rejoin(self, time_ns: int) -> tuple[float, float]:
-        """What is left of the difference: a cubic to 0 with no kink at either end."""
+        """Return the remaining difference: a cubic to 0 with no kink at either end."""
         if not self._rejoining(time_ns):
             return 0.0, 0.0
         u = (time_ns - self._error_ns) * 1e-9 / self._rejoin_s
@@ -235,7 +235,7 @@ class HeaveTrack:
         return value, slope / self._rejoin_s
 
     def _note(self, time_ns: int, known: bool) -> None:
-        """Say what is done about a gap."""
+        """Report the handling of a gap."""
         if known and self._rejoining(time_ns):
             over_s = self._rejoin_s
             self.counter.say(f"samples are back; the motion is led over to them in {over_s:.3g} s")
@@ -248,7 +248,7 @@ class HeaveTrack:
             self.counter.say(f"no sample for {missing:.2f} s; the last motion dies away")
 
     def stale(self, time_ns: int) -> bool:
-        """Whether samples have been missing for longer than STALE_NS."""
+        """Return whether samples have been missing for longer than STALE_NS."""
         return bool(self._stamps) and time_ns - self._stamps[-1] > STALE_NS
 
     def _forget(self, time_ns: int) -> None:
@@ -258,7 +258,10 @@ class HeaveTrack:
 
 
 def ramp(time_s: float, duration_s: float) -> tuple[float, float]:
-    """Fade-in 0 to 1 over `duration_s` and its rate [1/s]: u³·(10 - 15u + 6u²), smooth at both ends."""  # noqa: E501
+    """Return the build-up factor 0 to 1 over `duration_s` and its rate [1/s].
+
+    u³·(10 - 15u + 6u²) with u = time/duration, smooth at both ends.
+    """
     if duration_s <= 0.0 or time_s >= duration_s:
         return 1.0, 0.0
     if time_s <= 0.0:
