@@ -1,4 +1,4 @@
-"""Saves a running twin every so often: the worker takes the state, a thread writes it."""
+"""Periodic saving of a running twin: the stepping thread copies the state, another writes it."""
 
 from __future__ import annotations
 
@@ -19,34 +19,34 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class SavingHealth:
-    """What is safe by now."""
+    """Status of saving."""
 
     path: Path
-    saved_s: float | None = None  # twin time of the newest saved state; None: none of this run yet
-    trouble: str = ""  # why the newest attempt failed; empty while all is well
+    saved_s: float | None = None  # twin time of the newest saved state; None: none in this run
+    trouble: str = ""  # why the newest attempt failed; empty if it succeeded
 
 
 class Keeper:
-    """A twin for the pacer: stepped as before, saved on the way.
+    """A twin for the pacer that saves its state periodically while it is stepped.
 
-    Taking a state costs the worker a copy of the arrays; it never waits for the disk. A state that
-    the solver could not leave does not replace the one before.
+    Saving costs the stepping thread a copy of the arrays; it never waits for the disk. A state from
+    which a step failed does not replace the previous file.
     """
 
     def __init__(self, twin: Twin | Recovery, path: Path, every_s: float) -> None:
-        """`every_s`: twin time between two states.
+        """Save to `path` each time that `every_s` of twin time have passed.
 
         Raises:
-            StateError: no file can be made there.
+            StateError: the file cannot be created.
         """
         check_place(path, f"saved state {path}")
         self._twin = twin
         self._every_ns = round(every_s * 1e9)
         self._due_ns = twin.time_ns + self._every_ns
-        self._kept_step = twin.steps  # the newest step that a file has or needs
+        self._kept_step = twin.steps  # the newest step that is saved or needs no saving
         self._failed = False
         self._writer = ThreadPoolExecutor(max_workers=1, thread_name_prefix="twin-state")
-        self._writer.submit(int)  # its thread begins now, not within a slot
+        self._writer.submit(int)  # start its thread here, not within a cycle
         self._writing: Future[None] | None = None
         self._health = SavingHealth(path)
 
@@ -56,7 +56,11 @@ class Keeper:
         return self._twin.step_ns
 
     def advance(self, steps: int) -> None:
-        """Step on, and take the state if it is time. Raises SolverError."""
+        """Advance by this number of steps, and save the state if it is due.
+
+        Raises:
+            SolverError: a step failed.
+        """
         try:
             self._twin.advance(steps)
         except SolverError:
@@ -68,21 +72,21 @@ class Keeper:
             self._take()
 
     def snapshot(self) -> Snapshot:
-        """A frozen copy of the present."""
+        """Return a frozen copy of the present."""
         return self._twin.snapshot()
 
     def health(self) -> SavingHealth:
-        """What is safe by now; may be called from any thread."""
+        """Return the status of saving; may be called from any thread."""
         return self._health
 
     def finish(self) -> None:
-        """Save the present, and return when that is done; while nobody steps."""
+        """Save the present and return when it is written; call it while no thread steps."""
         if not self._failed and self._twin.steps != self._kept_step:
             self._take()
         self.finish_writing()
 
     def finish_writing(self) -> None:
-        """Return when what was taken is on the disk, or is known to have failed."""
+        """Wait until the last state is on the disk, or has failed to be written."""
         if self._writing is not None:
             self._writing.result()
 
@@ -97,7 +101,7 @@ class Keeper:
         except StateError as error:
             self._health = SavingHealth(path, self._health.saved_s, str(error))
         except Exception as error:
-            # A defect must show in the diagnostics, not end in a thread that nobody asks.
+            # A defect must appear in the diagnostics, not be lost with the thread's result.
             _log.exception("the state was not saved")
             trouble = f"the state was not saved: {type(error).__name__}: {error}"
             self._health = SavingHealth(path, self._health.saved_s, trouble)

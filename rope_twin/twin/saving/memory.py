@@ -1,12 +1,12 @@
-"""What an object remembers, as plain values and arrays, and back: nothing is listed by hand.
+"""Serialisation of an object's attributes to plain values and arrays, and back.
 
-`remember` walks whatever it is given: numbers, words, arrays, containers, NamedTuples, dataclasses
-and this package's own objects with all their attributes. A kind of value that it does not know is
-an error, so that nothing new is ever left out of a saved state without a word. `recall` puts the
-values back into an object of the same make. Parts of the scene are constant and not walked.
+`remember` walks the object: numbers, strings, arrays, containers, NamedTuples, dataclasses and this
+package's own objects with all their attributes. An unknown type is an error, so that nothing new is
+silently left out of a saved state. `recall` puts the values back into an object of the same
+structure. Parts of the scene are constant and are not walked.
 
-The plain form is JSON. Lists, numbers and words stand for themselves; anything else is an object
-with one key that says what it is: {"array": name}, {"fields": {...}}, {"tuple": [...]}, ...
+The plain form is JSON. Lists, numbers and strings stand for themselves; anything else is an object
+with one key that names its type: {"array": name}, {"fields": {...}}, {"tuple": [...]}, ...
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ Arrays = dict[str, NDArray[Any]]
 _CONSTANT = tuple(
     f"rope_twin.scene.{part}" for part in ("schema", "sea_state", "winch", "winch_parts", "limits")
 )
-# a current may have gained rows, a rope elements, and what is beside it goes with them
+# a current may have gained rows and a rope elements, as have the monitors of that rope
 _OF_ANY_LENGTH = {"effects", "tension", "watch", "shaking"}
 
 
 def remember(value: Any, arrays: Arrays, at: str) -> Any:
-    """The plain form of a value; copies of its arrays go to `arrays`, named by their path `at`.
+    """Return the plain form of a value; its arrays are copied to `arrays` under their path `at`.
 
     Raises:
-        TypeError: a value of a kind that cannot be saved.
+        TypeError: a value of a type that cannot be saved.
         StateError: a number that is NaN.
     """
     if isinstance(value, np.generic):
@@ -63,10 +63,10 @@ def remember(value: Any, arrays: Arrays, at: str) -> Any:
 
 
 def recall(plain: Any, like: Any, arrays: Arrays, at: str) -> Any:
-    """The value of a plain form; `like` is an object of the same make, which it may change.
+    """Return the value of a plain form; `like`, of the same structure, may be changed.
 
     Raises:
-        StateError: the plain form is of an object of another make.
+        StateError: the plain form has another structure.
     """
     if isinstance(plain, list):
         return [recall(part, None, arrays, f"{at}/{i}") for i, part in enumerate(plain)]
@@ -94,14 +94,14 @@ def recall(plain: Any, like: Any, arrays: Arrays, at: str) -> Any:
 
 
 def _plain_float(value: float, at: str) -> Any:
-    """Finite ones as they are (JSON keeps every bit of them), infinite ones as words."""
+    """Return finite values unchanged (JSON keeps every bit of them), infinite ones as strings."""
     if math.isnan(value):
         raise StateError(f"{at} is not a number")
     return value if math.isfinite(value) else {"float": str(value)}
 
 
 def _is_object(value: Any) -> bool:
-    """Whether it has named parts: a NamedTuple, or an object of this package."""
+    """Return whether a value has named fields: a NamedTuple, or an object of this package."""
     named = isinstance(value, tuple) and hasattr(value, "_fields")
     return named or (type(value).__module__.startswith("rope_twin.") and hasattr(value, "__dict__"))
 
@@ -113,7 +113,11 @@ def _fields(value: Any) -> dict[str, Any]:
 
 
 def _refilled(content: dict[str, Any], like: Any, arrays: Arrays, at: str) -> Any:
-    """An object like `like` with these fields."""
+    """Return an object like `like` with these fields.
+
+    Raises:
+        StateError: it has other fields.
+    """
     present = _fields(like) if _is_object(like) else {}
     if present.keys() != content.keys():
         odd = sorted(present.keys() ^ content.keys())
@@ -131,7 +135,11 @@ def _refilled(content: dict[str, Any], like: Any, arrays: Arrays, at: str) -> An
 
 
 def _fitting(array: NDArray[Any], like: Any, at: str) -> NDArray[Any]:
-    """A copy of the array, if it is of the type (and in most places the shape) of `like`."""
+    """Return a copy of the array if its type (and mostly its shape) are those of `like`.
+
+    Raises:
+        StateError: they differ.
+    """
     if isinstance(like, np.ndarray):
         free = not _OF_ANY_LENGTH.isdisjoint(at.split("/"))
         fits = array.ndim == like.ndim if free else array.shape == like.shape

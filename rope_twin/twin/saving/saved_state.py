@@ -1,9 +1,10 @@
-"""A state of a twin from which a run goes on to the bit: taken, judged, kept in a file.
+"""Saved state of a twin, from which a run resumes bit-identically.
 
-It holds everything that changes while a twin runs, found by walking (`memory.py`): the rope, every
-effect's arrays, the inputs with what they have in store and refused, the prescribed motion, clock
-and counts. The solver's scratch is not: nothing in it outlives a step but the tensions, which are.
-The scene is not in it either: it is given again, and what counts is compared.
+It holds everything that changes while a twin runs, found by walking the attributes (`memory.py`):
+the rope, every effect's arrays, the inputs with their stored and rejected samples, the prescribed
+motion, clock and counts. The solver's scratch array is left out except for the tensions, the only
+part that outlives a step. The scene is not saved: it is given again on loading, and the properties
+that matter are compared.
 """
 
 from __future__ import annotations
@@ -27,20 +28,20 @@ from rope_twin.twin.accuracy.rung import Rung
 from rope_twin.twin.saving.memory import Arrays, recall, remember
 from rope_twin.twin.saving.state_file import decode, encode, read_state, write_state
 
-# Fields of a scene that a state does not depend on: words, limits, and inputs from outside.
+# Fields of a scene that a state does not depend on: texts, limits, and external inputs.
 _NOT_COMPARED = {"name", "path", "digest", "about", "source", "look_at", "sea_state", "schedule",
                  "schedule_repeats_every_s", "max_heave_m", "max_hang_off_speed_m_per_s",
                  "max_hang_off_acceleration_m_per_s2", "when_commander_lost", "accept",
                  "limits"}  # fmt: skip
 
-IF_ASKED = "watch/"  # before names of parts that a run may ask for or not (vibration/watched.py)
+IF_ASKED = "watch/"  # prefix of the state of optional monitors (vibration/watched.py)
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class About:
-    """What a saved state is of, for people; names are the keys in the file's header."""
+    """Description of a saved state for people; field names are the keys in the file's header."""
 
     scene: str
     scene_path: str
@@ -56,20 +57,20 @@ class About:
     payout_speed_m_per_s: float
     tension_top_n: float
     payload_position_m: tuple[float, float, float]
-    halvings: int = 0  # how often the scene's elements were halved
-    cut_lost_m: float = 0.0  # unstretched rope that a cut took; 0: none
-    cut_left_m: float = 0.0  # and what hung on then
-    cut_rope: str = ""  # which one, where several meet
-    failure: str = ""  # why the solver could not go on from here
+    halvings: int = 0  # number of times the scene's mesh was coarsened by half
+    cut_lost_m: float = 0.0  # unstretched length cut off; 0: no cut
+    cut_left_m: float = 0.0  # unstretched length left at the cut
+    cut_rope: str = ""  # name of the cut rope in a multi-line scene
+    failure: str = ""  # why the step from here failed
 
 
 @dataclass(frozen=True)
 class SavedState:
-    """A state in memory; it shares nothing with the twin."""
+    """A state in memory that shares nothing with the twin."""
 
     about: About
-    figures: Any  # what is compared of the scene
-    memory: Any  # plain form of what the twin remembers
+    figures: Any  # properties of the scene that are compared on loading
+    memory: Any  # plain form of the twin's attributes
     arrays: Arrays
     source: str = "in memory"  # the file it was read from
 
@@ -80,14 +81,14 @@ class SavedState:
 
     @property
     def rung(self) -> Rung:
-        """Elements and step that the twin went with."""
+        """Accuracy level of the twin."""
         return Rung(round(self.about.step_s * 1e9), self.about.halvings)
 
     def write(self, path: Path) -> None:
-        """Write it to a file, whole or not at all.
+        """Write the state to a file, whole or not at all.
 
         Raises:
-            StateError: it holds a NaN, or the disk does not take it.
+            StateError: it holds a NaN, or the disk rejects it.
         """
         write_state(path, self._header(str(path)), self.arrays)
 
@@ -107,17 +108,17 @@ class SavedState:
         }  # fmt: skip
 
     def fault(self) -> str:
-        """What no state may hold, or ""."""
+        """Return the reason why the state is invalid (it holds a NaN), or ""."""
         for name, array in self.arrays.items():
             if np.isnan(array).any():
                 return f"{np.isnan(array).sum()} values of {name} are not numbers (NaN)"
         return ""
 
     def restore_into(self, target: dict[str, Any]) -> dict[str, Any]:
-        """The values for the attributes `target` of a new twin.
+        """Return the values for the attributes `target` of a new twin.
 
         Raises:
-            StateError: another version of the program wrote it and kept other things.
+            StateError: another version of the program wrote it with other attributes.
         """
         try:
             return {
@@ -131,7 +132,11 @@ class SavedState:
             raise StateError(phrase(f"saved state {self.source}", what, right)) from error
 
     def _names(self, target: dict[str, Any]) -> list[str]:
-        """All but what only a run that asks for it keeps, and takes back itself."""
+        """Return the attributes to restore; optional monitors restore their own.
+
+        Raises:
+            StateError: the state has other attributes.
+        """
         here, there = (
             {name for name in names if not name.startswith(IF_ASKED)}
             for names in (target, self.memory)
@@ -142,19 +147,23 @@ class SavedState:
 
 
 def changing_parts(rope: Any) -> list[str]:
-    """The fields of a core's rope that a restart needs; of the scratch it is only the tensions."""
+    """Return the fields of a core's rope that a restart needs; of the scratch only the tensions."""
     return [name for name in rope._fields if name not in ("model", "work", "effects")]
 
 
 def take(remembered: dict[str, Any], about: About, scene: Scene) -> SavedState:
-    """A state of these attributes of a twin of the scene. Raises StateError for a NaN."""
+    """Return a state of these attributes of a twin of the scene.
+
+    Raises:
+        StateError: a value is NaN.
+    """
     arrays: Arrays = {}
     memory = {name: remember(v, arrays, name.lstrip("_")) for name, v in remembered.items()}
     return SavedState(about, scene_figures(scene), memory, arrays)
 
 
 def stamp(scene: Scene, failure: str = "") -> dict[str, Any]:
-    """The part of About that does not depend on the rope."""
+    """Return the part of About that does not depend on the rope."""
     return {
         "scene": scene.name,
         "scene_path": str(scene.path),
@@ -168,26 +177,26 @@ def stamp(scene: Scene, failure: str = "") -> dict[str, Any]:
 
 @functools.cache
 def _solver_digest() -> str:
-    """Of the sources as they were when this process first asked."""
-    from rope_twin.core.compiler.jit import source_digest  # here: to read needs no compiler
+    """Return the digest of the solver's sources as they were when this process first asked."""
+    from rope_twin.core.compiler.jit import source_digest  # reading a state needs no compiler
 
     return source_digest()
 
 
 def load_state(path: str | Path) -> SavedState:
-    """Read a saved state.
+    """Read a saved state from a file.
 
     Raises:
-        StateError: one sentence on what is wrong with the file.
+        StateError: the file is invalid; the message gives the reason.
     """
     return _state_of(*read_state(Path(path)), path)
 
 
 def decode_state(data: bytes, source: str) -> SavedState:
-    """Read the bytes of a saved state; `source` says where they are from.
+    """Read a saved state from bytes; source: their origin, for messages.
 
     Raises:
-        StateError: one sentence on what is wrong with them.
+        StateError: they are invalid; the message gives the reason.
     """
     return _state_of(*decode(data, Path(source)), source)
 
@@ -210,10 +219,10 @@ def _state_of(header: dict[str, Any], arrays: Arrays, path: str | Path) -> Saved
 
 
 def judge_scene(state: SavedState, scene: Scene) -> None:
-    """Refuse a state of another scene; log when another solver wrote it.
+    """Reject a state of another scene; log when another solver wrote it.
 
     Raises:
-        StateError: the scene differs in something that the state depends on.
+        StateError: the scene differs in a property that the state depends on.
     """
     found = next(differences(state.figures, scene_figures(scene), ""), None)
     if found is not None:
@@ -229,7 +238,7 @@ def judge_scene(state: SavedState, scene: Scene) -> None:
 
 
 def scene_figures(value: Any) -> Any:
-    """What a state depends on of a scene (or of a part of it), in plain form."""
+    """Return the properties of a scene (or a part of it) that a state depends on, in plain form."""
     if dataclasses.is_dataclass(value):
         parts = {
             field.name: scene_figures(getattr(value, field.name))
@@ -247,7 +256,7 @@ def scene_figures(value: Any) -> Any:
 
 
 def differences(there: Any, here: Any, at: str) -> Iterator[str]:
-    """Where two plain forms differ, in words."""
+    """Yield a description of each difference between two plain forms."""
     if isinstance(there, dict) and isinstance(here, dict):
         for key in [*there, *(key for key in here if key not in there)]:
             path = f"{at}.{key}" if at else key
@@ -262,7 +271,7 @@ def differences(there: Any, here: Any, at: str) -> Iterator[str]:
 
 
 def _words(value: Any) -> str:
-    """A figure, or what kind of part it is."""
+    """Return a value as text, or the type of a component."""
     if isinstance(value, dict):
         return str(value.get("kind", "a mapping"))
     return "absent" if value is None else str(value)
