@@ -1,10 +1,10 @@
-"""Vibration computed beside a running twin: models that know a rope by its modes.
+"""Loosely coupled VIV models: vibration computed from a running twin's rope by its modes.
 
-The twin steps the rope at the pace of ship and winch. Once a second its tension, length and the
-water across it are taken; the modes and what drives them are then looked for, some at each look,
-and followed a second later. So no look takes long, and a run as fast as
-possible equals a paced one: what is done at which look does not hang on the machine. Where the
-scene does not list the model (twin/vibration/shaking.py), the twin's own motion is not changed.
+The twin steps the rope at the time scale of ship and winch. Once a second its tension, length and
+the flow across it are sampled; the modes and their excitation are then searched in parts, some at
+each sampling, and used a second later. No sampling therefore takes long, and an offline run is
+bit-identical to a real-time one: the work done at each sampling does not depend on the machine.
+Unless the scene lists the model (twin/vibration/shaking.py), the twin's own motion is unchanged.
 """
 
 from __future__ import annotations
@@ -33,15 +33,15 @@ from rope_twin.viv.span import Span
 
 EVERY_S = 1.0
 AT_ONCE_S = 1e-3
-SHARES = np.linspace(0.0, 1.0, 65)  # of the rope, from the lower end up: where the flow is kept
+SHARES = np.linspace(0.0, 1.0, 65)  # fractions of the length, upward, at which flow is kept
 _PLACE = slice(rows.POSITION, rows.POSITION + 3)
 
 
 class KeptBeside(NamedTuple):
-    """What it goes on from."""
+    """State from which a loosely coupled model resumes."""
 
     response: Any
-    searched: Span  # of the search that is under way
+    searched: Span  # line model of the search in progress
     searching: bool
     flow: Floats
     since_s: float
@@ -50,7 +50,7 @@ class KeptBeside(NamedTuple):
 
 
 class Beside:
-    """A model's response, from rest, as the twin goes on."""
+    """Response of a VIV model from a start without vibration, following a running twin."""
 
     def __init__(
         self,
@@ -60,9 +60,10 @@ class Beside:
         response: Any,
         every_s: float = EVERY_S,
     ) -> None:
-        """`model`: what it is called; `every_s`: its modes are found again so often.
+        """Start the model `model` without vibration, with a mode search every `every_s`.
 
-        span_of: the rope as the response takes it, which has so many elements now.
+        span_of: returns the rope as the response's line model; its argument is the present number
+        of elements.
         """
         self.model, self._span_of, self._response = model, span_of, response
         self._every_s = every_s
@@ -72,19 +73,19 @@ class Beside:
         mix_flow(self._flow, rope, 1.0)
         self._since_s, self.solves, self.note = every_s, 1, ""
         span = span_of(rope, len(response.span.tension))
-        response.follow(span, response.search(span))  # in parts as from now on: the same digits
+        response.follow(span, response.search(span))  # in parts, as later: bit-identical
         still = response.kept()
-        response.advance(AT_ONCE_S)  # what a look compiles is compiled now, not in the first one
+        response.advance(AT_ONCE_S)  # compile now, not at the first sampling
         response.take_back(still)
         self.told = self.words(span)
 
     @property
     def size(self) -> tuple[int, int]:
-        """Places that it answers at, and modes that it knows."""
+        """Number of nodes of the line model, and number of modes."""
         return len(self._response.span.s), len(self._response.frequency)
 
     def words(self, span: Span) -> str:
-        """What it costs, measured here and now."""
+        """Return a description with the cost of a mode search, measured here."""
         began = time.perf_counter()
         search = self._response.search(span)
         parts = search.left
@@ -98,12 +99,15 @@ class Beside:
         )
 
     def take(self, rope: Rope, sample_s: float, vortices_hz: float) -> None:
-        """Go on by the time since the last look."""
+        """Advance the response by the time since the last sampling.
+
+        sample_s: that time [s]; vortices_hz: frequency of the fastest vortex shedding [Hz].
+        """
         share = 1.0 - float(np.exp(-sample_s * vortices_hz / AVERAGED))
         mix_flow(self._flow, rope, share)
         self._since_s += sample_s
         if self._since_s >= self._every_s - 1e-9:
-            # what a look came late by counts for the next search: the instants do not drift
+            # the delay of this sampling counts towards the next search: instants do not drift
             self._since_s = 0.0 if self._search is None else self._since_s - self._every_s
             self._follow(rope)
         elif self._search is not None:
@@ -113,14 +117,14 @@ class Beside:
         self._response.advance(sample_s)
 
     def spare_searches(self) -> None:
-        """From now on modes are looked for among those near what is driven, where that is known."""
+        """Restrict later mode searches to modes near the excited ones, if the model can."""
         if isinstance(self._response, DecomposedResponse):
             self._response.thrifty = True
 
     def part(self, hangs_on: float) -> None:
-        """The rope was cut, and this share of its elements hangs on.
+        """Adapt to a cut rope of which this fraction of the elements is left.
 
-        It goes on shaking as it did until its own modes are found, which are looked for at once.
+        It keeps vibrating as before until its own modes are found, which are searched at once.
         """
         shares = 1.0 - hangs_on * (1.0 - SHARES)
         self._flow = np.stack([np.interp(shares, SHARES, part) for part in self._flow])
@@ -128,50 +132,51 @@ class Beside:
         self._since_s = self._every_s
 
     def shot(self, rope: Rope) -> RopeVibration:
-        """What is told of it, at the nodes of the rope."""
+        """Return the VIV response at the nodes of the rope."""
         return RopeVibration(
             model=self.model,
             cross_flow=self.amplitudes(rope)[::-1].copy(),
             cross_flow_hz=self._at_nodes(rope, self._response.dominant_hz)[::-1].copy(),
             in_line=None,
             in_line_hz=None,
-            drag_amplification=np.ones(len(along(rope))),  # the twin does not know of it
+            drag_amplification=np.ones(len(along(rope))),  # no feedback to the twin
             every_s=self._every_s,
             solves=self.solves,
             note=self.note,
         )
 
     def amplitudes(self, rope: Rope) -> Floats:
-        """At the nodes of the rope, from the lower end up [d]."""
+        """Return the amplitude at the nodes of the rope, from the lower end up [d]."""
         return self._at_nodes(rope, self.at_places()[1])
 
     def at_places(self) -> tuple[Floats, Floats, Floats]:
-        """Its own places along the rope, as `along` has them [m], and what they have.
+        """Return the response at the nodes of its own line model.
 
-        The amplitude there [d], and half a wave of the local vortices' frequency [m].
+        Position along the rope, as of `along` [m]; amplitude [d]; half a wave length at the local
+        shedding frequency [m]; (nodes,) each.
         """
         response = self._response
         s = response.span.s
         return s - s[-1], getattr(response, "amplitudes", response.amplitude), response.half_wave
 
     def _at_nodes(self, rope: Rope, values: Floats) -> Floats:
-        """What the response has at its places, at the nodes of the rope."""
+        """Interpolate values of the line model to the nodes of the rope."""
         s = self._response.span.s
         return np.interp(along(rope), s - s[-1], values)
 
     def moved(self, rope: Rope, marks: Floats) -> Floats:
-        """Across the flow, at material coordinates [m]."""
+        """Displacement across the flow at material coordinates [m]."""
         span = self._response.span
         found = np.interp(self._places(rope, marks), span.s, self._response.motion, 0.0, 0.0)
         return np.asarray(found)
 
     def _places(self, rope: Rope, marks: Floats) -> Floats:
-        """Where material coordinates are on the response's own line [m]."""
+        """Position of material coordinates on the response's line model [m]."""
         s = rope.state.s[: int(rope.state.counts[rows.ELEMENTS]) + 1]
         return np.asarray(self._response.span.s[-1] + np.interp(marks, s, along(rope)))
 
     def bent(self, rope: Rope, middles: Floats) -> Floats:
-        """Curvature of the vibration at material coordinates [1/m], as `turned` has it."""
+        """Curvature of the vibration at material coordinates, in components of `turned` [1/m]."""
         span = self._response.span
         n = int(rope.state.counts[rows.ELEMENTS])
         s, y, h = rope.state.s[: n + 1], self._response.motion, span.s[1] - span.s[0]
@@ -186,7 +191,7 @@ class Beside:
         return np.asarray(there * np.interp(at, span.s, curve, 0.0, 0.0))
 
     def kept(self) -> KeptBeside:
-        """From which `take_back` goes on."""
+        """Return the state from which `take_back` resumes."""
         searched = self._searched or self._response.kept()[0]
         return KeptBeside(
             self._response.kept(), searched, self._search is not None, self._flow.copy(),
@@ -194,16 +199,16 @@ class Beside:
         )  # fmt: skip
 
     def take_back(self, kept: KeptBeside) -> None:
-        """Go on from there."""
+        """Resume from this state."""
         self._response.take_back(kept.response)
         if kept.searching:
             self._searched, self._search = kept.searched, self._response.search(kept.searched)
-            self._search.found()  # at once: what is left of it would not be spread any more
+            self._search.found()  # at once: the remainder would not be spread as before
         self._flow, self._since_s, self.solves = kept.flow.copy(), kept.since_s, kept.solves
         self.note = kept.note
 
     def _follow(self, rope: Rope) -> None:
-        """Take the modes of a second ago, and look for those of now."""
+        """Take over the modes found in the last second, and start searching the present ones."""
         if self._search is not None and self._searched is not None:
             self._response.follow(self._searched, self._search)
             self.solves += 1
@@ -218,7 +223,7 @@ class Beside:
 def beside_modes(
     rope: Rope, shedding: Shedding, name: str = "modes", every_s: float = EVERY_S
 ) -> Beside:
-    """Response in natural modes (Le Cunff and Durand 1999).
+    """Return the modal VIV model (Le Cunff and Durand 1999) for a rope.
 
     Raises:
         InputError: the rope is slack somewhere.
@@ -233,7 +238,7 @@ def beside_modes(
 def beside_decomposed(
     rope: Rope, model: Decomposed, name: str = "decomposed", every_s: float = EVERY_S
 ) -> Beside:
-    """Forces taken apart in phase (Ge 2018).
+    """Return the force-decomposition model (Ge 2018) for a rope.
 
     Raises:
         InputError: the rope is slack somewhere.

@@ -1,9 +1,9 @@
-"""Vortex-induced vibration beside a running twin: its rope in its modes, found again as it changes.
+"""Modal VIV response that follows a running twin.
 
-The twin steps the rope at the pace of ship and winch; vortices shake it ten or a hundred times
-faster and finer. Here its tension, line out and the water across it, relative to its own motion,
-are taken every so often, the natural modes found again, and the vibration carried over
-(rope_twin.viv.modal_response). What it costs is counted. The twin's own motion is not changed.
+The twin steps the rope at the time scale of ship and winch; vortices shake it ten or a hundred
+times faster and on shorter waves. At intervals the rope's tension, payout and the flow relative to
+its own motion are sampled, the natural modes solved, and the vibration transferred to them
+(rope_twin.viv.modal_response). Its CPU time is counted. The twin's own motion is unchanged.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ from rope_twin.viv.span import Span
 
 @dataclass(frozen=True)
 class VibrationShot:
-    """One instant. Rows run from the hang-off (row 0) down."""
+    """VIV response at one instant; rows run from the hang-off (row 0) down."""
 
     time_s: float
-    from_hang_off_m: Floats  # along the rope, (places,)
+    from_hang_off_m: Floats  # along the rope, (nodes,)
     amplitude: Floats  # in diameters
-    frequency_hz: Floats  # of the mode that moves a place most; 0 where none does
-    slack: bool  # part of the rope is slack: the modes are those from before
+    frequency_hz: Floats  # of the mode with the largest amplitude there; 0 where none
+    slack: bool  # part of the rope is slack: the previous modes are kept
 
 
 class Vibration:
-    """Follows a twin; call `follow` after each piece of its way, from the thread that advances it.
+    """Modal VIV response of a twin; call `follow` after each `advance`, in the stepping thread.
 
-    At the lower end swings the payload, with its added mass along x.
+    The payload moves at the lower end with its added mass along x.
 
     Raises:
-        SceneError: ropes meet in the scene.
+        SceneError: the scene is multi-line.
         InputError: the rope is slack at the start, or `every_s` is not positive.
     """
 
@@ -54,11 +54,11 @@ class Vibration:
 
     @property
     def response(self) -> ModalResponse:
-        """The rope in its modes, from the lower end up."""
+        """Response in modes, from the lower end up."""
         return self._response
 
     def follow(self) -> VibrationShot:
-        """Go on to the twin's time."""
+        """Advance the response to the twin's time and return it."""
         began = time.perf_counter()
         now = self._twin.time_ns * 1e-9
         if now >= self._solved_s + self.every_s - 1e-9:
@@ -83,5 +83,5 @@ class Vibration:
 
 
 def span_of_twin(twin: Twin) -> Span:
-    """The rope as it is now, with the water across it relative to its own motion."""
+    """Return the line model of the present rope, with the flow relative to its own motion."""
     return span_of_rope(twin.rope)

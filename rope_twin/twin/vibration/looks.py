@@ -1,4 +1,4 @@
-"""How often a rope is looked at: often enough for its fastest vortices, at least once a slot."""
+"""Sampling interval of the rope: resolves its fastest vortices, at least once a cycle."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from rope_twin.core.state import Boundary, Rope
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.vibration.own_motion import diameters, fastest_hz, tangents
 
-PER_PERIOD = 24  # looks per period of the fastest vortices: a crest is met to 0.9 %
-FASTER, SLOWER = 1.25, 0.5  # times what the looks are made for: then they are made anew
+PER_PERIOD = 24  # samples per period of the fastest vortices: resolves a crest to 0.9 %
+FASTER, SLOWER = 1.25, 0.5  # ratios to the design frequency at which the interval changes
 
 
 def vortices_hz(rope: Rope, boundary: Boundary, strouhal: float) -> float:
-    """Of the fastest vortices, by the water's velocity less the hang-off's [Hz]."""
+    """Frequency of the fastest vortices, by the flow relative to the hang-off's velocity [Hz]."""
     n = int(rope.state.counts[rows.ELEMENTS])
     flow = rope.work[rows.FLOW : rows.FLOW + 3, :n] - boundary.rate[0, :3, None]
     flow[2] = 0.0  # heave and waves' vertical motion run along the rope
@@ -21,9 +21,9 @@ def vortices_hz(rope: Rope, boundary: Boundary, strouhal: float) -> float:
 
 
 def steps_between(hz: float, step_s: float) -> int:
-    """Steps from one look to the next where the fastest vortices have this frequency.
+    """Number of steps between samples for this frequency of the fastest vortices.
 
-    A whole number of looks makes a slot: so they come at the same instants whatever the step.
+    A cycle has a whole number of samples, so they come at the same instants for any step.
     """
     slot = steps_in_slot(step_s)
     if hz == 0.0:
@@ -33,6 +33,6 @@ def steps_between(hz: float, step_s: float) -> int:
 
 
 def is_another_pace(hz: float, made_for_hz: float, other_current: bool) -> bool:
-    """Whether looks are to be made anew; only another current makes them less frequent."""
+    """Return whether the interval must change; only another current makes it longer."""
     slower = other_current and hz < SLOWER * made_for_hz
     return hz > FASTER * made_for_hz or slower

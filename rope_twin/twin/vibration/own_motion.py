@@ -1,16 +1,16 @@
-"""How the twin's own rope shakes: amplitude and frequency at its nodes, across and in line.
+"""Measured vibration of the twin's own rope: amplitude and frequency, cross-flow and in line.
 
-The places of the nodes are filtered as they come: what is slower than a fifth of the fastest
-vortices (ship, waves, winch, sway) is left out by a Butterworth filter of fourth order. Of what is
-left, across the rope and split into across the flow and with it, the mean square is kept over the
-last ten periods of those vortices. The frequency is Rice's (1944) mean frequency of upward
-crossings of zero, √(m₂/m₀)/2π, taken as tan(ω·h/2) = rms(y - y before)/rms(y + y before): exact for
-a sine.
+The positions of the nodes are filtered by a fourth-order Butterworth high-pass at a fifth of the
+frequency of the fastest vortices, which removes ship, waves, winch and sway. The remaining motion
+across the rope is split into cross-flow and in-line parts, and their mean square is averaged over
+the last ten periods of those vortices. The frequency is Rice's (1944) mean frequency of
+zero-upcrossings, √(m₂/m₀)/2π, computed from tan(ω·h/2) = rms(y - y before)/rms(y + y before), which
+is exact for a sine.
 
-The flow is the running mean of the water's velocity less the rope's. What shaking multiplies the
-drag by is the mean of |s - w|·(s - w)·s over that of |s|³, with the velocity w of the fast motion
-and what is slow of water less rope, s, across the rope: waves, sway and ship are in both. Nodes are
-material points; one that is new takes what its neighbours have.
+The flow is the running mean of the water's velocity relative to the rope. The drag amplification is
+the mean of |s - w|·(s - w)·s over that of |s|³, with the fast velocity w of the rope and the slow
+part s of the relative flow across the rope; waves, sway and ship are in both. Nodes are material
+points; a new node takes values interpolated between its neighbours.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from rope_twin.core.state import Floats, Rope
 from rope_twin.twin.findings import RopeVibration
 from rope_twin.twin.vibration.watch import MOTION
 
-SLOW = 0.2  # of the fastest vortices' frequency: slower motion is not shaking
+SLOW = 0.2  # cut-off over the frequency of the fastest vortices: slower motion is no VIV
 ORDER = 4
-BLOCK = 8  # samples that are filtered together
-SETTLING, AVERAGED, LEAST = 10.0, 10.0, 2.0  # periods: of the filter, of the mean, before a figure
-STILL_M = 1e-7  # what moves less has no frequency
-STILL_M_PER_S = 1e-3  # water that flows slower drags nothing
+BLOCK = 8  # number of samples filtered together
+SETTLING, AVERAGED, LEAST = 10.0, 10.0, 2.0  # periods: filter settles, mean, minimum averaged
+STILL_M = 1e-7  # smaller motion has no frequency
+STILL_M_PER_S = 1e-3  # slower flow has no drag amplification
 CARRIED_OVER = (
     "_memory", "_slow_memory", "_flow", "_sides", "_before", "_first", "_means", "_first_drag",
     "_drag",
@@ -42,10 +42,10 @@ _FLOW = slice(rows.FLOW, rows.FLOW + 3)
 
 
 class OwnMotion:
-    """Opened at a rope; then `take` it at equal times. Rows from the lower end up."""
+    """Monitor of the rope's vibration, sampled at equal times; rows from the lower end up."""
 
     def __init__(self, rope: Rope, sample_s: float, vortices_hz: float) -> None:
-        """`vortices_hz`: of the fastest that are expected."""
+        """Start with samples every `sample_s`; vortices_hz: fastest expected vortices [Hz]."""
         self._sample_s, self._hz = sample_s, vortices_hz
         slowest, rate = SLOW * vortices_hz, 1.0 / sample_s
         self._filter = butter(ORDER, slowest, "highpass", fs=rate, output="sos")
@@ -54,23 +54,23 @@ class OwnMotion:
         self._flow = relative_flow(rope)
         self._memory = sosfilt_zi(self._filter)[:, :, None, None] * place
         self._slow_memory = sosfilt_zi(self._slow_filter)[:, :, None, None] * self._flow
-        self._waiting: list[Floats] = []  # places and flows that are not filtered yet
-        self._sides = sides(place, self._flow)  # unit vectors while they wait
+        self._waiting: list[Floats] = []  # positions and flows that are not filtered yet
+        self._sides = sides(place, self._flow)  # unit vectors for the waiting samples
         self._before = np.zeros((2, place.shape[1]))
-        # of squares: motion, rise, sum; averaged once and, against their ripple, once more
+        # mean squares of motion, difference and sum; averaged once, and once more against ripple
         self._first, self._means = np.zeros((2, 3, 2, place.shape[1]))
-        # of drag times flow, shaken and not
+        # means of drag times flow, with vibration and without
         self._first_drag, self._drag = np.zeros((2, 2, place.shape[1]))
         self._taken = 0
 
     @property
     def known(self) -> bool:
-        """Whether there is a figure yet."""
+        """Whether results are available."""
         periods = self._taken * self._sample_s * self._hz
         return periods >= SETTLING + LEAST
 
     def take(self, rope: Rope, sample_s: float, vortices_hz: float) -> None:
-        """One instant, as long after the one before as it was opened for."""
+        """Take one sample of the rope, at the sampling interval after the previous one."""
         s = _marks(rope)
         if len(s) != len(self._s) or not np.array_equal(s[:-1], self._s[:-1]):
             self._work_off()
@@ -87,10 +87,10 @@ class OwnMotion:
             self._work_off()
 
     def shot(self, rope: Rope) -> RopeVibration | None:
-        """What is told of it, at the nodes; None: nothing yet."""
+        """Return the vibration at the nodes; None: not known yet."""
         if not self.known:
             return None
-        s, diameter = _marks(rope), diameters(rope)  # an element may have split since the look
+        s, diameter = _marks(rope), diameters(rope)  # elements may have split since the sample
 
         def now(values: Floats) -> Floats:
             return np.interp(s, self._s, values)
@@ -109,36 +109,36 @@ class OwnMotion:
         )
 
     def bent(self, rope: Rope, middles: Floats) -> Floats | None:
-        """Its curvature is the rope's own."""
+        """Return None: its curvature is already in the rope's own."""
         return None
 
     def kept(self) -> OwnMotion:
-        """From which `take_back` goes on."""
+        """Return the state from which `take_back` resumes."""
         return self
 
     def take_back(self, kept: OwnMotion) -> None:
-        """Go on from there."""
+        """Resume from this state."""
         vars(self).update(vars(kept))
 
     def amplitudes_m(self) -> Floats:
-        """√2 times the rms, across and with the flow, at the nodes of the last look, (2, nodes)."""
+        """√2 times the rms, cross-flow and in line, at the last sample [m], (2, nodes)."""
         return np.asarray(np.sqrt(2.0 * self._means[0]))
 
     def frequencies_hz(self) -> Floats:
-        """Of both, 0 where nothing moves, (2, nodes)."""
+        """Frequency of both motions [Hz], 0 where nothing moves, (2, nodes)."""
         _, rise, total = self._means
         moves = (self.amplitudes_m() > STILL_M) & (total > 0.0)
         ratio = np.sqrt(rise / np.where(moves, total, 1.0))
         return np.where(moves, np.arctan(ratio) / (pi * self._sample_s), 0.0)
 
     def drag_amplification(self) -> Floats:
-        """What shaking multiplies the mean drag by; 1 where the water stands still, (nodes,)."""
+        """Factor of the vibration on the mean drag; 1 where the water is still, (nodes,)."""
         shaken, steady = self._drag
         flows = steady > STILL_M_PER_S**3
         return np.where(flows, shaken / np.where(flows, steady, 1.0), 1.0)
 
     def _work_off(self) -> None:
-        """Filter what waits and add it to the means."""
+        """Filter the waiting samples and add them to the means."""
         if not self._waiting:
             return
         places, flows = np.stack(self._waiting, axis=1)
@@ -162,7 +162,7 @@ class OwnMotion:
             self._before = moved
 
     def _carry_over(self, s: Floats) -> None:
-        """To nodes with other material coordinates."""
+        """Interpolate to nodes with other material coordinates."""
         high = np.clip(np.searchsorted(self._s, s), 1, len(self._s) - 1)
         low = high - 1
         share = np.clip((s - self._s[low]) / (self._s[high] - self._s[low]), 0.0, 1.0)
@@ -172,7 +172,7 @@ class OwnMotion:
 
 
 def _drags(flow: Floats, fast: Floats) -> Floats:
-    """|u|·u·flow of a rope that moves and of one that does not; (2, nodes) each, to (2, nodes)."""
+    """Return |u|·u·flow of a vibrating and a steady rope; all arrays (2, nodes)."""
     shaken = flow - fast
     return np.stack(
         [np.sqrt((own * own).sum(axis=0)) * (own * flow).sum(axis=0) for own in (shaken, flow)]
@@ -180,7 +180,10 @@ def _drags(flow: Floats, fast: Floats) -> Floats:
 
 
 def relative_flow(rope: Rope) -> Floats:
-    """Water less rope at the nodes [m/s], (3, nodes); the hang-off has that of the node below."""
+    """Velocity of water relative to rope at the nodes [m/s], (3, nodes).
+
+    The hang-off has the value of the node below it.
+    """
     n = int(rope.state.counts[rows.ELEMENTS])
     relative = rope.work[_FLOW, : n + 1] - rope.state.nodes[_VELOCITY, : n + 1]
     relative[:, n] = relative[:, n - 1]
@@ -188,7 +191,7 @@ def relative_flow(rope: Rope) -> Floats:
 
 
 def fastest_hz(flow: Floats, along: Floats, diameter: Floats, strouhal: float) -> float:
-    """Of the vortices, St·|U across the rope|/d at nodes [Hz]."""
+    """Frequency of the fastest vortices, St·|U across the rope|/d at the nodes [Hz]."""
     across = flow - (flow * along).sum(axis=0) * along
     return float((strouhal * np.sqrt((across * across).sum(axis=0)) / diameter).max())
 
@@ -201,7 +204,7 @@ def tangents(place: Floats) -> Floats:
 
 
 def diameters(rope: Rope) -> Floats:
-    """That the water sees, at the nodes [m], (nodes,)."""
+    """Hydrodynamic diameter at the nodes [m], (nodes,)."""
     n, sections = int(rope.state.counts[rows.ELEMENTS]), rope.sections
     s = rope.state.s[: n + 1]
     which = np.searchsorted(sections[rows.END], 0.5 * (s[1:] + s[:-1]), side="right")

@@ -1,7 +1,4 @@
-"""A twin's rope as the models of vortices see it: taut between its ends, in the water across it.
-
-The water's velocity is relative to the rope's own motion.
-"""
+"""Line model of a twin's rope for VIV models: taut between its ends, in the relative flow."""
 
 from __future__ import annotations
 
@@ -17,7 +14,7 @@ from rope_twin.viv.span import Span, extended
 
 
 def span_of_rope(rope: Rope, moved_water: bool = True) -> Span:
-    """A rope as it is now, of its arrays; `moved_water`: with its added mass."""
+    """Return the line model of the present rope; moved_water: include its added mass."""
     n, sections, work = int(rope.state.counts[rows.ELEMENTS]), rope.sections, rope.work
     place = rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1]
     velocity = rope.state.nodes[rows.VELOCITY : rows.VELOCITY + 3, :n]
@@ -35,7 +32,7 @@ def span_of_rope(rope: Rope, moved_water: bool = True) -> Span:
     across = relative - (relative * direction).sum(axis=0) * direction
     speed = np.sqrt((across * across).sum(axis=0))
     along = np.concatenate([[0.0], np.cumsum(length)])
-    # the water at the hang-off is not known: in a straight line from the two nodes below it
+    # the flow at the hang-off is unknown: extrapolated linearly from the two nodes below it
     at_top = extended(along[n:], along[:n], speed)
     return Span(
         s=along,

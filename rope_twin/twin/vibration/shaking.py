@@ -1,9 +1,10 @@
-"""A model of vortices that a scene lists and that is computed beside the step, and its drag.
+"""Loosely coupled VIV model of a scene, and its drag amplification.
 
-`modal_vibration` and `decomposed_force` know the rope by its modes, on places of their own
-(`beside.py`). At each look they go on by the time since the one before, and the drag coefficient
-at the rope's nodes grows with the rms of the rope around them (core/vortices/drag_growth.py). The
-rope's lean and tension then change what the model finds when it looks for its modes again.
+`modal_vibration` and `decomposed_force` describe the rope by its modes on a line model of their own
+(`beside.py`). At each sampling they advance by the time since the previous one, and the drag
+coefficient at the rope's nodes is amplified by the rms of the vibration around them
+(core/vortices/drag_growth.py). The rope's inclination and tension then change the modes that the
+model finds in its next search.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ from rope_twin.viv.shedding import Lift, Shedding
 
 
 class KeptShaking(NamedTuple):
-    """What it goes on from."""
+    """State from which the model resumes."""
 
     tracker: KeptBeside
     hz: float
@@ -48,37 +49,38 @@ class KeptShaking(NamedTuple):
 
 
 class Shaking:
-    """From rest.
+    """Loosely coupled VIV model of a scene, from a start without vibration.
 
     Raises:
         InputError: the rope is slack somewhere.
     """
 
     def __init__(self, scene: Scene, rope: Rope) -> None:
-        self.hz, self._currents = 0.0, 0  # of the vortices that the looks are made for
-        self._looked, self._second = 0, -1  # the step of the last look, the second of its time
+        self.hz, self._currents = 0.0, 0  # vortex frequency of the interval, current profiles
+        self._looked, self._second = 0, -1  # step of the last sampling, second of its time
         self._strouhal, self._step_s = strouhal_number(scene), scene.time.step_s
         self._every, self._rarer = steps_between(0.0, self._step_s), 1
         params = model_beside(scene)
         self._growth: tuple[float, float] = params.drag_growth
         density = scene.environment.water_density_kg_per_m3
         self.tracker: Beside = _tracker(params, rope, density, shedding_model(scene))
-        self._grown(rope)  # compiled now, not in the first look
-        self._took_s = self._looked_s = 0.0  # time spent on it, and the twin's time meanwhile
+        self._grown(rope)  # compile now, not at the first sampling
+        self._took_s = self._looked_s = 0.0  # CPU time of the model, and twin time covered
 
     @property
     def every(self) -> int:
-        """Steps between two looks."""
+        """Number of steps between two samplings."""
         return self._every
 
     def steps_to_look(self, steps: int) -> int:
-        """How many are left until the next look, after so many."""
+        """Return the number of steps left until the next sampling, after `steps` steps."""
         return self._looked + self._every - steps
 
     def look(self, rope: Rope, boundary: Boundary, steps: int, currents: int) -> None:
-        """Go on by the time since the last look, and let the drag grow with the motion.
+        """Advance by the time since the last sampling, and set the drag amplification.
 
-        boundary: row 0 now; steps: done by the twin; currents: how many have come.
+        boundary: row 0 is the present; steps: done by the twin; currents: number of profiles
+        accepted.
         """
         began = time.perf_counter()
         since_s = (steps - self._looked) * self._step_s
@@ -93,9 +95,9 @@ class Shaking:
         self._took_s += time.perf_counter() - began
 
     def apart(self, rarer: int) -> Self:
-        """The same once more, that goes on by itself from here and looks so many times rarer.
+        """Return an independent copy that samples `rarer` times less often.
 
-        Its first look comes as soon as this one's.
+        Its first sampling is at the same time as this one's.
         """
         other = copy.deepcopy(self)
         other.tracker.spare_searches()
@@ -105,26 +107,26 @@ class Shaking:
         return other
 
     def part(self, whole: Rope, upper: Rope) -> None:
-        """The rope was cut: what hangs on has modes of its own."""
+        """Adapt to a cut: the part left has modes of its own."""
         n, left = (int(rope.state.counts[ELEMENTS]) for rope in (whole, upper))
         self.tracker.part(min(left / n, 1.0))
 
     def shot(self, rope: Rope) -> RopeVibration:
-        """What is told of it."""
+        """Return the VIV response at the nodes of the rope."""
         cost_pct = 100.0 * self._took_s / max(self._looked_s, self._step_s)
         amplified = self.amplified(rope)[::-1].copy()
         return replace(self.tracker.shot(rope), drag_amplification=amplified, cost_pct=cost_pct)
 
     def amplified(self, rope: Rope) -> Floats:
-        """What the drag is multiplied by at the nodes, from the lower end up."""
+        """Return the drag amplification at the nodes, from the lower end up."""
         return 1.0 + self._grown(rope)
 
     def _grown(self, rope: Rope) -> Floats:
-        """By how much the drag grows at the nodes, over what it is.
+        """Return the drag amplification less 1 at the nodes.
 
-        A node has the mean up to its neighbours, half a wave to both sides at least: so the drag
-        of a rope that stands in waves is the same on nodes that would see them and on ones that
-        do not.
+        A node takes the mean up to its neighbours, over at least half a wave length to either side.
+        The drag of a rope in standing waves is then the same whether the nodes resolve the waves or
+        not.
         """
         s, amplitude, half_wave = self.tracker.at_places()
         grown = amplified_drag(amplitude / sqrt(2.0), self._growth) - 1.0
@@ -132,18 +134,18 @@ class Shaking:
         return mean_around(at, s, grown, np.interp(at, s, half_wave))
 
     def kept(self) -> KeptShaking:
-        """From which `take_back` goes on."""
+        """Return the state from which `take_back` resumes."""
         return KeptShaking(self.tracker.kept(), self.hz, self._currents, self._looked, self._second)
 
     def take_back(self, kept: KeptShaking) -> None:
-        """Go on from there."""
+        """Resume from this state."""
         self.tracker.take_back(kept.tracker)
         self.hz, self._currents = kept.hz, kept.currents
         self._looked, self._second = kept.looked, kept.second
         self._every = self._rarer * steps_between(self.hz, self._step_s)
 
     def _keep_pace(self, rope: Rope, boundary: Boundary, currents: int) -> None:
-        """Once a second: look more often where vortices are faster."""
+        """Adapt the sampling interval to the vortex frequency, once a second."""
         second = int(self._looked * self._step_s + 1e-9)
         if second == self._second:
             return
@@ -156,7 +158,7 @@ class Shaking:
 
 @singledispatch
 def _tracker(params: Any, rope: Rope, density: float, name: str) -> Beside:
-    """The model as a scene gives it, of a rope at rest."""
+    """Return the model of a scene for a rope in static equilibrium."""
     raise TypeError(f"{name} is not computed beside the step")
 
 
@@ -178,7 +180,7 @@ def _decomposed(params: DecomposedForceParams, rope: Rope, density: float, name:
 
 
 def shedding_of(params: ModalVibrationParams, density: float) -> Shedding:
-    """The water's side of the modal approach as a scene gives it."""
+    """Return the hydrodynamic properties of the modal model of a scene."""
     return Shedding(
         strouhal=params.strouhal,
         band=params.band,

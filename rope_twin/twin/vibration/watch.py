@@ -1,4 +1,4 @@
-"""What a run asks to be told of a rope besides its tension (rope_twin.twin.vibration.watched)."""
+"""Selection of the vibration and fatigue monitors of a run (rope_twin.twin.vibration.watched)."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.twin.fatigue.endurance import find_curve
 
-MOTION = "motion"  # the twin's own, as its scene's model of vortices makes it
-MODES, DECOMPOSED = "modes", "decomposed"  # computed beside the twin
+MOTION = "motion"  # measured in the twin, with its scene's own VIV model
+MODES, DECOMPOSED = "modes", "decomposed"  # loosely coupled models without feedback
 MODELS = (MOTION, MODES, DECOMPOSED)
 
 
 @dataclass(frozen=True)
 class Watch:
-    """What a run asks for.
+    """Vibration and fatigue monitors that a run asks for.
 
     Raises:
         InputError: there is no such model or curve.

@@ -1,7 +1,7 @@
-"""What an operator sees of a rope besides its tension: how it shakes, and the fatigue it has used.
+"""Twin with vibration and fatigue monitors.
 
-Both are parts of a twin that are there only where a run asks for them; the run is the same to the
-bit. They look at the rope at equal times, often enough for the fastest vortices.
+The monitors exist only if a run asks for them, and the run is bit-identical with them. They sample
+the rope at equal times, often enough to resolve the fastest vortices.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ from rope_twin.twin.vibration.watch import DECOMPOSED, MODES, MOTION, Watch
 from rope_twin.viv.decomposed import decomposed
 from rope_twin.viv.shedding import Shedding
 
-SECOND_NS = 1_000_000_000  # between two sums of the fatigue
+SECOND_NS = 1_000_000_000  # interval of the fatigue results
 
 
 class WatchedTwin(Twin):
-    """A twin that is watched as `asked` says. A saved state holds what was counted and averaged.
+    """A twin with the monitors of `asked`; a saved state includes their counts and averages.
 
     Raises:
-        SceneError: as for a twin, or ropes meet.
-        InputError: what is asked for does not hold for the scene.
+        SceneError: as for a twin, or the scene is multi-line.
+        InputError: a requested monitor is not possible for the scene.
     """
 
     asked: ClassVar[Watch]
@@ -62,27 +62,27 @@ class WatchedTwin(Twin):
         if self.asked.vibration in (MODES, DECOMPOSED) and model:
             what = f"the scene's own {model} shakes its rope already"
             raise InputError(phrase(f"vibration {self.asked.vibration}", what, f"ask for {MOTION}"))
-        wear = self._new_wear(scene) if self.asked.fatigue else None  # what it refuses: at once
+        wear = self._new_wear(scene) if self.asked.fatigue else None  # first: it may be rejected
         super().__init__(scene)
         self._strouhal, self._wear = strouhal_number(scene), wear
-        self._hz = 0.0  # of the vortices that the looks are made for
-        self._profiles = 0  # currents that had come by then
+        self._hz = 0.0  # vortex frequency of the sampling interval
+        self._profiles = 0  # number of current profiles accepted by then
         self._every = self._steps_between()
-        self._tracker = self._beside()  # of the twin's own motion when the water first moves
+        self._tracker = self._beside()  # a monitor of the twin's motion starts with the flow
         self.told = self._tracker.told if isinstance(self._tracker, Beside) else self.told
         if self.asked.fatigue:
             others = other_than_wire(scene.ropes[0], self.asked.fatigue, _stiffness(scene))
             self.told = "\n".join(words for words in (self.told, others) if words)
         self._counting_from_ns, self._second = self.time_ns, -1
         self._fatigue: MaterialFatigue | None = None
-        self._watch_s = self._watched_s = 0.0  # time spent on it, and the twin's time meanwhile
+        self._watch_s = self._watched_s = 0.0  # CPU time of the monitors, and twin time covered
 
     @classmethod
     def restore(cls, saved: str | Path | SavedState, scene: Scene) -> Self:
-        """As for a twin.
+        """Return a twin that resumes from a saved state.
 
         Raises:
-            StateError: also if its fatigue was counted by another curve.
+            StateError: as for a twin, or its fatigue was counted by another curve.
         """
         state = saved if isinstance(saved, SavedState) else load_state(saved)
         twin = super().restore(state, scene)
@@ -90,14 +90,14 @@ class WatchedTwin(Twin):
         return twin
 
     def snapshot(self) -> Snapshot:
-        """A frozen copy of the present, with what is known."""
+        """Return a frozen copy of the present with the results of the monitors."""
         taken = super().snapshot()
         if self._shaking is None:
             amended(taken, vibration=self._vibration())
         return amended(taken, fatigue=self._fatigue)
 
     def take_rung(self, rung: Rung) -> None:
-        """As for a twin."""
+        """Continue on another accuracy level, as a twin does."""
         super().take_rung(rung)
         self._every = self._steps_between()
 
@@ -115,7 +115,7 @@ class WatchedTwin(Twin):
         return changing
 
     def _take_back(self, state: SavedState) -> None:
-        """What was counted and averaged, as far as it was and is asked for."""
+        """Restore the monitors that both the state and this run have."""
         kept = {
             name.removeprefix(IF_ASKED): plain
             for name, plain in state.memory.items()
@@ -139,7 +139,7 @@ class WatchedTwin(Twin):
             self._tracker = tracker
 
     def _sever(self, lost_m: float, rope: int = 0) -> float:
-        """As for a twin; what is left of the rope shakes anew."""
+        """Cut a rope; the vibration monitor restarts on the part left."""
         self._tracker, self._hz = None, 0.0
         return super()._sever(lost_m, rope)
 
@@ -158,7 +158,7 @@ class WatchedTwin(Twin):
         return done
 
     def _look(self) -> None:
-        """Take the rope as it is now; once a second see how fast the vortices are, and sum up."""
+        """Sample the rope; once a second also update the interval and the fatigue results."""
         second = self.time_ns // SECOND_NS
         new, self._second = second != self._second, second
         if new:
@@ -176,7 +176,7 @@ class WatchedTwin(Twin):
                 self._fatigue = self._wear.shot(line_out, counted_s)
 
     def _keep_pace(self) -> None:
-        """Look more often where vortices are faster; a new current may also make them slower."""
+        """Adapt the sampling interval to the vortex frequency; only a new current extends it."""
         if self._shaking is not None or not (self.asked.vibration or shedding_model(self.scene)):
             return
         hz = vortices_hz(self.rope, self._boundary, self._strouhal)
@@ -188,14 +188,14 @@ class WatchedTwin(Twin):
                 self._tracker = self._of_own_motion() if hz > 0.0 else None
 
     def _steps_between(self) -> int:
-        """Steps from one look to the next."""
+        """Return the number of steps between samples."""
         return steps_between(self._hz, self.step_s)
 
     def _of_own_motion(self) -> OwnMotion:
         return OwnMotion(self.rope, self._every * self.step_s, self._hz)
 
     def _beside(self) -> OwnMotion | Beside | None:
-        """The scene's own model, or that beside the twin which is asked for, from rest."""
+        """Return the loosely coupled model of the scene or of the run in its initial state."""
         if self._shaking is not None:
             return self._shaking.tracker
         density = self.scene.environment.water_density_kg_per_m3
@@ -215,7 +215,7 @@ class WatchedTwin(Twin):
         return RopeWear(line, most, WearWish(self.asked.fatigue, EI > 0.0 or shaken, bent_pa), EI)
 
     def _bent(self) -> Floats | None:
-        """Curvature of the metres if it counts: of a rope that bends, and of the vibration."""
+        """Curvature of rope and vibration per metre [1/m], (2, metres); None: not counted."""
         if self._wear is None or not self._wear.bends:
             return None
         lost_m = self._cut.done.lost_m if self._cut.done else 0.0
@@ -236,5 +236,5 @@ class WatchedTwin(Twin):
 
 
 def _stiffness(scene: Scene) -> float:
-    """EI of its rope [N·m²]; 0: it has none."""
+    """Return the bending stiffness EI of the scene's rope [N·m²]; 0: none."""
     return sum(own.stiffness_n_m2 for own in scene.effects if isinstance(own, BendingParams))
