@@ -1,4 +1,4 @@
-"""What a twin tells of the seabed: height above it, what it carries, how much rope lies on it."""
+"""Seabed contact in a snapshot: height above the bed, reactions, length of rope on the bed."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from rope_twin.twin.snapshot import BedContact
 
 
 def bed_of(rope: Rope) -> Plane | Grid | None:
-    """The seabed of a rope, if one is listed."""
+    """Return the seabed of a rope; None if the scene lists none."""
     return next((effect for effect in rope.effects if isinstance(effect, Plane | Grid)), None)
 
 
 def bed_contact(rope: Rope) -> BedContact | None:
-    """Of the present state; None where no seabed is listed."""
+    """Return the present seabed contact; None if the scene lists no seabed."""
     bed = bed_of(rope)
     if bed is None:
         return None
@@ -35,7 +35,7 @@ def bed_contact(rope: Rope) -> BedContact | None:
     lying = (lump[:-1] + lump[1:])[height <= 0.0]
     load_height, load_push = height[0], normal_push(bed, bed.soil.k_payload, x[:, :1], v[:, :1])
     body = next((effect for effect in rope.effects if isinstance(effect, RigidBody)), None)
-    if body is not None and len(body.corners):  # of its lowest corner, and of all
+    if body is not None and len(body.corners):  # height of its lowest corner, push on all
         load_height, load_push, _ = bed_pushes(
             part_of(body, PlaneBed, GridBed), body, pose_of(body)
         )

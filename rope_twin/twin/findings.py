@@ -1,4 +1,4 @@
-"""What a run finds out where it is asked to: energy balance, error band, vibration, fatigue."""
+"""Results of the optional analyses of a run: energy, error interval, vibration, fatigue."""
 
 from __future__ import annotations
 
@@ -13,85 +13,86 @@ LITTLE = 1e-4
 
 @dataclass(frozen=True)
 class EnergyBalance:
-    """Energy of rope and payload, and where it came from and went to since the count began [J].
+    """Energy of rope and payload, its sources and its sinks, since the balance was opened [J].
 
     change = hang_off + passing + water - damped - residual.
     """
 
-    since_s: float  # twin time at which the count began
+    since_s: float  # twin time at which the balance was opened
     kinetic_j: float  # now, with the added mass
     elastic_j: float
     potential_j: float  # weight less buoyancy, 0 at the mean water level
-    change_j: float  # of the sum of these three
-    hang_off_j: float  # work of ship and winch: force times the material's velocity
-    passing_j: float  # brought by rope that was paid out, less what hauled rope took away
+    change_j: float  # change of the sum of these three
+    hang_off_j: float  # work of ship and winch: force times material velocity
+    passing_j: float  # energy of rope paid out, less that of rope hauled in
     water_j: float  # work of the water: drag, mostly negative
     damped_j: float  # dissipated by the axial damper
-    residual_j: float  # the rest: dissipated numerically if positive
-    exchanged_j: float  # energy that went from any one of these accounts to another
+    residual_j: float  # remainder: numerical dissipation if positive
+    exchanged_j: float  # energy moved between any two of these terms
 
     @property
     def residual_pct(self) -> float:
-        """The residual in per cent of the energy exchanged.
+        """Residual as a percentage of the energy exchanged.
 
-        While little was (a rope at rest, or just set in motion), of a ten-thousandth of what is
-        there: a residual is then round-off of that, or of how the work of few steps is summed.
+        While little was exchanged (a rope in static equilibrium, or just set in motion), the
+        reference is a ten-thousandth of the stored energy: the residual is then its round-off, or
+        that of the quadrature over few steps.
         """
         there = abs(self.kinetic_j) + abs(self.elastic_j) + abs(self.potential_j)
         beside = max(self.exchanged_j, LITTLE * there)
         return 100.0 * self.residual_j / beside if beside > 0.0 else 0.0
 
     def figures(self) -> dict[str, float]:
-        """All of it by name, with the residual in per cent."""
+        """Return all values by name, with the residual in per cent."""
         return {**asdict(self), "residual_pct": self.residual_pct}
 
 
 @dataclass(frozen=True)
 class TensionBand:
-    """Where the top tension of a converged solution lies, 95 % of the time (`error_band.py`)."""
+    """95 % discretisation-error interval of the top tension (`error_band.py`)."""
 
     low_n: float
     high_n: float
-    bound_n: float  # of the error of tension_top_n; low_n is not below 0
-    cost_pct: float  # time that the band has taken, of the time that all else took
+    bound_n: float  # half-width: bound of the error of tension_top_n; low_n is at least 0
+    cost_pct: float  # CPU time of the interval, relative to all other work
 
 
 @dataclass(frozen=True)
 class RopeVibration:
-    """How the rope shakes (twin/vibration/in_modes.py). Rows run from the hang-off (row 0) down.
+    """VIV response along the rope; rows run from the hang-off (row 0) down.
 
-    An amplitude is √2 times the rms over some periods, over the rope's diameter.
+    An amplitude is √2 times the rms over some periods, divided by the rope's diameter.
     """
 
-    model: str  # "motion": the twin's own; "modes", "decomposed": computed beside it
+    model: str  # "motion": measured in the twin; "modes", "decomposed": loosely coupled model
     cross_flow: Vector  # amplitude across current and rope [diameters], (nodes,)
-    cross_flow_hz: Vector  # its frequency; 0 where nothing moves, (nodes,)
-    in_line: Vector | None  # likewise with the current; None: the model has no such motion
+    cross_flow_hz: Vector  # its frequency; 0 where the rope does not vibrate, (nodes,)
+    in_line: Vector | None  # amplitude along the current; None: not in the model
     in_line_hz: Vector | None
-    drag_amplification: Vector  # what it multiplies the rope's mean drag by; 1: none, (nodes,)
-    every_s: float  # how often a model beside the twin finds the rope's modes again; 0: it has none
-    solves: int  # how often it has
-    note: str  # one sentence if the modes could not be found again
-    cost_pct: float = 0.0  # time that watching the rope has taken, of the twin's time
+    drag_amplification: Vector  # factor on the mean drag; 1: none, (nodes,)
+    every_s: float  # interval between solutions of the rope's modes; 0: the model has none
+    solves: int  # number of these solutions
+    note: str  # message if the modes could not be solved
+    cost_pct: float = 0.0  # CPU time of the monitor, relative to the twin's
 
     @property
     def worst(self) -> int:
-        """The node that moves most."""
+        """Index of the node with the largest cross-flow amplitude."""
         return int(self.cross_flow.argmax())
 
 
 @dataclass(frozen=True)
 class MaterialFatigue:
-    """Fatigue used of each metre of the rope's material (`wear.py`), from the lower end up."""
+    """Accumulated Miner damage per metre of rope material (`wear.py`), from the lower end up."""
 
     curve: str  # name of the S-N curve
-    counted_s: float  # over this time
+    counted_s: float  # duration of the count
     from_lower_end_m: Vector  # middle of each metre, unstretched
-    from_hang_off_m: Vector  # where that is now; negative: aboard
-    used: Vector  # Miner's sum; 1: it breaks
-    bending: bool  # with the stress of bending
+    from_hang_off_m: Vector  # its present distance below the hang-off; negative: aboard
+    used: Vector  # Miner damage D; 1: failure
+    bending: bool  # whether bending stress is included
 
     @property
     def worst(self) -> int:
-        """The metre that has used most."""
+        """Index of the metre with the largest damage."""
         return int(self.used.argmax())

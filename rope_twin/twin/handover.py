@@ -1,4 +1,4 @@
-"""Snapshots on their way from the thread that steps to the one that publishes."""
+"""Snapshot queue between the stepping thread and the publishing thread."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ WAITING_S = 0.5  # snapshots of this much real time may wait for the publisher
 
 
 class Handover:
-    """Snapshots from the worker to the publisher: the newest win, the worker never waits."""
+    """Bounded queue of snapshots: the newest are kept, and the stepping thread never waits."""
 
     def __init__(self, depth: int) -> None:
         self._waiting: deque[Snapshot] = deque()
@@ -21,11 +21,11 @@ class Handover:
 
     @property
     def lost(self) -> int:
-        """Snapshots that were thrown out because newer ones came first."""
+        """Number of snapshots dropped because the queue was full."""
         return self._lost
 
     def put(self, snapshot: Snapshot) -> None:
-        """Leave a snapshot; the oldest goes if the publisher is `depth` behind."""
+        """Append a snapshot; the oldest is dropped if the publisher is `depth` behind."""
         with self._arrived:
             if len(self._waiting) >= self._depth:
                 self._waiting.popleft()
@@ -34,7 +34,7 @@ class Handover:
             self._arrived.notify()
 
     def take(self, timeout_s: float) -> Snapshot | None:
-        """The oldest waiting snapshot, or None when none came within the time."""
+        """Return the oldest waiting snapshot, or None if none came within the time."""
         with self._arrived:
             if not self._waiting:
                 self._arrived.wait(timeout_s)
@@ -42,5 +42,5 @@ class Handover:
 
 
 def handover_depth(slot_s: float, speed: float) -> int:
-    """How many snapshots may wait: those of WAITING_S, and one at least."""
+    """Return the depth of the queue: the snapshots of WAITING_S, at least one."""
     return max(1, round(WAITING_S * speed / slot_s))

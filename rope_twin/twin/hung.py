@@ -1,4 +1,4 @@
-"""A rope as it hangs at one instant, from its upper end down: what figures of its shape need."""
+"""Shape of a rope at one instant from its upper end down, for touchdown and bend results."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rope_twin.twin.snapshot import RopeShot, Vector
 
 
 class HungRope(NamedTuple):
-    """One rope. Rows run from its upper end (row 0) down, as in a RopeShot."""
+    """Shape of one rope; rows run from its upper end (row 0) down, as in a RopeShot."""
 
     name: str
     line: RopeLine
@@ -20,23 +20,23 @@ class HungRope(NamedTuple):
     position_m: Vector  # (nodes, 3)
     arc_m: Vector  # unstretched, 0 at the upper end, (nodes,)
     element_tension_n: Vector  # (nodes - 1,)
-    loose: bool = False  # nothing holds its upper end: the part below a cut
+    loose: bool = False  # its upper end is free: the part below a cut
 
 
 def hung_rope(line: RopeLine, core: Rope, shot: RopeShot, *, loose: bool = False) -> HungRope:
-    """A rope whose last node in the core is its upper end."""
+    """Return the shape of a rope whose last node in the core is its upper end."""
     place, tension = shot.node_position_m, shot.element_tension_n
     s = core.state.s[: len(place)]
     return HungRope(shot.name, line, core, place, (s[-1] - s)[::-1].copy(), tension, loose)
 
 
 def hung_to_sheave(line: RopeLine, core: Rope, shot: RopeShot) -> HungRope:
-    """A rope whose last node in the core is at a sheave, where its elements come and go."""
+    """Return the shape of a rope that ends at a sheave, where its elements come and go."""
     arc = core.state.s[: len(shot.node_position_m)] - core.state.s[0]
     arc[-1] = shot.line_out_m
     return HungRope(shot.name, line, core, shot.node_position_m, arc, shot.element_tension_n)
 
 
 def middles(arc_m: Vector) -> Vector:
-    """Of the elements between nodes at these arc lengths [m], (nodes - 1,)."""
+    """Return midpoints of the elements between nodes at these arc lengths [m], (nodes - 1,)."""
     return np.asarray(0.5 * (arc_m[1:] + arc_m[:-1]))

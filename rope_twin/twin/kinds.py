@@ -1,4 +1,4 @@
-"""Which twin a run gets by what it asks for; what it does not ask for is not there."""
+"""Selection of the twin class by the analyses that a run asks for."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from rope_twin.twin.vibration.watch import Watch
 
 
 class AccountedBandedTwin(AccountedTwin, BandedTwin):
-    """A twin with a ledger and an error band."""
+    """A twin with an energy balance and a discretisation-error interval."""
 
 
 def twin_kind(energy: bool, error_band: bool, watch: Watch | None = None) -> type[Twin]:
-    """The class of twin that keeps an energy balance, an error band, both or neither; watched."""
+    """Return the twin class with these analyses; watch: the VIV and fatigue monitors, if any."""
     kind: type[Twin] = BandedTwin if error_band else Twin
     if energy:
         kind = AccountedBandedTwin if error_band else AccountedTwin
     if not watch:
         return kind
     from rope_twin.twin.vibration.watched import (
-        WatchedTwin,  # here: its filters take a second to load
+        WatchedTwin,  # imported here: its filters take a second to load
     )
 
     parts = (WatchedTwin,) if kind is Twin else (WatchedTwin, kind)

@@ -1,10 +1,10 @@
-"""The energy balance of a run, for runs that ask for it: a twin that keeps books on itself.
+"""Energy balance of a run, for runs that ask for it.
 
-Energy is counted at every step's border, and what flows in and out is integrated from its values
-there by the trapezoidal rule with Gregory's end correction, a twelfth of the last and first rise.
-What then is missing was dissipated numerically. In a snap that begins and ends within a step the
-work of the hang-off is only known from the force at the step's borders: with 20 ms the residual
-may be 0.3 % of the exchanged energy too low, with 50 ms and a stiff damper some per cent.
+Energy is evaluated at every step boundary. Power in and out is integrated from its values there by
+the trapezoidal rule with Gregory's end correction (a twelfth of the last and first increments). The
+remainder was dissipated numerically. In a snap load that begins and ends within a step the work of
+the hang-off is known only from the force at the step boundaries: with 20 ms the residual may be 0.3
+% of the exchanged energy too low, with 50 ms and a stiff damper some per cent.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ from rope_twin.twin.twin import Twin
 
 
 class Ledger:
-    """Sums over the steps; opened at a state, then told each next one."""
+    """Energy sums over the steps, from the state at which it was opened."""
 
     def __init__(self, time_s: float, border: SystemBorder) -> None:
         self._since_s = time_s
         self._first = self._now = border
         self._work = np.zeros(len(Power._fields))  # by the trapezoidal rule
-        # of power over the first two and the last two steps, times step/12
+        # increments of power over the first two and the last two steps, times step/12
         self._first_rises: list[Floats] = []
         self._last_rises: deque[Floats] = deque(maxlen=2)
         self._damped = self._exchanged = 0.0
 
     def take(self, step_s: float, border: SystemBorder) -> None:
-        """Add a step that led to this state."""
+        """Add a step of this length [s] that ended at this state."""
         before, after = np.array(self._now.power), np.array(border.power)
         work = 0.5 * step_s * (before + after)
         loss = lost(self._now, border, step_s)
@@ -59,11 +59,11 @@ class Ledger:
         self._now = border
 
     def begin_anew_at(self, border: SystemBorder) -> None:
-        """Add the next step from this state: the rope is no longer of the same elements."""
+        """Start the next step from this state, as the rope's elements have changed."""
         self._now = border
 
     def balance(self) -> EnergyBalance:
-        """The sums so far, with Gregory's corrections at their ends."""
+        """Return the sums up to the present, with Gregory's corrections at both ends."""
         now, work = self._now.store, self._work
         if len(self._first_rises) == 2:
             work = work - _steady(*self._last_rises) + _steady(*self._first_rises)
@@ -85,12 +85,12 @@ class Ledger:
 
 
 class AccountedTwin(Twin):
-    """A twin with a ledger: the same run to the bit, stepped one by one, slower.
+    """A twin with an energy balance: a bit-identical run, but stepped one by one and slower.
 
-    A saved state does not hold the ledger; a restored twin opens a new one.
+    A saved state does not hold the balance; a restored twin opens a new one.
 
     Raises:
-        SceneError: as for a twin, or an effect does not say its energy.
+        SceneError: as for a twin, or an effect does not report its energy.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -100,22 +100,22 @@ class AccountedTwin(Twin):
 
     @classmethod
     def restore(cls, saved: str | Path | SavedState, scene: Scene) -> Self:
-        """As for a twin."""
+        """Return a twin that resumes from a saved state, with a new energy balance."""
         twin = super().restore(saved, scene)
         twin._ledger = twin._opened()
         return twin
 
     def snapshot(self) -> Snapshot:
-        """A frozen copy of the present with the energy balance."""
+        """Return a frozen copy of the present with the energy balance."""
         return replace(super().snapshot(), energy=self._ledger.balance())
 
     def take_rung(self, rung: Rung) -> None:
-        """As for a twin; the count begins anew, for other elements hold other energy."""
+        """Continue on another accuracy level with a new balance: its elements hold other energy."""
         super().take_rung(rung)
         self._ledger = self._opened()
 
     def go_back(self, then: Checkpoint) -> bool:
-        """As for a twin; the count begins again: no step leads from one state to the other."""
+        """Return to an earlier state with a new balance, as no step links the two states."""
         went = super().go_back(then)
         self._ledger = self._opened()
         return went
@@ -135,26 +135,30 @@ class AccountedTwin(Twin):
         return Ledger(self.time_ns * 1e-9, self._measured())
 
     def _sever(self, lost_m: float, rope: int = 0) -> float:
-        """As for a twin; a cut is no step: what it changes is left to the residual."""
+        """Cut a rope; a cut is no step, so its change of energy does not enter the residual."""
         lost_m = super()._sever(lost_m, rope)
         self._ledger.begin_anew_at(self._measured())
         return lost_m
 
     def _measured(self) -> SystemBorder:
-        """Energy and power of the present."""
+        """Return energy and power of the present state."""
         rope = self._rope._replace(effects=self._current.effects)
         V = float(self._boundary.rate[0, rows.LINE])
         return self._ropes.measure(rope, self._pull, V, self.time_ns * 1e-9)
 
 
 def _steady(one: Floats, other: Floats) -> Floats:
-    """Of two rises the smaller if they agree in sign, else 0: at a kink there is no correction."""
+    """Return the smaller of two increments of equal sign, else 0 (no correction at a kink)."""
     same = np.sign(one) == np.sign(other)
     return np.where(same, np.sign(one) * np.minimum(np.abs(one), np.abs(other)), 0.0)
 
 
 def _check_effects(scene: Scene, rope: Rope) -> None:
-    """Refuse a balance that would call an effect's work a numerical loss."""
+    """Reject a balance in which an effect's work would appear as numerical dissipation.
+
+    Raises:
+        SceneError: an effect does not report the energy that it stores or adds.
+    """
     for effect in rope.effects:
         kind = type(effect)
         if {"load", "load_end", "load_nodes", "couple"}.intersection(

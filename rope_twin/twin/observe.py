@@ -1,4 +1,4 @@
-"""From the solver's arrays (payload first, kernels' layout) to a Snapshot (hang-off first)."""
+"""Construction of a Snapshot (hang-off first) from the solver's arrays (payload first)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from rope_twin.twin.snapshot import (
 
 
 class Extremes:
-    """Largest, mean and least of a series that comes in pieces."""
+    """Maximum, mean and minimum of a series that arrives in pieces."""
 
     def __init__(self) -> None:
         self.high, self.low = -np.inf, np.inf
@@ -39,36 +39,36 @@ class Extremes:
             self._count += len(values)
 
     def join(self, other: Extremes) -> None:
-        """Add what another series has taken."""
+        """Add the values of another series."""
         self.high, self.low = max(self.high, other.high), min(self.low, other.low)
         self._sum += other._sum
         self._count += other._count
 
     @property
     def mean(self) -> float:
-        """Mean of all values; NaN if there was none."""
+        """Mean of all values; NaN if there are none."""
         return self._sum / self._count if self._count else float("nan")
 
     @property
     def empty(self) -> bool:
-        """Whether nothing was taken."""
+        """Whether no value was added."""
         return self._count == 0
 
 
 @dataclass(frozen=True)
 class RunStatistics:
-    """The run so far."""
+    """Statistics of a run since its start."""
 
     steps: int
     computing_s: float
-    real_time_factor: float  # simulated time over time spent computing; 0 before the first step
+    real_time_factor: float  # simulated time over computing time; 0 before the first step
     tension_top_max_n: float
     tension_top_mean_n: float
     tension_top_min_n: float
 
 
 class Observation(NamedTuple):
-    """What a snapshot needs besides the solver's arrays."""
+    """Values that a snapshot needs in addition to the solver's arrays."""
 
     stamp_ns: int
     step: int
@@ -77,9 +77,9 @@ class Observation(NamedTuple):
     ship: Ship
     border: Vector  # hang-off [m] and line out [m] now, (rows.MOTIONS,)
     border_rate: Vector  # and their rates [m/s]
-    pull: Vector  # rows.PULL_COLUMNS: magnitude and vector of the pull on the hang-off [N]
-    recent: Extremes  # of the top tension since the previous snapshot
-    run: Extremes  # and since the start
+    pull: Vector  # rows.PULL_COLUMNS: magnitude and vector of the force on the hang-off [N]
+    recent: Extremes  # top tension since the previous snapshot
+    run: Extremes  # top tension since the start
     winch_at_limit: str
     doubtful: bool
     computing_s: float
@@ -90,7 +90,7 @@ class Observation(NamedTuple):
 
 
 def observe(state: State, work: Floats, seen: Observation) -> Snapshot:
-    """A Snapshot that shares no memory with the solver."""
+    """Return a Snapshot that shares no memory with the solver."""
     n = int(state.counts[rows.ELEMENTS])
     element_tension = work[rows.TENSION, :n][::-1].copy()
     top = float(seen.pull[rows.PULL])
@@ -134,13 +134,13 @@ def observe(state: State, work: Floats, seen: Observation) -> Snapshot:
 
 
 def strength_of(line: RopeLine, most_n: float, element_tension_n: Vector) -> RopeStrength:
-    """What a rope has carried beside what it bears; most_n: at its upper end since the start."""
+    """Return a rope's maximum tension and MBL; most_n: maximum at its top since the start [N]."""
     highest_n = max(float(most_n), float(element_tension_n.max()))
     return RopeStrength(line.name, highest_n, line.breaking_load_n)
 
 
 def _downward(state: State, first: int, n: int) -> Vector:
-    """The vector at rows `first`, payload first, as (n + 1, 3), hang-off first."""
+    """Return the vector at rows `first`, payload first, as (n + 1, 3), hang-off first."""
     return np.ascontiguousarray(state.nodes[first : first + 3, : n + 1][:, ::-1].T)
 
 

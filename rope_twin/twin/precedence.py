@@ -1,9 +1,9 @@
-"""Which threads run ahead of other programs, where the system allows it (root, or rtprio).
+"""Real-time priority of threads, where the system allows it (root, or rtprio).
 
-The thread that steps needs the interpreter before and after its steps, and waits for whoever
-has it. If that thread is put aside for another program, the steps are held up for as long. So
-all threads that run Python beside the steps go ahead of other programs too, a place behind the
-steps, as long as these are paced. What they start (processes, threads of libraries) stays ordinary.
+The stepping thread needs the interpreter's lock before and after its steps and waits for the thread
+that holds it. If that thread is preempted by another program, the steps are delayed as long. All
+Python threads of a real-time run therefore get real-time priority, one below that of the stepping
+thread. Processes and library threads that they start stay ordinary.
 """
 
 from __future__ import annotations
@@ -11,29 +11,32 @@ from __future__ import annotations
 import os
 import threading
 
-# Real-time priorities, of 1 to 99: ahead of ordinary threads, behind those of the system.
+# Real-time priorities, 1 to 99: above ordinary threads, below those of the system.
 STEPS, BESIDE = 10, 9
 
 
 def step_ahead() -> bool:
-    """Let this thread, which steps, run ahead; whether the system allows it."""
+    """Raise the priority of this thread, which steps; return whether the system allows it."""
     return _set(0, STEPS)
 
 
 def follow_ahead() -> None:
-    """Let all threads of this interpreter that there are now run ahead, behind the steps."""
+    """Raise the priority of all threads of this interpreter to just below the stepping one."""
     for thread in threading.enumerate():
         _set(thread.native_id, BESIDE)
 
 
 def fall_back() -> None:
-    """Let all of them be ordinary threads again."""
+    """Return all threads of this interpreter to ordinary priority."""
     for thread in threading.enumerate():
         _set(thread.native_id, 0)
 
 
 def _set(thread: int | None, priority: int) -> bool:
-    """Set a thread's priority (its native number; 0: this one; None: it ended); 0: ordinary."""
+    """Set a thread's priority (0: ordinary); return whether the system allowed it.
+
+    thread: its native number; 0: this thread; None: it has ended.
+    """
     if thread is None:
         return False
     try:

@@ -1,4 +1,4 @@
-"""Where a run starts from: the equilibrium of the scene's rope with what pulls at it at rest."""
+"""Static equilibrium from which a run starts, and the checks on it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,10 @@ AFLOAT_M = 1.0
 
 @contextmanager
 def no_garbage_collection() -> Iterator[None]:
-    """Compiling makes millions of objects that live: scanning them costs a tenth of its time."""
+    """Pause garbage collection while compiling.
+
+    The compiler makes millions of objects that stay alive; scanning them costs a tenth of its time.
+    """
     enabled = gc.isenabled()
     gc.disable()
     try:
@@ -37,9 +40,9 @@ def no_garbage_collection() -> Iterator[None]:
 
 
 def find_start(scene: Scene, rope: Rope) -> Floats:
-    """Bring the rope to rest, compiling everything on the way; returns its pull on the hang-off.
+    """Solve for static equilibrium, compiling all kernels; return the force on the hang-off.
 
-    The pull has rows.PULL_COLUMNS: magnitude and vector [N].
+    The force has rows.PULL_COLUMNS: magnitude and vector [N].
 
     Raises:
         SceneError: there is no equilibrium, or the rope floats.
@@ -52,7 +55,7 @@ def find_start(scene: Scene, rope: Rope) -> Floats:
     judge_start(
         scene, end, float(nodes[rows.POSITION + 2, : rope.state.counts[rows.ELEMENTS]].max())
     )
-    # One step at rest on a copy gives the static pull on the hang-off.
+    # One step at equilibrium on a copy gives the static tension at the hang-off.
     spare = rope._replace(state=rope.state.copy())
     boundary = Boundary(np.zeros((2, rows.MOTIONS)), np.zeros((2, rows.MOTIONS)))
     boundary.value[:] = [*scene.ship.hang_off_m, line.length_m]
@@ -62,7 +65,7 @@ def find_start(scene: Scene, rope: Rope) -> Floats:
 
 
 def _judge_body(scene: Scene, rope: Rope) -> None:
-    """Whether the rope's rigid body, if it has one, rests somewhere.
+    """Check that the rope's rigid body, if any, has an equilibrium position.
 
     Raises:
         SceneError: it slides away.
@@ -75,7 +78,7 @@ def _judge_body(scene: Scene, rope: Rope) -> None:
 
 
 def judge_start(scene: Scene, end: Equilibrium, highest_m: float) -> None:
-    """Whether ropes can start from the rest that was found; highest_m: of their nodes.
+    """Check that ropes can start from this equilibrium; highest_m: z of their highest node [m].
 
     Raises:
         SceneError: there is no equilibrium, or the ropes float.
@@ -103,10 +106,10 @@ def judge_start(scene: Scene, end: Equilibrium, highest_m: float) -> None:
 
 
 def weak_ropes(scene: Scene, tensions: Sequence[Floats]) -> Iterator[str]:
-    """A warning for each rope that is too weak for what hangs on it at rest.
+    """Yield a warning for each rope that is too weak for its static load.
 
-    tensions: of the elements of the ropes [N]. Where the first rope alone carries all that hangs
-    its load is among the sense checks.
+    tensions: of the elements of each rope [N]. The first rope is left out if it alone carries the
+    suspended load: the sense checks of the scene cover it.
     """
     held = hung_together(scene)
     alone = held is not None and len(held.lines) == 1

@@ -1,7 +1,7 @@
-"""The stepping of a twin: its rope or ropes, what is prescribed to them, the cut, and a snapshot.
+"""Stepping of a twin: its ropes, boundary conditions, the cut and the snapshot.
 
-Time is counted in whole nanoseconds since the start, so that a paced and an unpaced run with the
-same inputs see the same numbers and agree to the bit.
+Time is counted in whole nanoseconds since the start, so that a real-time and an offline run with
+the same inputs see the same numbers and are bit-identical.
 """
 
 from __future__ import annotations
@@ -48,15 +48,15 @@ STEPS_PER_CALL = 256
 
 
 class SteppedTwin(ToldTwin):
-    """One scene that is stepped on; all but the inputs belongs to one thread.
+    """One scene that is advanced in time; all but the inputs belongs to one thread.
 
     Raises:
-        SceneError: the scene cannot be built, or its rope has no equilibrium to start from.
+        SceneError: the scene cannot be built, or its rope has no static equilibrium to start from.
     """
 
-    told = ""  # what there is to say before it runs
-    _shaking: Shaking | None = None  # where the scene's model of vortices is beside the step
-    _bends: BendWatch | None = None  # where a rope has bending stiffness or a minimum bend radius
+    told = ""  # message for the user before the run
+    _shaking: Shaking | None = None  # if the scene's VIV model is loosely coupled
+    _bends: BendWatch | None = None  # if a rope has bending stiffness or a minimum bend radius
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -66,10 +66,10 @@ class SteppedTwin(ToldTwin):
         self._rope = self._ropes.first
         self._base = Base(self._rope.model, self._rope.state.s.shape[0])
         self._rung = top_rung(scene)
-        self._marks: list[rows.Floats] = []  # of the grids that were left for coarser ones
+        self._marks: list[rows.Floats] = []  # node coordinates of the finer grids left so far
         super().__init__(scene, self._ropes)
         self._ahead = Prescribed(scene, STEPS_PER_CALL, self._winch.line.length_m)
-        self._lead = LeadOver(len(scene.ropes))  # after a return to an earlier state
+        self._lead = LeadOver(len(scene.ropes))  # transition after a return to an earlier state
         self._pulls = np.zeros((STEPS_PER_CALL, rows.PULL_COLUMNS))
         self._steps = self._unconverged = self._currents = 0
         self._computing_s = 0.0
@@ -85,7 +85,7 @@ class SteppedTwin(ToldTwin):
             self._bends = BendWatch(scene)
         if model_beside(scene) is not None:
             from rope_twin.twin.vibration.shaking import (
-                Shaking,  # here: its filters take a second to load
+                Shaking,  # imported here: its filters take a second to load
             )
 
             self._shaking = Shaking(scene, self.rope)
@@ -93,44 +93,44 @@ class SteppedTwin(ToldTwin):
 
     @property
     def steps(self) -> int:
-        """Steps done."""
+        """Number of completed time steps."""
         return self._steps
 
     @property
     def rope(self) -> rows.Rope:
-        """The core's arrays as they are now; for the thread that advances."""
+        """The core's arrays in their present state; use them in the stepping thread only."""
         rope, effects = self._rope, self._current.effects
         return rope if rope.effects is effects else rope._replace(effects=effects)
 
     @property
     def shaking(self) -> Shaking | None:
-        """The scene's model of vortices if it is beside the step; for the thread that advances."""
+        """The scene's loosely coupled VIV model, or None; use it in the stepping thread only."""
         return self._shaking
 
     @property
     def joined(self) -> JoinedRopes | None:
-        """The ropes, where several meet."""
+        """The multi-line system; None for a single rope."""
         return self._ropes if isinstance(self._ropes, JoinedRopes) else None
 
     @property
     def card_error(self) -> KnownError:
-        """What is known of its top tension's error now (twin/accuracy/card_validity.py)."""
+        """Error of the top tension that is known at present (twin/accuracy/card_validity.py)."""
         return self._validity.claim(self._card_error, self.time_ns)
 
     @property
     def rung(self) -> Rung:
-        """Elements and step that it goes with at present."""
+        """Accuracy level in use: number of elements and time step."""
         return self._rung
 
     def take_rung(self, rung: Rung) -> None:
-        """Go on from here with other elements or another step; for the thread that advances.
+        """Continue with another mesh or time step; call it from the stepping thread.
 
-        Time, line out, payload and the pull on the hang-off stay as they are.
+        Time, paid-out length, payload and the tension at the hang-off are kept.
 
         Raises:
-            SceneError: the scene joins ropes, sheds vortices or has a rigid body: none of these
-                can be carried over.
-            StateError: the rope was cut: its parts cannot either.
+            SceneError: the scene is multi-line, has a VIV model or a rigid body, which cannot be
+                transferred to another mesh.
+            StateError: the rope was cut; its parts cannot be transferred either.
         """
         refuse_joined(self.scene)
         if self._cut.done:
@@ -139,23 +139,23 @@ class SteppedTwin(ToldTwin):
         refuse_shedding(self.scene, "wakes of vortices cannot be carried over to another grid")
         V = float(self._boundary.rate[0, rows.LINE])
         at = HangOff(self._pull[rows.PULL_X : rows.PULL_Z + 1].copy(), V)
-        self._ahead.steps = 0  # borders ahead of a step that failed were for its length
+        self._ahead.steps = 0  # boundary conditions ahead are valid for the old step only
         self._rope, self._marks = carry_over(self._rope, self._marks, rung, self._base, at)
         self._rung, self.step_ns, self.step_s = rung, rung.step_ns, self._rope.model.step
         self._card_error = error_at(self.scene, rung)
 
     def doubt_card(self, why: str) -> None:
-        """From here on its tension's error is unknown on every rung; `why` in words.
+        """Mark the tension error as unknown on every accuracy level from now on; why: the reason.
 
-        For who knows that the run is none like the card's, as in another sea.
+        For callers that know the run differs from the convergence study, as in another sea.
         """
         self._validity.doubt(why)
 
     def advance(self, steps: int) -> None:
-        """Step on.
+        """Advance by this number of time steps.
 
         Raises:
-            InputError: a twin cannot go back.
+            InputError: the number is negative.
             SolverError: the next state would not be finite; the last good one is kept.
         """
         if steps < 0:
@@ -166,16 +166,16 @@ class SteppedTwin(ToldTwin):
 
     @property
     def _boundary(self) -> rows.Boundary:
-        """Hang-off and line out from now on, row 0 the present."""
+        """Hang-off position and paid-out length at the step boundaries; row 0 is the present."""
         return self._ahead.boundary
 
     @property
     def _tension(self) -> rows.Floats:
-        """Tension of the elements [N], a view of the scratch."""
+        """Tension of the elements [N], a view of the scratch array."""
         return self._rope.work[rows.TENSION, : self._rope.state.counts[rows.ELEMENTS]]
 
     def _advance_some(self, steps: int) -> int:
-        """Step on as far as inputs tell without a look at the rope; how many steps that was."""
+        """Advance as far as inputs can be prescribed without tension feedback; return the steps."""
         began = time.perf_counter()
         if self._shaking is not None:
             steps = min(steps, self._shaking.steps_to_look(self._steps))
@@ -211,9 +211,10 @@ class SteppedTwin(ToldTwin):
         return done
 
     def prescribe_again(self) -> None:
-        """Drop the motion prescribed ahead: winches go on from the line out of the last step.
+        """Discard motion prescribed in advance; winches continue from their last paid-out length.
 
-        After a failed step, whose inputs may be at fault; for the thread that advances.
+        For use after a failed step, whose inputs may be the cause; call it from the stepping
+        thread.
         """
         with self._lock:
             self._ahead.steps = 0
@@ -224,7 +225,7 @@ class SteppedTwin(ToldTwin):
             self._ropes.prescribe_again()
 
     def checkpoint(self) -> Checkpoint:
-        """A copy of what the steps change, for `go_back`; for the thread that advances."""
+        """Return a copy of all that the steps change, for `go_back`; for the stepping thread."""
         border = self._ropes.border(self._boundary)
         kept = {name: array.copy() for name, array in self._moving().items()}
         run, recent = copy.copy(self._run), copy.copy(self._recent)
@@ -232,11 +233,11 @@ class SteppedTwin(ToldTwin):
                           self._current.effects, (run, recent))  # fmt: skip
 
     def go_back(self, then: Checkpoint) -> bool:
-        """Put the ropes back to an earlier state at the present time; whether they fit it.
+        """Return the ropes to an earlier state at the present time; return whether the state fits.
 
-        Hang-offs are led over from their places then to their live motion, winches go on from
-        the line out of then by the orders of now. A current profile that came since is reverted.
-        For the thread that advances.
+        Hang-offs are blended from their earlier positions into their live motion; winches continue
+        from their earlier paid-out length with the present commands. A current profile that came
+        since is reverted. Call it from the stepping thread.
         """
         if then.rung != self._rung or then.cut is not self.cut:
             return False
@@ -244,7 +245,7 @@ class SteppedTwin(ToldTwin):
         self.keep_current_of(then)
         if self._moving().keys() != then.kept.keys():
             return False
-        for _ in range(2):  # the second time views are as long as the counts of elements say
+        for _ in range(2):  # after the first pass the views have the restored element counts
             for name, array in self._moving().items():
                 if array.shape == then.kept[name].shape:
                     array[...] = then.kept[name]
@@ -261,24 +262,24 @@ class SteppedTwin(ToldTwin):
         return True
 
     def keep_current_of(self, then: Checkpoint) -> bool:
-        """Revert a current profile that came since then; whether there was one."""
+        """Revert a current profile accepted since the checkpoint; return whether there was one."""
         with self._lock:
             return self._current.revert(then.effects, self.time_ns)
 
     @property
     def top_pull_n(self) -> float:
-        """Pull of the first rope on its hang-off after the newest step [N]."""
+        """Tension of the first rope at its hang-off after the newest step [N]."""
         return float(self._pull[rows.PULL])
 
     @property
     def is_finite(self) -> bool:
-        """Whether the state is one that may be published; for the thread that advances."""
+        """Whether the state is finite and may be published; call it from the stepping thread."""
         count = self._rope.state.counts[rows.ELEMENTS] + 1
         shown = self._rope.state.nodes[: rows.ACCELERATION, :count], self._tension, self._pull
         return all(bool(np.isfinite(one).all()) for one in (*shown, self._boundary.value[0]))
 
     def _moving(self) -> dict[str, rows.Floats]:
-        """Views of all arrays that the steps change, by name."""
+        """Return views of all arrays that the steps change, by name."""
         parts = saved_state.changing_parts(self._rope)
         kept = {f"rope/{name}": getattr(self._rope, name) for name in parts}
         kept |= self._ropes.changing()
@@ -288,23 +289,23 @@ class SteppedTwin(ToldTwin):
         }
 
     def _forget_borders(self, done: int) -> None:
-        """Make the border after `done` steps the first one, of all ropes."""
+        """Make the step boundary after `done` steps the first one, for all ropes."""
         self._ahead.forget(done)
         self._ropes.forget(done, self._ahead.steps)
 
     def _length_m(self, rope: int) -> float:
-        """Unstretched length of a rope now [m]."""
+        """Return the present unstretched length of a rope [m]."""
         if rope > 0:
             return self._ropes.length_m(rope)
         return float(self._boundary.value[0, rows.LINE])
 
     def _part(self, lost_m: float, rope: int) -> None:
-        """Cut a rope here and now, so far above its lower end [m], or at a node close by."""
+        """Cut a rope now at this height above its lower end [m], or at a node close by."""
         lost_m = self._sever(lost_m, rope)
         self._lose(lost_m, self._length_m(rope), rope)
 
     def _lose(self, lost_m: float, left_m: float, rope: int) -> None:
-        """Note that a rope was cut now."""
+        """Record a cut at the present time."""
         if rope == 0:
             self._winch.lose(lost_m, left_m)
         else:
@@ -313,7 +314,7 @@ class SteppedTwin(ToldTwin):
         self._cut.done = CutShot(self.time_ns * 1e-9, left_m, lost_m, name)
 
     def _sever(self, lost_m: float, rope: int = 0) -> float:
-        """Go on with a rope in two; how much of it is below the cut [m]."""
+        """Split a rope in two; return the length below the cut [m]."""
         whole, now_s = self._rope._replace(effects=self._current.effects), self.time_ns * 1e-9
         winch = winch_of(self.scene, self.scene.ropes[rope])
         place = Place(lost_m, winch.least_line_out_m if winch else math.inf, now_s, rope)
@@ -328,14 +329,14 @@ class SteppedTwin(ToldTwin):
         return lost_m
 
     def statistics(self) -> RunStatistics:
-        """The run so far."""
+        """Return the statistics of the run since its start."""
         simulated = self._time_ns * 1e-9
         factor = simulated / self._computing_s if self._computing_s > 0.0 else 0.0
         run = self._run if self._steps else self._recent
         return RunStatistics(self._steps, self._computing_s, factor, run.high, run.mean, run.low)
 
     def snapshot(self) -> Snapshot:
-        """A frozen copy of the present; call it from the thread that advances."""
+        """Return a frozen copy of the present; call it from the stepping thread."""
         unconverged = int(self._rope.state.health[rows.SUBSTEPS_UNCONVERGED])
         with self._lock:
             inputs = self._input_health()
@@ -374,7 +375,7 @@ class SteppedTwin(ToldTwin):
         return self._judged(self._ropes.complete(taken, self.time_ns))
 
     def _judged(self, taken: Snapshot) -> Snapshot:
-        """With touchdown and bends, where the scene has them, loads and limits, and the error."""
+        """Add touchdown and bends (if the scene has them), loads, limits and the known error."""
         self._validity.look(taken, self._motion_judged)
         added: dict[str, Any] = {"card_error": self.card_error}
         bed = bed_of(self._rope)

@@ -1,4 +1,4 @@
-"""The sentence for a rope that the solver cannot step on."""
+"""Error message for a rope that the solver cannot advance."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from rope_twin.errors import phrase
 
 
 def no_next_state(step: int, time_s: float) -> str:
-    """Why the step of this number does not come about; time_s: where it begins [s]."""
+    """Return the message for a failed step; step: its number, time_s: its start [s]."""
     return phrase(
         f"step {step} at {time_s:.2f} s",
         f"the rope's next state is not finite even at 1/{2**HALVINGS} of the step",

@@ -1,13 +1,13 @@
-"""The tightest bend of a rope: where along it the radius of curvature is smallest.
+"""Smallest bend radius of each rope, and where along the rope it occurs.
 
 At a node between elements of unit directions t and unstretched mean length l the curvature is
-|t' - t|/l = 2·sin(turn/2)/l, the discrete rod's (Bergou et al. 2008, section 4.2, for small turns);
-of equal elements along a circle it is exactly 1/R. Where the hang-off holds the rope's direction
-the turn to it counts over half the top element, as in `effects/bending.py`.
+|t' - t|/l = 2·sin(turn/2)/l, as of the discrete rod (Bergou et al. 2008, section 4.2, for small
+turns); for equal elements along a circle it is exactly 1/R. Where the hang-off holds the rope's
+direction, the turn to it counts over half the top element, as in `effects/bending.py`.
 
-What a grid can tell: a rope folded back on itself has 2/l, so no radius below l/2 is ever told, and
-an arc shorter than an element is not seen. A rope without bending stiffness bends as sharply as its
-elements allow wherever it is slack: there the radius is the grid's and not the rope's.
+The mesh limits the result: a rope folded back on itself has a curvature of 2/l, so no radius below
+l/2 is ever reported, and an arc shorter than an element is not resolved. A slack rope without
+bending stiffness bends as sharply as its elements allow: its radius is then that of the mesh.
 """
 
 from __future__ import annotations
@@ -23,13 +23,14 @@ from rope_twin.twin.fatigue.wear import bending_stiffness
 from rope_twin.twin.hung import HungRope
 from rope_twin.twin.snapshot import Bend, RopeBend, Vector
 
-_REMEMBERED = ("radius_m", "line_out_m", "at_s", "minimum_m", "element_m")  # of a Bend
+_REMEMBERED = ("radius_m", "line_out_m", "at_s", "minimum_m", "element_m")  # fields of a Bend
 
 
 def curvatures(position: Vector, arc: Vector, held: Vector | None = None) -> Vector:
-    """At the nodes [1/m], (n,), of nodes at position (n, 3) [m] and unstretched arc (n,) [m].
+    """Curvature at the nodes [1/m], (n,).
 
-    held: unit vector along the rope that holds it at the first node; a free end has none.
+    position: nodes (n, 3) [m]; arc: their unstretched arc length [m], (n,); held: unit vector of
+    the direction in which the rope is clamped at the first node; None: a free end.
     """
     chord, rest = np.diff(position, axis=0), np.diff(arc)
     size = np.sqrt((chord * chord).sum(axis=1))[:, None]
@@ -43,7 +44,7 @@ def curvatures(position: Vector, arc: Vector, held: Vector | None = None) -> Vec
 
 
 def least_radii(hung: HungRope) -> Vector:
-    """Minimum bend radius at the nodes [m], (n,); 0 where none is given, at joints the larger."""
+    """Minimum bend radius at the nodes [m], (n,); 0: none is given; the larger at section ends."""
     given = np.array([own.rope.minimum_bend_radius_m or 0.0 for own in hung.line.made_of])
     if len(given) == 1:
         return np.full(len(hung.arc_m), given[0])
@@ -56,18 +57,18 @@ def least_radii(hung: HungRope) -> Vector:
 
 
 class BendWatch:
-    """The tightest bend of each rope that has bending stiffness or a minimum bend radius.
+    """Monitor of the smallest bend radius of each rope with bending stiffness or a minimum radius.
 
-    It is looked at with each snapshot, and the tightest of all looks is remembered.
+    It samples at each snapshot and keeps the smallest radius of all snapshots.
     """
 
     def __init__(self, scene: Scene) -> None:
-        """Room for the ropes of the scene, and for the lower part of one that is cut."""
+        """Reserve a row for each rope of the scene, and for the lower part of a cut rope."""
         self._tightest = np.zeros((len(scene.ropes) + 1, len(_REMEMBERED)))
         self._tightest[:, 0] = math.inf
 
     def look(self, ropes: tuple[HungRope, ...], time_s: float) -> tuple[RopeBend, ...]:
-        """What is to be told of the ropes now."""
+        """Return the bend of each monitored rope now; time_s: twin time [s]."""
         return tuple(
             self._judge(number, hung, time_s)
             for number, hung in enumerate(ropes)
@@ -84,10 +85,10 @@ class BendWatch:
 
 
 def tightest_now(hung: HungRope, time_s: float) -> tuple[Bend, tuple[float, float, float]]:
-    """The bend that is tightest beside what the rope may there, and where that is [m].
+    """Return the bend closest to its minimum radius, or furthest below it, and its position [m].
 
-    Of a rope without a minimum bend radius the one of the smallest radius; of one that has it in
-    some of its sections only these count.
+    For a rope without a minimum bend radius it is the smallest radius; if only some sections have a
+    minimum radius, only these count.
     """
     bend, least = curvatures(hung.position_m, hung.arc_m, _held(hung)), least_radii(hung)
     at = int(np.argmax(bend * least if least.any() else bend))
@@ -105,18 +106,18 @@ def tightest_now(hung: HungRope, time_s: float) -> tuple[Bend, tuple[float, floa
 
 
 def watches_bends(scene: Scene) -> bool:
-    """Whether there is anything to look at."""
+    """Return whether any rope of the scene is monitored for bends."""
     stiff = scene.listed(BendingParams) or any(line.bending for line in scene.ropes)
     return bool(stiff) or any(limits_bends(line) for line in scene.ropes)
 
 
 def limits_bends(line: RopeLine) -> bool:
-    """Whether a minimum bend radius is given for some of a rope."""
+    """Return whether a section of the rope has a minimum bend radius."""
     return any(own.rope.minimum_bend_radius_m is not None for own in line.made_of)
 
 
 def _held(hung: HungRope) -> Vector | None:
-    """The direction down along the rope in which its upper end is held, if it is."""
+    """Return the direction in which the rope's upper end is clamped, downward; None if free."""
     for own in hung.core.effects:
         if isinstance(own, Bending) and own.clamp > 0.0 and not hung.loose:
             return -np.array([own.x, own.y, own.z])

@@ -1,4 +1,4 @@
-"""What a twin is told, from any thread: heave or pose, orders to winches, a current, a cut."""
+"""Inputs of a twin, accepted from any thread: motion, winch commands, current profiles, cuts."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from rope_twin.twin.water import CurrentInput
 
 
 class ToldTwin:
-    """The inputs of a twin, behind one lock; each `offer` judges what it is given."""
+    """Inputs of a twin behind one lock; each `offer_*` method validates its input."""
 
     def __init__(self, scene: Scene, ropes: Ropes) -> None:
         self._lock = threading.Lock()
@@ -37,16 +37,17 @@ class ToldTwin:
         alone = () if is_joined(scene) else (scene.ropes[0].name,)
         self._first_winch_names = ("", WINCH, *alone)
         self._time_ns = 0
-        self._card_error = known_error(scene)  # by the card alone, on the present elements and step
+        self._card_error = known_error(scene)  # by the scene's convergence study alone
         self._validity = CardValidity(scene)
-        self._own_motion: OwnMotion | None = None  # what the accepted motion is compared with
+        self._own_motion: OwnMotion | None = None  # reference for the accepted motion
         self._judges_motion, self._motion_judged = True, False
 
     def expect_motion(self, own: OwnMotion | None) -> None:
-        """Compare each accepted sample of motion with the scene's own sea from now on.
+        """Compare each accepted motion sample with the scene's own sea from now on.
 
-        The error of the scene's accuracy card is claimed only for motion that was compared so.
-        None: the caller itself feeds the scene's own sea, and nothing is compared.
+        The error known from the scene's convergence study is reported only for motion that was
+        compared in this way. None: the caller itself supplies the scene's own sea, and nothing is
+        compared.
         """
         self._own_motion, self._judges_motion = own, own is not None
         self._motion_judged = True
@@ -63,10 +64,10 @@ class ToldTwin:
         velocity_m_per_s: float,
         received_ns: int | None = None,
     ) -> str:
-        """Take a heave sample of the hang-off, + up; returns "" or why it was refused.
+        """Submit a heave sample of the hang-off, + up; return "" or the reason for its rejection.
 
-        received_ns: when it arrived, by the twin's own clock in twin time, for the judgement of
-        its sender's clock; None: not known.
+        received_ns: arrival by the twin's clock, in twin time, to judge the sender's clock; None:
+        unknown.
         """
         with self._lock:
             heard = position_m, velocity_m_per_s
@@ -76,7 +77,10 @@ class ToldTwin:
             return refusal
 
     def offer_pose(self, pose: ShipPose, received_ns: int | None = None) -> str:
-        """Take the ship's pose, which moves the hang-off in three directions; as offer_heave."""
+        """Submit a ship pose, which moves the hang-off in x, y, z; return "" or the rejection.
+
+        received_ns: as in `offer_heave`.
+        """
         with self._lock:
             refusal = self._heave.offer_pose(pose, received_ns)
             if not refusal and self._judges_motion:
@@ -84,26 +88,26 @@ class ToldTwin:
             return refusal
 
     def prescribe_motion(self) -> None:
-        """Take heave as computed from now on, exact and of any form: a step, a pluck, a stop.
+        """Accept heave as computed values of any form (step, pluck, stop) from now on.
 
-        No sensor is judged then: of a sample only order, range and finiteness are.
+        Sensor checks are then skipped: samples are checked only for order, range and finiteness.
         """
         with self._lock:
             self._heave.prescribe()
 
     def judge_clocks(self, lead_s: float, correct: bool) -> None:
-        """Set by how much senders of motion may publish ahead, and whether stamps are corrected."""
+        """Set the lead allowed to senders of motion [s], and whether their stamps are corrected."""
         with self._lock:
             self._heave.clock.lead_s, self._heave.clock.correct = lead_s, correct
 
     def offer_speed(self, stamp_ns: int | None, speed_m_per_s: float, winch: str = WINCH) -> str:
-        """Command the winch at a hang-off, + pays out (stamp None: at once); "" or the refusal."""
+        """Command a winch speed, + pays out (stamp None: at once); return "" or the rejection."""
         return self.offer_order(stamp_ns, Order(SPEED, speed_m_per_s), winch)
 
     def offer_order(self, stamp_ns: int | None, order: Order, winch: str = WINCH) -> str:
-        """Command or switch the winch at a hang-off (stamp None: at once); "" or the refusal.
+        """Command or switch a winch (stamp None: at once); return "" or the rejection.
 
-        An order for a winch that is not there counts as refused at the first one.
+        A command for an unknown winch counts as rejected by the first one.
         """
         winch = self.winch_called(winch)
         with self._lock:
@@ -119,43 +123,46 @@ class ToldTwin:
             return self._ropes.offer(winch, stamp_ns, order, self.time_ns)
 
     def winch_called(self, name: str) -> str:
-        """The winch that a command means; a scene of one rope also calls it by the rope's name."""
+        """Return the name of the commanded winch; a single-line scene accepts its rope's too."""
         return WINCH if name in self._first_winch_names else name
 
     def offer_current(self, profile: ArrayLike) -> str:
-        """A current profile, rows of z, east, north from the surface down; "" or the refusal."""
+        """Submit a current profile; return "" or the reason for its rejection.
+
+        profile: rows of z [m], east, north [m/s] from the surface down, (rows, 3).
+        """
         with self._lock:
             return self._current.offer(np.asarray(profile, dtype=float), self.time_ns)
 
     def offer_cut(self, stamp_ns: int | None, below_m: float, rope: str = "") -> str:
-        """Cut a rope so far below its upper end (stamp None: at once); "" or the refusal.
+        """Submit a cut of a rope (stamp None: at once); return "" or the reason for its rejection.
 
-        below_m: unstretched [m]; infinite: as near to the lower end as can be. rope: its name,
-        where several meet; without one it is the first.
+        below_m: unstretched distance below its upper end [m]; infinite: as close to the lower end
+        as possible. rope: its name in a multi-line scene; "" is the first one.
         """
         with self._lock:
             return self._cut.offer(stamp_ns, below_m, self.time_ns, rope)
 
     @property
     def cut(self) -> CutShot | None:
-        """Where and when the rope was cut, if it was."""
+        """Position and time of the cut; None if no rope was cut."""
         return self._cut.done
 
     def newest_ns(self) -> dict[str, int]:
-        """Stamp of the newest accepted sample of heave, cut and each winch's inputs, if any."""
+        """Return the stamp of the newest accepted sample of heave, cut and each winch [ns]."""
         counters = (self._heave.counter, self._cut.counter)
         own = {one.name: one.newest_ns for one in counters if one.newest_ns is not None}
         return own | self._winch.newest_ns() | self._ropes.newest_ns()
 
     def doubt_inputs(self) -> None:
-        """After a pause or a restart: inputs known for times to come may no longer hold."""
+        """Invalidate inputs that were known in advance, after a pause or a restart."""
         with self._lock:
             self._heave.doubt()
             self._winch.doubt()
             self._ropes.doubt()
 
     def _input_health(self) -> dict[str, InputHealth]:
-        """What became of each input's samples; under the lock."""
+        """Return the health of each input; call it under the lock."""
         now = self.time_ns
         return {
             "heave": self._heave.health(now),

@@ -1,4 +1,4 @@
-"""A current profile that comes while the twin runs: checked, then swapped in at a step's border."""
+"""Current profiles received during a run: validated, then applied at a step boundary."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from rope_twin.scene.rules.water import (
 from rope_twin.twin.health import InputCounter
 
 LIMIT_M_PER_S = 10.0
-MAX_ROWS = 1000  # more cost a share of every step, and no current meter has them
+MAX_ROWS = 1000  # more would slow every step, and no current meter has them
 JUMP_M_PER_S = 0.5  # a larger change of the profile anywhere is accepted with a warning
 
 
 class CurrentInput:
-    """Takes profiles as rows of z, east, north from the surface down, shape (rows, 3)."""
+    """Input of profiles: rows of z [m], east, north [m/s] from the surface down, (rows, 3)."""
 
     def __init__(self, effects: tuple[Any, ...]) -> None:
         self.counter = InputCounter("current")
         self.effects = effects
-        self.changes = 0  # of the profile in force since the start
+        self.changes = 0  # number of changes of the profile since the start
 
     def offer(self, profile: NDArray[np.float64], now_ns: int) -> str:
-        """Take a profile; returns "" or the sentence of its refusal."""
+        """Submit a profile; return "" or the reason for its rejection."""
         fault = self._fault(profile)
         if fault:
             return fault
@@ -50,9 +50,9 @@ class CurrentInput:
         return ""
 
     def revert(self, effects: tuple[Any, ...], now_ns: int) -> bool:
-        """Go back to the effects of an earlier time; whether that is another profile.
+        """Restore the effects of an earlier time; return whether the profile differs.
 
-        For who goes back to an earlier state of the rope: the profile may be why a step failed.
+        For a return to an earlier state of the ropes: the profile may have caused the failed step.
         """
         now, before = _profile_of(self.effects), _profile_of(effects)
         if now is before:
@@ -65,7 +65,7 @@ class CurrentInput:
         return True
 
     def _fault(self, profile: NDArray[np.float64]) -> str:
-        """Why a profile is refused, counted; or ""."""
+        """Return why a profile is rejected, after counting it; "" if it is accepted."""
         impossible = ""
         if not any(isinstance(effect, Current | CurrentInTime) for effect in self.effects):
             impossible = phrase(
@@ -100,7 +100,7 @@ class CurrentInput:
 
 
 def _uneven(profile: NDArray[np.float64]) -> str:
-    """What is wrong with the depths and the shear of a profile in order, in one sentence; or ""."""
+    """Return the error in the depths or the shear of an ordered profile; "" if there is none."""
     if profile[-1, 0] < DEEPEST_ROW_M:
         right = f"the deepest row may lie at {DEEPEST_ROW_M:g} m"
         return phrase("current", f"a row lies at z = {profile[-1, 0]:g} m", right)
@@ -117,7 +117,7 @@ def _uneven(profile: NDArray[np.float64]) -> str:
 
 
 def _profile_of(effects: tuple[Any, ...]) -> Current | None:
-    """The current profile among the effects, if there is one."""
+    """Return the current profile among the effects, if any."""
     for effect in effects:
         if isinstance(effect, CurrentInTime):
             return effect.current
@@ -127,7 +127,7 @@ def _profile_of(effects: tuple[Any, ...]) -> Current | None:
 
 
 def _largest_change(before: Current | None, after: Current) -> tuple[float, float]:
-    """Largest change of velocity [m/s] between two profiles, and its height [m]."""
+    """Return the largest change of velocity [m/s] between two profiles, and its height [m]."""
     if before is None:
         return 0.0, 0.0
     z = np.union1d(before.z, after.z)  # both are linear in between
@@ -139,7 +139,7 @@ def _largest_change(before: Current | None, after: Current) -> tuple[float, floa
 
 
 def _with_profile(effect: Any, new: Current) -> Any:
-    """The effect with another profile, if it is a current."""
+    """Return the effect, with the new profile if it is a current."""
     if isinstance(effect, CurrentInTime):
         return effect._replace(current=new)
     return new if isinstance(effect, Current) else effect
