@@ -25,8 +25,8 @@ from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import fed
 from rope_twin.studies.variants import variant
-from rope_twin.twin.accuracy.difference import has_layers
-from rope_twin.twin.accuracy.error_band import BandedTwin
+from rope_twin.twin.accuracy.error_fraction import has_layers
+from rope_twin.twin.accuracy.error_interval import ErrorIntervalTwin
 from rope_twin.twin.ensemble.borders import foreseen
 from rope_twin.twin.findings import TensionBand
 from rope_twin.twin.snapshot import Snapshot
@@ -135,7 +135,7 @@ def measure_bands(cases: Sequence[BandCase], listen: Listener) -> Iterator[BandR
 def measure_band(case: BandCase) -> BandRow:
     """One scene."""
     scene = load_scene(case.scene)
-    twin = BandedTwin(scene)
+    twin = ErrorIntervalTwin(scene)
     seen = list(fed(twin, case.seconds))
     smooth = foreseen(scene.winch, None) and not has_layers(twin.rope)
     rough = not smooth or any(map(_is_rough, seen))
@@ -187,7 +187,7 @@ def _band_of(shot: Snapshot) -> TensionBand:
 
 def _cost_pct(scene: Scene, case: BandCase) -> float:
     """Of another run of the scene with a band."""
-    *_, last = fed(BandedTwin(scene), min(case.seconds, COST_S))
+    *_, last = fed(ErrorIntervalTwin(scene), min(case.seconds, COST_S))
     return _band_of(last).cost_pct
 
 

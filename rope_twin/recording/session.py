@@ -36,14 +36,14 @@ from rope_twin.sea.columns import find_table
 from rope_twin.sea.spectrum import find_spectra
 from rope_twin.share import share_dir
 from rope_twin.topics import SESSION_TOPIC
-from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.health import SENDER_LEAD_S
 from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.saving.saved_state import SavedState, decode_state, scene_figures
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.watch import Watch
 
-FORMAT = 1
+FORMAT = 2
 _SHARED = "share/"  # before names of files that come with the package
 _PACKAGE = Path(__file__).resolve().parents[1]
 _CPUINFO = Path("/proc/cpuinfo")
@@ -120,7 +120,7 @@ def describe_session(run: Mapping[str, Any], twin: Twin, epoch_ns: int) -> dict[
         **run,
         "epoch_ns": epoch_ns,
         "time_ns": twin.time_ns,
-        "level": [twin.rung.step_ns, twin.rung.halvings],
+        "level": [twin.level.step_ns, twin.level.halvings],
         "state": state,
     }
 
@@ -150,7 +150,7 @@ class Session:
     number: int
     epoch_ns: int
     time_ns: int
-    level: Rung  # elements and step that it begins with
+    level: AccuracyLevel  # elements and step that it begins with
     setup: Setup
     published: Mapping[str, int]
     logged_before: int  # messages of twin/inputs of the session before, in the same run
@@ -172,7 +172,7 @@ class Session:
                 number=int(content["session"]),
                 epoch_ns=int(content["epoch_ns"]),
                 time_ns=int(content["time_ns"]),
-                level=Rung(*(int(value) for value in content["level"])),
+                level=AccuracyLevel(*(int(value) for value in content["level"])),
                 setup=Setup(**content["setup"]),
                 published={str(k): int(v) for k, v in content["published"].items()},
                 logged_before=int(content["logged_before"]),
@@ -214,8 +214,8 @@ class Session:
             # scene and state are of one message: paths may differ, and nothing else does
             state = dataclasses.replace(state, figures=scene_figures(scene))
         twin = self.setup.make(scene, state, hear)
-        if twin.rung != self.level:
-            twin.take_rung(self.level)
+        if twin.level != self.level:
+            twin.set_level(self.level)
         if state is None:
             twin.snapshot()  # as every run does before its first step
         return twin

@@ -35,7 +35,7 @@ from rope_twin.run.summary import RunSummary, summarise
 from rope_twin.scene.card import OTHER_SEA
 from rope_twin.scene.schema import Scene
 from rope_twin.topics import SESSION_TOPIC
-from rope_twin.twin.accuracy.ladder import TwinLadder
+from rope_twin.twin.accuracy.overload import TwinOverloadProtection
 from rope_twin.twin.handover import Handover, handover_depth
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.kinds import twin_kind
@@ -251,11 +251,11 @@ def _setup(params: SimulationParams) -> Setup:
     )
 
 
-def _ladder(twin: Twin, params: SimulationParams) -> TwinLadder | None:
+def _ladder(twin: Twin, params: SimulationParams) -> TwinOverloadProtection | None:
     """The twin's ladder, on a rung on which this machine keeps up; None: there is none."""
     if not params.ladder:
         return None
-    ladder = TwinLadder(twin)
+    ladder = TwinOverloadProtection(twin)
     if ladder.place[1] == 1:
         return None
     slot_s = steps_in_slot(twin.step_s) * twin.step_s

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from rope_twin.messages import Level, Status
 from rope_twin.run.summary import RunSummary
-from rope_twin.twin.accuracy.ladder import TwinLadder
+from rope_twin.twin.accuracy.overload import TwinOverloadProtection
 from rope_twin.twin.saving.keeper import SavingHealth
 from rope_twin.twin.snapshot import Snapshot
 
@@ -76,13 +76,13 @@ def saving_row(saving: SavingHealth) -> Status:
     return Status(name, Level.OK, f"saved at {saved} s", values)
 
 
-def rung_row(ladder: TwinLadder, last: Snapshot) -> Status:
+def rung_row(ladder: TwinOverloadProtection, last: Snapshot) -> Status:
     """Of a run with a ladder: elements and step that it goes with, and why."""
     number, count = ladder.place
     values = {
         "rung": f"{number} of {count}",
         "elements": str(len(last.element_tension_n)),
-        "step [s]": f"{ladder.rung.step_s:g}",
+        "step [s]": f"{ladder.level.step_s:g}",
         "changes": str(ladder.changes),
         "load": f"{ladder.load:.2f}",
     }

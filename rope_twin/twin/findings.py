@@ -49,7 +49,7 @@ class EnergyBalance:
 
 @dataclass(frozen=True)
 class TensionBand:
-    """95 % discretisation-error interval of the top tension (`error_band.py`)."""
+    """95 % discretisation-error interval of the top tension (`accuracy/error_interval.py`)."""
 
     low_n: float
     high_n: float

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.pacing import Steppable
@@ -24,9 +24,9 @@ from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 
 WAITING_LIMIT = 1_000_000  # numbers that may wait for the next cycle, 8 MB
-SET_LEVEL = "take_rung"
+SET_LEVEL = "set_level"
 _DOUBT = "doubt_inputs"
-_PARTS = {kind.__name__: kind for kind in (ShipPose, Order, Rung)}
+_PARTS = {kind.__name__: kind for kind in (ShipPose, Order, AccuracyLevel)}
 
 
 class Call(NamedTuple):
@@ -67,7 +67,7 @@ class InputQueue:
         self._lock = threading.Lock()
         self._waiting: list[Call] = []
         self._waiting_numbers = 0
-        self._level = twin.rung
+        self._level = twin.level
         self._due: Callable[[], None] | None = None
         self.refused = 0  # inputs rejected because the queue was full
 
@@ -78,7 +78,7 @@ class InputQueue:
 
     def begin(self) -> None:
         """Start a session of the log; its header must state the accuracy level."""
-        self._level, self._due = self._twin.rung, None
+        self._level, self._due = self._twin.level, None
 
     def at_next_slot(self, call: Callable[[], None]) -> None:
         """Make the stepping thread call a function once, before the inputs of its next cycle."""
@@ -136,7 +136,7 @@ class InputQueue:
         return ""
 
     def _apply(self) -> None:
-        level = self._twin.rung
+        level = self._twin.level
         if not self._waiting and level is self._level:
             return
         with self._lock:

@@ -2,21 +2,21 @@
 
 from __future__ import annotations
 
-from rope_twin.twin.accuracy.error_band import BandedTwin
+from rope_twin.twin.accuracy.error_interval import ErrorIntervalTwin
 from rope_twin.twin.ledger import AccountedTwin
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.watch import Watch
 
 
-class AccountedBandedTwin(AccountedTwin, BandedTwin):
+class AccountedIntervalTwin(AccountedTwin, ErrorIntervalTwin):
     """A twin with an energy balance and a discretisation-error interval."""
 
 
 def twin_kind(energy: bool, error_band: bool, watch: Watch | None = None) -> type[Twin]:
     """Return the twin class with these analyses; watch: the VIV and fatigue monitors, if any."""
-    kind: type[Twin] = BandedTwin if error_band else Twin
+    kind: type[Twin] = ErrorIntervalTwin if error_band else Twin
     if energy:
-        kind = AccountedBandedTwin if error_band else AccountedTwin
+        kind = AccountedIntervalTwin if error_band else AccountedTwin
     if not watch:
         return kind
     from rope_twin.twin.vibration.watched import (

@@ -23,7 +23,7 @@ from rope_twin.core.joined.energy import SystemBorder, lost
 from rope_twin.core.state import Floats, Rope
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.findings import EnergyBalance
 from rope_twin.twin.recovery import Checkpoint
 from rope_twin.twin.saving.saved_state import SavedState
@@ -109,9 +109,9 @@ class AccountedTwin(Twin):
         """Return a frozen copy of the present with the energy balance."""
         return replace(super().snapshot(), energy=self._ledger.balance())
 
-    def take_rung(self, rung: Rung) -> None:
+    def set_level(self, level: AccuracyLevel) -> None:
         """Continue on another accuracy level with a new balance: its elements hold other energy."""
-        super().take_rung(rung)
+        super().set_level(level)
         self._ledger = self._opened()
 
     def go_back(self, then: Checkpoint) -> bool:

@@ -245,7 +245,7 @@ class Pacer:
             changed = self._watch(SlotTimes(now_ns, self.period_ns, self._took_ns, late))
         except Exception:
             # The twin is unchanged: it continues on its level without further changes.
-            _log.exception("the ladder failed; the twin stays on its rung")
+            _log.exception("overload protection failed; the twin stays on its level")
             self._watch = None
             return False
         if not changed:

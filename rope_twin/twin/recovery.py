@@ -27,7 +27,7 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.errors import InputError, SolverError, phrase
-from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.observe import Extremes
 from rope_twin.twin.saving.saved_state import SavedState
 from rope_twin.twin.snapshot import CutShot, Snapshot, amended
@@ -51,7 +51,7 @@ class Checkpoint(NamedTuple):
     """Copy in memory of all that the steps of a twin change."""
 
     time_ns: int
-    rung: Rung
+    level: AccuracyLevel
     cut: CutShot | None
     border: rows.Boundary  # hang-offs and line out, (ropes, MOTIONS)
     kept: dict[str, rows.Floats]
@@ -141,7 +141,7 @@ class Recovery:
             self._files += 1
             twin.failure_folder = self._folder if self._files < MAX_FAILURE_FILES else None
             self._folder = None
-        changed = newest.rung is not twin.rung or newest.cut is not twin.cut
+        changed = newest.level is not twin.level or newest.cut is not twin.cut
         if changed:
             self._kept.clear()
         elif twin.time_ns < self._due_ns or self._is_unsettled():

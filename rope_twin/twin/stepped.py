@@ -20,10 +20,15 @@ from rope_twin.scene.rules.body import refuse_body
 from rope_twin.scene.rules.rigging import is_joined, refuse_joined, winch_of
 from rope_twin.scene.rules.shedding import model_beside, refuse_shedding
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.accuracy.card_validity import CUT_WORDS
+from rope_twin.twin.accuracy.level import (
+    AccuracyLevel,
+    SceneMesh,
+    change_level,
+    error_at_level,
+    scene_level,
+)
 from rope_twin.twin.accuracy.regrid import HangOff
-from rope_twin.twin.accuracy.rung import Rung
-from rope_twin.twin.accuracy.rungs import Base, carry_over, error_at, top_rung
+from rope_twin.twin.accuracy.validity import CUT_REASON
 from rope_twin.twin.body import with_body
 from rope_twin.twin.contact import bed_contact, bed_of
 from rope_twin.twin.cutting.severing import Place
@@ -64,8 +69,8 @@ class SteppedTwin(ToldTwin):
         self.step_ns = round(scene.time.step_s * 1e9)
         self._ropes = ropes_of(scene, STEPS_PER_CALL)
         self._rope = self._ropes.first
-        self._base = Base(self._rope.model, self._rope.state.s.shape[0])
-        self._rung = top_rung(scene)
+        self._base = SceneMesh(self._rope.model, self._rope.state.s.shape[0])
+        self._level = scene_level(scene)
         self._marks: list[rows.Floats] = []  # node coordinates of the finer grids left so far
         super().__init__(scene, self._ropes)
         self._ahead = Prescribed(scene, STEPS_PER_CALL, self._winch.line.length_m)
@@ -114,15 +119,15 @@ class SteppedTwin(ToldTwin):
 
     @property
     def card_error(self) -> KnownError:
-        """Error of the top tension that is known at present (twin/accuracy/card_validity.py)."""
+        """Error of the top tension that is known at present (twin/accuracy/validity.py)."""
         return self._validity.claim(self._card_error, self.time_ns)
 
     @property
-    def rung(self) -> Rung:
+    def level(self) -> AccuracyLevel:
         """Accuracy level in use: number of elements and time step."""
-        return self._rung
+        return self._level
 
-    def take_rung(self, rung: Rung) -> None:
+    def set_level(self, level: AccuracyLevel) -> None:
         """Continue with another mesh or time step; call it from the stepping thread.
 
         Time, paid-out length, payload and the tension at the hang-off are kept.
@@ -140,9 +145,9 @@ class SteppedTwin(ToldTwin):
         V = float(self._boundary.rate[0, rows.LINE])
         at = HangOff(self._pull[rows.PULL_X : rows.PULL_Z + 1].copy(), V)
         self._ahead.steps = 0  # boundary conditions ahead are valid for the old step only
-        self._rope, self._marks = carry_over(self._rope, self._marks, rung, self._base, at)
-        self._rung, self.step_ns, self.step_s = rung, rung.step_ns, self._rope.model.step
-        self._card_error = error_at(self.scene, rung)
+        self._rope, self._marks = change_level(self._rope, self._marks, level, self._base, at)
+        self._level, self.step_ns, self.step_s = level, level.step_ns, self._rope.model.step
+        self._card_error = error_at_level(self.scene, level)
 
     def doubt_card(self, why: str) -> None:
         """Mark the tension error as unknown on every accuracy level from now on; why: the reason.
@@ -229,7 +234,7 @@ class SteppedTwin(ToldTwin):
         border = self._ropes.border(self._boundary)
         kept = {name: array.copy() for name, array in self._moving().items()}
         run, recent = copy.copy(self._run), copy.copy(self._recent)
-        return Checkpoint(self.time_ns, self._rung, self.cut, border, kept,
+        return Checkpoint(self.time_ns, self._level, self.cut, border, kept,
                           self._current.effects, (run, recent))  # fmt: skip
 
     def go_back(self, then: Checkpoint) -> bool:
@@ -239,7 +244,7 @@ class SteppedTwin(ToldTwin):
         from their earlier paid-out length with the present commands. A current profile that came
         since is reverted. Call it from the stepping thread.
         """
-        if then.rung != self._rung or then.cut is not self.cut:
+        if then.level != self._level or then.cut is not self.cut:
             return False
         present = self._ropes.border(self._boundary)
         self.keep_current_of(then)
@@ -325,7 +330,7 @@ class SteppedTwin(ToldTwin):
             self._shaking.part(whole, self._rope)
         if rope == 0:
             self._boundary.value[:, rows.LINE] -= lost_m
-        self._validity.doubt(CUT_WORDS)
+        self._validity.doubt(CUT_REASON)
         return lost_m
 
     def statistics(self) -> RunStatistics:

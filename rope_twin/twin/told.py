@@ -12,7 +12,7 @@ from rope_twin.scene.card import known_error
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rules.rigging import is_joined, winches_by_name
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.accuracy.card_validity import CardValidity, OwnMotion
+from rope_twin.twin.accuracy.validity import SceneMotion, StudyValidity
 from rope_twin.twin.cutting.cutting import CutInput
 from rope_twin.twin.hoisting.orders import SPEED, Order
 from rope_twin.twin.hoisting.winch import winch_of_rope
@@ -38,11 +38,11 @@ class ToldTwin:
         self._first_winch_names = ("", WINCH, *alone)
         self._time_ns = 0
         self._card_error = known_error(scene)  # by the scene's convergence study alone
-        self._validity = CardValidity(scene)
-        self._own_motion: OwnMotion | None = None  # reference for the accepted motion
+        self._validity = StudyValidity(scene)
+        self._own_motion: SceneMotion | None = None  # reference for the accepted motion
         self._judges_motion, self._motion_judged = True, False
 
-    def expect_motion(self, own: OwnMotion | None) -> None:
+    def expect_motion(self, own: SceneMotion | None) -> None:
         """Compare each accepted motion sample with the scene's own sea from now on.
 
         The error known from the scene's convergence study is reported only for motion that was

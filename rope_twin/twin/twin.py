@@ -82,8 +82,8 @@ class Twin(SteppedTwin):
         state = saved if isinstance(saved, SavedState) else saved_state.load_state(saved)
         saved_state.judge_scene(state, scene)
         twin = cls(scene)
-        if (rung := state.rung) != twin.rung:
-            twin.take_rung(rung)
+        if (level := state.level) != twin.level:
+            twin.set_level(level)
         if (lost_m := state.about.cut_lost_m) > 0.0:  # anywhere: arrays are restored below
             rope = rope_called(scene, state.about.cut_rope)
             twin._sever(0.5 * twin._length_m(rope), rope)
@@ -127,7 +127,7 @@ class Twin(SteppedTwin):
             time_s=self.time_ns * 1e-9,
             step=self._steps,
             step_s=self.step_s,
-            halvings=self._rung.halvings,
+            halvings=self._level.halvings,
             elements=int(state.counts[rows.ELEMENTS]),
             line_out_m=float(value[0, rows.LINE]),
             payout_speed_m_per_s=float(rate[0, rows.LINE]),

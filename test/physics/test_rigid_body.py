@@ -18,8 +18,7 @@ from rope_twin.core.body import state as at
 from rope_twin.core.body.energy import pose_of, pulls_of
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.errors import SceneError
-from rope_twin.twin.accuracy.rung import Rung
-from rope_twin.twin.accuracy.rungs import ladder_of
+from rope_twin.twin.accuracy.level import AccuracyLevel, levels_of
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.ledger import AccountedTwin
 
@@ -350,5 +349,5 @@ def test_what_cannot_step_a_body_says_so() -> None:
     with pytest.raises(SceneError, match="members that start alike would share it"):
         Ensemble(scene, [Variation()])
     with pytest.raises(SceneError, match="cannot be carried over to another grid"):
-        Twin(scene).take_rung(Rung(10_000_000))
-    assert len(ladder_of(scene)) == 1
+        Twin(scene).set_level(AccuracyLevel(10_000_000))
+    assert len(levels_of(scene)) == 1

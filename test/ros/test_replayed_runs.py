@@ -112,7 +112,7 @@ def test_a_run_with_every_input_a_pause_and_fewer_elements_is_replayed(
     sender.sail(1_200_000_000)
     node.paced.pacer.watch(lambda slot: node.paced.ladder.start_at(3.0))  # as if overloaded
     sender.sail(1_800_000_000)
-    assert node.paced.twin.rung.step_ns > 10_000_000
+    assert node.paced.twin.level.step_ns > 10_000_000
     sender.order(Order(LENGTH, 201.5), node.paced.epoch_ns + 2_000_000_000)
     sender.send("current", multi_array([0.0, 0.5, -0.2, -500.0, 0.1, 0.0], [2, 3]))
     sender.sail(2_400_000_000)

@@ -18,9 +18,9 @@ from rope_twin.recording.bag_reader import BagReader
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.accuracy.error_band import BandedTwin
-from rope_twin.twin.accuracy.ladder import TwinLadder
-from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.accuracy.error_interval import ErrorIntervalTwin
+from rope_twin.twin.accuracy.level import AccuracyLevel
+from rope_twin.twin.accuracy.overload import TwinOverloadProtection
 from rope_twin.twin.cutting.cut_plan import PlannedCut, read_plan
 from rope_twin.twin.cutting.cutting import CutInput, plan_for
 from rope_twin.twin.hoisting.orders import LENGTH, Order
@@ -187,15 +187,15 @@ def test_the_balance_of_both_parts_closes(scene: Scene) -> None:
 def test_the_ladder_stays_where_it_is(scene: Scene) -> None:
     """However late the slots are; a rung taken before the cut is kept, and saved."""
     twin = told(Twin(scene))
-    twin.take_rung(Rung(20_000_000))
-    ladder = TwinLadder(twin)
+    twin.set_level(AccuracyLevel(20_000_000))
+    ladder = TwinOverloadProtection(twin)
     twin.advance(150)
     slots = (SlotTimes(k * 20_000_000, 2e7, 60_000_000, True) for k in range(100))
     assert not any(ladder.judge(slot) for slot in slots)
     with pytest.raises(StateError, match=r"other elements: the rope was cut"):
-        twin.take_rung(Rung(10_000_000))
+        twin.set_level(AccuracyLevel(10_000_000))
     branch = Twin.restore(twin.capture(), scene)
-    assert branch.rung == twin.rung
+    assert branch.level == twin.level
     for one in (twin, branch):
         one.advance(50)
     assert every_bit([twin.snapshot()]) == every_bit([branch.snapshot()])
@@ -257,11 +257,11 @@ def test_a_plan_that_cannot_come_true_is_refused_before_a_run(scene: Scene) -> N
 
 def test_an_error_band_is_unknown_from_the_cut_on_and_says_so(scene: Scene) -> None:
     """The run goes on to the bit as without one, from a saved state as well."""
-    twin, alone = told(BandedTwin(scene)), told(Twin(scene))
+    twin, alone = told(ErrorIntervalTwin(scene)), told(Twin(scene))
     twin.advance(200)
     assert twin.snapshot().band is not None
     assert ends(twin, 100, 600)[-1].tension_top_n == ends(alone, 100, 600)[-1].tension_top_n
-    other = BandedTwin.restore(twin.capture(), scene)
+    other = ErrorIntervalTwin.restore(twin.capture(), scene)
     for one in (twin, twin.branch(), other):
         one.advance(50)
         shot = one.snapshot()

@@ -17,7 +17,7 @@ from rope_twin.core.step import advance
 from rope_twin.effects.current import from_rows
 from rope_twin.errors import SolverError
 from rope_twin.messages import Level, Status, statuses
-from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.recovery import (
     CHECKPOINT_NS,
@@ -230,7 +230,7 @@ def test_on_a_coarser_grid_no_checkpoint_of_the_finer_one_is_used(
     twin = heaving(tmp_path)
     recovery = Recovery(twin)
     run(recovery, twin, 3.1)
-    twin.take_rung(Rung(2 * twin.step_ns, 1))
+    twin.set_level(AccuracyLevel(2 * twin.step_ns, 1))
     core.fails = {160: 3}  # steps of 20 ms: at 3.2 s
     shots = run(recovery, twin, 3.0)
     assert recovery.count == 3

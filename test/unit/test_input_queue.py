@@ -15,7 +15,7 @@ from rope_twin import Twin, load_scene
 from rope_twin.errors import InputError
 from rope_twin.recording.input_log import InputLog, Mark, Skipped, encode_json, read_log
 from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC
-from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.input_queue import (
     WAITING_LIMIT,
@@ -59,7 +59,7 @@ def test_every_kind_of_input_comes_back() -> None:
         Call("offer_cut", (7, math.inf, ""), {}),
         Call("offer_current", (profile,), {}),
         Call("doubt_inputs", (), {}),
-        Call("take_rung", (Rung(5_000_000, 1),), {}),
+        Call("set_level", (AccuracyLevel(5_000_000, 1),), {}),
     )
     back = again(calls)
     assert back[:3] + back[4:] == calls[:3] + calls[4:]
@@ -106,11 +106,11 @@ def test_other_elements_are_logged_ahead_of_the_inputs(twin: Twin) -> None:
     log: list[LogEntry] = []
     queue = InputQueue(twin, twin, log.append)
     queue.advance(2)
-    twin.take_rung(Rung(20_000_000))
+    twin.set_level(AccuracyLevel(20_000_000))
     queue.offer_heave(0, 0.0, 0.0)
     queue.advance(1)
-    assert [call.method for call in log[0].calls] == ["take_rung", "offer_heave"]
-    twin.take_rung(Rung(50_000_000))
+    assert [call.method for call in log[0].calls] == ["set_level", "offer_heave"]
+    twin.set_level(AccuracyLevel(50_000_000))
     queue.begin()  # who describes the session says it
     queue.advance(1)
     assert len(log) == 1

@@ -32,15 +32,16 @@ with a rule of its own:
   afterwards has a larger error than the next ones. That step has a safety factor of its own; the
   others are not judged by coarse steps across such a kink.
 - Where the current jumps between two layers the error is of first order, too, and follows the
-  elements as they pass the jump (`difference`): the difference itself is taken, over a longer time.
+  elements as they pass the jump (`error_fraction`): the difference itself is taken, over a longer
+  time.
 - A winch that responds to the tension uses that of one step for its next: an error of first order
   in the step, and the difference itself is taken.
 - Where a loosely coupled VIV model amplifies the coarse drag by other modes, the difference itself
-  is taken (`grown_apart`).
-- Self-excited vortices drift in phase without bound, and do not ring: `out_of_step`.
+  is taken (`divergence`).
+- Self-excited vortices drift in phase without bound, and do not ring: `phase_drift`.
 - Waves that decay within an element load the rope with an error of first order: the error is then
   as large as the difference. The correction to a third follows from the waves alone
-  (`surface_layer`).
+  (`error_fraction`).
 
 The safety factors were fitted on the shipped scenes against converged references, the same for all,
 and are tested there: `python -m benchmarks band`.
@@ -54,7 +55,7 @@ from collections.abc import Callable
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
-from rope_twin.twin.accuracy.grown_apart import REMEMBERED_S, share_where_they_differ
+from rope_twin.twin.accuracy.divergence import DIVERGED_S, diverged_fraction
 
 WINDOW_S, SHORT_S, ROUGH_WINDOW_S, SLACK_WINDOW_S = 0.5, 0.2, 0.4, 0.1
 THIRD = 1.0 / 3.0  # Richardson's factor for errors of second order
@@ -116,7 +117,7 @@ class Fading:
         self._then_s, self._value = time_s, self.now(time_s) + value
 
 
-class ErrorBand:
+class ErrorBound:
     """Bound on the error of a rope's top tension from its difference to the coarse solution."""
 
     def __init__(
@@ -139,7 +140,7 @@ class ErrorBand:
         self._counts_whole = whole_s > 0.0
         self._share, self._rings_most = share, rings
         self._smooth, self._rings = SMOOTH * share, rings * share
-        self._grown_apart = Recent(REMEMBERED_S)
+        self._diverged = Recent(DIVERGED_S)
         self._loose_n, self._least_n = LOOSE * rest_n, LOOSE_LEAST * rest_n
         self._weight = min(EVERY * step_s / MEAN_S, 1.0)  # of a new difference in a mean
         self._all, self._unbent = Recent(WINDOW_S), Recent(SHORT_S)  # differences
@@ -203,10 +204,10 @@ class ErrorBand:
         self._rough_until_s = time_s + ROUGH_S
         self._stood_until_s = time_s + LAID_S
 
-    def grow_apart(self, time_s: float, by: float) -> None:
+    def diverge(self, time_s: float, by: float) -> None:
         """Report the relative difference of the drag amplified by a loosely coupled VIV model."""
-        self._grown_apart.take(time_s, by)
-        share = share_where_they_differ(self._share, self._grown_apart.largest(time_s))
+        self._diverged.take(time_s, by)
+        share = diverged_fraction(self._share, self._diverged.largest(time_s))
         self._smooth, self._rings = SMOOTH * share, self._rings_most * share
 
     def answer(self, time_s: float) -> None:

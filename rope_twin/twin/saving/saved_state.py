@@ -24,7 +24,7 @@ import numpy as np
 from rope_twin import __version__
 from rope_twin.errors import StateError, phrase
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.saving.memory import Arrays, recall, remember
 from rope_twin.twin.saving.state_file import decode, encode, read_state, write_state
 
@@ -80,9 +80,9 @@ class SavedState:
         return round(self.about.time_s * 1e9)
 
     @property
-    def rung(self) -> Rung:
+    def level(self) -> AccuracyLevel:
         """Accuracy level of the twin."""
-        return Rung(round(self.about.step_s * 1e9), self.about.halvings)
+        return AccuracyLevel(round(self.about.step_s * 1e9), self.about.halvings)
 
     def write(self, path: Path) -> None:
         """Write the state to a file, whole or not at all.

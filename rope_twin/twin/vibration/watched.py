@@ -20,7 +20,7 @@ from rope_twin.errors import InputError, StateError, phrase
 from rope_twin.scene.rules.rigging import refuse_joined
 from rope_twin.scene.rules.shedding import model_beside, shedding_model, strouhal_number
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.fatigue.endurance import other_than_wire
 from rope_twin.twin.fatigue.wear import RopeWear, WearWish, bending_stiffness, curvature
 from rope_twin.twin.findings import MaterialFatigue, RopeVibration
@@ -96,9 +96,9 @@ class WatchedTwin(Twin):
             amended(taken, vibration=self._vibration())
         return amended(taken, fatigue=self._fatigue)
 
-    def take_rung(self, rung: Rung) -> None:
+    def set_level(self, level: AccuracyLevel) -> None:
         """Continue on another accuracy level, as a twin does."""
-        super().take_rung(rung)
+        super().set_level(level)
         self._every = self._steps_between()
 
     def _changing(self) -> dict[str, Any]:

@@ -1,10 +1,10 @@
 """Overload protection: a real-time twin changes its accuracy level to keep its deadlines.
 
 Load is the computing time of cycles over the time available. Down, at once as far as needed: when
-the load over WINDOW_S exceeds FULL, or RUNNING consecutive cycles took longer than available and
-ended late. A single stall, however long, is neither. Up, one level at a time: when the load, scaled
-by the work of the level above, stayed below ROOM for a waiting time and no cycle was late; the
-waiting time doubles each time that a level taken in this way has to be left again soon.
+the load over WINDOW_S exceeds FULL, or LATE_CYCLES consecutive cycles took longer than available
+and ended late. A single stall, however long, is neither. Up, one level at a time: when the load,
+scaled by the work of the level above, stayed below ROOM for a waiting time and no cycle was late;
+the waiting time doubles each time that a level taken in this way has to be left again soon.
 """
 
 from __future__ import annotations
@@ -19,37 +19,40 @@ from typing import Protocol
 
 from rope_twin.errors import SolverError
 from rope_twin.scene.card import KnownError, told_bound
-from rope_twin.twin.accuracy.rung import Rung
-from rope_twin.twin.accuracy.rungs import ladder_of
+from rope_twin.twin.accuracy.level import AccuracyLevel, levels_of
 from rope_twin.twin.pacing import SlotTimes
 from rope_twin.twin.twin import Twin
 
-WINDOW_S, LEAST_SLOTS, RUNNING = 0.4, 8, 3
+WINDOW_S, MIN_CYCLES, LATE_CYCLES = 0.4, 8, 3
 CLIP = 1.5  # maximum load of a single cycle: one long stall is no lack of speed
 FULL, ROOM, FIT = 0.8, 0.4, 0.6  # load: overload, limit to go up, target when going down
 WAIT_S, LONGEST_WAIT_S = 5.0, 80.0
 SOON_S = 30.0  # a level left again within this time was taken too early
-SAYINGS = 20
+MAX_MESSAGES = 20
 TRIALS = 5  # number of cycles timed before the start
 
 
-class Climber(Protocol):
+class Adjustable(Protocol):
     """Interface of a twin that can change its accuracy level."""
 
-    def take_rung(self, rung: Rung) -> None:
+    def set_level(self, level: AccuracyLevel) -> None:
         """Continue with another mesh or time step."""
 
 
-class Ladder:
+class OverloadProtection:
     """Overload protection of one twin; for use by the stepping thread."""
 
     def __init__(
-        self, twin: Climber, rungs: Sequence[Rung], at: Rung, wait_s: float = WAIT_S
+        self,
+        twin: Adjustable,
+        levels: Sequence[AccuracyLevel],
+        at: AccuracyLevel,
+        wait_s: float = WAIT_S,
     ) -> None:
-        """Start at the level `at` of `rungs`, which are ordered from the best down."""
+        """Start at the level `at` of `levels`, which are ordered from the best down."""
         self._twin = twin
-        self._rungs = tuple(rungs)
-        self._at = self._rungs.index(at)
+        self._levels = tuple(levels)
+        self._at = self._levels.index(at)
         self._slots: deque[SlotTimes] = deque()
         self._moved_s = float("-inf")
         self._look_s = float("-inf")  # time of the next check for spare capacity
@@ -60,14 +63,14 @@ class Ladder:
         self.reason = ""  # reason of the newest change
 
     @property
-    def rung(self) -> Rung:
+    def level(self) -> AccuracyLevel:
         """Present accuracy level."""
-        return self._rungs[self._at]
+        return self._levels[self._at]
 
     @property
     def place(self) -> tuple[int, int]:
         """Number of the present level, 1 the best, and count of levels."""
-        return self._at + 1, len(self._rungs)
+        return self._at + 1, len(self._levels)
 
     def judge(self, slot: SlotTimes) -> bool:
         """Take the timing of a cycle; return True if the twin has changed its level."""
@@ -76,10 +79,10 @@ class Ladder:
         while self._slots[0].end_ns * 1e-9 < slot.end_ns * 1e-9 - longest:
             self._slots.popleft()
         self.load, recent = self._load_since(slot.end_ns * 1e-9 - WINDOW_S)
-        if recent >= LEAST_SLOTS and self.load > FULL:
+        if recent >= MIN_CYCLES and self.load > FULL:
             return self._step_down(slot)
-        if slot.late and len(self._slots) >= RUNNING:
-            newest = [self._slots[-1 - k] for k in range(RUNNING)]
+        if slot.late and len(self._slots) >= LATE_CYCLES:
+            newest = [self._slots[-1 - k] for k in range(LATE_CYCLES)]
             if all(one.late and one.computed_ns > one.period_ns for one in newest):
                 return self._step_down(slot)
         return self._at > 0 and self._step_up(slot)
@@ -99,7 +102,7 @@ class Ladder:
         return (clipped / len(loads) if loads else 0.0), len(loads)
 
     def _step_down(self, slot: SlotTimes) -> bool:
-        load = median(_load(one) for one in list(self._slots)[-LEAST_SLOTS:])
+        load = median(_load(one) for one in list(self._slots)[-MIN_CYCLES:])
         target, now_s = self._fitting(load), slot.end_ns * 1e-9
         if target == self._at:
             return False
@@ -118,22 +121,22 @@ class Ladder:
             return False
         self._look_s = now_s + WINDOW_S
         load, _ = self._load_since(now_s - self._wait_s)
-        more = _work(self._rungs[self._at - 1]) / _work(self.rung)
+        more = _work(self._levels[self._at - 1]) / _work(self.level)
         if load * more > ROOM or any(one.late for one in self._slots):
             return False
         return self._move(self._at - 1, now_s, f"there is room, {load:.0%} is used")
 
     def _fitting(self, load: float) -> int:
         """Return the next level below that reduces this load to one that fits, or the last."""
-        for at in range(self._at + 1, len(self._rungs)):
-            if load * _work(self._rungs[at]) / _work(self.rung) <= FIT:
+        for at in range(self._at + 1, len(self._levels)):
+            if load * _work(self._levels[at]) / _work(self.level) <= FIT:
                 return at
-        return len(self._rungs) - 1
+        return len(self._levels) - 1
 
     def _move(self, target: int, now_s: float, why: str) -> bool:
         if target == self._at:
             return False
-        self._twin.take_rung(self._rungs[target])
+        self._twin.set_level(self._levels[target])
         self._went_up = target < self._at
         self._at = target
         self._moved_s = now_s
@@ -143,15 +146,17 @@ class Ladder:
         return True
 
 
-class TwinLadder(Ladder):
+class TwinOverloadProtection(OverloadProtection):
     """Overload protection of a scene's twin, with messages on its changes."""
 
     def __init__(self, twin: Twin, wait_s: float = WAIT_S) -> None:
         scene = twin.scene
-        rungs = ladder_of(scene)
-        super().__init__(twin, rungs if twin.rung in rungs else (twin.rung,), twin.rung, wait_s)
+        levels = levels_of(scene)
+        super().__init__(
+            twin, levels if twin.level in levels else (twin.level,), twin.level, wait_s
+        )
         self._owner = twin
-        self.said: deque[str] = deque(maxlen=SAYINGS)  # messages not yet reported
+        self.said: deque[str] = deque(maxlen=MAX_MESSAGES)  # messages not yet reported
 
     def measure(self, steps_s: float, speed: float) -> float:
         """Return the load of the present level: the minimum of TRIALS cycles on a branch.
@@ -183,7 +188,7 @@ class TwinLadder(Ladder):
         if moved:
             number, count = self.place
             way = "up" if self._went_up else "down"
-            words = f"stepping {way} to rung {number} of {count}, {self.words()}: {why}"
+            words = f"stepping {way} to accuracy level {number} of {count}, {self.words()}: {why}"
             self.said.append(words)
         return moved
 
@@ -192,9 +197,9 @@ class TwinLadder(Ladder):
         error = self.error()
         known = error.words if isnan(error.rms_pct) else f"at most {told_bound(error.rms_pct)} %"
         own = self._owner.scene.ropes[0].elements
-        left = own >> self.rung.halvings
+        left = own >> self.level.halvings
         elements = f"{own} elements" if left == own else f"{left} elements in place of {own}"
-        step_ms = 1e3 * self.rung.step_s
+        step_ms = 1e3 * self.level.step_s
         return f"{elements} and steps of {step_ms:g} ms, error of the tension {known}"
 
 
@@ -202,6 +207,6 @@ def _load(slot: SlotTimes) -> float:
     return slot.computed_ns / slot.period_ns
 
 
-def _work(rung: Rung) -> float:
+def _work(level: AccuracyLevel) -> float:
     """Return the work for a second of twin time, relative to the scene's elements."""
-    return 1.0 / (rung.step_s * (1 << rung.halvings))
+    return 1.0 / (level.step_s * (1 << level.halvings))

@@ -25,11 +25,11 @@ from rope_twin.core.state import Boundary, Rope
 from rope_twin.twin.accuracy.error_bound import MEAN_S, THIRD, Recent
 
 PHASE, AMPLITUDE = 1.4, 1.3  # safety factors on a third of the phase, and on the amplitude
-COHERENT = 0.3  # minimum coherence for a phase
+MIN_COHERENCE = 0.3  # minimum coherence for a phase
 CUT_OFF, POLES = 0.5, 3  # of the vortex frequency; the tension has once or twice that frequency
 SAMPLES = 32  # per vortex period: resolves a crest of twice the frequency to 2 %
 LOOK_S = 1.0  # interval at which the vortex frequency is updated
-LEAST = 1e-6  # of the static tension: minimum amplitude of a vibration
+MIN_VIBRATION = 1e-6  # of the static tension: minimum amplitude of a vibration
 
 
 class _Pace:
@@ -41,7 +41,7 @@ class _Pace:
         self.is_another_pace, self.vortices_hz = is_another_pace, vortices_hz
 
 
-class OutOfStep:
+class PhaseDrift:
     """Phase drift of one coarse solution; `take` gets both tensions after each of its steps."""
 
     def __init__(self, rest_n: float, strouhal: float, step_s: float, resting: bool) -> None:
@@ -52,7 +52,7 @@ class OutOfStep:
         """
         self._pace = _Pace()
         self._strouhal, self._hz, self._look_s = strouhal, 0.0, 0.0
-        self._least = 0.5 * (LEAST * rest_n) ** 2
+        self._least = 0.5 * (MIN_VIBRATION * rest_n) ** 2
         self._step_s, self._weight = step_s, 0.0
         self._every, self._waits = 1, 0  # coarse steps per sample, steps since the last one
         self._lost = not resting
@@ -119,7 +119,7 @@ class OutOfStep:
         """Update the phase, counted on from the last one."""
         turned = sqrt(max(1.0 - (self._next / self._vv) ** 2, 1e-12))  # sin ωh
         across = 0.5 * self._ahead / turned
-        if hypot(across, self._vw) < COHERENT * sqrt(self._vv * self._ww):
+        if hypot(across, self._vw) < MIN_COHERENCE * sqrt(self._vv * self._ww):
             self._lost = True
             return
         phase = atan2(across, self._vw)

@@ -7,13 +7,14 @@ together, at a quarter of the rope's work. Other cases are treated in `error_bou
 
 In multi-line scenes the coarse solution covers all ropes, and each rope that hangs from the ship
 has an interval. Where a winch responds to the tension the coarse solution has its own
-(`own_winch`). The error of a drive is of first order in the step, and longer elements may hide it:
-in a scene with a drive the coarse solution has twice the step and all elements.
+(`CoarseWinch`). The error of a drive is of first order in the step, and longer elements may hide
+it: in a scene with a drive the coarse solution has twice the step and all elements.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
@@ -25,16 +26,33 @@ from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rules.rigging import winches
 from rope_twin.scene.rules.shedding import strouhal_number
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.accuracy.companion import Companion, HalfRope, HalfSystem
-from rope_twin.twin.accuracy.difference import share_of_difference, whole_for_s
-from rope_twin.twin.accuracy.error_bound import EVERY, RINGS, ErrorBand
-from rope_twin.twin.accuracy.grown_apart import differ_by
-from rope_twin.twin.accuracy.out_of_step import OutOfStep
-from rope_twin.twin.accuracy.own_winch import OwnWinch
+from rope_twin.twin.accuracy.coarse_solution import (
+    CoarseRope,
+    CoarseSolution,
+    CoarseSystem,
+    CoarseWinch,
+)
+from rope_twin.twin.accuracy.divergence import drag_divergence
+from rope_twin.twin.accuracy.error_bound import (
+    EVERY,
+    RINGS,
+    Border,
+    ErrorBound,
+    acceleration_jumps,
+    border_before,
+)
+from rope_twin.twin.accuracy.error_fraction import fraction_of_difference, full_difference_s
+from rope_twin.twin.accuracy.event_detection import (
+    Bed,
+    EventDetector,
+    bed_below,
+    is_slack,
+    nodes_on,
+    touches,
+)
+from rope_twin.twin.accuracy.level import AccuracyLevel
+from rope_twin.twin.accuracy.phase_drift import PhaseDrift
 from rope_twin.twin.accuracy.regrid import HangOff
-from rope_twin.twin.accuracy.rung import Rung
-from rope_twin.twin.accuracy.sights import Bed, Sight, bed_below, is_slack, nodes_on, touches
-from rope_twin.twin.accuracy.top import Top
 from rope_twin.twin.findings import TensionBand
 from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.hoisting.winch import Winch
@@ -43,18 +61,18 @@ from rope_twin.twin.saving.saved_state import SavedState
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 
-__all__ = ["SETTLING_S", "BandedTwin", "bed_below", "nodes_on", "touches"]
+__all__ = ["SETTLING_S", "ErrorIntervalTwin", "bed_below", "nodes_on", "touches"]
 
 SETTLING_S = 20.0  # settling time of a coarse solution that was started during a run
 COMPARED_S = 1.0  # interval at which drag amplifications are compared
 _OWN = (  # not in a saved state
-    "_rests_n", "_band_s", "_companion", "_tops", "_sight", "_known_from_s", "_look_s",
+    "_rests_n", "_band_s", "_coarse", "_tops", "_sight", "_known_from_s", "_look_s",
     "_compared_s",
 )  # fmt: skip
 LOOK_S = 0.1  # interval of the checks for slack elements and seabed contact
 
 
-class BandedTwin(Twin):
+class ErrorIntervalTwin(Twin):
     """A twin with an error interval of its top tension; the run itself is bit-identical.
 
     A saved state does not hold the coarse solution; a restored twin makes a new one.
@@ -82,8 +100,7 @@ class BandedTwin(Twin):
         names = [WINCH, *(line.from_ for line in self.scene.ropes[1:])]
         if (
             not fault
-            and (own := self._companion.winches.get(names.index(self.winch_called(winch))))
-            is not None
+            and (own := self._coarse.winches.get(names.index(self.winch_called(winch)))) is not None
         ):
             with self._lock:
                 own.take(stamp_ns, order, self.time_ns)
@@ -93,7 +110,7 @@ class BandedTwin(Twin):
         """Invalidate inputs known in advance, also in the winches of the coarse solution."""
         super().doubt_inputs()
         with self._lock:
-            for own in self._companion.winches.values():
+            for own in self._coarse.winches.values():
                 own.doubt()
 
     def snapshot(self) -> Snapshot:
@@ -113,9 +130,9 @@ class BandedTwin(Twin):
             ropes[0] = replace(ropes[0], band=band)
         return replace(taken, band=band, ropes=tuple(ropes))
 
-    def take_rung(self, rung: Rung) -> None:
+    def set_level(self, level: AccuracyLevel) -> None:
         """Continue on another accuracy level with a new coarse solution."""
-        super().take_rung(rung)
+        super().set_level(level)
         self._open_band(resting=False)
 
     def go_back(self, then: Checkpoint) -> bool:
@@ -126,7 +143,7 @@ class BandedTwin(Twin):
         return went
 
     @property
-    def _band(self) -> ErrorBand:
+    def _band(self) -> ErrorBound:
         """Error estimate of the first rope."""
         return self._tops[0].band
 
@@ -134,10 +151,10 @@ class BandedTwin(Twin):
         """Return why there is no interval now; "" if there is one."""
         if self.cut is not None:
             at = f"{self.cut.at_s:.2f} s"
-            return f"unknown since the cut at {at}: its companion does not follow a rope in parts"
+            return f"unknown since the cut at {at}: no coarse solution follows a rope in parts"
         if time_s < self._known_from_s:
             known = f"{self._known_from_s:.1f} s"
-            return f"unknown until {known}: its companion was made on the way and has to settle"
+            return f"unknown until {known}: its coarse solution has to settle"
         return ""
 
     def _part(self, lost_m: float, rope: int) -> None:
@@ -148,7 +165,7 @@ class BandedTwin(Twin):
     def _close_band(self) -> None:
         """End the coarse solution."""
         self._tops.clear()
-        self._companion.winches.clear()
+        self._coarse.winches.clear()
 
     def _all_ropes(self) -> tuple[Rope, ...]:
         joined = self.joined
@@ -163,37 +180,37 @@ class BandedTwin(Twin):
         """Start a coarse solution from the present, with boundary conditions in row `border`."""
         joined, made_fast = self.joined, [self._rope.model.first_free == 1]
         value, rate = (table[border].copy() for table in self._boundary)
-        self._companion: Companion
+        self._coarse: CoarseSolution
         halves = all(winch.drive is None for _, winch in winches(self.scene))
         if joined is None:
             pull = self._pulls[border - 1] if border else self._pull
             at = HangOff(pull[rows.PULL_X : rows.PULL_Z + 1].copy(), float(rate[rows.LINE]))
-            self._companion = HalfRope(
-                self._rope, at, (value, rate), resting, halves, self._shaking
-            )
+            self._coarse = CoarseRope(self._rope, at, (value, rate), resting, halves, self._shaking)
             now = {0: (value, rate)}
         else:
-            self._companion = half = HalfSystem(
+            self._coarse = half = CoarseSystem(
                 joined, self._rope, self._boundary, border, resting, halves
             )
             now, made_fast = half.hang_offs, half.made_fast
         ropes = self._all_ropes()
-        self._sight = Sight(ropes, made_fast)
+        self._sight = EventDetector(ropes, made_fast)
         self._tops = [self._top(r, ropes[r], at_r) for r, at_r in now.items()]
         self._look_s = 0.0  # time of the next check for slack elements
         self._compared_s = self.time_ns * 1e-9
-        settled = self._companion.rests
+        settled = self._coarse.rests
         self._known_from_s = 0.0 if settled else self.time_ns * 1e-9 + SETTLING_S
 
-    def _top(self, r: int, rope: Rope, now: tuple[Floats, Floats]) -> Top:
-        share, rest_n = share_of_difference(rope, self.joined is not None), self._rests_n[r]
+    def _top(self, r: int, rope: Rope, now: tuple[Floats, Floats]) -> TopEstimate:
+        share, rest_n = fraction_of_difference(rope, self.joined is not None), self._rests_n[r]
         vortices = None
         if any(isinstance(one, WakeOscillator) for one in rope.effects):
             pace = strouhal_number(self.scene), EVERY * self.step_s
-            vortices = OutOfStep(rest_n, *pace, self._companion.rests)
+            vortices = PhaseDrift(rest_n, *pace, self._coarse.rests)
         rings = RINGS if vortices is None else 0.0
-        band = ErrorBand(rest_n, self.step_s, share, whole_for_s(rope), rings, self._sight.unloaded)
-        return Top(r, band, now, self.step_s, vortices)
+        band = ErrorBound(
+            rest_n, self.step_s, share, full_difference_s(rope), rings, self._sight.unloaded
+        )
+        return TopEstimate(r, band, now, self.step_s, vortices)
 
     def _changing(self) -> dict[str, Any]:
         return {name: value for name, value in super()._changing().items() if name not in _OWN}
@@ -209,21 +226,21 @@ class BandedTwin(Twin):
         if done:
             began = time.perf_counter()
             self._judge(done, bool(answering))
-            self._let_companion_look(done)
+            self._sample_coarse_vortices(done)
             self._band_s += time.perf_counter() - began
         self._share_winches(answering)
 
-    def _let_companion_look(self, done: int) -> None:
+    def _sample_coarse_vortices(self, done: int) -> None:
         """Sample the coarse solution's VIV model when the twin's own is due."""
         own = self._shaking
         if own is not None and own.steps_to_look(self._steps) == 0:
             now = Boundary(*(table[done:] for table in self._boundary))
-            self._companion.look(now, self._steps, self._current.changes)
+            self._coarse.look(now, self._steps, self._current.changes)
             now_s = self.time_ns * 1e-9
             if now_s >= self._compared_s + COMPARED_S and self._tops:
                 self._compared_s = now_s
-                by = differ_by(own.amplified(self.rope), self._companion.amplified())
-                self._band.grow_apart(now_s, by)
+                by = drag_divergence(own.amplified(self.rope), self._coarse.amplified())
+                self._band.diverge(now_s, by)
 
     def _answering(self) -> dict[int, Winch]:
         """Return the winches that need tension feedback for the next step, by rope number."""
@@ -233,11 +250,11 @@ class BandedTwin(Twin):
 
     def _share_winches(self, answering: dict[int, Winch]) -> None:
         """Copy winches to the coarse solution that it lacks, once it reached the twin's time."""
-        half = self._companion
+        half = self._coarse
         if not half.waiting:
             for r in answering.keys() - half.winches.keys():
                 with self._lock:
-                    half.winches[r] = OwnWinch(answering[r], self.scene, r)
+                    half.winches[r] = CoarseWinch(answering[r], self.scene, r)
 
     def _judge(self, done: int, answers: bool) -> None:
         """Advance the coarse solution and update the error estimates.
@@ -245,8 +262,8 @@ class BandedTwin(Twin):
         answers: whether the paid-out length responds to the tension.
         """
         now_s, h = self.time_ns * 1e-9, self.step_s
-        waiting = self._companion.waiting
-        followed = self._companion.follow(self._boundary, done, self._current.effects, now_s)
+        waiting = self._coarse.waiting
+        followed = self._coarse.follow(self._boundary, done, self._current.effects, now_s)
         if followed is None:  # the coarse solution failed, the rope did not
             self._open_band(resting=False, border=done)
             return
@@ -263,7 +280,7 @@ class BandedTwin(Twin):
             jumps = [sum(some) for some in zip(*each, strict=True)]
             for top in self._tops:
                 own = joined.pulls[top.rope, :done, rows.PULL].tolist()
-                other = self._companion.further(top.rope)
+                other = self._coarse.further(top.rope)
                 top.judge((now_s, h), jumps, own, other, waiting)
         if answers:
             for top in self._tops:
@@ -315,3 +332,64 @@ def _of(all_ropes: Boundary, r: int) -> Boundary:
 
 def _around(tension_n: float, bound_n: float, cost_pct: float) -> TensionBand:
     return TensionBand(max(tension_n - bound_n, 0.0), tension_n + bound_n, bound_n, cost_pct)
+
+
+class TopEstimate:
+    """Error estimate of one rope, and the second last boundary of its prescribed motion."""
+
+    def __init__(
+        self,
+        rope: int,
+        band: ErrorBound,
+        now: tuple[Floats, Floats],
+        step_s: float,
+        vortices: PhaseDrift | None = None,
+    ) -> None:
+        """Start at `now`, value and rate of the prescribed motion.
+
+        vortices: phase drift, if self-excited.
+        """
+        self.rope, self.band, self.vortices = rope, band, vortices
+        self._before: Border = border_before(*now, step_s)
+
+    def jumps(self, boundary: Boundary, done: int, step_s: float) -> list[float]:
+        """Jumps of the prescribed acceleration at the beginning of the steps just done [m/s²]."""
+        value, rate = (table[: done + 1] for table in boundary)
+        found = acceleration_jumps(self._before, value, rate, step_s)
+        self._before = value[done - 1].tolist(), rate[done - 1].tolist()
+        return found
+
+    def no_jumps(self, boundary: Boundary, done: int, step_s: float) -> list[float]:
+        """Return zero jumps, for a payout that responds to the tension and has a kink each step."""
+        value, rate = boundary
+        self._before = value[done - 1].tolist(), rate[done - 1].tolist()
+        return [0.0] * done
+
+    def judge(
+        self,
+        times: tuple[float, float],
+        jumps: Sequence[float],
+        own: Sequence[float],
+        followed: Sequence[float],
+        waiting: int,
+    ) -> None:
+        """Take the steps just done and the coarse solution's tensions.
+
+        times: of the last step, and step length [s]; own, followed: top tensions [N]; waiting:
+        steps that the coarse solution had not done before.
+        """
+        now_s, h = times
+        band, done = self.band, len(own)
+        for k, jump in enumerate(jumps):
+            at_s = now_s - (done - 1 - k) * h
+            band.take(at_s, jump, own[k])
+            turn, between = divmod(waiting + k + 1, EVERY)
+            if not between:
+                band.compare(at_s, abs(followed[turn - 1] - own[k]))
+                if self.vortices is not None:
+                    self.vortices.take(at_s, own[k], followed[turn - 1])
+
+    def bound_n(self, time_s: float) -> float:
+        """Return the 95 % bound on the error of the newest step's tension [N]."""
+        bound = self.band.bound_n(time_s)
+        return bound if self.vortices is None else max(bound, self.vortices.bound_n(time_s))

@@ -26,7 +26,7 @@ from rope_twin.twin.snapshot import Snapshot
 MOTION_TOL = 1e-6  # m, m/s, rad/s: a sample that differs by less matches the scene's sea
 UNHEARD_NS = 500_000_000  # the sea counts as missing after this time without a sample
 TIME_TOL_NS = 1_000
-CUT_WORDS = "the rope was cut"
+CUT_REASON = "the rope was cut"
 OTHER_SCHEDULE = "it resumes from a run with another schedule or sea"
 
 
@@ -46,14 +46,14 @@ class MotionSample(Protocol):
         """The ship's pose; None: heave alone."""
 
 
-class OwnMotion(Protocol):
+class SceneMotion(Protocol):
     """Motion by the scene's own sea, in twin time."""
 
     def between(self, from_ns: int, to_ns: int) -> Sequence[MotionSample]:
         """Return the samples with from_ns <= stamp_ns < to_ns, in order."""
 
 
-class CardValidity:
+class StudyValidity:
     """Validity of the scene's convergence study for one run; `claim` gives the error that holds."""
 
     def __init__(self, scene: Scene) -> None:
@@ -75,7 +75,7 @@ class CardValidity:
             self.digest = digest
 
     def hear_heave(
-        self, own: OwnMotion | None, stamp_ns: int, position_m: float, velocity_m_per_s: float
+        self, own: SceneMotion | None, stamp_ns: int, position_m: float, velocity_m_per_s: float
     ) -> None:
         """Compare an accepted heave sample with the scene's own sea.
 
@@ -90,7 +90,7 @@ class CardValidity:
         else:
             self._judge(stamp_ns, expected is not None and _near(expected, heard))
 
-    def hear_pose(self, own: OwnMotion | None, pose: ShipPose) -> None:
+    def hear_pose(self, own: SceneMotion | None, pose: ShipPose) -> None:
         """Compare an accepted pose with the scene's own sea; own: as in `hear_heave`."""
         if own is None and self._moves:
             return
@@ -101,7 +101,7 @@ class CardValidity:
         )
 
     def _expected(
-        self, own: OwnMotion | None, stamp_ns: int
+        self, own: SceneMotion | None, stamp_ns: int
     ) -> ShipPose | tuple[float, float] | None:
         """Return the sea's own pose, or heave and its rate, at this stamp; None: no sample."""
         if own is None:

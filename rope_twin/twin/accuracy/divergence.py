@@ -13,23 +13,23 @@ import numpy as np
 from rope_twin.core.state import Floats
 
 # fitted on the two scenes with such a model and five other lifts by each:
-SHAKEN = 0.37  # fraction of the difference that is the error where the drag agrees
-ALIKE, OTHERWISE = 0.005, 0.015  # relative difference of the drag: agreement, divergence
-REMEMBERED_S = 5.0  # how long a divergence counts: the rope has moved by it
+VIV_FRACTION = 0.37  # fraction of the difference that is the error where the drag agrees
+AGREEMENT, DIVERGENCE = 0.005, 0.015  # relative difference of the drag: agreement, divergence
+DIVERGED_S = 5.0  # how long a divergence counts: the rope has moved by it
 
 
-def differ_by(amplified: Floats, companions: Floats) -> float:
+def drag_divergence(amplified: Floats, coarse: Floats) -> float:
     """Return the mean difference of two drag amplifications along the rope over their mean.
 
-    amplified, companions: of the rope and of the coarse solution, at the nodes from the lower end
+    amplified, coarse: of the rope and of the coarse solution, at the nodes from the lower end
     up.
     """
-    at = np.linspace(0.0, 1.0, len(companions))
+    at = np.linspace(0.0, 1.0, len(coarse))
     own = np.interp(at, np.linspace(0.0, 1.0, len(amplified)), amplified)
-    return float(np.abs(own - companions).mean() / own.mean())
+    return float(np.abs(own - coarse).mean() / own.mean())
 
 
-def share_where_they_differ(share: float, by: float) -> float:
+def diverged_fraction(share: float, by: float) -> float:
     """Return the fraction of the difference that is the error; share: where the drag agrees."""
-    part = (by - ALIKE) / (OTHERWISE - ALIKE)
+    part = (by - AGREEMENT) / (DIVERGENCE - AGREEMENT)
     return share + (1.0 - share) * min(max(part, 0.0), 1.0)

@@ -24,23 +24,29 @@ from rope_twin.core.state import ELEMENTS, Boundary, Floats, Rope
 from rope_twin.core.statics.equilibrium import settle
 from rope_twin.core.step import advance
 from rope_twin.twin.accuracy.error_bound import EVERY
-from rope_twin.twin.accuracy.own_winch import OwnWinch
 from rope_twin.twin.accuracy.regrid import HangOff, coarser
 from rope_twin.twin.stepped import STEPS_PER_CALL
 
 if TYPE_CHECKING:
     from rope_twin.twin.vibration.shaking import Shaking
 
-RARER = 4  # samplings of the twin's VIV model per sampling here, so six in a period
-FEW = 4  # elements: a rope with fewer is not coarsened, as joined ropes need at least two
+
+from rope_twin.scene.rules.rigging import places
+from rope_twin.scene.schema import Scene
+from rope_twin.twin.hoisting.feel import Course, feel
+from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.hoisting.winch import Winch
+
+SAMPLING_RATIO = 4  # samplings of the twin's VIV model per sampling here, so six in a period
+MIN_ELEMENTS = 4  # elements: a rope with fewer is not coarsened, as joined ropes need at least two
 
 
-class Companion(Protocol):
+class CoarseSolution(Protocol):
     """Interface of a coarse solution."""
 
     rests: bool  # it started in static equilibrium
     waiting: int  # steps of the twin that it has not done yet
-    winches: dict[int, OwnWinch]  # by rope, winches that have used tension feedback
+    winches: dict[int, CoarseWinch]  # by rope, winches that have used tension feedback
 
     def follow(
         self, boundary: Boundary, done: int, effects: Any, time_s: float
@@ -61,7 +67,7 @@ class Companion(Protocol):
         """Return the top tensions of another rope from the ship in the last `follow` [N]."""
 
 
-class HalfRope:
+class CoarseRope:
     """Coarse solution of a single rope; with a winch drive it keeps the elements."""
 
     def __init__(
@@ -78,9 +84,9 @@ class HalfRope:
         resting: whether to solve for static equilibrium; elements: whether to halve their number,
         or only to double the step; shaking: the twin's loosely coupled VIV model.
         """
-        self._shaking = None if shaking is None else shaking.apart(RARER)
+        self._shaking = None if shaking is None else shaking.apart(SAMPLING_RATIO)
         half = coarser(rope, at) if elements else copy.deepcopy(rope)
-        self._effects = EffectsApart(rope.effects)
+        self._effects = SeparateEffects(rope.effects)
         self._rope = half._replace(
             model=half.model._replace(step=EVERY * rope.model.step), effects=self._effects.own
         )
@@ -89,7 +95,7 @@ class HalfRope:
         self._ahead = Boundary(np.zeros(room), np.zeros(room))
         self._ahead.value[0], self._ahead.rate[0] = border
         self.waiting = 0
-        self.winches: dict[int, OwnWinch] = {}
+        self.winches: dict[int, CoarseWinch] = {}
         self._pulls = np.zeros((STEPS_PER_CALL, rows.PULL_COLUMNS))
         self._pull_n = float(np.linalg.norm(at.pull_n))
 
@@ -145,7 +151,7 @@ class HalfRope:
         raise KeyError(r)
 
 
-class Meeting(Protocol):
+class MultiLineSystem(Protocol):
     """Multi-line system of a twin after a call of `advance`."""
 
     pull: Floats  # force on each upper end now [N], (ropes, PULL_COLUMNS)
@@ -158,12 +164,12 @@ class Meeting(Protocol):
         """Return hang-offs and paid-out lengths of coming steps, (ropes, steps + 1, MOTIONS)."""
 
 
-class HalfSystem:
+class CoarseSystem:
     """Coarse solution of a multi-line system; with a winch drive it keeps the elements."""
 
     def __init__(
         self,
-        ropes: Meeting,
+        ropes: MultiLineSystem,
         first: Rope,
         boundary: Boundary,
         border: int,
@@ -189,14 +195,14 @@ class HalfSystem:
             for lower, rope in zip(joints.lower, whole.ropes, strict=True)
         ]
         self._system = (
-            halved(whole, ropes.pull, rate[:, rows.LINE])
+            coarsened(whole, ropes.pull, rate[:, rows.LINE])
             if elements
             else _joined_as(whole, [_with_step_doubled(rope, rope) for rope in whole.ropes])
         )
         self.rests = resting and settle_reeved(self._system, value).found
         self._now = value.copy(), rate.copy()
         self.waiting = 0
-        self.winches: dict[int, OwnWinch] = {}
+        self.winches: dict[int, CoarseWinch] = {}
         self._pulls = np.zeros((len(whole.ropes), 0, rows.PULL_COLUMNS))
         self._pull_n: list[float] = ropes.pull[:, rows.PULL].tolist()
 
@@ -256,7 +262,7 @@ class HalfSystem:
         return tensions
 
 
-class EffectsApart:
+class SeparateEffects:
     """Effects of the twin, with separate copies of those that hold a state.
 
     A rigid body holds its position; vortex models hold a phase or a wake at each node, which the
@@ -280,7 +286,7 @@ class EffectsApart:
         return effects
 
 
-def halved(whole: System, pull: Floats, payout_m_per_s: Floats) -> System:
+def coarsened(whole: System, pull: Floats, payout_m_per_s: Floats) -> System:
     """Return the system with every rope on every second node and twice the step.
 
     Connections stay. pull: force of each rope on its hang-off or upper connection [N], (ropes,
@@ -292,7 +298,7 @@ def halved(whole: System, pull: Floats, payout_m_per_s: Floats) -> System:
         loose = whole.joints.upper[r] == LOOSE
         speed = float(payout_m_per_s[r]) if loose else passing[r]
         at = HangOff(pull[r, rows.PULL_X : rows.PULL_Z + 1].copy(), speed)
-        half = rope if int(rope.state.counts[ELEMENTS]) < FEW else coarser(rope, at)
+        half = rope if int(rope.state.counts[ELEMENTS]) < MIN_ELEMENTS else coarser(rope, at)
         ropes.append(_with_step_doubled(half, rope))
     return _joined_as(whole, ropes)
 
@@ -324,3 +330,44 @@ def _joined_as(whole: System, ropes: Sequence[Rope]) -> System:
         found = found._replace(joints=flows, sheaves=copy.deepcopy(sheaves))
     found.joints.nodes[:] = joints.nodes
     return found
+
+
+class CoarseWinch:
+    """Winch of one rope of the coarse solution, where its winch responds to the tension.
+
+    A drive that renders, a brake that slips, a command by depth or tension pay out by the rope's
+    response, so part of the rope's error is in the paid-out length. The coarse winch is a copy of
+    the twin's at the moment of its first tension feedback; it gets the same commands and the coarse
+    tension.
+    """
+
+    def __init__(self, winch: Winch, scene: Scene, r: int) -> None:
+        """Copy the twin's winch of rope r at the time that the coarse solution has reached."""
+        self._winch = copy.deepcopy(winch)
+        self._line = scene.ropes[r]
+        self._rest_z = places(scene)[self._line.from_][2]
+
+    def take(self, stamp_ns: int | None, order: Order, now_ns: int) -> None:
+        """Take a command that the twin's winch has accepted; rejections were counted there."""
+        self._winch.take(stamp_ns, order, now_ns)
+
+    def doubt(self) -> None:
+        """Invalidate commands that were known in advance."""
+        self._winch.doubt()
+
+    def prescribe(self, rope: Rope, begin_ns: int, borders: Boundary, pull_n: float) -> None:
+        """Set the paid-out length at the end of the step that begins now.
+
+        borders: at the step's beginning and end, (2, rows.MOTIONS) each; the hang-off's motion is
+        already there. pull_n: tension at the hang-off now [N].
+        """
+        value, rate = borders
+        felt = None
+        if self._winch.feels(begin_ns):
+            heave = float(value[0, rows.Z]) - self._rest_z
+            course = Course(heave, self._winch.payout_m_per_s2)
+            felt = feel(rope, self._line, pull_n, value, course)
+        heaving = float(rate[1, rows.Z])
+        value[1, rows.LINE], rate[1, rows.LINE] = self._winch.step(
+            begin_ns, rope.model.step, heaving, felt
+        )

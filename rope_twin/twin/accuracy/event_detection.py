@@ -59,7 +59,7 @@ def offset_pull_n(rope: Rope) -> float:
     return float(np.abs(rope.state.offset[:n]).sum() / yielding.sum())
 
 
-class Sight:
+class EventDetector:
     """Event detector that samples the ropes and compares with the previous sample."""
 
     def __init__(self, ropes: Sequence[Rope], made_fast: Sequence[bool]) -> None:
