@@ -26,6 +26,7 @@ from rope_twin.ros.entry import PARENT, StopSignal, initialise, keep_to_loopback
 from rope_twin.ros.qos import message_type, profile
 from rope_twin.ros.recorder_node import free_path
 from rope_twin.ros.run_status import RUN_ROW
+from rope_twin.ros.spare import Spare
 from rope_twin.ros.suite import END_ORDER, node_parameters, where
 from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import FigureProgress
@@ -39,6 +40,7 @@ _WAIT_S = 0.1
 _RESTARTS, _RESTARTS_WITHIN_S = 3, 60.0  # a process is started again so often at most
 _BEGUN_S = 5.0  # one that ends sooner with an exit code of its own could not begin
 _SAVE_EVERY_S = 2.0  # real time: what a simulation that died computes again at most
+_SETTLED_S = 2.0  # after the newest start a spare is made
 _FIND_S = 20.0  # what processes may take to start and to find each other
 _MAX_WARNINGS = 10  # of messages that are ignored, one for each sender
 _FIND_AGAIN_S = 3.0  # the same for one that finds the others at work
@@ -108,6 +110,8 @@ class Processes:
             "save_to": simulation["save_to"] or str(Path(self._folder.name) / "simulation.state"),
             "save_every_s": _SAVE_EVERY_S,
         }
+        self._scene = options.scene
+        self._spare: Spare | None = None
         self._call = Path()  # the file that calls the present standby recorder
         self._state_before = _signature(Path(simulation["save_to"]))
         for name in self._parameters:
@@ -119,6 +123,14 @@ class Processes:
     def names(self) -> list[str]:
         """What runs, in the order of starting."""
         return list(self._running)
+
+    def keep_spare(self) -> None:
+        """Have a process at hand that can become any node, once the others have begun."""
+        if self._spare is not None and not self._spare.waits:
+            self._spare.close()
+            self._spare = None
+        if self._spare is None and time.monotonic() - max(self._started_s.values()) > _SETTLED_S:
+            self._spare = Spare(self._scene, _environment())
 
     def ended(self) -> dict[str, int]:
         """Exit codes (negative: killed by that signal) of processes that have ended since."""
@@ -171,6 +183,8 @@ class Processes:
     def close(self) -> None:
         """Kill whatever still runs and remove what only restarts needed."""
         self.kill()
+        if self._spare is not None:
+            self._spare.close()
         self._folder.cleanup()
 
     def _start(self, name: str, again: bool = False) -> None:
@@ -187,13 +201,18 @@ class Processes:
             saved = _signature(Path(parameters["save_to"]))
             if saved is not None and saved != self._state_before:  # by this run, not an earlier one
                 parameters["start_from"] = parameters["save_to"]
-        # A session of its own: Ctrl-C comes to us alone, and we end them in order.
-        self._running[name] = subprocess.Popen(
-            node_command(name, parameters),
-            env={**os.environ, PARENT: str(os.getpid())},
-            start_new_session=True,
-        )
+        self._running[name] = self._begin(name, parameters)
         self._started_s[name] = time.monotonic()
+
+    def _begin(self, name: str, parameters: dict[str, Any]) -> subprocess.Popen[bytes]:
+        """Start the process of a node, or let the spare become it."""
+        spare, self._spare = self._spare, None
+        if spare is not None and spare.become(_node_of(name), node_arguments(name, parameters)):
+            return spare.process
+        # A session of its own: Ctrl-C comes to us alone, and we end them in order.
+        return subprocess.Popen(
+            node_command(name, parameters), env=_environment(), start_new_session=True
+        )
 
     def tell(self, name: str) -> None:
         """Ask one to end."""
@@ -221,14 +240,28 @@ def _signature(path: Path) -> tuple[int, int] | None:
 
 def node_command(name: str, parameters: dict[str, Any]) -> list[str]:
     """The command line of a node with its parameters (as YAML, so JSON will do)."""
-    module = "recorder" if name == STANDBY else name
-    command = [sys.executable, "-m", f"rope_twin.ros.{module}_node", "--ros-args"]
+    module = f"rope_twin.ros.{_node_of(name)}_node"
+    return [sys.executable, "-m", module, *node_arguments(name, parameters)]
+
+
+def node_arguments(name: str, parameters: dict[str, Any]) -> list[str]:
+    """The arguments of a node's process."""
+    arguments = ["--ros-args"]
     if name == STANDBY:
-        command += ["-r", f"__node:={name}"]
+        arguments += ["-r", f"__node:={name}"]
     for key, value in parameters.items():
         if value != "":
-            command += ["-p", f"{key}:={json.dumps(value)}"]
-    return command
+            arguments += ["-p", f"{key}:={json.dumps(value)}"]
+    return arguments
+
+
+def _node_of(name: str) -> str:
+    return "recorder" if name == STANDBY else name
+
+
+def _environment() -> dict[str, str]:
+    """What the process of a node needs to know of the one that starts it."""
+    return {**os.environ, PARENT: str(os.getpid())}
 
 
 def _awaited(options: RunOptions) -> str:
@@ -301,6 +334,8 @@ class _Watch:
             summary = self._monitor.summary
             if summary is not None and summary.error:
                 break
+            if summary is not None:
+                self._processes.keep_spare()
             if summary is not None and self._progress.due:
                 self._progress.show(summary)
 

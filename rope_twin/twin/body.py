@@ -14,9 +14,14 @@ from rope_twin.core.state import Rope
 from rope_twin.twin.snapshot import BodyShot, Snapshot, amended
 
 
+def body_of(rope: Rope) -> RigidBody | None:
+    """Return the rigid body at the lower end of a rope, if its payload is one."""
+    return next((effect for effect in rope.effects if isinstance(effect, RigidBody)), None)
+
+
 def with_body(shot: Snapshot, rope: Rope) -> Snapshot:
     """Add the rope's rigid body to the snapshot; its centre is then the payload's position."""
-    body = next((effect for effect in rope.effects if isinstance(effect, RigidBody)), None)
+    body = body_of(rope)
     if body is None:
         return shot
     nodes, pose = rope.state.nodes, pose_of(body)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections import deque
+from collections import Counter, deque
 from typing import NamedTuple
 
 from rope_twin.errors import phrase
@@ -58,7 +58,7 @@ class InputCounter:
 
     def __init__(self, name: str) -> None:
         self.name = name
-        self._counts = dict.fromkeys(_KINDS, 0)
+        self._counts = Counter(dict.fromkeys(_KINDS, 0))
         self._newest_ns: int | None = None
         self._refusal = ""
         self._remark = ""

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -46,9 +45,11 @@ class LogEntry(NamedTuple):
 
 def apply(twin: Twin, calls: tuple[Call, ...]) -> None:
     """Make the calls of a log entry; the twin counts the inputs that it rejects."""
-    for call in calls:
-        with suppress(InputError):
-            getattr(twin, call.method)(*call.arguments, **call.named)
+    for method, arguments, named in calls:
+        try:  # noqa: SIM105 - `suppress` takes as long as the call
+            getattr(twin, method)(*arguments, **named)
+        except InputError:
+            pass
 
 
 class InputQueue:
@@ -114,7 +115,9 @@ class InputQueue:
 
     def offer_current(self, *arguments: Any, **named: Any) -> str:
         """Queue a current profile; return "" or the reason for its rejection."""
-        return self._put(Call("offer_current", arguments, named))
+        profile = arguments[0] if arguments else None
+        size = profile.size if isinstance(profile, np.ndarray) else 0
+        return self._put(Call("offer_current", arguments, named), size)
 
     def offer_cut(self, *arguments: Any, **named: Any) -> str:
         """Queue a cut; return "" or the reason for its rejection."""
@@ -124,8 +127,7 @@ class InputQueue:
         """Queue the invalidation of inputs that were known in advance."""
         self._put(Call(_DOUBT, (), {}))
 
-    def _put(self, call: Call) -> str:
-        size = 1 + sum(one.size for one in call.arguments if isinstance(one, np.ndarray))
+    def _put(self, call: Call, size: int = 1) -> str:
         with self._lock:
             if self._waiting_numbers + size > WAITING_LIMIT:
                 self.refused += 1

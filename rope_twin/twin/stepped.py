@@ -29,7 +29,7 @@ from rope_twin.twin.accuracy.level import (
 )
 from rope_twin.twin.accuracy.regrid import HangOff
 from rope_twin.twin.accuracy.validity import CUT_REASON
-from rope_twin.twin.body import with_body
+from rope_twin.twin.body import body_of, with_body
 from rope_twin.twin.contact import bed_contact, bed_of
 from rope_twin.twin.cutting.severing import Place
 from rope_twin.twin.hoisting.line import LineOut
@@ -86,6 +86,8 @@ class SteppedTwin(ToldTwin):
         start_n = upper[:, rows.PULL].tolist()
         start_n[0] += self._load_rules.supported_n(float(self._tension[0]))
         self._loads = LoadRecord(self._load_rules, start_n)
+        self._has_bed = bed_of(self._rope) is not None
+        self._has_body = body_of(self._ropes.lowest(self._rope)) is not None
         if watches_bends(scene):
             self._bends = BendWatch(scene)
         if model_beside(scene) is not None:
@@ -371,8 +373,9 @@ class SteppedTwin(ToldTwin):
         )
         self._unconverged = unconverged
         self._recent = Extremes()
-        taken = with_body(taken, self._ropes.lowest(self._rope))
-        contact = bed_contact(self._rope)
+        if self._has_body:
+            taken = with_body(taken, self._ropes.lowest(self._rope))
+        contact = bed_contact(self._rope) if self._has_bed else None
         if contact is not None:
             amended(taken, seabed=contact)
         if self._shaking is not None:
@@ -383,7 +386,7 @@ class SteppedTwin(ToldTwin):
         """Add touchdown and bends (if the scene has them), loads, limits and the known error."""
         self._validity.look(taken, self._motion_judged)
         added: dict[str, Any] = {"card_error": self.card_error}
-        bed = bed_of(self._rope)
+        bed = bed_of(self._rope) if self._has_bed else None
         if bed is not None or self._bends is not None:
             ropes = self._ropes.hung(self._rope, taken)
             if bed is not None:

@@ -27,6 +27,7 @@ from rope_twin.messages import decode
 from rope_twin.recording.bag_reader import BagReader
 from rope_twin.recording.recover import recover
 from rope_twin.ros import processes as ros_processes
+from rope_twin.ros.spare import NODES
 from rope_twin.run.options import RunOptions
 from rope_twin.whole_file import write_whole
 
@@ -88,6 +89,10 @@ class Campaign:
                 continue
             name = next((w.split(".")[-1] for w in words if w.startswith("rope_twin.ros.")), "")
             standby = any("standby:=" in word for word in words)
+            if name == "spare":  # it may be a node by now, and is called so
+                called = Path(f"/proc/{child.pid}/comm").read_text().strip()
+                name = f"{called}_node" if called in NODES else ""
+                standby = called == "recorder"
             if name == "recorder_node" and standby and self._has_begun(child):
                 standby = False
             if name and child.status() != psutil.STATUS_ZOMBIE:

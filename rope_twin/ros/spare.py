@@ -1,0 +1,95 @@
+"""A process that stands ready to become any node of the suite.
+
+Importing the libraries takes a process longer than all the rest of its start. A spare has imported
+everything, and has loaded the compiled code of the scene, before a node dies: it then reads the
+node's name and arguments from its standard input and goes on as that node.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import select
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+from pathlib import Path
+
+from rope_twin.errors import RopeTwinError
+from rope_twin.run.ending import ending_signals
+
+NODES = ("simulation", "sea_state", "winch_schedule", "recorder", "viewer")
+_COMM = Path("/proc/self/comm")  # the name that `ps` and `top` show, on Linux
+
+
+class Spare:
+    """The spare of a run, for the process that starts its nodes."""
+
+    def __init__(self, scene: str, environment: dict[str, str]) -> None:
+        # A session of its own, as every node has: Ctrl-C comes to the run's own process alone.
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "rope_twin.ros.spare", scene],
+            stdin=subprocess.PIPE,
+            env=environment,
+            start_new_session=True,
+        )
+
+    @property
+    def waits(self) -> bool:
+        """Whether it has not ended."""
+        return self.process.poll() is None
+
+    def become(self, node: str, arguments: list[str]) -> bool:
+        """Let it go on as a node; False if it has ended, as when somebody killed it."""
+        assert self.process.stdin is not None
+        try:
+            with self.process.stdin as pipe:
+                pipe.write(json.dumps([node, arguments]).encode() + b"\n")
+        except OSError:
+            return False
+        return True
+
+    def close(self) -> None:
+        """Kill it."""
+        self.process.kill()
+        self.process.wait()
+        if self.process.stdin is not None:
+            with suppress(OSError):
+                self.process.stdin.close()
+
+
+def main(scene: str) -> int:
+    """Wait for a node's name and arguments, then run it; its exit code, 0 if none is wanted."""
+    for number in ending_signals():  # until it is a node, only the run's own process ends it
+        signal.signal(number, signal.SIG_IGN)
+    modules = {}
+    for node in NODES:
+        with suppress(ImportError):  # the viewer needs an extra
+            modules[node] = importlib.import_module(f"rope_twin.ros.{node}_node")
+    if not select.select([sys.stdin], [], [], 0.0)[0]:  # else it is wanted already
+        _load_compiled_code(scene)
+    line = sys.stdin.readline()
+    if not line:  # the run's own process is gone
+        return 0
+    node, arguments = json.loads(line)
+    for number in ending_signals():
+        signal.signal(number, signal.SIG_DFL)
+    with suppress(OSError):
+        _COMM.write_text(node)
+    sys.argv = [f"rope_twin.ros.{node}_node", *arguments]
+    return int(modules[node].main(sys.argv))
+
+
+def _load_compiled_code(scene: str) -> None:
+    """Build the scene's twin once; what is wrong with it is for the node to say."""
+    from rope_twin.scene.load import load_scene
+    from rope_twin.twin.twin import Twin
+
+    with suppress(RopeTwinError):
+        twin = Twin(load_scene(scene))
+        twin.advance(1)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))
