@@ -11,8 +11,8 @@ import numpy as np
 from rope_twin.messages import forms
 from rope_twin.messages.cdr import Template, new, serialise
 from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC
-from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION, Order
 from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.winch.commands import DEPTH, LENGTH, SPEED, TENSION, WinchCommand
 
 ORDER_FIELDS = {SPEED: "velocity", LENGTH: "position", DEPTH: "position", TENSION: "effort"}
 
@@ -46,7 +46,7 @@ def encode_elevation(stamp_ns: int, elevation_m: float) -> bytes:
     return _elevation().fill({**_stamp(stamp_ns), "point": (0.0, 0.0, elevation_m)})
 
 
-def encode_order(stamp_ns: int, order: Order, winch: str = "winch") -> tuple[str, bytes]:
+def encode_order(stamp_ns: int, order: WinchCommand, winch: str = "winch") -> tuple[str, bytes]:
     """Topic and message of an order to a winch; a stamp of 0 means at once.
 
     Length and depth are positions, a speed a velocity, a tension an effort, a switch a second name.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from rope_twin.messages import forms
 from rope_twin.messages.cdr import Templates, new, serialise
-from rope_twin.twin.hoisting.orders import MOTIONS
 from rope_twin.twin.snapshot import Snapshot, WinchShot
+from rope_twin.twin.winch.commands import CONTROL_MODES
 
 
 class WinchForms:
@@ -36,6 +36,6 @@ class WinchForms:
 
 def mode_words(winch: WinchShot) -> str:
     """Like `winch: length 350 m; held at ...`."""
-    unit = MOTIONS.get(winch.mode, "")
+    unit = CONTROL_MODES.get(winch.mode, "")
     told = f"{winch.mode} {winch.target:g} {unit}" if unit else winch.mode.replace("_", " ")
     return f"{winch.name}: {told}" + (f" ({winch.at_limit})" if winch.at_limit else "")

@@ -22,8 +22,8 @@ from rope_twin.scene.schema import Winch
 from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC, WINCH_TOPICS
 from rope_twin.twin.cutting.cut_plan import PlannedCut
 from rope_twin.twin.cutting.cutting import plan_for
-from rope_twin.twin.hoisting.orders import SPEED
-from rope_twin.twin.hoisting.schedule import motion_of, schedule_samples
+from rope_twin.twin.winch.commands import SPEED
+from rope_twin.twin.winch.schedule import motion_of, schedule_samples
 
 
 class WinchScheduleNode(FeedingNode):
@@ -68,7 +68,7 @@ class WinchScheduleNode(FeedingNode):
             return
         for name, winch in self._winches.items():
             for sample in schedule_samples(winch, from_ns, to_ns):
-                self.send(*encode_order(epoch_ns + sample.stamp_ns, sample.order, name))
+                self.send(*encode_order(epoch_ns + sample.stamp_ns, sample.command, name))
 
     def _other_commanders(self) -> list[str]:
         """Names of other nodes that publish any command to a winch."""

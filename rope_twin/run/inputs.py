@@ -1,6 +1,6 @@
 """What moves the ship in a run, chosen in one place for every runner.
 
-With the winch schedule (`rope_twin.twin.hoisting.schedule`) this is all that a run feeds to its
+With the winch schedule (`rope_twin.twin.winch.schedule`) this is all that a run feeds to its
 twin, with the same stamps whether it is paced over ROS or not.
 """
 

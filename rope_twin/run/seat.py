@@ -21,13 +21,13 @@ from rope_twin.messages import Level, Status
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rules.rigging import winches_by_name
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.hoisting.orders import (
+from rope_twin.twin.winch.commands import (
     COMMANDER_LOST,
+    CONTROL_MODES,
     EMERGENCY_STOP,
-    MOTIONS,
     NEW_COMMANDER,
     SPEED,
-    Order,
+    WinchCommand,
 )
 
 ANY = "*"  # in a list of priorities: every node that is not in it
@@ -83,7 +83,7 @@ class CommandSeat:
                 return self._names.index(one)
         return len(self._names)
 
-    def judge(self, sender: str, order: Order, now_s: float) -> Verdict:
+    def judge(self, sender: str, order: WinchCommand, now_s: float) -> Verdict:
         """Let a command through to the twin, or refuse it; it may take the seat."""
         if order.kind == EMERGENCY_STOP or sender == self.holder:
             return Verdict()
@@ -101,10 +101,10 @@ class CommandSeat:
         self._streak, self._unseen_s, self._silent = 0, None, False
         return Verdict(is_new=is_new)
 
-    def note(self, order: Order, stamp_ns: int | None, now_ns: int, now_s: float) -> None:
+    def note(self, order: WinchCommand, stamp_ns: int | None, now_ns: int, now_s: float) -> None:
         """Note a command of the holder: twin time of its stamp (None: at once) and now."""
         self._commanded_s = now_s
-        if order.kind not in MOTIONS:
+        if order.kind not in CONTROL_MODES:
             return
         until_ns = now_ns if stamp_ns is None else max(now_ns, stamp_ns)
         gap_ns = until_ns - self._newest_ns
@@ -112,7 +112,7 @@ class CommandSeat:
             self._gap_ns, self._gap_s = gap_ns, now_s
         self._streak = self._streak + 1 if gap_ns < STREAM_GAP_NS else 1
         self._newest_ns = max(self._newest_ns, until_ns)
-        self._stands = order == Order(SPEED, 0.0)
+        self._stands = order == WinchCommand(SPEED, 0.0)
         plans = self.holder.rpartition("/")[2] == self._planner
         self._ahead_ns = 0 if plans else until_ns - now_ns
         self._silent, self._yielded = False, ""
@@ -222,20 +222,20 @@ class CommandSeat:
 class Command(NamedTuple):
     """A command as it came."""
 
-    order: Order
+    command: WinchCommand
     stamp_ns: int | None  # twin time [ns]; None: at once
     sender: str  # name of its node, or what `publisher` says while that is not known
     publisher: str = ""  # what the sender was called before its name was known
 
 
 class Seats:
-    """The seats of all winches of a scene; `order` takes what they order the winches to do."""
+    """The seats of all winches of a scene; `command` takes what they order the winches to do."""
 
     def __init__(
         self,
         scene: Scene,
         priority: str,
-        order: Callable[[Order, str], None],
+        order: Callable[[WinchCommand, str], None],
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self._now_s = now_s
@@ -267,14 +267,14 @@ class Seats:
             return command  # for no winch of this scene: the twin refuses it
         if command.publisher and seat.holder == command.publisher:
             seat.rename(command.sender)
-        verdict = seat.judge(command.sender, command.order, now_s)
+        verdict = seat.judge(command.sender, command.command, now_s)
         if verdict.refusal:
             return None
         if verdict.is_new:
-            self._order(Order(NEW_COMMANDER), winch)
+            self._order(WinchCommand(NEW_COMMANDER), winch)
         if command.sender == seat.holder:
-            seat.note(command.order, command.stamp_ns, now_ns, now_s)
-        is_stop = command.order.kind == EMERGENCY_STOP
+            seat.note(command.command, command.stamp_ns, now_ns, now_s)
+        is_stop = command.command.kind == EMERGENCY_STOP
         ahead = command.stamp_ns is not None and command.stamp_ns > now_ns
         if is_stop and ahead and command.sender.rpartition("/")[2] != self._planner:
             return command._replace(stamp_ns=None)
@@ -291,7 +291,7 @@ class Seats:
         for name, seat in self._by_winch.items():
             held, now_s = seat.holder, self._now_s()
             for kind in seat.look(present, now_ns, now_s):
-                self._order(Order(kind), name)
+                self._order(WinchCommand(kind), name)
             if held and not seat.holder:
                 found.append(f"winch {name}: {seat.row(now_s).message}")
         return found
@@ -304,7 +304,7 @@ class Seats:
         """Free a seat; success and words."""
         done, words, kinds = self._by_winch[winch].release(self._now_s())
         for kind in kinds:
-            self._order(Order(kind), winch)
+            self._order(WinchCommand(kind), winch)
         return done, words
 
     def words(self) -> str:

@@ -16,16 +16,16 @@ import numpy as np
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.twin.accuracy.level import AccuracyLevel
-from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.pacing import Steppable
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.winch.commands import WinchCommand
 
 WAITING_LIMIT = 1_000_000  # numbers that may wait for the next cycle, 8 MB
 SET_LEVEL = "set_level"
 _DOUBT = "doubt_inputs"
-_PARTS = {kind.__name__: kind for kind in (ShipPose, Order, AccuracyLevel)}
+_PARTS = {kind.__name__: kind for kind in (ShipPose, WinchCommand, AccuracyLevel)}
 
 
 class Call(NamedTuple):
@@ -109,9 +109,9 @@ class InputQueue:
         """Queue a ship pose; return "" or the reason for its rejection."""
         return self._put(Call("offer_pose", arguments, named))
 
-    def offer_order(self, *arguments: Any, **named: Any) -> str:
+    def offer_command(self, *arguments: Any, **named: Any) -> str:
         """Queue a winch command; return "" or the reason for its rejection."""
-        return self._put(Call("offer_order", arguments, named))
+        return self._put(Call("offer_command", arguments, named))
 
     def offer_current(self, *arguments: Any, **named: Any) -> str:
         """Queue a current profile; return "" or the reason for its rejection."""
@@ -185,7 +185,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, dict):
         return {name: _plain(part) for name, part in value.items()}
     if type(value).__name__ in _PARTS:
-        fields = value._asdict() if isinstance(value, Order) else vars(value)
+        fields = value._asdict() if isinstance(value, WinchCommand) else vars(value)
         return {type(value).__name__: {name: _plain(part) for name, part in fields.items()}}
     if isinstance(value, list | tuple):
         return [_plain(part) for part in value]

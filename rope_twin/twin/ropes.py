@@ -18,13 +18,13 @@ from rope_twin.scene.schema import Scene
 from rope_twin.twin.cutting.bare_end import without_load
 from rope_twin.twin.cutting.parted import PartedRopes
 from rope_twin.twin.cutting.severing import Place, sever
-from rope_twin.twin.hoisting.no_other_winch import NoOtherWinch
-from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.hung import HungRope, hung_rope
 from rope_twin.twin.joined.joined import JoinedRopes
 from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.snapshot import Snapshot, first_rope
 from rope_twin.twin.start import find_start
+from rope_twin.twin.winch.commands import WinchCommand
+from rope_twin.twin.winch.single_winch import SingleWinch
 
 
 class Ropes(Protocol):
@@ -39,7 +39,7 @@ class Ropes(Protocol):
             SceneError: there is no equilibrium.
         """
 
-    def offer(self, name: str, stamp_ns: int | None, order: Order, now_ns: int) -> str:
+    def offer(self, name: str, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> str:
         """Submit a command to another winch than the first; return "" or the rejection."""
 
     def doubt(self) -> None:
@@ -48,7 +48,7 @@ class Ropes(Protocol):
     def newest_ns(self) -> dict[str, int]:
         """Return the stamp of the newest accepted command of each of those winches, if any [ns]."""
 
-    def feel(self, time_ns: int) -> bool:
+    def needs_feedback(self, time_ns: int) -> bool:
         """Return whether another winch needs tension feedback for the step from this time on."""
 
     def prescribe(
@@ -109,7 +109,7 @@ class Ropes(Protocol):
         """Remove from `values` what `changing` gave and restore it; first: the first rope now."""
 
 
-class OneRope(NoOtherWinch):
+class OneRope(SingleWinch):
     """A single rope with its payload."""
 
     def __init__(self, scene: Scene) -> None:

@@ -32,7 +32,6 @@ from rope_twin.twin.accuracy.validity import CUT_REASON
 from rope_twin.twin.body import body_of, with_body
 from rope_twin.twin.contact import bed_contact, bed_of
 from rope_twin.twin.cutting.severing import Place
-from rope_twin.twin.hoisting.line import LineOut
 from rope_twin.twin.joined.joined import JoinedRopes
 from rope_twin.twin.limits import LoadRecord, LoadRules
 from rope_twin.twin.motion.prescribed import Inputs, LeadOver, Prescribed, Present
@@ -45,6 +44,7 @@ from rope_twin.twin.stuck import no_next_state
 from rope_twin.twin.tightest_bend import BendWatch, watches_bends
 from rope_twin.twin.told import ToldTwin
 from rope_twin.twin.touchdown import touchdown_of
+from rope_twin.twin.winch.payout import Payout
 
 if TYPE_CHECKING:
     from rope_twin.twin.vibration.shaking import Shaking
@@ -226,9 +226,7 @@ class SteppedTwin(ToldTwin):
         with self._lock:
             self._ahead.steps = 0
             value, rate = self._boundary
-            self._winch.continue_from(
-                LineOut(float(value[0, rows.LINE]), float(rate[0, rows.LINE]))
-            )
+            self._winch.continue_from(Payout(float(value[0, rows.LINE]), float(rate[0, rows.LINE])))
             self._ropes.prescribe_again()
 
     def checkpoint(self) -> Checkpoint:

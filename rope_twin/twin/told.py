@@ -14,13 +14,13 @@ from rope_twin.scene.rules.rigging import is_joined, winches_by_name
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.accuracy.validity import SceneMotion, StudyValidity
 from rope_twin.twin.cutting.cutting import CutInput
-from rope_twin.twin.hoisting.orders import SPEED, Order
-from rope_twin.twin.hoisting.winch import winch_of_rope
 from rope_twin.twin.motion.hang_off import HangOffTrack
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.ropes import Ropes
 from rope_twin.twin.snapshot import CutShot, InputHealth
 from rope_twin.twin.water import CurrentInput
+from rope_twin.twin.winch.commands import SPEED, WinchCommand
+from rope_twin.twin.winch.winch import winch_of_rope
 
 
 class ToldTwin:
@@ -102,9 +102,9 @@ class ToldTwin:
 
     def offer_speed(self, stamp_ns: int | None, speed_m_per_s: float, winch: str = WINCH) -> str:
         """Command a winch speed, + pays out (stamp None: at once); return "" or the rejection."""
-        return self.offer_order(stamp_ns, Order(SPEED, speed_m_per_s), winch)
+        return self.offer_command(stamp_ns, WinchCommand(SPEED, speed_m_per_s), winch)
 
-    def offer_order(self, stamp_ns: int | None, order: Order, winch: str = WINCH) -> str:
+    def offer_command(self, stamp_ns: int | None, command: WinchCommand, winch: str = WINCH) -> str:
         """Command or switch a winch (stamp None: at once); return "" or the rejection.
 
         A command for an unknown winch counts as rejected by the first one.
@@ -112,15 +112,15 @@ class ToldTwin:
         winch = self.winch_called(winch)
         with self._lock:
             if winch == WINCH:
-                return self._winch.take(stamp_ns, order, self.time_ns)
+                return self._winch.take(stamp_ns, command, self.time_ns)
             if winch not in self._winch_names:
                 known = self._winch_names
                 right = did_you_mean(winch, known) if known else "this scene has none"
                 if len(self._first_winch_names) > 2 and known:
                     right = f"name it '{WINCH}', or leave the name empty"
                 sentence = phrase("winch command", f"there is no winch '{winch}'", right)
-                return self._winch.refuse(order, sentence)
-            return self._ropes.offer(winch, stamp_ns, order, self.time_ns)
+                return self._winch.refuse(command, sentence)
+            return self._ropes.offer(winch, stamp_ns, command, self.time_ns)
 
     def winch_called(self, name: str) -> str:
         """Return the name of the commanded winch; a single-line scene accepts its rope's too."""

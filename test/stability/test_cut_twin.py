@@ -23,11 +23,11 @@ from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.accuracy.overload import TwinOverloadProtection
 from rope_twin.twin.cutting.cut_plan import PlannedCut, read_plan
 from rope_twin.twin.cutting.cutting import CutInput, plan_for
-from rope_twin.twin.hoisting.orders import LENGTH, Order
 from rope_twin.twin.ledger import AccountedTwin
 from rope_twin.twin.pacing import SlotTimes
 from rope_twin.twin.saving.saved_state import load_state
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.winch.commands import LENGTH, WinchCommand
 
 Kind = TypeVar("Kind", bound=Twin)
 AT_S, BELOW_M = 2.505, 80.0  # between two borders of steps
@@ -124,12 +124,14 @@ def test_a_run_goes_on_from_a_file_and_on_a_branch(
 def test_the_winch_goes_on_with_the_rope_that_is_left(scene: Scene) -> None:
     """It hauls in to its least line out; an order by length was of the whole rope and has ended."""
     twin = Twin(scene)
-    assert not twin.offer_order(None, Order(LENGTH, 390.0))
+    assert not twin.offer_command(None, WinchCommand(LENGTH, 390.0))
     twin.advance(100)
     assert not twin.offer_cut(None, 60.0)
     twin.advance(500)
     assert twin.snapshot().payout_speed_m_per_s == 0.0
-    assert "50 to 2" in twin.offer_order(None, Order(LENGTH, 390.0)), "there is less rope now"
+    assert "50 to 2" in twin.offer_command(None, WinchCommand(LENGTH, 390.0)), (
+        "there is less rope now"
+    )
     assert not twin.offer_speed(None, -1.5)
     twin.advance(3000)
     shot = twin.snapshot()

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from rope_twin.scene.schema import Winch as WinchScene
-from rope_twin.twin.hoisting.orders import Order
-from rope_twin.twin.hoisting.winch import Winch
 from rope_twin.twin.motion.ship import HeaveTrack
+from rope_twin.twin.winch.commands import WinchCommand
+from rope_twin.twin.winch.winch import Winch
 
 SAMPLE_NS, STEP_NS, AHEAD_NS = 50_000_000, 10_000_000, 350_000_000
 PAUSE_NS = 4_000_000_000
@@ -103,7 +103,7 @@ def scheduled() -> Winch:
     """A winch that has done 1 s of a plan and knows 0.5 s more of it."""
     winch = Winch(SCENE, 100.0)
     for stamp_ns in range(0, 1_500_000_000, 100_000_000):
-        assert not winch.take(stamp_ns, Order("speed", 1.0), 0)
+        assert not winch.take(stamp_ns, WinchCommand("speed", 1.0), 0)
     for now in range(0, 1_000_000_000, STEP_NS):
         winch.step(now, 0.01)
     return winch
@@ -119,9 +119,9 @@ def test_a_schedule_that_repeats_itself_goes_on() -> None:
     winch, other = scheduled(), scheduled()
     winch.doubt()
     for stamp_ns in range(500_000_000, 1_500_000_000, 100_000_000):
-        assert not winch.take(stamp_ns, Order("speed", 1.0), 1_000_000_000)
+        assert not winch.take(stamp_ns, WinchCommand("speed", 1.0), 1_000_000_000)
     for one in (winch, other):
-        assert not one.take(1_500_000_000, Order("speed", -0.5), 1_200_000_000)
+        assert not one.take(1_500_000_000, WinchCommand("speed", -0.5), 1_200_000_000)
     span = (1_000_000_000, 4_000_000_000)
     assert line_out(winch, *span) == line_out(other, *span)
     assert winch.counter.health(0, False).refused == 0
@@ -130,10 +130,10 @@ def test_a_schedule_that_repeats_itself_goes_on() -> None:
 def test_a_stop_is_not_refused_for_a_plan_of_before_the_pause() -> None:
     """It replaces what the old plan says from its stamp on."""
     winch = scheduled()
-    assert winch.take(1_050_000_000, Order("speed", 0.0), 1_000_000_000), (
+    assert winch.take(1_050_000_000, WinchCommand("speed", 0.0), 1_000_000_000), (
         "without a pause the order holds"
     )
     winch.doubt()
-    assert not winch.take(1_050_000_000, Order("speed", 0.0), 1_000_000_000)
+    assert not winch.take(1_050_000_000, WinchCommand("speed", 0.0), 1_000_000_000)
     assert line_out(winch, 1_000_000_000, 4_000_000_000)[-1][1] == 0.0
-    assert winch.take(900_000_000, Order("speed", 0.0), 4_000_000_000), "late is late"
+    assert winch.take(900_000_000, WinchCommand("speed", 0.0), 4_000_000_000), "late is late"

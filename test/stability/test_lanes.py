@@ -42,9 +42,9 @@ from rope_twin.scene.arrays.build import build
 from rope_twin.scene.change import Change
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
-from rope_twin.twin.hoisting.orders import SPEED, Order
-from rope_twin.twin.hoisting.schedule import OrderSample
 from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.winch.commands import SPEED, WinchCommand
+from rope_twin.twin.winch.schedule import CommandSample
 
 TWO_SECTIONS = """\
     sections:
@@ -73,7 +73,7 @@ def paying(number: int) -> Variation:
     """One whose winch runs at a speed of its own, out and in again: splits and merges."""
     speed = 1.5 - 0.1 * (number % 3)
     commands = tuple(
-        OrderSample(k * SECOND_NS, Order(SPEED, v)) for k, v in ((0, speed), (9, -speed))
+        CommandSample(k * SECOND_NS, WinchCommand(SPEED, v)) for k, v in ((0, speed), (9, -speed))
     )
     return Variation(heave=HeaveSeries.of(sea(1.0, 8.0, 40.0)), commands=commands)
 

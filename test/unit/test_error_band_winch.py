@@ -17,7 +17,7 @@ from rope_twin.studies.variants import variant
 from rope_twin.twin.accuracy.coarse_solution import CoarseRope, CoarseSystem
 from rope_twin.twin.accuracy.error_bound import ErrorBound
 from rope_twin.twin.accuracy.error_interval import SETTLING_S, ErrorIntervalTwin
-from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.winch.commands import WinchCommand
 
 
 def half_of(twin: ErrorIntervalTwin) -> CoarseRope:
@@ -76,11 +76,11 @@ def test_an_order_by_depth_on_the_way_gives_the_companion_a_winch() -> None:
     twin = ErrorIntervalTwin(load_scene("shallow_lift"))
     twin.advance(101)  # an odd step: the companion has one to wait for
     assert not half_of(twin).winches
-    twin.offer_order(None, Order("depth", 195.0))
+    twin.offer_command(None, WinchCommand("depth", 195.0))
     twin.advance(99)
     assert half_of(twin).winches
     assert twin.snapshot().band is not None
-    twin.offer_order(None, Order("speed", 0.5))  # reaches both
+    twin.offer_command(None, WinchCommand("speed", 0.5))  # reaches both
     twin.advance(200)
     assert line_out_m(twin) == pytest.approx(
         float(half_of(twin)._ahead.value[0, rows.LINE]), abs=1e-4
@@ -92,9 +92,9 @@ def test_a_new_plan_after_a_pause_reaches_both_winches() -> None:
     """It comes with stamps before those of the old one, which it replaces."""
     twin = ErrorIntervalTwin(load_scene("emergency_stop"))
     twin.advance(10)
-    assert twin.offer_order(3_000_000_000, Order("speed", -0.5)) == ""
+    assert twin.offer_command(3_000_000_000, WinchCommand("speed", -0.5)) == ""
     twin.doubt_inputs()
-    assert twin.offer_order(1_000_000_000, Order("speed", 0.5)) == ""
+    assert twin.offer_command(1_000_000_000, WinchCommand("speed", 0.5)) == ""
     twin.advance(490)
     for rate in (twin._boundary.rate, half_of(twin)._ahead.rate):
         assert rate[0, rows.LINE] == pytest.approx(0.5, abs=0.01)
@@ -198,11 +198,11 @@ def test_where_ropes_meet_an_order_by_depth_on_the_way_leaves_the_band_known() -
     twin = ErrorIntervalTwin(load_scene("two_line_lift"))
     twin.advance(101)
     assert not system_of(twin).winches
-    assert twin.offer_order(None, Order("depth", 590.0), "aft_sheave") == ""
+    assert twin.offer_command(None, WinchCommand("depth", 590.0), "aft_sheave") == ""
     twin.advance(99)
     assert system_of(twin).winches.keys() == {1}
     assert all(one.band is not None for one in twin.snapshot().ropes)
-    assert twin.offer_order(None, Order("speed", 0.2), "aft_sheave") == ""
+    assert twin.offer_command(None, WinchCommand("speed", 0.2), "aft_sheave") == ""
     twin.advance(200)
     assert twin.joined is not None
     own = twin.joined.moved.rate[1, -1, rows.LINE]

@@ -27,9 +27,9 @@ from rope_twin.twin.accuracy.overload import (
     TwinOverloadProtection,
 )
 from rope_twin.twin.handover import Handover
-from rope_twin.twin.hoisting.schedule import schedule_samples
 from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.pacing import Pacer, SlotTimes, steps_in_slot
+from rope_twin.twin.winch.schedule import schedule_samples
 from validation.rigs import Rig, sine
 
 MS = 1_000_000
@@ -233,7 +233,7 @@ def sailed(moves: Sequence[tuple[float, AccuracyLevel]], seconds: float) -> dict
         for heave in sea.between(offered_ns, until_ns):
             offer(twin, heave)
         for command in schedule_samples(scene.winch, offered_ns, until_ns):
-            twin.offer_order(command.stamp_ns, command.order)
+            twin.offer_command(command.stamp_ns, command.command)
         offered_ns = until_ns
         twin.advance(1)
         shots[twin.time_ns] = twin.snapshot()

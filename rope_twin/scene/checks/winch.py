@@ -9,7 +9,9 @@ from rope_twin.scene.figures import LiftFigures
 from rope_twin.scene.schema import Scene
 
 ON, OFF = "compensate", "stop_compensating"
-LONGEST_STEP = 0.5  # of the time of an axial wave along the rope (see twin/hoisting/feel.py)
+LONGEST_STEP = (
+    0.5  # of the time of an axial wave along the rope (see twin/winch/tension_feedback.py)
+)
 
 
 def check_winch(scene: Scene, figures: LiftFigures) -> Iterator[str]:

@@ -13,12 +13,12 @@ from rope_twin.scene.rules.rigging import winches_by_name
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.heave_response import BoxHull
 from rope_twin.sea.spectrum import jonswap
-from rope_twin.twin.hoisting.schedule import schedule_samples
 from rope_twin.twin.joined.line_watch import LineWatch
 from rope_twin.twin.joined.lines_shot import LineEvent, Nearest
 from rope_twin.twin.motion.irregular_sea import SeaRecord, synthesise
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.winch.schedule import schedule_samples
 
 # Hs [m] and Tp [s] of sea states (STANAG 4194)
 SEA_STATES = {3: (0.9, 7.5), 4: (1.9, 8.8), 5: (3.3, 9.7), 6: (5.0, 12.4)}
@@ -161,7 +161,7 @@ def _offer(twin: Twin, scene: Scene, second: int, heave: _Heave) -> None:
     """Commands and heave of a second to come."""
     for name, winch in winches_by_name(scene).items():
         for row in schedule_samples(winch, second * SECOND_NS, (second + 1) * SECOND_NS):
-            twin.offer_order(row.stamp_ns, row.order, name)
+            twin.offer_command(row.stamp_ns, row.command, name)
     heave.offer(twin, second)
 
 

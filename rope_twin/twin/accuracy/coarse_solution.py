@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 
 from rope_twin.scene.rules.rigging import places
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.hoisting.feel import Course, feel
-from rope_twin.twin.hoisting.orders import Order
-from rope_twin.twin.hoisting.winch import Winch
+from rope_twin.twin.winch.commands import WinchCommand
+from rope_twin.twin.winch.tension_feedback import HangOffMotion, tension_feedback
+from rope_twin.twin.winch.winch import Winch
 
 SAMPLING_RATIO = 4  # samplings of the twin's VIV model per sampling here, so six in a period
 MIN_ELEMENTS = 4  # elements: a rope with fewer is not coarsened, as joined ropes need at least two
@@ -347,9 +347,9 @@ class CoarseWinch:
         self._line = scene.ropes[r]
         self._rest_z = places(scene)[self._line.from_][2]
 
-    def take(self, stamp_ns: int | None, order: Order, now_ns: int) -> None:
+    def take(self, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> None:
         """Take a command that the twin's winch has accepted; rejections were counted there."""
-        self._winch.take(stamp_ns, order, now_ns)
+        self._winch.take(stamp_ns, command, now_ns)
 
     def doubt(self) -> None:
         """Invalidate commands that were known in advance."""
@@ -362,12 +362,12 @@ class CoarseWinch:
         already there. pull_n: tension at the hang-off now [N].
         """
         value, rate = borders
-        felt = None
-        if self._winch.feels(begin_ns):
+        feedback = None
+        if self._winch.needs_feedback(begin_ns):
             heave = float(value[0, rows.Z]) - self._rest_z
-            course = Course(heave, self._winch.payout_m_per_s2)
-            felt = feel(rope, self._line, pull_n, value, course)
+            course = HangOffMotion(heave, self._winch.payout_m_per_s2)
+            feedback = tension_feedback(rope, self._line, pull_n, value, course)
         heaving = float(rate[1, rows.Z])
         value[1, rows.LINE], rate[1, rows.LINE] = self._winch.step(
-            begin_ns, rope.model.step, heaving, felt
+            begin_ns, rope.model.step, heaving, feedback
         )

@@ -54,12 +54,12 @@ from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.accuracy.phase_drift import PhaseDrift
 from rope_twin.twin.accuracy.regrid import HangOff
 from rope_twin.twin.findings import TensionBand
-from rope_twin.twin.hoisting.orders import Order
-from rope_twin.twin.hoisting.winch import Winch
 from rope_twin.twin.recovery import Checkpoint
 from rope_twin.twin.saving.saved_state import SavedState
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.winch.commands import WinchCommand
+from rope_twin.twin.winch.winch import Winch
 
 __all__ = ["SETTLING_S", "ErrorIntervalTwin", "bed_below", "nodes_on", "touches"]
 
@@ -94,16 +94,16 @@ class ErrorIntervalTwin(Twin):
             twin._close_band()
         return twin
 
-    def offer_order(self, stamp_ns: int | None, order: Order, winch: str = WINCH) -> str:
+    def offer_command(self, stamp_ns: int | None, command: WinchCommand, winch: str = WINCH) -> str:
         """Command a winch and its copy in the coarse solution; return "" or the rejection."""
-        fault = super().offer_order(stamp_ns, order, winch)
+        fault = super().offer_command(stamp_ns, command, winch)
         names = [WINCH, *(line.from_ for line in self.scene.ropes[1:])]
         if (
             not fault
             and (own := self._coarse.winches.get(names.index(self.winch_called(winch)))) is not None
         ):
             with self._lock:
-                own.take(stamp_ns, order, self.time_ns)
+                own.take(stamp_ns, command, self.time_ns)
         return fault
 
     def doubt_inputs(self) -> None:
@@ -244,9 +244,9 @@ class ErrorIntervalTwin(Twin):
 
     def _answering(self) -> dict[int, Winch]:
         """Return the winches that need tension feedback for the next step, by rope number."""
-        first = {0: self._winch} if self._winch.feels(self.time_ns) else {}
+        first = {0: self._winch} if self._winch.needs_feedback(self.time_ns) else {}
         joined = self.joined
-        return first if joined is None else first | joined.feeling(self.time_ns)
+        return first if joined is None else first | joined.needing_feedback(self.time_ns)
 
     def _share_winches(self, answering: dict[int, Winch]) -> None:
         """Copy winches to the coarse solution that it lacks, once it reached the twin's time."""

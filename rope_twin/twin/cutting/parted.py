@@ -26,7 +26,6 @@ from rope_twin.twin.contact import bed_contact
 from rope_twin.twin.cutting.bare_end import is_at_end
 from rope_twin.twin.cutting.carried import carried_arrays, is_carried
 from rope_twin.twin.cutting.severing import Place, refresh_tension, step_free, without_beyond
-from rope_twin.twin.hoisting.no_other_winch import NoOtherWinch
 from rope_twin.twin.hung import HungRope, hung_rope
 from rope_twin.twin.saving.saved_state import changing_parts
 from rope_twin.twin.snapshot import (
@@ -37,12 +36,13 @@ from rope_twin.twin.snapshot import (
     SolverHealth,
     first_rope,
 )
+from rope_twin.twin.winch.single_winch import SingleWinch
 
 _WHOLE = (0.0, 1.0)
 DOUBLING = (0.0, *(0.5**k for k in range(8, -1, -1)))  # fractions of a step
 
 
-class PartedRopes(NoOtherWinch):
+class PartedRopes(SingleWinch):
     """Both parts of a cut rope."""
 
     def __init__(self, scene: Scene, first: Rope, lower: Rope) -> None:

@@ -17,23 +17,23 @@ from rope_twin.core.state import LINE, MOTIONS, Boundary, Floats, Z
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.schema import Ship
 from rope_twin.scene.schema import Winch as WinchScene
-from rope_twin.twin.hoisting.orders import FEELING
-from rope_twin.twin.hoisting.schedule import OrderSample, motion_of, schedule_samples
-from rope_twin.twin.hoisting.winch import Winch
 from rope_twin.twin.motion.heave_series import HeaveSeries
 from rope_twin.twin.motion.ship import ramp
+from rope_twin.twin.winch.commands import FEEDBACK_MODES
+from rope_twin.twin.winch.schedule import CommandSample, motion_of, schedule_samples
+from rope_twin.twin.winch.winch import Winch
 
 
-def foreseen(scene: WinchScene | None, commands: Sequence[OrderSample] | None) -> bool:
+def foreseen(scene: WinchScene | None, commands: Sequence[CommandSample] | None) -> bool:
     """Return whether paid-out length follows from commands and heave, without tension feedback."""
     if scene is None:
         return True
     if commands is None:
-        orders = [motion_of(row) for row in scene.schedule]
+        motions = [motion_of(row) for row in scene.schedule]
     else:
-        orders = [sample.order for sample in commands]
+        motions = [sample.command for sample in commands]
     return scene.drive is None and all(
-        order is None or order.kind not in FEELING for order in orders
+        motion is None or motion.kind not in FEEDBACK_MODES for motion in motions
     )
 
 
@@ -44,7 +44,7 @@ class WinchTrack:
         self,
         scene: WinchScene | None,
         length_m: float,
-        commands: Sequence[OrderSample] | None,
+        commands: Sequence[CommandSample] | None,
         step_s: float,
     ) -> None:
         """Start from `length_m` with these commands; None: the schedule of the scene.
@@ -61,7 +61,7 @@ class WinchTrack:
         self._commands = None if commands is None else deque(commands)
         trial = Winch(scene, length_m)
         for sample in commands or ():
-            fault = trial.take(sample.stamp_ns, sample.order, max(sample.stamp_ns, 0))
+            fault = trial.take(sample.stamp_ns, sample.command, max(sample.stamp_ns, 0))
             if fault:
                 raise InputError(fault)
         self._winch = Winch(scene, length_m)
@@ -92,7 +92,7 @@ class WinchTrack:
         while self._commands and self._commands[0].stamp_ns < to_ns:
             due.append(self._commands.popleft())
         for sample in due:
-            self._winch.take(sample.stamp_ns, sample.order, from_ns)
+            self._winch.take(sample.stamp_ns, sample.command, from_ns)
 
 
 class Borders:

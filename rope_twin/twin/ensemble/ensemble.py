@@ -31,10 +31,10 @@ from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.borders import Borders, WinchTrack
 from rope_twin.twin.ensemble.lanes import compile_lanes, sort_into_groups, take_turn
 from rope_twin.twin.ensemble.member import Member, MemberFigures, Scratch, Start
-from rope_twin.twin.hoisting.schedule import OrderSample
 from rope_twin.twin.motion.heave_series import HeaveSeries
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.start import find_start, no_garbage_collection
+from rope_twin.twin.winch.schedule import CommandSample
 
 BATCH_S = 8.0  # time of a batch; less than the 10 s that commands may be known ahead
 LOOK_S = 0.5
@@ -50,7 +50,7 @@ class Variation:
 
     changes: tuple[Change, ...] = ()  # of the scene's numbers
     heave: HeaveSeries | None = None  # None: the ship lies still
-    commands: tuple[OrderSample, ...] | None = None  # of the winch; None: the scene's schedule
+    commands: tuple[CommandSample, ...] | None = None  # of the winch; None: the scene's schedule
 
 
 def cores() -> int:

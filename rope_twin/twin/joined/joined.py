@@ -25,10 +25,6 @@ from rope_twin.scene.rules.rigging import winch_of
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.cutting.joined_cut import advance_in_pieces, scene_of_parts, sever_joined
 from rope_twin.twin.cutting.severing import Place
-from rope_twin.twin.hoisting.feel import Course, feel
-from rope_twin.twin.hoisting.line import Felt, LineOut
-from rope_twin.twin.hoisting.orders import Order
-from rope_twin.twin.hoisting.winch import Winch, winch_of_rope
 from rope_twin.twin.hung import HungRope, hung_rope, hung_to_sheave
 from rope_twin.twin.joined.line_watch import report_on
 from rope_twin.twin.joined.shot import (
@@ -45,6 +41,10 @@ from rope_twin.twin.observe import strength_of
 from rope_twin.twin.saving.saved_state import changing_parts
 from rope_twin.twin.snapshot import InputHealth, Snapshot, amended
 from rope_twin.twin.start import judge_start, no_garbage_collection, weak_ropes
+from rope_twin.twin.winch.commands import WinchCommand
+from rope_twin.twin.winch.payout import Payout, TensionFeedback
+from rope_twin.twin.winch.tension_feedback import HangOffMotion, tension_feedback
+from rope_twin.twin.winch.winch import Winch, winch_of_rope
 
 _log = logging.getLogger(__name__)
 
@@ -98,10 +98,10 @@ class JoinedRopes:
         first: Floats = self.pull[0]
         return first
 
-    def offer(self, name: str, stamp_ns: int | None, order: Order, now_ns: int) -> str:
+    def offer(self, name: str, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> str:
         """Submit a command to the winch of this name; return "" or the rejection."""
         names = [line.from_ for line in self._scene.ropes]
-        return self._winches[names.index(name)].take(stamp_ns, order, now_ns)
+        return self._winches[names.index(name)].take(stamp_ns, command, now_ns)
 
     def doubt(self) -> None:
         """Invalidate commands that were known in advance."""
@@ -115,14 +115,14 @@ class JoinedRopes:
             newest |= winch.newest_ns()
         return newest
 
-    def feel(self, time_ns: int) -> bool:
+    def needs_feedback(self, time_ns: int) -> bool:
         """Return whether a winch but the first needs tension feedback for the step from then on."""
-        return bool(self.feeling(time_ns))
+        return bool(self.needing_feedback(time_ns))
 
-    def feeling(self, time_ns: int) -> dict[int, Winch]:
+    def needing_feedback(self, time_ns: int) -> dict[int, Winch]:
         """Return those winches by the number of their rope."""
         rest = enumerate(self._winches[1:], start=1)
-        return {r: winch for r, winch in rest if winch.feels(time_ns)}
+        return {r: winch for r, winch in rest if winch.needs_feedback(time_ns)}
 
     def prescribe(
         self, row: int, from_ns: int, step_s: float, heave: tuple[float, float], moves: Moves
@@ -138,17 +138,19 @@ class JoinedRopes:
                 moved, moving = moves.get(r, ((*still, heave[0]), (*still, heave[1])))
                 value[r, row, : rows.LINE] = self._hang_offs[r] + np.array(moved)
                 rate[r, row, : rows.LINE] = moving
-                felt = self._felt(r, row) if self._winches[r].feels(from_ns) else None
-                line = self._winches[r].step(from_ns, step_s, moving[2], felt)
+                feedback = (
+                    self._feedback_of(r, row) if self._winches[r].needs_feedback(from_ns) else None
+                )
+                line = self._winches[r].step(from_ns, step_s, moving[2], feedback)
                 value[r, row, rows.LINE], rate[r, row, rows.LINE] = line
 
-    def _felt(self, r: int, row: int) -> Felt:
+    def _feedback_of(self, r: int, row: int) -> TensionFeedback:
         """Return the tension feedback of a rope before the step that ends at boundary `row`."""
         borders = self._boundary.value[r, row - 1 : row + 1]
         heave = float(borders[0, rows.Z] - self._hang_offs[r, 2])
-        course = Course(heave, self._winches[r].payout_m_per_s2)
+        course = HangOffMotion(heave, self._winches[r].payout_m_per_s2)
         pull = float(self.pull[r, rows.PULL])
-        return feel(self._rope(r), self._scene.ropes[r], pull, borders, course)
+        return tension_feedback(self._rope(r), self._scene.ropes[r], pull, borders, course)
 
     def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
         """Advance all ropes like core's `advance`; boundary, pulls: of the first one."""
@@ -234,7 +236,7 @@ class JoinedRopes:
         for r in self._numbers[1:]:
             if self._joints.upper[r] == LOOSE:
                 length, speed = float(value[r, 0, rows.LINE]), float(rate[r, 0, rows.LINE])
-                self._winches[r].continue_from(LineOut(length, speed))
+                self._winches[r].continue_from(Payout(length, speed))
 
     def border(self, first: Boundary) -> Boundary:
         """Return hang-offs and payouts now, (ropes, MOTIONS); first: those of the first rope."""

@@ -13,11 +13,11 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.state import Rope
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.hoisting.feel import Course, feel
-from rope_twin.twin.hoisting.winch import Winch
 from rope_twin.twin.motion.hang_off import HangOffTrack, Moves
 from rope_twin.twin.motion.ship import REJOIN_S, ramp
 from rope_twin.twin.ropes import Ropes
+from rope_twin.twin.winch.tension_feedback import HangOffMotion, tension_feedback
+from rope_twin.twin.winch.winch import Winch
 
 
 class LeadOver:
@@ -103,15 +103,15 @@ class Prescribed:
         """
         for row in range(self.steps + 1, steps + 1):
             begin_ns = now.time_ns + (row - 1) * now.step_ns
-            felt = inputs.winch.feels(begin_ns)
-            if row > 1 and (felt or inputs.ropes.feel(begin_ns)):
+            feedback = inputs.winch.needs_feedback(begin_ns)
+            if row > 1 and (feedback or inputs.ropes.needs_feedback(begin_ns)):
                 return row - 1
             then = Present(begin_ns, now.step_ns, now.rope, now.pull_n)
-            self._fill_border(row, inputs, then, felt)
+            self._fill_border(row, inputs, then, feedback)
             self.steps = row
         return steps
 
-    def _fill_border(self, row: int, inputs: Inputs, now: Present, felt: bool) -> None:
+    def _fill_border(self, row: int, inputs: Inputs, now: Present, feedback: bool) -> None:
         """Set the boundary at the end of the step that begins now; felt: needs tension feedback."""
         begin_ns, border_ns = now.time_ns, now.time_ns + now.step_ns
         rest, rest_z = self._rest, self._rest_z
@@ -132,10 +132,10 @@ class Prescribed:
             value[row, : rows.LINE] += error[0]
             rate[row, : rows.LINE] += error_rate[0]
         rope = None
-        if felt:
+        if feedback:
             borders = value[row - 1 : row + 1]
-            course = Course(float(borders[0, rows.Z]) - rest_z, inputs.winch.payout_m_per_s2)
-            rope = feel(now.rope, self._line, now.pull_n, borders, course)
+            course = HangOffMotion(float(borders[0, rows.Z]) - rest_z, inputs.winch.payout_m_per_s2)
+            rope = tension_feedback(now.rope, self._line, now.pull_n, borders, course)
         step_s = now.rope.model.step
         length, speed = inputs.winch.step(begin_ns, step_s, heave[1], rope)
         value[row, rows.LINE], rate[row, rows.LINE] = length, speed

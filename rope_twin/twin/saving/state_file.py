@@ -1,6 +1,6 @@
 """File format of a saved state: two lines of text, a JSON header, the arrays.
 
-    rope_twin state 1
+    rope_twin state 2
     sha256 <64 hex digits> header <bytes> total <bytes>
     { ... }                        JSON; `arrays` lists name, type and shape in the order below
     <arrays>                       C order, little-endian, nothing between them
@@ -24,7 +24,7 @@ from rope_twin.errors import StateError, phrase
 from rope_twin.twin.saving.memory import Arrays
 from rope_twin.whole_file import write_whole
 
-VERSION = 1
+VERSION = 2
 _FIRST = re.compile(rb"rope_twin state (\d{1,9})\n")
 _SECOND = re.compile(rb"sha256 ([0-9a-f]{64}) header (\d{1,12}) total (\d{1,15})\n")
 _ANOTHER = "take another saved state, or start without one"
@@ -82,7 +82,7 @@ def decode(data: bytes, path: Path) -> tuple[dict[str, Any], Arrays]:
     """
     first = _FIRST.match(data)
     if first is None:
-        raise _refusal(path, "it is no saved state", "its first line must be 'rope_twin state 1'")
+        raise _refusal(path, "it is no saved state", "its first line must be 'rope_twin state 2'")
     if int(first[1]) != VERSION:
         raise _refusal(path, f"it has version {int(first[1])} of the format",
                        f"this program reads version {VERSION}")  # fmt: skip

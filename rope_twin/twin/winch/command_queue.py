@@ -6,9 +6,9 @@ from collections import deque
 
 from rope_twin.errors import phrase
 from rope_twin.twin.health import AHEAD_NS, InputCounter, too_far_ahead, too_late
-from rope_twin.twin.hoisting.orders import EMERGENCY_STOP, Order
+from rope_twin.twin.winch.commands import EMERGENCY_STOP, WinchCommand
 
-DONE = 32  # number of executed commands that are remembered
+REMEMBERED_COMMANDS = 32  # number of executed commands that are remembered
 LATE_NS = 1_000_000_000  # a command that arrives later after its stamp is rejected
 MAX_AT_ONCE = 100  # commands without a stamp that may wait for the next step
 MAX_PLANNED = 1000  # commands that may wait for their stamps
@@ -16,7 +16,7 @@ MAX_PLANNED = 1000  # commands that may wait for their stamps
 Stamped = tuple[int | None, str, float]  # twin time [ns] (None: at once), kind and value
 
 
-class OrderQueue:
+class CommandQueue:
     """Queue of one kind of commands; `offer` takes them, `due` returns them."""
 
     def __init__(self, name: str) -> None:
@@ -25,7 +25,7 @@ class OrderQueue:
         self.waiting: deque[Stamped] = deque()
         self._newest_ns: int | None = None
         self._at_once_ns: int | None = None  # arrival of the newest command without a stamp
-        self._done: deque[Stamped] = deque(maxlen=DONE)
+        self._done: deque[Stamped] = deque(maxlen=REMEMBERED_COMMANDS)
         self._in_doubt = False  # whether waiting commands are from before a pause
 
     def doubt(self) -> None:
@@ -35,15 +35,15 @@ class OrderQueue:
         """
         self._in_doubt = True
 
-    def offer(self, stamp_ns: int | None, order: Order, now_ns: int) -> str:
+    def offer(self, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> str:
         """Queue a command with a valid value (stamp None: at once); return "" or the rejection.
 
         A command that arrives less than LATE_NS after its stamp is executed at once and reported as
         late. An emergency stop is never rejected for its stamp, nor for a full queue.
         """
-        urgent = order.kind == EMERGENCY_STOP
+        urgent = command.kind == EMERGENCY_STOP
         if stamp_ns is not None:
-            if self._in_doubt and (stamp_ns, *order) in self._done:
+            if self._in_doubt and (stamp_ns, *command) in self._done:
                 return ""
             if self._in_doubt and now_ns <= stamp_ns <= now_ns + AHEAD_NS:
                 self._drop_from(stamp_ns)
@@ -57,10 +57,10 @@ class OrderQueue:
                 stamp_ns = None
             elif stamp_ns < now_ns:
                 late_ms = (now_ns - stamp_ns) * 1e-6
-                what = f"'{order.kind}' came {late_ms:.0f} ms after its stamp"
+                what = f"'{command.kind}' came {late_ms:.0f} ms after its stamp"
                 right = "it is executed at once; raise the input delay by more than that"
                 self._warn_late(phrase("winch command", what, right), now_ns)
-        one = (stamp_ns, order.kind, float(order.value))
+        one = (stamp_ns, command.kind, float(command.value))
         if full := self._is_full(one):
             return self.counter.refuse("impossible", full)
         self.counter.accept(now_ns if stamp_ns is None else stamp_ns)
@@ -113,10 +113,10 @@ class OrderQueue:
         self.waiting = deque(kept)
         self._newest_ns = None
 
-    def put_at_once(self, order: Order, now_ns: int) -> None:
+    def put_at_once(self, command: WinchCommand, now_ns: int) -> None:
         """Execute a command of the twin itself at once."""
         self._at_once_ns = now_ns
-        self._queue((None, order.kind, float(order.value)))
+        self._queue((None, command.kind, float(command.value)))
 
     def _queue(self, one: Stamped) -> None:
         """Append a command; one without a stamp replaces the planned ones."""
@@ -125,22 +125,22 @@ class OrderQueue:
             self._newest_ns = None
         self.waiting.append(one)
 
-    def due(self, time_ns: int) -> list[Order]:
+    def due(self, time_ns: int) -> list[WinchCommand]:
         """Return the commands with stamps up to `time_ns`, in order, and remove them."""
-        found: list[Order] = []
+        found: list[WinchCommand] = []
         while self.waiting and _is_due(self.waiting[0], time_ns):
             self._done.append(self.waiting.popleft())
-            found.append(Order(*self._done[-1][1:]))
+            found.append(WinchCommand(*self._done[-1][1:]))
         return found
 
-    def last_due(self, time_ns: int) -> Order | None:
+    def last_due(self, time_ns: int) -> WinchCommand | None:
         """Return the last of the commands that `due` would return; None: none is due."""
         last = None
         for one in self.waiting:
             if not _is_due(one, time_ns):
                 break
             last = one
-        return None if last is None else Order(*last[1:])
+        return None if last is None else WinchCommand(*last[1:])
 
     def _drop_from(self, stamp_ns: int) -> None:
         """Drop commands that wait for this time or later; earlier ones stay."""
@@ -149,7 +149,7 @@ class OrderQueue:
         self._in_doubt = False
 
 
-class SwitchQueue(OrderQueue):
+class SwitchQueue(CommandQueue):
     """Queue of switches: one for at once goes ahead of planned ones and keeps them."""
 
     def _queue(self, one: Stamped) -> None:

@@ -11,13 +11,13 @@ from typing import Protocol
 
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.scene.winch_parts import ConstantTension
-from rope_twin.twin.hoisting.line import Felt, LineOut, Wish
-from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION
+from rope_twin.twin.winch.commands import DEPTH, LENGTH, SPEED, TENSION
+from rope_twin.twin.winch.payout import LineTarget, Payout, TensionFeedback
 
 DEPTH_SMOOTHING_S = 20.0  # longer than wave and axial periods, shorter than a lift
 
 
-class Goal(Protocol):
+class ControlMode(Protocol):
     """Interface of a control mode."""
 
     kind: str
@@ -25,14 +25,14 @@ class Goal(Protocol):
     def begin(self, value: float) -> None:
         """Start control at this set-point, in the mode's unit."""
 
-    def wish(self, line: LineOut, felt: Felt | None, step_s: float) -> Wish:
+    def target(self, line: Payout, feedback: TensionFeedback | None, step_s: float) -> LineTarget:
         """Return the target of the next step."""
 
     def words(self) -> str:
         """Return the active limit of the mode; "" if none."""
 
 
-class SpeedGoal:
+class SpeedControl:
     """Speed control, + pays out, within the payout limits."""
 
     kind = SPEED
@@ -45,7 +45,7 @@ class SpeedGoal:
         """Start at a set-point of speed [m/s]."""
         self._speed, self._wish = value, _limited(value, self._scene)
 
-    def wish(self, line: LineOut, felt: Felt | None, step_s: float) -> Wish:
+    def target(self, line: Payout, feedback: TensionFeedback | None, step_s: float) -> LineTarget:
         """Return the commanded speed."""
         return self._wish
 
@@ -57,7 +57,7 @@ class SpeedGoal:
         return f"{self._speed:+.2f} m/s commanded; the winch does {limit:g} m/s at most"
 
 
-class LengthGoal:
+class LengthControl:
     """Length control: stops at a payout, reached as fast as the limits allow."""
 
     kind = LENGTH
@@ -69,7 +69,7 @@ class LengthGoal:
         """Start at a set-point of payout [m]."""
         self._length = value
 
-    def wish(self, line: LineOut, felt: Felt | None, step_s: float) -> Wish:
+    def target(self, line: Payout, feedback: TensionFeedback | None, step_s: float) -> LineTarget:
         """Return the target towards the set-point."""
         return _towards(self._length, line, self._scene)
 
@@ -78,7 +78,7 @@ class LengthGoal:
         return ""
 
 
-class DepthGoal:
+class DepthControl:
     """Depth control: stops at a depth of the payload.
 
     Stretch and curvature of the rope make the depth differ from the payout. That difference, less
@@ -97,10 +97,10 @@ class DepthGoal:
         """Start at a set-point of depth [m below the mean water level]."""
         self._depth = value
 
-    def wish(self, line: LineOut, felt: Felt | None, step_s: float) -> Wish:
+    def target(self, line: Payout, feedback: TensionFeedback | None, step_s: float) -> LineTarget:
         """Return the target towards the payout for the depth."""
-        assert felt is not None, "the winch said that it asks for it"
-        beyond = felt.depth_m - line.length_m
+        assert feedback is not None, "tension feedback is missing"
+        beyond = feedback.depth_m - line.length_m
         if self._beyond is not None:
             share = -math.expm1(-step_s / DEPTH_SMOOTHING_S)
             beyond = self._beyond + share * (beyond - self._beyond)
@@ -119,7 +119,7 @@ class DepthGoal:
         return self._at_end
 
 
-class TensionGoal:
+class TensionControl:
     """Constant tension (CT) control: a PI controller of the speed.
 
     With the tension F' expected at the step's end, V' = g·(F' - F_set) + integral, solved for V': a
@@ -138,16 +138,16 @@ class TensionGoal:
         if value != self._tension:
             self._tension, self._integral = value, 0.0
 
-    def wish(self, line: LineOut, felt: Felt | None, step_s: float) -> Wish:
+    def target(self, line: Payout, feedback: TensionFeedback | None, step_s: float) -> LineTarget:
         """Return the target: pay out if the tension is too high, haul in if it is too low."""
-        assert felt is not None, "the winch said that it asks for it"
+        assert feedback is not None, "tension feedback is missing"
         limit, gain = self._scene.speed_limit_m_per_s, 1e-3 * self._gains.gain_m_per_s_per_kn
-        answer, V = felt.hold + felt.brace, line.speed_m_per_s
+        answer, V = feedback.hold + feedback.brace, line.speed_m_per_s
         if self._gains.integral_time_s is not None:
-            error = gain * (felt.pull_n - self._tension)
+            error = gain * (feedback.pull_n - self._tension)
             grown = self._integral + step_s / self._gains.integral_time_s * error
             self._integral = min(max(grown, -limit), limit)  # anti-windup at the speed limit
-        above = felt.at_speed(V) - self._tension
+        above = feedback.at_speed(V) - self._tension
         self._asked = (gain * above + self._integral) / (1.0 + gain * answer)
         return _limited(self._asked, self._scene)
 
@@ -162,21 +162,25 @@ class TensionGoal:
         )
 
 
-def goals_of(scene: WinchScene) -> tuple[Goal, ...]:
+def control_modes(scene: WinchScene) -> tuple[ControlMode, ...]:
     """Return the control modes of a winch; the first is active at the start."""
-    goals: tuple[Goal, ...] = (SpeedGoal(scene), LengthGoal(scene), DepthGoal(scene))
+    modes: tuple[ControlMode, ...] = (
+        SpeedControl(scene),
+        LengthControl(scene),
+        DepthControl(scene),
+    )
     if scene.constant_tension is not None:
-        goals += (TensionGoal(scene, scene.constant_tension),)
-    return goals
+        modes += (TensionControl(scene, scene.constant_tension),)
+    return modes
 
 
-def _limited(speed: float, scene: WinchScene) -> Wish:
+def _limited(speed: float, scene: WinchScene) -> LineTarget:
     limit = scene.speed_limit_m_per_s
-    return Wish(min(max(speed, -limit), limit), scene.least_line_out_m, scene.most_line_out_m)
+    return LineTarget(min(max(speed, -limit), limit), scene.least_line_out_m, scene.most_line_out_m)
 
 
-def _towards(length: float, line: LineOut, scene: WinchScene) -> Wish:
+def _towards(length: float, line: Payout, scene: WinchScene) -> LineTarget:
     limit, low, high = scene.speed_limit_m_per_s, scene.least_line_out_m, scene.most_line_out_m
     if length > line.length_m:
-        return Wish(limit, low, length)
-    return Wish(-limit if length < line.length_m else 0.0, length, high)
+        return LineTarget(limit, low, length)
+    return LineTarget(-limit if length < line.length_m else 0.0, length, high)

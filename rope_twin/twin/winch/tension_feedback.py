@@ -25,17 +25,19 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
 from rope_twin.scene.schema import RopeLine
-from rope_twin.twin.hoisting.line import Felt
+from rope_twin.twin.winch.payout import TensionFeedback
 
 
-class Course(NamedTuple):
+class HangOffMotion(NamedTuple):
     """Motion of a hang-off and its winch at the beginning of a step."""
 
     heave_m: float  # above its mean position
     payout_m_per_s2: float  # acceleration of the payout
 
 
-def feel(rope: Rope, line: RopeLine, pull_n: float, border: Floats, course: Course) -> Felt:
+def tension_feedback(
+    rope: Rope, line: RopeLine, pull_n: float, border: Floats, course: HangOffMotion
+) -> TensionFeedback:
     """Return the tension feedback of a rope to its winch.
 
     Args:
@@ -60,10 +62,10 @@ def feel(rope: Rope, line: RopeLine, pull_n: float, border: Floats, course: Cour
     mass = float(rope.sections[rows.PER_METRE, section]) * rest
     free = pull_n + 0.5 * mass * stretch * course.payout_m_per_s2
     if pull_n <= 0.0:
-        return Felt(pull_n, free, depth, parting, 0.0, 0.5 * mass * stretch / h)
+        return TensionFeedback(pull_n, free, depth, parting, 0.0, 0.5 * mass * stretch / h)
     stiffness = line.made_of[section].rope.tangent_n(pull_n) / rest
     damping = float(rope.sections[rows.C, section]) / rest
     both, mu = stiffness + damping / h, mass / (h * h)
     share = 0.5 * stretch * (sqrt(mu * mu + 4.0 * both * mu) - mu) / both
     brace = share * damping + 0.5 * mass * stretch / h
-    return Felt(pull_n, free, depth, parting, share * stiffness * h, brace)
+    return TensionFeedback(pull_n, free, depth, parting, share * stiffness * h, brace)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from rope_twin.core.state import Boundary
-from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.motion.hang_off import Moves
+from rope_twin.twin.winch.commands import WinchCommand
 
 
-class NoOtherWinch:
+class SingleWinch:
     """Methods of `Ropes` about further winches and ropes, for a single rope, whole or cut."""
 
-    def offer(self, name: str, stamp_ns: int | None, order: Order, now_ns: int) -> str:
+    def offer(self, name: str, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> str:
         """Raise RuntimeError, as there is no other winch."""
         raise RuntimeError(f"there is no winch {name}")
 
@@ -21,7 +21,7 @@ class NoOtherWinch:
         """Return no stamps, as there is no other winch."""
         return {}
 
-    def feel(self, time_ns: int) -> bool:
+    def needs_feedback(self, time_ns: int) -> bool:
         """Return False, as there is no other winch."""
         return False
 

@@ -11,9 +11,9 @@ import math
 from collections import deque
 
 from rope_twin.scene.winch_parts import HeaveCompensation
-from rope_twin.twin.hoisting.line import LineOut, Moment
-from rope_twin.twin.hoisting.orders import COMPENSATE, EMERGENCY_STOP, STOP_COMPENSATING
-from rope_twin.twin.hoisting.pace import braking_speed
+from rope_twin.twin.winch.commands import COMPENSATE, EMERGENCY_STOP, STOP_COMPENSATING
+from rope_twin.twin.winch.motion_profile import braking_speed
+from rope_twin.twin.winch.payout import Payout, WinchStep
 
 
 class Compensation:
@@ -27,7 +27,7 @@ class Compensation:
         self._delayed = self._lagged = 0.0  # the velocity after the dead time, and after the lag
         self._at_limit = ""
 
-    def add(self, wanted: LineOut, moment: Moment) -> LineOut:
+    def add(self, wanted: Payout, moment: WinchStep) -> Payout:
         """Return the line at the end of the step, including the stroke."""
         params, h = self._params, moment.step_s
         self._measure(moment)
@@ -42,9 +42,9 @@ class Compensation:
         if abs(stroke) > params.stroke_m:  # in the last step of braking, by less than a·h²/8
             stroke, rate = math.copysign(params.stroke_m, stroke), 0.0
         self._stroke, self._rate = stroke, rate
-        return LineOut(wanted.length_m + self._stroke, wanted.speed_m_per_s + rate)
+        return Payout(wanted.length_m + self._stroke, wanted.speed_m_per_s + rate)
 
-    def _measure(self, moment: Moment) -> None:
+    def _measure(self, moment: WinchStep) -> None:
         """Apply dead time and lag to the hang-off's velocity at the end of the step."""
         end_ns, h, lag = (
             moment.begin_ns + round(moment.step_s * 1e9),
@@ -82,21 +82,21 @@ class Compensation:
             return f"heave compensation at the end of its stroke, {params.stroke_m:g} m"
         return ""
 
-    def obey(self, switch: str, time_ns: int) -> None:
+    def switch(self, switch: str, time_ns: int) -> None:
         """Switch on or off; an emergency stop stops it too."""
         if switch in (COMPENSATE, STOP_COMPENSATING, EMERGENCY_STOP):
             self._on = switch == COMPENSATE
         if switch == COMPENSATE:
             self._stroke = 0.0  # mid-stroke is the present line
 
-    def know_rope(self, whole_m: float) -> None:
+    def set_total_length(self, whole_m: float) -> None:
         """Do nothing, as compensation does not depend on the total length."""
 
     def words(self) -> str:
         """Return the active limit; "" if none."""
         return self._at_limit
 
-    def figures(self, line: LineOut) -> dict[str, float]:
+    def figures(self, line: Payout) -> dict[str, float]:
         """Return stroke and its rate, + paid out, and whether it is on."""
         return {
             "compensation_m": self._stroke,

@@ -6,7 +6,7 @@ torque over the drum's present radius r; beyond that the winch renders:
     (J/r²)·(V' - V)/h = F' - P,   F' = F - hold·(V' - parting) - brace·(V' - V)
 
 with F the tension of the last step, V and V' the pay-out speed before and after the step and P the
-line pull. F' is the expected response of the rope (`rope_twin.twin.hoisting.feel`): the drum is
+line pull. F' is the expected response of the rope (`tension_feedback.py`): the drum is
 integrated implicitly in the rope's stiffness and stays stable at any inertia. With F instead, J/r²
 would have to exceed half the impedance over the step, h·√(EA·m)/2.
 """
@@ -14,13 +14,13 @@ would have to exceed half the impedance over the step, h·√(EA·m)/2.
 from __future__ import annotations
 
 from rope_twin.scene import winch_parts
-from rope_twin.twin.hoisting.line import LineOut, Moment
-from rope_twin.twin.hoisting.orders import EMERGENCY_STOP, RELEASE_BRAKE, SET_BRAKE
+from rope_twin.twin.winch.commands import EMERGENCY_STOP, RELEASE_BRAKE, SET_BRAKE
+from rope_twin.twin.winch.payout import Payout, WinchStep
 
 SLIPS_M_PER_S = 1e-6  # a slower drum under a set brake counts as standing
 
 
-class Machine:
+class WinchDrum:
     """Drum with its layers of rope."""
 
     def __init__(self, drum: winch_parts.Drum, diameter_m: float, most_line_out_m: float) -> None:
@@ -36,12 +36,12 @@ class Machine:
 class Drive:
     """Motor of the winch."""
 
-    def __init__(self, params: winch_parts.Drive, machine: Machine) -> None:
+    def __init__(self, params: winch_parts.Drive, machine: WinchDrum) -> None:
         self._params, self._machine = params, machine
         self._torque = 0.0  # + hauls in [N·m]
         self._at_limit = ""
 
-    def hold(self, before: LineOut, wanted: LineOut, moment: Moment) -> LineOut:
+    def hold(self, before: Payout, wanted: Payout, moment: WinchStep) -> Payout:
         """Return the commanded line, or as far as the torque moves it."""
         after, self._torque, whole = self.pull(
             before, wanted, moment, self._params.torque_limit_n_m
@@ -50,25 +50,25 @@ class Drive:
         return after
 
     def pull(
-        self, before: LineOut, wanted: LineOut, moment: Moment, torque_n_m: float
-    ) -> tuple[LineOut, float, bool]:
+        self, before: Payout, wanted: Payout, moment: WinchStep, torque_n_m: float
+    ) -> tuple[Payout, float, bool]:
         """Return the line after a step with at most this torque, the torque, and if it sufficed."""
-        felt, h = moment.felt, moment.step_s
-        assert felt is not None, "the winch said that it asks for it"
+        feedback, h = moment.feedback, moment.step_s
+        assert feedback is not None, "tension feedback is missing"
         _, radius = self._machine.layer(before.length_m)
         inertia = self._params.inertia_kg_m2 / (radius * radius * h)
-        stiff, V = inertia + felt.hold + felt.brace, before.speed_m_per_s
-        driving = inertia * V + felt.at_speed(V)
+        stiff, V = inertia + feedback.hold + feedback.brace, before.speed_m_per_s
+        driving = inertia * V + feedback.at_speed(V)
         needed, limit = driving - stiff * wanted.speed_m_per_s, torque_n_m / radius
         if abs(needed) <= limit:
             return wanted, needed * radius, True
         given = min(max(needed, -limit), limit)
         speed = (driving - given) / stiff
         length = before.length_m + 0.5 * h * (V + speed)
-        return LineOut(length, speed), given * radius, False
+        return Payout(length, speed), given * radius, False
 
     @property
-    def has_line(self) -> bool:
+    def controls_line(self) -> bool:
         """Whether the motor alone controls the line: never."""
         return False
 
@@ -76,13 +76,13 @@ class Drive:
         """Switch the motor off, as the brake holds the drum."""
         self._torque, self._at_limit = 0.0, ""
 
-    def _limit_words(self, before: LineOut, wanted: LineOut, after: LineOut, moment: Moment) -> str:
+    def _limit_words(self, before: Payout, wanted: Payout, after: Payout, moment: WinchStep) -> str:
         """Return the message on rendering; a runaway drum renders at low tension by its inertia."""
-        assert moment.felt is not None
+        assert moment.feedback is not None
         layer, radius = self._machine.layer(before.length_m)
         limit = self._params.torque_limit_n_m / radius
         return (
-            f"renders: {moment.felt.pull_n * 1e-3:.0f} kN on the rope, the drive gives "
+            f"renders: {moment.feedback.pull_n * 1e-3:.0f} kN on the rope, the drive gives "
             f"{limit * 1e-3:.0f} kN on layer {layer}, line {after.speed_m_per_s:+.2f} m/s where "
             f"{wanted.speed_m_per_s:+.2f} is wanted"
         )
@@ -91,14 +91,14 @@ class Drive:
         """Return the message on rendering; "" if it does not render."""
         return self._at_limit
 
-    def figures(self, line: LineOut) -> dict[str, float]:
+    def figures(self, line: Payout) -> dict[str, float]:
         """Return the motor torque, + hauls in."""
         return {"motor_torque_n_m": self._torque}
 
-    def obey(self, switch: str, time_ns: int) -> None:
+    def switch(self, switch: str, time_ns: int) -> None:
         """Do nothing, as the drive has no switch."""
 
-    def know_rope(self, whole_m: float) -> None:
+    def set_total_length(self, whole_m: float) -> None:
         """Set the total length; the length not paid out is on the drum."""
         self._machine.whole_m = whole_m
 
@@ -114,7 +114,7 @@ class Brake:
         self._torque = 0.0
         self._at_limit = ""
 
-    def hold(self, before: LineOut, wanted: LineOut, moment: Moment) -> LineOut:
+    def hold(self, before: Payout, wanted: Payout, moment: WinchStep) -> Payout:
         """Return the commanded line if the brake is off, else the line standing or slipping."""
         if self._due_ns is not None and self._due_ns <= moment.begin_ns:
             self._holds, self._due_ns = self._set, None
@@ -124,7 +124,7 @@ class Brake:
             return wanted
         self._drive.rest()
         V = before.speed_m_per_s
-        rest = LineOut(before.length_m + 0.5 * moment.step_s * V, 0.0)
+        rest = Payout(before.length_m + 0.5 * moment.step_s * V, 0.0)
         capacity = self._params.holding_torque_n_m
         after, self._torque, whole = self._drive.pull(before, rest, moment, capacity)
         if not whole and abs(after.speed_m_per_s) > SLIPS_M_PER_S:
@@ -133,14 +133,14 @@ class Brake:
         return after
 
     @property
-    def has_line(self) -> bool:
+    def controls_line(self) -> bool:
         """Whether the brake holds."""
         return self._holds
 
-    def know_rope(self, whole_m: float) -> None:
+    def set_total_length(self, whole_m: float) -> None:
         """Do nothing, as the drum is the drive's."""
 
-    def obey(self, switch: str, time_ns: int) -> None:
+    def switch(self, switch: str, time_ns: int) -> None:
         """Set or release the brake with its delay; an emergency stop sets it."""
         if switch in (SET_BRAKE, EMERGENCY_STOP, RELEASE_BRAKE):
             wanted = switch != RELEASE_BRAKE
@@ -152,6 +152,6 @@ class Brake:
         """Return the message on slipping; "" if it does not slip."""
         return self._at_limit
 
-    def figures(self, line: LineOut) -> dict[str, float]:
+    def figures(self, line: Payout) -> dict[str, float]:
         """Return whether the brake holds, and its torque, + against paying out."""
         return {"brake_holds": float(self._holds), "brake_torque_n_m": self._torque}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rope_twin.scene.schema import ScheduleRow, Winch
-from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION, Order
+from rope_twin.twin.winch.commands import DEPTH, LENGTH, SPEED, TENSION, WinchCommand
 
 COMMAND_PERIOD_NS = 100_000_000  # commands repeat at 10 Hz, so that their absence is detected
 MISSING_NS = 250_000_000  # delay after which a command of the schedule counts as missing
@@ -18,14 +18,14 @@ _MOTION_OF = {  # control mode of each key of a row
 
 
 @dataclass(frozen=True)
-class OrderSample:
+class CommandSample:
     """Winch command that takes effect at this twin time."""
 
     stamp_ns: int
-    order: Order
+    command: WinchCommand
 
 
-class ScheduleWatch:
+class ScheduleMonitor:
     """Monitor of deviations of a winch's commands from the scene's schedule."""
 
     def __init__(self, winch: Winch | None) -> None:
@@ -35,10 +35,10 @@ class ScheduleWatch:
         self._looked_ns = 0
         self._switches = 0  # number of switches executed
 
-    def motion(self, order: Order, time_ns: int) -> None:
+    def motion(self, command: WinchCommand, time_ns: int) -> None:
         """Compare a motion command executed at a twin time with the schedule."""
         self._motion_ns = time_ns
-        if self.differs_s is None and self._scheduled(time_ns) != order:
+        if self.differs_s is None and self._scheduled(time_ns) != command:
             self.differs_s = time_ns * 1e-9
 
     def switches(self, kinds: list[str], after_ns: int, time_ns: int) -> None:
@@ -47,7 +47,7 @@ class ScheduleWatch:
             self.differs_s = time_ns * 1e-9
         self._switches += len(kinds)
 
-    def look(self, time_ns: int, obeyed: Order, stopped: bool) -> None:
+    def look(self, time_ns: int, obeyed: WinchCommand, stopped: bool) -> None:
         """Check for a missing command; obeyed: motion in force when this step began."""
         if self.differs_s is not None or time_ns - self._looked_ns < COMMAND_PERIOD_NS:
             return
@@ -59,8 +59,8 @@ class ScheduleWatch:
         ):
             self.differs_s = time_ns * 1e-9
 
-    def _scheduled(self, time_ns: int) -> Order:
-        rest = Order(SPEED, 0.0)
+    def _scheduled(self, time_ns: int) -> WinchCommand:
+        rest = WinchCommand(SPEED, 0.0)
         return rest if self._winch is None else scheduled_motion(self._winch, time_ns)
 
     def _switches_after(self, after_ns: int, time_ns: int) -> list[str]:
@@ -83,7 +83,7 @@ class ScheduleWatch:
         return rounds * len(rows) + sum(at_ns <= within_ns for at_ns in rows)
 
 
-def schedule_samples(winch: Winch | None, from_ns: int, to_ns: int) -> list[OrderSample]:
+def schedule_samples(winch: Winch | None, from_ns: int, to_ns: int) -> list[CommandSample]:
     """Return the commands with `from_ns <= stamp_ns < to_ns` (twin time), in order.
 
     Motion commands come on the 10 Hz grid and, without delay of a change, at each row's own
@@ -96,18 +96,18 @@ def schedule_samples(winch: Winch | None, from_ns: int, to_ns: int) -> list[Orde
     first = -(-from_ns // COMMAND_PERIOD_NS) * COMMAND_PERIOD_NS
     stamps = set(range(first, to_ns, COMMAND_PERIOD_NS))
     stamps.update(_row_instants(winch, from_ns, to_ns))
-    samples: list[OrderSample] = []
+    samples: list[CommandSample] = []
     for stamp in sorted(stamps):
-        samples += [OrderSample(stamp, Order(word)) for word in _switches_at(winch, stamp)]
-        samples.append(OrderSample(stamp, scheduled_motion(winch, stamp)))
+        samples += [CommandSample(stamp, WinchCommand(word)) for word in _switches_at(winch, stamp)]
+        samples.append(CommandSample(stamp, scheduled_motion(winch, stamp)))
     return samples
 
 
-def scheduled_motion(winch: Winch, stamp_ns: int) -> Order:
+def scheduled_motion(winch: Winch, stamp_ns: int) -> WinchCommand:
     """Return the motion command of the schedule at a twin time."""
     repeat_ns = _repeat_ns(winch)
     within_ns = stamp_ns % repeat_ns if repeat_ns else stamp_ns
-    motion = Order(SPEED, 0.0)
+    motion = WinchCommand(SPEED, 0.0)
     for row in winch.schedule:
         if _at_ns(row) > within_ns:
             break
@@ -115,11 +115,11 @@ def scheduled_motion(winch: Winch, stamp_ns: int) -> Order:
     return motion
 
 
-def motion_of(row: ScheduleRow) -> Order | None:
+def motion_of(row: ScheduleRow) -> WinchCommand | None:
     """Return the motion command of a row; None if it is a switch."""
     for key, kind in _MOTION_OF.items():
         if (value := getattr(row, key)) is not None:
-            return Order(kind, value)
+            return WinchCommand(kind, value)
     return None
 
 
