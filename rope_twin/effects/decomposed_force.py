@@ -6,8 +6,9 @@ the rope where it is positive and damps it elsewhere, the part against it is an 
 C_a(A/D, f·D/U); both from a table (config/viv, whose head tells where it comes from). A
 pre-analysis tells which mode each place drives and at which true frequency; amplitude and frequency
 are read from the running motion. All this is computed beside the step, on places of its own
-(rope_twin.viv.decomposed_response, rope_twin.twin.vibration.shaking), and the pre-analysis is made
-again as tension and line out change: elements and step of the scene need not resolve it.
+(rope_twin.viv.decomposed_response, rope_twin.twin.vibration.drag_amplification), and the
+pre-analysis is made again as tension and line out change: elements and step of the scene need not
+resolve it.
 
 What it does to the rope is in the step: the drag coefficient at each node grows by
 a·(2·rms/d)^b (Vandiver 1983: a = 1.043, b = 0.65), the mean of the rope that the node stands for.

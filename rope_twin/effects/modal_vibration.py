@@ -3,8 +3,8 @@
 [LCD] Le Cunff and Durand (1999), eqs 1-9: the natural modes of the rope as it hangs are locked in
 where U/(f·d) lies in a band; there the lift C_l(A/d) drives them (two parabolas, Venugopal 1996),
 elsewhere the water damps them. The response is computed beside the step, on places of its own
-(rope_twin.viv.modal_response, rope_twin.twin.vibration.shaking), with modes found again as tension
-and line out change: elements and step of the scene need not resolve it.
+(rope_twin.viv.modal_response, rope_twin.twin.vibration.drag_amplification), with modes found
+again as tension and line out change: elements and step of the scene need not resolve it.
 
 What it does to the rope is in the step: the drag coefficient at each node grows by
 a·(2·rms/d)^b (Vandiver 1983: a = 1.043, b = 0.65), the mean of the rope that the node stands for.

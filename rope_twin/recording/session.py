@@ -41,7 +41,7 @@ from rope_twin.twin.health import SENDER_LEAD_S
 from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.saving.saved_state import SavedState, decode_state, scene_figures
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.watch import Watch
+from rope_twin.twin.vibration.settings import MonitorSettings
 
 FORMAT = 2
 _SHARED = "share/"  # before names of files that come with the package
@@ -72,7 +72,7 @@ class Setup:
         Raises:
             RopeTwinError: scene, state or parameters are wrong.
         """
-        watch = Watch(self.vibration, self.fatigue)
+        watch = MonitorSettings(self.vibration, self.fatigue)
         kind = twin_kind(self.energy, self.error_band, watch)
         twin = kind(scene) if state is None else kind.restore(state, scene)
         twin.judge_clocks(self.sender_lead_s, self.correct_sender_clocks)

@@ -45,7 +45,7 @@ from rope_twin.twin.recovery import Recovery
 from rope_twin.twin.saving.keeper import Keeper
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.watch import Watch
+from rope_twin.twin.vibration.settings import MonitorSettings
 
 START_LEAD_S = 0.5  # from the epoch's publication to t = 0, for others to get ready ...
 AWAITED_LEAD_S = 1.5  # ... and, from this one's making, where others have yet to find each other
@@ -225,7 +225,7 @@ class PacedTwin:
 
 def _begin(scene: Scene, params: SimulationParams) -> tuple[Twin, str]:
     """The twin at rest or at the state to go on from, and which it is, in words."""
-    watch = Watch(params.vibration, params.fatigue)
+    watch = MonitorSettings(params.vibration, params.fatigue)
     kind = twin_kind(params.energy, params.error_band, watch)
     if not params.start_from:
         return kind(scene), "beginning at rest"

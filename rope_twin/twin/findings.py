@@ -83,7 +83,7 @@ class RopeVibration:
 
 @dataclass(frozen=True)
 class MaterialFatigue:
-    """Accumulated Miner damage per metre of rope material (`wear.py`), from the lower end up."""
+    """Accumulated Miner damage per metre of rope material (`damage.py`), from the lower end up."""
 
     curve: str  # name of the S-N curve
     counted_s: float  # duration of the count

@@ -5,23 +5,23 @@ from __future__ import annotations
 from rope_twin.twin.accuracy.error_interval import ErrorIntervalTwin
 from rope_twin.twin.ledger import AccountedTwin
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.watch import Watch
+from rope_twin.twin.vibration.settings import MonitorSettings
 
 
 class AccountedIntervalTwin(AccountedTwin, ErrorIntervalTwin):
     """A twin with an energy balance and a discretisation-error interval."""
 
 
-def twin_kind(energy: bool, error_band: bool, watch: Watch | None = None) -> type[Twin]:
+def twin_kind(energy: bool, error_band: bool, watch: MonitorSettings | None = None) -> type[Twin]:
     """Return the twin class with these analyses; watch: the VIV and fatigue monitors, if any."""
     kind: type[Twin] = ErrorIntervalTwin if error_band else Twin
     if energy:
         kind = AccountedIntervalTwin if error_band else AccountedTwin
     if not watch:
         return kind
-    from rope_twin.twin.vibration.watched import (
-        WatchedTwin,  # imported here: its filters take a second to load
+    from rope_twin.twin.vibration.monitored import (
+        MonitoredTwin,  # imported here: its filters take a second to load
     )
 
-    parts = (WatchedTwin,) if kind is Twin else (WatchedTwin, kind)
+    parts = (MonitoredTwin,) if kind is Twin else (MonitoredTwin, kind)
     return type(f"Watched{kind.__name__}", parts, {"asked": watch})

@@ -47,7 +47,7 @@ from rope_twin.twin.touchdown import touchdown_of
 from rope_twin.twin.winch.payout import Payout
 
 if TYPE_CHECKING:
-    from rope_twin.twin.vibration.shaking import Shaking
+    from rope_twin.twin.vibration.drag_amplification import VivDragAmplification
 
 STEPS_PER_CALL = 256
 
@@ -60,7 +60,7 @@ class SteppedTwin(ToldTwin):
     """
 
     told = ""  # message for the user before the run
-    _shaking: Shaking | None = None  # if the scene's VIV model is loosely coupled
+    _viv_drag: VivDragAmplification | None = None  # if the scene's VIV model is loosely coupled
     _bends: BendWatch | None = None  # if a rope has bending stiffness or a minimum bend radius
 
     def __init__(self, scene: Scene) -> None:
@@ -91,12 +91,12 @@ class SteppedTwin(ToldTwin):
         if watches_bends(scene):
             self._bends = BendWatch(scene)
         if model_beside(scene) is not None:
-            from rope_twin.twin.vibration.shaking import (
-                Shaking,  # imported here: its filters take a second to load
+            from rope_twin.twin.vibration.drag_amplification import (
+                VivDragAmplification,  # imported here: its filters take a second to load
             )
 
-            self._shaking = Shaking(scene, self.rope)
-            self.told = self._shaking.tracker.told
+            self._viv_drag = VivDragAmplification(scene, self.rope)
+            self.told = self._viv_drag.tracker.told
 
     @property
     def steps(self) -> int:
@@ -110,9 +110,9 @@ class SteppedTwin(ToldTwin):
         return rope if rope.effects is effects else rope._replace(effects=effects)
 
     @property
-    def shaking(self) -> Shaking | None:
+    def viv_drag(self) -> VivDragAmplification | None:
         """The scene's loosely coupled VIV model, or None; use it in the stepping thread only."""
-        return self._shaking
+        return self._viv_drag
 
     @property
     def joined(self) -> JoinedRopes | None:
@@ -184,8 +184,8 @@ class SteppedTwin(ToldTwin):
     def _advance_some(self, steps: int) -> int:
         """Advance as far as inputs can be prescribed without tension feedback; return the steps."""
         began = time.perf_counter()
-        if self._shaking is not None:
-            steps = min(steps, self._shaking.steps_to_look(self._steps))
+        if self._viv_drag is not None:
+            steps = min(steps, self._viv_drag.steps_to_sampling(self._steps))
         with self._lock:
             if self._current.counter.accepted != self._currents:
                 self._currents = self._current.counter.accepted
@@ -209,9 +209,9 @@ class SteppedTwin(ToldTwin):
             tensions = pulls[:done, rows.PULL].tolist()
             self._run.take(tensions)
             self._recent.take(tensions)
-        if self._shaking is not None and self._shaking.steps_to_look(self._steps) == 0:
+        if self._viv_drag is not None and self._viv_drag.steps_to_sampling(self._steps) == 0:
             currents = self._current.changes
-            self._shaking.look(self.rope, self._boundary, self._steps, currents)
+            self._viv_drag.look(self.rope, self._boundary, self._steps, currents)
         self._computing_s += time.perf_counter() - began
         if done < steps:
             raise SolverError(no_next_state(self._steps + 1, self.time_ns * 1e-9))
@@ -326,8 +326,8 @@ class SteppedTwin(ToldTwin):
         self._ropes, lost_m = self._ropes.part(whole, self._boundary, place)
         self._rope = self._ropes.first
         self._current.effects = self._rope.effects
-        if self._shaking is not None:
-            self._shaking.part(whole, self._rope)
+        if self._viv_drag is not None:
+            self._viv_drag.part(whole, self._rope)
         if rope == 0:
             self._boundary.value[:, rows.LINE] -= lost_m
         self._validity.doubt(CUT_REASON)
@@ -376,8 +376,8 @@ class SteppedTwin(ToldTwin):
         contact = bed_contact(self._rope) if self._has_bed else None
         if contact is not None:
             amended(taken, seabed=contact)
-        if self._shaking is not None:
-            amended(taken, vibration=self._shaking.shot(self.rope))
+        if self._viv_drag is not None:
+            amended(taken, vibration=self._viv_drag.shot(self.rope))
         return self._judged(self._ropes.complete(taken, self.time_ns))
 
     def _judged(self, taken: Snapshot) -> Snapshot:

@@ -19,7 +19,7 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.effects.bending import Bending, BendingParams
 from rope_twin.scene.schema import RopeLine, Scene
-from rope_twin.twin.fatigue.wear import bending_stiffness
+from rope_twin.twin.fatigue.damage import bending_stiffness
 from rope_twin.twin.hung import HungRope
 from rope_twin.twin.snapshot import Bend, RopeBend, Vector
 

@@ -22,7 +22,7 @@ from rope_twin.twin.stepped import SteppedTwin
 # Attributes given by the scene or the caller; all others change and belong to a saved state.
 _GIVEN = (
     "scene", "step_s", "step_ns", "failure_folder", "_card_error", "_lock", "_pulls",
-    "_rope", "_ropes", "_base", "_ahead", "_shaking", "told", "_winch_names", "_first_winch_names",
+    "_rope", "_ropes", "_base", "_ahead", "_viv_drag", "told", "_winch_names", "_first_winch_names",
     "_own_motion", "_judges_motion", "_motion_judged", "_load_rules",
 )  # fmt: skip
 
@@ -99,8 +99,8 @@ class Twin(SteppedTwin):
         twin._ahead.boundary = values.pop("_boundary")
         twin._ahead.steps = values.pop("_prescribed")
         twin._ropes.take_back(values, twin._rope)
-        if twin._shaking is not None:
-            twin._shaking.take_back(values.pop("shaking"))
+        if twin._viv_drag is not None:
+            twin._viv_drag.take_back(values.pop("viv_drag"))
         vars(twin).update(values)
         twin._validity.resume(digest)
         return twin
@@ -146,6 +146,6 @@ class Twin(SteppedTwin):
         parts = saved_state.changing_parts(self._rope)
         rope = {f"rope/{name}": getattr(self._rope, name) for name in parts}
         ahead = {"_boundary": self._ahead.boundary, "_prescribed": self._ahead.steps}
-        if self._shaking is not None:
-            kept["shaking"] = self._shaking.kept()
+        if self._viv_drag is not None:
+            kept["viv_drag"] = self._viv_drag.kept()
         return kept | rope | ahead | {"rope/tension": self._tension} | self._ropes.changing()

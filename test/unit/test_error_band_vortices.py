@@ -133,11 +133,11 @@ def test_a_companion_has_modes_of_its_own_beside_its_step(name: str) -> None:
     alone = np.array([shot.tension_top_n for shot in fed(half, 8.0)])
     off = np.abs(np.array(found) - np.array(plain)).max()
     assert np.abs(np.array(found) - alone).max() < 0.6 * off
-    own, other = twin.shaking, twin._coarse._shaking  # type: ignore[attr-defined]
+    own, other = twin.viv_drag, twin._coarse._viv_drag  # type: ignore[attr-defined]
     assert own is not None
     assert own.tracker.solves == other.tracker.solves == 8
     assert other.every == 4 * own.every
-    assert 1.2 < twin._coarse.amplified().max() < 2.0
+    assert 1.2 < twin._coarse.drag_amplification().max() < 2.0
 
 
 @pytest.mark.parametrize("name", ["vortices_modal", "vortices_decomposed"])
@@ -147,7 +147,7 @@ def test_a_restored_twin_makes_a_companion_that_shakes_on(name: str) -> None:
     for _ in fed(twin, 10.0):
         pass
     again = ErrorIntervalTwin.restore(twin.capture(), twin.scene)
-    assert again._coarse.amplified().max() > 1.2
+    assert again._coarse.drag_amplification().max() > 1.2
     for one in (twin, again):
         one.advance(2500)
     assert "" == again.snapshot().no_band == twin.snapshot().no_band

@@ -104,24 +104,24 @@ class ShakenBody(RopeBody):
         """How many steps were done, and the top tension after each."""
         pull, done = np.zeros((steps, rows.PULL_COLUMNS)), 0
         while done < steps:
-            count = min(steps - done, self._shaking.steps_to_look(self._steps))
+            count = min(steps - done, self._viv_drag.steps_to_sampling(self._steps))
             part = Boundary(*(table[done : done + count + 1] for table in motion))
             at_s = time + done * self._rope.model.step
             went = advance(self._rope, part, pull[done : done + count], at_s, count)
             done, self._steps = done + went, self._steps + went
             if went < count:
                 break
-            if self._shaking.steps_to_look(self._steps) == 0:
+            if self._viv_drag.steps_to_sampling(self._steps) == 0:
                 now = Boundary(*(table[done:] for table in motion))
-                self._shaking.look(self._rope, now, self._steps, 0)
+                self._viv_drag.look(self._rope, now, self._steps, 0)
         return done, pull[:, rows.PULL]
 
     def _shake(self) -> None:
-        from rope_twin.twin.vibration.shaking import (
-            Shaking,  # here: its filters take a second to load
+        from rope_twin.twin.vibration.drag_amplification import (
+            VivDragAmplification,  # here: its filters take a second to load
         )
 
-        self._shaking = Shaking(self._scene, self._rope)
+        self._viv_drag = VivDragAmplification(self._scene, self._rope)
         self._steps = 0
 
 

@@ -28,7 +28,7 @@ from rope_twin.twin.accuracy.regrid import HangOff, coarser
 from rope_twin.twin.stepped import STEPS_PER_CALL
 
 if TYPE_CHECKING:
-    from rope_twin.twin.vibration.shaking import Shaking
+    from rope_twin.twin.vibration.drag_amplification import VivDragAmplification
 
 
 from rope_twin.scene.rules.rigging import places
@@ -58,9 +58,9 @@ class CoarseSolution(Protocol):
         """
 
     def look(self, boundary: Boundary, steps: int, currents: int) -> None:
-        """Sample the loosely coupled VIV model, as `Shaking.look`; steps: done by the twin."""
+        """Sample the loosely coupled VIV model, when it is due; steps: done by the twin."""
 
-    def amplified(self) -> Floats:
+    def drag_amplification(self) -> Floats:
         """Return the drag amplification at the nodes, from the lower end up."""
 
     def further(self, r: int) -> list[float]:
@@ -77,14 +77,14 @@ class CoarseRope:
         border: tuple[Floats, Floats],
         resting: bool,
         elements: bool = True,
-        shaking: Shaking | None = None,
+        viv_drag: VivDragAmplification | None = None,
     ) -> None:
         """Coarsen the rope at `border`, value and rate of the prescribed motion now.
 
         resting: whether to solve for static equilibrium; elements: whether to halve their number,
         or only to double the step; shaking: the twin's loosely coupled VIV model.
         """
-        self._shaking = None if shaking is None else shaking.apart(SAMPLING_RATIO)
+        self._viv_drag = None if viv_drag is None else viv_drag.coarse_copy(SAMPLING_RATIO)
         half = coarser(rope, at) if elements else copy.deepcopy(rope)
         self._effects = SeparateEffects(rope.effects)
         self._rope = half._replace(
@@ -121,15 +121,15 @@ class CoarseRope:
         self._pull_n = tensions[-1]
         return tensions
 
-    def amplified(self) -> Floats:
+    def drag_amplification(self) -> Floats:
         """Return the drag amplification by its loosely coupled VIV model at the nodes."""
-        assert self._shaking is not None
-        return self._shaking.amplified(self._rope)
+        assert self._viv_drag is not None
+        return self._viv_drag.drag_amplification(self._rope)
 
     def look(self, boundary: Boundary, steps: int, currents: int) -> None:
         """Sample its loosely coupled VIV model when due."""
-        own = self._shaking
-        if own is not None and self.waiting == 0 and own.steps_to_look(steps) <= 0:
+        own = self._viv_drag
+        if own is not None and self.waiting == 0 and own.steps_to_sampling(steps) <= 0:
             own.look(self._rope, boundary, steps, currents)
 
     def _advance(self, start_s: float, steps: int) -> int:
@@ -249,7 +249,7 @@ class CoarseSystem:
             self._pulls[:, k : k + 1], pull_n = pulls, pulls[:, 0, rows.PULL].tolist()
         return steps
 
-    def amplified(self) -> Floats:
+    def drag_amplification(self) -> Floats:
         """Raise TypeError, as multi-line systems have no loosely coupled VIV model."""
         raise TypeError
 

@@ -185,7 +185,9 @@ class ErrorIntervalTwin(Twin):
         if joined is None:
             pull = self._pulls[border - 1] if border else self._pull
             at = HangOff(pull[rows.PULL_X : rows.PULL_Z + 1].copy(), float(rate[rows.LINE]))
-            self._coarse = CoarseRope(self._rope, at, (value, rate), resting, halves, self._shaking)
+            self._coarse = CoarseRope(
+                self._rope, at, (value, rate), resting, halves, self._viv_drag
+            )
             now = {0: (value, rate)}
         else:
             self._coarse = half = CoarseSystem(
@@ -232,14 +234,16 @@ class ErrorIntervalTwin(Twin):
 
     def _sample_coarse_vortices(self, done: int) -> None:
         """Sample the coarse solution's VIV model when the twin's own is due."""
-        own = self._shaking
-        if own is not None and own.steps_to_look(self._steps) == 0:
+        own = self._viv_drag
+        if own is not None and own.steps_to_sampling(self._steps) == 0:
             now = Boundary(*(table[done:] for table in self._boundary))
             self._coarse.look(now, self._steps, self._current.changes)
             now_s = self.time_ns * 1e-9
             if now_s >= self._compared_s + COMPARED_S and self._tops:
                 self._compared_s = now_s
-                by = drag_divergence(own.amplified(self.rope), self._coarse.amplified())
+                by = drag_divergence(
+                    own.drag_amplification(self.rope), self._coarse.drag_amplification()
+                )
                 self._band.diverge(now_s, by)
 
     def _answering(self) -> dict[int, Winch]:

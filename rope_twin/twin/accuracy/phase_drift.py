@@ -36,9 +36,9 @@ class _Pace:
     """Vortex frequency functions, imported before a run as their filters take a second to load."""
 
     def __init__(self) -> None:
-        from rope_twin.twin.vibration.looks import is_another_pace, vortices_hz
+        from rope_twin.twin.vibration.sampling import needs_new_interval, shedding_hz
 
-        self.is_another_pace, self.vortices_hz = is_another_pace, vortices_hz
+        self.is_another_pace, self.vortices_hz = needs_new_interval, shedding_hz
 
 
 class PhaseDrift:

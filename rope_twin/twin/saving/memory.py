@@ -27,7 +27,7 @@ _CONSTANT = tuple(
     f"rope_twin.scene.{part}" for part in ("schema", "sea_state", "winch", "winch_parts", "limits")
 )
 # a current may have gained rows and a rope elements, as have the monitors of that rope
-_OF_ANY_LENGTH = {"effects", "tension", "watch", "shaking"}
+_OF_ANY_LENGTH = {"effects", "tension", "watch", "viv_drag"}
 
 
 def remember(value: Any, arrays: Arrays, at: str) -> Any:

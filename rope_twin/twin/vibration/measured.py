@@ -24,15 +24,17 @@ from scipy.signal import butter, sosfilt, sosfilt_zi
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
 from rope_twin.twin.findings import RopeVibration
-from rope_twin.twin.vibration.watch import MOTION
+from rope_twin.twin.vibration.settings import MOTION
 
-SLOW = 0.2  # cut-off over the frequency of the fastest vortices: slower motion is no VIV
+CUT_OFF = 0.2  # cut-off over the frequency of the fastest vortices: slower motion is no VIV
 ORDER = 4
 BLOCK = 8  # number of samples filtered together
-SETTLING, AVERAGED, LEAST = 10.0, 10.0, 2.0  # periods: filter settles, mean, minimum averaged
-STILL_M = 1e-7  # smaller motion has no frequency
-STILL_M_PER_S = 1e-3  # slower flow has no drag amplification
-CARRIED_OVER = (
+SETTLING_PERIODS = 10.0  # until the filter has settled
+AVERAGING_PERIODS = 10.0  # of the means
+MIN_PERIODS = 2.0  # of averaging before a result
+MIN_MOTION_M = 1e-7  # smaller motion has no frequency
+MIN_FLOW_M_PER_S = 1e-3  # slower flow has no drag amplification
+INTERPOLATED = (
     "_memory", "_slow_memory", "_flow", "_sides", "_before", "_first", "_means", "_first_drag",
     "_drag",
 )  # fmt: skip
@@ -41,13 +43,13 @@ _VELOCITY = slice(rows.VELOCITY, rows.VELOCITY + 3)
 _FLOW = slice(rows.FLOW, rows.FLOW + 3)
 
 
-class OwnMotion:
+class MeasuredVibration:
     """Monitor of the rope's vibration, sampled at equal times; rows from the lower end up."""
 
     def __init__(self, rope: Rope, sample_s: float, vortices_hz: float) -> None:
         """Start with samples every `sample_s`; vortices_hz: fastest expected vortices [Hz]."""
         self._sample_s, self._hz = sample_s, vortices_hz
-        slowest, rate = SLOW * vortices_hz, 1.0 / sample_s
+        slowest, rate = CUT_OFF * vortices_hz, 1.0 / sample_s
         self._filter = butter(ORDER, slowest, "highpass", fs=rate, output="sos")
         self._slow_filter = butter(ORDER, slowest, "lowpass", fs=rate, output="sos")
         self._s, place = _marks(rope), _places(rope)
@@ -55,7 +57,7 @@ class OwnMotion:
         self._memory = sosfilt_zi(self._filter)[:, :, None, None] * place
         self._slow_memory = sosfilt_zi(self._slow_filter)[:, :, None, None] * self._flow
         self._waiting: list[Floats] = []  # positions and flows that are not filtered yet
-        self._sides = sides(place, self._flow)  # unit vectors for the waiting samples
+        self._sides = flow_directions(place, self._flow)  # unit vectors for the waiting samples
         self._before = np.zeros((2, place.shape[1]))
         # mean squares of motion, difference and sum; averaged once, and once more against ripple
         self._first, self._means = np.zeros((2, 3, 2, place.shape[1]))
@@ -67,7 +69,7 @@ class OwnMotion:
     def known(self) -> bool:
         """Whether results are available."""
         periods = self._taken * self._sample_s * self._hz
-        return periods >= SETTLING + LEAST
+        return periods >= SETTLING_PERIODS + MIN_PERIODS
 
     def take(self, rope: Rope, sample_s: float, vortices_hz: float) -> None:
         """Take one sample of the rope, at the sampling interval after the previous one."""
@@ -77,11 +79,11 @@ class OwnMotion:
             self._carry_over(s)
         self._s = s
         place = _places(rope)
-        share = 1.0 - exp(-self._sample_s * self._hz / AVERAGED)
+        share = 1.0 - exp(-self._sample_s * self._hz / AVERAGING_PERIODS)
         flow = relative_flow(rope)
         self._flow = self._flow + share * (flow - self._flow)
         if not self._waiting:
-            self._sides = sides(place, self._flow)
+            self._sides = flow_directions(place, self._flow)
         self._waiting.append(np.stack([place, flow]))
         if len(self._waiting) == BLOCK:
             self._work_off()
@@ -112,11 +114,11 @@ class OwnMotion:
         """Return None: its curvature is already in the rope's own."""
         return None
 
-    def kept(self) -> OwnMotion:
+    def kept(self) -> MeasuredVibration:
         """Return the state from which `take_back` resumes."""
         return self
 
-    def take_back(self, kept: OwnMotion) -> None:
+    def take_back(self, kept: MeasuredVibration) -> None:
         """Resume from this state."""
         vars(self).update(vars(kept))
 
@@ -127,14 +129,14 @@ class OwnMotion:
     def frequencies_hz(self) -> Floats:
         """Frequency of both motions [Hz], 0 where nothing moves, (2, nodes)."""
         _, rise, total = self._means
-        moves = (self.amplitudes_m() > STILL_M) & (total > 0.0)
+        moves = (self.amplitudes_m() > MIN_MOTION_M) & (total > 0.0)
         ratio = np.sqrt(rise / np.where(moves, total, 1.0))
         return np.where(moves, np.arctan(ratio) / (pi * self._sample_s), 0.0)
 
     def drag_amplification(self) -> Floats:
         """Factor of the vibration on the mean drag; 1 where the water is still, (nodes,)."""
         shaken, steady = self._drag
-        flows = steady > STILL_M_PER_S**3
+        flows = steady > MIN_FLOW_M_PER_S**3
         return np.where(flows, shaken / np.where(flows, steady, 1.0), 1.0)
 
     def _work_off(self) -> None:
@@ -145,8 +147,8 @@ class OwnMotion:
         fast, self._memory = sosfilt(self._filter, places, axis=0, zi=self._memory)
         slow, self._slow_memory = sosfilt(self._slow_filter, flows, axis=0, zi=self._slow_memory)
         self._waiting = []
-        settled = round(SETTLING / (self._hz * self._sample_s))
-        forgotten = 1.0 - exp(-2.0 * self._sample_s * self._hz / AVERAGED)
+        settled = round(SETTLING_PERIODS / (self._hz * self._sample_s))
+        forgotten = 1.0 - exp(-2.0 * self._sample_s * self._hz / AVERAGING_PERIODS)
         both = np.einsum("skn,qrkn->rqsn", self._sides, np.stack([fast, slow]))
         for moved, streaming in both:
             self._taken += 1
@@ -166,7 +168,7 @@ class OwnMotion:
         high = np.clip(np.searchsorted(self._s, s), 1, len(self._s) - 1)
         low = high - 1
         share = np.clip((s - self._s[low]) / (self._s[high] - self._s[low]), 0.0, 1.0)
-        for name in CARRIED_OVER:
+        for name in INTERPOLATED:
             kept = getattr(self, name)
             setattr(self, name, kept[..., low] * (1.0 - share) + kept[..., high] * share)
 
@@ -190,7 +192,7 @@ def relative_flow(rope: Rope) -> Floats:
     return np.asarray(relative)
 
 
-def fastest_hz(flow: Floats, along: Floats, diameter: Floats, strouhal: float) -> float:
+def max_shedding_hz(flow: Floats, along: Floats, diameter: Floats, strouhal: float) -> float:
     """Frequency of the fastest vortices, St·|U across the rope|/d at the nodes [Hz]."""
     across = flow - (flow * along).sum(axis=0) * along
     return float((strouhal * np.sqrt((across * across).sum(axis=0)) / diameter).max())
@@ -220,7 +222,7 @@ def _places(rope: Rope) -> Floats:
     return np.array(rope.state.nodes[_PLACE, : int(rope.state.counts[rows.ELEMENTS]) + 1])
 
 
-def sides(place: Floats, flow: Floats) -> Floats:
+def flow_directions(place: Floats, flow: Floats) -> Floats:
     """Unit vectors across rope and flow, and across the rope with the flow, (2, 3, nodes)."""
     along = tangents(place)
     across: Any = np.cross(flow, along, axis=0)

@@ -9,11 +9,11 @@ from rope_twin.core.state import Rope
 from rope_twin.effects.added_mass import AddedMass
 from rope_twin.effects.bending import Bending
 from rope_twin.effects.payload import Payload, TwoWayPayload
-from rope_twin.twin.vibration.own_motion import tangents
+from rope_twin.twin.vibration.measured import tangents
 from rope_twin.viv.span import Span, extended
 
 
-def span_of_rope(rope: Rope, moved_water: bool = True) -> Span:
+def line_model(rope: Rope, moved_water: bool = True) -> Span:
     """Return the line model of the present rope; moved_water: include its added mass."""
     n, sections, work = int(rope.state.counts[rows.ELEMENTS]), rope.sections, rope.work
     place = rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1]

@@ -1,11 +1,11 @@
-"""Selection of the vibration and fatigue monitors of a run (rope_twin.twin.vibration.watched)."""
+"""Selection of the vibration and fatigue monitors of a run (rope_twin.twin.vibration.monitored)."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from rope_twin.errors import InputError, did_you_mean, phrase
-from rope_twin.twin.fatigue.endurance import find_curve
+from rope_twin.twin.fatigue.curves import find_curve
 
 MOTION = "motion"  # measured in the twin, with its scene's own VIV model
 MODES, DECOMPOSED = "modes", "decomposed"  # loosely coupled models without feedback
@@ -13,7 +13,7 @@ MODELS = (MOTION, MODES, DECOMPOSED)
 
 
 @dataclass(frozen=True)
-class Watch:
+class MonitorSettings:
     """Vibration and fatigue monitors that a run asks for.
 
     Raises:

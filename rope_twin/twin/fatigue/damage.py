@@ -27,23 +27,23 @@ from rope_twin.core.state import Floats, Rope
 from rope_twin.effects.bending import Bending
 from rope_twin.scene.arrays.composite import ends_m
 from rope_twin.scene.schema import RopeLine
-from rope_twin.twin.fatigue.cycle_count import CycleCount, Numbers
-from rope_twin.twin.fatigue.endurance import (
+from rope_twin.twin.fatigue.curves import (
     Cycles,
     StressCurve,
+    check_all_steel,
     find_curve,
     metal_area,
-    refuse_fibre,
 )
+from rope_twin.twin.fatigue.rainflow import Numbers, RainflowCount
 from rope_twin.twin.findings import MaterialFatigue
 
-PIECE_M = 1.0
+SEGMENT_M = 1.0
 OUT, ABOARD, UNKNOWN = 0, 1, 2
-AROUND = 8  # points around the circumference
+CIRCUMFERENCE_POINTS = 8  # points around the circumference
 
 
 @dataclass(frozen=True)
-class WearWish:
+class DamageSettings:
     """Settings of the fatigue count."""
 
     curve: str  # name of a fatigue curve
@@ -51,7 +51,7 @@ class WearWish:
     over_sheave_pa: float = 0.0  # bending stress over the sheave; 0: not counted
 
 
-class RopeWear:
+class RopeDamage:
     """Damage of each metre, from the lower end up to the maximum payout.
 
     Raises:
@@ -59,25 +59,28 @@ class RopeWear:
             neither all steel nor a pipe.
     """
 
-    def __init__(self, line: RopeLine, most_line_out_m: float, wish: WearWish, EI: float) -> None:
-        pieces = max(1, round(most_line_out_m / PIECE_M))
+    def __init__(
+        self, line: RopeLine, most_line_out_m: float, settings: DamageSettings, EI: float
+    ) -> None:
+        pieces = max(1, round(most_line_out_m / SEGMENT_M))
         self.middles = (np.arange(pieces) + 0.5) * most_line_out_m / pieces
-        self.name, self._curve = wish.curve, find_curve("fatigue", wish.curve)
+        self.name, self._curve = settings.curve, find_curve("fatigue", settings.curve)
         by_stress = isinstance(self._curve, StressCurve)
         if by_stress:
-            refuse_fibre(line, EI)
+            check_all_steel(line, EI)
         which = np.searchsorted(ends_m(line), self.middles, side="right")
         made = [section.rope for section in line.made_of]
         area = np.array([metal_area(rope, EI) for rope in made])
         strength = area if by_stress else np.array([rope.breaking_load_n for rope in made])
         fibre = np.array([0.5 * rope.tangent_n(0.0) * rope.diameter_m for rope in made]) / area
         self._per_tension = 1.0 / strength[which]
-        self._per_curvature = fibre[which] if by_stress and wish.bends else np.zeros(pieces)
-        self._over_sheave_pa = wish.over_sheave_pa if by_stress else 0.0
+        self._per_curvature = fibre[which] if by_stress and settings.bends else np.zeros(pieces)
+        self._over_sheave_pa = settings.over_sheave_pa if by_stress else 0.0
         self._aboard = np.full(pieces, UNKNOWN)
-        angle = 2.0 * np.pi / AROUND * np.arange(AROUND if self.bends else 1)
+        points = np.arange(CIRCUMFERENCE_POINTS if self.bends else 1)
+        angle = 2.0 * np.pi / CIRCUMFERENCE_POINTS * points
         self._around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        self._count = CycleCount(len(angle) * pieces)
+        self._count = RainflowCount(len(angle) * pieces)
         self._lost_m = 0.0
 
     @property

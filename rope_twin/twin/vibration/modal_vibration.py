@@ -15,14 +15,14 @@ from rope_twin.core.state import Floats
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.rules.rigging import refuse_joined
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.rope_span import span_of_rope
+from rope_twin.twin.vibration.line_model import line_model
 from rope_twin.viv.modal_response import ModalResponse
 from rope_twin.viv.shedding import Shedding
 from rope_twin.viv.span import Span
 
 
 @dataclass(frozen=True)
-class VibrationShot:
+class ModalVibrationResult:
     """VIV response at one instant; rows run from the hang-off (row 0) down."""
 
     time_s: float
@@ -32,7 +32,7 @@ class VibrationShot:
     slack: bool  # part of the rope is slack: the previous modes are kept
 
 
-class Vibration:
+class ModalVibration:
     """Modal VIV response of a twin; call `follow` after each `advance`, in the stepping thread.
 
     The payload moves at the lower end with its added mass along x.
@@ -50,19 +50,19 @@ class Vibration:
         self.solves, self.computing_s = 0, 0.0
         self._twin, self._slack = twin, False
         self._began_s = self._solved_s = twin.time_ns * 1e-9
-        self._response = ModalResponse(span_of_twin(twin), shedding)
+        self._response = ModalResponse(line_model_of_twin(twin), shedding)
 
     @property
     def response(self) -> ModalResponse:
         """Response in modes, from the lower end up."""
         return self._response
 
-    def follow(self) -> VibrationShot:
+    def follow(self) -> ModalVibrationResult:
         """Advance the response to the twin's time and return it."""
         began = time.perf_counter()
         now = self._twin.time_ns * 1e-9
         if now >= self._solved_s + self.every_s - 1e-9:
-            span = span_of_twin(self._twin)
+            span = line_model_of_twin(self._twin)
             self._slack = not (span.tension > 0.0).all()
             if not self._slack:
                 self._response.follow(span)
@@ -73,7 +73,7 @@ class Vibration:
             self._response.advance(ahead)
         self.computing_s += time.perf_counter() - began
         span = self._response.span
-        return VibrationShot(
+        return ModalVibrationResult(
             now,
             (span.s[-1] - span.s)[::-1].copy(),
             self._response.amplitude[::-1].copy(),
@@ -82,6 +82,6 @@ class Vibration:
         )
 
 
-def span_of_twin(twin: Twin) -> Span:
+def line_model_of_twin(twin: Twin) -> Span:
     """Return the line model of the present rope, with the flow relative to its own motion."""
-    return span_of_rope(twin.rope)
+    return line_model(twin.rope)

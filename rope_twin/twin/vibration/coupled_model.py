@@ -4,7 +4,7 @@ The twin steps the rope at the time scale of ship and winch. Once a second its t
 the flow across it are sampled; the modes and their excitation are then searched in parts, some at
 each sampling, and used a second later. No sampling therefore takes long, and an offline run is
 bit-identical to a real-time one: the work done at each sampling does not depend on the machine.
-Unless the scene lists the model (twin/vibration/shaking.py), the twin's own motion is unchanged.
+Unless the scene lists the model (`drag_amplification.py`), the twin's own motion is unchanged.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ from rope_twin.core import state as rows
 from rope_twin.core.modes.nodes import along, mix_flow
 from rope_twin.core.state import Floats, Rope
 from rope_twin.errors import InputError
-from rope_twin.twin.fatigue.wear import turned
+from rope_twin.twin.fatigue.damage import turned
 from rope_twin.twin.findings import RopeVibration
-from rope_twin.twin.vibration.own_motion import AVERAGED, sides, tangents
-from rope_twin.twin.vibration.rope_span import span_of_rope
+from rope_twin.twin.vibration.line_model import line_model
+from rope_twin.twin.vibration.measured import AVERAGING_PERIODS, flow_directions, tangents
 from rope_twin.viv.decomposed import Decomposed, ExcitationSearch, fine_enough
 from rope_twin.viv.decomposed_response import DecomposedResponse
 from rope_twin.viv.lateral_modes import ModeSearch
@@ -32,12 +32,12 @@ from rope_twin.viv.shedding import Shedding
 from rope_twin.viv.span import Span
 
 EVERY_S = 1.0
-AT_ONCE_S = 1e-3
-SHARES = np.linspace(0.0, 1.0, 65)  # fractions of the length, upward, at which flow is kept
+COMPILE_STEP_S = 1e-3
+FRACTIONS = np.linspace(0.0, 1.0, 65)  # fractions of the length, upward, at which flow is kept
 _PLACE = slice(rows.POSITION, rows.POSITION + 3)
 
 
-class KeptBeside(NamedTuple):
+class CoupledModelState(NamedTuple):
     """State from which a loosely coupled model resumes."""
 
     response: Any
@@ -49,7 +49,7 @@ class KeptBeside(NamedTuple):
     note: str
 
 
-class Beside:
+class CoupledModel:
     """Response of a VIV model from a start without vibration, following a running twin."""
 
     def __init__(
@@ -69,13 +69,13 @@ class Beside:
         self._every_s = every_s
         self._searched: Span | None = None
         self._search: ModeSearch | ExcitationSearch | None = None
-        self._flow = np.zeros((3, len(SHARES)))
+        self._flow = np.zeros((3, len(FRACTIONS)))
         mix_flow(self._flow, rope, 1.0)
         self._since_s, self.solves, self.note = every_s, 1, ""
         span = span_of(rope, len(response.span.tension))
         response.follow(span, response.search(span))  # in parts, as later: bit-identical
         still = response.kept()
-        response.advance(AT_ONCE_S)  # compile now, not at the first sampling
+        response.advance(COMPILE_STEP_S)  # compile now, not at the first sampling
         response.take_back(still)
         self.told = self.words(span)
 
@@ -103,7 +103,7 @@ class Beside:
 
         sample_s: that time [s]; vortices_hz: frequency of the fastest vortex shedding [Hz].
         """
-        share = 1.0 - float(np.exp(-sample_s * vortices_hz / AVERAGED))
+        share = 1.0 - float(np.exp(-sample_s * vortices_hz / AVERAGING_PERIODS))
         mix_flow(self._flow, rope, share)
         self._since_s += sample_s
         if self._since_s >= self._every_s - 1e-9:
@@ -116,7 +116,7 @@ class Beside:
                 self._search.go_on()
         self._response.advance(sample_s)
 
-    def spare_searches(self) -> None:
+    def restrict_searches(self) -> None:
         """Restrict later mode searches to modes near the excited ones, if the model can."""
         if isinstance(self._response, DecomposedResponse):
             self._response.thrifty = True
@@ -126,8 +126,8 @@ class Beside:
 
         It keeps vibrating as before until its own modes are found, which are searched at once.
         """
-        shares = 1.0 - hangs_on * (1.0 - SHARES)
-        self._flow = np.stack([np.interp(shares, SHARES, part) for part in self._flow])
+        shares = 1.0 - hangs_on * (1.0 - FRACTIONS)
+        self._flow = np.stack([np.interp(shares, FRACTIONS, part) for part in self._flow])
         self._searched = self._search = None
         self._since_s = self._every_s
 
@@ -147,9 +147,9 @@ class Beside:
 
     def amplitudes(self, rope: Rope) -> Floats:
         """Return the amplitude at the nodes of the rope, from the lower end up [d]."""
-        return self._at_nodes(rope, self.at_places()[1])
+        return self._at_nodes(rope, self.at_model_nodes()[1])
 
-    def at_places(self) -> tuple[Floats, Floats, Floats]:
+    def at_model_nodes(self) -> tuple[Floats, Floats, Floats]:
         """Return the response at the nodes of its own line model.
 
         Position along the rope, as of `along` [m]; amplitude [d]; half a wave length at the local
@@ -185,20 +185,20 @@ class Beside:
         at = self._places(rope, middles)
         place = rope.state.nodes[_PLACE, : n + 1]
         shares = np.linspace(0.0, 1.0, n + 1)
-        flow = np.stack([np.interp(shares, SHARES, part) for part in self._flow])
-        across = turned(sides(place, flow)[0], tangents(place))
+        flow = np.stack([np.interp(shares, FRACTIONS, part) for part in self._flow])
+        across = turned(flow_directions(place, flow)[0], tangents(place))
         there = np.stack([np.interp(middles, s, part) for part in across])
         return np.asarray(there * np.interp(at, span.s, curve, 0.0, 0.0))
 
-    def kept(self) -> KeptBeside:
+    def kept(self) -> CoupledModelState:
         """Return the state from which `take_back` resumes."""
         searched = self._searched or self._response.kept()[0]
-        return KeptBeside(
+        return CoupledModelState(
             self._response.kept(), searched, self._search is not None, self._flow.copy(),
             self._since_s, self.solves, self.note,
         )  # fmt: skip
 
-    def take_back(self, kept: KeptBeside) -> None:
+    def take_back(self, kept: CoupledModelState) -> None:
         """Resume from this state."""
         self._response.take_back(kept.response)
         if kept.searching:
@@ -220,9 +220,9 @@ class Beside:
             self.note = f"the modes are those from before: {error}"
 
 
-def beside_modes(
+def modal_model(
     rope: Rope, shedding: Shedding, name: str = "modes", every_s: float = EVERY_S
-) -> Beside:
+) -> CoupledModel:
     """Return the modal VIV model (Le Cunff and Durand 1999) for a rope.
 
     Raises:
@@ -230,14 +230,14 @@ def beside_modes(
     """
 
     def span_of(rope: Rope, elements: int) -> Span:
-        return span_of_rope(rope)
+        return line_model(rope)
 
-    return Beside(name, rope, span_of, ModalResponse(span_of_rope(rope), shedding), every_s)
+    return CoupledModel(name, rope, span_of, ModalResponse(line_model(rope), shedding), every_s)
 
 
-def beside_decomposed(
+def force_decomposition_model(
     rope: Rope, model: Decomposed, name: str = "decomposed", every_s: float = EVERY_S
-) -> Beside:
+) -> CoupledModel:
     """Return the force-decomposition model (Ge 2018) for a rope.
 
     Raises:
@@ -245,6 +245,6 @@ def beside_decomposed(
     """
 
     def span_of(rope: Rope, elements: int) -> Span:
-        return fine_enough(span_of_rope(rope, moved_water=False), model, elements)
+        return fine_enough(line_model(rope, moved_water=False), model, elements)
 
-    return Beside(name, rope, span_of, DecomposedResponse(span_of(rope, 0), model), every_s)
+    return CoupledModel(name, rope, span_of, DecomposedResponse(span_of(rope, 0), model), every_s)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 Vector = NDArray[np.float64]
 STEEL_KG_PER_M3 = 7850.0
-ALL_STEEL_KG_PER_M3 = 7000.0  # minimum mass over displaced volume of an all-steel rope
+MIN_STEEL_DENSITY_KG_PER_M3 = 7000.0  # minimum mass over displaced volume of an all-steel rope
 
 
 @dataclass(frozen=True)
@@ -128,7 +128,7 @@ def find_stress_curve(where: str, name: str) -> StressCurve:
 def strength_of(rope: Rope) -> Strength:
     """Return the breaking load, and the metal area if the rope is all steel."""
     volume = 0.25 * np.pi * rope.hydrodynamic_diameter_m**2
-    steel = rope.mass_kg_per_m > ALL_STEEL_KG_PER_M3 * volume
+    steel = rope.mass_kg_per_m > MIN_STEEL_DENSITY_KG_PER_M3 * volume
     area = rope.mass_kg_per_m / STEEL_KG_PER_M3 if steel else np.nan
     return Strength(area, rope.breaking_load_n)
 
@@ -148,7 +148,7 @@ def metal_area(rope: Rope, EI: float) -> float:
     return pipe_area(EI, rope.tangent_n(0.0), rope.diameter_m) or strength_of(rope).metal_area_m2
 
 
-def kind_of(rope: Rope, EI: float) -> str:
+def other_material(rope: Rope, EI: float) -> str:
     """Return the type of a rope other than steel wire in words; "" for steel wire.
 
     A chain displaces more than a bar of its diameter, a wire rope less.
@@ -160,9 +160,11 @@ def kind_of(rope: Rope, EI: float) -> str:
     return "chain" if rope.hydrodynamic_diameter_m > rope.diameter_m else ""
 
 
-def other_than_wire(line: RopeLine, name: str, EI: float) -> str:
+def wire_curve_warning(line: RopeLine, name: str, EI: float) -> str:
     """Return a warning on sections that a wire rope curve does not cover; "" if there are none."""
-    kinds = [(number, kind_of(one.rope, EI)) for number, one in enumerate(line.made_of, start=1)]
+    kinds = [
+        (number, other_material(one.rope, EI)) for number, one in enumerate(line.made_of, start=1)
+    ]
     others = [f"section {number} is {kind}" for number, kind in kinds if kind]
     if not others:
         return ""
@@ -170,7 +172,7 @@ def other_than_wire(line: RopeLine, name: str, EI: float) -> str:
     return phrase("fatigue", what, "what it tells of those metres compares them and is no life")
 
 
-def refuse_fibre(line: RopeLine, EI: float = 0.0) -> None:
+def check_all_steel(line: RopeLine, EI: float = 0.0) -> None:
     """Reject a rope for which a stress curve cannot be used.
 
     Raises:

@@ -21,24 +21,28 @@ from rope_twin.scene.rules.rigging import refuse_joined
 from rope_twin.scene.rules.shedding import model_beside, shedding_model, strouhal_number
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.accuracy.level import AccuracyLevel
-from rope_twin.twin.fatigue.endurance import other_than_wire
-from rope_twin.twin.fatigue.wear import RopeWear, WearWish, bending_stiffness, curvature
+from rope_twin.twin.fatigue.curves import wire_curve_warning
+from rope_twin.twin.fatigue.damage import DamageSettings, RopeDamage, bending_stiffness, curvature
 from rope_twin.twin.findings import MaterialFatigue, RopeVibration
 from rope_twin.twin.saving.memory import recall
 from rope_twin.twin.saving.saved_state import IF_ASKED, SavedState, load_state
 from rope_twin.twin.snapshot import Snapshot, amended
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.beside import Beside, beside_decomposed, beside_modes
-from rope_twin.twin.vibration.looks import is_another_pace, steps_between, vortices_hz
-from rope_twin.twin.vibration.own_motion import OwnMotion
-from rope_twin.twin.vibration.watch import DECOMPOSED, MODES, MOTION, Watch
+from rope_twin.twin.vibration.coupled_model import (
+    CoupledModel,
+    force_decomposition_model,
+    modal_model,
+)
+from rope_twin.twin.vibration.measured import MeasuredVibration
+from rope_twin.twin.vibration.sampling import needs_new_interval, sampling_steps, shedding_hz
+from rope_twin.twin.vibration.settings import DECOMPOSED, MODES, MOTION, MonitorSettings
 from rope_twin.viv.decomposed import decomposed
 from rope_twin.viv.shedding import Shedding
 
 SECOND_NS = 1_000_000_000  # interval of the fatigue results
 
 
-class WatchedTwin(Twin):
+class MonitoredTwin(Twin):
     """A twin with the monitors of `asked`; a saved state includes their counts and averages.
 
     Raises:
@@ -46,7 +50,7 @@ class WatchedTwin(Twin):
         InputError: a requested monitor is not possible for the scene.
     """
 
-    asked: ClassVar[Watch]
+    asked: ClassVar[MonitorSettings]
 
     def __init__(self, scene: Scene) -> None:
         refuse_joined(scene, "what watches vibration or fatigue")
@@ -62,16 +66,17 @@ class WatchedTwin(Twin):
         if self.asked.vibration in (MODES, DECOMPOSED) and model:
             what = f"the scene's own {model} shakes its rope already"
             raise InputError(phrase(f"vibration {self.asked.vibration}", what, f"ask for {MOTION}"))
-        wear = self._new_wear(scene) if self.asked.fatigue else None  # first: it may be rejected
+        # before the twin is built, as it may be rejected
+        damage = self._new_damage(scene) if self.asked.fatigue else None
         super().__init__(scene)
-        self._strouhal, self._wear = strouhal_number(scene), wear
+        self._strouhal, self._damage = strouhal_number(scene), damage
         self._hz = 0.0  # vortex frequency of the sampling interval
         self._profiles = 0  # number of current profiles accepted by then
         self._every = self._steps_between()
-        self._tracker = self._beside()  # a monitor of the twin's motion starts with the flow
-        self.told = self._tracker.told if isinstance(self._tracker, Beside) else self.told
+        self._tracker = self._coupled_model()  # a monitor of the twin's motion starts with the flow
+        self.told = self._tracker.told if isinstance(self._tracker, CoupledModel) else self.told
         if self.asked.fatigue:
-            others = other_than_wire(scene.ropes[0], self.asked.fatigue, _stiffness(scene))
+            others = wire_curve_warning(scene.ropes[0], self.asked.fatigue, _stiffness(scene))
             self.told = "\n".join(words for words in (self.told, others) if words)
         self._counting_from_ns, self._second = self.time_ns, -1
         self._fatigue: MaterialFatigue | None = None
@@ -92,7 +97,7 @@ class WatchedTwin(Twin):
     def snapshot(self) -> Snapshot:
         """Return a frozen copy of the present with the results of the monitors."""
         taken = super().snapshot()
-        if self._shaking is None:
+        if self._viv_drag is None:
             amended(taken, vibration=self._vibration())
         return amended(taken, fatigue=self._fatigue)
 
@@ -102,13 +107,13 @@ class WatchedTwin(Twin):
         self._every = self._steps_between()
 
     def _changing(self) -> dict[str, Any]:
-        own = ("told", "_strouhal", "_wear", "_tracker", "_hz", "_profiles", "_every",
+        own = ("told", "_strouhal", "_damage", "_tracker", "_hz", "_profiles", "_every",
                "_counting_from_ns", "_second", "_fatigue", "_watch_s", "_watched_s")  # fmt: skip
         changing = {name: value for name, value in super()._changing().items() if name not in own}
-        if self._wear is not None:
-            changing[f"{IF_ASKED}wear"] = self._wear
+        if self._damage is not None:
+            changing[f"{IF_ASKED}wear"] = self._damage
             changing[f"{IF_ASKED}counting_from_ns"] = self._counting_from_ns
-        if self._tracker is not None and self._shaking is None:
+        if self._tracker is not None and self._viv_drag is None:
             changing[f"{IF_ASKED}model"] = self.asked.vibration
             changing[f"{IF_ASKED}tracker"] = self._tracker.kept()
             changing[f"{IF_ASKED}looks"] = [self._hz, self._profiles]
@@ -122,17 +127,17 @@ class WatchedTwin(Twin):
             if name.startswith(IF_ASKED)
         }
         self._counting_from_ns = kept.get("counting_from_ns", self.time_ns)
-        if self._wear is not None and "wear" in kept:
+        if self._damage is not None and "wear" in kept:
             begun = kept["wear"]["fields"]["name"]
-            if begun != self._wear.name:
-                what = f"its fatigue was counted by the curve {begun}, not {self._wear.name}"
+            if begun != self._damage.name:
+                what = f"its fatigue was counted by the curve {begun}, not {self._damage.name}"
                 raise StateError(phrase(f"saved state {state.source}", what, f"ask for {begun}"))
-            self._wear = recall(kept["wear"], self._wear, state.arrays, f"{IF_ASKED}wear")
-        self._tracker = self._beside()
+            self._damage = recall(kept["wear"], self._damage, state.arrays, f"{IF_ASKED}wear")
+        self._tracker = self._coupled_model()
         if self.asked.vibration and kept.get("model") == self.asked.vibration:
             self._hz, self._profiles = kept["looks"]
             self._every = self._steps_between()
-            tracker = self._tracker or self._of_own_motion()
+            tracker = self._tracker or self._measured_vibration()
             tracker.take_back(
                 recall(kept["tracker"], tracker.kept(), state.arrays, f"{IF_ASKED}tracker")
             )
@@ -144,9 +149,9 @@ class WatchedTwin(Twin):
         return super()._sever(lost_m, rope)
 
     def _advance_some(self, steps: int) -> int:
-        shaking = self._shaking
+        viv_drag = self._viv_drag
         own = self._every - self._steps % self._every
-        due = own if shaking is None else shaking.steps_to_look(self._steps)
+        due = own if viv_drag is None else viv_drag.steps_to_sampling(self._steps)
         done = super()._advance_some(min(steps, due))
         if done == due:
             began = time.perf_counter()
@@ -162,64 +167,66 @@ class WatchedTwin(Twin):
         second = self.time_ns // SECOND_NS
         new, self._second = second != self._second, second
         if new:
-            self._keep_pace()
+            self._update_interval()
         rope = self.rope
-        if self._tracker is not None and self._shaking is None:
+        if self._tracker is not None and self._viv_drag is None:
             self._tracker.take(rope, self._every * self.step_s, self._hz)
-        if self._wear is not None:
+        if self._damage is not None:
             if self._cut.done:
-                self._wear.cut_off(self._cut.done.lost_m)
-            self._wear.take(rope, float(self._pull[rows.PULL]), self._bent())
+                self._damage.cut_off(self._cut.done.lost_m)
+            self._damage.take(rope, float(self._pull[rows.PULL]), self._bent())
             if new:
                 counted_s = (self.time_ns - self._counting_from_ns) * 1e-9
                 line_out = float(self._boundary.value[0, rows.LINE])
-                self._fatigue = self._wear.shot(line_out, counted_s)
+                self._fatigue = self._damage.shot(line_out, counted_s)
 
-    def _keep_pace(self) -> None:
+    def _update_interval(self) -> None:
         """Adapt the sampling interval to the vortex frequency; only a new current extends it."""
-        if self._shaking is not None or not (self.asked.vibration or shedding_model(self.scene)):
+        if self._viv_drag is not None or not (self.asked.vibration or shedding_model(self.scene)):
             return
-        hz = vortices_hz(self.rope, self._boundary, self._strouhal)
+        hz = shedding_hz(self.rope, self._boundary, self._strouhal)
         profiles = self._current.counter.health(self.time_ns, False).accepted
-        if is_another_pace(hz, self._hz, profiles != self._profiles):
+        if needs_new_interval(hz, self._hz, profiles != self._profiles):
             self._hz, self._profiles = hz, profiles
             self._every = self._steps_between()
             if self.asked.vibration == MOTION:
-                self._tracker = self._of_own_motion() if hz > 0.0 else None
+                self._tracker = self._measured_vibration() if hz > 0.0 else None
 
     def _steps_between(self) -> int:
         """Return the number of steps between samples."""
-        return steps_between(self._hz, self.step_s)
+        return sampling_steps(self._hz, self.step_s)
 
-    def _of_own_motion(self) -> OwnMotion:
-        return OwnMotion(self.rope, self._every * self.step_s, self._hz)
+    def _measured_vibration(self) -> MeasuredVibration:
+        return MeasuredVibration(self.rope, self._every * self.step_s, self._hz)
 
-    def _beside(self) -> OwnMotion | Beside | None:
+    def _coupled_model(self) -> MeasuredVibration | CoupledModel | None:
         """Return the loosely coupled model of the scene or of the run in its initial state."""
-        if self._shaking is not None:
-            return self._shaking.tracker
+        if self._viv_drag is not None:
+            return self._viv_drag.tracker
         density = self.scene.environment.water_density_kg_per_m3
         if self.asked.vibration == MODES:
-            return beside_modes(self.rope, Shedding(strouhal=self._strouhal, density=density))
+            return modal_model(self.rope, Shedding(strouhal=self._strouhal, density=density))
         if self.asked.vibration == DECOMPOSED:
-            return beside_decomposed(self.rope, replace(decomposed(), density=density))
+            return force_decomposition_model(self.rope, replace(decomposed(), density=density))
         return None
 
-    def _new_wear(self, scene: Scene) -> RopeWear:
+    def _new_damage(self, scene: Scene) -> RopeDamage:
         line, winch = scene.ropes[0], scene.winch
         EI = _stiffness(scene)
         most = winch.most_line_out_m if winch else line.length_m
         shaken = model_beside(scene) is not None or self.asked.vibration in (MODES, DECOMPOSED)
         sheave = winch.sheave if winch else None
         bent_pa = sheave.bending_stress_pa(line.made_of[0].rope.diameter_m) if sheave else 0.0
-        return RopeWear(line, most, WearWish(self.asked.fatigue, EI > 0.0 or shaken, bent_pa), EI)
+        return RopeDamage(
+            line, most, DamageSettings(self.asked.fatigue, EI > 0.0 or shaken, bent_pa), EI
+        )
 
     def _bent(self) -> Floats | None:
         """Curvature of rope and vibration per metre [1/m], (2, metres); None: not counted."""
-        if self._wear is None or not self._wear.bends:
+        if self._damage is None or not self._damage.bends:
             return None
         lost_m = self._cut.done.lost_m if self._cut.done else 0.0
-        middles = self._wear.middles - lost_m
+        middles = self._damage.middles - lost_m
         bent = np.zeros((2, len(middles)))
         if bending_stiffness(self._rope.effects) > 0.0:
             s, own = curvature(self._rope)
@@ -228,11 +235,11 @@ class WatchedTwin(Twin):
         return bent if shaken is None else bent + shaken
 
     def _vibration(self) -> RopeVibration | None:
-        shaking = self._tracker.shot(self._rope) if self._tracker is not None else None
-        if shaking is None:
+        viv_drag = self._tracker.shot(self._rope) if self._tracker is not None else None
+        if viv_drag is None:
             return None
         watched_s = max(self._watched_s, self.step_s)
-        return replace(shaking, cost_pct=100.0 * self._watch_s / watched_s)
+        return replace(viv_drag, cost_pct=100.0 * self._watch_s / watched_s)
 
 
 def _stiffness(scene: Scene) -> float:

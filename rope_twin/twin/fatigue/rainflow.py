@@ -14,14 +14,14 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.twin.fatigue.endurance import Cycles, Vector
+from rope_twin.twin.fatigue.curves import Cycles, Vector
 
 Numbers = NDArray[np.int64]
-Cost = Callable[[Numbers, Cycles], Vector]  # damage of each cycle, given its series
-ROOM = 16  # initial capacity for open turning points of a series
+Damage = Callable[[Numbers, Cycles], Vector]  # damage of each cycle, given its series
+INITIAL_CAPACITY = 16  # initial capacity for open turning points of a series
 
 
-class CycleCount:
+class RainflowCount:
     """Rainflow count of several series from their first value on; a NaN is skipped."""
 
     def __init__(self, series: int) -> None:
@@ -29,10 +29,10 @@ class CycleCount:
         self.cycles = np.zeros(series)  # number of closed cycles
         self._last = np.full(series, np.inf)  # newest value, inf: none yet
         self._way = np.zeros(series)  # direction: 1 up, -1 down, 0 not known yet
-        self._open = np.zeros((series, ROOM))  # turning points
+        self._open = np.zeros((series, INITIAL_CAPACITY))  # turning points
         self._count = np.zeros(series, np.int64)
 
-    def take(self, values: Vector, cost: Cost) -> None:
+    def take(self, values: Vector, cost: Damage) -> None:
         """Take the next value of each series, (series,)."""
         begun = np.isfinite(self._last)
         new = np.where(np.isnan(values), self._last, values)
@@ -44,7 +44,7 @@ class CycleCount:
             self._way[turned] = way[turned]
         self._last = new
 
-    def total(self, cost: Cost) -> Vector:
+    def total(self, cost: Damage) -> Vector:
         """Return the damage of all cycles, with the open ones as half cycles, (series,)."""
         end = copy.deepcopy(self)
         begun = np.flatnonzero(end._count > 0)
@@ -55,7 +55,7 @@ class CycleCount:
             end._close(some, end._open[some, k], end._open[some, k + 1], 0.5, cost)
         return end.used
 
-    def _push(self, which: Numbers, points: Vector, cost: Cost) -> None:
+    def _push(self, which: Numbers, points: Vector, cost: Damage) -> None:
         """Add a turning point to these series, and close the cycles that it completes."""
         if int(self._count.max(initial=0)) + 1 >= self._open.shape[1]:
             self._open = np.hstack([self._open, np.zeros_like(self._open)])
@@ -79,7 +79,7 @@ class CycleCount:
             which = which[count[which] >= 3]
 
     def _close(
-        self, which: Numbers, one: Vector, other: Vector, count: Vector | float, cost: Cost
+        self, which: Numbers, one: Vector, other: Vector, count: Vector | float, cost: Damage
     ) -> None:
         if len(which):
             counts = np.broadcast_to(np.asarray(count, dtype=np.float64), one.shape)
