@@ -35,7 +35,7 @@ from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rules.rigging import winches_by_name
 from rope_twin.topics import SESSION_TOPIC, TOPICS
-from rope_twin.twin.cutting.cutting import plan_for
+from rope_twin.twin.cutting.cut_input import plan_for
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.kinds import twin_kind
 from rope_twin.twin.pacing import keep_pauses_short, steps_in_slot

@@ -134,9 +134,9 @@ class AccountedTwin(Twin):
     def _opened(self) -> Ledger:
         return Ledger(self.time_ns * 1e-9, self._measured())
 
-    def _sever(self, lost_m: float, rope: int = 0) -> float:
+    def _split(self, lost_m: float, rope: int = 0) -> float:
         """Cut a rope; a cut is no step, so its change of energy does not enter the residual."""
-        lost_m = super()._sever(lost_m, rope)
+        lost_m = super()._split(lost_m, rope)
         self._ledger.begin_anew_at(self._measured())
         return lost_m
 

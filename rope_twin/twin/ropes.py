@@ -15,12 +15,12 @@ from rope_twin.core.step import advance
 from rope_twin.scene.arrays.build import build
 from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.cutting.bare_end import without_load
-from rope_twin.twin.cutting.parted import PartedRopes
-from rope_twin.twin.cutting.severing import Place, sever
+from rope_twin.twin.cutting.free_end import without_load
+from rope_twin.twin.cutting.parted import CutRope
+from rope_twin.twin.cutting.rope_cut import CutPosition, cut_rope
 from rope_twin.twin.hung import HungRope, hung_rope
-from rope_twin.twin.joined.joined import JoinedRopes
 from rope_twin.twin.motion.hang_off import Moves
+from rope_twin.twin.multi_line.system import MultiLineRopes
 from rope_twin.twin.snapshot import Snapshot, first_rope
 from rope_twin.twin.start import find_start
 from rope_twin.twin.winch.commands import WinchCommand
@@ -62,7 +62,7 @@ class Ropes(Protocol):
     def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
         """Advance in time like core's `advance`; boundary, pulls: of the first rope."""
 
-    def part(self, first: Rope, border: Boundary, place: Place) -> tuple[Ropes, float]:
+    def cut(self, first: Rope, border: Boundary, place: CutPosition) -> tuple[Ropes, float]:
         """Cut a rope; return the ropes after the cut and the length of the lower part [m].
 
         border: boundary conditions of the first rope, the present in row 0. `first` of the returned
@@ -75,7 +75,7 @@ class Ropes(Protocol):
     def length_m(self, r: int) -> float:
         """Return the unstretched length of a rope other than the first [m]."""
 
-    def lose(self, r: int, lost_m: float, left_m: float) -> None:
+    def adapt_to_cut(self, r: int, lost_m: float, left_m: float) -> None:
         """Report to the winch of another rope the length cut off and the length left [m]."""
 
     def forget(self, done: int, prescribed: int) -> None:
@@ -128,10 +128,10 @@ class OneRope(SingleWinch):
         """Advance the rope in time."""
         return advance(first, boundary, pulls, time, len(pulls))
 
-    def part(self, first: Rope, border: Boundary, place: Place) -> tuple[Ropes, float]:
+    def cut(self, first: Rope, border: Boundary, place: CutPosition) -> tuple[Ropes, float]:
         """Cut the rope; return both parts and the length of the lower one [m]."""
-        parts = sever(first, border, place, without_load(first.effects))
-        return PartedRopes(self._scene, parts.upper, parts.lower), parts.lost_m
+        parts = cut_rope(first, border, place, without_load(first.effects))
+        return CutRope(self._scene, parts.upper, parts.lower), parts.lost_m
 
     def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
         """Return energy and power of the rope now."""
@@ -164,4 +164,4 @@ def ropes_of(scene: Scene, steps: int) -> Ropes:
     Raises:
         SceneError: the scene cannot be built.
     """
-    return JoinedRopes(scene, steps) if is_joined(scene) else OneRope(scene)
+    return MultiLineRopes(scene, steps) if is_joined(scene) else OneRope(scene)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rope_twin.scene.card import KnownError
 from rope_twin.twin.findings import EnergyBalance, MaterialFatigue, RopeVibration, TensionBand
-from rope_twin.twin.joined.lines_shot import LineEvent, LinesShot
+from rope_twin.twin.multi_line.clearance_results import LineEvent, LinesShot
 
 Vector = NDArray[np.float64]
 

@@ -31,10 +31,10 @@ from rope_twin.twin.accuracy.regrid import HangOff
 from rope_twin.twin.accuracy.validity import CUT_REASON
 from rope_twin.twin.body import body_of, with_body
 from rope_twin.twin.contact import bed_contact, bed_of
-from rope_twin.twin.cutting.severing import Place
-from rope_twin.twin.joined.joined import JoinedRopes
+from rope_twin.twin.cutting.rope_cut import CutPosition
 from rope_twin.twin.limits import LoadRecord, LoadRules
 from rope_twin.twin.motion.prescribed import Inputs, LeadOver, Prescribed, Present
+from rope_twin.twin.multi_line.system import MultiLineRopes
 from rope_twin.twin.observe import Extremes, Observation, RunStatistics, observe
 from rope_twin.twin.recovery import Checkpoint, moving_arrays
 from rope_twin.twin.ropes import ropes_of
@@ -115,9 +115,9 @@ class SteppedTwin(ToldTwin):
         return self._viv_drag
 
     @property
-    def joined(self) -> JoinedRopes | None:
+    def joined(self) -> MultiLineRopes | None:
         """The multi-line system; None for a single rope."""
-        return self._ropes if isinstance(self._ropes, JoinedRopes) else None
+        return self._ropes if isinstance(self._ropes, MultiLineRopes) else None
 
     @property
     def card_error(self) -> KnownError:
@@ -193,7 +193,7 @@ class SteppedTwin(ToldTwin):
                 self._validity.doubt(f"a current profile came from elsewhere at {at_s:.2f} s")
             taken = self._cut.take(self.time_ns, self._length_m)
             if taken is not None:
-                self._part(*taken)
+                self._cut_here(*taken)
             steps = self._cut.steps_before(self.time_ns, self.step_ns, steps)
             told = Inputs(self._heave, self._winch, self._ropes, self._lead)
             now = Present(self.time_ns, self.step_ns, self._rope, float(self._pull[rows.PULL]))
@@ -304,30 +304,30 @@ class SteppedTwin(ToldTwin):
             return self._ropes.length_m(rope)
         return float(self._boundary.value[0, rows.LINE])
 
-    def _part(self, lost_m: float, rope: int) -> None:
+    def _cut_here(self, lost_m: float, rope: int) -> None:
         """Cut a rope now at this height above its lower end [m], or at a node close by."""
-        lost_m = self._sever(lost_m, rope)
-        self._lose(lost_m, self._length_m(rope), rope)
+        lost_m = self._split(lost_m, rope)
+        self._record_cut(lost_m, self._length_m(rope), rope)
 
-    def _lose(self, lost_m: float, left_m: float, rope: int) -> None:
+    def _record_cut(self, lost_m: float, left_m: float, rope: int) -> None:
         """Record a cut at the present time."""
         if rope == 0:
-            self._winch.lose(lost_m, left_m)
+            self._winch.adapt_to_cut(lost_m, left_m)
         else:
-            self._ropes.lose(rope, lost_m, left_m)
+            self._ropes.adapt_to_cut(rope, lost_m, left_m)
         name = self.scene.ropes[rope].name if is_joined(self.scene) else ""
         self._cut.done = CutShot(self.time_ns * 1e-9, left_m, lost_m, name)
 
-    def _sever(self, lost_m: float, rope: int = 0) -> float:
+    def _split(self, lost_m: float, rope: int = 0) -> float:
         """Split a rope in two; return the length below the cut [m]."""
         whole, now_s = self._rope._replace(effects=self._current.effects), self.time_ns * 1e-9
         winch = winch_of(self.scene, self.scene.ropes[rope])
-        place = Place(lost_m, winch.least_line_out_m if winch else math.inf, now_s, rope)
-        self._ropes, lost_m = self._ropes.part(whole, self._boundary, place)
+        place = CutPosition(lost_m, winch.least_line_out_m if winch else math.inf, now_s, rope)
+        self._ropes, lost_m = self._ropes.cut(whole, self._boundary, place)
         self._rope = self._ropes.first
         self._current.effects = self._rope.effects
         if self._viv_drag is not None:
-            self._viv_drag.part(whole, self._rope)
+            self._viv_drag.cut(whole, self._rope)
         if rope == 0:
             self._boundary.value[:, rows.LINE] -= lost_m
         self._validity.doubt(CUT_REASON)

@@ -13,7 +13,7 @@ from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rules.rigging import is_joined, winches_by_name
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.accuracy.validity import SceneMotion, StudyValidity
-from rope_twin.twin.cutting.cutting import CutInput
+from rope_twin.twin.cutting.cut_input import CutInput
 from rope_twin.twin.motion.hang_off import HangOffTrack
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.ropes import Ropes

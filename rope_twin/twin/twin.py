@@ -14,7 +14,7 @@ from typing import Any, Self
 from rope_twin.core import state as rows
 from rope_twin.errors import SolverError, StateError
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.cutting.cutting import rope_called
+from rope_twin.twin.cutting.cut_input import rope_number
 from rope_twin.twin.saving import saved_state
 from rope_twin.twin.saving.saved_state import About, SavedState
 from rope_twin.twin.stepped import SteppedTwin
@@ -85,9 +85,9 @@ class Twin(SteppedTwin):
         if (level := state.level) != twin.level:
             twin.set_level(level)
         if (lost_m := state.about.cut_lost_m) > 0.0:  # anywhere: arrays are restored below
-            rope = rope_called(scene, state.about.cut_rope)
-            twin._sever(0.5 * twin._length_m(rope), rope)
-            twin._lose(lost_m, state.about.cut_left_m, rope)
+            rope = rope_number(scene, state.about.cut_rope)
+            twin._split(0.5 * twin._length_m(rope), rope)
+            twin._record_cut(lost_m, state.about.cut_left_m, rope)
         digest = twin._validity.digest
         values = state.restore_into(twin._changing())
         twin._rope = twin._rope._replace(

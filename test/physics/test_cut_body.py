@@ -18,7 +18,7 @@ from rope_twin.core.body.energy import pose_of
 from rope_twin.core.step import advance
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.twin.cutting.bare_end import without_load
+from rope_twin.twin.cutting.free_end import without_load
 from rope_twin.twin.ledger import AccountedTwin
 
 G, RHO, HOOK = 9.80665, 1025.0, 150.0
@@ -70,7 +70,7 @@ def test_the_cut_leaves_the_body_as_it_is_and_compiles_nothing(below: float) -> 
     body = body_in(twin)
     before = body.records[int(body.memory[0, 0])].copy()
     codes = len(getattr(advance, "overloads", ()))
-    twin._sever(1.0 if math.isinf(below) else 60.0 - below)
+    twin._split(1.0 if math.isinf(below) else 60.0 - below)
     after = falling(twin)
     assert (after.records[int(after.memory[0, 0])] == before).all()
     parked = body_in(twin)

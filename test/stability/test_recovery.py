@@ -305,7 +305,7 @@ def test_a_keeper_saves_good_states_after_a_recovery_and_none_of_a_failed_run(
 
 def test_ropes_that_meet_go_back_together(monkeypatch: pytest.MonkeyPatch) -> None:
     """With a winch at each of two hang-offs."""
-    import rope_twin.twin.joined.joined as joined_module
+    import rope_twin.twin.multi_line.system as joined_module
 
     twin = Twin(load_scene("two_line_lift"))
     assert len(twin.scene.ropes) > 1

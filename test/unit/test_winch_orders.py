@@ -160,7 +160,7 @@ def test_a_depth_that_no_rope_of_the_winch_reaches_is_refused(name: str, winch_n
     sentence = winch.take(None, WinchCommand("depth", reach + 0.1), 0)
     assert f"m of rope reach {reach:.1f} m, stretched until it breaks" in sentence
     assert winch.health(0)[winch.counter.name].impossible == 1
-    winch.lose(50.0, line.length_m - 50.0)
+    winch.adapt_to_cut(50.0, line.length_m - 50.0)
     assert "stretched" in winch.take(None, WinchCommand("depth", reach - 40.0), 0), (
         "the rope was cut"
     )

@@ -157,9 +157,9 @@ class ErrorIntervalTwin(Twin):
             return f"unknown until {known}: its coarse solution has to settle"
         return ""
 
-    def _part(self, lost_m: float, rope: int) -> None:
+    def _cut_here(self, lost_m: float, rope: int) -> None:
         """Cut a rope and end the coarse solution."""
-        super()._part(lost_m, rope)
+        super()._cut_here(lost_m, rope)
         self._close_band()
 
     def _close_band(self) -> None:

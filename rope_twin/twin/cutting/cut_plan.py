@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from rope_twin.errors import InputError, phrase
 
-LEAST_M = 1.0  # minimum length left at the hang-off, and at the lower end
+MIN_LENGTH_M = 1.0  # minimum length left at the hang-off, and at the lower end
 AT_LOWER_END = math.inf  # position as close to the lower end as possible
 _FORM = (
     "write PLACE@SECONDS: metres below the hang-off, or end, and twin time, like 1500@30, or "
@@ -38,8 +38,8 @@ def read_plan(words: str) -> PlannedCut | None:
         at_s = float(time)
     except ValueError as error:
         raise InputError(phrase(f"cut {words}", "that is no place and time", _FORM)) from error
-    if not (below_m >= LEAST_M and 0.0 <= at_s < math.inf):
+    if not (below_m >= MIN_LENGTH_M and 0.0 <= at_s < math.inf):
         what = f"at {at_s:g} s, {below_m:g} m below the hang-off is not possible"
-        right = f"the time is 0 or later, and at least {LEAST_M:g} m of rope hang on"
+        right = f"the time is 0 or later, and at least {MIN_LENGTH_M:g} m of rope hang on"
         raise InputError(phrase(f"cut {words}", what, right))
     return PlannedCut(round(at_s * 1e9), below_m, name.strip())

@@ -23,9 +23,14 @@ from rope_twin.core.state import Boundary, Floats, Rope, State
 from rope_twin.core.step import advance
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.contact import bed_contact
-from rope_twin.twin.cutting.bare_end import is_at_end
-from rope_twin.twin.cutting.carried import carried_arrays, is_carried
-from rope_twin.twin.cutting.severing import Place, refresh_tension, step_free, without_beyond
+from rope_twin.twin.cutting.effect_state import has_state, state_arrays
+from rope_twin.twin.cutting.free_end import is_at_end
+from rope_twin.twin.cutting.rope_cut import (
+    CutPosition,
+    refresh_tension,
+    step_free,
+    without_massless_section,
+)
 from rope_twin.twin.hung import HungRope, hung_rope
 from rope_twin.twin.saving.saved_state import changing_parts
 from rope_twin.twin.snapshot import (
@@ -39,10 +44,10 @@ from rope_twin.twin.snapshot import (
 from rope_twin.twin.winch.single_winch import SingleWinch
 
 _WHOLE = (0.0, 1.0)
-DOUBLING = (0.0, *(0.5**k for k in range(8, -1, -1)))  # fractions of a step
+SUBSTEPS = (0.0, *(0.5**k for k in range(8, -1, -1)))  # fractions of a step
 
 
-class PartedRopes(SingleWinch):
+class CutRope(SingleWinch):
     """Both parts of a cut rope."""
 
     def __init__(self, scene: Scene, first: Rope, lower: Rope) -> None:
@@ -57,7 +62,7 @@ class PartedRopes(SingleWinch):
         """Raise RuntimeError, as a cut rope does not start in equilibrium."""
         raise RuntimeError("a rope is cut on the way, not at the start")
 
-    def part(self, first: Rope, border: Boundary, place: Place) -> tuple[PartedRopes, float]:
+    def cut(self, first: Rope, border: Boundary, place: CutPosition) -> tuple[CutRope, float]:
         """Raise RuntimeError, as a rope can be cut once only."""
         raise RuntimeError("the rope is cut already")
 
@@ -77,11 +82,11 @@ class PartedRopes(SingleWinch):
         both = ((self._kept, first.state), (self._kept_lower, self._lower.state))
         for kept, state in both:
             _copy(state, kept)
-        carried = carried_arrays(first.effects + self._lower.effects)
+        carried = state_arrays(first.effects + self._lower.effects)
         carried_then = [one.copy() for one in carried]
         h, lower = first.model.step, self._lower
-        parts = DOUBLING if self._fresh else _WHOLE
-        value, rate = borders_at(border, parts, h)
+        parts = SUBSTEPS if self._fresh else _WHOLE
+        value, rate = boundary_at(border, parts, h)
         pulls = np.zeros((1, rows.PULL_COLUMNS))
         for k, (begin, end) in enumerate(pairwise(parts)):
             now, piece = time + begin * h, (end - begin) * h
@@ -103,7 +108,7 @@ class PartedRopes(SingleWinch):
 
     def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
         """Complete the first rope's snapshot with both parts and the payload of the lower one."""
-        lower = without_beyond(self._lower)
+        lower = without_massless_section(self._lower)
         part = self._shot(lower)
         unconverged = int(lower.state.health[rows.SUBSTEPS_UNCONVERGED])
         doubtful = shot.doubtful or unconverged > self._unconverged
@@ -126,7 +131,7 @@ class PartedRopes(SingleWinch):
     def hung(self, first: Rope, shot: Snapshot) -> tuple[HungRope, ...]:
         """Return the shapes of both parts."""
         line, (upper, lower) = self._scene.ropes[0], shot.ropes
-        fallen = without_beyond(self._lower)
+        fallen = without_massless_section(self._lower)
         return hung_rope(line, first, upper), hung_rope(line, fallen, lower, loose=True)
 
     def changing(self) -> dict[str, Any]:
@@ -171,7 +176,7 @@ class PartedRopes(SingleWinch):
     def _share_water(self, first: Rope) -> None:
         """Take over the first rope's effects, except those with own load or internal variables."""
         shared = tuple(
-            own if is_at_end(own) or is_carried(own) else live
+            own if is_at_end(own) or has_state(own) else live
             for own, live in zip(self._lower.effects, first.effects, strict=True)
         )
         if any(own is not now for own, now in zip(self._lower.effects, shared, strict=True)):
@@ -209,7 +214,7 @@ def _copy(source: State, target: State) -> None:
         mine[...] = other
 
 
-def borders_at(border: Boundary, parts: tuple[float, ...], h: float) -> tuple[Floats, Floats]:
+def boundary_at(border: Boundary, parts: tuple[float, ...], h: float) -> tuple[Floats, Floats]:
     """Prescribed motion at these fractions of a step, by the cubic of `core.motion`."""
     if len(parts) == 2:
         return border.value, border.rate

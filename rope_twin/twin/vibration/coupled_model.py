@@ -121,7 +121,7 @@ class CoupledModel:
         if isinstance(self._response, DecomposedResponse):
             self._response.thrifty = True
 
-    def part(self, hangs_on: float) -> None:
+    def cut(self, hangs_on: float) -> None:
         """Adapt to a cut rope of which this fraction of the elements is left.
 
         It keeps vibrating as before until its own modes are found, which are searched at once.

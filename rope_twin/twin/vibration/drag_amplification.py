@@ -106,10 +106,10 @@ class VivDragAmplification:
             other._every = rarer * sampling_steps(other.hz, other._step_s)
         return other
 
-    def part(self, whole: Rope, upper: Rope) -> None:
+    def cut(self, whole: Rope, upper: Rope) -> None:
         """Adapt to a cut: the part left has modes of its own."""
         n, left = (int(rope.state.counts[ELEMENTS]) for rope in (whole, upper))
-        self.tracker.part(min(left / n, 1.0))
+        self.tracker.cut(min(left / n, 1.0))
 
     def shot(self, rope: Rope) -> RopeVibration:
         """Return the VIV response at the nodes of the rope."""

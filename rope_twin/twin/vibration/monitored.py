@@ -143,10 +143,10 @@ class MonitoredTwin(Twin):
             )
             self._tracker = tracker
 
-    def _sever(self, lost_m: float, rope: int = 0) -> float:
+    def _split(self, lost_m: float, rope: int = 0) -> float:
         """Cut a rope; the vibration monitor restarts on the part left."""
         self._tracker, self._hz = None, 0.0
-        return super()._sever(lost_m, rope)
+        return super()._split(lost_m, rope)
 
     def _advance_some(self, steps: int) -> int:
         viv_drag = self._viv_drag

@@ -34,7 +34,7 @@ class SingleWinch:
         """Raise RuntimeError, as there is no other rope."""
         raise RuntimeError(f"there is no rope {r}: this scene has one")
 
-    def lose(self, r: int, lost_m: float, left_m: float) -> None:
+    def adapt_to_cut(self, r: int, lost_m: float, left_m: float) -> None:
         """Raise RuntimeError, as there is no other rope."""
         raise RuntimeError(f"there is no rope {r}: this scene has one")
 

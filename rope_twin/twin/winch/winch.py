@@ -231,7 +231,7 @@ class Winch:
         if self._profile is not None:
             self._profile.follow_line(line)
 
-    def lose(self, lost_m: float, left_m: float) -> None:
+    def adapt_to_cut(self, lost_m: float, left_m: float) -> None:
         """Adapt to a cut: `left_m` of rope are paid out, and `lost_m` less exist in total.
 
         A length or depth command was for the whole rope and ends; the winch stops.

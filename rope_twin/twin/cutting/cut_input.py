@@ -11,7 +11,7 @@ from rope_twin.scene.rules.body import body_of
 from rope_twin.scene.rules.rigging import is_joined, winch_of
 from rope_twin.scene.rules.shedding import model_beside, shedding_model
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.cutting.cut_plan import AT_LOWER_END, LEAST_M, PlannedCut, read_plan
+from rope_twin.twin.cutting.cut_plan import AT_LOWER_END, MIN_LENGTH_M, PlannedCut, read_plan
 from rope_twin.twin.health import AHEAD_NS, InputCounter, too_late
 from rope_twin.twin.snapshot import CutShot, InputHealth
 
@@ -27,16 +27,18 @@ def plan_for(scene: Scene, words: str) -> PlannedCut | None:
     plan = read_plan(words)
     if plan is None:
         return None
-    if why := _why_not(scene):
+    if why := _reason_not_possible(scene):
         raise InputError(phrase(f"cut {words}", why, "run another scene for that"))
     if wrong := _unknown(scene, plan.rope):
         raise InputError(phrase(f"cut {words}", *wrong))
-    line = scene.ropes[rope_called(scene, plan.rope)]
+    line = scene.ropes[rope_number(scene, plan.rope)]
     winch = winch_of(scene, line)
     most = winch.most_line_out_m if winch else line.length_m
     if most < plan.below_m < AT_LOWER_END:
         what = f"this rope is never longer than {most:g} m"
-        raise InputError(phrase(f"cut {words}", what, f"give up to {most - LEAST_M:g} m, or end"))
+        raise InputError(
+            phrase(f"cut {words}", what, f"give up to {most - MIN_LENGTH_M:g} m, or end")
+        )
     return plan
 
 
@@ -46,7 +48,7 @@ class CutInput:
     def __init__(self, scene: Scene) -> None:
         self.counter = InputCounter("cut")
         self.done: CutShot | None = None
-        self._whole = _why_not(scene)  # why this rope cannot be cut at all
+        self._whole = _reason_not_possible(scene)  # why this rope cannot be cut at all
         self._scene = scene
         # due time [ns], metres below the upper end, number of the rope
         self._waiting: tuple[int, float, int] | None = None
@@ -63,7 +65,7 @@ class CutInput:
             kind, what, right = fault
             return self.counter.refuse(kind, phrase("cut", what, right))
         at_ns = now_ns if stamp_ns is None else stamp_ns
-        self._waiting = at_ns, float(below_m), rope_called(self._scene, rope)
+        self._waiting = at_ns, float(below_m), rope_number(self._scene, rope)
         self.counter.accept(at_ns)
         return ""
 
@@ -83,12 +85,14 @@ class CutInput:
             return None
         _, below_m, rope = self._waiting
         self._waiting, line_out_m = None, length_m(rope)
-        most = line_out_m - LEAST_M
+        most = line_out_m - MIN_LENGTH_M
         if below_m == AT_LOWER_END:
             below_m = most
-        if not LEAST_M <= below_m <= most:
+        if not MIN_LENGTH_M <= below_m <= most:
             what = f"{below_m:g} m below the hang-off is not on the {line_out_m:.1f} m of rope"
-            right = f"right are {LEAST_M:g} to {most:.1f} m, or the lower end; the rope is whole"
+            right = (
+                f"right are {MIN_LENGTH_M:g} to {most:.1f} m, or the lower end; the rope is whole"
+            )
             self.counter.refuse("impossible", phrase("cut", what, right))
             return None
         return line_out_m - below_m, rope
@@ -108,8 +112,8 @@ class CutInput:
             return "repeated", already, "a rope is cut once"
         if math.isnan(below_m):
             return "non_finite", "its place is not a number", "give metres below the hang-off"
-        if below_m < LEAST_M:
-            right = f"at least {LEAST_M:g} m of rope stay there"
+        if below_m < MIN_LENGTH_M:
+            right = f"at least {MIN_LENGTH_M:g} m of rope stay there"
             return "impossible", f"{below_m:g} m below the hang-off", right
         if stamp_ns is None:
             return None
@@ -122,7 +126,7 @@ class CutInput:
         return None
 
 
-def rope_called(scene: Scene, name: str) -> int:
+def rope_number(scene: Scene, name: str) -> int:
     """Return the number of the rope of this name; 0 without a name or in a single-line scene."""
     names = [line.name for line in scene.ropes]
     return names.index(name) if is_joined(scene) and name in names else 0
@@ -136,7 +140,7 @@ def _unknown(scene: Scene, name: str) -> tuple[str, str] | None:
     return f"there is no rope '{name}'", did_you_mean(name, names)
 
 
-def _why_not(scene: Scene) -> str:
+def _reason_not_possible(scene: Scene) -> str:
     if scene.sheaves:
         return "rope runs over a sheave in this scene, and no rope of such a one can be cut so far"
     model = shedding_model(scene)

@@ -21,14 +21,14 @@ from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.schema import RopeLine, Scene
-from rope_twin.twin.cutting.bare_end import without_load
-from rope_twin.twin.cutting.parted import DOUBLING, borders_at
-from rope_twin.twin.cutting.severing import (
+from rope_twin.twin.cutting.free_end import without_load
+from rope_twin.twin.cutting.parted import SUBSTEPS, boundary_at
+from rope_twin.twin.cutting.rope_cut import (
     INSTANT_S,
+    CutPosition,
     Nodes,
-    Place,
-    divided,
     falling_part,
+    inserted_nodes,
     nodes_of,
     upper_part,
 )
@@ -36,14 +36,14 @@ from rope_twin.twin.cutting.severing import (
 _A = slice(rows.ACCELERATION, rows.ACCELERATION + 3)
 
 
-class SeveredSystem(NamedTuple):
+class CutSystem(NamedTuple):
     """Multi-line system with one rope cut in two; the lower part is the last rope."""
 
     system: System
     lost_m: float  # unstretched length of the lower part
 
 
-def sever_joined(system: System, border: Boundary, place: Place) -> SeveredSystem:
+def cut_system(system: System, border: Boundary, place: CutPosition) -> CutSystem:
     """Cut a rope of a system without sheaves; the argument is unchanged.
 
     border: of all ropes, (ropes, 1, MOTIONS).
@@ -58,7 +58,7 @@ def sever_joined(system: System, border: Boundary, place: Place) -> SeveredSyste
         whole, float(border.rate[r, 0, rows.LINE]) if at_ship else 0.0
     ).with_node_at(place.at_m)
     lost = float(nodes.s[k])
-    for above in divided(nodes.s[k:] - lost, place.least_m) if at_ship else ():
+    for above in inserted_nodes(nodes.s[k:] - lost, place.least_m) if at_ship else ():
         nodes, _ = nodes.with_node_at(lost + above)
     nodes, k = _of_two_elements(nodes, k)
     nodes.motion[:, -1] = whole.state.nodes[:, int(whole.state.counts[rows.ELEMENTS])]
@@ -76,7 +76,7 @@ def sever_joined(system: System, border: Boundary, place: Place) -> SeveredSyste
         n = int(before.state.counts[rows.ELEMENTS])
         own.work[rows.TENSION, :n] = before.work[rows.TENSION, :n]
     _find_accelerations(parts, (r, len(ropes) - 1), _with_one_more(border), place.time)
-    return SeveredSystem(parts, lost)
+    return CutSystem(parts, lost)
 
 
 def scene_of_parts(scene: Scene, number: int, lost_m: float) -> Scene:
@@ -89,7 +89,7 @@ def scene_of_parts(scene: Scene, number: int, lost_m: float) -> Scene:
     return replace(scene, ropes=tuple(lines))
 
 
-def advance_in_pieces(system: System, boundary: Boundary, time: float) -> Floats | None:
+def advance_in_substeps(system: System, boundary: Boundary, time: float) -> Floats | None:
     """Advance the first step after a cut in doubling substeps (see `parted`).
 
     boundary: (ropes, 2, MOTIONS). Returns the forces on the upper ends after it [N], (ropes, 1,
@@ -98,9 +98,9 @@ def advance_in_pieces(system: System, boundary: Boundary, time: float) -> Floats
     pull = np.zeros((len(system.ropes), 1, rows.PULL_COLUMNS))
     kept = copy.deepcopy(([rope.state for rope in system.ropes], system.joints))
     h = system.ropes[0].model.step
-    each = [borders_at(Boundary(*own), DOUBLING, h) for own in zip(*boundary, strict=True)]
+    each = [boundary_at(Boundary(*own), SUBSTEPS, h) for own in zip(*boundary, strict=True)]
     value, rate = (np.array(tables) for tables in zip(*each, strict=True))
-    for k, (begin, end) in enumerate(pairwise(DOUBLING)):
+    for k, (begin, end) in enumerate(pairwise(SUBSTEPS)):
         some = Boundary(value[:, k : k + 2].copy(), rate[:, k : k + 2].copy())
         piece = _with_step(system, (end - begin) * h)
         if advance_joined(piece, some, pull, time + begin * h, 1) < 1:
@@ -110,7 +110,7 @@ def advance_in_pieces(system: System, boundary: Boundary, time: float) -> Floats
             for mine, other in zip(system.joints[2:4], kept[1][2:4], strict=True):
                 mine[...] = other
             return None
-    system.ropes[0].state.health[rows.STEPS] -= len(DOUBLING) - 2
+    system.ropes[0].state.health[rows.STEPS] -= len(SUBSTEPS) - 2
     return pull
 
 

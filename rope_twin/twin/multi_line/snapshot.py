@@ -25,21 +25,21 @@ from rope_twin.twin.snapshot import (
 )
 
 
-class LinesOut(NamedTuple):
+class Payouts(NamedTuple):
     """Payout of each rope and its rate, (ropes,)."""
 
     length_m: Floats
     speed_m_per_s: Floats
 
 
-class SystemNow(NamedTuple):
+class SystemState(NamedTuple):
     """Present state of all ropes."""
 
     scene: Scene
     system: System
     owners: dict[str, int]  # by payload, the rope at whose lower end it is
     pull: Floats  # force on the upper ends [N], (ropes, rows.PULL_COLUMNS)
-    line: LinesOut
+    line: Payouts
 
     def nodes(self, r: int, first: int) -> Floats:
         """Return three rows of the state of a rope from `first` on, (3, nodes)."""
@@ -47,14 +47,14 @@ class SystemNow(NamedTuple):
         return state.nodes[first : first + 3, : state.counts[rows.ELEMENTS] + 1]
 
 
-def rope_shots(now: SystemNow, first: Snapshot) -> tuple[RopeShot, ...]:
+def rope_shots(now: SystemState, first: Snapshot) -> tuple[RopeShot, ...]:
     """Return the state of every rope; first: snapshot of the first one."""
     names = [line.name for line in now.scene.ropes]
     further = (_rope_shot(now, r, name) for r, name in enumerate(names[1:], start=1))
     return first_rope(first, names[0]), *further
 
 
-def payload_shots(now: SystemNow) -> tuple[PayloadShot, ...]:
+def payload_shots(now: SystemState) -> tuple[PayloadShot, ...]:
     """Return the state of every payload."""
     return tuple(
         PayloadShot(
@@ -66,7 +66,7 @@ def payload_shots(now: SystemNow) -> tuple[PayloadShot, ...]:
     )
 
 
-def strut_shots(now: SystemNow) -> tuple[StrutShot, ...]:
+def strut_shots(now: SystemState) -> tuple[StrutShot, ...]:
     """Return the state of every bar."""
     joints = now.system.joints
     shots = []
@@ -76,12 +76,12 @@ def strut_shots(now: SystemNow) -> tuple[StrutShot, ...]:
     return tuple(shots)
 
 
-def sheave_shots(now: SystemNow) -> tuple[SheaveShot, ...]:
+def sheave_shots(now: SystemState) -> tuple[SheaveShot, ...]:
     """Return the state of every sheave."""
     return tuple(_sheave_shot(now, k, one.name) for k, one in enumerate(now.scene.sheaves))
 
 
-def contact(now: SystemNow) -> BedContact | None:
+def contact(now: SystemState) -> BedContact | None:
     """Return the seabed contact of all ropes; the height is that of the lowest payload."""
     found = [bed_contact(rope) for rope in now.system.ropes]
     contacts = [one for one in found if one is not None]
@@ -96,7 +96,7 @@ def contact(now: SystemNow) -> BedContact | None:
     )
 
 
-def _rope_shot(now: SystemNow, r: int, name: str) -> RopeShot:
+def _rope_shot(now: SystemState, r: int, name: str) -> RopeShot:
     nodes, work = now.nodes(r, rows.POSITION), now.system.ropes[r].work
     tension = work[rows.TENSION, : nodes.shape[1] - 1]
     pull = float(now.pull[r, rows.PULL])
@@ -117,7 +117,7 @@ def _rope_shot(now: SystemNow, r: int, name: str) -> RopeShot:
     )
 
 
-def _stretch(now: SystemNow, r: int) -> tuple[float, float]:
+def _stretch(now: SystemState, r: int) -> tuple[float, float]:
     """Return the unstretched length of a rope that ends at a sheave [m], and its rate [m/s]."""
     sheaves = now.system.sheaves
     assert sheaves is not None
@@ -127,7 +127,7 @@ def _stretch(now: SystemNow, r: int) -> tuple[float, float]:
     return float(sheaves.base[r] + side * passed), float(side * speed)
 
 
-def _sheave_shot(now: SystemNow, k: int, name: str) -> SheaveShot:
+def _sheave_shot(now: SystemState, k: int, name: str) -> SheaveShot:
     sheaves, nodes = now.system.sheaves, now.system.joints.nodes
     assert sheaves is not None
     point, flow = (int(sheaves.figures[row, k]) for row in (POINT, FLOW_COLUMN))

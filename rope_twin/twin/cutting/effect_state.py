@@ -17,7 +17,7 @@ from rope_twin.core.state import Floats
 from rope_twin.core.vortices.drag_growth import GROWTH, DragGrowth
 
 
-def is_carried(effect: Any) -> bool:
+def has_state(effect: Any) -> bool:
     """Return whether an effect has internal variables, so that two ropes cannot share it."""
     return numbers_carried(type(effect)) > 0
 
@@ -32,18 +32,18 @@ def of_part(effects: tuple[Any, ...], s: Floats, lost_m: float, spare: int) -> t
         spare: additional capacity in nodes.
     """
     return tuple(
-        own._replace(memory=_memory_of(own, s, lost_m, spare)) if is_carried(own) else own
+        own._replace(memory=_memory_of(own, s, lost_m, spare)) if has_state(own) else own
         for own in own_copies(effects)
     )
 
 
-def sheds_in_step(effect: Any) -> bool:
+def is_viv_model(effect: Any) -> bool:
     """Return whether an effect is a VIV model at the nodes inside the step."""
-    at_nodes = is_carried(effect) and "load_nodes" in hooks_of(type(effect))
+    at_nodes = has_state(effect) and "load_nodes" in hooks_of(type(effect))
     return at_nodes and not isinstance(effect, DragGrowth)
 
 
-def without_growth(effects: tuple[Any, ...]) -> tuple[Any, ...]:
+def reset_drag_amplification(effects: tuple[Any, ...]) -> tuple[Any, ...]:
     """Reset the drag amplification of a falling part: slack rope has no modes."""
     for own in effects:
         if isinstance(own, DragGrowth):
@@ -53,12 +53,12 @@ def without_growth(effects: tuple[Any, ...]) -> tuple[Any, ...]:
 
 def own_copies(effects: tuple[Any, ...]) -> tuple[Any, ...]:
     """Return the effects; those with internal variables get copies of all their arrays."""
-    return tuple(_copy(own) if is_carried(own) else own for own in effects)
+    return tuple(_copy(own) if has_state(own) else own for own in effects)
 
 
-def carried_arrays(effects: tuple[Any, ...]) -> list[Floats]:
+def state_arrays(effects: tuple[Any, ...]) -> list[Floats]:
     """Return all arrays of the effects with internal variables, not copied."""
-    return [part for own in effects if is_carried(own) for part in own if _is_array(part)]
+    return [part for own in effects if has_state(own) for part in own if _is_array(part)]
 
 
 def _copy(effect: Any) -> Any:

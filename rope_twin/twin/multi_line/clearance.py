@@ -18,13 +18,13 @@ from rope_twin.core.state import Floats
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.rules.rigging import places
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.joined.lines_shot import Crossing, LineEvent, LinesShot, Nearest
+from rope_twin.twin.multi_line.clearance_results import Crossing, LineEvent, LinesShot, Nearest
 from rope_twin.twin.snapshot import Snapshot
 
-AT_SHEAVE = 0.02  # of the sheave's depth: the zone above it where the lines meet is left out
-SAME = 0.05  # of the sheave's depth: maximum shift of a crossing between two snapshots
-LEAST_SPAN_M = 1e-3
-LOOK_NS = 1_000_000_000
+SHEAVE_ZONE = 0.02  # of the sheave's depth: the zone above it where the lines meet is left out
+SAME_CROSSING_TOL = 0.05  # of the sheave's depth: maximum shift of a crossing between two snapshots
+MIN_SPAN_M = 1e-3
+SAMPLING_NS = 1_000_000_000
 
 
 def lines_of(scene: Scene) -> tuple[list[int], list[int]]:
@@ -55,7 +55,7 @@ def lines_of(scene: Scene) -> tuple[list[int], list[int]]:
     return first[0], other
 
 
-class LineWatch:
+class ClearanceMonitor:
     """Monitor of both lines from snapshot to snapshot.
 
     Raises:
@@ -68,7 +68,7 @@ class LineWatch:
         at = places(scene)
         one, other = (np.array(at[scene.ropes[line[0]].from_][:2]) for line in self.lines)
         span = float(np.linalg.norm(other - one))
-        if span < LEAST_SPAN_M:
+        if span < MIN_SPAN_M:
             right = "set `at_m` of one of them aside: the lines are watched in the plane of both"
             raise InputError(phrase(f"{scene.path}: hang_offs", "both are at one place", right))
         self.plane = (other - one) / span
@@ -81,11 +81,11 @@ class LineWatch:
         self.turned_up += any((np.diff(path[:, 2]) > 0.0).any() for path in paths)
         depth, both, slopes = _side_by_side(paths)
         depth_of_sheave = -float(shot.sheaves[0].position_m[2])
-        above = depth < (1.0 - AT_SHEAVE) * depth_of_sheave
+        above = depth < (1.0 - SHEAVE_ZONE) * depth_of_sheave
         distance = np.linalg.norm(both[0] - both[1], axis=1)[above]
         k = int(distance.argmin())
         now = find_crossings(depth[above], both[:, above], slopes[above], self.plane)
-        happened = self._compare(now, shot.time_s, SAME * depth_of_sheave)
+        happened = self._compare(now, shot.time_s, SAME_CROSSING_TOL * depth_of_sheave)
         self.crossings = tuple(now)
         return Nearest(shot.time_s, float(depth[above][k]), float(distance[k])), happened
 
@@ -159,10 +159,10 @@ def find_crossings(depth: Floats, both: Floats, slopes: Floats, plane: Floats) -
     return found
 
 
-class LineReport:
+class ClearanceReport:
     """Report of a running twin on its two lines, once a second of twin time."""
 
-    def __init__(self, watch: LineWatch) -> None:
+    def __init__(self, watch: ClearanceMonitor) -> None:
         self._watch = watch
         self._looked = -1  # second of the last sampling
         self._shot: LinesShot | None = None
@@ -172,7 +172,7 @@ class LineReport:
 
         There is no subscriber at the start: the first sampling is after the first step.
         """
-        second = shot.stamp_ns // LOOK_NS
+        second = shot.stamp_ns // SAMPLING_NS
         if shot.step == 0 or second == self._looked:
             return replace(shot, lines=self._shot)
         nearest, events = self._watch.look(shot)
@@ -199,9 +199,9 @@ class LineReport:
         self._shot = LinesShot(Nearest(*last), self._watch.crossings) if seen else None
 
 
-def report_on(scene: Scene) -> LineReport | None:
+def report_on(scene: Scene) -> ClearanceReport | None:
     """Return a report on the scene's two lines; None if there are no two lines."""
     try:
-        return LineReport(LineWatch(scene))
+        return ClearanceReport(ClearanceMonitor(scene))
     except InputError:  # most scenes have no two lines around a sheave
         return None

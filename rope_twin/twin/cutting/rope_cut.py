@@ -39,15 +39,20 @@ from rope_twin.effects.weight import Weight
 from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.arrays.build import TOLERANCE_LEAST_N, TOLERANCE_SHARE
 from rope_twin.scene.arrays.grid import ROOM, halvings
-from rope_twin.twin.cutting.carried import of_part, own_copies, sheds_in_step, without_growth
+from rope_twin.twin.cutting.effect_state import (
+    is_viv_model,
+    of_part,
+    own_copies,
+    reset_drag_amplification,
+)
 from rope_twin.twin.elements import elements_of, tensions
 
-NEAR = 0.01  # of an element: the rope is cut at a node within this distance
+NODE_TOL = 0.01  # of an element: the rope is cut at a node within this distance
 BEYOND_M = 1e9  # length of the massless section beyond the free end
 BEYOND_SHEDDING_M = 2.0 * SMALLEST_REST  # the same with VIV models: as short as possible
 AHEAD_M = 1.0  # distance of its held upper end beyond the free end
 INSTANT_S = 1e-6
-SPARE = 16  # nodes: those inserted, and the one beyond the free end
+SPARE_NODES = 16  # nodes: those inserted, and the one beyond the free end
 _X, _V, _A = (slice(k, k + 3) for k in (rows.POSITION, rows.VELOCITY, rows.ACCELERATION))
 
 
@@ -64,7 +69,7 @@ class Nodes(NamedTuple):
         e = int(np.searchsorted(self.s, s, side="right")) - 1
         e = min(max(e, 0), len(self.offset) - 1)
         share = (s - self.s[e]) / (self.s[e + 1] - self.s[e])
-        if not NEAR <= share <= 1.0 - NEAR:
+        if not NODE_TOL <= share <= 1.0 - NODE_TOL:
             return self, e + (share > 0.5)
         between = (1.0 - share) * self.motion[:, e] + share * self.motion[:, e + 1]
         parts = share * self.offset[e], (1.0 - share) * self.offset[e]
@@ -76,7 +81,7 @@ class Nodes(NamedTuple):
         ), e + 1
 
 
-class Severed(NamedTuple):
+class CutParts(NamedTuple):
     """Two parts of a cut rope."""
 
     upper: Rope
@@ -84,7 +89,7 @@ class Severed(NamedTuple):
     lost_m: float  # unstretched length of the lower part
 
 
-class Place(NamedTuple):
+class CutPosition(NamedTuple):
     """Position and time of a cut."""
 
     at_m: float  # unstretched length of the part below the cut
@@ -93,7 +98,7 @@ class Place(NamedTuple):
     rope: int = 0  # its number in a multi-line scene
 
 
-def sever(rope: Rope, border: Boundary, place: Place, bare: tuple[Any, ...]) -> Severed:
+def cut_rope(rope: Rope, border: Boundary, place: CutPosition, bare: tuple[Any, ...]) -> CutParts:
     """Cut a rope.
 
     Args:
@@ -108,7 +113,7 @@ def sever(rope: Rope, border: Boundary, place: Place, bare: tuple[Any, ...]) -> 
     V = float(border.rate[0, rows.LINE])
     nodes, k = nodes_of(rope, V).with_node_at(place.at_m)
     lost = float(nodes.s[k])
-    for above in divided(nodes.s[k:] - lost, place.least_m):
+    for above in inserted_nodes(nodes.s[k:] - lost, place.least_m):
         nodes, _ = nodes.with_node_at(lost + above)
     nodes.motion[:, -1] = rope.state.nodes[:, len(rope_s(rope)) - 1]
     upper = upper_part(rope, nodes, k, bare)
@@ -116,9 +121,9 @@ def sever(rope: Rope, border: Boundary, place: Place, bare: tuple[Any, ...]) -> 
     held = border.value[0].copy()
     held[rows.LINE] -= lost
     _find_accelerations(upper, Boundary(held[None], border.rate[:1]), place.time)
-    ahead = ahead_of(lower)
+    ahead = node_beyond(lower)
     _find_accelerations(lower, Boundary(ahead[0][None], ahead[1][None]), place.time)
-    return Severed(upper, lower, lost)
+    return CutParts(upper, lower, lost)
 
 
 def rope_s(rope: Rope) -> Floats:
@@ -126,14 +131,14 @@ def rope_s(rope: Rope) -> Floats:
     return rope.state.s[: int(rope.state.counts[rows.ELEMENTS]) + 1]
 
 
-def without_beyond(lower: Rope) -> Rope:
+def without_massless_section(lower: Rope) -> Rope:
     """Return a lower part without its massless section; a view except for the counts."""
     counts = lower.state.counts.copy()
     counts[rows.ELEMENTS] -= 1
     return lower._replace(state=lower.state._replace(counts=counts))
 
 
-def ahead_of(lower: Rope) -> tuple[Floats, Floats]:
+def node_beyond(lower: Rope) -> tuple[Floats, Floats]:
     """Position of the held node beyond the free end, and its rate, (MOTIONS,) each."""
     end = int(lower.state.counts[rows.ELEMENTS]) - 1
     x = lower.state.nodes[_X, end]
@@ -150,7 +155,7 @@ def step_free(lower: Rope, time: float) -> bool:
 
     The node beyond the free end keeps the end's velocity over the step.
     """
-    value, rate = ahead_of(lower)
+    value, rate = node_beyond(lower)
     lower.state.nodes[_X, int(lower.state.counts[rows.ELEMENTS])] = value[:3]
     after = value + lower.model.step * rate
     border = Boundary(np.array([value, after]), np.array([rate, rate]))
@@ -173,14 +178,14 @@ def nodes_of(rope: Rope, V: float) -> Nodes:
     return Nodes(motion, s, rope.state.offset[:n].copy(), rope.work[rows.TENSION, :n].copy())
 
 
-def divided(s: Floats, least_m: float) -> list[float]:
+def inserted_nodes(s: Floats, least_m: float) -> list[float]:
     """Return nodes to insert in the lowest element, as in a whole rope hauled in this far.
 
     The uppermost element shrinks at the sheave and must not be the lowest one too.
     """
     least = min(least_m, float(s[-1]))
     wanted = halvings(least, float(s[1])) if ROOM * least < s[1] else []
-    return [at for at in wanted if at < (1.0 - NEAR) * s[1]]
+    return [at for at in wanted if at < (1.0 - NODE_TOL) * s[1]]
 
 
 def upper_part(rope: Rope, nodes: Nodes, k: int, bare: tuple[Any, ...]) -> Rope:
@@ -188,10 +193,10 @@ def upper_part(rope: Rope, nodes: Nodes, k: int, bare: tuple[Any, ...]) -> Rope:
     sections = rope.sections.copy()
     sections[rows.END] -= nodes.s[k]
     part = Nodes(nodes.motion[:, k:], nodes.s[k:] - nodes.s[k], nodes.offset[k:], nodes.tension[k:])
-    state = _state(part, rope.state.s.shape[0] + SPARE)
+    state = _state(part, rope.state.s.shape[0] + SPARE_NODES)
     state.health[:] = rope.state.health
     model = rope.model._replace(first_free=0)
-    effects = of_part(bare, nodes.s[k:-1], float(nodes.s[k]), SPARE)
+    effects = of_part(bare, nodes.s[k:-1], float(nodes.s[k]), SPARE_NODES)
     return _filled(rope._replace(model=model, sections=sections, effects=effects), state, part)
 
 
@@ -199,7 +204,7 @@ def falling_part(rope: Rope, nodes: Nodes, k: int) -> Rope:
     """Return the part below node k; its elements neither split nor merge."""
     motion, s = nodes.motion[:, : k + 1], nodes.s[: k + 1]
     part = Nodes(motion, s, nodes.offset[:k], nodes.tension[:k])
-    state = _state(part, rope.state.s.shape[0] + SPARE)
+    state = _state(part, rope.state.s.shape[0] + SPARE_NODES)
     model = rope.model._replace(split_above=np.inf, merge_below=0.0)
     return _filled(rope._replace(model=model, sections=rope.sections.copy()), state, part)
 
@@ -216,17 +221,17 @@ def _lower(rope: Rope, nodes: Nodes, k: int) -> Rope:
         np.append(nodes.offset[:k], 0.0),
         np.append(nodes.tension[:k], 0.0),
     )
-    state = _state(part, rope.state.s.shape[0] + SPARE)
+    state = _state(part, rope.state.s.shape[0] + SPARE_NODES)
     model = rope.model._replace(split_above=np.inf, merge_below=0.0)
     law = None if rope.law is None else _with_nothing(rope.law)
-    effects = without_growth(of_part(rope.effects, nodes.s[: k + 1], 0.0, SPARE))
+    effects = reset_drag_amplification(of_part(rope.effects, nodes.s[: k + 1], 0.0, SPARE_NODES))
     lower = rope._replace(model=model, sections=sections, law=law, effects=effects)
     return _filled(lower, state, part)
 
 
 def _beyond_m(effects: tuple[Any, ...]) -> float:
     """Return the length of the massless section [m]."""
-    sheds = any(sheds_in_step(own) for own in effects)
+    sheds = any(is_viv_model(own) for own in effects)
     return BEYOND_SHEDDING_M if sheds else BEYOND_M
 
 

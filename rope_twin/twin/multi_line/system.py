@@ -23,20 +23,20 @@ from rope_twin.scene.arrays.joined import build_joined
 from rope_twin.scene.arrays.sheaves import runs_over_sheave
 from rope_twin.scene.rules.rigging import winch_of
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.cutting.joined_cut import advance_in_pieces, scene_of_parts, sever_joined
-from rope_twin.twin.cutting.severing import Place
+from rope_twin.twin.cutting.rope_cut import CutPosition
+from rope_twin.twin.cutting.system_cut import advance_in_substeps, cut_system, scene_of_parts
 from rope_twin.twin.hung import HungRope, hung_rope, hung_to_sheave
-from rope_twin.twin.joined.line_watch import report_on
-from rope_twin.twin.joined.shot import (
-    LinesOut,
-    SystemNow,
+from rope_twin.twin.motion.hang_off import Moves
+from rope_twin.twin.multi_line.clearance import report_on
+from rope_twin.twin.multi_line.snapshot import (
+    Payouts,
+    SystemState,
     contact,
     payload_shots,
     rope_shots,
     sheave_shots,
     strut_shots,
 )
-from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.observe import strength_of
 from rope_twin.twin.saving.saved_state import changing_parts
 from rope_twin.twin.snapshot import InputHealth, Snapshot, amended
@@ -49,7 +49,7 @@ from rope_twin.twin.winch.winch import Winch, winch_of_rope
 _log = logging.getLogger(__name__)
 
 
-class JoinedRopes:
+class MultiLineRopes:
     """All ropes of a multi-line scene except the first one's boundary conditions.
 
     Raises:
@@ -74,7 +74,7 @@ class JoinedRopes:
         self.pulls = self.pull[:, None]  # and after each step of the last call
         self.moved = self._boundary  # boundary conditions of the last call
         self._highest_n = np.zeros(len(scene.ropes))  # maximum tension at each upper end
-        self._severed = self._fresh = False  # a rope was cut; no step since then
+        self._is_cut = self._fresh = False  # a rope was cut; no step since then
 
     def find_start(self) -> Floats:
         """Solve for static equilibrium, compiling all kernels; return the first rope's top force.
@@ -182,7 +182,7 @@ class JoinedRopes:
         """Advance all; the first step after a cut in substeps."""
         if not self._fresh:
             return advance_joined(system, own, pull, time, pull.shape[1])
-        begun = advance_in_pieces(system, Boundary(*(table[:, :2] for table in own)), time)
+        begun = advance_in_substeps(system, Boundary(*(table[:, :2] for table in own)), time)
         if begun is None:
             return 0
         pull[:, :1] = begun
@@ -194,15 +194,17 @@ class JoinedRopes:
         pull[:, 1:] = rest
         return 1 + done
 
-    def part(self, first: Rope, border: Boundary, place: Place) -> tuple[JoinedRopes, float]:
+    def cut(
+        self, first: Rope, border: Boundary, place: CutPosition
+    ) -> tuple[MultiLineRopes, float]:
         """Cut a rope; return itself with the lower part as additional rope, and its length [m]."""
         r = place.rope
         now = Boundary(*(table[:, :1].copy() for table in self._boundary))
         for table, given in zip(now, border, strict=True):
             table[0, 0] = given[0]
-        system, lost_m = sever_joined(self.system(first), now, place)
+        system, lost_m = cut_system(self.system(first), now, place)
         self.first, self._ropes = system.ropes[0], system.ropes[1:]
-        self._severed = self._fresh = True
+        self._is_cut = self._fresh = True
         self._joints, self._stack = system.joints, system.stack
         self._scene = scene_of_parts(self._scene, r, lost_m)
         self._owners |= {name: len(self._ropes) for name, own in self._owners.items() if own == r}
@@ -221,9 +223,9 @@ class JoinedRopes:
         state = self._rope(r).state
         return float(state.s[state.counts[rows.ELEMENTS]])
 
-    def lose(self, r: int, lost_m: float, left_m: float) -> None:
+    def adapt_to_cut(self, r: int, lost_m: float, left_m: float) -> None:
         """Report to the winch of another rope the length cut off and the length left [m]."""
-        self._winches[r].lose(lost_m, left_m)
+        self._winches[r].adapt_to_cut(lost_m, left_m)
 
     def forget(self, done: int, prescribed: int) -> None:
         """Make the boundary after `done` steps the first; `prescribed` ones follow it."""
@@ -254,8 +256,8 @@ class JoinedRopes:
     def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
         """Complete the first rope's snapshot with all ropes, payloads and winches."""
         value, rate = (table[:, 0, rows.LINE] for table in self._boundary)
-        now = SystemNow(
-            self._scene, self.system(self.first), self._owners, self.pull, LinesOut(value, rate)
+        now = SystemState(
+            self._scene, self.system(self.first), self._owners, self.pull, Payouts(value, rate)
         )
         limits = [shot.winch_at_limit]
         inputs: dict[str, InputHealth] = dict(shot.inputs)
@@ -312,7 +314,7 @@ class JoinedRopes:
             "joined/winches": self._winches,
             "joined/highest": self._highest_n,
         }
-        if self._severed:
+        if self._is_cut:
             kept["joined/fresh"], kept["rope/model"] = self._fresh, self.first.model
         if self._lines is not None:
             kept["joined/lines"] = self._lines.known()
