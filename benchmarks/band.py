@@ -28,7 +28,7 @@ from rope_twin.studies.variants import variant
 from rope_twin.twin.accuracy.error_fraction import has_layers
 from rope_twin.twin.accuracy.error_interval import ErrorIntervalTwin
 from rope_twin.twin.ensemble.borders import foreseen
-from rope_twin.twin.findings import TensionBand
+from rope_twin.twin.results import TensionInterval
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from validation.case import choose
@@ -179,7 +179,7 @@ def _is_rough(shot: Snapshot) -> bool:
     return stands or any(float(some.min()) <= 0.0 for some in pulls)
 
 
-def _band_of(shot: Snapshot) -> TensionBand:
+def _band_of(shot: Snapshot) -> TensionInterval:
     if shot.band is None:
         raise SolverError(f"{shot.time_s:g} s: the band's companion could not go on.")
     return shot.band

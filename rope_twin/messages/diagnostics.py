@@ -11,8 +11,8 @@ from rope_twin.messages.load_status import limits_status, strength_status
 from rope_twin.messages.shape_status import bend_status, touchdown_status
 from rope_twin.messages.status import Level, Status, counted
 from rope_twin.scene.card import KnownError, told_bound
-from rope_twin.twin.findings import EnergyBalance, MaterialFatigue, RopeVibration, TensionBand
 from rope_twin.twin.pacing import PacingHealth
+from rope_twin.twin.results import EnergyBalance, MaterialFatigue, RopeVibration, TensionInterval
 from rope_twin.twin.snapshot import (
     BedContact,
     CutShot,
@@ -205,7 +205,7 @@ def cut_words(cut: CutShot) -> str:
     return f"the rope was {at} the hang-off; {cut.lost_m:.1f} m went down by themselves"
 
 
-def _band(snapshot: Snapshot, band: TensionBand) -> Status:
+def _band(snapshot: Snapshot, band: TensionInterval) -> Status:
     tension_n = snapshot.tension_top_n
     values = {
         "low [N]": f"{band.low_n:.6g}",

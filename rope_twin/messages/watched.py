@@ -7,7 +7,7 @@ import numpy as np
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import forms
 from rope_twin.messages.cdr import Templates
-from rope_twin.twin.findings import RopeVibration
+from rope_twin.twin.results import RopeVibration
 from rope_twin.twin.snapshot import Snapshot
 
 COLUMNS = ("from_lower_end_m", "from_hang_off_m", "used")

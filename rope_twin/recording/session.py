@@ -38,7 +38,7 @@ from rope_twin.share import share_dir
 from rope_twin.topics import SESSION_TOPIC
 from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.health import SENDER_LEAD_S
-from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.saving.saved_state import SavedState, decode_state, scene_figures
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.settings import MonitorSettings
@@ -73,11 +73,11 @@ class Setup:
             RopeTwinError: scene, state or parameters are wrong.
         """
         watch = MonitorSettings(self.vibration, self.fatigue)
-        kind = twin_kind(self.energy, self.error_band, watch)
+        kind = twin_class(self.energy, self.error_band, watch)
         twin = kind(scene) if state is None else kind.restore(state, scene)
         twin.judge_clocks(self.sender_lead_s, self.correct_sender_clocks)
         if self.other_sea:
-            twin.doubt_card(OTHER_SEA)
+            twin.invalidate_error(OTHER_SEA)
         if self.feeds_itself:
             twin.expect_motion(None)
         else:

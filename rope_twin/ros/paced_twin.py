@@ -36,14 +36,14 @@ from rope_twin.scene.card import OTHER_SEA
 from rope_twin.scene.schema import Scene
 from rope_twin.topics import SESSION_TOPIC
 from rope_twin.twin.accuracy.overload import TwinOverloadProtection
-from rope_twin.twin.handover import Handover, handover_depth
 from rope_twin.twin.input_queue import InputQueue
-from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.pacing import Pacer, steps_in_slot
-from rope_twin.twin.precedence import fall_back, follow_ahead
 from rope_twin.twin.recovery import Recovery
 from rope_twin.twin.saving.keeper import Keeper
 from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.snapshot_queue import SnapshotQueue, queue_depth
+from rope_twin.twin.thread_priority import raise_other_threads, reset_threads
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.settings import MonitorSettings
 
@@ -78,7 +78,7 @@ class PacedTwin:
         self.twin.failure_folder = Path(params.failure_directory).resolve()
         self.twin.judge_clocks(params.sender_lead_s, params.correct_sender_clocks)
         if params.other_sea:
-            self.twin.doubt_card(OTHER_SEA)
+            self.twin.invalidate_error(OTHER_SEA)
         self._recovery = Recovery(self.twin)
         expect_own_sea(self.twin)
         self._keeper: Keeper | None = None
@@ -91,7 +91,7 @@ class PacedTwin:
         self._inputs = InputQueue(self.twin, self._keeper or self._recovery, self._log.take)
         self._first = self.twin.snapshot()
         steps = steps_in_slot(self.twin.step_s)
-        self._handover = Handover(handover_depth(steps * self.twin.step_s, params.speed))
+        self._handover = SnapshotQueue(queue_depth(steps * self.twin.step_s, params.speed))
         self.pacer = Pacer(
             self._inputs,
             self._handover,
@@ -125,10 +125,10 @@ class PacedTwin:
         self._publish(SESSION_TOPIC, encode_session(described, self._published()))
         self.border.seats.resume(at_ns)
         if at_ns > 0:
-            self._inputs.doubt_inputs()
+            self._inputs.invalidate_inputs()
         self.border.epoch_ns = epoch_ns
         self._announcer.start(epoch_ns)
-        follow_ahead()
+        raise_other_threads()
         self._process_at_s = time.process_time()
         self.pacer.start(steady_now_ns + lead_ns + delay_ns)
         return epoch_ns
@@ -154,7 +154,7 @@ class PacedTwin:
         self.border.epoch_ns = None
         if self._keeper is not None:
             self._keeper.finish()
-        fall_back()
+        reset_threads()
 
     @property
     def last(self) -> Snapshot:
@@ -226,7 +226,7 @@ class PacedTwin:
 def _begin(scene: Scene, params: SimulationParams) -> tuple[Twin, str]:
     """The twin at rest or at the state to go on from, and which it is, in words."""
     watch = MonitorSettings(params.vibration, params.fatigue)
-    kind = twin_kind(params.energy, params.error_band, watch)
+    kind = twin_class(params.energy, params.error_band, watch)
     if not params.start_from:
         return kind(scene), "beginning at rest"
     path = Path(params.start_from).resolve()

@@ -93,7 +93,7 @@ def expect_own_sea(twin: Twin) -> None:
     try:
         twin.expect_motion(open_sea(twin.scene))
     except RopeTwinError as error:
-        twin.doubt_card(f"the scene's own sea cannot be opened: {error}")
+        twin.invalidate_error(f"the scene's own sea cannot be opened: {error}")
 
 
 def offer(twin: Twin | InputQueue, sample: HeaveSample) -> str:

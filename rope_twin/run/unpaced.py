@@ -37,7 +37,7 @@ from rope_twin.scene.rules.rigging import winches_by_name
 from rope_twin.topics import SESSION_TOPIC, TOPICS
 from rope_twin.twin.cutting.cut_input import plan_for
 from rope_twin.twin.input_queue import InputQueue
-from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.pacing import keep_pauses_short, steps_in_slot
 from rope_twin.twin.recovery import Recovery
 from rope_twin.twin.snapshot import Snapshot
@@ -69,12 +69,12 @@ class UnpacedRun:
         )
         self._options = options
         start = options.start_from
-        kind = twin_kind(options.energy, options.error_band, options.watch)
+        kind = twin_class(options.energy, options.error_band, options.watch)
         self.twin = kind(scene) if start is None else kind.restore(start, scene)
         self.twin.failure_folder = options.failure_folder
         self.twin.expect_motion(None)  # `_offer` feeds what `open_sea` gives, and nothing else
         if options.other_sea:
-            self.twin.doubt_card(OTHER_SEA)
+            self.twin.invalidate_error(OTHER_SEA)
         self._recovery = Recovery(self.twin)
         self.epoch_ns = time.time_ns() - self.twin.time_ns if epoch_ns is None else epoch_ns
         keep_pauses_short()

@@ -24,7 +24,7 @@ from rope_twin.twin.winch.commands import WinchCommand
 
 WAITING_LIMIT = 1_000_000  # numbers that may wait for the next cycle, 8 MB
 SET_LEVEL = "set_level"
-_DOUBT = "doubt_inputs"
+_DOUBT = "invalidate_inputs"
 _PARTS = {kind.__name__: kind for kind in (ShipPose, WinchCommand, AccuracyLevel)}
 
 
@@ -123,7 +123,7 @@ class InputQueue:
         """Queue a cut; return "" or the reason for its rejection."""
         return self._put(Call("offer_cut", arguments, named))
 
-    def doubt_inputs(self) -> None:
+    def invalidate_inputs(self) -> None:
         """Queue the invalidation of inputs that were known in advance."""
         self._put(Call(_DOUBT, (), {}))
 

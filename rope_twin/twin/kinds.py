@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from rope_twin.twin.accuracy.error_interval import ErrorIntervalTwin
-from rope_twin.twin.ledger import AccountedTwin
+from rope_twin.twin.energy_account import EnergyTwin
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.settings import MonitorSettings
 
 
-class AccountedIntervalTwin(AccountedTwin, ErrorIntervalTwin):
+class EnergyIntervalTwin(EnergyTwin, ErrorIntervalTwin):
     """A twin with an energy balance and a discretisation-error interval."""
 
 
-def twin_kind(energy: bool, error_band: bool, watch: MonitorSettings | None = None) -> type[Twin]:
+def twin_class(energy: bool, error_band: bool, watch: MonitorSettings | None = None) -> type[Twin]:
     """Return the twin class with these analyses; watch: the VIV and fatigue monitors, if any."""
     kind: type[Twin] = ErrorIntervalTwin if error_band else Twin
     if energy:
-        kind = AccountedIntervalTwin if error_band else AccountedTwin
+        kind = EnergyIntervalTwin if error_band else EnergyTwin
     if not watch:
         return kind
     from rope_twin.twin.vibration.monitored import (

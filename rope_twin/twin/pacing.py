@@ -21,9 +21,9 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 from rope_twin.errors import SolverError
-from rope_twin.twin.handover import Handover
-from rope_twin.twin.precedence import step_ahead
 from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.snapshot_queue import SnapshotQueue
+from rope_twin.twin.thread_priority import raise_stepping_thread
 
 CATCH_UP = 4.0  # a twin that is behind runs at most this many times faster than its grid
 SLOT_S = 0.02  # longest publish period of a scalar: 50 Hz
@@ -108,7 +108,7 @@ class Pacer:
     def __init__(
         self,
         twin: Steppable,
-        handover: Handover,
+        handover: SnapshotQueue,
         steps_per_slot: int,
         speed: float = 1.0,
         clock: Clock | None = None,
@@ -179,7 +179,7 @@ class Pacer:
         )
 
     def _run(self, origin_ns: int) -> None:
-        self._health = self._health._replace(priority=step_ahead())
+        self._health = self._health._replace(priority=raise_stepping_thread())
         slot = 0
         earliest_ns = origin_ns
         processor_s = time.thread_time()

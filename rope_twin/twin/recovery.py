@@ -28,9 +28,9 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.errors import InputError, SolverError, phrase
 from rope_twin.twin.accuracy.level import AccuracyLevel
-from rope_twin.twin.observe import Extremes
 from rope_twin.twin.saving.saved_state import SavedState
 from rope_twin.twin.snapshot import CutShot, Snapshot, amended
+from rope_twin.twin.snapshot_builder import Extremes
 
 if TYPE_CHECKING:
     from rope_twin.twin.twin import Twin
@@ -176,7 +176,7 @@ class Recovery:
             ) from error
         self._level, self.newest_ns, self.count = level, now_ns, self.count + 1
         self.reason = f"{why}; {self._go_back(level)}"
-        twin.doubt_card(f"a step failed at {now_ns * 1e-9:.2f} s")
+        twin.invalidate_error(f"a step failed at {now_ns * 1e-9:.2f} s")
         if twin.failure_folder is not None:  # the first failure's file is the most useful one
             self._folder, twin.failure_folder = twin.failure_folder, None
         _log.warning("%s", self.reason)
@@ -185,15 +185,14 @@ class Recovery:
         """Restore the ropes from `level` checkpoints back; return a description."""
         twin, newest = self._twin, self._kept[-1]
         if level == 0:
-            if twin.keep_current_of(newest):
+            reverted = ""
+            if twin.revert_current(newest):
                 reverted = ", with the current profile of before"
-            else:
-                reverted = ""
-            twin.prescribe_again()
+            twin.discard_prescribed()
             return f"it went on from the state before that step{reverted}"
         then = self._kept[max(0, len(self._kept) - level)]
-        if not twin.go_back(then):
-            twin.prescribe_again()
+        if not twin.return_to(then):
+            twin.discard_prescribed()
             return "it went on from the state before that step: no earlier one fits the rope"
         return f"it went on from the rope's state at {then.time_ns * 1e-9:.2f} s"
 

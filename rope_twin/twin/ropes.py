@@ -18,11 +18,11 @@ from rope_twin.scene.schema import Scene
 from rope_twin.twin.cutting.free_end import without_load
 from rope_twin.twin.cutting.parted import CutRope
 from rope_twin.twin.cutting.rope_cut import CutPosition, cut_rope
-from rope_twin.twin.hung import HungRope, hung_rope
 from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.multi_line.system import MultiLineRopes
+from rope_twin.twin.rope_shape import RopeShape, shape_from_top
 from rope_twin.twin.snapshot import Snapshot, first_rope
-from rope_twin.twin.start import find_start
+from rope_twin.twin.statics import solve_statics
 from rope_twin.twin.winch.commands import WinchCommand
 from rope_twin.twin.winch.single_winch import SingleWinch
 
@@ -32,7 +32,7 @@ class Ropes(Protocol):
 
     first: Rope
 
-    def find_start(self) -> Floats:
+    def solve_statics(self) -> Floats:
         """Solve for static equilibrium; return the first rope's force on its hang-off.
 
         Raises:
@@ -42,7 +42,7 @@ class Ropes(Protocol):
     def offer(self, name: str, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> str:
         """Submit a command to another winch than the first; return "" or the rejection."""
 
-    def doubt(self) -> None:
+    def invalidate(self) -> None:
         """Invalidate commands to those winches that were known in advance."""
 
     def newest_ns(self) -> dict[str, int]:
@@ -81,7 +81,7 @@ class Ropes(Protocol):
     def forget(self, done: int, prescribed: int) -> None:
         """Make the boundary after `done` steps the first; `prescribed` ones follow it."""
 
-    def prescribe_again(self) -> None:
+    def discard_prescribed(self) -> None:
         """Discard boundary conditions prescribed in advance for other ropes, after a failed step.
 
         Their winches continue from the last step.
@@ -96,7 +96,7 @@ class Ropes(Protocol):
     def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
         """Complete the first rope's snapshot with the other ropes, payloads and winches."""
 
-    def hung(self, first: Rope, shot: Snapshot) -> tuple[HungRope, ...]:
+    def shapes(self, first: Rope, shot: Snapshot) -> tuple[RopeShape, ...]:
         """Return the shapes of all ropes in a complete snapshot; first: the first rope now."""
 
     def lowest(self, first: Rope) -> Rope:
@@ -116,13 +116,13 @@ class OneRope(SingleWinch):
         self._scene = scene
         self.first = build(scene)
 
-    def find_start(self) -> Floats:
+    def solve_statics(self) -> Floats:
         """Solve for static equilibrium; return the rope's force on the hang-off.
 
         Raises:
             SceneError: there is no equilibrium.
         """
-        return find_start(self._scene, self.first)
+        return solve_statics(self._scene, self.first)
 
     def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
         """Advance the rope in time."""
@@ -141,10 +141,10 @@ class OneRope(SingleWinch):
         """Return the snapshot unchanged."""
         return shot
 
-    def hung(self, first: Rope, shot: Snapshot) -> tuple[HungRope, ...]:
+    def shapes(self, first: Rope, shot: Snapshot) -> tuple[RopeShape, ...]:
         """Return the shape of the rope."""
         line = self._scene.ropes[0]
-        return (hung_rope(line, first, first_rope(shot, line.name)),)
+        return (shape_from_top(line, first, first_rope(shot, line.name)),)
 
     def lowest(self, first: Rope) -> Rope:
         """Return the rope itself."""

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.scene.card import KnownError
-from rope_twin.twin.findings import EnergyBalance, MaterialFatigue, RopeVibration, TensionBand
 from rope_twin.twin.multi_line.clearance_results import LineEvent, LinesShot
+from rope_twin.twin.results import EnergyBalance, MaterialFatigue, RopeVibration, TensionInterval
 
 Vector = NDArray[np.float64]
 
@@ -184,7 +184,7 @@ class Bend:
 
 @dataclass(frozen=True)
 class RopeBend:
-    """Smallest bend radius of a rope, now and since the start (twin/tightest_bend.py)."""
+    """Smallest bend radius of a rope, now and since the start (twin/bend_radius.py)."""
 
     now: Bend
     position_m: tuple[float, float, float]
@@ -202,7 +202,7 @@ class RopeShot:
     tension_top_n: float  # at the hang-off, connection or sheave at its upper end
     line_out_m: float  # unstretched length
     payout_speed_m_per_s: float  # + paying out
-    band: TensionBand | None = None  # for ropes from the ship, if a run asks for it
+    band: TensionInterval | None = None  # for ropes from the ship, if a run asks for it
 
 
 @dataclass(frozen=True)
@@ -277,7 +277,7 @@ class Snapshot:
     body: BodyShot | None = None  # only of a scene whose payload is a rigid body
     winches: tuple[WinchShot, ...] = ()  # winches of the scene
     energy: EnergyBalance | None = None  # only of a run with an energy balance
-    band: TensionBand | None = None  # only of a run that asks for it, once it is known
+    band: TensionInterval | None = None  # only of a run that asks for it, once it is known
     no_band: str = ""  # why a run that asks for it has none at present
     vibration: RopeVibration | None = None  # only of a run that asks for it, once it is known
     fatigue: MaterialFatigue | None = None  # only of a run that asks for it

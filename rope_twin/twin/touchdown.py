@@ -23,11 +23,11 @@ import math
 import numpy as np
 
 from rope_twin.core.bed import Grid, Plane, clearance
-from rope_twin.twin.hung import HungRope, middles
+from rope_twin.twin.rope_shape import RopeShape, midpoints
 from rope_twin.twin.snapshot import Touchdown, Vector
 
 
-def touchdown_of(hung: HungRope, bed: Plane | Grid) -> Touchdown | None:
+def touchdown_of(hung: RopeShape, bed: Plane | Grid) -> Touchdown | None:
     """Return the touchdown from the rope's upper end down, or from the lower if only that hangs.
 
     None: no node touches the bed, or both ends lie on it.
@@ -47,7 +47,7 @@ def touchdown_of(hung: HungRope, bed: Plane | Grid) -> Touchdown | None:
         position_m=(x, y, z),
         line_out_m=float(arc[-1]) - at_m if upward else at_m,
         layback_m=math.hypot(x - float(position[0, 0]), y - float(position[0, 1])),
-        tension_n=float(np.interp(at_m, middles(arc), tension)),
+        tension_n=float(np.interp(at_m, midpoints(arc), tension)),
         angle_deg=math.degrees(angle),
     )
 

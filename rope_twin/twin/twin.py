@@ -17,7 +17,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.twin.cutting.cut_input import rope_number
 from rope_twin.twin.saving import saved_state
 from rope_twin.twin.saving.saved_state import About, SavedState
-from rope_twin.twin.stepped import SteppedTwin
+from rope_twin.twin.stepper import TwinStepper
 
 # Attributes given by the scene or the caller; all others change and belong to a saved state.
 _GIVEN = (
@@ -27,7 +27,7 @@ _GIVEN = (
 )  # fmt: skip
 
 
-class Twin(SteppedTwin):
+class Twin(TwinStepper):
     """Real-time simulation of one scene; its state can be saved, restored and branched.
 
     Raises:

@@ -16,7 +16,7 @@ from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.cutting.cut_input import plan_for
 from rope_twin.twin.cutting.cut_plan import PlannedCut
-from rope_twin.twin.ledger import AccountedTwin
+from rope_twin.twin.energy_account import EnergyTwin
 from rope_twin.twin.multi_line.system import MultiLineRopes
 from rope_twin.twin.twin import Twin
 
@@ -103,11 +103,11 @@ def pulls(shot: Snapshot) -> dict[str, float]:
 
 def test_what_a_cut_leg_held_hangs_on_the_other(bridle: Scene) -> None:
     """All of the weight is on the other leg, the balance closes, and a saved run is the run."""
-    twin = AccountedTwin(bridle)
+    twin = EnergyTwin(bridle)
     before = pulls(twin.snapshot())
     assert not twin.offer_cut(1_000_000_000, 4.0, "leg_port")
     twin.advance(150)
-    branch = AccountedTwin.restore(twin.capture(), bridle)
+    branch = EnergyTwin.restore(twin.capture(), bridle)
     for one in (twin, branch):
         one.advance(150)
     shot, other = twin.snapshot(), branch.snapshot()

@@ -20,7 +20,7 @@ from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.cutting.effect_state import has_state
-from rope_twin.twin.ledger import AccountedTwin
+from rope_twin.twin.energy_account import EnergyTwin
 
 RIG = replace(HAULED, winch=HAULING, mass=4.0, load=400.0, area=(0.3,) * 3)
 # its parameters, numbers carried, and the row of the strength per node, with its value per metre
@@ -126,7 +126,7 @@ def test_a_rope_that_falls_along_itself_sheds_nothing(model: str) -> None:
 @EACH
 def test_the_balance_of_both_parts_closes(model: str) -> None:
     """Over the cut and the fall, with what the vortices bring."""
-    twin = AccountedTwin(scene_of(model))
+    twin = EnergyTwin(scene_of(model))
     twin.advance(300)
     assert not twin.offer_cut(None, 12.0)
     twin.advance(500)

@@ -21,7 +21,7 @@ from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.viv.own import run_own
 from rope_twin.studies.viv.study import run_viv
-from rope_twin.twin.findings import RopeVibration
+from rope_twin.twin.results import RopeVibration
 from rope_twin.twin.vibration.settings import MODES, MOTION
 from rope_twin.viv.shedding import Shedding
 

@@ -13,8 +13,8 @@ from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.studies.driven_twin import march
-from rope_twin.twin.findings import RopeVibration
-from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.kinds import twin_class
+from rope_twin.twin.results import RopeVibration
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.modal_vibration import line_model_of_twin
@@ -34,7 +34,7 @@ WINCH = Winch(
 
 
 def watched(scene: Scene, model: str, curve: str = "") -> Any:
-    return twin_kind(energy=False, error_band=False, watch=MonitorSettings(model, curve))(scene)
+    return twin_class(energy=False, error_band=False, watch=MonitorSettings(model, curve))(scene)
 
 
 def shaking(shot: Snapshot) -> RopeVibration:

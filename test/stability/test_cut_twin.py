@@ -23,7 +23,7 @@ from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.accuracy.overload import TwinOverloadProtection
 from rope_twin.twin.cutting.cut_input import CutInput, plan_for
 from rope_twin.twin.cutting.cut_plan import PlannedCut, read_plan
-from rope_twin.twin.ledger import AccountedTwin
+from rope_twin.twin.energy_account import EnergyTwin
 from rope_twin.twin.pacing import SlotTimes
 from rope_twin.twin.saving.saved_state import load_state
 from rope_twin.twin.twin import Twin
@@ -177,7 +177,7 @@ def test_rope_and_payload_come_to_rest_on_the_bed(tmp_path: Path) -> None:
 
 def test_the_balance_of_both_parts_closes(scene: Scene) -> None:
     """Over the cut and the fall; what is left is what the steps dissipate."""
-    twin = told(AccountedTwin(scene))
+    twin = told(EnergyTwin(scene))
     twin.advance(2000)
     balance = twin.snapshot().energy
     assert balance is not None

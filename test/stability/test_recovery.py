@@ -18,7 +18,8 @@ from rope_twin.effects.current import from_rows
 from rope_twin.errors import SolverError
 from rope_twin.messages import Level, Status, statuses
 from rope_twin.twin.accuracy.level import AccuracyLevel
-from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.current_input import CurrentInput
+from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.recovery import (
     CHECKPOINT_NS,
     CHECKPOINTS,
@@ -29,7 +30,6 @@ from rope_twin.twin.recovery import (
 )
 from rope_twin.twin.saving.keeper import Keeper
 from rope_twin.twin.saving.saved_state import load_state
-from rope_twin.twin.water import CurrentInput
 
 SLOT = 2  # steps
 
@@ -258,7 +258,7 @@ def test_what_follows_the_rope_goes_back_with_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: tuple[bool, bool]
 ) -> None:
     broken(monkeypatch, {350: 2})
-    twin = heaving(tmp_path, twin_kind(*kind))
+    twin = heaving(tmp_path, twin_class(*kind))
     recovery = Recovery(twin)
     shots = run(recovery, twin, 6.0)
     assert recovery.count == 2

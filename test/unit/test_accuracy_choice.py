@@ -255,7 +255,7 @@ def test_a_doubted_card_says_nothing_on_any_rung(tmp_path: Path) -> None:
     """Nor in what is branched off."""
     twin = Twin(carded_scene(tmp_path, elements=40))
     assert twin.snapshot().card_error.rms_pct > 0.0
-    twin.doubt_card("it was a drill")
+    twin.invalidate_error("it was a drill")
     own, step_ns = twin.level, twin.step_ns
     for rung in (own, LadderRung(2 * step_ns), LadderRung(2 * step_ns, 1), own):
         twin.set_level(rung)

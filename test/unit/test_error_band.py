@@ -36,7 +36,7 @@ from rope_twin.twin.accuracy.error_bound import (
     border_before,
 )
 from rope_twin.twin.accuracy.error_interval import ErrorIntervalTwin
-from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from validation.rigs import Rig, sine
@@ -53,11 +53,11 @@ def tensions(twin: Twin, seconds: float = 8.0) -> list[float]:
 def test_the_run_is_the_same_to_the_bit_with_a_band_and_with_a_balance_beside_it() -> None:
     alone = tensions(RIG.twin())
     assert tensions(ErrorIntervalTwin(RIG.scene())) == alone
-    assert tensions(twin_kind(energy=True, error_interval=True)(RIG.scene())) == alone
+    assert tensions(twin_class(energy=True, error_interval=True)(RIG.scene())) == alone
 
 
 def test_a_run_that_asks_for_no_band_has_none() -> None:
-    assert twin_kind(energy=False, error_interval=False) is Twin
+    assert twin_class(energy=False, error_interval=False) is Twin
     assert RIG.twin().snapshot().band is None
 
 

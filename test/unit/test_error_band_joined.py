@@ -20,7 +20,7 @@ from rope_twin.twin.accuracy.error_bound import LOOSE, ROUGH_S, ErrorBound
 from rope_twin.twin.accuracy.error_fraction import fraction_of_difference
 from rope_twin.twin.accuracy.error_interval import SETTLING_S, ErrorIntervalTwin
 from rope_twin.twin.accuracy.event_detection import EventDetector, is_slack
-from rope_twin.twin.findings import TensionBand
+from rope_twin.twin.results import TensionInterval
 from rope_twin.twin.snapshot import Snapshot
 
 
@@ -53,7 +53,7 @@ def test_the_run_is_the_same_to_the_bit_and_so_is_a_branch_with_its_band() -> No
         assert other.snapshot().band == replace_cost(twin.snapshot(), other.snapshot())
 
 
-def replace_cost(one: Snapshot, other: Snapshot) -> TensionBand | None:
+def replace_cost(one: Snapshot, other: Snapshot) -> TensionInterval | None:
     """The band of one with the cost of the other: time is no state."""
     assert one.band is not None
     assert other.band is not None

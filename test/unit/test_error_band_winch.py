@@ -93,7 +93,7 @@ def test_a_new_plan_after_a_pause_reaches_both_winches() -> None:
     twin = ErrorIntervalTwin(load_scene("emergency_stop"))
     twin.advance(10)
     assert twin.offer_command(3_000_000_000, WinchCommand("speed", -0.5)) == ""
-    twin.doubt_inputs()
+    twin.invalidate_inputs()
     assert twin.offer_command(1_000_000_000, WinchCommand("speed", 0.5)) == ""
     twin.advance(490)
     for rate in (twin._boundary.rate, half_of(twin)._ahead.rate):

@@ -58,7 +58,7 @@ def test_every_kind_of_input_comes_back() -> None:
         Call("offer_command", (None, WinchCommand("length", 3.0), "winch"), {}),
         Call("offer_cut", (7, math.inf, ""), {}),
         Call("offer_current", (profile,), {}),
-        Call("doubt_inputs", (), {}),
+        Call("invalidate_inputs", (), {}),
         Call("set_level", (AccuracyLevel(5_000_000, 1),), {}),
     )
     back = again(calls)

@@ -26,9 +26,9 @@ from rope_twin.twin.accuracy.overload import (
     OverloadProtection,
     TwinOverloadProtection,
 )
-from rope_twin.twin.handover import Handover
-from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.pacing import Pacer, SlotTimes, steps_in_slot
+from rope_twin.twin.snapshot_queue import SnapshotQueue
 from rope_twin.twin.winch.schedule import schedule_samples
 from validation.rigs import Rig, sine
 
@@ -165,7 +165,7 @@ def test_before_the_start_it_takes_the_rung_that_fits_at_once(machine: Machine) 
 @pytest.mark.parametrize("error_band", [False, True])
 def test_time_line_and_payload_go_on_where_they_were(energy: bool, error_band: bool) -> None:
     """With a winch that pays out, down two rungs and back; each kind of twin."""
-    twin = twin_kind(energy, error_band)(load_scene("deep_lift"))
+    twin = twin_class(energy, error_band)(load_scene("deep_lift"))
     twin.offer_speed(None, 0.5)
     twin.advance(200)
     for rung in (
@@ -318,7 +318,7 @@ def test_under_a_load_that_it_cannot_carry_it_steps_down_and_comes_back_after() 
         at_ns = k * 25 * MS
         twin.offer_heave(at_ns, *HEAVE(at_ns * 1e-9))
     ladder = TwinOverloadProtection(twin, wait_s=0.3)
-    handover = Handover(10_000)
+    handover = SnapshotQueue(10_000)
     pacer = Pacer(twin, handover, steps_in_slot(twin.step_s), clock=clock, last_step=300)
     taken: list[AccuracyLevel] = []
 

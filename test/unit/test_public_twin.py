@@ -13,7 +13,7 @@ from scene_text import GOOD, written
 from rope_twin import Twin, load_scene
 from rope_twin.errors import InputError, SceneError
 from rope_twin.twin import twin as internal
-from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.winch.commands import WinchCommand
 
@@ -52,7 +52,7 @@ def test_every_offer_raises() -> None:
 
 def test_what_runs_by_itself_never_raises_for_an_input() -> None:
     """A sensor that lies is reported by nodes and runs, and ends none of them."""
-    for kind in (twin_kind(False, False, None), twin_kind(True, False, None)):
+    for kind in (twin_class(False, False, None), twin_class(True, False, None)):
         assert not issubclass(kind, Twin)
 
 

@@ -25,7 +25,7 @@ from rope_twin.studies.driven_twin import march, still
 from rope_twin.studies.fatigue import RopeFatigue
 from rope_twin.twin.fatigue.curves import CURVES, wire_curve_warning
 from rope_twin.twin.fatigue.damage import turned
-from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.measured import MeasuredVibration, diameters
@@ -42,7 +42,7 @@ WORN = MonitorSettings(fatigue="stranded_wire")
 
 
 def watched(scene: Scene, watch: MonitorSettings = WORN) -> Any:
-    return twin_kind(energy=False, error_band=False, watch=watch)(scene)
+    return twin_class(energy=False, error_band=False, watch=watch)(scene)
 
 
 def used(shot: Snapshot) -> np.ndarray:
@@ -135,7 +135,7 @@ def test_what_a_twin_is_asked_for_shares_no_name_of_its_own_with_the_rest() -> N
     scene = replace(STEEL, winch=WINCH).scene()
     asked = ((True, False, None), (False, True, None), (False, False, WORN))
     plain = {*dir(Twin), *vars(Twin(scene))}
-    own = [{*dir(kind), *vars(kind(scene))} - plain for kind in (twin_kind(*one) for one in asked)]
+    own = [{*dir(kind), *vars(kind(scene))} - plain for kind in (twin_class(*one) for one in asked)]
     assert all(own)
     shared = [a & b for a, b in itertools.combinations(own, 2)]
     assert not set().union(*shared)
@@ -146,7 +146,7 @@ def test_the_run_is_the_same_to_the_bit_and_a_saved_one_goes_on_to_the_bit() -> 
     alone = [shot.tension_top_n for shot in lifted(Twin(scene), 12.0)]
     twin = watched(scene)
     assert [shot.tension_top_n for shot in lifted(twin, 12.0)] == alone
-    with_books = twin_kind(energy=True, error_band=True, watch=WORN)(scene)
+    with_books = twin_class(energy=True, error_band=True, watch=WORN)(scene)
     assert [shot.tension_top_n for shot in lifted(with_books, 3.0)] == alone[:150]
     state = twin.capture()
     again = type(twin).restore(state, scene)
@@ -170,7 +170,7 @@ def test_a_state_is_taken_with_and_without_what_was_counted() -> None:
     late = type(twin).restore(plain.capture(), scene)
     late.advance(100)
     assert late.snapshot().fatigue.counted_s == pytest.approx(1.0)
-    by_tension = twin_kind(False, False, MonitorSettings(fatigue="six_strand_tension"))
+    by_tension = twin_class(False, False, MonitorSettings(fatigue="six_strand_tension"))
     with pytest.raises(StateError, match=r"counted by the curve stranded_wire, .*; ask for str"):
         by_tension.restore(state, scene)
 
@@ -201,7 +201,7 @@ def test_what_cannot_be_told_is_refused() -> None:
         watched(load_scene("hmpe_lift"))
     with pytest.raises(SceneError, match="meet"):
         watched(load_scene("bridle_lift"))
-    assert twin_kind(False, False, MonitorSettings()) is Twin
+    assert twin_class(False, False, MonitorSettings()) is Twin
     assert STEEL.twin().snapshot().vibration is None
 
 

@@ -16,10 +16,10 @@ from rope_twin.core.state import Boundary, Rope
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.arrays.build import build
-from rope_twin.twin.contact import bed_contact
 from rope_twin.twin.cutting.free_end import without_load
 from rope_twin.twin.cutting.parted import CutRope
 from rope_twin.twin.cutting.rope_cut import CutPosition, cut_rope, without_massless_section
+from rope_twin.twin.seabed_contact import seabed_contact
 from validation.hard_cases.check import Case, Check, all_converged, off
 from validation.hard_cases.rigs import Arrays
 from validation.rigs import NOTHING, WATER, Rig
@@ -82,7 +82,7 @@ class Parts:
 
     def push_of_bed(self) -> float:
         """On the lower part [N]."""
-        bed = bed_contact(self._ropes.lowest(self.upper.rope))
+        bed = seabed_contact(self._ropes.lowest(self.upper.rope))
         return bed.payload_push_n + bed.rope_push_n if bed is not None else math.nan
 
     def energy(self) -> float:

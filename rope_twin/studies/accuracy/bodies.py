@@ -18,7 +18,7 @@ from rope_twin.scene.arrays.joined import build_joined
 from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.rules.shedding import model_beside
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.start import find_start, judge_start
+from rope_twin.twin.statics import check_equilibrium, solve_statics
 
 
 class Body(Protocol):
@@ -59,7 +59,7 @@ class RopeBody:
 
     def __init__(self, scene: Scene) -> None:
         self._rope = rope = build(scene)
-        find_start(scene, rope)
+        solve_statics(scene, rope)
         self._start = copy.deepcopy(rope)  # wakes and a rigid body are kept in the effects
         self.memory_mb = _memory_mb((rope.state, rope.work, rope.sections, rope.effects, rope.law))
 
@@ -135,7 +135,7 @@ class JoinedBody:
         place[:, : rows.LINE] = np.nan_to_num(built.hang_off_m)
         place[:, rows.LINE] = [line.length_m for line in scene.ropes]
         end = settle_reeved(system, place)
-        judge_start(scene, end, max(self._highest(r) for r in range(len(system.ropes))))
+        check_equilibrium(scene, end, max(self._highest(r) for r in range(len(system.ropes))))
         self._lowest = built.owners[scene.payloads[0].name] if scene.payloads else 0
         stack = system.stack
         state = (stack.nodes, stack.s, stack.offset, stack.counts, stack.health)

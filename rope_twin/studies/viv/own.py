@@ -34,7 +34,7 @@ from rope_twin.studies.viv.own_looks import PLACES, Look, looks_of, made_even, m
 from rope_twin.studies.viv.study import YEAR_S
 from rope_twin.twin.fatigue.curves import metal_area
 from rope_twin.twin.fatigue.damage import DamageSettings, RopeDamage, bending_stiffness
-from rope_twin.twin.findings import MaterialFatigue
+from rope_twin.twin.results import MaterialFatigue
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.measured import CUT_OFF
 from rope_twin.viv.drag import amplified_drag

@@ -25,7 +25,7 @@ from rope_twin.core.statics.equilibrium import settle
 from rope_twin.core.step import advance
 from rope_twin.twin.accuracy.error_bound import EVERY
 from rope_twin.twin.accuracy.regrid import HangOff, coarser
-from rope_twin.twin.stepped import STEPS_PER_CALL
+from rope_twin.twin.stepper import STEPS_PER_CALL
 
 if TYPE_CHECKING:
     from rope_twin.twin.vibration.drag_amplification import VivDragAmplification
@@ -351,9 +351,9 @@ class CoarseWinch:
         """Take a command that the twin's winch has accepted; rejections were counted there."""
         self._winch.take(stamp_ns, command, now_ns)
 
-    def doubt(self) -> None:
+    def invalidate(self) -> None:
         """Invalidate commands that were known in advance."""
-        self._winch.doubt()
+        self._winch.invalidate()
 
     def prescribe(self, rope: Rope, begin_ns: int, borders: Boundary, pull_n: float) -> None:
         """Set the paid-out length at the end of the step that begins now.

@@ -53,8 +53,8 @@ from rope_twin.twin.accuracy.event_detection import (
 from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.accuracy.phase_drift import PhaseDrift
 from rope_twin.twin.accuracy.regrid import HangOff
-from rope_twin.twin.findings import TensionBand
 from rope_twin.twin.recovery import Checkpoint
+from rope_twin.twin.results import TensionInterval
 from rope_twin.twin.saving.saved_state import SavedState
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
@@ -106,12 +106,12 @@ class ErrorIntervalTwin(Twin):
                 own.take(stamp_ns, command, self.time_ns)
         return fault
 
-    def doubt_inputs(self) -> None:
+    def invalidate_inputs(self) -> None:
         """Invalidate inputs known in advance, also in the winches of the coarse solution."""
-        super().doubt_inputs()
+        super().invalidate_inputs()
         with self._lock:
             for own in self._coarse.winches.values():
-                own.doubt()
+                own.invalidate()
 
     def snapshot(self) -> Snapshot:
         """Return a frozen copy of the present with the interval, once it is known."""
@@ -135,9 +135,9 @@ class ErrorIntervalTwin(Twin):
         super().set_level(level)
         self._open_band(resting=False)
 
-    def go_back(self, then: Checkpoint) -> bool:
+    def return_to(self, then: Checkpoint) -> bool:
         """Return to an earlier state with a new coarse solution."""
-        went = super().go_back(then)
+        went = super().return_to(then)
         if self._tops:
             self._open_band(resting=False)
         return went
@@ -217,11 +217,11 @@ class ErrorIntervalTwin(Twin):
     def _changing(self) -> dict[str, Any]:
         return {name: value for name, value in super()._changing().items() if name not in _OWN}
 
-    def _forget_borders(self, done: int) -> None:
+    def _drop_boundaries(self, done: int) -> None:
         """Advance the coarse solution, then make the boundary after `done` steps the first one."""
         if self._tops:
             self._follow(done)
-        super()._forget_borders(done)
+        super()._drop_boundaries(done)
 
     def _follow(self, done: int) -> None:
         answering = self._answering()
@@ -334,8 +334,8 @@ def _of(all_ropes: Boundary, r: int) -> Boundary:
     return Boundary(*(table[r] for table in all_ropes))
 
 
-def _around(tension_n: float, bound_n: float, cost_pct: float) -> TensionBand:
-    return TensionBand(max(tension_n - bound_n, 0.0), tension_n + bound_n, bound_n, cost_pct)
+def _around(tension_n: float, bound_n: float, cost_pct: float) -> TensionInterval:
+    return TensionInterval(max(tension_n - bound_n, 0.0), tension_n + bound_n, bound_n, cost_pct)
 
 
 class TopEstimate:

@@ -59,11 +59,11 @@ class StudyValidity:
     def __init__(self, scene: Scene) -> None:
         self._moves = scene.sea_state.moves
         self.digest = scene_digest(scene)  # a run may resume in a scene with another schedule
-        self._why = self._stated = ""  # latched: first reason, and first reason set by `doubt`
+        self._why = self._stated = ""  # latched: first reason, and first reason set by `invalidate`
         self._agreed_ns: int | None = None  # stamp of the newest sample that matches the sea
         self._strange: tuple[int, str] | None = None  # time and message of the first difference
 
-    def doubt(self, why: str) -> None:
+    def invalidate(self, why: str) -> None:
         """Mark the error as unknown from now on; the first reason is kept."""
         self._stated = self._stated or why
         self._why = self._why or why
@@ -71,7 +71,7 @@ class StudyValidity:
     def resume(self, digest: str) -> None:
         """Continue from a saved state in a scene with this digest."""
         if digest != self.digest:
-            self.doubt(OTHER_SCHEDULE)
+            self.invalidate(OTHER_SCHEDULE)
             self.digest = digest
 
     def hear_heave(

@@ -22,7 +22,6 @@ from rope_twin.core.joined.energy import SystemBorder
 from rope_twin.core.state import Boundary, Floats, Rope, State
 from rope_twin.core.step import advance
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.contact import bed_contact
 from rope_twin.twin.cutting.effect_state import has_state, state_arrays
 from rope_twin.twin.cutting.free_end import is_at_end
 from rope_twin.twin.cutting.rope_cut import (
@@ -31,8 +30,9 @@ from rope_twin.twin.cutting.rope_cut import (
     step_free,
     without_massless_section,
 )
-from rope_twin.twin.hung import HungRope, hung_rope
+from rope_twin.twin.rope_shape import RopeShape, shape_from_top
 from rope_twin.twin.saving.saved_state import changing_parts
+from rope_twin.twin.seabed_contact import seabed_contact
 from rope_twin.twin.snapshot import (
     BedContact,
     PayloadShot,
@@ -58,7 +58,7 @@ class CutRope(SingleWinch):
         self._fresh = True  # no step since the cut
         self._unconverged = 0  # unconverged substeps of the lower part at the last snapshot
 
-    def find_start(self) -> Floats:
+    def solve_statics(self) -> Floats:
         """Raise RuntimeError, as a cut rope does not start in equilibrium."""
         raise RuntimeError("a rope is cut on the way, not at the start")
 
@@ -128,11 +128,11 @@ class CutRope(SingleWinch):
             doubtful=doubtful,
         )
 
-    def hung(self, first: Rope, shot: Snapshot) -> tuple[HungRope, ...]:
+    def shapes(self, first: Rope, shot: Snapshot) -> tuple[RopeShape, ...]:
         """Return the shapes of both parts."""
         line, (upper, lower) = self._scene.ropes[0], shot.ropes
         fallen = without_massless_section(self._lower)
-        return hung_rope(line, first, upper), hung_rope(line, fallen, lower, loose=True)
+        return shape_from_top(line, first, upper), shape_from_top(line, fallen, lower, loose=True)
 
     def changing(self) -> dict[str, Any]:
         """Return the state of the lower part that a restart needs, by name."""
@@ -199,7 +199,7 @@ class CutRope(SingleWinch):
 
     def _contact(self, lower: Rope) -> BedContact | None:
         """Return the seabed contact of both parts; the payload is that of the lower one."""
-        high, low, all_of_it = (bed_contact(rope) for rope in (self.first, lower, self._lower))
+        high, low, all_of_it = (seabed_contact(rope) for rope in (self.first, lower, self._lower))
         if high is None or low is None or all_of_it is None:
             return None
         return replace(

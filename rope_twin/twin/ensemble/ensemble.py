@@ -33,7 +33,7 @@ from rope_twin.twin.ensemble.lanes import compile_lanes, sort_into_groups, take_
 from rope_twin.twin.ensemble.member import Member, MemberFigures, Scratch, Start
 from rope_twin.twin.motion.heave_series import HeaveSeries
 from rope_twin.twin.snapshot import Snapshot
-from rope_twin.twin.start import find_start, no_garbage_collection
+from rope_twin.twin.statics import no_garbage_collection, solve_statics
 from rope_twin.twin.winch.schedule import CommandSample
 
 BATCH_S = 8.0  # time of a batch; less than the 10 s that commands may be known ahead
@@ -250,7 +250,7 @@ def _find_start(scene: Scene) -> Start:
     """Return the static equilibrium of the scene's rope, or the reason why there is none."""
     rope = build(scene)
     try:
-        pull, failure = find_start(scene, rope), ""
+        pull, failure = solve_statics(scene, rope), ""
     except SceneError as error:
         pull, failure = np.full(rows.PULL_COLUMNS, np.nan), str(error)
     tension = rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]].copy()

@@ -14,9 +14,9 @@ from rope_twin.core.step import advance
 from rope_twin.scene.card import KnownError
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.borders import Borders
-from rope_twin.twin.observe import Extremes, Observation, observe
 from rope_twin.twin.snapshot import Snapshot
-from rope_twin.twin.stuck import no_next_state
+from rope_twin.twin.snapshot_builder import Extremes, SnapshotInputs, build_snapshot
+from rope_twin.twin.stepper import step_failure
 
 
 class Scratch:
@@ -136,7 +136,7 @@ class Member:
         stepped = advance(rope, ahead, pulls, self.steps * self._step_ns * 1e-9, some)
         self.steps += stepped
         if stepped < some:
-            self.failure = no_next_state(self.steps + 1, self.steps * self.scene.time.step_s)
+            self.failure = step_failure(self.steps + 1, self.steps * self.scene.time.step_s)
         elif self.steps % look_steps == 0:
             self._look(work)
         return stepped
@@ -181,10 +181,10 @@ class Member:
         work = np.zeros(self._work_shape)
         work[rows.TENSION, : len(self._tension)] = self._tension
         unconverged = int(state.health[rows.SUBSTEPS_UNCONVERGED])
-        taken = observe(
+        taken = build_snapshot(
             state,
             work,
-            Observation(
+            SnapshotInputs(
                 stamp_ns=self.steps * self._step_ns,
                 step=self.steps,
                 step_s=self.scene.time.step_s,

@@ -35,7 +35,7 @@ from rope_twin.twin.fatigue.curves import (
     metal_area,
 )
 from rope_twin.twin.fatigue.rainflow import Numbers, RainflowCount
-from rope_twin.twin.findings import MaterialFatigue
+from rope_twin.twin.results import MaterialFatigue
 
 SEGMENT_M = 1.0
 OUT, ABOARD, UNKNOWN = 0, 1, 2

@@ -74,10 +74,10 @@ class FurtherHangOff:
         self.rope, self._arm = rope, arm_m
         self._tracks = tuple(_follower() for _ in range(3))
 
-    def doubt(self) -> None:
+    def invalidate(self) -> None:
         """Invalidate samples that were known in advance."""
         for track in self._tracks:
-            track.doubt()
+            track.invalidate()
 
     def drop(self) -> None:
         """Drop all samples, as the first hang-off does."""
@@ -142,13 +142,13 @@ class HangOffTrack(HeaveTrack):
         self._prescribed = True
         self._limit_m, self._speed_limit = HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S
 
-    def doubt(self) -> None:
+    def invalidate(self) -> None:
         """Invalidate samples that were known in advance, as the sender was interrupted."""
-        super().doubt()
+        super().invalidate()
         for track in self._aside:
-            track.doubt()
+            track.invalidate()
         for further in self._further:
-            further.doubt()
+            further.invalidate()
 
     def drop(self) -> None:
         """Drop all samples and the last position: the next ones are joined as after a gap."""

@@ -6,9 +6,9 @@ after the requested time is missing, the last one is extrapolated with a velocit
 come back, the extrapolated motion is blended into the measured one within REJOIN_S, or longer where
 a jump is too large for that. Nothing else is smoothed, and the health reports when either happens.
 
-After a pause or a restart (`doubt`) the samples known in advance are valid only if their sender
-repeats them, as a replay does. If it sends anything else, the ship has moved on meanwhile: the
-known samples are dropped, and the new ones are joined as after a gap.
+After a pause or a restart (`invalidate`) the samples known in advance are valid only if their
+sender repeats them, as a replay does. If it sends anything else, the ship has moved on meanwhile:
+the known samples are dropped, and the new ones are joined as after a gap.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class HeaveTrack:
         """Record that the motion was zero up to then."""
         self._asked_ns = time_ns
 
-    def doubt(self) -> None:
+    def invalidate(self) -> None:
         """Invalidate samples that were known in advance, as the sender was interrupted."""
         self._in_doubt, self._confirmed = bool(self._stamps), False
 

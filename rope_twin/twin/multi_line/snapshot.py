@@ -13,7 +13,7 @@ from rope_twin.core.joined.ties import FIRST, PULL, SECOND
 from rope_twin.core.state import Floats
 from rope_twin.scene.arrays.sheaves import runs_over_sheave
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.contact import bed_contact
+from rope_twin.twin.seabed_contact import seabed_contact
 from rope_twin.twin.snapshot import (
     BedContact,
     PayloadShot,
@@ -83,7 +83,7 @@ def sheave_shots(now: SystemState) -> tuple[SheaveShot, ...]:
 
 def contact(now: SystemState) -> BedContact | None:
     """Return the seabed contact of all ropes; the height is that of the lowest payload."""
-    found = [bed_contact(rope) for rope in now.system.ropes]
+    found = [seabed_contact(rope) for rope in now.system.ropes]
     contacts = [one for one in found if one is not None]
     if not contacts:
         return None

@@ -25,7 +25,6 @@ from rope_twin.scene.rules.rigging import winch_of
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.cutting.rope_cut import CutPosition
 from rope_twin.twin.cutting.system_cut import advance_in_substeps, cut_system, scene_of_parts
-from rope_twin.twin.hung import HungRope, hung_rope, hung_to_sheave
 from rope_twin.twin.motion.hang_off import Moves
 from rope_twin.twin.multi_line.clearance import report_on
 from rope_twin.twin.multi_line.snapshot import (
@@ -37,10 +36,11 @@ from rope_twin.twin.multi_line.snapshot import (
     sheave_shots,
     strut_shots,
 )
-from rope_twin.twin.observe import strength_of
+from rope_twin.twin.rope_shape import RopeShape, shape_from_sheave, shape_from_top
 from rope_twin.twin.saving.saved_state import changing_parts
 from rope_twin.twin.snapshot import InputHealth, Snapshot, amended
-from rope_twin.twin.start import judge_start, no_garbage_collection, weak_ropes
+from rope_twin.twin.snapshot_builder import strength_of
+from rope_twin.twin.statics import check_equilibrium, no_garbage_collection, weak_ropes
 from rope_twin.twin.winch.commands import WinchCommand
 from rope_twin.twin.winch.payout import Payout, TensionFeedback
 from rope_twin.twin.winch.tension_feedback import HangOffMotion, tension_feedback
@@ -76,7 +76,7 @@ class MultiLineRopes:
         self._highest_n = np.zeros(len(scene.ropes))  # maximum tension at each upper end
         self._is_cut = self._fresh = False  # a rope was cut; no step since then
 
-    def find_start(self) -> Floats:
+    def solve_statics(self) -> Floats:
         """Solve for static equilibrium, compiling all kernels; return the first rope's top force.
 
         Raises:
@@ -85,7 +85,7 @@ class MultiLineRopes:
         with no_garbage_collection():
             end = settle_reeved(self.system(self.first), self._boundary.value[:, 0])
         highest = max(float(self._nodes(r, rows.POSITION)[2, :-1].max()) for r in self._numbers)
-        judge_start(self._scene, end, highest)
+        check_equilibrium(self._scene, end, highest)
         for warning in weak_ropes(
             self._scene, [self._tension(self._rope(r)) for r in self._numbers]
         ):
@@ -103,10 +103,10 @@ class MultiLineRopes:
         names = [line.from_ for line in self._scene.ropes]
         return self._winches[names.index(name)].take(stamp_ns, command, now_ns)
 
-    def doubt(self) -> None:
+    def invalidate(self) -> None:
         """Invalidate commands that were known in advance."""
         for winch in self._winches[1:]:
-            winch.doubt()
+            winch.invalidate()
 
     def newest_ns(self) -> dict[str, int]:
         """Return the stamp of the newest accepted command of each winch but the first [ns]."""
@@ -232,7 +232,7 @@ class MultiLineRopes:
         for table in self._boundary:
             table[:, : prescribed + 1] = table[:, done : done + prescribed + 1]
 
-    def prescribe_again(self) -> None:
+    def discard_prescribed(self) -> None:
         """Let the winches of other ropes continue from the payout of the last step."""
         value, rate = self._boundary
         for r in self._numbers[1:]:
@@ -290,13 +290,13 @@ class MultiLineRopes:
         )
         return taken if self._lines is None else self._lines.complete(taken)
 
-    def hung(self, first: Rope, shot: Snapshot) -> tuple[HungRope, ...]:
+    def shapes(self, first: Rope, shot: Snapshot) -> tuple[RopeShape, ...]:
         """Return the shapes of all ropes."""
         ropes = zip(self._scene.ropes, (first, *self._ropes), shot.ropes, strict=True)
         return tuple(
-            hung_to_sheave(line, rope, own)
+            shape_from_sheave(line, rope, own)
             if runs_over_sheave(self._scene, line)
-            else hung_rope(line, rope, own, loose=not line.from_)
+            else shape_from_top(line, rope, own, loose=not line.from_)
             for line, rope, own in ropes
         )
 

@@ -21,7 +21,7 @@ from rope_twin.core.modes.nodes import along, mix_flow
 from rope_twin.core.state import Floats, Rope
 from rope_twin.errors import InputError
 from rope_twin.twin.fatigue.damage import turned
-from rope_twin.twin.findings import RopeVibration
+from rope_twin.twin.results import RopeVibration
 from rope_twin.twin.vibration.line_model import line_model
 from rope_twin.twin.vibration.measured import AVERAGING_PERIODS, flow_directions, tangents
 from rope_twin.viv.decomposed import Decomposed, ExcitationSearch, fine_enough

@@ -25,7 +25,7 @@ from rope_twin.effects.decomposed_force import DecomposedForceParams
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.scene.rules.shedding import model_beside, shedding_model, strouhal_number
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.findings import RopeVibration
+from rope_twin.twin.results import RopeVibration
 from rope_twin.twin.vibration.coupled_model import (
     CoupledModel,
     CoupledModelState,

@@ -23,7 +23,7 @@ from scipy.signal import butter, sosfilt, sosfilt_zi
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
-from rope_twin.twin.findings import RopeVibration
+from rope_twin.twin.results import RopeVibration
 from rope_twin.twin.vibration.settings import MOTION
 
 CUT_OFF = 0.2  # cut-off over the frequency of the fastest vortices: slower motion is no VIV

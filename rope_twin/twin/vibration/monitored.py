@@ -23,7 +23,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.fatigue.curves import wire_curve_warning
 from rope_twin.twin.fatigue.damage import DamageSettings, RopeDamage, bending_stiffness, curvature
-from rope_twin.twin.findings import MaterialFatigue, RopeVibration
+from rope_twin.twin.results import MaterialFatigue, RopeVibration
 from rope_twin.twin.saving.memory import recall
 from rope_twin.twin.saving.saved_state import IF_ASKED, SavedState, load_state
 from rope_twin.twin.snapshot import Snapshot, amended

@@ -28,7 +28,7 @@ class CommandQueue:
         self._done: deque[Stamped] = deque(maxlen=REMEMBERED_COMMANDS)
         self._in_doubt = False  # whether waiting commands are from before a pause
 
-    def doubt(self) -> None:
+    def invalidate(self) -> None:
         """Let the commander's first new stamp replace the waiting commands, after a pause.
 
         Commands that it repeats from before the pause are known and no fault.

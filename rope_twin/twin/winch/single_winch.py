@@ -14,7 +14,7 @@ class SingleWinch:
         """Raise RuntimeError, as there is no other winch."""
         raise RuntimeError(f"there is no winch {name}")
 
-    def doubt(self) -> None:
+    def invalidate(self) -> None:
         """Do nothing, as there is no other winch."""
 
     def newest_ns(self) -> dict[str, int]:
@@ -38,7 +38,7 @@ class SingleWinch:
         """Raise RuntimeError, as there is no other rope."""
         raise RuntimeError(f"there is no rope {r}: this scene has one")
 
-    def prescribe_again(self) -> None:
+    def discard_prescribed(self) -> None:
         """Do nothing, as there is no other hang-off."""
 
     def border(self, first: Boundary) -> Boundary:

@@ -101,13 +101,13 @@ class Winch:
             ((), ()) if scene is None else drum_components(scene, rope.diameter_m)
         )
 
-    def doubt(self) -> None:
+    def invalidate(self) -> None:
         """Let the commander's first new stamp replace the waiting commands, after a pause.
 
         Commands that it repeats from before the pause are known and no fault.
         """
-        self._commands.doubt()
-        self._switches.doubt()
+        self._commands.invalidate()
+        self._switches.invalidate()
 
     @property
     def line(self) -> Payout:

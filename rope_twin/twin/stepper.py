@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rope_twin.core import state as rows
+from rope_twin.core.solve.halving import HALVINGS
 from rope_twin.errors import InputError, SolverError, StateError, phrase
 from rope_twin.scene.card import KnownError
 from rope_twin.scene.rules.body import refuse_body
@@ -29,30 +30,30 @@ from rope_twin.twin.accuracy.level import (
 )
 from rope_twin.twin.accuracy.regrid import HangOff
 from rope_twin.twin.accuracy.validity import CUT_REASON
+from rope_twin.twin.bend_radius import BendMonitor, watches_bends
 from rope_twin.twin.body import body_of, with_body
-from rope_twin.twin.contact import bed_contact, bed_of
 from rope_twin.twin.cutting.rope_cut import CutPosition
+from rope_twin.twin.inputs import TwinInputs
 from rope_twin.twin.limits import LoadRecord, LoadRules
 from rope_twin.twin.motion.prescribed import Inputs, LeadOver, Prescribed, Present
 from rope_twin.twin.multi_line.system import MultiLineRopes
-from rope_twin.twin.observe import Extremes, Observation, RunStatistics, observe
 from rope_twin.twin.recovery import Checkpoint, moving_arrays
 from rope_twin.twin.ropes import ropes_of
 from rope_twin.twin.saving import saved_state
+from rope_twin.twin.seabed_contact import seabed_contact, seabed_of
 from rope_twin.twin.snapshot import CutShot, Snapshot, amended
-from rope_twin.twin.stuck import no_next_state
-from rope_twin.twin.tightest_bend import BendWatch, watches_bends
-from rope_twin.twin.told import ToldTwin
+from rope_twin.twin.snapshot_builder import Extremes, RunStatistics, SnapshotInputs, build_snapshot
 from rope_twin.twin.touchdown import touchdown_of
 from rope_twin.twin.winch.payout import Payout
 
 if TYPE_CHECKING:
     from rope_twin.twin.vibration.drag_amplification import VivDragAmplification
 
+
 STEPS_PER_CALL = 256
 
 
-class SteppedTwin(ToldTwin):
+class TwinStepper(TwinInputs):
     """One scene that is advanced in time; all but the inputs belongs to one thread.
 
     Raises:
@@ -61,7 +62,7 @@ class SteppedTwin(ToldTwin):
 
     told = ""  # message for the user before the run
     _viv_drag: VivDragAmplification | None = None  # if the scene's VIV model is loosely coupled
-    _bends: BendWatch | None = None  # if a rope has bending stiffness or a minimum bend radius
+    _bends: BendMonitor | None = None  # if a rope has bending stiffness or a minimum bend radius
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
@@ -79,17 +80,17 @@ class SteppedTwin(ToldTwin):
         self._steps = self._unconverged = self._currents = 0
         self._computing_s = 0.0
         self._run, self._recent = Extremes(), Extremes()
-        self._pull = self._ropes.find_start()
+        self._pull = self._ropes.solve_statics()
         self._recent.take([float(self._pull[rows.PULL])])
         self._load_rules = LoadRules(scene)
         upper = self._pull[None] if self.joined is None else self.joined.pull
         start_n = upper[:, rows.PULL].tolist()
         start_n[0] += self._load_rules.supported_n(float(self._tension[0]))
         self._loads = LoadRecord(self._load_rules, start_n)
-        self._has_bed = bed_of(self._rope) is not None
+        self._has_bed = seabed_of(self._rope) is not None
         self._has_body = body_of(self._ropes.lowest(self._rope)) is not None
         if watches_bends(scene):
-            self._bends = BendWatch(scene)
+            self._bends = BendMonitor(scene)
         if model_beside(scene) is not None:
             from rope_twin.twin.vibration.drag_amplification import (
                 VivDragAmplification,  # imported here: its filters take a second to load
@@ -151,12 +152,12 @@ class SteppedTwin(ToldTwin):
         self._level, self.step_ns, self.step_s = level, level.step_ns, self._rope.model.step
         self._card_error = error_at_level(self.scene, level)
 
-    def doubt_card(self, why: str) -> None:
+    def invalidate_error(self, why: str) -> None:
         """Mark the tension error as unknown on every accuracy level from now on; why: the reason.
 
         For callers that know the run differs from the convergence study, as in another sea.
         """
-        self._validity.doubt(why)
+        self._validity.invalidate(why)
 
     def advance(self, steps: int) -> None:
         """Advance by this number of time steps.
@@ -190,7 +191,7 @@ class SteppedTwin(ToldTwin):
             if self._current.counter.accepted != self._currents:
                 self._currents = self._current.counter.accepted
                 at_s = self.time_ns * 1e-9
-                self._validity.doubt(f"a current profile came from elsewhere at {at_s:.2f} s")
+                self._validity.invalidate(f"a current profile came from elsewhere at {at_s:.2f} s")
             taken = self._cut.take(self.time_ns, self._length_m)
             if taken is not None:
                 self._cut_here(*taken)
@@ -203,7 +204,7 @@ class SteppedTwin(ToldTwin):
         done = self._ropes.advance(rope, self._boundary, self.time_ns * 1e-9, pulls)
         self._steps += done
         self._time_ns += done * self.step_ns
-        self._forget_borders(done)
+        self._drop_boundaries(done)
         if done:
             self._pull = self._pulls[done - 1].copy()
             tensions = pulls[:done, rows.PULL].tolist()
@@ -214,10 +215,10 @@ class SteppedTwin(ToldTwin):
             self._viv_drag.look(self.rope, self._boundary, self._steps, currents)
         self._computing_s += time.perf_counter() - began
         if done < steps:
-            raise SolverError(no_next_state(self._steps + 1, self.time_ns * 1e-9))
+            raise SolverError(step_failure(self._steps + 1, self.time_ns * 1e-9))
         return done
 
-    def prescribe_again(self) -> None:
+    def discard_prescribed(self) -> None:
         """Discard motion prescribed in advance; winches continue from their last paid-out length.
 
         For use after a failed step, whose inputs may be the cause; call it from the stepping
@@ -227,17 +228,17 @@ class SteppedTwin(ToldTwin):
             self._ahead.steps = 0
             value, rate = self._boundary
             self._winch.continue_from(Payout(float(value[0, rows.LINE]), float(rate[0, rows.LINE])))
-            self._ropes.prescribe_again()
+            self._ropes.discard_prescribed()
 
     def checkpoint(self) -> Checkpoint:
-        """Return a copy of all that the steps change, for `go_back`; for the stepping thread."""
+        """Return a copy of all that the steps change, for `return_to`; for the stepping thread."""
         border = self._ropes.border(self._boundary)
-        kept = {name: array.copy() for name, array in self._moving().items()}
+        kept = {name: array.copy() for name, array in self._changing_arrays().items()}
         run, recent = copy.copy(self._run), copy.copy(self._recent)
         return Checkpoint(self.time_ns, self._level, self.cut, border, kept,
                           self._current.effects, (run, recent))  # fmt: skip
 
-    def go_back(self, then: Checkpoint) -> bool:
+    def return_to(self, then: Checkpoint) -> bool:
         """Return the ropes to an earlier state at the present time; return whether the state fits.
 
         Hang-offs are blended from their earlier positions into their live motion; winches continue
@@ -247,11 +248,11 @@ class SteppedTwin(ToldTwin):
         if then.level != self._level or then.cut is not self.cut:
             return False
         present = self._ropes.border(self._boundary)
-        self.keep_current_of(then)
-        if self._moving().keys() != then.kept.keys():
+        self.revert_current(then)
+        if self._changing_arrays().keys() != then.kept.keys():
             return False
         for _ in range(2):  # after the first pass the views have the restored element counts
-            for name, array in self._moving().items():
+            for name, array in self._changing_arrays().items():
                 if array.shape == then.kept[name].shape:
                     array[...] = then.kept[name]
         self._boundary.value[0], self._boundary.rate[0] = (table[0] for table in then.border)
@@ -263,10 +264,10 @@ class SteppedTwin(ToldTwin):
         self._lead.begin(self.time_ns, error + moved[0], rate + moved[1])
         if not self._run.empty and not math.isfinite(self._run.mean):
             self._run, self._recent = (copy.copy(one) for one in then.extremes)
-        self.prescribe_again()
+        self.discard_prescribed()
         return True
 
-    def keep_current_of(self, then: Checkpoint) -> bool:
+    def revert_current(self, then: Checkpoint) -> bool:
         """Revert a current profile accepted since the checkpoint; return whether there was one."""
         with self._lock:
             return self._current.revert(then.effects, self.time_ns)
@@ -283,7 +284,7 @@ class SteppedTwin(ToldTwin):
         shown = self._rope.state.nodes[: rows.ACCELERATION, :count], self._tension, self._pull
         return all(bool(np.isfinite(one).all()) for one in (*shown, self._boundary.value[0]))
 
-    def _moving(self) -> dict[str, rows.Floats]:
+    def _changing_arrays(self) -> dict[str, rows.Floats]:
         """Return views of all arrays that the steps change, by name."""
         parts = saved_state.changing_parts(self._rope)
         kept = {f"rope/{name}": getattr(self._rope, name) for name in parts}
@@ -293,7 +294,7 @@ class SteppedTwin(ToldTwin):
             name: array for name, part in kept.items() for name, array in moving_arrays(name, part)
         }
 
-    def _forget_borders(self, done: int) -> None:
+    def _drop_boundaries(self, done: int) -> None:
         """Make the step boundary after `done` steps the first one, for all ropes."""
         self._ahead.forget(done)
         self._ropes.forget(done, self._ahead.steps)
@@ -330,7 +331,7 @@ class SteppedTwin(ToldTwin):
             self._viv_drag.cut(whole, self._rope)
         if rope == 0:
             self._boundary.value[:, rows.LINE] -= lost_m
-        self._validity.doubt(CUT_REASON)
+        self._validity.invalidate(CUT_REASON)
         return lost_m
 
     def statistics(self) -> RunStatistics:
@@ -346,10 +347,10 @@ class SteppedTwin(ToldTwin):
         with self._lock:
             inputs = self._input_health()
             at_limit, winch = self._winch.at_limit, self._winch.shot()
-        taken = observe(
+        taken = build_snapshot(
             self._rope.state,
             self._rope.work,
-            Observation(
+            SnapshotInputs(
                 stamp_ns=self.time_ns,
                 step=self._steps,
                 step_s=self.step_s,
@@ -373,7 +374,7 @@ class SteppedTwin(ToldTwin):
         self._recent = Extremes()
         if self._has_body:
             taken = with_body(taken, self._ropes.lowest(self._rope))
-        contact = bed_contact(self._rope) if self._has_bed else None
+        contact = seabed_contact(self._rope) if self._has_bed else None
         if contact is not None:
             amended(taken, seabed=contact)
         if self._viv_drag is not None:
@@ -384,9 +385,9 @@ class SteppedTwin(ToldTwin):
         """Add touchdown and bends (if the scene has them), loads, limits and the known error."""
         self._validity.look(taken, self._motion_judged)
         added: dict[str, Any] = {"card_error": self.card_error}
-        bed = bed_of(self._rope) if self._has_bed else None
+        bed = seabed_of(self._rope) if self._has_bed else None
         if bed is not None or self._bends is not None:
-            ropes = self._ropes.hung(self._rope, taken)
+            ropes = self._ropes.shapes(self._rope, taken)
             if bed is not None:
                 found = (touchdown_of(hung, bed) for hung in ropes)
                 added["touchdowns"] = tuple(one for one in found if one is not None)
@@ -395,3 +396,12 @@ class SteppedTwin(ToldTwin):
         looked = self._loads.look(taken, self._load_rules, added.get("bends", ()))
         added["strength"], added["breaches"] = looked
         return amended(taken, **added)
+
+
+def step_failure(step: int, time_s: float) -> str:
+    """Return the message for a failed step; step: its number, time_s: its start [s]."""
+    return phrase(
+        f"step {step} at {time_s:.2f} s",
+        f"the rope's next state is not finite even at 1/{2**HALVINGS} of the step",
+        "the last good state is kept; shorten the step or check the scene",
+    )

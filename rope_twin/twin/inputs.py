@@ -13,17 +13,17 @@ from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rules.rigging import is_joined, winches_by_name
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.accuracy.validity import SceneMotion, StudyValidity
+from rope_twin.twin.current_input import CurrentInput
 from rope_twin.twin.cutting.cut_input import CutInput
 from rope_twin.twin.motion.hang_off import HangOffTrack
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.ropes import Ropes
 from rope_twin.twin.snapshot import CutShot, InputHealth
-from rope_twin.twin.water import CurrentInput
 from rope_twin.twin.winch.commands import SPEED, WinchCommand
 from rope_twin.twin.winch.winch import winch_of_rope
 
 
-class ToldTwin:
+class TwinInputs:
     """Inputs of a twin behind one lock; each `offer_*` method validates its input."""
 
     def __init__(self, scene: Scene, ropes: Ropes) -> None:
@@ -154,12 +154,12 @@ class ToldTwin:
         own = {one.name: one.newest_ns for one in counters if one.newest_ns is not None}
         return own | self._winch.newest_ns() | self._ropes.newest_ns()
 
-    def doubt_inputs(self) -> None:
+    def invalidate_inputs(self) -> None:
         """Invalidate inputs that were known in advance, after a pause or a restart."""
         with self._lock:
-            self._heave.doubt()
-            self._winch.doubt()
-            self._ropes.doubt()
+            self._heave.invalidate()
+            self._winch.invalidate()
+            self._ropes.invalidate()
 
     def _input_health(self) -> dict[str, InputHealth]:
         """Return the health of each input; call it under the lock."""

@@ -12,21 +12,21 @@ import os
 import threading
 
 # Real-time priorities, 1 to 99: above ordinary threads, below those of the system.
-STEPS, BESIDE = 10, 9
+STEPPING, OTHERS = 10, 9
 
 
-def step_ahead() -> bool:
+def raise_stepping_thread() -> bool:
     """Raise the priority of this thread, which steps; return whether the system allows it."""
-    return _set(0, STEPS)
+    return _set(0, STEPPING)
 
 
-def follow_ahead() -> None:
+def raise_other_threads() -> None:
     """Raise the priority of all threads of this interpreter to just below the stepping one."""
     for thread in threading.enumerate():
-        _set(thread.native_id, BESIDE)
+        _set(thread.native_id, OTHERS)
 
 
-def fall_back() -> None:
+def reset_threads() -> None:
     """Return all threads of this interpreter to ordinary priority."""
     for thread in threading.enumerate():
         _set(thread.native_id, 0)

@@ -21,7 +21,7 @@ from rope_twin.scene.checks.load import SAFETY_FACTOR
 from rope_twin.scene.hung_together import hung_together
 from rope_twin.scene.schema import Scene
 
-AFLOAT_M = 1.0
+MAX_FLOAT_HEIGHT_M = 1.0
 
 
 @contextmanager
@@ -39,7 +39,7 @@ def no_garbage_collection() -> Iterator[None]:
             gc.enable()
 
 
-def find_start(scene: Scene, rope: Rope) -> Floats:
+def solve_statics(scene: Scene, rope: Rope) -> Floats:
     """Solve for static equilibrium, compiling all kernels; return the force on the hang-off.
 
     The force has rows.PULL_COLUMNS: magnitude and vector [N].
@@ -52,7 +52,7 @@ def find_start(scene: Scene, rope: Rope) -> Floats:
     with no_garbage_collection():
         end = settle(rope, line.length_m)
     _judge_body(scene, rope)
-    judge_start(
+    check_equilibrium(
         scene, end, float(nodes[rows.POSITION + 2, : rope.state.counts[rows.ELEMENTS]].max())
     )
     # One step at equilibrium on a copy gives the static tension at the hang-off.
@@ -77,7 +77,7 @@ def _judge_body(scene: Scene, rope: Rope) -> None:
             raise SceneError(phrase(f"{scene.path}: effects.rigid_body", what, right))
 
 
-def judge_start(scene: Scene, end: Equilibrium, highest_m: float) -> None:
+def check_equilibrium(scene: Scene, end: Equilibrium, highest_m: float) -> None:
     """Check that ropes can start from this equilibrium; highest_m: z of their highest node [m].
 
     Raises:
@@ -95,7 +95,7 @@ def judge_start(scene: Scene, end: Equilibrium, highest_m: float) -> None:
                 "check that rope and payload sink, or fix the lower end",
             )
         )
-    if highest_m > max(scene.ship.hang_off_m[2], 0.0) + AFLOAT_M:
+    if highest_m > max(scene.ship.hang_off_m[2], 0.0) + MAX_FLOAT_HEIGHT_M:
         raise SceneError(
             phrase(
                 where,

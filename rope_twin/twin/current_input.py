@@ -18,9 +18,9 @@ from rope_twin.scene.rules.water import (
 )
 from rope_twin.twin.health import InputCounter
 
-LIMIT_M_PER_S = 10.0
+MAX_CURRENT_M_PER_S = 10.0
 MAX_ROWS = 1000  # more would slow every step, and no current meter has them
-JUMP_M_PER_S = 0.5  # a larger change of the profile anywhere is accepted with a warning
+CURRENT_JUMP_M_PER_S = 0.5  # a larger change of the profile anywhere is accepted with a warning
 
 
 class CurrentInput:
@@ -41,9 +41,11 @@ class CurrentInput:
         self.effects = tuple(_with_profile(effect, new) for effect in self.effects)
         self.changes += 1
         self.counter.accept(now_ns)
-        if jump > JUMP_M_PER_S:
+        if jump > CURRENT_JUMP_M_PER_S:
             what = f"at {now_ns * 1e-9:.1f} s the profile changed by {jump:.2f} m/s at z = {z:g} m"
-            right = f"more than {JUMP_M_PER_S:g} m/s at once is accepted, but check the sensor"
+            right = (
+                f"more than {CURRENT_JUMP_M_PER_S:g} m/s at once is accepted, but check the sensor"
+            )
             self.counter.warn(phrase("current", what, right), now_ns)
         points = [(float(z), (float(east), float(north))) for z, east, north in profile]
         self.counter.say(strong_current("current", points))
@@ -88,11 +90,11 @@ class CurrentInput:
             impossible = phrase(
                 "current", "its heights are out of order", "order rows from z = 0 or below down"
             )
-        elif np.abs(profile[:, 1:]).max() > LIMIT_M_PER_S:
+        elif np.abs(profile[:, 1:]).max() > MAX_CURRENT_M_PER_S:
             impossible = phrase(
                 "current",
                 f"{np.abs(profile[:, 1:]).max():g} m/s is no sea current",
-                f"give at most {LIMIT_M_PER_S:g} m/s",
+                f"give at most {MAX_CURRENT_M_PER_S:g} m/s",
             )
         else:
             impossible = _uneven(profile)

@@ -15,14 +15,14 @@ from rope_twin.effects.seabed import normal_push
 from rope_twin.twin.snapshot import BedContact
 
 
-def bed_of(rope: Rope) -> Plane | Grid | None:
+def seabed_of(rope: Rope) -> Plane | Grid | None:
     """Return the seabed of a rope; None if the scene lists none."""
     return next((effect for effect in rope.effects if isinstance(effect, Plane | Grid)), None)
 
 
-def bed_contact(rope: Rope) -> BedContact | None:
+def seabed_contact(rope: Rope) -> BedContact | None:
     """Return the present seabed contact; None if the scene lists no seabed."""
-    bed = bed_of(rope)
+    bed = seabed_of(rope)
     if bed is None:
         return None
     state, work = rope.state, rope.work

@@ -20,10 +20,10 @@ from rope_twin.core import state as rows
 from rope_twin.effects.bending import Bending, BendingParams
 from rope_twin.scene.schema import RopeLine, Scene
 from rope_twin.twin.fatigue.damage import bending_stiffness
-from rope_twin.twin.hung import HungRope
+from rope_twin.twin.rope_shape import RopeShape
 from rope_twin.twin.snapshot import Bend, RopeBend, Vector
 
-_REMEMBERED = ("radius_m", "line_out_m", "at_s", "minimum_m", "element_m")  # fields of a Bend
+_STORED = ("radius_m", "line_out_m", "at_s", "minimum_m", "element_m")  # fields of a Bend
 
 
 def curvatures(position: Vector, arc: Vector, held: Vector | None = None) -> Vector:
@@ -43,7 +43,7 @@ def curvatures(position: Vector, arc: Vector, held: Vector | None = None) -> Vec
     return found
 
 
-def least_radii(hung: HungRope) -> Vector:
+def minimum_radii(hung: RopeShape) -> Vector:
     """Minimum bend radius at the nodes [m], (n,); 0: none is given; the larger at section ends."""
     given = np.array([own.rope.minimum_bend_radius_m or 0.0 for own in hung.line.made_of])
     if len(given) == 1:
@@ -56,7 +56,7 @@ def least_radii(hung: HungRope) -> Vector:
     return np.asarray(np.maximum(below, above))
 
 
-class BendWatch:
+class BendMonitor:
     """Monitor of the smallest bend radius of each rope with bending stiffness or a minimum radius.
 
     It samples at each snapshot and keeps the smallest radius of all snapshots.
@@ -64,10 +64,10 @@ class BendWatch:
 
     def __init__(self, scene: Scene) -> None:
         """Reserve a row for each rope of the scene, and for the lower part of a cut rope."""
-        self._tightest = np.zeros((len(scene.ropes) + 1, len(_REMEMBERED)))
+        self._tightest = np.zeros((len(scene.ropes) + 1, len(_STORED)))
         self._tightest[:, 0] = math.inf
 
-    def look(self, ropes: tuple[HungRope, ...], time_s: float) -> tuple[RopeBend, ...]:
+    def look(self, ropes: tuple[RopeShape, ...], time_s: float) -> tuple[RopeBend, ...]:
         """Return the bend of each monitored rope now; time_s: twin time [s]."""
         return tuple(
             self._judge(number, hung, time_s)
@@ -75,22 +75,22 @@ class BendWatch:
             if limits_bends(hung.line) or bending_stiffness(hung.core.effects) > 0.0
         )
 
-    def _judge(self, number: int, hung: HungRope, time_s: float) -> RopeBend:
-        now, position = tightest_now(hung, time_s)
+    def _judge(self, number: int, hung: RopeShape, time_s: float) -> RopeBend:
+        now, position = smallest_radius(hung, time_s)
         known = Bend(hung.name, *self._tightest[number].tolist())
         if now.tightness > known.tightness:
             known = now
-            self._tightest[number] = [getattr(now, name) for name in _REMEMBERED]
+            self._tightest[number] = [getattr(now, name) for name in _STORED]
         return RopeBend(now, position, known)
 
 
-def tightest_now(hung: HungRope, time_s: float) -> tuple[Bend, tuple[float, float, float]]:
+def smallest_radius(hung: RopeShape, time_s: float) -> tuple[Bend, tuple[float, float, float]]:
     """Return the bend closest to its minimum radius, or furthest below it, and its position [m].
 
     For a rope without a minimum bend radius it is the smallest radius; if only some sections have a
     minimum radius, only these count.
     """
-    bend, least = curvatures(hung.position_m, hung.arc_m, _held(hung)), least_radii(hung)
+    bend, least = curvatures(hung.position_m, hung.arc_m, _held(hung)), minimum_radii(hung)
     at = int(np.argmax(bend * least if least.any() else bend))
     rest = np.diff(hung.arc_m)[max(at - 1, 0) : at + 1]
     x, y, z = (float(part) for part in hung.position_m[at])
@@ -116,7 +116,7 @@ def limits_bends(line: RopeLine) -> bool:
     return any(own.rope.minimum_bend_radius_m is not None for own in line.made_of)
 
 
-def _held(hung: HungRope) -> Vector | None:
+def _held(hung: RopeShape) -> Vector | None:
     """Return the direction in which the rope's upper end is clamped, downward; None if free."""
     for own in hung.core.effects:
         if isinstance(own, Bending) and own.clamp > 0.0 and not hung.loose:

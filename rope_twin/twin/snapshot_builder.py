@@ -67,7 +67,7 @@ class RunStatistics:
     tension_top_min_n: float
 
 
-class Observation(NamedTuple):
+class SnapshotInputs(NamedTuple):
     """Values that a snapshot needs in addition to the solver's arrays."""
 
     stamp_ns: int
@@ -89,7 +89,7 @@ class Observation(NamedTuple):
     cut: CutShot | None = None
 
 
-def observe(state: State, work: Floats, seen: Observation) -> Snapshot:
+def build_snapshot(state: State, work: Floats, seen: SnapshotInputs) -> Snapshot:
     """Return a Snapshot that shares no memory with the solver."""
     n = int(state.counts[rows.ELEMENTS])
     element_tension = work[rows.TENSION, :n][::-1].copy()

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Vector = NDArray[np.float64]
-LITTLE = 1e-4
+MIN_EXCHANGED_FRACTION = 1e-4
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class EnergyBalance:
         that of the quadrature over few steps.
         """
         there = abs(self.kinetic_j) + abs(self.elastic_j) + abs(self.potential_j)
-        beside = max(self.exchanged_j, LITTLE * there)
+        beside = max(self.exchanged_j, MIN_EXCHANGED_FRACTION * there)
         return 100.0 * self.residual_j / beside if beside > 0.0 else 0.0
 
     def figures(self) -> dict[str, float]:
@@ -48,7 +48,7 @@ class EnergyBalance:
 
 
 @dataclass(frozen=True)
-class TensionBand:
+class TensionInterval:
     """95 % discretisation-error interval of the top tension (`accuracy/error_interval.py`)."""
 
     low_n: float

@@ -24,14 +24,14 @@ from rope_twin.core.state import Floats, Rope
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.accuracy.level import AccuracyLevel
-from rope_twin.twin.findings import EnergyBalance
 from rope_twin.twin.recovery import Checkpoint
+from rope_twin.twin.results import EnergyBalance
 from rope_twin.twin.saving.saved_state import SavedState
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 
 
-class Ledger:
+class EnergyAccount:
     """Energy sums over the steps, from the state at which it was opened."""
 
     def __init__(self, time_s: float, border: SystemBorder) -> None:
@@ -58,7 +58,7 @@ class Ledger:
         self._exchanged += 0.5 * float(moved)
         self._now = border
 
-    def begin_anew_at(self, border: SystemBorder) -> None:
+    def restart_at(self, border: SystemBorder) -> None:
         """Start the next step from this state, as the rope's elements have changed."""
         self._now = border
 
@@ -84,7 +84,7 @@ class Ledger:
         )
 
 
-class AccountedTwin(Twin):
+class EnergyTwin(Twin):
     """A twin with an energy balance: a bit-identical run, but stepped one by one and slower.
 
     A saved state does not hold the balance; a restored twin opens a new one.
@@ -96,48 +96,48 @@ class AccountedTwin(Twin):
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene)
         _check_effects(scene, self._rope)
-        self._ledger = self._opened()
+        self._account = self._new_account()
 
     @classmethod
     def restore(cls, saved: str | Path | SavedState, scene: Scene) -> Self:
         """Return a twin that resumes from a saved state, with a new energy balance."""
         twin = super().restore(saved, scene)
-        twin._ledger = twin._opened()
+        twin._account = twin._new_account()
         return twin
 
     def snapshot(self) -> Snapshot:
         """Return a frozen copy of the present with the energy balance."""
-        return replace(super().snapshot(), energy=self._ledger.balance())
+        return replace(super().snapshot(), energy=self._account.balance())
 
     def set_level(self, level: AccuracyLevel) -> None:
         """Continue on another accuracy level with a new balance: its elements hold other energy."""
         super().set_level(level)
-        self._ledger = self._opened()
+        self._account = self._new_account()
 
-    def go_back(self, then: Checkpoint) -> bool:
+    def return_to(self, then: Checkpoint) -> bool:
         """Return to an earlier state with a new balance, as no step links the two states."""
-        went = super().go_back(then)
-        self._ledger = self._opened()
+        went = super().return_to(then)
+        self._account = self._new_account()
         return went
 
     def _changing(self) -> dict[str, Any]:
         changing = super()._changing()
-        changing.pop("_ledger", None)
+        changing.pop("_account", None)
         return changing
 
     def _advance_some(self, steps: int) -> int:
         for _ in range(steps):
             super()._advance_some(1)
-            self._ledger.take(self.step_s, self._measured())
+            self._account.take(self.step_s, self._measured())
         return steps
 
-    def _opened(self) -> Ledger:
-        return Ledger(self.time_ns * 1e-9, self._measured())
+    def _new_account(self) -> EnergyAccount:
+        return EnergyAccount(self.time_ns * 1e-9, self._measured())
 
     def _split(self, lost_m: float, rope: int = 0) -> float:
         """Cut a rope; a cut is no step, so its change of energy does not enter the residual."""
         lost_m = super()._split(lost_m, rope)
-        self._ledger.begin_anew_at(self._measured())
+        self._account.restart_at(self._measured())
         return lost_m
 
     def _measured(self) -> SystemBorder:

@@ -7,10 +7,10 @@ from collections import deque
 
 from rope_twin.twin.snapshot import Snapshot
 
-WAITING_S = 0.5  # snapshots of this much real time may wait for the publisher
+MAX_DELAY_S = 0.5  # snapshots of this much real time may wait for the publisher
 
 
-class Handover:
+class SnapshotQueue:
     """Bounded queue of snapshots: the newest are kept, and the stepping thread never waits."""
 
     def __init__(self, depth: int) -> None:
@@ -41,6 +41,6 @@ class Handover:
             return self._waiting.popleft() if self._waiting else None
 
 
-def handover_depth(slot_s: float, speed: float) -> int:
-    """Return the depth of the queue: the snapshots of WAITING_S, at least one."""
-    return max(1, round(WAITING_S * speed / slot_s))
+def queue_depth(slot_s: float, speed: float) -> int:
+    """Return the depth of the queue: the snapshots of MAX_DELAY_S, at least one."""
+    return max(1, round(MAX_DELAY_S * speed / slot_s))
