@@ -27,7 +27,7 @@ from rope_twin.studies.driven_twin import fed
 from rope_twin.studies.variants import variant
 from rope_twin.twin.accuracy.error_fraction import has_layers
 from rope_twin.twin.accuracy.error_interval import ErrorIntervalTwin
-from rope_twin.twin.ensemble.borders import foreseen
+from rope_twin.twin.ensemble.boundary_conditions import is_known_in_advance
 from rope_twin.twin.results import TensionInterval
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
@@ -137,7 +137,7 @@ def measure_band(case: BandCase) -> BandRow:
     scene = load_scene(case.scene)
     twin = ErrorIntervalTwin(scene)
     seen = list(fed(twin, case.seconds))
-    smooth = foreseen(scene.winch, None) and not has_layers(twin.rope)
+    smooth = is_known_in_advance(scene.winch, None) and not has_layers(twin.rope)
     rough = not smooth or any(map(_is_rough, seen))
     middle, fine = (
         np.array([s.tension_top_n for s in fed(_reference(scene, times), case.seconds)])

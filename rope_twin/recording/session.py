@@ -39,7 +39,7 @@ from rope_twin.topics import SESSION_TOPIC
 from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.health import SENDER_LEAD_S
 from rope_twin.twin.kinds import twin_class
-from rope_twin.twin.saving.saved_state import SavedState, decode_state, scene_figures
+from rope_twin.twin.saving.saved_state import SavedState, decode_state, scene_properties
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.settings import MonitorSettings
 
@@ -212,7 +212,7 @@ class Session:
                 raise _refusal(f"a damaged state ({error})", "give the bag as recorded") from error
             state = decode_state(data, f"{SESSION_TOPIC} {self.number}")
             # scene and state are of one message: paths may differ, and nothing else does
-            state = dataclasses.replace(state, figures=scene_figures(scene))
+            state = dataclasses.replace(state, figures=scene_properties(scene))
         twin = self.setup.make(scene, state, hear)
         if twin.level != self.level:
             twin.set_level(self.level)

@@ -40,7 +40,7 @@ from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.pacing import Pacer, steps_in_slot
 from rope_twin.twin.recovery import Recovery
-from rope_twin.twin.saving.keeper import Keeper
+from rope_twin.twin.saving.autosave import AutoSave
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.snapshot_queue import SnapshotQueue, queue_depth
 from rope_twin.twin.thread_priority import raise_other_threads, reset_threads
@@ -81,10 +81,10 @@ class PacedTwin:
             self.twin.invalidate_error(OTHER_SEA)
         self._recovery = Recovery(self.twin)
         expect_own_sea(self.twin)
-        self._keeper: Keeper | None = None
+        self._keeper: AutoSave | None = None
         if params.save_to:
             every_s = params.save_every_s * params.speed
-            self._keeper = Keeper(self._recovery, Path(params.save_to).resolve(), every_s)
+            self._keeper = AutoSave(self._recovery, Path(params.save_to).resolve(), every_s)
         self.ladder = _ladder(self.twin, params)
         self._described = describe_run(scene, _setup(params), params.speed)
         self._log = InputLog(uuid4().hex)

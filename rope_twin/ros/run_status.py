@@ -9,7 +9,7 @@ from typing import NamedTuple
 from rope_twin.messages import Level, Status
 from rope_twin.run.summary import RunSummary
 from rope_twin.twin.accuracy.overload import TwinOverloadProtection
-from rope_twin.twin.saving.keeper import SavingHealth
+from rope_twin.twin.saving.autosave import SavingStatus
 from rope_twin.twin.snapshot import Snapshot
 
 RUN_ROW = "simulation: run"
@@ -64,7 +64,7 @@ def with_hint(rows: Sequence[Status], hint: Callable[[], str]) -> list[Status]:
     ]
 
 
-def saving_row(saving: SavingHealth) -> Status:
+def saving_row(saving: SavingStatus) -> Status:
     """Of a run that saves its state: which it saved last."""
     saved = "never" if saving.saved_s is None else f"{saving.saved_s:.2f}"
     values = {"file": str(saving.path), "newest saved state, twin time [s]": saved}

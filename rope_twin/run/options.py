@@ -19,7 +19,7 @@ from rope_twin.view.sinks import has_screen
 
 if TYPE_CHECKING:
     from rope_twin.scene.schema import Scene
-    from rope_twin.twin.saving.saved_state import About
+    from rope_twin.twin.saving.saved_state import StateDescription
 
 STEP_TOL = 1e-6  # of a step: what an end may be off a whole number of them
 SPEED_LOW, SPEED_HIGH = 0.01, 5.0  # beyond, messages come faster than Python takes them
@@ -306,7 +306,7 @@ def _check(option: str, value: object, holds: bool, right: str) -> None:
         raise InputError(phrase(option, f"{value} is not possible", right))
 
 
-def _begin(args: argparse.Namespace) -> About:
+def _begin(args: argparse.Namespace) -> StateDescription:
     """What --from holds.
 
     Raises:
@@ -322,7 +322,7 @@ def _begin(args: argparse.Namespace) -> About:
     return about
 
 
-def _scene_of(about: About) -> str:
+def _scene_of(about: StateDescription) -> str:
     """The scene of a saved state: its path if that is still there, else its name.
 
     Raises:

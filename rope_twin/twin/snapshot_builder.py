@@ -11,7 +11,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Ints, State
 from rope_twin.scene.card import KnownError
 from rope_twin.scene.schema import RopeLine, Ship
-from rope_twin.twin.motion.ship import ramp
+from rope_twin.twin.motion.heave_track import ramp
 from rope_twin.twin.snapshot import (
     CutShot,
     InputHealth,

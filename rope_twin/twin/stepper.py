@@ -35,7 +35,12 @@ from rope_twin.twin.body import body_of, with_body
 from rope_twin.twin.cutting.rope_cut import CutPosition
 from rope_twin.twin.inputs import TwinInputs
 from rope_twin.twin.limits import LoadRecord, LoadRules
-from rope_twin.twin.motion.prescribed import Inputs, LeadOver, Prescribed, Present
+from rope_twin.twin.motion.boundary_conditions import (
+    Blending,
+    BoundaryConditions,
+    InputSources,
+    Present,
+)
 from rope_twin.twin.multi_line.system import MultiLineRopes
 from rope_twin.twin.recovery import Checkpoint, moving_arrays
 from rope_twin.twin.ropes import ropes_of
@@ -74,8 +79,8 @@ class TwinStepper(TwinInputs):
         self._level = scene_level(scene)
         self._marks: list[rows.Floats] = []  # node coordinates of the finer grids left so far
         super().__init__(scene, self._ropes)
-        self._ahead = Prescribed(scene, STEPS_PER_CALL, self._winch.line.length_m)
-        self._lead = LeadOver(len(scene.ropes))  # transition after a return to an earlier state
+        self._ahead = BoundaryConditions(scene, STEPS_PER_CALL, self._winch.line.length_m)
+        self._lead = Blending(len(scene.ropes))  # transition after a return to an earlier state
         self._pulls = np.zeros((STEPS_PER_CALL, rows.PULL_COLUMNS))
         self._steps = self._unconverged = self._currents = 0
         self._computing_s = 0.0
@@ -196,7 +201,7 @@ class TwinStepper(TwinInputs):
             if taken is not None:
                 self._cut_here(*taken)
             steps = self._cut.steps_before(self.time_ns, self.step_ns, steps)
-            told = Inputs(self._heave, self._winch, self._ropes, self._lead)
+            told = InputSources(self._heave, self._winch, self._ropes, self._lead)
             now = Present(self.time_ns, self.step_ns, self._rope, float(self._pull[rows.PULL]))
             steps = self._ahead.fill(steps, told, now)
             rope = self.rope

@@ -16,7 +16,7 @@ from rope_twin.errors import SolverError, StateError
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.cutting.cut_input import rope_number
 from rope_twin.twin.saving import saved_state
-from rope_twin.twin.saving.saved_state import About, SavedState
+from rope_twin.twin.saving.saved_state import SavedState, StateDescription
 from rope_twin.twin.stepper import TwinStepper
 
 # Attributes given by the scene or the caller; all others change and belong to a saved state.
@@ -80,7 +80,7 @@ class Twin(TwinStepper):
             SceneError: as for a new twin.
         """
         state = saved if isinstance(saved, SavedState) else saved_state.load_state(saved)
-        saved_state.judge_scene(state, scene)
+        saved_state.check_scene(state, scene)
         twin = cls(scene)
         if (level := state.level) != twin.level:
             twin.set_level(level)
@@ -122,7 +122,7 @@ class Twin(TwinStepper):
         state, (value, rate) = self._rope.state, self._boundary
         payload = self._ropes.lowest(self._rope).state.nodes[rows.POSITION : rows.POSITION + 3, 0]
         cut = self._cut.done
-        about = About(
+        about = StateDescription(
             **saved_state.stamp(self.scene, failure),
             time_s=self.time_ns * 1e-9,
             step=self._steps,

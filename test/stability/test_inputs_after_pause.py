@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rope_twin.scene.schema import Winch as WinchScene
-from rope_twin.twin.motion.ship import HeaveTrack
+from rope_twin.twin.motion.heave_track import HeaveTrack
 from rope_twin.twin.winch.commands import WinchCommand
 from rope_twin.twin.winch.winch import Winch
 

@@ -28,7 +28,7 @@ from rope_twin.twin.recovery import (
     MAX_FAILURES,
     Recovery,
 )
-from rope_twin.twin.saving.keeper import Keeper
+from rope_twin.twin.saving.autosave import AutoSave
 from rope_twin.twin.saving.saved_state import load_state
 
 SLOT = 2  # steps
@@ -290,7 +290,7 @@ def test_a_keeper_saves_good_states_after_a_recovery_and_none_of_a_failed_run(
 ) -> None:
     core = broken(monkeypatch, {250: 1})
     twin = heaving(tmp_path)
-    keeper = Keeper(Recovery(twin), tmp_path / "run.state", 1.0)
+    keeper = AutoSave(Recovery(twin), tmp_path / "run.state", 1.0)
     for _ in range(200):
         keeper.advance(SLOT)
         keeper.finish_writing()

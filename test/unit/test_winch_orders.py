@@ -13,7 +13,7 @@ from rope_twin.scene.rules.rigging import places, winches_by_name
 from rope_twin.scene.winch import ScheduleRow
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.scene.winch_parts import Brake, ConstantTension, Drive, Drum, EmergencyStop
-from rope_twin.twin.saving.saved_state import scene_figures
+from rope_twin.twin.saving.saved_state import scene_properties
 from rope_twin.twin.winch.command_queue import MAX_AT_ONCE, MAX_PLANNED
 from rope_twin.twin.winch.commands import COMMANDER_LOST, NEW_COMMANDER, WinchCommand
 from rope_twin.twin.winch.payout import TensionFeedback
@@ -313,4 +313,4 @@ def test_what_a_winch_does_without_a_commander_is_no_figure_of_its_scene() -> No
     """Cards and saved states of the scene stay what they are."""
     other = replace(PLAIN, when_commander_lost="hold_speed")
     assert repr(other) == repr(PLAIN)
-    assert scene_figures(other) == scene_figures(PLAIN)
+    assert scene_properties(other) == scene_properties(PLAIN)

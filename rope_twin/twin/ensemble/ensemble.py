@@ -1,6 +1,6 @@
 """Ensemble: many ropes of one scene stepped together, each with its own values and inputs.
 
-Members of one kind share a step in the SIMD lanes of the processor (`lanes.py`); groups of them are
+Members of one kind share a step in the SIMD lanes of the processor (`simd.py`); groups of them are
 spread over the available cores. A group is stepped for seconds at a time, so that its arrays stay
 in the core's cache; the scratch arrays of the step, a hundred times larger than the state of a
 rope, belong to the thread. Each member is bit-identical to a `Twin` of its scene and inputs,
@@ -28,17 +28,17 @@ from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.rules.body import refuse_body
 from rope_twin.scene.rules.shedding import refuse_shedding
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.ensemble.borders import Borders, WinchTrack
-from rope_twin.twin.ensemble.lanes import compile_lanes, sort_into_groups, take_turn
-from rope_twin.twin.ensemble.member import Member, MemberFigures, Scratch, Start
+from rope_twin.twin.ensemble.boundary_conditions import SharedBoundary, WinchMotion
+from rope_twin.twin.ensemble.member import Member, MemberResults, Scratch, Start
+from rope_twin.twin.ensemble.simd import advance_group, compile_lanes, sort_into_groups
 from rope_twin.twin.motion.heave_series import HeaveSeries
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.statics import no_garbage_collection, solve_statics
 from rope_twin.twin.winch.schedule import CommandSample
 
 BATCH_S = 8.0  # time of a batch; less than the 10 s that commands may be known ahead
-LOOK_S = 0.5
-FEW = LANES  # the SIMD step is not compiled for ensembles with fewer members
+SAMPLING_S = 0.5
+MIN_MEMBERS = LANES  # the SIMD step is not compiled for ensembles with fewer members
 
 Key = TypeVar("Key")
 Made = TypeVar("Made")
@@ -58,7 +58,7 @@ def cores() -> int:
     return len(os.sched_getaffinity(0))
 
 
-LONGEST_S = 1e7  # four months, as for a run
+MAX_DURATION_S = 1e7  # four months, as for a run
 
 
 def whole_steps(name: str, seconds: float, step_s: float) -> int:
@@ -68,9 +68,9 @@ def whole_steps(name: str, seconds: float, step_s: float) -> int:
         InputError: the time is not a positive whole number of steps.
     """
     steps = round(seconds / step_s) if np.isfinite(seconds) else 0
-    if seconds > LONGEST_S:
+    if seconds > MAX_DURATION_S:
         raise InputError(
-            phrase(name, f"{seconds:g} s is too long", f"give at most {LONGEST_S:g} s")
+            phrase(name, f"{seconds:g} s is too long", f"give at most {MAX_DURATION_S:g} s")
         )
     if steps < 1 or abs(steps * step_s - seconds) > 1e-6 * step_s:
         right = f"give a whole number of steps of {step_s:g} s"
@@ -100,7 +100,7 @@ class Ensemble:
         self,
         scene: Scene,
         variations: Sequence[Variation],
-        look_s: float = LOOK_S,
+        look_s: float = SAMPLING_S,
         threads: int | None = None,
         abreast: int = LANES,
     ) -> None:
@@ -174,7 +174,7 @@ class Ensemble:
             own = _OfThread(batch)
 
             def turn(some: list[Member], batch: int = batch, own: _OfThread = own) -> None:
-                take_turn(some, batch, self._look_steps, own.scratch)
+                advance_group(some, batch, self._look_steps, own.scratch)
 
             self._on_threads(turn, self._groups())
             self.steps += batch
@@ -184,7 +184,7 @@ class Ensemble:
     def _groups(self) -> list[list[Member]]:
         """Return the members that have not failed, grouped by the members they are stepped with."""
         going = [one for one in self._members if not one.failure]
-        return sort_into_groups(going, self.abreast if len(self) >= FEW else 1)
+        return sort_into_groups(going, self.abreast if len(self) >= MIN_MEMBERS else 1)
 
     def make_ready(self) -> None:
         """Compile the kernels of the first batch, so that it takes no longer than the next."""
@@ -198,7 +198,7 @@ class Ensemble:
         words = Counter(why_alone(one.rope) for one in alone)
         return Lanes(sum(len(some) for some in groups if len(some) > 1), dict(words))
 
-    def figures(self) -> list[MemberFigures]:
+    def figures(self) -> list[MemberResults]:
         """Return the results of each member since the start."""
         return [member.figures() for member in self._members]
 
@@ -259,10 +259,12 @@ def _find_start(scene: Scene) -> Start:
     return Start(bare, (high, wide), pull, tension, failure)
 
 
-def _shared_borders(scenes: Sequence[Scene], variations: Sequence[Variation]) -> list[Borders]:
+def _shared_borders(
+    scenes: Sequence[Scene], variations: Sequence[Variation]
+) -> list[SharedBoundary]:
     """Return the boundary conditions of each member; members with equal inputs share them."""
-    winches: dict[Any, WinchTrack] = {}
-    borders: dict[Any, Borders] = {}
+    winches: dict[Any, WinchMotion] = {}
+    borders: dict[Any, SharedBoundary] = {}
     made = []
     for scene, own in zip(scenes, variations, strict=True):
         length, step_s = scene.ropes[0].length_m, scene.time.step_s
@@ -270,9 +272,9 @@ def _shared_borders(scenes: Sequence[Scene], variations: Sequence[Variation]) ->
         heaved = (scene.ship, id(own.heave)) if answered else None
         reeled = (scene.winch, length, own.commands, heaved)
         if reeled not in winches:
-            winches[reeled] = WinchTrack(scene.winch, length, own.commands, step_s)
+            winches[reeled] = WinchMotion(scene.winch, length, own.commands, step_s)
         moved = (scene.ship, reeled, id(own.heave))
         if moved not in borders:
-            borders[moved] = Borders(scene.ship, winches[reeled], own.heave, step_s)
+            borders[moved] = SharedBoundary(scene.ship, winches[reeled], own.heave, step_s)
         made.append(borders[moved])
     return made

@@ -13,7 +13,7 @@ from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance
 from rope_twin.scene.card import KnownError
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.ensemble.borders import Borders
+from rope_twin.twin.ensemble.boundary_conditions import SharedBoundary
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.snapshot_builder import Extremes, SnapshotInputs, build_snapshot
 from rope_twin.twin.stepper import step_failure
@@ -61,7 +61,7 @@ class Start:
 
 
 @dataclass(frozen=True)
-class MemberFigures:
+class MemberResults:
     """Results of a member since the start; before its first step the tension is the static one.
 
     If the member never started, its tensions are not finite.
@@ -79,7 +79,7 @@ class MemberFigures:
 class Member:
     """One rope of an ensemble."""
 
-    def __init__(self, scene: Scene, start: Start, borders: Borders) -> None:
+    def __init__(self, scene: Scene, start: Start, borders: SharedBoundary) -> None:
         self.scene, self.borders = scene, borders
         self.failure = start.failure
         self.steps = 0
@@ -162,10 +162,10 @@ class Member:
         elements = self._rope.state.counts[rows.ELEMENTS]
         self._slack_looks += bool(work[rows.TENSION, :elements].min() <= 0.0)
 
-    def figures(self) -> MemberFigures:
+    def figures(self) -> MemberResults:
         """Return the results since the start."""
         seen = self._seen if self.steps else self._recent
-        return MemberFigures(
+        return MemberResults(
             steps=self.steps,
             tension_top_max_n=seen.high,
             tension_top_mean_n=seen.mean,

@@ -16,6 +16,7 @@ from rope_twin.errors import phrase
 from rope_twin.scene.rules.rigging import places
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.health import STUCK_NS, UNJUDGED, Judgement, SenderClock, StuckDetector
+from rope_twin.twin.motion.heave_track import HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S, HeaveTrack
 from rope_twin.twin.motion.plausibility import (
     NOISE_M,
     NOISE_RAD,
@@ -31,7 +32,6 @@ from rope_twin.twin.motion.sample_timing import (
     needed_interval_s,
     shortest_period_s,
 )
-from rope_twin.twin.motion.ship import HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S, HeaveTrack
 from rope_twin.twin.motion.ship_pose import (
     MOST_RATE_RAD_PER_S,
     STILL,

@@ -13,7 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.twin.motion.ship import HEAVE_LIMIT_M, JUMP_M, STALE_NS, VELOCITY_LIMIT_M_PER_S
+from rope_twin.twin.motion.heave_track import (
+    HEAVE_LIMIT_M,
+    JUMP_M,
+    STALE_NS,
+    VELOCITY_LIMIT_M_PER_S,
+)
 
 
 @dataclass(frozen=True, eq=False)

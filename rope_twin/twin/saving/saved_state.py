@@ -1,10 +1,10 @@
 """Saved state of a twin, from which a run resumes bit-identically.
 
-It holds everything that changes while a twin runs, found by walking the attributes (`memory.py`):
-the rope, every effect's arrays, the inputs with their stored and rejected samples, the prescribed
-motion, clock and counts. The solver's scratch array is left out except for the tensions, the only
-part that outlives a step. The scene is not saved: it is given again on loading, and the properties
-that matter are compared.
+It holds everything that changes while a twin runs, found by walking the attributes
+(`serialisation.py`): the rope, every effect's arrays, the inputs with their stored and rejected
+samples, the prescribed motion, clock and counts. The solver's scratch array is left out except for
+the tensions, the only part that outlives a step. The scene is not saved: it is given again on
+loading, and the properties that matter are compared.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from rope_twin import __version__
 from rope_twin.errors import StateError, phrase
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.accuracy.level import AccuracyLevel
-from rope_twin.twin.saving.memory import Arrays, recall, remember
+from rope_twin.twin.saving.serialisation import Arrays, deserialise, serialise
 from rope_twin.twin.saving.state_file import decode, encode, read_state, write_state
 
 # Fields of a scene that a state does not depend on: texts, limits, and external inputs.
@@ -34,13 +34,13 @@ _NOT_COMPARED = {"name", "path", "digest", "about", "source", "look_at", "sea_st
                  "max_hang_off_acceleration_m_per_s2", "when_commander_lost", "accept",
                  "limits"}  # fmt: skip
 
-IF_ASKED = "watch/"  # prefix of the state of optional monitors (vibration/monitored.py)
+MONITOR_PREFIX = "watch/"  # prefix of the state of optional monitors (vibration/monitored.py)
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class About:
+class StateDescription:
     """Description of a saved state for people; field names are the keys in the file's header."""
 
     scene: str
@@ -68,7 +68,7 @@ class About:
 class SavedState:
     """A state in memory that shares nothing with the twin."""
 
-    about: About
+    about: StateDescription
     figures: Any  # properties of the scene that are compared on loading
     memory: Any  # plain form of the twin's attributes
     arrays: Arrays
@@ -122,7 +122,7 @@ class SavedState:
         """
         try:
             return {
-                name: recall(self.memory[name], target[name], self.arrays, name.lstrip("_"))
+                name: deserialise(self.memory[name], target[name], self.arrays, name.lstrip("_"))
                 for name in self._names(target)
             }
         except (StateError, KeyError, ValueError, TypeError, AttributeError) as error:
@@ -138,7 +138,7 @@ class SavedState:
             StateError: the state has other attributes.
         """
         here, there = (
-            {name for name in names if not name.startswith(IF_ASKED)}
+            {name for name in names if not name.startswith(MONITOR_PREFIX)}
             for names in (target, self.memory)
         )
         if odd := sorted(here ^ there):
@@ -151,15 +151,15 @@ def changing_parts(rope: Any) -> list[str]:
     return [name for name in rope._fields if name not in ("model", "work", "effects")]
 
 
-def take(remembered: dict[str, Any], about: About, scene: Scene) -> SavedState:
+def take(remembered: dict[str, Any], about: StateDescription, scene: Scene) -> SavedState:
     """Return a state of these attributes of a twin of the scene.
 
     Raises:
         StateError: a value is NaN.
     """
     arrays: Arrays = {}
-    memory = {name: remember(v, arrays, name.lstrip("_")) for name, v in remembered.items()}
-    return SavedState(about, scene_figures(scene), memory, arrays)
+    memory = {name: serialise(v, arrays, name.lstrip("_")) for name, v in remembered.items()}
+    return SavedState(about, scene_properties(scene), memory, arrays)
 
 
 def stamp(scene: Scene, failure: str = "") -> dict[str, Any]:
@@ -203,10 +203,10 @@ def decode_state(data: bytes, source: str) -> SavedState:
 
 def _state_of(header: dict[str, Any], arrays: Arrays, path: str | Path) -> SavedState:
     try:
-        values = {field.name: header[field.name] for field in dataclasses.fields(About)}
+        values = {field.name: header[field.name] for field in dataclasses.fields(StateDescription)}
         values["payload_position_m"] = tuple(values["payload_position_m"])
         figures, memory = header["scene_figures"], header["memory"]
-        state = SavedState(About(**values), figures, memory, arrays, str(path))
+        state = SavedState(StateDescription(**values), figures, memory, arrays, str(path))
     except (KeyError, TypeError) as error:
         right = "take another saved state, or start without one"
         raise StateError(
@@ -218,13 +218,13 @@ def _state_of(header: dict[str, Any], arrays: Arrays, path: str | Path) -> Saved
     return state
 
 
-def judge_scene(state: SavedState, scene: Scene) -> None:
+def check_scene(state: SavedState, scene: Scene) -> None:
     """Reject a state of another scene; log when another solver wrote it.
 
     Raises:
         StateError: the scene differs in a property that the state depends on.
     """
-    found = next(differences(state.figures, scene_figures(scene), ""), None)
+    found = next(differences(state.figures, scene_properties(scene), ""), None)
     if found is not None:
         what = f"it is of another scene, {state.about.scene}: {found} in scene {scene.name}"
         right = f"give the scene that it was saved from ({state.about.scene_path})"
@@ -237,19 +237,19 @@ def judge_scene(state: SavedState, scene: Scene) -> None:
         )  # fmt: skip
 
 
-def scene_figures(value: Any) -> Any:
+def scene_properties(value: Any) -> Any:
     """Return the properties of a scene (or a part of it) that a state depends on, in plain form."""
     if dataclasses.is_dataclass(value):
         parts = {
-            field.name: scene_figures(getattr(value, field.name))
+            field.name: scene_properties(getattr(value, field.name))
             for field in dataclasses.fields(value)
             if field.name not in _NOT_COMPARED
         }
         return {"kind": type(value).__name__, **parts}
     if isinstance(value, list | tuple):
-        return [scene_figures(part) for part in value]
+        return [scene_properties(part) for part in value]
     if isinstance(value, dict):
-        return {str(key): scene_figures(part) for key, part in value.items()}
+        return {str(key): scene_properties(part) for key, part in value.items()}
     if isinstance(value, float):
         return value if math.isfinite(value) else str(value)
     return value if value is None or isinstance(value, bool | int | str) else str(value)

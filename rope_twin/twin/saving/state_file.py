@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.errors import StateError, phrase
-from rope_twin.twin.saving.memory import Arrays
+from rope_twin.twin.saving.serialisation import Arrays
 from rope_twin.whole_file import write_whole
 
 VERSION = 2

@@ -24,8 +24,8 @@ from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.fatigue.curves import wire_curve_warning
 from rope_twin.twin.fatigue.damage import DamageSettings, RopeDamage, bending_stiffness, curvature
 from rope_twin.twin.results import MaterialFatigue, RopeVibration
-from rope_twin.twin.saving.memory import recall
-from rope_twin.twin.saving.saved_state import IF_ASKED, SavedState, load_state
+from rope_twin.twin.saving.saved_state import MONITOR_PREFIX, SavedState, load_state
+from rope_twin.twin.saving.serialisation import deserialise
 from rope_twin.twin.snapshot import Snapshot, amended
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.coupled_model import (
@@ -111,20 +111,20 @@ class MonitoredTwin(Twin):
                "_counting_from_ns", "_second", "_fatigue", "_watch_s", "_watched_s")  # fmt: skip
         changing = {name: value for name, value in super()._changing().items() if name not in own}
         if self._damage is not None:
-            changing[f"{IF_ASKED}wear"] = self._damage
-            changing[f"{IF_ASKED}counting_from_ns"] = self._counting_from_ns
+            changing[f"{MONITOR_PREFIX}wear"] = self._damage
+            changing[f"{MONITOR_PREFIX}counting_from_ns"] = self._counting_from_ns
         if self._tracker is not None and self._viv_drag is None:
-            changing[f"{IF_ASKED}model"] = self.asked.vibration
-            changing[f"{IF_ASKED}tracker"] = self._tracker.kept()
-            changing[f"{IF_ASKED}looks"] = [self._hz, self._profiles]
+            changing[f"{MONITOR_PREFIX}model"] = self.asked.vibration
+            changing[f"{MONITOR_PREFIX}tracker"] = self._tracker.kept()
+            changing[f"{MONITOR_PREFIX}looks"] = [self._hz, self._profiles]
         return changing
 
     def _take_back(self, state: SavedState) -> None:
         """Restore the monitors that both the state and this run have."""
         kept = {
-            name.removeprefix(IF_ASKED): plain
+            name.removeprefix(MONITOR_PREFIX): plain
             for name, plain in state.memory.items()
-            if name.startswith(IF_ASKED)
+            if name.startswith(MONITOR_PREFIX)
         }
         self._counting_from_ns = kept.get("counting_from_ns", self.time_ns)
         if self._damage is not None and "wear" in kept:
@@ -132,14 +132,18 @@ class MonitoredTwin(Twin):
             if begun != self._damage.name:
                 what = f"its fatigue was counted by the curve {begun}, not {self._damage.name}"
                 raise StateError(phrase(f"saved state {state.source}", what, f"ask for {begun}"))
-            self._damage = recall(kept["wear"], self._damage, state.arrays, f"{IF_ASKED}wear")
+            self._damage = deserialise(
+                kept["wear"], self._damage, state.arrays, f"{MONITOR_PREFIX}wear"
+            )
         self._tracker = self._coupled_model()
         if self.asked.vibration and kept.get("model") == self.asked.vibration:
             self._hz, self._profiles = kept["looks"]
             self._every = self._steps_between()
             tracker = self._tracker or self._measured_vibration()
             tracker.take_back(
-                recall(kept["tracker"], tracker.kept(), state.arrays, f"{IF_ASKED}tracker")
+                deserialise(
+                    kept["tracker"], tracker.kept(), state.arrays, f"{MONITOR_PREFIX}tracker"
+                )
             )
             self._tracker = tracker
 

@@ -17,7 +17,7 @@ from rope_twin.core.lanes.step import Run
 from rope_twin.core.state import ELEMENTS, PULL_COLUMNS, TENSION, Boundary, Floats
 from rope_twin.twin.ensemble.member import Batch, Member, Scratch
 
-LEAST = 4  # minimum members of a group: all lanes cost as much as three or four single ropes
+MIN_GROUP = 4  # minimum members of a group: all lanes cost as much as three or four single ropes
 OFTEN, OFTEN_LEAST = 0.2, 10  # fraction and minimum number of steps done alone to leave
 
 
@@ -30,7 +30,7 @@ def sort_into_groups(members: Iterable[Member], abreast: int = LANES) -> list[li
     for kind, alike in kinds.items():
         for first in range(0, len(alike), abreast):
             some = alike[first : first + abreast]
-            whole = kind is not None and len(some) >= LEAST
+            whole = kind is not None and len(some) >= MIN_GROUP
             groups += [some] if whole else [[member] for member in some]
     return groups
 
@@ -43,7 +43,7 @@ def compile_lanes(groups: Iterable[Sequence[Member]]) -> None:
         Group(kind, 0).advance(Run(0.0, 0, 0, 0, 0, 1))  # no step at all
 
 
-def take_turn(members: Sequence[Member], steps: int, look_steps: int, scratch: Scratch) -> None:
+def advance_group(members: Sequence[Member], steps: int, look_steps: int, scratch: Scratch) -> None:
     """Advance the members of a group by a batch of steps."""
     if len(members) == 1:
         members[0].advance(steps, look_steps, scratch)

@@ -1,9 +1,9 @@
 """Serialisation of an object's attributes to plain values and arrays, and back.
 
-`remember` walks the object: numbers, strings, arrays, containers, NamedTuples, dataclasses and this
-package's own objects with all their attributes. An unknown type is an error, so that nothing new is
-silently left out of a saved state. `recall` puts the values back into an object of the same
-structure. Parts of the scene are constant and are not walked.
+`serialise` walks the object: numbers, strings, arrays, containers, NamedTuples, dataclasses and
+this package's own objects with all their attributes. An unknown type is an error, so that nothing
+new is silently left out of a saved state. `deserialise` puts the values back into an object of the
+same structure. Parts of the scene are constant and are not walked.
 
 The plain form is JSON. Lists, numbers and strings stand for themselves; anything else is an object
 with one key that names its type: {"array": name}, {"fields": {...}}, {"tuple": [...]}, ...
@@ -27,10 +27,10 @@ _CONSTANT = tuple(
     f"rope_twin.scene.{part}" for part in ("schema", "sea_state", "winch", "winch_parts", "limits")
 )
 # a current may have gained rows and a rope elements, as have the monitors of that rope
-_OF_ANY_LENGTH = {"effects", "tension", "watch", "viv_drag"}
+_VARIABLE_LENGTH = {"effects", "tension", "watch", "viv_drag"}
 
 
-def remember(value: Any, arrays: Arrays, at: str) -> Any:
+def serialise(value: Any, arrays: Arrays, at: str) -> Any:
     """Return the plain form of a value; its arrays are copied to `arrays` under their path `at`.
 
     Raises:
@@ -52,24 +52,24 @@ def remember(value: Any, arrays: Arrays, at: str) -> Any:
         if type(value).__module__ in _CONSTANT:
             return {"scene": None}
         fields = {
-            name: remember(part, arrays, f"{at}/{name.lstrip('_')}")
+            name: serialise(part, arrays, f"{at}/{name.lstrip('_')}")
             for name, part in _fields(value).items()
         }
         return {"fields": fields}
     if isinstance(value, list | tuple | deque):
-        parts = [remember(part, arrays, f"{at}/{number}") for number, part in enumerate(value)]
+        parts = [serialise(part, arrays, f"{at}/{number}") for number, part in enumerate(value)]
         return parts if isinstance(value, list) else {type(value).__name__: parts}
     raise TypeError(f"{at}: a {type(value).__name__} cannot be saved")
 
 
-def recall(plain: Any, like: Any, arrays: Arrays, at: str) -> Any:
+def deserialise(plain: Any, like: Any, arrays: Arrays, at: str) -> Any:
     """Return the value of a plain form; `like`, of the same structure, may be changed.
 
     Raises:
         StateError: the plain form has another structure.
     """
     if isinstance(plain, list):
-        return [recall(part, None, arrays, f"{at}/{i}") for i, part in enumerate(plain)]
+        return [deserialise(part, None, arrays, f"{at}/{i}") for i, part in enumerate(plain)]
     if not isinstance(plain, dict):
         return plain
     ((kind, content),) = plain.items()
@@ -85,7 +85,7 @@ def recall(plain: Any, like: Any, arrays: Arrays, at: str) -> Any:
         return _refilled(content, like, arrays, at)
     likes = like if isinstance(like, tuple) and len(like) == len(content) else [None] * len(content)
     parts = [
-        recall(part, other, arrays, f"{at}/{number}")
+        deserialise(part, other, arrays, f"{at}/{number}")
         for number, (part, other) in enumerate(zip(content, likes, strict=True))
     ]
     if kind == "tuple":
@@ -123,7 +123,7 @@ def _refilled(content: dict[str, Any], like: Any, arrays: Arrays, at: str) -> An
         odd = sorted(present.keys() ^ content.keys())
         raise StateError(f"{at} does not have the same parts ({', '.join(odd)})")
     values = {
-        name: recall(part, present[name], arrays, f"{at}/{name.lstrip('_')}")
+        name: deserialise(part, present[name], arrays, f"{at}/{name.lstrip('_')}")
         for name, part in content.items()
     }
     if isinstance(like, tuple):
@@ -141,7 +141,7 @@ def _fitting(array: NDArray[Any], like: Any, at: str) -> NDArray[Any]:
         StateError: they differ.
     """
     if isinstance(like, np.ndarray):
-        free = not _OF_ANY_LENGTH.isdisjoint(at.split("/"))
+        free = not _VARIABLE_LENGTH.isdisjoint(at.split("/"))
         fits = array.ndim == like.ndim if free else array.shape == like.shape
         if array.dtype != like.dtype or not fits:
             raise StateError(

@@ -14,13 +14,13 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Rope
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.motion.hang_off import HangOffTrack, Moves
-from rope_twin.twin.motion.ship import REJOIN_S, ramp
+from rope_twin.twin.motion.heave_track import REJOIN_S, ramp
 from rope_twin.twin.ropes import Ropes
 from rope_twin.twin.winch.tension_feedback import HangOffMotion, tension_feedback
 from rope_twin.twin.winch.winch import Winch
 
 
-class LeadOver:
+class Blending:
     """Blending of each hang-off into the live motion after a return to an earlier state.
 
     The difference decays to zero within REJOIN_S as the cubic that has the difference and its rate
@@ -59,13 +59,13 @@ class LeadOver:
         return led
 
 
-class Inputs(NamedTuple):
+class InputSources(NamedTuple):
     """Sources of the boundary conditions."""
 
     heave: HangOffTrack
     winch: Winch
     ropes: Ropes  # with the winches of other ropes
-    lead: LeadOver
+    lead: Blending
 
 
 class Present(NamedTuple):
@@ -77,7 +77,7 @@ class Present(NamedTuple):
     pull_n: float  # tension at the hang-off
 
 
-class Prescribed:
+class BoundaryConditions:
     """Hang-off and payout from now on; row 0 of the arrays is the present."""
 
     def __init__(self, scene: Scene, steps: int, length_m: float) -> None:
@@ -95,7 +95,7 @@ class Prescribed:
         for table in self.boundary:
             table[: self.steps + 1] = table[done : done + self.steps + 1]
 
-    def fill(self, steps: int, inputs: Inputs, now: Present) -> int:
+    def fill(self, steps: int, inputs: InputSources, now: Present) -> int:
         """Set hang-off and payout at the boundaries of the next steps; return how many can be done.
 
         Steps prescribed by an earlier call but not done keep their values. Where a winch needs
@@ -111,7 +111,7 @@ class Prescribed:
             self.steps = row
         return steps
 
-    def _fill_border(self, row: int, inputs: Inputs, now: Present, feedback: bool) -> None:
+    def _fill_border(self, row: int, inputs: InputSources, now: Present, feedback: bool) -> None:
         """Set the boundary at the end of the step that begins now; felt: needs tension feedback."""
         begin_ns, border_ns = now.time_ns, now.time_ns + now.step_ns
         rest, rest_z = self._rest, self._rest_z

@@ -18,7 +18,7 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class SavingHealth:
+class SavingStatus:
     """Status of saving."""
 
     path: Path
@@ -26,7 +26,7 @@ class SavingHealth:
     trouble: str = ""  # why the newest attempt failed; empty if it succeeded
 
 
-class Keeper:
+class AutoSave:
     """A twin for the pacer that saves its state periodically while it is stepped.
 
     Saving costs the stepping thread a copy of the arrays; it never waits for the disk. A state from
@@ -48,7 +48,7 @@ class Keeper:
         self._writer = ThreadPoolExecutor(max_workers=1, thread_name_prefix="twin-state")
         self._writer.submit(int)  # start its thread here, not within a cycle
         self._writing: Future[None] | None = None
-        self._health = SavingHealth(path)
+        self._health = SavingStatus(path)
 
     @property
     def step_ns(self) -> int:
@@ -75,7 +75,7 @@ class Keeper:
         """Return a frozen copy of the present."""
         return self._twin.snapshot()
 
-    def health(self) -> SavingHealth:
+    def health(self) -> SavingStatus:
         """Return the status of saving; may be called from any thread."""
         return self._health
 
@@ -99,11 +99,11 @@ class Keeper:
         try:
             state.write(path)
         except StateError as error:
-            self._health = SavingHealth(path, self._health.saved_s, str(error))
+            self._health = SavingStatus(path, self._health.saved_s, str(error))
         except Exception as error:
             # A defect must appear in the diagnostics, not be lost with the thread's result.
             _log.exception("the state was not saved")
             trouble = f"the state was not saved: {type(error).__name__}: {error}"
-            self._health = SavingHealth(path, self._health.saved_s, trouble)
+            self._health = SavingStatus(path, self._health.saved_s, trouble)
         else:
-            self._health = SavingHealth(path, state.about.time_s)
+            self._health = SavingStatus(path, state.about.time_s)

@@ -18,13 +18,13 @@ from rope_twin.errors import InputError, phrase
 from rope_twin.scene.schema import Ship
 from rope_twin.scene.schema import Winch as WinchScene
 from rope_twin.twin.motion.heave_series import HeaveSeries
-from rope_twin.twin.motion.ship import ramp
+from rope_twin.twin.motion.heave_track import ramp
 from rope_twin.twin.winch.commands import FEEDBACK_MODES
 from rope_twin.twin.winch.schedule import CommandSample, motion_of, schedule_samples
 from rope_twin.twin.winch.winch import Winch
 
 
-def foreseen(scene: WinchScene | None, commands: Sequence[CommandSample] | None) -> bool:
+def is_known_in_advance(scene: WinchScene | None, commands: Sequence[CommandSample] | None) -> bool:
     """Return whether paid-out length follows from commands and heave, without tension feedback."""
     if scene is None:
         return True
@@ -37,7 +37,7 @@ def foreseen(scene: WinchScene | None, commands: Sequence[CommandSample] | None)
     )
 
 
-class WinchTrack:
+class WinchMotion:
     """Paid-out length over the steps, from commands that are known in advance."""
 
     def __init__(
@@ -53,7 +53,7 @@ class WinchTrack:
             InputError: the winch rejects a command, or a command needs tension feedback, which
                 cannot be computed in advance.
         """
-        if not foreseen(scene, commands):
+        if not is_known_in_advance(scene, commands):
             what = "its drive, brake, or an order by depth or tension depends on the rope's tension"
             right = "`rope_twin run` steps such a scene; leave them out of it here"
             raise InputError(phrase("winch", what, right))
@@ -95,11 +95,11 @@ class WinchTrack:
             self._winch.take(sample.stamp_ns, sample.command, from_ns)
 
 
-class Borders:
+class SharedBoundary:
     """Hang-off and paid-out length over the steps, for all members that share them."""
 
     def __init__(
-        self, ship: Ship, winch: WinchTrack, heave: HeaveSeries | None, step_s: float
+        self, ship: Ship, winch: WinchMotion, heave: HeaveSeries | None, step_s: float
     ) -> None:
         """Combine the motion of ship and winch; heave None: the ship does not move."""
         self._ship, self._winch, self._heave = ship, winch, heave
