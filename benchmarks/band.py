@@ -25,10 +25,10 @@ from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import fed
 from rope_twin.studies.variants import variant
-from rope_twin.twin.accuracy.difference import has_layers
-from rope_twin.twin.accuracy.error_band import BandedTwin
-from rope_twin.twin.ensemble.borders import foreseen
-from rope_twin.twin.findings import TensionBand
+from rope_twin.twin.accuracy.error_fraction import has_layers
+from rope_twin.twin.accuracy.error_interval import ErrorIntervalTwin
+from rope_twin.twin.ensemble.boundary_conditions import is_known_in_advance
+from rope_twin.twin.results import TensionInterval
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from validation.case import choose
@@ -135,9 +135,9 @@ def measure_bands(cases: Sequence[BandCase], listen: Listener) -> Iterator[BandR
 def measure_band(case: BandCase) -> BandRow:
     """Measure one scene."""
     scene = load_scene(case.scene)
-    twin = BandedTwin(scene)
+    twin = ErrorIntervalTwin(scene)
     seen = list(fed(twin, case.seconds))
-    smooth = foreseen(scene.winch, None) and not has_layers(twin.rope)
+    smooth = is_known_in_advance(scene.winch, None) and not has_layers(twin.rope)
     rough = not smooth or any(map(_is_rough, seen))
     middle, fine = (
         np.array([s.tension_top_n for s in fed(_reference(scene, times), case.seconds)])
@@ -179,7 +179,7 @@ def _is_rough(shot: Snapshot) -> bool:
     return stands or any(float(some.min()) <= 0.0 for some in pulls)
 
 
-def _band_of(shot: Snapshot) -> TensionBand:
+def _band_of(shot: Snapshot) -> TensionInterval:
     if shot.band is None:
         raise SolverError(f"{shot.time_s:g} s: the band's companion could not go on.")
     return shot.band
@@ -187,7 +187,7 @@ def _band_of(shot: Snapshot) -> TensionBand:
 
 def _cost_pct(scene: Scene, case: BandCase) -> float:
     """Return the cost of the interval in another run of the scene [%]."""
-    *_, last = fed(BandedTwin(scene), min(case.seconds, COST_S))
+    *_, last = fed(ErrorIntervalTwin(scene), min(case.seconds, COST_S))
     return _band_of(last).cost_pct
 
 

@@ -19,7 +19,7 @@ from rope_twin.errors import InputError, SolverError, phrase
 from rope_twin.recording.regular_heave import RegularSea
 from rope_twin.scene.arrays.build import build
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.motion.ship import ramp
+from rope_twin.twin.motion.heave_track import ramp
 
 Vector = NDArray[np.float64]
 

@@ -98,8 +98,8 @@ def _of_scene(name: str, pieces: int) -> list[PaceRow]:
     for own, label in ((bare, "none"), (scene, model)):
         twin = Twin(own)
         places, modes = scene.ropes[0].elements + 1, 0
-        if twin.shaking is not None:
-            places, modes = twin.shaking.tracker.size
+        if twin.viv_drag is not None:
+            places, modes = twin.viv_drag.tracker.size
         usual, best = _paces(_advance_of(twin), pieces)
         rows.append(PaceRow(name, "twin", label, twin.step_s, places, modes, usual, best))
     return rows

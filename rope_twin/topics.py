@@ -11,7 +11,7 @@ from enum import Enum
 from typing import NamedTuple
 
 from rope_twin.scene.winch import SWITCHES
-from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION
+from rope_twin.twin.winch.commands import DEPTH, LENGTH, SPEED, TENSION
 
 
 class Qos(Enum):

@@ -29,7 +29,7 @@ from rope_twin.scene.schema import (
     Winch,
 )
 from rope_twin.studies.driven_twin import Motion
-from rope_twin.twin.motion.ship import ramp
+from rope_twin.twin.motion.heave_track import ramp
 from rope_twin.twin.twin import Twin
 
 Triple = tuple[float, float, float]

@@ -15,7 +15,7 @@ from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.arrays.build import build
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import Motion
-from rope_twin.twin.motion.ship import ramp
+from rope_twin.twin.motion.heave_track import ramp
 
 Vector = NDArray[np.float64]
 AT_REST = 1e-9  # of the length: what the search for rest may leave

@@ -33,7 +33,7 @@ from benchmarks.peers.decks import (
 from rope_twin.errors import InputError, phrase
 from rope_twin.recording.regular_heave import RegularSea
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.motion.ship import ramp
+from rope_twin.twin.motion.heave_track import ramp
 
 PEERS = {"moordyn": "2.7.2", "cabledyn": "0.3.0"}  # the versions that the settings were found for
 CALL_S = 0.02  # MoorDyn is called so often at least; its own steps are shorter or this

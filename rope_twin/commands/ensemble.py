@@ -30,7 +30,7 @@ from rope_twin.studies.ensemble.study import (
     run_study,
 )
 from rope_twin.studies.variants import variant
-from rope_twin.twin.ensemble.ensemble import LOOK_S, Lanes, cores
+from rope_twin.twin.ensemble.ensemble import SAMPLING_S, Lanes, cores
 
 NAMES = {
     "tension_top_max_n": "highest top tension [kN]",
@@ -85,7 +85,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     add("--for", dest="for_s", type=float, default=60.0, metavar="SECONDS",
         help="twin time of each member (default: 60)")  # fmt: skip
     add("--step", type=float, metavar="SECONDS", help="time step (default: the scene's)")
-    add("--look", type=float, default=LOOK_S, metavar="SECONDS",
+    add("--look", type=float, default=SAMPLING_S, metavar="SECONDS",
         help="how often each rope is looked along for slack (default: %(default)s)")  # fmt: skip
     add("--threads", type=int, default=cores(), help="that step at once (default: %(default)s)")
     add("--csv", type=Path, metavar="FILE", help="write a row for each member")

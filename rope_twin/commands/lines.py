@@ -14,8 +14,8 @@ from rope_twin.scene.load import load_scene
 from rope_twin.studies.picture import check_picture
 from rope_twin.studies.two_lines.picture import draw_lines
 from rope_twin.studies.two_lines.runs import SEA_STATES, LineRun, record_of, run_lines
-from rope_twin.twin.joined.line_watch import lines_of
-from rope_twin.twin.joined.lines_shot import LineEvent
+from rope_twin.twin.multi_line.clearance import lines_of
+from rope_twin.twin.multi_line.clearance_results import LineEvent
 from rope_twin.twin.twin import Twin
 
 HEAD = ("line", "sea", "mean kN", "min kN", "max kN", "max over calm mean", "jump %")

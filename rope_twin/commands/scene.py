@@ -29,9 +29,9 @@ from rope_twin.scene.schema import RopeLine, Scene, ScheduleRow, Winch
 from rope_twin.scene.sea_state import SeaState
 from rope_twin.studies.effect_cost import effect_table, measure_effects
 from rope_twin.twin.ensemble.ensemble import whole_steps
-from rope_twin.twin.hoisting.orders import MOTIONS, Order
-from rope_twin.twin.hoisting.schedule import motion_of
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.winch.commands import CONTROL_MODES, WinchCommand
+from rope_twin.twin.winch.schedule import motion_of
 
 NARROWEST = 40  # what a line of keys needs
 WIDEST = 100  # columns of the list, on a terminal that has more
@@ -292,10 +292,10 @@ def _told(row: ScheduleRow) -> str:
     match motion_of(row):
         case None:
             return str(row.switch).replace("_", " ")
-        case Order("speed", value):
+        case WinchCommand("speed", value):
             return f"{value:+g} m/s"
-        case Order(kind, value):
-            return f"{kind} {value:g} {MOTIONS[kind]}"
+        case WinchCommand(kind, value):
+            return f"{kind} {value:g} {CONTROL_MODES[kind]}"
 
 
 def _together(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:

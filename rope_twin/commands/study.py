@@ -25,7 +25,7 @@ from rope_twin.studies.parameter_study.picture import draw_study
 from rope_twin.studies.parameter_study.run import run_parameter_study
 from rope_twin.studies.parameter_study.table import study_lines
 from rope_twin.studies.picture import check_picture
-from rope_twin.twin.fatigue.endurance import other_than_wire
+from rope_twin.twin.fatigue.curves import wire_curve_warning
 
 PICTURE = "study.png"
 BAR = 24
@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     if study.fatigue is not None:
         bending = scene.listed(BendingParams)
         EI = bending.stiffness_n_m2 if bending is not None else 0.0
-        if words := other_than_wire(scene.ropes[0], study.fatigue.curve, EI):
+        if words := wire_curve_warning(scene.ropes[0], study.fatigue.curve, EI):
             print(words, file=sys.stderr)
     progress, began, before = FigureProgress(), time.monotonic(), [-1]
 

@@ -25,8 +25,8 @@ from rope_twin.studies.viv.own import run_own
 from rope_twin.studies.viv.own_picture import own_figures, own_words, write_own
 from rope_twin.studies.viv.picture import check_folder, write_all
 from rope_twin.studies.viv.study import Fatigue, VivRun, count_fatigue, most_moved, run_viv
-from rope_twin.twin.fatigue.endurance import STRESS_CURVES, StressCurve, find_stress_curve
-from rope_twin.twin.vibration.shaking import shedding_of
+from rope_twin.twin.fatigue.curves import STRESS_CURVES, StressCurve, find_stress_curve
+from rope_twin.twin.vibration.drag_amplification import shedding_of
 from rope_twin.viv.shedding import Shedding
 
 SHOWN = 10  # modes in the table, those that move most

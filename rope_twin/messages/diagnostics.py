@@ -15,8 +15,8 @@ from rope_twin.messages.rope_status import (
 )
 from rope_twin.messages.status import Level, Status, counted
 from rope_twin.scene.card import KnownError, told_bound
-from rope_twin.twin.findings import EnergyBalance, MaterialFatigue, RopeVibration, TensionBand
 from rope_twin.twin.pacing import PacingHealth
+from rope_twin.twin.results import EnergyBalance, MaterialFatigue, RopeVibration, TensionInterval
 from rope_twin.twin.snapshot import (
     BedContact,
     CutShot,
@@ -208,7 +208,7 @@ def cut_words(cut: CutShot) -> str:
     return f"rope {at} the hang-off; {cut.lost_m:.1f} m released"
 
 
-def _band(snapshot: Snapshot, band: TensionBand) -> Status:
+def _band(snapshot: Snapshot, band: TensionInterval) -> Status:
     tension_n = snapshot.tension_top_n
     values = {
         "low [N]": f"{band.low_n:.6g}",

@@ -11,8 +11,8 @@ import numpy as np
 from rope_twin.messages import templates
 from rope_twin.messages.cdr import Template, new, serialise
 from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC
-from rope_twin.twin.hoisting.orders import DEPTH, LENGTH, SPEED, TENSION, Order
 from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.winch.commands import DEPTH, LENGTH, SPEED, TENSION, WinchCommand
 
 ORDER_FIELDS = {SPEED: "velocity", LENGTH: "position", DEPTH: "position", TENSION: "effort"}
 
@@ -48,7 +48,7 @@ def encode_elevation(stamp_ns: int, elevation_m: float) -> bytes:
     return _elevation().fill({**_stamp(stamp_ns), "point": (0.0, 0.0, elevation_m)})
 
 
-def encode_order(stamp_ns: int, order: Order, winch: str = "winch") -> tuple[str, bytes]:
+def encode_order(stamp_ns: int, order: WinchCommand, winch: str = "winch") -> tuple[str, bytes]:
     """Return topic and message of a winch command; a stamp of 0 means apply immediately.
 
     Length and depth are positions, a speed a velocity, a tension an effort, a switch a second name.

@@ -13,9 +13,9 @@ import numpy as np
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import templates
 from rope_twin.messages.cdr import Templates, new, serialise
-from rope_twin.twin.findings import RopeVibration
-from rope_twin.twin.hoisting.orders import MOTIONS
+from rope_twin.twin.results import RopeVibration
 from rope_twin.twin.snapshot import Snapshot, WinchShot
+from rope_twin.twin.winch.commands import CONTROL_MODES
 
 _AXES = ("x", "y", "z")
 CROSSING_FIGURES = ("depth_m", "angle_deg", "gap_m", "x_m", "y_m")
@@ -267,6 +267,6 @@ class WinchEncoder:
 
 def mode_words(winch: WinchShot) -> str:
     """Return the control mode in words, such as `winch: length 350 m (limit)`."""
-    unit = MOTIONS.get(winch.mode, "")
+    unit = CONTROL_MODES.get(winch.mode, "")
     told = f"{winch.mode} {winch.target:g} {unit}" if unit else winch.mode.replace("_", " ")
     return f"{winch.name}: {told}" + (f" ({winch.at_limit})" if winch.at_limit else "")

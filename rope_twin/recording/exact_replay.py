@@ -202,8 +202,8 @@ class RunReplay:
             if twin is None or stepper is None or twin.time_ns != session.time_ns:
                 twin = session.make_twin(self._hear)
                 stepper = Recovery(twin)
-            elif twin.rung != session.level:
-                twin.take_rung(session.level)
+            elif twin.level != session.level:
+                twin.set_level(session.level)
             counts = Counter(session.published)
             until_ns = end_ns if recorded.known_ns is None else min(end_ns, recorded.known_ns)
             try:

@@ -25,7 +25,7 @@ from rope_twin.recording.stamped_rows import (
     choose_topic,
 )
 from rope_twin.topics import BY_NAME
-from rope_twin.twin.motion.ship import HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S
+from rope_twin.twin.motion.heave_track import HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S
 
 _HEAVE, _ELEVATION = BY_NAME["ship/heave"], BY_NAME["sea/elevation"]
 _POSE = BY_NAME["ship/odometry"]

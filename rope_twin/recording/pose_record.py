@@ -26,7 +26,7 @@ from rope_twin.recording.stamped_rows import (
 )
 from rope_twin.scene.sea_state import RecordedPoses
 from rope_twin.topics import BY_NAME
-from rope_twin.twin.motion.ship import HEAVE_LIMIT_M
+from rope_twin.twin.motion.heave_track import HEAVE_LIMIT_M
 from rope_twin.twin.motion.ship_pose import MOST_TILT_DEG, UNIT_WITHIN
 
 _ODOMETRY, _POSE_STAMPED = BY_NAME["ship/odometry"].type_name, "geometry_msgs/msg/PoseStamped"

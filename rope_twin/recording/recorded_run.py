@@ -34,9 +34,9 @@ from rope_twin.topics import (
     SESSION_TOPIC,
     SWITCH_TOPIC,
 )
-from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.input_queue import Call
 from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.winch.commands import WinchCommand
 
 _STAMPED = "hang_off/wrench"  # due at every slot, with a stamp
 _STAMP = struct.Struct("<iI")  # behind the encapsulation of 4 bytes
@@ -345,9 +345,9 @@ def _given(call: Call) -> tuple[str, int | None, Values] | None:
         numbers = (*pose.position_m, *pose.velocity_m_per_s, *pose.orientation,
                    *pose.rate_rad_per_s)  # fmt: skip
         return "ship/odometry", pose.stamp_ns, numbers
-    if call.method == "offer_order":
+    if call.method == "offer_command":
         stamp_ns, order = call.arguments[:2]
-        assert isinstance(order, Order)
+        assert isinstance(order, WinchCommand)
         topic = ORDER_TOPICS.get(order.kind)
         return (topic or SWITCH_TOPIC, stamp_ns, (order.value if topic else order.kind,))
     if call.method == "offer_cut":

@@ -36,14 +36,14 @@ from rope_twin.sea.columns import find_table
 from rope_twin.sea.spectrum import find_spectra
 from rope_twin.share import share_dir
 from rope_twin.topics import SESSION_TOPIC
-from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.health import SENDER_LEAD_S
-from rope_twin.twin.kinds import twin_kind
-from rope_twin.twin.saving.saved_state import SavedState, decode_state, scene_figures
+from rope_twin.twin.kinds import twin_class
+from rope_twin.twin.saving.saved_state import SavedState, decode_state, scene_properties
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.watch import Watch
+from rope_twin.twin.vibration.settings import MonitorSettings
 
-FORMAT = 1
+FORMAT = 2
 _SHARED = "share/"  # before names of files that come with the package
 _PACKAGE = Path(__file__).resolve().parents[1]
 _CPUINFO = Path("/proc/cpuinfo")
@@ -72,12 +72,12 @@ class Setup:
         Raises:
             RopeTwinError: scene, state or parameters are invalid.
         """
-        watch = Watch(self.vibration, self.fatigue)
-        kind = twin_kind(self.energy, self.error_band, watch)
+        watch = MonitorSettings(self.vibration, self.fatigue)
+        kind = twin_class(self.energy, self.error_band, watch)
         twin = kind(scene) if state is None else kind.restore(state, scene)
         twin.judge_clocks(self.sender_lead_s, self.correct_sender_clocks)
         if self.other_sea:
-            twin.doubt_card(OTHER_SEA)
+            twin.invalidate_error(OTHER_SEA)
         if self.feeds_itself:
             twin.expect_motion(None)
         else:
@@ -120,7 +120,7 @@ def describe_session(run: Mapping[str, Any], twin: Twin, epoch_ns: int) -> dict[
         **run,
         "epoch_ns": epoch_ns,
         "time_ns": twin.time_ns,
-        "level": [twin.rung.step_ns, twin.rung.halvings],
+        "level": [twin.level.step_ns, twin.level.halvings],
         "state": state,
     }
 
@@ -150,7 +150,7 @@ class Session:
     number: int
     epoch_ns: int
     time_ns: int
-    level: Rung  # elements and step that it begins with
+    level: AccuracyLevel  # elements and step that it begins with
     setup: Setup
     published: Mapping[str, int]
     logged_before: int  # messages of twin/inputs of the session before, in the same run
@@ -172,7 +172,7 @@ class Session:
                 number=int(content["session"]),
                 epoch_ns=int(content["epoch_ns"]),
                 time_ns=int(content["time_ns"]),
-                level=Rung(*(int(value) for value in content["level"])),
+                level=AccuracyLevel(*(int(value) for value in content["level"])),
                 setup=Setup(**content["setup"]),
                 published={str(k): int(v) for k, v in content["published"].items()},
                 logged_before=int(content["logged_before"]),
@@ -212,10 +212,10 @@ class Session:
                 raise _refusal(f"a damaged state ({error})", "give the bag as recorded") from error
             state = decode_state(data, f"{SESSION_TOPIC} {self.number}")
             # scene and state are of one message: paths may differ, and nothing else does
-            state = dataclasses.replace(state, figures=scene_figures(scene))
+            state = dataclasses.replace(state, figures=scene_properties(scene))
         twin = self.setup.make(scene, state, hear)
-        if twin.rung != self.level:
-            twin.take_rung(self.level)
+        if twin.level != self.level:
+            twin.set_level(self.level)
         if state is None:
             twin.snapshot()  # as every run does before its first step
         return twin

@@ -35,17 +35,17 @@ from rope_twin.run.summary import RunSummary, summarise
 from rope_twin.scene.card import OTHER_SEA
 from rope_twin.scene.schema import Scene
 from rope_twin.topics import SESSION_TOPIC
-from rope_twin.twin.accuracy.ladder import TwinLadder
-from rope_twin.twin.handover import Handover, handover_depth
+from rope_twin.twin.accuracy.overload import TwinOverloadProtection
 from rope_twin.twin.input_queue import InputQueue
-from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.pacing import Pacer, steps_in_slot
-from rope_twin.twin.precedence import fall_back, follow_ahead
 from rope_twin.twin.recovery import Recovery
-from rope_twin.twin.saving.keeper import Keeper
+from rope_twin.twin.saving.autosave import AutoSave
 from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.snapshot_queue import SnapshotQueue, queue_depth
+from rope_twin.twin.thread_priority import raise_other_threads, reset_threads
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.watch import Watch
+from rope_twin.twin.vibration.settings import MonitorSettings
 
 START_LEAD_S = 0.5  # from the publication of the epoch to t = 0, for other nodes to prepare ...
 AWAITED_LEAD_S = 1.5  # ... and from construction to t = 0, while other nodes discover each other
@@ -78,20 +78,20 @@ class PacedTwin:
         self.twin.failure_folder = Path(params.failure_directory).resolve()
         self.twin.judge_clocks(params.sender_lead_s, params.correct_sender_clocks)
         if params.other_sea:
-            self.twin.doubt_card(OTHER_SEA)
+            self.twin.invalidate_error(OTHER_SEA)
         self._recovery = Recovery(self.twin)
         expect_own_sea(self.twin)
-        self._keeper: Keeper | None = None
+        self._keeper: AutoSave | None = None
         if params.save_to:
             every_s = params.save_every_s * params.speed
-            self._keeper = Keeper(self._recovery, Path(params.save_to).resolve(), every_s)
+            self._keeper = AutoSave(self._recovery, Path(params.save_to).resolve(), every_s)
         self.ladder = _ladder(self.twin, params)
         self._described = describe_run(scene, _setup(params), params.speed)
         self._log = InputLog(uuid4().hex)
         self._inputs = InputQueue(self.twin, self._keeper or self._recovery, self._log.take)
         self._first = self.twin.snapshot()
         steps = steps_in_slot(self.twin.step_s)
-        self._handover = Handover(handover_depth(steps * self.twin.step_s, params.speed))
+        self._handover = SnapshotQueue(queue_depth(steps * self.twin.step_s, params.speed))
         self.pacer = Pacer(
             self._inputs,
             self._handover,
@@ -125,10 +125,10 @@ class PacedTwin:
         self._publish(SESSION_TOPIC, encode_session(described, self._published()))
         self.border.seats.resume(at_ns)
         if at_ns > 0:
-            self._inputs.doubt_inputs()
+            self._inputs.invalidate_inputs()
         self.border.epoch_ns = epoch_ns
         self._publisher.start(epoch_ns)
-        follow_ahead()
+        raise_other_threads()
         self._process_at_s = time.process_time()
         self.pacer.start(steady_now_ns + lead_ns + delay_ns)
         return epoch_ns
@@ -154,7 +154,7 @@ class PacedTwin:
         self.border.epoch_ns = None
         if self._keeper is not None:
             self._keeper.finish()
-        fall_back()
+        reset_threads()
 
     @property
     def last(self) -> Snapshot:
@@ -225,8 +225,8 @@ class PacedTwin:
 
 def _begin(scene: Scene, params: SimulationParams) -> tuple[Twin, str]:
     """Return the twin in static equilibrium or at a saved state, and a text saying which."""
-    watch = Watch(params.vibration, params.fatigue)
-    kind = twin_kind(params.energy, params.error_band, watch)
+    watch = MonitorSettings(params.vibration, params.fatigue)
+    kind = twin_class(params.energy, params.error_band, watch)
     if not params.start_from:
         return kind(scene), "starting from static equilibrium"
     path = Path(params.start_from).resolve()
@@ -251,11 +251,11 @@ def _setup(params: SimulationParams) -> Setup:
     )
 
 
-def _ladder(twin: Twin, params: SimulationParams) -> TwinLadder | None:
+def _ladder(twin: Twin, params: SimulationParams) -> TwinOverloadProtection | None:
     """Return the accuracy levels, at one that is real-time on this machine; None: disabled."""
     if not params.ladder:
         return None
-    ladder = TwinLadder(twin)
+    ladder = TwinOverloadProtection(twin)
     if ladder.place[1] == 1:
         return None
     slot_s = steps_in_slot(twin.step_s) * twin.step_s

@@ -19,7 +19,7 @@ from rope_twin.run.ending import ending_signals
 from rope_twin.run.options import RunOptions
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
-from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.kinds import twin_class
 
 _WAIT_S = 0.1  # delay until a signal is noticed
 
@@ -62,4 +62,4 @@ def _build(options: RunOptions) -> None:
         signal.signal(number, signal.SIG_DFL)
     sys.stdout = sys.stderr = os.fdopen(os.open(os.devnull, os.O_WRONLY), "w")
     scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
-    twin_kind(options.energy, options.error_band, options.watch)(scene)
+    twin_class(options.energy, options.error_band, options.watch)(scene)

@@ -12,8 +12,8 @@ from rope_twin.messages import Encoder
 from rope_twin.recording.input_log import InputLog, encode_json
 from rope_twin.recording.session import encode_session
 from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC
-from rope_twin.twin.handover import Handover
 from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.snapshot_queue import SnapshotQueue
 
 _log = logging.getLogger(__name__)
 
@@ -23,7 +23,7 @@ class Publisher:
 
     def __init__(
         self,
-        handover: Handover,
+        handover: SnapshotQueue,
         publish: Callable[[str, bytes], None],
         first: Snapshot,
         log: InputLog | None = None,

@@ -9,8 +9,8 @@ from typing import NamedTuple
 from rope_twin.messages import Level, Status
 from rope_twin.messages.status import counted
 from rope_twin.run.summary import RunSummary
-from rope_twin.twin.accuracy.ladder import TwinLadder
-from rope_twin.twin.saving.keeper import SavingHealth
+from rope_twin.twin.accuracy.overload import TwinOverloadProtection
+from rope_twin.twin.saving.autosave import SavingStatus
 from rope_twin.twin.snapshot import Snapshot
 
 RUN_ROW = "simulation: run"
@@ -65,7 +65,7 @@ def with_hint(rows: Sequence[Status], hint: Callable[[], str]) -> list[Status]:
     ]
 
 
-def saving_row(saving: SavingHealth) -> Status:
+def saving_row(saving: SavingStatus) -> Status:
     """Return the row on the last saved state of a run that saves its state."""
     saved = "never" if saving.saved_s is None else f"{saving.saved_s:.2f}"
     values = {"file": str(saving.path), "last saved state, simulation time [s]": saved}
@@ -77,13 +77,13 @@ def saving_row(saving: SavingHealth) -> Status:
     return Status(name, Level.OK, f"state saved at {saved} s", values)
 
 
-def rung_row(ladder: TwinLadder, last: Snapshot) -> Status:
+def rung_row(ladder: TwinOverloadProtection, last: Snapshot) -> Status:
     """Return the row on the accuracy level: elements, time step, and why it was degraded."""
     number, count = ladder.place
     values = {
         "level": f"{number} of {count}",
         "elements": str(len(last.element_tension_n)),
-        "step [s]": f"{ladder.rung.step_s:g}",
+        "step [s]": f"{ladder.level.step_s:g}",
         "changes": str(ladder.changes),
         "load": f"{ladder.load:.2f}",
     }

@@ -20,10 +20,10 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.rules.rigging import winches_by_name
 from rope_twin.scene.schema import Winch
 from rope_twin.topics import CUT_TOPIC, ORDER_TOPICS, SWITCH_TOPIC, WINCH_TOPICS
+from rope_twin.twin.cutting.cut_input import plan_for
 from rope_twin.twin.cutting.cut_plan import PlannedCut
-from rope_twin.twin.cutting.cutting import plan_for
-from rope_twin.twin.hoisting.orders import SPEED
-from rope_twin.twin.hoisting.schedule import motion_of, schedule_samples
+from rope_twin.twin.winch.commands import SPEED
+from rope_twin.twin.winch.schedule import motion_of, schedule_samples
 
 
 class WinchScheduleNode(InputNode):
@@ -68,7 +68,7 @@ class WinchScheduleNode(InputNode):
             return
         for name, winch in self._winches.items():
             for sample in schedule_samples(winch, from_ns, to_ns):
-                self.send(*encode_order(epoch_ns + sample.stamp_ns, sample.order, name))
+                self.send(*encode_order(epoch_ns + sample.stamp_ns, sample.command, name))
 
     def _other_commanders(self) -> list[str]:
         """Return the names of other nodes that publish on a winch command topic."""

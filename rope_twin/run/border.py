@@ -27,18 +27,18 @@ from rope_twin.run.seat import Command, Seats
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.winch import SWITCHES
 from rope_twin.topics import CUT_TOPIC, INPUTS, MOTION_TOPICS, ORDER_TOPICS, SWITCH_TOPIC
-from rope_twin.twin.hoisting.orders import (
-    DEPTH,
-    EMERGENCY_STOP,
-    LENGTH,
-    SEAT_ORDERS,
-    SPEED,
-    TENSION,
-    Order,
-)
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.winch.commands import (
+    COMMANDER_EVENTS,
+    DEPTH,
+    EMERGENCY_STOP,
+    LENGTH,
+    SPEED,
+    TENSION,
+    WinchCommand,
+)
 
 SILENT_S = 0.5  # silence of the sender of motion after which another one is accepted
 REPORTED_S = 60.0  # how long a rejection keeps its row above OK
@@ -201,8 +201,8 @@ class InputBorder:
         names = [name for name, one in self._senders.items() if one.mixed]
         return f"{', '.join(names)}: several senders, one of them used" if names else ""
 
-    def _command(self, at_ns: int | None, order: Order, winch: str) -> None:
-        self._inputs.offer_order(at_ns, order, winch)
+    def _command(self, at_ns: int | None, order: WinchCommand, winch: str) -> None:
+        self._inputs.offer_command(at_ns, order, winch)
 
     def _read(self, topic: str, read: Callable[[], Content]) -> Content | None:
         """Return the content of a message; count a malformed one and return None."""
@@ -282,7 +282,7 @@ _MOTION_READERS: dict[str, Callable[[bytes], tuple[int, ShipPose | tuple[float, 
 }
 
 
-def read_order(topic: str, data: bytes) -> tuple[int | None, Order, str]:
+def read_order(topic: str, data: bytes) -> tuple[int | None, WinchCommand, str]:
     """Return ROS stamp [ns] (None: apply immediately), command and winch of a winch message.
 
     Raises:
@@ -302,16 +302,16 @@ def read_order(topic: str, data: bytes) -> tuple[int | None, Order, str]:
         if len(names) != 2:
             right = f"give two: the winch's, and one of {', '.join(SWITCHES)}"
             raise InputError(phrase(topic, f"{len(names)} names", right))
-        if names[1] in SEAT_ORDERS:  # internal commands, not allowed in a message
+        if names[1] in COMMANDER_EVENTS:  # internal commands, not allowed in a message
             right = did_you_mean(names[1], SWITCHES)
             raise InputError(phrase(topic, f"'{names[1]}' is not a switch", right))
-        return stamp_ns or None, Order(names[1]), winch
+        return stamp_ns or None, WinchCommand(names[1]), winch
     kind = next(kind for kind, own in ORDER_TOPICS.items() if own == topic)
     values = getattr(message, ORDER_FIELDS[kind])
     if len(values) != 1:
         plural, right = _VALUES[kind]
         raise InputError(phrase(topic, f"{len(values)} {plural}", right))
-    return stamp_ns or None, Order(kind, float(values[0])), winch
+    return stamp_ns or None, WinchCommand(kind, float(values[0])), winch
 
 
 _VALUES = {  # name of the value in the plural, and its meaning

@@ -1,6 +1,6 @@
 """Ship motion of a run: selection of its source, the same for every runner.
 
-Together with the winch schedule (`rope_twin.twin.hoisting.schedule`) this is all input of a run.
+Together with the winch schedule (`rope_twin.twin.winch.schedule`) this is all input of a run.
 The stamps are the same in a real-time run over ROS and in an unpaced one.
 """
 
@@ -94,7 +94,7 @@ def expect_own_sea(twin: Twin) -> None:
     try:
         twin.expect_motion(open_sea(twin.scene))
     except RopeTwinError as error:
-        twin.doubt_card(f"the scene's own sea cannot be opened: {error}")
+        twin.invalidate_error(f"the scene's own sea cannot be opened: {error}")
 
 
 def offer(twin: Twin | InputQueue, sample: HeaveSample) -> str:

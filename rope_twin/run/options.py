@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 
 from rope_twin.errors import InputError, phrase
 from rope_twin.twin.cutting.cut_plan import read_plan
-from rope_twin.twin.fatigue.endurance import CURVES
+from rope_twin.twin.fatigue.curves import CURVES
 from rope_twin.twin.saving.state_file import check_place
-from rope_twin.twin.vibration.watch import MODELS, Watch
+from rope_twin.twin.vibration.settings import MODELS, MonitorSettings
 from rope_twin.view.sinks import has_screen
 
 if TYPE_CHECKING:
     from rope_twin.scene.schema import Scene
-    from rope_twin.twin.saving.saved_state import About
+    from rope_twin.twin.saving.saved_state import StateDescription
 
 STEP_TOL = 1e-6  # of a step: what an end may be off a whole number of them
 SPEED_LOW, SPEED_HIGH = 0.01, 5.0  # beyond, messages come faster than Python takes them
@@ -53,7 +53,7 @@ class RunOptions:
     error_band: bool = False  # keep a band around the top tension
     allow_cut: bool = False  # whoever publishes on rope/cut cuts the rope
     network: bool = False  # reachable from other machines
-    watch: Watch | None = None  # vibration and fatigue to be kept
+    watch: MonitorSettings | None = None  # vibration and fatigue to be kept
     allow_overload: bool = False  # a limit that is broken leaves the exit code at 0
 
     @property
@@ -252,7 +252,7 @@ def read_options(args: argparse.Namespace) -> RunOptions:
         cut=args.cut,
         allow_cut=args.allow_cut,
         network=args.network,
-        watch=Watch(args.vibration, args.fatigue) or None,
+        watch=MonitorSettings(args.vibration, args.fatigue) or None,
         allow_overload=args.allow_overload,
     )
 
@@ -306,7 +306,7 @@ def _check(option: str, value: object, holds: bool, right: str) -> None:
         raise InputError(phrase(option, f"{value} is not possible", right))
 
 
-def _begin(args: argparse.Namespace) -> About:
+def _begin(args: argparse.Namespace) -> StateDescription:
     """What --from holds.
 
     Raises:
@@ -322,7 +322,7 @@ def _begin(args: argparse.Namespace) -> About:
     return about
 
 
-def _scene_of(about: About) -> str:
+def _scene_of(about: StateDescription) -> str:
     """The scene of a saved state: its path if that is still there, else its name.
 
     Raises:

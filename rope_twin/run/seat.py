@@ -22,13 +22,13 @@ from rope_twin.messages import Level, Status
 from rope_twin.scene.rigging import WINCH
 from rope_twin.scene.rules.rigging import winches_by_name
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.hoisting.orders import (
+from rope_twin.twin.winch.commands import (
     COMMANDER_LOST,
+    CONTROL_MODES,
     EMERGENCY_STOP,
-    MOTIONS,
     NEW_COMMANDER,
     SPEED,
-    Order,
+    WinchCommand,
 )
 
 ANY = "*"  # in a priority list: every node that the list does not name
@@ -87,7 +87,7 @@ class CommandSeat:
                 return self._names.index(one)
         return len(self._names)
 
-    def judge(self, sender: str, order: Order, now_s: float) -> Verdict:
+    def judge(self, sender: str, order: WinchCommand, now_s: float) -> Verdict:
         """Accept or reject a command; an accepted one may take the seat."""
         if order.kind == EMERGENCY_STOP or sender == self.holder:
             return Verdict()
@@ -105,13 +105,13 @@ class CommandSeat:
         self._streak, self._unseen_s, self._silent = 0, None, False
         return Verdict(is_new=is_new)
 
-    def note(self, order: Order, stamp_ns: int | None, now_ns: int, now_s: float) -> None:
+    def note(self, order: WinchCommand, stamp_ns: int | None, now_ns: int, now_s: float) -> None:
         """Register a command of the holder.
 
         `stamp_ns`: simulation time of its stamp, None: apply immediately; `now_ns`, `now_s`: now.
         """
         self._commanded_s = now_s
-        if order.kind not in MOTIONS:
+        if order.kind not in CONTROL_MODES:
             return
         until_ns = now_ns if stamp_ns is None else max(now_ns, stamp_ns)
         gap_ns = until_ns - self._newest_ns
@@ -119,7 +119,7 @@ class CommandSeat:
             self._gap_ns, self._gap_s = gap_ns, now_s
         self._streak = self._streak + 1 if gap_ns < STREAM_GAP_NS else 1
         self._newest_ns = max(self._newest_ns, until_ns)
-        self._stands = order == Order(SPEED, 0.0)
+        self._stands = order == WinchCommand(SPEED, 0.0)
         plans = self.holder.rpartition("/")[2] == self._planner
         self._ahead_ns = 0 if plans else until_ns - now_ns
         self._silent, self._yielded = False, ""
@@ -227,20 +227,20 @@ class CommandSeat:
 class Command(NamedTuple):
     """A command as received."""
 
-    order: Order
+    command: WinchCommand
     stamp_ns: int | None  # simulation time [ns]; None: apply immediately
     sender: str  # name of its node, or that of its publisher while the node is not known
     publisher: str = ""  # name of the sender before its node was known
 
 
 class Seats:
-    """Seats of all winches of a scene; `order` receives their commands to the winches."""
+    """Seats of all winches of a scene; `command` receives their commands to the winches."""
 
     def __init__(
         self,
         scene: Scene,
         priority: str,
-        order: Callable[[Order, str], None],
+        order: Callable[[WinchCommand, str], None],
         now_s: Callable[[], float] = time.monotonic,
     ) -> None:
         self._now_s = now_s
@@ -272,14 +272,14 @@ class Seats:
             return command  # for no winch of this scene: the twin rejects it
         if command.publisher and seat.holder == command.publisher:
             seat.rename(command.sender)
-        verdict = seat.judge(command.sender, command.order, now_s)
+        verdict = seat.judge(command.sender, command.command, now_s)
         if verdict.refusal:
             return None
         if verdict.is_new:
-            self._order(Order(NEW_COMMANDER), winch)
+            self._order(WinchCommand(NEW_COMMANDER), winch)
         if command.sender == seat.holder:
-            seat.note(command.order, command.stamp_ns, now_ns, now_s)
-        is_stop = command.order.kind == EMERGENCY_STOP
+            seat.note(command.command, command.stamp_ns, now_ns, now_s)
+        is_stop = command.command.kind == EMERGENCY_STOP
         ahead = command.stamp_ns is not None and command.stamp_ns > now_ns
         if is_stop and ahead and command.sender.rpartition("/")[2] != self._planner:
             return command._replace(stamp_ns=None)
@@ -296,7 +296,7 @@ class Seats:
         for name, seat in self._by_winch.items():
             held, now_s = seat.holder, self._now_s()
             for kind in seat.look(present, now_ns, now_s):
-                self._order(Order(kind), name)
+                self._order(WinchCommand(kind), name)
             if held and not seat.holder:
                 found.append(f"winch {name}: {seat.row(now_s).message}")
         return found
@@ -309,7 +309,7 @@ class Seats:
         """Free a seat; return success and text."""
         done, words, kinds = self._by_winch[winch].release(self._now_s())
         for kind in kinds:
-            self._order(Order(kind), winch)
+            self._order(WinchCommand(kind), winch)
         return done, words
 
     def words(self) -> str:

@@ -35,14 +35,14 @@ from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rules.rigging import winches_by_name
 from rope_twin.topics import SESSION_TOPIC, TOPICS
-from rope_twin.twin.cutting.cutting import plan_for
-from rope_twin.twin.hoisting.schedule import schedule_samples
-from rope_twin.twin.hoisting.winch import input_of
+from rope_twin.twin.cutting.cut_input import plan_for
 from rope_twin.twin.input_queue import InputQueue
-from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.pacing import keep_pauses_short, steps_in_slot
 from rope_twin.twin.recovery import Recovery
 from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.winch.schedule import schedule_samples
+from rope_twin.twin.winch.winch import input_of
 
 MEASURED_S = 3.0  # computing time that suffices to measure the speed of a model
 UNPACED = "unpaced"  # name of the only run in a bag
@@ -69,12 +69,12 @@ class UnpacedRun:
         )
         self._options = options
         start = options.start_from
-        kind = twin_kind(options.energy, options.error_band, options.watch)
+        kind = twin_class(options.energy, options.error_band, options.watch)
         self.twin = kind(scene) if start is None else kind.restore(start, scene)
         self.twin.failure_folder = options.failure_folder
         self.twin.expect_motion(None)  # `_offer` passes on the samples of `open_sea` only
         if options.other_sea:
-            self.twin.doubt_card(OTHER_SEA)
+            self.twin.invalidate_error(OTHER_SEA)
         self._recovery = Recovery(self.twin)
         self.epoch_ns = time.time_ns() - self.twin.time_ns if epoch_ns is None else epoch_ns
         keep_pauses_short()
@@ -172,9 +172,9 @@ class UnpacedRun:
                 messages.append((at_ns, "sea/elevation", data))
         for name, winch in winches_by_name(self.twin.scene).items():
             for command in schedule_samples(winch, self._offered_ns, until_ns):
-                at_ns, order = command.stamp_ns, command.order
+                at_ns, order = command.stamp_ns, command.command
                 if at_ns > self._known_ns.get(input_of(order, name), FIRST_NS - 1):
-                    self._inputs.offer_order(at_ns, order, name)
+                    self._inputs.offer_command(at_ns, order, name)
                 messages.append((at_ns, *encode_order(self.epoch_ns + at_ns, order, name)))
         if self._cut is not None and self._offered_ns <= self._cut.at_ns < until_ns:
             cut = self._cut

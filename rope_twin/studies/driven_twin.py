@@ -8,10 +8,10 @@ from collections.abc import Callable, Iterator, Sequence
 from rope_twin.errors import SolverError
 from rope_twin.run.inputs import FIRST_NS, LEAD_NS, offer, open_sea
 from rope_twin.scene.rules.rigging import winches_by_name
-from rope_twin.twin.hoisting.schedule import schedule_samples
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.winch.schedule import schedule_samples
 
 Motion = Callable[[float], tuple[float, float]]  # time [s] to value and rate
 Speeds = Sequence[tuple[float, float]]  # at [s], winch speed from then on [m/s]
@@ -31,7 +31,7 @@ def fed(twin: Twin, seconds: float) -> Iterator[Snapshot]:
             offer(twin, heave)
         for name, winch in named.items():
             for command in schedule_samples(winch, offered_ns, until_ns):
-                twin.offer_order(command.stamp_ns, command.order, name)
+                twin.offer_command(command.stamp_ns, command.command, name)
         offered_ns = until_ns
         twin.advance(steps)
         yield twin.snapshot()

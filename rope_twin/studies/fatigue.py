@@ -3,7 +3,7 @@
 The pieces belong to the material: each has its distance from the lower end and keeps it while the
 winch pays out or hauls in. A piece that is aboard meets no tension of the sea: its history stands
 still until it comes out again. Where the winch has a sheave, each passage bends and straightens it
-once (rope_twin.twin.fatigue.wear), by a curve of stress.
+once (rope_twin.twin.fatigue.damage), by a curve of stress.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from rope_twin.scene.arrays.composite import ends_m
 from rope_twin.scene.schema import RopeLine
-from rope_twin.twin.fatigue.endurance import (
+from rope_twin.twin.fatigue.curves import (
     Curve,
     Cycles,
     StressCurve,
     Vector,
-    refuse_fibre,
+    check_all_steel,
     strength_of,
 )
 from rope_twin.twin.snapshot import Snapshot
@@ -90,7 +90,7 @@ class RopeFatigue:
         self._curve = curve
         of_section = [strength_of(section.rope) for section in line.made_of]
         if isinstance(curve, StressCurve):
-            refuse_fibre(line)
+            check_all_steel(line)
         which = np.searchsorted(ends_m(line), self._middles, side="right")
         self._strength = [of_section[number] for number in which]
         over = over_sheave_pa if isinstance(curve, StressCurve) else 0.0

@@ -1,4 +1,4 @@
-"""What a twin tells of a payload that is a rigid body: place, attitude, slings, deck."""
+"""Rigid-body payload in a snapshot: position, attitude, slings and deck contact."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def body_of(rope: Rope) -> RigidBody | None:
 
 
 def with_body(shot: Snapshot, rope: Rope) -> Snapshot:
-    """The snapshot with the rope's body, whose middle is then the payload's place."""
+    """Add the rope's rigid body to the snapshot; its centre is then the payload's position."""
     body = body_of(rope)
     if body is None:
         return shot

@@ -1,7 +1,7 @@
-"""Tension of a rope's elements in numpy, and the length offsets that make it what it is to be.
+"""Element tensions in numpy, and the length offsets that give prescribed tensions.
 
-The same formulas as `core.elastic.stretch`, for the rare moments between steps in which a state is
-carried over to other elements.
+The formulas are those of `core.elastic.stretch`, for the rare moments between steps in which a
+state is transferred to other elements.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ class Elements(NamedTuple):
     """Elements from the lower end up, (elements,) each."""
 
     rest: Floats  # unstretched length [m]
-    section: Ints  # which of the rope's sections
+    section: Ints  # index of the rope's section
     direction: Floats  # (3, elements), upward
     length: Floats  # [m]
-    damper: Floats  # what the damper adds to the tension [N]
+    damper: Floats  # damping tension [N]
 
 
 def elements_of(state: State, sections: Floats, payout_m_per_s: float) -> Elements:
-    """The elements of a state; the top one grows at the payout speed."""
+    """Return the elements of a state; the top one grows at the pay-out speed [m/s]."""
     n = int(state.counts[rows.ELEMENTS])
     s = state.s[: n + 1]
     rest = np.diff(s)
@@ -44,7 +44,7 @@ def elements_of(state: State, sections: Floats, payout_m_per_s: float) -> Elemen
 
 
 def tensions(rope: Rope, of: Elements, offset: Floats) -> Floats:
-    """Tension [N] of elements with these length offsets [m]; 0 where slack."""
+    """Tension of elements with these length offsets [N]; 0 where slack, (elements,)."""
     strain = (of.length + offset - of.rest) / of.rest
     stiffness = rope.sections[rows.EA][of.section]
     elastic = np.where(strain < 0.0, stiffness * strain, 0.0)
@@ -54,7 +54,7 @@ def tensions(rope: Rope, of: Elements, offset: Floats) -> Floats:
 
 
 def offsets_for(rope: Rope, of: Elements, wanted_n: Floats) -> Floats:
-    """Length offsets [m] with which elements have these tensions; NaN: no offset."""
+    """Length offsets that give these tensions [m]; 0 where the tension is NaN, (elements,)."""
     stiffness = rope.sections[rows.EA][of.section]
     elastic = wanted_n - of.damper
     strain = elastic / stiffness
@@ -67,7 +67,10 @@ def offsets_for(rope: Rope, of: Elements, wanted_n: Floats) -> Floats:
 
 
 def _strains(law: Table, section: Ints, elastic_n: Floats) -> Floats:
-    """Strains at which a table holds these tensions, by halving: it rises everywhere."""
+    """Return the strains at which a tension table holds these tensions, by bisection.
+
+    The tabulated tension must increase everywhere.
+    """
     high = np.full(len(elastic_n), 1e-3)
     unused = np.zeros(len(elastic_n))
     while np.any(short := hold(law, unused, section, high)[0] < elastic_n):

@@ -1,4 +1,4 @@
-"""Health of an input: counts of its samples, a stuck sender, and the sender's clock."""
+"""Health of an input: counts of its samples, detection of a stuck sender, the sender's clock."""
 
 from __future__ import annotations
 
@@ -9,27 +9,27 @@ from typing import NamedTuple
 from rope_twin.errors import phrase
 from rope_twin.twin.snapshot import InputHealth
 
-AHEAD_NS = 10_000_000_000  # a stamp farther in the future is a clock that is wrong
-RECENT_NS = 60_000_000_000  # refusals and warnings of so long ago still make the status a warning
-STUCK_NS = 1_000_000_000  # equal values for this long are a fault of the sender
-STUCK_SAMPLES = 3  # fewest equal samples that are one, however slowly they come
-CLOCK_SAMPLES = 100  # offsets that are kept ...
-CLOCK_SAMPLES_MIN = 10  # ... and fewest from which an offset is reported
-CLOCK_QUANTILE = 0.1  # of the offsets: transport delays only ever add to the clocks' difference
+AHEAD_NS = 10_000_000_000  # a stamp further in the future means a wrong clock
+RECENT_NS = 60_000_000_000  # rejections and warnings set the status to WARN for this long
+STUCK_NS = 1_000_000_000  # equal values for this long indicate a fault of the sender
+STUCK_SAMPLES = 3  # minimum number of equal samples, however slowly they arrive
+CLOCK_SAMPLES = 100  # number of offsets kept
+CLOCK_SAMPLES_MIN = 10  # minimum number of offsets to report one
+CLOCK_QUANTILE = 0.1  # of the offsets: transport delays only add to the clocks' difference
 CLOCK_WARN_S, CLOCK_ERROR_S = 0.2, 1.0
 SENDER_LEAD_S = 0.2  # a replay publishes its samples this long before their time
 
 
 def too_far_ahead(what: str, stamp_ns: int, now_ns: int) -> str:
-    """The refusal of a sample from so far in the future."""
+    """Return the rejection message of a sample from too far in the future."""
     ahead = f"stamp {stamp_ns * 1e-9:.1f} s lies {(stamp_ns - now_ns) * 1e-9:.1f} s ahead"
     return phrase(what, ahead, "sender and twin must share one clock")
 
 
 def too_late(stamp_ns: int, now_ns: int, due: str = "due") -> tuple[str, str]:
-    """What is wrong with a sample whose time has passed, and what would be right.
+    """Return the fault and the remedy for a sample whose time has passed.
 
-    What is later than a delay could make it has its stamp by another clock.
+    A sample later than any delay can explain is stamped by another clock.
     """
     late_ns = now_ns - stamp_ns
     if late_ns > AHEAD_NS:
@@ -40,7 +40,7 @@ def too_late(stamp_ns: int, now_ns: int, due: str = "due") -> tuple[str, str]:
 
 
 class Judgement(NamedTuple):
-    """Faults and warnings of an input, beyond what its counts say."""
+    """Faults and warnings of an input beyond its counts."""
 
     fault: str = ""
     warning: str = ""
@@ -54,7 +54,7 @@ _KINDS = ("accepted", "late", "repeated", "non_finite", "impossible", "stuck", "
 
 
 class InputCounter:
-    """Counts of one input; `refuse` returns its sentence so that callers can pass it on."""
+    """Counts of the samples of one input; `refuse` returns its message to be passed on."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -64,13 +64,13 @@ class InputCounter:
         self._remark = ""
         self._refused = 0
         self._warning, self._warned_ns = "", 0
-        self.executed_late = 0  # accepted commands that came after their stamp
-        self._dated = 0  # refusals that have a time in `_recent`
-        self._recent: deque[tuple[int, int]] = deque()  # second, refusals in it
+        self.executed_late = 0  # accepted commands that arrived after their stamp
+        self._dated = 0  # rejections that have a time in `_recent`
+        self._recent: deque[tuple[int, int]] = deque()  # second, rejections in it
 
     @property
     def accepted(self) -> int:
-        """Samples so far that were good."""
+        """Number of accepted samples since the start."""
         return self._counts["accepted"]
 
     @property
@@ -79,34 +79,37 @@ class InputCounter:
         return self._newest_ns
 
     def accept(self, stamp_ns: int) -> None:
-        """Count a good sample."""
+        """Count an accepted sample."""
         self._counts["accepted"] += 1
         self._newest_ns = stamp_ns
 
     def refuse(self, kind: str, sentence: str) -> str:
-        """Count a refused sample: late, repeated, non_finite, impossible, stuck or unconfirmed."""
+        """Count a rejected sample; return the sentence.
+
+        kind: late, repeated, non_finite, impossible, stuck or unconfirmed.
+        """
         self._counts[kind] += 1
         self._refused += 1
         self._refusal = sentence
         return sentence
 
     def warn(self, sentence: str, now_ns: int) -> None:
-        """Report a sample that was accepted but is suspicious, for RECENT_NS."""
+        """Report for RECENT_NS an accepted sample that is suspicious."""
         self._warning, self._warned_ns = sentence, now_ns
 
     def say(self, remark: str) -> None:
-        """What is being done about the input at the moment; "" if nothing."""
+        """Set the note on the present handling of the input; "" clears it."""
         self._remark = remark
 
     @property
     def refused(self) -> int:
-        """Samples so far that were refused."""
+        """Number of rejected samples since the start."""
         return self._refused
 
     def health(self, now_ns: int, stale: bool, judged: Judgement = UNJUDGED) -> InputHealth:
-        """Return a frozen copy; the age is that of the newest accepted sample.
+        """Return a frozen copy; its age is that of the newest accepted sample.
 
-        A refusal counts as recent from the first call after it, for RECENT_NS of twin time.
+        A rejection counts as recent from the first call after it, for RECENT_NS of twin time.
         """
         if self._newest_ns is None and judged is UNJUDGED and self._is_untouched():
             return NOTHING_CAME
@@ -151,10 +154,10 @@ class InputCounter:
 
 
 class StuckDetector:
-    """Equal values with rising stamps: a sender that repeats its last measurement for ever.
+    """Detector of equal values with rising stamps: a sender that repeats its last measurement.
 
     A sensor has noise in its last digit, so samples whose numbers are all equal for STUCK_NS are
-    no measurements (PX4 counts equal values of its sensors likewise).
+    not measurements (PX4 counts equal values of its sensors in the same way).
     """
 
     def __init__(self) -> None:
@@ -174,43 +177,43 @@ class StuckDetector:
 
 
 class SenderClock:
-    """Offset of a sender's clock: arrival less stamp [ns], the lower quantile of the newest.
+    """Offset of a sender's clock: arrival minus stamp [ns], a low quantile of the newest samples.
 
-    A live sensor is late, by the transport delay, never early. A replay publishes each sample
-    before its time: it may be early by `lead_s`. Whatever lies beyond is the sender's clock.
+    A live sensor is late by the transport delay and never early. A replay publishes each sample up
+    to `lead_s` before its time. Any offset beyond these is an error of the sender's clock.
     """
 
     def __init__(self) -> None:
         self.lead_s = SENDER_LEAD_S
         self.correct = False  # whether stamps are corrected by the offset
         self._offsets: deque[int] = deque(maxlen=CLOCK_SAMPLES)
-        self._shift_ns = 0  # what is added to the stamps at present
+        self._shift_ns = 0  # correction added to the stamps at present
 
     def take(self, stamp_ns: int, received_ns: int) -> None:
-        """Take the stamp and the arrival of a sample, both in twin time."""
+        """Take the stamp and the arrival of a sample, both in twin time [ns]."""
         self._offsets.append(received_ns - stamp_ns)
 
     @property
     def offset_s(self) -> float:
-        """Arrival less stamp [s]; NaN while too few samples came with their time of arrival."""
+        """Arrival minus stamp [s]; NaN while too few samples came with their time of arrival."""
         return self._quantile_s(CLOCK_QUANTILE)
 
     @property
     def lateness_s(self) -> float:
-        """Arrival less corrected stamp of the later samples [s]; 0 while it is not known."""
+        """Arrival minus corrected stamp of the later samples [s]; 0 while unknown."""
         late_s = self._quantile_s(1.0 - CLOCK_QUANTILE)
         return 0.0 if math.isnan(late_s) else max(0.0, late_s - self._shift_ns * 1e-9)
 
     @property
     def excess_s(self) -> float:
-        """Offset beyond that of a sender with a right clock [s]: + late, - early; 0: none."""
+        """Offset beyond that of a sender with a correct clock [s]: + late, - early; 0: none."""
         offset_s = self.offset_s
         if math.isnan(offset_s):
             return 0.0
         return offset_s if offset_s > 0.0 else min(0.0, offset_s + self.lead_s)
 
     def shift_ns(self) -> tuple[int, bool]:
-        """Return what to add to stamps [ns], and whether that is another than for the last."""
+        """Return the correction of stamps [ns] and whether it has changed since the last call."""
         if not self.correct:
             return 0, False
         excess_s, before_ns = self.excess_s, self._shift_ns
@@ -222,7 +225,7 @@ class SenderClock:
         return self._shift_ns, self._shift_ns != before_ns
 
     def fault(self) -> tuple[str, bool]:
-        """Return what is wrong with the sender's clock, or "", and whether that is an error."""
+        """Return the fault of the sender's clock, or "", and whether it is an error."""
         excess_s = self.excess_s
         if abs(excess_s) <= CLOCK_WARN_S:
             return "", False

@@ -1,9 +1,9 @@
-"""Inputs on their way to a twin: applied at the beginning of a slot, and logged as they are.
+"""Queue of inputs to a twin: applied at the beginning of a cycle, and logged.
 
-Callbacks put inputs in from any thread; the thread that steps applies them before each slot, in
-the order in which they came. What the twin computes then depends only on the log: the calls and
-the instants at which they were made. Changes of elements and step are in it too, since they follow
-the load of the machine. `rope_twin.recording.exact_replay` runs a twin again from such a log.
+Callbacks submit inputs from any thread; the stepping thread applies them before each cycle in the
+order of arrival. The result then depends only on the log: the calls and their instants. The log
+includes changes of the accuracy level, since these follow the CPU load.
+`rope_twin.recording.exact_replay` repeats a run from such a log.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.twin.accuracy.rung import Rung
-from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.pacing import Steppable
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.winch.commands import WinchCommand
 
-WAITING_LIMIT = 1_000_000  # numbers that may wait for the next slot, 8 MB
-SET_LEVEL = "take_rung"
-_DOUBT = "doubt_inputs"
-_PARTS = {kind.__name__: kind for kind in (ShipPose, Order, Rung)}
+WAITING_LIMIT = 1_000_000  # numbers that may wait for the next cycle, 8 MB
+SET_LEVEL = "set_level"
+_DOUBT = "invalidate_inputs"
+_PARTS = {kind.__name__: kind for kind in (ShipPose, WinchCommand, AccuracyLevel)}
 
 
 class Call(NamedTuple):
@@ -37,14 +37,14 @@ class Call(NamedTuple):
 
 
 class LogEntry(NamedTuple):
-    """Calls that were made at one instant, in their order."""
+    """Calls made at one instant, in their order."""
 
-    time_ns: int  # twin time, at the beginning of a slot
+    time_ns: int  # twin time, at the beginning of a cycle
     calls: tuple[Call, ...]
 
 
 def apply(twin: Twin, calls: tuple[Call, ...]) -> None:
-    """Make the calls of a log entry; inputs that the twin refuses are counted by the twin."""
+    """Make the calls of a log entry; the twin counts the inputs that it rejects."""
     for method, arguments, named in calls:
         try:  # noqa: SIM105 - `suppress` takes as long as the call
             getattr(twin, method)(*arguments, **named)
@@ -53,24 +53,24 @@ def apply(twin: Twin, calls: tuple[Call, ...]) -> None:
 
 
 class InputQueue:
-    """A twin for the pacer that takes its inputs between slots only.
+    """A twin for the pacer that applies its inputs between cycles only.
 
-    Its `offer_*` methods take what those of the twin take, from any thread.
+    Its `offer_*` methods take the arguments of the twin's, from any thread.
     """
 
     def __init__(
         self, twin: Twin, stepper: Steppable, log: Callable[[LogEntry], None] | None = None
     ) -> None:
-        """`stepper`: steps the twin, or the twin itself. `log`: takes each entry of the log."""
+        """Queue inputs of `twin`, stepped by `stepper` or itself; `log` receives each log entry."""
         self._twin = twin
         self._stepper = stepper
         self._log = log
         self._lock = threading.Lock()
         self._waiting: list[Call] = []
         self._waiting_numbers = 0
-        self._level = twin.rung
+        self._level = twin.level
         self._due: Callable[[], None] | None = None
-        self.refused = 0  # inputs for which there was no memory left
+        self.refused = 0  # inputs rejected because the queue was full
 
     @property
     def step_ns(self) -> int:
@@ -78,15 +78,19 @@ class InputQueue:
         return self._stepper.step_ns
 
     def begin(self) -> None:
-        """Start a session of the log: whoever describes it says what elements and step it has."""
-        self._level, self._due = self._twin.rung, None
+        """Start a session of the log; its header must state the accuracy level."""
+        self._level, self._due = self._twin.level, None
 
     def at_next_slot(self, call: Callable[[], None]) -> None:
-        """Have the thread that steps make a call once, before the inputs of its next slot."""
+        """Make the stepping thread call a function once, before the inputs of its next cycle."""
         self._due = call
 
     def advance(self, steps: int) -> None:
-        """Apply what has come since the slot before, then step on. Raises SolverError."""
+        """Apply the inputs that came since the previous cycle, then advance.
+
+        Raises:
+            SolverError: a step failed.
+        """
         if self._due is not None:
             call, self._due = self._due, None
             call()
@@ -94,33 +98,33 @@ class InputQueue:
         self._stepper.advance(steps)
 
     def snapshot(self) -> Snapshot:
-        """A frozen copy of the present."""
+        """Return a frozen copy of the present."""
         return self._stepper.snapshot()
 
     def offer_heave(self, *arguments: Any, **named: Any) -> str:
-        """Queue a heave sample; "" or why it was refused."""
+        """Queue a heave sample; return "" or the reason for its rejection."""
         return self._put(Call("offer_heave", arguments, named))
 
     def offer_pose(self, *arguments: Any, **named: Any) -> str:
-        """Queue a pose of the ship; "" or why it was refused."""
+        """Queue a ship pose; return "" or the reason for its rejection."""
         return self._put(Call("offer_pose", arguments, named))
 
-    def offer_order(self, *arguments: Any, **named: Any) -> str:
-        """Queue a command to a winch; "" or why it was refused."""
-        return self._put(Call("offer_order", arguments, named))
+    def offer_command(self, *arguments: Any, **named: Any) -> str:
+        """Queue a winch command; return "" or the reason for its rejection."""
+        return self._put(Call("offer_command", arguments, named))
 
     def offer_current(self, *arguments: Any, **named: Any) -> str:
-        """Queue a current profile; "" or why it was refused."""
+        """Queue a current profile; return "" or the reason for its rejection."""
         profile = arguments[0] if arguments else None
         size = profile.size if isinstance(profile, np.ndarray) else 0
         return self._put(Call("offer_current", arguments, named), size)
 
     def offer_cut(self, *arguments: Any, **named: Any) -> str:
-        """Queue a cut; "" or why it was refused."""
+        """Queue a cut; return "" or the reason for its rejection."""
         return self._put(Call("offer_cut", arguments, named))
 
-    def doubt_inputs(self) -> None:
-        """Queue that inputs known for times to come may no longer hold."""
+    def invalidate_inputs(self) -> None:
+        """Queue the invalidation of inputs that were known in advance."""
         self._put(Call(_DOUBT, (), {}))
 
     def _put(self, call: Call, size: int = 1) -> str:
@@ -134,14 +138,14 @@ class InputQueue:
         return ""
 
     def _apply(self) -> None:
-        level = self._twin.rung
+        level = self._twin.level
         if not self._waiting and level is self._level:
             return
         with self._lock:
             calls, self._waiting, self._waiting_numbers = tuple(self._waiting), [], 0
         now_ns = self._twin.time_ns
         apply(self._twin, calls)
-        if level != self._level:  # changed since the slot before, ahead of these calls
+        if level != self._level:  # changed since the previous cycle, before these calls
             calls = (Call(SET_LEVEL, (level,), {}), *calls)
         self._level = level
         if self._log is not None and calls:
@@ -149,15 +153,15 @@ class InputQueue:
 
 
 def plain_calls(calls: tuple[Call, ...]) -> list[Any]:
-    """The calls as JSON has them; `calls_of` gives them back with every bit."""
+    """Return the calls in a form for JSON; `calls_of` restores them bit-identically."""
     return [[one.method, _plain(one.arguments), _plain(one.named)] for one in calls]
 
 
 def calls_of(plain: Any) -> tuple[Call, ...]:
-    """The calls of their plain form.
+    """Return the calls of their JSON form.
 
     Raises:
-        ValueError: it is not the plain form of any calls.
+        ValueError: the argument is not the JSON form of calls.
     """
     try:
         return tuple(_call(*one) for one in plain)
@@ -173,7 +177,7 @@ def _call(method: str, arguments: Any, named: Any) -> Call:
 
 
 def _plain(value: Any) -> Any:
-    """Numbers, words, lists; arrays and the twin's own kinds are objects with one key."""
+    """Return numbers, strings and lists; arrays and types of the twin become one-key objects."""
     if isinstance(value, np.ndarray):
         return {"array": value.tolist()}
     if isinstance(value, np.generic):
@@ -181,7 +185,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, dict):
         return {name: _plain(part) for name, part in value.items()}
     if type(value).__name__ in _PARTS:
-        fields = value._asdict() if isinstance(value, Order) else vars(value)
+        fields = value._asdict() if isinstance(value, WinchCommand) else vars(value)
         return {type(value).__name__: {name: _plain(part) for name, part in fields.items()}}
     if isinstance(value, list | tuple):
         return [_plain(part) for part in value]

@@ -1,27 +1,27 @@
-"""Which twin a run gets by what it asks for; what it does not ask for is not there."""
+"""Selection of the twin class by the analyses that a run asks for."""
 
 from __future__ import annotations
 
-from rope_twin.twin.accuracy.error_band import BandedTwin
-from rope_twin.twin.ledger import AccountedTwin
+from rope_twin.twin.accuracy.error_interval import ErrorIntervalTwin
+from rope_twin.twin.energy_account import EnergyTwin
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.watch import Watch
+from rope_twin.twin.vibration.settings import MonitorSettings
 
 
-class AccountedBandedTwin(AccountedTwin, BandedTwin):
-    """A twin with a ledger and an error band."""
+class EnergyIntervalTwin(EnergyTwin, ErrorIntervalTwin):
+    """A twin with an energy balance and a discretisation-error interval."""
 
 
-def twin_kind(energy: bool, error_band: bool, watch: Watch | None = None) -> type[Twin]:
-    """The class of twin that keeps an energy balance, an error band, both or neither; watched."""
-    kind: type[Twin] = BandedTwin if error_band else Twin
+def twin_class(energy: bool, error_band: bool, watch: MonitorSettings | None = None) -> type[Twin]:
+    """Return the twin class with these analyses; watch: the VIV and fatigue monitors, if any."""
+    kind: type[Twin] = ErrorIntervalTwin if error_band else Twin
     if energy:
-        kind = AccountedBandedTwin if error_band else AccountedTwin
+        kind = EnergyIntervalTwin if error_band else EnergyTwin
     if not watch:
         return kind
-    from rope_twin.twin.vibration.watched import (
-        WatchedTwin,  # here: its filters take a second to load
+    from rope_twin.twin.vibration.monitored import (
+        MonitoredTwin,  # imported here: its filters take a second to load
     )
 
-    parts = (WatchedTwin,) if kind is Twin else (WatchedTwin, kind)
+    parts = (MonitoredTwin,) if kind is Twin else (MonitoredTwin, kind)
     return type(f"Watched{kind.__name__}", parts, {"asked": watch})

@@ -1,14 +1,14 @@
-"""Utilisation, dynamic amplification and the scene's limits, watched from snapshot to snapshot.
+"""Utilisation, dynamic amplification and the scene's limits, monitored at snapshots.
 
-The tension at the upper end of each rope counts after every step; the tension along a rope, the
-payload's motion and bends count at snapshots (50 Hz in every run). The strain is that of the
-highest tension by the rope's stiffness, so it counts every step too and leaves damping out.
+The tension at the upper end of each rope is checked after every step; the tension along a rope, the
+payload's motion and bends are checked at snapshots (50 Hz in every run). The strain is that of the
+maximum tension divided by the rope's stiffness, so it covers every step too and excludes damping.
 
-Dynamic amplification is the highest ratio since the start of the tension at a rope's upper end to
-its static tension at the same line out (DNV-RP-N103: total over static load). The static tension is
-that of the static equilibrium at the start, plus the weight in water of what was paid out since.
-Of a single rope with its payload below it, it follows the payload through the surface, and what
-deck or bed bear of the payload at the start is added.
+Dynamic amplification is the maximum since the start of the ratio of the tension at a rope's upper
+end to its static tension at the same paid-out length (DNV-RP-N103: total over static load). The
+static tension is that of the static equilibrium at the start, plus the weight in water of the rope
+paid out since. For a single rope with its payload below it, it follows the payload through the
+surface, and the reaction of deck or bed to the payload at the start is added.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _AT_LEAST = ("min_tension_n", "bend_radius")
 
 
 class LoadRules:
-    """What a scene says of loads: constant while it runs."""
+    """Load limits and static tensions of a scene, constant during a run."""
 
     def __init__(self, scene: Scene) -> None:
         self.limits = limits = scene.limits
@@ -44,7 +44,7 @@ class LoadRules:
         self._static = tuple(_weight_of_line(scene, r) for r in range(len(scene.ropes)))
 
     def _allowed_n(self, scene: Scene, r: int) -> float:
-        """The tension of a rope at which the first of its limits is broken [N]."""
+        """Return the tension of a rope at which the first of its limits is exceeded [N]."""
         made_of = [section.rope for section in scene.ropes[r].made_of]
         most = [self.limits.utilisation * scene.ropes[r].breaking_load_n]
         if self.limits.tension_n is not None:
@@ -52,18 +52,19 @@ class LoadRules:
         return min(*most, *(_tension_at(rope.strain_at, self.limits.strain) for rope in made_of))
 
     def strain_at(self, r: int, tension_n: float) -> float:
-        """Strain of the softest section of a rope under a tension [N]."""
+        """Return the strain of the softest section of a rope under a tension [N]."""
         return max(section.rope.strain_at(tension_n) for section in self._lines[r].made_of)
 
     def radius_m(self, name: str) -> float:
-        """Minimum bend radius of a rope [m], of its sections the largest."""
+        """Return the minimum bend radius of a rope [m], the largest of its sections."""
         line = self._lines[self.ropes.index(name)]
         return max(section.rope.minimum_bend_radius_m or 0.0 for section in line.made_of)
 
     def supported_n(self, end_n: float) -> float:
-        """What deck or bed bears of a single rope's payload [N]; end_n: tension at its lower end.
+        """Return the reaction of deck or bed to a single rope's payload [N].
 
-        It is part of the static tension: a load that is lifted off hangs with all its weight.
+        end_n: tension at the rope's lower end [N]. The reaction is part of the static tension: a
+        load that is lifted off hangs with all its weight.
         """
         figures, _ = self._static[0]
         if figures is None or len(self.ropes) > 1:
@@ -72,7 +73,7 @@ class LoadRules:
         return borne_n if borne_n > SUPPORT_TOL * abs(end_n) else 0.0
 
     def static_n(self, r: int, start_n: float, line_out_m: float) -> float:
-        """Static tension of a rope at a line out [N]; start_n: at the start."""
+        """Return the static tension of a rope at a payout [N]; start_n: at the start [N]."""
         figures, slope = self._static[r]
         if figures is None:
             return start_n + slope * (line_out_m - self.rests[r])
@@ -80,26 +81,26 @@ class LoadRules:
 
 
 class LoadRecord:
-    """What a run has shown so far; `look` takes the next snapshot."""
+    """Maximum loads and exceeded limits of a run; `look` takes the next snapshot."""
 
     def __init__(self, rules: LoadRules, start_n: Sequence[float]) -> None:
-        """start_n: tension at the upper end of each rope in the static equilibrium [N]."""
+        """Start from `start_n`, the static tension at the upper end of each rope [N]."""
         ropes = len(rules.ropes)
         self._start_n = list(start_n)
         self._highest_n = [0.0] * ropes
         self._static_n = list(start_n)
         self._static_at_m = list(rules.rests)
         self._amplification = [0.0] * ropes
-        self._landed, self._sinking = True, 0.0  # a payload that begins on the bed does not land
+        self._landed, self._sinking = True, 0.0  # a payload that starts on the bed does not land
         self._begun = self._broken = False
-        # of each limit: first and last broken [s], worst value and its time [s]; -inf: not broken
+        # for each limit: first and last time [s], worst value and its time [s]; -inf: not exceeded
         count = ropes * len(ROPE_LIMITS) + len(rules.payloads) * len(PAYLOAD_LIMITS)
         self._found = [[-math.inf] * 4 for _ in range(count)]
 
     def look(
         self, taken: Snapshot, rules: LoadRules, bends: tuple[RopeBend, ...]
     ) -> tuple[tuple[RopeStrength, ...], tuple[LimitBreach, ...]]:
-        """The strength of each rope with what follows, and the limits that were broken so far."""
+        """Return the strength results of each rope and the limits exceeded since the start."""
         known = len(rules.ropes)
         strength = [
             self._load(taken, r, one, rules) if r < known else one
@@ -121,11 +122,11 @@ class LoadRecord:
         return tuple(strength), tuple(self._breaches(rules)) if self._broken else ()
 
     def _load(self, taken: Snapshot, r: int, one: RopeStrength, rules: LoadRules) -> RopeStrength:
-        """A rope's highest tension, utilisation and amplification."""
+        """Return a rope's maximum tension, utilisation and dynamic amplification."""
         if taken.ropes and r > 0:
             now_n, line_out_m = taken.ropes[r].tension_top_n, taken.ropes[r].line_out_m
         else:
-            # the first snapshot's maximum has the static equilibrium in it, which no step computed
+            # the first snapshot's maximum includes the static equilibrium, which no step computed
             now_n = taken.tension_top_max_n if self._begun else one.highest_n
             line_out_m = taken.line_out_m
         grown = one.highest_n > self._highest_n[r]
@@ -149,7 +150,7 @@ class LoadRecord:
     def _judge_tension(
         self, r: int, tension_n: float, breaking_load_n: float, at: tuple[float, LoadRules]
     ) -> None:
-        """Note which limits of a rope this tension breaks; at: the time [s] and the rules."""
+        """Record which limits of a rope this tension exceeds; at: the time [s] and the rules."""
         time_s, rules = at
         limits = rules.limits
         values = (
@@ -189,7 +190,7 @@ class LoadRecord:
         return r * len(ROPE_LIMITS) + number
 
     def _break(self, row: int, value: float, time_s: float) -> None:
-        """Note a limit that is broken now; of one that must not be undercut the negative value."""
+        """Record that a limit is exceeded now; a lower limit takes the negative value."""
         found = self._found[row]
         if found[0] == -math.inf:
             found[0] = time_s
@@ -210,10 +211,10 @@ class LoadRecord:
 
 
 def _weight_of_line(scene: Scene, r: int) -> tuple[LiftFigures | None, float]:
-    """How the static tension of a rope follows its line out.
+    """Return how the static tension of a rope follows its paid-out length.
 
-    The figures of a single rope with its payload below it; of others the weight in water of what
-    is paid out [N/m], 0 without a winch.
+    For a single rope with its payload below it, the properties of the lift; for others the weight
+    in water of the rope paid out [N/m], 0 without a winch.
     """
     line = scene.ropes[r]
     if winch_of(scene, line) is None:
@@ -225,7 +226,7 @@ def _weight_of_line(scene: Scene, r: int) -> tuple[LiftFigures | None, float]:
 
 
 def _tension_at(strain_at: Callable[[float], float], strain: float) -> float:
-    """The tension at which a rope has this strain [N]; infinite if it never has."""
+    """Return the tension at which a rope has this strain [N]; infinite if it never has."""
     low, high = 0.0, MOST_N
     if strain_at(high) < strain:
         return math.inf
@@ -236,14 +237,14 @@ def _tension_at(strain_at: Callable[[float], float], strain: float) -> float:
 
 
 def _lowest(taken: Snapshot) -> list[float]:
-    """Least tension of each rope [N]; of the first at its upper end in every step."""
+    """Return the minimum tension of each rope [N]; a single rope's top counts in every step."""
     if not taken.ropes:
         return [min(taken.tension_top_min_n, float(taken.element_tension_n.min()))]
     return [float(rope.element_tension_n.min()) for rope in taken.ropes]
 
 
 def _payloads(taken: Snapshot, count: int) -> list[tuple[Vector, Vector]]:
-    """Position and velocity of the payloads."""
+    """Return position [m] and velocity [m/s] of each payload, (3,) each."""
     if taken.payloads:
         return [(one.position_m, one.velocity_m_per_s) for one in taken.payloads]
     return [(taken.payload_position_m, taken.payload_velocity_m_per_s)][:count]

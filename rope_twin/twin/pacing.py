@@ -1,13 +1,13 @@
-"""The steady grid on which the twin is stepped: one worker thread, absolute slots, no leaps.
+"""Real-time pacing: one stepping thread on a fixed time grid, without skipped steps.
 
-A slot is one publish period: `steps_per_slot` steps in one call, then one snapshot. Slot k may
-begin at `origin + k·slot/speed` on the steady clock and is due one slot later. A step is late
-when its slot ends after that.
+A cycle is one publish period: `steps_per_slot` steps in one call, then one snapshot. Cycle k may
+begin at `origin + k·slot/speed` on the monotonic clock, and its deadline is one cycle later. All
+steps of a cycle that ends after its deadline count as late.
 
-The rule when behind: no step is ever skipped or stretched. Missed slots are made up back to back,
-but not faster than CATCH_UP times the grid, so that inputs that were held up by the same stall
-still come before they are needed. Every late step is counted, and `behind_s` says how far the
-twin is behind its grid at this moment, also while a step is taking too long.
+When behind, no step is ever skipped or lengthened. Missed cycles are made up back to back, but at
+most CATCH_UP times as fast as the grid, so that inputs delayed by the same stall still arrive
+before they are needed. Every late step is counted. `behind_s` reports the present delay, also while
+a step is taking too long.
 """
 
 from __future__ import annotations
@@ -21,96 +21,100 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 from rope_twin.errors import SolverError
-from rope_twin.twin.handover import Handover
-from rope_twin.twin.precedence import step_ahead
 from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.snapshot_queue import SnapshotQueue
+from rope_twin.twin.thread_priority import raise_stepping_thread
 
 CATCH_UP = 4.0  # a twin that is behind runs at most this many times faster than its grid
-SLOT_S = 0.02  # the longest publish period of a scalar: 50 Hz
+SLOT_S = 0.02  # longest publish period of a scalar: 50 Hz
 
 _log = logging.getLogger(__name__)
 
 
 class Steppable(Protocol):
-    """What the pacer needs of a twin."""
+    """Interface of a twin that the pacer steps."""
 
     @property
     def step_ns(self) -> int:
         """Length of a step [ns]."""
 
     def advance(self, steps: int) -> None:
-        """Step on; raises SolverError and keeps the last good state."""
+        """Advance by this number of steps.
+
+        Raises:
+            SolverError: a step failed; the last good state is kept.
+        """
 
     def snapshot(self) -> Snapshot:
-        """A frozen copy of the present."""
+        """Return a frozen copy of the present."""
 
 
 class Clock(Protocol):
-    """Steady time and how to wait for it."""
+    """Interface of a monotonic clock."""
 
     def now_ns(self) -> int:
-        """Now [ns]; never goes back."""
+        """Return the time [ns]; it never goes back."""
 
     def wait_until(self, time_ns: int, interrupt: threading.Event) -> None:
-        """Return at `time_ns`, at once if it has passed, or when `interrupt` is set."""
+        """Wait until `time_ns` or until `interrupt` is set; return at once if it has passed."""
 
 
 class SteadyClock:
-    """The machine's monotonic clock."""
+    """Monotonic clock of the machine."""
 
     def now_ns(self) -> int:
-        """Now [ns] on CLOCK_MONOTONIC."""
+        """Return the time on CLOCK_MONOTONIC [ns]."""
         return time.monotonic_ns()
 
     def wait_until(self, time_ns: int, interrupt: threading.Event) -> None:
-        """Sleep to an absolute time; an early wake-up sleeps on."""
+        """Sleep until an absolute time; an early wake-up continues to sleep."""
         while (left_ns := time_ns - time.monotonic_ns()) > 0:
             if interrupt.wait(left_ns * 1e-9):
                 return
 
 
 class PacingHealth(NamedTuple):
-    """How well the twin keeps to its grid, since it was made (pauses do not count)."""
+    """Real-time performance since the pacer was made; pauses do not count."""
 
     running: bool = False
-    finished: bool = False  # all steps that were asked for are done
-    speed: float = 1.0  # twin time over steady time that the grid asks for
+    finished: bool = False  # all requested steps are done
+    speed: float = 1.0  # requested ratio of twin time to real time
     steps: int = 0
     late_steps: int = 0
-    worst_lateness_s: float = 0.0  # of the end of a slot
-    late_ago_s: float | None = None  # since the last late slot ended; None: there was none
-    behind_s: float = 0.0  # how long the slot at hand is overdue right now
+    worst_lateness_s: float = 0.0  # largest delay of the end of a cycle
+    late_ago_s: float | None = None  # since the last late cycle ended; None: there was none
+    behind_s: float = 0.0  # present delay of the current cycle beyond its deadline
     computing_s: float = 0.0  # time spent in `advance`
-    granted_s: float = 0.0  # steady time of the slots that were done
-    processor_s: float = 0.0  # that the worker used in them, waking and waiting included
-    real_time_factor: float = 0.0  # simulated time over computing_s; 0 before the first slot
-    lost_snapshots: int = 0  # computed but never taken, because the publisher was too slow
-    priority: bool = False  # the system let the worker run ahead of ordinary threads
-    error: str = ""  # the sentence with which the solver stopped; empty while all is well
+    granted_s: float = 0.0  # real time of the completed cycles
+    processor_s: float = 0.0  # CPU time of the stepping thread in them, including wake-ups
+    real_time_factor: float = 0.0  # simulated time over computing_s; 0 before the first cycle
+    lost_snapshots: int = 0  # dropped because the publisher was too slow
+    priority: bool = False  # the stepping thread has real-time priority
+    error: str = ""  # message of the error that ended the run; empty if none
 
 
 class SlotTimes(NamedTuple):
-    """What a slot took, on the steady clock."""
+    """Duration of one cycle on the monotonic clock."""
 
     end_ns: int
-    period_ns: float  # what it had
+    period_ns: float  # time available
     computed_ns: int
     late: bool
 
 
 class Pacer:
-    """Owns the worker thread; only this thread touches the twin's state while it runs."""
+    """Owner of the stepping thread; only this thread touches the twin's state while it runs."""
 
     def __init__(
         self,
         twin: Steppable,
-        handover: Handover,
+        handover: SnapshotQueue,
         steps_per_slot: int,
         speed: float = 1.0,
         clock: Clock | None = None,
         last_step: int = 0,
     ) -> None:
-        """`last_step`: stop for good after the slot that reaches it, at this step; 0: never."""
+        """Prepare the thread, which ends after the cycle that reaches `last_step`; 0: never."""
         self._twin = twin
         self._handover = handover
         self._steps = steps_per_slot
@@ -129,23 +133,23 @@ class Pacer:
 
     @property
     def slot_ns(self) -> int:
-        """Twin time of a slot [ns]."""
+        """Twin time of a cycle [ns]."""
         return self._slot_ns
 
     @property
     def period_ns(self) -> float:
-        """Steady time of a slot [ns]."""
+        """Real time of a cycle [ns]."""
         return self._slot_ns / self._health.speed
 
     def watch(self, watch: Callable[[SlotTimes], bool]) -> None:
-        """Let `watch` see each slot; True: it has changed the step, and slots are cut anew."""
+        """Call `watch` after each cycle; it returns True if it changed the time step."""
         self._watch = watch
 
     def start(self, origin_ns: int) -> None:
-        """Begin (or go on after `stop`) with a grid whose first slot begins at `origin_ns`.
+        """Start (or resume after `stop`) with a grid whose first cycle begins at `origin_ns`.
 
         Raises:
-            RuntimeError: if it is running already.
+            RuntimeError: the pacer is running already.
         """
         if self._thread is not None:
             raise RuntimeError("the pacer is running already")
@@ -158,14 +162,14 @@ class Pacer:
         self._thread.start()
 
     def stop(self) -> None:
-        """End after the slot at hand; `start` goes on from there. Harmless when not running."""
+        """Stop after the current cycle; `start` resumes from there. No effect when not running."""
         self._halt.set()
         if self._thread is not None:
             self._thread.join()
             self._thread = None
 
     def health(self) -> PacingHealth:
-        """The present figures; may be called from any thread."""
+        """Return the present performance figures; may be called from any thread."""
         health, late_ns, now_ns = self._health, self._late_ns, self._clock.now_ns()
         overdue_ns = now_ns - self._due_ns if health.running else 0
         return health._replace(
@@ -175,7 +179,7 @@ class Pacer:
         )
 
     def _run(self, origin_ns: int) -> None:
-        self._health = self._health._replace(priority=step_ahead())
+        self._health = self._health._replace(priority=raise_stepping_thread())
         slot = 0
         earliest_ns = origin_ns
         processor_s = time.thread_time()
@@ -202,7 +206,7 @@ class Pacer:
         self._health = self._health._replace(running=False)
 
     def _advance(self) -> bool:
-        """One slot; False (with the sentence kept) if the twin cannot go on."""
+        """Run one cycle; return False, with the message kept, if the twin cannot continue."""
         began_ns = self._clock.now_ns()
         try:
             self._twin.advance(self._steps)
@@ -213,7 +217,7 @@ class Pacer:
             self._health = self._health._replace(error=str(error))
             return False
         except Exception as error:
-            # A defect of the twin must show in the diagnostics, not end in a silent dead thread.
+            # A defect must appear in the diagnostics, not end the thread silently.
             _log.exception("the twin stopped")
             self._health = self._health._replace(
                 error=f"the twin stopped on {type(error).__name__}: {error}"
@@ -233,15 +237,15 @@ class Pacer:
         return True
 
     def _has_changed(self, late: bool) -> bool:
-        """Tell who watches about the slot; whether the next ones are of another length."""
+        """Report the cycle to the watcher; return whether the next cycles have another length."""
         if self._watch is None:
             return False
         now_ns = self._clock.now_ns()
         try:
             changed = self._watch(SlotTimes(now_ns, self.period_ns, self._took_ns, late))
         except Exception:
-            # The twin is as it was before: it goes on, and nobody moves it any more.
-            _log.exception("the ladder failed; the twin stays on its rung")
+            # The twin is unchanged: it continues on its level without further changes.
+            _log.exception("overload protection failed; the twin stays on its level")
             self._watch = None
             return False
         if not changed:
@@ -251,7 +255,7 @@ class Pacer:
         return True
 
     def _judge(self, due_ns: int) -> bool:
-        """Count the slot's steps as late if it ended after it was due; whether it did."""
+        """Count the cycle's steps as late if it missed its deadline; return whether it did."""
         now_ns = self._clock.now_ns()
         late_s = (now_ns - due_ns) * 1e-9
         if late_s > 0.0:
@@ -264,14 +268,14 @@ class Pacer:
 
 
 def steps_in_slot(step_s: float, slot_s: float = SLOT_S) -> int:
-    """The most whole steps that fit into a publish period; 1 if a step is longer than that."""
+    """Return the number of whole steps that fit into a publish period, at least 1."""
     return max(1, int(slot_s / step_s + 1e-9))
 
 
 def keep_pauses_short() -> None:
-    """Make this interpreter fit for slots: quick hand-over of the GIL, short garbage collections.
+    """Shorten interruptions by this interpreter: fast switching of the GIL, short collections.
 
-    To be called once everything long-lived is built: what exists by then is never scanned again.
+    Call it once everything long-lived is built: objects that exist by then are never scanned again.
     """
     sys.setswitchinterval(5e-4)
     gc.collect()

@@ -1,7 +1,7 @@
-"""The twin for programs that use the package: it takes a scene's name, and refusals are errors.
+"""Public Python API of the twin: it takes a scene by name and raises on rejected inputs.
 
-The suite's own runners use `rope_twin.twin.twin.Twin`, whose offers return the sentence of a
-refusal: a sensor that lies is reported, and never ends a run.
+The nodes use `rope_twin.twin.twin.Twin`, whose `offer_*` methods return the reason for a rejection:
+a faulty sensor is reported and never ends a run.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ Arguments = ParamSpec("Arguments")
 
 
 class Twin(twin.Twin):
-    """One scene, running; `scene`: its name, the path of its file, or what `load_scene` returned.
+    """Simulation of one scene, given by its name, the path of its file, or from `load_scene`.
 
-    Every offer of an input raises InputError, with the sentence that says why, if the input is
-    refused; what was accepted before stays in force. Else it returns "".
+    Every `offer_*` method raises InputError with the reason if the input is rejected; inputs
+    accepted earlier stay in force. Otherwise it returns "".
 
     Raises:
-        SceneError: the scene is wrong or cannot be built, or its rope has no equilibrium to start
-            from.
+        SceneError: the scene is invalid or cannot be built, or its rope has no static equilibrium
+            to start from.
     """
 
     def __init__(self, scene: Scene | str | Path) -> None:
@@ -36,11 +36,12 @@ class Twin(twin.Twin):
 
     @classmethod
     def restore(cls, saved: str | Path | SavedState, scene: Scene | str | Path) -> Self:
-        """A twin that goes on from a saved state (or the file of one) of this scene.
+        """Return a twin that resumes from a saved state of this scene.
+
+        saved: the state, or the path of its file.
 
         Raises:
-            StateError: one sentence on what is wrong with the file, or which figure of the scene
-                is another.
+            StateError: the file is invalid, or the scene differs; the message names the difference.
             SceneError: as for a new twin.
         """
         return super().restore(saved, _loaded(scene))
@@ -51,7 +52,7 @@ def _loaded(scene: Scene | str | Path) -> Scene:
 
 
 def _raising(offer: Callable[Arguments, str]) -> Callable[Arguments, str]:
-    """The same offer; it raises its refusal."""
+    """Return a method that raises InputError with the rejection that `offer` returns."""
 
     @functools.wraps(offer)
     def offered(*args: Arguments.args, **kwargs: Arguments.kwargs) -> str:

@@ -1,16 +1,17 @@
-"""Recovery from failed steps: the rope goes back to its last good state and on from live inputs.
+"""Recovery from failed steps: the ropes return to a good state and continue with live inputs.
 
-A step fails when the solver finds no finite next state, or anything else in it raises. The twin
-then goes on at the present time, so that its clock and its inputs stay as they are, and only the
-rope is of an earlier instant:
+A step fails when the solver finds no finite next state, or raises any other error. The twin then
+continues at the present time, so that its clock and inputs are unchanged and only the ropes are of
+an earlier instant:
 
-1. from the state before the failed step, without the motion that was prescribed ahead and without
-   a current profile that came since the newest checkpoint;
+1. from the state before the failed step, without the motion that was prescribed in advance and
+   without a current profile accepted since the newest checkpoint;
 2. if it fails again within SETTLED_NS, from the newest checkpoint, then from older ones: the
-   hang-off is led over from its place then to the live motion, as after a gap in the samples.
+   hang-off is blended from its earlier position into the live motion, as after a gap in the
+       samples.
 
-MAX_FAILURES within FAILURE_WINDOW_NS of twin time end the run. All of it depends on the twin's
-state and time only, so a replay with the same inputs repeats it.
+MAX_FAILURES within FAILURE_WINDOW_NS of twin time end the run. All of this depends only on the
+twin's state and time, so a replay with the same inputs repeats it.
 """
 
 from __future__ import annotations
@@ -26,20 +27,20 @@ import numpy as np
 
 from rope_twin.core import state as rows
 from rope_twin.errors import InputError, SolverError, phrase
-from rope_twin.twin.accuracy.rung import Rung
-from rope_twin.twin.observe import Extremes
+from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.saving.saved_state import SavedState
 from rope_twin.twin.snapshot import CutShot, Snapshot, amended
+from rope_twin.twin.snapshot_builder import Extremes
 
 if TYPE_CHECKING:
     from rope_twin.twin.twin import Twin
 
 CHECKPOINT_NS = 1_000_000_000  # twin time between two checkpoints
-CHECKPOINTS = 3  # that are kept
-SETTLED_NS = 2_000_000_000  # without a failure: what failed before is over
+CHECKPOINTS = 3  # number of checkpoints kept
+SETTLED_NS = 2_000_000_000  # twin time without a failure after which a recovery is complete
 MAX_FAILURES = 5
 FAILURE_WINDOW_NS = 60_000_000_000
-MAX_FAILURE_FILES = 10  # of a run; a state that fails for ever must not fill the disk
+MAX_FAILURE_FILES = 10  # per run: repeated failures must not fill the disk
 
 _NOT_PUT_BACK = ("joined/winches", "joined/lines", "joined/highest", "rope/model", "lower/model")
 
@@ -47,32 +48,32 @@ _log = logging.getLogger(__name__)
 
 
 class Checkpoint(NamedTuple):
-    """What the steps of a twin have changed, at one instant, in memory."""
+    """Copy in memory of all that the steps of a twin change."""
 
     time_ns: int
-    rung: Rung
+    level: AccuracyLevel
     cut: CutShot | None
     border: rows.Boundary  # hang-offs and line out, (ropes, MOTIONS)
     kept: dict[str, rows.Floats]
     effects: tuple[Any, ...]
-    extremes: tuple[Extremes, Extremes]  # of the run and since the newest snapshot
+    extremes: tuple[Extremes, Extremes]  # since the start and since the newest snapshot
 
 
 class Recovery:
-    """A twin for the pacer, or for an unpaced run, that goes on after a failed step."""
+    """A twin for the pacer, or for an offline run, that continues after a failed step."""
 
     def __init__(self, twin: Twin) -> None:
         self._twin = twin
         self._kept: deque[Checkpoint] = deque([twin.checkpoint()], maxlen=CHECKPOINTS)
         self._due_ns = _next_due(twin.time_ns)
-        self._failed_ns: deque[int] = deque()  # twin time of failures within the window
-        self._level = 0  # how far the newest recovery went back; 0: to the step before
-        self._first = ""  # reason of the first failure since it last went well
-        self._folder: Path | None = None  # for files of failures, while none is to be written
-        self._files = 0  # of failures
-        self.count = 0  # failed steps from which it has gone on
-        self.newest_ns = 0  # twin time of the newest
-        self.reason = ""  # of the newest, in one sentence
+        self._failed_ns: deque[int] = deque()  # twin times of failures within the window
+        self._level = 0  # checkpoints that the newest recovery went back; 0: to the last step
+        self._first = ""  # reason of the first failure of the present series
+        self._folder: Path | None = None  # keeps the failure folder while writing is suspended
+        self._files = 0  # number of failure files
+        self.count = 0  # failed steps recovered from
+        self.newest_ns = 0  # twin time of the newest recovery
+        self.reason = ""  # message of the newest recovery
 
     @property
     def step_ns(self) -> int:
@@ -86,18 +87,18 @@ class Recovery:
 
     @property
     def steps(self) -> int:
-        """Steps done."""
+        """Number of completed steps."""
         return self._twin.steps
 
     def capture(self) -> SavedState:
-        """The present as `Twin.save` writes it, in memory."""
+        """Return in memory the state that `Twin.save` writes."""
         return self._twin.capture()
 
     def advance(self, steps: int) -> None:
-        """Step on; a step that fails is recovered from.
+        """Advance by this number of steps; recover from steps that fail.
 
         Raises:
-            InputError: a twin cannot go back.
+            InputError: the number is negative.
             SolverError: MAX_FAILURES steps failed within FAILURE_WINDOW_NS.
         """
         twin = self._twin
@@ -109,14 +110,14 @@ class Recovery:
                     raise SolverError(_not_finite(twin.time_ns))
             except InputError:
                 raise
-            except Exception as error:  # whatever a defect raises: the rope is put back
+            except Exception as error:  # whatever a defect raises, the ropes are restored
                 self._recover(error)
             else:
                 break
         self._take_checkpoint()
 
     def snapshot(self) -> Snapshot:
-        """A frozen copy of the present, finite, with what was recovered from.
+        """Return a finite, frozen copy of the present with the count of recoveries.
 
         Raises:
             SolverError: as `advance`.
@@ -134,13 +135,13 @@ class Recovery:
         return amended(taken, solver=solver)
 
     def _take_checkpoint(self) -> None:
-        """Keep the present if it is time, or if no kept state fits the rope any more."""
+        """Keep a checkpoint if one is due, or if the kept ones no longer fit the ropes."""
         twin, newest = self._twin, self._kept[-1]
         if self._folder is not None and not self._is_unsettled():
             self._files += 1
             twin.failure_folder = self._folder if self._files < MAX_FAILURE_FILES else None
             self._folder = None
-        changed = newest.rung is not twin.rung or newest.cut is not twin.cut
+        changed = newest.level is not twin.level or newest.cut is not twin.cut
         if changed:
             self._kept.clear()
         elif twin.time_ns < self._due_ns or self._is_unsettled():
@@ -149,11 +150,11 @@ class Recovery:
         self._kept.append(twin.checkpoint())
 
     def _is_unsettled(self) -> bool:
-        """Whether the newest failure is so recent that the present may be what fails next."""
+        """Return whether the newest failure is so recent that the next step may fail too."""
         return bool(self._failed_ns) and self._twin.time_ns < self._failed_ns[-1] + SETTLED_NS
 
     def _recover(self, error: Exception, level: int = 0) -> None:
-        """Put the rope back after a failure, further than `level` if that has just failed."""
+        """Restore the ropes after a failure, from further back if the recovery itself failed."""
         twin = self._twin
         now_ns = twin.time_ns
         unsettled = self._is_unsettled()
@@ -175,35 +176,34 @@ class Recovery:
             ) from error
         self._level, self.newest_ns, self.count = level, now_ns, self.count + 1
         self.reason = f"{why}; {self._go_back(level)}"
-        twin.doubt_card(f"a step failed at {now_ns * 1e-9:.2f} s")
-        if twin.failure_folder is not None:  # the first failure's file tells most
+        twin.invalidate_error(f"a step failed at {now_ns * 1e-9:.2f} s")
+        if twin.failure_folder is not None:  # the first failure's file is the most useful one
             self._folder, twin.failure_folder = twin.failure_folder, None
         _log.warning("%s", self.reason)
 
     def _go_back(self, level: int) -> str:
-        """Put the rope back by so many checkpoints; what was done, in words."""
+        """Restore the ropes from `level` checkpoints back; return a description."""
         twin, newest = self._twin, self._kept[-1]
         if level == 0:
-            if twin.keep_current_of(newest):
+            reverted = ""
+            if twin.revert_current(newest):
                 reverted = ", with the current profile of before"
-            else:
-                reverted = ""
-            twin.prescribe_again()
+            twin.discard_prescribed()
             return f"it went on from the state before that step{reverted}"
         then = self._kept[max(0, len(self._kept) - level)]
-        if not twin.go_back(then):
-            twin.prescribe_again()
+        if not twin.return_to(then):
+            twin.discard_prescribed()
             return "it went on from the state before that step: no earlier one fits the rope"
         return f"it went on from the rope's state at {then.time_ns * 1e-9:.2f} s"
 
 
 def _next_due(time_ns: int) -> int:
-    """The next full CHECKPOINT_NS: a run that goes on from a saved state has the same ones."""
+    """Return the next multiple of CHECKPOINT_NS, so that a resumed run has the same checkpoints."""
     return (time_ns // CHECKPOINT_NS + 1) * CHECKPOINT_NS
 
 
 def _reason(error: Exception) -> str:
-    """A failure in words, without a full stop."""
+    """Return the message of a failure without a full stop."""
     if isinstance(error, SolverError):
         return str(error).removesuffix(".")
     return f"a step failed on {type(error).__name__}: {error}".removesuffix(".")
@@ -215,7 +215,7 @@ def _not_finite(time_ns: int) -> str:
 
 
 def _is_finite(shot: Snapshot) -> bool:
-    """Whether all that is published of the ropes and the payload is: sums of them tell.
+    """Return whether all published values of ropes and payloads are finite, by sums of them.
 
     Tensions along a rope follow from its nodes' positions.
     """
@@ -231,7 +231,7 @@ def _is_finite(shot: Snapshot) -> bool:
 
 
 def moving_arrays(name: str, part: Any) -> Iterator[tuple[str, rows.Floats]]:
-    """All arrays of a part that is put back, by name."""
+    """Yield all arrays of a component that a recovery restores, by name."""
     if name in _NOT_PUT_BACK:
         return
     if isinstance(part, np.ndarray):

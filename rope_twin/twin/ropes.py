@@ -1,7 +1,7 @@
-"""The ropes that a twin steps: one, or several that meet.
+"""Ropes that a twin steps: a single rope or a multi-line system.
 
-A twin has its first rope with that rope's winch and hang-off by itself; what is asked here is how
-to step, and what there is besides. Of one rope there is nothing besides.
+The twin itself owns its first rope with that rope's winch and hang-off. `Ropes` covers the step and
+everything beyond the first rope; for a single rope that is nothing.
 """
 
 from __future__ import annotations
@@ -15,135 +15,153 @@ from rope_twin.core.step import advance
 from rope_twin.scene.arrays.build import build
 from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.cutting.bare_end import without_load
-from rope_twin.twin.cutting.parted import PartedRopes
-from rope_twin.twin.cutting.severing import Place, sever
-from rope_twin.twin.hoisting.no_other_winch import NoOtherWinch
-from rope_twin.twin.hoisting.orders import Order
-from rope_twin.twin.hung import HungRope, hung_rope
-from rope_twin.twin.joined.joined import JoinedRopes
+from rope_twin.twin.cutting.free_end import without_load
+from rope_twin.twin.cutting.parted import CutRope
+from rope_twin.twin.cutting.rope_cut import CutPosition, cut_rope
 from rope_twin.twin.motion.hang_off import Moves
+from rope_twin.twin.multi_line.system import MultiLineRopes
+from rope_twin.twin.rope_shape import RopeShape, shape_from_top
 from rope_twin.twin.snapshot import Snapshot, first_rope
-from rope_twin.twin.start import find_start
+from rope_twin.twin.statics import solve_scene_statics
+from rope_twin.twin.winch.commands import WinchCommand
+from rope_twin.twin.winch.single_winch import SingleWinch
 
 
 class Ropes(Protocol):
-    """What a twin asks of its ropes."""
+    """Interface of the ropes of a twin."""
 
     first: Rope
 
-    def find_start(self) -> Floats:
-        """Bring them to rest; the first one's pull on its hang-off. Raises SceneError."""
+    def solve_statics(self) -> Floats:
+        """Solve for static equilibrium; return the first rope's force on its hang-off.
 
-    def offer(self, name: str, stamp_ns: int | None, order: Order, now_ns: int) -> str:
-        """An order for another of the scene's winches than the first; "" or why it was refused."""
+        Raises:
+            SceneError: there is no equilibrium.
+        """
 
-    def doubt(self) -> None:
-        """Commands for those winches that are known for times to come may no longer hold."""
+    def offer(self, name: str, stamp_ns: int | None, command: WinchCommand, now_ns: int) -> str:
+        """Submit a command to another winch than the first; return "" or the rejection."""
+
+    def invalidate(self) -> None:
+        """Invalidate commands to those winches that were known in advance."""
 
     def newest_ns(self) -> dict[str, int]:
-        """Stamp of the newest accepted command of each of those, where there is one."""
+        """Return the stamp of the newest accepted command of each of those winches, if any [ns]."""
 
-    def feel(self, time_ns: int) -> bool:
-        """Whether another winch asks what its rope is like for the step from this time on."""
+    def needs_feedback(self, time_ns: int) -> bool:
+        """Return whether another winch needs tension feedback for the step from this time on."""
 
     def prescribe(
         self, row: int, from_ns: int, step_s: float, heave: tuple[float, float], moves: Moves
     ) -> None:
-        """Other hang-offs and their line out at border `row`.
+        """Set other hang-offs and their paid-out lengths at step boundary `row`.
 
-        heave: of the ship, and its rate; moves: how poses move those that they move.
+        heave: ship heave [m] and its rate [m/s]; moves: motion of the hang-offs moved by poses.
         """
 
     def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
-        """Step; boundary, pulls: of the first rope. As core's `advance`."""
+        """Advance in time like core's `advance`; boundary, pulls: of the first rope."""
 
-    def part(self, first: Rope, border: Boundary, place: Place) -> tuple[Ropes, float]:
-        """Cut a rope; what goes on, and how long the lower part is [m].
+    def cut(self, first: Rope, border: Boundary, place: CutPosition) -> tuple[Ropes, float]:
+        """Cut a rope; return the ropes after the cut and the length of the lower part [m].
 
-        border: of the first one, now in row 0. `first` of what goes on is the first rope then.
-        Raises SolverError.
+        border: boundary conditions of the first rope, the present in row 0. `first` of the returned
+        ropes is then the first rope.
+
+        Raises:
+            SolverError: the cut cannot be made.
         """
 
     def length_m(self, r: int) -> float:
-        """Unstretched length of a rope but the first [m]."""
+        """Return the unstretched length of a rope other than the first [m]."""
 
-    def lose(self, r: int, lost_m: float, left_m: float) -> None:
-        """Tell the winch of a rope but the first how much was cut off, and how much hangs on."""
+    def adapt_to_cut(self, r: int, lost_m: float, left_m: float) -> None:
+        """Report to the winch of another rope the length cut off and the length left [m]."""
 
     def forget(self, done: int, prescribed: int) -> None:
-        """Make the border after `done` steps the first one; so many after it are prescribed."""
+        """Make the boundary after `done` steps the first; `prescribed` ones follow it."""
 
-    def prescribe_again(self) -> None:
-        """Drop what is prescribed ahead to other ropes, whose winches go on from the last step."""
+    def discard_prescribed(self) -> None:
+        """Discard boundary conditions prescribed in advance for other ropes, after a failed step.
+
+        Their winches continue from the last step.
+        """
 
     def border(self, first: Boundary) -> Boundary:
-        """Hang-offs and line out now, (ropes, MOTIONS); first: borders of the first rope."""
+        """Return hang-offs and paid-out lengths now, (ropes, MOTIONS); first: of the first rope."""
 
     def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
-        """Energy and power now; pull, speed: of the first rope on its hang-off, payout [m/s]."""
+        """Return energy and power now; pull: first rope on its hang-off [N], speed: pay-out."""
 
     def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
-        """The first rope's snapshot with what there is besides."""
+        """Complete the first rope's snapshot with the other ropes, payloads and winches."""
 
-    def hung(self, first: Rope, shot: Snapshot) -> tuple[HungRope, ...]:
-        """All ropes as they hang in a snapshot that is complete; first: the first rope now."""
+    def shapes(self, first: Rope, shot: Snapshot) -> tuple[RopeShape, ...]:
+        """Return the shapes of all ropes in a complete snapshot; first: the first rope now."""
 
     def lowest(self, first: Rope) -> Rope:
-        """The rope at whose lower end the payload of one rope is; first: the first rope now."""
+        """Return the rope whose lower end carries a single-line payload; first: first rope now."""
 
     def changing(self) -> dict[str, Any]:
-        """What a restart needs besides."""
+        """Return the additional state that a restart needs, by name."""
 
     def take_back(self, values: dict[str, Any], first: Rope) -> None:
-        """Take out of the values what `changing` gave; first: the first rope as it is now."""
+        """Remove from `values` what `changing` gave and restore it; first: the first rope now."""
 
 
-class OneRope(NoOtherWinch):
-    """One rope: nothing besides."""
+class OneRope(SingleWinch):
+    """A single rope with its payload."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self.first = build(scene)
 
-    def find_start(self) -> Floats:
-        """Bring it to rest; its pull on the hang-off. Raises SceneError."""
-        return find_start(self._scene, self.first)
+    def solve_statics(self) -> Floats:
+        """Solve for static equilibrium; return the rope's force on the hang-off.
+
+        Raises:
+            SceneError: there is no equilibrium.
+        """
+        return solve_scene_statics(self._scene, self.first)
 
     def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
-        """Step it."""
+        """Advance the rope in time."""
         return advance(first, boundary, pulls, time, len(pulls))
 
-    def part(self, first: Rope, border: Boundary, place: Place) -> tuple[Ropes, float]:
-        """Cut it."""
-        parts = sever(first, border, place, without_load(first.effects))
-        return PartedRopes(self._scene, parts.upper, parts.lower), parts.lost_m
+    def cut(self, first: Rope, border: Boundary, place: CutPosition) -> tuple[Ropes, float]:
+        """Cut the rope; return both parts and the length of the lower one [m]."""
+        parts = cut_rope(first, border, place, without_load(first.effects))
+        return CutRope(self._scene, parts.upper, parts.lower), parts.lost_m
 
     def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
-        """Of the one rope."""
+        """Return energy and power of the rope now."""
         return of_one(measure(first, pull[PULL_X : PULL_Z + 1], time, speed))
 
     def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
-        """As it is."""
+        """Return the snapshot unchanged."""
         return shot
 
-    def hung(self, first: Rope, shot: Snapshot) -> tuple[HungRope, ...]:
-        """The one rope."""
+    def shapes(self, first: Rope, shot: Snapshot) -> tuple[RopeShape, ...]:
+        """Return the shape of the rope."""
         line = self._scene.ropes[0]
-        return (hung_rope(line, first, first_rope(shot, line.name)),)
+        return (shape_from_top(line, first, first_rope(shot, line.name)),)
 
     def lowest(self, first: Rope) -> Rope:
-        """The only one."""
+        """Return the rope itself."""
         return first
 
     def changing(self) -> dict[str, Any]:
-        """Nothing."""
+        """Return no additional state."""
         return {}
 
     def take_back(self, values: dict[str, Any], first: Rope) -> None:
-        """Nothing."""
+        """Restore no additional state."""
 
 
 def ropes_of(scene: Scene, steps: int) -> Ropes:
-    """The scene's ropes, with room for the borders of so many steps. Raises SceneError."""
-    return JoinedRopes(scene, steps) if is_joined(scene) else OneRope(scene)
+    """Return the scene's ropes, with boundary conditions for up to `steps` steps.
+
+    Raises:
+        SceneError: the scene cannot be built.
+    """
+    return MultiLineRopes(scene, steps) if is_joined(scene) else OneRope(scene)

@@ -1,4 +1,4 @@
-"""What leaves the twin: a frozen copy of one instant, in SI, the unit in every name."""
+"""Snapshot of the twin: a frozen copy of one instant, in SI, with the unit in every name."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.scene.card import KnownError
-from rope_twin.twin.findings import EnergyBalance, MaterialFatigue, RopeVibration, TensionBand
-from rope_twin.twin.joined.lines_shot import LineEvent, LinesShot
+from rope_twin.twin.multi_line.clearance_results import LineEvent, LinesShot
+from rope_twin.twin.results import EnergyBalance, MaterialFatigue, RopeVibration, TensionInterval
 
 Vector = NDArray[np.float64]
 
 
 class SolverHealth(NamedTuple):
-    """What the step had to do since the twin started."""
+    """Work of the solver since the twin started."""
 
     steps: int = 0
     solves: int = 0
@@ -28,46 +28,46 @@ class SolverHealth(NamedTuple):
     splits: int = 0
     merges: int = 0
     computing_s: float = 0.0
-    recoveries: int = 0  # failed steps after which the twin went on (twin/recovery.py)
-    recovered_ago_s: float = float("inf")  # twin time since the newest; inf: there was none
-    recovery: str = ""  # why that step failed and what was done, in one sentence
+    recoveries: int = 0  # failed steps recovered from (twin/recovery.py)
+    recovered_ago_s: float = float("inf")  # twin time since the newest recovery; inf: none
+    recovery: str = ""  # reason of the newest recovery and the action taken
 
 
 class InputHealth(NamedTuple):
-    """What became of the samples of one input (heave, winch command or current)."""
+    """Counts and faults of one input (heave, winch command or current)."""
 
     accepted: int = 0
     late: int = 0
     repeated: int = 0
     non_finite: int = 0
     impossible: int = 0
-    stuck: int = 0  # equal to those before them for too long
-    unconfirmed: int = 0  # after a gap, until enough of them agree with each other
+    stuck: int = 0  # equal to the preceding samples for too long
+    unconfirmed: int = 0  # after a gap, until enough samples agree with each other
     recently_refused: int = 0  # within the last 60 s of twin time
-    age_s: float = float("inf")  # of the newest accepted stamp, negative: ahead; inf: none yet
+    age_s: float = float("inf")  # of the newest accepted stamp; negative: ahead, inf: none yet
     stale: bool = False
-    fault: str = ""  # why it cannot be relied on (ERROR)
-    warning: str = ""  # what is wrong with it, or with a sample of the last minute (WARN)
-    clock_offset_s: float | None = None  # arrival less stamp of its sender; None: not measured
-    interval_s: float | None = None  # between its samples, the median; None: not measured
-    note: str = ""  # one sentence on what is done about a gap, else on the newest refusal
-    refusal: str = ""  # the newest one's sentence
-    executed_late: int = 0  # of the accepted: commands that were executed after their stamp
+    fault: str = ""  # reason why the input is unreliable (ERROR)
+    warning: str = ""  # warning on the input, or on a sample of the last minute (WARN)
+    clock_offset_s: float | None = None  # arrival minus stamp; None: not measured
+    interval_s: float | None = None  # median interval of the samples; None: not measured
+    note: str = ""  # present handling of a gap, else the newest rejection
+    refusal: str = ""  # message of the newest rejection
+    executed_late: int = 0  # accepted commands that were executed after their stamp
 
     @property
     def refused(self) -> int:
-        """Samples that did not reach the state."""
+        """Number of samples that were rejected."""
         kinds = (self.late, self.repeated, self.non_finite, self.impossible)
         return sum(kinds) + self.stuck + self.unconfirmed
 
 
 @dataclass(frozen=True)
 class BedContact:
-    """How payload and rope stand to the seabed."""
+    """Contact of payload and rope with the seabed."""
 
-    payload_height_m: float  # above the bed; negative by what it sinks in
-    payload_push_n: float  # of the bed, normal to it
-    rope_on_bed_m: float  # unstretched length of rope that lies on it
+    payload_height_m: float  # above the bed; negative: penetration
+    payload_push_n: float  # reaction of the bed, normal to it
+    rope_on_bed_m: float  # unstretched length of rope on the bed
     rope_push_n: float
 
     @property
@@ -78,20 +78,20 @@ class BedContact:
 
 @dataclass(frozen=True)
 class BodyShot:
-    """A payload that is a rigid body; its slings or pin in the order of the scene."""
+    """State of a rigid-body payload; its slings or pin in the order of the scene."""
 
-    quaternion: Vector  # x, y, z, w: turns its axes into those of the frame, (4,)
+    quaternion: Vector  # x, y, z, w: rotation from its axes to those of the frame, (4,)
     angular_velocity_rad_per_s: Vector  # in its own axes, (3,)
-    size_m: Vector  # its outline along them, (3,)
-    leg_pull_n: Vector  # (legs,)
+    size_m: Vector  # its extent along its own axes, (3,)
+    leg_pull_n: Vector  # tension of each sling, (legs,)
     leg_length_m: Vector  # from the hook to the body, (legs,)
-    leg_end_m: Vector  # where they hold it, in the frame, (legs, 3)
-    deck_push_n: float | None = None  # None: there is no deck
-    deck_clearance_m: float | None = None  # of its lowest corner; negative by what it sinks in
+    leg_end_m: Vector  # attachment points on the body, in the frame, (legs, 3)
+    deck_push_n: float | None = None  # reaction of the deck; None: there is no deck
+    deck_clearance_m: float | None = None  # of its lowest corner; negative: penetration
 
     @property
     def turn(self) -> Vector:
-        """The rotation matrix, (3, 3)."""
+        """Rotation matrix from body axes to the frame, (3, 3)."""
         q, w = self.quaternion[:3], self.quaternion[3]
         skew = np.cross(np.eye(3), q)
         return np.asarray(np.eye(3) + 2.0 * w * skew + 2.0 * skew @ skew)
@@ -99,115 +99,115 @@ class BodyShot:
 
 @dataclass(frozen=True)
 class WinchShot:
-    """What a winch was told and what its parts do."""
+    """Command in force and component states of a winch."""
 
     name: str
     mode: str  # speed, length, depth, tension, or emergency_stop
     target: float  # [m/s], [m], [m] or [N]
-    at_limit: str  # one sentence if a limit holds it back
-    figures: tuple[tuple[str, float], ...]  # of the parts that it has, the unit in the name
-    off_schedule_s: float | None = None  # twin time at which its commands first differed from it
+    at_limit: str  # message if a limit is active
+    figures: tuple[tuple[str, float], ...]  # states of its components, unit in the name
+    off_schedule_s: float | None = None  # twin time of the first deviation from the schedule
 
 
 @dataclass(frozen=True)
 class CutShot:
-    """Where and when the rope was cut."""
+    """Position and time of a cut."""
 
     at_s: float  # twin time
-    left_m: float  # unstretched rope that hung on below the hang-off then
+    left_m: float  # unstretched length left below the hang-off
     lost_m: float  # unstretched length of the lower part
-    rope: str = ""  # which one, where several meet
+    rope: str = ""  # name of the rope in a multi-line scene
 
 
 @dataclass(frozen=True)
 class RopeStrength:
-    """The highest tension of a rope, beside what it bears and what it carries at rest."""
+    """Maximum tension of a rope, its MBL and its static tension."""
 
     name: str
-    highest_n: float  # at its upper end in all steps since the start, and along it at snapshots
+    highest_n: float  # at its upper end in every step since the start, along it at snapshots
     breaking_load_n: float  # MBL of its weakest section
-    static_n: float | None = None  # static tension at its upper end with the present line out
-    dynamic_amplification: float | None = None  # highest tension over static since the start
+    static_n: float | None = None  # static tension at its upper end at the present payout
+    dynamic_amplification: float | None = None  # maximum tension over static since the start
 
     @property
     def utilisation(self) -> float:
-        """Highest tension over MBL; above 1 a real rope has parted: the twin's goes on."""
+        """Maximum tension over MBL; above 1 a real rope has parted, the simulated one has not."""
         return self.highest_n / self.breaking_load_n
 
 
 @dataclass(frozen=True)
 class LimitBreach:
-    """A limit of the scene that was broken (twin/limits.py)."""
+    """A limit of the scene that was exceeded (twin/limits.py)."""
 
     limit: str  # its key in the scene's `limits`
     where: str  # name of the rope or payload
-    allowed: float  # in the unit of the key; of a bend radius [m]
-    first_s: float  # twin time at which it was first broken
-    last_s: float  # and last
+    allowed: float  # in the unit of the key; a bend radius in [m]
+    first_s: float  # twin time at which it was first exceeded
+    last_s: float  # twin time at which it was last exceeded
     worst: float
     worst_s: float
 
 
 @dataclass(frozen=True)
 class Touchdown:
-    """Where a rope first meets the seabed (twin/touchdown.py)."""
+    """Touchdown point of a rope (twin/touchdown.py)."""
 
     name: str
     position_m: tuple[float, float, float]
     line_out_m: float  # unstretched, from the rope's upper end to it
-    layback_m: float  # horizontal distance to the end that hangs: the upper one if it does
+    layback_m: float  # horizontal distance to the suspended end: the upper one if it hangs
     tension_n: float
-    angle_deg: float  # between bed and rope; 0: it lies down along the bed
+    angle_deg: float  # between bed and rope; 0: tangent to the bed
 
 
 @dataclass(frozen=True)
 class Bend:
-    """A bend of a rope, beside what it may be."""
+    """A bend of a rope and the minimum bend radius there."""
 
     name: str  # of the rope
     radius_m: float  # of curvature; infinite: straight
     line_out_m: float  # unstretched, from the rope's upper end to it
     at_s: float  # twin time
-    minimum_m: float  # minimum bend radius there; 0: none is given
-    element_m: float  # length of the elements there: a shorter arc is not seen
+    minimum_m: float  # minimum bend radius (MBR) there; 0: none is given
+    element_m: float  # element length there: a shorter arc is not resolved
 
     @property
     def tightness(self) -> float:
-        """Minimum over radius, above 1 it is too tight; without a minimum the curvature [1/m]."""
+        """MBR over radius, above 1 too tight; without an MBR the curvature [1/m]."""
         return (self.minimum_m or 1.0) / self.radius_m
 
     @property
     def too_tight(self) -> bool:
-        """Whether the radius is below the minimum."""
+        """Whether the radius is below the MBR."""
         return self.radius_m < self.minimum_m
 
 
 @dataclass(frozen=True)
 class RopeBend:
-    """The tightest bend of a rope (twin/tightest_bend.py)."""
+    """Smallest bend radius of a rope, now and since the start (twin/bend_radius.py)."""
 
     now: Bend
     position_m: tuple[float, float, float]
-    tightest: Bend  # of all snapshots since the twin's start
+    tightest: Bend  # smallest radius of all snapshots since the start
 
 
 @dataclass(frozen=True)
 class RopeShot:
-    """One of several ropes. Rows run from its upper end (row 0) down."""
+    """State of one of several ropes; rows run from its upper end (row 0) down."""
 
     name: str
     node_position_m: Vector  # (nodes, 3)
     node_tension_n: Vector  # (nodes,) mean of the neighbouring elements; ends as measured there
     element_tension_n: Vector  # (nodes - 1,)
-    tension_top_n: float  # its pull on the hang-off or joint at its upper end, or on its sheave
-    line_out_m: float  # its unstretched length
+    tension_top_n: float  # at the hang-off, connection or sheave at its upper end
+    line_out_m: float  # unstretched length
     payout_speed_m_per_s: float  # + paying out
-    band: TensionBand | None = None  # of a rope from the ship, where a run asks for it
+    band: TensionInterval | None = None  # for ropes from the ship, if a run asks for it
 
 
 @dataclass(frozen=True)
 class PayloadShot:
-    """One of several payloads."""
+    """State of one of several payloads."""
 
     name: str
     position_m: Vector  # (3,)
@@ -216,29 +216,29 @@ class PayloadShot:
 
 @dataclass(frozen=True)
 class StrutShot:
-    """A bar between two payloads or joints."""
+    """State of a bar between two payloads or connections."""
 
     name: str
     ends_m: Vector  # (2, 3)
-    pull_n: float  # negative: it is pushed
+    pull_n: float  # tension; negative: compression
 
 
 @dataclass(frozen=True)
 class SheaveShot:
-    """A sheave that rope runs over."""
+    """State of a sheave that a rope runs over."""
 
     name: str
     position_m: Vector  # (3,)
-    passed_m: float  # rope that has run over it into the first rope that ends there, unstretched
-    speed_m_per_s: float  # of that
+    passed_m: float  # unstretched length run over it into the first rope that ends there
+    speed_m_per_s: float  # rate of passed_m
 
 
 @dataclass(frozen=True)
 class Snapshot:
-    """One instant of the twin. Rows run from the hang-off (row 0) down to the payload.
+    """One instant of the twin; rows run from the hang-off (row 0) down to the payload.
 
-    Where ropes meet these are of the first rope, and its lower end stands for the payload. Of a
-    rope that was cut they are of the part that hangs on; the payload is the lower part's.
+    In a multi-line scene these rows describe the first rope, and its lower end stands for the
+    payload. After a cut they describe the part that hangs on; the payload is the lower part's.
 
     Frame `sea` (east, north, up; z = 0 at mean water level).
     """
@@ -250,44 +250,44 @@ class Snapshot:
     node_tension_n: Vector  # (nodes,) mean of the neighbouring elements; ends as measured there
     element_tension_n: Vector  # (nodes - 1,)
     arc_length_m: Vector  # (nodes,) unstretched, 0 at the hang-off
-    tension_top_n: float  # magnitude of the rope's pull on the hang-off
+    tension_top_n: float  # tension at the hang-off, the magnitude of hang_off_force_n
     tension_top_min_n: float  # over the steps since the previous snapshot
     tension_top_max_n: float
-    hang_off_force_n: Vector  # (3,) the rope's pull on the hang-off
+    hang_off_force_n: Vector  # (3,) force of the rope on the hang-off
     tension_payload_n: float
     hang_off_position_m: Vector  # (3,)
     hang_off_velocity_m_per_s: Vector  # (3,)
-    heave_m: float  # hang-off above its rest position
+    heave_m: float  # hang-off above its mean position
     payload_position_m: Vector  # (3,)
     payload_velocity_m_per_s: Vector  # (3,)
     line_out_m: float  # unstretched rope below the hang-off
     payout_speed_m_per_s: float  # + paying out
-    motion_ramp: float  # start-up fade-in of the ship's motion, 0 to 1
+    motion_ramp: float  # build-up factor of the ship's motion, 0 to 1
     step_s: float = 0.0  # length of the newest step
-    winch_at_limit: str = ""  # one sentence if a limit of the winch holds it back
+    winch_at_limit: str = ""  # message if a limit of the winch is active
     doubtful: bool = False  # a step since the previous snapshot did not converge
     solver: SolverHealth = field(default_factory=SolverHealth)
     inputs: dict[str, InputHealth] = field(default_factory=dict)  # heave, winch_command, current
-    card_error: KnownError = field(default_factory=KnownError)  # of the top tension
+    card_error: KnownError = field(default_factory=KnownError)  # of the top tension, if known
     strength: tuple[RopeStrength, ...] = ()  # of each rope of the scene
-    breaches: tuple[LimitBreach, ...] = ()  # limits of the scene that were broken since the start
+    breaches: tuple[LimitBreach, ...] = ()  # limits of the scene exceeded since the start
     seabed: BedContact | None = None  # only of a scene with a seabed
     touchdowns: tuple[Touchdown, ...] = ()  # of the ropes that touch it
     bends: tuple[RopeBend, ...] = ()  # of ropes with bending stiffness or a minimum bend radius
     body: BodyShot | None = None  # only of a scene whose payload is a rigid body
-    winches: tuple[WinchShot, ...] = ()  # those that the scene has
-    energy: EnergyBalance | None = None  # only of a run that keeps a ledger
-    band: TensionBand | None = None  # only of a run that asks for it, once it is known
-    no_band: str = ""  # why a run that asks for it has none now
+    winches: tuple[WinchShot, ...] = ()  # winches of the scene
+    energy: EnergyBalance | None = None  # only of a run with an energy balance
+    band: TensionInterval | None = None  # only of a run that asks for it, once it is known
+    no_band: str = ""  # why a run that asks for it has none at present
     vibration: RopeVibration | None = None  # only of a run that asks for it, once it is known
     fatigue: MaterialFatigue | None = None  # only of a run that asks for it
-    ropes: tuple[RopeShot, ...] = ()  # all of them where ropes meet, or one was cut; else none
+    ropes: tuple[RopeShot, ...] = ()  # all ropes of a multi-line scene or after a cut; else none
     payloads: tuple[PayloadShot, ...] = ()  # likewise
     struts: tuple[StrutShot, ...] = ()  # likewise
     sheaves: tuple[SheaveShot, ...] = ()  # likewise
-    cut: CutShot | None = None  # if the rope was cut
-    lines: LinesShot | None = None  # of two lines around one sheave, as last looked at
-    line_events: tuple[LineEvent, ...] = ()  # their crossings that began or ended since then
+    cut: CutShot | None = None  # if a rope was cut
+    lines: LinesShot | None = None  # two lines around one sheave, at their last sampling
+    line_events: tuple[LineEvent, ...] = ()  # line crossings that began or ended since then
 
     @property
     def time_s(self) -> float:
@@ -296,16 +296,16 @@ class Snapshot:
 
 
 def amended(shot: Snapshot, **fields: Any) -> Snapshot:
-    """Set fields of a snapshot that is still being made, which nobody else has seen yet.
+    """Set fields of a snapshot that is still being built and not yet shared; return it.
 
-    `dataclasses.replace` copies all fields and takes as long as all the rest of a snapshot.
+    `dataclasses.replace` copies all fields, which takes as long as all the rest of a snapshot.
     """
     vars(shot).update(fields)
     return shot
 
 
 def first_rope(shot: Snapshot, name: str) -> RopeShot:
-    """What a snapshot tells of its first rope, as it tells of the others."""
+    """Return the first rope of a snapshot in the form of the other ropes."""
     return RopeShot(
         name=name,
         node_position_m=shot.node_position_m,

@@ -12,8 +12,8 @@ from rigs import Rig
 from rope_twin import Twin
 from rope_twin.core import state as rows
 from rope_twin.core.state import Rope
-from rope_twin.twin.cutting.parted import PartedRopes
-from rope_twin.twin.cutting.severing import without_beyond
+from rope_twin.twin.cutting.parted import CutRope
+from rope_twin.twin.cutting.rope_cut import without_massless_section
 
 Vector = NDArray[np.float64]
 VACUUM = Rig(length=400.0, elements=20, load=5000.0, damping=65e3)
@@ -57,8 +57,8 @@ def parts(twin: Twin, rig: Rig) -> tuple[Sums, Sums]:
 
 def fallen(twin: Twin) -> Rope:
     """The lower part of a rope that was cut."""
-    assert isinstance(twin._ropes, PartedRopes)
-    return without_beyond(twin._ropes.lowest(twin.rope))
+    assert isinstance(twin._ropes, CutRope)
+    return without_massless_section(twin._ropes.lowest(twin.rope))
 
 
 def swinging(rig: Rig) -> Twin:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rope_twin.core import state as rows
 from rope_twin.effects import EFFECTS
-from rope_twin.twin.cutting.bare_end import is_at_end, without_load
+from rope_twin.twin.cutting.free_end import is_at_end, without_load
 
 Vector = NDArray[np.float64]
 STUB = 1.0  # m of rope that stays on the payload of a rope cut at its end
@@ -26,7 +26,7 @@ def test_nothing_is_lost_at_the_cut(at: float) -> None:
     before = sums(twin.rope, VACUUM, VACUUM.load)
     n = int(twin.rope.state.counts[rows.ELEMENTS])
     s, v = twin.rope.state.s[: n + 1].copy(), twin.rope.state.nodes[3:6, : n + 1].copy()
-    assert twin._sever(at) == pytest.approx(at, abs=0.01 * 20.0)
+    assert twin._split(at) == pytest.approx(at, abs=0.01 * 20.0)
     both = Sums(*(a + b for a, b in zip(*parts(twin, VACUUM), strict=True)))
     assert both.mass == pytest.approx(before.mass, rel=1e-13)
     np.testing.assert_allclose(both.momentum, before.momentum, rtol=1e-12, atol=1e-9)

@@ -9,7 +9,7 @@ from cut_rigs import fallen
 from rope_twin import Twin, load_scene
 from rope_twin.core import state as rows
 from rope_twin.core.vortices.drag_growth import GROWTH, DragGrowth
-from rope_twin.twin.vibration.rope_span import span_of_rope
+from rope_twin.twin.vibration.line_model import line_model
 
 SCENES = pytest.mark.parametrize("name", ["vortices_modal", "vortices_decomposed"])
 STEPS_PER_S = 100
@@ -45,15 +45,15 @@ def test_what_hangs_on_has_its_own_modes_and_what_falls_is_not_shaken(name: str)
     assert growth_of(twin.rope.effects)[: n - 1].min() > 0.0
     lower = fallen(twin)
     assert not growth_of(lower.effects)[: int(lower.state.counts[rows.ELEMENTS]) + 1].any()
-    assert twin.shaking is not None
+    assert twin.viv_drag is not None
     twin.advance(20 * STEPS_PER_S)
     now = twin.snapshot().vibration
     assert now is not None
     assert now.solves >= before.solves + 18
     assert not now.note
-    span = span_of_rope(twin.rope)
+    span = line_model(twin.rope)
     assert span.end_mass == 0.0, "nothing hangs on it"
-    response = twin.shaking.tracker._response
+    response = twin.viv_drag.tracker._response
     own = response.span
     assert own.s[-1] - own.s[0] == pytest.approx(300.0, rel=2e-3)
     assert own.tension[0] < 0.02 * own.tension[-1], "down to its free end"

@@ -14,10 +14,10 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
+from rope_twin.twin.cutting.cut_input import plan_for
 from rope_twin.twin.cutting.cut_plan import PlannedCut
-from rope_twin.twin.cutting.cutting import plan_for
-from rope_twin.twin.joined.joined import JoinedRopes
-from rope_twin.twin.ledger import AccountedTwin
+from rope_twin.twin.energy_account import EnergyTwin
+from rope_twin.twin.multi_line.system import MultiLineRopes
 from rope_twin.twin.twin import Twin
 
 
@@ -68,7 +68,7 @@ def test_a_rope_with_a_ring_is_cut_as_the_whole_rope(tmp_path: Path) -> None:
 def figures(twin: Twin) -> tuple[float, Floats]:
     """Mass [kg] and momentum [N·s] of all rope."""
     ropes = twin._ropes
-    assert isinstance(ropes, JoinedRopes)
+    assert isinstance(ropes, MultiLineRopes)
     mass, momentum = 0.0, np.zeros(3)
     for rope in ropes.system(twin.rope).ropes:
         n = int(rope.state.counts[rows.ELEMENTS])
@@ -86,7 +86,7 @@ def test_nothing_is_lost_at_the_cut(bridle: Scene, number: int, above_m: float) 
     heaved(twin, 6)
     twin.advance(400)
     mass, momentum = figures(twin)
-    lost = twin._sever(above_m, number)
+    lost = twin._split(above_m, number)
     after, gone = figures(twin)
     assert lost == pytest.approx(above_m, abs=0.1)
     assert after == pytest.approx(mass, rel=1e-13)
@@ -103,11 +103,11 @@ def pulls(shot: Snapshot) -> dict[str, float]:
 
 def test_what_a_cut_leg_held_hangs_on_the_other(bridle: Scene) -> None:
     """All of the weight is on the other leg, the balance closes, and a saved run is the run."""
-    twin = AccountedTwin(bridle)
+    twin = EnergyTwin(bridle)
     before = pulls(twin.snapshot())
     assert not twin.offer_cut(1_000_000_000, 4.0, "leg_port")
     twin.advance(150)
-    branch = AccountedTwin.restore(twin.capture(), bridle)
+    branch = EnergyTwin.restore(twin.capture(), bridle)
     for one in (twin, branch):
         one.advance(150)
     shot, other = twin.snapshot(), branch.snapshot()

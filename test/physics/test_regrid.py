@@ -13,9 +13,13 @@ from rope_twin.core import state as rows
 from rope_twin.core.energy import measure
 from rope_twin.core.state import Floats, Rope
 from rope_twin.scene.schema import Winch
-from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.accuracy.level import AccuracyLevel
 
-COARSE, TWICE, TOP = Rung(10_000_000, 1), Rung(10_000_000, 2), Rung(10_000_000)
+COARSE, TWICE, TOP = (
+    AccuracyLevel(10_000_000, 1),
+    AccuracyLevel(10_000_000, 2),
+    AccuracyLevel(10_000_000),
+)
 WINCH = Winch(
     speed_limit_m_per_s=2.0,
     acceleration_limit_m_per_s2=0.5,
@@ -78,7 +82,7 @@ def test_fewer_elements_keep_mass_marks_momentum_and_gain_no_energy(twin: Twin) 
     kinetic = motion(twin, load)
     value, at_ns = twin._boundary.value[0].copy(), twin.time_ns
     nodes, s = before.state.nodes.copy(), before.state.s.copy()
-    twin.take_rung(COARSE)
+    twin.set_level(COARSE)
     rope, rest_2, mass_2, velocity_2, tension_2 = parts(twin)
     n, m = len(rest), len(rest_2)
     kept = np.searchsorted(s[: n + 1], rope.state.s[: m + 1])
@@ -106,7 +110,7 @@ def test_fewer_elements_keep_mass_marks_momentum_and_gain_no_energy(twin: Twin) 
 
 @settings(max_examples=25)
 @given(moving_twins(40, 90, (20e3,)), st.sampled_from([COARSE, TWICE]))
-def test_the_pull_on_the_hang_off_goes_on_where_it_was(twin: Twin, rung: Rung) -> None:
+def test_the_pull_on_the_hang_off_goes_on_where_it_was(twin: Twin, rung: AccuracyLevel) -> None:
     """The first step on other elements, down and up again, against that on the same ones.
 
     A taut rope with 20 t: within 0.1 % where 20 elements or more are left, as on the ladder. (With
@@ -114,9 +118,9 @@ def test_the_pull_on_the_hang_off_goes_on_where_it_was(twin: Twin, rung: Rung) -
     """
     assume(float(twin._tension.min()) > 0.0)
     same, down, up = twin, twin.branch(), twin.branch()
-    down.take_rung(rung)
-    up.take_rung(rung)
-    up.take_rung(TOP)
+    down.set_level(rung)
+    up.set_level(rung)
+    up.set_level(TOP)
     assert len(up._tension) == len(same._tension)
     assert np.allclose(parts(up)[1], parts(same)[1], rtol=0.0, atol=1e-9)
     for one in (same, down, up):
@@ -142,10 +146,10 @@ def test_settling_on_other_elements_brings_no_energy(
         twin._rope.state.nodes[rows.VELOCITY + k, : n + 1] += shape
     twin.advance(30)
     start = store(twin)
-    twin.take_rung(COARSE)
+    twin.set_level(COARSE)
     if up:
         twin.advance(30)
-        twin.take_rung(TOP)
+        twin.set_level(TOP)
     moved = abs(start[0]) + start[1]
     highest = -np.inf
     for _ in range(60):
@@ -167,11 +171,11 @@ def test_ends_of_sections_stay_nodes_and_come_back_with_the_marks() -> None:
     ends = [end for end in twin._rope.sections[rows.END] if end < marks[-1]]
     twin.offer_speed(None, 1.0)
     twin.advance(500)
-    twin.take_rung(COARSE)
+    twin.set_level(COARSE)
     coarse = twin._rope.state.s[: len(twin._tension)]
     assert all(np.abs(coarse - end).min() < 1e-9 for end in ends)
     twin.advance(500)
-    twin.take_rung(TOP)
+    twin.set_level(TOP)
     again = twin._rope.state.s[: len(twin._tension)]
     assert all(np.abs(again - mark).min() < 1e-9 for mark in marks)
     lengths = np.diff(twin._rope.state.s[: len(twin._tension) + 1])
@@ -189,9 +193,9 @@ def test_a_slack_rope_is_carried_over_too() -> None:
     else:
         pytest.fail("the rope never went slack")
     branch = twin.branch()
-    branch.take_rung(COARSE)
+    branch.set_level(COARSE)
     branch.advance(50)
-    branch.take_rung(TOP)
+    branch.set_level(TOP)
     branch.advance(50)
     assert np.isfinite(branch._pull).all()
     assert branch.snapshot().solver.unconverged_substeps == 0

@@ -21,8 +21,8 @@ from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.viv.own import run_own
 from rope_twin.studies.viv.study import run_viv
-from rope_twin.twin.findings import RopeVibration
-from rope_twin.twin.vibration.watch import MODES, MOTION
+from rope_twin.twin.results import RopeVibration
+from rope_twin.twin.vibration.settings import MODES, MOTION
 from rope_twin.viv.shedding import Shedding
 
 MODELS = [ModalVibrationParams(), DecomposedForceParams()]
@@ -57,8 +57,8 @@ def around_nodes(twin: Twin, shot: Snapshot) -> Vector:
     Their weight falls to 0 at the neighbours, and at half a wave of St·U/d to both sides at least;
     at the ends of the rope they are mirrored.
     """
-    assert twin.shaking is not None
-    s, amplitude, half_wave = twin.shaking.tracker.at_places()
+    assert twin.viv_drag is not None
+    s, amplitude, half_wave = twin.viv_drag.tracker.at_model_nodes()
     steps = np.diff(shot.node_position_m[::-1], axis=0)
     below = np.concatenate([[0.0], np.cumsum(np.sqrt((steps * steps).sum(axis=1)))])
     below -= below[-1]
@@ -120,11 +120,11 @@ def test_the_growth_of_coarse_nodes_is_that_of_the_rope_between_them() -> None:
     model = ModalVibrationParams()
     scene = shaken(model, replace(CABLE, elements=5).scene())
     shot, twin = settled(scene)
-    assert twin.shaking is not None
+    assert twin.viv_drag is not None
     told = shaking(shot).drag_amplification[::-1]
     steps = np.sqrt((np.diff(shot.node_position_m[::-1], axis=0) ** 2).sum(axis=1))
     shares = 0.5 * (np.append(steps, 0.0) + np.append(0.0, steps))
-    s, amplitude, _ = twin.shaking.tracker.at_places()
+    s, amplitude, _ = twin.viv_drag.tracker.at_model_nodes()
     all_along = 1.0 + 1.043 * (np.sqrt(2.0) * amplitude) ** 0.65
     assert len(s) > 15 * len(told)
     integral = 0.5 * ((all_along[1:] + all_along[:-1]) * np.diff(s)).sum()
@@ -193,8 +193,8 @@ def test_what_is_followed_was_found_before_in_equal_shares(model: Any, every_s: 
     """No look pays for a search that others should have made."""
     rig = replace(CABLE, diameter=0.032, current=((0.0, (1.2, 0.0)),))
     twin = Twin(shaken(replace(model, modes_every_s=every_s), rig.scene()))
-    assert twin.shaking is not None
-    tracker, left = twin.shaking.tracker, []
+    assert twin.viv_drag is not None
+    tracker, left = twin.viv_drag.tracker, []
     for _ in range(round(3.0 / twin.step_s)):
         twin.advance(1)
         search = tracker._search

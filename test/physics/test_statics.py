@@ -20,7 +20,7 @@ from rope_twin.core.statics.equilibrium import solve_statics
 from rope_twin.core.statics.forces import Equilibrium
 from rope_twin.errors import SceneError
 from rope_twin.scene.arrays.build import build
-from rope_twin.twin.start import find_start
+from rope_twin.twin.statics import solve_scene_statics
 
 ENOUGH = 1e-6  # of the largest tension, mostly the top one: the largest force left at a node
 ROUND_OFF = 8.0 * float(np.finfo(float).eps)  # of a place in the water, in an element's length
@@ -223,7 +223,7 @@ def test_no_equilibrium_is_told() -> None:
     with pytest.raises(
         SceneError, match=r"no static equilibrium \(forces on the rope are not finite\); check"
     ):
-        find_start(scene, rope)
+        solve_scene_statics(scene, rope)
 
 
 def test_rest_on_a_bed_is_found_from_any_guess() -> None:

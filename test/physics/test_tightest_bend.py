@@ -15,8 +15,8 @@ from rope_twin.messages.diagnostics import statuses
 from rope_twin.run.summary import RunSummary, summarise
 from rope_twin.scene.digest import scene_digest
 from rope_twin.scene.schema import RopeSection, Scene
+from rope_twin.twin.bend_radius import curvatures, minimum_radii
 from rope_twin.twin.snapshot import Vector
-from rope_twin.twin.tightest_bend import curvatures, least_radii
 from validation.rigs import Rig
 
 
@@ -118,8 +118,8 @@ def test_each_section_has_its_own_minimum_and_a_joint_the_larger() -> None:
     lax = replace(line.rope, minimum_bend_radius_m=1.0)
     made = (RopeSection(rope=lax, length_m=50.0), RopeSection(rope=stiff))
     twin = Twin(replace(scene, ropes=(replace(line, rope=None, sections=made),)))
-    (hung,) = twin._ropes.hung(twin.rope, twin.snapshot())
-    assert least_radii(hung).tolist() == [4.0] * 11 + [1.0] * 10
+    (hung,) = twin._ropes.shapes(twin.rope, twin.snapshot())
+    assert minimum_radii(hung).tolist() == [4.0] * 11 + [1.0] * 10
 
 
 def test_a_straight_rope_has_no_bend_and_says_so() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from rope_twin.core.bed import Plane, Soil
 from rope_twin.scene.load import load_scene
-from rope_twin.twin.hung import HungRope
+from rope_twin.twin.rope_shape import RopeShape
 from rope_twin.twin.snapshot import Touchdown, Vector
 from rope_twin.twin.touchdown import touchdown_at, touchdown_of
 from rope_twin.twin.twin import Twin
@@ -114,10 +114,10 @@ def test_between_straight_and_level_nothing_jumps() -> None:
     assert np.abs(np.diff(angles)).max() < 0.01 * 0.11
 
 
-def hung(nodes: Vector, arc: Vector) -> HungRope:
+def hung(nodes: Vector, arc: Vector) -> RopeShape:
     scene = load_scene("chain_on_bottom")
     tension = np.linspace(2e4, 1e4, len(arc) - 1)
-    return HungRope("leg", scene.ropes[0], None, nodes, arc, tension)  # type: ignore[arg-type]
+    return RopeShape("leg", scene.ropes[0], None, nodes, arc, tension)  # type: ignore[arg-type]
 
 
 def test_what_is_told_of_it() -> None:
@@ -165,7 +165,7 @@ def test_the_arc_length_is_that_of_the_line_out(name: str) -> None:
     twin.offer_speed(None, 0.5)
     twin.advance(300)
     shot = twin.snapshot()
-    ropes = twin._ropes.hung(twin.rope, shot)
+    ropes = twin._ropes.shapes(twin.rope, shot)
     out = [one.line_out_m for one in shot.ropes] or [shot.line_out_m]
     for hanging, line_out in zip(ropes, out, strict=True):
         assert hanging.arc_m[-1] == pytest.approx(line_out, rel=1e-9)

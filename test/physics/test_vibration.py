@@ -12,7 +12,7 @@ from rope_twin.errors import InputError
 from rope_twin.scene.schema import Winch
 from rope_twin.scene.sea_state import RegularHeave, SeaState
 from rope_twin.studies.viv.moving import run_moving
-from rope_twin.twin.vibration.in_modes import Vibration, span_of_twin
+from rope_twin.twin.vibration.modal_vibration import ModalVibration, line_model_of_twin
 from rope_twin.viv.lateral_modes import find_lateral_modes
 from rope_twin.viv.modal_response import ModalResponse
 from rope_twin.viv.shedding import Shedding
@@ -26,7 +26,7 @@ CABLE = Rig(
 def test_of_a_rope_that_rests_it_is_the_response_at_constant_tension() -> None:
     """Modes found again every second of the same rope change next to nothing."""
     twin = CABLE.twin()
-    vibration = Vibration(twin, Shedding())
+    vibration = ModalVibration(twin, Shedding())
     alone = ModalResponse(vibration.response.span, Shedding())
     for _ in range(100):
         twin.advance(10)
@@ -44,13 +44,15 @@ def test_of_a_rope_that_rests_it_is_the_response_at_constant_tension() -> None:
 def test_its_span_is_the_twins_rope() -> None:
     """Tension, payload and length; frequencies of a hanging rope rise with its load."""
     twin = CABLE.twin()
-    span = span_of_twin(twin)
+    span = line_model_of_twin(twin)
     weight = CABLE.weight
     assert span.tension[-1] == pytest.approx(CABLE.top_weight - 2.5 * weight, rel=0.01)
     assert span.end_mass == pytest.approx(3e3)
     assert span.mass @ np.diff(span.s) == pytest.approx(200.0 * (6.4 + 1025.0 * 4e-4 * np.pi))
     light = find_lateral_modes(span, 0.5).frequency[1:]
-    heavy = find_lateral_modes(span_of_twin(replace(CABLE, load=6e3).twin()), 0.5).frequency[1:]
+    heavy = find_lateral_modes(line_model_of_twin(replace(CABLE, load=6e3).twin()), 0.5).frequency[
+        1:
+    ]
     assert (heavy[: len(light)] > light[: len(heavy)]).all()
 
 
@@ -61,7 +63,7 @@ def test_it_follows_payout_and_says_what_is_slack() -> None:
         most_line_out_m=400.0,
     )  # fmt: skip
     twin = replace(CABLE, winch=winch).twin()
-    vibration = Vibration(twin, Shedding(), 0.5)
+    vibration = ModalVibration(twin, Shedding(), 0.5)
     slack = []
     for shot in march(twin, sine(4.0, 4.0), 16.0, 5, [(1.0, 2.0)]):
         seen = vibration.follow()
@@ -73,7 +75,7 @@ def test_it_follows_payout_and_says_what_is_slack() -> None:
     assert any(slack)
     assert not all(slack)
     with pytest.raises(InputError, match="give more than 0"):
-        Vibration(twin, Shedding(), 0.0)
+        ModalVibration(twin, Shedding(), 0.0)
 
 
 def test_heave_against_constant_tension() -> None:

@@ -7,18 +7,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+from rope_twin.twin.vibration.watch import DECOMPOSED, MODES, MonitorSettings
 from test_vibration import CABLE
 
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene, Winch
 from rope_twin.studies.driven_twin import march
-from rope_twin.twin.findings import RopeVibration
-from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.kinds import twin_class
+from rope_twin.twin.results import RopeVibration
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.in_modes import span_of_twin
-from rope_twin.twin.vibration.watch import DECOMPOSED, MODES, Watch
+from rope_twin.twin.vibration.modal_vibration import line_model_of_twin
 from rope_twin.viv.decomposed import POWER_MIN, ExcitationSearch, decomposed, near_driven
 from rope_twin.viv.decomposed_response import DecomposedResponse
 from rope_twin.viv.lateral_modes import ModeSearch, find_lateral_modes
@@ -34,7 +34,7 @@ WINCH = Winch(
 
 
 def watched(scene: Scene, model: str, curve: str = "") -> Any:
-    return twin_kind(energy=False, error_band=False, watch=Watch(model, curve))(scene)
+    return twin_class(energy=False, error_band=False, watch=MonitorSettings(model, curve))(scene)
 
 
 def shaking(shot: Snapshot) -> RopeVibration:
@@ -43,7 +43,7 @@ def shaking(shot: Snapshot) -> RopeVibration:
 
 
 def fine_span(ends: bool = True) -> Span:
-    span = refined(span_of_twin(CABLE.twin()), 1.0)
+    span = refined(line_model_of_twin(CABLE.twin()), 1.0)
     return span if ends else span._replace(end_mass=None)
 
 
@@ -96,7 +96,7 @@ def test_what_is_near_what_is_driven_is_all_that_is_driven() -> None:
 
 def test_a_model_keeps_its_elements_while_their_number_is_about_right() -> None:
     """1.25 times as many would do, or half: it is then the same on grids that differ a little."""
-    span = span_of_twin(CABLE.twin())
+    span = line_model_of_twin(CABLE.twin())
     length = float(span.s[-1])
     assert len(span.tension) < 98
     for wanted, made in ((200, 200), (249, 200), (251, 251), (101, 200), (99, 99)):
@@ -128,7 +128,7 @@ def test_followed_to_the_same_rope_the_decomposed_response_goes_on_as_it_was() -
 def test_beside_a_rope_at_rest_it_is_the_response_at_constant_tension() -> None:
     scene = CABLE.scene()
     twin = watched(scene, MODES)
-    alone = ModalResponse(span_of_twin(Twin(scene)), Shedding())
+    alone = ModalResponse(line_model_of_twin(Twin(scene)), Shedding())
     twin.advance(1000)
     alone.advance(20.0)
     seen = shaking(twin.snapshot())

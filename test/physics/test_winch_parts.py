@@ -21,8 +21,8 @@ from rope_twin.scene.winch_parts import (
     EmergencyStop,
     HeaveCompensation,
 )
-from rope_twin.twin.hoisting.orders import Order
-from rope_twin.twin.ledger import AccountedTwin
+from rope_twin.twin.energy_account import EnergyTwin
+from rope_twin.twin.winch.commands import WinchCommand
 
 HEAVE_M, PERIOD_S = 1.0, 8.0
 OMEGA = 2.0 * math.pi / PERIOD_S
@@ -189,7 +189,7 @@ def test_a_brake_holds_to_its_capacity_and_slips_above(scene: Scene) -> None:
     for capacity, slips in ((120e3, False), (50e3, True)):
         brake = Brake(holding_torque_n_m=capacity, delay_s=0.2)
         twin = Twin(with_parts(scene, drum=DRUM, drive=drive, brake=brake))
-        assert twin.offer_order(None, Order("set_brake")) == ""
+        assert twin.offer_command(None, WinchCommand("set_brake")) == ""
         rows = ran(twin, 20.0)
         read_off = figures(twin)
         assert read_off["brake_holds"] == 1.0
@@ -208,7 +208,7 @@ def test_an_emergency_stop_takes_the_way_of_its_deceleration(scene: Scene) -> No
     twin = Twin(with_parts(scene, emergency_stop=stop))
     twin.offer_speed(None, 1.0)
     before = ran(twin, 5.0)[-1, 2]
-    assert twin.offer_order(None, Order("emergency_stop")) == ""
+    assert twin.offer_command(None, WinchCommand("emergency_stop")) == ""
     rows = ran(twin, 2.0)
     assert rows[-1, 2] - before == pytest.approx(1.0**2 / (2.0 * 2.0), abs=1e-9)
     assert rows[-1, 3] == 0.0
@@ -219,7 +219,7 @@ def test_constant_tension_pays_out_and_hauls_in_with_the_heave(scene: Scene) -> 
     part = ConstantTension(gain_m_per_s_per_kn=1.0, integral_time_s=10.0)
     kept = Twin(with_parts(scene, constant_tension=part, acceleration_limit_m_per_s2=3.0))
     rest = kept.snapshot().tension_top_n
-    assert kept.offer_order(None, Order("tension", rest)) == ""
+    assert kept.offer_command(None, WinchCommand("tension", rest)) == ""
     swung = ran(heaved(Twin(scene), HEAVE_M, 24.0), 24.0)[-800:, 1]
     held = ran(heaved(kept, HEAVE_M, 24.0), 24.0)[-800:, 1]
     assert held.mean() == pytest.approx(rest, rel=5e-3)
@@ -230,7 +230,7 @@ def test_constant_tension_pays_out_and_hauls_in_with_the_heave(scene: Scene) -> 
 def test_a_depth_is_reached_without_passing_its_line(scene: Scene) -> None:
     twin = Twin(scene)
     depth = -twin.snapshot().payload_position_m[2] + 15.0
-    assert twin.offer_order(None, Order("depth", depth)) == ""
+    assert twin.offer_command(None, WinchCommand("depth", depth)) == ""
     lines = ran(twin, 50.0)[:, 2]
     assert -twin.snapshot().payload_position_m[2] == pytest.approx(depth, abs=5e-3)
     # while it sinks, drag takes some load and so some stretch off the rope: 2 cm of line
@@ -239,7 +239,7 @@ def test_a_depth_is_reached_without_passing_its_line(scene: Scene) -> None:
 
 def test_the_energy_of_a_rendering_winch_is_accounted_for(scene: Scene) -> None:
     drive = Drive(inertia_kg_m2=3e3, torque_limit_n_m=60e3)
-    twin = AccountedTwin(with_parts(scene, drum=DRUM, drive=drive))
+    twin = EnergyTwin(with_parts(scene, drum=DRUM, drive=drive))
     ran(twin, 10.0)
     balance = twin.snapshot().energy
     assert balance is not None

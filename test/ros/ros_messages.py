@@ -9,7 +9,7 @@ import numpy as np
 
 from rope_twin.messages import encode_heave, encode_order
 from rope_twin.messages.cdr import new, serialise
-from rope_twin.twin.hoisting.orders import SPEED, Order
+from rope_twin.twin.winch.commands import SPEED, WinchCommand
 
 NAN, INF = math.nan, math.inf
 S = 1_000_000_000
@@ -33,7 +33,7 @@ def joint(velocity: list[float], sec: int = 3, nanosec: int = 5) -> bytes:
 
 def encode_speed(stamp_ns: int, speed_m_per_s: float) -> bytes:
     """A winch/speed_command; a stamp of 0 means at once."""
-    return encode_order(stamp_ns, Order(SPEED, speed_m_per_s))[1]
+    return encode_order(stamp_ns, WinchCommand(SPEED, speed_m_per_s))[1]
 
 
 def multi_array(numbers: list[float], sizes: list[int] | None = None, offset: int = 0) -> bytes:

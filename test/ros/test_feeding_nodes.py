@@ -15,7 +15,7 @@ from rope_twin.messages import decode, encode_epoch
 from rope_twin.recording.heave_replay import open_heave
 from rope_twin.run.inputs import open_sea
 from rope_twin.scene.load import load_scene
-from rope_twin.twin.hoisting.schedule import schedule_samples
+from rope_twin.twin.winch.schedule import schedule_samples
 
 pytestmark = pytest.mark.ros
 S = 1_000_000_000
@@ -210,7 +210,7 @@ def test_the_schedule_is_stamped_exactly_from_the_epoch(bench: Bench) -> None:
     bench.until(lambda: len(heard) >= 12, "commands")
     wanted = schedule_samples(load_scene(SCENE).winch, 0, 10 * S)[: len(heard)]
     assert [stamp_ns(m) - epoch_ns for m in heard] == [sample.stamp_ns for sample in wanted]
-    assert [list(m.velocity) for m in heard] == [[sample.order.value] for sample in wanted]
+    assert [list(m.velocity) for m in heard] == [[sample.command.value] for sample in wanted]
 
 
 def test_the_schedule_yields_for_good_to_who_takes_the_winch(bench: Bench) -> None:

@@ -15,7 +15,7 @@ from rope_twin.errors import InputError
 from rope_twin.messages import encode_cut, encode_heave, encode_order
 from rope_twin.run.border import read_current, read_cut, read_heave, read_order
 from rope_twin.topics import CUT_TOPIC, WINCH_TOPICS
-from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.winch.commands import WinchCommand
 
 SPEED_TOPIC = "winch/speed_command"
 
@@ -25,12 +25,18 @@ def test_heave_comes_back_as_it_was_sent(stamp_ns: int, z: float, vz: float) -> 
     assert read_heave(encode_heave(stamp_ns, z, vz)) == (stamp_ns, (z, vz))
 
 
-ORDERS = [Order("speed", -0.25), Order("length", 350.0), Order("depth", 2990.0),
-          Order("tension", 1.5e5), Order("emergency_stop"), Order("set_brake")]  # fmt: skip
+ORDERS = [
+    WinchCommand("speed", -0.25),
+    WinchCommand("length", 350.0),
+    WinchCommand("depth", 2990.0),
+    WinchCommand("tension", 1.5e5),
+    WinchCommand("emergency_stop"),
+    WinchCommand("set_brake"),
+]
 
 
 @pytest.mark.parametrize("order", ORDERS, ids=[order.kind for order in ORDERS])
-def test_an_order_comes_back_and_stamp_zero_means_at_once(order: Order) -> None:
+def test_an_order_comes_back_and_stamp_zero_means_at_once(order: WinchCommand) -> None:
     assert read_order(*encode_order(1_234_567_890, order)) == (1_234_567_890, order, "winch")
     assert read_order(*encode_order(0, order, "aft")) == (None, order, "aft")
 

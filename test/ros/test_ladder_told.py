@@ -9,7 +9,7 @@ from rope_twin.messages import Level, Status
 from rope_twin.ros.paced_twin import PacedTwin
 from rope_twin.ros.params import SimulationParams
 from rope_twin.scene.load import load_scene
-from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.accuracy.level import AccuracyLevel
 
 
 def paced(**parameters: object) -> PacedTwin:
@@ -38,7 +38,7 @@ def test_a_lower_rung_is_told_once_in_a_sentence_and_stays_in_the_diagnostics() 
     assert twin.ladder.start_at(2.0)
     (sentence,) = twin.notices()
     assert sentence.startswith(
-        "stepping down to rung 3 of 4, 40 elements and steps of 50 ms, error"
+        "stepping down to accuracy level 3 of 4, 40 elements and steps of 50 ms, error"
     )
     assert sentence.endswith(": it would take 200% of the time there is")
     assert list(twin.notices()) == []
@@ -48,7 +48,7 @@ def test_a_lower_rung_is_told_once_in_a_sentence_and_stays_in_the_diagnostics() 
     assert row.values["step [s]"] == "0.05"
     assert twin.summary().rung_changes == 1
     assert twin.summary().step_s == 0.05
-    assert twin.twin.rung == Rung(50_000_000)
+    assert twin.twin.level == AccuracyLevel(50_000_000)
 
 
 def test_without_a_ladder_nothing_is_said_of_one() -> None:

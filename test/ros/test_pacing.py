@@ -16,7 +16,6 @@ from hypothesis import strategies as st
 from ros_bench import PATIENCE_S
 
 from rope_twin.errors import SolverError
-from rope_twin.twin.handover import Handover, handover_depth
 from rope_twin.twin.pacing import (
     CATCH_UP,
     Pacer,
@@ -25,6 +24,7 @@ from rope_twin.twin.pacing import (
     steps_in_slot,
 )
 from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.snapshot_queue import SnapshotQueue, queue_depth
 
 MS = 1_000_000
 SLOT = 20 * MS
@@ -75,13 +75,13 @@ class FakeTwin:
 
 def run_to_end(
     durations_ns: Iterable[int] = (), slots: int = 10, speed: float = 1.0, **twin_fields: Any
-) -> tuple[Pacer, FakeTwin, FakeClock, Handover]:
+) -> tuple[Pacer, FakeTwin, FakeClock, SnapshotQueue]:
     """Pace a fake twin until the clock would pass the last slot's beginning."""
     clock = FakeClock(round(slots * SLOT / speed))
     twin = FakeTwin(clock, durations_ns)
     for name, value in twin_fields.items():
         setattr(twin, name, value)
-    handover = Handover(depth=1000)
+    handover = SnapshotQueue(depth=1000)
     pacer = Pacer(twin, handover, steps_per_slot=2, speed=speed, clock=clock)
     pacer.start(0)
     wait_for_end(pacer, clock)
@@ -166,7 +166,7 @@ def test_a_step_that_hangs_shows_as_behind_while_it_hangs() -> None:
         assert go_on.wait(PATIENCE_S)
 
     twin.advance = hang  # type: ignore[method-assign]
-    pacer = Pacer(twin, Handover(10), steps_per_slot=2, clock=clock)
+    pacer = Pacer(twin, SnapshotQueue(10), steps_per_slot=2, clock=clock)
     pacer.start(0)
     assert inside.wait(PATIENCE_S)
     clock.time_ns = 520 * MS
@@ -211,7 +211,7 @@ def test_stop_and_start_go_on_on_a_new_grid() -> None:
 def test_the_worker_finishes_at_the_last_step_asked_for() -> None:
     clock = FakeClock(100 * SLOT)
     twin = FakeTwin(clock)
-    pacer = Pacer(twin, Handover(10), steps_per_slot=2, clock=clock, last_step=5)
+    pacer = Pacer(twin, SnapshotQueue(10), steps_per_slot=2, clock=clock, last_step=5)
     pacer.start(0)
     wait_for_end(pacer, clock)
     pacer.stop()
@@ -246,7 +246,7 @@ def test_whatever_the_delays_steps_are_whole_and_slots_never_early(durations_ms:
 
 
 def test_the_newest_snapshots_win_when_nobody_takes_them() -> None:
-    handover = Handover(depth=3)
+    handover = SnapshotQueue(depth=3)
     for step in range(10):
         handover.put(cast(Snapshot, SimpleNamespace(step=step)))
     assert [handover.take(0.0).step for _ in range(3)] == [7, 8, 9]  # type: ignore[union-attr]
@@ -258,7 +258,7 @@ def test_the_newest_snapshots_win_when_nobody_takes_them() -> None:
     ("slot_s", "speed", "depth"), [(0.02, 1.0, 25), (0.02, 4.0, 100), (2.0, 0.01, 1)]
 )
 def test_half_a_second_of_snapshots_may_wait(slot_s: float, speed: float, depth: int) -> None:
-    assert handover_depth(slot_s, speed) == depth
+    assert queue_depth(slot_s, speed) == depth
 
 
 def test_the_steady_clock_waits_to_the_absolute_time_and_wakes_on_interrupt() -> None:

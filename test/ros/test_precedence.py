@@ -17,7 +17,13 @@ import pytest
 from rope_twin.ros.paced_twin import PacedTwin
 from rope_twin.ros.params import SimulationParams
 from rope_twin.scene.load import load_scene
-from rope_twin.twin.precedence import BESIDE, STEPS, fall_back, follow_ahead, step_ahead
+from rope_twin.twin.thread_priority import (
+    OTHERS,
+    STEPPING,
+    raise_other_threads,
+    raise_stepping_thread,
+    reset_threads,
+)
 
 ORDINARY = (os.SCHED_OTHER, 0)
 _POLICY = "import os; print(os.sched_getscheduler(0), os.sched_getparam(0).sched_priority)"
@@ -33,7 +39,7 @@ def place_of(thread: threading.Thread) -> tuple[int, int]:
 def allowed() -> bool:
     """Whether a thread may run ahead here; asked by one that ends at once."""
     found: list[bool] = []
-    asking = threading.Thread(target=lambda: found.append(step_ahead()))
+    asking = threading.Thread(target=lambda: found.append(raise_stepping_thread()))
     asking.start()
     asking.join()
     return found == [True]
@@ -51,20 +57,20 @@ def waiting() -> Iterator[threading.Thread]:
     yield thread
     ended.set()
     thread.join()
-    fall_back()
+    reset_threads()
 
 
 def test_every_thread_goes_ahead_and_falls_back(waiting: threading.Thread) -> None:
-    follow_ahead()
+    raise_other_threads()
     for thread in (threading.current_thread(), waiting):
-        assert place_of(thread) == (os.SCHED_RR, BESIDE)
-    fall_back()
+        assert place_of(thread) == (os.SCHED_RR, OTHERS)
+    reset_threads()
     for thread in (threading.current_thread(), waiting):
         assert place_of(thread) == ORDINARY
 
 
 def test_a_program_that_is_started_beside_the_steps_is_ordinary(waiting: threading.Thread) -> None:
-    follow_ahead()
+    raise_other_threads()
     told = subprocess.run([sys.executable, "-c", _POLICY], capture_output=True, check=True)
     assert tuple(map(int, told.stdout.split())) == ORDINARY
 
@@ -78,7 +84,7 @@ def test_a_paced_twin_steps_ahead_of_all_that_is_beside_it(waiting: threading.Th
         time.sleep(0.01)
     places = {thread.name: place_of(thread) for thread in threading.enumerate()}
     twin.halt()
-    assert places.pop("twin-steps") == (os.SCHED_RR, STEPS)
-    assert places["twin-publisher"] == (os.SCHED_RR, BESIDE)
-    assert set(places.values()) == {(os.SCHED_RR, BESIDE)}
+    assert places.pop("twin-steps") == (os.SCHED_RR, STEPPING)
+    assert places["twin-publisher"] == (os.SCHED_RR, OTHERS)
+    assert set(places.values()) == {(os.SCHED_RR, OTHERS)}
     assert place_of(waiting) == place_of(threading.current_thread()) == ORDINARY

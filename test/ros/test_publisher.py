@@ -13,8 +13,8 @@ from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.messages import Encoder
 from rope_twin.ros.publisher import Publisher
 from rope_twin.scene.load import load_scene
-from rope_twin.twin.handover import Handover
 from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.snapshot_queue import SnapshotQueue
 from rope_twin.twin.twin import Twin
 
 EPOCH_NS = 10**18
@@ -33,7 +33,7 @@ def test_what_was_computed_before_the_stop_is_published_in_order(
     snapshots: list[Snapshot],
 ) -> None:
     heard: dict[str, list[bytes]] = defaultdict(list)
-    handover = Handover(100)
+    handover = SnapshotQueue(100)
     publisher = Publisher(handover, lambda name, data: heard[name].append(data), snapshots[0])
     for snapshot in snapshots:
         handover.put(snapshot)
@@ -55,7 +55,7 @@ def test_a_topic_that_fails_is_told_and_harms_no_other(snapshots: list[Snapshot]
             raise OSError("no buffer space")
         heard[name] += 1
 
-    handover = Handover(100)
+    handover = SnapshotQueue(100)
     publisher = Publisher(handover, publish, snapshots[0])
     publisher.start(EPOCH_NS)
     for snapshot in snapshots:

@@ -20,8 +20,8 @@ from rope_twin.recording.exact_replay import Outcome, Verification, verify
 from rope_twin.recording.recorded_run import read_content
 from rope_twin.run.inputs import expect_own_sea
 from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC
-from rope_twin.twin.hoisting.orders import LENGTH, SPEED, Order
 from rope_twin.twin.input_queue import SET_LEVEL
+from rope_twin.twin.winch.commands import LENGTH, SPEED, WinchCommand
 
 pytestmark = pytest.mark.ros
 SCENE = "shallow_lift"
@@ -82,7 +82,7 @@ class Sender:
     def send(self, topic: str, data: bytes) -> None:
         self.publishers[topic].publish(data)
 
-    def order(self, order: Order, stamp_ns: int = 0) -> None:
+    def command(self, order: WinchCommand, stamp_ns: int = 0) -> None:
         self.send(*encode_order(stamp_ns, order))
 
     def sail(self, until_ns: int) -> None:
@@ -107,20 +107,20 @@ def test_a_run_with_every_input_a_pause_and_fewer_elements_is_replayed(
     node.begin()
     bench.until(lambda: node.paced.epoch_ns is not None, "its epoch")
     sender.sail(600_000_000)
-    sender.order(Order(SPEED, 0.4))
+    sender.command(WinchCommand(SPEED, 0.4))
     sender.send("ship/heave", b"no message")
     sender.sail(1_200_000_000)
     node.paced.pacer.watch(lambda slot: node.paced.ladder.start_at(3.0))  # as if overloaded
     sender.sail(1_800_000_000)
-    assert node.paced.twin.rung.step_ns > 10_000_000
-    sender.order(Order(LENGTH, 201.5), node.paced.epoch_ns + 2_000_000_000)
+    assert node.paced.twin.level.step_ns > 10_000_000
+    sender.command(WinchCommand(LENGTH, 201.5), node.paced.epoch_ns + 2_000_000_000)
     sender.send("current", multi_array([0.0, 0.5, -0.2, -500.0, 0.1, 0.0], [2, 3]))
     sender.sail(2_400_000_000)
     node.trigger_deactivate()
     node.trigger_activate()
     bench.until(lambda: node.paced.epoch_ns is not None, "its new epoch")
     at_ns = node.paced.last.stamp_ns
-    sender.order(Order("emergency_stop"))
+    sender.command(WinchCommand("emergency_stop"))
     sender.sail(at_ns + 600_000_000)
     sender.send(*encode_cut(0, 100.0))
     sender.sail(at_ns + 1_200_000_000)
@@ -147,7 +147,7 @@ def test_a_node_that_goes_on_from_a_saved_state_is_replayed(bench: Bench, tmp_pa
     sender = Sender(bench, first)
     first.begin()
     bench.until(lambda: first.paced.epoch_ns is not None, "its epoch")
-    sender.order(Order(SPEED, 0.3))
+    sender.command(WinchCommand(SPEED, 0.3))
     sender.sail(800_000_000)
     first.close()
     first.destroy_node()
@@ -180,7 +180,7 @@ def test_a_recorder_that_joins_late_is_given_what_it_needs(bench: Bench, tmp_pat
     sender = Sender(bench, node)
     node.begin()
     bench.until(lambda: node.paced.epoch_ns is not None, "its epoch")
-    sender.order(Order(SPEED, 0.3))
+    sender.command(WinchCommand(SPEED, 0.3))
     sender.sail(1_500_000_000)
     given = overrides({"directory": str(tmp_path / "second"), "allow_cut": True})
     second = bench.add(RecorderNode(parameter_overrides=given))

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rope_twin.scene.schema import ScheduleRow, Winch
-from rope_twin.twin.hoisting.orders import SPEED, Order
-from rope_twin.twin.hoisting.schedule import COMMAND_PERIOD_NS, OrderSample, schedule_samples
+from rope_twin.twin.winch.commands import SPEED, WinchCommand
+from rope_twin.twin.winch.schedule import COMMAND_PERIOD_NS, CommandSample, schedule_samples
 
 S = 1_000_000_000
 
@@ -25,9 +25,9 @@ def winch(rows: list[tuple[float, float]], repeat_s: float | None = None) -> Win
     )
 
 
-def told(stamp_ns: int, speed_m_per_s: float) -> OrderSample:
+def told(stamp_ns: int, speed_m_per_s: float) -> CommandSample:
     """A speed that the winch is told."""
-    return OrderSample(stamp_ns, Order(SPEED, speed_m_per_s))
+    return CommandSample(stamp_ns, WinchCommand(SPEED, speed_m_per_s))
 
 
 def test_commands_stand_on_the_grid_and_at_each_change() -> None:
@@ -45,16 +45,16 @@ def test_commands_stand_on_the_grid_and_at_each_change() -> None:
 def test_before_the_first_row_the_winch_stands() -> None:
     samples = schedule_samples(winch([(1.0, 0.5)]), -S, S + 1)
     assert samples[0] == told(0, 0.0)
-    assert [s.order.value for s in samples[:-1]] == [0.0] * 10
+    assert [s.command.value for s in samples[:-1]] == [0.0] * 10
     assert samples[-1] == told(S, 0.5)
 
 
 def test_a_repeating_schedule_begins_again() -> None:
     samples = schedule_samples(winch([(0.5, 0.3), (1.0, 0.0)], 1.25), 0, round(2.6 * S))
     changes = [
-        (now.stamp_ns / S, now.order.value)
+        (now.stamp_ns / S, now.command.value)
         for before, now in itertools.pairwise(samples)
-        if now.order.value != before.order.value
+        if now.command.value != before.command.value
     ]
     assert changes == [(0.5, 0.3), (1.0, 0.0), (1.75, 0.3), (2.25, 0.0)]
     assert 1.25 * S in [s.stamp_ns for s in samples]

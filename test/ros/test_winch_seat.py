@@ -8,7 +8,7 @@ import pytest
 from ros_bench import Bench, clocks
 
 from rope_twin.messages import Level, Status, encode_order
-from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.winch.commands import WinchCommand
 
 pytestmark = pytest.mark.ros
 
@@ -29,7 +29,7 @@ class Operators:
         self.publishers: dict[tuple[str, str], Any] = {}
         self.nodes: dict[str, Any] = {}
 
-    def tell(self, name: str, order: Order) -> None:
+    def tell(self, name: str, order: WinchCommand) -> None:
         """Publish an order to be executed at once, as a node of this name."""
         import rclpy
 
@@ -86,51 +86,51 @@ class Operators:
 def test_one_node_commands_by_priority_and_all_may_stop(bench: Bench) -> None:
     own = Operators(bench)
     assert own.held == "winch: free"
-    own.tell("one", Order("speed", 0.2))
+    own.tell("one", WinchCommand("speed", 0.2))
     bench.until(lambda: own.held == "winch: one", "the first has the seat")
-    own.tell("two", Order("speed", -0.3))
+    own.tell("two", WinchCommand("speed", -0.3))
     bench.until(lambda: own.refused() == 1, "an equal one is refused")
     assert "'speed' from node two rejected: one has the seat" in own.row().message
     assert own.row().level == Level.WARN
-    own.tell("console", Order("speed", 0.1))
+    own.tell("console", WinchCommand("speed", 0.1))
     bench.until(lambda: own.held == "winch: console", "one above it takes it")
     bench.until(lambda: own.target == ("speed", 0.1), "and commands")
-    own.tell("two", Order("emergency_stop"))
+    own.tell("two", WinchCommand("emergency_stop"))
     bench.until(lambda: own.target[0] == "emergency_stop", "a stop is everybody's")
     refused = own.refused()
-    own.tell("two", Order("reset"))
+    own.tell("two", WinchCommand("reset"))
     bench.until(lambda: own.refused() == refused + 1, "its reset is not")
     assert own.target[0] == "emergency_stop"
-    own.tell("console", Order("reset"))
+    own.tell("console", WinchCommand("reset"))
     bench.until(lambda: own.target[0] == "speed", "it is the commander's")
     assert own.held == "winch: console"
 
 
 def test_a_seat_is_asked_for_and_released_on_services(bench: Bench) -> None:
     own = Operators(bench)
-    own.tell("one", Order("speed", 0.0))
+    own.tell("one", WinchCommand("speed", 0.0))
     bench.until(lambda: own.held == "winch: one", "the first has the seat")
     answer = own.call("winch/take_seat")
     assert answer.success
     assert "one has the seat of winch" in answer.message
-    own.tell("two", Order("speed", 0.0))
+    own.tell("two", WinchCommand("speed", 0.0))
     bench.until(lambda: own.held == "winch: two", "it was asked for")
     bench.until(lambda: own.call("winch/release_seat").success, "it is released, once it is quiet")
     bench.until(lambda: own.held == "winch: free", "and free")
-    own.tell("one", Order("speed", 0.0))
+    own.tell("one", WinchCommand("speed", 0.0))
     bench.until(lambda: own.held == "winch: one", "for the first that commands")
 
 
 def test_a_commander_that_leaves_is_lost_and_the_winch_ramps_to_zero(bench: Bench) -> None:
     own = Operators(bench)
-    own.tell("console", Order("speed", 0.4))
+    own.tell("console", WinchCommand("speed", 0.4))
     bench.until(lambda: own.target == ("speed", 0.4), "it commands")
     own.leave("console")
     bench.until(lambda: own.held.startswith("winch: free (console left the network"), "it is lost")
     assert own.row().level == Level.ERROR
     assert "ramp to zero; seat free" in own.row().message
     bench.until(lambda: own.target == ("speed", 0.0), "the winch stops")
-    own.tell("two", Order("speed", 0.2))
+    own.tell("two", WinchCommand("speed", 0.2))
     bench.until(lambda: own.target == ("speed", 0.2), "another one commands")
     assert own.row().level == Level.OK
 
@@ -138,9 +138,9 @@ def test_a_commander_that_leaves_is_lost_and_the_winch_ramps_to_zero(bench: Benc
 def test_no_message_gives_what_the_seat_orders(bench: Bench) -> None:
     """An order to do as without a commander would get past the seat."""
     own = Operators(bench)
-    own.tell("console", Order("speed", 0.4))
+    own.tell("console", WinchCommand("speed", 0.4))
     bench.until(lambda: own.target == ("speed", 0.4), "it commands")
-    own.tell("two", Order("commander_lost"))
+    own.tell("two", WinchCommand("commander_lost"))
 
     def malformed() -> int:
         rows = {row.name: row for row in own.simulation.paced.rows(clocks())}
@@ -161,7 +161,7 @@ def test_the_schedule_has_the_seat_and_yields_it_to_an_operator(bench: Bench) ->
     )
     schedule.begin()
     bench.until(lambda: own.held == "winch: winch_schedule", "the schedule commands")
-    own.tell("bench_operator", Order("speed", 0.0))
+    own.tell("bench_operator", WinchCommand("speed", 0.0))
     bench.until(lambda: own.held == "winch: bench_operator", "the operator does")
     bench.until(lambda: schedule.yielded, "the schedule yields")
     assert own.row().level == Level.OK, own.row().message

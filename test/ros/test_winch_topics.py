@@ -11,7 +11,7 @@ from ros_bench import Bench, clocks
 from rope_twin.messages import encode_order
 from rope_twin.scene.load import load_scene
 from rope_twin.topics import WINCH_TOPICS
-from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.winch.commands import WinchCommand
 
 pytestmark = pytest.mark.ros
 
@@ -36,14 +36,14 @@ def test_a_winch_is_commanded_stopped_and_refuses_over_its_topics(
         lambda: all(p.get_subscription_count() for p in publishers.values()), "the twin listens"
     )
 
-    def tell(order: Order) -> None:
+    def tell(order: WinchCommand) -> None:
         topic, data = encode_order(0, order)
         publishers[topic].publish(data)
 
     def figures() -> dict[str, float]:
         return dict(zip(parts[-1].name, parts[-1].position.tolist(), strict=True))
 
-    tell(Order("length", 1003.0))
+    tell(WinchCommand("length", 1003.0))
     bench.until(lambda: mode[-1].data == "winch: length 1003 m", "the order is told")
     bench.until(lambda: abs(state[-1].position[0] - 1003.0) < 1e-5, "it is there")
     assert max(message.position[0] for message in state) < 1003.0 + 1e-6
@@ -51,15 +51,15 @@ def test_a_winch_is_commanded_stopped_and_refuses_over_its_topics(
     assert figures()["winch/layer"] == 1.0
     assert figures()["winch/drum_radius_m"] == pytest.approx(0.8 + 0.5 * 0.9 * 0.04)
 
-    tell(Order("speed", 1.0))
+    tell(WinchCommand("speed", 1.0))
     bench.until(lambda: state[-1].velocity[0] > 0.9, "it pays out")
-    tell(Order("emergency_stop"))
+    tell(WinchCommand("emergency_stop"))
     bench.until(lambda: figures()["winch/brake_holds"] == 1.0, "the brake holds")
     assert mode[-1].data.startswith("winch: emergency stop (emergency stop: no motion is obeyed")
     bench.until(lambda: state[-1].velocity[0] == 0.0, "it stands")
 
-    tell(Order("compensate"))
-    tell(Order("tension", 1e5))
+    tell(WinchCommand("compensate"))
+    tell(WinchCommand("tension", 1e5))
     bench.until(lambda: _refused(node, "winch switch") == 1, "there is no compensation")
     bench.until(lambda: _refused(node, "winch command") == 1, "no tension is kept")
 
@@ -97,11 +97,11 @@ def test_orders_for_another_winch_and_stops_with_any_stamp(bench: Bench) -> None
     bench.until(lambda: mode, "the winch speaks")
     for publisher in (speed, switch):
         bench.until(publisher.get_subscription_count, "the twin listens")
-    speed.publish(encode_order(0, Order("speed", 0.5), "port_crane")[1])
+    speed.publish(encode_order(0, WinchCommand("speed", 0.5), "port_crane")[1])
     bench.until(lambda: _refused(node, "winch command") == 1, "it is not for this winch")
-    speed.publish(encode_order(0, Order("speed", 0.5), "")[1])
+    speed.publish(encode_order(0, WinchCommand("speed", 0.5), "")[1])
     bench.until(lambda: "speed 0.5 m/s" in mode[-1].data, "without a name it is")
-    switch.publish(with_bad_nanoseconds(encode_order(0, Order("emergency_stop"))[1]))
+    switch.publish(with_bad_nanoseconds(encode_order(0, WinchCommand("emergency_stop"))[1]))
     bench.until(lambda: "emergency stop" in mode[-1].data, "it stops")
     row = next(r for r in node.paced.rows(clocks()) if r.name == "simulation: input winch switch")
     assert "executed at once all the same" in row.message

@@ -11,9 +11,9 @@ from rope_twin import Snapshot, Twin
 from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.ensemble import Variation
-from rope_twin.twin.hoisting.orders import SPEED, Order
-from rope_twin.twin.hoisting.schedule import OrderSample
 from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.winch.commands import SPEED, WinchCommand
+from rope_twin.twin.winch.schedule import CommandSample
 
 SAMPLE_NS = 50_000_000
 SECOND_NS = 1_000_000_000
@@ -45,7 +45,7 @@ def alone(scene: Scene, own: Variation, seconds: int) -> Snapshot:
     for second in range(seconds):
         for command in own.commands or ():
             if second <= command.stamp_ns / SECOND_NS < second + 1:
-                assert not twin.offer_order(command.stamp_ns, command.order)
+                assert not twin.offer_command(command.stamp_ns, command.command)
         twin.advance(round(1.0 / twin.step_s))
     return twin.snapshot()
 
@@ -74,5 +74,7 @@ def variations(draw: st.DrawFn) -> Variation:
     )
     heave = HeaveSeries.of(sea(draw(number(0.0, 4.0)), draw(number(4.0, 10.0)), 60.0))
     speeds = draw(st.lists(number(-1.5, 1.5), max_size=3))
-    commands = tuple(OrderSample(2 * k * SECOND_NS, Order(SPEED, v)) for k, v in enumerate(speeds))
+    commands = tuple(
+        CommandSample(2 * k * SECOND_NS, WinchCommand(SPEED, v)) for k, v in enumerate(speeds)
+    )
     return Variation(changes, heave.starting_at(draw(st.integers(0, 20 * SECOND_NS))), commands)

@@ -11,9 +11,9 @@ from small_scene import SMALL_SCENE, not_finite, small_scene
 from rope_twin import load_scene
 from rope_twin.errors import SceneError
 from rope_twin.messages import Level, Status, statuses
+from rope_twin.twin.current_input import MAX_ROWS
 from rope_twin.twin.health import RECENT_NS
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.water import MAX_ROWS
 
 
 def profile(rows: int) -> np.ndarray:

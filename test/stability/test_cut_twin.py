@@ -18,16 +18,16 @@ from rope_twin.recording.bag_reader import BagReader
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.accuracy.error_band import BandedTwin
-from rope_twin.twin.accuracy.ladder import TwinLadder
-from rope_twin.twin.accuracy.rung import Rung
+from rope_twin.twin.accuracy.error_interval import ErrorIntervalTwin
+from rope_twin.twin.accuracy.level import AccuracyLevel
+from rope_twin.twin.accuracy.overload import TwinOverloadProtection
+from rope_twin.twin.cutting.cut_input import CutInput, plan_for
 from rope_twin.twin.cutting.cut_plan import PlannedCut, read_plan
-from rope_twin.twin.cutting.cutting import CutInput, plan_for
-from rope_twin.twin.hoisting.orders import LENGTH, Order
-from rope_twin.twin.ledger import AccountedTwin
+from rope_twin.twin.energy_account import EnergyTwin
 from rope_twin.twin.pacing import SlotTimes
 from rope_twin.twin.saving.saved_state import load_state
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.winch.commands import LENGTH, WinchCommand
 
 Kind = TypeVar("Kind", bound=Twin)
 AT_S, BELOW_M = 2.505, 80.0  # between two borders of steps
@@ -124,12 +124,14 @@ def test_a_run_goes_on_from_a_file_and_on_a_branch(
 def test_the_winch_goes_on_with_the_rope_that_is_left(scene: Scene) -> None:
     """It hauls in to its least line out; an order by length was of the whole rope and has ended."""
     twin = Twin(scene)
-    assert not twin.offer_order(None, Order(LENGTH, 390.0))
+    assert not twin.offer_command(None, WinchCommand(LENGTH, 390.0))
     twin.advance(100)
     assert not twin.offer_cut(None, 60.0)
     twin.advance(500)
     assert twin.snapshot().payout_speed_m_per_s == 0.0
-    assert "50 to 2" in twin.offer_order(None, Order(LENGTH, 390.0)), "there is less rope now"
+    assert "50 to 2" in twin.offer_command(None, WinchCommand(LENGTH, 390.0)), (
+        "there is less rope now"
+    )
     assert not twin.offer_speed(None, -1.5)
     twin.advance(3000)
     shot = twin.snapshot()
@@ -175,7 +177,7 @@ def test_rope_and_payload_come_to_rest_on_the_bed(tmp_path: Path) -> None:
 
 def test_the_balance_of_both_parts_closes(scene: Scene) -> None:
     """Over the cut and the fall; what is left is what the steps dissipate."""
-    twin = told(AccountedTwin(scene))
+    twin = told(EnergyTwin(scene))
     twin.advance(2000)
     balance = twin.snapshot().energy
     assert balance is not None
@@ -187,15 +189,15 @@ def test_the_balance_of_both_parts_closes(scene: Scene) -> None:
 def test_the_ladder_stays_where_it_is(scene: Scene) -> None:
     """However late the slots are; a rung taken before the cut is kept, and saved."""
     twin = told(Twin(scene))
-    twin.take_rung(Rung(20_000_000))
-    ladder = TwinLadder(twin)
+    twin.set_level(AccuracyLevel(20_000_000))
+    ladder = TwinOverloadProtection(twin)
     twin.advance(150)
     slots = (SlotTimes(k * 20_000_000, 2e7, 60_000_000, True) for k in range(100))
     assert not any(ladder.judge(slot) for slot in slots)
     with pytest.raises(StateError, match=r"other elements: the rope was cut"):
-        twin.take_rung(Rung(10_000_000))
+        twin.set_level(AccuracyLevel(10_000_000))
     branch = Twin.restore(twin.capture(), scene)
-    assert branch.rung == twin.rung
+    assert branch.level == twin.level
     for one in (twin, branch):
         one.advance(50)
     assert every_bit([twin.snapshot()]) == every_bit([branch.snapshot()])
@@ -257,11 +259,11 @@ def test_a_plan_that_cannot_come_true_is_refused_before_a_run(scene: Scene) -> N
 
 def test_an_error_band_is_unknown_from_the_cut_on_and_says_so(scene: Scene) -> None:
     """The run goes on to the bit as without one, from a saved state as well."""
-    twin, alone = told(BandedTwin(scene)), told(Twin(scene))
+    twin, alone = told(ErrorIntervalTwin(scene)), told(Twin(scene))
     twin.advance(200)
     assert twin.snapshot().band is not None
     assert ends(twin, 100, 600)[-1].tension_top_n == ends(alone, 100, 600)[-1].tension_top_n
-    other = BandedTwin.restore(twin.capture(), scene)
+    other = ErrorIntervalTwin.restore(twin.capture(), scene)
     for one in (twin, twin.branch(), other):
         one.advance(50)
         shot = one.snapshot()

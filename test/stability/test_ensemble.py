@@ -22,9 +22,9 @@ from rope_twin.scene.change import Change
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.ensemble.member import Scratch
-from rope_twin.twin.hoisting.orders import SPEED, Order
-from rope_twin.twin.hoisting.schedule import OrderSample
 from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.winch.commands import SPEED, WinchCommand
+from rope_twin.twin.winch.schedule import CommandSample
 
 
 @settings(max_examples=8, deadline=None)
@@ -44,7 +44,9 @@ def test_each_member_equals_a_twin(
 
 def lively(scene: Scene) -> list[Variation]:
     """One that pays out and hauls with splits and merges, one that goes slack, one at rest."""
-    commands = tuple(OrderSample(k * SECOND_NS, Order(SPEED, v)) for k, v in ((0, 1.5), (9, -1.5)))
+    commands = tuple(
+        CommandSample(k * SECOND_NS, WinchCommand(SPEED, v)) for k, v in ((0, 1.5), (9, -1.5))
+    )
     slack = (Change("payloads[0].mass_kg", 1700.0),)
     return [
         Variation(heave=HeaveSeries.of(sea(1.0, 8.0, 30.0)), commands=commands),
@@ -191,6 +193,6 @@ def test_wrong_times_are_refused(tmp_path: Path) -> None:
         ensemble.advance(3.0)
     assert ensemble.steps == 0
     with pytest.raises(InputError, match="no winch runs faster"):
-        Ensemble(scene, [Variation(commands=(OrderSample(0, Order(SPEED, 50.0)),))])
+        Ensemble(scene, [Variation(commands=(CommandSample(0, WinchCommand(SPEED, 50.0)),))])
     with pytest.raises(InputError, match="ms after it was due"):
-        Ensemble(scene, [Variation(commands=(OrderSample(-(10**9), Order(SPEED, 0.5)),))])
+        Ensemble(scene, [Variation(commands=(CommandSample(-(10**9), WinchCommand(SPEED, 0.5)),))])

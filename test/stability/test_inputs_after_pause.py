@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from rope_twin.scene.schema import Winch as WinchScene
-from rope_twin.twin.hoisting.orders import Order
-from rope_twin.twin.hoisting.winch import Winch
-from rope_twin.twin.motion.ship import HeaveTrack
+from rope_twin.twin.motion.heave_track import HeaveTrack
+from rope_twin.twin.winch.commands import WinchCommand
+from rope_twin.twin.winch.winch import Winch
 
 SAMPLE_NS, STEP_NS, AHEAD_NS = 50_000_000, 10_000_000, 350_000_000
 PAUSE_NS = 4_000_000_000
@@ -52,7 +52,7 @@ def started() -> tuple[HeaveTrack, np.ndarray]:
 def test_a_replay_that_repeats_itself_goes_on_to_the_bit() -> None:
     """Nothing of it is refused, and the motion is that without the pause."""
     track, _ = started()
-    track.doubt()
+    track.invalidate()
     # from a little before the twin's present on, as a feeding node does
     assert not feed(track, PAUSE_NS - 600_000_000, PAUSE_NS + AHEAD_NS + 1)
     after = follow(track, PAUSE_NS, 2 * PAUSE_NS)
@@ -71,7 +71,7 @@ def test_a_ship_that_has_moved_on_is_joined_without_a_kick(phase: float, late_ns
     the motions it joins.
     """
     track, before = started()
-    track.doubt()
+    track.invalidate()
     follow_ns = PAUSE_NS + late_ns
     waiting = [track.at(now) for now in range(PAUSE_NS + STEP_NS, follow_ns + 1, STEP_NS)]
     assert not feed(track, follow_ns + 1, follow_ns + AHEAD_NS + 1, phase)
@@ -89,7 +89,7 @@ def test_a_ship_that_has_moved_on_is_joined_without_a_kick(phase: float, late_ns
 def test_nonsense_does_not_end_the_doubt() -> None:
     """A sample that cannot be is refused, and what was known is still there for the replay."""
     track, _ = started()
-    track.doubt()
+    track.invalidate()
     for z in (math.nan, 99.0):
         assert track.offer(PAUSE_NS + SAMPLE_NS + 1, z, 0.0)
     assert track.offer(PAUSE_NS - 1, 0.0, 0.0), "it is late"
@@ -103,7 +103,7 @@ def scheduled() -> Winch:
     """A winch that has done 1 s of a plan and knows 0.5 s more of it."""
     winch = Winch(SCENE, 100.0)
     for stamp_ns in range(0, 1_500_000_000, 100_000_000):
-        assert not winch.take(stamp_ns, Order("speed", 1.0), 0)
+        assert not winch.take(stamp_ns, WinchCommand("speed", 1.0), 0)
     for now in range(0, 1_000_000_000, STEP_NS):
         winch.step(now, 0.01)
     return winch
@@ -117,11 +117,11 @@ def line_out(winch: Winch, from_ns: int, to_ns: int) -> list[tuple[float, float]
 def test_a_schedule_that_repeats_itself_goes_on() -> None:
     """Commands that were done or wait are known; none is refused, and the line out is the same."""
     winch, other = scheduled(), scheduled()
-    winch.doubt()
+    winch.invalidate()
     for stamp_ns in range(500_000_000, 1_500_000_000, 100_000_000):
-        assert not winch.take(stamp_ns, Order("speed", 1.0), 1_000_000_000)
+        assert not winch.take(stamp_ns, WinchCommand("speed", 1.0), 1_000_000_000)
     for one in (winch, other):
-        assert not one.take(1_500_000_000, Order("speed", -0.5), 1_200_000_000)
+        assert not one.take(1_500_000_000, WinchCommand("speed", -0.5), 1_200_000_000)
     span = (1_000_000_000, 4_000_000_000)
     assert line_out(winch, *span) == line_out(other, *span)
     assert winch.counter.health(0, False).refused == 0
@@ -130,10 +130,10 @@ def test_a_schedule_that_repeats_itself_goes_on() -> None:
 def test_a_stop_is_not_refused_for_a_plan_of_before_the_pause() -> None:
     """It replaces what the old plan says from its stamp on."""
     winch = scheduled()
-    assert winch.take(1_050_000_000, Order("speed", 0.0), 1_000_000_000), (
+    assert winch.take(1_050_000_000, WinchCommand("speed", 0.0), 1_000_000_000), (
         "without a pause the order holds"
     )
-    winch.doubt()
-    assert not winch.take(1_050_000_000, Order("speed", 0.0), 1_000_000_000)
+    winch.invalidate()
+    assert not winch.take(1_050_000_000, WinchCommand("speed", 0.0), 1_000_000_000)
     assert line_out(winch, 1_000_000_000, 4_000_000_000)[-1][1] == 0.0
-    assert winch.take(900_000_000, Order("speed", 0.0), 4_000_000_000), "late is late"
+    assert winch.take(900_000_000, WinchCommand("speed", 0.0), 4_000_000_000), "late is late"

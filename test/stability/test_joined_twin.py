@@ -20,8 +20,8 @@ from rope_twin.scene.arrays.joined import build_joined, point_figures
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.variants import variant
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
-from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.winch.commands import WinchCommand
 
 SAMPLE_NS, AHEAD_NS = 50_000_000, 200_000_000
 
@@ -122,8 +122,8 @@ def test_each_winch_is_commanded_by_its_name(two_lines: Scene) -> None:
     refusal = twin.offer_speed(None, 0.1, "aft_sheaf")
     assert "there is no winch 'aft_sheaf'; did you mean 'aft_sheave'?" in refusal
     assert twin.snapshot().inputs["winch_command"].refusal == refusal, "nobody else tells of it"
-    stop = Order("emergency_stop")
-    refusal = twin.offer_order(None, stop, "hook")
+    stop = WinchCommand("emergency_stop")
+    refusal = twin.offer_command(None, stop, "hook")
     told = twin.snapshot().inputs["winch_switch"]
     assert (told.impossible, told.refusal) == (1, refusal)
     assert twin.offer_speed(None, 0.1, "aft_sheave") == ""

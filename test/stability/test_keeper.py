@@ -11,7 +11,7 @@ from small_scene import small_scene
 import rope_twin.twin.ropes as twin_module
 from rope_twin import Twin
 from rope_twin.errors import SolverError, StateError
-from rope_twin.twin.saving.keeper import Keeper
+from rope_twin.twin.saving.autosave import AutoSave
 from rope_twin.twin.saving.saved_state import SavedState, load_state
 
 
@@ -23,7 +23,7 @@ def twin(tmp_path: Path) -> Twin:
 def test_it_saves_every_so_often_and_at_the_end(twin: Twin, tmp_path: Path) -> None:
     """Each file is the state of its step; nothing is written before it is time."""
     path = tmp_path / "run.state"
-    keeper = Keeper(twin, path, 0.5)
+    keeper = AutoSave(twin, path, 0.5)
     keeper.advance(49)
     keeper.finish_writing()
     assert not path.exists()
@@ -44,7 +44,7 @@ def test_it_saves_every_so_often_and_at_the_end(twin: Twin, tmp_path: Path) -> N
 def test_a_run_that_never_began_leaves_the_file_alone(twin: Twin, tmp_path: Path) -> None:
     twin.save(tmp_path / "run.state")
     before = (tmp_path / "run.state").stat().st_mtime_ns
-    Keeper(twin, tmp_path / "run.state", 1.0).finish()
+    AutoSave(twin, tmp_path / "run.state", 1.0).finish()
     assert (tmp_path / "run.state").stat().st_mtime_ns == before
 
 
@@ -53,7 +53,7 @@ def test_a_disk_that_refuses_is_told_and_the_twin_goes_on(
 ) -> None:
     folder = tmp_path / "states"
     folder.mkdir()
-    keeper = Keeper(twin, folder / "run.state", 0.1)
+    keeper = AutoSave(twin, folder / "run.state", 0.1)
     folder.rmdir()
     keeper.advance(20)
     keeper.finish_writing()
@@ -77,13 +77,13 @@ def test_a_disk_that_refuses_is_told_and_the_twin_goes_on(
 
 def test_a_place_that_cannot_be_is_told_at_the_start(twin: Twin, tmp_path: Path) -> None:
     with pytest.raises(StateError, match="cannot be written; name a file"):
-        Keeper(twin, tmp_path / "none" / "run.state", 1.0)
+        AutoSave(twin, tmp_path / "none" / "run.state", 1.0)
 
 
 def test_a_state_that_goes_nowhere_does_not_replace_the_last_good_one(
     twin: Twin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    keeper = Keeper(twin, tmp_path / "run.state", 0.5)
+    keeper = AutoSave(twin, tmp_path / "run.state", 0.5)
     keeper.advance(50)
     keeper.finish_writing()
     monkeypatch.setattr(twin_module, "advance", lambda *given: 0)

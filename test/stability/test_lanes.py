@@ -19,7 +19,7 @@ from small_scene import SMALL_SCENE, small_scene
 
 import rope_twin.core.lanes.group as group_module
 import rope_twin.twin.ensemble.ensemble as ensemble_module
-import rope_twin.twin.ensemble.lanes as lanes_module
+import rope_twin.twin.ensemble.simd as lanes_module
 from rope_twin import load_scene
 from rope_twin.core.compiler.jit import OPTIONS, jit, jit_entry
 from rope_twin.core.compiler.wide import ALL, LANES, mask_of
@@ -42,9 +42,9 @@ from rope_twin.scene.arrays.build import build
 from rope_twin.scene.change import Change
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
-from rope_twin.twin.hoisting.orders import SPEED, Order
-from rope_twin.twin.hoisting.schedule import OrderSample
 from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.winch.commands import SPEED, WinchCommand
+from rope_twin.twin.winch.schedule import CommandSample
 
 TWO_SECTIONS = """\
     sections:
@@ -73,7 +73,7 @@ def paying(number: int) -> Variation:
     """One whose winch runs at a speed of its own, out and in again: splits and merges."""
     speed = 1.5 - 0.1 * (number % 3)
     commands = tuple(
-        OrderSample(k * SECOND_NS, Order(SPEED, v)) for k, v in ((0, speed), (9, -speed))
+        CommandSample(k * SECOND_NS, WinchCommand(SPEED, v)) for k, v in ((0, speed), (9, -speed))
     )
     return Variation(heave=HeaveSeries.of(sea(1.0, 8.0, 40.0)), commands=commands)
 
@@ -112,7 +112,7 @@ def test_any_number_of_members(
     ensemble.advance(4)
     assert not unequal(scene, ensemble, own, 4)
     rest = members % LANES
-    expected = [LANES] * (members // LANES) + [rest] * (rest >= lanes_module.LEAST)
+    expected = [LANES] * (members // LANES) + [rest] * (rest >= lanes_module.MIN_GROUP)
     assert groups == (expected if members >= LANES else [])
 
 
@@ -155,7 +155,7 @@ def test_figures_do_not_depend_on_lanes(tmp_path: Path, monkeypatch: pytest.Monk
     own = [snapping(number) for number in range(LANES)] + [paying(1)]
     together = Ensemble(scene, own, look_s=0.07)
     together.advance(6)
-    monkeypatch.setattr(lanes_module, "LEAST", LANES + 1)
+    monkeypatch.setattr(lanes_module, "MIN_GROUP", LANES + 1)
     lone = Ensemble(scene, own, look_s=0.07)
     lone.advance(6)
     assert together.figures() == lone.figures()
@@ -171,8 +171,8 @@ def test_members_at_random(
     scene = small_scene(tmp_path_factory.mktemp("scene"))
     own = [*own, *own]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(ensemble_module, "FEW", 1)
-        patch.setattr(lanes_module, "LEAST", 1)
+        patch.setattr(ensemble_module, "MIN_MEMBERS", 1)
+        patch.setattr(lanes_module, "MIN_GROUP", 1)
         ensemble = Ensemble(scene, own, look_s=0.07, threads=2)
         assert ensemble.lanes().members == len(own)
         ensemble.advance(cut)

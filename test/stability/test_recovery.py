@@ -17,8 +17,9 @@ from rope_twin.core.step import advance
 from rope_twin.effects.current import from_rows
 from rope_twin.errors import SolverError
 from rope_twin.messages import Level, Status, statuses
-from rope_twin.twin.accuracy.rung import Rung
-from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.accuracy.level import AccuracyLevel
+from rope_twin.twin.current_input import CurrentInput
+from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.recovery import (
     CHECKPOINT_NS,
     CHECKPOINTS,
@@ -27,9 +28,8 @@ from rope_twin.twin.recovery import (
     MAX_FAILURES,
     Recovery,
 )
-from rope_twin.twin.saving.keeper import Keeper
+from rope_twin.twin.saving.autosave import AutoSave
 from rope_twin.twin.saving.saved_state import load_state
-from rope_twin.twin.water import CurrentInput
 
 SLOT = 2  # steps
 
@@ -230,7 +230,7 @@ def test_on_a_coarser_grid_no_checkpoint_of_the_finer_one_is_used(
     twin = heaving(tmp_path)
     recovery = Recovery(twin)
     run(recovery, twin, 3.1)
-    twin.take_rung(Rung(2 * twin.step_ns, 1))
+    twin.set_level(AccuracyLevel(2 * twin.step_ns, 1))
     core.fails = {160: 3}  # steps of 20 ms: at 3.2 s
     shots = run(recovery, twin, 3.0)
     assert recovery.count == 3
@@ -258,7 +258,7 @@ def test_what_follows_the_rope_goes_back_with_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: tuple[bool, bool]
 ) -> None:
     broken(monkeypatch, {350: 2})
-    twin = heaving(tmp_path, twin_kind(*kind))
+    twin = heaving(tmp_path, twin_class(*kind))
     recovery = Recovery(twin)
     shots = run(recovery, twin, 6.0)
     assert recovery.count == 2
@@ -290,7 +290,7 @@ def test_a_keeper_saves_good_states_after_a_recovery_and_none_of_a_failed_run(
 ) -> None:
     core = broken(monkeypatch, {250: 1})
     twin = heaving(tmp_path)
-    keeper = Keeper(Recovery(twin), tmp_path / "run.state", 1.0)
+    keeper = AutoSave(Recovery(twin), tmp_path / "run.state", 1.0)
     for _ in range(200):
         keeper.advance(SLOT)
         keeper.finish_writing()
@@ -305,7 +305,7 @@ def test_a_keeper_saves_good_states_after_a_recovery_and_none_of_a_failed_run(
 
 def test_ropes_that_meet_go_back_together(monkeypatch: pytest.MonkeyPatch) -> None:
     """With a winch at each of two hang-offs."""
-    import rope_twin.twin.joined.joined as joined_module
+    import rope_twin.twin.multi_line.system as joined_module
 
     twin = Twin(load_scene("two_line_lift"))
     assert len(twin.scene.ropes) > 1

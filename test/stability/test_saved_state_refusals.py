@@ -83,8 +83,8 @@ def test_what_is_wrong_is_named(good: Path, tmp_path: Path) -> None:
     path = tmp_path / "other.state"
     path.write_text(SMALL_SCENE)
     assert "it is no saved state" in refusal(path)
-    path.write_bytes(good.read_bytes().replace(b"state 1\n", b"state 2\n", 1))
-    assert "it has version 2 of the format; this program reads version 1" in refusal(path)
+    path.write_bytes(good.read_bytes().replace(b"state 2\n", b"state 3\n", 1))
+    assert "it has version 3 of the format; this program reads version 2" in refusal(path)
     flipped = bytearray(good.read_bytes())
     flipped[-1] ^= 1
     path.write_bytes(flipped)

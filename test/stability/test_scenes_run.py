@@ -13,7 +13,7 @@ from small_scene import not_finite
 
 from rope_twin import Twin, load_scene
 from rope_twin.scene.load import scene_names
-from rope_twin.twin.hoisting.schedule import schedule_samples
+from rope_twin.twin.winch.schedule import schedule_samples
 
 SOME_S, LONG_S = 20, 60
 SAMPLE_NS = 50_000_000
@@ -36,7 +36,7 @@ def test_a_scene_runs(name: str, seconds: int) -> None:
             if second == 0 or stamp > second * second_ns:
                 assert twin.offer_heave(stamp, z, v) == ""
         for row in schedule_samples(scene.winch, second * second_ns, (second + 1) * second_ns):
-            assert twin.offer_order(row.stamp_ns, row.order) == ""
+            assert twin.offer_command(row.stamp_ns, row.command) == ""
         twin.advance(round(1.0 / twin.step_s))
         shot = twin.snapshot()
         assert not not_finite(shot)

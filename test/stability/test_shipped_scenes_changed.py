@@ -23,7 +23,7 @@ from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import march
-from rope_twin.twin.ledger import AccountedTwin
+from rope_twin.twin.energy_account import EnergyTwin
 from rope_twin.twin.twin import Twin
 from validation.rigs import sine
 
@@ -99,7 +99,7 @@ def test_a_hundred_more(drawn: Scene, weather: Weather) -> None:
 @given(drawn=changed(), weather=weathers(5.0, 15.0))
 def test_no_energy_comes_from_nothing(drawn: Scene, weather: Weather) -> None:
     """What is dissipated numerically is not negative, but for a thousandth of what is exchanged."""
-    energy = through(AccountedTwin, drawn, weather).snapshot().energy
+    energy = through(EnergyTwin, drawn, weather).snapshot().energy
     assert energy is not None
     assert energy.residual_pct >= -MOST_GAIN_PCT
     assert energy.damped_j >= -1e-6 * energy.exchanged_j

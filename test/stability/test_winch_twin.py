@@ -21,17 +21,21 @@ from rope_twin.scene.winch_parts import (
     HeaveCompensation,
 )
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
-from rope_twin.twin.hoisting.orders import Order
-from rope_twin.twin.hoisting.schedule import OrderSample
 from rope_twin.twin.motion.heave_series import HeaveSeries
+from rope_twin.twin.winch.commands import WinchCommand
+from rope_twin.twin.winch.schedule import CommandSample
 
 S = 1_000_000_000
 HEAVE = tuple((k * S // 20, math.sin(0.04 * k), 0.8 * math.cos(0.04 * k)) for k in range(-2, 400))
 ORDERS = (
-    (S, Order("speed", 1.0)), (3 * S, Order("depth", 210.0)), (6 * S, Order("tension", 7e4)),
-    (7 * S, Order("length", 205.0)), (8 * S, Order("set_brake")), (9 * S, Order("release_brake")),
-    (19 * S // 2, Order("emergency_stop")),
-)  # fmt: skip
+    (S, WinchCommand("speed", 1.0)),
+    (3 * S, WinchCommand("depth", 210.0)),
+    (6 * S, WinchCommand("tension", 7e4)),
+    (7 * S, WinchCommand("length", 205.0)),
+    (8 * S, WinchCommand("set_brake")),
+    (9 * S, WinchCommand("release_brake")),
+    (19 * S // 2, WinchCommand("emergency_stop")),
+)
 COMPENSATION = HeaveCompensation(
     efficiency=0.95, lag_s=0.1, delay_s=0.07, stroke_m=2.5, speed_limit_m_per_s=3.0,
     acceleration_limit_m_per_s2=3.0,
@@ -57,7 +61,7 @@ def fed(twin: Twin) -> Twin:
     for sample in HEAVE:
         assert twin.offer_heave(*sample) == ""
     for stamp_ns, order in ORDERS:
-        assert twin.offer_order(stamp_ns, order) == ""
+        assert twin.offer_command(stamp_ns, order) == ""
     return twin
 
 
@@ -99,8 +103,8 @@ def test_an_ensemble_compensates_heave_as_a_twin_does(scene: Scene) -> None:
     own = replace(scene, winch=winch)
     series = HeaveSeries.of(HEAVE)
     commands = (
-        OrderSample(S, Order("length", 203.0)),
-        OrderSample(5 * S, Order("stop_compensating")),
+        CommandSample(S, WinchCommand("length", 203.0)),
+        CommandSample(5 * S, WinchCommand("stop_compensating")),
     )
     plain = tuple((t, 0.5 * z, 0.5 * v) for t, z, v in HEAVE)
     variations = [
@@ -112,7 +116,7 @@ def test_an_ensemble_compensates_heave_as_a_twin_does(scene: Scene) -> None:
     for sample in HEAVE:
         twin.offer_heave(*sample)
     for command in commands:
-        assert twin.offer_order(command.stamp_ns, command.order) == ""
+        assert twin.offer_command(command.stamp_ns, command.command) == ""
     twin.advance(800)
     one, other, alone = ensemble.snapshot(0), ensemble.snapshot(1), twin.snapshot()
     assert one.line_out_m == alone.line_out_m

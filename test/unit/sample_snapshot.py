@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from rope_twin.scene.card import KnownError
-from rope_twin.twin.findings import MaterialFatigue, RopeVibration, TensionBand
 from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.results import MaterialFatigue, RopeVibration, TensionInterval
 from rope_twin.twin.snapshot import BedContact, BodyShot, InputHealth, Snapshot, SolverHealth
 
 
@@ -52,7 +52,7 @@ def hanging_rope(
         card_error=KnownError(0.5, 0.1, "at most, in a run on paper"),
         inputs={"heave": InputHealth(accepted=50, age_s=0.02)},
         seabed=BedContact(-0.03, 9.5e4, 12.0, 600.0),
-        band=TensionBand(float(element[0]) - 40.0, float(element[0]) + 40.0, 40.0, 25.0),
+        band=TensionInterval(float(element[0]) - 40.0, float(element[0]) + 40.0, 40.0, 25.0),
         vibration=RopeVibration(
             "motion",
             0.5 * swing,

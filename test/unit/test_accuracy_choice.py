@@ -31,8 +31,8 @@ from rope_twin.scene.card import Rung, Setting, known_error, read_card
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy.choice import cheapest_within, most_accurate, sure_bound
 from rope_twin.studies.variants import variant
-from rope_twin.twin.accuracy.ladder import TwinLadder
-from rope_twin.twin.accuracy.rung import Rung as LadderRung
+from rope_twin.twin.accuracy.level import AccuracyLevel as LadderRung
+from rope_twin.twin.accuracy.overload import TwinOverloadProtection
 from rope_twin.twin.pacing import SLOT_S, steps_in_slot
 from rope_twin.twin.twin import Twin
 
@@ -255,11 +255,11 @@ def test_a_doubted_card_says_nothing_on_any_rung(tmp_path: Path) -> None:
     """Nor in what is branched off."""
     twin = Twin(carded_scene(tmp_path, elements=40))
     assert twin.snapshot().card_error.rms_pct > 0.0
-    twin.doubt_card("it was a drill")
-    own, step_ns = twin.rung, twin.step_ns
+    twin.invalidate_error("it was a drill")
+    own, step_ns = twin.level, twin.step_ns
     for rung in (own, LadderRung(2 * step_ns), LadderRung(2 * step_ns, 1), own):
-        twin.take_rung(rung)
-        assert "unknown: it was a drill" in TwinLadder(twin).words()
+        twin.set_level(rung)
+        assert "unknown: it was a drill" in TwinOverloadProtection(twin).words()
         for one in (twin, twin.branch()):
             error = one.snapshot().card_error
             assert math.isnan(error.rms_pct)

@@ -27,10 +27,15 @@ from rope_twin.messages.cdr import deserialise, new, serialise
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.input_log import encode_json
 from rope_twin.topics import BY_NAME, TOPICS, Qos, Topic
-from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.winch.commands import WinchCommand
 
-ONE_OF_EACH = [Order("speed", 0.3), Order("length", 350.0), Order("depth", 340.0),
-               Order("tension", 1e5), Order("set_brake")]  # fmt: skip
+ONE_OF_EACH = [
+    WinchCommand("speed", 0.3),
+    WinchCommand("length", 350.0),
+    WinchCommand("depth", 340.0),
+    WinchCommand("tension", 1e5),
+    WinchCommand("set_brake"),
+]
 EPOCH_NS = 1_700_000_000_000_000_000
 NOTES = {"seed": "7", "source": "a test: with 'quotes', #hash and\nlines", "number": "12"}
 

@@ -15,11 +15,11 @@ from rope_twin.run.inputs import FIRST_NS, expect_own_sea, offer, open_sea
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.winch import ScheduleRow, Winch
-from rope_twin.twin.hoisting.orders import EMERGENCY_STOP, RESET, SPEED, Order
-from rope_twin.twin.hoisting.schedule import ScheduleWatch, schedule_samples
-from rope_twin.twin.hoisting.winch import Winch as WinchModel
 from rope_twin.twin.motion.ship_pose import ShipPose
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.winch.commands import EMERGENCY_STOP, RESET, SPEED, WinchCommand
+from rope_twin.twin.winch.schedule import ScheduleMonitor, schedule_samples
+from rope_twin.twin.winch.winch import Winch as WinchModel
 
 SECOND_NS = 1_000_000_000
 SEA = "sea_state: {heave: {amplitude_m: 1.0, period_s: 8.0}}\n"
@@ -48,7 +48,7 @@ def feed(twin: Twin, seconds: float) -> None:
     for sample in sea.between(FIRST_NS, until_ns) if sea else ():
         assert offer(twin, sample) == ""
     for command in schedule_samples(twin.scene.winch, 0, until_ns):
-        assert twin.offer_order(command.stamp_ns, command.order) == ""
+        assert twin.offer_command(command.stamp_ns, command.command) == ""
 
 
 def test_a_speed_that_is_not_in_the_schedule_ends_the_claim() -> None:
@@ -219,7 +219,7 @@ def winch_scene(*rows: tuple[float, float | str], repeat_s: float | None = None)
     return Winch(**told | parts | {"brake": None, "drum": None})
 
 
-def differs_s(winch: Winch, kept: list[tuple[int, Order]], seconds: float) -> float | None:
+def differs_s(winch: Winch, kept: list[tuple[int, WinchCommand]], seconds: float) -> float | None:
     """When a winch that takes these orders first differs from its schedule."""
     model = WinchModel(winch, 500.0)
     waiting = sorted(kept, key=lambda one: one[0])
@@ -237,27 +237,27 @@ def differs_s(winch: Winch, kept: list[tuple[int, Order]], seconds: float) -> fl
 
 def test_switches_of_the_schedule_are_part_of_it() -> None:
     winch = winch_scene((0.0, 0.2), (1.003, EMERGENCY_STOP), (3.0, RESET), repeat_s=5.0)
-    orders = [(one.stamp_ns, one.order) for one in schedule_samples(winch, 0, 13 * SECOND_NS)]
+    orders = [(one.stamp_ns, one.command) for one in schedule_samples(winch, 0, 13 * SECOND_NS)]
     assert differs_s(winch, orders, 12.0) is None
     for missing in (EMERGENCY_STOP, RESET):
         left = [one for one in orders if one[1].kind != missing]
         late = differs_s(winch, left, 12.0)
         assert late == pytest.approx({EMERGENCY_STOP: 1.25, RESET: 3.25}[missing], abs=0.15)
-    more = [*orders, (2 * SECOND_NS, Order(RESET))]
+    more = [*orders, (2 * SECOND_NS, WinchCommand(RESET))]
     assert differs_s(winch, more, 12.0) == pytest.approx(2.0)
-    faster = [*orders, (SECOND_NS // 2 + 10_000_000, Order(SPEED, 0.3))]
+    faster = [*orders, (SECOND_NS // 2 + 10_000_000, WinchCommand(SPEED, 0.3))]
     assert differs_s(winch, faster, 12.0) == pytest.approx(0.51)
 
 
 def test_the_scenes_own_schedule_never_differs() -> None:
     """Of every shipped winch, over two rounds."""
-    watch = ScheduleWatch(None)
-    watch.look(SECOND_NS, Order(SPEED, 0.0), False)
+    watch = ScheduleMonitor(None)
+    watch.look(SECOND_NS, WinchCommand(SPEED, 0.0), False)
     assert watch.differs_s is None
     for name in ("deep_lift", "emergency_stop", "two_line_lift", "landing"):
         winch = load_scene(name).winch
         assert winch is not None
-        orders = [(s.stamp_ns, s.order) for s in schedule_samples(winch, 0, 200 * SECOND_NS)]
+        orders = [(s.stamp_ns, s.command) for s in schedule_samples(winch, 0, 200 * SECOND_NS)]
         kinds = {one.kind for _, one in orders}
         if kinds <= {SPEED, EMERGENCY_STOP, RESET, "length"}:
             assert differs_s(winch, orders, 180.0) is None, name

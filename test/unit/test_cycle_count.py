@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rope_twin.studies.fatigue import count_cycles
-from rope_twin.twin.fatigue.cycle_count import CycleCount, Numbers
-from rope_twin.twin.fatigue.endurance import Cycles, Vector
+from rope_twin.twin.fatigue.curves import Cycles, Vector
+from rope_twin.twin.fatigue.rainflow import Numbers, RainflowCount
 
 
 def cost(which: Numbers, cycles: Cycles) -> Vector:
@@ -25,8 +25,8 @@ def expected(series: Vector) -> float:
     return float(cost(np.zeros(len(cycles.range), int), cycles).sum())
 
 
-def taken(values: Vector) -> CycleCount:
-    count = CycleCount(values.shape[1])
+def taken(values: Vector) -> RainflowCount:
+    count = RainflowCount(values.shape[1])
     for row in values:
         count.take(row, cost)
     return count

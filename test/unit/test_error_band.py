@@ -28,10 +28,15 @@ from rope_twin.scene.arrays.build import build
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.driven_twin import march
 from rope_twin.studies.variants import variant
-from rope_twin.twin.accuracy import error_band
-from rope_twin.twin.accuracy.error_band import BandedTwin
-from rope_twin.twin.accuracy.error_bound import ErrorBand, Recent, acceleration_jumps, border_before
-from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.accuracy import error_interval
+from rope_twin.twin.accuracy.error_bound import (
+    ErrorBound,
+    Recent,
+    acceleration_jumps,
+    border_before,
+)
+from rope_twin.twin.accuracy.error_interval import ErrorIntervalTwin
+from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from validation.rigs import Rig, sine
@@ -47,28 +52,28 @@ def tensions(twin: Twin, seconds: float = 8.0) -> list[float]:
 
 def test_the_run_is_the_same_to_the_bit_with_a_band_and_with_a_balance_beside_it() -> None:
     alone = tensions(RIG.twin())
-    assert tensions(BandedTwin(RIG.scene())) == alone
-    assert tensions(twin_kind(energy=True, error_band=True)(RIG.scene())) == alone
+    assert tensions(ErrorIntervalTwin(RIG.scene())) == alone
+    assert tensions(twin_class(energy=True, error_interval=True)(RIG.scene())) == alone
 
 
 def test_a_run_that_asks_for_no_band_has_none() -> None:
-    assert twin_kind(energy=False, error_band=False) is Twin
+    assert twin_class(energy=False, error_interval=False) is Twin
     assert RIG.twin().snapshot().band is None
 
 
 @pytest.mark.parametrize("every", [2, 3])
 def test_the_companion_is_the_rope_of_half_the_elements_and_twice_the_step(every: int) -> None:
     """Its tension is that of a twin of such a scene, which gets the same heave by itself."""
-    twin = BandedTwin(RIG.scene())
+    twin = ErrorIntervalTwin(RIG.scene())
     followed: list[float] = []
-    follow = twin._companion.follow
+    follow = twin._coarse.follow
 
     def keep(*given: object) -> list[float] | None:
         found = follow(*given)  # type: ignore[arg-type]
         followed.extend(found or [])
         return found
 
-    twin._companion.follow = keep  # type: ignore[method-assign]
+    twin._coarse.follow = keep  # type: ignore[method-assign]
     for _ in march(twin, HEAVE, 6.0, every):
         pass
     other = Twin(variant(RIG.scene(), 10, 0.02))
@@ -123,7 +128,7 @@ STILL = 0.0  # the motion's acceleration does not jump
 
 
 def test_a_smooth_difference_is_divided_by_nearly_three_and_a_rough_one_is_not() -> None:
-    smooth, rough, loose, looser = (ErrorBand(100e3, 0.01) for _ in range(4))
+    smooth, rough, loose, looser = (ErrorBound(100e3, 0.01) for _ in range(4))
     for one, tension in ((smooth, 90e3), (rough, 90e3), (loose, 1500.0), (looser, 5.0)):
         one.take(1.0, STILL, tension)
         one.compare(1.0, 300.0)
@@ -136,7 +141,7 @@ def test_a_smooth_difference_is_divided_by_nearly_three_and_a_rough_one_is_not()
 
 def test_the_first_step_after_a_bend_in_the_motion_has_a_larger_bound() -> None:
     """And what the companion says over the bend does not count for the steps after that."""
-    found = ErrorBand(100e3, 0.01)
+    found = ErrorBound(100e3, 0.01)
     for k in range(1, 41):
         bend = 1.0 if k % 5 == 0 else 0.0
         found.take(0.01 * k, bend, 90e3)
@@ -148,7 +153,7 @@ def test_the_first_step_after_a_bend_in_the_motion_has_a_larger_bound() -> None:
             assert found.bound_n(0.01 * k) == pytest.approx(expected)
 
 
-def fed_with(found: ErrorBand, differences: Iterable[float], from_s: float = 0.0) -> float:
+def fed_with(found: ErrorBound, differences: Iterable[float], from_s: float = 0.0) -> float:
     """A companion's differences, one every 20 ms; the time of the last."""
     now = from_s
     for difference in differences:
@@ -166,7 +171,7 @@ def ringing(amplitude: float, seconds: float) -> list[float]:
 
 def test_what_rang_is_not_forgotten_sooner_than_a_rope_stops_ringing() -> None:
     """The companion happens to ring alike, and the difference is gone at once."""
-    found = ErrorBand(100e3, 0.01)
+    found = ErrorBound(100e3, 0.01)
     now = fed_with(found, ringing(10.0, 30.0))
     before = found.bound_n(now)
     assert before == pytest.approx(0.43 * 10.0, rel=0.05)
@@ -175,7 +180,7 @@ def test_what_rang_is_not_forgotten_sooner_than_a_rope_stops_ringing() -> None:
 
 
 def test_a_hard_event_widens_the_band_but_by_no_more_than_half_of_what_rings() -> None:
-    soft, hard = (ErrorBand(100e3, 0.01) for _ in range(2))
+    soft, hard = (ErrorBound(100e3, 0.01) for _ in range(2))
     now = max(fed_with(found, ringing(10.0, 30.0)) for found in (soft, hard))
     before = soft.bound_n(now)
     soft.kick(now, 0.1)
@@ -185,7 +190,7 @@ def test_a_hard_event_widens_the_band_but_by_no_more_than_half_of_what_rings() -
 
 
 def test_a_rope_that_stays_taut_after_a_snap_rings_on() -> None:
-    found = ErrorBand(100e3, 0.01)
+    found = ErrorBound(100e3, 0.01)
     found.slacken(0.0)
     now = fed_with(found, ringing(10.0, 2.0))
     assert found.bound_n(now) <= 1.14 * 10.0
@@ -198,19 +203,19 @@ def test_a_rope_that_stays_taut_after_a_snap_rings_on() -> None:
 def test_a_payload_on_the_bed_makes_the_error_rough() -> None:
     rope = build(load_scene("landing"))
     rope.state.nodes[rows.POSITION + 2, :] = -100.0
-    bed = error_band.bed_below(rope)
+    bed = error_interval.bed_below(rope)
     assert bed is not None
-    assert not error_band.touches(bed, rope)
+    assert not error_interval.touches(bed, rope)
     rope.state.nodes[rows.POSITION + 2, 0] = -401.0  # the bed lies at 400 m
-    assert error_band.touches(bed, rope)
-    found = ErrorBand(100e3, 0.01)
+    assert error_interval.touches(bed, rope)
+    found = ErrorBound(100e3, 0.01)
     found.touch(0.0)
     assert found.bound_n(fed_with(found, [100.0])) == pytest.approx(114.0)
 
 
 def test_what_loops_on_the_bed_are_wrong_by_counts_for_some_seconds() -> None:
     """While the payload stands there; after that, and where nothing stood, for 0.4 s."""
-    stood, slack = ErrorBand(100e3, 0.01), ErrorBand(100e3, 0.01)
+    stood, slack = ErrorBound(100e3, 0.01), ErrorBound(100e3, 0.01)
     stood.touch(0.0)
     slack.slacken(0.0)
     for found in (stood, slack):
@@ -222,10 +227,10 @@ def test_what_loops_on_the_bed_are_wrong_by_counts_for_some_seconds() -> None:
 
 def test_a_node_that_is_laid_down_counts_for_some_seconds() -> None:
     """Of a rope whose end is made fast on the bed; that end does not land."""
-    twin = BandedTwin(load_scene("chain_on_bottom"))
-    band_, bed = twin._band, error_band.bed_below(twin._rope)
+    twin = ErrorIntervalTwin(load_scene("chain_on_bottom"))
+    band_, bed = twin._band, error_interval.bed_below(twin._rope)
     assert bed is not None
-    lying = error_band.nodes_on(bed, twin._rope)
+    lying = error_interval.nodes_on(bed, twin._rope)
     assert 10 < lying < 20  # 62 m on elements of 5 m
     twin._look_at_bed(bed, 1.0)
     now = fed_with(band_, [100.0])
@@ -239,20 +244,20 @@ def test_a_node_that_is_laid_down_counts_for_some_seconds() -> None:
 
 
 def test_a_restored_twin_knows_its_band_when_the_companion_has_settled() -> None:
-    twin = BandedTwin(RIG.scene())
+    twin = ErrorIntervalTwin(RIG.scene())
     tensions(twin, 4.0)
-    again = BandedTwin.restore(twin.capture(), RIG.scene())
+    again = ErrorIntervalTwin.restore(twin.capture(), RIG.scene())
     known = [shot for shot in march(again, HEAVE, 25.0, 2) if shot.band is not None]
     first = known[0].time_s - 4.0
-    assert first == pytest.approx(error_band.SETTLING_S, abs=0.03)
+    assert first == pytest.approx(error_interval.SETTLING_S, abs=0.03)
     assert list(march(twin, HEAVE, 25.0, 2))[-1].tension_top_n == known[-1].tension_top_n
 
 
 def test_a_companion_that_fails_is_replaced_and_the_band_unknown_until_it_has_settled() -> None:
-    twin = BandedTwin(RIG.scene())
+    twin = ErrorIntervalTwin(RIG.scene())
     shots = list(march(twin, HEAVE, 1.0, 2))
     assert shots[-1].band is not None
-    twin._companion._rope.state.nodes[rows.POSITION, 3] = np.nan
+    twin._coarse._rope.state.nodes[rows.POSITION, 3] = np.nan
     shots = list(march(twin, HEAVE, 22.0, 2))
     assert shots[0].band is None
     assert shots[-1].band is not None
@@ -261,7 +266,7 @@ def test_a_companion_that_fails_is_replaced_and_the_band_unknown_until_it_has_se
 
 def test_a_run_with_a_band_publishes_records_and_sums_it_up(tmp_path: Path) -> None:
     options = RunOptions(
-        scene="shallow_lift", for_s=2.0, speed=0.0, record=tmp_path / "bag", error_band=True
+        scene="shallow_lift", for_s=2.0, speed=0.0, record=tmp_path / "bag", error_interval=True
     )
     shots: list[Snapshot] = []
     summary = run_unpaced(options, lambda run: shots.append(run.last))
@@ -312,7 +317,7 @@ def test_the_error_lies_under_the_bound_and_the_bound_is_near(case: BandCase) ->
 @pytest.mark.long
 @pytest.mark.parametrize("case", band.FULL, ids=str)
 def test_in_every_scene_the_error_lies_under_the_bound(case: BandCase) -> None:
-    """`pytest -m long -k band`: 95 % of the time (docs/error_band.md)."""
+    """`pytest -m long -k band`: 95 % of the time (docs/error_interval.md)."""
     (row,) = band.measure_bands([case], lambda *_: None)
     assert row.held_pct >= 95.0
     assert row.ratio <= 5.0

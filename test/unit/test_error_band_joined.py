@@ -16,11 +16,11 @@ from rope_twin.scene.arrays.joined import build_joined
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.driven_twin import fed
 from rope_twin.studies.variants import variant
-from rope_twin.twin.accuracy.difference import share_of_difference
-from rope_twin.twin.accuracy.error_band import SETTLING_S, BandedTwin
-from rope_twin.twin.accuracy.error_bound import LOOSE, ROUGH_S, ErrorBand
-from rope_twin.twin.accuracy.sights import Sight, is_slack
-from rope_twin.twin.findings import TensionBand
+from rope_twin.twin.accuracy.error_bound import LOOSE, ROUGH_S, ErrorBound
+from rope_twin.twin.accuracy.error_fraction import fraction_of_difference
+from rope_twin.twin.accuracy.error_interval import SETTLING_S, ErrorIntervalTwin
+from rope_twin.twin.accuracy.event_detection import EventDetector, is_slack
+from rope_twin.twin.results import TensionInterval
 from rope_twin.twin.snapshot import Snapshot
 
 
@@ -32,10 +32,10 @@ def pulls(shots: list[Snapshot]) -> list[list[float]]:
 def test_the_companion_is_the_system_of_half_the_elements_and_twice_the_step(name: str) -> None:
     """Its tensions are those of a twin of such a scene, at both winches, over a sheave too."""
     scene = load_scene(name)
-    twin, followed = BandedTwin(scene), []
+    twin, followed = ErrorIntervalTwin(scene), []
     last = [top.rope for top in twin._tops][-1]
     for _ in fed(twin, 14.0):
-        followed.append([twin._companion.further(r)[-1] for r in (0, last)])
+        followed.append([twin._coarse.further(r)[-1] for r in (0, last)])
     half = Twin(variant(scene, scene.ropes[0].elements // 2, 2.0 * scene.time.step_s))
     alone = [[one[0], one[last]] for one in pulls(list(fed(half, 14.0)))]
     assert np.allclose(followed, alone, rtol=1e-7)
@@ -44,7 +44,7 @@ def test_the_companion_is_the_system_of_half_the_elements_and_twice_the_step(nam
 def test_the_run_is_the_same_to_the_bit_and_so_is_a_branch_with_its_band() -> None:
     """Of all ropes of a bridle; the branch goes on beside it."""
     scene = load_scene("bridle_lift")
-    twin = BandedTwin(scene)
+    twin = ErrorIntervalTwin(scene)
     assert pulls(list(fed(twin, 4.0))) == pulls(list(fed(Twin(scene), 4.0)))
     other = twin.branch()
     for _ in range(40):
@@ -53,7 +53,7 @@ def test_the_run_is_the_same_to_the_bit_and_so_is_a_branch_with_its_band() -> No
         assert other.snapshot().band == replace_cost(twin.snapshot(), other.snapshot())
 
 
-def replace_cost(one: Snapshot, other: Snapshot) -> TensionBand | None:
+def replace_cost(one: Snapshot, other: Snapshot) -> TensionInterval | None:
     """The band of one with the cost of the other: time is no state."""
     assert one.band is not None
     assert other.band is not None
@@ -63,10 +63,10 @@ def replace_cost(one: Snapshot, other: Snapshot) -> TensionBand | None:
 def test_a_restored_twin_knows_its_band_when_the_companion_has_settled() -> None:
     """The halves of a system in motion come to agree with those that started at rest."""
     scene = load_scene("bridle_lift")
-    twin = BandedTwin(scene)
+    twin = ErrorIntervalTwin(scene)
     for _ in fed(twin, 3.0):
         pass
-    again = BandedTwin.restore(twin.capture(), scene)
+    again = ErrorIntervalTwin.restore(twin.capture(), scene)
     bounds = []
     while again.time_ns < 25_000_000_000:
         twin.advance(2)
@@ -82,7 +82,7 @@ def test_a_restored_twin_knows_its_band_when_the_companion_has_settled() -> None
 
 
 def test_every_rope_from_the_ship_has_a_band_and_no_other_and_all_are_told() -> None:
-    twin = BandedTwin(load_scene("two_line_lift"))
+    twin = ErrorIntervalTwin(load_scene("two_line_lift"))
     twin.advance(10)
     shot = twin.snapshot()
     assert shot.band == shot.ropes[0].band
@@ -98,7 +98,7 @@ def test_every_rope_from_the_ship_has_a_band_and_no_other_and_all_are_told() -> 
     assert list(message.name) == ["tension_top_low", "tension_top_high", "aft_low", "aft_high"]
     (row,) = (one for one in statuses(shot, None) if one.name == "simulation: error band")
     assert row.values["error bound of 'aft' [N]"] == f"{aft.bound_n:.3g}"
-    legs = BandedTwin(load_scene("bridle_lift")).snapshot().ropes
+    legs = ErrorIntervalTwin(load_scene("bridle_lift")).snapshot().ropes
     assert [rope.band is not None for rope in legs] == [True, False, False, False, False]
 
 
@@ -108,13 +108,13 @@ def test_a_current_in_layers_makes_the_whole_difference_count() -> None:
         build_joined(load_scene(name)).system.ropes[0]
         for name in ("two_line_loop", "two_line_lift")
     )
-    assert share_of_difference(layered, meets=True) == 1.0
-    assert share_of_difference(even, meets=True) == 0.5
-    assert share_of_difference(even, meets=False) == pytest.approx(1.0 / 3.0)
+    assert fraction_of_difference(layered, meets=True) == 1.0
+    assert fraction_of_difference(even, meets=True) == 0.5
+    assert fraction_of_difference(even, meets=False) == pytest.approx(1.0 / 3.0)
 
 
 def test_a_step_of_the_current_errs_by_no_more_than_the_difference_of_the_halves() -> None:
-    """Load of a current that sets in at a height, felt at nodes: the rule of `difference`."""
+    """Load of a current that sets in at a height, felt at nodes: the rule of `error_fraction`."""
     for step in np.linspace(40.0, 60.0, 41):
         loads = []
         for element in (10.0, 5.0):
@@ -129,7 +129,7 @@ def test_a_step_of_the_current_errs_by_no_more_than_the_difference_of_the_halves
 def test_a_module_on_two_lines_lands_and_a_leg_that_is_slack_is_seen() -> None:
     """The module is a joint, held by no place: either line's lower end tells."""
     ropes = build_joined(load_scene("two_line_landing")).system.ropes
-    sight = Sight(ropes, [False, False])
+    sight = EventDetector(ropes, [False, False])
     assert not sight.stands(ropes, sight.bed)
     for rope in ropes:
         rope.work[rows.TENSION] = 1.0
@@ -147,7 +147,7 @@ def test_a_body_on_its_deck_and_slings_that_hang_loose_are_seen() -> None:
     now, corner = body.records[0], -float(body.corners[:, 2].min())
     now[at.Q + 3] = 1.0
     body.stage[at.DECK_Z] = 5.0
-    sight = Sight([rope], [False])
+    sight = EventDetector([rope], [False])
     for height, stands in ((4.99, True), (5.01, False)):
         now[at.X + 2] = height + corner
         assert sight.on_deck() == stands
@@ -162,7 +162,7 @@ def test_a_body_on_its_deck_and_slings_that_hang_loose_are_seen() -> None:
 
 def test_a_rope_without_slings_is_never_without_its_load() -> None:
     rope = build(load_scene("shallow_lift"))
-    assert not Sight([rope], [False]).unloaded()
+    assert not EventDetector([rope], [False]).unloaded()
 
 
 def test_slings_and_a_deck_are_springs_and_a_snap_is_none() -> None:
@@ -171,8 +171,8 @@ def test_slings_and_a_deck_are_springs_and_a_snap_is_none() -> None:
     A load on springs below a mass errs by the order 5/3 in the elements' length, so by
     1/(2^(5/3) - 1) of the difference at least, and by less than all of it, which is first order.
     """
-    snap, sling, deck = (ErrorBand(100e3, 0.01) for _ in range(3))
-    hook = ErrorBand(100e3, 0.01, unloaded=lambda: True)
+    snap, sling, deck = (ErrorBound(100e3, 0.01) for _ in range(3))
+    hook = ErrorBound(100e3, 0.01, unloaded=lambda: True)
     snap.slacken(0.0)
     hook.slacken(0.0)
     sling.loosen(0.0)
@@ -188,7 +188,7 @@ def test_slings_and_a_deck_are_springs_and_a_snap_is_none() -> None:
 
 def test_a_module_set_down_on_its_deck_is_not_taken_for_a_snap() -> None:
     """In lift_off the rope's tension is next to nothing for moments; all slings are slack then."""
-    twin = BandedTwin(load_scene("lift_off"))
+    twin = ErrorIntervalTwin(load_scene("lift_off"))
     lowest_n = min(shot.tension_top_n for shot in fed(twin, 14.2))
     (top,) = twin._tops
     assert lowest_n < LOOSE * twin._rests_n[0]

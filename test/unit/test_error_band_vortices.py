@@ -12,16 +12,16 @@ from rope_twin import Twin
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.driven_twin import fed
 from rope_twin.studies.variants import variant
-from rope_twin.twin.accuracy.error_band import BandedTwin
-from rope_twin.twin.accuracy.error_bound import ErrorBand
-from rope_twin.twin.accuracy.grown_apart import (
-    ALIKE,
-    OTHERWISE,
-    SHAKEN,
-    differ_by,
-    share_where_they_differ,
+from rope_twin.twin.accuracy.divergence import (
+    AGREEMENT,
+    DIVERGENCE,
+    VIV_FRACTION,
+    diverged_fraction,
+    drag_divergence,
 )
-from rope_twin.twin.accuracy.out_of_step import AMPLITUDE, OutOfStep
+from rope_twin.twin.accuracy.error_bound import ErrorBound
+from rope_twin.twin.accuracy.error_interval import ErrorIntervalTwin
+from rope_twin.twin.accuracy.phase_drift import AMPLITUDE, PhaseDrift
 
 H, HZ = 0.01, 2.0  # the companion's step [s]; the vortices' frequency [Hz]
 OMEGA = 2.0 * math.pi * 2.0 * HZ  # of the top tension
@@ -31,11 +31,11 @@ OMEGA = 2.0 * math.pi * 2.0 * HZ  # of the top tension
 def test_the_companion_has_wakes_of_its_own(name: str) -> None:
     """The run is the same to the bit, and the companion a rope of half the elements, shaken too."""
     scene = load_scene(name)
-    twin, found = BandedTwin(scene), []
+    twin, found = ErrorIntervalTwin(scene), []
     shots = []
     for shot in fed(twin, 2.0):
         shots.append(shot.tension_top_n)
-        found.append(twin._companion._pull_n)  # type: ignore[attr-defined]
+        found.append(twin._coarse._pull_n)  # type: ignore[attr-defined]
     assert shots == [shot.tension_top_n for shot in fed(Twin(scene), 2.0)]
     half = Twin(variant(scene, scene.ropes[0].elements // 2, 2.0 * scene.time.step_s))
     alone = [shot.tension_top_n for shot in fed(half, 2.0)]
@@ -44,12 +44,12 @@ def test_the_companion_has_wakes_of_its_own(name: str) -> None:
 
 def followed(
     phase: Callable[[float], float], seconds: float, slow_n: float = 0.0
-) -> tuple[OutOfStep, list[tuple[float, float]]]:
+) -> tuple[PhaseDrift, list[tuple[float, float]]]:
     """Vibrations of 100 N, the companion ahead by a phase: what it found; error and bound.
 
     The error is what a third of the phase makes; slow_n: a heave that both have.
     """
-    found, rows = OutOfStep(50e3, 0.2, H, resting=True), []
+    found, rows = PhaseDrift(50e3, 0.2, H, resting=True), []
     found.keep_pace(HZ)
     for k in range(1, int(seconds / H)):
         t = k * H
@@ -83,7 +83,7 @@ def test_without_a_phase_the_bound_is_of_vibrations_that_oppose_each_other() -> 
     found, rows = followed(lambda t: 12.0 * t, 20.0)
     assert found.phase_rad is None
     assert 2.0 * 100.0 < rows[-1][1] < 2.0 * AMPLITUDE * 110.0
-    began = OutOfStep(50e3, 0.2, H, resting=False)
+    began = PhaseDrift(50e3, 0.2, H, resting=False)
     began.keep_pace(HZ)
     for k in range(1, 1000):
         both = 50e3 + 100.0 * math.sin(OMEGA * H * k)
@@ -93,7 +93,7 @@ def test_without_a_phase_the_bound_is_of_vibrations_that_oppose_each_other() -> 
 
 
 def test_what_does_not_vibrate_is_not_out_of_step() -> None:
-    found = OutOfStep(50e3, 0.2, H, resting=True)
+    found = PhaseDrift(50e3, 0.2, H, resting=True)
     found.keep_pace(HZ)
     for k in range(1, 1000):
         found.take(H * k, 50e3, 50e3)
@@ -102,11 +102,11 @@ def test_what_does_not_vibrate_is_not_out_of_step() -> None:
 
 def test_a_restored_twin_does_not_know_how_far_its_vortices_are_out_of_step() -> None:
     """What it has been through is not in the new companion."""
-    twin = BandedTwin(load_scene("sonde_cast"))
+    twin = ErrorIntervalTwin(load_scene("sonde_cast"))
     for _ in fed(twin, 8.0):
         pass
     knows = twin._tops[0].vortices
-    again = BandedTwin.restore(twin.capture(), twin.scene)
+    again = ErrorIntervalTwin.restore(twin.capture(), twin.scene)
     again.advance(1000)
     lost = again._tops[0].vortices
     assert knows is not None
@@ -123,31 +123,31 @@ def test_a_companion_has_modes_of_its_own_beside_its_step(name: str) -> None:
     Its model looks more rarely than that scene's does, so its drag grows a little later.
     """
     scene = load_scene(name)
-    twin, shots, found = BandedTwin(scene), [], []
+    twin, shots, found = ErrorIntervalTwin(scene), [], []
     for shot in fed(twin, 8.0):
         shots.append(shot.tension_top_n)
-        found.append(twin._companion._pull_n)  # type: ignore[attr-defined]
+        found.append(twin._coarse._pull_n)  # type: ignore[attr-defined]
     plain = [shot.tension_top_n for shot in fed(Twin(scene), 8.0)]
     assert shots == plain
     half = Twin(variant(scene, scene.ropes[0].elements // 2, 2.0 * scene.time.step_s))
     alone = np.array([shot.tension_top_n for shot in fed(half, 8.0)])
     off = np.abs(np.array(found) - np.array(plain)).max()
     assert np.abs(np.array(found) - alone).max() < 0.6 * off
-    own, other = twin.shaking, twin._companion._shaking  # type: ignore[attr-defined]
+    own, other = twin.viv_drag, twin._coarse._viv_drag  # type: ignore[attr-defined]
     assert own is not None
     assert own.tracker.solves == other.tracker.solves == 8
     assert other.every == 4 * own.every
-    assert 1.2 < twin._companion.amplified().max() < 2.0
+    assert 1.2 < twin._coarse.drag_amplification().max() < 2.0
 
 
 @pytest.mark.parametrize("name", ["vortices_modal", "vortices_decomposed"])
 def test_a_restored_twin_makes_a_companion_that_shakes_on(name: str) -> None:
     """Unknown for 20 s, then near what the one that ran from rest tells."""
-    twin = BandedTwin(load_scene(name))
+    twin = ErrorIntervalTwin(load_scene(name))
     for _ in fed(twin, 10.0):
         pass
-    again = BandedTwin.restore(twin.capture(), twin.scene)
-    assert again._companion.amplified().max() > 1.2
+    again = ErrorIntervalTwin.restore(twin.capture(), twin.scene)
+    assert again._coarse.drag_amplification().max() > 1.2
     for one in (twin, again):
         one.advance(2500)
     assert "" == again.snapshot().no_band == twin.snapshot().no_band
@@ -158,7 +158,7 @@ def test_a_restored_twin_makes_a_companion_that_shakes_on(name: str) -> None:
 
 def test_a_difference_counts_whole_where_the_drag_has_grown_otherwise() -> None:
     """And by less again once it has grown alike for five seconds."""
-    band = ErrorBand(50e3, 0.01, SHAKEN)
+    band = ErrorBound(50e3, 0.01, VIV_FRACTION)
 
     def bound(time_s: float) -> float:
         for _ in range(2):
@@ -167,20 +167,20 @@ def test_a_difference_counts_whole_where_the_drag_has_grown_otherwise() -> None:
         return band.bound_n(time_s)
 
     alike = bound(1.0)
-    band.grow_apart(1.0, ALIKE)
+    band.diverge(1.0, AGREEMENT)
     assert bound(1.1) == pytest.approx(alike)
-    band.grow_apart(1.2, OTHERWISE)
-    assert bound(1.3) == pytest.approx(alike / SHAKEN)
-    band.grow_apart(4.0, 0.0)
-    assert bound(4.1) == pytest.approx(alike / SHAKEN)
-    band.grow_apart(6.3, 0.0)
+    band.diverge(1.2, DIVERGENCE)
+    assert bound(1.3) == pytest.approx(alike / VIV_FRACTION)
+    band.diverge(4.0, 0.0)
+    assert bound(4.1) == pytest.approx(alike / VIV_FRACTION)
+    band.diverge(6.3, 0.0)
     assert bound(6.6) == pytest.approx(alike)
 
 
 def test_how_much_drag_two_grids_differ_by() -> None:
     """Of a straight line there is nothing, of a tenth more along a half a twentieth."""
     fine, coarse = np.linspace(1.0, 1.8, 81), np.linspace(1.0, 1.8, 41)
-    assert differ_by(fine, coarse) == pytest.approx(0.0, abs=1e-15)
+    assert drag_divergence(fine, coarse) == pytest.approx(0.0, abs=1e-15)
     half = np.where(np.arange(40) < 20, 1.1, 1.0)
-    assert differ_by(np.ones(80), half) == pytest.approx(0.05)
-    assert share_where_they_differ(SHAKEN, 0.01) == pytest.approx(0.5 * (1.0 + SHAKEN))
+    assert drag_divergence(np.ones(80), half) == pytest.approx(0.05)
+    assert diverged_fraction(VIV_FRACTION, 0.01) == pytest.approx(0.5 * (1.0 + VIV_FRACTION))

@@ -14,15 +14,15 @@ from rope_twin.scene.schema import Scene, ScheduleRow
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.studies.driven_twin import fed
 from rope_twin.studies.variants import variant
-from rope_twin.twin.accuracy.companion import HalfRope, HalfSystem
-from rope_twin.twin.accuracy.error_band import SETTLING_S, BandedTwin
-from rope_twin.twin.accuracy.error_bound import ErrorBand
-from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.accuracy.coarse_solution import CoarseRope, CoarseSystem
+from rope_twin.twin.accuracy.error_bound import ErrorBound
+from rope_twin.twin.accuracy.error_interval import SETTLING_S, ErrorIntervalTwin
+from rope_twin.twin.winch.commands import WinchCommand
 
 
-def half_of(twin: BandedTwin) -> HalfRope:
-    half = twin._companion
-    assert isinstance(half, HalfRope)
+def half_of(twin: ErrorIntervalTwin) -> CoarseRope:
+    half = twin._coarse
+    assert isinstance(half, CoarseRope)
     return half
 
 
@@ -43,7 +43,7 @@ def soft_brake() -> Scene:
 def test_the_companion_is_the_same_rope_and_winch_with_twice_the_step() -> None:
     """Line out and tension are those of a twin of such a scene, which gets the sea by itself."""
     scene = soft_brake()
-    twin, found = BandedTwin(scene), []
+    twin, found = ErrorIntervalTwin(scene), []
     for _ in fed(twin, 10.0):
         half = half_of(twin)
         found.append((float(half._ahead.value[0, rows.LINE]), half._pull_n))
@@ -58,7 +58,7 @@ def test_the_companion_is_the_same_rope_and_winch_with_twice_the_step() -> None:
 
 def test_the_run_is_the_same_to_the_bit_and_so_is_a_branch_with_its_band() -> None:
     scene = soft_brake()
-    twin, alone = BandedTwin(scene), Twin(scene)
+    twin, alone = ErrorIntervalTwin(scene), Twin(scene)
     shots = [shot.tension_top_n for shot in fed(twin, 6.0)]
     assert shots == [shot.tension_top_n for shot in fed(alone, 6.0)]
     other = twin.branch()
@@ -73,14 +73,14 @@ def test_the_run_is_the_same_to_the_bit_and_so_is_a_branch_with_its_band() -> No
 
 def test_an_order_by_depth_on_the_way_gives_the_companion_a_winch() -> None:
     """The band goes on, wider: the error is of first order from there."""
-    twin = BandedTwin(load_scene("shallow_lift"))
+    twin = ErrorIntervalTwin(load_scene("shallow_lift"))
     twin.advance(101)  # an odd step: the companion has one to wait for
     assert not half_of(twin).winches
-    twin.offer_order(None, Order("depth", 195.0))
+    twin.offer_command(None, WinchCommand("depth", 195.0))
     twin.advance(99)
     assert half_of(twin).winches
     assert twin.snapshot().band is not None
-    twin.offer_order(None, Order("speed", 0.5))  # reaches both
+    twin.offer_command(None, WinchCommand("speed", 0.5))  # reaches both
     twin.advance(200)
     assert line_out_m(twin) == pytest.approx(
         float(half_of(twin)._ahead.value[0, rows.LINE]), abs=1e-4
@@ -90,18 +90,18 @@ def test_an_order_by_depth_on_the_way_gives_the_companion_a_winch() -> None:
 
 def test_a_new_plan_after_a_pause_reaches_both_winches() -> None:
     """It comes with stamps before those of the old one, which it replaces."""
-    twin = BandedTwin(load_scene("emergency_stop"))
+    twin = ErrorIntervalTwin(load_scene("emergency_stop"))
     twin.advance(10)
-    assert twin.offer_order(3_000_000_000, Order("speed", -0.5)) == ""
-    twin.doubt_inputs()
-    assert twin.offer_order(1_000_000_000, Order("speed", 0.5)) == ""
+    assert twin.offer_command(3_000_000_000, WinchCommand("speed", -0.5)) == ""
+    twin.invalidate_inputs()
+    assert twin.offer_command(1_000_000_000, WinchCommand("speed", 0.5)) == ""
     twin.advance(490)
     for rate in (twin._boundary.rate, half_of(twin)._ahead.rate):
         assert rate[0, rows.LINE] == pytest.approx(0.5, abs=0.01)
 
 
 def test_while_a_winch_answers_the_difference_itself_counts() -> None:
-    calm, answers = ErrorBand(100e3, 0.01), ErrorBand(100e3, 0.01)
+    calm, answers = ErrorBound(100e3, 0.01), ErrorBound(100e3, 0.01)
     answers.answer(0.0)
     for found in (calm, answers):
         for k in range(1, 40):
@@ -112,10 +112,10 @@ def test_while_a_winch_answers_the_difference_itself_counts() -> None:
 
 
 def test_a_restored_twin_gives_its_companion_a_winch_again() -> None:
-    twin = BandedTwin(soft_brake())
+    twin = ErrorIntervalTwin(soft_brake())
     for _ in fed(twin, 3.0):
         pass
-    again = BandedTwin.restore(twin.capture(), twin.scene)
+    again = ErrorIntervalTwin.restore(twin.capture(), twin.scene)
     again.advance(round((SETTLING_S + 0.1) / again.step_s))
     assert half_of(again).winches
     assert again.snapshot().band is not None
@@ -145,9 +145,9 @@ def drives_on_both_lines(of: tuple[str, ...] = ("winch", "aft_sheave")) -> Scene
     )
 
 
-def system_of(twin: BandedTwin) -> HalfSystem:
-    half = twin._companion
-    assert isinstance(half, HalfSystem)
+def system_of(twin: ErrorIntervalTwin) -> CoarseSystem:
+    half = twin._coarse
+    assert isinstance(half, CoarseSystem)
     return half
 
 
@@ -162,7 +162,7 @@ def test_where_ropes_meet_the_companion_has_those_winches_that_answer(of: tuple[
     A line whose winch does not answer is the twin's to the bit.
     """
     scene = drives_on_both_lines(of)
-    twin, found = BandedTwin(scene), []
+    twin, found = ErrorIntervalTwin(scene), []
     for _ in fed(twin, 8.0):
         half = system_of(twin)
         found.append([*half._now[0][:, rows.LINE], *half._pull_n])
@@ -180,7 +180,7 @@ def test_where_ropes_meet_the_companion_has_those_winches_that_answer(of: tuple[
 
 def test_where_ropes_meet_the_run_is_the_same_to_the_bit_and_so_is_a_branch() -> None:
     scene = drives_on_both_lines()
-    twin, alone = BandedTwin(scene), Twin(scene)
+    twin, alone = ErrorIntervalTwin(scene), Twin(scene)
     shots = [[one.tension_top_n for one in shot.ropes] for shot in fed(twin, 4.0)]
     assert shots == [[one.tension_top_n for one in shot.ropes] for shot in fed(alone, 4.0)]
     other = twin.branch()
@@ -195,14 +195,14 @@ def test_where_ropes_meet_the_run_is_the_same_to_the_bit_and_so_is_a_branch() ->
 
 def test_where_ropes_meet_an_order_by_depth_on_the_way_leaves_the_band_known() -> None:
     """The companion's winch is made when the order is due, and gets the next one, too."""
-    twin = BandedTwin(load_scene("two_line_lift"))
+    twin = ErrorIntervalTwin(load_scene("two_line_lift"))
     twin.advance(101)
     assert not system_of(twin).winches
-    assert twin.offer_order(None, Order("depth", 590.0), "aft_sheave") == ""
+    assert twin.offer_command(None, WinchCommand("depth", 590.0), "aft_sheave") == ""
     twin.advance(99)
     assert system_of(twin).winches.keys() == {1}
     assert all(one.band is not None for one in twin.snapshot().ropes)
-    assert twin.offer_order(None, Order("speed", 0.2), "aft_sheave") == ""
+    assert twin.offer_command(None, WinchCommand("speed", 0.2), "aft_sheave") == ""
     twin.advance(200)
     assert twin.joined is not None
     own = twin.joined.moved.rate[1, -1, rows.LINE]
@@ -218,8 +218,8 @@ def test_only_where_a_drive_asks_at_every_step_the_companion_keeps_the_elements(
     name: str, share: int
 ) -> None:
     """Else nothing would tell of their error while no order by depth or tension is due."""
-    twin = BandedTwin(load_scene(name))
-    half = twin._companion
-    assert isinstance(half, HalfRope | HalfSystem)
-    rope = half._rope if isinstance(half, HalfRope) else half._system.ropes[0]
+    twin = ErrorIntervalTwin(load_scene(name))
+    half = twin._coarse
+    assert isinstance(half, CoarseRope | CoarseSystem)
+    rope = half._rope if isinstance(half, CoarseRope) else half._system.ropes[0]
     assert share * rope.state.counts[rows.ELEMENTS] == twin.rope.state.counts[rows.ELEMENTS]

@@ -25,7 +25,7 @@ from rope_twin.studies.fatigue import (
     turning_points,
 )
 from rope_twin.twin.ensemble.ensemble import Ensemble
-from rope_twin.twin.fatigue.endurance import CURVES, Cycles, StressCurve, find_curve, strength_of
+from rope_twin.twin.fatigue.curves import CURVES, Cycles, StressCurve, find_curve, strength_of
 from rope_twin.twin.snapshot import Snapshot
 
 STEEL = rope_preset("steel_wire_40mm")

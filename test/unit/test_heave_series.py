@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from rope_twin.errors import InputError
 from rope_twin.twin.motion.heave_series import HeaveSeries
-from rope_twin.twin.motion.ship import HeaveTrack
+from rope_twin.twin.motion.heave_track import HeaveTrack
 
 Sample = tuple[int, float, float]
 

@@ -10,9 +10,9 @@ from rope_twin.messages import Level, Status, encode_current, encode_heave, enco
 from rope_twin.run.border import MESSAGES_ROW, SENDERS_ROW, InputBorder, MotionSender
 from rope_twin.run.seat import PRIORITY
 from rope_twin.scene.load import load_scene
-from rope_twin.twin.hoisting.orders import SPEED, Order
 from rope_twin.twin.input_queue import InputQueue, LogEntry
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.winch.commands import SPEED, WinchCommand
 
 EPOCH_NS = 1_700_000_000_000_000_000
 
@@ -110,8 +110,10 @@ def test_without_an_epoch_nothing_is_taken(rig: Rig) -> None:
 
 
 def test_who_has_not_the_seat_is_refused(rig: Rig) -> None:
-    topic, data = encode_order(0, Order(SPEED, 0.2))
+    topic, data = encode_order(0, WinchCommand(SPEED, 0.2))
     rig.border.take_order(topic, data, "console")
     rig.border.take_order(topic, data, "stranger")
-    assert [arguments[0] for method, arguments in rig.calls() if method == "offer_order"] == [None]
+    assert [arguments[0] for method, arguments in rig.calls() if method == "offer_command"] == [
+        None
+    ]
     assert rig.row("simulation: seat winch").level == Level.WARN

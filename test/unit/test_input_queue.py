@@ -15,8 +15,7 @@ from rope_twin import Twin, load_scene
 from rope_twin.errors import InputError
 from rope_twin.recording.input_log import InputLog, Mark, Skipped, encode_json, read_log
 from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC
-from rope_twin.twin.accuracy.rung import Rung
-from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.input_queue import (
     WAITING_LIMIT,
     Call,
@@ -27,6 +26,7 @@ from rope_twin.twin.input_queue import (
     plain_calls,
 )
 from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.winch.commands import WinchCommand
 
 POSE = ShipPose(5, (0.1, -0.0, 3.0), (1.0, 2.0, 3.0), (0.0, 0.0, 0.0, 1.0), (0.1, 0.2, 0.3))
 
@@ -55,15 +55,15 @@ def test_every_kind_of_input_comes_back() -> None:
     profile = np.array([[0.0, 0.1, math.nan], [-10.0, math.inf, 0.0]])
     calls = (
         Call("offer_pose", (POSE,), {}),
-        Call("offer_order", (None, Order("length", 3.0), "winch"), {}),
+        Call("offer_command", (None, WinchCommand("length", 3.0), "winch"), {}),
         Call("offer_cut", (7, math.inf, ""), {}),
         Call("offer_current", (profile,), {}),
-        Call("doubt_inputs", (), {}),
-        Call("take_rung", (Rung(5_000_000, 1),), {}),
+        Call("invalidate_inputs", (), {}),
+        Call("set_level", (AccuracyLevel(5_000_000, 1),), {}),
     )
     back = again(calls)
     assert back[:3] + back[4:] == calls[:3] + calls[4:]
-    assert isinstance(back[1].arguments[1], Order)
+    assert isinstance(back[1].arguments[1], WinchCommand)
     assert np.array_equal(back[3].arguments[0], profile, equal_nan=True)
 
 
@@ -86,14 +86,14 @@ def test_inputs_are_applied_at_the_next_slot_and_logged(twin: Twin) -> None:
     queue = InputQueue(twin, twin, log.append)
     queue.advance(2)
     assert log == []
-    assert queue.offer_order(None, Order("speed", 0.3), "winch") == ""
+    assert queue.offer_command(None, WinchCommand("speed", 0.3), "winch") == ""
     assert queue.offer_heave(10_000_000, math.nan, 0.0) == ""  # the twin refuses it, and counts
     assert queue.snapshot().inputs["heave"].refused == 0
     queue.advance(2)
     queue.advance(2)
     (entry,) = log
     assert entry.time_ns == 20_000_000
-    assert [call.method for call in entry.calls] == ["offer_order", "offer_heave"]
+    assert [call.method for call in entry.calls] == ["offer_command", "offer_heave"]
     assert queue.snapshot().inputs["heave"].refused == 1
     other = Twin(load_scene("shallow_lift"))
     other.advance(2)
@@ -106,11 +106,11 @@ def test_other_elements_are_logged_ahead_of_the_inputs(twin: Twin) -> None:
     log: list[LogEntry] = []
     queue = InputQueue(twin, twin, log.append)
     queue.advance(2)
-    twin.take_rung(Rung(20_000_000))
+    twin.set_level(AccuracyLevel(20_000_000))
     queue.offer_heave(0, 0.0, 0.0)
     queue.advance(1)
-    assert [call.method for call in log[0].calls] == ["take_rung", "offer_heave"]
-    twin.take_rung(Rung(50_000_000))
+    assert [call.method for call in log[0].calls] == ["set_level", "offer_heave"]
+    twin.set_level(AccuracyLevel(50_000_000))
     queue.begin()  # who describes the session says it
     queue.advance(1)
     assert len(log) == 1

@@ -18,13 +18,18 @@ from rope_twin.scene.card import read_card
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import march
 from rope_twin.studies.variants import variant
-from rope_twin.twin.accuracy.ladder import FIT, LEAST_SLOTS, WAIT_S, Ladder, TwinLadder
-from rope_twin.twin.accuracy.rung import Rung
-from rope_twin.twin.accuracy.rungs import ladder_of
-from rope_twin.twin.handover import Handover
-from rope_twin.twin.hoisting.schedule import schedule_samples
-from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.accuracy.level import AccuracyLevel, levels_of
+from rope_twin.twin.accuracy.overload import (
+    FIT,
+    MIN_CYCLES,
+    WAIT_S,
+    OverloadProtection,
+    TwinOverloadProtection,
+)
+from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.pacing import Pacer, SlotTimes, steps_in_slot
+from rope_twin.twin.snapshot_queue import SnapshotQueue
+from rope_twin.twin.winch.schedule import schedule_samples
 from validation.rigs import Rig, sine
 
 MS = 1_000_000
@@ -36,17 +41,17 @@ HEAVE = sine(1.0, 7.0)
 class Machine:
     """A ladder on a machine that needs so much of each slot of 20 ms on the best rung."""
 
-    def __init__(self, rungs: tuple[Rung, ...]) -> None:
+    def __init__(self, rungs: tuple[AccuracyLevel, ...]) -> None:
         self.rungs, self.now_ns = rungs, 0
-        self.ladder = Ladder(self, rungs, rungs[0])
-        self.taken: list[Rung] = []
+        self.ladder = OverloadProtection(self, rungs, rungs[0])
+        self.taken: list[AccuracyLevel] = []
 
-    def take_rung(self, rung: Rung) -> None:
+    def set_level(self, rung: AccuracyLevel) -> None:
         self.taken.append(rung)
 
     def slot(self, load: float, late: bool | None = None) -> bool:
         """A slot; `load` is that of the best rung."""
-        rung = self.ladder.rung
+        rung = self.ladder.level
         load *= self.rungs[0].step_ns / (rung.step_ns * (1 << rung.halvings))
         self.now_ns += 20 * MS
         ended_late = load > 1.0 if late is None else late
@@ -59,21 +64,21 @@ class Machine:
 
 @pytest.fixture
 def machine() -> Machine:
-    return Machine(ladder_of(load_scene("deep_lift")))
+    return Machine(levels_of(load_scene("deep_lift")))
 
 
 def test_larger_steps_come_first_and_then_fewer_elements() -> None:
-    rungs = [(r.step_ns // MS, r.halvings) for r in ladder_of(load_scene("deep_lift"))]
+    rungs = [(r.step_ns // MS, r.halvings) for r in levels_of(load_scene("deep_lift"))]
     assert rungs == [(10, 0), (20, 0), (50, 0), (50, 1), (50, 2)]  # 100, 50 and 25 elements
     fine = variant(load_scene("deep_lift"), 100, 0.001)
-    assert [r.step_ns // MS for r in ladder_of(fine)][:6] == [1, 2, 5, 10, 20, 50]
+    assert [r.step_ns // MS for r in levels_of(fine)][:6] == [1, 2, 5, 10, 20, 50]
 
 
 @settings(max_examples=30)
 @given(st.lists(st.floats(0.0, 0.65), min_size=50, max_size=100), st.integers(0, 49))
 def test_a_machine_with_room_never_steps_down(loads: list[float], stalled: int) -> None:
     """Not even when the system stalls once for a second, and slots after that end late."""
-    machine = Machine(ladder_of(load_scene("deep_lift")))
+    machine = Machine(levels_of(load_scene("deep_lift")))
     for number, load in enumerate(loads):
         stall = 50.0 if number == stalled else 0.0
         assert not machine.slot(load + stall, late=stalled <= number < stalled + 20)
@@ -83,12 +88,12 @@ def test_a_machine_with_room_never_steps_down(loads: list[float], stalled: int) 
 @settings(max_examples=30)
 @given(st.floats(0.9, 4.0))
 def test_too_much_work_goes_to_the_first_rung_that_fits(load: float) -> None:
-    machine = Machine(ladder_of(load_scene("deep_lift")))
+    machine = Machine(levels_of(load_scene("deep_lift")))
     slots = 0
     while not machine.taken:
         machine.slot(load)
         slots += 1
-        assert slots <= LEAST_SLOTS
+        assert slots <= MIN_CYCLES
     work = [10.0 / (r.step_ns / MS * (1 << r.halvings)) for r in machine.rungs]
     (at,) = (machine.rungs.index(rung) for rung in machine.taken)
     assert load * work[at] <= FIT + 1e-9 or at == len(work) - 1
@@ -109,7 +114,7 @@ def test_it_comes_back_one_rung_at_a_time_when_there_is_room(machine: Machine) -
     machine.run(0.1, (low + 0.5) * WAIT_S)
     climbed = [machine.rungs.index(rung) for rung in machine.taken[1:]]
     assert climbed == list(range(low - 1, -1, -1))
-    assert machine.ladder.rung == machine.rungs[0]
+    assert machine.ladder.level == machine.rungs[0]
 
 
 def test_a_rung_that_must_be_left_again_soon_is_waited_for_longer(machine: Machine) -> None:
@@ -132,15 +137,15 @@ def test_a_rung_that_must_be_left_again_soon_is_waited_for_longer(machine: Machi
 def test_a_setting_that_a_budget_bought_is_the_best_rung_of_its_ladder() -> None:
     """Finer than the card's: down from 0.5 ms and 301 elements, and all of them come back."""
     scene = variant(load_scene("shallow_lift"), 301, 0.0005)
-    rungs = ladder_of(scene)
+    rungs = levels_of(scene)
     work = [1.0 / (rung.step_ns << rung.halvings) for rung in rungs]
-    assert rungs[0] == Rung(500_000)
+    assert rungs[0] == AccuracyLevel(500_000)
     assert work == sorted(work, reverse=True)
     twin = Twin(scene)
     twin.advance(40)
     before_n = twin.snapshot().tension_top_n
     for rung, elements in ((rungs[-1], 301 >> rungs[-1].halvings), (rungs[0], 301)):
-        twin.take_rung(rung)
+        twin.set_level(rung)
         twin.advance(steps_in_slot(rung.step_s))
         found = twin.snapshot()
         assert abs(len(found.element_tension_n) - elements) <= rungs[-1].halvings
@@ -160,12 +165,17 @@ def test_before_the_start_it_takes_the_rung_that_fits_at_once(machine: Machine) 
 @pytest.mark.parametrize("error_band", [False, True])
 def test_time_line_and_payload_go_on_where_they_were(energy: bool, error_band: bool) -> None:
     """With a winch that pays out, down two rungs and back; each kind of twin."""
-    twin = twin_kind(energy, error_band)(load_scene("deep_lift"))
+    twin = twin_class(energy, error_band)(load_scene("deep_lift"))
     twin.offer_speed(None, 0.5)
     twin.advance(200)
-    for rung in (Rung(20 * MS), Rung(50 * MS, 1), Rung(20 * MS), Rung(10 * MS)):
+    for rung in (
+        AccuracyLevel(20 * MS),
+        AccuracyLevel(50 * MS, 1),
+        AccuracyLevel(20 * MS),
+        AccuracyLevel(10 * MS),
+    ):
         before, same = twin.snapshot(), twin.branch()
-        twin.take_rung(rung)
+        twin.set_level(rung)
         after = twin.snapshot()
         assert (after.stamp_ns, after.line_out_m) == (before.stamp_ns, before.line_out_m)
         assert np.array_equal(after.payload_position_m, before.payload_position_m)
@@ -188,9 +198,9 @@ def test_a_run_that_was_down_for_a_while_is_right_again() -> None:
     same, moved = RIG.twin(), RIG.twin()
     alone = [shot.tension_top_n for shot in march(same, HEAVE, 12.0, 10)]
     seen = [shot.tension_top_n for shot in march(moved, HEAVE, 3.0, 10)]
-    moved.take_rung(Rung(20 * MS, 1))
+    moved.set_level(AccuracyLevel(20 * MS, 1))
     seen += [offered.tension_top_n for offered in going_on(moved, 3.0, 5)]
-    moved.take_rung(Rung(10 * MS))
+    moved.set_level(AccuracyLevel(10 * MS))
     seen += [offered.tension_top_n for offered in going_on(moved, 6.0, 10)]
     apart = np.abs(np.array(seen) - alone) / np.mean(alone)
     assert apart[:30].max() == 0.0
@@ -211,19 +221,19 @@ def going_on(twin: Twin, seconds: float, every: int) -> list[object]:
     return shots
 
 
-def sailed(moves: Sequence[tuple[float, Rung]], seconds: float) -> dict[int, Snapshot]:
+def sailed(moves: Sequence[tuple[float, AccuracyLevel]], seconds: float) -> dict[int, Snapshot]:
     """deep_lift with its own sea and winch, and a rung taken at each of these times; by stamp."""
     scene, waiting, shots = load_scene("deep_lift"), list(moves), {}
     twin, sea, offered_ns = Twin(scene), open_sea(scene), FIRST_NS
     assert sea is not None
     while twin.time_ns < seconds * 1e9:
         if waiting and twin.time_ns >= waiting[0][0] * 1e9:
-            twin.take_rung(waiting.pop(0)[1])
+            twin.set_level(waiting.pop(0)[1])
         until_ns = twin.time_ns + 50 * MS + LEAD_NS
         for heave in sea.between(offered_ns, until_ns):
             offer(twin, heave)
         for command in schedule_samples(scene.winch, offered_ns, until_ns):
-            twin.offer_order(command.stamp_ns, command.order)
+            twin.offer_command(command.stamp_ns, command.command)
         offered_ns = until_ns
         twin.advance(1)
         shots[twin.time_ns] = twin.snapshot()
@@ -237,7 +247,7 @@ def test_down_and_up_the_tension_stays_within_the_error_that_is_published() -> N
     next the difference changes by three times as much at most, at the moves too.
     """
     alone = sailed((), 40.0)
-    moved = sailed([(15.0, Rung(50 * MS, 1)), (30.0, Rung(10 * MS))], 40.0)
+    moved = sailed([(15.0, AccuracyLevel(50 * MS, 1)), (30.0, AccuracyLevel(10 * MS))], 40.0)
     scale = np.std([shot.tension_top_n for shot in alone.values()])
     card = read_card(load_scene("deep_lift"))
     assert card is not None
@@ -252,18 +262,18 @@ def test_down_and_up_the_tension_stays_within_the_error_that_is_published() -> N
 def test_a_state_that_was_saved_on_a_lower_rung_goes_on_to_the_bit(tmp_path: Path) -> None:
     twin = RIG.twin()
     list(march(twin, HEAVE, 1.0, 10))
-    twin.take_rung(Rung(20 * MS, 1))
+    twin.set_level(AccuracyLevel(20 * MS, 1))
     going_on(twin, 1.0, 5)
     twin.save(tmp_path / "low.state")
     again = Twin.restore(tmp_path / "low.state", RIG.scene())
-    assert again.rung == twin.rung
+    assert again.level == twin.level
     assert again.time_ns == twin.time_ns
     for one in (twin, again):
         going_on(one, 1.0, 5)
-        one.take_rung(Rung(10 * MS))
+        one.set_level(AccuracyLevel(10 * MS))
         going_on(one, 1.0, 10)
     assert again.snapshot().tension_top_n == twin.snapshot().tension_top_n
-    assert again.rung == Rung(10 * MS)
+    assert again.level == AccuracyLevel(10 * MS)
 
 
 class Spent:
@@ -288,7 +298,7 @@ class Throttled(Twin):
 
     def advance(self, steps: int) -> None:
         if self.time_ns < 1000 * MS:
-            self._clock.time_ns += steps * 14 * MS >> self.rung.halvings
+            self._clock.time_ns += steps * 14 * MS >> self.level.halvings
         super().advance(steps)
 
 
@@ -307,14 +317,14 @@ def test_under_a_load_that_it_cannot_carry_it_steps_down_and_comes_back_after() 
     for k in range(400):
         at_ns = k * 25 * MS
         twin.offer_heave(at_ns, *HEAVE(at_ns * 1e-9))
-    ladder = TwinLadder(twin, wait_s=0.3)
-    handover = Handover(10_000)
+    ladder = TwinOverloadProtection(twin, wait_s=0.3)
+    handover = SnapshotQueue(10_000)
     pacer = Pacer(twin, handover, steps_in_slot(twin.step_s), clock=clock, last_step=300)
-    taken: list[Rung] = []
+    taken: list[AccuracyLevel] = []
 
     def watch(slot: SlotTimes) -> bool:
         moved = ladder.judge(slot)
-        taken.extend([ladder.rung] if moved else [])
+        taken.extend([ladder.level] if moved else [])
         return moved
 
     pacer.watch(watch)
@@ -323,10 +333,10 @@ def test_under_a_load_that_it_cannot_carry_it_steps_down_and_comes_back_after() 
     pacer.stop()
     assert pacer.health().finished
     assert taken[0].step_ns >= 20 * MS
-    assert taken[-1] == Rung(10 * MS)
+    assert taken[-1] == AccuracyLevel(10 * MS)
     assert pacer.health().behind_s == 0.0
-    assert any(words.startswith("stepping down to rung") for words in ladder.said)
-    assert ladder.said[-1].startswith("stepping up to rung 1 of ")
+    assert any(words.startswith("stepping down to accuracy level") for words in ladder.said)
+    assert ladder.said[-1].startswith("stepping up to accuracy level 1 of ")
     shots = []
     while (shot := handover.take(0.0)) is not None:
         shots.append(shot)
@@ -349,11 +359,11 @@ def huge() -> Scene:
 def test_a_scene_that_is_too_much_for_any_machine_begins_lower() -> None:
     """Five times real time with 7,000 elements and 1 ms: five million nodes a second and more."""
     twin = Twin(huge())
-    ladder = TwinLadder(twin)
+    ladder = TwinOverloadProtection(twin)
     load = ladder.measure(0.02, 50.0)
     assert load > 1.0
     assert ladder.start_at(load)
-    assert twin.rung != Rung(MS)
+    assert twin.level != AccuracyLevel(MS)
     assert "it would take" in ladder.reason
     assert twin.snapshot().stamp_ns == 0
-    assert TwinLadder(RIG.twin()).measure(0.02, 0.01) < 0.6
+    assert TwinOverloadProtection(RIG.twin()).measure(0.02, 0.01) < 0.6

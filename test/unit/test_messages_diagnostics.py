@@ -10,8 +10,8 @@ from sample_snapshot import hanging_rope
 from rope_twin import messages
 from rope_twin.messages import Level, Status, statuses
 from rope_twin.scene.card import KnownError
-from rope_twin.twin.findings import EnergyBalance
 from rope_twin.twin.pacing import PacingHealth
+from rope_twin.twin.results import EnergyBalance
 from rope_twin.twin.snapshot import BedContact, InputHealth, RopeStrength, Snapshot, SolverHealth
 
 GOOD = PacingHealth(running=True, steps=100, real_time_factor=420.0)

@@ -17,8 +17,8 @@ from rope_twin.errors import InputError
 from rope_twin.messages import templates
 from rope_twin.messages.cdr import Template
 from rope_twin.topics import TOPICS, Topic
-from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.snapshot import Snapshot
+from rope_twin.twin.winch.commands import WinchCommand
 
 STORE = get_typestore(Stores.ROS2_KILTED)
 T = STORE.types
@@ -229,7 +229,7 @@ def test_inputs_come_back_as_they_went_in(stamp: int, z: float, rate: float) -> 
     assert (heave.header.frame_id, heave.child_frame_id) == ("sea", "hang_off")
     sea = messages.decode("sea/elevation", messages.encode_elevation(stamp, z))
     assert (sea.point.x, sea.point.y, sea.point.z) == (0.0, 0.0, z)
-    speed = messages.decode(*messages.encode_order(stamp, Order("speed", rate)))
+    speed = messages.decode(*messages.encode_order(stamp, WinchCommand("speed", rate)))
     assert (speed.name, list(speed.velocity), len(speed.position)) == (["winch"], [rate], 0)
     epoch = messages.decode("/twin/epoch", messages.encode_epoch(stamp))
     for when in (heave.header.stamp, sea.header.stamp, speed.header.stamp, epoch):

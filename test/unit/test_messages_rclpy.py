@@ -12,10 +12,15 @@ from sample_snapshot import hanging_body, rolled_ship
 from rope_twin import messages
 from rope_twin.recording.input_log import encode_json
 from rope_twin.topics import BY_NAME, TOPICS
-from rope_twin.twin.hoisting.orders import Order
+from rope_twin.twin.winch.commands import WinchCommand
 
-ONE_OF_EACH = [Order("speed", 0.3), Order("length", 350.0), Order("depth", 340.0),
-               Order("tension", 1e5), Order("set_brake")]  # fmt: skip
+ONE_OF_EACH = [
+    WinchCommand("speed", 0.3),
+    WinchCommand("length", 350.0),
+    WinchCommand("depth", 340.0),
+    WinchCommand("tension", 1e5),
+    WinchCommand("set_brake"),
+]
 STAMP_NS = 1_763_700_000_123_456_789
 
 

@@ -13,16 +13,16 @@ from scene_text import GOOD, written
 from rope_twin import Twin, load_scene
 from rope_twin.errors import InputError, SceneError
 from rope_twin.twin import twin as internal
-from rope_twin.twin.hoisting.orders import Order
-from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.winch.commands import WinchCommand
 
 NO_POSE = ShipPose(0, (math.nan, 0.0, 0.0), (0.0, 0.0, 0.0))
 REFUSED: dict[str, tuple[Callable[[Twin], str], str]] = {
     "offer_heave": (lambda twin: twin.offer_heave(0, math.nan, 0.0), "finite"),
     "offer_pose": (lambda twin: twin.offer_pose(NO_POSE), "must be finite"),
     "offer_speed": (lambda twin: twin.offer_speed(None, 99.0), "99"),
-    "offer_order": (lambda twin: twin.offer_order(None, Order("length", -5.0)), "-5"),
+    "offer_command": (lambda twin: twin.offer_command(None, WinchCommand("length", -5.0)), "-5"),
     "offer_current": (lambda twin: twin.offer_current([[0.0, 99.0, 0.0]]), "is no sea current"),
     "offer_cut": (lambda twin: twin.offer_cut(None, 0.1), "of rope stay there"),
 }
@@ -52,7 +52,7 @@ def test_every_offer_raises() -> None:
 
 def test_what_runs_by_itself_never_raises_for_an_input() -> None:
     """A sensor that lies is reported by nodes and runs, and ends none of them."""
-    for kind in (twin_kind(False, False, None), twin_kind(True, False, None)):
+    for kind in (twin_class(False, False, None), twin_class(True, False, None)):
         assert not issubclass(kind, Twin)
 
 

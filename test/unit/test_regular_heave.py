@@ -20,7 +20,7 @@ from rope_twin.run.unpaced import UnpacedRun
 from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.sea_state import RegularHeave
-from rope_twin.twin.motion.ship import HeaveTrack, ramp
+from rope_twin.twin.motion.heave_track import HeaveTrack, ramp
 
 SEA = "sea_state: {start_s: 10.0, loop: true}"
 SINE = "heave: {amplitude_m: 1.5, period_s: 8.0}"

@@ -18,7 +18,7 @@ from rope_twin.scene.schema import AcceptedWarning
 from rope_twin.sea.spectrum import jonswap, read_spectrum
 from rope_twin.sea.steepness import breaking_fault, steepness_warning, zero_crossing_period_s
 from rope_twin.share import share_dir
-from rope_twin.twin.saving.saved_state import scene_figures
+from rope_twin.twin.saving.saved_state import scene_properties
 from rope_twin.twin.twin import Twin
 
 PROFILE = "[[0.0, [0.5, 0.0]], [-900.0, [0.1, 0.05]]]"
@@ -204,4 +204,4 @@ def test_what_is_accepted_is_no_part_of_the_lift(tmp_path: Path) -> None:
     scene = load_scene("still_water")
     accepting = dataclasses.replace(scene, accept=(entry,))
     assert scene_digest(accepting) == scene_digest(scene)
-    assert scene_figures(accepting) == scene_figures(scene)
+    assert scene_properties(accepting) == scene_properties(scene)

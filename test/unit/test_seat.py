@@ -17,10 +17,10 @@ from rope_twin.run.seat import (
     service_name,
 )
 from rope_twin.scene.load import load_scene
-from rope_twin.twin.hoisting.orders import COMMANDER_LOST, NEW_COMMANDER, Order
+from rope_twin.twin.winch.commands import COMMANDER_LOST, NEW_COMMANDER, WinchCommand
 
 S = 1_000_000_000
-SPEED = Order("speed", 0.5)
+SPEED = WinchCommand("speed", 0.5)
 
 
 def seat(when_lost: str = "ramp_to_zero") -> CommandSeat:
@@ -55,10 +55,12 @@ def test_priority_is_local_panel_console_anybody_schedule() -> None:
 def test_a_stop_is_everybody_s_and_its_reset_the_commander_s() -> None:
     own = seat()
     own.judge("console", SPEED, 0.0)
-    assert own.judge("bench", Order("emergency_stop"), 1.0).refusal == ""
+    assert own.judge("bench", WinchCommand("emergency_stop"), 1.0).refusal == ""
     assert own.holder == "console"
-    assert "'reset' from node bench rejected" in own.judge("bench", Order("reset"), 2.0).refusal
-    assert own.judge("console", Order("reset"), 3.0).refusal == ""
+    assert (
+        "'reset' from node bench rejected" in own.judge("bench", WinchCommand("reset"), 2.0).refusal
+    )
+    assert own.judge("console", WinchCommand("reset"), 3.0).refusal == ""
 
 
 def test_a_seat_that_is_asked_for_goes_to_the_next_of_its_priority() -> None:
@@ -84,7 +86,7 @@ def test_a_seat_is_released_when_its_commander_is_quiet() -> None:
     assert "commanded winch 0.5 s ago" in words
     assert own.release(2.0)[2] == (COMMANDER_LOST,)
     assert own.judge("two", SPEED, 2.1).is_new
-    own.note(Order("speed", 0.0), None, S, 2.1)
+    own.note(WinchCommand("speed", 0.0), None, S, 2.1)
     assert own.release(5.0)[2] == (NEW_COMMANDER,)
 
 
@@ -103,7 +105,7 @@ def test_a_commander_that_leaves_the_network_is_lost() -> None:
     assert own.row(6.0).level == Level.OK
 
 
-def streamed(own: CommandSeat, name: str, order: Order = SPEED) -> int:
+def streamed(own: CommandSeat, name: str, order: WinchCommand = SPEED) -> int:
     """So many commands at 10 Hz; twin time of the last."""
     own.judge(name, order, 0.0)
     for k in range(STREAM_COMMANDS + 1):
@@ -126,12 +128,14 @@ def test_a_commander_whose_stream_ends_is_lost() -> None:
     assert "console stopped sending" in own.words()
 
 
-@pytest.mark.parametrize("order", [Order("speed", 0.0), None], ids=["stands", "a single order"])
-def test_a_quiet_commander_without_need_to_speak_is_not_lost(order: Order | None) -> None:
+@pytest.mark.parametrize(
+    "order", [WinchCommand("speed", 0.0), None], ids=["stands", "a single order"]
+)
+def test_a_quiet_commander_without_need_to_speak_is_not_lost(order: WinchCommand | None) -> None:
     own = seat()
     if order is None:
-        own.judge("console", Order("length", 100.0), 0.0)
-        own.note(Order("length", 100.0), None, 0, 0.0)
+        own.judge("console", WinchCommand("length", 100.0), 0.0)
+        own.note(WinchCommand("length", 100.0), None, 0, 0.0)
     else:
         streamed(own, "console", order)
     for k in range(100):
@@ -179,7 +183,7 @@ def test_each_winch_of_a_scene_has_a_seat() -> None:
 def test_a_stop_that_is_not_planned_is_executed_at_once_whatever_its_stamp() -> None:
     """By a clock that is ahead it would come later; the schedule plans its stops."""
     seats = Seats(load_scene("emergency_stop"), PRIORITY, lambda order, winch: None)
-    stop = Order("emergency_stop")
+    stop = WinchCommand("emergency_stop")
     for name, stamp_ns in (("bench", None), ("console", None), ("winch_schedule", 9 * S)):
         admitted = seats.admit("winch", Command(stop, 9 * S, name), S)
         assert admitted is not None
@@ -215,7 +219,7 @@ def test_a_commander_whose_clock_is_ahead_is_warned_of(
 
 def test_a_hole_in_a_stream_of_commands_is_warned_of_for_a_minute() -> None:
     """A lost link while the winch moves; a pause of a winch that stands still is none."""
-    for order, level in ((SPEED, Level.WARN), (Order("speed", 0.0), Level.OK)):
+    for order, level in ((SPEED, Level.WARN), (WinchCommand("speed", 0.0), Level.OK)):
         own = seat()
         own.judge("console", order, 0.0)
         for k in range(STREAM_COMMANDS + 1):

@@ -19,7 +19,7 @@ from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.figures import lift_figures
 from rope_twin.scene.rules.shedding import expected_pace, vortex_words
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.accuracy.rungs import ladder_of
+from rope_twin.twin.accuracy.level import levels_of
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from validation.rigs import Rig
 
@@ -77,8 +77,8 @@ def test_what_carries_no_wakes_says_so() -> None:
     scene = shedding(replace(CABLE, elements=40))
     with pytest.raises(SceneError, match=r"effects.wake_oscillator: .* share their wakes"):
         Ensemble(scene, [Variation(), Variation()])
-    assert len(ladder_of(scene)) == 1
-    assert len(ladder_of(CABLE.scene())) > 1
+    assert len(levels_of(scene)) == 1
+    assert len(levels_of(CABLE.scene())) > 1
 
 
 def test_two_models_in_one_scene_are_an_error(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.sea_state import SeaState
 from rope_twin.studies.variants import variant
-from rope_twin.twin.accuracy.surface_layer import THIRD, error_per_difference, surplus_m
+from rope_twin.twin.accuracy.error_fraction import THIRD, excess_load_m, wave_error_fraction
 
 ELEMENTS, STEP_S, SECONDS, RAMP_S = 50, 0.02, 6.0, 2.0
 
@@ -54,11 +54,13 @@ def test_the_surplus_is_that_of_the_sum_over_nodes(k: float, length: float) -> N
     exact = -np.expm1(k * z[-1]) / k
     below = -np.expm1(k * z[-1])  # the half of the lowest node, and all that is under it
     found = np.trapezoid(np.exp(k * z[::-1]), z[::-1]) - exact
-    assert surplus_m(np.array([k]), length)[0] * below == pytest.approx(found, rel=1e-4, abs=1e-9)
+    assert excess_load_m(np.array([k]), length)[0] * below == pytest.approx(
+        found, rel=1e-4, abs=1e-9
+    )
 
 
 def test_a_rope_without_waves_has_richardsons_third() -> None:
-    assert error_per_difference(build(load_scene("deep_lift"))) == THIRD
+    assert wave_error_fraction(build(load_scene("deep_lift"))) == THIRD
 
 
 @pytest.mark.parametrize(("period_s", "share"), [(2.0, 0.753), (3.0, 0.527), (6.0, 0.351)])
@@ -67,7 +69,7 @@ def test_the_error_of_a_rope_in_waves_is_that_share_of_the_difference(
 ) -> None:
     """Waves of 6 to 56 m on elements of 8 m; the truth is extrapolated."""
     scene = in_regular_waves(period_s)
-    told = error_per_difference(build(variant(scene, ELEMENTS, STEP_S)))
+    told = wave_error_fraction(build(variant(scene, ELEMENTS, STEP_S)))
     assert told == pytest.approx(share, abs=0.001)
     coarse, own, finer, finest = (tensions(scene, n * ELEMENTS // 2) for n in (1, 2, 8, 16))
     exact = finest + (finest - finer) / 3.0

@@ -23,8 +23,13 @@ from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.schema import Scene
 from rope_twin.share import share_dir
-from rope_twin.twin.joined.line_watch import LineReport, LineWatch, lines_of, report_on
-from rope_twin.twin.joined.lines_shot import Crossing, LineEvent, LinesShot, Nearest
+from rope_twin.twin.multi_line.clearance import (
+    ClearanceMonitor,
+    ClearanceReport,
+    lines_of,
+    report_on,
+)
+from rope_twin.twin.multi_line.clearance_results import Crossing, LineEvent, LinesShot, Nearest
 
 DEPTH = 1000.0
 
@@ -62,7 +67,7 @@ def test_each_line_goes_from_its_winch_to_the_sheave(scene: Scene) -> None:
 
 def test_lines_that_cross_are_told_where_and_at_which_angle(scene: Scene) -> None:
     """The upper halves meet where x = -8 + (lean + 8)·s and 8 - 4·s agree: s = 16/(lean + 12)."""
-    watch = LineWatch(scene)
+    watch = ClearanceMonitor(scene)
     near, happened = watch.look(seen(0.0, -4.0))
     assert happened == []
     assert near.distance_m == pytest.approx(8.0 * 0.04, rel=0.1), "near the sheave"
@@ -84,7 +89,7 @@ def test_lines_that_cross_are_told_where_and_at_which_angle(scene: Scene) -> Non
 
 def test_lines_that_pass_each_other_at_a_distance_say_so(scene: Scene) -> None:
     """The main line is 6 m aside at mid-depth, so 6·s where they cross."""
-    watch = LineWatch(scene)
+    watch = ClearanceMonitor(scene)
     near, (event,) = watch.look(seen(0.0, 20.0, aside=6.0))
     assert event.gap_m == pytest.approx(6.0 * 0.5, rel=1e-6)
     assert near.distance_m < 3.0
@@ -92,7 +97,7 @@ def test_lines_that_pass_each_other_at_a_distance_say_so(scene: Scene) -> None:
 
 def test_a_line_that_turns_up_again_is_counted(scene: Scene) -> None:
     """A loop of slack rope."""
-    watch, shot = LineWatch(scene), seen(0.0, -4.0)
+    watch, shot = ClearanceMonitor(scene), seen(0.0, -4.0)
     shot.ropes[0].node_position_m[10, 2] = -300.0
     watch.look(shot)
     assert watch.turned_up == 1
@@ -104,7 +109,7 @@ def test_what_has_no_two_lines_is_refused(scene: Scene) -> None:
         lines_of(load_scene("two_line_lift"))
     together = replace(scene.hang_offs[0], at_m=scene.ship.hang_off_m)
     with pytest.raises(InputError, match="both are at one place; set `at_m` of one of them aside"):
-        LineWatch(replace(scene, hang_offs=(together,)))
+        ClearanceMonitor(replace(scene, hang_offs=(together,)))
 
 
 def at(shot: Snapshot, step: int, time_s: float) -> Snapshot:
@@ -131,7 +136,7 @@ def test_a_running_twin_reports_once_a_second_and_goes_on_after_a_restart(scene:
     again = report.complete(at(apart, 2, 0.04))
     assert again.line_events == ()
     assert again.lines == first.lines, "looked at once a second"
-    other = LineReport(LineWatch(scene))
+    other = ClearanceReport(ClearanceMonitor(scene))
     other.take_back(json.loads(json.dumps(report.known())))
     for one in (report, other):
         later = one.complete(at(crossed, 3, 1.0))

@@ -23,13 +23,13 @@ from rope_twin.scene.schema import RopeSection, Scene, Winch
 from rope_twin.scene.winch_parts import TopSheave
 from rope_twin.studies.driven_twin import march, still
 from rope_twin.studies.fatigue import RopeFatigue
-from rope_twin.twin.fatigue.endurance import CURVES, other_than_wire
-from rope_twin.twin.fatigue.wear import turned
-from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.fatigue.curves import CURVES, wire_curve_warning
+from rope_twin.twin.fatigue.damage import turned
+from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.own_motion import OwnMotion, diameters
-from rope_twin.twin.vibration.watch import Watch
+from rope_twin.twin.vibration.measured import MeasuredVibration, diameters
+from rope_twin.twin.vibration.settings import MonitorSettings
 from validation.rigs import Rig, sine
 
 STEEL = Rig(length=100.0, elements=20, mass=6.4, EA=6.5e7, diameter=0.032, damping=5e4, load=5e3)
@@ -38,11 +38,11 @@ WINCH = Winch(
     speed_limit_m_per_s=2.0, acceleration_limit_m_per_s2=1.0, least_line_out_m=10.0,
     most_line_out_m=130.0,
 )  # fmt: skip
-WORN = Watch(fatigue="stranded_wire")
+WORN = MonitorSettings(fatigue="stranded_wire")
 
 
-def watched(scene: Scene, watch: Watch = WORN) -> Any:
-    return twin_kind(energy=False, error_band=False, watch=watch)(scene)
+def watched(scene: Scene, watch: MonitorSettings = WORN) -> Any:
+    return twin_class(energy=False, error_band=False, watch=watch)(scene)
 
 
 def used(shot: Snapshot) -> np.ndarray:
@@ -135,7 +135,7 @@ def test_what_a_twin_is_asked_for_shares_no_name_of_its_own_with_the_rest() -> N
     scene = replace(STEEL, winch=WINCH).scene()
     asked = ((True, False, None), (False, True, None), (False, False, WORN))
     plain = {*dir(Twin), *vars(Twin(scene))}
-    own = [{*dir(kind), *vars(kind(scene))} - plain for kind in (twin_kind(*one) for one in asked)]
+    own = [{*dir(kind), *vars(kind(scene))} - plain for kind in (twin_class(*one) for one in asked)]
     assert all(own)
     shared = [a & b for a, b in itertools.combinations(own, 2)]
     assert not set().union(*shared)
@@ -146,7 +146,7 @@ def test_the_run_is_the_same_to_the_bit_and_a_saved_one_goes_on_to_the_bit() -> 
     alone = [shot.tension_top_n for shot in lifted(Twin(scene), 12.0)]
     twin = watched(scene)
     assert [shot.tension_top_n for shot in lifted(twin, 12.0)] == alone
-    with_books = twin_kind(energy=True, error_band=True, watch=WORN)(scene)
+    with_books = twin_class(energy=True, error_band=True, watch=WORN)(scene)
     assert [shot.tension_top_n for shot in lifted(with_books, 3.0)] == alone[:150]
     state = twin.capture()
     again = type(twin).restore(state, scene)
@@ -170,7 +170,7 @@ def test_a_state_is_taken_with_and_without_what_was_counted() -> None:
     late = type(twin).restore(plain.capture(), scene)
     late.advance(100)
     assert late.snapshot().fatigue.counted_s == pytest.approx(1.0)
-    by_tension = twin_kind(False, False, Watch(fatigue="six_strand_tension"))
+    by_tension = twin_class(False, False, MonitorSettings(fatigue="six_strand_tension"))
     with pytest.raises(StateError, match=r"counted by the curve stranded_wire, .*; ask for str"):
         by_tension.restore(state, scene)
 
@@ -192,16 +192,16 @@ def test_below_a_cut_nothing_more_is_used_and_metres_keep_their_names() -> None:
 
 def test_what_cannot_be_told_is_refused() -> None:
     with pytest.raises(InputError, match=r"fatigue: no curve 'wire'; did you mean 'spiral_wire'"):
-        Watch(fatigue="wire")
+        MonitorSettings(fatigue="wire")
     with pytest.raises(InputError, match=r"vibration: no model 'motions'; did you mean 'motion'"):
-        Watch(vibration="motions")
+        MonitorSettings(vibration="motions")
     with pytest.raises(InputError, match="lists no model of vortices"):
-        watched(STEEL.scene(), Watch(vibration="motion"))
+        watched(STEEL.scene(), MonitorSettings(vibration="motion"))
     with pytest.raises(InputError, match=r"not all of steel.*six_strand_tension"):
         watched(load_scene("hmpe_lift"))
     with pytest.raises(SceneError, match="meet"):
         watched(load_scene("bridle_lift"))
-    assert twin_kind(False, False, Watch()) is Twin
+    assert twin_class(False, False, MonitorSettings()) is Twin
     assert STEEL.twin().snapshot().vibration is None
 
 
@@ -216,8 +216,8 @@ def test_a_section_that_is_no_wire_is_told_of() -> None:
     words = "stranded_wire is a curve of wire rope, and of rope 'rope' section 1 is chain; "
     assert watched(chained).told.startswith(f"fatigue: {words}")
     riser, cable = (load_scene(name).ropes[0] for name in ("riser_300m", "deep_tow_turn"))
-    assert "section 1 is a pipe" in other_than_wire(riser, "stranded_wire", 8.6e6)
-    assert "section 1 is not all of steel" in other_than_wire(cable, "six_strand_tension", 0.0)
+    assert "section 1 is a pipe" in wire_curve_warning(riser, "stranded_wire", 8.6e6)
+    assert "section 1 is not all of steel" in wire_curve_warning(cable, "six_strand_tension", 0.0)
 
 
 def test_a_rope_of_fibre_is_refused_before_its_step_is_compiled(
@@ -233,7 +233,7 @@ def test_stress_of_bending_is_that_of_the_curvature() -> None:
     rig = replace(STEEL, EI=100.0)
     twin = watched(rig.scene())
     twin.advance(2)
-    wear, rope = twin._wear, twin.rope
+    wear, rope = twin._damage, twin.rope
     n, radius = int(rope.state.counts[rows.ELEMENTS]), 400.0
     angle = rope.state.s[: n + 1] / radius
     rope.state.nodes[rows.POSITION, : n + 1] = radius * (1.0 - np.cos(angle))
@@ -242,9 +242,9 @@ def test_stress_of_bending_is_that_of_the_curvature() -> None:
     assert bent.shape == (2, 100)
     assert bent[0, 20:80] == pytest.approx(1.0 / radius, rel=1e-3)
     assert np.abs(bent[1]).max() < 1e-12
-    twin._wear.take(rope, 5e4, np.zeros_like(bent))
+    twin._damage.take(rope, 5e4, np.zeros_like(bent))
     tension = wear._count._last.reshape(8, 100)[0, 50]
-    twin._wear.take(rope, 5e4, bent)
+    twin._damage.take(rope, 5e4, bent)
     stress = wear._count._last.reshape(8, 100)[:, 50] - tension
     full = rig.EA / AREA * 0.016 / radius
     half = full / np.sqrt(2.0)
@@ -268,7 +268,9 @@ def test_leaning_a_rope_over_turns_its_sides_without_twist() -> None:
     assert turned(across, upright) == pytest.approx(across[:2])
 
 
-def shaken(seconds: float, hz: float, extra: dict[str, float]) -> tuple[OwnMotion, np.ndarray]:
+def shaken(
+    seconds: float, hz: float, extra: dict[str, float]
+) -> tuple[MeasuredVibration, np.ndarray]:
     """A rope whose nodes swing north in a half sine of 0.7 d, and east with twice the frequency.
 
     It drifts east, sways slowly and is paid out, as a rope does.
@@ -280,7 +282,7 @@ def shaken(seconds: float, hz: float, extra: dict[str, float]) -> tuple[OwnMotio
     shape = np.sin(np.pi * rope.state.s[: n + 1] / 100.0)
     rope.work[rows.FLOW, : n + 1] = 0.5
     rope.work[rows.FLOW + 1 : rows.FLOW + 3, : n + 1] = 0.0
-    tracker = OwnMotion(rope, sample, 2.5)
+    tracker = MeasuredVibration(rope, sample, 2.5)
     for k in range(1, round(seconds / sample)):
         t = k * sample
         place = rope.state.nodes[rows.POSITION : rows.POSITION + 3, : n + 1]
@@ -333,7 +335,7 @@ def test_a_rope_that_its_vortices_shake_tells_so_and_goes_on_from_a_state() -> N
     """Near Strouhal's frequency, under payout that splits elements; in line at twice of it."""
     scene = CABLE.scene()
     scene = replace(scene, effects=(*scene.effects, WakeOscillatorParams()))
-    twin = watched(scene, Watch("motion", "stranded_wire"))
+    twin = watched(scene, MonitorSettings("motion", "stranded_wire"))
     assert twin._every == 5
     twin.offer_speed(2_000_000_000, 0.5)
     for _ in range(1000):  # also right after an element has split, between two looks

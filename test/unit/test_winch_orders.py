@@ -13,12 +13,12 @@ from rope_twin.scene.rules.rigging import places, winches_by_name
 from rope_twin.scene.winch import ScheduleRow
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.scene.winch_parts import Brake, ConstantTension, Drive, Drum, EmergencyStop
-from rope_twin.twin.hoisting.line import Felt
-from rope_twin.twin.hoisting.orders import COMMANDER_LOST, NEW_COMMANDER, Order
-from rope_twin.twin.hoisting.queue import MAX_AT_ONCE, MAX_PLANNED
-from rope_twin.twin.hoisting.schedule import OrderSample, schedule_samples
-from rope_twin.twin.hoisting.winch import Winch, winch_of_rope
-from rope_twin.twin.saving.saved_state import scene_figures
+from rope_twin.twin.saving.saved_state import scene_properties
+from rope_twin.twin.winch.command_queue import MAX_AT_ONCE, MAX_PLANNED
+from rope_twin.twin.winch.commands import COMMANDER_LOST, NEW_COMMANDER, WinchCommand
+from rope_twin.twin.winch.payout import TensionFeedback
+from rope_twin.twin.winch.schedule import CommandSample, schedule_samples
+from rope_twin.twin.winch.winch import Winch, winch_of_rope
 
 S = 1_000_000_000
 PLAIN = WinchScene(
@@ -33,10 +33,12 @@ EQUIPPED = WinchScene(
     emergency_stop=EmergencyStop(deceleration_m_per_s2=2.0),
     constant_tension=ConstantTension(gain_m_per_s_per_kn=0.05, integral_time_s=4.0),
 )  # fmt: skip
-CALM = Felt(50e3, 50e3, 100.0, 0.0, 0.0, 0.0)  # its tension answers nothing
+CALM = TensionFeedback(50e3, 50e3, 100.0, 0.0, 0.0, 0.0)  # its tension answers nothing
 
 
-def stepped(winch: Winch, seconds: float, felt: Felt | None = CALM, begin_s: float = 0.0) -> None:
+def stepped(
+    winch: Winch, seconds: float, felt: TensionFeedback | None = CALM, begin_s: float = 0.0
+) -> None:
     for k in range(round(seconds / 0.01)):
         winch.step(round((begin_s + 0.01 * k) * 1e9), 0.01, 0.0, felt)
 
@@ -44,22 +46,27 @@ def stepped(winch: Winch, seconds: float, felt: Felt | None = CALM, begin_s: flo
 @pytest.mark.parametrize(
     ("scene", "order", "kind", "words"),
     [
-        (None, Order("length", 50.0), "impossible", "no winch; add a winch"),
-        (PLAIN, Order("length", math.nan), "non_finite", "it must be a finite number"),
-        (PLAIN, Order("length", 250.0), "impossible", "length 250 m; this winch has 20 to 200 m"),
-        (PLAIN, Order("depth", -5.0), "impossible", "depth -5 m; depth counts from"),
-        (PLAIN, Order("depth", math.inf), "non_finite", "depth inf m"),
-        (PLAIN, Order("tension", 1e5), "impossible", "no constant tension; add"),
-        (EQUIPPED, Order("tension", -1.0), "impossible", "a rope pulls with 0 to"),
-        (PLAIN, Order("set_brake"), "impossible", "'set_brake' but this winch has no brake"),
-        (PLAIN, Order("emergency_stop"), "impossible", "has no emergency stop; add"),
-        (EQUIPPED, Order("compensate"), "impossible", "has no heave compensation"),
-        (EQUIPPED, Order("set_break"), "impossible", "did you mean 'set_brake'?"),
-        (PLAIN, Order("speed", 11.0), "impossible", "no winch runs faster than 10 m/s"),
+        (None, WinchCommand("length", 50.0), "impossible", "no winch; add a winch"),
+        (PLAIN, WinchCommand("length", math.nan), "non_finite", "it must be a finite number"),
+        (
+            PLAIN,
+            WinchCommand("length", 250.0),
+            "impossible",
+            "length 250 m; this winch has 20 to 200 m",
+        ),
+        (PLAIN, WinchCommand("depth", -5.0), "impossible", "depth -5 m; depth counts from"),
+        (PLAIN, WinchCommand("depth", math.inf), "non_finite", "depth inf m"),
+        (PLAIN, WinchCommand("tension", 1e5), "impossible", "no constant tension; add"),
+        (EQUIPPED, WinchCommand("tension", -1.0), "impossible", "a rope pulls with 0 to"),
+        (PLAIN, WinchCommand("set_brake"), "impossible", "'set_brake' but this winch has no brake"),
+        (PLAIN, WinchCommand("emergency_stop"), "impossible", "has no emergency stop; add"),
+        (EQUIPPED, WinchCommand("compensate"), "impossible", "has no heave compensation"),
+        (EQUIPPED, WinchCommand("set_break"), "impossible", "did you mean 'set_brake'?"),
+        (PLAIN, WinchCommand("speed", 11.0), "impossible", "no winch runs faster than 10 m/s"),
     ],
 )
 def test_what_cannot_be_gets_one_sentence(
-    scene: WinchScene | None, order: Order, kind: str, words: str
+    scene: WinchScene | None, order: WinchCommand, kind: str, words: str
 ) -> None:
     winch = Winch(scene, 100.0)
     sentence = winch.take(None, order, 0)
@@ -74,22 +81,24 @@ def test_what_cannot_be_gets_one_sentence(
 
 def test_the_stamps_of_orders_are_judged_as_those_of_speeds() -> None:
     winch = Winch(EQUIPPED, 100.0)
-    assert winch.take(2 * S, Order("length", 120.0), S) == ""
-    assert "came twice" in winch.take(2 * S, Order("speed", 0.1), S)
-    assert "order of their stamps" in winch.take(3 * S // 2, Order("depth", 90.0), S)
-    assert "after it was due" in winch.take(4 * S, Order("tension", 1e4), 5 * S)
-    other_clock = winch.take(4 * S, Order("tension", 1e4), 3600 * S)
+    assert winch.take(2 * S, WinchCommand("length", 120.0), S) == ""
+    assert "came twice" in winch.take(2 * S, WinchCommand("speed", 0.1), S)
+    assert "order of their stamps" in winch.take(3 * S // 2, WinchCommand("depth", 90.0), S)
+    assert "after it was due" in winch.take(4 * S, WinchCommand("tension", 1e4), 5 * S)
+    other_clock = winch.take(4 * S, WinchCommand("tension", 1e4), 3600 * S)
     assert "stamp 4.0 s lies 3596.0 s back; sender and twin must share one clock" in other_clock
-    assert "25.0 s ahead" in winch.take(30 * S, Order("speed", 0.1), 5 * S)
-    assert winch.take(2 * S, Order("set_brake"), S) == "", "switches have stamps of their own"
+    assert "25.0 s ahead" in winch.take(30 * S, WinchCommand("speed", 0.1), 5 * S)
+    assert winch.take(2 * S, WinchCommand("set_brake"), S) == "", (
+        "switches have stamps of their own"
+    )
 
 
 def test_a_switch_at_once_leaves_planned_ones_and_comes_first() -> None:
     winch = Winch(EQUIPPED, 100.0)
-    assert winch.take(S, Order("set_brake"), 0) == ""
-    assert winch.take(None, Order("emergency_stop"), 0) == ""
-    assert winch.take(None, Order("reset"), 0) == ""
-    assert winch.take(None, Order("release_brake"), 0) == ""
+    assert winch.take(S, WinchCommand("set_brake"), 0) == ""
+    assert winch.take(None, WinchCommand("emergency_stop"), 0) == ""
+    assert winch.take(None, WinchCommand("reset"), 0) == ""
+    assert winch.take(None, WinchCommand("release_brake"), 0) == ""
     stepped(winch, 1.0)
     assert dict(winch.shot().figures)["brake_holds"] == 0.0
     stepped(winch, 0.7, begin_s=1.0)
@@ -98,30 +107,30 @@ def test_a_switch_at_once_leaves_planned_ones_and_comes_first() -> None:
 
 def test_in_an_emergency_stop_nothing_moves_until_it_is_reset() -> None:
     winch = Winch(EQUIPPED, 100.0)
-    winch.take(None, Order("speed", 1.0), 0)
+    winch.take(None, WinchCommand("speed", 1.0), 0)
     stepped(winch, 3.0)
     assert winch.line.speed_m_per_s == 1.0
-    winch.take(None, Order("emergency_stop"), 3 * S)
+    winch.take(None, WinchCommand("emergency_stop"), 3 * S)
     before = winch.line.length_m
     stepped(winch, 1.0, begin_s=3.0)
     assert winch.line.length_m - before == pytest.approx(1.0 / (2.0 * 2.0), abs=1e-9)
-    winch.take(None, Order("speed", -1.0), 4 * S)
+    winch.take(None, WinchCommand("speed", -1.0), 4 * S)
     stepped(winch, 1.0, begin_s=4.0)
     assert winch.line.speed_m_per_s == 0.0
     assert winch.shot().mode == "emergency_stop"
     assert "until it is reset" in winch.at_limit
-    winch.take(None, Order("reset"), 5 * S)
-    winch.take(None, Order("release_brake"), 5 * S)
-    winch.take(None, Order("speed", -1.0), 5 * S)
+    winch.take(None, WinchCommand("reset"), 5 * S)
+    winch.take(None, WinchCommand("release_brake"), 5 * S)
+    winch.take(None, WinchCommand("speed", -1.0), 5 * S)
     stepped(winch, 3.0, begin_s=5.0)
     assert winch.line.speed_m_per_s == -1.0
 
 
 def test_a_brake_takes_its_delay() -> None:
     winch = Winch(EQUIPPED, 100.0)
-    winch.take(None, Order("speed", 1.0), 0)
+    winch.take(None, WinchCommand("speed", 1.0), 0)
     stepped(winch, 3.0)
-    winch.take(None, Order("set_brake"), 3 * S)
+    winch.take(None, WinchCommand("set_brake"), 3 * S)
     stepped(winch, 0.59, begin_s=3.0)
     assert winch.line.speed_m_per_s == 1.0
     stepped(winch, 1.0, begin_s=3.59)
@@ -130,7 +139,7 @@ def test_a_brake_takes_its_delay() -> None:
 
 def test_a_depth_out_of_the_line_s_reach_is_told() -> None:
     winch = Winch(PLAIN, 100.0)
-    assert winch.take(None, Order("depth", 400.0), 0) == ""
+    assert winch.take(None, WinchCommand("depth", 400.0), 0) == ""
     stepped(winch, 1.0)
     assert "needs 400.0 m of line; the winch has 20 to 200 m" in winch.at_limit
 
@@ -147,17 +156,19 @@ def test_a_depth_that_no_rope_of_the_winch_reaches_is_refused(name: str, winch_n
     assert EA is not None
     whole = own.most_line_out_m * (1.0 + line.made_of[0].rope.breaking_load_n / EA)
     reach = whole - places(scene)[winch_name][2]
-    assert winch.take(None, Order("depth", reach - 0.1), 0) == ""
-    sentence = winch.take(None, Order("depth", reach + 0.1), 0)
+    assert winch.take(None, WinchCommand("depth", reach - 0.1), 0) == ""
+    sentence = winch.take(None, WinchCommand("depth", reach + 0.1), 0)
     assert f"m of rope reach {reach:.1f} m, stretched until it breaks" in sentence
     assert winch.health(0)[winch.counter.name].impossible == 1
-    winch.lose(50.0, line.length_m - 50.0)
-    assert "stretched" in winch.take(None, Order("depth", reach - 40.0), 0), "the rope was cut"
+    winch.adapt_to_cut(50.0, line.length_m - 50.0)
+    assert "stretched" in winch.take(None, WinchCommand("depth", reach - 40.0), 0), (
+        "the rope was cut"
+    )
 
 
 def test_a_tension_beyond_the_winch_s_speed_is_told() -> None:
     winch = Winch(EQUIPPED, 100.0)
-    assert winch.take(None, Order("tension", 10e3), 0) == ""
+    assert winch.take(None, WinchCommand("tension", 10e3), 0) == ""
     stepped(winch, 1.0)
     assert "10 kN would take" in winch.at_limit
 
@@ -172,17 +183,17 @@ def test_a_schedule_tells_more_than_speeds() -> None:
     )
     winch = WinchScene(**{**vars(EQUIPPED), "schedule": rows})
     told = schedule_samples(winch, 0, round(0.55 * S))
-    length, tension = Order("length", 120.0), Order("tension", 5e4)
+    length, tension = WinchCommand("length", 120.0), WinchCommand("tension", 5e4)
     assert told == [
-        OrderSample(0, length),
-        OrderSample(S // 10, length),
-        OrderSample(S // 5, length),
-        OrderSample(S // 4, Order("set_brake")),
-        OrderSample(S // 4, tension),
-        OrderSample(3 * S // 10, tension),
-        OrderSample(4 * S // 10, tension),
-        OrderSample(9 * S // 20, Order("depth", 90.0)),
-        OrderSample(S // 2, Order("speed", -0.5)),
+        CommandSample(0, length),
+        CommandSample(S // 10, length),
+        CommandSample(S // 5, length),
+        CommandSample(S // 4, WinchCommand("set_brake")),
+        CommandSample(S // 4, tension),
+        CommandSample(3 * S // 10, tension),
+        CommandSample(4 * S // 10, tension),
+        CommandSample(9 * S // 20, WinchCommand("depth", 90.0)),
+        CommandSample(S // 2, WinchCommand("speed", -0.5)),
     ]
 
 
@@ -199,9 +210,9 @@ def test_a_schedule_tells_more_than_speeds() -> None:
 def test_an_emergency_stop_is_never_refused_for_its_stamp(stamp_s: float, words: str) -> None:
     """It is executed at once, and flagged."""
     winch = Winch(EQUIPPED, 100.0)
-    winch.take(None, Order("speed", 1.0), 96 * S)
+    winch.take(None, WinchCommand("speed", 1.0), 96 * S)
     stepped(winch, 3.0, begin_s=97.0)
-    assert winch.take(round(stamp_s * 1e9), Order("emergency_stop"), 100 * S) == ""
+    assert winch.take(round(stamp_s * 1e9), WinchCommand("emergency_stop"), 100 * S) == ""
     stepped(winch, 1.0, begin_s=100.0)
     assert winch.line.speed_m_per_s == 0.0
     switch = winch.health(100 * S)["winch_switch"]
@@ -211,16 +222,20 @@ def test_an_emergency_stop_is_never_refused_for_its_stamp(stamp_s: float, words:
 
 def test_an_emergency_stop_whose_stamp_came_twice_is_executed() -> None:
     winch = Winch(EQUIPPED, 100.0)
-    winch.take(None, Order("speed", 1.0), 0)
-    assert winch.take(3 * S, Order("set_brake"), S) == ""
+    winch.take(None, WinchCommand("speed", 1.0), 0)
+    assert winch.take(3 * S, WinchCommand("set_brake"), S) == ""
     for stamp_ns in (3 * S, 2 * S):
-        assert winch.take(stamp_ns, Order("emergency_stop"), 2 * S) == ""
+        assert winch.take(stamp_ns, WinchCommand("emergency_stop"), 2 * S) == ""
     stepped(winch, 1.0, begin_s=2.0)
     assert winch.shot().mode == "emergency_stop"
 
 
-@pytest.mark.parametrize("order", [Order("speed", 0.7), Order("length", 130.0), Order("set_brake")])
-def test_an_order_that_is_a_little_late_is_executed_at_once_and_reported(order: Order) -> None:
+@pytest.mark.parametrize(
+    "order", [WinchCommand("speed", 0.7), WinchCommand("length", 130.0), WinchCommand("set_brake")]
+)
+def test_an_order_that_is_a_little_late_is_executed_at_once_and_reported(
+    order: WinchCommand,
+) -> None:
     winch = Winch(EQUIPPED, 100.0)
     assert winch.take(9_400_000_000, order, 10 * S) == ""
     health = next(one for one in winch.health(10 * S).values() if one.accepted)
@@ -237,22 +252,22 @@ def test_an_order_that_is_a_little_late_is_executed_at_once_and_reported(order: 
 def test_a_late_order_does_not_undo_a_stop_that_was_wanted_at_once() -> None:
     """It was sent before the stop, and came after it."""
     winch = Winch(EQUIPPED, 100.0)
-    assert winch.take(None, Order("speed", 0.0), 10 * S) == ""
-    sentence = winch.take(9_900_000_000, Order("speed", 1.0), 10_100_000_000)
+    assert winch.take(None, WinchCommand("speed", 0.0), 10 * S) == ""
+    sentence = winch.take(9_900_000_000, WinchCommand("speed", 1.0), 10_100_000_000)
     assert "lies before a command that was executed at once" in sentence
-    assert winch.take(10_050_000_000, Order("speed", 1.0), 10_100_000_000) == ""
+    assert winch.take(10_050_000_000, WinchCommand("speed", 1.0), 10_100_000_000) == ""
 
 
 def test_orders_that_wait_are_bounded_and_a_stop_still_comes_through() -> None:
     """A flood of switches between two steps, and of planned speeds."""
     winch = Winch(EQUIPPED, 100.0)
-    taken = [winch.take(None, Order("set_brake"), 0) for _ in range(500)]
+    taken = [winch.take(None, WinchCommand("set_brake"), 0) for _ in range(500)]
     assert sum(not words for words in taken) == MAX_AT_ONCE == 100
     assert "100 of them wait already; send commands when they change" in taken[-1]
     for _ in range(500):
-        assert winch.take(None, Order("emergency_stop"), 0) == ""
+        assert winch.take(None, WinchCommand("emergency_stop"), 0) == ""
     assert len(winch._switches.waiting) == MAX_AT_ONCE + 1
-    planned = [winch.take(k * 1_000_000, Order("speed", 0.1), 0) for k in range(1, 5000)]
+    planned = [winch.take(k * 1_000_000, WinchCommand("speed", 0.1), 0) for k in range(1, 5000)]
     assert sum(not words for words in planned) == MAX_PLANNED
     stepped(winch, 1.0)
     assert winch.shot().mode == "emergency_stop"
@@ -270,11 +285,11 @@ def test_a_winch_does_what_its_scene_says_when_its_commander_is_lost(
     wanted: str, speed: float, brake: float, words: str
 ) -> None:
     winch = Winch(replace(EQUIPPED, when_commander_lost=wanted), 100.0)
-    assert winch.take(S, Order("speed", 1.0), S) == ""
-    assert winch.take(5 * S, Order("speed", -1.0), S) == "", "a plan that is dropped"
+    assert winch.take(S, WinchCommand("speed", 1.0), S) == ""
+    assert winch.take(5 * S, WinchCommand("speed", -1.0), S) == "", "a plan that is dropped"
     stepped(winch, 3.0, begin_s=1.0)
     assert winch.line.speed_m_per_s == 1.0
-    assert winch.take(None, Order(COMMANDER_LOST), 4 * S) == ""
+    assert winch.take(None, WinchCommand(COMMANDER_LOST), 4 * S) == ""
     stepped(winch, 3.0, begin_s=4.0)
     assert winch.line.speed_m_per_s == speed
     assert dict(winch.shot().figures)["brake_holds"] == brake
@@ -284,10 +299,10 @@ def test_a_winch_does_what_its_scene_says_when_its_commander_is_lost(
 def test_a_new_commander_s_plan_may_begin_before_the_end_of_the_former_one_s() -> None:
     """A stop that was planned stands."""
     winch = Winch(EQUIPPED, 100.0)
-    assert winch.take(8 * S, Order("speed", 1.0), S) == ""
-    assert winch.take(9 * S, Order("emergency_stop"), S) == ""
-    assert winch.take(None, Order(NEW_COMMANDER), S) == ""
-    assert winch.take(2 * S, Order("speed", -0.5), S) == ""
+    assert winch.take(8 * S, WinchCommand("speed", 1.0), S) == ""
+    assert winch.take(9 * S, WinchCommand("emergency_stop"), S) == ""
+    assert winch.take(None, WinchCommand(NEW_COMMANDER), S) == ""
+    assert winch.take(2 * S, WinchCommand("speed", -0.5), S) == ""
     stepped(winch, 7.9, begin_s=1.0)
     assert winch.line.speed_m_per_s == -0.5
     stepped(winch, 2.0, begin_s=8.9)
@@ -298,4 +313,4 @@ def test_what_a_winch_does_without_a_commander_is_no_figure_of_its_scene() -> No
     """Cards and saved states of the scene stay what they are."""
     other = replace(PLAIN, when_commander_lost="hold_speed")
     assert repr(other) == repr(PLAIN)
-    assert scene_figures(other) == scene_figures(PLAIN)
+    assert scene_properties(other) == scene_properties(PLAIN)

@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.scene.winch_parts import Drum
-from rope_twin.twin.hoisting.line import LineOut, Wish
-from rope_twin.twin.hoisting.orders import Order
-from rope_twin.twin.hoisting.pace import AccelerationLimited, JerkLimited, Pace
-from rope_twin.twin.hoisting.winch import Winch
+from rope_twin.twin.winch.commands import WinchCommand
+from rope_twin.twin.winch.motion_profile import AccelerationLimited, JerkLimited, MotionProfile
+from rope_twin.twin.winch.payout import LineTarget, Payout
+from rope_twin.twin.winch.winch import Winch
 
 ROUND_OFF_M = 1e-9
 LEAST_M, MOST_M = 20.0, 80.0
@@ -30,7 +30,7 @@ def winch_of(speed: float, acceleration: float, jerk: float | None, start: float
     return Winch(scene, start)
 
 
-def ran(winch: Winch, seconds: float, step_s: float, begin_s: float = 0.0) -> list[LineOut]:
+def ran(winch: Winch, seconds: float, step_s: float, begin_s: float = 0.0) -> list[Payout]:
     lines = [winch.line]
     for k in range(round(seconds / step_s)):
         lines.append(winch.step(round((begin_s + k * step_s) * 1e9), step_s))
@@ -52,7 +52,7 @@ def test_from_rest_a_length_is_reached_and_never_passed(
     start: float, goal: float, speed: float, acceleration: float, jerk: float | None, step_s: float
 ) -> None:
     winch = winch_of(speed, acceleration, jerk, start)
-    assert winch.take(None, Order("length", goal), 0) == ""
+    assert winch.take(None, WinchCommand("length", goal), 0) == ""
     lines = ran(winch, longest_s(abs(goal - start), speed, acceleration, jerk), step_s)
     side = 1.0 if goal >= start else -1.0
     assert max(side * (line.length_m - goal) for line in lines) < ROUND_OFF_M
@@ -79,7 +79,7 @@ def test_no_limit_is_ever_broken_whatever_is_told(
     for number, (kind, value) in enumerate(told):
         middle, half = 0.5 * (LEAST_M + MOST_M), 0.5 * (MOST_M - LEAST_M)
         value = middle + half * value if kind == "length" else 2.0 * speed * value
-        assert winch.take(None, Order(kind, value), 0) == ""
+        assert winch.take(None, WinchCommand(kind, value), 0) == ""
         lines += ran(winch, 7.3, step_s, 7.3 * number)[1:]
     assert_within(lines, speed, acceleration, jerk, step_s)
     assert min(line.length_m for line in lines) >= LEAST_M - ROUND_OFF_M
@@ -87,7 +87,7 @@ def test_no_limit_is_ever_broken_whatever_is_told(
 
 
 def assert_within(
-    lines: list[LineOut], speed: float, acceleration: float, jerk: float | None, step_s: float
+    lines: list[Payout], speed: float, acceleration: float, jerk: float | None, step_s: float
 ) -> None:
     speeds = [line.speed_m_per_s for line in lines]
     rates = [(v1 - v0) / step_s for v0, v1 in pairwise(speeds)]
@@ -103,7 +103,7 @@ def test_stopping_takes_the_time_of_the_quickest_profile(goal: float) -> None:
     """Trapezium of speed, or a triangle if the way is short: D/v + v/a, or 2·√(D/a)."""
     speed, acceleration, way = 1.0, 0.3, goal - 45.0
     winch = winch_of(speed, acceleration, None, 45.0)
-    winch.take(None, Order("length", goal), 0)
+    winch.take(None, WinchCommand("length", goal), 0)
     full = way > speed**2 / acceleration
     exact = way / speed + speed / acceleration if full else 2.0 * math.sqrt(way / acceleration)
     lines = ran(winch, exact + 0.2, 0.01)
@@ -115,7 +115,7 @@ def test_a_jerk_limited_start_is_the_cubic_of_the_closed_form() -> None:
     """t·(j·t²/6) while the acceleration grows, then parabolas."""
     acceleration, jerk, step_s = 0.3, 0.5, 0.01
     winch = winch_of(2.0, acceleration, jerk, 50.0)
-    winch.take(None, Order("speed", 2.0), 0)
+    winch.take(None, WinchCommand("speed", 2.0), 0)
     lines = ran(winch, 2.0, step_s)
     grown = acceleration / jerk
     for t in (0.2, 0.5, 1.0, 2.0):
@@ -127,12 +127,14 @@ def test_a_jerk_limited_start_is_the_cubic_of_the_closed_form() -> None:
 
 
 @pytest.mark.parametrize("pace", [AccelerationLimited(0.3), JerkLimited(0.3, 0.5)])
-def test_a_length_given_too_late_is_passed_by_no_more_than_braking_takes(pace: Pace) -> None:
-    line, passed = LineOut(100.0, 0.0), 0.0
+def test_a_length_given_too_late_is_passed_by_no_more_than_braking_takes(
+    pace: MotionProfile,
+) -> None:
+    line, passed = Payout(100.0, 0.0), 0.0
     for k in range(4000):
         goal = 150.0 if k < 1000 else 107.0
         up = goal > line.length_m
-        wish = Wish(1.0 if up else -1.0, 20.0 if up else goal, goal if up else 200.0)
+        wish = LineTarget(1.0 if up else -1.0, 20.0 if up else goal, goal if up else 200.0)
         line, _ = pace.move(line, wish, 0.01)
         passed = max(passed, line.length_m)
         if k == 999:

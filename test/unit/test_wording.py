@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+from rope_twin.twin.saving.keeper import SavingHealth
 from sample_snapshot import hanging_rope
 
 from rope_twin.messages import Status, statuses
@@ -19,10 +20,8 @@ from rope_twin.run.cpu_usage import CpuUsage
 from rope_twin.run.seat import PRIORITY, CommandSeat
 from rope_twin.run.summary import RunSummary
 from rope_twin.scene.card import KnownError
-from rope_twin.twin.findings import EnergyBalance
-from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.pacing import PacingHealth
-from rope_twin.twin.saving.keeper import SavingHealth
+from rope_twin.twin.results import EnergyBalance
 from rope_twin.twin.snapshot import (
     BedContact,
     Bend,
@@ -35,6 +34,7 @@ from rope_twin.twin.snapshot import (
     SolverHealth,
     Touchdown,
 )
+from rope_twin.twin.winch.commands import WinchCommand
 
 GOLDEN = Path(__file__).with_name("golden") / "wording.txt"
 PACED = PacingHealth(running=True, steps=100, real_time_factor=420.0)
@@ -123,8 +123,8 @@ def snapshots() -> dict[str, tuple[Snapshot, PacingHealth | None]]:
 def seats() -> dict[str, Status]:
     free, held, lost = (CommandSeat("winch", PRIORITY, "ramp_to_zero") for _ in range(3))
     for seat in (held, lost):
-        seat.judge("bench", Order("speed", 0.2), 0.0)
-    held.judge("other", Order("speed", 0.1), 1.0)
+        seat.judge("bench", WinchCommand("speed", 0.2), 0.0)
+    held.judge("other", WinchCommand("speed", 0.1), 1.0)
     lost.look(set(), 0, 1.0)
     lost.look(set(), 2_000_000_000, 3.0)
     return {"seat free": free.row(0.0), "seat held": held.row(2.0), "seat lost": lost.row(4.0)}

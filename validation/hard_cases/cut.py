@@ -16,10 +16,10 @@ from rope_twin.core.state import Boundary, Rope
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.errors import SolverError, phrase
 from rope_twin.scene.arrays.build import build
-from rope_twin.twin.contact import bed_contact
-from rope_twin.twin.cutting.bare_end import without_load
-from rope_twin.twin.cutting.parted import PartedRopes
-from rope_twin.twin.cutting.severing import Place, sever, without_beyond
+from rope_twin.twin.cutting.free_end import without_load
+from rope_twin.twin.cutting.parted import CutRope
+from rope_twin.twin.cutting.rope_cut import CutPosition, cut_rope, without_massless_section
+from rope_twin.twin.seabed_contact import seabed_contact
 from validation.hard_cases.check import Case, Check, all_converged, off
 from validation.hard_cases.rigs import Arrays
 from validation.rigs import NOTHING, WATER, Rig
@@ -51,15 +51,19 @@ class Parts:
         rig, lost, rope = whole.rig, float(whole.s[below]), whole.rope
         value = np.zeros((1, rows.MOTIONS))
         value[0, rows.LINE] = whole.length
-        place = Place(lost, math.inf, 0.0)
-        cut = sever(rope, Boundary(value, np.zeros_like(value)), place, without_load(rope.effects))
+        place = CutPosition(lost, math.inf, 0.0)
+        cut = cut_rope(
+            rope, Boundary(value, np.zeros_like(value)), place, without_load(rope.effects)
+        )
         bare = replace(
             rig, length=whole.length - lost, elements=whole.n - below, load=0.0, volume=0.0,
             added=NOTHING, area=NOTHING,
         )  # fmt: skip
         self.upper = Part(bare, cut.upper)
-        self.lower = Part(replace(rig, length=lost, elements=below), without_beyond(cut.lower))
-        self._ropes = PartedRopes(rig.scene(), cut.upper, cut.lower)
+        self.lower = Part(
+            replace(rig, length=lost, elements=below), without_massless_section(cut.lower)
+        )
+        self._ropes = CutRope(rig.scene(), cut.upper, cut.lower)
         self._steps = 0
 
     def hold(self, steps: int) -> Vector:
@@ -78,7 +82,7 @@ class Parts:
 
     def push_of_bed(self) -> float:
         """Return the seabed reaction on the lower part [N]."""
-        bed = bed_contact(self._ropes.lowest(self.upper.rope))
+        bed = seabed_contact(self._ropes.lowest(self.upper.rope))
         return bed.payload_push_n + bed.rope_push_n if bed is not None else math.nan
 
     def energy(self) -> float:

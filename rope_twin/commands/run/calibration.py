@@ -17,7 +17,7 @@ from rope_twin.run.options import RunOptions
 from rope_twin.scene.card import Rung, Setting
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.variants import variant
-from rope_twin.twin.kinds import twin_kind
+from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.twin import Twin
 
@@ -81,7 +81,7 @@ def measure_setting(
 
     solves_per_step: what the card counted where the rope moves; it scales the steps.
     """
-    kind = twin_kind(options.energy, options.error_band, options.watch)
+    kind = twin_class(options.energy, options.error_band, options.watch)
     twin = kind(variant(scene, setting.elements, setting.step_s))
     steps = steps_in_slot(setting.step_s)
     encoder = Encoder(0)

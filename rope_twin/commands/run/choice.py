@@ -23,7 +23,7 @@ from rope_twin.studies.accuracy.choice import (
 )
 from rope_twin.studies.accuracy.figures import BY_NAME, Quantity
 from rope_twin.studies.accuracy.plan import make_plan
-from rope_twin.twin.accuracy.card_validity import CUT_WORDS, beyond
+from rope_twin.twin.accuracy.validity import CUT_REASON, beyond
 from rope_twin.twin.pacing import SLOT_S
 
 MOST_ELEMENTS = 20_000  # of a rope of a scene
@@ -152,7 +152,7 @@ def _of_its_run(card: Card, options: RunOptions) -> str:
     """Of which run its errors are."""
     words = f"in the card's run of {card.seconds:g} s"
     if options.cut:
-        return f"{words} (of this one only until {CUT_WORDS})"
+        return f"{words} (of this one only until {CUT_REASON})"
     if _goes_on(card, options):
         return f"{words} (of this one the error is unknown after that: {beyond(card.seconds)})"
     return words

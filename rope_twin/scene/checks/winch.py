@@ -9,7 +9,7 @@ from rope_twin.scene.figures import LiftFigures
 from rope_twin.scene.schema import Scene
 
 ON, OFF = "compensate", "stop_compensating"
-LONGEST_STEP = 0.5  # of the travel time of an axial wave (see twin/hoisting/feel.py)
+LONGEST_STEP = 0.5  # of the travel time of an axial wave (see twin/winch/tension_feedback.py)
 
 
 def check_winch(scene: Scene, figures: LiftFigures) -> Iterator[str]:

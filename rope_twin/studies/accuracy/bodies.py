@@ -18,7 +18,7 @@ from rope_twin.scene.arrays.joined import build_joined
 from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.rules.shedding import model_beside
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.start import find_start, judge_start
+from rope_twin.twin.statics import check_equilibrium, solve_scene_statics
 
 
 class Body(Protocol):
@@ -59,7 +59,7 @@ class RopeBody:
 
     def __init__(self, scene: Scene) -> None:
         self._rope = rope = build(scene)
-        find_start(scene, rope)
+        solve_scene_statics(scene, rope)
         self._start = copy.deepcopy(rope)  # wakes and a rigid body are kept in the effects
         self.memory_mb = _memory_mb((rope.state, rope.work, rope.sections, rope.effects, rope.law))
 
@@ -104,24 +104,24 @@ class ShakenBody(RopeBody):
         """Return the number of steps done, and the top tension after each [N]."""
         pull, done = np.zeros((steps, rows.PULL_COLUMNS)), 0
         while done < steps:
-            count = min(steps - done, self._shaking.steps_to_look(self._steps))
+            count = min(steps - done, self._viv_drag.steps_to_sampling(self._steps))
             part = Boundary(*(table[done : done + count + 1] for table in motion))
             at_s = time + done * self._rope.model.step
             went = advance(self._rope, part, pull[done : done + count], at_s, count)
             done, self._steps = done + went, self._steps + went
             if went < count:
                 break
-            if self._shaking.steps_to_look(self._steps) == 0:
+            if self._viv_drag.steps_to_sampling(self._steps) == 0:
                 now = Boundary(*(table[done:] for table in motion))
-                self._shaking.look(self._rope, now, self._steps, 0)
+                self._viv_drag.look(self._rope, now, self._steps, 0)
         return done, pull[:, rows.PULL]
 
     def _shake(self) -> None:
-        from rope_twin.twin.vibration.shaking import (
-            Shaking,  # here: its filters take a second to load
+        from rope_twin.twin.vibration.drag_amplification import (
+            VivDragAmplification,  # here: its filters take a second to load
         )
 
-        self._shaking = Shaking(self._scene, self._rope)
+        self._viv_drag = VivDragAmplification(self._scene, self._rope)
         self._steps = 0
 
 
@@ -137,7 +137,7 @@ class JoinedBody:
         place[:, : rows.LINE] = np.nan_to_num(built.hang_off_m)
         place[:, rows.LINE] = [line.length_m for line in scene.ropes]
         end = solve_reeved_statics(system, place)
-        judge_start(scene, end, max(self._highest(r) for r in range(len(system.ropes))))
+        check_equilibrium(scene, end, max(self._highest(r) for r in range(len(system.ropes))))
         self._lowest = built.owners[scene.payloads[0].name] if scene.payloads else 0
         stack = system.stack
         state = (stack.nodes, stack.s, stack.offset, stack.counts, stack.health)

@@ -24,7 +24,11 @@ from rope_twin.scene.schema import RopeLine, Scene, Triple
 from rope_twin.studies.accuracy.bodies import body_of
 from rope_twin.studies.driven_twin import fed
 from rope_twin.studies.variants import variant
-from rope_twin.twin.ensemble.borders import Borders, WinchTrack, foreseen
+from rope_twin.twin.ensemble.boundary_conditions import (
+    SharedBoundary,
+    WinchMotion,
+    is_known_in_advance,
+)
 from rope_twin.twin.motion.hang_off import lever_arm
 from rope_twin.twin.motion.heave_series import HeaveSeries
 from rope_twin.twin.twin import Twin
@@ -76,7 +80,7 @@ class Course:
         samples = sea.between(FIRST_NS, round(seconds * 1e9) + AFTER_NS) if sea else []
         self._samples, self._heave = samples, series_of(samples)
         self._motions: dict[float, rows.Boundary] = {}
-        known = is_joined(scene) or foreseen(scene.winch, None)
+        known = is_joined(scene) or is_known_in_advance(scene.winch, None)
         self._line = None if known else _recorded_line(scene, seconds)
 
     def motion(self, step_s: float) -> rows.Boundary:
@@ -115,9 +119,9 @@ class Course:
             still[:, rows.LINE] = line.length_m
             return rows.Boundary(still, np.zeros_like(still))
         winch = None if self._line is not None else winch_of(self.scene, line)
-        track = WinchTrack(winch, line.length_m, None, step_s)
+        track = WinchMotion(winch, line.length_m, None, step_s)
         ship = replace(self.scene.ship, hang_off_m=place)
-        borders = Borders(ship, track, self._heave_at(place), step_s)
+        borders = SharedBoundary(ship, track, self._heave_at(place), step_s)
         parts = [rows.Boundary(*(table.copy() for table in borders.boundary))]
         for first in range(0, steps, batch):
             part = borders.through(first, min(batch, steps - first))

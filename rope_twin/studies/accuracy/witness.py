@@ -25,7 +25,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.scene.shapes.shapes import payload_figures
 from rope_twin.studies.accuracy.run import Course, Setting, Trial
 from rope_twin.studies.variants import variant
-from rope_twin.twin.start import find_start
+from rope_twin.twin.statics import solve_scene_statics
 
 Vector = NDArray[np.float64]
 ELEMENTS, AFTER_RAMP_S = (20, 10, 5), 12.0  # the most whose step is no shorter than ...
@@ -114,7 +114,7 @@ class _Rope:
         self.scene = scene
         line, water = scene.ropes[0], scene.environment
         built, rope = build(scene), line.rope
-        find_start(scene, built)
+        solve_scene_statics(scene, built)
         assert rope is not None
         assert rope.axial_stiffness_n is not None
         count, density = line.elements + 1, water.water_density_kg_per_m3

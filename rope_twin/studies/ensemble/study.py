@@ -18,7 +18,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.scene.sea_state import SeaState
 from rope_twin.studies.ensemble.plan import Plan
 from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Lanes, Variation, whole_steps
-from rope_twin.twin.ensemble.member import MemberFigures
+from rope_twin.twin.ensemble.member import MemberResults
 from rope_twin.twin.motion.heave_series import HeaveSeries
 
 SEA_OFFSET = "sea offset"  # the axis that moves a member along the recorded sea [s]
@@ -33,7 +33,7 @@ class StudyResult:
     """Results of an ensemble, one row per member."""
 
     plan: Plan
-    figures: list[MemberFigures]
+    figures: list[MemberResults]
     breaking_loads_n: list[float]
     time_s: float  # twin time of each member
     step_s: float

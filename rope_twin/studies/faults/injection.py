@@ -15,8 +15,8 @@ from itertools import combinations
 from typing import Any
 
 from rope_twin.messages import encode_current, encode_heave, encode_order, encode_pose
-from rope_twin.twin.hoisting.orders import Order
 from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.winch.commands import WinchCommand
 
 SECOND_NS = 1_000_000_000
 HEAVE, ODOMETRY, WINCH, CURRENT = "ship/heave", "ship/odometry", "winch/speed_command", "current"
@@ -34,7 +34,7 @@ class Message:
     topic: str
     received_ns: int
     stamp_ns: int  # by its sender's clock
-    content: Any  # Heave, ShipPose, Order or Profile
+    content: Any  # Heave, ShipPose, WinchCommand or Profile
     sender: str = "sensor"
     garbage: bytes = b""  # what comes in place of the content
 
@@ -196,7 +196,7 @@ def _scaled_by(
             )
         if one.topic == CURRENT:
             return tuple((z, value(east), value(north)) for z, east, north in one.content)
-        return Order(one.content.kind, value(one.content.value))
+        return WinchCommand(one.content.kind, value(one.content.value))
 
     return lambda given, rng: [replace(one, content=content(one)) for one in given]
 

@@ -11,8 +11,8 @@ from rope_twin.run.inputs import FIRST_NS, open_sea
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.faults.injection import CURRENT, HEAVE, ODOMETRY, SECOND_NS, Message
 from rope_twin.studies.faults.injection import WINCH as WINCH_TOPIC
-from rope_twin.twin.hoisting.orders import SPEED, Order
 from rope_twin.twin.motion.ship_pose import ShipPose
+from rope_twin.twin.winch.commands import SPEED, WinchCommand
 
 LATENCY_NS = 10_000_000  # from a stamp to the arrival of its message
 PITCH_RAD, PITCH_PERIOD_S = math.radians(2.0), 8.0  # of a ship whose sea is known by heave alone
@@ -67,7 +67,7 @@ def commands(scene: Scene, until_s: float) -> list[Message]:
     found = []
     for stamp_ns in stamps:
         turn = int(stamp_ns * 1e-9 / SPEED_FOR_S) % len(SPEEDS_M_PER_S)
-        order = Order(SPEED, SPEEDS_M_PER_S[turn])
+        order = WinchCommand(SPEED, SPEEDS_M_PER_S[turn])
         found.append(Message(WINCH_TOPIC, stamp_ns + LATENCY_NS, stamp_ns, order, "console"))
     return found
 

@@ -21,7 +21,7 @@ from rope_twin.studies.fatigue import RopeFatigue
 from rope_twin.studies.parameter_study.design import Made, StudyRun
 from rope_twin.studies.parameter_study.file import FatigueWish, Study
 from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Variation
-from rope_twin.twin.fatigue.endurance import CURVES
+from rope_twin.twin.fatigue.curves import CURVES
 
 Row = dict[str, Any]
 CHANGED = "; the card is of the scene before its numbers were varied"

@@ -11,7 +11,7 @@ from rope_twin.scene.document import Place, read_document
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.reader import read_object
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.fatigue.endurance import CURVES
+from rope_twin.twin.fatigue.curves import CURVES
 
 SEA_OFFSET_S = "sea_offset_s"  # the path of a variable that moves a run along the recorded sea
 RUNS_MOST = 100_000

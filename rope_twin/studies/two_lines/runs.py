@@ -13,12 +13,12 @@ from rope_twin.scene.rules.rigging import winches_by_name
 from rope_twin.scene.schema import Scene
 from rope_twin.sea.heave_response import BoxHull
 from rope_twin.sea.spectrum import jonswap
-from rope_twin.twin.hoisting.schedule import schedule_samples
-from rope_twin.twin.joined.line_watch import LineWatch
-from rope_twin.twin.joined.lines_shot import LineEvent, Nearest
 from rope_twin.twin.motion.irregular_sea import SeaRecord, synthesise
+from rope_twin.twin.multi_line.clearance import ClearanceMonitor
+from rope_twin.twin.multi_line.clearance_results import LineEvent, Nearest
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
+from rope_twin.twin.winch.schedule import schedule_samples
 
 # Hs [m] and Tp [s] of sea states (STANAG 4194)
 SEA_STATES = {3: (0.9, 7.5), 4: (1.9, 8.8), 5: (3.3, 9.7), 6: (5.0, 12.4)}
@@ -80,7 +80,7 @@ def run_lines(
 ) -> LineRun:
     """Run a twin of a loop by its winches' schedules; calm without a sea."""
     scene = twin.scene
-    watch, heave = LineWatch(scene), _Heave(sea)
+    watch, heave = ClearanceMonitor(scene), _Heave(sea)
     tops = [line[0] for line in watch.lines]
     seen = _Seen()
     for second in range(seconds):
@@ -117,7 +117,7 @@ class _Seen:
         self.nearest: list[Nearest] = []
         self.events: list[LineEvent] = []
 
-    def take(self, shot: Snapshot, watch: LineWatch) -> list[LineEvent]:
+    def take(self, shot: Snapshot, watch: ClearanceMonitor) -> list[LineEvent]:
         """Take one sample; return crossings that began or ended since the last one."""
         near, happened = watch.look(shot)
         self.nearest.append(near)
@@ -129,7 +129,7 @@ class _Seen:
         return happened
 
 
-def _flat(shot: Snapshot, watch: LineWatch) -> tuple[Floats, Floats]:
+def _flat(shot: Snapshot, watch: ClearanceMonitor) -> tuple[Floats, Floats]:
     """Return both lines in their vertical plane, (nodes, 2)."""
     places = (
         np.concatenate([shot.ropes[number].node_position_m for number in line])
@@ -161,7 +161,7 @@ def _offer(twin: Twin, scene: Scene, second: int, heave: _Heave) -> None:
     """Pass on commands and heave of the next second."""
     for name, winch in winches_by_name(scene).items():
         for row in schedule_samples(winch, second * SECOND_NS, (second + 1) * SECOND_NS):
-            twin.offer_order(row.stamp_ns, row.order, name)
+            twin.offer_command(row.stamp_ns, row.command, name)
     heave.offer(twin, second)
 
 

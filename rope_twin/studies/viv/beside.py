@@ -121,11 +121,11 @@ def run_shaken(scene: Scene, duration_s: float) -> Shaken:
     heave, speeds = regular_motion(scene)
     twin = Twin(scene)
     sample_s = min(SAMPLE_S, 1.0 / (LEAST_PER_PERIOD * hz))
-    own, every = twin.shaking, max(1, int(sample_s / twin.step_s + 1e-6))
+    own, every = twin.viv_drag, max(1, int(sample_s / twin.step_s + 1e-6))
     share = np.linspace(0.0, 1.0, PLACES)
 
     def steps() -> int:
-        return every if own is None else own.steps_to_look(twin.steps)
+        return every if own is None else own.steps_to_sampling(twin.steps)
 
     rows = []
     for shot in marched(twin, heave, duration_s, speeds, steps):

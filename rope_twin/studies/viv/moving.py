@@ -18,7 +18,7 @@ from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import Motion, Speeds, march, still
 from rope_twin.studies.picture import write_picture
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.in_modes import Vibration
+from rope_twin.twin.vibration.modal_vibration import ModalVibration
 from rope_twin.viv.modal_response import ModalResponse
 from rope_twin.viv.shedding import Shedding
 from rope_twin.viv.span import Floats
@@ -60,7 +60,7 @@ def run_moving(scene: Scene, shedding: Shedding, duration_s: float, every_s: flo
     """
     heave, speeds = regular_motion(scene)
     twin = Twin(scene)
-    vibration = Vibration(twin, shedding, every_s)
+    vibration = ModalVibration(twin, shedding, every_s)
     constant = ModalResponse(vibration.response.span, shedding)
     every = max(1, round(SAMPLE_S / twin.step_s))
     share = np.linspace(0.0, 1.0, PLACES)

@@ -10,7 +10,7 @@ Drag amplification is that of the run: the mean of f·|u_n|·u_n over |U_n|·U_n
 the water relative to the rope and normal to it, u_n, its mean, U_n, and f, the drag amplification
 of a model outside the time step. Stress is that of bending, E·d/2 times the curvature of the rope
 on its nodes, or of the motion of the model, in the direction in which it is largest; damage is that
-of tension and bending together (rope_twin.twin.fatigue.wear), per year of the run.
+of tension and bending together (rope_twin.twin.fatigue.damage), per year of the run.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from rope_twin.scene.schema import Scene
 from rope_twin.studies.viv.moving import regular_motion
 from rope_twin.studies.viv.own_looks import PLACES, Look, looks_of, made_even, marched
 from rope_twin.studies.viv.study import YEAR_S
-from rope_twin.twin.fatigue.endurance import metal_area
-from rope_twin.twin.fatigue.wear import RopeWear, WearWish, bending_stiffness
-from rope_twin.twin.findings import MaterialFatigue
+from rope_twin.twin.fatigue.curves import metal_area
+from rope_twin.twin.fatigue.damage import DamageSettings, RopeDamage, bending_stiffness
+from rope_twin.twin.results import MaterialFatigue
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.own_motion import SLOW
+from rope_twin.twin.vibration.measured import CUT_OFF
 from rope_twin.viv.drag import amplified_drag
 
 STEADY = 0.5  # of a run: the part that counts
@@ -212,13 +212,13 @@ def _figures(scene: Scene, from_lower_m: Floats, EI: float) -> tuple[Floats, Flo
     return thick[which], np.array(stiff)[which]
 
 
-def _wear(scene: Scene, twin: Twin, curve: str) -> RopeWear | None:
+def _wear(scene: Scene, twin: Twin, curve: str) -> RopeDamage | None:
     """Return the fatigue counter; None: part of the rope is neither solid steel nor a pipe."""
     line, EI = scene.ropes[0], bending_stiffness(twin.rope.effects)
     if any(np.isnan(metal_area(section.rope, EI)) for section in line.made_of):
         return None
     most = scene.winch.most_line_out_m if scene.winch else line.length_m
-    return RopeWear(line, most, WearWish(curve, True), EI)
+    return RopeDamage(line, most, DamageSettings(curve, True), EI)
 
 
 def _fast(motion: Floats, hz: float, every_s: float) -> Floats:
@@ -227,7 +227,7 @@ def _fast(motion: Floats, hz: float, every_s: float) -> Floats:
 
     mean = motion.mean(axis=1, keepdims=True)
     filtered = sosfiltfilt(
-        butter(2, SLOW * hz, "highpass", fs=1.0 / every_s, output="sos"), motion - mean, axis=1
+        butter(2, CUT_OFF * hz, "highpass", fs=1.0 / every_s, output="sos"), motion - mean, axis=1
     )
     return np.asarray(filtered)
 

@@ -1,8 +1,8 @@
 """Samples of a rope with the scene's own VIV model, at equal intervals.
 
 A model inside the time step moves the rope's nodes. A model outside the time step
-(rope_twin.twin.vibration.shaking) has its own motion, cross-flow only, and amplifies the drag; it
-is sampled right after each of its updates.
+(rope_twin.twin.vibration.drag_amplification) has its own motion, cross-flow only, and amplifies
+the drag; it is sampled right after each of its updates.
 """
 
 from __future__ import annotations
@@ -16,11 +16,11 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
 from rope_twin.errors import InputError, phrase
 from rope_twin.studies.driven_twin import Motion, Speeds, march
-from rope_twin.twin.fatigue.wear import bending_stiffness, curvature
+from rope_twin.twin.fatigue.damage import bending_stiffness, curvature
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
-from rope_twin.twin.vibration.own_motion import relative_flow, sides, tangents
-from rope_twin.twin.vibration.shaking import Shaking
+from rope_twin.twin.vibration.drag_amplification import VivDragAmplification
+from rope_twin.twin.vibration.measured import flow_directions, relative_flow, tangents
 
 PLACES = 200  # along the rope, over its length at the time
 PER_PERIOD = 24  # looks per period of the fastest vortices
@@ -59,7 +59,7 @@ def looks_of(twin: Twin, vortices_hz: float) -> Looks:
     Raises:
         InputError: steps are too long to look at vortices of that frequency.
     """
-    if twin.shaking is None:
+    if twin.viv_drag is None:
         return _AtNodes(twin, vortices_hz)
     per_period = 1.0 / (vortices_hz * twin.step_s)
     if per_period < LEAST_PER_PERIOD:
@@ -69,7 +69,7 @@ def looks_of(twin: Twin, vortices_hz: float) -> Looks:
         )
         right = f"give {1e3 / (LEAST_PER_PERIOD * vortices_hz):.2g} ms or less for --own"
         raise InputError(phrase(f"{twin.scene.path}: time.step_s", what, right))
-    return _Beside(twin, twin.shaking)
+    return _Beside(twin, twin.viv_drag)
 
 
 def marched(
@@ -135,24 +135,24 @@ class _Beside:
 
     drifts = False
 
-    def __init__(self, twin: Twin, shaking: Shaking) -> None:
-        self._twin, self._shaking = twin, shaking
+    def __init__(self, twin: Twin, shaking: VivDragAmplification) -> None:
+        self._twin, self._viv_drag = twin, shaking
 
     def steps(self) -> int:
-        return self._shaking.steps_to_look(self._twin.steps)
+        return self._viv_drag.steps_to_sampling(self._twin.steps)
 
     def look(self) -> Look:
-        rope, tracker = self._twin.rope, self._shaking.tracker
+        rope, tracker = self._twin.rope, self._viv_drag.tracker
         s = _marks(rope)
         at = np.linspace(s[-1], 0.0, PLACES)
         moved = np.stack([tracker.moved(rope, at), np.full(PLACES, np.nan)])
-        grown = np.interp(at, s, self._shaking.amplified(rope))
+        grown = np.interp(at, s, self._viv_drag.drag_amplification(rope))
         return Look(moved, _at_places(s, _across(rope)), grown, self.bent(at))
 
     def bent(self, middles: Floats) -> Floats:
         """Return the curvature of the model, and of the rope if the scene lists its bending."""
         rope = self._twin.rope
-        bent = self._shaking.tracker.bent(rope, middles)
+        bent = self._viv_drag.tracker.bent(rope, middles)
         if bending_stiffness(rope.effects) > 0.0:
             s, own = curvature(rope)
             bent = bent + np.stack([np.interp(middles, s, part) for part in own])
@@ -182,5 +182,5 @@ def _sides(rope: Rope) -> Floats:
     s = _marks(rope)
     water = rope.work[rows.FLOW : rows.FLOW + 3, : len(s)].copy()
     water[:, -1] = water[:, -2]
-    both = sides(rope.state.nodes[_PLACE, : len(s)], water)
+    both = flow_directions(rope.state.nodes[_PLACE, : len(s)], water)
     return np.stack([_at_places(s, own) for own in both])

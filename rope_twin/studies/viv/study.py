@@ -17,7 +17,7 @@ from rope_twin.scene.arrays.composite import ends_m
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.fatigue import stress_damage
 from rope_twin.studies.viv.scene import SceneSpan, span_of
-from rope_twin.twin.fatigue.endurance import StressCurve, metal_area
+from rope_twin.twin.fatigue.curves import StressCurve, metal_area
 from rope_twin.viv.drag import amplified_drag
 from rope_twin.viv.modal_response import ModalResponse
 from rope_twin.viv.shedding import Shedding

@@ -1,50 +1,50 @@
-"""From the difference between a rope and its coarser companion to a bound on the rope's error.
+"""Bound on a rope's error from its difference to the coarse solution.
 
-Where the motion is smooth the difference is three times the rope's error (Richardson 1911), but it
-passes through zero, so the largest of a window counts. That a third is right is known to fail, and
-each failure has a rule of its own:
+For smooth motion the difference is three times the rope's error (Richardson 1911), but it passes
+through zero, so its maximum over a window counts. A third is known to be wrong in these cases, each
+with a rule of its own:
 
-- The companion's error is in step with the rope's, and what both have may grow alike in the
-  difference's shadow: after a blow (a wave on the bed of the wave zone, a landing, a section that
-  passes the sheave) both ring, and the difference dies sooner than the error. A rope forgets no
-  sooner than its motion fades: the mean difference, read as the amplitude of a sine, fades with
-  FADE_S and no faster.
-- A split or merge in the rope alone moves what rings. Its length offsets times the stiffness of the
-  whole rope tell how hard it was; it cannot move more than there is, half of the ringing.
-- Once an element was slack, the tension next to nothing or the bed touched, the error falls in
-  proportion to the elements' length, not to its square, and the rope rings with it for long: the
-  difference itself is taken, and once the rope stays taut its fading mean.
+- The coarse error is in phase with the rope's, and a common part of both does not appear in the
+  difference: after an impact (a wave on the bed of the wave zone, a landing, a section that passes
+  the sheave) both ring, and the difference decays sooner than the error. The error decays no faster
+  than the motion: the mean difference, taken as the amplitude of a sine, decays with FADE_S.
+- A split or merge in the rope alone excites ringing. Its length offsets times the stiffness of the
+  whole rope measure the impulse, limited to half of the ringing present.
+- Once an element was slack, the tension close to zero or the bed touched, the error is of first
+  order in the element length, and the rope rings with it for long: the difference itself is taken,
+  and once the rope stays taut its decaying mean.
 - Where a sling of a rigid body was slack or the body on its deck, the load came onto the rope by
   springs below a hook that has mass. The rope's lower end feels a force without jumps, whose rate
-  jumps: its velocity jumps in its second derivative only, and a scheme of second order errs by the
-  power 5/3 of the elements' length there (Brenner, Thomee and Wahlbin 1975, 2.5 derivatives in the
-  mean square). So 0.46 of the difference is the error where both blows go alike; SPRUNG allows for
-  those that do not. A rope that is slack while no sling pulls is one without its load: what it does
-  meanwhile does not get into that.
-- Where a rope that is made fast on the bed lays a node down there, it rings for some seconds, and
-  the companion does when a node of its own lands: the difference itself is taken meanwhile.
-- While the payload stands on the bed the rope above it lies in loops that elements hardly resolve.
-  How wrong they are shows when they are drawn straight: the water holds the rope's sag meanwhile,
-  so the difference of the last seconds counts, not that of the last moment.
-- A rope whose own tension is next to nothing hangs in loops that no grid resolves: its error is
-  taken to be as large as the tension, and a hundredth of the tension at rest at least, since what
-  is left of a snap runs up and down in it.
-- A motion that comes in samples bends at each of them: its acceleration jumps, and the first step
-  afterwards is wrong by more than the next ones. That step has a safety of its own; the others are
-  not judged by the companion's steps over such a bend.
+  jumps: its velocity jumps in its second derivative only, and a scheme of second order has an error
+  of the power 5/3 of the element length there (Brenner, Thomee and Wahlbin 1975, 2.5 derivatives in
+  the mean square). So the error is 0.46 of the difference where both impacts are alike; SPRUNG
+  allows for those that are not. A rope that is slack while no sling pulls has no load: its response
+  meanwhile does not enter.
+- Where an anchored rope lays a node down on the bed, it rings for some seconds, and so does the
+  coarse solution when one of its own nodes lands: the difference itself is taken meanwhile.
+- While the payload stands on the bed the rope above it lies in loops that elements barely resolve.
+  Their error shows when they are drawn straight: the water holds the rope's sag meanwhile, so the
+  difference of the last seconds counts, not that of the last moment.
+- A rope whose own tension is close to zero hangs in loops that no mesh resolves: its error is taken
+  as the tension itself, and at least a hundredth of the static tension, since the remainder of a
+  snap load travels up and down in it.
+- A motion given in samples has a kink at each of them: its acceleration jumps, and the first step
+  afterwards has a larger error than the next ones. That step has a safety factor of its own; the
+  others are not judged by coarse steps across such a kink.
 - Where the current jumps between two layers the error is of first order, too, and follows the
-  elements as they pass the jump (`difference`): the difference itself is taken, of some more time.
-- A winch that answers to the tension takes that of one step for its next: an error of first order
+  elements as they pass the jump (`error_fraction`): the difference itself is taken, over a longer
+  time.
+- A winch that responds to the tension uses that of one step for its next: an error of first order
   in the step, and the difference itself is taken.
-- Where vortices beside the step let the companion's drag grow by other modes, the difference itself
-  is taken (`grown_apart`).
-- Vortices that set their own pace run out of step for good, and do not ring: `out_of_step`.
-- Waves that die within an element load the rope by an error of first order: the difference is as
-  large as the error then. How much of a third is wrong there follows from the waves alone
-  (`surface_layer`).
+- Where a loosely coupled VIV model amplifies the coarse drag by other modes, the difference itself
+  is taken (`divergence`).
+- Self-excited vortices drift in phase without bound, and do not ring: `phase_drift`.
+- Waves that decay within an element load the rope with an error of first order: the error is then
+  as large as the difference. The correction to a third follows from the waves alone
+  (`error_fraction`).
 
-The safeties were found on the shipped scenes against converged references, the same for all, and
-are tested there: `python -m benchmarks band`.
+The safety factors were fitted on the shipped scenes against converged references, the same for all,
+and are tested there: `python -m benchmarks band`.
 """
 
 from __future__ import annotations
@@ -55,34 +55,34 @@ from collections.abc import Callable
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
-from rope_twin.twin.accuracy.grown_apart import REMEMBERED_S, share_where_they_differ
+from rope_twin.twin.accuracy.divergence import DIVERGED_S, diverged_fraction
 
 WINDOW_S, SHORT_S, ROUGH_WINDOW_S, SLACK_WINDOW_S = 0.5, 0.2, 0.4, 0.1
-THIRD = 1.0 / 3.0  # Richardson's, of two errors of second order
-SMOOTH = 1.11  # times the error that the difference tells of
+THIRD = 1.0 / 3.0  # Richardson's factor for errors of second order
+SMOOTH = 1.11  # times the error that the difference implies
 LEFT, BENT, ROUGH = 0.13, 0.85, 1.14  # times the difference
 SINE = 0.5 * math.pi  # amplitude of a sine over its mean magnitude
-RINGS = 1.29 * SINE  # times the mean error that the difference tells of
+RINGS = 1.29 * SINE  # times the mean error that the difference implies
 ROUGHLY_RINGS = 0.9  # times the mean difference
-SPRUNG = 0.6  # of both, where slings or a deck were what the load came on and off by
+SPRUNG = 0.6  # of both, where the load came on or off by slings or a deck
 MEAN_S, FADE_S = 4.0, 11.0
-KICK, KICK_MOST = 6.0, 0.5 * SINE  # times what an event's offsets pull; of the mean difference
-LOOSE, LOOSE_LEAST = 0.04, 0.01  # of the tension at rest: less is that of a rope in loops
-BEND = 0.05  # of the largest jump of acceleration in the window: a larger one is a bend
-ROUGH_S = 120.0  # after an element was slack, the rope rings so long
-TAUT_S = 3.0  # no element slack for so long: no new snap, what is left of the last one rings
-LAID_S = 3.0  # so long what has come down on the bed is felt at the top
-EVERY = 2  # of the rope's steps make one of the companion's
+KICK, KICK_MOST = 6.0, 0.5 * SINE  # times the force of an event's offsets; of the mean difference
+LOOSE, LOOSE_LEAST = 0.04, 0.01  # of the static tension: less is that of a rope in loops
+BEND = 0.05  # of the largest jump of acceleration in the window: a larger one is a kink
+ROUGH_S = 120.0  # duration of the ringing after an element was slack
+TAUT_S = 3.0  # time without slack after which no new snap load comes and the last one rings out
+LAID_S = 3.0  # duration of the effect of a landing at the top
+EVERY = 2  # steps of the rope per step of the coarse solution
 
-Border = tuple[list[float], list[float]]  # prescribed hang-off x, y, z and line out; their rates
+Border = tuple[list[float], list[float]]  # prescribed hang-off x, y, z and payout; their rates
 
 
 class Recent:
-    """The largest of a series over a time just past."""
+    """Maximum of a series over a sliding window."""
 
     def __init__(self, window_s: float) -> None:
         self._window_s = window_s
-        self._kept: deque[tuple[float, float]] = deque()  # falling values, rising times
+        self._kept: deque[tuple[float, float]] = deque()  # (time, value), values falling
 
     def take(self, time_s: float, value: float) -> None:
         """Add a value."""
@@ -91,34 +91,34 @@ class Recent:
         self._kept.append((time_s, value))
 
     def largest(self, time_s: float) -> float:
-        """Of the window that ends now; 0 if it is empty."""
+        """Return the maximum over the window that ends now; 0 if it is empty."""
         while self._kept and self._kept[0][0] <= time_s - self._window_s:
             self._kept.popleft()
         return self._kept[0][1] if self._kept else 0.0
 
 
 class Fading:
-    """A value that falls by the factor e in FADE_S unless it is raised."""
+    """A value that decays exponentially with the time constant FADE_S unless it is raised."""
 
     def __init__(self) -> None:
         self._then_s, self._value = 0.0, 0.0
 
     def now(self, time_s: float) -> float:
-        """What is left of it."""
+        """Return the value at this time."""
         return self._value * math.exp((self._then_s - time_s) / FADE_S)
 
     def raise_to(self, time_s: float, value: float) -> None:
-        """It is as large as this at least."""
+        """Raise the value to at least this."""
         if value > self.now(time_s):
             self._then_s, self._value = time_s, value
 
     def add(self, time_s: float, value: float) -> None:
-        """It is larger by this."""
+        """Increase the value by this."""
         self._then_s, self._value = time_s, self.now(time_s) + value
 
 
-class ErrorBand:
-    """From the difference to the companion to a bound on the error of the top tension."""
+class ErrorBound:
+    """Bound on the error of a rope's top tension from its difference to the coarse solution."""
 
     def __init__(
         self,
@@ -129,25 +129,26 @@ class ErrorBand:
         rings: float = RINGS,
         unloaded: Callable[[], bool] = lambda: False,
     ) -> None:
-        """`rest_n`: the tension of the rope at rest; `step_s`: its step.
+        """Start without differences.
 
-        `share`: of a difference that is the rope's error where its motion is smooth; `whole_s`: for
-        so long a difference counts whole; `rings`: times that error for what has rung; `unloaded`:
-        whether the load hangs in slings and none of them pulls now.
+        rest_n: static tension of the rope [N]; step_s: its time step [s]; share: fraction of the
+        difference that is the error for smooth motion; whole_s: time for which the full difference
+        counts [s]; rings: factor on that error for ringing; unloaded: whether the load hangs in
+        slings and none is taut now.
         """
         self._whole = Recent(whole_s)
         self._counts_whole = whole_s > 0.0
         self._share, self._rings_most = share, rings
         self._smooth, self._rings = SMOOTH * share, rings * share
-        self._grown_apart = Recent(REMEMBERED_S)
+        self._diverged = Recent(DIVERGED_S)
         self._loose_n, self._least_n = LOOSE * rest_n, LOOSE_LEAST * rest_n
-        self._weight = min(EVERY * step_s / MEAN_S, 1.0)  # of a difference in a mean
+        self._weight = min(EVERY * step_s / MEAN_S, 1.0)  # of a new difference in a mean
         self._all, self._unbent = Recent(WINDOW_S), Recent(SHORT_S)  # differences
         self._rough, self._kept = Recent(ROUGH_WINDOW_S), Recent(LAID_S)
         self._mean, self._rough_mean = 0.0, 0.0
         self._ringing, self._rough_ringing, self._kicked = Fading(), Fading(), Fading()
         self._jumps, self._tension = Recent(WINDOW_S), Recent(SLACK_WINDOW_S)
-        self._bent: deque[bool] = deque(maxlen=EVERY)  # of the newest steps
+        self._bent: deque[bool] = deque(maxlen=EVERY)  # whether the newest steps had a kink
         self._sprung = max(SPRUNG, share)
         self._unloaded = unloaded
         self._rough_until_s, self._slack_s, self._laid_until_s = 0.0, -math.inf, 0.0
@@ -155,7 +156,7 @@ class ErrorBand:
         self._now_n = rest_n
 
     def take(self, time_s: float, jump: float, tension_n: float) -> None:
-        """A step to `time_s`, where the acceleration jumped as it began, gave this top tension."""
+        """Take a step to `time_s`: jump of acceleration at its start, and its top tension [N]."""
         self._jumps.take(time_s, jump)
         self._bent.append(jump > BEND * self._jumps.largest(time_s))
         self._now_n = tension_n
@@ -164,7 +165,7 @@ class ErrorBand:
             self.slacken(time_s)
 
     def compare(self, time_s: float, difference_n: float) -> None:
-        """At the newest step the companion's tension differs by this much."""
+        """Take the difference to the coarse solution at the newest step [N]."""
         self._all.take(time_s, difference_n)
         self._rough.take(time_s, difference_n)
         self._kept.take(time_s, difference_n)
@@ -179,7 +180,7 @@ class ErrorBand:
             self._ringing.raise_to(time_s, self._rings * self._mean)
 
     def slacken(self, time_s: float) -> None:
-        """An element of the rope is slack: the error is of first order from now on."""
+        """Report a slack element of the rope: the error is of first order from now on."""
         if self._unloaded():
             self.loosen(time_s)
             return
@@ -187,39 +188,42 @@ class ErrorBand:
         self._rough_until_s = time_s + ROUGH_S
 
     def loosen(self, time_s: float) -> None:
-        """A sling of the body below is slack: what it carries comes back onto it as on a spring."""
+        """Report a slack sling of the body below: its load comes back as on a spring."""
         self._slack_s = time_s
         self._sprung_until_s = time_s + ROUGH_S
 
     def stand_on_deck(self, time_s: float) -> None:
-        """The body below stands on its deck, which is a spring, too."""
+        """Report that the body below stands on its deck, which acts as a spring."""
         self._sprung_until_s = time_s + ROUGH_S
 
     def touch(self, time_s: float) -> None:
-        """The lower end stands on the bed: the same, and the rope keeps it for some seconds."""
+        """Report that the lower end stands on the bed: an error of first order.
+
+        The rope keeps the effect for some seconds.
+        """
         self._rough_until_s = time_s + ROUGH_S
         self._stood_until_s = time_s + LAID_S
 
-    def grow_apart(self, time_s: float, by: float) -> None:
-        """The drag that a model beside the step lets grow differs by this part of it."""
-        self._grown_apart.take(time_s, by)
-        share = share_where_they_differ(self._share, self._grown_apart.largest(time_s))
+    def diverge(self, time_s: float, by: float) -> None:
+        """Report the relative difference of the drag amplified by a loosely coupled VIV model."""
+        self._diverged.take(time_s, by)
+        share = diverged_fraction(self._share, self._diverged.largest(time_s))
         self._smooth, self._rings = SMOOTH * share, self._rings_most * share
 
     def answer(self, time_s: float) -> None:
-        """The line out follows from the rope's tension: its error is of first order in the step."""
+        """Report that the payout responds to the tension: an error of first order in the step."""
         self._rough_until_s = time_s + ROUGH_S
 
     def lay(self, time_s: float) -> None:
-        """A node of the rope has come down on the bed."""
+        """Report that a node of the rope has come down on the bed."""
         self._laid_until_s = time_s + LAID_S
 
     def kick(self, time_s: float, pull_n: float) -> None:
-        """An event gave the rope length offsets that pull so much."""
+        """Report the force of the length offsets that an event gave the rope [N]."""
         self._kicked.add(time_s, min(KICK * pull_n, KICK_MOST * self._mean))
 
     def bound_n(self, time_s: float) -> float:
-        """The tension of the newest step is at most this wrong, 95 % of the time."""
+        """Return the 95 % bound on the error of the newest step's tension [N]."""
         return max(self._bound_n(time_s), self._whole.largest(time_s)) + self._kicked.now(time_s)
 
     def _bound_n(self, time_s: float) -> float:
@@ -237,19 +241,19 @@ class ErrorBand:
         return max(bound, laid, self._ringing.now(time_s))
 
     def _roughness(self, time_s: float) -> float:
-        """Of the difference that is the error, where that is not of second order; else 0."""
+        """Return the fraction of the difference that is a first-order error; 0: second order."""
         if time_s < self._rough_until_s:
             return 1.0
         return self._sprung if time_s < self._sprung_until_s else 0.0
 
 
 def acceleration_jumps(before: Border, value: Floats, rate: Floats, step_s: float) -> list[float]:
-    """By how much the prescribed accelerations jump where each of some steps begins [m/s²], summed.
+    """Jumps of the prescribed accelerations at the beginning of some steps, summed [m/s²].
 
-    value, rate: at the steps' borders, (steps + 1, MOTIONS); `before`: at the border before those.
-    Between two borders a cubic holds, with 2·(3·(y1 - y0) - h·(2·d0 + d1))/h² at its begin and
-    2·(h·(d0 + 2·d1) - 3·(y1 - y0))/h² at its end. (On lists: a call takes two steps as a rule, for
-    which tables cost ten times as much.)
+    value, rate: at the step boundaries, (steps + 1, MOTIONS); before: at the boundary before those.
+    A cubic holds between two boundaries, with 2·(3·(y1 - y0) - h·(2·d0 + d1))/h² at its beginning
+    and 2·(h·(d0 + 2·d1) - 3·(y1 - y0))/h² at its end. (On lists: a call usually takes two steps,
+    for which arrays cost ten times as much.)
     """
     scale, h, jumps = 2.0 / step_s**2, step_s, []
     y0, d0 = before
@@ -265,5 +269,5 @@ def acceleration_jumps(before: Border, value: Floats, rate: Floats, step_s: floa
 
 
 def border_before(value: Floats, rate: Floats, step_s: float) -> Border:
-    """The border before one at which the motion went on at a steady rate."""
+    """Return the boundary before one at which the motion had a steady rate."""
     return (value - step_s * rate).tolist(), rate.tolist()

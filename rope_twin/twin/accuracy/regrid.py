@@ -1,14 +1,15 @@
-"""The same rope on half or twice as many elements: the state is carried over, the physics stays.
+"""Transfer of a rope's state to half or twice as many elements.
 
-Coarser: nodes are dropped in turn, those that stay keep place and mark. A dropped node's mass,
-momentum and inertia go to its neighbours by the lever rule, and a new element pulls with the mean
-of the two that it replaces: so the balance of the nodes that stay is the sum of those before, no
-momentum is lost, and kinetic energy can only fall (the square of a weighted mean is at most the
-mean of the squares). Finer: a node comes back at its old mark, else elements are divided evenly,
-with interpolated velocity; tension then changes along the old element as the loads at its ends say.
+Coarser: every other node is dropped; the others keep position and material coordinate. Mass,
+momentum and inertia force of a dropped node go to its neighbours by the lever rule, and a new
+element has the mean force of the two that it replaces: the balance of the remaining nodes is the
+sum of the previous ones, no momentum is lost, and kinetic energy can only fall (the square of a
+weighted mean is at most the mean of the squares). Finer: a node returns at its old material
+coordinate, or elements are divided evenly, with interpolated velocity; tension then changes along
+the old element according to the loads at its ends.
 
 Where a bent pair becomes a chord, or a chord a bent pair, the length differs. As at the sheave
-(`core.payout`), a length offset makes an element's tension what it is to be, and fades.
+(`core.payout`), a length offset gives an element its required tension, and decays.
 """
 
 from __future__ import annotations
@@ -25,42 +26,42 @@ from rope_twin.core.state import Floats, Ints, Model, Rope, State, new_state, ne
 from rope_twin.effects.payload import Payload
 from rope_twin.twin.elements import Elements, elements_of, offsets_for, tensions
 
-SPARE = 12  # nodes of a coarser rope beyond half the room: events, trial nodes, an odd one
-LEAST_PART = 0.25  # of the even share: a mark that is nearer to a node than this is not used again
-LONG = 1.5  # times the length that the sheave makes: a longer part is divided evenly
-SAG_LIMIT = 0.05  # of a part's length; as in payout, a node farther off stays on the chord
+SPARE = 12  # nodes of a coarser rope beyond half the capacity: events, trial nodes, an odd one
+LEAST_PART = 0.25  # of an even part: an old node nearer to another one is not restored
+LONG = 1.5  # times the element length made at the sheave: a longer part is divided evenly
+SAG_LIMIT = 0.05  # of a part's length; as in payout, a node further off stays on the chord
 _X, _V, _A = (slice(k, k + 3) for k in (rows.POSITION, rows.VELOCITY, rows.ACCELERATION))
 
 
 @dataclass(frozen=True)
 class HangOff:
-    """What the new elements have to fit at the upper end."""
+    """Boundary condition of the new elements at the upper end."""
 
-    pull_n: Floats  # the rope's pull on the hang-off, (3,) x, y, z
+    pull_n: Floats  # force of the rope on the hang-off, (3,) x, y, z
     payout_m_per_s: float
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Which elements a rope is made of: what it takes to come back to them."""
+    """Mesh of a rope, as needed to return to it."""
 
     model: Model
-    room: int  # nodes that the arrays hold
+    room: int  # capacity of the arrays in nodes
     marks_m: Floats  # material coordinates of the nodes below the hang-off
 
 
 def marks_of(rope: Rope) -> Floats:
-    """Material coordinates of the nodes below the hang-off [m]."""
+    """Material coordinates of the nodes below the hang-off [m], (nodes - 1,)."""
     return rope.state.s[: int(rope.state.counts[rows.ELEMENTS])].copy()
 
 
 def coarse_room(room: int, sections: Floats) -> int:
-    """How many nodes the arrays of a coarser rope hold."""
+    """Return the capacity in nodes of the arrays of a coarser rope."""
     return room // 2 + int(sections.shape[1]) + SPARE
 
 
 def coarser(rope: Rope, at: HangOff) -> Rope:
-    """The rope on every second node; what the hang-off feels stays the same."""
+    """Return the rope on every second node; the force on the hang-off is unchanged."""
     keep, n = _kept_nodes(rope), int(rope.state.counts[rows.ELEMENTS])
     old = elements_of(rope.state, rope.sections, at.payout_m_per_s)
     model = rope.model._replace(
@@ -88,7 +89,7 @@ def coarser(rope: Rope, at: HangOff) -> Rope:
 
 
 def finer(rope: Rope, grid: Grid, at: HangOff) -> Rope:
-    """The rope back on a finer grid, as far as it is still out, and divided alike where it is new.
+    """Return the rope on a finer mesh: old nodes if paid out, even division of new rope.
 
     Tension and motion between the nodes follow from the balance at the old ones.
     """
@@ -97,7 +98,7 @@ def finer(rope: Rope, grid: Grid, at: HangOff) -> Rope:
     parent, share = _parts(rope, old, grid)
     before = np.concatenate([[0.0], np.cumsum(share)[:-1]])
     first = np.searchsorted(parent, np.arange(n))
-    low = before - before[first][parent]  # where a part begins in its old element, 0 to 1
+    low = before - before[first][parent]  # start of a part in its old element, 0 to 1
     s = rope.state.s
     coordinates = np.append(s[:n][parent] + low * old.rest[parent], s[n])
     room = max(grid.room, len(coordinates) + SPARE)
@@ -117,7 +118,7 @@ def finer(rope: Rope, grid: Grid, at: HangOff) -> Rope:
 
 
 def _kept_nodes(rope: Rope) -> Ints:
-    """Every second node from the hang-off down, the lower end, and the ends of sections."""
+    """Return every second node from the hang-off down, the lower end, and the ends of sections."""
     n = int(rope.state.counts[rows.ELEMENTS])
     ends = rope.sections[rows.END]
     apart = np.abs(rope.state.s[: n + 1, None] - ends[None, np.isfinite(ends)])
@@ -129,7 +130,7 @@ def _kept_nodes(rope: Rope) -> Ints:
 
 
 def _empty(rope: Rope, room: int, coordinates: Floats) -> State:
-    """A state with nodes at these material coordinates, and the health that was."""
+    """Return a state with nodes at these material coordinates and the previous solver counts."""
     state = new_state(room)
     state.counts[rows.ELEMENTS] = len(coordinates) - 1
     state.s[: len(coordinates)] = coordinates
@@ -138,7 +139,7 @@ def _empty(rope: Rope, room: int, coordinates: Floats) -> State:
 
 
 def _filled(rope: Rope, state: State, new: Elements, wanted_n: Floats) -> Rope:
-    """The rope with this state, its elements as tense as wanted (NaN: as tense as they are)."""
+    """Return the rope with this state and these element tensions (NaN: no offset)."""
     count = len(wanted_n)
     state.offset[:count] = offsets_for(rope, new, wanted_n)
     work = new_work(state.s.shape[0], work_rows(rope.effects))
@@ -147,7 +148,7 @@ def _filled(rope: Rope, state: State, new: Elements, wanted_n: Floats) -> Rope:
 
 
 def _lever_weights(keep: Ints, rest: Floats) -> tuple[Ints, Ints, Floats]:
-    """Of each old node: the new node at or below it, the one above, and the share of the latter."""
+    """Return for each old node the new node at or below it, the one above, and its weight."""
     n = len(rest)
     low = np.searchsorted(keep, np.arange(n + 1), side="right") - 1
     high = np.minimum(low + 1, len(keep) - 1)
@@ -168,7 +169,7 @@ def _spread(weights: tuple[Ints, Ints, Floats], values: Floats) -> Floats:
 
 
 def _node_masses(rope: Rope, old: Elements) -> Floats:
-    """Mass of the rope at each node, at the lower end with the payload's [kg], (3, nodes)."""
+    """Mass of the rope at each node, with the payload's at the lower end [kg], (3, nodes)."""
     half = 0.5 * old.rest * rope.sections[rows.PER_METRE][old.section]
     mass = np.zeros((3, len(half) + 1))
     mass[:, :-1] += half
@@ -180,7 +181,7 @@ def _node_masses(rope: Rope, old: Elements) -> Floats:
 
 
 def _mean_tensions(rope: Rope, keep: Ints, old: Elements) -> Floats:
-    """Mean force (3, new elements) in the old elements of each new one [N]; NaN if one is slack."""
+    """Mean force in the old elements of each new one [N], (3, new elements); NaN if slack."""
     tension = rope.work[rows.TENSION, : len(old.rest)]
     force = np.where(tension > 0.0, tension, np.nan) * old.direction
     mean: Floats = np.add.reduceat(force * old.rest, keep[:-1], axis=1)
@@ -188,14 +189,14 @@ def _mean_tensions(rope: Rope, keep: Ints, old: Elements) -> Floats:
 
 
 def _load_at_top(rope: Rope, old: Elements, at: HangOff) -> Floats:
-    """Load less inertia per metre of the rope at the hang-off, (3,) [N/m]: what it pulls less T."""
+    """Load less inertia per metre of rope at the hang-off [N/m], (3,): its force there less T."""
     tension = rope.work[rows.TENSION, len(old.rest) - 1]
     load: Floats = (at.pull_n + tension * old.direction[:, -1]) / (0.5 * old.rest[-1])
     return load
 
 
 def _parts(rope: Rope, old: Elements, grid: Grid) -> tuple[Ints, Floats]:
-    """Parts of the old elements: the element of each, and its share of that one's rest length."""
+    """Return the parts of the old elements: element and fraction of its unstretched length."""
     parents: list[int] = []
     shares: list[float] = []
     s, length = rope.state.s, grid.model.element_length
@@ -218,10 +219,10 @@ def _parts(rope: Rope, old: Elements, grid: Grid) -> tuple[Ints, Floats]:
 def _material_ends(
     rope: Rope, old: Elements, at: HangOff
 ) -> tuple[tuple[Floats, ...], tuple[Floats, ...]]:
-    """Position, velocity and acceleration of the rope at the lower and upper end of each element.
+    """Position, velocity and acceleration of the material at both ends of each element.
 
-    At the hang-off the rope passes: its velocity is v - V·q and its acceleration a - 2·V·dq/dt,
-    with q the element's vector over its rest length. (That of V is left to the next step.)
+    The rope passes the hang-off: its velocity is v - V·q and its acceleration a - 2·V·dq/dt, with q
+    the element's vector over its unstretched length. (The term of dV/dt is left to the next step.)
     """
     n, V = len(old.rest), at.payout_m_per_s
     nodes = rope.state.nodes[:, : n + 1].copy()
@@ -234,11 +235,11 @@ def _material_ends(
 
 
 def _forces_of_parts(rope: Rope, old: Elements, at: HangOff, parts: tuple[Ints, Floats]) -> Floats:
-    """Force (3, parts) in the middle of each part [N]; `parts`: elements, places 0 to 1 in them.
+    """Force in the middle of each part [N], (3, parts); parts: elements, positions 0 to 1 in them.
 
-    It is T·t in the middle of the old element and changes by the load less inertia per metre,
-    which is linear between what the balance of the old nodes says; in the top element it is that
-    of its upper end.
+    It is T·t in the middle of the old element and changes by the load less inertia per metre, which
+    is linear between the values from the balance of the old nodes; in the top element it is that of
+    its upper end.
     """
     parent, place = parts
     n = len(old.rest)
@@ -249,7 +250,7 @@ def _forces_of_parts(rope: Rope, old: Elements, at: HangOff, parts: tuple[Ints, 
     load[:, 0] = load[:, 1]
     low, high = load[:, :-1][:, parent], load[:, 1:][:, parent]
     low = np.where(parent == n - 1, high, low)
-    between = 0.5 * (0.5 + place)  # of the middle of the element and the middle of the part
+    between = 0.5 * (0.5 + place)  # midway between the middles of the element and of the part
     change: Floats = (place - 0.5) * old.rest[parent] * ((1.0 - between) * low + between * high)
     return force[:, parent] - change
 

@@ -1,4 +1,4 @@
-"""A cut that is planned before a run: words and what they mean, without a scene."""
+"""Cut planned before a run: its text form and meaning, without a scene."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from rope_twin.errors import InputError, phrase
 
-LEAST_M = 1.0  # of rope that stays at the hang-off, and on what is at the lower end
-AT_LOWER_END = math.inf  # as a place: as near to the lower end as can be
+MIN_LENGTH_M = 1.0  # minimum length left at the hang-off, and at the lower end
+AT_LOWER_END = math.inf  # position as close to the lower end as possible
 _FORM = (
     "write PLACE@SECONDS: metres below the hang-off, or end, and twin time, like 1500@30, or "
     "leg:4@30 where ropes meet"
@@ -20,11 +20,11 @@ class PlannedCut(NamedTuple):
 
     at_ns: int  # twin time
     below_m: float  # unstretched rope between hang-off and cut; infinite: at the lower end
-    rope: str = ""  # its name, where several meet; without one the first
+    rope: str = ""  # its name in a multi-line scene; "": the first
 
 
 def read_plan(words: str) -> PlannedCut | None:
-    """A cut from PLACE@SECONDS, as `1500@30`, `end@30` or `leg:4@30`; None of no words.
+    """Return a cut from PLACE@SECONDS (`1500@30`, `end@30` or `leg:4@30`); None for no words.
 
     Raises:
         InputError: the words are no plan.
@@ -38,8 +38,8 @@ def read_plan(words: str) -> PlannedCut | None:
         at_s = float(time)
     except ValueError as error:
         raise InputError(phrase(f"cut {words}", "that is no place and time", _FORM)) from error
-    if not (below_m >= LEAST_M and 0.0 <= at_s < math.inf):
+    if not (below_m >= MIN_LENGTH_M and 0.0 <= at_s < math.inf):
         what = f"at {at_s:g} s, {below_m:g} m below the hang-off is not possible"
-        right = f"the time is 0 or later, and at least {LEAST_M:g} m of rope hang on"
+        right = f"the time is 0 or later, and at least {MIN_LENGTH_M:g} m of rope hang on"
         raise InputError(phrase(f"cut {words}", what, right))
     return PlannedCut(round(at_s * 1e9), below_m, name.strip())

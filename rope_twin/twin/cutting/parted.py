@@ -1,11 +1,11 @@
-"""What a twin has besides its first rope once that was cut: the part that falls, stepped beside it.
+"""Rope in two parts after a cut; the falling part is stepped together with the first rope.
 
-The first rope is then what still hangs; the two touch no more. All that was at the rope's lower end
-is at that of the lower part, the water is the same.
+The first rope is the part that still hangs; the two do not interact. The payload at the rope's
+lower end is now at that of the lower part; both are in the same water.
 
-A release runs up and down from the cut through elements that go slack behind it, the first of them
-in less than a step. So the first step is taken in pieces that double, from 1/256 of it on: in one
-piece it would gain energy, up to 2 % of what was stored in stretch (20 m elements, 10 ms).
+The release travels up and down from the cut through elements that go slack behind it, the first of
+them in less than a step. The first step is therefore taken in substeps that double, from 1/256 of
+it on: a single step would gain energy, up to 2 % of the elastic energy (20 m elements, 10 ms).
 """
 
 from __future__ import annotations
@@ -22,13 +22,17 @@ from rope_twin.core.joined.energy import SystemBorder
 from rope_twin.core.state import Boundary, Floats, Rope, State
 from rope_twin.core.step import advance
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.contact import bed_contact
-from rope_twin.twin.cutting.bare_end import is_at_end
-from rope_twin.twin.cutting.carried import carried_arrays, is_carried
-from rope_twin.twin.cutting.severing import Place, refresh_tension, step_free, without_beyond
-from rope_twin.twin.hoisting.no_other_winch import NoOtherWinch
-from rope_twin.twin.hung import HungRope, hung_rope
+from rope_twin.twin.cutting.effect_state import has_state, state_arrays
+from rope_twin.twin.cutting.free_end import is_at_end
+from rope_twin.twin.cutting.rope_cut import (
+    CutPosition,
+    refresh_tension,
+    step_free,
+    without_massless_section,
+)
+from rope_twin.twin.rope_shape import RopeShape, shape_from_top
 from rope_twin.twin.saving.saved_state import changing_parts
+from rope_twin.twin.seabed_contact import seabed_contact
 from rope_twin.twin.snapshot import (
     BedContact,
     PayloadShot,
@@ -37,32 +41,33 @@ from rope_twin.twin.snapshot import (
     SolverHealth,
     first_rope,
 )
+from rope_twin.twin.winch.single_winch import SingleWinch
 
 _WHOLE = (0.0, 1.0)
-DOUBLING = (0.0, *(0.5**k for k in range(8, -1, -1)))  # parts of a step
+SUBSTEPS = (0.0, *(0.5**k for k in range(8, -1, -1)))  # fractions of a step
 
 
-class PartedRopes(NoOtherWinch):
-    """The lower part of a rope that was cut, and the step of both."""
+class CutRope(SingleWinch):
+    """Both parts of a cut rope."""
 
     def __init__(self, scene: Scene, first: Rope, lower: Rope) -> None:
-        """`lower`: as `sever` leaves it, with the effects that the rope had."""
+        """Take both parts; lower: as `sever` returns it, with the effects of the whole rope."""
         self.first = first
         self._scene, self._lower = scene, lower
         self._kept, self._kept_lower = first.state.copy(), lower.state.copy()
-        self._fresh = True  # no step was done since the cut
-        self._unconverged = 0  # substeps of the lower part at the last snapshot
+        self._fresh = True  # no step since the cut
+        self._unconverged = 0  # unconverged substeps of the lower part at the last snapshot
 
-    def find_start(self) -> Floats:
-        """A rope that is cut does not begin at rest."""
+    def solve_statics(self) -> Floats:
+        """Raise RuntimeError, as a cut rope does not start in equilibrium."""
         raise RuntimeError("a rope is cut on the way, not at the start")
 
-    def part(self, first: Rope, border: Boundary, place: Place) -> tuple[PartedRopes, float]:
-        """A rope is cut once."""
+    def cut(self, first: Rope, border: Boundary, place: CutPosition) -> tuple[CutRope, float]:
+        """Raise RuntimeError, as a rope can be cut once only."""
         raise RuntimeError("the rope is cut already")
 
     def advance(self, first: Rope, boundary: Boundary, time: float, pulls: Floats) -> int:
-        """Step both parts, one step after another; neither goes on without the other."""
+        """Advance both parts step by step; neither continues without the other."""
         self.first = first
         self._share_water(first)
         for row in range(len(pulls)):
@@ -73,15 +78,15 @@ class PartedRopes(NoOtherWinch):
         return len(pulls)
 
     def _step_both(self, first: Rope, border: Boundary, time: float, pull: Floats) -> bool:
-        """One step of both, in doubling pieces if it is the first; False: they are as before."""
+        """Advance both by a step, the first in doubling substeps; False: both are unchanged."""
         both = ((self._kept, first.state), (self._kept_lower, self._lower.state))
         for kept, state in both:
             _copy(state, kept)
-        carried = carried_arrays(first.effects + self._lower.effects)
+        carried = state_arrays(first.effects + self._lower.effects)
         carried_then = [one.copy() for one in carried]
         h, lower = first.model.step, self._lower
-        parts = DOUBLING if self._fresh else _WHOLE
-        value, rate = borders_at(border, parts, h)
+        parts = SUBSTEPS if self._fresh else _WHOLE
+        value, rate = boundary_at(border, parts, h)
         pulls = np.zeros((1, rows.PULL_COLUMNS))
         for k, (begin, end) in enumerate(pairwise(parts)):
             now, piece = time + begin * h, (end - begin) * h
@@ -96,20 +101,20 @@ class PartedRopes(NoOtherWinch):
                 refresh_tension(first, float(border.rate[0, rows.LINE]))
                 refresh_tension(lower, 0.0)
                 return False
-        for _, state in both:  # in how many pieces is nobody's business
+        for _, state in both:  # substeps of the first step count as one step
             state.health[rows.STEPS] -= len(parts) - 2
         self._fresh, pull[:] = False, pulls[0]
         return True
 
     def complete(self, shot: Snapshot, now_ns: int) -> Snapshot:
-        """The first rope's snapshot with both parts, and with what was at the rope's lower end."""
-        lower = without_beyond(self._lower)
+        """Complete the first rope's snapshot with both parts and the payload of the lower one."""
+        lower = without_massless_section(self._lower)
         part = self._shot(lower)
         unconverged = int(lower.state.health[rows.SUBSTEPS_UNCONVERGED])
         doubtful = shot.doubtful or unconverged > self._unconverged
         self._unconverged = unconverged
         x, v = (lower.state.nodes[k : k + 3, 0].copy() for k in (rows.POSITION, rows.VELOCITY))
-        if shot.body is not None:  # of the lower part already
+        if shot.body is not None:  # the values are those of the lower part already
             x, v = shot.payload_position_m, shot.payload_velocity_m_per_s
         return replace(
             shot,
@@ -123,14 +128,14 @@ class PartedRopes(NoOtherWinch):
             doubtful=doubtful,
         )
 
-    def hung(self, first: Rope, shot: Snapshot) -> tuple[HungRope, ...]:
-        """Both parts."""
+    def shapes(self, first: Rope, shot: Snapshot) -> tuple[RopeShape, ...]:
+        """Return the shapes of both parts."""
         line, (upper, lower) = self._scene.ropes[0], shot.ropes
-        fallen = without_beyond(self._lower)
-        return hung_rope(line, first, upper), hung_rope(line, fallen, lower, loose=True)
+        fallen = without_massless_section(self._lower)
+        return shape_from_top(line, first, upper), shape_from_top(line, fallen, lower, loose=True)
 
     def changing(self) -> dict[str, Any]:
-        """What a restart needs besides what the twin has itself."""
+        """Return the state of the lower part that a restart needs, by name."""
         parts = {name: getattr(self._lower, name) for name in changing_parts(self._lower)}
         kept: dict[str, Any] = {f"lower/{name}": part for name, part in parts.items()}
         kept["lower/model"], kept["rope/model"] = self._lower.model, self.first.model
@@ -139,7 +144,7 @@ class PartedRopes(NoOtherWinch):
         return kept
 
     def take_back(self, values: dict[str, Any], first: Rope) -> None:
-        """Take out of the values what `changing` gave; first: the first rope as it is now."""
+        """Remove from `values` what `changing` gave and restore it; first: the first rope now."""
         names = (*changing_parts(self._lower), "model", "effects")
         parts = {name: values.pop(f"lower/{name}") for name in names}
         self.first, self._lower = first, self._lower._replace(**parts)
@@ -147,13 +152,13 @@ class PartedRopes(NoOtherWinch):
         self._fresh = values.pop("lower/fresh")
 
     def lowest(self, first: Rope) -> Rope:
-        """The rope at whose lower end the payload is."""
+        """Return the lower part, which has the payload."""
         return self._lower
 
     def measure(self, first: Rope, pull: Floats, speed: float, time: float) -> SystemBorder:
-        """Energy and power of both parts; pull, speed: of the upper one."""
+        """Return energy and power of both parts; pull [N], speed [m/s]: of the upper one."""
         self._share_water(first)
-        with np.errstate(divide="ignore"):  # the node beyond the free end has no diameter
+        with np.errstate(divide="ignore"):  # the node beyond the free end has zero diameter
             low = measure(self._lower, np.zeros(3), time, 0.0)
         high = measure(first, pull[rows.PULL_X : rows.PULL_Z + 1], time, speed)
         return SystemBorder(
@@ -165,13 +170,13 @@ class PartedRopes(NoOtherWinch):
 
     @property
     def _tension(self) -> Floats:
-        """Of the lower part's elements [N], a view of the scratch."""
+        """Tension of the lower part's elements [N], a view of the scratch array."""
         return self._lower.work[rows.TENSION, : self._lower.state.counts[rows.ELEMENTS]]
 
     def _share_water(self, first: Rope) -> None:
-        """Take the first rope's effects but for those that are this part's own."""
+        """Take over the first rope's effects, except those with own load or internal variables."""
         shared = tuple(
-            own if is_at_end(own) or is_carried(own) else live
+            own if is_at_end(own) or has_state(own) else live
             for own, live in zip(self._lower.effects, first.effects, strict=True)
         )
         if any(own is not now for own, now in zip(self._lower.effects, shared, strict=True)):
@@ -193,14 +198,14 @@ class PartedRopes(NoOtherWinch):
         )
 
     def _contact(self, lower: Rope) -> BedContact | None:
-        """Of both parts with the bed; the payload is that of the lower one."""
-        high, low, all_of_it = (bed_contact(rope) for rope in (self.first, lower, self._lower))
+        """Return the seabed contact of both parts; the payload is that of the lower one."""
+        high, low, all_of_it = (seabed_contact(rope) for rope in (self.first, lower, self._lower))
         if high is None or low is None or all_of_it is None:
             return None
         return replace(
             low,
             rope_on_bed_m=low.rope_on_bed_m + high.rope_on_bed_m,
-            rope_push_n=all_of_it.rope_push_n + high.rope_push_n,  # with the free end's
+            rope_push_n=all_of_it.rope_push_n + high.rope_push_n,  # including the free end
         )
 
 
@@ -209,8 +214,8 @@ def _copy(source: State, target: State) -> None:
         mine[...] = other
 
 
-def borders_at(border: Boundary, parts: tuple[float, ...], h: float) -> tuple[Floats, Floats]:
-    """Prescribed motion at these parts of a step, by the cubic of `core.motion`."""
+def boundary_at(border: Boundary, parts: tuple[float, ...], h: float) -> tuple[Floats, Floats]:
+    """Prescribed motion at these fractions of a step, by the cubic of `core.motion`."""
     if len(parts) == 2:
         return border.value, border.rate
     u = np.array(parts)[:, None]
@@ -223,7 +228,7 @@ def borders_at(border: Boundary, parts: tuple[float, ...], h: float) -> tuple[Fl
 
 
 def _both(upper: SolverHealth, lower: Any) -> SolverHealth:
-    """Counts of both parts; steps are the same."""
+    """Return the counts of both parts; steps are the same."""
     return upper._replace(
         solves=upper.solves + int(lower[rows.SOLVES]),
         solves_max_per_stage=max(upper.solves_max_per_stage, int(lower[rows.SOLVES_MAX])),

@@ -1,10 +1,11 @@
-"""Many ropes of one scene, stepped together: each has its own numbers and inputs.
+"""Ensemble: many ropes of one scene stepped together, each with its own values and inputs.
 
-Members of one kind share a step in the lanes of the processor's vectors (`lanes.py`), groups of
-them are spread over the cores that this process may use. A group is stepped for seconds at a time
-before the next one's turn, so its arrays stay in the core's cache; the scratch of the step, a
-hundred times larger than what a rope must keep, belongs to the thread. Each member equals a `Twin`
-of its scene and inputs to the bit, whoever shares its group and however the time is cut up."""
+Members of one kind share a step in the SIMD lanes of the processor (`simd.py`); groups of them are
+spread over the available cores. A group is stepped for seconds at a time, so that its arrays stay
+in the core's cache; the scratch arrays of the step, a hundred times larger than the state of a
+rope, belong to the thread. Each member is bit-identical to a `Twin` of its scene and inputs,
+whichever members share its group and however the time is divided.
+"""
 
 from __future__ import annotations
 
@@ -27,17 +28,17 @@ from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.rules.body import refuse_body
 from rope_twin.scene.rules.shedding import refuse_shedding
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.ensemble.borders import Borders, WinchTrack
-from rope_twin.twin.ensemble.lanes import compile_lanes, sort_into_groups, take_turn
-from rope_twin.twin.ensemble.member import Member, MemberFigures, Scratch, Start
-from rope_twin.twin.hoisting.schedule import OrderSample
+from rope_twin.twin.ensemble.boundary_conditions import SharedBoundary, WinchMotion
+from rope_twin.twin.ensemble.member import Member, MemberResults, Scratch, Start
+from rope_twin.twin.ensemble.simd import advance_group, compile_lanes, sort_into_groups
 from rope_twin.twin.motion.heave_series import HeaveSeries
 from rope_twin.twin.snapshot import Snapshot
-from rope_twin.twin.start import find_start, no_garbage_collection
+from rope_twin.twin.statics import no_garbage_collection, solve_scene_statics
+from rope_twin.twin.winch.schedule import CommandSample
 
-BATCH_S = 8.0  # a member's turn; less than the 10 s that commands may be known ahead
-LOOK_S = 0.5
-FEW = LANES  # an ensemble with fewer members is not worth compiling for
+BATCH_S = 8.0  # time of a batch; less than the 10 s that commands may be known ahead
+SAMPLING_S = 0.5
+MIN_MEMBERS = LANES  # the SIMD step is not compiled for ensembles with fewer members
 
 Key = TypeVar("Key")
 Made = TypeVar("Made")
@@ -45,31 +46,31 @@ Made = TypeVar("Made")
 
 @dataclass(frozen=True)
 class Variation:
-    """What one member has of its own."""
+    """Changes and inputs of one member."""
 
     changes: tuple[Change, ...] = ()  # of the scene's numbers
     heave: HeaveSeries | None = None  # None: the ship lies still
-    commands: tuple[OrderSample, ...] | None = None  # of the winch; None: the scene's schedule
+    commands: tuple[CommandSample, ...] | None = None  # of the winch; None: the scene's schedule
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0))
 
 
-LONGEST_S = 1e7  # four months, as of a run
+MAX_DURATION_S = 1e7  # four months, as for a run
 
 
 def whole_steps(name: str, seconds: float, step_s: float) -> int:
-    """How many steps a time is.
+    """Return the number of steps in a time; name: of the argument, for messages.
 
     Raises:
-        InputError: it is no whole number of steps, or none; `name` says whose time it is.
+        InputError: the time is not a positive whole number of steps.
     """
     steps = round(seconds / step_s) if np.isfinite(seconds) else 0
-    if seconds > LONGEST_S:
+    if seconds > MAX_DURATION_S:
         raise InputError(
-            phrase(name, f"{seconds:g} s is too long", f"give at most {LONGEST_S:g} s")
+            phrase(name, f"{seconds:g} s is too long", f"give at most {MAX_DURATION_S:g} s")
         )
     if steps < 1 or abs(steps * step_s - seconds) > 1e-6 * step_s:
         right = f"give a whole number of steps of {step_s:g} s"
@@ -79,14 +80,14 @@ def whole_steps(name: str, seconds: float, step_s: float) -> int:
 
 @dataclass(frozen=True)
 class Lanes:
-    """Who steps in the lanes of the processor's vectors, and who by itself."""
+    """Number of members stepped in SIMD lanes and by themselves."""
 
     members: int  # in lanes
-    alone: dict[str, int]  # how many are not, by the reason: "" if there are just too few alike
+    alone: dict[str, int]  # others, by reason; "": too few members of their kind
 
 
 class _OfThread(threading.local):
-    """Scratch that each thread finds made for itself."""
+    """Scratch arrays of each thread, made on first use."""
 
     def __init__(self, steps: int) -> None:
         self.scratch = Scratch(steps)
@@ -99,24 +100,24 @@ class Ensemble:
         self,
         scene: Scene,
         variations: Sequence[Variation],
-        look_s: float = LOOK_S,
+        look_s: float = SAMPLING_S,
         threads: int | None = None,
         abreast: int = LANES,
     ) -> None:
-        """Build all members and find where each starts.
+        """Build all members and solve for the static equilibrium of each.
 
         Args:
-            scene: what the members have in common.
+            scene: scene that the members have in common.
             variations: one for each member.
-            look_s: how often each rope is looked along for slack [s].
-            threads: how many step at once; None: as many as there are cores.
-            abreast: most ropes that share a step, each in a lane of its own; 1: all step alone.
+            look_s: interval at which each rope is checked for slack [s].
+            threads: number of parallel threads; None: as many as there are cores.
+            abreast: maximum number of ropes in one SIMD step; 1: all step alone.
 
-        A member whose rope has no equilibrium to start from is marked as failed, like one that
-        cannot go on later.
+        A member without a static equilibrium to start from is marked as failed, like one that fails
+        later.
 
         Raises:
-            SceneError: a change is not possible; one sentence, with the member's number.
+            SceneError: a change is not possible; the message has the member's number.
             InputError: a winch command, or a number given here, is not possible.
         """
         refuse_body(scene, "members that start alike would share it")
@@ -150,15 +151,15 @@ class Ensemble:
         return self.steps * self._step_ns
 
     def __len__(self) -> int:
-        """How many members there are, failed ones included."""
+        """Return the number of members, including failed ones."""
         return len(self._members)
 
     def advance(self, seconds: float) -> None:
-        """Step all members on that can go on.
+        """Advance all members that have not failed.
 
         Raises:
-            InputError: it is no whole number of steps, a member's heave ends before, or an earlier
-                call was interrupted.
+            InputError: the time is no whole number of steps, a member's heave series is too short,
+                or an earlier call was interrupted.
         """
         steps = whole_steps("seconds", seconds, self.step_s)
         if self._interrupted:
@@ -173,7 +174,7 @@ class Ensemble:
             own = _OfThread(batch)
 
             def turn(some: list[Member], batch: int = batch, own: _OfThread = own) -> None:
-                take_turn(some, batch, self._look_steps, own.scratch)
+                advance_group(some, batch, self._look_steps, own.scratch)
 
             self._on_threads(turn, self._groups())
             self.steps += batch
@@ -181,32 +182,32 @@ class Ensemble:
         self._interrupted = False
 
     def _groups(self) -> list[list[Member]]:
-        """Those that can go on, by whom they take their turn with."""
+        """Return the members that have not failed, grouped by the members they are stepped with."""
         going = [one for one in self._members if not one.failure]
-        return sort_into_groups(going, self.abreast if len(self) >= FEW else 1)
+        return sort_into_groups(going, self.abreast if len(self) >= MIN_MEMBERS else 1)
 
     def make_ready(self) -> None:
-        """Compile what the first turn needs, so that it takes no longer than the next."""
+        """Compile the kernels of the first batch, so that it takes no longer than the next."""
         with no_garbage_collection():
             compile_lanes(self._groups())
 
     def lanes(self) -> Lanes:
-        """How many members take their next turn in lanes, and why the others do not."""
+        """Return how many members are stepped in SIMD lanes next, and why the others are not."""
         groups = self._groups()
         alone = [some[0] for some in groups if len(some) == 1]
         words = Counter(why_alone(one.rope) for one in alone)
         return Lanes(sum(len(some) for some in groups if len(some) > 1), dict(words))
 
-    def figures(self) -> list[MemberFigures]:
-        """What each member did so far."""
+    def figures(self) -> list[MemberResults]:
+        """Return the results of each member since the start."""
         return [member.figures() for member in self._members]
 
     def scene_of(self, number: int) -> Scene:
-        """The scene of a member, its changes made."""
+        """Return the scene of a member, with its changes."""
         return self._members[number].scene
 
     def snapshot(self, number: int) -> Snapshot:
-        """A member's present.
+        """Return a frozen copy of a member's present.
 
         Raises:
             InputError: the member never started.
@@ -217,12 +218,12 @@ class Ensemble:
         return member.snapshot()
 
     def _find_starts(self, scenes: list[Scene]) -> dict[Scene, Start]:
-        """Each scene's rope at rest; the first one alone, since it may have to compile."""
+        """Return the static equilibrium of each scene; the first is solved alone to compile."""
         first = _find_start(scenes[0])
         return dict(zip(scenes, [first, *self._on_threads(_find_start, scenes[1:])], strict=True))
 
     def _on_threads(self, work: Callable[[Key], Made], items: Sequence[Key]) -> list[Made]:
-        """The work on each item; whoever interrupts it waits for no more than is under way."""
+        """Apply the work to each item; an interruption waits only for items in progress."""
         with ThreadPoolExecutor(self.threads) as pool:
             try:
                 return list(pool.map(work, items))
@@ -246,10 +247,10 @@ def _member_scene(scene: Scene, own: Variation, number: int) -> Scene:
 
 
 def _find_start(scene: Scene) -> Start:
-    """The scene's rope at rest, or why there is none."""
+    """Return the static equilibrium of the scene's rope, or the reason why there is none."""
     rope = build(scene)
     try:
-        pull, failure = find_start(scene, rope), ""
+        pull, failure = solve_scene_statics(scene, rope), ""
     except SceneError as error:
         pull, failure = np.full(rows.PULL_COLUMNS, np.nan), str(error)
     tension = rope.work[rows.TENSION, : rope.state.counts[rows.ELEMENTS]].copy()
@@ -258,10 +259,12 @@ def _find_start(scene: Scene) -> Start:
     return Start(bare, (high, wide), pull, tension, failure)
 
 
-def _shared_borders(scenes: Sequence[Scene], variations: Sequence[Variation]) -> list[Borders]:
-    """The inputs of each member; members for whom they are equal share them."""
-    winches: dict[Any, WinchTrack] = {}
-    borders: dict[Any, Borders] = {}
+def _shared_borders(
+    scenes: Sequence[Scene], variations: Sequence[Variation]
+) -> list[SharedBoundary]:
+    """Return the boundary conditions of each member; members with equal inputs share them."""
+    winches: dict[Any, WinchMotion] = {}
+    borders: dict[Any, SharedBoundary] = {}
     made = []
     for scene, own in zip(scenes, variations, strict=True):
         length, step_s = scene.ropes[0].length_m, scene.time.step_s
@@ -269,9 +272,9 @@ def _shared_borders(scenes: Sequence[Scene], variations: Sequence[Variation]) ->
         heaved = (scene.ship, id(own.heave)) if answered else None
         reeled = (scene.winch, length, own.commands, heaved)
         if reeled not in winches:
-            winches[reeled] = WinchTrack(scene.winch, length, own.commands, step_s)
+            winches[reeled] = WinchMotion(scene.winch, length, own.commands, step_s)
         moved = (scene.ship, reeled, id(own.heave))
         if moved not in borders:
-            borders[moved] = Borders(scene.ship, winches[reeled], own.heave, step_s)
+            borders[moved] = SharedBoundary(scene.ship, winches[reeled], own.heave, step_s)
         made.append(borders[moved])
     return made

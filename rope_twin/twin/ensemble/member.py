@@ -1,4 +1,4 @@
-"""One rope of an ensemble: its state, what it was seen to do, and why it stopped if it did."""
+"""Member of an ensemble: one rope with its state, its results and the reason of its failure."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.core.step import advance
 from rope_twin.scene.card import KnownError
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.ensemble.borders import Borders
-from rope_twin.twin.observe import Extremes, Observation, observe
+from rope_twin.twin.ensemble.boundary_conditions import SharedBoundary
 from rope_twin.twin.snapshot import Snapshot
-from rope_twin.twin.stuck import no_next_state
+from rope_twin.twin.snapshot_builder import Extremes, SnapshotInputs, build_snapshot
+from rope_twin.twin.stepper import step_failure
 
 
 class Scratch:
-    """What a thread needs while it steps a member; nothing in it outlives a call of the step."""
+    """Scratch arrays of a thread; nothing in them outlives a call of the step."""
 
     def __init__(self, steps: int) -> None:
-        """Room for the pull of so many steps."""
+        """Allocate arrays for batches of at most `steps` steps."""
         self.pulls = np.zeros((steps, rows.PULL_COLUMNS))
         self._work: dict[tuple[int, int], Floats] = {}
         self._group: Group | None = None
 
     def work(self, shape: tuple[int, int]) -> Floats:
-        """Scratch of the step, for ropes that want it of this shape."""
+        """Return the scratch array of this shape for the step."""
         if shape not in self._work:
             self._work[shape] = np.zeros(shape)
         return self._work[shape]
 
     def group(self, kind: Kind) -> Group:
-        """Arrays for ropes of this kind, stepped in lanes; those of the kind before it go."""
+        """Return arrays for ropes of this kind in SIMD lanes; those of another kind are dropped."""
         if self._group is None or self._group.kind != kind:
             self._group = Group(kind, len(self.pulls))
         return self._group
@@ -43,43 +43,43 @@ class Scratch:
 
 @dataclass(frozen=True)
 class Batch:
-    """Steps in a row: what is prescribed, and what comes out."""
+    """A series of steps: boundary conditions and results."""
 
     boundary: Boundary  # (steps + 1, rows.MOTIONS) each
-    pulls: Floats  # on the hang-off, a result, (steps, rows.PULL_COLUMNS)
+    pulls: Floats  # result: force on the hang-off [N], (steps, rows.PULL_COLUMNS)
 
 
 @dataclass(frozen=True)
 class Start:
-    """A scene's rope at rest, for all members of the same scene."""
+    """Static equilibrium of a scene's rope, for all members of the same scene."""
 
     rope: Rope  # without scratch
     work_shape: tuple[int, int]
-    pull: Floats  # on the hang-off, rows.PULL_COLUMNS [N]
+    pull: Floats  # force on the hang-off [N], (rows.PULL_COLUMNS,)
     tension: Floats  # of the elements from the lower end up [N]
-    failure: str = ""  # why there is none; the other fields are then of no use
+    failure: str = ""  # why there is none; the other fields are then invalid
 
 
 @dataclass(frozen=True)
-class MemberFigures:
-    """What a member did so far. Before its first step the tension is that at rest.
+class MemberResults:
+    """Results of a member since the start; before its first step the tension is the static one.
 
-    If it never started its tensions are not finite.
+    If the member never started, its tensions are not finite.
     """
 
     steps: int
     tension_top_max_n: float
     tension_top_mean_n: float
     tension_top_min_n: float
-    slack_share: float  # of the looks along the rope, those that found an element without tension
+    slack_share: float  # fraction of the samplings that found an element without tension
     unconverged_substeps: int
-    failure: str = ""  # the sentence with which it stopped early
+    failure: str = ""  # message of the error that stopped it early
 
 
 class Member:
     """One rope of an ensemble."""
 
-    def __init__(self, scene: Scene, start: Start, borders: Borders) -> None:
+    def __init__(self, scene: Scene, start: Start, borders: SharedBoundary) -> None:
         self.scene, self.borders = scene, borders
         self.failure = start.failure
         self.steps = 0
@@ -97,11 +97,11 @@ class Member:
 
     @property
     def rope(self) -> Rope:
-        """The rope, without scratch."""
+        """The rope, without scratch arrays."""
         return self._rope
 
     def kind(self) -> Kind | None:
-        """What its rope shares with those beside which it can be stepped."""
+        """Return the properties that members of a SIMD group must share; None: none can join."""
         health = self._rope.state.health
         changes = int(health[rows.SPLITS] + health[rows.MERGES])
         if changes != self._kind_changes:
@@ -110,16 +110,16 @@ class Member:
 
     @property
     def work_shape(self) -> tuple[int, int]:
-        """Of the scratch that its steps want."""
+        """Shape of the scratch array of its steps."""
         return self._work_shape
 
     def advance(self, steps: int, look_steps: int, scratch: Scratch) -> None:
-        """Step on, with a look along the rope whenever `look_steps` are done; may fail."""
+        """Advance, and check for slack after every `look_steps` steps; the member may fail."""
         boundary = self.borders.through(self.steps, steps)
         self.go_on(Batch(boundary, scratch.pulls[:steps]), 0, look_steps, scratch)
 
     def go_on(self, batch: Batch, done: int, look_steps: int, scratch: Scratch) -> None:
-        """Do what is left of a batch of which `done` steps are done, and close it; may fail."""
+        """Complete a batch of which `done` steps are done, and close it; the member may fail."""
         steps = len(batch.pulls)
         work = scratch.work(self._work_shape)
         while done < steps and not self.failure:
@@ -129,20 +129,20 @@ class Member:
         self.close(batch, done, work[rows.TENSION, :elements].copy())
 
     def step(self, batch: Batch, done: int, some: int, look_steps: int, work: Floats) -> int:
-        """Do so many steps of a batch after `done`; returns how many, fewer if it failed."""
+        """Do `some` steps of a batch after `done`; return how many, fewer if it failed."""
         rope = self._rope._replace(work=work)
         ahead = Boundary(*(table[done : done + some + 1] for table in batch.boundary))
         pulls = batch.pulls[done : done + some]
         stepped = advance(rope, ahead, pulls, self.steps * self._step_ns * 1e-9, some)
         self.steps += stepped
         if stepped < some:
-            self.failure = no_next_state(self.steps + 1, self.steps * self.scene.time.step_s)
+            self.failure = step_failure(self.steps + 1, self.steps * self.scene.time.step_s)
         elif self.steps % look_steps == 0:
             self._look(work)
         return stepped
 
     def close(self, batch: Batch, done: int, tension: Floats) -> None:
-        """Take down what the steps of a batch brought; tension: of the elements after the last."""
+        """Record the results of a batch; tension: of the elements after the last step [N]."""
         self._tension = tension
         self._value, self._rate = (table[done] for table in batch.boundary)
         if done:
@@ -153,7 +153,7 @@ class Member:
             self._recent.join(some)
 
     def count_looks(self, looks: int, slack: int) -> None:
-        """So many looks were taken elsewhere, of which so many found it slack."""
+        """Add slack checks made elsewhere, of which `slack` found the rope slack."""
         self._looks += looks
         self._slack_looks += slack
 
@@ -162,10 +162,10 @@ class Member:
         elements = self._rope.state.counts[rows.ELEMENTS]
         self._slack_looks += bool(work[rows.TENSION, :elements].min() <= 0.0)
 
-    def figures(self) -> MemberFigures:
-        """What it did so far."""
+    def figures(self) -> MemberResults:
+        """Return the results since the start."""
         seen = self._seen if self.steps else self._recent
-        return MemberFigures(
+        return MemberResults(
             steps=self.steps,
             tension_top_max_n=seen.high,
             tension_top_mean_n=seen.mean,
@@ -176,15 +176,15 @@ class Member:
         )
 
     def snapshot(self) -> Snapshot:
-        """A frozen copy of the present; its recent tensions begin anew."""
+        """Return a frozen copy of the present and restart the recent extremes of tension."""
         state: Any = self._rope.state
         work = np.zeros(self._work_shape)
         work[rows.TENSION, : len(self._tension)] = self._tension
         unconverged = int(state.health[rows.SUBSTEPS_UNCONVERGED])
-        taken = observe(
+        taken = build_snapshot(
             state,
             work,
-            Observation(
+            SnapshotInputs(
                 stamp_ns=self.steps * self._step_ns,
                 step=self.steps,
                 step_s=self.scene.time.step_s,

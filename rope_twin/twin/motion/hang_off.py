@@ -1,9 +1,9 @@
-"""The hang-off's motion from what tells of it: its heave, or the ship's pose and the arm to it.
+"""Motion of the hang-offs from measured heave, or from ship poses and lever arms.
 
-Whichever comes first moves the hang-off from then on; the other is refused, as both cannot be true.
-A pose moves it in three directions: heave by the track itself, east and north by two more like it,
-so that gaps, late samples and restarts are what they are for heave. Where ropes leave the ship at
-further places, each of those has an arm and three tracks of its own; heave moves all of them alike.
+The first of the two that arrives moves the hang-off from then on; the other is rejected. A pose
+moves it in three directions: heave by the track itself, east and north by two more tracks of the
+same kind, so that gaps, late samples and restarts are treated alike. Where ropes leave the ship at
+further points, each of those has an arm and three tracks of its own; heave moves all of them alike.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from rope_twin.errors import phrase
 from rope_twin.scene.rules.rigging import places
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.health import STUCK_NS, UNJUDGED, Judgement, SenderClock, StuckDetector
+from rope_twin.twin.motion.heave_track import HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S, HeaveTrack
 from rope_twin.twin.motion.plausibility import (
     NOISE_M,
     NOISE_RAD,
@@ -31,7 +32,6 @@ from rope_twin.twin.motion.sample_timing import (
     needed_interval_s,
     shortest_period_s,
 )
-from rope_twin.twin.motion.ship import HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S, HeaveTrack
 from rope_twin.twin.motion.ship_pose import (
     MOST_RATE_RAD_PER_S,
     STILL,
@@ -47,53 +47,56 @@ from rope_twin.twin.motion.ship_pose import (
 )
 from rope_twin.twin.snapshot import InputHealth
 
-FARTHEST_M = 1e5  # east or north of rest: a tow of a day
-UNLIMITED_M_PER_S = 1e6  # of tracks that follow one that judges
+FARTHEST_M = 1e5  # east or north of the initial position: a tow of a day
+UNLIMITED_M_PER_S = 1e6  # for tracks that take samples validated by another track
 JUDGED_NS = 200_000_000
-REQUIRED_NS = 3_000_000_000  # after so long the first sample must have come
+REQUIRED_NS = 3_000_000_000  # time by which the first sample must have come
 
 
-# by number of a rope but the first: displacement [m] and velocity [m/s] of its hang-off
+# by number of a rope other than the first: displacement [m] and velocity [m/s] of its hang-off
 Moves = Mapping[int, tuple[Vector3, Vector3]]
 
 
 def lever_arm(scene: Scene, place_m: Vector3 | None = None) -> Vector3:
-    """From the ship's reference point to a place on it at rest, or to the hang-off [m]."""
+    """Return the vector from the ship's reference point to a point on it, or the hang-off [m].
+
+    Both are in the ship's mean position and attitude.
+    """
     x, y, z = place_m or scene.ship.hang_off_m
     a, b, c = scene.ship.reference_m or scene.ship.hang_off_m
     return x - a, y - b, z - c
 
 
 class FurtherHangOff:
-    """Where a rope but the first leaves a ship that is moved by poses."""
+    """Hang-off of a rope other than the first, on a ship that is moved by poses."""
 
     def __init__(self, rope: int, arm_m: Vector3) -> None:
         self.rope, self._arm = rope, arm_m
         self._tracks = tuple(_follower() for _ in range(3))
 
-    def doubt(self) -> None:
-        """What is known of times to come may no longer hold."""
+    def invalidate(self) -> None:
+        """Invalidate samples that were known in advance."""
         for track in self._tracks:
-            track.doubt()
+            track.invalidate()
 
     def drop(self) -> None:
-        """Forget all samples, as the first hang-off does."""
+        """Drop all samples, as the first hang-off does."""
         for track in self._tracks:
             track.drop()
 
     def rest_until(self, time_ns: int | None) -> None:
-        """It was asked for up to then, and was at rest."""
+        """Record that the motion was zero up to then."""
         for track in self._tracks:
             track.rest_until(time_ns)
 
     def offer(self, pose: ShipPose) -> None:
-        """Take a pose that the first hang-off has taken."""
+        """Take a pose that the first hang-off has accepted."""
         place, velocity = hang_off_motion(pose, self._arm)
         for track, at, speed in zip(self._tracks, place, velocity, strict=True):
             track.offer(pose.stamp_ns, at, speed)
 
     def at(self, time_ns: int, ramp: tuple[float, float]) -> tuple[Vector3, Vector3]:
-        """Displacement [m] and velocity [m/s] at a time, faded in by a ramp and its rate."""
+        """Return displacement [m] and velocity [m/s] at a time, scaled by a ramp and its rate."""
         share, rate = ramp
         (x, u), (y, v), (z, w) = (track.at(time_ns) for track in self._tracks)
         moving = share * u + rate * x, share * v + rate * y, share * w + rate * z
@@ -101,12 +104,12 @@ class FurtherHangOff:
 
 
 def _follower() -> HeaveTrack:
-    """A track that takes what the judged one has taken."""
+    """Return a track that takes validated samples."""
     return HeaveTrack(2.0 * FARTHEST_M, UNLIMITED_M_PER_S)
 
 
 class HangOffTrack(HeaveTrack):
-    """A heave track that takes poses as well, and judges whether a ship can move so."""
+    """Heave track that also takes poses, and validates the motion of the ship."""
 
     def __init__(self, scene: Scene) -> None:
         limits = MotionLimits.of(scene.ship)
@@ -119,11 +122,11 @@ class HangOffTrack(HeaveTrack):
             if number and line.from_ in at
         )
         self._aside = (_follower(), _follower())
-        self.posed = False  # whether poses move it
+        self.posed = False  # whether poses move the hang-off
         self.clock = SenderClock()
-        self._moved = is_moved(scene)  # by the scene's sea: samples must come and vary
-        self._on_way = bool(scene.sea_state.path)  # which may stand still for a while
-        self._prescribed = False  # computed by the caller: judged for order and range alone
+        self._moved = is_moved(scene)  # the scene's sea moves it: samples must come and vary
+        self._on_way = bool(scene.sea_state.path)  # prescribed motion, which may pause
+        self._prescribed = False  # computed by the caller: checked for order and range only
         self._stuck, self._is_stuck = StuckDetector(), False
         self._continuity = Continuity(limits)
         speed, acceleration = limits.speed_m_per_s, limits.acceleration_m_per_s2
@@ -135,20 +138,20 @@ class HangOffTrack(HeaveTrack):
         self._timing = SampleTiming(needed_interval_s(shortest_period_s(scene)))
 
     def prescribe(self) -> None:
-        """Take heave as computed, not measured: whether a ship can move so is not judged."""
+        """Accept heave as computed, not measured: its plausibility is not checked."""
         self._prescribed = True
         self._limit_m, self._speed_limit = HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S
 
-    def doubt(self) -> None:
-        """The sender was away: what it has told of times to come may no longer hold."""
-        super().doubt()
+    def invalidate(self) -> None:
+        """Invalidate samples that were known in advance, as the sender was interrupted."""
+        super().invalidate()
         for track in self._aside:
-            track.doubt()
+            track.invalidate()
         for further in self._further:
-            further.doubt()
+            further.invalidate()
 
     def drop(self) -> None:
-        """Forget all samples and where they were: the next ones are joined as after a gap."""
+        """Drop all samples and the last position: the next ones are joined as after a gap."""
         super().drop()
         self._continuity.forget()
         for check in (self._rates, self._turns):
@@ -161,9 +164,9 @@ class HangOffTrack(HeaveTrack):
         velocity_m_per_s: float,
         received_ns: int | None = None,
     ) -> str:
-        """Take a sample of heave; returns "" or the sentence with which it was refused.
+        """Submit a heave sample; return "" or the reason for its rejection.
 
-        received_ns: its arrival, by the receiver's clock in twin time; None: not known.
+        received_ns: its arrival by the receiver's clock in twin time; None: unknown.
         """
         if self.posed:
             right = "let only one of ship/heave and ship/odometry be published"
@@ -185,7 +188,7 @@ class HangOffTrack(HeaveTrack):
         return self._taken(stamp_ns, (position_m,), rates, "heave")
 
     def offer_pose(self, pose: ShipPose, received_ns: int | None = None) -> str:
-        """Take the ship's pose; returns "" or the sentence with which it was refused."""
+        """Submit a ship pose; return "" or the reason for its rejection."""
         pose = replace(pose, stamp_ns=self._by_own_clock(pose.stamp_ns, received_ns))
         fault = self._pose_fault(pose)
         if fault:
@@ -216,7 +219,7 @@ class HangOffTrack(HeaveTrack):
     def _fault(
         self, stamp_ns: int, numbers: Numbers, rates: Numbers, place: Numbers, what: str
     ) -> str:
-        """Why a sample with finite numbers is refused but for its rates, counted; or ""."""
+        """Return why a sample with finite numbers is rejected but for its rates, counted; or ""."""
         if fault := self._stamp_fault(stamp_ns):
             return fault
         stuck = self._stuck.is_stuck(stamp_ns, numbers)
@@ -228,13 +231,13 @@ class HangOffTrack(HeaveTrack):
             right = "the sender is stuck; restart it"
             return self.counter.refuse("stuck", phrase(what, fault, right))
         kind, reason = self._continuity.fault(stamp_ns, place, self._rates.noise)
-        if self._continuity.confirmed:  # no rate leads from where it was to here
+        if self._continuity.confirmed:  # a new position that no rate leads to
             self._rates.forget()
             self._turns.forget()
         return self.counter.refuse(kind, phrase(what, *reason)) if reason else ""
 
     def _taken(self, stamp_ns: int, place: Numbers, rates: Numbers, what: str) -> str:
-        """Take a sample by its judged rates; returns "" or why it accelerates impossibly."""
+        """Accept a sample with checked rates; return "" or why its acceleration is rejected."""
         if self._rates.switched or self._turns.switched:
             self._continuity.forget_rates()
         noise = self._rates.derived_noise
@@ -248,7 +251,7 @@ class HangOffTrack(HeaveTrack):
         return ""
 
     def _follow(self, pose: ShipPose, place: Vector3, velocity: Vector3) -> None:
-        """Let the tracks aside and the further hang-offs take a pose that was taken."""
+        """Pass an accepted pose to the lateral tracks and the further hang-offs."""
         if not self.posed:
             self._begin_aside()
         for track, at, speed in zip(self._aside, place, velocity, strict=False):
@@ -257,7 +260,7 @@ class HangOffTrack(HeaveTrack):
             further.offer(pose)
 
     def _by_own_clock(self, stamp_ns: int, received_ns: int | None) -> int:
-        """Return the stamp by the twin's clock, if the sender's is to be corrected."""
+        """Return the stamp by the twin's clock, if the sender's is corrected."""
         if received_ns is None:
             return stamp_ns
         self.clock.take(stamp_ns, received_ns)
@@ -268,7 +271,7 @@ class HangOffTrack(HeaveTrack):
         return stamp_ns + shift_ns
 
     def _drop_samples(self) -> None:
-        """Let the next samples be joined as after a gap, in all directions and at all hang-offs."""
+        """Join the next samples as after a gap, in all directions and at all hang-offs."""
         super().drop()
         for track in self._aside:
             track.drop()
@@ -290,12 +293,12 @@ class HangOffTrack(HeaveTrack):
         return with_rates(pose, _vector(moving), _vector(turning))
 
     def _position_fault(self, z: float, v: float) -> str:
-        """Why position or velocity are no numbers, or the position is beyond the ship's range."""
+        """Return why numbers are not finite, or the position is beyond the ship's range; or ""."""
         within = abs(z) <= self._limit_m and math.isfinite(v)
         return "" if within else self._number_fault(z, v)
 
     def _pose_range(self, place: Vector3) -> str:
-        """Why the hang-off cannot be there, counted; or ""."""
+        """Return why the position of the hang-off is out of range, counted; or ""."""
         if abs(place[2]) > self._limit_m:
             what = f"the hang-off {place[2]:g} m above its rest"
             right = f"a ship stays within ±{self._limit_m:g} m (ship.max_heave_m)"
@@ -314,13 +317,13 @@ class HangOffTrack(HeaveTrack):
         return phrase("ship pose", what, right)
 
     def _sudden(self, what: str) -> str:
-        """Refuse a sample whose rates changed too suddenly, and that no others stand for."""
+        """Reject a sample whose rates changed too suddenly, when no others can be derived."""
         fault = "its rate changes faster than a ship can, and too few positions are known"
         right = "position and rate must be of one motion"
         return self.counter.refuse("impossible", phrase(what, fault, right))
 
     def _begin_aside(self) -> None:
-        """From now on poses move it; until now it was at rest east and north."""
+        """Start motion by poses; until now the hang-off had no lateral motion."""
         self.posed = True
         for track in self._aside:
             track.rest_until(self._asked_ns)
@@ -328,9 +331,9 @@ class HangOffTrack(HeaveTrack):
             further.rest_until(self._asked_ns)
 
     def health(self, now_ns: int) -> InputHealth:
-        """Return what became of the samples, and what is wrong with their sender.
+        """Return the health of the input and of its sender.
 
-        That is judged every JUDGED_NS of twin time.
+        The sender is assessed every JUDGED_NS of twin time.
         """
         if now_ns - self._judged_ns >= JUDGED_NS or now_ns < self._judged_ns:
             self._judged_ns, self._judged = now_ns, self._judge(now_ns)
@@ -371,21 +374,21 @@ class HangOffTrack(HeaveTrack):
         return Judgement("; ".join(faults), "; ".join(warnings), *known)
 
     def aside_at(self, time_ns: int) -> tuple[tuple[float, float], tuple[float, float]]:
-        """Displacement [m] and velocity [m/s], east and north, at a time; after `at`."""
+        """Return displacement [m] and velocity [m/s], east and north, at a time; after `at`."""
         east, north = self._aside
         return east.at(time_ns), north.at(time_ns)
 
     def further_at(self, time_ns: int, ramp: tuple[float, float]) -> Moves:
-        """How poses move the hang-offs of ropes but the first at a time; nothing without poses.
+        """Return the motion by poses of the other ropes' hang-offs at a time; empty without poses.
 
-        ramp: by which the motion is faded in, and its rate [1/s].
+        ramp: build-up factor of the motion, and its rate [1/s].
         """
         if not self.posed:
             return {}
         return {further.rope: further.at(time_ns, ramp) for further in self._further}
 
     def _pose_fault(self, pose: ShipPose) -> str:
-        """Why a pose is refused but for its rates; or ""."""
+        """Return why a pose is rejected except for its rates; or ""."""
         if not self.posed and self.counter.newest_ns is not None:
             what = "heave moves the hang-off already"
             right = "let only one of ship/heave and ship/odometry be published"

@@ -1,7 +1,7 @@
-"""Heave that is known in advance, evaluated for many steps at once.
+"""Heave known in advance, evaluated for many steps at once.
 
-The same polynomial as `HeaveTrack` between the same samples, in the same order of operations, so
-that both give the same bits. A series has no gaps, so nothing is ever assumed.
+The polynomial is that of `HeaveTrack` between the same samples, in the same order of operations, so
+that both are bit-identical. A series has no gaps, so nothing is extrapolated.
 """
 
 from __future__ import annotations
@@ -13,25 +13,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.twin.motion.ship import HEAVE_LIMIT_M, JUMP_M, STALE_NS, VELOCITY_LIMIT_M_PER_S
+from rope_twin.twin.motion.heave_track import (
+    HEAVE_LIMIT_M,
+    JUMP_M,
+    STALE_NS,
+    VELOCITY_LIMIT_M_PER_S,
+)
 
 
 @dataclass(frozen=True, eq=False)
 class HeaveSeries:
-    """Samples in the order of their stamps; twin time 0 lies at `start_ns` of the stamps.
+    """Samples in the order of their stamps; twin time 0 is at `start_ns` of the stamps.
 
     Raises:
-        InputError: they are out of order, have a gap, or no ship moves so.
+        InputError: the samples are out of order, have a gap, or are beyond a ship's limits.
     """
 
     stamp_ns: NDArray[np.int64]
-    position_m: NDArray[np.float64]  # of the hang-off above its rest, + up
+    position_m: NDArray[np.float64]  # of the hang-off above its mean position, + up
     velocity_m_per_s: NDArray[np.float64]
     start_ns: int = 0
     aside: NDArray[np.float64] | None = None  # east, north [m] and their rates [m/s], (4, samples)
 
     def __post_init__(self) -> None:
-        """Check the samples, whichever way they came."""
+        """Check the samples."""
         if self.aside is not None and self.aside.shape != (4, len(self.stamp_ns)):
             what = f"east and north of shape {self.aside.shape}"
             right = f"give (4, {len(self.stamp_ns)}), as many as samples"
@@ -51,9 +56,9 @@ class HeaveSeries:
         samples: Iterable[tuple[int, float, float]],
         aside: Sequence[tuple[float, float, float, float]] = (),
     ) -> HeaveSeries:
-        """From stamp [ns], position [m] and velocity [m/s] of each sample.
+        """Return a series from stamp [ns], position [m] and velocity [m/s] of each sample.
 
-        aside: of each sample its x, y [m] and their rates [m/s], if the hang-off moves so.
+        aside: x, y [m] and their rates [m/s] of each sample, if the hang-off moves laterally.
         """
         stamps, positions, velocities = zip(*samples, strict=True)
         moved = np.array(aside).T if aside else None
@@ -61,19 +66,19 @@ class HeaveSeries:
         return cls(np.array(stamps, np.int64), *heave, aside=moved)
 
     def starting_at(self, start_ns: int) -> HeaveSeries:
-        """The same samples with twin time 0 so far into them; shares the arrays."""
+        """Return the same samples with twin time 0 at this stamp; arrays are shared."""
         return replace(self, start_ns=start_ns)
 
     @property
     def end_ns(self) -> int:
-        """Twin time of the last sample."""
+        """Twin time of the last sample [ns]."""
         return int(self.stamp_ns[-1]) - self.start_ns
 
     def check_reach(self, first_ns: int, last_ns: int) -> None:
-        """See that it is known from the first to the last twin time.
+        """Check that the series covers the first to the last twin time.
 
         Raises:
-            InputError: the samples do not reach so far.
+            InputError: it does not.
         """
         known = self.stamp_ns[0] - self.start_ns, self.stamp_ns[-1] - self.start_ns
         if first_ns <= known[0] or last_ns > known[1]:
@@ -87,17 +92,21 @@ class HeaveSeries:
             )
 
     def at(self, time_ns: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Position [m] and velocity [m/s] at rising twin times, shape as given.
+        """Return position [m] and velocity [m/s] at rising twin times, of the same shape.
 
         Raises:
-            InputError: the samples do not reach so far.
+            InputError: the series does not cover the times.
         """
         return self._between(time_ns, self.position_m, self.velocity_m_per_s)
 
     def aside_at(
         self, time_ns: NDArray[np.int64]
     ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """The same east and north, where the series has them; else nothing. Raises as `at`."""
+        """Return lateral motion, east and north, as `at` does; empty if the series has none.
+
+        Raises:
+            InputError: the series does not cover the times.
+        """
         if self.aside is None:
             return []
         return [self._between(time_ns, self.aside[k], self.aside[k + 2]) for k in (0, 1)]
@@ -105,7 +114,7 @@ class HeaveSeries:
     def _between(
         self, time_ns: NDArray[np.int64], z: NDArray[np.float64], v: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Cubic Hermite pieces of values z with rates v at the samples."""
+        """Return the cubic Hermite polynomials of values z with rates v at the samples."""
         self.check_reach(int(time_ns[0]), int(time_ns[-1]))
         on = time_ns + self.start_ns
         k = np.searchsorted(self.stamp_ns, on, side="left")
@@ -116,7 +125,7 @@ class HeaveSeries:
         u = (on - t0) / (t1 - t0)
         d0, d1 = v0 * h, v1 * h
         c2, c3 = 3.0 * (z1 - z0) - 2.0 * d0 - d1, 2.0 * (z0 - z1) + d0 + d1
-        # + 0.0: a track adds what is left of a gap, which turns -0 into 0
+        # + 0.0: a track adds the remainder of a gap, which turns -0 into 0
         value = z0 + u * (d0 + u * (c2 + u * c3)) + 0.0
         return value, (d0 + u * (2.0 * c2 + u * 3.0 * c3)) / h + 0.0
 

@@ -1,7 +1,7 @@
-"""A sea that repeats: elevation and heave in time from a spectrum, a hull and a seed.
+"""Periodic irregular sea: elevation and heave in time from a spectrum, a hull and a seed.
 
 The sum has one component at each multiple of 1/duration inside the spectrum, so the record is
-periodic: played in a loop it has no seam. Amplitudes are √(2·S·Δf), phases are random (the
+periodic and can be looped without a discontinuity. Amplitudes are √(2·S·Δf), phases are random (the
 deterministic-amplitude form: Hs of every record is that of its spectrum).
 """
 
@@ -20,17 +20,17 @@ from rope_twin.sea.spectrum import Vector, WaveSpectrum
 
 @dataclass(frozen=True)
 class SeaRecord:
-    """One period of the sea and of the ship on it; sample k is at k/rate_hz."""
+    """One period of the sea and of the ship's heave in it; sample k is at k/rate_hz."""
 
     rate_hz: float
     elevation_m: Vector  # (n,) water surface at the ship
-    heave_m: Vector  # (n,) hang-off above its rest position
+    heave_m: Vector  # (n,) hang-off above its mean position
     heave_velocity_m_per_s: Vector  # (n,)
-    source: str  # spectrum, hull and seed in words
+    source: str  # description of spectrum, hull and seed
 
     @property
     def duration_s(self) -> float:
-        """Length of the period."""
+        """Length of the period [s]."""
         return len(self.heave_m) / self.rate_hz
 
 
@@ -41,7 +41,7 @@ def synthesise(
     duration_s: float = 1200.0,
     rate_hz: float = 20.0,
 ) -> SeaRecord:
-    """Elevation η = Σ a·cos(ωt + φ) at the ship, heave Re Σ a·H(ω)·exp(i(ωt + φ)) and its rate.
+    """Return elevation η = Σ a·cos(ωt + φ) at the ship, heave Re Σ a·H(ω)·exp(i(ωt + φ)), its rate.
 
     Raises:
         InputError: duration or rate do not fit each other or the spectrum.

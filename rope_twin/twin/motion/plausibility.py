@@ -1,15 +1,16 @@
 """Plausibility of the ship's motion: limits, continuity after a gap, and rates against positions.
 
 Rates: over the last 0.5, 1 and 2 s the change of each position must equal the integral of its rate,
-Δz = ∫ v dt. What may be left is 4·√2·σ of white noise (σ is estimated from the second differences
-of z - ∫ v dt, at most 5 cm), τ·|Δv| for a delay between position and rate (τ = 0.2 s), and 0.05 m/s
-and 5 % of the rate for its own errors. Three samples in a row beyond that are a disagreement; so is
+Δz = ∫ v dt. The tolerance is 4·√2·σ of white noise (σ is estimated from the second differences of z
+- ∫ v dt, at most 5 cm), τ·|Δv| for a delay between position and rate (τ = 0.2 s), and 0.05 m/s and
+5 % of the rate for its own errors. Three consecutive samples beyond that are a disagreement; so is
 one rate beyond the ship's limits. The rates are then derived from the positions, by a parabola
 through the last ones (three where there is no noise, up to RATE_SAMPLES where there is).
 
 Continuity: a position must be where the last one, its rate and the acceleration limit allow, with
-6·√2·σ for noise; a leap beyond speed limit times gap is refused. After a leap, and after 2 s
-without an accepted sample, samples are taken again once they have agreed with each other for 0.5 s.
+6·√2·σ for noise; a jump beyond speed limit times gap is rejected. After a jump, and after 2 s
+without an accepted sample, samples are accepted again once they have agreed with each other for 0.5
+s.
 """
 
 from __future__ import annotations
@@ -23,37 +24,37 @@ from dataclasses import dataclass
 from rope_twin.scene.schema import Ship
 
 Numbers = tuple[float, ...]
-Reason = tuple[()] | tuple[str, str]  # of a refusal: what is wrong, and what would be right
+Reason = tuple[()] | tuple[str, str]  # of a rejection: the error and the remedy
 # stamp [ns], values, their rates as sent, values less the integral of the rates
 RateSample = tuple[int, Numbers, Numbers, Numbers]
 
 NOISE_M, NOISE_RAD = 0.05, 0.002  # standard deviation of white noise of a good sensor
-NOISE_LEAST = 0.1  # the least noise that is assumed, of the most
+NOISE_LEAST = 0.1  # minimum noise assumed, as a fraction of the maximum
 SURE = 4.0 * math.sqrt(2.0)  # standard deviations of a difference of two positions ...
 SURE_LEAP = 6.0 * math.sqrt(2.0)  # ... where a single one decides
 RATE_DELAY_S = 0.2  # between position and rate of one sensor
 RATE_BIAS, RATE_SHARE = 1.0, 0.05  # error of a rate: NOISE_... per second, and of its amount
-RATE_SPIKE = 10.0  # by so many NOISE_... per second a rate may change at once
+RATE_SPIKE = 10.0  # sudden change of a rate that is allowed, in NOISE_... per second
 WINDOWS_NS = 500_000_000, 1_000_000_000, 2_000_000_000
 SCATTER_WARN = 1.6  # times the noise of a good sensor: noise above it, or several senders
-VOTES = 3  # samples in a row that make a disagreement
-HEALED_NS = 5_000_000_000  # after so long in agreement the sender's rates are used again
-PERSISTENT_NS = 10_000_000_000  # a disagreement for so long is an error
-RATE_SAMPLES = 40  # most positions from which a rate is derived ...
-RATE_NOISE = 2.0  # ... so that its noise stays below so many NOISE_... per second
-SMOOTHING = 0.02  # share of a sample in the estimate of noise
+VOTES = 3  # consecutive samples that make a disagreement
+HEALED_NS = 5_000_000_000  # time of agreement after which the sender's rates are used again
+PERSISTENT_NS = 10_000_000_000  # duration after which a disagreement is an error
+RATE_SAMPLES = 40  # maximum number of positions from which a rate is derived ...
+RATE_NOISE = 2.0  # ... and noise of that rate, in NOISE_... per second
+SMOOTHING = 0.02  # weight of a sample in the estimate of noise
 
 BREAK_NS = 1_000_000_000  # between two samples: nothing is integrated across it
-LEAP_NOISE_M = 0.25  # what noise may add to a leap
+LEAP_NOISE_M = 0.25  # contribution of noise to a jump
 LEAP_LEAST_M = 0.01  # resolution of a sensor
-REACQUIRE_NS = 2_000_000_000  # after so long without an accepted sample its position is unknown
-CONFIRM_NS, CONFIRM_SAMPLES = 500_000_000, 3  # for so long samples must agree with each other
-ACCELERATION_NS = 400_000_000  # over at least this time the acceleration is looked at
+REACQUIRE_NS = 2_000_000_000  # gap after which the position must be confirmed again
+CONFIRM_NS, CONFIRM_SAMPLES = 500_000_000, 3  # duration and number of agreeing samples
+ACCELERATION_NS = 400_000_000  # minimum time over which the acceleration is checked
 
 
 @dataclass(frozen=True)
 class MotionLimits:
-    """Limits within which a hang-off moves."""
+    """Limits of a hang-off's motion."""
 
     heave_m: float
     speed_m_per_s: float
@@ -61,7 +62,7 @@ class MotionLimits:
 
     @classmethod
     def of(cls, ship: Ship) -> MotionLimits:
-        """Return the limits that a scene's ship has."""
+        """Return the limits of a scene's ship."""
         return cls(
             ship.max_heave_m,
             ship.max_hang_off_speed_m_per_s,
@@ -70,28 +71,28 @@ class MotionLimits:
 
 
 class Continuity:
-    """Judges where the hang-off is by where it was: (z,) or (x, y, z) of successive samples."""
+    """Check of positions (z,) or (x, y, z) against those of preceding samples."""
 
     def __init__(self, limits: MotionLimits) -> None:
         self._limits = limits
         self._last: tuple[int, Numbers] | None = None
-        self._has_leapt = False  # whether a leap was refused since the last accepted sample
+        self._has_leapt = False  # whether a jump was rejected since the last accepted sample
         self._trial: list[tuple[int, Numbers]] = []  # first and newest of samples to be confirmed
         self._trial_samples = 0
-        self._rates: deque[tuple[int, Numbers]] = deque()  # of accepted samples
-        self.confirmed = False  # whether the newest place was confirmed after a gap or a leap
+        self._rates: deque[tuple[int, Numbers]] = deque()  # (stamp, rates) of accepted samples
+        self.confirmed = False  # whether the newest position was confirmed after a gap or jump
 
     def forget(self) -> None:
-        """Take the next sample wherever it is."""
+        """Accept the next sample at any position."""
         self._last = None
         self._has_leapt = False
         self._end_trial()
         self._rates.clear()
 
     def fault(self, stamp_ns: int, place: Numbers, noise: float) -> tuple[str, Reason]:
-        """Return the kind of refusal and its reason; both empty if the place is plausible.
+        """Return the kind of rejection and its reason; both empty if the position is plausible.
 
-        noise: standard deviation of the places' noise [m].
+        noise: standard deviation of the noise of positions [m].
         """
         self.confirmed = False
         if self._last is None:
@@ -118,7 +119,7 @@ class Continuity:
         return "unconfirmed", (after, right)
 
     def acceleration_fault(self, stamp_ns: int, rates: Numbers, noise: float) -> Reason:
-        """Return why these rates [m/s] do not follow those before them; or nothing."""
+        """Return why these rates [m/s] do not follow the preceding ones; or nothing."""
         while len(self._rates) > 1 and stamp_ns - self._rates[1][0] >= ACCELERATION_NS:
             self._rates.popleft()
         if not self._rates or not ACCELERATION_NS <= stamp_ns - self._rates[0][0] <= BREAK_NS:
@@ -132,20 +133,20 @@ class Continuity:
         return f"an acceleration of {change / seconds:.1f} m/s²", right
 
     def forget_rates(self) -> None:
-        """Compare the next rates with none: they are found in another way than those before."""
+        """Skip the next comparison of rates, as they are obtained in another way."""
         self._rates.clear()
 
     def accept(self, stamp_ns: int, place: Numbers, rates: Numbers) -> None:
-        """Note a sample that was taken, with the rates that were used."""
+        """Record an accepted sample, with the rates that were used."""
         self._last = stamp_ns, place
         self._has_leapt = False
         self._rates.append((stamp_ns, rates))
 
     def _is_expected(self, gap_s: float, place: Numbers, noise: float) -> bool:
-        """Whether a place is where the last one, its rate and the acceleration limit allow.
+        """Return whether a position is where the last one, its rate and the limits allow.
 
-        A sample that is back from an outlier must be nearer: what the limit allows in so long a
-        time is no sign that the leap was one of the ship.
+        A sample after an outlier must be closer: a position within the acceleration limit over so
+        long a time does not show that the jump was a motion of the ship.
         """
         assert self._last is not None
         rates = self._rates[-1][1]
@@ -158,7 +159,7 @@ class Continuity:
         return False
 
     def _is_confirmed(self, stamp_ns: int, place: Numbers) -> bool:
-        """Whether samples since a gap have agreed with each other for long enough."""
+        """Return whether samples since a gap have agreed with each other for long enough."""
         if self._trial:
             before_ns, before = self._trial[-1]
             seconds = (stamp_ns - before_ns) * 1e-9
@@ -175,19 +176,19 @@ class Continuity:
 
 
 class RateCheck:
-    """Compares the rates of some values with the values themselves."""
+    """Check of the rates of some values against the values themselves."""
 
     def __init__(self, noise: float, limit: float, acceleration: float) -> None:
-        """noise: NOISE_M or NOISE_RAD; the others are limits of a rate and of its change."""
+        """Set NOISE_M or NOISE_RAD, and the limits of a rate and of its change."""
         self._noise, self._limit, self._acceleration = noise, limit, acceleration
         self._samples: list[RateSample] = []
-        self._stamps: list[int] = []  # theirs
-        self._used: Numbers = ()  # rates of the newest sample as they were used
+        self._stamps: list[int] = []  # of the samples
+        self._used: Numbers = ()  # rates used for the newest sample
         self._roughness = 6.0 * noise * noise  # mean square of second differences of `rest`
         self._votes = 0
         self._since_ns: int | None = None  # beginning of the present disagreement
-        self._is_derived = False  # whether the newest rates were
-        self.switched = False  # whether that is another than for those before them
+        self._is_derived = False  # whether the newest rates were derived
+        self.switched = False  # whether that has changed with the newest sample
         self._newest_bad_ns = 0
 
     @property
@@ -196,17 +197,17 @@ class RateCheck:
         return self._since_ns is not None
 
     def disagrees_for_s(self) -> float:
-        """For how long positions and rates have disagreed up to the last time they did [s]."""
+        """Return the duration of the present disagreement of positions and rates [s]."""
         return 0.0 if self._since_ns is None else (self._newest_bad_ns - self._since_ns) * 1e-9
 
     @property
     def noise(self) -> float:
-        """Standard deviation of the values' noise as estimated, within what is believed."""
+        """Estimated standard deviation of the values' noise, within its limits."""
         return min(max(self.scatter, NOISE_LEAST * self._noise), self._noise)
 
     @property
     def scatter(self) -> float:
-        """Standard deviation of the values' noise as estimated."""
+        """Estimated standard deviation of the values' noise."""
         return math.sqrt(self._roughness / 6.0)
 
     @property
@@ -216,23 +217,23 @@ class RateCheck:
 
     @property
     def derived_noise(self) -> float:
-        """Most that noise changes a rate by, told or derived."""
+        """Maximum change of a rate by noise, sent or derived."""
         return RATE_SPIKE * self._noise
 
     def forget(self) -> None:
-        """Begin anew, as after a gap; a disagreement goes on until it heals."""
+        """Restart as after a gap; a disagreement continues until it heals."""
         self._samples.clear()
         self._stamps.clear()
         self._used, self._votes = (), 0
 
     def rates(self, stamp_ns: int, value: Numbers, rate: Numbers) -> Numbers | None:
-        """Take a sample; return the rates to go on with.
+        """Take a sample; return the rates to use.
 
-        They are those given while they agree with the values; None: they are impossible, and there
+        They are those given while they agree with the values. None: they are impossible, and there
         are too few values to derive others.
         """
         while self._samples and self._samples[-1][0] >= stamp_ns:
-            del self._samples[-1], self._stamps[-1]  # it was refused for something else
+            del self._samples[-1], self._stamps[-1]  # it was rejected for another reason
         if self._samples and stamp_ns - self._samples[-1][0] > BREAK_NS:
             self.forget()
         sudden = self._is_impossible(stamp_ns, rate)
@@ -253,7 +254,7 @@ class RateCheck:
         return self._used
 
     def _is_impossible(self, stamp_ns: int, rate: Numbers) -> bool:
-        """Whether a rate is beyond its limits, by itself or after the one before."""
+        """Return whether a rate is beyond its limits, by itself or after the preceding one."""
         if max(rate) > self._limit or min(rate) < -self._limit:
             return True
         if not self._used or not self._samples:
@@ -284,7 +285,7 @@ class RateCheck:
             del self._samples[:RATE_SAMPLES], self._stamps[:RATE_SAMPLES]
 
     def _is_apart(self) -> bool:
-        """Whether values and integrated rates differ by more than a good sensor's do."""
+        """Return whether values and integrated rates differ more than those of a good sensor."""
         samples, sure = self._samples, SURE * self.noise
         new, k = samples[-1], len(samples)
         for window_ns in WINDOWS_NS:
@@ -300,12 +301,12 @@ class RateCheck:
         return False
 
     def _by_sensor(self, seconds: float, v: float, w: float) -> float:
-        """What delay and inaccuracy of a rate make of its integral from v to w."""
+        """Return the error of a rate's integral from v to w by delay and inaccuracy."""
         delay = RATE_DELAY_S * min(abs(w - v), self._acceleration * seconds)
         return delay + RATE_SHARE * seconds * max(abs(v), abs(w))
 
     def _derived(self) -> Numbers | None:
-        """Slopes at the newest sample of parabolas through the last values; None: too few."""
+        """Return end slopes of parabolas through the last values; None: too few values."""
         samples = self._samples
         if len(samples) < 3:
             return None
@@ -323,7 +324,7 @@ class RateCheck:
 
 
 def end_slope(times: Sequence[float], values: Sequence[float]) -> float:
-    """Return the slope at time 0 of the parabola that fits the values best (three or more)."""
+    """Return the slope at time 0 of the best-fit parabola through three or more values."""
     s1 = s2 = s3 = s4 = y0 = y1 = y2 = 0.0
     for t, value in zip(times, values, strict=True):
         z, square = value - values[-1], t * t
@@ -331,6 +332,6 @@ def end_slope(times: Sequence[float], values: Sequence[float]) -> float:
         y0, y1, y2 = y0 + z, y1 + t * z, y2 + square * z
     n = float(len(times))
     determinant = n * (s2 * s4 - s3 * s3) - s1 * (s1 * s4 - s2 * s3) + s2 * (s1 * s3 - s2 * s2)
-    # the middle unknown by Cramer's rule
+    # the second unknown by Cramer's rule
     upper = n * (y1 * s4 - y2 * s3) - y0 * (s1 * s4 - s2 * s3) + s2 * (s1 * y2 - s2 * y1)
     return upper / determinant

@@ -1,10 +1,10 @@
-"""Rate of the ship's motion samples: what the scene needs, and what its sender gives.
+"""Sampling rate of the ship's motion: needed by the scene, and given by the sender.
 
-Between samples the cubic Hermite polynomial holds. A piece of length h is off by at most h⁴/384
-times the fourth derivative, which is (2π·h/T)⁴/384 of the amplitude of a sine of period T: with T
-the shortest period that matters and a share of 1e-4 the needed interval is 0.0705·T (there the
-acceleration is off by (2π·h/T)²/12, 1.6 %). A step needs the sample after it too: the input delay
-must be at least the interval, the transport delay and a slot of the pacing.
+Between samples the cubic Hermite polynomial holds. Its error over a piece of length h is at most
+h⁴/384 times the fourth derivative, which is (2π·h/T)⁴/384 of the amplitude of a sine of period T:
+with T the shortest relevant period and a fraction of 1e-4 the needed interval is 0.0705·T (there
+the error of the acceleration is (2π·h/T)²/12, 1.6 %). A step needs the sample after it too: the
+input delay must be at least the interval, the transport delay and a real-time cycle.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ import numpy as np
 from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.scene.schema import Scene
 
-INTERPOLATION_SHARE = 1e-4  # of the motion's amplitude: what interpolation may be off by
-TIMED_SAMPLES = 20  # intervals whose median counts
-MISSING_SHARE = 0.01  # of the time: steps without the sample after them
-SLOT_S = 0.02  # steps of a paced run begin this far apart
-INTERVAL_TOL = 1.02  # jitter of the median interval
-RECORDED_PERIOD_S = 5.0  # of recorded heave 99.9 % of the acceleration's variance is slower
-WAVE_SHARE = 0.95  # of the waves' energy lies above the shortest period that matters
+INTERPOLATION_SHARE = 1e-4  # allowed interpolation error over the motion's amplitude
+TIMED_SAMPLES = 20  # number of intervals of the median
+MISSING_SHARE = 0.01  # allowed fraction of time without the sample after the step
+SLOT_S = 0.02  # real-time cycle
+INTERVAL_TOL = 1.02  # allowed jitter of the median interval
+RECORDED_PERIOD_S = 5.0  # 99.9 % of the acceleration variance of recorded heave is slower
+WAVE_SHARE = 0.95  # fraction of the waves' energy above the shortest relevant period
 
 
 def is_moved(scene: Scene) -> bool:
-    """Whether the scene's sea moves the ship, so that samples of its motion must come."""
+    """Return whether the scene's sea moves the ship, so that motion samples must come."""
     heave = scene.sea_state.heave
     return scene.sea_state.moves and (heave is None or heave.amplitude_m > 0.0)
 
 
 def shortest_period_s(scene: Scene) -> float:
-    """Return the shortest period of the ship's motion that matters [s].
+    """Return the shortest relevant period of the ship's motion [s].
 
-    Of a sine its own; on the scene's waves that above which WAVE_SHARE of their energy lies; else,
-    of a record or a live ship, RECORDED_PERIOD_S.
+    For a sine its own; in the scene's waves that above which WAVE_SHARE of their energy lies;
+    otherwise, for a record or a live ship, RECORDED_PERIOD_S.
     """
     if scene.sea_state.heave is not None:
         return scene.sea_state.heave.period_s
@@ -52,20 +52,20 @@ def shortest_period_s(scene: Scene) -> float:
 
 
 def needed_interval_s(shortest_period_s: float) -> float:
-    """Return the longest interval between samples [s] that keeps the error to its share."""
+    """Return the longest interval between samples [s] that keeps the error within its limit."""
     return math.sqrt(math.sqrt(384.0 * INTERPOLATION_SHARE)) * shortest_period_s / math.tau
 
 
 class SampleTiming:
-    """How often samples come, and whether the one after a step is there when the step begins."""
+    """Monitor of the sampling interval, and of the availability of the sample after each step."""
 
     def __init__(self, needed_s: float) -> None:
-        """needed_s: longest interval between samples that does."""
+        """Set the longest sufficient interval between samples [s]."""
         self._needed_s = needed_s
         self._taken: deque[tuple[int, int, int]] = deque(maxlen=TIMED_SAMPLES + 1)
 
     def take(self, stamp_ns: int, asked_ns: int, missing_ns: int) -> None:
-        """Take a sample's stamp, the time up to which it was asked for, and how long none was."""
+        """Take a sample's stamp, the latest time requested, and the time without samples [ns]."""
         self._taken.append((stamp_ns, asked_ns, missing_ns))
 
     @property
@@ -78,7 +78,7 @@ class SampleTiming:
         return between[len(between) // 2] * 1e-9
 
     def fault(self, lateness_s: float) -> str:
-        """Return what is too slow about the samples, and what would do; or "".
+        """Return the message on samples that come too slowly, with the remedy; or "".
 
         lateness_s: arrival less stamp of the later samples [s].
         """

@@ -1,10 +1,11 @@
-"""Where the ship is with six degrees of freedom, and what that makes of a hang-off at an arm.
+"""Pose of the ship in six degrees of freedom, and the motion of a hang-off at a lever arm.
 
-The pose is that of the ship's reference point against its rest: displacement in the axes of `sea`
-(east, north, up) and the rotation R that turns the ship from its rest attitude; velocity and rate
-of turn are in the turned axes, as nav_msgs/Odometry has its twist (REP 103, REP 105). With the arm
-r from the reference point to the hang-off at rest, in the axes of `sea`, the hang-off is displaced
-by p + R·r - r and moves at R·(v + ω × r): heave and rotation times the arm, with no small angles.
+The pose is that of the ship's reference point relative to its mean position: displacement in the
+axes of `sea` (east, north, up) and the rotation R of the ship from its mean attitude; velocity and
+rate of turn are in the ship's rotated axes, as in the twist of nav_msgs/Odometry (REP 103, REP
+105). With the arm r from the reference point to the hang-off in the mean attitude, in the axes of
+`sea`, the hang-off is displaced by p + R·r - r and moves at R·(v + ω × r), without small-angle
+approximation.
 """
 
 from __future__ import annotations
@@ -19,30 +20,30 @@ Quaternion = tuple[float, float, float, float]
 
 UPRIGHT: Quaternion = (0.0, 0.0, 0.0, 1.0)
 STILL: Vector3 = (0.0, 0.0, 0.0)
-UNIT_WITHIN = 1e-3  # a quaternion's length may be off 1 by so much
+UNIT_WITHIN = 1e-3  # tolerance of a unit quaternion's length
 MOST_TILT_DEG = 60.0
 MOST_RATE_RAD_PER_S = 2.0
 
 
 @dataclass(frozen=True)
 class ShipPose:
-    """One sample; stamp in twin time."""
+    """One pose sample; the stamp is in twin time."""
 
     stamp_ns: int
-    position_m: Vector3  # of the reference point from its rest: east, north, up
-    velocity_m_per_s: Vector3  # of the reference point, in the ship's turned axes
-    orientation: Quaternion = UPRIGHT  # x, y, z, w: the turn from rest
-    rate_rad_per_s: Vector3 = STILL  # about the ship's turned axes
+    position_m: Vector3  # of the reference point from its mean position: east, north, up
+    velocity_m_per_s: Vector3  # of the reference point, in the ship's rotated axes
+    orientation: Quaternion = UPRIGHT  # x, y, z, w: rotation from the mean attitude
+    rate_rad_per_s: Vector3 = STILL  # about the ship's rotated axes
 
 
 def is_finite(pose: ShipPose) -> bool:
-    """Whether all its numbers are."""
+    """Return whether all numbers of a pose are finite."""
     parts = (pose.position_m, pose.velocity_m_per_s, pose.orientation, pose.rate_rad_per_s)
     return all(math.isfinite(number) for part in parts for number in part)
 
 
 def pose_fault(pose: ShipPose) -> str:
-    """Why no ship can be so, in one sentence; or ""."""
+    """Return why a pose is impossible for a ship; or ""."""
     if not is_finite(pose):
         what = f"position {pose.position_m}, orientation {pose.orientation}"
         return phrase("ship pose", what, "all its numbers must be finite")
@@ -88,7 +89,7 @@ def turn_between(old: Quaternion, new: Quaternion) -> Vector3:
 
 
 def hang_off_motion(pose: ShipPose, arm_m: Vector3) -> tuple[Vector3, Vector3]:
-    """Displacement of the hang-off from its rest [m] and its velocity [m/s], axes of `sea`."""
+    """Return displacement of the hang-off [m] and its velocity [m/s], in the axes of `sea`."""
     px, py, pz = pose.position_m
     vx, vy, vz = pose.velocity_m_per_s
     if pose.orientation == UPRIGHT and pose.rate_rad_per_s == STILL:
@@ -101,7 +102,7 @@ def hang_off_motion(pose: ShipPose, arm_m: Vector3) -> tuple[Vector3, Vector3]:
 
 
 def turned(orientation: Quaternion, vector: Vector3) -> Vector3:
-    """R·vector: v + 2·q × (q × v + w·v), over the square of the quaternion's length."""
+    """Return R·vector: v + 2·q × (q × v + w·v), over the square of the quaternion's length."""
     x, y, z, w = orientation
     a, b, c = vector
     scale = 2.0 / (x * x + y * y + z * z + w * w)

@@ -1,9 +1,10 @@
-"""A state of a twin from which a run goes on to the bit: taken, judged, kept in a file.
+"""Saved state of a twin, from which a run resumes bit-identically.
 
-It holds everything that changes while a twin runs, found by walking (`memory.py`): the rope, every
-effect's arrays, the inputs with what they have in store and refused, the prescribed motion, clock
-and counts. The solver's scratch is not: nothing in it outlives a step but the tensions, which are.
-The scene is not in it either: it is given again, and what counts is compared.
+It holds everything that changes while a twin runs, found by walking the attributes
+(`serialisation.py`): the rope, every effect's arrays, the inputs with their stored and rejected
+samples, the prescribed motion, clock and counts. The solver's scratch array is left out except for
+the tensions, the only part that outlives a step. The scene is not saved: it is given again on
+loading, and the properties that matter are compared.
 """
 
 from __future__ import annotations
@@ -23,24 +24,24 @@ import numpy as np
 from rope_twin import __version__
 from rope_twin.errors import StateError, phrase
 from rope_twin.scene.schema import Scene
-from rope_twin.twin.accuracy.rung import Rung
-from rope_twin.twin.saving.memory import Arrays, recall, remember
+from rope_twin.twin.accuracy.level import AccuracyLevel
+from rope_twin.twin.saving.serialisation import Arrays, deserialise, serialise
 from rope_twin.twin.saving.state_file import decode, encode, read_state, write_state
 
-# Fields of a scene that a state does not depend on: words, limits, and inputs from outside.
+# Fields of a scene that a state does not depend on: texts, limits, and external inputs.
 _NOT_COMPARED = {"name", "path", "digest", "about", "source", "look_at", "sea_state", "schedule",
                  "schedule_repeats_every_s", "max_heave_m", "max_hang_off_speed_m_per_s",
                  "max_hang_off_acceleration_m_per_s2", "when_commander_lost", "accept",
                  "limits"}  # fmt: skip
 
-IF_ASKED = "watch/"  # before names of parts that a run may ask for or not (vibration/watched.py)
+MONITOR_PREFIX = "watch/"  # prefix of the state of optional monitors (vibration/monitored.py)
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class About:
-    """What a saved state is of, for people; names are the keys in the file's header."""
+class StateDescription:
+    """Description of a saved state for people; field names are the keys in the file's header."""
 
     scene: str
     scene_path: str
@@ -56,20 +57,20 @@ class About:
     payout_speed_m_per_s: float
     tension_top_n: float
     payload_position_m: tuple[float, float, float]
-    halvings: int = 0  # how often the scene's elements were halved
-    cut_lost_m: float = 0.0  # unstretched rope that a cut took; 0: none
-    cut_left_m: float = 0.0  # and what hung on then
-    cut_rope: str = ""  # which one, where several meet
-    failure: str = ""  # why the solver could not go on from here
+    halvings: int = 0  # number of times the scene's mesh was coarsened by half
+    cut_lost_m: float = 0.0  # unstretched length cut off; 0: no cut
+    cut_left_m: float = 0.0  # unstretched length left at the cut
+    cut_rope: str = ""  # name of the cut rope in a multi-line scene
+    failure: str = ""  # why the step from here failed
 
 
 @dataclass(frozen=True)
 class SavedState:
-    """A state in memory; it shares nothing with the twin."""
+    """A state in memory that shares nothing with the twin."""
 
-    about: About
-    figures: Any  # what is compared of the scene
-    memory: Any  # plain form of what the twin remembers
+    about: StateDescription
+    figures: Any  # properties of the scene that are compared on loading
+    memory: Any  # plain form of the twin's attributes
     arrays: Arrays
     source: str = "in memory"  # the file it was read from
 
@@ -79,15 +80,15 @@ class SavedState:
         return round(self.about.time_s * 1e9)
 
     @property
-    def rung(self) -> Rung:
-        """Elements and step that the twin went with."""
-        return Rung(round(self.about.step_s * 1e9), self.about.halvings)
+    def level(self) -> AccuracyLevel:
+        """Accuracy level of the twin."""
+        return AccuracyLevel(round(self.about.step_s * 1e9), self.about.halvings)
 
     def write(self, path: Path) -> None:
-        """Write it to a file, whole or not at all.
+        """Write the state to a file, whole or not at all.
 
         Raises:
-            StateError: it holds a NaN, or the disk does not take it.
+            StateError: it holds a NaN, or the disk rejects it.
         """
         write_state(path, self._header(str(path)), self.arrays)
 
@@ -107,21 +108,21 @@ class SavedState:
         }  # fmt: skip
 
     def fault(self) -> str:
-        """What no state may hold, or ""."""
+        """Return the reason why the state is invalid (it holds a NaN), or ""."""
         for name, array in self.arrays.items():
             if np.isnan(array).any():
                 return f"{np.isnan(array).sum()} values of {name} are not numbers (NaN)"
         return ""
 
     def restore_into(self, target: dict[str, Any]) -> dict[str, Any]:
-        """The values for the attributes `target` of a new twin.
+        """Return the values for the attributes `target` of a new twin.
 
         Raises:
-            StateError: another version of the program wrote it and kept other things.
+            StateError: another version of the program wrote it with other attributes.
         """
         try:
             return {
-                name: recall(self.memory[name], target[name], self.arrays, name.lstrip("_"))
+                name: deserialise(self.memory[name], target[name], self.arrays, name.lstrip("_"))
                 for name in self._names(target)
             }
         except (StateError, KeyError, ValueError, TypeError, AttributeError) as error:
@@ -131,9 +132,13 @@ class SavedState:
             raise StateError(phrase(f"saved state {self.source}", what, right)) from error
 
     def _names(self, target: dict[str, Any]) -> list[str]:
-        """All but what only a run that asks for it keeps, and takes back itself."""
+        """Return the attributes to restore; optional monitors restore their own.
+
+        Raises:
+            StateError: the state has other attributes.
+        """
         here, there = (
-            {name for name in names if not name.startswith(IF_ASKED)}
+            {name for name in names if not name.startswith(MONITOR_PREFIX)}
             for names in (target, self.memory)
         )
         if odd := sorted(here ^ there):
@@ -142,19 +147,23 @@ class SavedState:
 
 
 def changing_parts(rope: Any) -> list[str]:
-    """The fields of a core's rope that a restart needs; of the scratch it is only the tensions."""
+    """Return the fields of a core's rope that a restart needs; of the scratch only the tensions."""
     return [name for name in rope._fields if name not in ("model", "work", "effects")]
 
 
-def take(remembered: dict[str, Any], about: About, scene: Scene) -> SavedState:
-    """A state of these attributes of a twin of the scene. Raises StateError for a NaN."""
+def take(remembered: dict[str, Any], about: StateDescription, scene: Scene) -> SavedState:
+    """Return a state of these attributes of a twin of the scene.
+
+    Raises:
+        StateError: a value is NaN.
+    """
     arrays: Arrays = {}
-    memory = {name: remember(v, arrays, name.lstrip("_")) for name, v in remembered.items()}
-    return SavedState(about, scene_figures(scene), memory, arrays)
+    memory = {name: serialise(v, arrays, name.lstrip("_")) for name, v in remembered.items()}
+    return SavedState(about, scene_properties(scene), memory, arrays)
 
 
 def stamp(scene: Scene, failure: str = "") -> dict[str, Any]:
-    """The part of About that does not depend on the rope."""
+    """Return the part of About that does not depend on the rope."""
     return {
         "scene": scene.name,
         "scene_path": str(scene.path),
@@ -168,36 +177,36 @@ def stamp(scene: Scene, failure: str = "") -> dict[str, Any]:
 
 @functools.cache
 def _solver_digest() -> str:
-    """Of the sources as they were when this process first asked."""
-    from rope_twin.core.compiler.jit import source_digest  # here: to read needs no compiler
+    """Return the digest of the solver's sources as they were when this process first asked."""
+    from rope_twin.core.compiler.jit import source_digest  # reading a state needs no compiler
 
     return source_digest()
 
 
 def load_state(path: str | Path) -> SavedState:
-    """Read a saved state.
+    """Read a saved state from a file.
 
     Raises:
-        StateError: one sentence on what is wrong with the file.
+        StateError: the file is invalid; the message gives the reason.
     """
     return _state_of(*read_state(Path(path)), path)
 
 
 def decode_state(data: bytes, source: str) -> SavedState:
-    """Read the bytes of a saved state; `source` says where they are from.
+    """Read a saved state from bytes; source: their origin, for messages.
 
     Raises:
-        StateError: one sentence on what is wrong with them.
+        StateError: they are invalid; the message gives the reason.
     """
     return _state_of(*decode(data, Path(source)), source)
 
 
 def _state_of(header: dict[str, Any], arrays: Arrays, path: str | Path) -> SavedState:
     try:
-        values = {field.name: header[field.name] for field in dataclasses.fields(About)}
+        values = {field.name: header[field.name] for field in dataclasses.fields(StateDescription)}
         values["payload_position_m"] = tuple(values["payload_position_m"])
         figures, memory = header["scene_figures"], header["memory"]
-        state = SavedState(About(**values), figures, memory, arrays, str(path))
+        state = SavedState(StateDescription(**values), figures, memory, arrays, str(path))
     except (KeyError, TypeError) as error:
         right = "take another saved state, or start without one"
         raise StateError(
@@ -209,13 +218,13 @@ def _state_of(header: dict[str, Any], arrays: Arrays, path: str | Path) -> Saved
     return state
 
 
-def judge_scene(state: SavedState, scene: Scene) -> None:
-    """Refuse a state of another scene; log when another solver wrote it.
+def check_scene(state: SavedState, scene: Scene) -> None:
+    """Reject a state of another scene; log when another solver wrote it.
 
     Raises:
-        StateError: the scene differs in something that the state depends on.
+        StateError: the scene differs in a property that the state depends on.
     """
-    found = next(differences(state.figures, scene_figures(scene), ""), None)
+    found = next(differences(state.figures, scene_properties(scene), ""), None)
     if found is not None:
         what = f"it is of another scene, {state.about.scene}: {found} in scene {scene.name}"
         right = f"give the scene that it was saved from ({state.about.scene_path})"
@@ -228,26 +237,26 @@ def judge_scene(state: SavedState, scene: Scene) -> None:
         )  # fmt: skip
 
 
-def scene_figures(value: Any) -> Any:
-    """What a state depends on of a scene (or of a part of it), in plain form."""
+def scene_properties(value: Any) -> Any:
+    """Return the properties of a scene (or a part of it) that a state depends on, in plain form."""
     if dataclasses.is_dataclass(value):
         parts = {
-            field.name: scene_figures(getattr(value, field.name))
+            field.name: scene_properties(getattr(value, field.name))
             for field in dataclasses.fields(value)
             if field.name not in _NOT_COMPARED
         }
         return {"kind": type(value).__name__, **parts}
     if isinstance(value, list | tuple):
-        return [scene_figures(part) for part in value]
+        return [scene_properties(part) for part in value]
     if isinstance(value, dict):
-        return {str(key): scene_figures(part) for key, part in value.items()}
+        return {str(key): scene_properties(part) for key, part in value.items()}
     if isinstance(value, float):
         return value if math.isfinite(value) else str(value)
     return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 
 def differences(there: Any, here: Any, at: str) -> Iterator[str]:
-    """Where two plain forms differ, in words."""
+    """Yield a description of each difference between two plain forms."""
     if isinstance(there, dict) and isinstance(here, dict):
         for key in [*there, *(key for key in here if key not in there)]:
             path = f"{at}.{key}" if at else key
@@ -262,7 +271,7 @@ def differences(there: Any, here: Any, at: str) -> Iterator[str]:
 
 
 def _words(value: Any) -> str:
-    """A figure, or what kind of part it is."""
+    """Return a value as text, or the type of a component."""
     if isinstance(value, dict):
         return str(value.get("kind", "a mapping"))
     return "absent" if value is None else str(value)

@@ -1,12 +1,12 @@
-"""The file of a saved state: two lines of text, a JSON header, the arrays; every byte is checked.
+"""File format of a saved state: two lines of text, a JSON header, the arrays.
 
-    rope_twin state 1
+    rope_twin state 2
     sha256 <64 hex digits> header <bytes> total <bytes>
     { ... }                        JSON; `arrays` lists name, type and shape in the order below
     <arrays>                       C order, little-endian, nothing between them
 
-The check-sum is over all that follows the second line. There is never half a file (`whole_file`),
-and nothing in it that could be executed.
+The checksum covers all that follows the second line. A file is written whole or not at all
+(`whole_file`) and contains nothing that could be executed.
 """
 
 from __future__ import annotations
@@ -21,20 +21,20 @@ from typing import Any
 import numpy as np
 
 from rope_twin.errors import StateError, phrase
-from rope_twin.twin.saving.memory import Arrays
+from rope_twin.twin.saving.serialisation import Arrays
 from rope_twin.whole_file import write_whole
 
-VERSION = 1
+VERSION = 2
 _FIRST = re.compile(rb"rope_twin state (\d{1,9})\n")
 _SECOND = re.compile(rb"sha256 ([0-9a-f]{64}) header (\d{1,12}) total (\d{1,15})\n")
 _ANOTHER = "take another saved state, or start without one"
 
 
 def check_place(path: Path, option: str) -> None:
-    """That a file can be made at `path`, before hours are spent on what is to be in it.
+    """Check that a file can be created at `path`, before a long run that ends with it.
 
     Raises:
-        StateError: it cannot; `option` says who asked for it.
+        StateError: it cannot; `option` names the option at fault.
     """
     if path.is_dir() or not os.access(path.resolve().parent, os.W_OK):
         raise StateError(phrase(option, "it cannot be written",
@@ -42,10 +42,10 @@ def check_place(path: Path, option: str) -> None:
 
 
 def write_state(path: Path, header: dict[str, Any], arrays: Arrays) -> None:
-    """Write a file in place of whatever is at `path`.
+    """Write a file, replacing any file at `path`.
 
     Raises:
-        StateError: the disk does not take it; what was at `path` is still there.
+        StateError: the disk rejects it; the previous file is kept.
     """
     data = encode(header, arrays)
     try:
@@ -61,10 +61,10 @@ def write_state(path: Path, header: dict[str, Any], arrays: Arrays) -> None:
 
 
 def read_state(path: Path) -> tuple[dict[str, Any], Arrays]:
-    """Header and arrays of a file.
+    """Read header and arrays of a file.
 
     Raises:
-        StateError: there is none, it is no saved state, of another version, cut off or damaged.
+        StateError: the file is missing, no saved state, of another version, truncated or damaged.
     """
     try:
         data = path.read_bytes()
@@ -75,14 +75,14 @@ def read_state(path: Path) -> tuple[dict[str, Any], Arrays]:
 
 
 def decode(data: bytes, path: Path) -> tuple[dict[str, Any], Arrays]:
-    """Header and arrays of a file's bytes; `path` is for the sentence.
+    """Return header and arrays of a file's bytes; path: for messages.
 
     Raises:
-        StateError: they are no saved state, of another version, cut off or damaged.
+        StateError: they are no saved state, of another version, truncated or damaged.
     """
     first = _FIRST.match(data)
     if first is None:
-        raise _refusal(path, "it is no saved state", "its first line must be 'rope_twin state 1'")
+        raise _refusal(path, "it is no saved state", "its first line must be 'rope_twin state 2'")
     if int(first[1]) != VERSION:
         raise _refusal(path, f"it has version {int(first[1])} of the format",
                        f"this program reads version {VERSION}")  # fmt: skip
@@ -120,7 +120,7 @@ def encode(header: dict[str, Any], arrays: Arrays) -> bytes:
     first = f"rope_twin state {VERSION}\n"
     digest = hashlib.sha256(body).hexdigest()
     total = 0
-    while True:  # the second line holds the length of the whole, its own included
+    while True:  # the second line holds the total length, which includes that line
         second = f"sha256 {digest} header {len(head)} total {total}\n"
         length = len(first) + len(second) + len(body)
         if length == total:
@@ -134,7 +134,11 @@ def _little(array: Any) -> np.dtype[Any]:
 
 
 def _cut(described: list[dict[str, Any]], body: memoryview) -> Arrays:
-    """The arrays that follow the header; ValueError if it describes others."""
+    """Return the arrays that follow the header.
+
+    Raises:
+        ValueError: the header describes other arrays.
+    """
     arrays: Arrays = {}
     at = 0
     for entry in described:

@@ -1,0 +1,212 @@
+"""Overload protection: a real-time twin changes its accuracy level to keep its deadlines.
+
+Load is the computing time of cycles over the time available. Down, at once as far as needed: when
+the load over WINDOW_S exceeds FULL, or LATE_CYCLES consecutive cycles took longer than available
+and ended late. A single stall, however long, is neither. Up, one level at a time: when the load,
+scaled by the work of the level above, stayed below ROOM for a waiting time and no cycle was late;
+the waiting time doubles each time that a level taken in this way has to be left again soon.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Sequence
+from itertools import takewhile
+from math import isnan
+from statistics import median
+from typing import Protocol
+
+from rope_twin.errors import SolverError
+from rope_twin.scene.card import KnownError, told_bound
+from rope_twin.twin.accuracy.level import AccuracyLevel, levels_of
+from rope_twin.twin.pacing import SlotTimes
+from rope_twin.twin.twin import Twin
+
+WINDOW_S, MIN_CYCLES, LATE_CYCLES = 0.4, 8, 3
+CLIP = 1.5  # maximum load of a single cycle: one long stall is no lack of speed
+FULL, ROOM, FIT = 0.8, 0.4, 0.6  # load: overload, limit to go up, target when going down
+WAIT_S, LONGEST_WAIT_S = 5.0, 80.0
+SOON_S = 30.0  # a level left again within this time was taken too early
+MAX_MESSAGES = 20
+TRIALS = 5  # number of cycles timed before the start
+
+
+class Adjustable(Protocol):
+    """Interface of a twin that can change its accuracy level."""
+
+    def set_level(self, level: AccuracyLevel) -> None:
+        """Continue with another mesh or time step."""
+
+
+class OverloadProtection:
+    """Overload protection of one twin; for use by the stepping thread."""
+
+    def __init__(
+        self,
+        twin: Adjustable,
+        levels: Sequence[AccuracyLevel],
+        at: AccuracyLevel,
+        wait_s: float = WAIT_S,
+    ) -> None:
+        """Start at the level `at` of `levels`, which are ordered from the best down."""
+        self._twin = twin
+        self._levels = tuple(levels)
+        self._at = self._levels.index(at)
+        self._slots: deque[SlotTimes] = deque()
+        self._moved_s = float("-inf")
+        self._look_s = float("-inf")  # time of the next check for spare capacity
+        self._went_up = False
+        self._wait_s = self._least_wait_s = wait_s
+        self.changes = 0
+        self.load = 0.0  # over the newest window
+        self.reason = ""  # reason of the newest change
+
+    @property
+    def level(self) -> AccuracyLevel:
+        """Present accuracy level."""
+        return self._levels[self._at]
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """Number of the present level, 1 the best, and count of levels."""
+        return self._at + 1, len(self._levels)
+
+    def judge(self, slot: SlotTimes) -> bool:
+        """Take the timing of a cycle; return True if the twin has changed its level."""
+        self._slots.append(slot)
+        longest = WINDOW_S if self._at == 0 else max(self._wait_s, WINDOW_S)
+        while self._slots[0].end_ns * 1e-9 < slot.end_ns * 1e-9 - longest:
+            self._slots.popleft()
+        self.load, recent = self._load_since(slot.end_ns * 1e-9 - WINDOW_S)
+        if recent >= MIN_CYCLES and self.load > FULL:
+            return self._step_down(slot)
+        if slot.late and len(self._slots) >= LATE_CYCLES:
+            newest = [self._slots[-1 - k] for k in range(LATE_CYCLES)]
+            if all(one.late and one.computed_ns > one.period_ns for one in newest):
+                return self._step_down(slot)
+        return self._at > 0 and self._step_up(slot)
+
+    def start_at(self, load: float) -> bool:
+        """Before the first cycle, take a level that fits if the present one has this load."""
+        if load <= FIT:
+            return False
+        words = f"it would take {load:.0%} of the time there is"
+        return self._move(self._fitting(load), float("-inf"), words)
+
+    def _load_since(self, begin_s: float) -> tuple[float, int]:
+        """Return load and number of the cycles since then; a stall counts at most CLIP."""
+        since = takewhile(lambda slot: slot.end_ns * 1e-9 > begin_s, reversed(self._slots))
+        loads = [_load(slot) for slot in since]
+        clipped = sum(min(load, CLIP) for load in loads)
+        return (clipped / len(loads) if loads else 0.0), len(loads)
+
+    def _step_down(self, slot: SlotTimes) -> bool:
+        load = median(_load(one) for one in list(self._slots)[-MIN_CYCLES:])
+        target, now_s = self._fitting(load), slot.end_ns * 1e-9
+        if target == self._at:
+            return False
+        if self._went_up:
+            soon = now_s - self._moved_s < SOON_S
+            self._wait_s = min(2.0 * self._wait_s, LONGEST_WAIT_S) if soon else self._least_wait_s
+        had_ms = 1e-6 * slot.period_ns
+        words = f"slots of {had_ms:.0f} ms took {max(load, self.load) * had_ms:.0f} ms"
+        return self._move(target, now_s, words)
+
+    def _step_up(self, slot: SlotTimes) -> bool:
+        now_s = slot.end_ns * 1e-9
+        if self._moved_s == float("-inf"):  # its first cycle on the initial level
+            self._moved_s = now_s
+        if now_s - self._moved_s < self._wait_s or now_s < self._look_s:
+            return False
+        self._look_s = now_s + WINDOW_S
+        load, _ = self._load_since(now_s - self._wait_s)
+        more = _work(self._levels[self._at - 1]) / _work(self.level)
+        if load * more > ROOM or any(one.late for one in self._slots):
+            return False
+        return self._move(self._at - 1, now_s, f"there is room, {load:.0%} is used")
+
+    def _fitting(self, load: float) -> int:
+        """Return the next level below that reduces this load to one that fits, or the last."""
+        for at in range(self._at + 1, len(self._levels)):
+            if load * _work(self._levels[at]) / _work(self.level) <= FIT:
+                return at
+        return len(self._levels) - 1
+
+    def _move(self, target: int, now_s: float, why: str) -> bool:
+        if target == self._at:
+            return False
+        self._twin.set_level(self._levels[target])
+        self._went_up = target < self._at
+        self._at = target
+        self._moved_s = now_s
+        self._slots.clear()
+        self.changes += 1
+        self.reason = why
+        return True
+
+
+class TwinOverloadProtection(OverloadProtection):
+    """Overload protection of a scene's twin, with messages on its changes."""
+
+    def __init__(self, twin: Twin, wait_s: float = WAIT_S) -> None:
+        scene = twin.scene
+        levels = levels_of(scene)
+        super().__init__(
+            twin, levels if twin.level in levels else (twin.level,), twin.level, wait_s
+        )
+        self._owner = twin
+        self.said: deque[str] = deque(maxlen=MAX_MESSAGES)  # messages not yet reported
+
+    def measure(self, steps_s: float, speed: float) -> float:
+        """Return the load of the present level: the minimum of TRIALS cycles on a branch.
+
+        steps_s: twin time of a cycle [s]; speed: ratio of twin time to real time.
+        """
+        trial = self._owner.branch()
+        steps = max(1, round(steps_s / trial.step_s))
+        least = float("inf")
+        try:
+            for _ in range(TRIALS):
+                began = time.perf_counter()
+                trial.advance(steps)
+                least = min(least, time.perf_counter() - began)
+        except SolverError:
+            return 0.0  # the run itself reports the error
+        return least * speed / (steps * trial.step_s)
+
+    def judge(self, slot: SlotTimes) -> bool:
+        """Take the timing of a cycle; a cut rope stays on its level."""
+        return self._owner.cut is None and super().judge(slot)
+
+    def error(self) -> KnownError:
+        """Return the error of the present level that is known from the convergence study."""
+        return self._owner.card_error
+
+    def _move(self, target: int, now_s: float, why: str) -> bool:
+        moved = super()._move(target, now_s, why)
+        if moved:
+            number, count = self.place
+            way = "up" if self._went_up else "down"
+            words = f"stepping {way} to accuracy level {number} of {count}, {self.words()}: {why}"
+            self.said.append(words)
+        return moved
+
+    def words(self) -> str:
+        """Return a description of the present level."""
+        error = self.error()
+        known = error.words if isnan(error.rms_pct) else f"at most {told_bound(error.rms_pct)} %"
+        own = self._owner.scene.ropes[0].elements
+        left = own >> self.level.halvings
+        elements = f"{own} elements" if left == own else f"{left} elements in place of {own}"
+        step_ms = 1e3 * self.level.step_s
+        return f"{elements} and steps of {step_ms:g} ms, error of the tension {known}"
+
+
+def _load(slot: SlotTimes) -> float:
+    return slot.computed_ns / slot.period_ns
+
+
+def _work(level: AccuracyLevel) -> float:
+    """Return the work for a second of twin time, relative to the scene's elements."""
+    return 1.0 / (level.step_s * (1 << level.halvings))

@@ -1,0 +1,121 @@
+"""Batches of ensemble members whose ropes are stepped in SIMD lanes.
+
+Each member gets bit-identical results to stepping alone, so the grouping does not matter. Rare
+events (a step that is halved or needs a line search, an element that splits or merges) are computed
+for the member alone; a member with many of them leaves the group until the end of the batch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from rope_twin.core.compiler.wide import LANES
+from rope_twin.core.lanes.group import Group, Kind
+from rope_twin.core.lanes.step import Run
+from rope_twin.core.state import ELEMENTS, PULL_COLUMNS, TENSION, Boundary, Floats
+from rope_twin.twin.ensemble.member import Batch, Member, Scratch
+
+MIN_GROUP = 4  # minimum members of a group: all lanes cost as much as three or four single ropes
+OFTEN, OFTEN_LEAST = 0.2, 10  # fraction and minimum number of steps done alone to leave
+
+
+def sort_into_groups(members: Iterable[Member], abreast: int = LANES) -> list[list[Member]]:
+    """Return groups of at most `abreast` members of one kind; members of small groups are alone."""
+    kinds: dict[Kind | None, list[Member]] = {}
+    for member in members:
+        kinds.setdefault(member.kind(), []).append(member)
+    groups = []
+    for kind, alike in kinds.items():
+        for first in range(0, len(alike), abreast):
+            some = alike[first : first + abreast]
+            whole = kind is not None and len(some) >= MIN_GROUP
+            groups += [some] if whole else [[member] for member in some]
+    return groups
+
+
+def compile_lanes(groups: Iterable[Sequence[Member]]) -> None:
+    """Compile the SIMD step for groups of several members, if it is not compiled yet."""
+    kinds = (some[0].kind() for some in groups if len(some) > 1)
+    by_types = {tuple(own[0] for own in kind.effects): kind for kind in kinds if kind is not None}
+    for kind in by_types.values():
+        Group(kind, 0).advance(Run(0.0, 0, 0, 0, 0, 1))  # no step at all
+
+
+def advance_group(members: Sequence[Member], steps: int, look_steps: int, scratch: Scratch) -> None:
+    """Advance the members of a group by a batch of steps."""
+    if len(members) == 1:
+        members[0].advance(steps, look_steps, scratch)
+    else:
+        _Turn(members, steps, look_steps, scratch).run()
+
+
+class _Turn:
+    """A batch of steps of members of one kind."""
+
+    def __init__(
+        self, members: Sequence[Member], steps: int, look_steps: int, scratch: Scratch
+    ) -> None:
+        kind = members[0].kind()
+        assert kind is not None
+        self._steps, self._look_steps, self._scratch = steps, look_steps, scratch
+        self._before = members[0].steps
+        self._time = self._before * round(kind.step * 1e9) * 1e-9
+        self._boundaries = [member.borders.through(self._before, steps) for member in members]
+        self._group = scratch.group(kind)
+        self._group.begin([member.rope for member in members], self._boundaries)
+        self._members = dict(enumerate(members))  # by lane, those still in the group
+        self._alone: dict[int, list[int]] = {lane: [] for lane in self._members}  # steps alone
+        self._tension: dict[int, Floats] = {}  # by lane, after the last step alone
+
+    def run(self) -> None:
+        """Do all steps of the batch."""
+        done = 0
+        while self._members and done < self._steps:
+            wanted = sum(1 << lane for lane in self._members)
+            run = Run(self._time, done, self._steps, wanted, self._before, self._look_steps)
+            done, left = self._group.advance(run)
+            for lane in left:
+                self._step_alone(lane, done)
+        for lane in list(self._members):
+            self._leave(lane, done)
+
+    def _step_alone(self, lane: int, done: int) -> None:
+        """Do the last of `done` steps for the rope of one lane."""
+        member, group = self._members[lane], self._group
+        state, work = member.rope.state, self._scratch.work(member.work_shape)
+        group.take(lane, state)
+        member.steps = self._before + done - 1
+        boundary = Boundary(*(table[done - 1 : done + 1] for table in self._boundaries[lane]))
+        batch = Batch(boundary, np.zeros((1, PULL_COLUMNS)))
+        member.step(batch, 0, 1, self._look_steps, work)
+        self._tension[lane] = work[TENSION, : state.counts[ELEMENTS]].copy()
+        if member.failure:
+            self._leave(lane, done - 1)
+            return
+        alone = self._alone[lane]
+        alone.append(done)
+        group.pulls[done - 1, :, lane] = batch.pulls[0]
+        if state.counts[ELEMENTS] != group.kind.elements or len(alone) > OFTEN_LEAST + OFTEN * done:
+            self._leave(lane, done)
+        else:
+            group.put(lane, state)
+
+    def _leave(self, lane: int, done: int) -> None:
+        """Take a rope out of the group after `done` steps; it completes the batch alone."""
+        member, group, alone = self._members.pop(lane), self._group, self._alone[lane]
+        if not member.failure and not (alone and alone[-1] == done):
+            group.take(lane, member.rope.state)
+            self._tension[lane] = group.tension(lane)
+        slack = group.account(lane, member.rope.state.health)
+        looks = [self._before + step for step in alone]
+        whole = (self._before + done) // self._look_steps - self._before // self._look_steps
+        member.count_looks(whole - sum(at % self._look_steps == 0 for at in looks), slack)
+        member.steps = self._before + done
+        pulls = np.ascontiguousarray(group.pulls[: self._steps, :, lane])
+        batch = Batch(self._boundaries[lane], pulls)
+        if member.failure or done == self._steps:
+            member.close(batch, done, self._tension[lane])
+        else:
+            member.go_on(batch, done, self._look_steps, self._scratch)

@@ -1,0 +1,186 @@
+"""S-N curves (stress) and T-N curves (tension) of rope fatigue, and Miner's sum.
+
+The curves are those of DNV-OS-E301 (stress on the metal area) and API RP 2SK (tension over the
+breaking load). Miner (1945): a cycle uses the fraction 1/N of the fatigue life; failure is at 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.errors import InputError, did_you_mean, phrase
+
+if TYPE_CHECKING:
+    from rope_twin.scene.schema import Rope, RopeLine
+
+Vector = NDArray[np.float64]
+STEEL_KG_PER_M3 = 7850.0
+MIN_STEEL_DENSITY_KG_PER_M3 = 7000.0  # minimum mass over displaced volume of an all-steel rope
+
+
+@dataclass(frozen=True)
+class Cycles:
+    """Cycles of a load, each array (cycles,)."""
+
+    range: Vector  # double amplitude, from trough to crest
+    mean: Vector
+    count: Vector  # 1, or 0.5 for a half cycle
+
+
+@dataclass(frozen=True)
+class Strength:
+    """Properties of a rope that a curve needs."""
+
+    metal_area_m2: float  # NaN: not all steel
+    breaking_load_n: float
+
+
+class Curve(Protocol):
+    """Interface of a fatigue curve."""
+
+    def damage(self, cycles: Cycles, strength: Strength) -> float:
+        """Return Miner's sum of cycles of tension [N]; 1: failure."""
+
+
+@dataclass(frozen=True)
+class StressCurve:
+    """S-N curve N = constant·S^-exponent, S the stress range on the metal area [MPa]."""
+
+    constant: float
+    exponent: float
+
+    def used(self, cycles: Cycles) -> Vector:
+        """Return the damage of each cycle of stress [Pa], (cycles,)."""
+        used: Vector = cycles.count * (1e-6 * cycles.range) ** self.exponent / self.constant
+        return used
+
+    def stress_damage(self, cycles: Cycles) -> float:
+        """Return Miner's sum of cycles of stress [Pa]."""
+        return float(self.used(cycles).sum())
+
+    def damage(self, cycles: Cycles, strength: Strength) -> float:
+        """Return Miner's sum of cycles of tension [N]."""
+        area = strength.metal_area_m2
+        return self.stress_damage(Cycles(cycles.range / area, cycles.mean / area, cycles.count))
+
+
+@dataclass(frozen=True)
+class TensionCurve:
+    """T-N curve N = K·R^-exponent with log10 K = log10_k + per_mean_load·L_m.
+
+    R is the range of the tension and L_m its mean, both over the breaking load; L_m is the mean of
+    each individual cycle.
+    """
+
+    log10_k: float
+    per_mean_load: float
+    exponent: float
+
+    def used(self, cycles: Cycles) -> Vector:
+        """Return the damage of each cycle of tension over breaking load, (cycles,)."""
+        endured = 10.0 ** (self.log10_k + self.per_mean_load * cycles.mean)
+        used: Vector = cycles.count * cycles.range**self.exponent / endured
+        return used
+
+    def damage(self, cycles: Cycles, strength: Strength) -> float:
+        """Return Miner's sum of cycles of tension [N]."""
+        load = strength.breaking_load_n
+        return float(self.used(Cycles(cycles.range / load, cycles.mean / load, cycles.count)).sum())
+
+
+CURVES: dict[str, StressCurve | TensionCurve] = {
+    "stranded_wire": StressCurve(3.4e14, 4.0),  # DNV-OS-E301, six strands
+    "spiral_wire": StressCurve(1.7e17, 4.8),  # DNV-OS-E301, spiral strand
+    "six_strand_tension": TensionCurve(3.20, -2.79, 4.09),  # API RP 2SK
+}
+STRESS_CURVES = {name: one for name, one in CURVES.items() if isinstance(one, StressCurve)}
+
+
+def find_curve(where: str, name: str) -> StressCurve | TensionCurve:
+    """Return a curve of CURVES; where: the option or key that names it, for messages.
+
+    Raises:
+        InputError: there is none of this name.
+    """
+    if name not in CURVES:
+        raise InputError(phrase(where, f"no curve '{name}'", did_you_mean(name, CURVES)))
+    return CURVES[name]
+
+
+def find_stress_curve(where: str, name: str) -> StressCurve:
+    """Return a curve of STRESS_CURVES; where: the option or key that names it, for messages.
+
+    Raises:
+        InputError: there is none of this name.
+    """
+    if name in STRESS_CURVES:
+        return STRESS_CURVES[name]
+    if name in CURVES:
+        right = f"give one of stress: {', '.join(sorted(STRESS_CURVES))}"
+        raise InputError(phrase(where, f"'{name}' is a curve of tension", right))
+    raise InputError(phrase(where, f"no curve '{name}'", did_you_mean(name, STRESS_CURVES)))
+
+
+def strength_of(rope: Rope) -> Strength:
+    """Return the breaking load, and the metal area if the rope is all steel."""
+    volume = 0.25 * np.pi * rope.hydrodynamic_diameter_m**2
+    steel = rope.mass_kg_per_m > MIN_STEEL_DENSITY_KG_PER_M3 * volume
+    area = rope.mass_kg_per_m / STEEL_KG_PER_M3 if steel else np.nan
+    return Strength(area, rope.breaking_load_n)
+
+
+def pipe_area(EI: float, EA: float, diameter: float) -> float:
+    """Metal area of the pipe with these stiffnesses [m²]; 0: there is none.
+
+    From EI/EA = (d² + d_i²)/16: a rope with the bending stiffness of a pipe of its diameter is
+    treated as that pipe.
+    """
+    inner = 16.0 * EI / EA - diameter**2
+    return 0.25 * np.pi * (diameter**2 - inner) if 0.0 < inner < diameter**2 else 0.0
+
+
+def metal_area(rope: Rope, EI: float) -> float:
+    """Metal area of a rope with this bending stiffness (0: none) [m²]; NaN: not all steel."""
+    return pipe_area(EI, rope.tangent_n(0.0), rope.diameter_m) or strength_of(rope).metal_area_m2
+
+
+def other_material(rope: Rope, EI: float) -> str:
+    """Return the type of a rope other than steel wire in words; "" for steel wire.
+
+    A chain displaces more than a bar of its diameter, a wire rope less.
+    """
+    if pipe_area(EI, rope.tangent_n(0.0), rope.diameter_m) > 0.0:
+        return "a pipe"
+    if np.isnan(strength_of(rope).metal_area_m2):
+        return "not all of steel"
+    return "chain" if rope.hydrodynamic_diameter_m > rope.diameter_m else ""
+
+
+def wire_curve_warning(line: RopeLine, name: str, EI: float) -> str:
+    """Return a warning on sections that a wire rope curve does not cover; "" if there are none."""
+    kinds = [
+        (number, other_material(one.rope, EI)) for number, one in enumerate(line.made_of, start=1)
+    ]
+    others = [f"section {number} is {kind}" for number, kind in kinds if kind]
+    if not others:
+        return ""
+    what = f"{name} is a curve of wire rope, and of rope '{line.name}' {', '.join(others)}"
+    return phrase("fatigue", what, "what it tells of those metres compares them and is no life")
+
+
+def check_all_steel(line: RopeLine, EI: float = 0.0) -> None:
+    """Reject a rope for which a stress curve cannot be used.
+
+    Raises:
+        InputError: a section of the rope is neither all steel nor a pipe.
+    """
+    for number, section in enumerate(line.made_of):
+        if np.isnan(metal_area(section.rope, EI)):
+            tensions = [name for name, one in CURVES.items() if isinstance(one, TensionCurve)]
+            right = f"take a curve of tension ({', '.join(tensions)}), if it holds for this rope"
+            where = f"rope '{line.name}', section {number + 1}"
+            raise InputError(phrase(where, "it is not all of steel: no stress is known", right))

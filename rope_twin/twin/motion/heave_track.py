@@ -1,0 +1,270 @@
+"""Heave of the hang-off: stamped samples, interpolated at any later time.
+
+Between samples the cubic Hermite polynomial through position and velocity holds. While the sample
+after the requested time is missing, the last one is extrapolated with a velocity that decays
+(GAP_DECAY_S): position stays bounded and continuous, and the track counts as stale. When samples
+come back, the extrapolated motion is blended into the measured one within REJOIN_S, or longer where
+a jump is too large for that. Nothing else is smoothed, and the health reports when either happens.
+
+After a pause or a restart (`invalidate`) the samples known in advance are valid only if their
+sender repeats them, as a replay does. If it sends anything else, the ship has moved on meanwhile:
+the known samples are dropped, and the new ones are joined as after a gap.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_left, bisect_right
+
+from rope_twin.errors import phrase
+from rope_twin.sea.way import FASTEST_M_PER_S
+from rope_twin.twin.health import AHEAD_NS, InputCounter, too_far_ahead, too_late
+
+HEAVE_LIMIT_M = 30.0
+VELOCITY_LIMIT_M_PER_S = FASTEST_M_PER_S
+JUMP_M = 0.01  # allowed sudden change of a position: the resolution of a sensor
+JUMP_WINDOW_NS = 2_000_000_000  # after a longer gap any possible position is accepted
+LEAP_NS = 2_000_000_000  # maximum of a stamp after the first, ahead of present and last stamp
+KEEP_NS = 5_000_000_000
+STALE_NS = 500_000_000
+GAP_DECAY_S = 1.0
+REJOIN_S = 2.0
+REJOIN_SPEED_M_PER_S = 3.0  # speed limit of the blending, which takes longer for larger jumps
+NO_SEGMENT = (0, -1, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+class HeaveTrack:
+    """Heave over twin time [ns]; `offer` takes samples, `at` is called with rising times."""
+
+    def __init__(
+        self, limit_m: float = HEAVE_LIMIT_M, speed_limit_m_per_s: float = VELOCITY_LIMIT_M_PER_S
+    ) -> None:
+        """Set the maximum position [m] and the maximum speed of accepted samples."""
+        self.counter = InputCounter("heave")
+        self.missing_ns = 0  # total time without a sample after the requested time
+        self._limit_m, self._speed_limit = limit_m, speed_limit_m_per_s
+        self._rejoin_s = REJOIN_S  # duration of the newest blending
+        self._stamps: list[int] = []
+        self._samples: list[tuple[float, float]] = []
+        self._asked_ns: int | None = None
+        self._given = (0.0, 0.0)
+        self._assumed_from: tuple[int, float, float] | None = None  # start of an extrapolation
+        self._error = (0.0, 0.0)  # extrapolated less measured position, velocity at _error_ns
+        self._error_ns = -(10**18)
+        # samples around the last requested time: begin, end, z, velocity·h, c2, c3, h
+        self._segment: tuple[float, ...] = NO_SEGMENT
+        self._on_track = False  # interpolated, without extrapolation or blending
+        self._in_doubt = False  # whether known samples are from before a pause
+        self._confirmed = False  # whether one of them has been repeated since
+
+    def rest_until(self, time_ns: int | None) -> None:
+        """Record that the motion was zero up to then."""
+        self._asked_ns = time_ns
+
+    def invalidate(self) -> None:
+        """Invalidate samples that were known in advance, as the sender was interrupted."""
+        self._in_doubt, self._confirmed = bool(self._stamps), False
+
+    def offer(self, stamp_ns: int, position_m: float, velocity_m_per_s: float) -> str:
+        """Submit a sample; return "" or the reason for its rejection."""
+        if self._in_doubt and self._is_settled(stamp_ns, (position_m, velocity_m_per_s)):
+            return ""
+        fault = (
+            self._number_fault(position_m, velocity_m_per_s)
+            or self._stamp_fault(stamp_ns)
+            or self._jump_fault(stamp_ns, position_m)
+        )
+        if not fault:
+            self._append(stamp_ns, position_m, velocity_m_per_s)
+        return fault
+
+    def drop(self) -> None:
+        """Drop all samples: the next ones are joined as after a gap."""
+        self._stamps.clear()
+        self._samples.clear()
+        self._segment, self._on_track = NO_SEGMENT, False
+        if self._asked_ns is not None:
+            self._assumed_from = (self._asked_ns, *self._given)
+
+    def _append(self, stamp_ns: int, position_m: float, velocity_m_per_s: float) -> None:
+        """Store a validated sample."""
+        self.counter.accept(stamp_ns)
+        self._stamps.append(stamp_ns)
+        self._samples.append((float(position_m), float(velocity_m_per_s)))
+
+    def _is_settled(self, stamp_ns: int, sample: tuple[float, float]) -> bool:
+        """While in doubt, return whether the sample is known; another one ends the doubt."""
+        place = bisect_right(self._stamps, stamp_ns) - 1
+        if place >= 0 and self._stamps[place] == stamp_ns and self._samples[place] == sample:
+            self._confirmed = True
+            return True
+        now = self._asked_ns
+        if now is None or stamp_ns < now or not self._is_possible(*sample):
+            return False  # rejected in the usual way; the doubt stays
+        if not (self._confirmed and place == len(self._stamps) - 1):
+            self.drop()
+        self._in_doubt = self._confirmed = False
+        return False
+
+    def _number_fault(self, z: float, v: float) -> str:
+        """Return why the numbers of a sample are rejected, counted; or ""."""
+        refuse = self.counter.refuse
+        if not (math.isfinite(z) and math.isfinite(v)):
+            return refuse("non_finite", phrase("heave", f"position {z} m, velocity {v} m/s",
+                                               "both must be finite numbers"))  # fmt: skip
+        if not self._is_possible(z, v):
+            return refuse("impossible", phrase(
+                "heave", f"position {z:g} m, velocity {v:g} m/s",
+                f"a ship stays within ±{self._limit_m:g} m and ±{self._speed_limit:g} m/s"))  # fmt: skip # noqa: E501
+        return ""
+
+    def _stamp_fault(self, stamp_ns: int) -> str:
+        """Return why the stamp of a sample is rejected, counted; or ""."""
+        refuse = self.counter.refuse
+        if self._stamps and stamp_ns == self._stamps[-1]:
+            return refuse("repeated", phrase("heave", f"stamp {stamp_ns * 1e-9:.3f} s came twice",
+                                             "each sample needs a stamp of its own"))  # fmt: skip
+        if self._stamps and stamp_ns < self._stamps[-1]:
+            return refuse("late", phrase(
+                "heave", f"stamp {stamp_ns * 1e-9:.3f} s follows {self._stamps[-1] * 1e-9:.3f} s",
+                "samples must come in the order of their stamps"))  # fmt: skip
+        now = self._asked_ns
+        if now is not None and stamp_ns < now:
+            return refuse("late", phrase("heave", *too_late(stamp_ns, now, "needed")))
+        ahead_ns = stamp_ns - (now or 0)
+        leap_ns = min(ahead_ns, stamp_ns - self._stamps[-1]) if self._stamps else ahead_ns
+        if leap_ns > (LEAP_NS if self._stamps else AHEAD_NS):
+            return refuse("impossible", too_far_ahead("heave", stamp_ns, now or 0))
+        return ""
+
+    def _jump_fault(self, stamp_ns: int, z: float) -> str:
+        """Return why a position after the last sample is impossible, counted; or ""."""
+        if self._stamps and 0 < stamp_ns - self._stamps[-1] <= JUMP_WINDOW_NS:
+            seconds = (stamp_ns - self._stamps[-1]) * 1e-9
+            jump = z - self._samples[-1][0]
+            if abs(jump) > self._speed_limit * seconds + JUMP_M:
+                return self.counter.refuse("impossible", phrase(
+                    "heave", f"it jumps by {jump:.2f} m in {seconds:.3f} s",
+                    f"a ship moves by at most {self._speed_limit:g} m/s"))  # fmt: skip
+        return ""
+
+    def _is_possible(self, z: float, v: float) -> bool:
+        """Return whether the values are within the ship's limits; NaN is not."""
+        return abs(z) <= self._limit_m and abs(v) <= self._speed_limit
+
+    def at(self, time_ns: int) -> tuple[float, float]:
+        """Return position [m] and velocity [m/s] at a time not before the previous call's."""
+        if time_ns == self._asked_ns:
+            return self._given
+        if self._on_track and self._segment[0] < time_ns <= self._segment[1]:
+            self._asked_ns = time_ns
+            self._given = self._between(time_ns)
+            return self._given
+        after = bisect_right(self._stamps, time_ns)
+        known = after > 0 and (after < len(self._stamps) or self._stamps[-1] == time_ns)
+        if known:
+            if self._assumed_from is not None and self._asked_ns is not None:
+                self._open_rejoin(self._asked_ns)
+            self._assumed_from = None
+            z, v = self._measured(time_ns)
+            dz, dv = self._rejoin(time_ns)
+            self._given = (z + dz, v + dv)
+        else:
+            if self._stamps and self._asked_ns is not None:
+                self.missing_ns += time_ns - self._asked_ns
+            if self._assumed_from is None:
+                self._assumed_from = self._last_known()
+            since_ns, z, v = self._assumed_from
+            left = math.exp((since_ns - time_ns) * 1e-9 / GAP_DECAY_S)
+            self._given = (z + v * GAP_DECAY_S * (1.0 - left), v * left)
+        self._note(time_ns, known)
+        self._on_track = known and not self._rejoining(time_ns)
+        self._asked_ns = time_ns
+        self._forget(time_ns)
+        return self._given
+
+    def _last_known(self) -> tuple[int, float, float]:
+        """Return stamp, position and velocity at the start of a gap; zero before any sample."""
+        if not self._stamps or self._asked_ns is None:
+            return 0, 0.0, 0.0
+        (z, v), (dz, dv) = self._samples[-1], self._rejoin(self._stamps[-1])
+        return self._stamps[-1], z + dz, v + dv
+
+    def _measured(self, time_ns: int) -> tuple[float, float]:
+        """Cubic Hermite between the samples around the time; linear before the first.
+
+        At a sample the piece that ends there holds, whether the next one is known yet or not.
+        """
+        k = bisect_left(self._stamps, time_ns)
+        if k == 0:
+            z, v = self._samples[0]
+            return z + v * (time_ns - self._stamps[0]) * 1e-9, v
+        begin, end = self._stamps[k - 1], self._stamps[k]
+        if begin != self._segment[0] or end != self._segment[1]:
+            (z0, v0), (z1, v1) = self._samples[k - 1], self._samples[k]
+            h = (end - begin) * 1e-9
+            d0, d1 = v0 * h, v1 * h
+            c2, c3 = 3.0 * (z1 - z0) - 2.0 * d0 - d1, 2.0 * (z0 - z1) + d0 + d1
+            self._segment = (begin, end, z0, d0, c2, c3, h)
+        return self._between(time_ns)
+
+    def _between(self, time_ns: int) -> tuple[float, float]:
+        begin, end, z0, d0, c2, c3, h = self._segment
+        u = (time_ns - begin) / (end - begin)
+        return z0 + u * (d0 + u * (c2 + u * c3)), (d0 + u * (2.0 * c2 + u * 3.0 * c3)) / h
+
+    def _open_rejoin(self, time_ns: int) -> None:
+        """Store the difference of the extrapolated motion from the track that is now known."""
+        z, v = self._measured(time_ns)
+        self._error = (self._given[0] - z, self._given[1] - v)
+        self._error_ns = time_ns
+        # the cubic's highest speed is 1.5·leap/T
+        self._rejoin_s = max(REJOIN_S, 1.5 * abs(self._error[0]) / REJOIN_SPEED_M_PER_S)
+
+    def _rejoining(self, time_ns: int) -> bool:
+        return time_ns - self._error_ns < self._rejoin_s * 1e9
+
+    def _rejoin(self, time_ns: int) -> tuple[float, float]:
+        """Return the remaining difference: a cubic to 0 with no kink at either end."""
+        if not self._rejoining(time_ns):
+            return 0.0, 0.0
+        u = (time_ns - self._error_ns) * 1e-9 / self._rejoin_s
+        e, d = self._error[0], self._error[1] * self._rejoin_s
+        value = e * (1.0 + u * u * (2.0 * u - 3.0)) + d * u * (1.0 - u) ** 2
+        slope = e * 6.0 * u * (u - 1.0) + d * (1.0 - u) * (1.0 - 3.0 * u)
+        return value, slope / self._rejoin_s
+
+    def _note(self, time_ns: int, known: bool) -> None:
+        """Report the handling of a gap."""
+        if known and self._rejoining(time_ns):
+            over_s = self._rejoin_s
+            self.counter.say(f"samples are back; the motion is led over to them in {over_s:.3g} s")
+        elif known:
+            self.counter.say("")
+        elif not self._stamps:
+            self.counter.say("no sample yet; the ship lies still")
+        else:
+            missing = (time_ns - self._stamps[-1]) * 1e-9
+            self.counter.say(f"no sample for {missing:.2f} s; the last motion dies away")
+
+    def stale(self, time_ns: int) -> bool:
+        """Return whether samples have been missing for longer than STALE_NS."""
+        return bool(self._stamps) and time_ns - self._stamps[-1] > STALE_NS
+
+    def _forget(self, time_ns: int) -> None:
+        """Drop samples that no later time needs."""
+        if len(self._stamps) > 64 and self._stamps[32] < time_ns - KEEP_NS:
+            del self._stamps[:32], self._samples[:32]
+
+
+def ramp(time_s: float, duration_s: float) -> tuple[float, float]:
+    """Return the build-up factor 0 to 1 over `duration_s` and its rate [1/s].
+
+    u³·(10 - 15u + 6u²) with u = time/duration, smooth at both ends.
+    """
+    if duration_s <= 0.0 or time_s >= duration_s:
+        return 1.0, 0.0
+    if time_s <= 0.0:
+        return 0.0, 0.0
+    u = time_s / duration_s
+    return u**3 * (10.0 - 15.0 * u + 6.0 * u * u), 30.0 * u * u * (1.0 - u) ** 2 / duration_s

@@ -1,0 +1,160 @@
+"""Construction of a Snapshot (hang-off first) from the solver's arrays (payload first)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.state import Floats, Ints, State
+from rope_twin.scene.card import KnownError
+from rope_twin.scene.schema import RopeLine, Ship
+from rope_twin.twin.motion.heave_track import ramp
+from rope_twin.twin.snapshot import (
+    CutShot,
+    InputHealth,
+    RopeStrength,
+    Snapshot,
+    SolverHealth,
+    Vector,
+    WinchShot,
+)
+
+
+class Extremes:
+    """Maximum, mean and minimum of a series that arrives in pieces."""
+
+    def __init__(self) -> None:
+        self.high, self.low = -np.inf, np.inf
+        self._sum, self._count = 0.0, 0
+
+    def take(self, values: list[float]) -> None:
+        """Add values."""
+        if values:
+            self.high = max(self.high, *values)
+            self.low = min(self.low, *values)
+            self._sum += sum(values)
+            self._count += len(values)
+
+    def join(self, other: Extremes) -> None:
+        """Add the values of another series."""
+        self.high, self.low = max(self.high, other.high), min(self.low, other.low)
+        self._sum += other._sum
+        self._count += other._count
+
+    @property
+    def mean(self) -> float:
+        """Mean of all values; NaN if there are none."""
+        return self._sum / self._count if self._count else float("nan")
+
+    @property
+    def empty(self) -> bool:
+        """Whether no value was added."""
+        return self._count == 0
+
+
+@dataclass(frozen=True)
+class RunStatistics:
+    """Statistics of a run since its start."""
+
+    steps: int
+    computing_s: float
+    real_time_factor: float  # simulated time over computing time; 0 before the first step
+    tension_top_max_n: float
+    tension_top_mean_n: float
+    tension_top_min_n: float
+
+
+class SnapshotInputs(NamedTuple):
+    """Values that a snapshot needs in addition to the solver's arrays."""
+
+    stamp_ns: int
+    step: int
+    step_s: float
+    line: RopeLine
+    ship: Ship
+    border: Vector  # hang-off [m] and line out [m] now, (rows.MOTIONS,)
+    border_rate: Vector  # and their rates [m/s]
+    pull: Vector  # rows.PULL_COLUMNS: magnitude and vector of the force on the hang-off [N]
+    recent: Extremes  # top tension since the previous snapshot
+    run: Extremes  # top tension since the start
+    winch_at_limit: str
+    doubtful: bool
+    computing_s: float
+    inputs: dict[str, InputHealth]
+    card_error: KnownError
+    winches: tuple[WinchShot, ...] = ()
+    cut: CutShot | None = None
+
+
+def build_snapshot(state: State, work: Floats, seen: SnapshotInputs) -> Snapshot:
+    """Return a Snapshot that shares no memory with the solver."""
+    n = int(state.counts[rows.ELEMENTS])
+    element_tension = work[rows.TENSION, :n][::-1].copy()
+    top = float(seen.pull[rows.PULL])
+    node_tension = np.concatenate(
+        ([top], 0.5 * (element_tension[1:] + element_tension[:-1]), element_tension[-1:])
+    )
+    recent_low, recent_high = (
+        (top, top) if seen.recent.empty else (seen.recent.low, seen.recent.high)
+    )
+    return Snapshot(
+        stamp_ns=seen.stamp_ns,
+        step=seen.step,
+        step_s=seen.step_s,
+        node_position_m=_downward(state, rows.POSITION, n),
+        node_velocity_m_per_s=_downward(state, rows.VELOCITY, n),
+        node_tension_n=node_tension,
+        element_tension_n=element_tension,
+        arc_length_m=(state.s[n] - state.s[: n + 1])[::-1].copy(),
+        tension_top_n=top,
+        tension_top_min_n=recent_low,
+        tension_top_max_n=recent_high,
+        hang_off_force_n=seen.pull[rows.PULL_X :].copy(),
+        tension_payload_n=float(element_tension[-1]),
+        hang_off_position_m=seen.border[: rows.LINE].copy(),
+        hang_off_velocity_m_per_s=seen.border_rate[: rows.LINE].copy(),
+        heave_m=float(seen.border[rows.Z] - seen.ship.hang_off_m[2]),
+        payload_position_m=state.nodes[rows.POSITION : rows.POSITION + 3, 0].copy(),
+        payload_velocity_m_per_s=state.nodes[rows.VELOCITY : rows.VELOCITY + 3, 0].copy(),
+        line_out_m=float(seen.border[rows.LINE]),
+        payout_speed_m_per_s=float(seen.border_rate[rows.LINE]),
+        motion_ramp=ramp(seen.stamp_ns * 1e-9, seen.ship.motion_ramp_s)[0],
+        winch_at_limit=seen.winch_at_limit,
+        doubtful=seen.doubtful,
+        solver=_solver_health(state.health, seen.computing_s),
+        inputs=seen.inputs,
+        card_error=seen.card_error,
+        winches=seen.winches,
+        cut=seen.cut,
+        strength=(strength_of(seen.line, max(seen.run.high, top), element_tension),),
+    )
+
+
+def strength_of(line: RopeLine, most_n: float, element_tension_n: Vector) -> RopeStrength:
+    """Return a rope's maximum tension and MBL; most_n: maximum at its top since the start [N]."""
+    highest_n = max(float(most_n), float(element_tension_n.max()))
+    return RopeStrength(line.name, highest_n, line.breaking_load_n)
+
+
+def _downward(state: State, first: int, n: int) -> Vector:
+    """Return the vector at rows `first`, payload first, as (n + 1, 3), hang-off first."""
+    return np.ascontiguousarray(state.nodes[first : first + 3, : n + 1][:, ::-1].T)
+
+
+def _solver_health(health: Ints, computing_s: float) -> SolverHealth:
+    counts = health.tolist()
+    return SolverHealth(
+        steps=counts[rows.STEPS],
+        solves=counts[rows.SOLVES],
+        solves_max_per_stage=counts[rows.SOLVES_MAX],
+        substeps=counts[rows.SUBSTEPS],
+        substeps_max_per_step=counts[rows.SUBSTEPS_MAX],
+        rejected_substeps=counts[rows.REJECTED],
+        unconverged_substeps=counts[rows.SUBSTEPS_UNCONVERGED],
+        splits=counts[rows.SPLITS],
+        merges=counts[rows.MERGES],
+        computing_s=computing_s,
+    )

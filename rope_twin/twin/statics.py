@@ -1,0 +1,127 @@
+"""Static equilibrium from which a run starts, and the checks on it."""
+
+from __future__ import annotations
+
+import gc
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from math import isfinite
+
+import numpy as np
+
+from rope_twin.core import state as rows
+from rope_twin.core.body.energy import pose_of
+from rope_twin.core.body.state import RigidBody
+from rope_twin.core.state import Boundary, Floats, Rope
+from rope_twin.core.statics.equilibrium import solve_statics
+from rope_twin.core.statics.forces import Equilibrium
+from rope_twin.core.step import advance
+from rope_twin.errors import SceneError, phrase
+from rope_twin.scene.checks.load import SAFETY_FACTOR
+from rope_twin.scene.hung_together import hung_together
+from rope_twin.scene.schema import Scene
+
+MAX_FLOAT_HEIGHT_M = 1.0
+
+
+@contextmanager
+def no_garbage_collection() -> Iterator[None]:
+    """Pause garbage collection while compiling.
+
+    The compiler makes millions of objects that stay alive; scanning them costs a tenth of its time.
+    """
+    enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if enabled:
+            gc.enable()
+
+
+def solve_scene_statics(scene: Scene, rope: Rope) -> Floats:
+    """Solve for static equilibrium, compiling all kernels; return the force on the hang-off.
+
+    The force has rows.PULL_COLUMNS: magnitude and vector [N].
+
+    Raises:
+        SceneError: there is no equilibrium, or the rope floats.
+    """
+    line = scene.ropes[0]
+    nodes = rope.state.nodes
+    with no_garbage_collection():
+        end = solve_statics(rope, line.length_m)
+    _judge_body(scene, rope)
+    check_equilibrium(
+        scene, end, float(nodes[rows.POSITION + 2, : rope.state.counts[rows.ELEMENTS]].max())
+    )
+    # One step at equilibrium on a copy gives the static tension at the hang-off.
+    spare = rope._replace(state=rope.state.copy())
+    boundary = Boundary(np.zeros((2, rows.MOTIONS)), np.zeros((2, rows.MOTIONS)))
+    boundary.value[:] = [*scene.ship.hang_off_m, line.length_m]
+    pull: Floats = np.zeros((1, rows.PULL_COLUMNS))
+    advance(spare, boundary, pull, 0.0, 1)
+    return pull.reshape(rows.PULL_COLUMNS)
+
+
+def _judge_body(scene: Scene, rope: Rope) -> None:
+    """Check that the rope's rigid body, if any, has an equilibrium position.
+
+    Raises:
+        SceneError: it slides away.
+    """
+    for own in rope.effects:
+        if isinstance(own, RigidBody) and not np.isfinite(pose_of(own).velocity).all():
+            what = "the body finds no rest: friction does not hold it and its slings are slack"
+            right = "shorten the slings or the rope, raise friction, or lay it on a flatter bed"
+            raise SceneError(phrase(f"{scene.path}: effects.rigid_body", what, right))
+
+
+def check_equilibrium(scene: Scene, end: Equilibrium, highest_m: float) -> None:
+    """Check that ropes can start from this equilibrium; highest_m: z of their highest node [m].
+
+    Raises:
+        SceneError: there is no equilibrium, or the ropes float.
+    """
+    where = f"{scene.path}: ropes[0]"
+    if not end.found:
+        left = f"{end.residual_n:.3g} N pull at a node of the best shape found"
+        if not isfinite(end.residual_n):
+            left = "forces on the rope are not finite"
+        raise SceneError(
+            phrase(
+                where,
+                f"no static equilibrium ({left})",
+                "check that rope and payload sink, or fix the lower end",
+            )
+        )
+    if highest_m > max(scene.ship.hang_off_m[2], 0.0) + MAX_FLOAT_HEIGHT_M:
+        raise SceneError(
+            phrase(
+                where,
+                f"at rest it floats up to z = {highest_m:.1f} m",
+                "give the payload more weight in water or take a heavier rope",
+            )
+        )
+
+
+def weak_ropes(scene: Scene, tensions: Sequence[Floats]) -> Iterator[str]:
+    """Yield a warning for each rope that is too weak for its static load.
+
+    tensions: of the elements of each rope [N]. The first rope is left out if it alone carries the
+    suspended load: the sense checks of the scene cover it.
+    """
+    held = hung_together(scene)
+    alone = held is not None and len(held.lines) == 1
+    for number, (line, tension) in enumerate(zip(scene.ropes, tensions, strict=True)):
+        if number == 0 and alone:
+            continue
+        breaking = line.breaking_load_n
+        load = float(tension.max())
+        if load > breaking / SAFETY_FACTOR:
+            what = (
+                f"'{line.name}' carries {load / 1e3:.0f} kN at rest against a breaking load "
+                f"of {breaking / 1e3:.0f} kN, a safety factor of {breaking / load:.2f}"
+            )
+            right = f"below {SAFETY_FACTOR:g} take a stronger rope, or a steeper bridle"
+            yield phrase(f"{scene.path}: ropes[{number}]", what, right)
