@@ -1,12 +1,35 @@
-"""Output of commands on a console: tables in columns, and the progress of a list of cases."""
+"""Output of commands: one JSON object, tables in columns, and the progress of a list of cases."""
 
 from __future__ import annotations
 
+import json
+import math
 import sys
-from collections.abc import Iterator, Sequence
-from typing import TextIO
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TextIO
 
 from rope_twin.run.progress import columns
+
+
+def print_json(content: Mapping[str, Any]) -> None:
+    """Print the one object of `--json`; numbers that JSON does not have are null."""
+    print(json.dumps(_plain(content), ensure_ascii=False, allow_nan=False))
+
+
+def _plain(value: Any) -> Any:
+    """Return a value in the types of JSON."""
+    match value:
+        case Mapping():
+            return {str(key): _plain(one) for key, one in value.items()}
+        case list() | tuple():
+            return [_plain(one) for one in value]
+        case float():
+            return value if math.isfinite(value) else None
+        case Path():
+            return str(value)
+        case _:
+            return value
 
 
 def print_table(rows: Sequence[Sequence[str]], words_last: bool = False) -> None:

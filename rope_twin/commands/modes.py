@@ -1,16 +1,15 @@
-"""`rope_twin modes SCENE`: natural frequencies and modes of the scene's rope at rest."""
+"""`rope_twin modes SCENE`: natural frequencies and mode shapes about static equilibrium."""
 
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from math import inf
-from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.console import print_table
+from rope_twin.commands.console import print_json, print_table
+from rope_twin.run.arguments import add_command, add_json, add_out, add_scene
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.studies.modes.modes import WAVE_PERIODS_S, Mode, Modes, find_modes
@@ -24,52 +23,51 @@ SYSTEM_HEAD = ("mode", "Hz", "period s", "kind", "stretch %", "vertical %", "mos
                "Strouhal Hz", "waves")  # fmt: skip
 
 
+EXAMPLES = (
+    "modes deep_lift",
+    "modes bridle_lift --count 5 --out modes.png",
+)
+MORE = """Undamped modes about static equilibrium in the scene's current, with added mass and with
+both ends as in the scene: the lowest, then the first axial ones. A multi-line system is solved as
+a whole: the lowest modes, then the first that stretch its lines."""
+
+
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     """Add `modes`."""
-    parser = subparsers.add_parser(
-        "modes",
-        help="natural frequencies and modes of a scene's rope",
-        description="About the static shape in the scene's current, undamped, with added mass and "
-        "both ends as in the scene: the lowest modes, then the first axial ones. Ropes that meet "
-        "are taken together: the lowest modes, then the first that stretch them.",
-    )
-    parser.add_argument("scene", metavar="SCENE", help="a scene's name, or the path of a YAML file")
-    parser.add_argument(
-        "--count", type=int, default=COUNT, metavar="N", help="lowest modes (default: %(default)s)"
-    )
-    parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
-    parser.add_argument("--picture", type=Path, metavar="PNG", help="draw the modes, too")
+    about = "natural frequencies and mode shapes of a scene's lines"
+    parser = add_command(subparsers, "modes", about, EXAMPLES, MORE)
+    add_scene(parser)
+    parser.add_argument("--count", type=int, default=COUNT, metavar="N",
+                        help="number of lowest modes (default: %(default)s)")  # fmt: skip
+    add_out(parser, "FILE.png", "draw the mode shapes")
+    add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
     """Find them and show them; raises RopeTwinError."""
-    if args.picture is not None:
-        check_picture(args.picture)
+    if args.out is not None:
+        check_picture(args.out)
     scene = load_scene(args.scene)
     if is_joined(scene):
         system = find_system_modes(scene, args.count)
-        if args.picture is not None:
-            draw_system_modes(scene.name, system, args.picture)
+        if args.out is not None:
+            draw_system_modes(scene.name, system, args.out)
         if args.json:
             groups = (("lowest", system.lowest), ("stretching", system.stretching))
-            _print_json({"scene": scene.name, "rows": _rows(groups)})
+            print_json({"scene": scene.name, "rows": _rows(groups)})
         else:
             _show_system(system)
         return 0
     found = find_modes(scene, args.count)
-    if args.picture is not None:
-        draw_modes(scene.name, found, args.picture)
+    if args.out is not None:
+        draw_modes(scene.name, found, args.out)
     if args.json:
         rows = _rows((("lowest", found.lowest), ("axial", found.axial)))
-        _print_json({"scene": scene.name, "strouhal_max_hz": found.strouhal_max_hz, "rows": rows})
+        print_json({"scene": scene.name, "strouhal_max_hz": found.strouhal_max_hz, "rows": rows})
     else:
         _show(found)
     return 0
-
-
-def _print_json(result: dict[str, Any]) -> None:
-    print(json.dumps(result, ensure_ascii=False, allow_nan=False))
 
 
 def _rows(groups: Iterable[tuple[str, Sequence[Mode | SystemMode]]]) -> list[dict[str, Any]]:

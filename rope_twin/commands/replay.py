@@ -1,30 +1,36 @@
-"""`rope_twin replay BAG`: run what a bag recorded once more, and compare bit by bit."""
+"""`rope_twin replay BAG`: run a recorded bag again and compare bit by bit."""
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from rope_twin.commands.console import print_json
+from rope_twin.commands.exit_code import ExitCode
+from rope_twin.run.arguments import add_command, add_json
 
 if TYPE_CHECKING:
     from rope_twin.recording.exact_replay import Verification
     from rope_twin.recording.session import Session
 
 
+EXAMPLES = (
+    "replay lift",
+    "replay lift --verify --json",
+)
+MORE = """With --verify the scene is run again with all recorded inputs, and every message that the
+simulation published is compared bit by bit."""
+
+
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "replay",
-        help="run a recorded bag again and compare every published number",
-        description="Prints the sessions that a bag holds. With --verify, runs its scene again "
-        "with all recorded inputs and compares every message that the simulation published, bit "
-        "by bit. Exit code 0: equal, 3: different, 1: it cannot be replayed.",
-    )
+    about = "list the sessions of a bag, or run it again and compare every published number"
+    parser = add_command(subparsers, "replay", about, EXAMPLES, MORE)
     parser.add_argument("bag", metavar="BAG", type=Path, help="bag directory or .mcap file")
     parser.add_argument("--verify", action="store_true", help="run it again and compare")
-    parser.add_argument("--json", action="store_true", help="one JSON object")
+    add_json(parser)
     parser.set_defaults(run=run)
 
 
@@ -32,15 +38,20 @@ def run(args: argparse.Namespace) -> int:
     """Print the sessions, or verify, and return the exit code. Raises RopeTwinError."""
     if not args.verify:
         return _describe(args)
-    from rope_twin.recording.exact_replay import verify
+    from rope_twin.recording.exact_replay import Outcome, verify
     from rope_twin.run.inputs import expect_own_sea
 
     found = verify(args.bag, expect_own_sea)
     if args.json:
-        print(json.dumps(_figures(args.bag, found)))
+        print_json(_figures(args.bag, found))
     else:
         print("\n".join(_sentences(args.bag, found)))
-    return int(found.outcome)
+    codes = {
+        Outcome.EQUAL: ExitCode.OK,
+        Outcome.DIFFERENT: ExitCode.NEGATIVE,
+        Outcome.IMPOSSIBLE: ExitCode.ERROR,
+    }
+    return codes[found.outcome]
 
 
 def _describe(args: argparse.Namespace) -> int:
@@ -53,7 +64,7 @@ def _describe(args: argparse.Namespace) -> int:
             _session_figures(one.session) | {"slots_with_inputs": len(one.entries)}
             for one in content.sessions
         ]
-        print(json.dumps({"bag": str(args.bag), "sessions": sessions, "notes": content.notes}))
+        print_json({"bag": args.bag, "sessions": sessions, "notes": content.notes})
         return 0
     print(f"{args.bag}: {len(content.sessions)} sessions; --verify runs them again")
     for one in content.sessions:
@@ -69,11 +80,11 @@ def _session_rows(session: Session) -> list[tuple[str, str]]:
     content = session.content
     setup = dataclasses.asdict(session.setup)
     given = ", ".join(f"{name} {value}" for name, value in setup.items() if value)
-    start = "a saved state" if content.get("state") else "rest"
+    start = "a saved state" if content.get("state") else "static equilibrium"
     return [
         ("session", f"{session.number} of run {session.run}"),
         ("scene", f"{content['scene']['name']} ({', '.join(content['scene']['files'])})"),
-        ("from", f"{session.time_ns * 1e-9:.9g} s twin time, from {start}"),
+        ("from", f"{session.time_ns * 1e-9:.9g} s simulated time, from {start}"),
         ("parameters", given or "as the scene says"),
         ("seeds", ", ".join(f"{k} {v}" for k, v in content["seeds"].items()) or "none"),
         ("program", ", ".join(f"{k} {v}" for k, v in content["program"].items() if v)),
@@ -95,9 +106,9 @@ def _sentences(bag: Path, found: Verification) -> list[str]:
     if found.difference is not None:
         verdict = f"different: {found.difference}"
     elif found.fault:
-        verdict = f"not verified as a whole: {found.fault}"
+        verdict = f"not fully verified: {found.fault}"
     else:
-        verdict = "equal to the last bit"
+        verdict = "bit-identical"
     rows = [
         f"{bag}: {verdict}",
         f"  compared: {found.total} messages of {len(found.compared)} topics in "

@@ -1,23 +1,24 @@
-"""`rope_twin scene list | keys | show | check | measure`: what scenes there are, what one needs.
+"""`rope_twin scene ACTION`: list, show, check and measure scenes; their keys and JSON Schema.
 
-Exit code 0, or 1 with one sentence on standard error; warnings alone leave it 0. A scene that
-breaks one of its limits in its static equilibrium is unsound: `check` returns 1.
+Warnings alone leave the exit code at 0. `check` returns LIMIT for a scene that exceeds one of its
+limits in static equilibrium.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import shutil
 import sys
 import textwrap
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import Any
 
-from rope_twin.commands.console import CaseProgress
+from rope_twin.commands.console import CaseProgress, print_json
+from rope_twin.commands.exit_code import ExitCode
 from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.messages.load_status import breach_words
+from rope_twin.run.arguments import add_command, add_duration, add_json, add_scene
 from rope_twin.scene.card import known_error, told_bound
 from rope_twin.scene.checks.rope import accepted_warnings, sense_checks
 from rope_twin.scene.figures import LiftFigures, lift_figures, listed_effects, stretch_m
@@ -37,32 +38,50 @@ NARROWEST = 40  # what a line of keys needs
 WIDEST = 100  # columns of the list, on a terminal that has more
 
 
+EXAMPLES = (
+    "scene list",
+    "scene list --json",
+    "scene show deep_lift",
+    "scene check my_lift.yaml",
+    "scene keys winch.drum",
+)
+MORE = """A scene is a YAML file with lines, payload, winch, vessel motion, environment and effects
+of one lift (OrcaFlex: model). Wherever a command takes a SCENE, a name and a path both work."""
+
+
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     """Add `scene` with its actions."""
-    parser = subparsers.add_parser(
-        "scene", help="list, show, check or measure scenes, and their keys"
-    )
-    actions = parser.add_subparsers(
-        dest="action", required=True, metavar="list | keys | show | check | measure"
-    )
-    actions.add_parser("list", help="the scenes that come with the package")
-    keys = actions.add_parser("keys", help="what a scene's file can say, with units and ranges")
-    about = "only keys with this in their path, as winch.drum (default: all)"
-    keys.add_argument("part", metavar="PART", nargs="?", default="", help=about)
-    show = actions.add_parser("show", help="what a scene holds and what follows from it")
-    show.add_argument("scene", metavar="NAME", help="a scene's name, or the path of a YAML file")
-    check = actions.add_parser("check", help="read a scene strictly and tell what looks odd")
-    check.add_argument("scene", metavar="FILE", help="the path of a YAML file, or a scene's name")
-    measure = actions.add_parser(
-        "measure",
-        help="what each effect costs, and what it changes in the top tension",
-        description="Runs the scene as it is, without each effect that it lists and with each that "
-        "it does not list; the first time each set of effects is compiled, some ten seconds.",
-    )
-    measure.add_argument("scene", metavar="NAME", help="a scene's name, or the path of a YAML file")
-    measure.add_argument("--for", dest="for_s", type=float, default=60.0, metavar="SECONDS",
-                         help="twin time of each run (default: 60)")  # fmt: skip
-    measure.add_argument("--json", action="store_true", help="one JSON object instead of a table")
+    about = "list, show, check and measure scenes; look up keys; print the JSON Schema"
+    parser = add_command(subparsers, "scene", about, EXAMPLES, MORE)
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    shipped = add_command(actions, "list", "list the shipped scenes", EXAMPLES[:2])
+    add_json(shipped)
+    keys = add_command(actions, "keys", "list the keys of a scene file with units and ranges",
+                       ("scene keys", "scene keys winch.drum"))  # fmt: skip
+    words = "only keys with this in their path, such as winch.drum (default: all)"
+    keys.add_argument("part", metavar="PART", nargs="?", default="", help=words)
+    add_json(keys)
+    show = add_command(actions, "show", "show the contents of a scene and derived values",
+                       ("scene show deep_lift", "scene show my_lift.yaml"))  # fmt: skip
+    add_scene(show)
+    add_json(show)
+    check = add_command(
+        actions, "check", "check a scene file for errors and implausible values",
+        ("scene check my_lift.yaml", "scene check deep_lift --json"),
+        "Reports file, line, key, problem and remedy of every error, and warns about valid but "
+        "implausible values. Exit code 1: invalid; 4: a limit is exceeded in static equilibrium.",
+    )  # fmt: skip
+    add_scene(check)
+    add_json(check)
+    measure = add_command(
+        actions, "measure", "measure the CPU cost of each effect and its influence on top tension",
+        ("scene measure deep_lift", "scene measure deep_lift --duration 2min --json"),
+        "Runs the scene as it is, without each effect that it lists and with each that it does not "
+        "list; the first time each set of effects is compiled, about 10 s each.",
+    )  # fmt: skip
+    add_scene(measure)
+    add_duration(measure, "simulated time of each run", 60.0)
+    add_json(measure)
     parser.set_defaults(run=run)
 
 
@@ -70,15 +89,15 @@ def run(args: argparse.Namespace) -> int:
     """Do what the action says; 0, or 1 if a scene is wrong."""
     try:
         if args.action == "list":
-            return _list()
+            return _list(args.json)
         if args.action == "keys":
-            return _keys(args.part)
+            return _keys(args.part, args.json)
         if args.action == "check":
-            return _check(args.scene)
+            return _check(args.scene, args.json)
         scene = load_scene(args.scene)
         if args.action == "measure":
-            return _measure(scene, args.for_s, args.json)
-        return _show(scene)
+            return _measure(scene, args.duration, args.json)
+        return _show(scene, args.json)
     except SceneError as error:
         print(error, file=sys.stderr)
         return 1
@@ -86,17 +105,22 @@ def run(args: argparse.Namespace) -> int:
 
 def _measure(scene: Scene, seconds: float, as_json: bool) -> int:
     """Raises RopeTwinError."""
-    whole_steps("--for", seconds, scene.time.step_s)
+    whole_steps("--duration", seconds, scene.time.step_s)
     study = measure_effects(scene, seconds, CaseProgress().show)
     if as_json:
-        print(json.dumps(asdict(study), ensure_ascii=False, allow_nan=False))
+        print_json(asdict(study))
     else:
         print("\n".join(effect_table(study)))
     return 0
 
 
-def _list() -> int:
+def _list(as_json: bool) -> int:
     names = scene_names()
+    if as_json:
+        scenes = [load_scene(name) for name in names]
+        rows = [{"name": one.name, "about": one.about, "path": one.path} for one in scenes]
+        print_json({"scenes": rows})
+        return ExitCode.OK
     width = max((len(name) for name in names), default=0)
     columns = _columns()
     for name in names:
@@ -106,8 +130,8 @@ def _list() -> int:
     return 0
 
 
-def _keys(part: str) -> int:
-    """Raises SceneError: no key has this in its path."""
+def _keys(part: str, as_json: bool) -> int:
+    """List the keys. Raises SceneError: no key has this in its path."""
     every = scene_keys()
     shown = [key for key in every if part in key.path]
     if not shown:
@@ -115,6 +139,9 @@ def _keys(part: str) -> int:
         raise SceneError(
             phrase(f"'{part}'", "no key of a scene has this", did_you_mean(part, names))
         )
+    if as_json:
+        print_json({"keys": [asdict(key) for key in shown]})
+        return ExitCode.OK
     for key in shown:
         left_out = {None: "needed", "absent": ""}.get(key.default, f"{key.default} if left out")
         words = ", ".join(filter(None, (key.wants, key.range, left_out)))
@@ -127,34 +154,48 @@ def _columns() -> int:
     return min(max(shutil.get_terminal_size((WIDEST, 24)).columns, NARROWEST), WIDEST)
 
 
-def _check(name_or_path: str) -> int:
-    """Raises SceneError: it has one error, or there is no static equilibrium."""
+def _check(name_or_path: str, as_json: bool) -> int:
+    """Check a scene. Raises SceneError: it has one error, or there is no static equilibrium."""
     try:
         scene = load_scene(name_or_path)
     except SceneError as error:
         sentences = error.every
+        if as_json:
+            print_json({"scene": name_or_path, "valid": False, "errors": sentences})
+            return ExitCode.ERROR
         if len(sentences) == 1:
             raise
         print("\n".join((*sentences, f"{len(sentences)} errors")), file=sys.stderr)
-        return 1
+        return ExitCode.ERROR
     accepted, idle = accepted_warnings(scene)
     warnings = sense_checks(scene) + idle
+    broken = Twin(scene).snapshot().breaches
+    if as_json:
+        found = {"scene": scene.name, "path": scene.path, "valid": True, "errors": []}
+        found |= {"warnings": warnings, "accepted": accepted}
+        print_json(found | {"limits_exceeded": [breach_words(one) for one in broken]})
+        return ExitCode.LIMIT if broken else ExitCode.OK
     for warning in warnings:
         print(f"warning: {warning}")
     for words in accepted:
         print(f"accepted: {words}")
-    if broken := Twin(scene).snapshot().breaches:
-        for one in broken:
-            print(f"error: at rest, {breach_words(one)}")
-        print(f"{scene.path}: scene '{scene.name}' is unsound: it breaks its limits at rest")
-        return 1
-    counted = {0: "no warning", 1: "1 warning"}.get(len(warnings), f"{len(warnings)} warnings")
-    more = f", {len(accepted)} accepted" if accepted else ""
-    print(f"{scene.path}: scene '{scene.name}' is sound, {counted}{more}")
-    return 0
+    for one in broken:
+        print(f"critical: in static equilibrium, {breach_words(one)}")
+    counts = [_counted(len(warnings), "warning")]
+    counts += [_counted(len(broken), "critical warning")] if broken else []
+    counts += [f"{len(accepted)} accepted"] if accepted else []
+    print(f"{scene.path}: valid, {', '.join(counts)}")
+    return ExitCode.LIMIT if broken else ExitCode.OK
 
 
-def _show(scene: Scene) -> int:
+def _counted(count: int, noun: str) -> str:
+    return f"{count or 'no'} {noun}{'' if count == 1 else 's'}"
+
+
+def _show(scene: Scene, as_json: bool) -> int:
+    if as_json:
+        print_json(_figures(scene))
+        return ExitCode.OK
     print(f"{scene.name}: {scene.about}")
     for name, words in (("look at", scene.look_at), ("source", scene.source)):
         if words:
@@ -166,6 +207,34 @@ def _show(scene: Scene) -> int:
     for warning in sense_checks(scene):
         print(f"warning: {warning}")
     return 0
+
+
+def _figures(scene: Scene) -> dict[str, Any]:
+    """Return the parts of a scene in words, and what follows from them in numbers."""
+    figures, parts = lift_figures(scene), dict[str, Any]()
+    name = ""
+    for key, words in _parts(scene, figures):
+        name = key or name
+        parts.setdefault(name, []).append(words)
+    left_out = ("line", "payload", "bars", "hung")
+    numbers = {
+        field.name: getattr(figures, field.name)
+        for field in fields(figures)
+        if field.name not in left_out
+    }
+    carries = figures.payload is not None and not is_joined(scene)
+    top_n = figures.top_tension_n(scene.ropes[0].length_m) if carries else None
+    stretch = stretch_m(figures) if carries and not figures.rises else None
+    return {
+        "scene": scene.name,
+        "about": scene.about,
+        "path": scene.path,
+        "parts": parts,
+        **numbers,
+        "static_top_tension_n": top_n,
+        "static_stretch_m": stretch,
+        "warnings": sense_checks(scene),
+    }
 
 
 def _parts(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:

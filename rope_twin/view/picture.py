@@ -58,7 +58,7 @@ def take_picture(recording: Path, picture: Path) -> None:
         data = _settled(port, recording)
     except RuntimeError as error:  # how the viewer's client reports whatever goes wrong
         raise InputError(
-            phrase("view", f"no picture came ({error})", "try again, or look with --save FILE.rrd")
+            phrase("view", f"no picture came ({error})", "try again, or give --out FILE.rrd")
         ) from error
     finally:
         viewer.kill()

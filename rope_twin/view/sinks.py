@@ -161,9 +161,7 @@ def has_screen() -> bool:
 def what_a_window_lacks() -> str:
     """One sentence if no window can be opened here, or nothing."""
     if not has_screen():
-        return phrase(
-            "view", "there is no screen here", "use --save FILE.rrd or --screenshot FILE.png"
-        )
+        return phrase("view", "there is no screen here", "use --out FILE.rrd or --out FILE.png")
     libraries = _X11_LIBRARIES if os.environ.get("DISPLAY") else {}
     missing = [package for library, package in libraries.items() if not has_library(library)]
     if missing:

@@ -45,7 +45,7 @@ def rungs_of(scene: Scene) -> tuple[Rung, ...]:
 
 def unpaced(scene: Scene, *words: str) -> list[str]:
     """A command line that runs 0.2 s of twin time."""
-    return ["run", str(scene.path), "--speed", "0", "--for", "0.2", "--no-record", *words]
+    return ["run", str(scene.path), "--speed", "0", "--duration", "0.2", "--no-record", *words]
 
 
 @pytest.mark.parametrize("target", [0.08, 0.15, 0.3, 0.6, 5.0])
@@ -175,20 +175,26 @@ NO_AMOUNT = "tension_rms is in %; write a number above 0 and its unit, like 1%."
         (["--within", ""], f"--within : {NO_AMOUNT}"),
         (["--within", "1m"], f"--within 1m: {NO_AMOUNT}"),
         (["--within", "0.01%"], "no setting of the card is so accurate, the best is 0.06 %"),
-        (["--within", "1%", "--of", "tension_rsm"], "'tension_rsm'; did you mean 'tension_rms'?"),
         (
-            ["--within", "1m", "--of", "payload_depth"],
-            "its card knows no error of payload_depth; say --of with one of tension_peak, tens",
+            ["--within", "1%", "--quantity", "tension_rsm"],
+            "'tension_rsm'; did you mean 'tension_rms'?",
         ),
         (
-            ["--within", "1%", "--of", "payload_depth"],
+            ["--within", "1m", "--quantity", "payload_depth"],
+            "its card knows no error of payload_depth; give --quantity with one of tension_peak,",
+        ),
+        (
+            ["--within", "1%", "--quantity", "payload_depth"],
             "--within 1%: payload_depth is in m; write a number above 0 and its unit, like 0.05m.",
         ),
         (
             ["--within", "1%", "--bag", "sea_1p2m"],
             "small: its card is of its own sea, not of --bag sea_1p2m; leave --bag out, or",
         ),
-        (["--of", "tension_rms"], "--of: there is nothing to choose; say --within 1% too."),
+        (
+            ["--quantity", "tension_rms"],
+            "--quantity: there is nothing to select; give --within 1% too.",
+        ),
         (["--budget", "30%"], "--budget: --speed 0 takes a whole core; give up to 100 %"),
     ],
 )
@@ -233,9 +239,9 @@ def test_a_window_that_ends_before_the_run_is_told_or_refused(
 ) -> None:
     """The scene asks for a minute: what a card of 30 s promises holds for 30 s."""
     scene = carded_scene(tmp_path)
-    words = ["run", str(scene.path), "--speed", "0", "--no-record", "--within", "1%", "--for"]
+    words = ["run", str(scene.path), "--speed", "0", "--no-record", "--within", "1%", "--duration"]
     assert main([*words, "30.02"]) == 1
-    right = f"make it anew with `rope_twin accuracy {scene.path}`, or say --for 30."
+    right = f"make it again with `rope_twin accuracy {scene.path}`, or give --duration 30."
     said = f"its card is of 30 s only, what happens in the scene takes 60 s; {right}\n"
     assert capsys.readouterr().err == f"--within, scene small: {said}"
     assert main([*words, "30"]) == 0

@@ -261,7 +261,7 @@ def test_a_companion_that_fails_is_replaced_and_the_band_unknown_until_it_has_se
 
 def test_a_run_with_a_band_publishes_records_and_sums_it_up(tmp_path: Path) -> None:
     options = RunOptions(
-        scene="shallow_lift", for_s=2.0, speed=0.0, record=tmp_path / "bag", error_band=True
+        scene="shallow_lift", end_s=2.0, speed=0.0, record=tmp_path / "bag", error_band=True
     )
     shots: list[Snapshot] = []
     summary = run_unpaced(options, lambda run: shots.append(run.last))
@@ -278,7 +278,7 @@ def test_a_run_with_a_band_publishes_records_and_sums_it_up(tmp_path: Path) -> N
 
 def test_a_bag_without_a_band_holds_no_message_of_it(tmp_path: Path) -> None:
     run = UnpacedRun(
-        RunOptions(scene="shallow_lift", for_s=0.1, speed=0.0, record=tmp_path / "bag")
+        RunOptions(scene="shallow_lift", end_s=0.1, speed=0.0, record=tmp_path / "bag")
     )
     run.advance_slot()
     run.close()

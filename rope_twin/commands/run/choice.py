@@ -38,11 +38,12 @@ def choose(args: argparse.Namespace, options: RunOptions) -> RunOptions:
         SceneError: the scene is wrong, or its card is damaged.
     """
     if args.within is None and args.budget is None:
-        if args.of is not None:
-            raise InputError(phrase("--of", "there is nothing to choose", "say --within 1% too"))
+        if args.quantity is not None:
+            what = "there is nothing to select"
+            raise InputError(phrase("--quantity", what, "give --within 1% too"))
         return options
     option = "--budget" if args.within is None else "--within"
-    quantity = find_quantity(args.of)
+    quantity = find_quantity(args.quantity)
     of_core = ("a share of one core", "%")
     name, unit = of_core if option == "--budget" else (quantity.name, quantity.unit)
     wanted = read_amount(option, args.budget or args.within, name, unit)
@@ -51,7 +52,7 @@ def choose(args: argparse.Namespace, options: RunOptions) -> RunOptions:
         raise InputError(phrase("--budget", what, "give up to 100 % and a --speed above 0"))
     if options.start_from is not None:
         what = "a saved state has its elements and its step already"
-        raise InputError(phrase(option, what, "leave --from out, or this"))
+        raise InputError(phrase(option, what, "leave out --from-state, or this"))
     scene = load_scene(options.scene)
     card = _current_card(scene, option)
     rungs = _ladder(card, quantity, options.speed > 0.0, option)
@@ -89,13 +90,14 @@ def read_amount(option: str, words: str, name: str, unit: str) -> float:
 
 
 def find_quantity(name: str | None) -> Quantity:
-    """The quantity of --of; the rms of the top tension if there is none.
+    """Return the quantity of --quantity; by default the rms of the top tension.
 
     Raises:
         InputError: there is no such quantity.
     """
     if name is not None and name not in BY_NAME:
-        raise InputError(phrase("--of", f"unknown quantity '{name}'", did_you_mean(name, BY_NAME)))
+        what = f"unknown quantity '{name}'"
+        raise InputError(phrase("--quantity", what, did_you_mean(name, BY_NAME)))
     return BY_NAME[name or "tension_rms"]
 
 
@@ -115,7 +117,7 @@ def _ladder(card: Card, quantity: Quantity, paced: bool, option: str) -> list[Ru
         others = sorted(name for name in BY_NAME if not math.isnan(best_bound(card.ladder, name)))
         where = f"{option}, scene {card.scene}"
         what = f"its card knows no error of {quantity.name}"
-        raise InputError(phrase(where, what, f"say --of with one of {', '.join(others)}"))
+        raise InputError(phrase(where, what, f"give --quantity with one of {', '.join(others)}"))
     return [rung for rung in known if not paced or rung.step_s <= SLOT_S]
 
 
@@ -125,7 +127,7 @@ def _refuse_other_run(scene: Scene, card: Card, options: RunOptions) -> None:
         given = {"--bag": options.bag, "--poses": options.poses, "--topic": options.topic}
         option, value = next(
             ((name, words) for name, words in given.items() if words),
-            ("--bag-start", f"{options.bag_start_s:g}"),
+            ("--sea-offset", f"{options.sea_offset_s:g}"),
         )
         what = f"its card is of its own sea, not of {option} {value}"
         right = f"leave {option} out, or make the card of a scene that has that sea"
@@ -137,15 +139,15 @@ def _refuse_other_run(scene: Scene, card: Card, options: RunOptions) -> None:
             f"{needed_s:g} s"
         )
         right = (
-            f"make it anew with `rope_twin accuracy {argument_for(scene)}`, "
-            f"or say --for {card.seconds:g}"
+            f"make it again with `rope_twin accuracy {argument_for(scene)}`, "
+            f"or give --duration {card.seconds:g}"
         )
         raise InputError(phrase(f"--within, scene {scene.name}", what, right))
 
 
 def _goes_on(card: Card, options: RunOptions) -> bool:
     """Whether the run is longer than the card's."""
-    return options.for_s is None or options.for_s > card.seconds
+    return options.end_s is None or options.end_s > card.seconds
 
 
 def _of_its_run(card: Card, options: RunOptions) -> str:
