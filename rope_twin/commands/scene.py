@@ -7,6 +7,7 @@ limits in static equilibrium.
 from __future__ import annotations
 
 import argparse
+import json
 import shutil
 import sys
 import textwrap
@@ -23,6 +24,7 @@ from rope_twin.scene.card import known_error, told_bound
 from rope_twin.scene.checks.rope import accepted_warnings, sense_checks
 from rope_twin.scene.figures import LiftFigures, lift_figures, listed_effects, stretch_m
 from rope_twin.scene.hung_together import hung_together
+from rope_twin.scene.json_schema import scene_schema
 from rope_twin.scene.keys import scene_keys
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.rules.rigging import is_joined
@@ -82,6 +84,13 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     add_scene(measure)
     add_duration(measure, "simulated time of each run", 60.0)
     add_json(measure)
+    schema = add_command(
+        actions, "schema", "print the JSON Schema of a scene file",
+        ("scene schema > scene.schema.json", "scene schema --json"),
+        "JSON Schema 2020-12 with units, ranges and meanings, for completion and checks in an "
+        "editor. It is always one JSON object; --json puts it on one line.",
+    )  # fmt: skip
+    add_json(schema)
     parser.set_defaults(run=run)
 
 
@@ -92,6 +101,8 @@ def run(args: argparse.Namespace) -> int:
             return _list(args.json)
         if args.action == "keys":
             return _keys(args.part, args.json)
+        if args.action == "schema":
+            return _schema(args.json)
         if args.action == "check":
             return _check(args.scene, args.json)
         scene = load_scene(args.scene)
@@ -148,6 +159,15 @@ def _keys(part: str, as_json: bool) -> int:
         line = f"{key.path}: {key.meaning} ({words})"
         print(textwrap.fill(line, _columns(), subsequent_indent="    ", break_on_hyphens=False))
     return 0
+
+
+def _schema(as_json: bool) -> int:
+    schema = scene_schema()
+    if as_json:
+        print_json(schema)
+    else:
+        print(json.dumps(schema, indent=2, ensure_ascii=False))
+    return ExitCode.OK
 
 
 def _columns() -> int:
