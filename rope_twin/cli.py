@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import importlib
-import importlib.metadata
 import os
 import re
 import sys
@@ -37,7 +36,7 @@ EXAMPLES = """examples:
 # The commands in the order of the help: module name (with _) and name on the command line (with -).
 COMMANDS = (
     "run", "scene", "view", "replay", "recover", "ensemble", "study", "modes", "viv", "accuracy",
-    "lines", "faults", "sea_state", "state",
+    "lines", "faults", "sea_state", "state", "doctor",
 )  # fmt: skip
 
 
@@ -83,6 +82,8 @@ def _command(words: list[str]) -> int:
     args = _parser(modules).parse_args(words)
     if args.command == "run":
         return int(modules["run"].run(args, _paced))
+    if args.command == "doctor":
+        return int(modules["doctor"].run(args, _middleware))
     return int(modules[args.command].run(args))
 
 
@@ -138,7 +139,13 @@ def _parser(modules: dict[str, ModuleType]) -> argparse.ArgumentParser:
     parser = CommandLine(
         prog="rope_twin", description=DESCRIPTION, epilog=_epilog(), formatter_class=HelpFormatter
     )
-    parser.add_argument("--version", action="version", version=f"rope_twin {_version()}")
+    parser.add_argument(
+        "--version",
+        action=_Version,
+        nargs=0,
+        default=argparse.SUPPRESS,
+        help="print versions of solver, numba and ROS",
+    )
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for module in modules.values():
         module.add_parser(subparsers)
@@ -155,11 +162,19 @@ def _epilog() -> str:
     return "\n".join([EXAMPLES, "", "exit codes:", *codes])
 
 
-def _version() -> str:
-    try:
-        return importlib.metadata.version("rope_twin")
-    except importlib.metadata.PackageNotFoundError:
-        return "(not installed)"
+class _Version(argparse.Action):
+    """Prints the versions and ends the program."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any, **__: Any) -> None:
+        from rope_twin.commands.versions import version_text
+
+        print(version_text(lambda: str(_middleware().rmw_name())))
+        parser.exit()
+
+
+def _middleware() -> Any:
+    """Return the module that knows the middleware, which loads rclpy."""
+    return importlib.import_module("rope_twin.ros.middleware")
 
 
 def _paced(options: RunOptions, progress: FigureProgress) -> RunSummary:

@@ -23,7 +23,7 @@ MEANINGS = {
     ExitCode.NEGATIVE: "completed with a negative result: messages lost (recover), a difference "
     "(replay --verify), runs that stopped early (ensemble, study), a fault not flagged in time "
     "(faults), an error target missed (accuracy --within), a convergence study missing or out of "
-    "date (accuracy --status)",
+    "date (accuracy --status), a check with ERROR (doctor)",
     ExitCode.LIMIT: "a limit of the scene was exceeded (run, unless --allow-overload; scene check: "
     "in static equilibrium)",
     ExitCode.INTERRUPTED: "interrupted (Ctrl-C) before there was a result",
