@@ -36,7 +36,7 @@ EXAMPLES = """examples:
 # The commands in the order of the help: module name (with _) and name on the command line (with -).
 COMMANDS = (
     "run", "scene", "view", "replay", "recover", "ensemble", "study", "modes", "viv", "accuracy",
-    "lines", "faults", "sea_state", "state", "doctor",
+    "lines", "faults", "sea_state", "state", "doctor", "completion",
 )  # fmt: skip
 
 
@@ -84,6 +84,8 @@ def _command(words: list[str]) -> int:
         return int(modules["run"].run(args, _paced))
     if args.command == "doctor":
         return int(modules["doctor"].run(args, _middleware))
+    if args.command == "completion":
+        return int(modules["completion"].run(args, build_parser))
     return int(modules[args.command].run(args))
 
 

@@ -17,7 +17,7 @@ from rope_twin.run.arguments import leaf_parsers
 PARSER = build_parser()
 COMMANDS = list(leaf_parsers(PARSER))
 CHEAP = ("scene list", "scene keys", "scene show deep_lift", "sea-state info sea_2p5m",
-         )  # fmt: skip
+         "completion bash", "scene schema --json")  # fmt: skip
 WITHOUT = {"--for", "--into", "--seconds", "--look", "--save", "--from", "--own", "--of", "--csv"}
 
 
@@ -78,7 +78,7 @@ def test_cheap_examples_run(line: str, capsys: pytest.CaptureFixture[str]) -> No
 @pytest.mark.parametrize(
     "line",
     ["scene list", "scene keys winch.drum", "scene show deep_lift", "scene show bridle_lift",
-     "scene check still_water", "sea-state info sea_2p5m",
+     "scene check still_water", "sea-state info sea_2p5m", "completion fish", "scene schema",
      "accuracy --status"],
 )  # fmt: skip
 def test_json_is_one_object_and_nothing_else(line: str, capsys: pytest.CaptureFixture[str]) -> None:
