@@ -40,7 +40,7 @@ and NAME.png in the folder `cards`. `rope_twin run --within` and `--budget` sele
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Declare the subcommand."""
+    """Add `accuracy`."""
     about = "convergence study: error, speed and memory over mesh and time step"
     parser = add_command(subparsers, "accuracy", about, EXAMPLES, MORE)
     which = parser.add_mutually_exclusive_group(required=True)
@@ -62,7 +62,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do what the options say; raises RopeTwinError."""
+    """Run the study, or verify or list studies. Raises RopeTwinError."""
     if args.status:
         return _status(args.json)
     if args.duration is not None and not 0.0 < args.duration <= 3600.0:
@@ -128,7 +128,7 @@ def _make(args: argparse.Namespace, scene: Scene) -> dict[str, Any]:
 
 
 def write_card(study: accuracy.Study, card: dict[str, Any], path: Path) -> None:
-    """Write the three files of a card, the JSON at `path`; numbers to six digits.
+    """Write the three files of a study, the JSON at `path`; numbers to six digits.
 
     Raises:
         InputError: they cannot be written there.
@@ -150,7 +150,7 @@ def _place(args: argparse.Namespace, scene: Scene) -> Path:
 
 
 def _check_place(path: Path) -> None:
-    """See before anything is computed that a card can be drawn and written there."""
+    """Check before the computation that a study can be drawn and written there."""
     check_picture(path.with_suffix(".png"))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -166,7 +166,7 @@ def _unwritable(path: Path, error: OSError) -> InputError:
 
 
 def _as_text(card: dict[str, Any]) -> str:
-    """JSON with a line for each entry, and for each row of the ladder."""
+    """Return JSON with a line for each entry, and for each setting."""
     lines = []
     for key, value in card.items():
         told = json.dumps(value, ensure_ascii=False, allow_nan=False)
@@ -219,7 +219,7 @@ def _percent(value: object) -> str:
 
 
 def _short(value: Any) -> Any:
-    """With floats to six significant digits."""
+    """Return the value with floats to six significant digits."""
     if isinstance(value, float):
         return float(f"{value:.6g}")
     if isinstance(value, dict):

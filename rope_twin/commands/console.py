@@ -33,9 +33,9 @@ def _plain(value: Any) -> Any:
 
 
 def print_table(rows: Sequence[Sequence[str]], words_last: bool = False) -> None:
-    """Columns as wide as their widest cell, the first to the left, the others to the right.
+    """Print columns as wide as their widest cell, the first left-, the others right-aligned.
 
-    A last column of words goes to the left too.
+    A last column of words is left-aligned too.
     """
     widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
     for line in _aligned(rows, widths, words_last):
@@ -58,7 +58,7 @@ class CaseProgress:
         self._stream = stream or sys.stderr
 
     def show(self, done: int, total: int, what: str) -> None:
-        """So many of so many cases are done; `what` is next."""
+        """Show that `done` of `total` cases are done and `what` is next."""
         bar = "#" * round(20 * done / total)
         line = f"[{bar:<20}] {done}/{total} {what}"
         if self._stream.isatty():

@@ -55,7 +55,7 @@ FAILURES_SHOWN = 5
 
 @dataclass(frozen=True)
 class _Line:
-    """How far the members are."""
+    """Progress of the members."""
 
     members: int
     time_s: float
@@ -83,7 +83,7 @@ entry of a list. NUMBERS are LOW..HIGH (drawn at random), or LOW..HIGH:COUNT or 
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Declare the subcommand."""
+    """Add `ensemble`."""
     about = "Monte Carlo or grid of many lifts at once; quantiles of top tension and slack"
     parser = add_command(subparsers, "ensemble", about, EXAMPLES, MORE)
     add = parser.add_argument
@@ -114,7 +114,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the members and tell what came out.
+    """Run the members and report the results.
 
     Raises:
         RopeTwinError: one sentence on what cannot be.
@@ -166,7 +166,7 @@ def _seconds(numbers: str) -> str:
 
 
 def _check(args: argparse.Namespace) -> None:
-    """Refuse what would only show after a long run."""
+    """Refuse what would fail only after a long run."""
     if not 0.0 < args.duration <= 1e6:
         what = f"{args.duration:g} s is not possible"
         raise InputError(phrase("--duration", what, "give a time above 0 s, at most 1e6 s"))
@@ -182,7 +182,7 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _rows(result: StudyResult) -> list[dict[str, Any]]:
-    """A row for each member: its number, what it has of its own, its figures."""
+    """Return a row for each member: its number, its own parameters and its results."""
     rows = []
     for number, (values, figures) in enumerate(zip(result.plan.rows, result.figures, strict=True)):
         own = {_column(str(axis.path), axis.multiply): value
@@ -194,7 +194,7 @@ def _rows(result: StudyResult) -> list[dict[str, Any]]:
 
 
 def _column(path: str, multiply: bool) -> str:
-    """Name of an axis in tables."""
+    """Return the name of an axis in tables."""
     return "sea_offset_s" if path == SEA_OFFSET else f"{path}*" if multiply else path
 
 
@@ -234,7 +234,7 @@ def _figures(scene: Scene, result: StudyResult) -> dict[str, Any]:
 
 
 def _as_text(scene: Scene, result: StudyResult) -> str:
-    """A few lines and a table or two for people."""
+    """Return the results in words and tables."""
     members = len(result.figures)
     lines = [
         f"{scene.name}: {members} members, {result.time_s:g} s each in steps of {result.step_s:g} s"
@@ -262,7 +262,7 @@ def _lane_words(lanes: Lanes, members: int) -> str:
 
 
 def _table(result: StudyResult) -> list[str]:
-    """Quantiles over all members, a line for each figure."""
+    """Return quantiles over all members, a line for each result."""
     heads = ["min", *(f"{100 * part:g} %" for part in QUANTILES[1:-1]), "max"]
     lines = [" " * 28 + "".join(f"{head:>10}" for head in heads)]
     for name, values in result.quantiles().items():
@@ -272,7 +272,7 @@ def _table(result: StudyResult) -> list[str]:
 
 
 def _grid(result: StudyResult) -> list[str]:
-    """A line for each point of the grid, if there is one."""
+    """Return a line for each point of the grid, if there is one."""
     grid = [k for k, axis in enumerate(result.plan.axes) if axis.values]
     if not grid:
         return []
@@ -300,7 +300,7 @@ def _grid(result: StudyResult) -> list[str]:
 
 
 def _failures(result: StudyResult) -> list[str]:
-    """The first few members that stopped early, and how many more."""
+    """Return the first few members that stopped early, and how many more."""
     said = [f"member {k}: {one.failure}" for k, one in enumerate(result.figures) if one.failure]
     more = len(said) - FAILURES_SHOWN
     return said[:FAILURES_SHOWN] + ([f"and {more} more members, see --out"] if more > 0 else [])

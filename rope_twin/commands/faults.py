@@ -22,7 +22,7 @@ from rope_twin.twin.ensemble.ensemble import cores
 
 @dataclass(frozen=True)
 class _Line:
-    """How far the campaign is."""
+    """Progress of the campaign."""
 
     done: int
     of: int
@@ -41,7 +41,7 @@ the top tension."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Declare the subcommand."""
+    """Add `faults`."""
     about = "inject faults into every input: what is flagged, how soon, and the error it causes"
     parser = add_command(subparsers, "faults", about, EXAMPLES, MORE)
     add = parser.add_argument
@@ -58,7 +58,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the campaign and print what was found.
+    """Run the campaign and print the results.
 
     Raises:
         RopeTwinError: one sentence on what cannot be.

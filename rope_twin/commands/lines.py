@@ -49,7 +49,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run both and show them; raises RopeTwinError."""
+    """Run both and print the results. Raises RopeTwinError."""
     if not LEAST_S <= args.duration <= MOST_S or args.duration % 1.0:
         right = f"give a whole number of seconds from {LEAST_S} to {MOST_S}"
         raise InputError(phrase("--duration", f"{args.duration:g} s is not possible", right))
@@ -60,9 +60,9 @@ def run(args: argparse.Namespace) -> int:
     lines_of(scene)
     twin = Twin(scene)
     state = f"sea state {args.sea_state}"
-    calm = run_lines(twin.branch(), seconds, None, _teller("calm"))
+    calm = run_lines(twin.branch(), seconds, None, _reporter("calm"))
     record = record_of(args.sea_state, SEED)
-    rough = run_lines(twin, seconds, record, _teller(state))
+    rough = run_lines(twin, seconds, record, _reporter(state))
     found = {"scene": scene.name, "duration_s": args.duration, "calm": calm.figures()}
     found |= {"sea_state": args.sea_state, "in_sea_state": rough.figures()}
     if args.json:
@@ -76,13 +76,13 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _teller(sea: str) -> Any:
-    """What tells of a crossing while the run goes on."""
+def _reporter(sea: str) -> Any:
+    """Return the function that reports a crossing during the run."""
 
-    def tell(event: LineEvent) -> None:
+    def report(event: LineEvent) -> None:
         sys.stderr.write(f"{sea}, {event.time_s:.1f} s: {event.words()}\n")
 
-    return tell
+    return report
 
 
 def _show(calm: LineRun, rough: LineRun, state: str) -> None:

@@ -18,8 +18,8 @@ from rope_twin.studies.modes.system_modes import SystemMode, SystemModes, find_s
 from rope_twin.studies.picture import check_picture
 
 COUNT = 10
-HEAD = ("mode", "Hz", "period s", "kind", "axial / in / out %", "most at m", "Strouhal Hz", "waves")
-SYSTEM_HEAD = ("mode", "Hz", "period s", "kind", "stretch %", "vertical %", "most at m", "of rope",
+HEAD = ("mode", "Hz", "period s", "kind", "axial / in / out %", "max at m", "Strouhal Hz", "waves")
+SYSTEM_HEAD = ("mode", "Hz", "period s", "kind", "stretch %", "vertical %", "max at m", "of rope",
                "Strouhal Hz", "waves")  # fmt: skip
 
 
@@ -45,7 +45,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Find them and show them; raises RopeTwinError."""
+    """Solve for the modes and print them. Raises RopeTwinError."""
     if args.out is not None:
         check_picture(args.out)
     scene = load_scene(args.scene)
@@ -71,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _rows(groups: Iterable[tuple[str, Sequence[Mode | SystemMode]]]) -> list[dict[str, Any]]:
-    """The modes without their shapes; what is infinite is null."""
+    """Return the modes without their shapes."""
     rows = []
     for group, modes in groups:
         for number, mode in enumerate(modes, 1):
@@ -87,8 +87,8 @@ def _show(found: Modes) -> None:
     print_table([HEAD, *(_row(name, mode) for name, mode in named)])
     _explain_waves()
     print(
-        f"Strouhal: vortices in the current where the mode moves most, 0.2·U/d; "
-        f"at most {found.strouhal_max_hz:.3g} Hz along the rope"
+        f"Strouhal: shedding frequency 0.2·U/D where the mode has its maximum; "
+        f"along the line at most {found.strouhal_max_hz:.3g} Hz"
     )
 
 
@@ -111,15 +111,13 @@ def _show_system(found: SystemModes) -> None:
     named += [(f"stretching {k}", mode) for k, mode in enumerate(found.stretching, 1)]
     print_table([SYSTEM_HEAD, *(_system_row(name, mode) for name, mode in named)])
     _explain_waves()
-    print(
-        "stretch: the share of a mode's strain energy that is in elements which stretch; the rest"
-    )
-    print("is tension that turns. Nothing holds a free mode: it has no period")
+    print("stretch: fraction of the strain energy in elements that stretch; the rest is in the")
+    print("rotation of tension. A free mode has no restoring force and no period")
 
 
 def _explain_waves() -> None:
     low, high = WAVE_PERIODS_S
-    print(f"\nwaves: the period over the nearest of {low:g} to {high:g} s; 1 lies among them")
+    print(f"\nwaves: period over the nearest wave period of {low:g} to {high:g} s; 1: it is one")
 
 
 def _system_row(name: str, mode: SystemMode) -> tuple[str, ...]:

@@ -23,7 +23,7 @@ EXAMPLES = (
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the subcommand."""
+    """Add `recover`."""
     about = "recover the messages of a bag whose recording was cut off"
     more = "Reads a bag up to the damage and writes a valid one beside it."
     parser = add_command(subparsers, "recover", about, EXAMPLES, more)

@@ -25,7 +25,7 @@ simulation published is compared bit by bit."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the subcommand."""
+    """Add `replay`."""
     about = "list the sessions of a bag, or run it again and compare every published number"
     parser = add_command(subparsers, "replay", about, EXAMPLES, MORE)
     parser.add_argument("bag", metavar="BAG", type=Path, help="bag directory or .mcap file")
@@ -55,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _describe(args: argparse.Namespace) -> int:
-    """Print what was run, by which program and machine, and which inputs the bag holds."""
+    """Print scene, program, machine and inputs of each session in the bag."""
     from rope_twin.recording.recorded_run import read_content
 
     content = read_content(args.bag)
@@ -93,14 +93,14 @@ def _session_rows(session: Session) -> list[tuple[str, str]]:
 
 
 def _session_figures(session: Session) -> dict[str, Any]:
-    """All of the description but the long parts."""
+    """Return the description of a session without its long parts."""
     left = {name: value for name, value in session.content.items() if name != "state"}
     left["scene"] = {**left["scene"], "files": list(left["scene"]["files"])}
     return left | {"from_state": session.content.get("state") is not None}
 
 
 def _sentences(bag: Path, found: Verification) -> list[str]:
-    """The verdict first, then what it rests on."""
+    """Return the verdict, then its basis."""
     from rope_twin.recording.exact_replay import LEFT_OUT
 
     if found.difference is not None:

@@ -95,7 +95,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do what the action says; 0, or 1 if a scene is wrong."""
+    """Run the action and return the exit code."""
     try:
         if args.action == "list":
             return _list(args.json)
@@ -115,7 +115,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _measure(scene: Scene, seconds: float, as_json: bool) -> int:
-    """Raises RopeTwinError."""
+    """Measure the effects. Raises RopeTwinError."""
     whole_steps("--duration", seconds, scene.time.step_s)
     study = measure_effects(scene, seconds, CaseProgress().show)
     if as_json:
@@ -258,7 +258,7 @@ def _figures(scene: Scene) -> dict[str, Any]:
 
 
 def _parts(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
-    """What the scene says, a line per part."""
+    """Return the parts of the scene in words, one row each."""
     line = scene.ropes[0]
     rows = [
         ("file", str(scene.path)),
@@ -272,16 +272,16 @@ def _parts(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
     ]
     effects = [f"{name} {_words(params)}".strip() for name, params in listed_effects(scene).items()]
     rows += [("effects" if row == 0 else "", words) for row, words in enumerate(effects)]
-    return [*rows, ("step", f"{scene.time.step_s:g} s"), ("accuracy", _accuracy(scene))]
+    return [*rows, ("time step", f"{scene.time.step_s:g} s"), ("accuracy", _accuracy(scene))]
 
 
 def _accuracy(scene: Scene) -> str:
-    """What the scene's card says of its own elements and step."""
+    """Return the error of the scene's own mesh and time step by its convergence study."""
     known = known_error(scene)
     if known.words.startswith("unknown"):
         return known.words
     rms, peak = told_bound(known.rms_pct), told_bound(known.peak_pct)
-    return f"top tension {rms} % rms, {peak} % at its highest, {known.words}"
+    return f"top tension {rms} % rms, {peak} % at its maximum, {known.words}"
 
 
 def _end(line: RopeLine) -> str:
@@ -289,7 +289,7 @@ def _end(line: RopeLine) -> str:
 
 
 def _rigging(scene: Scene) -> Iterator[tuple[str, str]]:
-    """Further ropes, and what they meet at."""
+    """Yield further lines and what they are connected to."""
     for line in scene.ropes[1:]:
         length = f"{line.length_m:g} m in {line.elements} elements"
         yield "rope", f"'{line.name}', {_made_of(line)}, {length}, from '{line.from_}' {_end(line)}"
@@ -297,25 +297,25 @@ def _rigging(scene: Scene) -> Iterator[tuple[str, str]]:
         yield "joint", f"'{joint.name}', {joint.mass_kg:g} kg"
     for sheave in scene.sheaves:
         stretches = [line.name for line in scene.ropes if line.to == sheave.name]
-        yield "sheave", f"'{sheave.name}', over which runs the rope of {' and '.join(stretches)}"
+        yield "sheave", f"'{sheave.name}', between the lines {' and '.join(stretches)}"
     for strut in scene.struts:
         one, other = strut.between
         words = f"{strut.length_m:g} m, {strut.mass_kg:g} kg"
-        yield "bar", f"'{strut.name}', {words}, between '{one}' and '{other}'"
+        yield "strut", f"'{strut.name}', {words}, between '{one}' and '{other}'"
     for place in scene.hang_offs:
         yield "hang-off", f"'{place.name}' at {place.at_m} m, winch {_winch(place.winch)}"
 
 
 def _made_of(line: RopeLine) -> str:
-    """The rope, or how many ropes it is joined from."""
+    """Return the rope of a line in words, or the number of its sections."""
     rope = line.rope
     if rope is None:
-        return f"{len(line.sections)} sections from the lower end up"
+        return f"{len(line.sections)} sections from End B (lower end) up"
     return rope.about or f"{1e3 * rope.diameter_m:g} mm"
 
 
 def _sections(line: RopeLine, figures: LiftFigures) -> Iterator[str]:
-    """The figures of each section."""
+    """Yield the properties of each section."""
     for section, bar in zip(line.made_of, figures.bars, strict=True):
         rope, words = bar.rope, ""
         if line.rope is None:
@@ -326,7 +326,7 @@ def _sections(line: RopeLine, figures: LiftFigures) -> Iterator[str]:
         bend = f", minimum bend radius {least:g} m" if least else ""
         yield (
             f"{words}{rope.mass_kg_per_m:.3f} kg/m, EA {bar.stiffness_n / 1e6:.2f} MN{table}, "
-            f"breaking load {rope.breaking_load_n / 1e3:.0f} kN{bend}"
+            f"MBL {rope.breaking_load_n / 1e3:.0f} kN{bend}"
         )
 
 
@@ -334,22 +334,22 @@ def _sea(sea: SeaState) -> str:
     if sea.heave is not None:
         return f"regular heave, ±{sea.heave.amplitude_m:g} m every {sea.heave.period_s:g} s"
     if sea.on_waves is not None:
-        return "the ship rides on the scene's waves"
+        return "vessel driven by RAOs in the waves of the scene"
     if sea.path:
-        return f"the hang-off follows {sea.path}"
+        return f"prescribed motion of the hang-off, {sea.path}"
     if sea.poses is not None:
-        return f"the ship's poses of bag {sea.poses.bag}"
+        return f"recorded poses of the vessel, bag {sea.poses.bag}"
     return f"bag {sea.bag}" if sea.bag else "still"
 
 
 def _words(params: Any) -> str:
-    """What is given of an effect's parameters, in a few words."""
+    """Return the given parameters of an effect in words."""
     given = [(key, value) for key, value in asdict(params).items() if value not in (None, ())]
     return ", ".join(f"{key} {_word(value)}" for key, value in given)
 
 
 def _word(value: Any) -> str:
-    """A value in short."""
+    """Return a value in words."""
     match value:
         case dict():
             inner = [f"{name} {_word(part)}" for name, part in value.items() if part is not None]
@@ -366,18 +366,18 @@ def _word(value: Any) -> str:
 
 def _winch(winch: Winch | None) -> str:
     if winch is None:
-        return "none, the line out never changes"
+        return "none, constant paid-out length"
     words = f"{winch.least_line_out_m:g} to {winch.most_line_out_m:g} m, up to "
     words += f"{winch.speed_limit_m_per_s:g} m/s, {winch.acceleration_limit_m_per_s2:g} m/s²"
     if not winch.schedule:
         return f"{words}; no schedule"
     steps = ", ".join(f"{_told(row)} from {row.at_s:g} s" for row in winch.schedule)
     repeat = winch.schedule_repeats_every_s
-    return f"{words}; {steps}" + (f", again every {repeat:g} s" if repeat else "")
+    return f"{words}; {steps}" + (f", repeated every {repeat:g} s" if repeat else "")
 
 
 def _told(row: ScheduleRow) -> str:
-    """What a row of the schedule tells the winch."""
+    """Return the command of a row of the schedule in words."""
     match motion_of(row):
         case None:
             return str(row.switch).replace("_", " ")
@@ -388,8 +388,8 @@ def _told(row: ScheduleRow) -> str:
 
 
 def _together(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
-    """What hangs where ropes meet."""
-    rows = [("all loads in water", f"{figures.payload_weight_n / 1e3:.1f} kN")]
+    """Return the suspended loads of a multi-line system."""
+    rows = [("loads in water", f"{figures.payload_weight_n / 1e3:.1f} kN")]
     held = hung_together(scene)
     if held is None:
         return rows
@@ -397,37 +397,37 @@ def _together(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
     if len(held.lines) == 1:
         return [*rows, ("static top tension", f"{held.weight_n / 1e3:.1f} kN, {factor}")]
     words = (
-        f"{held.weight_n / 1e3:.1f} kN, {factor} if they shared it evenly; `rope_twin run` tells"
+        f"{held.weight_n / 1e3:.1f} kN, {factor} if shared evenly; `rope_twin run` reports "
+        "the tension of each"
     )
-    words += " the tension of each"
-    return [*rows, (f"{len(held.lines)} ropes carry", words)]
+    return [*rows, (f"{len(held.lines)} lines carry", words)]
 
 
 def _derived(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
-    """What follows, a line per figure."""
+    """Return the derived values, one row each."""
     line, density = scene.ropes[0], scene.environment.water_density_kg_per_m3
     rows = [("rope in water", f"{figures.rope_weight_n_per_m:.2f} N/m")]
     axial = f"{figures.first_axial_period_s:.2f} s"
     if is_joined(scene):
         rows += _together(scene, figures)
-        axial += f" of '{line.name}' with all that hangs; those of all: `rope_twin modes`"
+        axial += f" of '{line.name}' with all suspended loads; system modes: `rope_twin modes`"
     elif figures.rises:
         lift = -figures.top_tension_n(line.length_m)
-        rows.append(("net lift", f"{lift / 1e3:.1f} kN, all under water: it floats"))
+        rows.append(("net lift", f"{lift / 1e3:.1f} kN fully submerged: it floats"))
     elif figures.payload is not None:
         top = figures.top_tension_n(line.length_m)
         rope, most = figures.weakest(line.length_m)
         factor = f", safety factor {rope.breaking_load_n / most:.2f}" if most > 0.0 else ""
         dry = figures.hung.dry_share(line.length_m)
-        air = f", {100.0 * dry:.0f} % of the payload above the water" if dry > 0.0 else ""
+        air = f", {100.0 * dry:.0f} % of the payload above water" if dry > 0.0 else ""
         added, drag = figures.payload.added_mass_kg, figures.payload.drag_area_m2
         rows += [
             ("payload in water", f"{figures.payload_weight_n / 1e3:.1f} kN"),
             ("payload added mass", " / ".join(f"{mass:.0f}" for mass in added) + " kg (x / y / z)"),
             ("payload drag area", " / ".join(f"{area:.2f}" for area in drag) + " m² (x / y / z)"),
-            ("payload sinks at", f"{figures.sinking_speed_m_per_s(density):.2f} m/s, rope slack"),
+            ("terminal velocity", f"{figures.sinking_speed_m_per_s(density):.2f} m/s (slack line)"),
             ("static top tension", f"{top / 1e3:.1f} kN{factor}{air}"),
-            ("static stretch", f"{stretch_m(figures):.2f} m"),
+            ("static elongation", f"{stretch_m(figures):.2f} m"),
         ]
     return [
         *rows,

@@ -164,7 +164,7 @@ def _numbers(option: str, words: Sequence[str | float], units: Sequence[str]) ->
 
 
 def _check_steepness(args: argparse.Namespace, spectrum: WaveSpectrum) -> None:
-    """Warn of a sea that is steeper than seas are. Raises InputError for one that cannot be."""
+    """Warn about a sea steeper than observed ones. Raises InputError if waves would break."""
     given = args.jonswap[:2] if args.jonswap is not None else [args.spectrum]
     option = "--spectrum" if args.jonswap is None else "--jonswap"
     where = " ".join([option, *given])

@@ -29,7 +29,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Tell; 0. Raises StateError if the file is not sound."""
+    """Print the description. Raises StateError if the file is damaged."""
     state = load_state(args.file)
     if args.json:
         print_json(dataclasses.asdict(state.about) | {"arrays": _arrays(state)})
@@ -44,7 +44,7 @@ def _arrays(state: SavedState) -> dict[str, list[int]]:
 
 
 def _rows(state: SavedState) -> list[tuple[str, str]]:
-    """A line per thing that people ask for."""
+    """Return the description, one row per property."""
     about = state.about
     x, y, z = about.payload_position_m
     rows = [

@@ -35,7 +35,7 @@ BAR = 24
 
 @dataclass(frozen=True)
 class _Line:
-    """How far the study is."""
+    """Progress of the study."""
 
     done: int
     total: int
@@ -58,7 +58,7 @@ each run. The same command resumes a study that was interrupted. Examples are in
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Declare the subcommand."""
+    """Add `study`."""
     about = "parameter study: many runs of a scene over seas, ropes and coefficients"
     parser = add_command(subparsers, "study", about, EXAMPLES, MORE)
     add = parser.add_argument
@@ -72,7 +72,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run what is left of the study and tell what came out.
+    """Run the remaining runs of the study and report the results.
 
     Raises:
         RopeTwinError: one sentence on what cannot be.
@@ -111,7 +111,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _file(words: str) -> Path:
-    """A path, or a name in config/studies."""
+    """Return the path of a study file given by path or by name in config/studies."""
     path = Path(words)
     if len(path.parts) > 1 or path.suffix in (".yaml", ".yml"):
         return path

@@ -83,7 +83,7 @@ def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run it and show it; raises RopeTwinError."""
+    """Run the assessment and print it. Raises RopeTwinError."""
     curve = _checked(args)
     scene = load_scene(args.scene)
     if args.compare is not None:
@@ -116,7 +116,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _checked(args: argparse.Namespace) -> StressCurve:
-    """The curve that is named; raises InputError for an option that cannot be."""
+    """Return the named S-N curve. Raises InputError for an impossible option."""
     for name, value, low, high in (
         ("--duration", args.duration, 1.0, 36000.0),
         ("--strouhal", args.strouhal, 0.05, 0.5),
@@ -132,7 +132,7 @@ def _checked(args: argparse.Namespace) -> StressCurve:
 
 
 def _shedding(args: argparse.Namespace, scene: Scene) -> Shedding:
-    """The scene's own figures if it lists these modes, with what the options say instead."""
+    """Return the parameters of the scene's modal_vibration, with those of the options."""
     params, density = model_beside(scene), scene.environment.water_density_kg_per_m3
     own = Shedding(density=density)
     if isinstance(params, ModalVibrationParams):
@@ -142,7 +142,7 @@ def _shedding(args: argparse.Namespace, scene: Scene) -> Shedding:
 
 
 def _of_its_own(scene: Scene) -> str:
-    """Where to see what the scene's own model does; "" if it lists none."""
+    """Return a hint to the scene's own VIV model; "" if it lists none."""
     model = shedding_model(scene)
     return f"(frequency-domain modes; for the scene's own {model}: --time-domain)" if model else ""
 
@@ -162,7 +162,7 @@ def _own(args: argparse.Namespace, scene: Scene) -> int:
 
 
 def _say_what_it_wants(scene: Scene) -> None:
-    """What the scene's model wants of elements and steps, and what right ones would cost."""
+    """Print the mesh and time step that the scene's VIV model needs, and their cost."""
     if not is_joined(scene) and (words := vortex_words(scene, lift_figures(scene))):
         print(words, file=sys.stderr)
 
@@ -230,7 +230,7 @@ def _summary(found: VivRun, fatigue: Fatigue) -> dict[str, Any]:
 
 
 def _rows(found: VivRun) -> list[dict[str, Any]]:
-    """The modes that move, SHOWN at most, from the lowest up."""
+    """Return the responding modes, SHOWN at most, from the lowest up."""
     most = most_moved(found, SHOWN)
     driven = found.response.zones.T @ found.response.span.node_length
     return [

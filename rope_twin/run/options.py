@@ -61,30 +61,30 @@ class RunOptions:
 
     @property
     def failure_folder(self) -> Path:
-        """Takes the state that the solver cannot leave: beside what the run leaves anyway."""
+        """Return the folder for the state at which the solver failed: that of the outputs."""
         made = self.record or self.save
         return Path.cwd() if made is None else made.parent
 
     @property
     def other_sea(self) -> bool:
-        """Whether the ship moves otherwise than in the scene: the run is not its card's."""
+        """Return whether the vessel motion differs from the scene's, and so from its study's."""
         return bool(self.bag or self.poses or self.topic or self.sea_offset_s)
 
     @property
     def screen(self) -> bool:
-        """Whether a window can be opened (and is wanted)."""
+        """Return whether a viewer window is to be opened."""
         return has_screen() and not self.headless
 
     @property
     def view_file(self) -> Path | None:
-        """The .rrd file that takes the place of the window: beside the bag."""
+        """Return the .rrd file beside the bag that replaces the window."""
         if self.screen or self.record is None:
             return None
         return self.record.with_name(self.record.name + ".rrd")
 
     @property
     def view(self) -> str | None:
-        """Where the run is shown: 'window', a file, or None."""
+        """Return where the run is shown: 'window', a file, or None."""
         return "window" if self.screen else str(self.view_file) if self.view_file else None
 
 
@@ -203,11 +203,11 @@ def _add_network(group: argparse._ArgumentGroup) -> None:
 
 
 def read_options(args: argparse.Namespace) -> RunOptions:
-    """The options of a command line.
+    """Return the options of a command line.
 
     Raises:
-        InputError: one sentence for a value that cannot be.
-        StateError: the same for the file of --save or --from.
+        InputError: one sentence for an impossible value.
+        StateError: the same for the file of --save-state or --from-state.
     """
     _check("--duration", args.duration, args.duration is None or 0.0 < args.duration <= 1e7,
            "it must be a time above 0 s, at most 1e7 s")  # fmt: skip
@@ -324,7 +324,7 @@ def _begin(state: Path) -> About:
 
 
 def _scene_of(about: About) -> str:
-    """The scene of a saved state: its path if that is still there, else its name.
+    """Return the scene of a saved state: its path if that exists, else its name.
 
     Raises:
         InputError: neither is there.
@@ -340,7 +340,7 @@ def _scene_of(about: About) -> str:
 
 
 def _scene_argument(scene: str) -> str:
-    """Paths are made absolute, since other processes may run elsewhere; names stay."""
+    """Return a path as absolute, since other processes may run elsewhere; or the name."""
     return str(Path(scene).resolve()) if Path(scene).suffix or os.sep in scene else scene
 
 

@@ -36,7 +36,7 @@ def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) 
 
 
 def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
-    """Run, sum up, and return the exit code.
+    """Run, print the summary, and return the exit code.
 
     OK; ERROR if the solver could not go on, if samples of two seas alternated, if bag or state
     are incomplete on the disk, or if a process died and could not be restarted; LIMIT if a limit
@@ -82,7 +82,7 @@ def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
 
 
 def _with_speed_alone(summary: RunSummary, options: RunOptions) -> RunSummary:
-    """The summary of a paced run with the speed of the model alone."""
+    """Return the summary of a real-time run with the real-time factor of the solver alone."""
     if summary.error or summary.steps == 0:
         return summary
     from rope_twin.run.unpaced import measure_alone
@@ -125,7 +125,7 @@ def _check_against_scene(options: RunOptions, progress: FigureProgress) -> None:
 
 
 def _tell_of_vortices(options: RunOptions, progress: FigureProgress) -> None:
-    """What the scene's model of vortices wants of elements and steps, and what it gets.
+    """Report the mesh and time step that the scene's VIV model needs, and what it gets.
 
     Of too little of them a warning tells by itself (rope_twin.scene.checks).
     """
