@@ -8,6 +8,7 @@ import sys
 from typing import Any
 
 from rope_twin.commands.console import print_json, print_table
+from rope_twin.commands.exit_code import ExitCode
 from rope_twin.errors import InputError, phrase
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_out, add_scene
 from rope_twin.scene.load import load_scene
@@ -73,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
         name = f"{scene.name}, calm and in {state}"
         draw_lines(name, calm, rough, state, args.out / "two_lines.png")
         (args.out / "two_lines.json").write_text(json.dumps(found, indent=1) + "\n")
-    return 0
+    return ExitCode.OK
 
 
 def _reporter(sea: str) -> Any:

@@ -9,6 +9,7 @@ from math import inf
 from typing import Any
 
 from rope_twin.commands.console import print_json, print_table
+from rope_twin.commands.exit_code import ExitCode
 from rope_twin.run.arguments import add_command, add_json, add_out, add_scene
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rules.rigging import is_joined
@@ -58,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
             print_json({"scene": scene.name, "rows": _rows(groups)})
         else:
             _show_system(system)
-        return 0
+        return ExitCode.OK
     found = find_modes(scene, args.count)
     if args.out is not None:
         draw_modes(scene.name, found, args.out)
@@ -67,7 +68,7 @@ def run(args: argparse.Namespace) -> int:
         print_json({"scene": scene.name, "strouhal_max_hz": found.strouhal_max_hz, "rows": rows})
     else:
         _show(found)
-    return 0
+    return ExitCode.OK
 
 
 def _rows(groups: Iterable[tuple[str, Sequence[Mode | SystemMode]]]) -> list[dict[str, Any]]:

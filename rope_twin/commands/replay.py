@@ -65,7 +65,7 @@ def _describe(args: argparse.Namespace) -> int:
             for one in content.sessions
         ]
         print_json({"bag": args.bag, "sessions": sessions, "notes": content.notes})
-        return 0
+        return ExitCode.OK
     print(f"{args.bag}: {len(content.sessions)} sessions; --verify runs them again")
     for one in content.sessions:
         for name, words in _session_rows(one.session):
@@ -73,7 +73,7 @@ def _describe(args: argparse.Namespace) -> int:
         print(f"  {'inputs':12} in {len(one.entries)} slots")
     for note in content.notes:
         print(f"  note: {note}")
-    return 0
+    return ExitCode.OK
 
 
 def _session_rows(session: Session) -> list[tuple[str, str]]:

@@ -111,7 +111,7 @@ def run(args: argparse.Namespace) -> int:
         return _show(scene, args.json)
     except SceneError as error:
         print(error, file=sys.stderr)
-        return 1
+        return ExitCode.ERROR
 
 
 def _measure(scene: Scene, seconds: float, as_json: bool) -> int:
@@ -122,7 +122,7 @@ def _measure(scene: Scene, seconds: float, as_json: bool) -> int:
         print_json(asdict(study))
     else:
         print("\n".join(effect_table(study)))
-    return 0
+    return ExitCode.OK
 
 
 def _list(as_json: bool) -> int:
@@ -138,7 +138,7 @@ def _list(as_json: bool) -> int:
         words = f"{name:{width}}  {load_scene(name).about}"
         indent = " " * (width + 2)
         print(textwrap.fill(words, max(columns, width + 20), subsequent_indent=indent))
-    return 0
+    return ExitCode.OK
 
 
 def _keys(part: str, as_json: bool) -> int:
@@ -158,7 +158,7 @@ def _keys(part: str, as_json: bool) -> int:
         words = ", ".join(filter(None, (key.wants, key.range, left_out)))
         line = f"{key.path}: {key.meaning} ({words})"
         print(textwrap.fill(line, _columns(), subsequent_indent="    ", break_on_hyphens=False))
-    return 0
+    return ExitCode.OK
 
 
 def _schema(as_json: bool) -> int:
@@ -226,7 +226,7 @@ def _show(scene: Scene, as_json: bool) -> int:
         print(f"{name:20} {value}")
     for warning in sense_checks(scene):
         print(f"warning: {warning}")
-    return 0
+    return ExitCode.OK
 
 
 def _figures(scene: Scene) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.commands.console import print_json
+from rope_twin.commands.exit_code import ExitCode
 from rope_twin.run.arguments import add_command, add_json
 from rope_twin.twin.saving.saved_state import SavedState, load_state
 
@@ -36,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
     else:
         for name, words in _rows(state):
             print(f"{name:14} {words}")
-    return 0
+    return ExitCode.OK
 
 
 def _arrays(state: SavedState) -> dict[str, list[int]]:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.commands.console import print_json, print_table
+from rope_twin.commands.exit_code import ExitCode
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.errors import InputError, phrase
 from rope_twin.run.arguments import (
@@ -105,14 +106,14 @@ def run(args: argparse.Namespace) -> int:
         if moving is not None:
             told["moving"] = _moving(moving)
         print_json(told)
-        return 0
+        return ExitCode.OK
     _show(found, fatigue)
     _show_moving(moving)
     if words := _of_its_own(scene):
         print(words)
     for path in files:
         print(path)
-    return 0
+    return ExitCode.OK
 
 
 def _checked(args: argparse.Namespace) -> StressCurve:
@@ -154,11 +155,11 @@ def _own(args: argparse.Namespace, scene: Scene) -> int:
     if args.json:
         told = {"scene": scene.name, **own_figures(found), "files": [str(path) for path in files]}
         print_json(told)
-        return 0
+        return ExitCode.OK
     print(own_words(found))
     for path in files:
         print(path)
-    return 0
+    return ExitCode.OK
 
 
 def _say_what_it_wants(scene: Scene) -> None:
@@ -179,12 +180,12 @@ def _beside(args: argparse.Namespace, scene: Scene) -> int:
     if args.json:
         told = {"runs": beside_json(runs), "files": [str(path) for path in files]}
         print_json(told)
-        return 0
+        return ExitCode.OK
     print_table(beside_table(runs))
     print("(published VIV codes differ from each other by a factor of 1.7)")
     for path in files:
         print(path)
-    return 0
+    return ExitCode.OK
 
 
 def _moving(run: MovingRun) -> dict[str, float]:
