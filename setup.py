@@ -30,6 +30,7 @@ TEST = [
     "pytest>=8,<9.2",  # with 9.2 pytest-xdist 3.8 does not see groups: tests over ROS would overlap
     "pytest-xdist>=3.6",
     "hypothesis>=6.100",
+    "jsonschema>=4.20",  # scenes are checked against `rope_twin scene schema`
     "psutil>=5.9",
     "cyclonedds==11.0.1",
     "ruff==0.15.*",

@@ -28,7 +28,7 @@ ARGUMENTS = (
     ("bag", "", "recorded heave to replay: a name in bags/ or a path; empty: the scene's own"),
     ("poses", "", "recorded poses of the ship to replay instead: a name in bags/ or a path"),
     ("topic", "", "topic in that bag; empty: the only one that fits"),
-    ("bag_start", "0.0", "offset into the bag [s]"),
+    ("sea_offset", "0.0", "offset into the recording [s]"),
     ("speed", "1.0", "twin time over real time"),
     ("sea", "true", "play the recorded sea; false: a motion sensor publishes ship/heave"),
     ("schedule", "true", "play the scene's winch schedule; false: somebody else commands"),
@@ -73,7 +73,7 @@ def generate_launch_description() -> LaunchDescription:
         "bag": ParameterValue(value("bag"), **text),
         "poses": ParameterValue(value("poses"), **text),
         "topic": ParameterValue(value("topic"), **text),
-        "start_s": ParameterValue(value("bag_start"), value_type=float),
+        "start_s": ParameterValue(value("sea_offset"), value_type=float),
     }
     named = PythonExpression(["'", value("bag"), value("poses"), "' != ''"])
     other = {"other_sea": ParameterValue(named, value_type=bool)}  # no error by the card then

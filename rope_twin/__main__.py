@@ -1,4 +1,4 @@
-"""`python -m rope_twin`: the same as `rope_twin`."""
+"""Run the command line as `python -m rope_twin`."""
 
 import sys
 

@@ -1,48 +1,60 @@
-"""The door: `rope_twin COMMAND ...`. Each command is a module of rope_twin.commands."""
+"""The command line `rope_twin COMMAND ...`. Each command is a module of rope_twin.commands."""
 
 from __future__ import annotations
 
 import argparse
 import contextlib
 import importlib
-import importlib.metadata
 import os
 import re
 import sys
+import textwrap
 from collections.abc import Callable, Sequence
 from functools import partial
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from rope_twin.commands.exit_code import MEANINGS, ExitCode
 from rope_twin.errors import RopeTwinError, did_you_mean, phrase
+from rope_twin.run.arguments import HelpFormatter
 
 if TYPE_CHECKING:
     from rope_twin.run.options import RunOptions
     from rope_twin.run.progress import FigureProgress
     from rope_twin.run.summary import RunSummary
 
+DESCRIPTION = """Real-time simulator of winch, wire and payload for subsea lifting, on ROS 2.
+
+Durations, lengths, speeds and rates take a unit (90s, 2min, 1.5km) or are plain SI numbers. With
+--json a command prints one JSON object on stdout and nothing else there; progress, warnings and
+errors go to stderr."""
+EXAMPLES = """examples:
+  rope_twin run deep_lift --duration 90s
+  rope_twin scene list
+  rope_twin COMMAND --help"""
+
 # The commands in the order of the help: module name (with _) and name on the command line (with -).
 COMMANDS = (
-    "run", "ensemble", "scene", "view", "recover", "replay", "sea_state", "state", "modes",
-    "accuracy", "viv", "study", "lines", "faults",
+    "run", "scene", "view", "replay", "recover", "ensemble", "study", "modes", "viv", "accuracy",
+    "lines", "faults", "sea_state", "state", "doctor", "completion",
 )  # fmt: skip
 
 
 _CHOICE = re.compile(r"argument (.+): invalid choice: (\S+) \(choose from (.*)\)")
 _NUMBER = re.compile(r"argument (\S+): invalid (int|float) value: (.*)")
-_MINUS = "(a value that begins with - stands behind =, like --at=-1)"
+_MINUS = "(write a value that begins with - after =, like --at=-1)"
 
 
 class CommandLine(argparse.ArgumentParser):
-    """A parser that says in one sentence what is wrong, without the usage. Exit code 2."""
+    """A parser that reports an error in one sentence, without the usage."""
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
-        """As ever, but each command itself refuses what it does not know."""
+        """Parse as argparse does, but let each command itself reject unknown words."""
         found, left = super().parse_known_args(args, namespace)
         if left:
             known = re.findall(r"--[a-z-]+", self.format_usage())
             hint = f"; {did_you_mean(left[0], known)}" if left[0].startswith("--") else ""
-            self.error(f"it takes no {' '.join(left)}{hint}")
+            self.error(f"unknown argument {' '.join(left)}{hint}")
         return found, left
 
     def error(self, message: str) -> NoReturn:
@@ -53,19 +65,15 @@ class CommandLine(argparse.ArgumentParser):
             message = f"{where}there is no '{asked}'; {did_you_mean(asked, known)}"
         elif found := _NUMBER.fullmatch(message):
             wanted = "whole number" if found[2] == "int" else "number"
-            message = f"{found[1]}: {found[3]} is no {wanted}"
+            message = f"{found[1]}: {found[3]} is not a {wanted}"
         elif message.endswith("expected one argument"):
             message = f"{message} {_MINUS}"
         message = message.removeprefix("argument ").rstrip("?")
-        self.exit(2, f"{self.prog}: {message}; see `{self.prog} --help`.\n")
+        self.exit(ExitCode.USAGE, f"{self.prog}: {message}; see `{self.prog} --help`.\n")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Read the command line, run the command, return its exit code.
-
-    What a user can mend is one sentence on stderr and exit code 1; 2 if the command line makes no
-    sense by itself.
-    """
+    """Read the command line, run the command and return its exit code (ExitCode)."""
     return exit_code(partial(_command, list(sys.argv[1:] if argv is None else argv)))
 
 
@@ -74,13 +82,17 @@ def _command(words: list[str]) -> int:
     args = _parser(modules).parse_args(words)
     if args.command == "run":
         return int(modules["run"].run(args, _paced))
+    if args.command == "doctor":
+        return int(modules["doctor"].run(args, _middleware))
+    if args.command == "completion":
+        return int(modules["completion"].run(args, build_parser))
     return int(modules[args.command].run(args))
 
 
 def exit_code(work: Callable[[], int]) -> int:
-    """Run a command and return its exit code; an error that a user can correct is 1.
+    """Run a command and return its exit code.
 
-    The error is printed as one sentence on stderr. An interrupt is 130.
+    An error that a user can correct is printed as one sentence on stderr.
     """
     try:
         code = work()
@@ -88,28 +100,28 @@ def exit_code(work: Callable[[], int]) -> int:
         return code
     except RopeTwinError as error:
         sys.stderr.write(f"{error}\n")
-        return 1
+        return ExitCode.ERROR
     except KeyboardInterrupt:
-        return 130
+        return ExitCode.INTERRUPTED
     except BrokenPipeError:
-        return _silenced(1)  # whoever read our output has gone
+        return _silenced(ExitCode.ERROR)  # the reader of our output has closed it
     except OSError as error:
-        # Commands tell of the files that they know; this is of what is left: a full disk or the
+        # Commands report on the files that they know; this is about the rest: a full disk or the
         # output itself.
         where, why = error.filename or "output", error.strerror or str(error)
-        sys.stderr.write(f"{phrase(str(where), why, 'make room there, or name another place')}\n")
-        return _silenced(1)
+        sys.stderr.write(f"{phrase(str(where), why, 'free space there, or name another place')}\n")
+        return _silenced(ExitCode.ERROR)
 
 
 def _silenced(code: int) -> int:
-    """The exit code, with what still waits to be written thrown away: nobody can take it."""
+    """Return the exit code and discard what is still to be written: nobody can take it."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return code
 
 
 def _needed(words: list[str]) -> tuple[str, ...]:
-    """The commands to load: the one that is asked for, none for --version, all for the help."""
+    """Return the commands to load: the one on the command line, none for --version, else all."""
     if words[:1] == ["--version"]:
         return ()
     asked = words[0].replace("-", "_") if words else ""
@@ -120,26 +132,55 @@ def _module(name: str) -> ModuleType:
     return importlib.import_module(f"rope_twin.commands.{name}")
 
 
+def build_parser() -> argparse.ArgumentParser:
+    """Return the parser of the whole command line, without side effects."""
+    return _parser({name.replace("_", "-"): _module(name) for name in COMMANDS})
+
+
 def _parser(modules: dict[str, ModuleType]) -> argparse.ArgumentParser:
     parser = CommandLine(
-        prog="rope_twin", description="A real-time digital twin of the lifting rope, on ROS 2."
+        prog="rope_twin", description=DESCRIPTION, epilog=_epilog(), formatter_class=HelpFormatter
     )
-    parser.add_argument("--version", action="version", version=f"rope_twin {_version()}")
+    parser.add_argument(
+        "--version",
+        action=_Version,
+        nargs=0,
+        default=argparse.SUPPRESS,
+        help="print versions of solver, numba and ROS",
+    )
     subparsers = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for module in modules.values():
         module.add_parser(subparsers)
     return parser
 
 
-def _version() -> str:
-    try:
-        return importlib.metadata.version("rope_twin")
-    except importlib.metadata.PackageNotFoundError:
-        return "(not installed)"
+def _epilog() -> str:
+    """Return the examples and the table of exit codes."""
+    indent = " " * 6
+    codes = [
+        textwrap.fill(about, 76, initial_indent=f"  {code:<4}", subsequent_indent=indent)
+        for code, about in MEANINGS.items()
+    ]
+    return "\n".join([EXAMPLES, "", "exit codes:", *codes])
+
+
+class _Version(argparse.Action):
+    """Prints the versions and ends the program."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any, **__: Any) -> None:
+        from rope_twin.commands.versions import version_text
+
+        print(version_text(lambda: str(_middleware().rmw_name())))
+        parser.exit()
+
+
+def _middleware() -> Any:
+    """Return the module that knows the middleware, which loads rclpy."""
+    return importlib.import_module("rope_twin.ros.middleware")
 
 
 def _paced(options: RunOptions, progress: FigureProgress) -> RunSummary:
-    """The ROS suite, imported only when a paced run asks for it."""
+    """Run the ROS suite, which is imported only for a real-time run."""
     if options.processes:
         from rope_twin.ros.processes import run_processes
 

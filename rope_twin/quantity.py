@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from typing import Any
 
 _NO_DEFAULT = dataclasses.MISSING
@@ -58,3 +59,36 @@ def quantity(
 def text(about: str, default: Any = _NO_DEFAULT) -> Any:
     """A dataclass field for words or a nested part; `metadata['about']` says what it is."""
     return dataclasses.field(default=default, metadata={"about": about})
+
+
+# Units accepted for a quantity that is kept in an SI unit, with their size in it. Case counts:
+# kN is a force, kn a speed.
+UNITS: dict[str, dict[str, float]] = {
+    "s": {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0},
+    "m": {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "km": 1e3, "ft": 0.3048},
+    "m/s": {"mm/s": 1e-3, "m/s": 1.0, "m/min": 1.0 / 60.0, "kn": 1852.0 / 3600.0},
+    "N": {"N": 1.0, "kN": 1e3, "MN": 1e6},
+    "Hz": {"mHz": 1e-3, "Hz": 1.0},
+}
+_KINDS = {"s": "time", "m": "length", "m/s": "speed", "N": "force", "Hz": "frequency"}
+_EXAMPLES = {"s": "90s", "m": "1.5km", "m/s": "0.5m/s", "N": "50kN", "Hz": "20Hz"}
+_MEASURE = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([A-Za-z/]*)")
+
+
+def read_quantity(words: str, unit: str) -> float:
+    """Return the SI value of a number with or without a unit, such as `90s`, `2min` or `120`.
+
+    unit: the SI unit that a number without one is in; a key of UNITS.
+
+    Raises:
+        ValueError: it is not a finite number, or its unit is not one of this quantity; the text
+            says so in one sentence without a full stop.
+    """
+    units = UNITS[unit]
+    found = _MEASURE.fullmatch(words.strip())
+    scale = units.get(found[2] or unit) if found else None
+    value = float(found[1]) * scale if found and scale else math.inf
+    if math.isfinite(value):
+        return value
+    right = f"give a number in {unit} or with a unit ({', '.join(units)})"
+    raise ValueError(f"'{words}' is not a {_KINDS[unit]}; {right}, like {_EXAMPLES[unit]}")

@@ -1,18 +1,41 @@
-"""Output of commands on a console: tables in columns, and the progress of a list of cases."""
+"""Output of commands: one JSON object, tables in columns, and the progress of a list of cases."""
 
 from __future__ import annotations
 
+import json
+import math
 import sys
-from collections.abc import Iterator, Sequence
-from typing import TextIO
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TextIO
 
 from rope_twin.run.progress import columns
 
 
-def print_table(rows: Sequence[Sequence[str]], words_last: bool = False) -> None:
-    """Columns as wide as their widest cell, the first to the left, the others to the right.
+def print_json(content: Mapping[str, Any]) -> None:
+    """Print the one object of `--json`; numbers that JSON does not have are null."""
+    print(json.dumps(_plain(content), ensure_ascii=False, allow_nan=False))
 
-    A last column of words goes to the left too.
+
+def _plain(value: Any) -> Any:
+    """Return a value in the types of JSON."""
+    match value:
+        case Mapping():
+            return {str(key): _plain(one) for key, one in value.items()}
+        case list() | tuple():
+            return [_plain(one) for one in value]
+        case float():
+            return value if math.isfinite(value) else None
+        case Path():
+            return str(value)
+        case _:
+            return value
+
+
+def print_table(rows: Sequence[Sequence[str]], words_last: bool = False) -> None:
+    """Print columns as wide as their widest cell, the first left-, the others right-aligned.
+
+    A last column of words is left-aligned too.
     """
     widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
     for line in _aligned(rows, widths, words_last):
@@ -35,7 +58,7 @@ class CaseProgress:
         self._stream = stream or sys.stderr
 
     def show(self, done: int, total: int, what: str) -> None:
-        """So many of so many cases are done; `what` is next."""
+        """Show that `done` of `total` cases are done and `what` is next."""
         bar = "#" * round(20 * done / total)
         line = f"[{bar:<20}] {done}/{total} {what}"
         if self._stream.isatty():

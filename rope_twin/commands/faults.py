@@ -1,16 +1,18 @@
 """`rope_twin faults SCENE`: every input with every fault, and how soon each is flagged.
 
-Exit code 0; 3 if a fault was not flagged in time, or a twin did not survive one.
+Exit code NEGATIVE if a fault was not flagged in time, or ended the simulation.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from rope_twin.commands.console import print_json
+from rope_twin.commands.exit_code import ExitCode
 from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.run.arguments import add_command, add_json, add_scene
 from rope_twin.run.progress import FigureProgress
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.faults.campaign import OFF_PCT, PATIENCE_S, Finding, plan, run_campaign
@@ -20,7 +22,7 @@ from rope_twin.twin.ensemble.ensemble import cores
 
 @dataclass(frozen=True)
 class _Line:
-    """How far the campaign is."""
+    """Progress of the campaign."""
 
     done: int
     of: int
@@ -30,28 +32,33 @@ class _Line:
         return f"{self.done} of {self.of} runs, {self.missed} not flagged in time"
 
 
+EXAMPLES = (
+    "faults deep_lift --input ship/heave",
+    "faults ahc_lift --single --json",
+)
+MORE = """Runs a scene once with sound inputs and once with each fault of each input, and compares
+the top tension."""
+
+
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Declare the subcommand."""
-    about = "inject faults into every input: what is flagged, how soon, and what error it makes"
-    parser = subparsers.add_parser(
-        "faults",
-        help=about,
-        description="Runs a scene once soundly and once with each fault of each input, and compares"
-        " the top tension. For example: rope_twin faults deep_lift --input ship/heave",
-    )
+    """Add `faults`."""
+    about = "inject faults into every input: what is flagged, how soon, and the error it causes"
+    parser = add_command(subparsers, "faults", about, EXAMPLES, MORE)
     add = parser.add_argument
-    add("scene", metavar="SCENE", help="name of a scene whose sea moves the ship, or path of one")
+    add_scene(parser)
     add("--input", action="append", default=[], metavar="TOPIC",
         help=f"one of {', '.join(INPUTS)}; may be repeated (default: all)")  # fmt: skip
-    add("--fault", action="append", default=[], metavar="NAME", help="only faults of this name")
+    add("--fault", action="append", default=[], metavar="NAME",
+        help="only faults of this name; may be repeated")  # fmt: skip
     add("--single", action="store_true", help="no pairs of faults")
-    add("--jobs", type=int, default=cores(), help="runs at a time (default: %(default)s)")
-    add("--json", action="store_true", help="last line of the output: one JSON object")
+    add("--jobs", type=int, default=cores(), metavar="N",
+        help="runs in parallel (default: %(default)s)")  # fmt: skip
+    add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the campaign and print what was found.
+    """Run the campaign and print the results.
 
     Raises:
         RopeTwinError: one sentence on what cannot be.
@@ -60,13 +67,14 @@ def run(args: argparse.Namespace) -> int:
     for name in args.input:
         if name not in INPUTS:
             where = f"--input {name}"
-            raise InputError(phrase(where, "no such input", did_you_mean(name, INPUTS)))
+            raise InputError(phrase(where, "there is no such input", did_you_mean(name, INPUTS)))
     runs = plan(scene, args.input or INPUTS, pairs=not args.single)
     if args.fault:
         known = sorted({fault.name for _, fault in runs})
         for name in args.fault:
             if name not in known:
-                raise InputError(phrase(f"--fault {name}", "no such", did_you_mean(name, known)))
+                what = "there is no such fault"
+                raise InputError(phrase(f"--fault {name}", what, did_you_mean(name, known)))
         runs = [(topic, fault) for topic, fault in runs if fault.name in args.fault]
     progress = FigureProgress()
     found: list[Finding] = []
@@ -78,14 +86,17 @@ def run(args: argparse.Namespace) -> int:
 
     findings = run_campaign(scene, runs, report, args.jobs)
     progress.finish()
-    print(_as_json(scene.name, findings) if args.json else _as_text(findings))
-    return 0 if all(one.met for one in findings) else 3
+    if args.json:
+        print_json(_figures(scene.name, findings))
+    else:
+        print(_as_text(findings))
+    return ExitCode.OK if all(one.met for one in findings) else ExitCode.NEGATIVE
 
 
-def _as_json(scene: str, findings: list[Finding]) -> str:
+def _figures(scene: str, findings: list[Finding]) -> dict[str, Any]:
     rows = [{**asdict(one), "met": one.met} for one in findings]
     missed = sum(not one.met for one in findings)
-    return json.dumps({"scene": scene, "runs": len(rows), "missed": missed, "findings": rows})
+    return {"scene": scene, "runs": len(rows), "missed": missed, "findings": rows}
 
 
 def _as_text(findings: list[Finding]) -> str:
@@ -96,17 +107,17 @@ def _as_text(findings: list[Finding]) -> str:
     lines = [head]
     for one in sorted(findings, key=lambda one: (one.met, bool(one.hidden))):
         flagged = "never" if one.flagged_after_s is None else f"{one.flagged_after_s:.2f} s"
-        verdict = "" if one.met else "  MISSED" if one.survived else "  DID NOT SURVIVE"
+        verdict = "" if one.met else "  MISSED" if one.survived else "  ABORTED"
         lines.append(
             f"{one.input:22} {one.fault:44} {flagged:>8} {one.level:6} {one.worst_error_pct:9.1f} "
             f"{one.worst_error_pct_while_ok:10.1f} {one.off_while_ok_s:6.2f} s"
-            + (f"  hidden: {one.hidden}" if one.hidden else "") + verdict
+            + (f"  undetectable: {one.hidden}" if one.hidden else "") + verdict
         )  # fmt: skip
     hidden = sum(bool(one.hidden) for one in findings)
     missed = sum(not one.met for one in findings)
     lines.append(
-        f"{len(findings)} runs: {missed} off by more than {OFF_PCT:g} % of the standard deviation "
-        f"for longer than {PATIENCE_S:g} s without a flag, or not survived; {hidden} hidden faults "
-        "listed with the error that they make"
+        f"{len(findings)} runs: {missed} with an error above {OFF_PCT:g} % of the standard "
+        f"deviation for longer than {PATIENCE_S:g} s without a flag, or aborted; {hidden} "
+        "undetectable faults listed with the error that they cause"
     )
     return "\n".join(lines)

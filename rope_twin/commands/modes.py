@@ -1,16 +1,16 @@
-"""`rope_twin modes SCENE`: natural frequencies and modes of the scene's rope at rest."""
+"""`rope_twin modes SCENE`: natural frequencies and mode shapes about static equilibrium."""
 
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict
 from math import inf
-from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.console import print_table
+from rope_twin.commands.console import print_json, print_table
+from rope_twin.commands.exit_code import ExitCode
+from rope_twin.run.arguments import add_command, add_json, add_out, add_scene
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.studies.modes.modes import WAVE_PERIODS_S, Mode, Modes, find_modes
@@ -19,61 +19,60 @@ from rope_twin.studies.modes.system_modes import SystemMode, SystemModes, find_s
 from rope_twin.studies.picture import check_picture
 
 COUNT = 10
-HEAD = ("mode", "Hz", "period s", "kind", "axial / in / out %", "most at m", "Strouhal Hz", "waves")
-SYSTEM_HEAD = ("mode", "Hz", "period s", "kind", "stretch %", "vertical %", "most at m", "of rope",
+HEAD = ("mode", "Hz", "period s", "kind", "axial / in / out %", "max at m", "Strouhal Hz", "waves")
+SYSTEM_HEAD = ("mode", "Hz", "period s", "kind", "stretch %", "vertical %", "max at m", "of rope",
                "Strouhal Hz", "waves")  # fmt: skip
+
+
+EXAMPLES = (
+    "modes deep_lift",
+    "modes bridle_lift --count 5 --out modes.png",
+)
+MORE = """Undamped modes about static equilibrium in the scene's current, with added mass and with
+both ends as in the scene: the lowest, then the first axial ones. A multi-line system is solved as
+a whole: the lowest modes, then the first that stretch its lines."""
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     """Add `modes`."""
-    parser = subparsers.add_parser(
-        "modes",
-        help="natural frequencies and modes of a scene's rope",
-        description="About the static shape in the scene's current, undamped, with added mass and "
-        "both ends as in the scene: the lowest modes, then the first axial ones. Ropes that meet "
-        "are taken together: the lowest modes, then the first that stretch them.",
-    )
-    parser.add_argument("scene", metavar="SCENE", help="a scene's name, or the path of a YAML file")
-    parser.add_argument(
-        "--count", type=int, default=COUNT, metavar="N", help="lowest modes (default: %(default)s)"
-    )
-    parser.add_argument("--json", action="store_true", help="one JSON object instead of a table")
-    parser.add_argument("--picture", type=Path, metavar="PNG", help="draw the modes, too")
+    about = "natural frequencies and mode shapes of a scene's lines"
+    parser = add_command(subparsers, "modes", about, EXAMPLES, MORE)
+    add_scene(parser)
+    parser.add_argument("--count", type=int, default=COUNT, metavar="N",
+                        help="number of lowest modes (default: %(default)s)")  # fmt: skip
+    add_out(parser, "FILE.png", "draw the mode shapes")
+    add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Find them and show them; raises RopeTwinError."""
-    if args.picture is not None:
-        check_picture(args.picture)
+    """Solve for the modes and print them. Raises RopeTwinError."""
+    if args.out is not None:
+        check_picture(args.out)
     scene = load_scene(args.scene)
     if is_joined(scene):
         system = find_system_modes(scene, args.count)
-        if args.picture is not None:
-            draw_system_modes(scene.name, system, args.picture)
+        if args.out is not None:
+            draw_system_modes(scene.name, system, args.out)
         if args.json:
             groups = (("lowest", system.lowest), ("stretching", system.stretching))
-            _print_json({"scene": scene.name, "rows": _rows(groups)})
+            print_json({"scene": scene.name, "rows": _rows(groups)})
         else:
             _show_system(system)
-        return 0
+        return ExitCode.OK
     found = find_modes(scene, args.count)
-    if args.picture is not None:
-        draw_modes(scene.name, found, args.picture)
+    if args.out is not None:
+        draw_modes(scene.name, found, args.out)
     if args.json:
         rows = _rows((("lowest", found.lowest), ("axial", found.axial)))
-        _print_json({"scene": scene.name, "strouhal_max_hz": found.strouhal_max_hz, "rows": rows})
+        print_json({"scene": scene.name, "strouhal_max_hz": found.strouhal_max_hz, "rows": rows})
     else:
         _show(found)
-    return 0
-
-
-def _print_json(result: dict[str, Any]) -> None:
-    print(json.dumps(result, ensure_ascii=False, allow_nan=False))
+    return ExitCode.OK
 
 
 def _rows(groups: Iterable[tuple[str, Sequence[Mode | SystemMode]]]) -> list[dict[str, Any]]:
-    """The modes without their shapes; what is infinite is null."""
+    """Return the modes without their shapes."""
     rows = []
     for group, modes in groups:
         for number, mode in enumerate(modes, 1):
@@ -89,8 +88,8 @@ def _show(found: Modes) -> None:
     print_table([HEAD, *(_row(name, mode) for name, mode in named)])
     _explain_waves()
     print(
-        f"Strouhal: vortices in the current where the mode moves most, 0.2·U/d; "
-        f"at most {found.strouhal_max_hz:.3g} Hz along the rope"
+        f"Strouhal: shedding frequency 0.2·U/D where the mode has its maximum; "
+        f"along the line at most {found.strouhal_max_hz:.3g} Hz"
     )
 
 
@@ -113,15 +112,13 @@ def _show_system(found: SystemModes) -> None:
     named += [(f"stretching {k}", mode) for k, mode in enumerate(found.stretching, 1)]
     print_table([SYSTEM_HEAD, *(_system_row(name, mode) for name, mode in named)])
     _explain_waves()
-    print(
-        "stretch: the share of a mode's strain energy that is in elements which stretch; the rest"
-    )
-    print("is tension that turns. Nothing holds a free mode: it has no period")
+    print("stretch: fraction of the strain energy in elements that stretch; the rest is in the")
+    print("rotation of tension. A free mode has no restoring force and no period")
 
 
 def _explain_waves() -> None:
     low, high = WAVE_PERIODS_S
-    print(f"\nwaves: the period over the nearest of {low:g} to {high:g} s; 1 lies among them")
+    print(f"\nwaves: period over the nearest wave period of {low:g} to {high:g} s; 1: it is one")
 
 
 def _system_row(name: str, mode: SystemMode) -> tuple[str, ...]:

@@ -1,42 +1,62 @@
-"""`rope_twin recover`: save what is left of a bag whose recording was cut off."""
+"""`rope_twin recover BAG`: recover the messages of a bag whose recording was cut off."""
 
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
+from typing import Any
 
-from rope_twin.errors import BagError
+from rope_twin.commands.console import print_json
+from rope_twin.commands.exit_code import ExitCode
 from rope_twin.recording.recover import Outcome, Recovery, recover
+from rope_twin.run.arguments import add_command, add_json, add_out
+
+CODES = {
+    Outcome.WHOLE: ExitCode.OK,
+    Outcome.LOSS: ExitCode.NEGATIVE,
+    Outcome.NOTHING: ExitCode.ERROR,
+}
+EXAMPLES = (
+    "recover lift",
+    "recover lift/lift_0.mcap --out lift_whole",
+)
 
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "recover",
-        help="save what is left of a bag that was cut off",
-        description="Reads a bag up to its break and writes a whole one beside it. "
-        "Exit code 0: nothing was lost, 3: something was, 1: there was nothing to save.",
-    )
+    """Add `recover`."""
+    about = "recover the messages of a bag whose recording was cut off"
+    more = "Reads a bag up to the damage and writes a valid one beside it."
+    parser = add_command(subparsers, "recover", about, EXAMPLES, more)
     parser.add_argument("bag", metavar="BAG", type=Path, help="bag directory or .mcap file")
-    parser.add_argument(
-        "--out", metavar="DIR", type=Path, help="the new bag (default: BAG_recovered)"
-    )
+    add_out(parser, "DIR", "bag directory to create (default: BAG_recovered)")
+    add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Recover, tell, and return the exit code."""
-    try:
-        result = recover(args.bag, args.out)
-    except BagError as error:
-        print(error, file=sys.stderr)
-        return int(Outcome.NOTHING)
-    _tell(args.bag, result)
-    return int(result.outcome)
+    """Recover the bag and report; return the exit code. Raises BagError."""
+    result = recover(args.bag, args.out)
+    if args.json:
+        print_json(_figures(args.bag, result))
+    else:
+        _report(args.bag, result)
+    return CODES[result.outcome]
 
 
-def _tell(bag: Path, result: Recovery) -> None:
+def _figures(bag: Path, result: Recovery) -> dict[str, Any]:
+    return {
+        "bag": bag,
+        "outcome": result.outcome.name.lower(),
+        "directory": result.directory,
+        "messages": result.counts,
+        "start_ns": result.start_ns,
+        "end_ns": result.end_ns,
+        "lost": result.lost,
+        "notes": result.remarks,
+    }
+
+
+def _report(bag: Path, result: Recovery) -> None:
     if result.directory is None:
         print(f"{bag}: nothing could be recovered")
     else:

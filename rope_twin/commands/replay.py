@@ -1,30 +1,36 @@
-"""`rope_twin replay BAG`: run what a bag recorded once more, and compare bit by bit."""
+"""`rope_twin replay BAG`: run a recorded bag again and compare bit by bit."""
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from rope_twin.commands.console import print_json
+from rope_twin.commands.exit_code import ExitCode
+from rope_twin.run.arguments import add_command, add_json
 
 if TYPE_CHECKING:
     from rope_twin.recording.exact_replay import Verification
     from rope_twin.recording.session import Session
 
 
+EXAMPLES = (
+    "replay lift",
+    "replay lift --verify --json",
+)
+MORE = """With --verify the scene is run again with all recorded inputs, and every message that the
+simulation published is compared bit by bit."""
+
+
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the subcommand."""
-    parser = subparsers.add_parser(
-        "replay",
-        help="run a recorded bag again and compare every published number",
-        description="Prints the sessions that a bag holds. With --verify, runs its scene again "
-        "with all recorded inputs and compares every message that the simulation published, bit "
-        "by bit. Exit code 0: equal, 3: different, 1: it cannot be replayed.",
-    )
+    """Add `replay`."""
+    about = "list the sessions of a bag, or run it again and compare every published number"
+    parser = add_command(subparsers, "replay", about, EXAMPLES, MORE)
     parser.add_argument("bag", metavar="BAG", type=Path, help="bag directory or .mcap file")
     parser.add_argument("--verify", action="store_true", help="run it again and compare")
-    parser.add_argument("--json", action="store_true", help="one JSON object")
+    add_json(parser)
     parser.set_defaults(run=run)
 
 
@@ -32,19 +38,24 @@ def run(args: argparse.Namespace) -> int:
     """Print the sessions, or verify, and return the exit code. Raises RopeTwinError."""
     if not args.verify:
         return _describe(args)
-    from rope_twin.recording.exact_replay import verify
+    from rope_twin.recording.exact_replay import Outcome, verify
     from rope_twin.run.inputs import expect_own_sea
 
     found = verify(args.bag, expect_own_sea)
     if args.json:
-        print(json.dumps(_figures(args.bag, found)))
+        print_json(_figures(args.bag, found))
     else:
         print("\n".join(_sentences(args.bag, found)))
-    return int(found.outcome)
+    codes = {
+        Outcome.EQUAL: ExitCode.OK,
+        Outcome.DIFFERENT: ExitCode.NEGATIVE,
+        Outcome.IMPOSSIBLE: ExitCode.ERROR,
+    }
+    return codes[found.outcome]
 
 
 def _describe(args: argparse.Namespace) -> int:
-    """Print what was run, by which program and machine, and which inputs the bag holds."""
+    """Print scene, program, machine and inputs of each session in the bag."""
     from rope_twin.recording.recorded_run import read_content
 
     content = read_content(args.bag)
@@ -53,8 +64,8 @@ def _describe(args: argparse.Namespace) -> int:
             _session_figures(one.session) | {"slots_with_inputs": len(one.entries)}
             for one in content.sessions
         ]
-        print(json.dumps({"bag": str(args.bag), "sessions": sessions, "notes": content.notes}))
-        return 0
+        print_json({"bag": args.bag, "sessions": sessions, "notes": content.notes})
+        return ExitCode.OK
     print(f"{args.bag}: {len(content.sessions)} sessions; --verify runs them again")
     for one in content.sessions:
         for name, words in _session_rows(one.session):
@@ -62,18 +73,18 @@ def _describe(args: argparse.Namespace) -> int:
         print(f"  {'inputs':12} in {len(one.entries)} slots")
     for note in content.notes:
         print(f"  note: {note}")
-    return 0
+    return ExitCode.OK
 
 
 def _session_rows(session: Session) -> list[tuple[str, str]]:
     content = session.content
     setup = dataclasses.asdict(session.setup)
     given = ", ".join(f"{name} {value}" for name, value in setup.items() if value)
-    start = "a saved state" if content.get("state") else "rest"
+    start = "a saved state" if content.get("state") else "static equilibrium"
     return [
         ("session", f"{session.number} of run {session.run}"),
         ("scene", f"{content['scene']['name']} ({', '.join(content['scene']['files'])})"),
-        ("from", f"{session.time_ns * 1e-9:.9g} s twin time, from {start}"),
+        ("from", f"{session.time_ns * 1e-9:.9g} s simulated time, from {start}"),
         ("parameters", given or "as the scene says"),
         ("seeds", ", ".join(f"{k} {v}" for k, v in content["seeds"].items()) or "none"),
         ("program", ", ".join(f"{k} {v}" for k, v in content["program"].items() if v)),
@@ -82,22 +93,22 @@ def _session_rows(session: Session) -> list[tuple[str, str]]:
 
 
 def _session_figures(session: Session) -> dict[str, Any]:
-    """All of the description but the long parts."""
+    """Return the description of a session without its long parts."""
     left = {name: value for name, value in session.content.items() if name != "state"}
     left["scene"] = {**left["scene"], "files": list(left["scene"]["files"])}
     return left | {"from_state": session.content.get("state") is not None}
 
 
 def _sentences(bag: Path, found: Verification) -> list[str]:
-    """The verdict first, then what it rests on."""
+    """Return the verdict, then its basis."""
     from rope_twin.recording.exact_replay import LEFT_OUT
 
     if found.difference is not None:
         verdict = f"different: {found.difference}"
     elif found.fault:
-        verdict = f"not verified as a whole: {found.fault}"
+        verdict = f"not fully verified: {found.fault}"
     else:
-        verdict = "equal to the last bit"
+        verdict = "bit-identical"
     rows = [
         f"{bag}: {verdict}",
         f"  compared: {found.total} messages of {len(found.compared)} topics in "

@@ -1,7 +1,7 @@
-"""`rope_twin scene list | keys | show | check | measure`: what scenes there are, what one needs.
+"""`rope_twin scene ACTION`: list, show, check and measure scenes; their keys and JSON Schema.
 
-Exit code 0, or 1 with one sentence on standard error; warnings alone leave it 0. A scene that
-breaks one of its limits in its static equilibrium is unsound: `check` returns 1.
+Warnings alone leave the exit code at 0. `check` returns LIMIT for a scene that exceeds one of its
+limits in static equilibrium.
 """
 
 from __future__ import annotations
@@ -12,16 +12,19 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import Any
 
-from rope_twin.commands.console import CaseProgress
+from rope_twin.commands.console import CaseProgress, print_json
+from rope_twin.commands.exit_code import ExitCode
 from rope_twin.errors import SceneError, did_you_mean, phrase
 from rope_twin.messages.rope_status import breach_words
+from rope_twin.run.arguments import add_command, add_duration, add_json, add_scene
 from rope_twin.scene.card import known_error, told_bound
 from rope_twin.scene.checks.rope import accepted_warnings, sense_checks
 from rope_twin.scene.figures import LiftFigures, lift_figures, listed_effects, stretch_m
 from rope_twin.scene.hung_together import hung_together
+from rope_twin.scene.json_schema import scene_schema
 from rope_twin.scene.keys import scene_keys
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.rules.rigging import is_joined
@@ -37,77 +40,109 @@ NARROWEST = 40  # what a line of keys needs
 WIDEST = 100  # columns of the list, on a terminal that has more
 
 
+EXAMPLES = (
+    "scene list",
+    "scene list --json",
+    "scene show deep_lift",
+    "scene check my_lift.yaml",
+    "scene keys winch.drum",
+)
+MORE = """A scene is a YAML file with lines, payload, winch, vessel motion, environment and effects
+of one lift (OrcaFlex: model). Wherever a command takes a SCENE, a name and a path both work."""
+
+
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     """Add `scene` with its actions."""
-    parser = subparsers.add_parser(
-        "scene", help="list, show, check or measure scenes, and their keys"
-    )
-    actions = parser.add_subparsers(
-        dest="action", required=True, metavar="list | keys | show | check | measure"
-    )
-    actions.add_parser("list", help="the scenes that come with the package")
-    keys = actions.add_parser("keys", help="what a scene's file can say, with units and ranges")
-    about = "only keys with this in their path, as winch.drum (default: all)"
-    keys.add_argument("part", metavar="PART", nargs="?", default="", help=about)
-    show = actions.add_parser("show", help="what a scene holds and what follows from it")
-    show.add_argument("scene", metavar="NAME", help="a scene's name, or the path of a YAML file")
-    check = actions.add_parser("check", help="read a scene strictly and tell what looks odd")
-    check.add_argument("scene", metavar="FILE", help="the path of a YAML file, or a scene's name")
-    measure = actions.add_parser(
-        "measure",
-        help="what each effect costs, and what it changes in the top tension",
-        description="Runs the scene as it is, without each effect that it lists and with each that "
-        "it does not list; the first time each set of effects is compiled, some ten seconds.",
-    )
-    measure.add_argument("scene", metavar="NAME", help="a scene's name, or the path of a YAML file")
-    measure.add_argument("--for", dest="for_s", type=float, default=60.0, metavar="SECONDS",
-                         help="twin time of each run (default: 60)")  # fmt: skip
-    measure.add_argument("--json", action="store_true", help="one JSON object instead of a table")
+    about = "list, show, check and measure scenes; look up keys; print the JSON Schema"
+    parser = add_command(subparsers, "scene", about, EXAMPLES, MORE)
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    shipped = add_command(actions, "list", "list the shipped scenes", EXAMPLES[:2])
+    add_json(shipped)
+    keys = add_command(actions, "keys", "list the keys of a scene file with units and ranges",
+                       ("scene keys", "scene keys winch.drum"))  # fmt: skip
+    words = "only keys with this in their path, such as winch.drum (default: all)"
+    keys.add_argument("part", metavar="PART", nargs="?", default="", help=words)
+    add_json(keys)
+    show = add_command(actions, "show", "show the contents of a scene and derived values",
+                       ("scene show deep_lift", "scene show my_lift.yaml"))  # fmt: skip
+    add_scene(show)
+    add_json(show)
+    check = add_command(
+        actions, "check", "check a scene file for errors and implausible values",
+        ("scene check my_lift.yaml", "scene check deep_lift --json"),
+        "Reports file, line, key, problem and remedy of every error, and warns about valid but "
+        "implausible values. Exit code 1: invalid; 4: a limit is exceeded in static equilibrium.",
+    )  # fmt: skip
+    add_scene(check)
+    add_json(check)
+    measure = add_command(
+        actions, "measure", "measure the CPU cost of each effect and its influence on top tension",
+        ("scene measure deep_lift", "scene measure deep_lift --duration 2min --json"),
+        "Runs the scene as it is, without each effect that it lists and with each that it does not "
+        "list; the first time each set of effects is compiled, about 10 s each.",
+    )  # fmt: skip
+    add_scene(measure)
+    add_duration(measure, "simulated time of each run", 60.0)
+    add_json(measure)
+    schema = add_command(
+        actions, "schema", "print the JSON Schema of a scene file",
+        ("scene schema > scene.schema.json", "scene schema --json"),
+        "JSON Schema 2020-12 with units, ranges and meanings, for completion and checks in an "
+        "editor. It is always one JSON object; --json puts it on one line.",
+    )  # fmt: skip
+    add_json(schema)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Do what the action says; 0, or 1 if a scene is wrong."""
+    """Run the action and return the exit code."""
     try:
         if args.action == "list":
-            return _list()
+            return _list(args.json)
         if args.action == "keys":
-            return _keys(args.part)
+            return _keys(args.part, args.json)
+        if args.action == "schema":
+            return _schema(args.json)
         if args.action == "check":
-            return _check(args.scene)
+            return _check(args.scene, args.json)
         scene = load_scene(args.scene)
         if args.action == "measure":
-            return _measure(scene, args.for_s, args.json)
-        return _show(scene)
+            return _measure(scene, args.duration, args.json)
+        return _show(scene, args.json)
     except SceneError as error:
         print(error, file=sys.stderr)
-        return 1
+        return ExitCode.ERROR
 
 
 def _measure(scene: Scene, seconds: float, as_json: bool) -> int:
-    """Raises RopeTwinError."""
-    whole_steps("--for", seconds, scene.time.step_s)
+    """Measure the effects. Raises RopeTwinError."""
+    whole_steps("--duration", seconds, scene.time.step_s)
     study = measure_effects(scene, seconds, CaseProgress().show)
     if as_json:
-        print(json.dumps(asdict(study), ensure_ascii=False, allow_nan=False))
+        print_json(asdict(study))
     else:
         print("\n".join(effect_table(study)))
-    return 0
+    return ExitCode.OK
 
 
-def _list() -> int:
+def _list(as_json: bool) -> int:
     names = scene_names()
+    if as_json:
+        scenes = [load_scene(name) for name in names]
+        rows = [{"name": one.name, "about": one.about, "path": one.path} for one in scenes]
+        print_json({"scenes": rows})
+        return ExitCode.OK
     width = max((len(name) for name in names), default=0)
     columns = _columns()
     for name in names:
         words = f"{name:{width}}  {load_scene(name).about}"
         indent = " " * (width + 2)
         print(textwrap.fill(words, max(columns, width + 20), subsequent_indent=indent))
-    return 0
+    return ExitCode.OK
 
 
-def _keys(part: str) -> int:
-    """Raises SceneError: no key has this in its path."""
+def _keys(part: str, as_json: bool) -> int:
+    """List the keys. Raises SceneError: no key has this in its path."""
     every = scene_keys()
     shown = [key for key in every if part in key.path]
     if not shown:
@@ -115,46 +150,72 @@ def _keys(part: str) -> int:
         raise SceneError(
             phrase(f"'{part}'", "no key of a scene has this", did_you_mean(part, names))
         )
+    if as_json:
+        print_json({"keys": [asdict(key) for key in shown]})
+        return ExitCode.OK
     for key in shown:
         left_out = {None: "needed", "absent": ""}.get(key.default, f"{key.default} if left out")
         words = ", ".join(filter(None, (key.wants, key.range, left_out)))
         line = f"{key.path}: {key.meaning} ({words})"
         print(textwrap.fill(line, _columns(), subsequent_indent="    ", break_on_hyphens=False))
-    return 0
+    return ExitCode.OK
+
+
+def _schema(as_json: bool) -> int:
+    schema = scene_schema()
+    if as_json:
+        print_json(schema)
+    else:
+        print(json.dumps(schema, indent=2, ensure_ascii=False))
+    return ExitCode.OK
 
 
 def _columns() -> int:
     return min(max(shutil.get_terminal_size((WIDEST, 24)).columns, NARROWEST), WIDEST)
 
 
-def _check(name_or_path: str) -> int:
-    """Raises SceneError: it has one error, or there is no static equilibrium."""
+def _check(name_or_path: str, as_json: bool) -> int:
+    """Check a scene. Raises SceneError: it has one error, or there is no static equilibrium."""
     try:
         scene = load_scene(name_or_path)
     except SceneError as error:
         sentences = error.every
+        if as_json:
+            print_json({"scene": name_or_path, "valid": False, "errors": sentences})
+            return ExitCode.ERROR
         if len(sentences) == 1:
             raise
         print("\n".join((*sentences, f"{len(sentences)} errors")), file=sys.stderr)
-        return 1
+        return ExitCode.ERROR
     accepted, idle = accepted_warnings(scene)
     warnings = sense_checks(scene) + idle
+    broken = Twin(scene).snapshot().breaches
+    if as_json:
+        found = {"scene": scene.name, "path": scene.path, "valid": True, "errors": []}
+        found |= {"warnings": warnings, "accepted": accepted}
+        print_json(found | {"limits_exceeded": [breach_words(one) for one in broken]})
+        return ExitCode.LIMIT if broken else ExitCode.OK
     for warning in warnings:
         print(f"warning: {warning}")
     for words in accepted:
         print(f"accepted: {words}")
-    if broken := Twin(scene).snapshot().breaches:
-        for one in broken:
-            print(f"error: at rest, {breach_words(one)}")
-        print(f"{scene.path}: scene '{scene.name}' is unsound: it breaks its limits at rest")
-        return 1
-    counted = {0: "no warning", 1: "1 warning"}.get(len(warnings), f"{len(warnings)} warnings")
-    more = f", {len(accepted)} accepted" if accepted else ""
-    print(f"{scene.path}: scene '{scene.name}' is sound, {counted}{more}")
-    return 0
+    for one in broken:
+        print(f"critical: in static equilibrium, {breach_words(one)}")
+    counts = [_counted(len(warnings), "warning")]
+    counts += [_counted(len(broken), "critical warning")] if broken else []
+    counts += [f"{len(accepted)} accepted"] if accepted else []
+    print(f"{scene.path}: valid, {', '.join(counts)}")
+    return ExitCode.LIMIT if broken else ExitCode.OK
 
 
-def _show(scene: Scene) -> int:
+def _counted(count: int, noun: str) -> str:
+    return f"{count or 'no'} {noun}{'' if count == 1 else 's'}"
+
+
+def _show(scene: Scene, as_json: bool) -> int:
+    if as_json:
+        print_json(_figures(scene))
+        return ExitCode.OK
     print(f"{scene.name}: {scene.about}")
     for name, words in (("look at", scene.look_at), ("source", scene.source)):
         if words:
@@ -165,11 +226,39 @@ def _show(scene: Scene) -> int:
         print(f"{name:20} {value}")
     for warning in sense_checks(scene):
         print(f"warning: {warning}")
-    return 0
+    return ExitCode.OK
+
+
+def _figures(scene: Scene) -> dict[str, Any]:
+    """Return the parts of a scene in words, and what follows from them in numbers."""
+    figures, parts = lift_figures(scene), dict[str, Any]()
+    name = ""
+    for key, words in _parts(scene, figures):
+        name = key or name
+        parts.setdefault(name, []).append(words)
+    left_out = ("line", "payload", "bars", "hung")
+    numbers = {
+        field.name: getattr(figures, field.name)
+        for field in fields(figures)
+        if field.name not in left_out
+    }
+    carries = figures.payload is not None and not is_joined(scene)
+    top_n = figures.top_tension_n(scene.ropes[0].length_m) if carries else None
+    stretch = stretch_m(figures) if carries and not figures.rises else None
+    return {
+        "scene": scene.name,
+        "about": scene.about,
+        "path": scene.path,
+        "parts": parts,
+        **numbers,
+        "static_top_tension_n": top_n,
+        "static_stretch_m": stretch,
+        "warnings": sense_checks(scene),
+    }
 
 
 def _parts(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
-    """What the scene says, a line per part."""
+    """Return the parts of the scene in words, one row each."""
     line = scene.ropes[0]
     rows = [
         ("file", str(scene.path)),
@@ -183,16 +272,16 @@ def _parts(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
     ]
     effects = [f"{name} {_words(params)}".strip() for name, params in listed_effects(scene).items()]
     rows += [("effects" if row == 0 else "", words) for row, words in enumerate(effects)]
-    return [*rows, ("step", f"{scene.time.step_s:g} s"), ("accuracy", _accuracy(scene))]
+    return [*rows, ("time step", f"{scene.time.step_s:g} s"), ("accuracy", _accuracy(scene))]
 
 
 def _accuracy(scene: Scene) -> str:
-    """What the scene's card says of its own elements and step."""
+    """Return the error of the scene's own mesh and time step by its convergence study."""
     known = known_error(scene)
     if known.words.startswith("unknown"):
         return known.words
     rms, peak = told_bound(known.rms_pct), told_bound(known.peak_pct)
-    return f"top tension {rms} % rms, {peak} % at its highest, {known.words}"
+    return f"top tension {rms} % rms, {peak} % at its maximum, {known.words}"
 
 
 def _end(line: RopeLine) -> str:
@@ -200,7 +289,7 @@ def _end(line: RopeLine) -> str:
 
 
 def _rigging(scene: Scene) -> Iterator[tuple[str, str]]:
-    """Further ropes, and what they meet at."""
+    """Yield further lines and what they are connected to."""
     for line in scene.ropes[1:]:
         length = f"{line.length_m:g} m in {line.elements} elements"
         yield "rope", f"'{line.name}', {_made_of(line)}, {length}, from '{line.from_}' {_end(line)}"
@@ -208,25 +297,25 @@ def _rigging(scene: Scene) -> Iterator[tuple[str, str]]:
         yield "joint", f"'{joint.name}', {joint.mass_kg:g} kg"
     for sheave in scene.sheaves:
         stretches = [line.name for line in scene.ropes if line.to == sheave.name]
-        yield "sheave", f"'{sheave.name}', over which runs the rope of {' and '.join(stretches)}"
+        yield "sheave", f"'{sheave.name}', between the lines {' and '.join(stretches)}"
     for strut in scene.struts:
         one, other = strut.between
         words = f"{strut.length_m:g} m, {strut.mass_kg:g} kg"
-        yield "bar", f"'{strut.name}', {words}, between '{one}' and '{other}'"
+        yield "strut", f"'{strut.name}', {words}, between '{one}' and '{other}'"
     for place in scene.hang_offs:
         yield "hang-off", f"'{place.name}' at {place.at_m} m, winch {_winch(place.winch)}"
 
 
 def _made_of(line: RopeLine) -> str:
-    """The rope, or how many ropes it is joined from."""
+    """Return the rope of a line in words, or the number of its sections."""
     rope = line.rope
     if rope is None:
-        return f"{len(line.sections)} sections from the lower end up"
+        return f"{len(line.sections)} sections from End B (lower end) up"
     return rope.about or f"{1e3 * rope.diameter_m:g} mm"
 
 
 def _sections(line: RopeLine, figures: LiftFigures) -> Iterator[str]:
-    """The figures of each section."""
+    """Yield the properties of each section."""
     for section, bar in zip(line.made_of, figures.bars, strict=True):
         rope, words = bar.rope, ""
         if line.rope is None:
@@ -237,7 +326,7 @@ def _sections(line: RopeLine, figures: LiftFigures) -> Iterator[str]:
         bend = f", minimum bend radius {least:g} m" if least else ""
         yield (
             f"{words}{rope.mass_kg_per_m:.3f} kg/m, EA {bar.stiffness_n / 1e6:.2f} MN{table}, "
-            f"breaking load {rope.breaking_load_n / 1e3:.0f} kN{bend}"
+            f"MBL {rope.breaking_load_n / 1e3:.0f} kN{bend}"
         )
 
 
@@ -245,22 +334,22 @@ def _sea(sea: SeaState) -> str:
     if sea.heave is not None:
         return f"regular heave, ±{sea.heave.amplitude_m:g} m every {sea.heave.period_s:g} s"
     if sea.on_waves is not None:
-        return "the ship rides on the scene's waves"
+        return "vessel driven by RAOs in the waves of the scene"
     if sea.path:
-        return f"the hang-off follows {sea.path}"
+        return f"prescribed motion of the hang-off, {sea.path}"
     if sea.poses is not None:
-        return f"the ship's poses of bag {sea.poses.bag}"
+        return f"recorded poses of the vessel, bag {sea.poses.bag}"
     return f"bag {sea.bag}" if sea.bag else "still"
 
 
 def _words(params: Any) -> str:
-    """What is given of an effect's parameters, in a few words."""
+    """Return the given parameters of an effect in words."""
     given = [(key, value) for key, value in asdict(params).items() if value not in (None, ())]
     return ", ".join(f"{key} {_word(value)}" for key, value in given)
 
 
 def _word(value: Any) -> str:
-    """A value in short."""
+    """Return a value in words."""
     match value:
         case dict():
             inner = [f"{name} {_word(part)}" for name, part in value.items() if part is not None]
@@ -277,18 +366,18 @@ def _word(value: Any) -> str:
 
 def _winch(winch: Winch | None) -> str:
     if winch is None:
-        return "none, the line out never changes"
+        return "none, constant paid-out length"
     words = f"{winch.least_line_out_m:g} to {winch.most_line_out_m:g} m, up to "
     words += f"{winch.speed_limit_m_per_s:g} m/s, {winch.acceleration_limit_m_per_s2:g} m/s²"
     if not winch.schedule:
         return f"{words}; no schedule"
     steps = ", ".join(f"{_told(row)} from {row.at_s:g} s" for row in winch.schedule)
     repeat = winch.schedule_repeats_every_s
-    return f"{words}; {steps}" + (f", again every {repeat:g} s" if repeat else "")
+    return f"{words}; {steps}" + (f", repeated every {repeat:g} s" if repeat else "")
 
 
 def _told(row: ScheduleRow) -> str:
-    """What a row of the schedule tells the winch."""
+    """Return the command of a row of the schedule in words."""
     match motion_of(row):
         case None:
             return str(row.switch).replace("_", " ")
@@ -299,8 +388,8 @@ def _told(row: ScheduleRow) -> str:
 
 
 def _together(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
-    """What hangs where ropes meet."""
-    rows = [("all loads in water", f"{figures.payload_weight_n / 1e3:.1f} kN")]
+    """Return the suspended loads of a multi-line system."""
+    rows = [("loads in water", f"{figures.payload_weight_n / 1e3:.1f} kN")]
     held = hung_together(scene)
     if held is None:
         return rows
@@ -308,37 +397,37 @@ def _together(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
     if len(held.lines) == 1:
         return [*rows, ("static top tension", f"{held.weight_n / 1e3:.1f} kN, {factor}")]
     words = (
-        f"{held.weight_n / 1e3:.1f} kN, {factor} if they shared it evenly; `rope_twin run` tells"
+        f"{held.weight_n / 1e3:.1f} kN, {factor} if shared evenly; `rope_twin run` reports "
+        "the tension of each"
     )
-    words += " the tension of each"
-    return [*rows, (f"{len(held.lines)} ropes carry", words)]
+    return [*rows, (f"{len(held.lines)} lines carry", words)]
 
 
 def _derived(scene: Scene, figures: LiftFigures) -> list[tuple[str, str]]:
-    """What follows, a line per figure."""
+    """Return the derived values, one row each."""
     line, density = scene.ropes[0], scene.environment.water_density_kg_per_m3
     rows = [("rope in water", f"{figures.rope_weight_n_per_m:.2f} N/m")]
     axial = f"{figures.first_axial_period_s:.2f} s"
     if is_joined(scene):
         rows += _together(scene, figures)
-        axial += f" of '{line.name}' with all that hangs; those of all: `rope_twin modes`"
+        axial += f" of '{line.name}' with all suspended loads; system modes: `rope_twin modes`"
     elif figures.rises:
         lift = -figures.top_tension_n(line.length_m)
-        rows.append(("net lift", f"{lift / 1e3:.1f} kN, all under water: it floats"))
+        rows.append(("net lift", f"{lift / 1e3:.1f} kN fully submerged: it floats"))
     elif figures.payload is not None:
         top = figures.top_tension_n(line.length_m)
         rope, most = figures.weakest(line.length_m)
         factor = f", safety factor {rope.breaking_load_n / most:.2f}" if most > 0.0 else ""
         dry = figures.hung.dry_share(line.length_m)
-        air = f", {100.0 * dry:.0f} % of the payload above the water" if dry > 0.0 else ""
+        air = f", {100.0 * dry:.0f} % of the payload above water" if dry > 0.0 else ""
         added, drag = figures.payload.added_mass_kg, figures.payload.drag_area_m2
         rows += [
             ("payload in water", f"{figures.payload_weight_n / 1e3:.1f} kN"),
             ("payload added mass", " / ".join(f"{mass:.0f}" for mass in added) + " kg (x / y / z)"),
             ("payload drag area", " / ".join(f"{area:.2f}" for area in drag) + " m² (x / y / z)"),
-            ("payload sinks at", f"{figures.sinking_speed_m_per_s(density):.2f} m/s, rope slack"),
+            ("terminal velocity", f"{figures.sinking_speed_m_per_s(density):.2f} m/s (slack line)"),
             ("static top tension", f"{top / 1e3:.1f} kN{factor}{air}"),
-            ("static stretch", f"{stretch_m(figures):.2f} m"),
+            ("static elongation", f"{stretch_m(figures):.2f} m"),
         ]
     return [
         *rows,

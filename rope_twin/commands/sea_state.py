@@ -1,20 +1,26 @@
-"""`rope_twin sea-state`: make a bag of heave from a wave spectrum, or tell what is in one."""
+"""`rope_twin sea-state`: create a bag of heave from a wave spectrum, or describe one."""
 
 from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rope_twin.commands.console import print_json
+from rope_twin.commands.exit_code import ExitCode
 from rope_twin.errors import InputError, phrase
+from rope_twin.quantity import read_quantity
 from rope_twin.recording.bag_reader import BagReader, find_bag
 from rope_twin.recording.heave_record import HeaveRecord, read_heave
 from rope_twin.recording.heave_replay import HeaveReplay
 from rope_twin.recording.pose_record import PoseRecord, read_poses
 from rope_twin.recording.sea_bag import write_sea_bag
+from rope_twin.run.arguments import add_command, add_duration, add_json, add_out, measure
 from rope_twin.scene.sea_state import RecordedPoses
 from rope_twin.sea.heave_response import BoxHull
 from rope_twin.sea.spectrum import (
@@ -27,67 +33,90 @@ from rope_twin.sea.spectrum import (
 from rope_twin.sea.steepness import breaking_fault, steepness_warning
 from rope_twin.twin.motion.irregular_sea import synthesise
 
+_UNITS = (
+    ("_m_per_s", " m/s", ".2f"),
+    ("_deg", "°", ".2f"),
+    ("_hz", " Hz", "g"),
+    ("_s", " s", ".1f"),
+    ("_m", " m", ".2f"),
+)
+_SYMBOLS = {"hs": "Hs", "tp": "Tp", "std": "standard deviation"}
+EXAMPLES = (
+    "sea-state make --jonswap 2.5m 9s --seed 1 --out sea_2p5m",
+    "sea-state make --jonswap 4 11 2 --seed 7 --duration 20min --rate 10Hz --out sea_4m",
+    "sea-state info sea_2p5m",
+)
+
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    """Add the subcommand with its two verbs."""
-    parser = subparsers.add_parser("sea-state", help="make a recorded sea state, or look into one")
-    verbs = parser.add_subparsers(dest="verb", required=True, metavar="make | info")
-    _add_make(verbs)
-    info = verbs.add_parser("info", help="heights, periods, rates and origin of a bag's heave")
-    info.add_argument("bag", metavar="BAG", help="name in bags/, or path of a bag")
+    """Add the command with its two actions."""
+    about = "create a recorded sea state from a wave spectrum, or describe one"
+    parser = add_command(subparsers, "sea-state", about, EXAMPLES)
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    _add_make(actions)
+    info = add_command(
+        actions,
+        "info",
+        "describe a bag: heights, periods, rates and origin",
+        ("sea-state info sea_2p5m", "sea-state info lift --motion poses"),
+    )
+    info.add_argument("bag", metavar="BAG", help="a name in bags/ or a path")
     info.add_argument(
         "--topic", metavar="NAME", help="the Odometry topic (default: ship/heave, or the only one)"
     )
-    info.add_argument("--poses", action="store_true", help="tell of the ship's poses, not of heave")
+    info.add_argument("--motion", choices=("heave", "poses"), default="heave",
+                      help="what to describe (default: heave)")  # fmt: skip
+    add_json(info)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Make a bag or tell of one; returns the exit code, raises RopeTwinError."""
-    return _make(args) if args.verb == "make" else _tell_of(args)
+    """Make a bag or describe one; return the exit code. Raises RopeTwinError."""
+    return _make(args) if args.action == "make" else _info(args)
 
 
-def _add_make(verbs: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+def _add_make(actions: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     hull = BoxHull()
-    make = verbs.add_parser(
-        "make",
-        help="a bag of ship/heave and sea/elevation from a spectrum",
-        description="Random phases from the seed, heave by the closed-form response of a box-like "
-        "hull (Jensen, Mansour, Olsen 2004). Equal arguments give equal bytes.",
-    )
+    make = add_command(
+        actions, "make", "create a bag of ship/heave and sea/elevation from a wave spectrum",
+        EXAMPLES[:2],
+        "Random phases from the seed, heave by the closed-form response of a box-shaped hull "
+        "(Jensen, Mansour, Olsen 2004). Equal arguments give equal bytes.",
+    )  # fmt: skip
     sea = make.add_mutually_exclusive_group(required=True)
-    sea.add_argument("--spectrum", metavar="CSV", help="name in config/sea_states/, or a file")
+    sea.add_argument("--spectrum", metavar="CSV", help="a name in config/sea_states/ or a file")
     sea.add_argument(
-        "--jonswap", type=float, nargs="+", metavar="X",
-        help="Hs [m], Tp [s] and, if wanted, gamma (1: Pierson-Moskowitz)",
+        "--jonswap", nargs="+", metavar=("HS", "TP"),
+        help="significant wave height, peak period and, if wanted, peak enhancement factor gamma "
+        "(1: Pierson-Moskowitz)",
     )  # fmt: skip
     make.add_argument(
         "--column", metavar="HOUR", help="hour of the measured spectrum, such as 1996-10-16T00Z"
     )
     make.add_argument(
-        "--seed", metavar="N", type=int, required=True, help="names the random phases"
+        "--seed", metavar="N", type=int, required=True, help="random seed for wave phases"
     )
-    make.add_argument(
-        "--out", metavar="DIR", type=Path, required=True, help="directory of the new bag"
-    )
-    for option, default, unit, what in (
-        ("--duration", 1200.0, "S", "length, also of the loop [s]"),
-        ("--rate", 20.0, "HZ", "of the heave [Hz]"),
-        ("--elevation-rate", 4.0, "HZ", "of the wave elevation [Hz]"),
+    add_out(make, "DIR", "bag directory to create", required=True)
+    add_duration(make, "length, after which it repeats", 1200.0)
+    for option, default, what in (
+        ("--rate", 20.0, "sampling rate of the heave"),
+        ("--elevation-rate", 4.0, "sampling rate of the wave elevation"),
     ):
-        words = f"{what} (default: %(default)g)"
-        make.add_argument(option, type=float, default=default, metavar=unit, help=words)
+        words = f"{what} (default: {default:g}Hz)"
+        make.add_argument(option, type=measure("Hz"), default=default, metavar="FREQ", help=words)
     make.add_argument(
-        "--hull", type=float, nargs=4, metavar=("L", "B", "T", "CB"),
+        "--hull", nargs=4, metavar=("LENGTH", "BREADTH", "DRAUGHT", "CB"),
         default=(hull.length_m, hull.breadth_m, hull.draught_m, hull.block_coefficient),
-        help="length, breadth, draught [m] and block coefficient (default: 120 23 7 0.7)",
+        help="dimensions and block coefficient of the hull (default: 120m 23m 7m 0.7)",
     )  # fmt: skip
+    add_json(make)
 
 
 def _make(args: argparse.Namespace) -> int:
     spectrum = _choose_spectrum(args)
     _check_steepness(args, spectrum)
-    length, breadth, draught, block = args.hull
+    *sizes, block = _numbers("--hull", args.hull, ("m", "m", "m", ""))
+    length, breadth, draught = sizes
     hull = BoxHull(length_m=length, breadth_m=breadth, draught_m=draught, block_coefficient=block)
     if args.elevation_rate <= 2.0 * spectrum.frequency_hz[-1]:
         right = f"right is above {2.0 * spectrum.frequency_hz[-1]:g} Hz, twice the spectrum's end"
@@ -102,8 +131,8 @@ def _make(args: argparse.Namespace) -> int:
         "loops": f"periodic, {args.duration:g} s",
     }
     write_sea_bag(args.out, sea, args.elevation_rate, notes)
-    _tell(args.out, read_heave(args.out))
-    return 0
+    _report(args.out, _heave_figures(read_heave(args.out)), args.json)
+    return ExitCode.OK
 
 
 def _choose_spectrum(args: argparse.Namespace) -> WaveSpectrum:
@@ -111,17 +140,34 @@ def _choose_spectrum(args: argparse.Namespace) -> WaveSpectrum:
         if args.column is not None or len(args.jonswap) not in (2, 3):
             what = f"{len(args.jonswap)} numbers" + (" and a column" if args.column else "")
             raise InputError(phrase("--jonswap", what, "right are Hs, Tp and perhaps gamma alone"))
-        return jonswap(*args.jonswap)
+        return jonswap(*_numbers("--jonswap", args.jonswap, ("m", "s", "")))
     if args.column is None:
         raise InputError(phrase("--column", "it is missing", "name an hour of the spectrum"))
     return read_spectrum(find_spectra(args.spectrum), args.column)
 
 
+def _numbers(option: str, words: Sequence[str | float], units: Sequence[str]) -> list[float]:
+    """Return the SI values of several quantities; an empty unit is that of a plain number.
+
+    Raises:
+        InputError: one of them is not such a quantity.
+    """
+    numbers = []
+    for word, unit in zip(words, units, strict=False):
+        try:
+            numbers.append(read_quantity(str(word), unit) if unit else float(word))
+        except ValueError as error:
+            what = str(error).partition("; ")[0] if unit else f"'{word}' is not a number"
+            right = f"give {unit}" if unit else "give a number without unit"
+            raise InputError(phrase(option, what, right)) from error
+    return numbers
+
+
 def _check_steepness(args: argparse.Namespace, spectrum: WaveSpectrum) -> None:
-    """Warn of a sea that is steeper than seas are. Raises InputError for one that cannot be."""
+    """Warn about a sea steeper than observed ones. Raises InputError if waves would break."""
     given = args.jonswap[:2] if args.jonswap is not None else [args.spectrum]
     option = "--spectrum" if args.jonswap is None else "--jonswap"
-    where = " ".join([option, *(f"{one:g}" if isinstance(one, float) else one for one in given)])
+    where = " ".join([option, *given])
     fault = breaking_fault(spectrum)
     if fault is not None:
         raise InputError(phrase(where, *fault))
@@ -129,58 +175,88 @@ def _check_steepness(args: argparse.Namespace, spectrum: WaveSpectrum) -> None:
         print(f"warning: {warning}", file=sys.stderr)
 
 
-def _tell_of(args: argparse.Namespace) -> int:
+def _info(args: argparse.Namespace) -> int:
     path = find_bag(args.bag)
-    if args.poses:
-        _tell_poses(path, read_poses(path, RecordedPoses(bag=args.bag, topic=args.topic or "")))
-        return 0
-    record = read_heave(path, args.topic)
-    _tell(path, record)
+    if args.motion == "poses":
+        record = read_poses(path, RecordedPoses(bag=args.bag, topic=args.topic or ""))
+        _report(path, _pose_figures(record), args.json)
+        return ExitCode.OK
+    figures = _heave_figures(read_heave(path, args.topic))
     with BagReader(path) as bag:
-        for key, value in bag.custom_data.items():
-            print(f"  {key:<14} {value}")
-    return 0
+        figures |= {"origin": dict(bag.custom_data)}
+    _report(path, figures, args.json)
+    return ExitCode.OK
 
 
-def _tell(path: Path, record: HeaveRecord) -> None:
+def _report(path: Path, figures: dict[str, Any], as_json: bool) -> None:
+    """Print the figures of a bag, a line for each."""
+    if as_json:
+        print_json({"bag": path, **figures})
+        return
+    what = "poses of the vessel" if figures["motion"] == "poses" else "heave"
+    print(f"{path}: {figures['duration_s']:g} s of {what} at {figures['rate_hz']:g} Hz")
+    origin = figures.pop("origin", {})
+    rows = {key: _words(value) for key, value in figures.items() if isinstance(value, dict)}
+    notes = {"note": figures["note"]} if figures["note"] else {}
+    for key, words in (rows | notes | origin).items():
+        print(f"  {key:<14} {words}")
+
+
+def _words(figures: dict[str, float]) -> str:
+    """Return figures in words; the unit of each is at the end of its name."""
+    words = []
+    for name, value in figures.items():
+        end, unit, form = next(row for row in _UNITS if name.endswith(row[0]))
+        word = name.removesuffix(end)
+        words.append(f"{_SYMBOLS.get(word, word)} {value:{form}}{unit}")
+    return ", ".join(words)
+
+
+def _heave_figures(record: HeaveRecord) -> dict[str, Any]:
     replay = HeaveReplay(record)
-    rate_hz = 1e9 / record.period_ns
-    print(f"{path}: {replay.duration_s:g} s of heave at {rate_hz:g} Hz")
-    print(f"  {'heave':<14} {_describe(record.time_ns, record.position_m)}")
-    print(f"  {'heave rate':<14} largest {np.max(np.abs(record.velocity_m_per_s)):.2f} m/s")
+    figures: dict[str, Any] = {
+        "motion": "heave",
+        "duration_s": replay.duration_s,
+        "rate_hz": 1e9 / record.period_ns,
+        "heave": _sea_figures(record.time_ns, record.position_m),
+        "heave_rate": {"max_m_per_s": float(np.max(np.abs(record.velocity_m_per_s)))},
+        "note": replay.note,
+    }
     if len(record.elevation_m) > 1:
-        print(f"  {'wave':<14} {_describe(record.elevation_time_ns, record.elevation_m)}")
-    if replay.note:
-        print(f"  {'note':<14} {replay.note}")
+        figures["wave"] = _sea_figures(record.elevation_time_ns, record.elevation_m)
+    return figures
 
 
-def _tell_poses(path: Path, record: PoseRecord) -> None:
+def _pose_figures(record: PoseRecord) -> dict[str, Any]:
     from scipy.spatial.transform import Rotation  # slow to load
 
-    duration_s = float(record.time_ns[-1] + record.period_ns) * 1e-9
-    print(f"{path}: {duration_s:g} s of the ship's poses at {1e9 / record.period_ns:g} Hz")
     yaw, pitch, roll = np.unwrap(Rotation.from_quat(record.orientation).as_euler("ZYX"), axis=0).T
     turns = (("roll", roll), ("pitch", pitch), ("yaw", yaw))
-    for name, values in zip(("east", "north", "up"), record.position_m.T, strict=True):
-        print(f"  {name:<14} {_spread(values)} m")
-    for name, values in turns:
-        print(f"  {name:<14} {_spread(np.degrees(values))}°")
-    if record.note:
-        print(f"  {'note':<14} {record.note}")
+    places = zip(("east", "north", "up"), record.position_m.T, strict=True)
+    return {
+        "motion": "poses",
+        "duration_s": float(record.time_ns[-1] + record.period_ns) * 1e-9,
+        "rate_hz": 1e9 / record.period_ns,
+        **{name: _spread(values, "m") for name, values in places},
+        **{name: _spread(np.degrees(values), "deg") for name, values in turns},
+        "note": record.note,
+    }
 
 
-def _spread(values: NDArray[np.float64]) -> str:
-    """Mean, standard deviation, lowest and highest."""
-    ends = f"{values.min():.2f} to {values.max():.2f}"
-    return f"mean {values.mean():.2f}, standard deviation {values.std():.2f}, {ends}"
+def _spread(values: NDArray[np.float64], unit: str) -> dict[str, float]:
+    figures = {
+        "mean": values.mean(), "std": values.std(), "min": values.min(), "max": values.max()
+    }  # fmt: skip
+    return {f"{name}_{unit}": float(value) for name, value in figures.items()}
 
 
-def _describe(time_ns: NDArray[np.int64], values: NDArray[np.float64]) -> str:
-    """Hs = 4·σ, Tp (peak of bands of 0.01 Hz) and the largest value."""
+def _sea_figures(time_ns: NDArray[np.int64], values: NDArray[np.float64]) -> dict[str, float]:
+    """Return Hs = 4·σ, Tp (peak of bands of 0.01 Hz), the largest value and the rate."""
     period_ns = int(np.median(np.diff(time_ns)))
     even_ns = np.arange(time_ns[0], time_ns[-1] + 1, period_ns)
     even = np.interp(even_ns, time_ns, values)
-    text = f"Hs {4.0 * np.std(values):.2f} m"
+    figures = {"hs_m": 4.0 * float(np.std(values))}
     if np.ptp(even) > 0.0:
-        text += f", Tp {band_spectrum(even - even.mean(), 1e9 / period_ns).peak_period_s:.1f} s"
-    return f"{text}, largest {np.max(np.abs(values)):.2f} m ({1e9 / period_ns:g} Hz)"
+        spectrum = band_spectrum(even - even.mean(), 1e9 / period_ns)
+        figures["tp_s"] = float(spectrum.peak_period_s)
+    return {**figures, "max_m": float(np.max(np.abs(values))), "rate_hz": 1e9 / period_ns}

@@ -1,36 +1,43 @@
-"""`rope_twin state info FILE`: what a saved state holds, and whether it is whole."""
+"""`rope_twin state info FILE`: describe a saved state and check that it is intact."""
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 from pathlib import Path
 from typing import Any
 
+from rope_twin.commands.console import print_json
+from rope_twin.commands.exit_code import ExitCode
+from rope_twin.run.arguments import add_command, add_json
 from rope_twin.twin.saving.saved_state import SavedState, load_state
+
+EXAMPLES = (
+    "state info lift.state",
+    "state info lift.state --json",
+)
 
 
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
     """Add `state` with its one action."""
-    about = "tell what a saved state holds"
-    parser = subparsers.add_parser("state", help=about, description=about)
-    actions = parser.add_subparsers(dest="action", required=True, metavar="info")
-    info = actions.add_parser("info", help="check a file of `run --save` and tell what is in it")
+    about = "describe a saved state and check that it is intact"
+    parser = add_command(subparsers, "state", about, EXAMPLES)
+    actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
+    info = add_command(actions, "info", "describe a file of `run --save-state`", EXAMPLES)
     info.add_argument("file", metavar="FILE", type=Path, help="the file")
-    info.add_argument("--json", action="store_true", help="one JSON object")
+    add_json(info)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Tell; 0. Raises StateError if the file is not sound."""
+    """Print the description. Raises StateError if the file is damaged."""
     state = load_state(args.file)
     if args.json:
-        print(json.dumps(dataclasses.asdict(state.about) | {"arrays": _arrays(state)}))
+        print_json(dataclasses.asdict(state.about) | {"arrays": _arrays(state)})
     else:
         for name, words in _rows(state):
             print(f"{name:14} {words}")
-    return 0
+    return ExitCode.OK
 
 
 def _arrays(state: SavedState) -> dict[str, list[int]]:
@@ -38,7 +45,7 @@ def _arrays(state: SavedState) -> dict[str, list[int]]:
 
 
 def _rows(state: SavedState) -> list[tuple[str, str]]:
-    """A line per thing that people ask for."""
+    """Return the description, one row per property."""
     about = state.about
     x, y, z = about.payload_position_m
     rows = [
@@ -46,8 +53,8 @@ def _rows(state: SavedState) -> list[tuple[str, str]]:
         ("scene text", f"SHA-256 {about.scene_digest}"),
         ("saved at", about.saved_at),
         ("written by", f"rope_twin {about.program}, solver {about.solver}"),
-        ("twin time", f"{about.time_s:.3f} s, {about.step} steps of {about.step_s:g} s"),
-        ("line out", f"{about.line_out_m:.3f} m in {about.elements} elements, "
+        ("simulated time", f"{about.time_s:.3f} s, {about.step} time steps of {about.step_s:g} s"),
+        ("line out", f"{about.line_out_m:.3f} m, {about.elements} elements, "
                      f"{about.payout_speed_m_per_s:+.3f} m/s"),
         ("top tension", f"{about.tension_top_n / 1e3:.3f} kN"),
         ("payload", f"at {x:.2f}, {y:.2f}, {z:.2f} m (east, north, up)"),
@@ -55,7 +62,7 @@ def _rows(state: SavedState) -> list[tuple[str, str]]:
     if about.failure:
         rows.append(("failure", about.failure))
     size = sum(array.nbytes for array in state.arrays.values())
-    rows.append(("arrays", f"{len(state.arrays)}, {size / 1e3:.0f} kB, check-sum right"))
+    rows.append(("arrays", f"{len(state.arrays)}, {size / 1e3:.0f} kB, checksum correct"))
     return [
         *rows,
         *(("", f"{name} {shape}") for name, shape in _arrays(state).items()),

@@ -1,22 +1,24 @@
-"""`rope_twin study STUDY.yaml`: many runs of a scene over seas, ropes and coefficients.
+"""`rope_twin study STUDY`: many runs of a scene over seas, ropes and coefficients.
 
-Exit code 0; 3 if some runs could not go on to the end (they are named); 1 with one sentence if the
-study cannot be run. A study that was stopped or killed goes on by the same command.
+Exit code NEGATIVE if some runs stopped early (they are listed), ERROR if all did. The same command
+resumes a study that was interrupted.
 """
 
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from rope_twin.commands.console import print_json
+from rope_twin.commands.exit_code import ExitCode
 from rope_twin.core.compiler.wide import LANES
 from rope_twin.effects.bending import BendingParams
 from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.run.arguments import add_command, add_json, add_out
 from rope_twin.run.progress import FigureProgress
 from rope_twin.share import share_dir
 from rope_twin.studies.parameter_study.file import read_study
@@ -33,7 +35,7 @@ BAR = 24
 
 @dataclass(frozen=True)
 class _Line:
-    """How far the study is."""
+    """Progress of the study."""
 
     done: int
     total: int
@@ -47,40 +49,40 @@ class _Line:
         return f"[{bar:<{BAR}}] {self.done} of {self.total} runs  {left}"
 
 
+EXAMPLES = (
+    "study sea_and_load",
+    "study my_study.yaml --out results --json",
+)
+MORE = """Grid or Latin hypercube, on all cores or on a Dask cluster; one row of a Parquet file for
+each run. The same command resumes a study that was interrupted. Examples are in config/studies."""
+
+
 def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
-    """Declare the subcommand."""
-    about = "many runs of a scene over seas, ropes and coefficients, by a file that says which"
-    parser = subparsers.add_parser(
-        "study",
-        help=about,
-        description="Grid or Latin hypercube, on all cores or on a Dask cluster; one row of a "
-        "Parquet file for each run. What was stopped or killed goes on by the same command. "
-        "Examples lie in config/studies.",
-    )
+    """Add `study`."""
+    about = "parameter study: many runs of a scene over seas, ropes and coefficients"
+    parser = add_command(subparsers, "study", about, EXAMPLES, MORE)
     add = parser.add_argument
-    add("study", metavar="STUDY.yaml", help="the study's file, or a name in config/studies")
-    add("--into", type=Path, metavar="DIR",
-        help="folder of rows and picture (default: study_NAME here)")  # fmt: skip
-    add("--scheduler", default="", metavar="ADDRESS",
-        help="of a Dask scheduler whose workers do the runs")  # fmt: skip
-    add("--at-once", type=int, default=LANES, metavar="N",
-        help=f"runs that a core is given together (default: {LANES}, which share its vectors)")  # fmt: skip # noqa: E501
-    add("--json", action="store_true", help="one JSON object with all rows instead of the table")
+    add("study", metavar="STUDY", help="path of the study file, or a name in config/studies")
+    add_out(parser, "DIR", "folder of results and picture (default: study_NAME)")
+    add("--scheduler", default="", metavar="ADDRESS", help="Dask scheduler whose workers run it")
+    add("--batch-size", type=int, default=LANES, metavar="N",
+        help=f"runs that a core steps together (default: {LANES}, one SIMD batch)")  # fmt: skip
+    add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run what is left of the study and tell what came out.
+    """Run the remaining runs of the study and report the results.
 
     Raises:
         RopeTwinError: one sentence on what cannot be.
     """
-    if not 1 <= args.at_once <= 1000:
-        raise InputError(phrase("--at-once", f"{args.at_once} runs", "give 1 to 1000"))
+    if not 1 <= args.batch_size <= 1000:
+        raise InputError(phrase("--batch-size", f"{args.batch_size} runs", "give 1 to 1000"))
     study, scene = read_study(_file(args.study))
-    into = args.into or Path(f"study_{study.name}")
+    out = args.out or Path(f"study_{study.name}")
     check_parquet()
-    check_picture(into / PICTURE)
+    check_picture(out / PICTURE)
     if study.fatigue is not None:
         bending = scene.listed(BendingParams)
         EI = bending.stiffness_n_m2 if bending is not None else 0.0
@@ -94,20 +96,22 @@ def run(args: argparse.Namespace) -> int:
         if progress.due or done == total:
             progress.show(_Line(done, total, before[0], time.monotonic() - began))
 
-    rows, whole = run_parameter_study(study, scene, into, report, args.scheduler, args.at_once)
+    rows, whole = run_parameter_study(study, scene, out, report, args.scheduler, args.batch_size)
     progress.finish()
-    draw_study(study, rows, into / PICTURE)
+    draw_study(study, rows, out / PICTURE)
     if args.json:
-        print(json.dumps({"study": study.name, "rows": rows}, ensure_ascii=False, allow_nan=False))
+        print_json({"study": study.name, "rows": rows})
     else:
         print("\n".join(study_lines(study, rows)))
-        print(f"\nrows: {whole}\npicture: {into / PICTURE}", file=sys.stderr)
+        print(f"\nrows: {whole}\npicture: {out / PICTURE}", file=sys.stderr)
     failed = sum(bool(row["failure"]) for row in rows)
-    return 1 if failed == len(rows) else 3 if failed else 0
+    if failed == len(rows):
+        return ExitCode.ERROR
+    return ExitCode.NEGATIVE if failed else ExitCode.OK
 
 
 def _file(words: str) -> Path:
-    """A path, or a name in config/studies."""
+    """Return the path of a study file given by path or by name in config/studies."""
     path = Path(words)
     if len(path.parts) > 1 or path.suffix in (".yaml", ".yml"):
         return path

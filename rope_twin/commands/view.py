@@ -1,4 +1,4 @@
-"""rope_twin view: opens a recorded bag in rerun, or makes a file or a picture of it."""
+"""`rope_twin view FILE`: show a recorded bag in rerun, or save it as a recording or picture."""
 
 from __future__ import annotations
 
@@ -8,85 +8,106 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from rope_twin.commands.console import print_json
+from rope_twin.commands.exit_code import ExitCode
 from rope_twin.errors import InputError, phrase
+from rope_twin.run.arguments import add_command, add_json, add_out, add_time
+
+EXAMPLES = (
+    "view lift",
+    "view lift --at 98s --out deep_lift.png",
+    "view sea_1p2m --out sea.rrd",
+)
+MORE = """Shows the line in 3-D coloured by tension, tension over depth, the sea surface, and
+plots. Opens a window unless --out names a file."""
 
 
 def add_parser(subparsers: Any) -> None:
-    """Adds `view` to the command line."""
-    parser = subparsers.add_parser(
-        "view",
-        help="open a recorded bag in rerun",
-        description="Shows a recorded bag: the rope in 3-D coloured by tension, tension over "
-        "depth, the sea surface, and plots. Opens a window unless a file is asked for.",
-    )
+    """Add `view`."""
+    about = "show a recorded bag in the rerun viewer, or save it as a recording or picture"
+    parser = add_command(subparsers, "view", about, EXAMPLES, MORE)
     parser.add_argument(
         "file",
         metavar="FILE",
-        help="bag directory, .mcap file (also one that was cut off), name in bags/, or an .rrd "
-        "file of a run",
+        help="bag directory, .mcap file (also one that was cut off), name in bags/, or .rrd file",
     )
-    parser.add_argument("--save", type=Path, metavar="OUT.rrd", help="write a rerun recording")
-    parser.add_argument("--screenshot", type=Path, metavar="OUT.png", help="make a picture")
-    parser.add_argument(
-        "--at", type=float, metavar="SECONDS", help="show the bag up to this time after its start"
-    )
+    add_out(parser, "FILE", "write a rerun recording (.rrd) or a picture (.png); may be repeated",
+            action="append", default=[])  # fmt: skip
+    add_time(parser, "--at", "show the bag up to this time after its start")
+    add_json(parser)
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Raises RopeTwinError with one sentence if it cannot be done."""
-    _check(args)
+    """Show or save the bag. Raises RopeTwinError with one sentence if it cannot be done."""
+    save, picture = _outputs(args.out)
+    _check(args, save, picture)
+    found: dict[str, Any] = {"file": args.file, "recording": save, "picture": picture}
     with tempfile.TemporaryDirectory(prefix="rope_twin_view_") as folder:
         if Path(args.file).suffix == ".rrd":
             recording = Path(args.file)
         else:
-            recording = args.save or Path(folder) / "view.rrd"
-            _convert(args.file, recording, args.at)
-            if args.save is not None:
-                print(f"saved {args.save}")
-        if args.screenshot is not None:
+            recording = save or Path(folder) / "view.rrd"
+            found |= _convert(args.file, recording, args.at)
+            if not args.json:
+                print(f"{args.file}: {found['messages']} messages, {found['duration_s']:.1f} s")
+        if picture is not None:
             from rope_twin.view.picture import take_picture
 
-            take_picture(recording, args.screenshot)
-            print(f"picture {args.screenshot}")
-        if args.save is None and args.screenshot is None:
+            take_picture(recording, picture)
+        if save is None and picture is None:
             _look(recording)
-    return 0
+    if args.json:
+        print_json(found)
+        return ExitCode.OK
+    for kind in ("recording", "picture"):
+        if found[kind] is not None:
+            print(f"{kind}: {found[kind]}")
+    return ExitCode.OK
 
 
-def _check(args: argparse.Namespace) -> None:
-    """Everything that can be wrong before anything is written."""
+def _outputs(files: list[Path]) -> tuple[Path | None, Path | None]:
+    """Return the recording and the picture to write. Raises InputError for another kind."""
+    chosen: dict[str, Path] = {}
+    for file in files:
+        kind = file.suffix.lower()
+        if kind not in (".rrd", ".png"):
+            raise InputError(phrase(f"--out {file}", "unknown file type", "end it in .rrd or .png"))
+        if kind in chosen:
+            raise InputError(phrase(f"--out {file}", f"a second {kind} file", "give one of a type"))
+        chosen[kind] = file
+    return chosen.get(".rrd"), chosen.get(".png")
+
+
+def _check(args: argparse.Namespace, save: Path | None, screenshot: Path | None) -> None:
+    """Refuse what is wrong before anything is written."""
     from rope_twin.recording.bag_reader import find_bag
     from rope_twin.view import picture, sinks
 
     sinks.load_rerun()
     if args.at is not None and not args.at > 0.0:
-        raise InputError(phrase("--at", f"{args.at:g} is no time in the bag", "seconds above 0"))
-    if args.screenshot is not None and args.screenshot.suffix.lower() != ".png":
-        raise InputError(
-            phrase(f"--screenshot {args.screenshot}", "pictures are PNG", "end it in .png")
-        )
+        what = f"{args.at:g} s is not a time in the bag"
+        raise InputError(phrase("--at", what, "give a time above 0 s"))
     path = Path(args.file)
     if path.suffix != ".rrd":
         find_bag(args.file)
     elif not path.is_file():
         raise InputError(phrase(f"file {path}", "it does not exist", "name an .rrd file or a bag"))
-    elif args.save is not None or args.at is not None:
-        raise InputError(
-            phrase(f"file {path}", "--save and --at need the bag", "name the bag of that run")
-        )
+    elif save is not None or args.at is not None:
+        what = "--at and a recording as --out need the bag"
+        raise InputError(phrase(f"file {path}", what, "name the bag of that run"))
     elif fault := sinks.recording_fault(path):
         raise InputError(phrase(f"file {path}", fault, "name an .rrd file of a run, or a bag"))
     missing = ""
-    if args.screenshot is not None:
+    if screenshot is not None:
         missing = picture.what_a_picture_lacks()
-    elif args.save is None:
+    elif save is None:
         missing = sinks.what_a_window_lacks()
     if missing:
         raise InputError(missing)
 
 
-def _convert(bag: str, recording: Path, until_s: float | None) -> None:
+def _convert(bag: str, recording: Path, until_s: float | None) -> dict[str, Any]:
     from rope_twin.view import view_bag
     from rope_twin.view.rope_view import RopeView
     from rope_twin.view.sinks import FileSink
@@ -98,11 +119,15 @@ def _convert(bag: str, recording: Path, until_s: float | None) -> None:
         view.close()
     for problem in played.problems:
         print(problem, file=sys.stderr)
-    print(f"{bag}: {played.shown} messages, {played.duration_s:.1f} s")
+    return {
+        "messages": played.shown,
+        "duration_s": played.duration_s,
+        "problems": list(played.problems),
+    }
 
 
 def _look(recording: Path) -> None:
-    """Opens a window and returns when it is closed."""
+    """Open a window and return when it is closed."""
     from rope_twin.view import sinks
 
     viewer = sinks.start_viewer(str(recording), "--port", str(sinks.free_port()))

@@ -41,7 +41,7 @@ def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
         "bag": options.bag,
         "poses": options.poses,
         "topic": options.topic,
-        "start_s": options.bag_start_s,
+        "start_s": options.sea_offset_s,
         **speed,
     }
     nodes["winch_schedule"] = {"scene": options.scene, "cut": options.cut, **speed}
@@ -52,7 +52,7 @@ def node_parameters(options: RunOptions) -> dict[str, dict[str, Any]]:
         nodes["viewer"] = {"file": str(options.view_file or "")}
     nodes["simulation"] = {
         "scene": options.scene,
-        "stop_after_s": options.for_s or 0.0,
+        "stop_after_s": options.end_s or 0.0,
         "save_to": str(options.save or ""),
         "start_from": str(options.start_from or ""),
         "failure_directory": str(options.failure_folder),
@@ -176,7 +176,7 @@ class Suite:
 
 
 def run_suite(options: RunOptions, progress: FigureProgress) -> RunSummary:
-    """Run until the end of `for_s`, a signal or a solver failure; then shut down cleanly.
+    """Run until the end of `end_s`, a signal or a solver failure; then shut down cleanly.
 
     Raises:
         RopeTwinError: the suite could not start; one sentence.

@@ -6,11 +6,14 @@ import argparse
 import math
 import os
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rope_twin.errors import InputError, phrase
+from rope_twin.quantity import read_quantity
+from rope_twin.run.arguments import SCENE, add_duration, add_json, add_out, add_scene, add_time
 from rope_twin.twin.cutting.cut_plan import read_plan
 from rope_twin.twin.fatigue.curves import CURVES
 from rope_twin.twin.saving.state_file import check_place
@@ -27,102 +30,93 @@ SPEED_LOW, SPEED_HIGH = 0.01, 5.0  # beyond, messages come faster than Python ta
 
 @dataclass(frozen=True, kw_only=True)
 class RunOptions:
-    """What to run, for how long, and what to keep of it."""
+    """Scene, inputs, outputs and analysis options of a run."""
 
     scene: str = "deep_lift"
-    for_s: float | None = None  # twin time; None: until told to stop
-    speed: float = 1.0  # twin time over real time; 0: as fast as possible, without ROS
+    end_s: float | None = None  # simulated time at the end; None: until stopped
+    speed: float = 1.0  # simulated time over real time; 0: as fast as possible, without ROS
     headless: bool = False
     bag: str = ""  # heave to replay; empty: the scene's own
     topic: str = ""
-    bag_start_s: float = 0.0
-    poses: str = ""  # bag of the ship's poses to replay in their place
-    record: Path | None = None  # bag directory to make; None: do not record
+    sea_offset_s: float = 0.0  # into that bag
+    poses: str = ""  # bag of the vessel's poses to replay in their place
+    record: Path | None = None  # bag directory to create; None: do not record
     json: bool = False
     processes: bool = False
     save: Path | None = None  # file that the state is saved to
-    start_from: Path | None = None  # saved state to go on from; None: from rest
-    begins_s: float = 0.0  # its twin time
+    start_from: Path | None = None  # saved state to resume from; None: static equilibrium
+    begins_s: float = 0.0  # its simulated time
     energy: bool = False  # keep the energy balance
     elements: int | None = None  # in place of the scene's; None: the scene's
     step_s: float | None = None  # likewise
     chosen: str = ""  # why these, in one sentence
     budget_pct: float | None = None  # of one core, if --budget asked
     calibrated_pct: float | None = None  # what of it was measured for them, before the run
-    cut: str = ""  # cut the rope: PLACE@SECONDS, judged; empty: never
-    error_band: bool = False  # keep a band around the top tension
-    allow_cut: bool = False  # whoever publishes on rope/cut cuts the rope
+    cut: str = ""  # PLACE@SECONDS, checked; empty: no cut
+    error_band: bool = False  # discretisation-error interval on top tension
+    allow_cut: bool = False  # any publisher on rope/cut can cut the rope
     network: bool = False  # reachable from other machines
-    watch: MonitorSettings | None = None  # vibration and fatigue to be kept
-    allow_overload: bool = False  # a limit that is broken leaves the exit code at 0
+    watch: MonitorSettings | None = None  # vibration and fatigue to report
+    allow_overload: bool = False  # exit code 0 even if a limit was exceeded
 
     @property
     def failure_folder(self) -> Path:
-        """Takes the state that the solver cannot leave: beside what the run leaves anyway."""
+        """Return the folder for the state at which the solver failed: that of the outputs."""
         made = self.record or self.save
         return Path.cwd() if made is None else made.parent
 
     @property
     def other_sea(self) -> bool:
-        """Whether the ship moves otherwise than in the scene: the run is not its card's."""
-        return bool(self.bag or self.poses or self.topic or self.bag_start_s)
+        """Return whether the vessel motion differs from the scene's, and so from its study's."""
+        return bool(self.bag or self.poses or self.topic or self.sea_offset_s)
 
     @property
     def screen(self) -> bool:
-        """Whether a window can be opened (and is wanted)."""
+        """Return whether a viewer window is to be opened."""
         return has_screen() and not self.headless
 
     @property
     def view_file(self) -> Path | None:
-        """The .rrd file that takes the place of the window: beside the bag."""
+        """Return the .rrd file beside the bag that replaces the window."""
         if self.screen or self.record is None:
             return None
         return self.record.with_name(self.record.name + ".rrd")
 
     @property
     def view(self) -> str | None:
-        """Where the run is shown: 'window', a file, or None."""
+        """Return where the run is shown: 'window', a file, or None."""
         return "window" if self.screen else str(self.view_file) if self.view_file else None
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the options, in groups as the help shows them."""
     _add_run(parser)
-    _add_motion(parser.add_argument_group("what moves the ship"))
-    _add_kept(parser.add_argument_group("what is kept"))
+    _add_motion(parser.add_argument_group("vessel motion"))
+    _add_kept(parser.add_argument_group("recording and state"))
     _add_accuracy(parser.add_argument_group("accuracy"))
-    _add_watched(parser.add_argument_group("on the way"))
+    _add_monitors(parser.add_argument_group("analysis options"))
+    _add_network(parser.add_argument_group("processes and network"))
 
 
 def _add_run(parser: argparse.ArgumentParser) -> None:
+    words = f"{SCENE} (default: the scene of --from-state, or deep_lift)"
+    add_scene(parser, nargs="?", help=words)
+    add_duration(parser, "simulated time (default: run until Ctrl-C)")
     add = parser.add_argument
-    add(
-        "scene",
-        nargs="?",
-        metavar="SCENE",
-        help="name of a scene (see `rope_twin scene list`) or path of one "
-        "(default: that of --from, or deep_lift)",
-    )
-    add("--for", dest="for_s", type=float, metavar="SECONDS",
-        help="end at this twin time (default: run until Ctrl-C)")  # fmt: skip
     add(
         "--speed",
         type=float,
         default=1.0,
         metavar="X",
-        help="twin time over real time; 0: as fast as possible, without ROS (default: 1)",
+        help="simulated time over real time; 0: as fast as possible, without ROS (default: 1)",
     )
-    add("--headless", action="store_true", help="open no window, even where there is a screen")
-    add("--processes", action="store_true", help="each node as a process of its own")
-    add("--network", action="store_true",
-        help="let other machines take part: without it the nodes keep to the loopback interface "
-        "(unless ROS_AUTOMATIC_DISCOVERY_RANGE is set)")  # fmt: skip
+    add("--headless", action="store_true", help="open no viewer window")
     add(
         "--allow-overload",
         action="store_true",
-        help="end with exit code 0 although a limit of the scene was broken (default: 4)",
+        help="exit with code 0 even if a limit of the scene was exceeded (default: 4)",
     )
-    add("--json", action="store_true", help="last line of the output: one JSON object")
+    add_json(parser)
 
 
 def _add_motion(group: argparse._ArgumentGroup) -> None:
@@ -130,126 +124,126 @@ def _add_motion(group: argparse._ArgumentGroup) -> None:
     add(
         "--bag",
         default="",
-        metavar="DIR",
-        help="recorded heave to replay: a name in bags/ or a path (default: the scene's)",
+        metavar="BAG",
+        help="replay recorded heave: a name in bags/ or a path (default: the scene's motion)",
     )
     add(
         "--poses",
         default="",
-        metavar="DIR",
-        help="recorded poses of the ship to replay in its place: a name in bags/ or a path",
+        metavar="BAG",
+        help="replay recorded poses of the vessel: a name in bags/ or a path",
     )
     add("--topic", default="", metavar="NAME", help="topic of heave or poses in that bag")
-    add("--bag-start", dest="bag_start_s", type=float, default=0.0, metavar="SECONDS",
-        help="start this far into that bag")  # fmt: skip
+    add_time(group, "--sea-offset", "start this far into the recording", 0.0)
 
 
 def _add_kept(group: argparse._ArgumentGroup) -> None:
     record = group.add_mutually_exclusive_group()
-    record.add_argument(
-        "--record",
-        type=Path,
-        metavar="DIR",
-        help="bag directory to make (default: recordings/SCENE_DATE_TIME)",
-    )
-    record.add_argument("--no-record", action="store_true", help="record nothing")
+    add_out(record, "DIR", "bag directory to create (default: recordings/SCENE_DATE_TIME)")
+    record.add_argument("--no-record", action="store_true", help="do not record a bag")
     add = group.add_argument
-    add("--save", type=Path, metavar="FILE",
-        help="save the state there at the end, and every 10 s if the run is paced")  # fmt: skip
-    add("--from", dest="start_from", type=Path, metavar="FILE",
-        help="go on from a saved state (default: begin at rest)")  # fmt: skip
+    add("--save-state", type=Path, metavar="FILE",
+        help="save the state at the end, and every 10 s in a real-time run")  # fmt: skip
+    add("--from-state", type=Path, metavar="FILE",
+        help="resume from a saved state (default: start from static equilibrium)")  # fmt: skip
 
 
 def _add_accuracy(group: argparse._ArgumentGroup) -> None:
-    bought = group.add_mutually_exclusive_group()
-    bought.add_argument(
+    target = group.add_mutually_exclusive_group()
+    target.add_argument(
         "--within",
         metavar="ERROR",
-        help="take the cheapest elements and step that keep the error within this, like 1%%, by "
-        "the scene's accuracy card",
+        help="use the cheapest mesh and time step that meet this error target, such as 1%%, by the "
+        "scene's convergence study",
     )
-    bought.add_argument(
+    target.add_argument(
         "--budget",
         metavar="SHARE",
-        help="take the most accurate ones that this share of one core is enough for, like 30%%",
+        help="use the most accurate mesh and time step within this share of one CPU core, such as "
+        "30%%",
     )
     add = group.add_argument
-    add("--of", metavar="QUANTITY", help="the quantity whose error that is (default: tension_rms)")
+    add("--quantity", metavar="NAME", help="quantity whose error counts (default: tension_rms)")
     add(
-        "--error-band",
+        "--error-interval",
         action="store_true",
-        help="keep a band around the top tension in which the converged one lies (half as much "
-        "work again)",
+        help="publish a 95 %% discretisation-error interval on top tension (+50 %% CPU)",
     )
 
 
-def _add_watched(group: argparse._ArgumentGroup) -> None:
+def _add_monitors(group: argparse._ArgumentGroup) -> None:
     add = group.add_argument
-    add(
-        "--energy",
-        action="store_true",
-        help="keep the energy balance and tell its residual (steps one by one, slower)",
-    )
+    add("--energy", action="store_true", help="keep the energy balance and report its residual")
     add("--vibration", default="", metavar="MODEL",
-        help=f"keep how the rope shakes over depth, by one of {', '.join(MODELS)}")  # fmt: skip
+        help=f"publish the vibration along the line, by {' | '.join(MODELS)}")  # fmt: skip
     add(
         "--fatigue",
         default="",
         metavar="CURVE",
-        help="keep the fatigue used of each metre of the rope's material, by an S-N curve: "
+        help="publish accumulated fatigue damage per metre of rope, by an S-N curve: "
         + ", ".join(CURVES),
     )
     add(
         "--cut",
         default="",
-        metavar="PLACE@SECONDS",
-        help="cut the rope so many metres below the hang-off, or at its lower end (end), at this "
-        "twin time; both parts go on; where ropes meet NAME:PLACE@SECONDS cuts one of them",
+        metavar="[ROPE:]PLACE@TIME",
+        help="cut the rope at this length below the hang-off, or at its lower end (end), at this "
+        "simulated time; ROPE selects one of several",
     )
+
+
+def _add_network(group: argparse._ArgumentGroup) -> None:
+    add = group.add_argument
+    add("--processes", action="store_true", help="run each node as a process of its own")
+    add("--network", action="store_true",
+        help="allow discovery by other machines (default: this machine only, unless "
+        "ROS_AUTOMATIC_DISCOVERY_RANGE is set)")  # fmt: skip
     add("--allow-cut", action="store_true",
-        help="listen to rope/cut: who publishes there cuts it (--cut implies this)")  # fmt: skip
+        help="subscribe to rope/cut: any publisher there can cut the rope")  # fmt: skip
 
 
 def read_options(args: argparse.Namespace) -> RunOptions:
-    """The options of a command line.
+    """Return the options of a command line.
 
     Raises:
-        InputError: one sentence for a value that cannot be.
-        StateError: the same for the file of --save or --from.
+        InputError: one sentence for an impossible value.
+        StateError: the same for the file of --save-state or --from-state.
     """
-    _check("--for", args.for_s, args.for_s is None or 0.0 < args.for_s <= 1e7,
+    _check("--duration", args.duration, args.duration is None or 0.0 < args.duration <= 1e7,
            "it must be a time above 0 s, at most 1e7 s")  # fmt: skip
     _check("--speed", args.speed, args.speed == 0.0 or SPEED_LOW <= args.speed <= SPEED_HIGH,
            f"it must be 0 (as fast as possible) or {SPEED_LOW:g} to {SPEED_HIGH:g}")  # fmt: skip
-    _check("--bag-start", args.bag_start_s, 0.0 <= args.bag_start_s < math.inf,
+    _check("--sea-offset", args.sea_offset, args.sea_offset >= 0.0,
            "it must be a time of at least 0 s")  # fmt: skip
-    if args.speed == 0.0 and args.for_s is None:
-        raise InputError(phrase("--speed 0", "it would never end", "say --for SECONDS too"))
+    if args.speed == 0.0 and args.duration is None:
+        raise InputError(phrase("--speed 0", "the run would never end", "give a --duration too"))
     if args.speed == 0.0 and args.processes:
         raise InputError(phrase("--processes", "--speed 0 runs without ROS", "leave one out"))
-    if args.save is not None:
-        check_place(args.save, f"--save {args.save}")
-    begin = None if args.start_from is None else _begin(args)
-    _judge_cut(args, begin.time_s if begin else 0.0)
+    if args.save_state is not None:
+        check_place(args.save_state, f"--save-state {args.save_state}")
+    begin = None if args.from_state is None else _begin(args.from_state)
+    begins_s = begin.time_s if begin else 0.0
+    end_s = None if args.duration is None else begins_s + args.duration
+    cut = _read_cut(args.cut, begins_s, end_s)
     args.scene = _scene_argument(args.scene or (_scene_of(begin) if begin else "deep_lift"))
     return RunOptions(
         scene=args.scene,
-        for_s=args.for_s,
+        end_s=end_s,
         speed=args.speed,
         headless=args.headless,
         bag=args.bag,
         topic=args.topic,
         poses=args.poses,
-        bag_start_s=args.bag_start_s,
+        sea_offset_s=args.sea_offset,
         record=_record_directory(args),
         json=args.json,
         processes=args.processes,
-        save=args.save and Path(args.save).resolve(),
-        start_from=args.start_from and Path(args.start_from).resolve(),
-        begins_s=begin.time_s if begin else 0.0,
+        save=args.save_state and Path(args.save_state).resolve(),
+        start_from=args.from_state and Path(args.from_state).resolve(),
+        begins_s=begins_s,
         energy=args.energy,
-        error_band=args.error_band,
-        cut=args.cut,
+        error_band=args.error_interval,
+        cut=cut,
         allow_cut=args.allow_cut,
         network=args.network,
         watch=MonitorSettings(args.vibration, args.fatigue) or None,
@@ -268,37 +262,53 @@ def check_against_scene(options: RunOptions, scene: Scene) -> str:
     from rope_twin.twin.pacing import steps_in_slot  # brings the compiler
 
     sea = scene.sea_state
-    if options.bag_start_s > 0.0 and not (options.bag or options.poses or sea.bag or sea.poses):
-        where = f"--bag-start {options.bag_start_s:g}"
+    if options.sea_offset_s > 0.0 and not (options.bag or options.poses or sea.bag or sea.poses):
+        where = f"--sea-offset {options.sea_offset_s:g}"
         what = f"there is no bag to start in: scene {scene.name} has none, and none is named"
         raise InputError(phrase(where, what, "name one with --bag or --poses, or leave it out"))
-    if options.for_s is None:
+    if options.end_s is None:
         return ""
-    step_s, left_s = scene.time.step_s, options.for_s - options.begins_s
-    where = f"--for {options.for_s:.15g}"
+    step_s, left_s = scene.time.step_s, options.end_s - options.begins_s
+    where = f"--duration {left_s:.9g}"
     if left_s < step_s * (1.0 - STEP_TOL):
-        what = f"the run would be shorter than one step of {step_s:g} s"
-        raise InputError(phrase(where, what, f"give at least {options.begins_s + step_s:.9g} s"))
+        what = f"the run would be shorter than one time step of {step_s:g} s"
+        raise InputError(phrase(where, what, f"give at least {step_s:.9g} s"))
     steps, together = round(left_s / step_s), steps_in_slot(step_s)
     end_s = options.begins_s + math.ceil(steps / together) * together * step_s
-    if abs(end_s - options.for_s) <= STEP_TOL * step_s:
+    if abs(end_s - options.end_s) <= STEP_TOL * step_s:
         return ""
-    what = f"it is no whole number of steps of {step_s:g} s"
+    what = f"it is not a whole number of time steps of {step_s:g} s"
     if abs(steps * step_s - left_s) <= STEP_TOL * step_s:
-        what = f"steps of {step_s:g} s are taken {together} at a time"
+        what = f"time steps of {step_s:g} s are taken {together} at a time"
     return phrase(where, what, f"the run ends at {end_s:.9g} s")
 
 
-def _judge_cut(args: argparse.Namespace, begins_s: float) -> None:
-    """Refuse a cut that cannot be, or that the run does not come to. Raises InputError."""
-    plan = read_plan(args.cut)
+def _read_cut(words: str, begins_s: float, end_s: float | None) -> str:
+    """Return a cut with place and time in SI units, as ROS parameters take it.
+
+    Raises:
+        InputError: the cut is impossible, or the run does not reach it.
+    """
+    words = _without_units(words)
+    plan = read_plan(words)
     if plan is None:
-        return
+        return ""
     at_s = plan.at_ns * 1e-9
-    if at_s < begins_s or (args.for_s is not None and at_s >= args.for_s):
-        end = "" if args.for_s is None else f" to {args.for_s:g} s"
+    if at_s < begins_s or (end_s is not None and at_s >= end_s):
+        end = "" if end_s is None else f" to {end_s:g} s"
         what = f"the run goes from {begins_s:g} s{end or ' on'}"
-        raise InputError(phrase(f"--cut {args.cut}", what, "cut within it"))
+        raise InputError(phrase(f"--cut {words}", what, "cut within it"))
+    return words
+
+
+def _without_units(cut: str) -> str:
+    """Return `1500.0@120.0` for `1.5km@2min`; what is not a quantity is left to `read_plan`."""
+    start, colon, rest = cut.rpartition(":")
+    words = rest.split("@", 1)
+    for number, (word, unit) in enumerate(zip(words, ("m", "s"), strict=False)):
+        with suppress(ValueError):
+            words[number] = f"{read_quantity(word, unit):.15g}"
+    return start + colon + "@".join(words)
 
 
 def _check(option: str, value: object, holds: bool, right: str) -> None:
@@ -306,24 +316,15 @@ def _check(option: str, value: object, holds: bool, right: str) -> None:
         raise InputError(phrase(option, f"{value} is not possible", right))
 
 
-def _begin(args: argparse.Namespace) -> StateDescription:
-    """What --from holds.
-
-    Raises:
-        StateError: it is no sound state.
-        InputError: the run would end before it begins.
-    """
+def _begin(state: Path) -> StateDescription:
+    """Return the description of a saved state. Raises StateError if it is not sound."""
     from rope_twin.twin.saving.saved_state import load_state
 
-    about = load_state(args.start_from).about
-    if args.for_s is not None and args.for_s <= about.time_s:
-        what = f"the saved state is at {about.time_s:g} s already"
-        raise InputError(phrase(f"--for {args.for_s:g}", what, "give a later end, or none"))
-    return about
+    return load_state(state).about
 
 
 def _scene_of(about: StateDescription) -> str:
-    """The scene of a saved state: its path if that is still there, else its name.
+    """Return the scene of a saved state: its path if that exists, else its name.
 
     Raises:
         InputError: neither is there.
@@ -333,20 +334,20 @@ def _scene_of(about: StateDescription) -> str:
     if Path(about.scene_path).is_file():
         return about.scene_path
     if about.scene not in scene_names():
-        what = f"its scene {about.scene_path} is no longer there"
-        raise InputError(phrase("--from", what, "name the scene's file, too"))
+        what = f"its scene {about.scene_path} does not exist"
+        raise InputError(phrase("--from-state", what, "give the path of the scene too"))
     return about.scene
 
 
 def _scene_argument(scene: str) -> str:
-    """Paths are made absolute, since other processes may run elsewhere; names stay."""
+    """Return a path as absolute, since other processes may run elsewhere; or the name."""
     return str(Path(scene).resolve()) if Path(scene).suffix or os.sep in scene else scene
 
 
 def _record_directory(args: argparse.Namespace) -> Path | None:
     if args.no_record:
         return None
-    if args.record is not None:
-        return Path(args.record).resolve()
+    if args.out is not None:
+        return Path(args.out).resolve()
     stem = Path(args.scene).stem
     return Path("recordings").resolve() / f"{stem}_{time.strftime('%Y%m%d_%H%M%S')}"

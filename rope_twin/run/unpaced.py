@@ -65,7 +65,7 @@ class UnpacedRun:
         scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
         self._cut = plan_for(scene, options.cut)
         self._sea = open_sea(
-            scene, options.bag, options.topic, options.bag_start_s, poses=options.poses
+            scene, options.bag, options.topic, options.sea_offset_s, poses=options.poses
         )
         self._options = options
         start = options.start_from
@@ -244,7 +244,7 @@ def run_unpaced(
     epoch_ns: int | None = None,
     say: Callable[[str], None] | None = None,
 ) -> RunSummary:
-    """Run to the simulation time `options.for_s`, or until a signal ends the run.
+    """Run to the simulation time `options.end_s`, or until a signal ends the run.
 
     `report` is called after each cycle; `say` receives notes before the run begins.
 
@@ -257,7 +257,7 @@ def run_unpaced(
             say(words)
     error = not_kept = ""
     step_ns = run.twin.step_ns
-    last_ns = round((options.for_s or 0.0) * 1e9 / step_ns) * step_ns
+    last_ns = round((options.end_s or 0.0) * 1e9 / step_ns) * step_ns
     try:
         with end_told() as told:
             while run.twin.time_ns < last_ns and not told.is_set():

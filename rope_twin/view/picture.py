@@ -58,7 +58,7 @@ def take_picture(recording: Path, picture: Path) -> None:
         data = _settled(port, recording)
     except RuntimeError as error:  # how the viewer's client reports all failures
         raise InputError(
-            phrase("view", f"no picture received ({error})", "try again, or use --save FILE.rrd")
+            phrase("view", f"no picture received ({error})", "try again, or use --out FILE.rrd")
         ) from error
     finally:
         viewer.kill()

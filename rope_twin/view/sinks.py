@@ -173,7 +173,7 @@ def has_screen() -> bool:
 def what_a_window_lacks() -> str:
     """Return why no window can be opened here, in one sentence, or ""."""
     if not has_screen():
-        return phrase("view", "no display", "use --save FILE.rrd or --screenshot FILE.png")
+        return phrase("view", "no display", "use --out FILE.rrd or --out FILE.png")
     libraries = _X11_LIBRARIES if os.environ.get("DISPLAY") else {}
     missing = [package for library, package in libraries.items() if not has_library(library)]
     if missing:

@@ -158,7 +158,7 @@ def test_the_command_shows_them(capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_picture_is_drawn(tmp_path: Path) -> None:
     """A PNG of some size."""
     picture = tmp_path / "modes.png"
-    assert main(["modes", "deep_lift", "--count", "2", "--picture", str(picture)]) == 0
+    assert main(["modes", "deep_lift", "--count", "2", "--out", str(picture)]) == 0
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 

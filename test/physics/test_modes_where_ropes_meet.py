@@ -131,7 +131,7 @@ def test_more_modes_than_there_are() -> None:
 def test_the_command_shows_them(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """A table, an object with null for what is infinite, and a picture."""
     picture = tmp_path / "modes.png"
-    assert main(["modes", "bridle_lift", "--count", "2", "--picture", str(picture)]) == 0
+    assert main(["modes", "bridle_lift", "--count", "2", "--out", str(picture)]) == 0
     assert "free" in capsys.readouterr().out
     assert picture.stat().st_size > 10_000
     assert main(["modes", "bridle_lift", "--count", "2", "--json"]) == 0

@@ -135,7 +135,7 @@ def test_the_growth_of_coarse_nodes_is_that_of_the_rope_between_them() -> None:
 
 @pytest.mark.parametrize("model", [MODELS[0], pytest.param(MODELS[1], marks=pytest.mark.long)])
 def test_the_study_by_its_own_model_tells_what_the_twin_does(model: Any) -> None:
-    """`rope_twin viv --own`, of looks at the motion itself, and what the twin tells live."""
+    """`rope_twin viv --time-domain` looks at the motion itself, the twin reports live."""
     scene = shaken(model, replace(CABLE, diameter=0.032).scene())
     found = run_own(scene, 30.0, "stranded_wire")
     shots = [shot for shot in march(Twin(scene), still, 30.0, 5) if shot.time_s >= 15.0]

@@ -182,7 +182,7 @@ def test_the_policy_allows_what_the_nodes_do_and_nothing_else(
     """As the graph of a running suite tells it."""
     profiles = policy()
     processes.cli(
-        "run", "shallow_lift", "--processes", "--headless", "--record", str(tmp_path / "bag")
+        "run", "shallow_lift", "--processes", "--headless", "--out", str(tmp_path / "bag")
     )
     own = bench.own
     bench.until(lambda: set(profiles) <= set(own.get_node_names()), "all nodes are there")

@@ -34,8 +34,8 @@ def epoch_ns(told: dict[str, list[bytes]]) -> int:
 
 def test_paced_and_unpaced_bags_hold_the_same_bytes(processes: Processes, tmp_path: Path) -> None:
     process = processes.early(
-        "run", "deep_lift", "--for", str(SECONDS), "--headless", "--json",
-        "--record", str(tmp_path / "paced"),
+        "run", "deep_lift", "--duration", str(SECONDS), "--headless", "--json",
+        "--out", str(tmp_path / "paced"),
     )  # fmt: skip
     assert process.wait() == 0
     paced = json.loads(process.text.strip().splitlines()[-1])
@@ -43,7 +43,7 @@ def test_paced_and_unpaced_bags_hold_the_same_bytes(processes: Processes, tmp_pa
     assert paced["heave_refused"] == paced["commands_refused"] == 0
     assert paced["heave_accepted"] >= 20 * SECONDS + 2
     assert paced["commands_accepted"] >= 10 * SECONDS
-    options = RunOptions(scene="deep_lift", for_s=SECONDS, speed=0.0, record=tmp_path / "unpaced")
+    options = RunOptions(scene="deep_lift", end_s=SECONDS, speed=0.0, record=tmp_path / "unpaced")
     heard = messages(tmp_path / "paced")
     unpaced = run_unpaced(options, lambda run: None, epoch_ns(heard))
     assert unpaced.steps == paced["steps"] == 500
@@ -63,8 +63,8 @@ def test_so_do_they_where_the_rope_is_cut_above_a_body(
 ) -> None:
     """Both parts and the slings, from before the cut until the body is in the water."""
     process = processes.early(
-        "run", "manifold_lift", "--for", "3", "--cut", "end@1.003", "--headless", "--json",
-        "--record", str(tmp_path / "paced"),
+        "run", "manifold_lift", "--duration", "3", "--cut", "end@1.003", "--headless", "--json",
+        "--out", str(tmp_path / "paced"),
     )  # fmt: skip
     assert process.wait() == 0
     paced = json.loads(process.text.strip().splitlines()[-1])
@@ -72,7 +72,7 @@ def test_so_do_they_where_the_rope_is_cut_above_a_body(
     names = ("tension_top", "ropes/nodes", "payload/odometry", "payload/rigging", "twin/epoch")
     heard = messages(tmp_path / "paced", names)
     options = RunOptions(
-        scene="manifold_lift", for_s=3.0, speed=0.0, record=tmp_path / "unpaced", cut="end@1.003"
+        scene="manifold_lift", end_s=3.0, speed=0.0, record=tmp_path / "unpaced", cut="end@1.003"
     )
     unpaced = run_unpaced(options, lambda run: None, epoch_ns(heard))
     assert unpaced.payload_depth_m == paced["payload_depth_m"] > 2.0
@@ -86,7 +86,7 @@ def test_the_comparison_can_fail(tmp_path: Path) -> None:
     """Another second of the sea gives other bytes: the equality above is not trivial."""
     for name, start_s in (("one", 0.0), ("other", 1.0)):
         options = RunOptions(
-            scene="shallow_lift", for_s=2.0, speed=0.0, record=tmp_path / name, bag_start_s=start_s
+            scene="shallow_lift", end_s=2.0, speed=0.0, record=tmp_path / name, sea_offset_s=start_s
         )
         run_unpaced(options, lambda run: None, 10**18)
     one, other = messages(tmp_path / "one"), messages(tmp_path / "other")

@@ -73,7 +73,7 @@ class Campaign:
         self._arrived: dict[str, float] = {}
         self.kills: list[Kill] = []
         self.run: Process = processes.cli(
-            "run", SCENE, "--processes", "--headless", "--json", "--record", str(self._bag)
+            "run", SCENE, "--processes", "--headless", "--json", "--out", str(self._bag)
         )
         bench.until(lambda: all(self._heard.values()), "the run")
         bench.until(lambda: set(NAMES) <= set(self.pids()), "all processes", 60.0)
@@ -236,7 +236,7 @@ def test_random_kills(bench: Bench, processes: Processes, tmp_path: Path) -> Non
 def test_a_simulation_that_dies_goes_on_from_a_state_of_its_own_run_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The file of --save may hold an earlier run's state until the first one is saved."""
+    """The file of --save-state may hold an earlier run's state until the first one is saved."""
     started: list[list[str]] = []
 
     class Started:

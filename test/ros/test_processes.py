@@ -31,7 +31,7 @@ def test_the_run_command_starts_watches_and_ends_them(
              ("tension_top", "payload/odometry", "rope/markers", "winch/state")}  # fmt: skip
     bag = tmp_path / "bag"
     process = processes.early(
-        "run", SCENE, "--processes", "--for", "4", "--headless", "--json", "--record", str(bag)
+        "run", SCENE, "--processes", "--duration", "4", "--headless", "--json", "--out", str(bag)
     )
     bench.until(lambda: process.ended, "its end")
     assert process.wait() == 0
@@ -60,7 +60,7 @@ def test_ctrl_c_ends_all_processes_and_the_bag_is_whole(
     import psutil
 
     bag = tmp_path / "bag"
-    process = processes.cli("run", SCENE, "--processes", "--headless", "--record", str(bag))
+    process = processes.cli("run", SCENE, "--processes", "--headless", "--out", str(bag))
     process.until_says("late")
     children = psutil.Process(process.popen.pid).children(recursive=True)
     assert len(children) >= 5

@@ -205,7 +205,7 @@ def test_the_bag_of_the_run_command_is_replayed(
 ) -> None:
     bag = tmp_path / "bag"
     process = processes.cli(
-        "run", SCENE, "--for", "3", "--headless", "--record", str(bag), *how
+        "run", SCENE, "--duration", "3", "--headless", "--out", str(bag), *how
     )  # fmt: skip
     assert process.wait() == 0
     assert main(["replay", str(bag), "--verify", "--json"]) == 0
@@ -232,7 +232,7 @@ def test_twenty_scenes_are_replayed(
 ) -> None:
     bag = tmp_path / "bag"
     process = processes.cli(
-        "run", scene, "--for", "8", "--headless", "--record", str(bag), *how
+        "run", scene, "--duration", "8", "--headless", "--out", str(bag), *how
     )  # fmt: skip
     assert process.wait() == 0
     found = assert_equal(bag)

@@ -52,7 +52,7 @@ def test_a_paced_run_ends_by_itself_with_summary_bag_and_view(
 ) -> None:
     bag = tmp_path / "bag"
     process = processes.early(
-        "run", "shallow_lift", "--for", "3", "--headless", "--json", "--record", str(bag)
+        "run", "shallow_lift", "--duration", "3", "--headless", "--json", "--out", str(bag)
     )
     assert process.wait() == 0
     summary = last_line(process.text)
@@ -86,7 +86,7 @@ def test_ctrl_c_ends_it_with_a_whole_bag_and_a_summary(
 ) -> None:
     """And so does being told to end, and a terminal that closes."""
     bag = tmp_path / "bag"
-    process = processes.cli("run", "shallow_lift", "--headless", "--record", str(bag))
+    process = processes.cli("run", "shallow_lift", "--headless", "--out", str(bag))
     process.until_says("late")  # the progress line
     process.send(number)
     assert process.wait() == 0
@@ -124,8 +124,8 @@ def test_a_second_ctrl_c_ends_it_at_once(processes: Processes) -> None:
 @pytest.mark.ros
 def test_recording_can_be_left_out_and_another_sea_be_played(processes: Processes) -> None:
     process = processes.cli(
-        "run", "shallow_lift", "--for", "1", "--headless", "--json", "--no-record",
-        "--bag", "sea_6p5m", "--bag-start", "60", "--topic", "ship/heave",
+        "run", "shallow_lift", "--duration", "1", "--headless", "--json", "--no-record",
+        "--bag", "sea_6p5m", "--sea-offset", "60", "--topic", "ship/heave",
     )  # fmt: skip
     assert process.wait() == 0
     summary = last_line(process.text)
@@ -137,7 +137,15 @@ def test_recording_can_be_left_out_and_another_sea_be_played(processes: Processe
 @pytest.mark.ros
 def test_twice_real_time_takes_the_same_steps(processes: Processes) -> None:
     process = processes.early(
-        "run", "shallow_lift", "--for", "4", "--headless", "--json", "--no-record", "--speed", "2"
+        "run",
+        "shallow_lift",
+        "--duration",
+        "4",
+        "--headless",
+        "--json",
+        "--no-record",
+        "--speed",
+        "2",
     )
     assert process.wait() == 0
     summary = last_line(process.text)
@@ -150,7 +158,7 @@ def test_twice_real_time_takes_the_same_steps(processes: Processes) -> None:
 def test_a_budget_is_spent_and_its_use_told(processes: Processes) -> None:
     """Finer than the card's finest setting, 160 elements at 5 ms, in steps that fill slots."""
     process = processes.cli(
-        "run", "shallow_lift", "--for", "2", "--headless", "--json", "--no-record",
+        "run", "shallow_lift", "--duration", "2", "--headless", "--json", "--no-record",
         "--budget", "20%",
     )  # fmt: skip
     assert process.wait() == 0
@@ -172,7 +180,7 @@ def test_what_ends_a_run_as_fast_as_possible_leaves_a_whole_bag(
 ) -> None:
     bag = tmp_path / "bag"
     process = processes.cli(
-        "run", "still_water", "--speed", "0", "--for", "1e6", "--record", str(bag)
+        "run", "still_water", "--speed", "0", "--duration", "1e6", "--out", str(bag)
     )
     process.until_says("late")
     process.send(number)
@@ -187,8 +195,8 @@ def test_a_bag_and_a_state_that_find_no_room_are_told_at_the_end(
     processes_too: bool, processes: Processes, tmp_path: Path
 ) -> None:
     bag, state = tmp_path / "bag", tmp_path / "state"
-    words = ["run", "still_water", "--for", "3", "--headless", "--json", "--record", str(bag)]
-    words += ["--save", str(state), *(["--processes"] if processes_too else [])]
+    words = ["run", "still_water", "--duration", "3", "--headless", "--json", "--out", str(bag)]
+    words += ["--save-state", str(state), *(["--processes"] if processes_too else [])]
     script = (  # files of more than 20 kB are refused, as by a full disk
         "import resource, sys\n"
         "from rope_twin.cli import main\n"
@@ -212,7 +220,7 @@ def test_a_bag_that_is_deleted_is_noticed_and_the_run_ends_with_exit_code_1(
     processes_too: bool, processes: Processes, tmp_path: Path
 ) -> None:
     bag = tmp_path / "bag"
-    words = ["run", "still_water", "--headless", "--json", "--record", str(bag)]
+    words = ["run", "still_water", "--headless", "--json", "--out", str(bag)]
     process = processes.cli(*words, *(["--processes"] if processes_too else []))
     process.until_says("late")
     shutil.rmtree(bag)
@@ -228,8 +236,8 @@ def test_as_fast_as_possible_needs_no_ros(tmp_path: Path) -> None:
     script = (
         "import sys\n"
         "from rope_twin.cli import main\n"
-        f"code = main(['run', 'shallow_lift', '--speed', '0', '--for', '1', '--json',"
-        f" '--record', {str(tmp_path / 'bag')!r}])\n"
+        f"code = main(['run', 'shallow_lift', '--speed', '0', '--duration', '1', '--json',"
+        f" '--out', {str(tmp_path / 'bag')!r}])\n"
         "assert 'rclpy' not in sys.modules\n"
         "assert not any(name.startswith('rope_twin.ros') for name in sys.modules)\n"
         "sys.exit(code)\n"
@@ -269,8 +277,8 @@ def test_a_solver_that_gives_up_ends_the_run_with_its_sentence_and_the_bag(
     )
     bag = tmp_path / "bag"
     done = subprocess.run(
-        [sys.executable, "-c", script, "run", "shallow_lift", "--for", "5", "--json",
-         "--headless", "--speed", speed, "--record", str(bag)],
+        [sys.executable, "-c", script, "run", "shallow_lift", "--duration", "5", "--json",
+         "--headless", "--speed", speed, "--out", str(bag)],
         capture_output=True, text=True, timeout=PATIENCE_S, check=False,
     )  # fmt: skip
     assert done.returncode == 1, done.stderr
@@ -285,15 +293,14 @@ def test_a_solver_that_gives_up_ends_the_run_with_its_sentence_and_the_bag(
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["run", "deep_lfit", "--speed", "0", "--for", "1"], "did you mean 'deep_lift'"),
-        (["run", "--speed", "0"], "--for SECONDS"),
+        (["run", "deep_lfit", "--speed", "0", "--duration", "1"], "did you mean 'deep_lift'"),
+        (["run", "--speed", "0"], "--duration"),
         (["run", "--speed", "-1"], "it must be 0 (as fast as possible) or 0.01 to 5"),
         (["run", "--speed", "nan"], "it must be 0 (as fast as possible) or 0.01 to 5"),
-        (["run", "--for", "0"], "above 0 s"),
-        (["run", "--for", "inf"], "above 0 s"),
-        (["run", "--bag-start", "-3"], "at least 0 s"),
-        (["run", "--speed", "0", "--for", "1", "--processes"], "without ROS"),
-        (["run", "--speed", "0", "--for", "1", "--bag", "no_such_sea"], "no_such_sea"),
+        (["run", "--duration", "0"], "above 0 s"),
+        (["run", "--sea-offset", "-3"], "at least 0 s"),
+        (["run", "--speed", "0", "--duration", "1", "--processes"], "without ROS"),
+        (["run", "--speed", "0", "--duration", "1", "--bag", "no_such_sea"], "no_such_sea"),
     ],
 )
 def test_what_cannot_be_run_gets_one_sentence_and_exit_code_1(
@@ -327,7 +334,7 @@ def test_a_process_that_cannot_run_says_no_more_than_its_sentence(
 
 def test_a_bag_directory_in_use_is_refused(tmp_path: Path) -> None:
     (tmp_path / "precious").write_text("data", encoding="utf-8")
-    done = run("run", "shallow_lift", "--speed", "0", "--for", "1", "--record", str(tmp_path))
+    done = run("run", "shallow_lift", "--speed", "0", "--duration", "1", "--out", str(tmp_path))
     assert done.returncode == 1
     assert "holds something" in done.stderr
 
@@ -368,7 +375,7 @@ def test_a_broken_limit_ends_a_paced_run_with_code_4(
     text = load_scene("still_water").path.read_text(encoding="utf-8")
     path = tmp_path / "limited.yaml"
     path.write_text(f"{text}\nlimits: {{tension_n: 200000.0}}\n", encoding="utf-8")
-    process = processes.cli("run", str(path), "--for", "2", "--headless", "--json",
+    process = processes.cli("run", str(path), "--duration", "2", "--headless", "--json",
                             "--no-record", *how)  # fmt: skip
     assert process.wait() == 4
     assert "limit violated: tension of 'hoist' 210.4 kN" in process.text

@@ -193,7 +193,7 @@ def test_a_kill_costs_nothing_but_time(bench: Bench, processes: Processes, tmp_p
         assert begin <= end + 20_000_000, "no twin time is left out"
         assert end - begin < 1_500_000_000, "at most the time between two saved states is repeated"
     options = RunOptions(
-        scene=SCENE, for_s=ends[-1] * 1e-9 + 0.1, speed=0.0, record=tmp_path / "whole"
+        scene=SCENE, end_s=ends[-1] * 1e-9 + 0.1, speed=0.0, record=tmp_path / "whole"
     )
     whole_ns = 10**18
     assert not run_unpaced(options, lambda run: None, whole_ns).error

@@ -29,7 +29,7 @@ def test_a_second_run_beside_another_is_refused_and_the_first_goes_on(
     """Each would take the other's sea and winch: 20 t hung at 3 to 684 kN."""
     first = processes.cli("run", "shallow_lift", "--headless", "--no-record", "--json")
     first.until_says("late")
-    second = processes.cli("run", "deep_lift", "--headless", "--no-record", "--for", "9")
+    second = processes.cli("run", "deep_lift", "--headless", "--no-record", "--duration", "9")
     assert second.wait() == 1
     assert "another simulation" in second.text
     assert "Traceback" not in second.text
@@ -81,5 +81,5 @@ def test_a_run_can_begin_where_another_was_killed(processes: Processes) -> None:
     first = processes.cli("run", "shallow_lift", "--headless", "--no-record")
     first.until_says("late")
     first.kill()
-    second = processes.cli("run", "shallow_lift", "--headless", "--no-record", "--for", "2")
+    second = processes.cli("run", "shallow_lift", "--headless", "--no-record", "--duration", "2")
     assert second.wait() == 0

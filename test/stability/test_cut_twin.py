@@ -274,7 +274,7 @@ def test_an_error_band_is_unknown_from_the_cut_on_and_says_so(scene: Scene) -> N
 
 
 def test_a_run_with_a_band_is_cut_and_told_at_the_end(scene: Scene) -> None:
-    options = RunOptions(scene=str(scene.path), for_s=2.0, speed=0.0, error_band=True, cut="80@1.5")
+    options = RunOptions(scene=str(scene.path), end_s=2.0, speed=0.0, error_band=True, cut="80@1.5")
     summary = run_unpaced(options, lambda run: None)
     assert "error band: unknown since the cut at 1.50 s" in summary.as_text()
     assert summary.error_band is None
@@ -283,7 +283,7 @@ def test_a_run_with_a_band_is_cut_and_told_at_the_end(scene: Scene) -> None:
 def test_a_run_records_the_order_and_both_ropes(scene: Scene, tmp_path: Path) -> None:
     """Without ROS, the topics that a paced run has; told at the end and in the diagnostics."""
     options = RunOptions(
-        scene=str(scene.path), for_s=3.0, speed=0.0, record=tmp_path / "bag", cut=f"{BELOW_M}@1.5"
+        scene=str(scene.path), end_s=3.0, speed=0.0, record=tmp_path / "bag", cut=f"{BELOW_M}@1.5"
     )
     summary = run_unpaced(options, lambda run: None)
     assert "cut at 1.50 s, 80.0 m below the hang-off" in summary.as_text()

@@ -119,11 +119,11 @@ def test_a_run_tells_it_where_it_is_asked_for(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], scene: Scene
 ) -> None:
     """`rope_twin run --energy`: in the summary and in the bag's diagnostics; else null."""
-    words = ["run", str(scene.path), "--speed", "0", "--for", "3", "--headless", "--json"]
+    words = ["run", str(scene.path), "--speed", "0", "--duration", "3", "--headless", "--json"]
     assert main([*words, "--no-record"]) == 0
     assert json.loads(capsys.readouterr().out)["energy"] is None
     bag = tmp_path / "bag"
-    assert main([*words, "--record", str(bag), "--energy"]) == 0
+    assert main([*words, "--out", str(bag), "--energy"]) == 0
     energy = json.loads(capsys.readouterr().out)["energy"]
     assert abs(energy["residual_pct"]) < 0.1
     assert energy["potential_j"] < 0.0 < energy["elastic_j"]

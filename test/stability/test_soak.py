@@ -41,9 +41,9 @@ def resident_mb(arguments: list[str], folder: Path) -> list[float]:
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["--speed", "0", "--for", str(DAY_S), "--no-record"],
-        ["--for", f"{PACED_S:g}", "--no-record"],
-        ["--for", f"{PACED_S:g}", "--record", "bag"],
+        ["--speed", "0", "--duration", str(DAY_S), "--no-record"],
+        ["--duration", f"{PACED_S:g}", "--no-record"],
+        ["--duration", f"{PACED_S:g}", "--out", "bag"],
     ],
     ids=["a day, unpaced", "paced", "paced and recorded"],
 )

@@ -23,7 +23,7 @@ from rope_twin.cli import _parser, main
 from rope_twin.commands import run as run_command
 from rope_twin.commands.run import calibration, choice
 from rope_twin.commands.run.calibration import Cost, measure_shares
-from rope_twin.commands.run.spending import AIM, CEILING_PCT, LEAST, MOST, Bought, spend
+from rope_twin.commands.run.selection import AIM, CEILING_PCT, LEAST, MOST, Selection, refine
 from rope_twin.errors import InputError
 from rope_twin.run.options import read_options
 from rope_twin.scene import card
@@ -45,7 +45,7 @@ def rungs_of(scene: Scene) -> tuple[Rung, ...]:
 
 def unpaced(scene: Scene, *words: str) -> list[str]:
     """A command line that runs 0.2 s of twin time."""
-    return ["run", str(scene.path), "--speed", "0", "--for", "0.2", "--no-record", *words]
+    return ["run", str(scene.path), "--speed", "0", "--duration", "0.2", "--no-record", *words]
 
 
 @pytest.mark.parametrize("target", [0.08, 0.15, 0.3, 0.6, 5.0])
@@ -116,8 +116,9 @@ def test_a_run_within_an_error(tmp_path: Path, capsys: pytest.CaptureFixture[str
     )
     assert told["chosen"] in said
     assert told["chosen"].startswith(
-        "--within 0.6 %: 10 elements at 10 ms, the cheapest that keeps tension_rms within 0.51 % "
-        "in the card's run of 30 s; next better, 10 elements at 5 ms (within 0.44 %), costs 2 "
+        "--within 0.6 %: 10 elements at 10 ms, the cheapest with an error of tension_rms "
+        "within 0.51 % in the study's run of 30 s; next better, 10 elements at 5 ms (within "
+        "0.44 %), costs 2 "
     )
     assert "error ≤ 0.51 %" in said
 
@@ -147,7 +148,7 @@ def test_a_scene_is_shown_with_its_error(
 ) -> None:
     scene = carded_scene(tmp_path)
     assert main(["scene", "show", str(scene.path)]) == 0
-    assert "top tension 0.21 % rms, 0.11 % at its highest, at most" in capsys.readouterr().out
+    assert "top tension 0.21 % rms, 0.11 % at its maximum, at most" in capsys.readouterr().out
     card.card_path(scene).unlink()
     assert main(["scene", "show", str(scene.path)]) == 0
     assert "accuracy             unknown: no card" in capsys.readouterr().out
@@ -174,21 +175,27 @@ NO_AMOUNT = "tension_rms is in %; write a number above 0 and its unit, like 1%."
         (["--within", "nan%"], f"--within nan%: {NO_AMOUNT}"),
         (["--within", ""], f"--within : {NO_AMOUNT}"),
         (["--within", "1m"], f"--within 1m: {NO_AMOUNT}"),
-        (["--within", "0.01%"], "no setting of the card is so accurate, the best is 0.06 %"),
-        (["--within", "1%", "--of", "tension_rsm"], "'tension_rsm'; did you mean 'tension_rms'?"),
+        (["--within", "0.01%"], "no setting of the study is that accurate, the best is 0.06 %"),
         (
-            ["--within", "1m", "--of", "payload_depth"],
-            "its card knows no error of payload_depth; say --of with one of tension_peak, tens",
+            ["--within", "1%", "--quantity", "tension_rsm"],
+            "'tension_rsm'; did you mean 'tension_rms'?",
         ),
         (
-            ["--within", "1%", "--of", "payload_depth"],
+            ["--within", "1m", "--quantity", "payload_depth"],
+            "its convergence study has no error of payload_depth; give --quantity with one of",
+        ),
+        (
+            ["--within", "1%", "--quantity", "payload_depth"],
             "--within 1%: payload_depth is in m; write a number above 0 and its unit, like 0.05m.",
         ),
         (
             ["--within", "1%", "--bag", "sea_1p2m"],
-            "small: its card is of its own sea, not of --bag sea_1p2m; leave --bag out, or",
+            "small: its convergence study is for its own sea, not for --bag sea_1p2m; leave",
         ),
-        (["--of", "tension_rms"], "--of: there is nothing to choose; say --within 1% too."),
+        (
+            ["--quantity", "tension_rms"],
+            "--quantity: there is nothing to select; give --within 1% too.",
+        ),
         (["--budget", "30%"], "--budget: --speed 0 takes a whole core; give up to 100 %"),
     ],
 )
@@ -212,7 +219,7 @@ def test_without_a_valid_card_nothing_is_bought(
     assert main(unpaced(scene, "--within", "1%")) == 1
     said = capsys.readouterr().err
     right = f"make it with `rope_twin accuracy {scene.path}`."
-    assert f"it has no accuracy card; {right}" in said, "what it names can be typed"
+    assert f"it has no convergence study; {right}" in said, "what it names can be typed"
 
 
 def test_what_is_better_for_hardly_more_is_said_so(
@@ -225,7 +232,7 @@ def test_what_is_better_for_hardly_more_is_said_so(
         row["real_time_factor"] = 1000.0 - row["elements"] - 100.0 * row["step_s"]
     write_card(scene, content)
     assert main(unpaced(scene, "--within", "5%")) == 0
-    assert "costs hardly more" in capsys.readouterr().err
+    assert "costs little more" in capsys.readouterr().err
 
 
 def test_a_window_that_ends_before_the_run_is_told_or_refused(
@@ -233,19 +240,19 @@ def test_a_window_that_ends_before_the_run_is_told_or_refused(
 ) -> None:
     """The scene asks for a minute: what a card of 30 s promises holds for 30 s."""
     scene = carded_scene(tmp_path)
-    words = ["run", str(scene.path), "--speed", "0", "--no-record", "--within", "1%", "--for"]
+    words = ["run", str(scene.path), "--speed", "0", "--no-record", "--within", "1%", "--duration"]
     assert main([*words, "30.02"]) == 1
-    right = f"make it anew with `rope_twin accuracy {scene.path}`, or say --for 30."
-    said = f"its card is of 30 s only, what happens in the scene takes 60 s; {right}\n"
+    right = f"make it again with `rope_twin accuracy {scene.path}`, or give --duration 30."
+    said = f"its convergence study is for 30 s, but the events of the scene take 60 s; {right}\n"
     assert capsys.readouterr().err == f"--within, scene small: {said}"
     assert main([*words, "30"]) == 0
-    assert "in the card's run of 30 s; next better" in capsys.readouterr().err
+    assert "in the study's run of 30 s; next better" in capsys.readouterr().err
     write_card(scene, sample_card(scene) | {"seconds": 60.0})
     assert main([*words, "30.02"]) == 0
-    assert "in the card's run of 60 s; next better" in capsys.readouterr().err
+    assert "in the study's run of 60 s; next better" in capsys.readouterr().err
     assert main([*words, "60.02"]) == 0
     longer = (
-        "in the card's run of 60 s (of this one the error is unknown after that: the card's run "
+        "in the study's run of 60 s (the error is unknown after that: the card's run "
         "ended at 60 s);"
     )
     assert longer in capsys.readouterr().err
@@ -297,8 +304,8 @@ def plain_cost(setting: Setting) -> Cost:
 @pytest.mark.parametrize("start", [Setting(40, 0.005), Setting(100, 0.02), Setting(20, 0.01)])
 def test_a_budget_is_spent_on_elements_and_steps_alike(budget: float, start: Setting) -> None:
     """What is left is for the middleware and the rest of the process."""
-    found = spend(start, budget, 20_000, plain_cost)
-    assert isinstance(found, Bought)
+    found = refine(start, budget, 20_000, plain_cost)
+    assert isinstance(found, Selection)
     setting, cost = found.setting, found.cost
     assert cost == plain_cost(setting)
     assert LEAST * min(budget, CEILING_PCT / AIM) <= cost.pct <= MOST * budget
@@ -315,18 +322,18 @@ def test_a_budget_is_spent_on_elements_and_steps_alike(budget: float, start: Set
 def test_what_a_budget_is_not_enough_for_is_not_bought() -> None:
     start = Setting(400, 0.005)
     share = plain_cost(start).pct
-    assert spend(start, share, 20_000, plain_cost) == plain_cost(start)
-    found = spend(start, share / AIM, 20_000, plain_cost)
-    assert isinstance(found, Bought)
+    assert refine(start, share, 20_000, plain_cost) == plain_cost(start)
+    found = refine(start, share / AIM, 20_000, plain_cost)
+    assert isinstance(found, Selection)
     assert found.setting == start
 
 
 def test_a_rope_has_no_more_elements_than_it_may_and_slots_keep_room() -> None:
-    found = spend(Setting(100, 0.005), 30.0, 150, plain_cost)
-    assert isinstance(found, Bought)
+    found = refine(Setting(100, 0.005), 30.0, 150, plain_cost)
+    assert isinstance(found, Selection)
     assert found.setting.elements == 150
-    full = spend(Setting(100, 0.005), 100.0, 20_000, plain_cost)
-    assert isinstance(full, Bought)
+    full = refine(Setting(100, 0.005), 100.0, 20_000, plain_cost)
+    assert isinstance(full, Selection)
     assert 0.9 * CEILING_PCT <= full.cost.pct <= 1.05 * CEILING_PCT
 
 
@@ -354,9 +361,9 @@ def test_a_budget_in_another_sea_claims_no_error(
     for more, said in (
         (
             [],
-            "tension_rms within 0.06 % in the card's run of 30 s (of this one the error",
+            "error of tension_rms 0.06 % at most in the study's run of 30 s (the error",
         ),
-        (["--bag", "sea_1p2m"], "of its error nothing is known: the card's run has another sea;"),
+        (["--bag", "sea_1p2m"], "its error is unknown: the card's run has another sea;"),
     ):
         args = _parser({"run": run_command}).parse_args([*words, *more])
         assert said in choice.choose(args, read_options(args)).chosen
@@ -370,7 +377,7 @@ def test_a_budget_is_told_with_what_the_next_setting_costs(tmp_path: Path, budge
     args = _parser({"run": run_command}).parse_args(words)
     if budget == "0.0001%":
         with pytest.raises(
-            InputError, match=r"the cheapest setting of the card needs .* give more"
+            InputError, match=r"the cheapest setting of the study needs .* give more"
         ):
             choice.choose(args, read_options(args))
         return

@@ -100,7 +100,7 @@ def _records(content: bytes) -> Iterator[tuple[int, int, int]]:
 def of_a_run(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
     """Twenty seconds of a lift, every topic."""
     folder = tmp_path_factory.mktemp("run") / "bag"
-    options = RunOptions(scene="shallow_lift", for_s=20.0, speed=0.0, record=folder)
+    options = RunOptions(scene="shallow_lift", end_s=20.0, speed=0.0, record=folder)
     assert not run_unpaced(options, lambda run: None, START_NS).error
     made = recorded(folder / "bag_0.mcap")
     assert len(made.chunks) > 10

@@ -1,6 +1,5 @@
 """Recovery: whatever is done to a bag, it ends in a valid one or in a clear word."""
 
-import argparse
 import tempfile
 from pathlib import Path
 
@@ -13,7 +12,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 from rosbags.highlevel import AnyReader
 
-from rope_twin.commands import recover as command
+from rope_twin.cli import main
 from rope_twin.errors import BagError
 from rope_twin.messages import encode_epoch, encode_heave
 from rope_twin.recording.bag_writer import BagWriter
@@ -60,10 +59,7 @@ def read_back(directory: Path) -> list[tuple[str, int, bytes]]:
 
 
 def run(*words: str) -> int:
-    parser = argparse.ArgumentParser()
-    command.add_parser(parser.add_subparsers())
-    args = parser.parse_args(["recover", *words])
-    return int(args.run(args))
+    return main(["recover", *words])
 
 
 @settings(max_examples=80, deadline=None)

@@ -83,7 +83,7 @@ def test_the_claim_ends_with_the_seconds_of_the_card(
 ) -> None:
     scene = carded_scene(tmp_path)
     write_card(scene, sample_card(scene) | {"seconds": 0.2})
-    words = ["run", str(scene.path), "--speed", "0", "--no-record", "--json", "--for"]
+    words = ["run", str(scene.path), "--speed", "0", "--no-record", "--json", "--duration"]
     assert main([*words, "0.2"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["tension_top_error_pct"] > 0.0
@@ -99,7 +99,7 @@ def test_the_claim_ends_with_the_seconds_of_the_card(
 
 def test_a_shipped_scene_beyond_its_card(capsys: pytest.CaptureFixture[str]) -> None:
     """manifold_lift has a card of 30 s."""
-    words = ["run", "manifold_lift", "--speed", "0", "--no-record", "--json", "--for"]
+    words = ["run", "manifold_lift", "--speed", "0", "--no-record", "--json", "--duration"]
     assert main([*words, "1"]) == 0
     assert json.loads(capsys.readouterr().out)["tension_top_error_pct"] > 0.0
     assert main([*words, "31"]) == 0

@@ -26,12 +26,24 @@ from rope_twin.scene.load import load_scene
         ("", "rope_twin: the following arguments are required: COMMAND"),
         ("rnu", "rope_twin: there is no 'rnu'; did you mean 'run'"),
         ("scene lst", "rope_twin scene: there is no 'lst'; did you mean 'list'"),
-        ("run --hedless", "rope_twin run: it takes no --hedless; did you mean '--headless'"),
-        ("run one two", "rope_twin run: it takes no two"),
-        ("run --for 1h", "rope_twin run: --for: '1h' is no number"),
-        ("lines a --seconds 0.5", "rope_twin lines: --seconds: '0.5' is no whole number"),
+        ("run --hedless", "rope_twin run: unknown argument --hedless; did you mean '--headless'"),
+        ("run one two", "rope_twin run: unknown argument two"),
+        ("run --speed 1x", "rope_twin run: --speed: '1x' is not a number"),
+        ("faults a --jobs 0.5", "rope_twin faults: --jobs: '0.5' is not a whole number"),
+        (
+            "run --duration 1km",
+            "rope_twin run: --duration: '1km' is not a time; give a number in s",
+        ),
+        (
+            "run --duration inf",
+            "rope_twin run: --duration: 'inf' is not a time; give a number in s",
+        ),
+        (
+            "run --duration nan",
+            "rope_twin run: --duration: 'nan' is not a time; give a number in s",
+        ),
         ("lines a --sea-state 9", "rope_twin lines: --sea-state: there is no '9'; known: 3, 4, 5"),
-        ("run --cut -5@1", "rope_twin run: --cut: expected one argument (a value that begins"),
+        ("run --cut -5@1", "rope_twin run: --cut: expected one argument (write a value"),
         ("run --budget 1% --within 1%", "rope_twin run: --within: not allowed with argument"),
     ],
 )
@@ -59,19 +71,31 @@ def test_a_value_that_begins_with_minus_stands_behind_an_equals_sign(
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        ("view sea_1p2m --save {folder}", "file {folder}: it cannot be written (Is a directory)"),
-        ("view sea_1p2m --screenshot a.jpg", "--screenshot a.jpg: pictures are PNG; end it in .pn"),
-        ("scene measure still_water --for 1e9", "--for: 1e+09 s is too long; give at most 1e+07"),
+        ("view sea_1p2m --out {folder}", "--out {folder}: unknown file type; end it in .rrd or"),
+        ("view sea_1p2m --out a.jpg", "--out a.jpg: unknown file type; end it in .rrd or .png"),
+        ("scene measure still_water --duration 1e9", "--duration: 1e+09 s is too long; give at"),
         ("study sea_and_lod", "study 'sea_and_lod': there is no such study; did you mean 'sea_an"),
-        ("run bridle_lift --speed 0 --for 1 --no-record --fatigue spiral_wire", "ropes meet here"),
-        ("run still_water --for 0.001", "--for 0.001: the run would be shorter than one step"),
-        ("run --speed 0 --for 1e-9", "--for 1e-09: the run would be shorter than one step"),
+        ("run bridle_lift --speed 0 --duration 1 --no-record --fatigue spiral_wire", "ropes meet"),
         (
-            "run still_water --bag-start 5",
-            "--bag-start 5: there is no bag to start in: scene still",
+            "run still_water --duration 1ms",
+            "--duration 0.001: the run would be shorter than one time",
         ),
-        ("run smooth_2km --bag-start 5", "--bag-start 5: there is no bag to start in: scene smoot"),
-        ("ensemble deep_lift --members 2 --look 0 --vary time.step_s=1..2", "--look: 0.0 s is not"),
+        (
+            "run --speed 0 --duration 1e-9",
+            "--duration 1e-09: the run would be shorter than one tim",
+        ),
+        (
+            "run still_water --sea-offset 5",
+            "--sea-offset 5: there is no bag to start in: scene still",
+        ),
+        (
+            "run smooth_2km --sea-offset 5",
+            "--sea-offset 5: there is no bag to start in: scene smoot",
+        ),
+        (
+            "ensemble deep_lift --members 2 --slack-interval 0 --vary time.step_s=1..2",
+            "--slack-int",
+        ),
     ],
 )
 def test_what_cannot_be_is_told_before_anything_runs(
@@ -86,38 +110,58 @@ def test_what_cannot_be_is_told_before_anything_runs(
 
 
 @pytest.mark.parametrize(
-    ("for_s", "end_s", "words"),
+    ("duration", "end_s", "words"),
     [
-        ("0.207", 0.22, "it is no whole number of steps of 0.01 s"),
-        ("0.203", 0.2, "it is no whole number of steps of 0.01 s"),
-        ("0.21", 0.22, "steps of 0.01 s are taken 2 at a time"),
+        ("0.207", 0.22, "it is not a whole number of time steps of 0.01 s"),
+        ("0.203", 0.2, "it is not a whole number of time steps of 0.01 s"),
+        ("0.21", 0.22, "time steps of 0.01 s are taken 2 at a time"),
         ("0.2", 0.2, ""),
     ],
 )
 def test_a_run_that_cannot_end_when_asked_says_when_it_does(
-    for_s: str, end_s: float, words: str, capsys: pytest.CaptureFixture[str]
+    duration: str, end_s: float, words: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The run was of another length than asked for, without a word."""
-    options = ["run", "still_water", "--speed", "0", "--no-record", "--json", "--for", for_s]
+    options = [
+        "run",
+        "still_water",
+        "--speed",
+        "0",
+        "--no-record",
+        "--json",
+        "--duration",
+        duration,
+    ]
     assert main(options) == 0
     said = capsys.readouterr()
-    sentence = f"--for {for_s}: {words}; the run ends at {end_s:g} s.\n"
-    assert (sentence in said.err) if words else ("--for" not in said.err)
+    sentence = f"--duration {duration}: {words}; the run ends at {end_s:g} s.\n"
+    assert (sentence in said.err) if words else ("--duration" not in said.err)
     assert json.loads(said.out.splitlines()[-1])["time_s"] == pytest.approx(end_s)
 
 
 def test_a_start_in_a_bag_is_taken_where_there_is_one() -> None:
     """A bag or poses that are named, or those of the scene."""
     still, deep = load_scene("still_water"), load_scene("deep_lift")
-    asked = RunOptions(bag_start_s=5.0)
+    asked = RunOptions(sea_offset_s=5.0)
     for options, scene in (
         (asked, deep),
         (replace(asked, bag="sea_1p2m"), still),
         (replace(asked, poses="my_poses"), still),
     ):
         assert check_against_scene(options, scene) == ""
-    with pytest.raises(InputError, match="--bag-start 5"):
+    with pytest.raises(InputError, match="--sea-offset 5"):
         check_against_scene(asked, still)
+
+
+def test_a_folder_in_place_of_a_recording_is_not_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("rerun")
+    folder = tmp_path / "lift.rrd"
+    folder.mkdir()
+    assert main(["view", "sea_1p2m", "--out", str(folder)]) == 1
+    assert f"file {folder}: it cannot be written (Is a directory)" in capsys.readouterr().err
+    assert not list(folder.iterdir())
 
 
 def test_ctrl_c_while_a_command_is_loaded_ends_quietly(
@@ -162,21 +206,21 @@ def refused(tmp_path: Path, *words: str, output: str) -> str:
 @pytest.mark.parametrize("words", ["scene keys", "scene list"])
 def test_an_output_that_takes_nothing_is_told_in_one_sentence(words: str, tmp_path: Path) -> None:
     told = refused(tmp_path, *words.split(), output="/dev/full")
-    assert told == "output: No space left on device; make room there, or name another place."
+    assert told == "output: No space left on device; free space there, or name another place."
 
 
 def test_a_picture_of_a_bag_that_finds_no_room_is_told_in_one_sentence(tmp_path: Path) -> None:
     pytest.importorskip("rerun")
-    told = refused(tmp_path, "view", "sea_1p2m", "--save", "view.rrd", output="/dev/null")
+    told = refused(tmp_path, "view", "sea_1p2m", "--out", "view.rrd", output="/dev/null")
     assert "file view.rrd: it cannot be written (" in told
 
 
-@pytest.mark.parametrize("kept", ["record", "save"])
+@pytest.mark.parametrize("kept", ["out", "save-state"])
 def test_a_run_whose_bag_or_state_finds_no_room_does_not_end_as_if_it_had(
     kept: str, tmp_path: Path
 ) -> None:
-    words = ["run", "still_water", "--speed", "0", "--for", "20", f"--{kept}", "kept"]
-    words += ["--no-record"] if kept == "save" else []
+    words = ["run", "still_water", "--speed", "0", "--duration", "20", f"--{kept}", "kept"]
+    words += ["--no-record"] if kept == "save-state" else []
     told = refused(tmp_path, *words, output="/dev/null")
     assert "kept" in told
     assert "(File too large)" in told
@@ -187,6 +231,6 @@ def test_what_was_wrong_with_a_sea_is_told_where_no_node_tells_it(
 ) -> None:
     rows = [(at, nan if number == 9 else z, v) for number, (at, z, v) in enumerate(swell())]
     bag = write_heave(tmp_path / "bag", rows)
-    words = f"run still_water --speed 0 --for 1 --no-record --bag {bag}"
+    words = f"run still_water --speed 0 --duration 1 --no-record --bag {bag}"
     assert main(words.split()) == 0
     assert "skipped 1 of 400 samples (1 not finite)" in capsys.readouterr().err

@@ -52,7 +52,7 @@ def test_each_member_equals_a_run_of_its_own(tmp_path: Path, capsys: Printed) ->
     """Same scene with the member's numbers in its file, through `rope_twin run --speed 0`."""
     told = run_json(
         capsys, "ensemble", SHALLOW, "--vary", "payloads[0].mass_kg=15000,30000",
-        "--sea-offset", "0..400", "--members", "2", "--for", "12", "--seed", "5",
+        "--sea-offset", "0..400s", "--members", "2", "--duration", "12", "--seed", "5",
     )  # fmt: skip
     assert told["members"] == 4
     for row in told["rows"]:
@@ -61,7 +61,15 @@ def test_each_member_equals_a_run_of_its_own(tmp_path: Path, capsys: Printed) ->
         sea = {**scene["sea_state"], "start_s": row["sea_offset_s"]}
         path = scene_file(tmp_path, payloads=scene["payloads"], sea_state=sea)
         alone = run_json(
-            capsys, "run", str(path), "--speed", "0", "--for", "12", "--no-record", "--headless"
+            capsys,
+            "run",
+            str(path),
+            "--speed",
+            "0",
+            "--duration",
+            "12",
+            "--no-record",
+            "--headless",
         )
         for name in ("tension_top_max_n", "tension_top_min_n"):
             assert row[name] == alone[name]
@@ -73,7 +81,7 @@ def test_regular_seas_can_be_varied(regular: str, capsys: Printed) -> None:
     """Twice a small heave, twice the motion of the tension."""
     told = run_json(
         capsys, "ensemble", regular, "--vary", "sea_state.heave.amplitude_m=0.01,0.02",
-        "--for", "20",
+        "--duration", "20",
     )  # fmt: skip
     ranges = [row["tension_top_max_n"] - row["tension_top_min_n"] for row in told["rows"]]
     assert ranges[0] > 100.0
@@ -82,8 +90,8 @@ def test_regular_seas_can_be_varied(regular: str, capsys: Printed) -> None:
 
 def test_quantiles_and_csv_tell_the_same(regular: str, tmp_path: Path, capsys: Printed) -> None:
     out = tmp_path / "members.csv"
-    words = ["ensemble", regular, "--sea-offset", "0..8", "--members", "7", "--for", "5"]
-    told = run_json(capsys, *words, "--csv", str(out))
+    words = ["ensemble", regular, "--sea-offset", "0..8", "--members", "7", "--duration", "5"]
+    told = run_json(capsys, *words, "--out", str(out))
     with out.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [int(row["member"]) for row in rows] == list(range(7))
@@ -96,21 +104,21 @@ def test_quantiles_and_csv_tell_the_same(regular: str, tmp_path: Path, capsys: P
 
 def test_the_text_has_a_line_for_each_figure_and_point(regular: str, capsys: Printed) -> None:
     words = ["--vary", "effects.drag.normal=1.0..2.0:2", "--sea-offset", "0..8"]
-    assert main(["ensemble", regular, *words, "--members", "2", "--for", "2"]) == 0
+    assert main(["ensemble", regular, *words, "--members", "2", "--duration", "2"]) == 0
     told = capsys.readouterr()
     assert "changed: 4 members, 2 s each" in told.out
-    assert "highest top tension [kN]" in told.out
+    assert "maximum top tension [kN]" in told.out
     points = [line.split()[0] for line in told.out.split("(median")[1].splitlines()[1:3]]
     assert points == ["1", "2"]
     assert "0 stopped early" in told.out
-    assert "0 of 4 stepped in SIMD lanes, 8 at a time; 4 by themselves (too few" in told.out
-    assert "4 ropes are at rest where they start" in told.err
+    assert "0 of 4 members stepped in SIMD batches of 8; 4 one by one (too few" in told.out
+    assert "4 members are in static equilibrium" in told.err
 
 
 def test_members_that_stop_are_named(regular: str, capsys: Printed, tmp_path: Path) -> None:
     """Exit code 3 with one, 1 with all of them; a payload that floats cannot start."""
     mass = "payloads[0].mass_kg"
-    words = ["ensemble", regular, "--for", "0.5", "--csv", str(tmp_path / "rows.csv")]
+    words = ["ensemble", regular, "--duration", "0.5", "--out", str(tmp_path / "rows.csv")]
     assert main([*words, "--vary", f"{mass}=0,20000"]) == 3
     told = capsys.readouterr()
     assert "1 stopped early" in told.out
@@ -126,7 +134,7 @@ def test_members_that_stop_are_named(regular: str, capsys: Printed, tmp_path: Pa
 
 def test_a_rope_that_would_break_is_counted(regular: str, capsys: Printed) -> None:
     share = "ropes[0].rope.breaking_load_n"
-    told = run_json(capsys, "ensemble", regular, "--vary", f"{share}=1e5,1e6", "--for", "0.5")
+    told = run_json(capsys, "ensemble", regular, "--vary", f"{share}=1e5,1e6", "--duration", "0.5")
     assert told["overloaded"] == 1
 
 
@@ -138,13 +146,13 @@ def test_a_rope_that_would_break_is_counted(regular: str, capsys: Printed) -> No
         (["--vary", "effects.drag.normal=9..99"], "effects.drag.normal: "),
         (["--vary", "time.step_s=0.01..0.02"], "time.step_s: all members have it in common"),
         (["--sea-offset=-9..-1"], "--sea-offset: -4.9"),
-        (["--sea-offset", "0..9", "--for", "nan"], "--for: nan s is not possible"),
-        (["--sea-offset", "0..9", "--for", "0.0153"], "--for: 0.0153 s is not possible"),
-        (["--sea-offset", "0..9", "--step", "0.5"], "--step: 0.5 s is not possible"),
-        (["--sea-offset", "0..9", "--look", "0"], "--look: 0.0 s is not possible"),
-        (["--sea-offset", "0..9", "--threads", "0"], "ensemble: 0 threads"),
+        (["--sea-offset", "0..9", "--duration", "0"], "--duration: 0 s is not possible"),
+        (["--sea-offset", "0..9", "--duration", "0.0153"], "--duration: 0.0153 s is not possible"),
+        (["--sea-offset", "0..9", "--time-step", "0.5"], "--time-step: 0.5 s is not possible"),
+        (["--sea-offset", "0..9", "--slack-interval", "0"], "--slack-interval: 0.0 s is not pos"),
+        (["--sea-offset", "0..9", "--jobs", "0"], "ensemble: 0 threads"),
         (["--sea-offset", "0..9", "--seed", "-1"], "--seed: -1 is negative"),
-        (["--sea-offset", "0..9", "--csv", "/nowhere/x.csv"], "--csv: there is no directory"),
+        (["--sea-offset", "0..9", "--out", "/nowhere/x.csv"], "--out: there is no folder"),
     ],
 )
 def test_what_cannot_be_is_told_in_one_sentence(
@@ -159,9 +167,18 @@ def test_what_cannot_be_is_told_in_one_sentence(
 
 def test_a_sea_that_ends_too_early(tmp_path: Path, capsys: Printed) -> None:
     path = scene_file(tmp_path, sea_state={"bag": "sea_1p2m", "loop": False})
-    words = ["ensemble", str(path), "--sea-offset", "0..1100", "--members", "20", "--for", "300"]
+    words = [
+        "ensemble",
+        str(path),
+        "--sea-offset",
+        "0..1100",
+        "--members",
+        "20",
+        "--duration",
+        "300",
+    ]
     assert main(words) == 1
-    assert "--for 300: the sea of member" in capsys.readouterr().err
+    assert "--duration 300: the sea of member" in capsys.readouterr().err
     still = scene_file(tmp_path, sea_state={})
     assert main(["ensemble", str(still), "--sea-offset", "0..9"]) == 1
     assert "--sea-offset: the scene's ship lies still; leave it out" in capsys.readouterr().err

@@ -33,8 +33,8 @@ SCENE = "shallow_lift"
 Change = Callable[[Recorded], bytes | None]
 
 
-def record(place: Path, for_s: float = 2.0, **options: Any) -> Path:
-    given = {"scene": SCENE, "speed": 0.0, "for_s": for_s, "record": place, **options}
+def record(place: Path, end_s: float = 2.0, **options: Any) -> Path:
+    given = {"scene": SCENE, "speed": 0.0, "end_s": end_s, "record": place, **options}
     summary = run_unpaced(RunOptions(**given), lambda run: None, EPOCH_NS)
     assert not summary.error
     return place

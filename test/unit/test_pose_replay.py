@@ -122,10 +122,10 @@ def test_a_run_with_its_own_recorded_poses_is_the_same_run(tmp_path: Path) -> No
     scene = scene_file(tmp_path, "sea_state: {poses: {bag: ./bag}}")
     runs: list[list[Snapshot]] = []
     for options in (
-        RunOptions(scene=scene, speed=0.0, for_s=5.0, record=again),
+        RunOptions(scene=scene, speed=0.0, end_s=5.0, record=again),
         RunOptions(
-            scene=scene_file(tmp_path, ""), speed=0.0, for_s=3.0, poses=str(again),
-            bag_start_s=-FIRST_NS * 1e-9,
+            scene=scene_file(tmp_path, ""), speed=0.0, end_s=3.0, poses=str(again),
+            sea_offset_s=-FIRST_NS * 1e-9,
         ),
     ):  # fmt: skip
         shots: list[Snapshot] = []

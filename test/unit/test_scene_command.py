@@ -67,7 +67,7 @@ def test_check_of_a_sound_scene(tmp_path: Path, capsys: pytest.CaptureFixture[st
     path = written(tmp_path, GOOD)
     assert command("check", str(path)) == 0
     out, err = capsys.readouterr()
-    assert out == f"{path}: scene 'scene' is sound, no warning\n"
+    assert out == f"{path}: valid, no warnings\n"
     assert err == ""
 
 
@@ -82,7 +82,7 @@ def test_check_prints_warnings_and_stays_at_zero(
         ["warning", "ropes[0].elements"],
         ["warning", "time.step_s"],
     ]
-    assert lines[-1].endswith("is sound, 3 warnings")
+    assert lines[-1].endswith(": valid, 3 warnings")
 
 
 @pytest.mark.parametrize("action", ["check", "show"])

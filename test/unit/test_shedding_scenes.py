@@ -66,7 +66,7 @@ def test_a_run_tells_once_what_its_vortices_want(
     path = tmp_path / "calm.yaml"
     for elements, told in (("180", "this scene gives 1.11 m"), ("20", "elements of 10 m and")):
         path.write_text(scene.replace("elements: 180", f"elements: {elements}"), encoding="utf-8")
-        assert main(["run", str(path), "--speed", "0", "--for", "0.1", "--no-record"]) == 0
+        assert main(["run", str(path), "--speed", "0", "--duration", "0.1", "--no-record"]) == 0
         said = capsys.readouterr().err
         assert said.count("lock-in at 2.65 Hz requires elements below 1.3 m") == 1
         assert told in said

@@ -1,4 +1,4 @@
-"""`run --save`, `run --from` and `state info`: two halves are the whole, and faults are told."""
+"""`run --save-state`, `--from-state` and `state info`: two halves equal the whole; faults."""
 
 from __future__ import annotations
 
@@ -54,10 +54,10 @@ class Runs:
     whole: RunSummary
 
 
-def run(record: Path, for_s: float, save: Path | None, start_from: Path | None) -> RunSummary:
+def run(record: Path, end_s: float, save: Path | None, start_from: Path | None) -> RunSummary:
     """Here, with one epoch for all."""
     options = RunOptions(
-        scene=SCENE, for_s=for_s, speed=0.0, record=record, save=save, start_from=start_from
+        scene=SCENE, end_s=end_s, speed=0.0, record=record, save=save, start_from=start_from
     )
     summary = run_unpaced(options, lambda run: None, EPOCH_NS)
     assert not summary.error
@@ -87,7 +87,7 @@ def test_two_bags_are_the_one_of_a_run_without_interruption(runs: Runs) -> None:
 def test_another_process_goes_on(runs: Runs) -> None:
     """The figures of the last line, means and counts of inputs included; the scene is found."""
     done = subprocess.run(
-        command("--json", "--no-record", "--from", str(runs.saved), "--for", "4"),
+        command("--json", "--no-record", "--from-state", str(runs.saved), "--duration", "2.5s"),
         check=True, capture_output=True, text=True,
     )  # fmt: skip
     found = json.loads(done.stdout.splitlines()[-1])
@@ -101,7 +101,7 @@ def test_ctrl_c_saves_a_whole_state(tmp_path: Path) -> None:
     """In the middle of a long run; what is saved goes on."""
     saved = tmp_path / "interrupted.state"
     process = subprocess.Popen(
-        command(SCENE, "--for", "1e6", "--no-record", "--save", str(saved)),
+        command(SCENE, "--duration", "1e6", "--no-record", "--save-state", str(saved)),
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     assert process.stderr is not None
@@ -120,7 +120,7 @@ def test_ctrl_c_saves_a_whole_state(tmp_path: Path) -> None:
 def test_info_tells(runs: Runs, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["state", "info", str(runs.saved)]) == 0
     told = capsys.readouterr().out
-    for words in ("shallow_lift", "1.500 s, 150 steps of 0.01 s", "check-sum right", "nodes"):
+    for words in ("shallow_lift", "1.500 s, 150 time steps of 0.01 s", "checksum correct", "nodes"):
         assert words in told
     assert main(["state", "info", str(runs.saved), "--json"]) == 0
     about = json.loads(capsys.readouterr().out)
@@ -131,11 +131,21 @@ def test_info_tells(runs: Runs, capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["--from", "FILE", "--for", "1"], "--for 1: the saved state is at 1.5 s already"),
-        (["--from", "none.state", "--for", "9"], "saved state none.state: it cannot be read"),
-        (["storm", "--from", "FILE", "--for", "9", "--no-record"], "it is of another scene"),
-        (["--save", "none/x.state", "--for", "9"], "--save none/x.state: it cannot be written"),
-        (["--save", ".", "--for", "9"], "--save .: it cannot be written"),
+        (["--from-state", "FILE", "--duration", "1ms"], "--duration 0.001: the run would be sh"),
+        (["--from-state", "FILE", "--duration", "1", "--cut", "9@1"], "the run goes from 1.5 s to"),
+        (
+            ["--from-state", "none.state", "--duration", "9"],
+            "saved state none.state: it cannot be read",
+        ),
+        (
+            ["storm", "--from-state", "FILE", "--duration", "9", "--no-record"],
+            "it is of another scene",
+        ),
+        (
+            ["--save-state", "none/x.state", "--duration", "9"],
+            "--save-state none/x.state: it cannot be written",
+        ),
+        (["--save-state", ".", "--duration", "9"], "--save-state .: it cannot be written"),
     ],
 )
 def test_faults_are_told_in_one_sentence(
@@ -175,7 +185,7 @@ def test_a_solver_that_gives_up_names_the_file(
 
     monkeypatch.setattr(twin_module, "advance", spoilt)
     options = RunOptions(
-        scene=SCENE, for_s=1.0, speed=0.0, record=tmp_path / "bag", save=tmp_path / "good.state"
+        scene=SCENE, end_s=1.0, speed=0.0, record=tmp_path / "bag", save=tmp_path / "good.state"
     )
     summary = run_unpaced(options, lambda run: None)
     kept = tmp_path / f"{SCENE}_failed_step_51.state"
@@ -191,11 +201,19 @@ def test_a_state_whose_scene_was_moved_says_where_it_was(
     """Its name alone was looked for, among the scenes of the package."""
     here, there = tmp_path / "mine.yaml", tmp_path / "moved.yaml"
     here.write_bytes(load_scene("still_water").path.read_bytes())
-    saved = ["--save", str(tmp_path / "state")]
-    assert main(["run", str(here), "--speed", "0", "--for", "1", "--no-record", *saved]) == 0
+    saved = ["--save-state", str(tmp_path / "state")]
+    assert main(["run", str(here), "--speed", "0", "--duration", "1", "--no-record", *saved]) == 0
     here.rename(there)
-    go_on = ["--from", str(tmp_path / "state"), "--speed", "0", "--for", "2", "--no-record"]
+    go_on = [
+        "--from-state",
+        str(tmp_path / "state"),
+        "--speed",
+        "0",
+        "--duration",
+        "1",
+        "--no-record",
+    ]
     assert main(["run", *go_on]) == 1
-    told = f"--from: its scene {here} is no longer there; name the scene's file, too."
+    told = f"--from-state: its scene {here} does not exist; give the path of the scene too."
     assert told in capsys.readouterr().err
     assert main(["run", str(there), *go_on]) == 0

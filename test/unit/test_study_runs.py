@@ -52,7 +52,8 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of the study run in one go."""
     folder = tmp_path_factory.mktemp("whole")
     assert (
-        main(["study", str(written(folder)), "--into", str(folder / "rows"), "--at-once", "3"]) == 0
+        main(["study", str(written(folder)), "--out", str(folder / "rows"), "--batch-size", "3"])
+        == 0
     )
     return folder / "rows"
 
@@ -70,7 +71,7 @@ def test_a_curve_of_wire_for_chain_is_told_of_before_anything_runs(
                    "fatigue: {curve: stranded_wire}\n")  # fmt: skip
     monkeypatch.setattr(study, "run_parameter_study", lambda *given: sys.exit(7))
     with pytest.raises(SystemExit, match="7"):
-        main(["study", str(path), "--into", str(tmp_path / "rows")])
+        main(["study", str(path), "--out", str(tmp_path / "rows")])
     assert "rope 'mooring' section 1 is chain" in capsys.readouterr().err
 
 
@@ -92,7 +93,7 @@ def test_a_row_for_each_run(whole: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert heavy - light == pytest.approx(4e3 * (9.80665 - paid_out), rel=2e-3)
     assert (whole / "study.png").stat().st_size > 5_000
     stamp = (whole / "runs.parquet").stat().st_mtime_ns
-    assert main(["study", str(whole.parent / "small.yaml"), "--into", str(whole)]) == 0
+    assert main(["study", str(whole.parent / "small.yaml"), "--out", str(whole)]) == 0
     assert (whole / "runs.parquet").stat().st_mtime_ns == stamp
     out = capsys.readouterr().out
     assert "12 runs of 2 s of shallow_lift" in out
@@ -116,7 +117,7 @@ def test_a_run_equals_the_scene_by_itself(whole: Path) -> None:
 def test_killed_and_gone_on_with(whole: Path, tmp_path: Path) -> None:
     """SIGKILL after the first rows: they stay, the rest follows, none twice, all equal."""
     into = tmp_path / "rows"
-    words = ["study", str(written(tmp_path)), "--into", str(into), "--at-once", "2"]
+    words = ["study", str(written(tmp_path)), "--out", str(into), "--batch-size", "2"]
     process = subprocess.Popen([sys.executable, "-c", STANDS_STILL, *words], env=os.environ)
     until = time.monotonic() + PATIENCE_S
     while not (parts := list(into.glob("part-*.parquet"))):
@@ -138,7 +139,7 @@ def test_two_worker_processes_bring_the_same_rows(whole: Path, tmp_path: Path) -
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None
     ) as cluster:
-        words = ["study", str(written(tmp_path)), "--into", str(into), "--at-once", "2"]
+        words = ["study", str(written(tmp_path)), "--out", str(into), "--batch-size", "2"]
         assert main([*words, "--scheduler", cluster.scheduler_address]) == 0
     assert rows_of(into) == rows_of(whole)
 
@@ -155,7 +156,7 @@ def test_no_scheduler_there(
     address: str, what: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """One sentence, and no client is left behind to complain of itself."""
-    words = ["study", str(written(tmp_path)), "--into", str(tmp_path / "rows")]
+    words = ["study", str(written(tmp_path)), "--out", str(tmp_path / "rows")]
     assert main([*words, "--scheduler", address]) == 1
     gc.collect()
     told = capsys.readouterr().err.splitlines()

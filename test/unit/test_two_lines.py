@@ -172,7 +172,7 @@ def test_a_recorded_run_of_the_loop_has_its_crossings(tmp_path: Path) -> None:
     (tmp_path / "loop.yaml").write_text(text.replace("upper: [0.4", "upper: [0.8"))
     run_unpaced(
         RunOptions(
-            scene=str(tmp_path / "loop.yaml"), speed=0.0, for_s=1.5, record=tmp_path / "bag"
+            scene=str(tmp_path / "loop.yaml"), speed=0.0, end_s=1.5, record=tmp_path / "bag"
         ),
         lambda run: None,
     )
@@ -188,7 +188,7 @@ def test_a_recorded_run_of_the_loop_has_its_crossings(tmp_path: Path) -> None:
 
 def test_a_loop_runs_calm_and_in_a_sea(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Forty seconds each: smooth when calm, tensions swing in the sea, crossings with depths."""
-    assert main(["lines", "two_line_loop", "--seconds", "40", "--into", str(tmp_path)]) == 0
+    assert main(["lines", "two_line_loop", "--duration", "40", "--out", str(tmp_path)]) == 0
     told = capsys.readouterr()
     found = json.loads((tmp_path / "two_lines.json").read_text())
     assert (tmp_path / "two_lines.png").stat().st_size > 10_000
@@ -208,5 +208,5 @@ def test_a_loop_runs_calm_and_in_a_sea(tmp_path: Path, capsys: pytest.CaptureFix
 
 def test_too_short_a_run_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     """Before anything is computed."""
-    assert main(["lines", "two_line_loop", "--seconds", "3"]) == 1
+    assert main(["lines", "two_line_loop", "--duration", "3"]) == 1
     assert "3 s cannot be run; give 10 to 7200 s" in capsys.readouterr().err

@@ -46,26 +46,26 @@ def bag(tmp_path: Path) -> Path:
 
 def test_save(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "made" / "lift.rrd"
-    assert command(str(bag), "--save", str(out), "--at", "2") == 0
-    assert "saved" in capsys.readouterr().out
+    assert command(str(bag), "--out", str(out), "--at", "2") == 0
+    assert f"recording: {out}" in capsys.readouterr().out
     entities = {chunk.entity_path for chunk in RrdReader(out).stream()}
     assert {"/overview/rope", "/plots/tension/top"} <= entities
 
 
 def test_the_rrd_of_a_run_is_opened_as_it_is(bag: Path, tmp_path: Path) -> None:
     rrd = tmp_path / "run.rrd"
-    assert command(str(bag), "--save", str(rrd)) == 0
-    for option in (("--at", "2"), ("--save", str(tmp_path / "b.rrd"))):
-        with pytest.raises(InputError, match="--save and --at need the bag"):
+    assert command(str(bag), "--out", str(rrd)) == 0
+    for option in (("--at", "2"), ("--out", str(tmp_path / "b.rrd"))):
+        with pytest.raises(InputError, match="--at and a recording as --out need the bag"):
             command(str(rrd), *option)
     with pytest.raises(InputError, match="it does not exist"):
-        command(str(tmp_path / "nowhere.rrd"), "--save", str(rrd))
+        command(str(tmp_path / "nowhere.rrd"), "--out", str(rrd))
 
 
 def test_a_file_that_is_no_recording_is_refused_at_once(bag: Path, tmp_path: Path) -> None:
     """A picture of random bytes was waited for for 90 s; a cut recording is still taken."""
     rrd = tmp_path / "run.rrd"
-    assert command(str(bag), "--save", str(rrd)) == 0
+    assert command(str(bag), "--out", str(rrd)) == 0
     whole, random = rrd.read_bytes(), Random(1).randbytes(100_000)
     assert sinks.recording_fault(rrd) == ""
     rrd.write_bytes(whole[: len(whole) * 2 // 3])
@@ -80,7 +80,7 @@ def test_a_file_that_is_no_recording_is_refused_at_once(bag: Path, tmp_path: Pat
         rrd.write_bytes(data)
         began = time.monotonic()
         with pytest.raises(InputError, match=f"{words}; name an .rrd file of a run"):
-            command(str(rrd), "--screenshot", str(tmp_path / "a.png"))
+            command(str(rrd), "--out", str(tmp_path / "a.png"))
         assert time.monotonic() - began < 5.0
 
 
@@ -89,7 +89,7 @@ def test_random_bytes_are_no_bag(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(Random(1).randbytes(100_000))
     began = time.monotonic()
     with pytest.raises((InputError, BagError)):
-        command(str(tmp_path / name), "--screenshot", str(tmp_path / "a.png"))
+        command(str(tmp_path / name), "--out", str(tmp_path / "a.png"))
     assert time.monotonic() - began < 5.0
 
 
@@ -99,14 +99,14 @@ def test_a_cut_bag_is_shown_and_its_loss_told(
     (file,) = bag.glob("*.mcap")
     whole = file.read_bytes()
     file.write_bytes(whole[:-100])
-    assert command(str(file), "--save", str(tmp_path / "a.rrd")) == 0
+    assert command(str(file), "--out", str(tmp_path / "a.rrd")) == 0
     assert file.name in capsys.readouterr().err
 
 
 def test_no_screen_is_told(bag: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    with pytest.raises(InputError, match=r"no display; use --save FILE\.rrd or --screenshot"):
+    with pytest.raises(InputError, match=r"no display; use --out FILE\.rrd or --out"):
         command(str(bag))
 
 
@@ -126,14 +126,14 @@ def test_what_debian_lacks_for_a_window_is_named(
 def test_nothing_is_written_for_a_bag_that_is_not_there(tmp_path: Path) -> None:
     out = tmp_path / "a.rrd"
     with pytest.raises(BagError, match="no such file"):
-        command(str(tmp_path / "nowhere"), "--save", str(out))
+        command(str(tmp_path / "nowhere"), "--out", str(out))
     assert not out.exists()
 
 
-@pytest.mark.parametrize("at", ["0", "-3", "nan"])
+@pytest.mark.parametrize("at", ["0", "-3"])
 def test_a_time_before_the_start_is_told(bag: Path, tmp_path: Path, at: str) -> None:
-    with pytest.raises(InputError, match=r"--at: .* is no time in the bag"):
-        command(str(bag), "--save", str(tmp_path / "a.rrd"), f"--at={at}")
+    with pytest.raises(InputError, match=r"--at: .* is not a time in the bag"):
+        command(str(bag), "--out", str(tmp_path / "a.rrd"), f"--at={at}")
 
 
 def test_what_debian_lacks_for_a_picture_is_named(
@@ -145,7 +145,7 @@ def test_what_debian_lacks_for_a_picture_is_named(
     monkeypatch.setattr(ctypes, "CDLL", missing)
     monkeypatch.setattr(picture, "_DRIVERS", (str(tmp_path),))
     with pytest.raises(InputError, match="apt-get install libvulkan1 mesa-vulkan-drivers"):
-        command(str(bag), "--screenshot", str(tmp_path / "a.png"))
+        command(str(bag), "--out", str(tmp_path / "a.png"))
 
 
 def test_a_picture_without_a_screen(
@@ -156,9 +156,9 @@ def test_a_picture_without_a_screen(
     out = tmp_path / "lift.png"
     if missing := picture.what_a_picture_lacks():  # a bare machine: then this is all there is
         with pytest.raises(InputError, match=re.escape(missing)):
-            command(str(bag), "--screenshot", str(out))
+            command(str(bag), "--out", str(out))
         return
-    assert command(str(bag), "--screenshot", str(out)) == 0
+    assert command(str(bag), "--out", str(out)) == 0
     with Image.open(out) as image:
         assert image.width == picture.SIZE[0]
         rgb = image.convert("RGB")

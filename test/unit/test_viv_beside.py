@@ -1,4 +1,4 @@
-"""`rope_twin viv A --beside B`: what it tells of two runs is what their nodes did."""
+"""`rope_twin viv A --compare B`: what it tells of two runs is what their nodes did."""
 
 from __future__ import annotations
 
@@ -43,8 +43,8 @@ def test_heave_widens_what_constant_tension_keeps_narrow(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The pair for 48 s, three waves counted: the same mean tension, which moves in one."""
-    words = ["viv", "viv_in_heave", "--beside", "viv_calm", "--for", "48"]
-    assert main([*words, "--into", str(tmp_path), "--json"]) == 0
+    words = ["viv", "viv_in_heave", "--compare", "viv_calm", "--duration", "48"]
+    assert main([*words, "--out", str(tmp_path), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     heave, calm = told["runs"]
     assert [heave["scene"], calm["scene"]] == ["viv_in_heave", "viv_calm"]

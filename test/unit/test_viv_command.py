@@ -28,7 +28,7 @@ TABLES = {"along.parquet", "modes.parquet", "motion.parquet"}
 def test_a_scene_and_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Summary, pictures and tables agree with each other."""
     folder = tmp_path / "viv"
-    assert main(["viv", "deep_lift", "--for", "40", "--into", str(folder), "--json"]) == 0
+    assert main(["viv", "deep_lift", "--duration", "40", "--out", str(folder), "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert {path.name for path in folder.iterdir()} == PICTURES | TABLES
     along = pyarrow.parquet.read_table(folder / "along.parquet").to_pydict()
@@ -94,10 +94,10 @@ def test_no_current_no_vortices() -> None:
 @pytest.mark.parametrize(
     "words",
     [
-        ["--for", "0"],
+        ["--duration", "0"],
         ["--strouhal", "2"],
-        ["--structural", "-1"],
-        ["--curve", "six_strand_tension"],
+        ["--damping", "-1"],
+        ["--fatigue", "six_strand_tension"],
     ],
 )
 def test_bad_options_are_one_sentence(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
@@ -111,11 +111,11 @@ def test_the_curves_that_are_told_are_those_of_stress(capsys: pytest.CaptureFixt
     with pytest.raises(SystemExit):
         main(["viv", "--help"])
     assert f"S-N curve of stress: {names}" in " ".join(capsys.readouterr().out.split())
-    assert main(["viv", "curved_pipe", "--curve", "copper"]) == 1
-    assert capsys.readouterr().err == f"--curve: no curve 'copper'; known: {names}.\n"
-    assert main(["viv", "curved_pipe", "--curve", "six_strand_tension"]) == 1
+    assert main(["viv", "curved_pipe", "--fatigue", "copper"]) == 1
+    assert capsys.readouterr().err == f"--fatigue: no curve 'copper'; known: {names}.\n"
+    assert main(["viv", "curved_pipe", "--fatigue", "six_strand_tension"]) == 1
     said = f"'six_strand_tension' is a curve of tension; give one of stress: {names}.\n"
-    assert capsys.readouterr().err == f"--curve: {said}"
+    assert capsys.readouterr().err == f"--fatigue: {said}"
 
 
 def testpipe_area() -> None:

@@ -1,4 +1,4 @@
-"""`rope_twin viv SCENE --own`: what it tells of a run is what the scene's own model did."""
+"""`rope_twin viv SCENE --time-domain`: what it tells of a run is what the scene's own model did."""
 
 from __future__ import annotations
 
@@ -102,7 +102,16 @@ def test_figures_of_a_standing_wave() -> None:
 
 def test_a_scene_and_its_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The cable at Strouhal's frequency, its motion below that of the limiter; tables agree."""
-    words = ["viv", "cable_waves", "--own", "--for", "24", "--into", str(tmp_path), "--json"]
+    words = [
+        "viv",
+        "cable_waves",
+        "--time-domain",
+        "--duration",
+        "24",
+        "--out",
+        str(tmp_path),
+        "--json",
+    ]
     assert main(words) == 0
     printed = capsys.readouterr()
     assert "lock-in at 1.7 Hz requires elements below" in printed.err
@@ -148,7 +157,7 @@ def test_a_scene_beside_the_step_and_its_files(
 
     `pytest -n 0 -m long test/unit/test_viv_own.py`
     """
-    words = ["viv", "vortices_modal", "--own", "--for", "10", "--into", str(tmp_path)]
+    words = ["viv", "vortices_modal", "--time-domain", "--duration", "10", "--out", str(tmp_path)]
     assert main(words) == 0
     printed = capsys.readouterr()
     assert "computed decoupled from the step" in printed.err
@@ -192,5 +201,6 @@ def test_what_cannot_be_shaken_is_refused(capsys: pytest.CaptureFixture[str]) ->
         InputError, match=r"100 ms are 3.8 looks in a period of 2.65 Hz; give 94 ms"
     ):
         run_own(slow, 60.0, "stranded_wire")
-    assert main(["viv", "cable_waves", "--own", "--moving", "1"]) == 1
-    assert "--own: --moving is a rope in modes; leave one of them out" in capsys.readouterr().err
+    with pytest.raises(SystemExit):
+        main(["viv", "cable_waves", "--time-domain", "--update-modes", "1"])
+    assert "--update-modes: not allowed with argument --time-domain" in capsys.readouterr().err

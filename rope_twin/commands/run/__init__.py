@@ -1,4 +1,4 @@
-"""`rope_twin run`: the whole suite, paced over ROS 2 or as fast as possible without it."""
+"""`rope_twin run`: simulate a scene, in real time over ROS 2 or as fast as possible without it."""
 
 from __future__ import annotations
 
@@ -8,10 +8,18 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from rope_twin.commands.exit_code import ExitCode
+from rope_twin.run.arguments import add_command
 from rope_twin.run.options import RunOptions, add_arguments, read_options
 from rope_twin.run.progress import FigureProgress
 
-OVERLOAD = 4  # exit code of a run that broke a limit of its scene
+EXAMPLES = (
+    "run deep_lift --duration 90s --out lift",
+    "run my_lift.yaml --speed 0 --duration 10min --json",
+    "run deep_lift --cut 1.5km@30s --headless",
+)
+MORE = """Ctrl-C ends the run with a summary. The bag is recorded in `recordings/` unless --out
+names another folder."""
 ALONE_S = 60.0  # so much of a paced run is repeated without waiting, to measure the model alone
 
 if TYPE_CHECKING:
@@ -23,16 +31,16 @@ if TYPE_CHECKING:
 
 def add_parser(subparsers: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Declare the subcommand."""
-    about = "run the twin with its sea, winch, recorder and viewer"
-    add_arguments(subparsers.add_parser("run", help=about, description=about))
+    about = "simulate a scene in real time over ROS 2, or as fast as possible without it"
+    add_arguments(add_command(subparsers, "run", about, EXAMPLES, MORE))
 
 
 def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
-    """Run, sum up, and return the exit code.
+    """Run, print the summary, and return the exit code.
 
-    0; 1 if the solver could not go on, if samples of two seas came by turns, if bag or state
-    are not whole on the disk, or if a process died and could not be started again; OVERLOAD if a
-    limit of the scene was broken.
+    OK; ERROR if the solver could not go on, if samples of two seas alternated, if bag or state
+    are incomplete on the disk, or if a process died and could not be restarted; LIMIT if a limit
+    of the scene was exceeded.
 
     `paced` runs the ROS suite; it is handed in, since ROS lives above the commands.
 
@@ -41,7 +49,7 @@ def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
     """
     options = read_options(args)
     progress = FigureProgress()
-    if any(given is not None for given in (args.within, args.budget, args.of)):
+    if any(given is not None for given in (args.within, args.budget, args.quantity)):
         from rope_twin.commands.run.choice import choose
 
         options = choose(args, options)
@@ -68,12 +76,13 @@ def run(args: argparse.Namespace, paced: PacedRunner | None = None) -> int:
     sys.stdout.write((summary.as_json() if options.json else summary.as_text()) + "\n")
     sys.stdout.flush()
     if troubles:
-        return 1
-    return OVERLOAD if summary.limits_broken and not options.allow_overload else 0
+        return ExitCode.ERROR
+    exceeded = summary.limits_broken and not options.allow_overload
+    return ExitCode.LIMIT if exceeded else ExitCode.OK
 
 
 def _with_speed_alone(summary: RunSummary, options: RunOptions) -> RunSummary:
-    """The summary of a paced run with the speed of the model alone."""
+    """Return the summary of a real-time run with the real-time factor of the solver alone."""
     if summary.error or summary.steps == 0:
         return summary
     from rope_twin.run.unpaced import measure_alone
@@ -116,7 +125,7 @@ def _check_against_scene(options: RunOptions, progress: FigureProgress) -> None:
 
 
 def _tell_of_vortices(options: RunOptions, progress: FigureProgress) -> None:
-    """What the scene's model of vortices wants of elements and steps, and what it gets.
+    """Report the mesh and time step that the scene's VIV model needs, and what it gets.
 
     Of too little of them a warning tells by itself (rope_twin.scene.checks).
     """

@@ -1,4 +1,4 @@
-"""What a setting costs on this machine: steps and the making of messages, paced as in a run.
+"""CPU cost of a setting on this machine: time steps and encoding, paced as in a run.
 
 Processor time of the thread counts, so that other programs on the machine do not. What the
 middleware takes to send the messages is not in it; the run itself tells it (`core_share`).
@@ -35,12 +35,12 @@ class Cost(NamedTuple):
 
     @property
     def pct(self) -> float:
-        """Both."""
+        """Return the sum."""
         return self.steps_pct + self.publishing_pct
 
 
 def measure_shares(scene: Scene, rungs: Sequence[Rung], speed: float) -> list[float]:
-    """Share of one core [%] that the steps of each rung need on this machine, measured now.
+    """Measure the share of one core [%] that the time steps of each setting need here.
 
     A rope at rest is stepped in slots with pauses between, as a paced run does: in each slot a few
     steps and then many, so that what a slot costs and what a step costs are told apart. The solves
@@ -59,7 +59,7 @@ def measure_shares(scene: Scene, rungs: Sequence[Rung], speed: float) -> list[fl
 
 
 def _slot_costs(twin: Twin) -> tuple[float, float]:
-    """What a slot costs besides its steps, and what a step costs [s]."""
+    """Return the cost of a cycle without its time steps, and of a time step [s]."""
     took = {FEW: [0.0] * SLOTS, MANY: [0.0] * SLOTS}
     twin.advance(MANY)
     for steps, times in took.items():
@@ -77,7 +77,7 @@ def _slot_costs(twin: Twin) -> tuple[float, float]:
 def measure_setting(
     scene: Scene, options: RunOptions, setting: Setting, solves_per_step: float
 ) -> Cost:
-    """What a run with these options costs at a setting: most of a second of it, paced, from rest.
+    """Measure the cost of a run with these options at a setting, over most of a second.
 
     solves_per_step: what the card counted where the rope moves; it scales the steps.
     """

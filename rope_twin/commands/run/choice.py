@@ -1,4 +1,4 @@
-"""`--within` and `--budget`: elements and step of a run, bought from the scene's accuracy card."""
+"""`--within` and `--budget`: mesh and time step of a run, from the scene's convergence study."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import replace
 from functools import partial
 
 from rope_twin.commands.run.calibration import measure_setting, measure_shares
-from rope_twin.commands.run.spending import CEILING_PCT, Bought, spend
+from rope_twin.commands.run.selection import CEILING_PCT, Selection, refine
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.run.options import RunOptions
 from rope_twin.scene.card import OTHER_SEA, Card, Rung, Setting, read_card, told_bound
@@ -31,18 +31,19 @@ _LIKE = {"%": "1%", "m": "0.05m"}
 
 
 def choose(args: argparse.Namespace, options: RunOptions) -> RunOptions:
-    """The options with elements and step as --within or --budget ask, and what is said of it.
+    """Return the options with the elements and time step that --within or --budget select.
 
     Raises:
-        InputError: a value that cannot be, or nothing on the ladder serves; one sentence.
+        InputError: a value is impossible, or no setting of the study meets the target.
         SceneError: the scene is wrong, or its card is damaged.
     """
     if args.within is None and args.budget is None:
-        if args.of is not None:
-            raise InputError(phrase("--of", "there is nothing to choose", "say --within 1% too"))
+        if args.quantity is not None:
+            what = "there is nothing to select"
+            raise InputError(phrase("--quantity", what, "give --within 1% too"))
         return options
     option = "--budget" if args.within is None else "--within"
-    quantity = find_quantity(args.of)
+    quantity = find_quantity(args.quantity)
     of_core = ("a share of one core", "%")
     name, unit = of_core if option == "--budget" else (quantity.name, quantity.unit)
     wanted = read_amount(option, args.budget or args.within, name, unit)
@@ -51,28 +52,28 @@ def choose(args: argparse.Namespace, options: RunOptions) -> RunOptions:
         raise InputError(phrase("--budget", what, "give up to 100 % and a --speed above 0"))
     if options.start_from is not None:
         what = "a saved state has its elements and its step already"
-        raise InputError(phrase(option, what, "leave --from out, or this"))
+        raise InputError(phrase(option, what, "leave out --from-state, or this"))
     scene = load_scene(options.scene)
     card = _current_card(scene, option)
     rungs = _ladder(card, quantity, options.speed > 0.0, option)
     if option == "--within":
         _refuse_other_run(scene, card, options)
-        rung, said = _buy(rungs, quantity, wanted, _of_its_run(card, options))
+        rung, said = _cheapest(rungs, quantity, wanted, _of_its_run(card, options))
         return replace(options, elements=rung.elements, step_s=rung.step_s, chosen=said)
-    bought = _spend(scene, rungs, quantity, wanted, options)
-    known = _bound_of(bought.setting, card, rungs, quantity, options)
+    selection = _select(scene, rungs, quantity, wanted, options)
+    known = _bound_of(selection.setting, card, rungs, quantity, options)
     return replace(
         options,
-        elements=bought.setting.elements,
-        step_s=bought.setting.step_s,
-        chosen=_told_spending(bought, wanted, known),
+        elements=selection.setting.elements,
+        step_s=selection.setting.step_s,
+        chosen=_budget_words(selection, wanted, known),
         budget_pct=wanted,
-        calibrated_pct=bought.cost.pct,
+        calibrated_pct=selection.cost.pct,
     )
 
 
 def read_amount(option: str, words: str, name: str, unit: str) -> float:
-    """A number above 0 with its unit, as `1%` or `0.05m`, of what has this name.
+    """Return a number above 0 that was given with its unit, as `1%` or `0.05m`.
 
     Raises:
         InputError: it is none.
@@ -89,19 +90,20 @@ def read_amount(option: str, words: str, name: str, unit: str) -> float:
 
 
 def find_quantity(name: str | None) -> Quantity:
-    """The quantity of --of; the rms of the top tension if there is none.
+    """Return the quantity of --quantity; by default the rms of the top tension.
 
     Raises:
         InputError: there is no such quantity.
     """
     if name is not None and name not in BY_NAME:
-        raise InputError(phrase("--of", f"unknown quantity '{name}'", did_you_mean(name, BY_NAME)))
+        what = f"unknown quantity '{name}'"
+        raise InputError(phrase("--quantity", what, did_you_mean(name, BY_NAME)))
     return BY_NAME[name or "tension_rms"]
 
 
 def _current_card(scene: Scene, option: str) -> Card:
     card = read_card(scene)
-    why = "it has no accuracy card" if card is None else card.age(scene)
+    why = "it has no convergence study" if card is None else card.age(scene)
     if card is None or why:
         right = f"make it with `rope_twin accuracy {argument_for(scene)}`"
         raise InputError(phrase(f"{option}, scene {scene.name}", why, right))
@@ -109,80 +111,78 @@ def _current_card(scene: Scene, option: str) -> Card:
 
 
 def _ladder(card: Card, quantity: Quantity, paced: bool, option: str) -> list[Rung]:
-    """The rungs that can be run and whose error is known; paced no step is longer than a slot."""
+    """Return the settings whose error is known; in real time no step exceeds a cycle."""
     known = [rung for rung in card.ladder if not math.isnan(rung.bound(quantity.name))]
     if not known:
         others = sorted(name for name in BY_NAME if not math.isnan(best_bound(card.ladder, name)))
         where = f"{option}, scene {card.scene}"
-        what = f"its card knows no error of {quantity.name}"
-        raise InputError(phrase(where, what, f"say --of with one of {', '.join(others)}"))
+        what = f"its convergence study has no error of {quantity.name}"
+        raise InputError(phrase(where, what, f"give --quantity with one of {', '.join(others)}"))
     return [rung for rung in known if not paced or rung.step_s <= SLOT_S]
 
 
 def _refuse_other_run(scene: Scene, card: Card, options: RunOptions) -> None:
-    """Nothing is promised of a run that the card's says nothing about. Raises InputError."""
+    """Refuse a run that differs from the one that the study was made for. Raises InputError."""
     if options.other_sea:
         given = {"--bag": options.bag, "--poses": options.poses, "--topic": options.topic}
         option, value = next(
             ((name, words) for name, words in given.items() if words),
-            ("--bag-start", f"{options.bag_start_s:g}"),
+            ("--sea-offset", f"{options.sea_offset_s:g}"),
         )
-        what = f"its card is of its own sea, not of {option} {value}"
-        right = f"leave {option} out, or make the card of a scene that has that sea"
+        what = f"its convergence study is for its own sea, not for {option} {value}"
+        right = f"leave out {option}, or make the study of a scene that has that sea"
         raise InputError(phrase(f"--within, scene {scene.name}", what, right))
     needed_s = make_plan(scene).seconds
     if card.seconds < needed_s and _goes_on(card, options):
         what = (
-            f"its card is of {card.seconds:g} s only, what happens in the scene takes "
+            f"its convergence study is for {card.seconds:g} s, but the events of the scene take "
             f"{needed_s:g} s"
         )
         right = (
-            f"make it anew with `rope_twin accuracy {argument_for(scene)}`, "
-            f"or say --for {card.seconds:g}"
+            f"make it again with `rope_twin accuracy {argument_for(scene)}`, "
+            f"or give --duration {card.seconds:g}"
         )
         raise InputError(phrase(f"--within, scene {scene.name}", what, right))
 
 
 def _goes_on(card: Card, options: RunOptions) -> bool:
-    """Whether the run is longer than the card's."""
-    return options.for_s is None or options.for_s > card.seconds
+    """Return whether the run is longer than that of the study."""
+    return options.end_s is None or options.end_s > card.seconds
 
 
 def _of_its_run(card: Card, options: RunOptions) -> str:
-    """Of which run its errors are."""
-    words = f"in the card's run of {card.seconds:g} s"
+    """Return in words for which run the error holds."""
+    words = f"in the study's run of {card.seconds:g} s"
     if options.cut:
-        return f"{words} (of this one only until {CUT_REASON})"
+        return f"{words} (here only until {CUT_REASON})"
     if _goes_on(card, options):
-        return f"{words} (of this one the error is unknown after that: {beyond(card.seconds)})"
+        return f"{words} (the error is unknown after that: {beyond(card.seconds)})"
     return words
 
 
-def _buy(rungs: list[Rung], quantity: Quantity, target: float, run: str) -> tuple[Rung, str]:
+def _cheapest(rungs: list[Rung], quantity: Quantity, target: float, run: str) -> tuple[Rung, str]:
     rung = cheapest_within(rungs, quantity.name, target)
     if rung is None:
         best = best_bound(rungs, quantity.name)
-        what = f"no setting of the card is so accurate, the best is {_told(best, quantity)}"
-        raise InputError(
-            phrase(f"--within {target:g}{quantity.unit}", what, "ask for that or more")
-        )
+        what = f"no setting of the study is that accurate, the best is {_told(best, quantity)}"
+        raise InputError(phrase(f"--within {target:g}{quantity.unit}", what, "give that or more"))
     bound = sure_bound(rung, rungs, quantity.name)
     said = (
-        f"--within {target:g} {quantity.unit}: {_setting(rung)}, the cheapest that keeps "
-        f"{quantity.name} within {_told(bound, quantity)} {run}; "
+        f"--within {target:g} {quantity.unit}: {_setting(rung)}, the cheapest with "
+        f"an error of {quantity.name} within {_told(bound, quantity)} {run}; "
     )
     better = next_better(rungs, quantity.name, bound, [1.0 / r.real_time_factor for r in rungs])
     if better is None:
-        return rung, said + "the card has nothing better"
+        return rung, said + "the study has none better"
     times = rung.real_time_factor / better.real_time_factor
-    much = f"{times:.2g} times as much" if times >= 1.05 else "hardly more"
+    much = f"{times:.2g} times as much" if times >= 1.05 else "little more"
     return rung, said + f"{_better(better, rungs, quantity)} costs {much}"
 
 
-def _spend(
+def _select(
     scene: Scene, rungs: list[Rung], quantity: Quantity, budget: float, options: RunOptions
-) -> Bought:
-    """The ladder's most accurate rung that fits, refined until the budget is used."""
+) -> Selection:
+    """Select the most accurate setting that fits, refined until the budget is used."""
     costs = measure_shares(scene, rungs, options.speed)
     own = [line.elements for line in scene.ropes]
     most = MOST_ELEMENTS * own[0] // max(own)
@@ -190,39 +190,39 @@ def _spend(
     while (rung := most_accurate(rungs, quantity.name, costs, budget)) is not None:
         start = Setting(rung.elements, rung.step_s)
         measure = partial(measure_setting, scene, options, solves_per_step=rung.solves_per_step)
-        bought = spend(start, budget, most, measure)
-        if isinstance(bought, Bought):
-            return bought
+        selection = refine(start, budget, most, measure)
+        if isinstance(selection, Selection):
+            return selection
         costs[rungs.index(rung)] = math.inf  # with its messages it does not fit
-        least = bought.pct
-    what = f"the cheapest setting of the card needs {least:.2g} % here"
+        least = selection.pct
+    what = f"the cheapest setting of the study needs {least:.2g} % here"
     raise InputError(phrase(f"--budget {budget:g}%", what, "give more"))
 
 
 def _bound_of(
     setting: Setting, card: Card, rungs: list[Rung], quantity: Quantity, options: RunOptions
 ) -> str:
-    """What is known of the error of a setting that lies between rungs or beyond them."""
+    """Return in words the error of a setting between those of the study or beyond them."""
     if options.other_sea:
-        return f"of its error nothing is known: {OTHER_SEA}"
+        return f"its error is unknown: {OTHER_SEA}"
     bounds = (sure_bound(rung, rungs, quantity.name) for rung in card.at(*setting) if rung in rungs)
     finest = card.finest
-    within = f"{quantity.name} within {_told(max(bounds, default=math.nan), quantity)}"
+    within = f"error of {quantity.name} {_told(max(bounds, default=math.nan), quantity)} at most"
     if setting.elements > finest.elements or setting.step_s < finest.step_s:
-        within += ", the card's bound where it ends (finer was not measured),"
+        within += ", the bound of the study's finest setting,"
     return f"{within} {_of_its_run(card, options)}"
 
 
-def _told_spending(bought: Bought, budget: float, known: str) -> str:
-    """What was chosen, why, and what the next better setting would cost."""
-    setting, cost = bought.setting, bought.cost
+def _budget_words(selection: Selection, budget: float, known: str) -> str:
+    """Return in words what was selected, why, and what the next better setting would cost."""
+    setting, cost = selection.setting, selection.cost
     why = "the most accurate that fits"
     if cost.pct >= 0.95 * CEILING_PCT:
-        why += f" in {CEILING_PCT:g} %, since the rest of each slot stays free"
+        why += f" in {CEILING_PCT:g} %: the rest of each cycle stays free"
     return (
-        f"--budget {budget:g} %: {setting}, {why}: steps need {cost.steps_pct:.3g} % of one core "
-        f"here and messages {cost.publishing_pct:.2g} % (measured just now; sending comes on top), "
-        f"{known}; next better, {bought.better}, needs about {bought.better_pct:.2g} %"
+        f"--budget {budget:g} %: {setting}, {why}: time steps need {cost.steps_pct:.3g} % of one "
+        f"core and messages {cost.publishing_pct:.2g} % (measured now, without sending), "
+        f"{known}; next better, {selection.better}, needs about {selection.better_pct:.2g} %"
     )
 
 

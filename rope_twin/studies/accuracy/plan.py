@@ -95,7 +95,9 @@ def _plan(scene: Scene, seconds: float | None, reach: Reach) -> Plan:
     span = _whole(math.floor(span / look_s + 1e-6) * look_s)
     least = _whole(SHORTEST_WINDOW * look_s)
     if span < least:
-        raise InputError(phrase("--for", f"{seconds:g} s is too short", f"give {least:g} or more"))
+        raise InputError(
+            phrase("--duration", f"{seconds:g} s is too short", f"give {least:g} or more")
+        )
     counts = _counts(own.elements, reach.doublings)
     ropes = sum(line.elements for line in scene.ropes) / own.elements
     first = build_joined(scene).system.ropes[0] if is_joined(scene) else build(scene)

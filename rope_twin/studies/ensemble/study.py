@@ -89,8 +89,8 @@ def run_study(
         RopeTwinError: a member, the sea or a value is invalid; one sentence.
     """
     began = time.perf_counter()
-    whole_steps("--for", seconds, scene.time.step_s)
-    whole_steps("--look", look_s, scene.time.step_s)
+    whole_steps("--duration", seconds, scene.time.step_s)
+    whole_steps("--slack-interval", look_s, scene.time.step_s)
     if not scene.sea_state.moves and any(axis.path == SEA_OFFSET for axis in plan.axes):
         raise InputError(phrase("--sea-offset", "the scene's ship lies still", "leave it out"))
     ensemble = Ensemble(scene, variations(scene, plan, seconds), look_s, threads)
@@ -138,7 +138,7 @@ def variations(scene: Scene, plan: Plan, seconds: float) -> list[Variation]:
         heave = seas.heave(changes, offset_s)
         if heave is not None and heave.end_ns < seconds * 1e9:
             what = f"the sea of member {number} ends after {heave.end_ns * 1e-9:g} s"
-            raise InputError(phrase(f"--for {seconds:g}", what, "let it loop, or run shorter"))
+            raise InputError(phrase(f"--duration {seconds:g}", what, "let it loop, or run shorter"))
         made.append(Variation(changes, heave))
     return made
 

@@ -54,7 +54,7 @@ class StudyFolder:
             self._lock: IO[str] = (folder / LOCK).open("w")
         except OSError as error:
             what = f"it cannot be written ({error.strerror})"
-            raise InputError(phrase(str(folder), what, "choose another one by --into")) from error
+            raise InputError(phrase(str(folder), what, "choose another one with --out")) from error
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
@@ -76,7 +76,7 @@ class StudyFolder:
             if found["stamp"] != stamp:
                 self._lock.close()
                 what = f"its rows are of another study, scene or solver ('{found['study']}')"
-                right = "give another folder by --into, or remove this one"
+                right = "give another folder with --out, or remove this one"
                 raise InputError(phrase(str(self._folder), what, right))
             return
         told = {"study": self._study.name, "scene": self._study.scene, "stamp": stamp}

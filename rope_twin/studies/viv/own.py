@@ -132,7 +132,7 @@ def run_own(scene: Scene, duration_s: float, curve: str) -> OwnRun:
     """
     if not shedding_model(scene):
         what = "it lists no model of vortices"
-        right = f"list one of them ({', '.join(SHEDDING)}), or leave --own out"
+        right = f"list one of them ({', '.join(SHEDDING)}), or leave out --time-domain"
         raise SceneError(phrase(f"{scene.path}: effects", what, right))
     hz = expected_hz(scene)
     refuse_short(duration_s, hz)
@@ -175,7 +175,7 @@ def refuse_short(duration_s: float, vortices_hz: float) -> None:
     least = LEAST_PERIODS / (vortices_hz * (1.0 - STEADY))
     if duration_s < least:
         what = f"{duration_s:g} s are too short for vortices of {vortices_hz:.3g} Hz"
-        raise InputError(phrase("--for", what, f"give {math.ceil(least)} or more"))
+        raise InputError(phrase("--duration", what, f"give {math.ceil(least)} or more"))
 
 
 def _even(seen: list[tuple[float, float, Look]]) -> list[Floats]:

@@ -67,7 +67,7 @@ def looks_of(twin: Twin, vortices_hz: float) -> Looks:
             f"steps of {1e3 * twin.step_s:.3g} ms are {per_period:.2g} looks in a period of "
             f"{vortices_hz:.3g} Hz"
         )
-        right = f"give {1e3 / (LEAST_PER_PERIOD * vortices_hz):.2g} ms or less for --own"
+        right = f"give {1e3 / (LEAST_PER_PERIOD * vortices_hz):.2g} ms or less for --time-domain"
         raise InputError(phrase(f"{twin.scene.path}: time.step_s", what, right))
     return _Beside(twin, twin.viv_drag)
 

@@ -94,7 +94,7 @@ def _unsettled(growth: float) -> str:
         return ""
     return (
         "not settled: its rms along the rope in the second half of that time is "
-        f"{growth:.2g} times that in the first; give a longer --for\n"
+        f"{growth:.2g} times that in the first; give a longer --duration\n"
     )
 
 

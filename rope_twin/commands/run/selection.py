@@ -1,4 +1,4 @@
-"""How a budget is spent: elements and step refined alike until the share asked for is used.
+"""Selection of mesh and time step for a CPU budget: both are refined until it is used.
 
 Both errors are of second order, so that a setting is most accurate for what it costs where step and
 length of elements shrink in the same measure.
@@ -17,16 +17,16 @@ from rope_twin.twin.pacing import SLOT_S
 # Of the budget, in steps and messages: the rest is for the middleware and the other threads of the
 # process, which no calibration sees, and for what they push out of the caches.
 AIM, LEAST, MOST = 0.63, 0.60, 0.66
-ROUNDS, BALANCED = 8, 4  # of measuring; in the first ones the step is chosen anew
-GROWTH = 16.0  # from round to round at most: what hardly costs tells little of what costs much
-IN_SLOT = (1, 2, 4, 5, 8, 10, 16, 20, 25, 32, 40, 50, 80, 100, 125, 160, 200)  # steps: whole slots
-CEILING_PCT = 55.0  # of the time that there is: a run that needs more than 60 % begins on a ladder
+ROUNDS, BALANCED = 8, 4  # of measuring; in the first ones the step is chosen again
+GROWTH = 16.0  # per round at most: a low cost says little about a high one
+IN_SLOT = (1, 2, 4, 5, 8, 10, 16, 20, 25, 32, 40, 50, 80, 100, 125, 160, 200)  # steps per cycle
+CEILING_PCT = 55.0  # of a cycle: a run that needs more than 60 % is degraded
 
 Measure = Callable[[Setting], Cost]
 
 
-class Bought(NamedTuple):
-    """What a budget buys."""
+class Selection(NamedTuple):
+    """A setting within a budget, and the next finer one."""
 
     setting: Setting
     cost: Cost
@@ -34,10 +34,12 @@ class Bought(NamedTuple):
     better_pct: float  # what that would need, by what this one does
 
 
-def spend(start: Setting, budget_pct: float, most_elements: int, measure: Measure) -> Bought | Cost:
-    """The setting in proportion to `start` that uses the budget; if `start` needs more, its cost.
+def refine(
+    start: Setting, budget_pct: float, most_elements: int, measure: Measure
+) -> Selection | Cost:
+    """Return the setting in proportion to `start` that uses the budget; or the cost of `start`.
 
-    most_elements: that the rope may have.
+    The cost is returned if it exceeds the budget. most_elements: limit for a line.
     """
     goal = min(AIM * budget_pct, CEILING_PCT)
     low, high = LEAST / AIM * goal, MOST / AIM * goal
@@ -58,7 +60,7 @@ def spend(start: Setting, budget_pct: float, most_elements: int, measure: Measur
         known = [known[-1], (_work(setting), cost.pct)]
         if best[1].pct < cost.pct <= high:
             best = setting, cost
-    return Bought(*best, *_next(best[0], best[1].pct, most_elements))
+    return Selection(*best, *_next(best[0], best[1].pct, most_elements))
 
 
 def _work(setting: Setting) -> float:
@@ -66,7 +68,7 @@ def _work(setting: Setting) -> float:
 
 
 def _work_for(goal_pct: float, known: list[tuple[float, float]]) -> float:
-    """By a line through the two newest of (work, share)."""
+    """Return the work for a share by a line through the two latest of (work, share)."""
     (work_0, pct_0), (work_1, pct_1) = known[-2:]
     slope = (pct_1 - pct_0) / (work_1 - work_0) if work_1 != work_0 else 0.0
     if slope <= 0.0:
@@ -76,13 +78,13 @@ def _work_for(goal_pct: float, known: list[tuple[float, float]]) -> float:
 
 
 def _nearest_step(step_s: float, times: float) -> float:
-    """Of the steps that fill a slot the one nearest to so many times finer, in proportion."""
+    """Return the time step, a fraction of a cycle, nearest to `step_s` over `times`."""
     steps = [step_s, *(SLOT_S / count for count in IN_SLOT if SLOT_S / count < step_s)]
     return min(steps, key=lambda one: abs(math.log(step_s / times / one)))
 
 
 def _next(setting: Setting, pct: float, most: int) -> tuple[Setting, float]:
-    """The next finer step with elements in proportion, and what it needs if that is in line."""
+    """Return the next finer setting in proportion, and its cost by extrapolation."""
     count = round(SLOT_S / setting.step_s)
     step_s = SLOT_S / next((one for one in IN_SLOT if one > count), 2 * count)
     elements = min(round(setting.elements * setting.step_s / step_s), most)

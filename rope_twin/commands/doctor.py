@@ -1,0 +1,242 @@
+"""`rope_twin doctor`: check this machine for real-time runs, with a remedy for what is wrong."""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import os
+import platform
+import shutil
+import stat
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Protocol
+
+from rope_twin.commands.console import print_json
+from rope_twin.commands.exit_code import ExitCode
+from rope_twin.commands.versions import OPTIONAL, REQUIRED, ros_distribution, version_of
+from rope_twin.errors import InputError, RopeTwinError
+from rope_twin.run.arguments import add_command, add_json
+
+OK, WARN, ERROR = "OK", "WARN", "ERROR"
+OLDEST_PYTHON = (3, 11)
+RESOLUTION_S = 1e-6  # of the monotonic clock: a cycle is 20 ms
+TIMEOUT_S = 5.0  # for the round trip
+LATENCY_S = 5e-3  # of a message on this machine, of a cycle of 20 ms
+CORES = 2  # the solver's thread, and the rest of the process
+SPACE_WARN_B, SPACE_ERROR_B = 2e9, 1e8
+GOVERNORS = "/sys/devices/system/cpu/cpu[0-9]*/cpufreq/scaling_governor"
+TIME_ERROR = 5  # of adjtimex(2): the clock is not synchronised
+EXAMPLES = ("doctor", "doctor --json")
+MORE = """Checks Python and its packages, discovery, a DDS round trip, graphics for the viewer,
+clocks, CPU, compile cache and disk space. Exit code 3 if a check is ERROR."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """Result of one check; `remedy` is empty where nothing is to be done."""
+
+    name: str
+    level: str
+    found: str
+    remedy: str = ""
+
+
+class Middleware(Protocol):
+    """What is checked of ROS; its package lies above the commands and is handed in."""
+
+    def rmw_name(self) -> str:
+        """Return the name of the RMW implementation."""
+
+    def round_trip(self, timeout_s: float) -> Any:
+        """Send a message between two participants; returns discovery_s and latency_s."""
+
+
+def add_parser(subparsers: argparse._SubParsersAction[Any]) -> None:
+    """Add `doctor`."""
+    about = "check this machine: ROS, DDS, graphics, clocks, CPU, compile cache, disk"
+    add_json(add_command(subparsers, "doctor", about, EXAMPLES, MORE))
+
+
+def run(args: argparse.Namespace, middleware: Callable[[], Middleware]) -> int:
+    """Run all checks and print them; NEGATIVE if one is ERROR."""
+    checks = list(check_all(middleware))
+    failed = any(one.level == ERROR for one in checks)
+    if args.json:
+        print_json({"ok": not failed, "checks": [asdict(one) for one in checks]})
+    else:
+        for one in checks:
+            print(f"{one.level:5}  {one.name:14}  {one.found}")
+            if one.remedy:
+                print(f"{'':23}remedy: {one.remedy}")
+    return ExitCode.NEGATIVE if failed else ExitCode.OK
+
+
+def check_all(middleware: Callable[[], Middleware]) -> Iterator[Check]:
+    """Yield the result of each check."""
+    yield check_python()
+    yield check_packages()
+    yield check_discovery()
+    yield check_middleware(middleware)
+    yield from check_viewer()
+    yield check_monotonic_clock()
+    yield check_synchronisation()
+    yield check_cores()
+    yield check_governor()
+    yield check_cache()
+    yield check_space(Path.cwd())
+
+
+def check_python() -> Check:
+    """Check the version of Python."""
+    found = f"{platform.python_version()} ({sys.executable})"
+    if sys.version_info[:2] >= OLDEST_PYTHON:
+        return Check("Python", OK, found)
+    return Check("Python", ERROR, found, "install Python 3.11 or newer")
+
+
+def check_packages() -> Check:
+    """Check that the required packages are installed, and report the optional ones."""
+    found = {name: version_of(name) for name in (*REQUIRED, *OPTIONAL)}
+    words = ", ".join(f"{name} {version or 'missing'}" for name, version in found.items())
+    if missing := [name for name in REQUIRED if not found[name]]:
+        return Check("packages", ERROR, words, f"pip install {' '.join(missing)}")
+    extras = sorted({extra for name, extra in OPTIONAL.items() if not found[name]})
+    remedy = f"for the optional ones: pip install 'rope_twin[{','.join(extras)}]'"
+    return Check("packages", WARN, words, remedy) if extras else Check("packages", OK, words)
+
+
+def check_middleware(middleware: Callable[[], Middleware]) -> Check:
+    """Check that rclpy and an RMW implementation load, and send a message through DDS."""
+    try:
+        ros = middleware()
+        name = f"ROS 2 {ros_distribution() or '(unknown distribution)'}, {ros.rmw_name()}"
+    except Exception as error:  # an installation may fail in any way, and this check reports it
+        remedy = "source a ROS 2 installation, or install the wheels: pip install rope_twin"
+        return Check("ROS", ERROR, f"rclpy: {type(error).__name__}: {error}", remedy)
+    try:
+        trip = ros.round_trip(TIMEOUT_S)
+    except RopeTwinError as error:
+        found, _, remedy = str(error).rpartition("; ")
+        return Check("ROS", ERROR, f"{name}: {found}", remedy.rstrip("."))
+    found = f"{name}: discovery {trip.discovery_s:.2g} s, message {1e3 * trip.latency_s:.2g} ms"
+    if trip.latency_s <= LATENCY_S:
+        return Check("ROS", OK, found)
+    return Check("ROS", WARN, found, "close programs that use the CPU, and check the governor")
+
+
+def check_discovery() -> Check:
+    """Report which machines nodes of a run reach."""
+    given = os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "")
+    domain = f"ROS_DOMAIN_ID {os.environ.get('ROS_DOMAIN_ID', '0')}"
+    if given in ("", "SYSTEM_DEFAULT"):
+        return Check("discovery", OK, f"this machine only, unless run --network; {domain}")
+    found = f"ROS_AUTOMATIC_DISCOVERY_RANGE={given}; {domain}"
+    if given == "OFF":
+        return Check("discovery", ERROR, found, "unset it, or set LOCALHOST or SUBNET")
+    if given == "SUBNET":
+        remedy = "unset it unless other machines take part: they can command the winch"
+        return Check("discovery", WARN, found, remedy)
+    return Check("discovery", OK, found)
+
+
+def check_viewer() -> Iterator[Check]:
+    """Check for what the viewer needs; nothing else needs it."""
+    from rope_twin.view import picture, sinks
+
+    try:
+        sinks.load_rerun()
+    except InputError as error:
+        found, _, remedy = str(error).partition("; ")
+        yield Check("viewer", WARN, found, remedy.rstrip("."))
+        return
+    for name, missing in (
+        ("viewer window", sinks.what_a_window_lacks()),
+        ("viewer picture", picture.what_a_picture_lacks()),
+    ):
+        found, _, remedy = missing.removeprefix("view: ").partition("; ")
+        level = WARN if missing else OK
+        yield Check(name, level, found or "can be drawn", remedy.rstrip("."))
+
+
+def check_monotonic_clock() -> Check:
+    """Check the resolution of the clock that paces a run."""
+    clock = time.get_clock_info("monotonic")
+    found = f"{clock.implementation}, resolution {clock.resolution:g} s"
+    if clock.resolution <= RESOLUTION_S:
+        return Check("steady clock", OK, found)
+    return Check("steady clock", ERROR, found, "use a kernel with high-resolution timers")
+
+
+def check_synchronisation() -> Check:
+    """Check whether the kernel's clock is synchronised, which stamps of other machines need."""
+    try:
+        state = ctypes.CDLL(None, use_errno=True).adjtimex(ctypes.create_string_buffer(1024))
+    except (OSError, AttributeError):
+        state = -1
+    if state < 0:
+        return Check("system clock", WARN, "its synchronisation cannot be read", "check chronyc")
+    if state == TIME_ERROR:
+        remedy = "start chrony or systemd-timesyncd if sensors or nodes run on other machines"
+        return Check("system clock", WARN, "not synchronised (NTP)", remedy)
+    return Check("system clock", OK, "synchronised (NTP)")
+
+
+def check_cores() -> Check:
+    """Check how many cores this process may use."""
+    count = len(os.sched_getaffinity(0))
+    found = f"{count} of {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}"
+    if count >= CORES:
+        return Check("CPU cores", OK, found)
+    return Check(
+        "CPU cores", WARN, found, f"allow at least {CORES}: other threads delay the solver"
+    )
+
+
+def check_governor() -> Check:
+    """Check the CPU frequency governor."""
+    files = Path("/").glob(GOVERNORS.removeprefix("/"))
+    names = sorted({file.read_text(encoding="ascii").strip() for file in files})
+    if not names:
+        return Check("CPU governor", OK, "none (frequency is set by firmware or host)")
+    if names == ["performance"]:
+        return Check("CPU governor", OK, "performance")
+    remedy = "cpupower frequency-set --governor performance"
+    return Check("CPU governor", WARN, ", ".join(names), remedy)
+
+
+def check_cache() -> Check:
+    """Check the folder of compiled kernels: path, owner, mode and size."""
+    home = os.environ.get("ROPE_TWIN_CACHE") or os.environ.get("XDG_CACHE_HOME")
+    folder = Path(home or Path.home() / ".cache") / "rope_twin"
+    if not folder.exists():
+        above = next(one for one in folder.parents if one.exists())
+        if os.access(above, os.W_OK):
+            return Check("compile cache", OK, f"{folder}, created by the first run")
+        return Check("compile cache", WARN, f"{above} is not writable", _CACHE_REMEDY)
+    about = folder.stat()
+    files = [one.stat().st_size for one in folder.rglob("*") if one.is_file()]
+    found = (
+        f"{folder}, owner {about.st_uid}, mode {stat.S_IMODE(about.st_mode):04o}, "
+        f"{1e-6 * sum(files):.0f} MB in {len(files)} files"
+    )
+    private = about.st_uid == os.geteuid() and not about.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    if private and os.access(folder, os.W_OK):
+        return Check("compile cache", OK, found)
+    return Check("compile cache", WARN, f"{found}: not this user's alone", _CACHE_REMEDY)
+
+
+_CACHE_REMEDY = "name a private folder in ROPE_TWIN_CACHE; else every start compiles again"
+
+
+def check_space(folder: Path) -> Check:
+    """Check the free disk space for recordings."""
+    free = shutil.disk_usage(folder).free
+    found = f"{1e-9 * free:.1f} GB free in {folder}"
+    if free >= SPACE_WARN_B:
+        return Check("disk", OK, found)
+    remedy = "free space, or record elsewhere with --out"
+    return Check("disk", WARN if free >= SPACE_ERROR_B else ERROR, found, remedy)
