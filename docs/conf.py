@@ -15,7 +15,8 @@ author = "the rope_twin maintainers"
 project_copyright = "2026, the rope_twin maintainers. BSD-3-Clause"
 version = release = __version__
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "generated"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "generated", "mathml"]
+html_math_renderer = "mathml"
 exclude_patterns = ["_build", "ext", "validation", "**.ipynb_checkpoints"]
 nb_execution_mode = "off"  # test/docs runs the notebook; here its stored output is shown
 myst_enable_extensions = ["amsmath", "colon_fence", "deflist", "dollarmath"]
@@ -32,5 +33,6 @@ default_role = "code"  # docstrings mark code by single backticks
 
 html_theme = "furo"
 html_title = f"rope_twin {__version__}"
-html_static_path = []
+html_static_path = ["static"]
+html_css_files = ["tables.css"]
 html_theme_options = {"navigation_with_keys": True}

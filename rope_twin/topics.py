@@ -1,6 +1,6 @@
 """The topic table: every topic that the suite publishes or listens to, in one place.
 
-The README shows the same table and a test holds them equal. All names are relative, so a
+The ROS interface page of the documentation is generated from it. All names are relative, so a
 namespace moves the whole suite; all types are standard ones.
 """
 
