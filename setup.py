@@ -26,6 +26,14 @@ if "AMENT_PREFIX_PATH" not in os.environ:
 VIZ = ["rerun-sdk==0.41.0", "pillow>=10"]
 PLOT = ["matplotlib>=3.8", "pyarrow>=14"]  # pictures, and tables as Parquet
 STUDY = ["dask>=2024.8", "distributed>=2024.8", *PLOT]  # `rope_twin study`, on clusters too
+DOCS = [
+    "sphinx>=8,<10",
+    "furo>=2025.12",
+    "myst-nb>=1.4,<2",
+    "latex2mathml>=3.77",  # formulas without a network
+    "nbclient>=0.10",
+    "ipykernel>=6",
+]
 TEST = [
     "pytest>=8,<9.2",  # with 9.2 pytest-xdist 3.8 does not see groups: tests over ROS would overlap
     "pytest-xdist>=3.6",
@@ -38,6 +46,7 @@ TEST = [
     "types-PyYAML",
     *VIZ,
     *STUDY,
+    *DOCS,
 ]
 
 
@@ -73,8 +82,9 @@ setup(
         "viz": VIZ,
         "plot": PLOT,
         "study": STUDY,
+        "docs": DOCS,
         "test": TEST,
-        "dev": [*TEST, "colcon-common-extensions", "build"],
+        "dev": [*TEST, "colcon-common-extensions", "build", "pre-commit"],
     },
     entry_points={
         "console_scripts": [

@@ -18,7 +18,7 @@ Table = list[list[str]]  # the first row is the head
 ROOTS, DIVISIONS = 2 * (3 + 2), 2 * (2 + 2 + 1)
 
 _PAGE = """\
-# How fast, how right
+# Performance
 
 Written by `python -m benchmarks report`; the figures are those of its last run, by the solver
 that is named with the machine (`python -m benchmarks speed` prints the present one's name). Edit

@@ -1,4 +1,4 @@
-"""The scenes that docs/own_scenes.md gives, against the hand calculations beside them."""
+"""The scenes that docs/how-to/own_scenes.md gives, against the hand calculations beside them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.ropes import rope_preset
 from rope_twin.scene.schema import Rope
 
-PAGE = Path(__file__).parents[2] / "docs" / "own_scenes.md"
+PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "own_scenes.md"
 BUOY, CRANES, CABLE, TOW = re.findall(r"```yaml\n(.*?)```", PAGE.read_text(), re.DOTALL)
 G, RHO = 9.80665, 1025.0
 

@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 
 
-CODE = ["rope_twin", "validation", "benchmarks", "test", "launch", "setup.py"]
+CODE = ["rope_twin", "validation", "benchmarks", "test", "docs", "launch", "setup.py"]
 COMMANDS = [["ruff", "check", *CODE], ["ruff", "format", "--check", *CODE], ["mypy"]]
 
 

@@ -1,0 +1,66 @@
+"""What the README and the tutorials show runs, and prints what they say."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from pathlib import Path
+
+import pytest
+from snippets import run_page
+
+from rope_twin import Twin, load_scene
+from rope_twin.scene.checks.rope import sense_checks
+
+ROOT = Path(__file__).resolve().parents[2]
+TUTORIALS = ROOT / "docs" / "tutorials"
+OVER_ROS = "winch_and_mru"  # test/ros/test_tutorial_feed.py runs that one
+LESSONS = [page for page in TUTORIALS.glob("*.md") if page.stem not in ("index", OVER_ROS)]
+
+
+@pytest.mark.parametrize("page", [ROOT / "README.md", *sorted(LESSONS)], ids=lambda page: page.stem)
+def test_a_page_runs(page: Path, tmp_path: Path) -> None:
+    ran = list(run_page(page, tmp_path))
+    assert ran
+    assert [one.complaint() for one in ran if one.complaint()] == []
+
+
+def test_the_scene_of_the_readme_is_the_tutorials_and_balances_by_hand(tmp_path: Path) -> None:
+    """Payload (12,000 kg - 1025 kg/m³·2.5 m³)·g and 54.5 N/m of wire in water."""
+    scenes = [
+        re.findall(r"^about: 12 t.*?(?=^```)", path.read_text("utf-8"), re.MULTILINE | re.DOTALL)[0]
+        for path in (ROOT / "README.md", TUTORIALS / "own_lift.md")
+    ]
+    keys = [re.sub(r" +#.*", "", scene) for scene in scenes]
+    assert keys[0] == keys[1]
+    (tmp_path / "my_lift.yaml").write_text(scenes[0], "utf-8")
+    scene = load_scene(tmp_path / "my_lift.yaml")
+    assert sense_checks(scene) == []
+    by_hand_n = (12000.0 - 1025.0 * 2.5) * 9.80665 + 54.5 * 800.0
+    assert Twin(scene).snapshot().tension_top_n == pytest.approx(by_hand_n, rel=2e-3)
+
+
+def test_the_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every cell, and the printed lines are those that the page shows."""
+    import nbformat
+    from nbclient import NotebookClient
+
+    monkeypatch.setenv("JUPYTER_PLATFORM_DIRS", "1")
+    monkeypatch.setenv("MPLCONFIGDIR", str(tmp_path))
+    paths = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
+    shown = nbformat.read(TUTORIALS / "notebook.ipynb", as_version=4)
+    notebook = nbformat.from_dict(json.loads(json.dumps(shown)))
+    NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
+    assert printed(notebook) == printed(shown)
+
+
+def printed(notebook: object) -> list[str]:
+    """Return what the cells of a notebook print."""
+    return [
+        output["text"]
+        for cell in notebook["cells"]  # type: ignore[index]
+        for output in cell.get("outputs", [])
+        if output["output_type"] == "stream"
+    ]
