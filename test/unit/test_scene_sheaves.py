@@ -41,7 +41,7 @@ BAD: list[tuple[str, str, str, tuple[str, ...]]] = [
                             "  - name: below_ascending\n    rope: hmpe_76mm"),
      "ropes[3]", ("are one rope and differ in material", "the same `rope`")),
     ("graded", spoilt(STRETCH, STRETCH + "    grading: {lowest_m: 1.0}\n"),
-     "ropes[3]", ("is graded", "leave `grading` out")),
+     "ropes[3]", ("is graded", "remove `grading`")),
     ("held by nothing", LOOP.replace(OWN_FIGURES, ""),
      "sheaves[0]", ("nothing holds 'lower_sheave' down", "give it a `tether` or a mass")),
     ("pushing tether", spoilt("force_n: 50000.0", "force_n: -5.0"),
