@@ -53,11 +53,11 @@ def tensions(twin: Twin, seconds: float = 8.0) -> list[float]:
 def test_the_run_is_the_same_to_the_bit_with_a_band_and_with_a_balance_beside_it() -> None:
     alone = tensions(RIG.twin())
     assert tensions(ErrorIntervalTwin(RIG.scene())) == alone
-    assert tensions(twin_class(energy=True, error_interval=True)(RIG.scene())) == alone
+    assert tensions(twin_class(energy=True, error_band=True)(RIG.scene())) == alone
 
 
 def test_a_run_that_asks_for_no_band_has_none() -> None:
-    assert twin_class(energy=False, error_interval=False) is Twin
+    assert twin_class(energy=False, error_band=False) is Twin
     assert RIG.twin().snapshot().band is None
 
 
@@ -266,7 +266,7 @@ def test_a_companion_that_fails_is_replaced_and_the_band_unknown_until_it_has_se
 
 def test_a_run_with_a_band_publishes_records_and_sums_it_up(tmp_path: Path) -> None:
     options = RunOptions(
-        scene="shallow_lift", for_s=2.0, speed=0.0, record=tmp_path / "bag", error_interval=True
+        scene="shallow_lift", for_s=2.0, speed=0.0, record=tmp_path / "bag", error_band=True
     )
     shots: list[Snapshot] = []
     summary = run_unpaced(options, lambda run: shots.append(run.last))
@@ -317,7 +317,7 @@ def test_the_error_lies_under_the_bound_and_the_bound_is_near(case: BandCase) ->
 @pytest.mark.long
 @pytest.mark.parametrize("case", band.FULL, ids=str)
 def test_in_every_scene_the_error_lies_under_the_bound(case: BandCase) -> None:
-    """`pytest -m long -k band`: 95 % of the time (docs/error_interval.md)."""
+    """`pytest -m long -k band`: 95 % of the time (docs/error_band.md)."""
     (row,) = band.measure_bands([case], lambda *_: None)
     assert row.held_pct >= 95.0
     assert row.ratio <= 5.0
