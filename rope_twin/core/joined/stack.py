@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.core.types import containers
+from numba import types
 from numba.extending import overload
 
 from rope_twin.core.compiler.jit import LINKED, jit, jit_within
@@ -171,7 +171,7 @@ def _choose_law(law: Any, r: Any) -> Any:
     def none(law: Any, r: Any) -> Any:
         return None
 
-    return table if isinstance(law, containers.BaseTuple) else none
+    return table if isinstance(law, types.BaseTuple) else none
 
 
 @jit

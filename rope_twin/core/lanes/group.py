@@ -6,7 +6,7 @@ from math import prod
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.core import config
+from numba import config
 
 from rope_twin.core.acting import hooks
 from rope_twin.core.compiler.jit import compiled

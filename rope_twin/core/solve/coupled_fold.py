@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.core import config
+from numba import config
 
 from rope_twin.core.compiler.jit import jit_ordered, jit_ordered_within, jit_within
 from rope_twin.core.compiler.rows import column, row, rows, span

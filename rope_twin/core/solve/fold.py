@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.core import config
+from numba import config
 
 from rope_twin.core.compiler.jit import jit_ordered, jit_within
 from rope_twin.core.compiler.rows import row, rows, span
