@@ -37,6 +37,14 @@ def _private_names() -> list[str]:
     return sorted(name for name in names if name.startswith(("numba.core", "llvmlite")))
 
 
+def test_every_version_of_the_pin_is_tested() -> None:
+    """By `.ci/numba`, which tries the older ones, and by the tests as they are."""
+    first, end = (int(minor) for minor in re.findall(r"[<=]0\.(\d+)", PIN))
+    older = re.findall(r"^\[ .* set -- (.*)$", (ROOT / ".ci" / "numba").read_text(), re.MULTILINE)
+    assert older[0].split() == [f"0.{minor}" for minor in range(first, end - 1)]
+    assert first <= numba.version_info.minor < end
+
+
 @contextmanager
 def _supported(part: str) -> Iterator[None]:
     """Say which version is not supported, whatever goes wrong with a private part."""
