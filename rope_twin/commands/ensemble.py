@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from rope_twin.core.compiler.wide import LANES
+from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError, phrase
 from rope_twin.run.progress import FigureProgress
 from rope_twin.scene.load import load_scene

@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.compiler.jit import jit_entry
 from rope_twin.core.guards import CRUSHED2, FOLDED2
+from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.rope.law import hold
 from rope_twin.core.rope.sections import SAME_PLACE
 from rope_twin.core.solve.assembly import set_flow

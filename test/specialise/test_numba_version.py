@@ -1,4 +1,4 @@
-"""Whether the installed numba has every private part that core/compiler is built on.
+"""Whether the installed numba has every private part that core/jit is built on.
 
 If one of these tests fails, this version of numba or llvmlite is not supported: the message names
 it, and what it lacks. Each part is looked up by name and used in a kernel of a few lines, whose
@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-COMPILER = ROOT / "rope_twin" / "core" / "compiler"
+COMPILER = ROOT / "rope_twin" / "core" / "jit"
 PIN = re.findall(r'"numba(.*?)"', (ROOT / "setup.py").read_text(encoding="utf-8"))[0]
 
 
@@ -74,7 +74,7 @@ def test_the_compiler_imports_private_names() -> None:
 
 def _run(kernel: Any, *arguments: Any) -> Any:
     """Compile a kernel as an entry is compiled, and call it."""
-    from rope_twin.core.compiler.jit import jit_entry
+    from rope_twin.core.jit.decorators import jit_entry
 
     return jit_entry(kernel)(*arguments)
 
@@ -82,7 +82,7 @@ def _run(kernel: Any, *arguments: Any) -> Any:
 def test_kernels_are_linked_into_their_entry() -> None:
     """The options of `jit`, the forced inlining, and the call of machine code without dispatch."""
     with _supported("the options of numba.njit"):
-        from rope_twin.core.compiler.jit import assembly, compiled, jit, jit_entry, jit_within
+        from rope_twin.core.jit.decorators import assembly, compiled, jit, jit_entry, jit_within
 
         @jit_within
         def increment(x: float) -> float:
@@ -102,7 +102,7 @@ def test_kernels_are_linked_into_their_entry() -> None:
 
 def test_a_kernel_that_allocates_does_not_compile() -> None:
     with _supported("option _nrt"):
-        from rope_twin.core.compiler.jit import OPTIONS
+        from rope_twin.core.jit.decorators import OPTIONS
 
         def allocating(n: int) -> float:
             return float(np.zeros(n).sum())
@@ -115,8 +115,8 @@ def test_a_kernel_that_allocates_does_not_compile() -> None:
 def test_rows_and_pairs() -> None:
     """Types, operators, intrinsics and alias metadata of the compiler's own."""
     with _supported("rows and pairs"):
-        from rope_twin.core.compiler.rows import row, stack_rows, table_rows
-        from rope_twin.core.compiler.simd import gather, lane, load, pair, store
+        from rope_twin.core.jit.rows import row, stack_rows, table_rows
+        from rope_twin.core.jit.simd import gather, lane, load, pair, store
 
         both, spare = table_rows("sea", 2), stack_rows("scratch", (3, 3))
 
@@ -136,9 +136,9 @@ def test_rows_and_pairs() -> None:
 def test_wide_numbers() -> None:
     """Operators, casts, masks and overloads of wide numbers, and their tables."""
     with _supported("wide numbers"):
-        from rope_twin.core.compiler.rows import row
-        from rope_twin.core.compiler.tables import table, tiles, wide
-        from rope_twin.core.compiler.wide import LANES, bits, choose
+        from rope_twin.core.jit.rows import row
+        from rope_twin.core.jit.tables import table, tiles, wide
+        from rope_twin.core.jit.wide import LANES, bits, choose
         from rope_twin.core.lanes.group import aligned
 
         def entry(array: Any, tile: Any, number: Any) -> int:
@@ -156,8 +156,8 @@ def test_wide_numbers() -> None:
 
 def test_structs_by_reference_and_the_register_of_subnormals() -> None:
     with _supported("structs by reference"):
-        from rope_twin.core.compiler.held import hold
-        from rope_twin.core.compiler.subnormals import flush, restore
+        from rope_twin.core.jit.held import hold
+        from rope_twin.core.jit.subnormals import flush, restore
         from rope_twin.core.state import Boundary
 
         def entry(boundary: Any) -> float:
@@ -173,7 +173,7 @@ def test_structs_by_reference_and_the_register_of_subnormals() -> None:
 def test_compiled_code_is_kept() -> None:
     """numba's classes for caches on disk: what was kept is found by another dispatcher."""
     with _supported("the compile cache"):
-        from rope_twin.core.compiler.jit import jit_entry
+        from rope_twin.core.jit.decorators import jit_entry
         from rope_twin.core.yardstick import chain
 
         assert jit_entry(chain.py_func)(1.0, 0.5, 1.0, 3) == 1.875

@@ -21,9 +21,9 @@ import rope_twin.core.lanes.group as group_module
 import rope_twin.twin.ensemble.ensemble as ensemble_module
 import rope_twin.twin.ensemble.lanes as lanes_module
 from rope_twin import load_scene
-from rope_twin.core.compiler.jit import OPTIONS, jit, jit_entry
-from rope_twin.core.compiler.tables import tiles, wide
-from rope_twin.core.compiler.wide import ALL, LANES, mask_of
+from rope_twin.core.jit.decorators import OPTIONS, jit, jit_entry
+from rope_twin.core.jit.tables import tiles, wide
+from rope_twin.core.jit.wide import ALL, LANES, mask_of
 from rope_twin.core.lanes.elimination import eliminate_wide, push_wide, substitute_wide
 from rope_twin.core.lanes.group import Group, aligned, kind_of, why_alone
 from rope_twin.core.solve.fold import eliminate, push

@@ -29,7 +29,7 @@ FLOORS = (
 )
 MOST_LINES = 600
 VAGUE = {"utils", "util", "helpers", "helper", "common", "manager", "base", "misc", "tools"}
-COMPILER = PACKAGE / "core" / "compiler"
+COMPILER = PACKAGE / "core" / "jit"
 PUBLIC_NUMBA = {"numba.config", "numba.types", "numba.extending.overload"}
 PRINTERS = {"commands", "cli"}
 

@@ -32,7 +32,7 @@ from typing import Any
 
 from numba import types
 
-from rope_twin.core.compiler.jit import jit, jit_within
+from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.state import COUPLED_ROWS, WORK_ROWS
 
 HOOKS = (

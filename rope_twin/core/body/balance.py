@@ -46,7 +46,7 @@ from rope_twin.core.body.state import (
     TWIST,
     X_HAT,
 )
-from rope_twin.core.compiler.jit import jit
+from rope_twin.core.jit.decorators import jit
 
 CAP, HALVINGS = 60, 8
 BALANCED, KEPT = 1e-9, 1e-12  # what may be left, of the forces and of the momenta

@@ -41,8 +41,8 @@ from rope_twin.core.body.state import (
     X,
 )
 from rope_twin.core.body.state import Q as ATTITUDE
-from rope_twin.core.compiler.jit import jit
 from rope_twin.core.guards import NONE_AT_ALL
+from rope_twin.core.jit.decorators import jit
 
 ROUNDS, BISECTIONS = 400, 60
 RESTS = 1e-12  # of the weight: a force that counts as none

@@ -14,7 +14,7 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from rope_twin.core.compiler.jit import LINKED, jit, jit_within
+from rope_twin.core.jit.decorators import LINKED, jit, jit_within
 from rope_twin.core.joined.condensation import chain_rows
 from rope_twin.core.state import (
     COUNTS,

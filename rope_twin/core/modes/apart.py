@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from rope_twin.core.compiler.jit import jit, jit_entry
+from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.state import Floats
 
 LEAST = 0.02  # D: amplitude that the damping is taken of at least

@@ -13,7 +13,7 @@ import numpy as np
 from numba import types
 from numba.extending import overload
 
-from rope_twin.core.compiler.jit import LINKED, jit_within
+from rope_twin.core.jit.decorators import LINKED, jit_within
 from rope_twin.core.state import Floats, Table
 
 

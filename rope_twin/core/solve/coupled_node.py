@@ -7,7 +7,7 @@ B the block to i + 1, V = L⁻¹·B, M = L⁻¹ and d the coupling to i + 2 they
 nodes: backward stable for a positive definite matrix, and half the work of pairing the nodes into
 6×6 blocks. It differences K, where `elimination` does not, so that the mass is seen to 1e-16·K.
 
-Written for numbers and for pairs of numbers alike (core/compiler/simd), which know no sign and take
+Written for numbers and for pairs of numbers alike (core/jit/simd), which know no sign and take
 a number on their left only.
 """
 
@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.compiler.jit import jit_ordered_within
+from rope_twin.core.jit.decorators import jit_ordered_within
 from rope_twin.core.solve.elimination import add_six
 
 

@@ -22,8 +22,8 @@ from __future__ import annotations
 from math import pi, sin, sqrt
 from typing import Any
 
-from rope_twin.core.compiler.jit import jit_within
 from rope_twin.core.guards import NONE_AT_ALL
+from rope_twin.core.jit.decorators import jit_within
 
 WAVES = 24  # half waves along the rope that smooth noise is made of
 GOLDEN = 2.399963  # rad, between their phases

@@ -1,6 +1,6 @@
 """Rows of a sea: figures of its components, and scratch for their cosines and sines.
 
-Like the rows of core/compiler/rows they are pointers that LLVM knows to lie apart. All figures are
+Like the rows of core/jit/rows they are pointers that LLVM knows to lie apart. All figures are
 in one table, since a kernel hands on ten words for each array. The scratch is on the stack of the
 kernel that asks for it: ropes that step on several threads may share their sea. Components come in
 whole blocks, the last one filled up with some of no amplitude, so that a sum over blocks has no
@@ -9,7 +9,7 @@ remainder to take one by one.
 
 from __future__ import annotations
 
-from rope_twin.core.compiler.rows import stack_rows, table_rows
+from rope_twin.core.jit.rows import stack_rows, table_rows
 
 BLOCK, MOST = 16, 2000  # components of a block; of a sea
 

@@ -169,7 +169,7 @@ def stamp(scene: Scene, failure: str = "") -> dict[str, Any]:
 @functools.cache
 def _solver_digest() -> str:
     """Of the sources as they were when this process first asked."""
-    from rope_twin.core.compiler.jit import source_digest  # here: to read needs no compiler
+    from rope_twin.core.jit.decorators import source_digest  # here: to read needs no compiler
 
     return source_digest()
 

@@ -23,7 +23,7 @@ from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-from rope_twin.core.compiler.jit import jit, jit_within
+from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.state import NODE_ROWS, WORK_ROWS
 
 _DOUBLE = ir.DoubleType()

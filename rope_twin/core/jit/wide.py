@@ -25,7 +25,7 @@ from numba.extending import (
     register_model,
 )
 
-from rope_twin.core.compiler.jit import LINKED
+from rope_twin.core.jit.decorators import LINKED
 
 LANES = 8
 ALL = (1 << LANES) - 1  # mask of all lanes

@@ -3,7 +3,7 @@
 `tiles(array, rows)` makes a matrix of an array (columns, rows, LANES): the rows of a node lie side
 by side in memory, a few pages at a time however many rows there are. `table(array)` makes a matrix
 of an array (rows, columns, LANES) or a row of one (columns, LANES), `wide(array)` a number of an
-array (LANES,). An entry is taken as in an array, `rows` and its like (core/compiler/rows) work on
+array (LANES,). An entry is taken as in an array, `rows` and its like (core/jit/rows) work on
 both. The arrays must begin at a multiple of ALIGNMENT.
 """
 
@@ -24,8 +24,8 @@ from numba.core.typing.templates import (
 )
 from numba.extending import intrinsic, lower_builtin, lower_getattr, models, register_model
 
-from rope_twin.core.compiler.rows import tell_apart
-from rope_twin.core.compiler.wide import ALIGNMENT, REGISTER, WIDE, WideType, spread
+from rope_twin.core.jit.rows import tell_apart
+from rope_twin.core.jit.wide import ALIGNMENT, REGISTER, WIDE, WideType, spread
 
 
 class TableType(types.Type):  # type: ignore[misc]

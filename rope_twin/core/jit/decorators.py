@@ -14,7 +14,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from rope_twin.core.compiler.code_folder import open_folder
+from rope_twin.core.jit.code_folder import open_folder
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 
@@ -41,8 +41,8 @@ import numba  # noqa: E402
 from numba.core import config  # noqa: E402
 from numba.core.registry import cpu_target  # noqa: E402
 
-from rope_twin.core.compiler.kept_code import KeptCode  # noqa: E402
-from rope_twin.core.compiler.pipeline import EntryCompiler, LinkedCompiler  # noqa: E402
+from rope_twin.core.jit.kept_code import KeptCode  # noqa: E402
+from rope_twin.core.jit.pipeline import EntryCompiler, LinkedCompiler  # noqa: E402
 
 if FOLDER is not None:
     config.CACHE_DIR = str(FOLDER.path)  # in case numba was imported before us

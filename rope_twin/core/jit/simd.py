@@ -15,7 +15,7 @@ from numba import types
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-from rope_twin.core.compiler.rows import tell_apart
+from rope_twin.core.jit.rows import tell_apart
 
 _FLAGS = ("contract", "nsz")
 _DOUBLE, _INDEX = ir.DoubleType(), ir.IntType(32)

@@ -20,7 +20,7 @@ from numba.core import compiler_machinery, typed_passes, types, untyped_passes
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 
-from rope_twin.core.compiler.lowering import Lowering, NoPhis, OneAssignment
+from rope_twin.core.jit.lowering import Lowering, NoPhis, OneAssignment
 
 _PASSES = (
     untyped_passes.TranslateByteCode,
