@@ -1,1 +1,1 @@
-"""From a kernel to machine code: one compiler for all, kept on disk, and what it is taught."""
+"""Compile kernels with numba and keep their code on disk; all private numba API is used here."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -122,6 +123,11 @@ def compiled(entry: Any, arguments: tuple[Any, ...]) -> Any:
     signature = tuple(numba.typeof(argument) for argument in arguments)
     entry.compile(signature)
     return entry.overloads[signature].entry_point
+
+
+def kind_of(values: Iterable[Any]) -> str:
+    """Return what a step is compiled for: the types of these values; equal words, equal code."""
+    return "; ".join(str(numba.typeof(value)) for value in values)
 
 
 def assembly(entry: Any, arguments: tuple[Any, ...]) -> str:
