@@ -19,7 +19,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
-from rope_twin.core.compiler.kinds import kind_of
+from rope_twin.core.jit.decorators import kind_of
 from rope_twin.errors import RopeTwinError, phrase
 from rope_twin.scene.arrays.build import build
 from rope_twin.scene.arrays.joined import build_joined

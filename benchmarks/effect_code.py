@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rope_twin.core.acting.hooks import hooks_of, kernel_of
-from rope_twin.core.compiler import jit
+from rope_twin.core.jit.decorators import assembly
 from rope_twin.core.state import MOTIONS, PULL_COLUMNS, Boundary
 from rope_twin.core.step import advance_steps
 from rope_twin.scene.arrays.build import build
@@ -16,7 +16,7 @@ def step_assembly(scene: Scene) -> str:
     """Return the assembly of the step for the scene's effects; it takes about 10 s."""
     border = np.zeros((2, MOTIONS))
     arguments = (build(scene), Boundary(border, border), np.zeros((1, PULL_COLUMNS)), 0.0, 1)
-    return jit.assembly(advance_steps, arguments)
+    return assembly(advance_steps, arguments)
 
 
 def modules_of(scene: Scene, without: Scene) -> tuple[str, ...]:

@@ -16,7 +16,7 @@ from statistics import median
 
 import numpy as np
 
-from rope_twin.core.compiler.wide import LANES
+from rope_twin.core.jit.wide import LANES
 from rope_twin.scene.change import change_scene
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene

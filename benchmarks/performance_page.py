@@ -8,7 +8,7 @@ from pathlib import Path
 from benchmarks.ensemble_speed import EnsembleRow, ensemble_table
 from benchmarks.orders import Curve
 from benchmarks.speed import FIT_FROM, Basis, Row, Speed
-from rope_twin.core.compiler.wide import LANES
+from rope_twin.core.jit.wide import LANES
 from rope_twin.studies import markdown
 
 PICTURE = Path("images") / "orders.png"

@@ -1,7 +1,7 @@
 """Topic table: every topic that the suite publishes or subscribes to.
 
-The README shows the same table, and a test keeps both equal. All names are relative, so that the
-whole suite can be moved into a namespace. All message types are standard ones.
+The ROS interface page of the documentation is generated from it. All names are relative, so that
+the whole suite can be moved into a namespace. All message types are standard ones.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from typing import Any
 
 from rope_twin.commands.console import print_json
 from rope_twin.commands.exit_code import ExitCode
-from rope_twin.core.compiler.wide import LANES
+from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError, phrase
 from rope_twin.quantity import read_quantity
 from rope_twin.run.arguments import (

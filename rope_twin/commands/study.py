@@ -15,7 +15,7 @@ from typing import Any
 
 from rope_twin.commands.console import print_json
 from rope_twin.commands.exit_code import ExitCode
-from rope_twin.core.compiler.wide import LANES
+from rope_twin.core.jit.wide import LANES
 from rope_twin.effects.bending import BendingParams
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.run.arguments import add_command, add_json, add_out

@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.compiler.jit import jit_entry
 from rope_twin.core.guards import STRETCH2_MIN, TANGENT2_MIN
+from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.rope.law import hold
 from rope_twin.core.rope.sections import SAME_PLACE
 from rope_twin.core.solve.assembly import set_flow

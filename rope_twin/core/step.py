@@ -11,9 +11,9 @@ from math import exp, isfinite, sqrt
 from typing import Any
 
 from rope_twin.core.acting import terms
-from rope_twin.core.compiler.jit import compiled, jit, jit_entry, jit_sum
-from rope_twin.core.compiler.rows import copy
-from rope_twin.core.compiler.subnormals import flush, restore
+from rope_twin.core.jit.decorators import compiled, jit, jit_entry, jit_sum
+from rope_twin.core.jit.rows import copy
+from rope_twin.core.jit.subnormals import flush, restore
 from rope_twin.core.payout.events import change_elements, split_length
 from rope_twin.core.payout.motion import place_hang_off, prescribed
 from rope_twin.core.payout.trial import HIGH, load_trials

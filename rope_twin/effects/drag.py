@@ -21,9 +21,9 @@ import numpy as np
 
 from rope_twin.core.acting.hooks import kernel
 from rope_twin.core.acting.loads import Load
-from rope_twin.core.compiler.jit import jit_within
 from rope_twin.core.energy import account
 from rope_twin.core.guards import DIVISOR_MIN, SPEED2_MIN
+from rope_twin.core.jit.decorators import jit_within
 from rope_twin.core.state import Floats
 from rope_twin.quantity import quantity, text
 

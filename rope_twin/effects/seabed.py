@@ -28,9 +28,9 @@ from rope_twin.core.bed import (
     grid_bed,
     plane_bed,
 )
-from rope_twin.core.compiler.jit import jit_within
-from rope_twin.core.compiler.rows import rows, span
 from rope_twin.core.energy import account
+from rope_twin.core.jit.decorators import jit_within
+from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.state import BLOCK, CORRECTION, POSITION, RESIDUAL, VELOCITY, Floats
 from rope_twin.quantity import quantity, text
 

@@ -24,7 +24,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from rope_twin import __version__
-from rope_twin.core.compiler.jit import source_digest
+from rope_twin.core.jit.decorators import source_digest
 from rope_twin.errors import BagError, InputError, StateError, phrase
 from rope_twin.recording.input_log import encode_json
 from rope_twin.scene.card import OTHER_SEA, card_path

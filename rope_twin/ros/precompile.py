@@ -13,7 +13,7 @@ import os
 import signal
 import sys
 
-from rope_twin.core.compiler.jit import make_ready
+from rope_twin.core.jit.decorators import make_ready
 from rope_twin.ros.entry import StopSignal
 from rope_twin.run.ending import ending_signals
 from rope_twin.run.options import RunOptions

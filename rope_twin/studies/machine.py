@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from rope_twin.core.compiler.jit import source_digest
+from rope_twin.core.jit.decorators import source_digest
 from rope_twin.core.yardstick import chain
 
 LINKS, REPETITIONS = 1_000_000, 15

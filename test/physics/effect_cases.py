@@ -22,7 +22,7 @@ from rope_twin import Twin
 from rope_twin.core import state as rows
 from rope_twin.core.acting.loads import add_load
 from rope_twin.core.acting.terms import add_couplings, add_end, add_flow
-from rope_twin.core.compiler.jit import jit_entry
+from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.bending import BendingParams

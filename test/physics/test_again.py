@@ -11,7 +11,7 @@ from payout_rigs import SEA
 from rigs import Bench
 
 from rope_twin.core import state as rows
-from rope_twin.core.compiler.jit import jit_entry
+from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.solve.again import SHARE, count_left
 from rope_twin.core.solve.prediction import GAMMA
 from rope_twin.core.solve.remembering import begin_step

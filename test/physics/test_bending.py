@@ -17,7 +17,7 @@ from test_payout_events import JUMP, assert_smooth
 
 from rope_twin.core import state as rows
 from rope_twin.core.acting.terms import add_couplings
-from rope_twin.core.compiler.jit import jit_entry
+from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.effects.bending import Bending, BendingParams, build
 from validation.energy import energy
 

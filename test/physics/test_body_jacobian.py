@@ -16,7 +16,7 @@ from rope_twin.core.body import state as at
 from rope_twin.core.body.balance import balance
 from rope_twin.core.body.rotation import vector
 from rope_twin.core.body.state import PlaneBed, RigidBody
-from rope_twin.core.compiler.jit import jit_entry
+from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.effects.rigid_body import DeckParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams

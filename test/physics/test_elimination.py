@@ -9,7 +9,7 @@ import pytest
 from numpy.typing import NDArray
 
 from rope_twin.core import state as rows
-from rope_twin.core.compiler.jit import jit_entry
+from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.solve.elimination import eliminate_plainly, push_plainly
 from rope_twin.core.solve.fold import eliminate, push
 

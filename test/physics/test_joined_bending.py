@@ -16,7 +16,7 @@ from test_coupled_elimination import bent_chain, matrix
 from test_joined_energy import balance, fine
 
 from rope_twin.core import state as rows
-from rope_twin.core.compiler.jit import assembly, jit_entry
+from rope_twin.core.jit.decorators import assembly, jit_entry
 from rope_twin.core.joined import condensation
 from rope_twin.core.joined.coupled_chains import COUPLED_CHAIN_ROWS
 from rope_twin.effects.bending import Bending, BendingParams

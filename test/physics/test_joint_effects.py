@@ -9,7 +9,7 @@ import numpy as np
 
 from rope_twin import Snapshot, Twin, load_scene
 from rope_twin.core import state as rows
-from rope_twin.core.compiler.jit import jit_entry
+from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.joined.stage import _count_left
 from rope_twin.core.state import Floats
 

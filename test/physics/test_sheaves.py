@@ -13,7 +13,7 @@ from rigs import Rig
 from sheave_rigs import DRUM, G, atwood, circulate, flow, laid_loop, let_run, line, loop, noise
 
 from rope_twin.core import state as rows
-from rope_twin.core.compiler.jit import OPTIONS
+from rope_twin.core.jit.decorators import OPTIONS
 from rope_twin.core.joined import sheaves, statics
 from rope_twin.core.joined.joints import System
 from rope_twin.core.joined.reeving import Wheel, reeve

@@ -9,8 +9,8 @@ import numpy as np
 from llvmlite import ir
 from numba.core.registry import cpu_target
 
-from rope_twin.core.compiler.held import HeldType, hold
-from rope_twin.core.compiler.jit import OPTIONS, jit
+from rope_twin.core.jit.decorators import OPTIONS, jit
+from rope_twin.core.jit.held import HeldType, hold
 from rope_twin.core.state import Boundary, Floats
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numba
 
-from rope_twin.core.compiler.jit import OPTIONS, jit, jit_ordered
+from rope_twin.core.jit.decorators import OPTIONS, jit, jit_ordered
 
 
 @jit

@@ -14,18 +14,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from lone_twins import SECOND_NS, alone, differing, sea, variations
-from numba.core.errors import NumbaError
+from numba import errors
 from small_scene import SMALL_SCENE, small_scene
 
 import rope_twin.core.lanes.group as group_module
 import rope_twin.twin.ensemble.ensemble as ensemble_module
 import rope_twin.twin.ensemble.simd as lanes_module
 from rope_twin import load_scene
-from rope_twin.core.compiler.jit import OPTIONS, jit, jit_entry
-from rope_twin.core.compiler.wide import ALL, LANES, mask_of
+from rope_twin.core.jit.decorators import OPTIONS, jit, jit_entry
+from rope_twin.core.jit.tables import tiles, wide
+from rope_twin.core.jit.wide import ALL, LANES, mask_of
 from rope_twin.core.lanes.elimination import eliminate_wide, push_wide, substitute_wide
 from rope_twin.core.lanes.group import Group, aligned, kind_of, why_alone
-from rope_twin.core.lanes.tables import tiles, wide
 from rope_twin.core.solve.fold import eliminate, push
 from rope_twin.core.state import (
     AXIAL,
@@ -247,7 +247,7 @@ def test_a_branch_on_a_wide_number_does_not_compile() -> None:
     def branching(array: np.ndarray) -> float:
         return 1.0 if wide(array) > 0.0 else 2.0
 
-    with pytest.raises(NumbaError, match=r"bool\(Mask\)"):
+    with pytest.raises(errors.NumbaError, match=r"bool\(Mask\)"):
         branching(np.ones(LANES))
 
 

@@ -29,6 +29,8 @@ FLOORS = (
 )
 MOST_LINES = 600
 VAGUE = {"utils", "util", "helpers", "helper", "common", "manager", "base", "misc", "tools"}
+COMPILER = PACKAGE / "core" / "jit"
+PUBLIC_NUMBA = {"numba.config", "numba.types", "numba.extending.overload"}
 PRINTERS = {"commands", "cli"}
 
 
@@ -129,9 +131,23 @@ def test_ros_stays_in_its_folder() -> None:
     assert any(name.startswith("rclpy") for p in SOURCES for _, name in imported(p))
 
 
-def test_the_compiler_stays_below() -> None:
-    """numba and llvmlite: core/ and effects/ only."""
-    assert not outside({"numba", "llvmlite"}, {"core", "effects"})
+def test_only_the_core_is_compiled() -> None:
+    """numba: core/ only."""
+    assert not outside({"numba", "llvmlite"}, {"core"})
+
+
+def test_private_parts_of_the_compiler_have_one_folder() -> None:
+    """Elsewhere only numba's public names are imported, and nothing of llvmlite."""
+    elsewhere = [p for p in (*SOURCES, *LABORATORY) if COMPILER not in p.parents]
+    private = [
+        f"{relative(path)}:{line}: {name}"
+        for path in elsewhere
+        for line, name in imported(path)
+        if name.split(".")[0] in ("numba", "llvmlite") and name not in PUBLIC_NUMBA
+    ]
+    assert not private
+    assert not [relative(path) for path in elsewhere if "numba.core" in path.read_text()]
+    assert any(name == "numba.types" for path in elsewhere for _, name in imported(path))
 
 
 def test_effects_know_the_core_and_no_one_else() -> None:

@@ -33,9 +33,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from numba.core import types
+from numba import types
 
-from rope_twin.core.compiler.jit import jit, jit_within
+from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.state import COUPLED_ROWS, WORK_ROWS
 
 HOOKS = (

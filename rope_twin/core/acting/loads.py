@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 from numba.extending import overload
 
 from rope_twin.core.acting.hooks import kernels, kernels_by_place, members, written_out
-from rope_twin.core.compiler.jit import LINKED, jit, jit_within
-from rope_twin.core.compiler.rows import rows, span
 from rope_twin.core.guards import TANGENT2_MIN
+from rope_twin.core.jit.decorators import LINKED, jit, jit_within
+from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,

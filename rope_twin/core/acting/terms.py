@@ -19,7 +19,7 @@ from rope_twin.core.acting.hooks import (
     switches,
     written_out,
 )
-from rope_twin.core.compiler.jit import LINKED, jit
+from rope_twin.core.jit.decorators import LINKED, jit
 from rope_twin.core.state import BLOCK, LINK, PULL, PULL_X, RESIDUAL
 
 

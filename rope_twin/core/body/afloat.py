@@ -36,7 +36,7 @@ from rope_twin.core.body.change import (
 from rope_twin.core.body.parts import part
 from rope_twin.core.body.rotation import along, cross, dot, inward, outward, put, vector
 from rope_twin.core.body.state import Afloat, RigidBody
-from rope_twin.core.compiler.jit import jit, jit_within
+from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.payout.trial import LOW
 from rope_twin.core.solve.assembly import set_flow
 from rope_twin.core.state import POSITION, SURFACE, Floats

@@ -47,7 +47,7 @@ from rope_twin.core.body.state import (
     TWIST,
     X_HAT,
 )
-from rope_twin.core.compiler.jit import jit
+from rope_twin.core.jit.decorators import jit
 
 MAX_ITERATIONS, HALVINGS = 60, 8
 FORCE_TOL, MOMENTUM_TOL = 1e-9, 1e-12  # of the residual, relative to forces and momenta

@@ -18,7 +18,7 @@ from rope_twin.core.body.contact import CREEP, add_push
 from rope_twin.core.body.parts import part
 from rope_twin.core.body.rotation import along, dot, outward, vector
 from rope_twin.core.body.state import GridBed, PlaneBed, RigidBody
-from rope_twin.core.compiler.jit import LINKED, jit
+from rope_twin.core.jit.decorators import LINKED, jit
 from rope_twin.core.state import Floats
 
 

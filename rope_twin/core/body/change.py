@@ -18,7 +18,7 @@ from typing import Any
 
 from rope_twin.core.body.rotation import along, angular_velocity, cross, dot, put, vector
 from rope_twin.core.body.state import D_PLACE, D_SPEED, D_SPIN, D_TURN
-from rope_twin.core.compiler.jit import jit, jit_within
+from rope_twin.core.jit.decorators import jit, jit_within
 
 NONE = (0.0, 0.0, 0.0)
 

@@ -22,7 +22,7 @@ from rope_twin.core.body.change import (
 from rope_twin.core.body.parts import part
 from rope_twin.core.body.rotation import along, cross, dot, inward, outward, vector
 from rope_twin.core.body.state import Deck, RigidBody
-from rope_twin.core.compiler.jit import jit
+from rope_twin.core.jit.decorators import jit
 from rope_twin.core.state import ELEMENTS, POSITION, VELOCITY, Floats
 
 CREEP = 0.01  # v_0: friction is within 0.5 % of μ·N from ten times this on [m/s]

@@ -58,8 +58,8 @@ from rope_twin.core.body.state import (
     WET_HELD,
     Immersed,
 )
-from rope_twin.core.compiler.jit import jit, jit_within
 from rope_twin.core.guards import SLING2_MIN, SPEED2_MIN
+from rope_twin.core.jit.decorators import jit, jit_within
 
 TURN2 = 0.05**2  # δ² of the blend from descent to ascent [m²/s²]
 

@@ -23,7 +23,7 @@ from numba.extending import overload
 
 from rope_twin.core.acting.hooks import written_out
 from rope_twin.core.body.rotation import along
-from rope_twin.core.compiler.jit import LINKED, jit
+from rope_twin.core.jit.decorators import LINKED, jit
 
 _KERNELS: dict[str, dict[type, Any]] = {"act": {}, "foresee": {}, "floor": {}, "power": {}}
 

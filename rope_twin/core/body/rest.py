@@ -43,8 +43,8 @@ from rope_twin.core.body.state import (
     X,
 )
 from rope_twin.core.body.state import Q as ATTITUDE
-from rope_twin.core.compiler.jit import jit
 from rope_twin.core.guards import DIVISOR_MIN
+from rope_twin.core.jit.decorators import jit
 
 ROUNDS, BISECTIONS = 400, 60
 FORCE_TOL = 1e-12  # of the weight: residual force at which the body is in equilibrium

@@ -15,8 +15,8 @@ from __future__ import annotations
 from math import cos, sin, sqrt
 from typing import Any
 
-from rope_twin.core.compiler.jit import jit, jit_within
 from rope_twin.core.guards import ANGLE2_MIN
+from rope_twin.core.jit.decorators import jit, jit_within
 
 
 @jit_within

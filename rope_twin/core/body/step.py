@@ -26,8 +26,8 @@ from rope_twin.core.body.rotation import (
     turned,
     vector,
 )
-from rope_twin.core.compiler.jit import jit
-from rope_twin.core.compiler.rows import rows, span
+from rope_twin.core.jit.decorators import jit
+from rope_twin.core.jit.rows import rows, span
 from rope_twin.core.payout.trial import LOW
 from rope_twin.core.solve.assembly import set_flow
 from rope_twin.core.solve.prediction import GAMMA, K1, K2

@@ -13,8 +13,8 @@ from numba.extending import overload
 
 from rope_twin.core.acting import terms
 from rope_twin.core.acting.hooks import couples
-from rope_twin.core.compiler.jit import LINKED, jit
-from rope_twin.core.compiler.rows import column
+from rope_twin.core.jit.decorators import LINKED, jit
+from rope_twin.core.jit.rows import column
 from rope_twin.core.joined import chains, coupled_chains
 from rope_twin.core.state import BLOCK, RESIDUAL
 

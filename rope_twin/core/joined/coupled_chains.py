@@ -12,8 +12,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.compiler.jit import jit_ordered, jit_within
-from rope_twin.core.compiler.rows import column
+from rope_twin.core.jit.decorators import jit_ordered, jit_within
+from rope_twin.core.jit.rows import column
 from rope_twin.core.joined.chains import set_column
 from rope_twin.core.solve.coupled_elimination import SECOND, keep, kept_of
 from rope_twin.core.solve.coupled_node import (

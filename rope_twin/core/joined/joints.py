@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.compiler.jit import jit, jit_ordered, jit_within
-from rope_twin.core.compiler.rows import column
+from rope_twin.core.jit.decorators import jit, jit_ordered, jit_within
+from rope_twin.core.jit.rows import column
 from rope_twin.core.joined.condensation import (
     eliminate_between,
     eliminate_downward,

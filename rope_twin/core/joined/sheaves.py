@@ -23,8 +23,8 @@ from __future__ import annotations
 from math import acos, nan, sqrt, tanh
 from typing import Any, NamedTuple
 
-from rope_twin.core.compiler.jit import jit, jit_within
-from rope_twin.core.compiler.rows import column
+from rope_twin.core.jit.decorators import jit, jit_within
+from rope_twin.core.jit.rows import column
 from rope_twin.core.joined.stack import rope_of
 from rope_twin.core.rope.sections import set_top_length
 from rope_twin.core.state import (

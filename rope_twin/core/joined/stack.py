@@ -12,10 +12,10 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba.core.types import containers
+from numba import types
 from numba.extending import overload
 
-from rope_twin.core.compiler.jit import LINKED, jit, jit_within
+from rope_twin.core.jit.decorators import LINKED, jit, jit_within
 from rope_twin.core.joined.condensation import chain_rows
 from rope_twin.core.state import (
     COUNTS,
@@ -172,7 +172,7 @@ def _choose_law(law: Any, r: Any) -> Any:
     def none(law: Any, r: Any) -> Any:
         return None
 
-    return table if isinstance(law, containers.BaseTuple) else none
+    return table if isinstance(law, types.BaseTuple) else none
 
 
 @jit

@@ -14,8 +14,8 @@ import numpy as np
 from numba.extending import overload
 
 from rope_twin.core.acting import hooks
-from rope_twin.core.compiler.jit import LINKED, jit
-from rope_twin.core.compiler.rows import column
+from rope_twin.core.jit.decorators import LINKED, jit
+from rope_twin.core.jit.rows import column
 from rope_twin.core.joined.condensation import add_couplings
 from rope_twin.core.joined.joints import (
     LOOSE,

@@ -6,9 +6,9 @@ from math import isfinite
 from typing import Any
 
 from rope_twin.core.acting import terms
-from rope_twin.core.compiler.held import hold
-from rope_twin.core.compiler.jit import compiled, jit, jit_entry
-from rope_twin.core.compiler.subnormals import flush, restore
+from rope_twin.core.jit.decorators import compiled, jit, jit_entry
+from rope_twin.core.jit.held import hold
+from rope_twin.core.jit.subnormals import flush, restore
 from rope_twin.core.joined.joints import LOOSE, STEP, Joined, System, place_ends
 from rope_twin.core.joined.sheaves import finish_at_sheave, is_at_sheave, pass_end
 from rope_twin.core.joined.stack import load, rope_of, stacked_effects, store

@@ -13,9 +13,9 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from rope_twin.core.compiler.jit import jit, jit_within
-from rope_twin.core.compiler.rows import column
 from rope_twin.core.guards import LINK2_MIN
+from rope_twin.core.jit.decorators import jit, jit_within
+from rope_twin.core.jit.rows import column
 from rope_twin.core.state import CORRECTION, POSITION, RESIDUAL, VELOCITY
 
 ANCHORED = -1  # in the row SECOND: the link's other end is the fixed point AT

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.compiler.jit import jit_ordered, jit_ordered_within
-from rope_twin.core.compiler.rows import row, rows, span
-from rope_twin.core.compiler.wide import choose
+from rope_twin.core.jit.decorators import jit_ordered, jit_ordered_within
+from rope_twin.core.jit.rows import row, rows, span
+from rope_twin.core.jit.wide import choose
 from rope_twin.core.solve.elimination import (
     add_six,
     eliminate_node,

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.compiler.jit import jit
-from rope_twin.core.compiler.wide import ALL, choose, mask_of
+from rope_twin.core.jit.decorators import jit
+from rope_twin.core.jit.wide import ALL, choose, mask_of
 from rope_twin.core.lanes.elimination import eliminate_wide, push_wide, substitute_wide
 from rope_twin.core.rope.elastic import growth_of, stretch, stretch_all, stretch_corrected
 from rope_twin.core.solve.again import count_left

@@ -12,12 +12,12 @@ from typing import Any, NamedTuple
 
 from numba.extending import overload
 
-from rope_twin.core.compiler.jit import LINKED, jit, jit_entry
-from rope_twin.core.compiler.rows import node_rows, row, rows
-from rope_twin.core.compiler.subnormals import flush, restore
-from rope_twin.core.compiler.wide import ALL, LANES, bits, choose, mask_of
+from rope_twin.core.jit.decorators import LINKED, jit, jit_entry
+from rope_twin.core.jit.rows import node_rows, row, rows
+from rope_twin.core.jit.subnormals import flush, restore
+from rope_twin.core.jit.tables import table, tiles, wide
+from rope_twin.core.jit.wide import ALL, LANES, bits, choose, mask_of
 from rope_twin.core.lanes.stage import solve_stage
-from rope_twin.core.lanes.tables import table, tiles, wide
 from rope_twin.core.payout.events import SMALLEST_REST, SMALLEST_STEPS
 from rope_twin.core.payout.motion import place_hang_off, prescribed
 from rope_twin.core.payout.trial import load_trials_of

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from rope_twin.core.compiler.jit import jit, jit_entry
+from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.state import Floats
 
 MIN_AMPLITUDE = 0.02  # [D]: minimum amplitude for which damping is evaluated

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.compiler.jit import jit, jit_entry
+from rope_twin.core.jit.decorators import jit, jit_entry
 
 
 @jit_entry

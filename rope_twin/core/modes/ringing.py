@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from numpy.typing import NDArray
 
-from rope_twin.core.compiler.jit import jit, jit_entry
+from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.state import Floats
 
 MOST_DAMPED = 0.95  # of critical: modes with higher damping are inactive

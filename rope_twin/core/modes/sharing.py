@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core.compiler.jit import jit, jit_entry
+from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.state import Floats
 
 

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rope_twin.core.compiler.jit import jit, jit_entry
+from rope_twin.core.jit.decorators import jit, jit_entry
 from rope_twin.core.state import Floats
 
 EXACT = 1e-13  # of a bracket's width: a shift this close to the eigenvalue is converged

@@ -13,8 +13,8 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from rope_twin.core.compiler.jit import jit
-from rope_twin.core.compiler.rows import copy
+from rope_twin.core.jit.decorators import jit
+from rope_twin.core.jit.rows import copy
 from rope_twin.core.payout.trial import AFTER, HIGH, LOW, MIDDLE, TRIALS, along
 from rope_twin.core.rope.elastic import stretch, stretch_all
 from rope_twin.core.rope.sections import SAME_PLACE, section_above, set_element, set_lengths

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.compiler.jit import jit
+from rope_twin.core.jit.decorators import jit
 from rope_twin.core.state import ACCELERATION, LINE_COLUMN, POSITION, VELOCITY
 
 

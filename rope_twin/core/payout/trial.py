@@ -14,8 +14,8 @@ from math import sqrt
 from typing import Any
 
 from rope_twin.core.acting import loads
-from rope_twin.core.compiler.jit import jit, jit_within
 from rope_twin.core.guards import STRETCH2_MIN
+from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.rope.sections import section_above
 from rope_twin.core.solve.assembly import set_flow
 from rope_twin.core.state import (

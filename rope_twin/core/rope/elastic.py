@@ -11,10 +11,10 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from rope_twin.core.compiler.jit import jit, jit_within
-from rope_twin.core.compiler.rows import offset_row, row, rows
-from rope_twin.core.compiler.wide import choose, count_beyond
 from rope_twin.core.guards import STRETCH2_MIN
+from rope_twin.core.jit.decorators import jit, jit_within
+from rope_twin.core.jit.rows import offset_row, row, rows
+from rope_twin.core.jit.wide import choose, count_beyond
 from rope_twin.core.rope.law import pull_of
 from rope_twin.core.state import (
     AXIAL,

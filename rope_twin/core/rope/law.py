@@ -11,10 +11,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba.core.types import containers
+from numba import types
 from numba.extending import overload
 
-from rope_twin.core.compiler.jit import LINKED, jit_within
+from rope_twin.core.jit.decorators import LINKED, jit_within
 from rope_twin.core.state import Floats, Table
 
 
@@ -80,7 +80,7 @@ def _by_table(law: Any, section: Any, stiffness: Any, e: int, extension: float, 
 
 @overload(pull_of, jit_options={**LINKED, "forceinline": True}, strict=False)
 def _choose(law: Any, section: Any, stiffness: Any, e: Any, extension: Any, rest: Any) -> Any:
-    chosen = _by_table if isinstance(law, containers.BaseTuple) else _by_stiffness
+    chosen = _by_table if isinstance(law, types.BaseTuple) else _by_stiffness
 
     def choice(law: Any, section: Any, stiffness: Any, e: Any, extension: Any, rest: Any) -> Any:
         return chosen(law, section, stiffness, e, extension, rest)

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.compiler.jit import jit
-from rope_twin.core.compiler.rows import rows, span
-from rope_twin.core.compiler.wide import count_beyond
+from rope_twin.core.jit.decorators import jit
+from rope_twin.core.jit.rows import rows, span
+from rope_twin.core.jit.wide import count_beyond
 from rope_twin.core.rope.elastic import find_change, growth_of
 from rope_twin.core.state import BLOCK, CHANGE, CORRECTION, ELEMENTS, RESIDUAL
 

@@ -10,9 +10,9 @@ from math import sqrt
 from typing import Any
 
 from rope_twin.core.acting import loads, terms
-from rope_twin.core.compiler.jit import jit, jit_sum
-from rope_twin.core.compiler.rows import row, rows, span
 from rope_twin.core.guards import TANGENT2_MIN
+from rope_twin.core.jit.decorators import jit, jit_sum
+from rope_twin.core.jit.rows import row, rows, span
 from rope_twin.core.state import (
     BLOCK,
     CORRECTION,

@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.compiler.jit import jit, jit_ordered, jit_within
-from rope_twin.core.compiler.rows import column, row
+from rope_twin.core.jit.decorators import jit, jit_ordered, jit_within
+from rope_twin.core.jit.rows import column, row
 from rope_twin.core.solve.coupled_node import (
     add,
     add_nine,

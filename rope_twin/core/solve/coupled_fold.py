@@ -11,11 +11,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba.core import config
+from numba import config
 
-from rope_twin.core.compiler.jit import jit_ordered, jit_ordered_within, jit_within
-from rope_twin.core.compiler.rows import column, row, rows, span
-from rope_twin.core.compiler.simd import gather, lane, load, pair, store
+from rope_twin.core.jit.decorators import jit_ordered, jit_ordered_within, jit_within
+from rope_twin.core.jit.rows import column, row, rows, span
+from rope_twin.core.jit.simd import gather, lane, load, pair, store
 from rope_twin.core.solve.coupled_elimination import (
     SECOND,
     eliminate_coupled_plainly,

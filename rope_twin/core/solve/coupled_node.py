@@ -7,7 +7,7 @@ and -d²·Mᵀ·D⁻¹·M. That is the banded LDLᵀ (Golub and Van Loan 2013, s
 stable for a positive definite matrix, and half the work of pairing the nodes into 6×6 blocks. It
 subtracts multiples of K, which `elimination` does not, so that the mass is resolved to 1e-16·K.
 
-Written for numbers and for pairs of numbers alike (core/compiler/simd), which have no unary minus
+Written for numbers and for pairs of numbers alike (core/jit/simd), which have no unary minus
 and accept a number only on their left.
 """
 
@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.compiler.jit import jit_ordered_within
+from rope_twin.core.jit.decorators import jit_ordered_within
 from rope_twin.core.solve.elimination import add_six
 
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.compiler.jit import jit_ordered, jit_ordered_within, jit_within
+from rope_twin.core.jit.decorators import jit_ordered, jit_ordered_within, jit_within
 from rope_twin.core.state import (
     AXIAL,
     BLOCK,

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core.compiler.jit import jit
+from rope_twin.core.jit.decorators import jit
 from rope_twin.core.solve.stage import CONVERGED, NOT_FINITE, UNCONVERGED
 from rope_twin.core.state import (
     REJECTED,

@@ -10,8 +10,8 @@ from __future__ import annotations
 from math import sqrt
 from typing import Any
 
-from rope_twin.core.compiler.jit import jit
-from rope_twin.core.compiler.rows import node_rows, rows
+from rope_twin.core.jit.decorators import jit
+from rope_twin.core.jit.rows import node_rows, rows
 from rope_twin.core.state import ACCELERATION, CORRECTION, POSITION, VELOCITY
 
 GAMMA = 2.0 - sqrt(2.0)

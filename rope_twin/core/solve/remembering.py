@@ -35,7 +35,7 @@ import numpy as np
 from numba.extending import overload
 
 from rope_twin.core.acting.hooks import kernel_of, kernels_by_place, written_out
-from rope_twin.core.compiler.jit import LINKED, jit
+from rope_twin.core.jit.decorators import LINKED, jit
 from rope_twin.core.solve.prediction import correct
 from rope_twin.core.state import ELEMENTS, ZERO
 

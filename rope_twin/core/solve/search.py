@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rope_twin.core.compiler.jit import jit
+from rope_twin.core.jit.decorators import jit
 
 SEARCH_FROM = 4  # the first correction with a line search
 SEARCH_EVALUATIONS = 8

@@ -17,8 +17,8 @@ import numpy as np
 from numba.extending import overload
 
 from rope_twin.core.acting import hooks, terms
-from rope_twin.core.compiler.jit import LINKED, jit
-from rope_twin.core.compiler.rows import rows
+from rope_twin.core.jit.decorators import LINKED, jit
+from rope_twin.core.jit.rows import rows
 from rope_twin.core.rope.elastic import count_unexpected, growth_of, stretch, stretch_top
 from rope_twin.core.solve.again import count_left
 from rope_twin.core.solve.assembly import load_lowest, load_nodes, set_flow, slope

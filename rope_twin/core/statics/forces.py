@@ -14,7 +14,7 @@ import numpy as np
 
 from rope_twin.core.acting.hooks import couples, switches
 from rope_twin.core.acting.terms import add_couplings
-from rope_twin.core.compiler.jit import jit_entry
+from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.core.state import (
     ACCELERATION,
     BLOCK,

@@ -10,9 +10,9 @@ from __future__ import annotations
 from math import pi, sqrt
 from typing import Any
 
-from rope_twin.core.compiler.jit import jit, jit_within
-from rope_twin.core.compiler.rows import row, rows
 from rope_twin.core.guards import RATE_MIN, TANGENT2_MIN
+from rope_twin.core.jit.decorators import jit, jit_within
+from rope_twin.core.jit.rows import row, rows
 from rope_twin.core.state import DIRECTION, FLOW, MASS, TENSION, VOLUME
 
 

@@ -23,8 +23,8 @@ from __future__ import annotations
 from math import pi, sin, sqrt
 from typing import Any
 
-from rope_twin.core.compiler.jit import jit_within
 from rope_twin.core.guards import DIVISOR_MIN
+from rope_twin.core.jit.decorators import jit_within
 
 WAVES = 24  # number of half waves along the rope that compose the smooth noise
 GOLDEN = 2.399963  # rad, phase increment between them

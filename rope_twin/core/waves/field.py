@@ -12,8 +12,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from rope_twin.core.compiler.jit import jit, jit_within
-from rope_twin.core.compiler.rows import row, rows
+from rope_twin.core.jit.decorators import jit, jit_within
+from rope_twin.core.jit.rows import row, rows
 from rope_twin.core.state import FLOW, FLOW_RATE, POSITION, SURFACE
 from rope_twin.core.waves.rows import ASIDE, BASE, ECHO, LEVEL, REACH, THIRD, figures, scratch
 from rope_twin.core.waves.sums import refer, turn, water

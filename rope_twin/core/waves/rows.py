@@ -1,6 +1,6 @@
 """Table of a sea: properties of its components, and scratch for their cosines and sines.
 
-Like the rows of core/compiler/rows they are pointers that LLVM knows not to alias. All properties
+Like the rows of core/jit/rows they are pointers that LLVM knows not to alias. All properties
 are in one table, since a kernel passes ten words for each array. The scratch is on the stack of the
 calling kernel: ropes that step on several threads may share their sea. Components come in whole
 blocks, the last one padded with components of zero amplitude, so that a sum over blocks has no
@@ -9,15 +9,7 @@ remainder.
 
 from __future__ import annotations
 
-from typing import Any
-
-import numpy as np
-from llvmlite import ir
-from numba.core import cgutils, config
-from numba.core.types import containers
-from numba.extending import intrinsic
-
-from rope_twin.core.compiler.rows import RowType
+from rope_twin.core.jit.rows import stack_rows, table_rows
 
 BLOCK, MOST = 16, 2000  # components per block; maximum per sea
 
@@ -43,42 +35,6 @@ BASE = 4  # its x, y and surface [m]
 SCRATCH_ROWS = 5
 
 
-@intrinsic
-def _figures(context: Any, table: Any) -> Any:
-    result = containers.UniTuple(RowType("sea"), SEA_ROWS)
-
-    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
-        array = context.make_array(sig.args[0])(context, builder, arguments[0])
-        columns = builder.extract_value(array.shape, 1)
-        places = [builder.mul(columns, ir.Constant(columns.type, k)) for k in range(SEA_ROWS)]
-        pointers = [builder.gep(array.data, [place]) for place in places]
-        return context.make_tuple(builder, result, pointers)
-
-    return result(table), generate
-
-
-@intrinsic
-def _scratch(context: Any) -> Any:
-    kinds = [RowType(f"scratch {k}") for k in range(SCRATCH_ROWS)]
-    result = containers.Tuple(kinds)
-
-    def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
-        kept = [cgutils.alloca_once(builder, ir.DoubleType(), MOST) for _ in kinds[:-1]]
-        kept.append(cgutils.alloca_once(builder, ir.DoubleType(), 3))
-        return context.make_tuple(builder, result, kept)
-
-    return result(), generate
-
-
-if config.DISABLE_JIT:
-
-    def figures(table: Any) -> Any:
-        """The rows of a sea's table."""
-        return tuple(table)
-
-    def scratch() -> Any:
-        """The rows of scratch, with anything in them."""
-        return tuple(np.empty((SCRATCH_ROWS, MOST)))
-
-else:
-    figures, scratch = _figures, _scratch
+# The rows of a sea's table; rows of scratch, with anything in them.
+figures = table_rows("sea", SEA_ROWS)
+scratch = stack_rows("scratch", (*[MOST] * (SCRATCH_ROWS - 1), 3))

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from rope_twin.core.compiler.jit import jit_sum, jit_within
+from rope_twin.core.jit.decorators import jit_sum, jit_within
 from rope_twin.core.waves.rows import (
     AMPLITUDE,
     BLOCK,

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from rope_twin.core.compiler.wide import LANES
+from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.card import KnownError, known_error
 from rope_twin.scene.figures import lift_figures

@@ -10,7 +10,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
-from rope_twin.core.compiler.wide import LANES
+from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.scene.digest import solver_version
 from rope_twin.scene.rules.rigging import refuse_joined

@@ -20,7 +20,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from rope_twin.core import state as rows
-from rope_twin.core.compiler.wide import LANES
+from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.group import why_alone
 from rope_twin.errors import InputError, SceneError, phrase
 from rope_twin.scene.arrays.build import build

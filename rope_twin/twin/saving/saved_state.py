@@ -178,7 +178,7 @@ def stamp(scene: Scene, failure: str = "") -> dict[str, Any]:
 @functools.cache
 def _solver_digest() -> str:
     """Return the digest of the solver's sources as they were when this process first asked."""
-    from rope_twin.core.compiler.jit import source_digest  # reading a state needs no compiler
+    from rope_twin.core.jit.decorators import source_digest  # reading a state needs no compiler
 
     return source_digest()
 

@@ -13,7 +13,8 @@ import platform
 from typing import Any
 
 from llvmlite import ir
-from numba.core import cgutils, config, types
+from numba import config, types
+from numba.core import cgutils
 from numba.extending import intrinsic
 
 HAS_REGISTER = platform.machine() in ("x86_64", "AMD64")

@@ -16,13 +16,14 @@ import operator
 from typing import Any
 from weakref import WeakKeyDictionary
 
+import numpy as np
 from llvmlite import ir
-from numba.core import config, types
-from numba.core.types import containers
+from numba import config, types
+from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-from rope_twin.core.compiler.jit import jit, jit_within
+from rope_twin.core.jit.decorators import jit, jit_within
 from rope_twin.core.state import NODE_ROWS, WORK_ROWS
 
 _DOUBLE = ir.DoubleType()
@@ -37,7 +38,7 @@ _KNOWN: WeakKeyDictionary[Any, dict[str, tuple[Any, Any]]] = WeakKeyDictionary()
 _DECLARED: WeakKeyDictionary[Any, dict[str, Any]] = WeakKeyDictionary()
 
 
-class RowType(types.Type):
+class RowType(types.Type):  # type: ignore[misc]
     """numba's type of one row of one matrix."""
 
     def __init__(self, scope: str) -> None:
@@ -111,7 +112,7 @@ def _pointers(name: str, table: Any, first: Any, count: int, low: Any) -> Any:
         result, code = table.pointers(name, number, count)
         return result(table, first, types.intp), code
     kinds = [RowType(f"{name} {number + k}") for k in range(count)]
-    result = kinds[0] if count == 1 else containers.BaseTuple.from_types(kinds)
+    result = kinds[0] if count == 1 else types.BaseTuple.from_types(kinds)
 
     def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
         array = context.make_array(sig.args[0])(context, builder, arguments[0])
@@ -190,6 +191,45 @@ if config.DISABLE_JIT:
 else:
     row, rows, span, node_rows = _row, _rows, _span, _node_rows
     offset_row = _offset_row
+
+
+def table_rows(scope: str, count: int) -> Any:
+    """Return the kernel f(table) that gives all rows of a table (count, n), which are one scope."""
+    result = types.UniTuple(RowType(scope), count)
+
+    @intrinsic
+    def rows_of(context: Any, table: Any) -> Any:
+        def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+            array = context.make_array(sig.args[0])(context, builder, arguments[0])
+            columns = builder.extract_value(array.shape, 1)
+            places = [builder.mul(columns, ir.Constant(columns.type, k)) for k in range(count)]
+            pointers = [builder.gep(array.data, [place]) for place in places]
+            return context.make_tuple(builder, result, pointers)
+
+        return result(table), generate
+
+    return tuple if config.DISABLE_JIT else rows_of
+
+
+def stack_rows(scope: str, sizes: tuple[int, ...]) -> Any:
+    """Return the kernel f() that gives rows of these sizes, on the stack of the kernel it is in.
+
+    Row k is the scope `{scope} {k}`; what is in it first is undefined.
+    """
+    result = types.Tuple([RowType(f"{scope} {k}") for k in range(len(sizes))])
+
+    @intrinsic
+    def rows_on_stack(context: Any) -> Any:
+        def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
+            kept = [cgutils.alloca_once(builder, _DOUBLE, size) for size in sizes]
+            return context.make_tuple(builder, result, kept)
+
+        return result(), generate
+
+    def arrays() -> Any:
+        return tuple(np.empty(size) for size in sizes)
+
+    return arrays if config.DISABLE_JIT else rows_on_stack
 
 
 @jit

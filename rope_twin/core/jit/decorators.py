@@ -11,10 +11,11 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from rope_twin.core.compiler.code_folder import open_folder
+from rope_twin.core.jit.code_folder import open_folder
 
 _PACKAGE = Path(__file__).resolve().parents[2]
 
@@ -41,8 +42,8 @@ import numba  # noqa: E402
 from numba.core import config  # noqa: E402
 from numba.core.registry import cpu_target  # noqa: E402
 
-from rope_twin.core.compiler.kept_code import KeptCode  # noqa: E402
-from rope_twin.core.compiler.pipeline import EntryCompiler, LinkedCompiler  # noqa: E402
+from rope_twin.core.jit.kept_code import KeptCode  # noqa: E402
+from rope_twin.core.jit.pipeline import EntryCompiler, LinkedCompiler  # noqa: E402
 
 if FOLDER is not None:
     config.CACHE_DIR = str(FOLDER.path)  # in case numba was imported before us
@@ -122,6 +123,11 @@ def compiled(entry: Any, arguments: tuple[Any, ...]) -> Any:
     signature = tuple(numba.typeof(argument) for argument in arguments)
     entry.compile(signature)
     return entry.overloads[signature].entry_point
+
+
+def kind_of(values: Iterable[Any]) -> str:
+    """Return what a step is compiled for: the types of these values; equal words, equal code."""
+    return "; ".join(str(numba.typeof(value)) for value in values)
 
 
 def assembly(entry: Any, arguments: tuple[Any, ...]) -> str:

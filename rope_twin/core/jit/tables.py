@@ -3,7 +3,7 @@
 `tiles(array, rows)` makes a matrix of an array (columns, rows, LANES): the rows of a node are
 adjacent in memory, a few pages at a time for any number of rows. `table(array)` makes a matrix of
 an array (rows, columns, LANES) or a row of one (columns, LANES), `wide(array)` a vector of an array
-(LANES,). Entries are indexed as in an array; `rows` and the like (core/compiler/rows) work on both.
+(LANES,). Entries are indexed as in an array; `rows` and the like (core/jit/rows) work on both.
 The arrays must be aligned to ALIGNMENT.
 """
 
@@ -13,8 +13,8 @@ import operator
 from typing import Any
 
 from llvmlite import ir
-from numba.core import cgutils, types
-from numba.core.types import containers, misc
+from numba import types
+from numba.core import cgutils
 from numba.core.typing.templates import (
     AbstractTemplate,
     AttributeTemplate,
@@ -24,11 +24,11 @@ from numba.core.typing.templates import (
 )
 from numba.extending import intrinsic, lower_builtin, lower_getattr, models, register_model
 
-from rope_twin.core.compiler.rows import tell_apart
-from rope_twin.core.compiler.wide import ALIGNMENT, REGISTER, WIDE, WideType, spread
+from rope_twin.core.jit.rows import tell_apart
+from rope_twin.core.jit.wide import ALIGNMENT, REGISTER, WIDE, WideType, spread
 
 
-class TableType(types.Type):
+class TableType(types.Type):  # type: ignore[misc]
     """numba type of a matrix of SIMD vectors; `rows`: rows per column, 0: row by row."""
 
     def __init__(self, ndim: int, rows: int) -> None:
@@ -39,7 +39,7 @@ class TableType(types.Type):
         """Return the type of `count` rows from `first` on, and their code generator."""
         stride = max(self.rows, 1)
         kinds = [WideRowType(f"{name} {first + k}", stride) for k in range(count)]
-        result = kinds[0] if count == 1 else containers.BaseTuple.from_types(kinds)
+        result = kinds[0] if count == 1 else types.BaseTuple.from_types(kinds)
 
         def generate(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:
             data, low = builder.extract_value(arguments[0], 0), arguments[-1]
@@ -62,11 +62,11 @@ class TableType(types.Type):
 @register_model(TableType)
 class _TableModel(models.StructModel):  # type: ignore[misc]
     def __init__(self, manager: Any, kind: Any) -> None:
-        members = [("data", misc.CPointer(WIDE)), ("columns", types.intp)]
+        members = [("data", types.CPointer(WIDE)), ("columns", types.intp)]
         super().__init__(manager, kind, members)
 
 
-class WideRowType(types.Type):
+class WideRowType(types.Type):  # type: ignore[misc]
     """numba type of one row of a matrix of SIMD vectors."""
 
     def __init__(self, scope: str, stride: int) -> None:
@@ -105,21 +105,21 @@ class _TableAttributes(AttributeTemplate):  # type: ignore[misc]
 
     def resolve_shape(self, kind: TableType) -> Any:
         """Return the shape's type, for a table of one row only."""
-        return containers.UniTuple(types.intp, 1) if kind.ndim == 1 else None
+        return types.UniTuple(types.intp, 1) if kind.ndim == 1 else None
 
 
 @lower_getattr(TableType, "shape")
 def _shape(context: Any, builder: Any, kind: Any, value: Any) -> Any:
     size = builder.extract_value(value, 1)
-    return context.make_tuple(builder, containers.UniTuple(types.intp, 1), [size])
+    return context.make_tuple(builder, types.UniTuple(types.intp, 1), [size])
 
 
 def _index_kind(kind: TableType, index: Any) -> Any:
     """Return the type that an index is converted to; None if it does not fit."""
     if kind.ndim == 1:
         return types.intp if isinstance(index, types.Integer) else None
-    if isinstance(index, containers.BaseTuple) and len(index) == 2:
-        return containers.UniTuple(types.intp, 2)
+    if isinstance(index, types.BaseTuple) and len(index) == 2:
+        return types.UniTuple(types.intp, 2)
     return None
 
 

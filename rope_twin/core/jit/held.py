@@ -15,15 +15,15 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba.core import cgutils, config, types
-from numba.core.types import containers
+from numba import config, types
+from numba.core import cgutils
 from numba.core.typing.templates import AttributeTemplate, infer_getattr
 from numba.extending import intrinsic, lower_getattr_generic, models, register_model
 
-_NAMED = (containers.NamedTuple, containers.NamedUniTuple)
+_NAMED = (types.NamedTuple, types.NamedUniTuple)
 
 
-class HeldType(types.Type):
+class HeldType(types.Type):  # type: ignore[misc]
     """numba's type of a struct that is handed on by its address."""
 
     def __init__(self, inner: Any) -> None:

@@ -13,7 +13,8 @@ import operator
 from typing import Any
 
 from llvmlite import ir
-from numba.core import cgutils, types
+from numba import types
+from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import (
     intrinsic,
@@ -24,7 +25,7 @@ from numba.extending import (
     register_model,
 )
 
-from rope_twin.core.compiler.jit import LINKED
+from rope_twin.core.jit.decorators import LINKED
 
 LANES = 8
 ALL = (1 << LANES) - 1  # mask of all lanes
@@ -35,14 +36,14 @@ REGISTER = ir.VectorType(_DOUBLE, LANES)
 _BITS = ir.VectorType(ir.IntType(1), LANES)
 
 
-class WideType(types.Type):
+class WideType(types.Type):  # type: ignore[misc]
     """numba's type of a wide number."""
 
     def __init__(self) -> None:
         super().__init__(name="Wide")
 
 
-class MaskType(types.Type):
+class MaskType(types.Type):  # type: ignore[misc]
     """numba's type of a bit for each lane; it is neither true nor false."""
 
     def __init__(self) -> None:

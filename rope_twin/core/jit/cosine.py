@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from rope_twin.core.compiler.jit import jit_within
+from rope_twin.core.jit.decorators import jit_within
 
 PI_HIGH, PI_LOW = 3.141592651605606, 1.984187159361080883e-09
 A, B, C, D, E = (1.0 / factorial(k) for k in (20, 18, 16, 14, 12))

@@ -23,7 +23,7 @@ import numba
 from numba.core.caching import FunctionCache, UserProvidedCacheLocator
 from numba.core.serialize import dumps
 
-from rope_twin.core.compiler.code_folder import CodeFolder
+from rope_twin.core.jit.code_folder import CodeFolder
 
 _log = logging.getLogger(__name__)
 

@@ -5,6 +5,10 @@ and made machine code of, again and again on the way up; its syntax tree is walk
 of thirty passes; and what `a + b` is of two numbers is asked of all templates at each of a thousand
 places. Here a kernel is typed and translated to LLVM's language, and no more: the entry links all
 of them once and has them optimised together.
+
+Measured in manifold_lift's first start: by numba's own way it takes 4.2 times as long on the
+processor and 2.5 times the memory; with the libraries below alone 1.8 times as long; with the short
+passes too, 1.3 times without `lowering`, and 1.2 times where only its whole records are left.
 """
 
 from __future__ import annotations
@@ -20,7 +24,7 @@ from numba.core import compiler_machinery, typed_passes, types, untyped_passes
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 
-from rope_twin.core.compiler.lowering import Lowering, NoPhis, OneAssignment
+from rope_twin.core.jit.lowering import Lowering, NoPhis, OneAssignment
 
 _PASSES = (
     untyped_passes.TranslateByteCode,

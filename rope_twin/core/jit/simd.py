@@ -11,18 +11,18 @@ import operator
 from typing import Any
 
 from llvmlite import ir
-from numba.core import types
+from numba import types
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-from rope_twin.core.compiler.rows import tell_apart
+from rope_twin.core.jit.rows import tell_apart
 
 _FLAGS = ("contract", "nsz")
 _DOUBLE, _INDEX = ir.DoubleType(), ir.IntType(32)
 _REGISTER = ir.VectorType(_DOUBLE, 2)
 
 
-class PairType(types.Type):
+class PairType(types.Type):  # type: ignore[misc]
     """numba's type of a pair."""
 
     def __init__(self) -> None:

@@ -1,1 +1,0 @@
-"""From a kernel to machine code: one compiler for all, kept on disk, and what it is taught."""
