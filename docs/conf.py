@@ -29,7 +29,7 @@ nitpicky = True
 nitpick_ignore_regex = [("py:.*", ".*")]  # annotations of private classes have no page to link to
 autodoc_typehints = "none"
 autodoc_member_order = "groupwise"
-smartquotes = False  # `--for` is an option
+smartquotes = False  # `--duration` is an option
 default_role = "code"  # docstrings mark code by single backticks
 
 html_theme = "furo"

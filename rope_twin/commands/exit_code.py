@@ -18,13 +18,13 @@ class ExitCode(IntEnum):
 
 MEANINGS = {
     ExitCode.OK: "success",
-    ExitCode.ERROR: "error, reported in one sentence on stderr; no or incomplete output",
+    ExitCode.ERROR: "error, reported in one sentence on stderr; no or incomplete output; a scene "
+    "that is invalid or exceeds a limit in static equilibrium (scene check)",
     ExitCode.USAGE: "invalid command line, reported in one sentence on stderr",
     ExitCode.NEGATIVE: "completed with a negative result: messages lost (recover), a difference "
     "(replay --verify), runs that stopped early (ensemble, study), a fault not flagged in time "
     "(faults), an error target missed (accuracy --within), a convergence study missing or out of "
     "date (accuracy --status), a check with ERROR (doctor)",
-    ExitCode.LIMIT: "a limit of the scene was exceeded (run, unless --allow-overload; scene check: "
-    "in static equilibrium)",
+    ExitCode.LIMIT: "a limit of the scene was exceeded (run, unless --allow-overload)",
     ExitCode.INTERRUPTED: "interrupted (Ctrl-C) before there was a result",
 }

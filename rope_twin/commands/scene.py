@@ -1,6 +1,6 @@
 """`rope_twin scene ACTION`: list, show, check and measure scenes; their keys and JSON Schema.
 
-Warnings alone leave the exit code at 0. `check` returns LIMIT for a scene that exceeds one of its
+Warnings alone leave the exit code at 0. `check` returns ERROR for a scene that exceeds one of its
 limits in static equilibrium.
 """
 
@@ -194,7 +194,7 @@ def _check(name_or_path: str, as_json: bool) -> int:
         found = {"scene": scene.name, "path": scene.path, "valid": True, "errors": []}
         found |= {"warnings": warnings, "accepted": accepted}
         print_json(found | {"limits_exceeded": [breach_words(one) for one in broken]})
-        return ExitCode.LIMIT if broken else ExitCode.OK
+        return ExitCode.ERROR if broken else ExitCode.OK
     for warning in warnings:
         print(f"warning: {warning}")
     for words in accepted:
@@ -205,7 +205,7 @@ def _check(name_or_path: str, as_json: bool) -> int:
     counts += [_counted(len(broken), "critical warning")] if broken else []
     counts += [f"{len(accepted)} accepted"] if accepted else []
     print(f"{scene.path}: valid, {', '.join(counts)}")
-    return ExitCode.LIMIT if broken else ExitCode.OK
+    return ExitCode.ERROR if broken else ExitCode.OK
 
 
 def _counted(count: int, noun: str) -> str:

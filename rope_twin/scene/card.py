@@ -21,7 +21,7 @@ from rope_twin.scene.schema import Scene
 FORMAT = 2
 FOLDER = "cards"
 RMS, PEAK = "tension_rms", "tension_peak"  # quantities of every card
-OTHER_SEA = "the card's run has another sea"
+OTHER_SEA = "the study's run has another sea"
 
 
 class Setting(NamedTuple):
@@ -49,7 +49,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Rung:
-    """One setting of the convergence study; errors are those of the card's run."""
+    """One setting of the convergence study; errors are those of the study's run."""
 
     elements: int
     step_s: float
@@ -112,7 +112,7 @@ class Card:
         if self.scene_digest != scene_digest(scene):
             return "the scene was changed since its card was made"
         if self.solver != solver_version(scene):
-            return "the card is outdated: the solver was changed since it was made"
+            return "the convergence study is outdated: the solver was changed since it was made"
         return ""
 
     def at(self, elements: int, step_s: float) -> tuple[Rung, ...]:
@@ -194,11 +194,11 @@ def known_error(scene: Scene) -> KnownError:
     peak = max((rung.error_peak_pct for rung in around), default=math.nan)
     if why or not around:
         return KnownError(
-            words=f"unknown: {why or 'this setting is not on the ladder of the card'}"
+            words=f"unknown: {why or 'this setting is not one of the convergence study'}"
         )
     if any(math.isnan(rung.error_rms_pct) for rung in around):
         return KnownError(peak_pct=peak, words="unknown: the run does not converge (see its card)")
-    words = f"at most, in the card's run of {card.seconds:g} s"
+    words = f"at most, in the study's run of {card.seconds:g} s"
     finest = card.finest
     if scene.ropes[0].elements > finest.elements or scene.time.step_s < finest.step_s:
         words += ", which ends at a coarser setting"

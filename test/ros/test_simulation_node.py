@@ -92,7 +92,7 @@ def test_in_another_sea_no_error_is_told(bench: Bench) -> None:
         node.trigger_configure()
         error = node.paced.twin.snapshot().card_error
         assert (error.rms_pct >= 0.0) is known
-        assert error.words.endswith("the card's run has another sea") is not known
+        assert error.words.endswith("the study's run has another sea") is not known
 
 
 def test_a_listener_that_comes_late_still_learns_the_epoch(bench: Bench, running: Any) -> None:

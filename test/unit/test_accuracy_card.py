@@ -24,7 +24,7 @@ def test_a_rung_has_the_error_of_its_row(tmp_path: Path) -> None:
     found = known_error(scene)
     assert found.rms_pct == pytest.approx(error_pct(20, 0.01) + UNCERTAINTY_PCT)
     assert found.peak_pct == pytest.approx(0.5 * error_pct(20, 0.01) + UNCERTAINTY_PCT)
-    assert found.words == "at most, in the card's run of 30 s"
+    assert found.words == "at most, in the study's run of 30 s"
 
 
 @pytest.mark.parametrize(
@@ -47,7 +47,7 @@ def test_of_what_is_coarser_than_the_ladder_nothing_is_known(
 ) -> None:
     found = known_error(variant(carded_scene(tmp_path), elements, step_s))
     assert math.isnan(found.rms_pct)
-    assert found.words == "unknown: this setting is not on the ladder of the card"
+    assert found.words == "unknown: this setting is not one of the convergence study"
 
 
 def test_without_a_card_nothing_is_known(tmp_path: Path) -> None:
@@ -76,8 +76,11 @@ def test_a_changed_solver_makes_it_old(tmp_path: Path) -> None:
     write_card(scene, sample_card(scene) | {"solver": "0"})
     found = read_card(scene)
     assert found is not None
-    assert found.age(scene) == "the card is outdated: the solver was changed since it was made"
-    assert known_error(scene).words.startswith("unknown: the card is outdated")
+    assert (
+        found.age(scene)
+        == "the convergence study is outdated: the solver was changed since it was made"
+    )
+    assert known_error(scene).words.startswith("unknown: the convergence study is outdated")
 
 
 def test_only_what_a_scene_lists_ages_its_card(monkeypatch: pytest.MonkeyPatch) -> None:

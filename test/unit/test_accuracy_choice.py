@@ -129,11 +129,11 @@ def test_a_run_says_its_error_or_that_it_is_unknown(
     scene = carded_scene(tmp_path)
     assert main(unpaced(scene)) == 0
     out, said = capsys.readouterr()
-    assert "top-tension error: 0.21 % RMS, 0.11 % peak, at most, in the card's" in out
+    assert "top-tension error: 0.21 % RMS, 0.11 % peak, at most, in the study's" in out
     assert main(unpaced(scene, "--json", "--bag", "sea_1p2m")) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["tension_top_error_pct"] is told["tension_top_peak_error_pct"] is None
-    assert told["tension_top_error_reason"] == "unknown: the card's run has another sea"
+    assert told["tension_top_error_reason"] == "unknown: the study's run has another sea"
     assert main(unpaced(scene, "--bag", "sea_1p2m")) == 0
     assert "  error unknown  " in capsys.readouterr().err, "on the way as at the end"
     card.card_path(scene).unlink()
@@ -214,7 +214,10 @@ def test_without_a_valid_card_nothing_is_bought(
     scene = carded_scene(tmp_path)
     write_card(scene, sample_card(scene) | {"solver": "old"})
     assert main(unpaced(scene, "--within", "1%")) == 1
-    assert "small: the card is outdated: the solver was changed" in capsys.readouterr().err
+    assert (
+        "small: the convergence study is outdated: the solver was changed"
+        in capsys.readouterr().err
+    )
     card.card_path(scene).unlink()
     assert main(unpaced(scene, "--within", "1%")) == 1
     said = capsys.readouterr().err
@@ -252,7 +255,7 @@ def test_a_window_that_ends_before_the_run_is_told_or_refused(
     assert "in the study's run of 60 s; next better" in capsys.readouterr().err
     assert main([*words, "60.02"]) == 0
     longer = (
-        "in the study's run of 60 s (the error is unknown after that: the card's run "
+        "in the study's run of 60 s (the error is unknown after that: the study's run "
         "ended at 60 s);"
     )
     assert longer in capsys.readouterr().err
@@ -363,7 +366,7 @@ def test_a_budget_in_another_sea_claims_no_error(
             [],
             "error of tension_rms 0.06 % at most in the study's run of 30 s (the error",
         ),
-        (["--bag", "sea_1p2m"], "its error is unknown: the card's run has another sea;"),
+        (["--bag", "sea_1p2m"], "its error is unknown: the study's run has another sea;"),
     ):
         args = _parser({"run": run_command}).parse_args([*words, *more])
         assert said in choice.choose(args, read_options(args)).chosen

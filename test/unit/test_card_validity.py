@@ -87,14 +87,14 @@ def test_the_claim_ends_with_the_seconds_of_the_card(
     assert main([*words, "0.2"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["tension_top_error_pct"] > 0.0
-    assert told["tension_top_error_reason"] == "at most, in the card's run of 0.2 s"
+    assert told["tension_top_error_reason"] == "at most, in the study's run of 0.2 s"
     assert main([*words, "0.22"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["tension_top_error_pct"] is told["tension_top_peak_error_pct"] is None
-    assert told["tension_top_error_reason"] == "unknown: the card's run ended at 0.2 s"
+    assert told["tension_top_error_reason"] == "unknown: the study's run ended at 0.2 s"
     assert main([*(one for one in words if one != "--json"), "0.22"]) == 0
     text = capsys.readouterr().out
-    assert "error of the tension unknown: the card's run ended at 0.2 s" in text
+    assert "error of the tension unknown: the study's run ended at 0.2 s" in text
 
 
 def test_a_shipped_scene_beyond_its_card(capsys: pytest.CaptureFixture[str]) -> None:
@@ -105,7 +105,7 @@ def test_a_shipped_scene_beyond_its_card(capsys: pytest.CaptureFixture[str]) -> 
     assert main([*words, "31"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["tension_top_error_pct"] is None
-    assert told["tension_top_error_reason"] == "unknown: the card's run ended at 30 s"
+    assert told["tension_top_error_reason"] == "unknown: the study's run ended at 30 s"
 
 
 def test_a_schedule_must_be_heard(tmp_path: Path) -> None:

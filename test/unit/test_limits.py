@@ -69,7 +69,7 @@ def test_a_broken_limit_is_exit_code_4_unless_it_is_allowed(
 def test_a_scene_that_exceeds_a_limit_in_static_equilibrium_has_a_code(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["scene", "check", str(written(tmp_path, "{utilisation: 0.2}"))]) == 4
+    assert main(["scene", "check", str(written(tmp_path, "{utilisation: 0.2}"))]) == 1
     out = capsys.readouterr().out
     assert (
         "critical: in static equilibrium, utilisation of 'hoist' 0.208, above the limit of 0.2"

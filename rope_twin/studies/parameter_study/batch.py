@@ -24,7 +24,7 @@ from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Variation
 from rope_twin.twin.fatigue.curves import CURVES
 
 Row = dict[str, Any]
-CHANGED = "; the card is of the scene before its numbers were varied"
+CHANGED = "; the convergence study is of the scene before its numbers were varied"
 
 
 @dataclass(frozen=True)

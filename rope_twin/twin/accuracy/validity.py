@@ -162,7 +162,7 @@ class StudyValidity:
 
 def beyond(seconds: float) -> str:
     """Return the message for a run longer than its convergence study."""
-    return f"the card's run ended at {seconds:g} s"
+    return f"the study's run ended at {seconds:g} s"
 
 
 def _numbers(pose: ShipPose) -> tuple[float, ...]:
