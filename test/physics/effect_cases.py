@@ -247,7 +247,7 @@ def resting(at: dict[str, Vector], name: str) -> Iterator[None]:
     Plain Python takes half a minute to find where a rope with a rigid body rests, and a second to
     see that it does.
     """
-    search = ropes.solve_statics
+    search = ropes.solve_scene_statics
 
     def begin(scene: Scene, rope: rows.Rope) -> rows.Floats:
         rope.state.nodes[:] = at.get(name, rope.state.nodes)
@@ -255,11 +255,11 @@ def resting(at: dict[str, Vector], name: str) -> Iterator[None]:
         at[name] = rope.state.nodes.copy()
         return pull
 
-    ropes.solve_statics = begin
+    ropes.solve_scene_statics = begin
     try:
         yield
     finally:
-        ropes.solve_statics = search
+        ropes.solve_scene_statics = search
 
 
 def with_bodies(at: dict[str, Vector]) -> dict[str, Vector]:

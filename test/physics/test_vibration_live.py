@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rope_twin.twin.vibration.watch import DECOMPOSED, MODES, MonitorSettings
 from test_vibration import CABLE
 
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
@@ -19,6 +18,7 @@ from rope_twin.twin.results import RopeVibration
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.modal_vibration import line_model_of_twin
+from rope_twin.twin.vibration.settings import DECOMPOSED, MODES, MonitorSettings
 from rope_twin.viv.decomposed import POWER_MIN, ExcitationSearch, decomposed, near_driven
 from rope_twin.viv.decomposed_response import DecomposedResponse
 from rope_twin.viv.lateral_modes import ModeSearch, find_lateral_modes

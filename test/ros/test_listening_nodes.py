@@ -102,6 +102,6 @@ def test_without_a_screen_the_viewer_says_so_and_harms_nobody(bench: Bench) -> N
 
     node = viewer(bench)
     node.begin()
-    with pytest.raises(InputError, match="screen"):
+    with pytest.raises(InputError, match="no display"):
         bench.until(lambda: node.finished, "it has noticed")
     node.close()

@@ -14,7 +14,7 @@ from view_session import EPOCH_NS, Session
 
 from rope_twin import messages
 from rope_twin.errors import InputError
-from rope_twin.messages import Level, Status, watched
+from rope_twin.messages import Level, Status, topic_encoders
 from rope_twin.twin.multi_line.clearance_results import Crossing, LineEvent, LinesShot, Nearest
 from rope_twin.twin.snapshot import BodyShot, PayloadShot, RopeShot, StrutShot, WinchShot
 from rope_twin.view import depth_chart
@@ -244,7 +244,7 @@ def test_a_bag_of_before_the_drag_was_told_is_drawn_without_it(
     session.rope(1.0)
     shot = hanging_rope(21, time_s=1.0)
     columns = {name: vars(shot.vibration)[name] for name in ("cross_flow", "cross_flow_hz")}
-    monkeypatch.setattr(watched, "vibration_columns", lambda shaking: columns)
+    monkeypatch.setattr(topic_encoders, "vibration_columns", lambda shaking: columns)
     old = session.encoder.encode("rope/vibration", shot)
     session.show("rope/vibration", old, EPOCH_NS + 10**9)
     entities = session.finish().entities

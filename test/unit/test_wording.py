@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from rope_twin.twin.saving.keeper import SavingHealth
 from sample_snapshot import hanging_rope
 
 from rope_twin.messages import Status, statuses
@@ -22,6 +21,7 @@ from rope_twin.run.summary import RunSummary
 from rope_twin.scene.card import KnownError
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.results import EnergyBalance
+from rope_twin.twin.saving.autosave import SavingStatus
 from rope_twin.twin.snapshot import (
     BedContact,
     Bend,
@@ -133,7 +133,7 @@ def seats() -> dict[str, Status]:
 def run_rows() -> Iterator[Status]:
     yield from (publishing_row("", 0), publishing_row("", 3), publishing_row("disk full", 0))
     yield from (clock_row(0.0), clock_row(-3.0))
-    state = SavingHealth(Path("run.state"))
+    state = SavingStatus(Path("run.state"))
     yield from (saving_row(state), saving_row(replace(state, saved_s=12.0)))
 
 
