@@ -63,7 +63,7 @@ def test_a_broken_scene_is_invalid(path: list[str | int], value: object) -> None
 def test_units_ranges_and_meanings_are_those_of_the_fields() -> None:
     load = SCHEMA["$defs"]["Rope"]["properties"]["breaking_load_n"]
     assert load == {
-        "description": "minimum breaking load [N]",
+        "description": "minimum breaking load MBL [N]",
         "type": "number",
         "minimum": 1e2,
         "maximum": 1e9,
