@@ -215,7 +215,7 @@ def test_figures_of_the_run_are_taken_from_the_simulation_alone(bench: Bench) ->
     own = publisher(bench.add(rclpy.create_node("simulation")))
     for wrong in ({}, {"scene": "no JSON"}, values | {"time_s": '"soon"'}, values | {"ropes": "3"}):
         own.publish(encode_diagnostics(0, [Status(RUN_ROW, Level.OK, "", wrong)]))
-    bench.until(lambda: "figures" in monitor._warned, "nonsense is noticed")
+    bench.until(lambda: "summary" in monitor._warned, "nonsense is noticed")
     assert monitor.summary is None
     own.publish(encode_diagnostics(0, [run_row(good)]))
     bench.until(lambda: monitor.summary is not None, "the simulation is heard")
