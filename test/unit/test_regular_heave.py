@@ -43,7 +43,7 @@ def test_it_is_read(tmp_path: Path) -> None:
     ("words", "place", "told"),
     [
         (f"bag: sea_2p5m, {SINE}", "sea_state", ("both `bag`", "keep the record or the sine")),
-        (f"{SINE}, loop: false", "sea_state.loop", ("has no end", "leave `loop` out")),
+        (f"{SINE}, loop: false", "sea_state.loop", ("has no end", "remove `loop`")),
         ("heave: {amplitude_m: 10.0, period_s: 4.0}", "sea_state.heave", ("15.7 m/s", "15 m/s")),
         ("heave: {amplitude_m: 1.5}", "sea_state.heave", ("period_s missing", "2 to 100 s")),
         ("heave: {amplitude_m: -1.0, period_s: 8.0}", "sea_state.heave.amplitude_m", ("0 to 30",)),
