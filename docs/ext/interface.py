@@ -41,7 +41,7 @@ ROWS_MEAN = {
     "simulation: publishing": "whether results are published",
     "simulation: rope": "a line that was cut",
     "simulation: run": "summary of the run so far, where nodes are separate processes",
-    "simulation: rung": "accuracy level in use (time step, elements) and why",
+    "simulation: accuracy level": "accuracy level in use (time step, elements) and why",
     "simulation: saving": "the newest saved state",
     "simulation: seabed": "contact of payload and rope with the seabed",
     "simulation: seat ...": "one row per winch: which node commands it, rejected commanders",

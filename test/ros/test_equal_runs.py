@@ -58,6 +58,7 @@ def test_paced_and_unpaced_bags_hold_the_same_bytes(processes: Processes, tmp_pa
     assert heard["ship/heave"][: len(inputs)] == inputs
 
 
+@pytest.mark.long
 def test_so_do_they_where_the_rope_is_cut_above_a_body(
     processes: Processes, tmp_path: Path
 ) -> None:

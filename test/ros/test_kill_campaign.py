@@ -195,6 +195,7 @@ def test_a_recorder_a_simulation_and_a_sea_that_are_killed_come_back(
     assert max(kill.loss_s for kill in campaign.kills) <= 1.0
 
 
+@pytest.mark.long
 def test_a_recorder_on_standby_that_has_only_just_started_takes_over_as_well(
     bench: Bench, processes: Processes, tmp_path: Path
 ) -> None:
@@ -262,6 +263,7 @@ def test_a_simulation_that_dies_goes_on_from_a_state_of_its_own_run_only(
     made.close()
 
 
+@pytest.mark.long
 def test_what_dies_again_and_again_stays_dead_and_the_run_says_so(
     bench: Bench, processes: Processes, tmp_path: Path
 ) -> None:

@@ -276,7 +276,7 @@ def test_an_error_band_is_unknown_from_the_cut_on_and_says_so(scene: Scene) -> N
 def test_a_run_with_a_band_is_cut_and_told_at_the_end(scene: Scene) -> None:
     options = RunOptions(scene=str(scene.path), end_s=2.0, speed=0.0, error_band=True, cut="80@1.5")
     summary = run_unpaced(options, lambda run: None)
-    assert "error band: unknown since the cut at 1.50 s" in summary.as_text()
+    assert "error interval: unknown since the cut at 1.50 s" in summary.as_text()
     assert summary.error_band is None
 
 

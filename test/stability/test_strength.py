@@ -59,7 +59,7 @@ def test_each_of_several_ropes_has_its_own(tmp_path: Path) -> None:
     assert first.utilisation < 0.5
     assert second.highest_n >= shot.ropes[1].tension_top_n > 200e3
     said = summarise(twin, shot, None).as_text()
-    assert "highest tension of 'aft' " in said
-    assert "highest tension of 'fore' " not in said
+    assert "maximum tension of 'aft' " in said
+    assert "maximum tension of 'fore' " not in said
     twin.save(tmp_path / "state")
     assert Twin.restore(tmp_path / "state", twin.scene).snapshot().strength == shot.strength

@@ -163,8 +163,8 @@ def random_bits(original: Recorded, seed: int, count: int) -> list[int]:
     ]
 
 
-def test_thirty_random_flips_cost_a_chunk_each_at_most(of_a_run: Recorded, tmp_path: Path) -> None:
-    for bit in random_bits(of_a_run, 17, 30):
+def test_ten_random_flips_cost_a_chunk_each_at_most(of_a_run: Recorded, tmp_path: Path) -> None:
+    for bit in random_bits(of_a_run, 17, 10):
         judge(of_a_run, bit, tmp_path / str(bit))
 
 
@@ -189,6 +189,7 @@ def scanned(content: bytes, file: Path) -> tuple[list[tuple[int, int, bytes]], M
     return found, scan
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("cut_off", [False, True], ids=["whole", "killed"])
 def test_damage_outside_the_chunks_costs_nothing(
     small: Recorded, tmp_path: Path, cut_off: bool

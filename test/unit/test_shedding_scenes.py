@@ -87,7 +87,7 @@ def test_two_models_in_one_scene_are_an_error(tmp_path: Path) -> None:
     text = GOOD.replace("  - drag:", both)
     path = tmp_path / "two.yaml"
     path.write_text(text, encoding="utf-8")
-    words = "strouhal_forcing and wake_oscillator are models of the same vortices; keep one of them"
+    words = "strouhal_forcing and wake_oscillator are models of the same vortex shedding; keep one"
     with pytest.raises(SceneError, match=words):
         load_scene(path)
     one = "  - wake_oscillator: {set: qu}\n  - drag:"

@@ -82,7 +82,7 @@ def test_a_row_for_each_run(whole: Path, capsys: pytest.CaptureFixture[str]) -> 
     for row in rows:
         assert row["failure"] == ""
         assert 0.0 < row["tension_top_min_n"] < row["tension_top_mean_n"] < row["tension_top_max_n"]
-        assert "the card is of the scene before" in row["card_error_words"]
+        assert "the convergence study is of the scene before" in row["card_error_words"]
         assert len(row["damage"]) == len(row["damage_from_lower_end_m"]) > 2
         assert row["damage_worst"] == max(row["damage"]) > 0.0
     heavy, light = (

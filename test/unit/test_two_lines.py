@@ -209,4 +209,7 @@ def test_a_loop_runs_calm_and_in_a_sea(tmp_path: Path, capsys: pytest.CaptureFix
 def test_too_short_a_run_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     """Before anything is computed."""
     assert main(["lines", "two_line_loop", "--duration", "3"]) == 1
-    assert "3 s cannot be run; give 10 to 7200 s" in capsys.readouterr().err
+    assert (
+        "3 s is not possible; give a whole number of seconds from 10 to 7200"
+        in capsys.readouterr().err
+    )

@@ -60,9 +60,9 @@ def test_stretches_join() -> None:
     ("old", "new", "sentence"),
     [
         ("sea_state: {on_waves: {}}", "sea_state: {on_waves: {}, bag: sea_1p2m}", "keep one of"),
-        ("sea_state: {on_waves: {}}", "sea_state: {on_waves: {}, start_s: 3.0}", "leave `start_s`"),
+        ("sea_state: {on_waves: {}}", "sea_state: {on_waves: {}, start_s: 3.0}", "`start_s` and"),
         ("      seed: 7\n", "      seed: 7\n      ramp_s: 9.0\n", "builds up in 9 s"),
-        ("      seed: 7\n", "      regular: {height_m: 1.0, period_s: 8.0}\n", "2 seas"),
+        ("      seed: 7\n", "      regular: {height_m: 1.0, period_s: 8.0}\n", "2 sea states"),
         ("      jonswap: {significant_height_m: 2.5, peak_period_s: 8.5}\n",
          "      measured: {file: ndbc_46042_1996, column: 1996-10-16T01Z}\n", "did you mean"),
         ("components: 200", "components: 1", "2 to 2000"),
