@@ -94,7 +94,7 @@ def test_the_claim_ends_with_the_seconds_of_the_card(
     assert told["tension_top_error_reason"] == "unknown: the study's run ended at 0.2 s"
     assert main([*(one for one in words if one != "--json"), "0.22"]) == 0
     text = capsys.readouterr().out
-    assert "top-tension error: unknown: the study's run ended at 0.2 s" in text
+    assert "top-tension error unknown: the study's run ended at 0.2 s" in text
 
 
 def test_a_shipped_scene_beyond_its_card(capsys: pytest.CaptureFixture[str]) -> None:
