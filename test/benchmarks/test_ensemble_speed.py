@@ -6,14 +6,12 @@ import json
 from typing import Any
 
 import pytest
-from simd_batches import exact_with_avx512
 
 import benchmarks.ensemble_speed as study
 from benchmarks.__main__ import main
 from benchmarks.ensemble_speed import QUICK, Case, ensemble_rows, ensemble_table
 
 
-@exact_with_avx512
 def test_a_row_is_consistent() -> None:
     """Real-time factor and nanoseconds are two ways of saying one time."""
     told: list[tuple[int, int]] = []
@@ -37,7 +35,6 @@ def test_a_row_is_consistent() -> None:
     assert len(heads) == len(cells)
 
 
-@exact_with_avx512
 def test_the_command_tells_the_rows(capsys: pytest.CaptureFixture[str]) -> None:
     """As JSON and as a table."""
     assert main(["ensemble", "--quick", "--json"]) == 0

@@ -1,4 +1,4 @@
-"""Wide numbers: LANES doubles, one of each rope of a group, in one SIMD register or two.
+"""Wide numbers: LANES doubles, one of each rope of a group, in one SIMD register.
 
 The kernels of one rope run on them unchanged: `+ - * /`, sqrt, abs, min and max work lane by lane,
 comparisons give a mask, a bit for each lane, and `choose(mask, a, b)` picks by it. A mask is
@@ -13,7 +13,8 @@ import operator
 from typing import Any
 
 from llvmlite import ir
-from numba import types
+from llvmlite.binding import get_host_cpu_features
+from numba import config, types
 from numba.core import cgutils
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import (
@@ -27,7 +28,21 @@ from numba.extending import (
 
 from rope_twin.core.jit.decorators import LINKED
 
-LANES = 8
+
+
+def register_doubles() -> int:
+    """Return how many doubles the widest SIMD register of the compiler's target holds.
+
+    Wider numbers would be split in two, and LLVM then fuses other multiplications and additions
+    than in a single rope's code, so that a member would differ from its lone twin in the last bit.
+    """
+    features = config.CPU_FEATURES  # NUMBA_CPU_FEATURES: compile for another processor
+    if features is None:
+        features = get_host_cpu_features().flatten()
+    return 8 if "+avx512f" in features.split(",") else 4
+
+
+LANES = register_doubles()
 ALL = (1 << LANES) - 1  # mask of all lanes
 ALIGNMENT = 8 * LANES  # bytes; arrays of wide numbers begin at a multiple of it
 _INLINED = {**LINKED, "forceinline": True}
