@@ -148,9 +148,12 @@ def test_wide_numbers() -> None:
             return int(bits(above))
 
         array, tile, number = aligned(2, 1, LANES), aligned(1, 2, LANES), aligned(LANES)
-        array[1, 0], number[:] = np.arange(LANES), 3.0
-        assert _run(entry, array, tile, number) == 0b11110000
-        expected = np.where(np.arange(LANES) > 3.0, np.arange(LANES) / 2.0, -3.0)
+        middle = LANES / 2 - 1.0
+        array[1, 0], number[:] = np.arange(LANES), middle
+        assert _run(entry, array, tile, number) == (1 << LANES) - (
+            1 << LANES // 2
+        )  # the upper half
+        expected = np.where(np.arange(LANES) > middle, np.arange(LANES) / 2.0, -middle)
         assert tile[0, 1].tolist() == expected.tolist()
 
 

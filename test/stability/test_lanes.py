@@ -236,8 +236,8 @@ def test_members_of_two_sizes_are_told_apart(tmp_path: Path) -> None:
     own = [Variation()] * (LANES + few) + [Variation(small)] * few
     told = Ensemble(small_scene(tmp_path), own).lanes()
     assert told.members == LANES
-    assert told.alone == {"": 5}
-    with pytest.raises(InputError, match="ensemble: 9 ropes abreast; give 1 to 8"):
+    assert told.alone == {"": 2 * few}
+    with pytest.raises(InputError, match=f"{LANES + 1} ropes abreast; give 1 to {LANES}"):
         Ensemble(small_scene(tmp_path), own, abreast=9)
 
 

@@ -29,7 +29,6 @@ from numba.extending import (
 from rope_twin.core.jit.decorators import LINKED
 
 
-
 def register_doubles() -> int:
     """Return how many doubles the widest SIMD register of the compiler's target holds.
 

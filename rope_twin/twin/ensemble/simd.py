@@ -17,7 +17,7 @@ from rope_twin.core.lanes.step import Run
 from rope_twin.core.state import ELEMENTS, PULL_COLUMNS, TENSION, Boundary, Floats
 from rope_twin.twin.ensemble.member import Batch, Member, Scratch
 
-MIN_GROUP = LANES // 2  # members of a group at least: all lanes cost as much as so many single ropes
+MIN_GROUP = LANES // 2  # minimum members of a group: all lanes cost about as much as these alone
 OFTEN, OFTEN_LEAST = 0.2, 10  # fraction and minimum number of steps done alone to leave
 
 
