@@ -238,7 +238,7 @@ def test_members_of_two_sizes_are_told_apart(tmp_path: Path) -> None:
     assert told.members == LANES
     assert told.alone == {"": 2 * few}
     with pytest.raises(InputError, match=f"{LANES + 1} ropes abreast; give 1 to {LANES}"):
-        Ensemble(small_scene(tmp_path), own, abreast=9)
+        Ensemble(small_scene(tmp_path), own, abreast=LANES + 1)
 
 
 def test_a_branch_on_a_wide_number_does_not_compile() -> None:
