@@ -10,17 +10,21 @@ primitive is aligned to its own size, counted from the end of the 4-byte encapsu
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_typestore
 
+Table = NDArray[np.float64]
+
 HEADER_BYTES = 4
+_AXES = {"x": 0, "y": 1, "z": 2, "w": 3}  # of points, vectors and quaternions
 _LITTLE = {
     "bool": "?", "byte": "u1", "char": "u1", "int8": "i1", "uint8": "u1", "int16": "<i2",
     "uint16": "<u2", "int32": "<i4", "uint32": "<u4", "int64": "<i8", "uint64": "<u8",
@@ -134,6 +138,18 @@ class Template:
         template.data = bytes(data)
         return template
 
+    def place(self, path: str) -> tuple[int, np.dtype[Any]]:
+        """Return offset [bytes] and type of a single number, also of one inside a vector's slot.
+
+        Raises:
+            KeyError: there is no such number.
+        """
+        if path in self.slots:
+            return self.slots[path].offset, self.slots[path].dtype
+        vector, _, axis = path.rpartition(".")
+        slot = self.slots[vector]
+        return slot.offset + _AXES[axis] * slot.dtype.itemsize, slot.dtype
+
     def fill(self, values: Mapping[str, Any]) -> bytes:
         """Return the bytes with these values in the named slots; the template itself is unchanged.
 
@@ -151,6 +167,38 @@ class Template:
             else:
                 struct.pack_into(_scalar_format(slot.dtype), data, slot.offset, value)
         return bytes(data)
+
+
+def table(type_name: str, messages: Sequence[bytes], paths: Sequence[str]) -> Table | None:
+    """Return fields of messages (n, len(paths)) if all have one layout and equal texts, else None.
+
+    The fields of all messages are read at once, where decoding each takes 20 µs.
+
+    Args:
+        type_name: type of the messages.
+        messages: their CDR bytes, at least one.
+        paths: dotted names of numbers, like `pose.pose.position.z`.
+
+    Raises:
+        SerdeError: (of rosbags) the first message is not of this type.
+    """
+    template = Template(deserialise(type_name, messages[0]))
+    size = len(template.data)
+    if any(len(data) != size for data in messages):
+        return None
+    joined = np.frombuffer(b"".join(messages), np.uint8).reshape(len(messages), size)
+    alike = np.ones(size, np.bool_)  # bytes that are no numbers: texts, lengths, padding
+    for slot in template.slots.values():
+        span = int(np.prod(slot.shape, dtype=np.int64)) * slot.dtype.itemsize
+        alike[slot.offset : slot.offset + span] = False
+    if (joined[:, alike] != np.frombuffer(template.data, np.uint8)[alike]).any():
+        return None
+    values = np.empty((len(messages), len(paths)))
+    for column, path in enumerate(paths):
+        offset, dtype = template.place(path)
+        bytes_of = np.ascontiguousarray(joined[:, offset : offset + dtype.itemsize])
+        values[:, column] = bytes_of.view(dtype)[:, 0]
+    return values
 
 
 class Templates:

@@ -1,8 +1,6 @@
 """Reader of ship heave from a bag, with a check of its rate.
 
 No fault is corrected silently: skipped and derived values are counted and reported in `note`.
-
-Nothing is mended in silence: what was skipped or derived is counted and told in `note`.
 """
 
 from __future__ import annotations
@@ -10,7 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -29,6 +26,7 @@ from rope_twin.twin.motion.heave_track import HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PE
 
 _HEAVE, _ELEVATION = BY_NAME["ship/heave"], BY_NAME["sea/elevation"]
 _POSE = BY_NAME["ship/odometry"]
+_HEAVE_FIELDS = ("pose.pose.position.z", "twist.twist.linear.z")
 LARGEST_MEAN_M = 1.0  # of heave about the rest
 LONGEST_PERIOD_S = 0.2  # the twin knows samples so long ahead, as it would live
 
@@ -64,7 +62,7 @@ def read_heave(path: Path, topic: str | None = None) -> HeaveRecord:
         if topic is None:
             _refuse_poses(bag)
         name = choose_topic(bag, topic, _HEAVE.name, (_HEAVE.type_name,))
-        rows = StampedRows(bag, name, "heave", _heave_of)
+        rows = StampedRows(bag, name, "heave", _HEAVE_FIELDS)
         stamp_ns, values = rows.usable(_impossible)
         elevation_ns, elevation_m, told = read_elevation(bag)
         source = bag.custom_data.get("source", "")
@@ -112,13 +110,9 @@ def read_elevation(bag: BagReader) -> tuple[Stamps, Vector, list[str]]:
     ]
     if len(names) != 1:
         return np.empty(0, np.int64), np.empty(0), []
-    rows = StampedRows(bag, names[0], "heave", lambda message: (message.point.z,))
+    rows = StampedRows(bag, names[0], "heave", ("point.z",))
     stamp_ns, values = rows.usable()
     return stamp_ns, values[:, 0], rows.notes
-
-
-def _heave_of(message: Any) -> tuple[float, float]:
-    return message.pose.pose.position.z, message.twist.twist.linear.z
 
 
 def _impossible(values: Table) -> Faults:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -30,6 +29,14 @@ from rope_twin.twin.motion.heave_track import HEAVE_LIMIT_M
 from rope_twin.twin.motion.ship_pose import MOST_TILT_DEG, UNIT_WITHIN
 
 _ODOMETRY, _POSE_STAMPED = BY_NAME["ship/odometry"].type_name, "geometry_msgs/msg/PoseStamped"
+_POSE_FIELDS = (
+    *(f"pose.position.{k}" for k in "xyz"),
+    *(f"pose.orientation.{k}" for k in "xyzw"),
+)
+_ODOMETRY_FIELDS = (
+    *(f"pose.{field}" for field in _POSE_FIELDS),
+    *(f"twist.twist.{part}.{k}" for part in ("linear", "angular") for k in "xyz"),
+)
 _PLACE, _TURN, _VELOCITY, _RATE = slice(0, 3), slice(3, 7), slice(7, 10), slice(10, 13)
 _NEAR_M, _NEAR_DEG = 20.0, 20.0  # farther from rest at the start is told
 
@@ -68,7 +75,7 @@ def read_poses(path: Path, recorded: RecordedPoses) -> PoseRecord:
             right = "replay it by --bag, or by `sea_state: {bag: ...}`"
             raise BagError(phrase(f"bag {path}", what, right))
         twisted = bag.topics[name].type_name == _ODOMETRY
-        rows = StampedRows(bag, name, "odometry", _odometry_of if twisted else _pose_of)
+        rows = StampedRows(bag, name, "odometry", _ODOMETRY_FIELDS if twisted else _POSE_FIELDS)
         stamp_ns, values = rows.usable(_judge)
         elevation_ns, elevation_m, told = read_elevation(bag)
         source = bag.custom_data.get("source", "")
@@ -109,20 +116,6 @@ def turned_by(orientation: Table, vectors: Table, back: bool = False) -> Table:
     from scipy.spatial.transform import Rotation  # slow to load, and few scenes need it
 
     return np.asarray(Rotation.from_quat(orientation).apply(vectors, inverse=back))
-
-
-def _odometry_of(message: Any) -> tuple[float, ...]:
-    speed, rate = message.twist.twist.linear, message.twist.twist.angular
-    return (*_pose(message.pose.pose), speed.x, speed.y, speed.z, rate.x, rate.y, rate.z)
-
-
-def _pose_of(message: Any) -> tuple[float, ...]:
-    return _pose(message.pose)
-
-
-def _pose(pose: Any) -> tuple[float, ...]:
-    place, turn = pose.position, pose.orientation
-    return place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w
 
 
 def _judge(values: Table) -> Faults:

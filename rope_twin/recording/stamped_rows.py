@@ -1,21 +1,19 @@
 """Reader of the stamped messages of one topic of a bag, with selection of the valid ones.
 
 No fault is corrected silently: skipped messages are counted and reported in notes.
-
-Nothing is mended in silence: what is skipped is counted and told in notes.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from operator import attrgetter
 
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.serde import SerdeError
 
 from rope_twin.errors import BagError, did_you_mean, phrase
-from rope_twin.messages.cdr import deserialise
+from rope_twin.messages.cdr import deserialise, table
 from rope_twin.recording.bag_reader import BagReader, TopicContent
 
 Vector = NDArray[np.float64]
@@ -23,6 +21,7 @@ Stamps = NDArray[np.int64]
 Table = NDArray[np.float64]
 Faults = dict[str, NDArray[np.bool_]]  # by what is wrong: which rows
 
+_STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 GAP_PERIODS = 3.0  # an interval this many times the usual one is a gap
 _TOLERATED_SHARE = 0.05  # of samples that cannot be used
 _LONGEST_GAP_S = 60.0  # beyond it, it is the clock that jumped, or two recordings
@@ -63,10 +62,8 @@ def choose_topic(bag: BagReader, topic: str | None, usual: str, types: Sequence[
 class StampedRows:
     """The samples of a topic as they come, and the judgement on them."""
 
-    def __init__(
-        self, bag: BagReader, topic: str, wanted: str, take: Callable[[Any], tuple[float, ...]]
-    ) -> None:
-        """Read them all; `take` gives the numbers of a message, always as many.
+    def __init__(self, bag: BagReader, topic: str, wanted: str, fields: Sequence[str]) -> None:
+        """Read all messages; fields: the numbers wanted of each, like `pose.pose.position.z`.
 
         Raises:
             BagError: the bag turns out to be damaged.
@@ -76,18 +73,31 @@ class StampedRows:
         self.skipped = 0
         self._wanted = wanted
         self._content = bag.topics[topic]
-        self._undecodable = 0
-        self._stamps: list[tuple[int, int]] = []  # of the header, of the log
-        self._values: list[tuple[float, ...]] = []
-        for log_ns, data in bag.messages(topic):
+        messages = list(bag.messages(topic))
+        kept, rows = self._read([data for _, data in messages], [*_STAMP, *fields])
+        log_ns = np.array([messages[k][0] for k in kept], dtype=np.int64)
+        header_ns = rows[:, 0].astype(np.int64) * 1_000_000_000 + rows[:, 1].astype(np.int64)
+        self._stamps, self._values = (header_ns, log_ns), rows[:, len(_STAMP) :]
+        self._undecodable = len(messages) - len(kept)
+
+    def _read(self, messages: list[bytes], paths: list[str]) -> tuple[Sequence[int], Table]:
+        """Return the numbers of those messages that can be decoded, and their indices."""
+        if not messages:
+            return (), np.empty((0, len(paths)))
+        try:
+            found = table(self._content.type_name, messages, paths)
+        except SerdeError:
+            found = None  # the first message is damaged
+        if found is not None:
+            return range(len(messages)), found
+        kept, rows, read = [], [], attrgetter(*paths)
+        for number, data in enumerate(messages):
             try:
-                message = deserialise(self._content.type_name, data)
+                rows.append(read(deserialise(self._content.type_name, data)))
             except SerdeError:
-                self._undecodable += 1
                 continue
-            stamp = message.header.stamp
-            self._stamps.append((stamp.sec * 1_000_000_000 + stamp.nanosec, log_ns))
-            self._values.append(take(message))
+            kept.append(number)
+        return kept, np.array(rows, dtype=np.float64).reshape(len(kept), len(paths))
 
     def usable(self, judge: Callable[[Table], Faults] | None = None) -> tuple[Stamps, Table]:
         """Return stamps (n,), rising, and values (n, k), finite and without the faults found by
@@ -96,17 +106,15 @@ class StampedRows:
         Raises:
             BagError: few are left, or time has a hole.
         """
-        total = len(self._stamps) + self._undecodable
+        total = len(self._values) + self._undecodable
         if total == 0:
             right = f"{self._wanted} needs at least 2"
             raise BagError(phrase(self.where, "it holds no message", right))
-        pairs = np.array(self._stamps, dtype=np.int64).reshape(-1, 2)
-        stamp_ns = pairs[:, 0]
-        if 2 * np.count_nonzero(stamp_ns) < len(pairs):
-            stamp_ns = pairs[:, 1]
+        stamp_ns, log_ns = self._stamps
+        if 2 * np.count_nonzero(stamp_ns) < len(stamp_ns):
+            stamp_ns = log_ns
             self.notes.append(f"{self.where}: headers without a stamp, times are those of the log.")
-        width = len(self._values[0]) if self._values else 1
-        values = np.array(self._values, dtype=np.float64).reshape(len(pairs), width)
+        values = self._values
         keep, faults = _judge(stamp_ns, values, judge(values) if judge else {})
         if self._undecodable:
             faults["that do not decode"] = self._undecodable

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from operator import attrgetter
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from sample_snapshot import hanging_rope
 from rope_twin import messages
 from rope_twin.errors import InputError
 from rope_twin.messages import templates
-from rope_twin.messages.cdr import Template
+from rope_twin.messages.cdr import Template, deserialise, table
 from rope_twin.topics import TOPICS, Topic
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.winch.commands import WinchCommand
@@ -283,3 +284,27 @@ def test_what_is_no_list_is_not_stretched(path: str) -> None:
         form.stretched({path: 4})
     with pytest.raises(ValueError, match="cannot have 0 entries"):
         form.stretched({"markers.0.points": 0})
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.lists(st.tuples(st.integers(0, 2**31 * 10**9 - 1), FINITE, FINITE), min_size=1, max_size=20)
+)
+def test_a_table_of_messages_equals_their_decoding(samples: list[tuple[int, float, float]]) -> None:
+    """Numbers of their own and numbers inside a vector are read from the right bytes."""
+    paths = ("header.stamp.sec", "header.stamp.nanosec", "pose.pose.position.z",
+             "pose.pose.orientation.w", "twist.twist.linear.z")  # fmt: skip
+    data = [messages.encode_heave(ns, z, rate) for ns, z, rate in samples]
+    found = table("nav_msgs/msg/Odometry", data, paths)
+    assert found is not None
+    objects = [deserialise("nav_msgs/msg/Odometry", one) for one in data]
+    assert found.tolist() == [[attrgetter(path)(one) for path in paths] for one in objects]
+
+
+def test_messages_of_other_texts_or_lengths_make_no_table() -> None:
+    """Their numbers may lie elsewhere; the reader then decodes them one by one."""
+    ours = templates.odometry("sea", "hang_off")
+    others = templates.odometry("sun", "hang_off"), templates.odometry("seabed", "hang_off")
+    for other in others:
+        data = [Template(one).data for one in (ours, other)]
+        assert table("nav_msgs/msg/Odometry", data, ["pose.pose.position.z"]) is None
