@@ -18,7 +18,7 @@ from typing import Any
 from rope_twin.commands.console import CaseProgress, print_json
 from rope_twin.commands.exit_code import ExitCode
 from rope_twin.errors import SceneError, did_you_mean, phrase
-from rope_twin.messages.rope_status import breach_words
+from rope_twin.messages.diagnostics import breach_words
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_scene
 from rope_twin.scene.card import known_error, told_bound
 from rope_twin.scene.checks.rope import accepted_warnings, sense_checks

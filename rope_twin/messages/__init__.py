@@ -7,7 +7,7 @@ from rosbags.serde import SerdeError
 from rope_twin import topics as _topics
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.messages.cdr import deserialise
-from rope_twin.messages.diagnostics import statuses
+from rope_twin.messages.diagnostics import Level, Status, encode_diagnostics, statuses
 from rope_twin.messages.encoder import Encoder
 from rope_twin.messages.inputs import (
     encode_current,
@@ -19,7 +19,6 @@ from rope_twin.messages.inputs import (
     encode_pose,
     encode_seat,
 )
-from rope_twin.messages.status import Level, Status, encode_diagnostics
 
 __all__ = [
     "Encoder",

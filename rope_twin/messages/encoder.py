@@ -13,7 +13,7 @@ import numpy as np
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.messages import templates
 from rope_twin.messages.cdr import Template, Templates
-from rope_twin.messages.colours import scale_above, tension_colours
+from rope_twin.messages.templates import scale_above, tension_colours
 from rope_twin.messages.topic_encoders import (
     MonitorEncoder,
     ShapeEncoder,

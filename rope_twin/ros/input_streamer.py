@@ -10,8 +10,7 @@ from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 
 from rope_twin.errors import phrase
-from rope_twin.ros.qos import message_type, profile, quiet_publisher
-from rope_twin.ros.senders import Senders
+from rope_twin.ros.qos import Senders, message_type, profile, quiet_publisher
 from rope_twin.topics import BY_NAME
 
 _PERIOD_S, _LEAST_PERIOD_S = 0.04, 0.005

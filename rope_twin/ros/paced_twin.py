@@ -1,4 +1,4 @@
-"""Real-time twin: a twin with its solver and publisher threads and its epoch.
+"""Real-time twin: a twin with its solver and publisher threads, its epoch and its diagnostics.
 
 It exists from configure to cleanup of the simulation node. A ROS stamp is epoch + simulation time.
 On the steady clock the real-time cycle that covers [t, t + cycle] begins `input_delay_s` after ROS
@@ -7,45 +7,213 @@ time epoch + t/speed, so that inputs stamped shortly after t have arrived by the
 
 from __future__ import annotations
 
+import logging
+import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 from uuid import uuid4
 
+from rope_twin.cadence import SNAPSHOT_TOPICS, due_topics, slot_of
 from rope_twin.errors import InputError, phrase
-from rope_twin.messages import Status, statuses
-from rope_twin.messages.rope_status import BreachWords
-from rope_twin.recording.input_log import InputLog, Mark
+from rope_twin.messages import Encoder, Level, Status, statuses
+from rope_twin.messages.diagnostics import BreachWords, counted
+from rope_twin.recording.input_log import InputLog, Mark, encode_json
 from rope_twin.recording.session import Setup, describe_run, describe_session, encode_session
 from rope_twin.ros.params import SimulationParams
-from rope_twin.ros.publisher import Publisher
-from rope_twin.ros.run_status import (
-    Clocks,
-    clock_row,
-    publishing_row,
-    run_row,
-    rung_row,
-    saving_row,
-)
 from rope_twin.run.border import InputBorder
 from rope_twin.run.cpu_usage import CpuUsage
 from rope_twin.run.inputs import expect_own_sea
 from rope_twin.run.summary import RunSummary, summarise
 from rope_twin.scene.card import OTHER_SEA
 from rope_twin.scene.schema import Scene
-from rope_twin.topics import SESSION_TOPIC
+from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC
 from rope_twin.twin.accuracy.overload import TwinOverloadProtection
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.kinds import twin_class
 from rope_twin.twin.pacing import Pacer, steps_in_slot
 from rope_twin.twin.recovery import Recovery
-from rope_twin.twin.saving.autosave import AutoSave
+from rope_twin.twin.saving.autosave import AutoSave, SavingStatus
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.snapshot_queue import SnapshotQueue, queue_depth
 from rope_twin.twin.thread_priority import raise_other_threads, reset_threads
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.settings import MonitorSettings
+
+RUN_ROW = "simulation: run"
+MOTION_ROW = "simulation: input heave"
+CLOCK_STEP_S = 0.05  # tolerance of ROS time against the steady clock
+
+
+def run_row(summary: RunSummary) -> Status:
+    """Return the row with the run summary; its key values are the fields of a RunSummary."""
+    return Status(RUN_ROW, Level.OK, "run statistics", summary.as_values())
+
+
+def publishing_row(error: str, lost_snapshots: int) -> Status:
+    """Return the row on publishing; `error`: why a topic is no longer published."""
+    values = {"lost snapshots": str(lost_snapshots)}
+    name = "simulation: publishing"
+    if error:
+        return Status(name, Level.ERROR, error, values)
+    if lost_snapshots:
+        message = f"{counted(lost_snapshots, 'snapshot')} computed but not published in time"
+        return Status(name, Level.WARN, message, values)
+    return Status(name, Level.OK, "all snapshots published", values)
+
+
+class Clocks(NamedTuple):
+    """ROS time and steady time, read one right after the other."""
+
+    ros_ns: int
+    steady_ns: int
+
+
+def clock_row(moved_s: float) -> Status:
+    """Return the row on the drift of ROS time against the steady clock since the start."""
+    values = {"ROS time against steady time [s]": f"{moved_s:.3f}"}
+    name = "simulation: clocks"
+    if abs(moved_s) > CLOCK_STEP_S:
+        message = (
+            f"ROS time has shifted by {moved_s:+.3f} s against the steady clock since the start: "
+            "stamps of live inputs are wrong by as much; deactivate and activate to set a new epoch"
+        )
+        return Status(name, Level.WARN, message, values)
+    return Status(name, Level.OK, "ROS time and the steady clock agree", values)
+
+
+def with_hint(rows: Sequence[Status], hint: Callable[[], str]) -> list[Status]:
+    """Return the rows with a hint added to that of the ship motion if no sample was received."""
+    return [
+        replace(row, message=f"{row.message}; {hint()}")
+        if row.name == MOTION_ROW and row.level is Level.ERROR and row.values["accepted"] == "0"
+        else row
+        for row in rows
+    ]
+
+
+def saving_row(saving: SavingStatus) -> Status:
+    """Return the row on the last saved state of a run that saves its state."""
+    saved = "never" if saving.saved_s is None else f"{saving.saved_s:.2f}"
+    values = {"file": str(saving.path), "last saved state, simulation time [s]": saved}
+    name = "simulation: saving"
+    if saving.trouble:
+        return Status(name, Level.ERROR, saving.trouble, values)
+    if saving.saved_s is None:
+        return Status(name, Level.OK, "no state saved yet", values)
+    return Status(name, Level.OK, f"state saved at {saved} s", values)
+
+
+def rung_row(ladder: TwinOverloadProtection, last: Snapshot) -> Status:
+    """Return the row on the accuracy level: elements, time step, and why it was degraded."""
+    number, count = ladder.place
+    values = {
+        "level": f"{number} of {count}",
+        "elements": str(len(last.element_tension_n)),
+        "step [s]": f"{ladder.level.step_s:g}",
+        "changes": str(ladder.changes),
+        "load": f"{ladder.load:.2f}",
+    }
+    name = "simulation: accuracy level"
+    if number == 1:
+        return Status(name, Level.OK, f"full accuracy level: {ladder.words()}", values)
+    message = f"degraded to accuracy level {number} of {count}, {ladder.words()}: {ladder.reason}"
+    return Status(name, Level.WARN, message, values)
+
+
+_log = logging.getLogger(__name__)
+
+
+class Publisher:
+    """Publishes the due topics of the snapshots that the solver thread has queued."""
+
+    def __init__(
+        self,
+        handover: SnapshotQueue,
+        publish: Callable[[str, bytes], None],
+        first: Snapshot,
+        log: InputLog | None = None,
+        published: Callable[[], Mapping[str, int]] = dict,
+    ) -> None:
+        """Load all message definitions by encoding `first`, which is not published.
+
+        Loading them later would take from the time that other nodes have before t = 0.
+
+        Args:
+            handover: queue of snapshots.
+            publish: publishes the bytes of a message on a topic.
+            first: any snapshot of the run.
+            log: input log whose entries are published too.
+            published: returns the number of messages published on each topic up to now.
+        """
+        rehearsal = Encoder(0)
+        for topic in SNAPSHOT_TOPICS:
+            rehearsal.encode(topic.name, first)
+        self._handover = handover
+        self._publish = publish
+        self._log = log
+        self._published = published
+        self._epoch_ns = 0
+        self._stopping = threading.Event()
+        self._thread: threading.Thread | None = None
+        self.processor_s = 0.0  # CPU time of publishing
+        self.error = ""  # last message that could not be published; "": none
+
+    def start(self, epoch_ns: int) -> None:
+        """Publish from now on, stamped `epoch_ns` + simulation time."""
+        self._stopping.clear()
+        self._epoch_ns = epoch_ns
+        self._thread = threading.Thread(target=self._run, name="twin-publisher", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Publish the queued snapshots, then stop; without effect when not running."""
+        self._stopping.set()
+        if self._thread is not None:
+            self._thread.join()
+            self._thread = None
+
+    def _run(self) -> None:
+        encoder = Encoder(self._epoch_ns)
+        before_s = self.processor_s - time.thread_time()
+        while True:
+            snapshot = self._handover.take(timeout_s=0.05)
+            if self._publish_log(snapshot):
+                encoder = Encoder(self._epoch_ns)  # as in a replay that begins here
+            if snapshot is not None:
+                self._publish_snapshot(encoder, snapshot)
+                self.processor_s = before_s + time.thread_time()
+            elif self._stopping.is_set():
+                return
+
+    def _publish_log(self, snapshot: Snapshot | None) -> bool:
+        """Publish the inputs logged before a snapshot; return whether a session has begun."""
+        begun = False
+        try:
+            for name, content in self._log.messages(snapshot) if self._log else ():
+                if name == SESSION_TOPIC:
+                    begun = True
+                    self._publish(name, encode_session(content, self._published()))
+                else:
+                    self._publish(name, encode_json(content))
+        except Exception as error:
+            if not self.error:
+                _log.exception("the inputs cannot be published")
+            self.error = f"topic {INPUT_LOG_TOPIC}: {type(error).__name__}: {error}"
+        return begun
+
+    def _publish_snapshot(self, encoder: Encoder, snapshot: Snapshot) -> None:
+        for name in due_topics(*slot_of(snapshot), snapshot):
+            try:
+                self._publish(name, encoder.encode(name, snapshot))
+            except Exception as error:
+                # One topic that fails must not stop the others; diagnostics report it.
+                if not self.error:
+                    _log.exception("topic %s cannot be published", name)
+                self.error = f"topic {name}: {type(error).__name__}: {error}"
+
 
 START_LEAD_S = 0.5  # from the publication of the epoch to t = 0, for other nodes to prepare ...
 AWAITED_LEAD_S = 1.5  # ... and from construction to t = 0, while other nodes discover each other

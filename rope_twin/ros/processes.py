@@ -22,11 +22,10 @@ from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.errors import InputError, phrase
 from rope_twin.messages import decode
 from rope_twin.ros.entry import PARENT, StopSignal, initialise, keep_to_loopback
-from rope_twin.ros.qos import message_type, profile
+from rope_twin.ros.paced_twin import RUN_ROW
+from rope_twin.ros.qos import Senders, message_type, profile
 from rope_twin.ros.recorder_node import free_path
-from rope_twin.ros.run_status import RUN_ROW
-from rope_twin.ros.senders import Senders
-from rope_twin.ros.spare import Spare
+from rope_twin.ros.startup import Spare
 from rope_twin.ros.suite import END_ORDER, node_parameters, where
 from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import FigureProgress

@@ -24,18 +24,18 @@ from std_srvs.srv import Trigger
 from rope_twin.errors import InputError, RopeTwinError, did_you_mean, phrase
 from rope_twin.messages import Level, Status, encode_diagnostics, encode_epoch, encode_seat
 from rope_twin.ros.entry import run_node
-from rope_twin.ros.paced_twin import PacedTwin
+from rope_twin.ros.paced_twin import Clocks, PacedTwin, with_hint
 from rope_twin.ros.params import SimulationParams, declare, read
 from rope_twin.ros.qos import (
+    Senders,
     asked_of,
     message_type,
     profile,
+    publisher_name,
     quiet_publisher,
     unheard_publishers,
     unsuited,
 )
-from rope_twin.ros.run_status import Clocks, with_hint
-from rope_twin.ros.senders import Senders, publisher_name
 from rope_twin.run.seat import RELEASE, TAKE, service_name
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.checks.rope import sense_checks

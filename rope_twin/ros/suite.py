@@ -11,14 +11,19 @@ import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
 from rope_twin.errors import InputError
-from rope_twin.ros.entry import StopSignal, initialise, keep_to_loopback
+from rope_twin.ros.entry import (
+    InstanceLock,
+    StopSignal,
+    initialise,
+    keep_to_loopback,
+    lock_instance,
+)
 from rope_twin.ros.executor import make_executor
 from rope_twin.ros.params import overrides
-from rope_twin.ros.precompile import Precompilation
 from rope_twin.ros.recorder_node import RecorderNode
 from rope_twin.ros.sea_state_node import SeaStateNode
 from rope_twin.ros.simulation_node import SimulationNode
-from rope_twin.ros.single_instance import InstanceLock, lock_instance
+from rope_twin.ros.startup import Precompilation
 from rope_twin.ros.winch_schedule_node import WinchScheduleNode
 from rope_twin.run.options import RunOptions
 from rope_twin.run.progress import FigureProgress

@@ -20,8 +20,7 @@ from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.messages import decode
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import ViewerParams, declare
-from rope_twin.ros.qos import message_type, profile, quiet_listener
-from rope_twin.ros.senders import Senders
+from rope_twin.ros.qos import Senders, message_type, profile, quiet_listener
 from rope_twin.topics import BY_NAME, Qos
 from rope_twin.view.rope_view import SHOWN_TOPICS, RopeView
 from rope_twin.view.sinks import FileSink, WindowSink, load_rerun

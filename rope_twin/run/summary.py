@@ -11,14 +11,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from rope_twin.effects import EFFECTS
-from rope_twin.messages.diagnostics import cut_words
-from rope_twin.messages.rope_status import (
+from rope_twin.messages.diagnostics import (
     bends_in_words,
     breach_words,
+    counted,
+    cut_words,
     strength_words,
     touchdown_words,
 )
-from rope_twin.messages.status import counted
 from rope_twin.run.cpu_usage import CpuUsage
 from rope_twin.scene.card import told_bound
 from rope_twin.twin.pacing import PacingHealth

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.messages.colours import tension_colours
-from rope_twin.messages.templates import PAYLOAD_RGB
+from rope_twin.messages.templates import PAYLOAD_RGB, tension_colours
 from rope_twin.view.ticks import round_step
 
 _LEAST_M = 5.0  # minimum visible distance above, below and to the sides

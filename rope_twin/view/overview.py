@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.messages.colours import tension_colours
-from rope_twin.messages.templates import HANG_OFF_RGB, PAYLOAD_RGB
+from rope_twin.messages.templates import HANG_OFF_RGB, PAYLOAD_RGB, tension_colours
 from rope_twin.view.ticks import depth_words, depths_over, round_step
 
 _FACTORS = (50, 20, 10, 5, 2, 1)

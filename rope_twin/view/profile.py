@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.messages.colours import SLACK_RGB, shade, tension_colours
+from rope_twin.messages.templates import SLACK_RGB, shade, tension_colours
 from rope_twin.view.ticks import depth_words, depths_over, ticks_over
 
 WIDTH, HEIGHT = 1250.0, 1000.0

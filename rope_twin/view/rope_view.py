@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.messages.colours import scale_above
-from rope_twin.messages.templates import FLOAT32_BYTES, NANOSECONDS
+from rope_twin.messages.templates import FLOAT32_BYTES, NANOSECONDS, scale_above
 from rope_twin.view.blueprint import (
     BAND_CURVES,
     CURVES,

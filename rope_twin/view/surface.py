@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.messages.colours import tension_colours
-from rope_twin.messages.templates import HANG_OFF_RGB
+from rope_twin.messages.templates import HANG_OFF_RGB, tension_colours
 from rope_twin.view.ticks import depths_over
 
 # For a hang-off at the water [m]; for one above it all but SCALE is multiplied by `Sight.size`.

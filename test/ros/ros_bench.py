@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from rope_twin.ros.run_status import Clocks
+from rope_twin.ros.paced_twin import Clocks
 
 # Every wait of these tests ends as soon as it may; this is only for one that would never end.
 PATIENCE_S = 300.0

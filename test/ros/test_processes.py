@@ -191,9 +191,9 @@ def test_figures_of_the_run_are_taken_from_the_simulation_alone(bench: Bench) ->
 
     from rope_twin import Twin, load_scene
     from rope_twin.messages import Level, Status, encode_diagnostics
+    from rope_twin.ros.paced_twin import RUN_ROW, run_row
     from rope_twin.ros.processes import Monitor
     from rope_twin.ros.qos import message_type, profile
-    from rope_twin.ros.run_status import RUN_ROW, run_row
     from rope_twin.run.summary import summarise
     from rope_twin.topics import BY_NAME
 

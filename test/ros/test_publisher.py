@@ -11,7 +11,7 @@ from ros_bench import PATIENCE_S
 
 from rope_twin.cadence import SNAPSHOT_TOPICS
 from rope_twin.messages import Encoder
-from rope_twin.ros.publisher import Publisher
+from rope_twin.ros.paced_twin import Publisher
 from rope_twin.scene.load import load_scene
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.snapshot_queue import SnapshotQueue

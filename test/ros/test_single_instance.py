@@ -12,7 +12,7 @@ import pytest
 from ros_bench import PATIENCE_S
 from ros_process import Process, Processes
 
-from rope_twin.ros.single_instance import InstanceLock
+from rope_twin.ros.entry import InstanceLock
 
 
 def summary_of(process: Process) -> dict[str, Any]:

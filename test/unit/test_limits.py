@@ -12,8 +12,7 @@ import pytest
 from rope_twin.cli import main
 from rope_twin.errors import SceneError
 from rope_twin.messages import Encoder, decode, statuses
-from rope_twin.messages.rope_status import BreachWords
-from rope_twin.messages.status import Level, Status
+from rope_twin.messages.diagnostics import BreachWords, Level, Status
 from rope_twin.scene.digest import scene_digest
 from rope_twin.scene.limits import Limits
 from rope_twin.scene.load import load_scene

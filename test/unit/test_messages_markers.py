@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from sample_snapshot import hanging_rope
 
 from rope_twin import messages
-from rope_twin.messages.colours import SLACK_RGB, scale_above, shade, tension_colours
+from rope_twin.messages.templates import SLACK_RGB, scale_above, shade, tension_colours
 
 
 def markers(snapshot: Any, encoder: messages.Encoder | None = None) -> dict[str, Any]:

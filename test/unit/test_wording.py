@@ -14,7 +14,7 @@ from pathlib import Path
 from sample_snapshot import hanging_rope
 
 from rope_twin.messages import Status, statuses
-from rope_twin.ros.run_status import clock_row, publishing_row, saving_row
+from rope_twin.ros.paced_twin import clock_row, publishing_row, saving_row
 from rope_twin.run.cpu_usage import CpuUsage
 from rope_twin.run.seat import PRIORITY, CommandSeat
 from rope_twin.run.summary import RunSummary

@@ -92,7 +92,7 @@ def _with_speed_alone(summary: RunSummary, options: RunOptions) -> RunSummary:
 
 
 def _unpaced(options: RunOptions, progress: FigureProgress) -> RunSummary:
-    from rope_twin.messages.rope_status import BreachWords
+    from rope_twin.messages.diagnostics import BreachWords
     from rope_twin.run.unpaced import run_unpaced
     from rope_twin.scene.change import at_setting
     from rope_twin.scene.checks.rope import sense_checks
