@@ -29,6 +29,7 @@ from rope_twin.recording.recover import recover
 from rope_twin.ros import processes as ros_processes
 from rope_twin.ros.startup import NODES
 from rope_twin.run.options import RunOptions
+from rope_twin.share import share_dir
 from rope_twin.whole_file import write_whole
 
 pytestmark = pytest.mark.ros
@@ -72,8 +73,10 @@ class Campaign:
         self._heard = {topic: bench.listen(topic, 5000) for topic in HEARD_ON.values()}
         self._arrived: dict[str, float] = {}
         self.kills: list[Kill] = []
-        self.run: Process = processes.cli(
-            "run", SCENE, "--processes", "--headless", "--json", "--out", str(self._bag)
+        command = ["run", SCENE, "--processes", "--headless", "--json", "--out", str(self._bag)]
+        profile = share_dir() / "config" / "ros" / "fastdds_loopback.xml"  # as every run takes it
+        self.run: Process = processes.start(
+            ["-m", "rope_twin.cli", *command], FASTDDS_DEFAULT_PROFILES_FILE=str(profile)
         )
         bench.until(lambda: all(self._heard.values()), "the run")
         bench.until(lambda: set(NAMES) <= set(self.pids()), "all processes", 60.0)
