@@ -21,8 +21,8 @@ from rope_twin.core.joined.levels import interpolate_from
 from rope_twin.core.joined.statics import refine_joined_statics
 from rope_twin.errors import SolverError
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.rules.rigging import is_joined
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.studies.driven_twin import fed
 from rope_twin.studies.variants import variant
 from rope_twin.twin.accuracy.error_fraction import has_layers

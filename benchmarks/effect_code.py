@@ -8,7 +8,7 @@ from rope_twin.core.acting.hooks import hooks_of, kernel_of
 from rope_twin.core.jit.decorators import assembly
 from rope_twin.core.state import MOTIONS, PULL_COLUMNS, Boundary
 from rope_twin.core.step import advance_steps
-from rope_twin.scene.arrays.build import build
+from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 
 

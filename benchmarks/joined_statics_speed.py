@@ -14,8 +14,8 @@ from rope_twin.core.joined.joints import LOOSE
 from rope_twin.core.joined.statics import solve_joined_statics
 from rope_twin.core.state import ELEMENTS, LINE, MOTIONS, POSITION, Floats
 from rope_twin.core.statics.forces import Equilibrium
-from rope_twin.scene.arrays.joined import build_joined
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.model.joined import build_joined
 from rope_twin.scene.schema import Scene
 
 SCENES = ("bridle_lift", "two_line_lift")

@@ -13,8 +13,8 @@ from rope_twin.core.state import POSITION, Floats
 from rope_twin.core.statics.equilibrium import solve_statics
 from rope_twin.core.statics.forces import Equilibrium
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.scene.arrays.build import build
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from validation.rigs import Rig
 

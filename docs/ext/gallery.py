@@ -11,8 +11,7 @@ from profiles import stored_profiles
 
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.seabed import SeabedParams
-from rope_twin.scene.load import load_scene, scene_names
-from rope_twin.scene.ropes import rope_presets
+from rope_twin.scene.load import load_scene, rope_presets, scene_names
 from rope_twin.scene.schema import Scene
 
 WIDTH, HEIGHT, MARGIN = 150, 200, 14  # of a thumbnail [px]

@@ -7,7 +7,7 @@ from itertools import groupby
 
 from markdown import code, prose, table, words
 
-from rope_twin.scene.keys import Key, scene_keys
+from rope_twin.scene.reference import Key, scene_keys
 
 
 def scene_keys_by_part() -> str:

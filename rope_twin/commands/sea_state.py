@@ -21,7 +21,7 @@ from rope_twin.recording.heave_replay import HeaveReplay
 from rope_twin.recording.pose_record import PoseRecord, read_poses
 from rope_twin.recording.sea_bag import write_sea_bag
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_out, measure
-from rope_twin.scene.sea_state import RecordedPoses
+from rope_twin.scene.schema import RecordedPoses
 from rope_twin.sea.heave_response import BoxHull
 from rope_twin.sea.spectrum import (
     WaveSpectrum,

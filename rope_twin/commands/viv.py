@@ -21,11 +21,11 @@ from rope_twin.run.arguments import (
     add_scene,
     add_time,
 )
-from rope_twin.scene.figures import lift_figures
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.rules.rigging import is_joined
-from rope_twin.scene.rules.shedding import model_beside, shedding_model, vortex_words
+from rope_twin.scene.model.lift import lift_figures
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import is_joined
+from rope_twin.scene.validation.vortices import model_beside, shedding_model, vortex_words
 from rope_twin.studies.viv.beside import beside_json, beside_table, draw_beside, run_shaken
 from rope_twin.studies.viv.moving import MovingRun, draw_moving, run_moving
 from rope_twin.studies.viv.own import run_own

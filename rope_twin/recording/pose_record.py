@@ -23,7 +23,7 @@ from rope_twin.recording.stamped_rows import (
     Vector,
     choose_topic,
 )
-from rope_twin.scene.sea_state import RecordedPoses
+from rope_twin.scene.schema import RecordedPoses
 from rope_twin.topics import BY_NAME
 from rope_twin.twin.motion.heave_track import HEAVE_LIMIT_M
 from rope_twin.twin.motion.ship_pose import MOST_TILT_DEG, UNIT_WITHIN

@@ -16,8 +16,7 @@ from rope_twin.recording.pose_record import (
 )
 from rope_twin.recording.ship_sea import sample_of
 from rope_twin.recording.stamped_rows import Table
-from rope_twin.scene.schema import Scene
-from rope_twin.scene.sea_state import RecordedPoses
+from rope_twin.scene.schema import RecordedPoses, Scene
 from rope_twin.twin.motion.hang_off import lever_arm
 from rope_twin.twin.motion.ship_pose import ShipPose, Vector3
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import cos, pi, sin
 
 from rope_twin.recording.heave_replay import HeaveSample, stamps_between
-from rope_twin.scene.sea_state import RegularHeave
+from rope_twin.scene.schema import RegularHeave
 
 
 class RegularSea:

@@ -38,8 +38,8 @@ from rope_twin.ros.qos import (
 )
 from rope_twin.run.seat import RELEASE, TAKE, service_name
 from rope_twin.scene.change import at_setting
-from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.warnings.rope import sense_checks
 from rope_twin.topics import (
     BY_NAME,
     CUT_TOPIC,

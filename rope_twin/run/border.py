@@ -24,7 +24,7 @@ from rope_twin.messages import Level, Status, decode
 from rope_twin.messages.inputs import ORDER_FIELDS
 from rope_twin.messages.templates import NANOSECONDS
 from rope_twin.run.seat import Command, Seats
-from rope_twin.scene.rigging import WINCH
+from rope_twin.scene.schema import WINCH
 from rope_twin.scene.winch import SWITCHES
 from rope_twin.topics import CUT_TOPIC, INPUTS, MOTION_TOPICS, ORDER_TOPICS, SWITCH_TOPIC
 from rope_twin.twin.input_queue import InputQueue

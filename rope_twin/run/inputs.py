@@ -17,8 +17,7 @@ from rope_twin.recording.pose_replay import PoseReplay, open_poses
 from rope_twin.recording.regular_heave import RegularSea
 from rope_twin.recording.ship_sea import ShipOnWaves, WayOfHangOff, open_way
 from rope_twin.recording.wave_sea import sea_of_waves
-from rope_twin.scene.schema import Scene
-from rope_twin.scene.sea_state import RecordedPoses
+from rope_twin.scene.schema import RecordedPoses, Scene
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.motion.heave_series import HeaveSeries
 from rope_twin.twin.twin import Twin

@@ -33,7 +33,7 @@ from rope_twin.run.summary import RunSummary, summarise
 from rope_twin.scene.card import OTHER_SEA
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.rules.rigging import winches_by_name
+from rope_twin.scene.validation.rigging import winches_by_name
 from rope_twin.topics import SESSION_TOPIC, TOPICS
 from rope_twin.twin.cutting.cut_input import plan_for
 from rope_twin.twin.input_queue import InputQueue

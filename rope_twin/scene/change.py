@@ -15,12 +15,12 @@ from typing import Any
 
 from rope_twin.effects import EFFECTS
 from rope_twin.errors import did_you_mean
-from rope_twin.scene.arrays.grid import elements_with
 from rope_twin.scene.document import Item, Place
+from rope_twin.scene.model.grid import elements_with
 from rope_twin.scene.reader import read_object
-from rope_twin.scene.rules.relations import faults
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.shapes.shapes import SHAPES
+from rope_twin.scene.shapes import SHAPES
+from rope_twin.scene.validation.relations import faults
 
 _STEP = re.compile(r"\.?([A-Za-z_]\w*)|\[(\d+|\*)\]")
 _KINDS = {

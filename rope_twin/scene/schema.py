@@ -6,23 +6,224 @@ quotes in its errors. Effects have their own parameter classes (`rope_twin.effec
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.quantity import quantity, text
-from rope_twin.scene.limits import Limits
-from rope_twin.scene.rigging import WINCH, Joint, Sheave, Strut
-from rope_twin.scene.rising import Rising
-from rope_twin.scene.sea_state import SeaState
 from rope_twin.scene.stiffness import StiffnessTable
 from rope_twin.scene.winch import ScheduleRow as ScheduleRow
 from rope_twin.scene.winch import Winch as Winch
+from rope_twin.sea.heave_response import BoxHull
+
+Fault = tuple[str, str, str]  # path in the scene's file, fault, remedy
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rising:
+    """Coefficients along z in ascent; the payload's own are then those of descent."""
+
+    added_mass_kg: float | None = quantity("added mass in ascent", "kg", 0.0, 1e8, default=None)
+    drag_area_m2: float | None = quantity(
+        "drag coefficient times area in ascent", "m²", 0.0, 1e5, default=None
+    )
+
+    def check(self) -> str | None:
+        """Return a fault if neither is given, or None."""
+        if self.added_mass_kg is None and self.drag_area_m2 is None:
+            return "no value is given; give added_mass_kg or drag_area_m2, or remove the key"
+        return None
+
+
+@runtime_checkable
+class TwoWayShape(Protocol):
+    """A shape with another drag in ascent than in descent."""
+
+    def rising_drag_area_m2(self) -> float:
+        """Return drag coefficient times projected area along z in ascent [m²]."""
+
 
 Triple = tuple[float, float, float]
+
+STEEL_KG_PER_M3 = 7850.0  # density of masses "in air, of steel"
+WINCH = "winch"  # the name by which ropes call the ship's first hang-off
+
+
+@dataclass(frozen=True, kw_only=True)
+class Joint:
+    """A ring, shackle or hook block: a connection of ropes without a payload."""
+
+    name: str = text("its name")
+    mass_kg: float = quantity("mass in air, of steel", "kg", 0.0, 1e6, default=0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tether:
+    """A constant-tension link or spring-damper that holds a sheave to a fixed point.
+
+    Its tension along the line to `at_m` is force + stiffness·(l - length) + damping·dl/dt, at least
+    0.
+    """
+
+    at_m: Triple = quantity("fixed point: x, y, z", "m", -1e4, 1e4)
+    force_n: float = quantity("tension at its length", "N", 0.0, 1e8)
+    length_m: float = quantity("length at this tension", "m", 0.0, 1e4, default=0.0)
+    stiffness_n_per_m: float = quantity("spring stiffness", "N/m", 0.0, 1e8, default=0.0)
+    damping_newton_seconds_per_m: float = quantity(
+        "damping coefficient c", "N·s/m", 0.0, 1e8, default=0.0
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sheave:
+    """A sheave over which rope runs between the two ropes that end at it.
+
+    It is a point: the wheel's radius is negligible relative to the ropes' lengths. In the static
+    solution rope runs until the tension is equal on both sides, so that only the sum of their
+    `length_m` stays as given.
+    """
+
+    name: str = text("its name")
+    mass_kg: float = quantity("mass of block and wheel in air, of steel", "kg", 0.0, 1e6,
+                              default=0.0)  # fmt: skip
+    wheel_inertia_kg: float = quantity(
+        "moment of inertia of the wheel over its radius squared", "kg", 0.0, 1e6, default=0.0
+    )
+    friction: float = quantity(
+        "friction coefficient: tension ratio exp(friction·angle of wrap), running", "", 0.0, 1.0,
+        default=0.0,
+    )  # fmt: skip
+    tether: Tether | None = text("tether that holds it", None)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Strut:
+    """A spreader bar, hinged at both ends, in tension and compression.
+
+    Half its mass is at either end; it has no drag.
+    """
+
+    name: str = text("its name")
+    between: tuple[str, str] = text("payloads or joints at its ends")
+    length_m: float = quantity("length", "m", 0.1, 500.0)
+    mass_kg: float = quantity("mass in air, of steel", "kg", 0.0, 1e6, default=0.0)
+    stiffness_n_per_m: float = quantity("axial stiffness EA/L", "N/m", 1e5, 1e11, default=1e8)
+    damping_newton_seconds_per_m: float = quantity(
+        "damping coefficient c", "N·s/m", 0.0, 1e9, default=1e5
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RecordedPoses:
+    """Time history of the ship's pose from a bag: an Odometry or a PoseStamped topic."""
+
+    bag: str = text("bag: name in bags/, or path")
+    topic: str = text("topic; default: ship/odometry, or the only one of such a type", "")
+    rest_m: tuple[float, float, float] = quantity(
+        "mean position of the reference point in the record: east, north, up", "m", -1e8, 1e8,
+        default=(0.0, 0.0, 0.0),
+    )  # fmt: skip
+    heading_deg: float = quantity(
+        "mean heading of the bow in the record: 0 east, 90 north", "°", -360.0, 360.0,
+        default=0.0,
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class RegularHeave:
+    """A sine, z = a·sin(2π·t/T), about the mean position; it builds up with the ship's ramp."""
+
+    amplitude_m: float = quantity("amplitude, half of trough to crest", "m", 0.0, 30.0)
+    period_s: float = quantity("period", "s", 2.0, 100.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OnWaves:
+    """Ship moved by RAOs in the waves of the effect `waves`: same components, same phases."""
+
+    hull: BoxHull = text("box-like hull in head seas, heave only", BoxHull())
+    responses: str = text("RAOs in six degrees of freedom: name in config/responses/ or path", "")
+    heading_deg: float = quantity(
+        "heading of the bow with `responses`: 0 east, 90 north", "°", -360.0, 360.0, default=0.0
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeaState:
+    """Motion of the ship without a live input: a bag, a regular heave, or the scene's waves.
+
+    With none of them it does not move. `bag` is a name in bags/ or a path; a path in a scene is
+    relative to the scene's file.
+    """
+
+    bag: str = text("recorded heave to replay", "")
+    heave: RegularHeave | None = text("regular heave instead of a record", None)
+    on_waves: OnWaves | None = text("motion by RAOs in the scene's waves", None)
+    path: str = text("prescribed motion of the hang-off, table of t, x, y, z", "")
+    poses: RecordedPoses | None = text("recorded poses of the ship to replay", None)
+    start_s: float = quantity("time offset into the bag or the sine", "s", 0.0, 1e6, default=0.0)
+    loop: bool = text("repeat at the end of the bag", True)
+
+    @property
+    def posed(self) -> bool:
+        """Return whether it gives the ship's pose and not only its heave."""
+        told = bool(self.path or self.poses)
+        return told or (self.on_waves is not None and bool(self.on_waves.responses))
+
+    @property
+    def moves(self) -> bool:
+        """Return whether the ship moves."""
+        return bool(self.bag or self.path or self.heave or self.on_waves or self.poses)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """Limits of every rope and payload of the scene; a run that exceeds one ends with code 4."""
+
+    tension_n: float | None = quantity("maximum tension of a rope", "N", 1.0, 1e9, default=None)
+    utilisation: float = quantity(
+        "maximum utilisation: tension over the MBL of the rope's weakest section", "",
+        1e-3, 100.0, default=1.0,
+    )  # fmt: skip
+    min_tension_n: float | None = quantity(
+        "minimum tension along a rope; below it the line counts as slack", "N", 0.1, 1e9,
+        default=None,
+    )  # fmt: skip
+    strain: float = quantity(
+        "maximum strain, from the maximum tension and the rope's stiffness", "", 1e-4, 1.0,
+        default=0.1,
+    )  # fmt: skip
+    bend_radius: bool = text("apply the ropes' minimum_bend_radius_m as a limit", False)
+    payload_speed_m_per_s: float | None = quantity(
+        "maximum speed of a payload", "m/s", 1e-3, 1e2, default=None
+    )
+    payload_depth_m: float | None = quantity(
+        "maximum depth of a payload below the mean water level", "m", 0.0, 1.2e4, default=None
+    )
+    landing_speed_m_per_s: float | None = quantity(
+        "maximum landing velocity of a payload on the seabed", "m/s", 1e-3, 1e2, default=None
+    )
+
+
+def limit_faults(limits: Limits, bed: bool, radius: bool) -> Iterator[Fault]:
+    """Yield limits that nothing in the scene can reach.
+
+    Args:
+        bed: the scene lists a seabed.
+        radius: some rope has a minimum_bend_radius_m.
+    """
+    if limits.landing_speed_m_per_s is not None and not bed:
+        right = "add the effect `seabed`, or remove this limit"
+        yield "limits.landing_speed_m_per_s", "the scene has no seabed to land on", right
+    if limits.bend_radius and not radius:
+        right = "give a rope its minimum_bend_radius_m, or remove this limit"
+        yield "limits.bend_radius", "no rope of the scene has a minimum bend radius", right
+
+
 Params = TypeVar("Params")
 
 

@@ -3,18 +3,109 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import pi
 from typing import ClassVar
 
 from rope_twin.quantity import quantity, text
-from rope_twin.scene.winch_parts import (
-    Brake,
-    ConstantTension,
-    Drive,
-    Drum,
-    EmergencyStop,
-    HeaveCompensation,
-    TopSheave,
-)
+
+WIRE_PA = 1.96e11  # Young's modulus of a rope's steel wires
+LAYER_RISE = 0.9  # radial spacing of layers in rope diameters (nested in grooves)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drum:
+    """Layers of rope on a drum: layer k has the radius r_k = r_0 + (k - 1/2)·0.9·d."""
+
+    core_radius_m: float = quantity("radius of the bare drum, r_0", "m", 0.05, 10.0)
+    turns_per_layer: float = quantity("turns per layer", "", 1.0, 1e3)
+
+    def radius_m(self, layer: int, diameter_m: float) -> float:
+        """Return the radius from the axis to the middle of the rope in layer 1, 2, ... [m]."""
+        return self.core_radius_m + (layer - 0.5) * LAYER_RISE * diameter_m
+
+    def length_m(self, layers: int, diameter_m: float) -> float:
+        """Return the rope in this number of full layers: 2π·N·(k·r_0 + 0.45·d·k²) [m]."""
+        rise = 0.5 * LAYER_RISE * diameter_m * layers * layers
+        return 2.0 * pi * self.turns_per_layer * (layers * self.core_radius_m + rise)
+
+    def layer_of(self, stored_m: float, diameter_m: float) -> int:
+        """Return the layer from which rope leaves at a stored length; at least 1."""
+        layer = 1
+        while self.length_m(layer, diameter_m) < stored_m:
+            layer += 1
+        return layer
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive:
+    """Torque-limited drive: the winch renders above its limit. Needs a drum."""
+
+    inertia_kg_m2: float = quantity(
+        "moment of inertia of drum, rope, gear and motor, at the drum axis", "kg·m²", 1e-6, 1e9
+    )
+    torque_limit_n_m: float = quantity(
+        "maximum torque in both directions, at the axis", "N·m", 1.0, 1e9
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Brake:
+    """Brake on the drum, released at the start. Needs a drive, on whose inertia it acts."""
+
+    holding_torque_n_m: float = quantity("brake holding capacity, at the axis", "N·m", 1.0, 1e9)
+    delay_s: float = quantity("delay from command to effect, setting and releasing", "s", 0.0, 10.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class EmergencyStop:
+    """Stop beyond the ordinary limits, which also sets the brake if there is one."""
+
+    deceleration_m_per_s2: float = quantity("deceleration of the line", "m/s²", 0.01, 50.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeaveCompensation:
+    """Active heave compensation (AHC): pay-out efficiency·e^(-iω·delay)/(1 + iω·lag) of the heave
+    rate.
+
+    On at the start; added to the other motion of the winch, within its own limits.
+    """
+
+    efficiency: float = quantity("compensated fraction of the heave velocity", "", 0.0, 1.2)
+    lag_s: float = quantity("first-order lag of measurement and drive", "s", 0.0, 10.0)
+    delay_s: float = quantity("dead time before the lag", "s", 0.0, 5.0, default=0.0)
+    stroke_m: float = quantity("maximum stroke in both directions", "m", 0.01, 100.0)
+    speed_limit_m_per_s: float = quantity("maximum speed in both directions", "m/s", 0.01, 10.0)
+    acceleration_limit_m_per_s2: float = quantity("maximum acceleration", "m/s²", 0.01, 50.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class TopSheave:
+    """Overboarding sheave at the crane tip, for bending fatigue of the rope that passes it.
+
+    It does not influence the motion.
+    """
+
+    diameter_m: float = quantity("groove diameter", "m", 0.01, 20.0)
+    outer_wire_m: float = quantity("diameter of the rope's outer wires", "m", 1e-4, 0.05)
+
+    def bending_stress_pa(self, rope_diameter_m: float) -> float:
+        """Return E·δ/(D + d) of an outer wire (Reuleaux 1861; E as in Feyrer 2015, Wire Ropes)."""
+        return WIRE_PA * self.outer_wire_m / (self.diameter_m + rope_diameter_m)
+
+
+@dataclass(frozen=True, kw_only=True)
+class ConstantTension:
+    """Constant-tension control: speed = gain·(e + ∫e/T dt), e = tension less its set-point."""
+
+    gain_m_per_s_per_kn: float = quantity(
+        "proportional gain per kN of tension error", "m/s/kN", 1e-5, 10.0
+    )
+    integral_time_s: float | None = quantity(
+        "integral time T; default: proportional control, with a steady-state error",
+        "s", 0.1, 1e4, default=None,
+    )  # fmt: skip
+
 
 SWITCHES = {  # commands, and the component that each requires
     "emergency_stop": "emergency_stop",

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 from rope_twin.errors import SolverError
 from rope_twin.run.inputs import FIRST_NS, LEAD_NS, offer, open_sea
-from rope_twin.scene.rules.rigging import winches_by_name
+from rope_twin.scene.validation.rigging import winches_by_name
 from rope_twin.twin.pacing import steps_in_slot
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin

@@ -21,12 +21,11 @@ import numpy as np
 
 from rope_twin.effects import EFFECTS, Effect
 from rope_twin.errors import RopeTwinError
-from rope_twin.scene.figures import listed_effects
-from rope_twin.scene.rules.relations import faults
-from rope_twin.scene.rules.rigging import is_joined
-from rope_twin.scene.rules.shedding import model_beside
-from rope_twin.scene.schema import Scene
-from rope_twin.scene.sea_state import SeaState
+from rope_twin.scene.model.lift import listed_effects
+from rope_twin.scene.schema import Scene, SeaState
+from rope_twin.scene.validation.relations import faults
+from rope_twin.scene.validation.rigging import is_joined
+from rope_twin.scene.validation.vortices import model_beside
 from rope_twin.studies.accuracy.run import Course, Setting, Trial
 from rope_twin.studies.driven_twin import fed
 from rope_twin.studies.usual_effects import suggested

@@ -14,7 +14,7 @@ import numpy as np
 import rainflow
 from numpy.typing import NDArray
 
-from rope_twin.scene.arrays.composite import ends_m
+from rope_twin.scene.model.grid import ends_m
 from rope_twin.scene.schema import RopeLine
 from rope_twin.twin.fatigue.curves import (
     Curve,

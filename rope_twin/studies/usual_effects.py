@@ -15,8 +15,8 @@ from typing import Any
 
 from rope_twin.effects import Effect
 from rope_twin.effects.waves import Jonswap, WavesParams
-from rope_twin.scene.rules.water import bed_at, bed_of
 from rope_twin.scene.schema import Scene, Triple
+from rope_twin.scene.validation.environment import bed_at, bed_of
 
 SURFACE, BELOW = (0.5, 0.0), (0.1, 0.0)  # m/s
 SEA_STATE_4 = Jonswap(significant_height_m=1.9, peak_period_s=8.8)

@@ -8,7 +8,7 @@ from typing import Any
 from rope_twin.effects import EFFECTS
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.rigid_body import RigidBodyParams
-from rope_twin.scene.arrays.grid import elements_with
+from rope_twin.scene.model.grid import elements_with
 from rope_twin.scene.schema import Scene
 
 

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from rope_twin.effects.current import Current, CurrentInTime, from_rows
 from rope_twin.errors import phrase
-from rope_twin.scene.checks.water import strong_current
-from rope_twin.scene.rules.water import (
+from rope_twin.scene.validation.environment import (
     DEEPEST_ROW_M,
     MIN_ROW_SPACING_M,
     SHEAR_LIMIT_PER_S,
     steepest_shear,
 )
+from rope_twin.scene.warnings.water import strong_current
 from rope_twin.twin.health import InputCounter
 
 MAX_CURRENT_M_PER_S = 10.0

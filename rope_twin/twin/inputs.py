@@ -9,9 +9,8 @@ from numpy.typing import ArrayLike
 
 from rope_twin.errors import did_you_mean, phrase
 from rope_twin.scene.card import known_error
-from rope_twin.scene.rigging import WINCH
-from rope_twin.scene.rules.rigging import is_joined, winches_by_name
-from rope_twin.scene.schema import Scene
+from rope_twin.scene.schema import WINCH, Scene
+from rope_twin.scene.validation.rigging import is_joined, winches_by_name
 from rope_twin.twin.accuracy.validity import SceneMotion, StudyValidity
 from rope_twin.twin.current_input import CurrentInput
 from rope_twin.twin.cutting.cut_input import CutInput

@@ -16,10 +16,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 
-from rope_twin.scene.arrays.joined import alone
-from rope_twin.scene.figures import LiftFigures, lift_figures
-from rope_twin.scene.rules.rigging import is_joined, winch_of
+from rope_twin.scene.model.joined import alone
+from rope_twin.scene.model.lift import LiftFigures, lift_figures
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import is_joined, winch_of
 from rope_twin.twin.snapshot import LimitBreach, RopeBend, RopeStrength, Snapshot, Vector
 
 LINE_OUT_TOL_M = 0.02  # the static tension is computed again when the line out has changed by more

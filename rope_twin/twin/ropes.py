@@ -12,9 +12,9 @@ from rope_twin.core.energy import measure
 from rope_twin.core.joined.energy import SystemBorder, of_one
 from rope_twin.core.state import PULL_X, PULL_Z, Boundary, Floats, Rope
 from rope_twin.core.step import advance
-from rope_twin.scene.arrays.build import build
-from rope_twin.scene.rules.rigging import is_joined
+from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.twin.cutting.free_end import without_load
 from rope_twin.twin.cutting.parted import CutRope
 from rope_twin.twin.cutting.rope_cut import CutPosition, cut_rope

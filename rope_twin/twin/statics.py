@@ -17,9 +17,9 @@ from rope_twin.core.statics.equilibrium import solve_statics
 from rope_twin.core.statics.forces import Equilibrium
 from rope_twin.core.step import advance
 from rope_twin.errors import SceneError, phrase
-from rope_twin.scene.checks.load import SAFETY_FACTOR
-from rope_twin.scene.hung_together import hung_together
+from rope_twin.scene.model.lift import hung_together
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.warnings.rope import SAFETY_FACTOR
 
 MAX_FLOAT_HEIGHT_M = 1.0
 

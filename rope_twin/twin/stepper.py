@@ -17,10 +17,9 @@ from rope_twin.core import state as rows
 from rope_twin.core.solve.halving import HALVINGS
 from rope_twin.errors import InputError, SolverError, StateError, phrase
 from rope_twin.scene.card import KnownError
-from rope_twin.scene.rules.body import refuse_body
-from rope_twin.scene.rules.rigging import is_joined, refuse_joined, winch_of
-from rope_twin.scene.rules.shedding import model_beside, refuse_shedding
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import is_joined, refuse_body, refuse_joined, winch_of
+from rope_twin.scene.validation.vortices import model_beside, refuse_shedding
 from rope_twin.twin.accuracy.level import (
     AccuracyLevel,
     SceneMesh,

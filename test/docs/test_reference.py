@@ -9,9 +9,8 @@ import pytest
 
 from rope_twin.cli import COMMANDS
 from rope_twin.effects import EFFECTS
-from rope_twin.scene.keys import scene_keys
-from rope_twin.scene.load import scene_names
-from rope_twin.scene.ropes import rope_presets
+from rope_twin.scene.load import rope_presets, scene_names
+from rope_twin.scene.reference import scene_keys
 from rope_twin.topics import TOPICS
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"

@@ -41,9 +41,9 @@ from rope_twin.effects.travelling_waves import TravellingWavesParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.effects.waves import Jonswap, WavesParams
 from rope_twin.effects.weight import WeightParams
-from rope_twin.scene.arrays.build import build_effects
+from rope_twin.scene.model.rope import build_effects
 from rope_twin.scene.schema import Scene, Winch
-from rope_twin.scene.shapes.shapes import payload_figures
+from rope_twin.scene.shapes import payload_figures
 from rope_twin.twin import ropes
 
 Vector = NDArray[np.float64]

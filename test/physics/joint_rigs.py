@@ -16,7 +16,7 @@ from rope_twin.core.joined.joints import LOOSE, System, new_system
 from rope_twin.core.joined.statics import solve_joined_statics
 from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.state import Floats
-from rope_twin.scene.arrays.build import build
+from rope_twin.scene.model.rope import build
 
 Vector = NDArray[np.float64]
 Point = tuple[float, float, float]

@@ -20,8 +20,8 @@ from rope_twin.core.jit.decorators import jit_entry
 from rope_twin.effects.rigid_body import DeckParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
-from rope_twin.scene.arrays.build import build_effects
-from rope_twin.scene.shapes.shapes import PayloadFigures
+from rope_twin.scene.model.rope import build_effects
+from rope_twin.scene.shapes import PayloadFigures
 
 FIGURES = PayloadFigures(
     mass_kg=600.0, volume_m3=0.1, added_mass_kg=(150.0, 200.0, 260.0), drag_area_m2=(0.8, 1.1, 1.5),

@@ -22,9 +22,9 @@ from rope_twin.core.body.state import GridBed, PlaneBed, RigidBody
 from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.effects.seabed import SeabedParams, Soundings
 from rope_twin.errors import SceneError
-from rope_twin.scene.arrays.build import build_effects
+from rope_twin.scene.model.rope import build_effects
 from rope_twin.scene.schema import Winch
-from rope_twin.scene.shapes.shapes import payload_figures
+from rope_twin.scene.shapes import payload_figures
 
 G, MASS, RHO, VOLUME = 9.80665, 2000.0, 1025.0, 0.6
 WEIGHT = (MASS - RHO * VOLUME) * G

@@ -21,7 +21,7 @@ from rope_twin.core.joined import condensation
 from rope_twin.core.joined.coupled_chains import COUPLED_CHAIN_ROWS
 from rope_twin.effects.bending import Bending, BendingParams
 from rope_twin.effects.weight import Weight
-from rope_twin.scene.arrays.joined import build_joined
+from rope_twin.scene.model.joined import build_joined
 
 BENT = (Bending(1.0, 0.0, 0.0, 0.0, 0.0),)
 ENDS = slice(rows.CORRECTION, rows.CORRECTION + 3)

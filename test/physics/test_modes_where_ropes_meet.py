@@ -13,8 +13,7 @@ import pytest
 from rope_twin import load_scene
 from rope_twin.cli import main
 from rope_twin.errors import InputError
-from rope_twin.scene.rigging import Joint, Strut
-from rope_twin.scene.schema import HangOff, Payload, RopeLine, Scene
+from rope_twin.scene.schema import HangOff, Joint, Payload, RopeLine, Scene, Strut
 from rope_twin.studies.modes.modes import find_modes
 from rope_twin.studies.modes.system_modes import find_system_modes
 

@@ -18,13 +18,10 @@ from rope_twin.core.energy import Place, account_sum
 from rope_twin.core.jit.wide import LANES
 from rope_twin.effects import Surroundings
 from rope_twin.effects.payload import Payload, PayloadParams, TwoWayPayload, build
-from rope_twin.scene.rising import Rising
-from rope_twin.scene.rules.relations import faults
 from rope_twin.scene.schema import Payload as PayloadScene
-from rope_twin.scene.schema import Scene, ScheduleRow, Winch
-from rope_twin.scene.sea_state import RegularHeave, SeaState
-from rope_twin.scene.shapes.grab import Grab
-from rope_twin.scene.shapes.shapes import PayloadFigures, payload_figures
+from rope_twin.scene.schema import RegularHeave, Rising, Scene, ScheduleRow, SeaState, Winch
+from rope_twin.scene.shapes import Grab, PayloadFigures, payload_figures
+from rope_twin.scene.validation.relations import faults
 from rope_twin.studies.ensemble.plan import make_plan, read_axis
 from rope_twin.studies.ensemble.study import variations
 from rope_twin.twin.ensemble.ensemble import Ensemble

@@ -17,8 +17,7 @@ from rope_twin.effects.waves import WavesParams, components_of
 from rope_twin.recording.ship_sea import ShipOnWaves
 from rope_twin.run.inputs import FIRST_NS, offer, open_sea, series_of
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.schema import Scene, Ship
-from rope_twin.scene.sea_state import OnWaves, SeaState
+from rope_twin.scene.schema import OnWaves, Scene, SeaState, Ship
 from rope_twin.sea.box_motion import box_responses, table_of
 from rope_twin.sea.components import Waves
 from rope_twin.sea.heave_response import BoxHull, heave_response

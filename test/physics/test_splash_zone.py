@@ -18,7 +18,7 @@ from rope_twin.effects.payload import build as build_payload
 from rope_twin.effects.splash_zone import SplashZoneParams, build
 from rope_twin.effects.waves import RegularWave, WavesParams
 from rope_twin.scene.schema import Winch
-from rope_twin.scene.shapes.shapes import PayloadFigures
+from rope_twin.scene.shapes import PayloadFigures
 from rope_twin.twin.twin import Twin
 
 G, RHO = 9.80665, 1025.0

@@ -9,8 +9,7 @@ import pytest
 from rigs import Rig, march, sine
 
 from rope_twin.errors import InputError
-from rope_twin.scene.schema import Winch
-from rope_twin.scene.sea_state import RegularHeave, SeaState
+from rope_twin.scene.schema import RegularHeave, SeaState, Winch
 from rope_twin.studies.viv.moving import run_moving
 from rope_twin.twin.vibration.modal_vibration import ModalVibration, line_model_of_twin
 from rope_twin.viv.lateral_modes import find_lateral_modes

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rope_twin import Twin, load_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.winch_parts import (
+from rope_twin.scene.winch import (
     Brake,
     ConstantTension,
     Drive,

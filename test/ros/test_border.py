@@ -20,7 +20,7 @@ from rope_twin.ros.entry import DISCOVERY_RANGE
 from rope_twin.ros.processes import STANDBY
 from rope_twin.ros.suite import END_ORDER
 from rope_twin.run.seat import RELEASE, TAKE, service_name
-from rope_twin.scene.rigging import WINCH
+from rope_twin.scene.schema import WINCH
 from rope_twin.share import share_dir
 from rope_twin.topics import BY_NAME, CUT_TOPIC, INPUTS, TOPICS, WINCH_TOPICS
 

@@ -22,7 +22,7 @@ from rope_twin.effects import EFFECTS
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.payload import PayloadParams
 from rope_twin.effects.weight import WeightParams
-from rope_twin.scene.arrays.build import build
+from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 
 # a square root of several doubles at once: x86-64 and aarch64

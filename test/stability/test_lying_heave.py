@@ -14,8 +14,7 @@ from small_scene import digest, small_scene
 
 from rope_twin import Snapshot
 from rope_twin.messages import Level, Status, statuses
-from rope_twin.scene.schema import Scene, Ship
-from rope_twin.scene.sea_state import RegularHeave, SeaState
+from rope_twin.scene.schema import RegularHeave, Scene, SeaState, Ship
 from rope_twin.twin.twin import Twin
 
 DELAY_S = 0.15  # the twin runs so far behind the clock

@@ -12,7 +12,7 @@ from small_scene import digest, small_scene
 from rope_twin import Twin
 from rope_twin.errors import InputError
 from rope_twin.scene.schema import Scene
-from rope_twin.scene.winch_parts import (
+from rope_twin.scene.winch import (
     Brake,
     ConstantTension,
     Drive,

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from rope_twin.scene import card, digest
+from rope_twin.scene import card
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 
@@ -43,8 +43,8 @@ def sample_card(scene: Scene) -> dict[str, Any]:
         "format": card.FORMAT,
         "scene": scene.name,
         "seconds": 30.0,
-        "scene_digest": digest.scene_digest(scene),
-        "solver": digest.solver_version(scene),
+        "scene_digest": card.scene_digest(scene),
+        "solver": card.solver_version(scene),
         "machine": "a drawing board",
         "rows": [sample_row(elements, step_s) for elements in ELEMENTS for step_s in STEPS_S],
     }

@@ -11,10 +11,9 @@ from card_samples import UNCERTAINTY_PCT, carded_scene, error_pct, sample_card, 
 
 from rope_twin.effects import EFFECTS
 from rope_twin.errors import SceneError
-from rope_twin.scene import card, digest
-from rope_twin.scene.card import known_error, read_card
+from rope_twin.scene import card
+from rope_twin.scene.card import known_error, read_card, solver_version
 from rope_twin.scene.change import Change, change_scene
-from rope_twin.scene.digest import solver_version
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.variants import variant
 
@@ -89,7 +88,7 @@ def test_only_what_a_scene_lists_ages_its_card(monkeypatch: pytest.MonkeyPatch) 
     changed = tuple(
         dataclasses.replace(one, version=3) if one.name == "bending" else one for one in EFFECTS
     )
-    monkeypatch.setattr(digest, "EFFECTS", changed)
+    monkeypatch.setattr(card, "EFFECTS", changed)
     assert solver_version(load_scene("still_water")) == "1"
     assert solver_version(load_scene("riser_300m")) == "1, bending 3"
 

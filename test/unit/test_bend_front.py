@@ -12,8 +12,8 @@ import pytest
 
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
-from rope_twin.scene.arrays.build import build
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.model.rope import build
 from rope_twin.twin.accuracy.error_bound import LEFT
 
 GAMMA = 2.0 - np.sqrt(2.0)

@@ -24,8 +24,8 @@ from rope_twin.messages import decode, statuses
 from rope_twin.recording.mcap_scan import McapScan, StoredMessage
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import UnpacedRun, run_unpaced
-from rope_twin.scene.arrays.build import build
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.model.rope import build
 from rope_twin.studies.driven_twin import march
 from rope_twin.studies.variants import variant
 from rope_twin.twin.accuracy import error_interval

@@ -11,9 +11,9 @@ from rope_twin import Twin
 from rope_twin.core import state as rows
 from rope_twin.core.body import state as at
 from rope_twin.messages import Encoder, decode, statuses
-from rope_twin.scene.arrays.build import build
-from rope_twin.scene.arrays.joined import build_joined
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.model.joined import build_joined
+from rope_twin.scene.model.rope import build
 from rope_twin.studies.driven_twin import fed
 from rope_twin.studies.variants import variant
 from rope_twin.twin.accuracy.error_bound import LOOSE, ROUGH_S, ErrorBound

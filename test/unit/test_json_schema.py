@@ -11,8 +11,8 @@ import yaml
 from jsonschema import Draft202012Validator
 
 from rope_twin.cli import main
-from rope_twin.scene.json_schema import scene_schema
 from rope_twin.scene.load import load_scene, scene_names
+from rope_twin.scene.reference import scene_schema
 
 SCHEMA = scene_schema()
 VALIDATOR = Draft202012Validator(SCHEMA)

@@ -13,10 +13,9 @@ from rope_twin.cli import main
 from rope_twin.errors import SceneError
 from rope_twin.messages import Encoder, decode, statuses
 from rope_twin.messages.diagnostics import BreachWords, Level, Status
-from rope_twin.scene.digest import scene_digest
-from rope_twin.scene.limits import Limits
+from rope_twin.scene.card import scene_digest
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.schema import Scene
+from rope_twin.scene.schema import Limits, Scene
 from rope_twin.twin.snapshot import LimitBreach, Snapshot
 from rope_twin.twin.twin import Twin
 

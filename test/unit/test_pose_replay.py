@@ -24,8 +24,7 @@ from rope_twin.run.inputs import FIRST_NS, motion_topic, open_sea
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.schema import Ship
-from rope_twin.scene.sea_state import RecordedPoses
+from rope_twin.scene.schema import RecordedPoses, Ship
 from rope_twin.topics import BY_NAME, Qos, Topic
 from rope_twin.twin.motion.ship_pose import ShipPose, hang_off_motion
 

@@ -17,9 +17,9 @@ from rope_twin.recording.regular_heave import RegularSea
 from rope_twin.run.inputs import FIRST_NS, open_sea
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import UnpacedRun
-from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.sea_state import RegularHeave
+from rope_twin.scene.schema import RegularHeave
+from rope_twin.scene.warnings.rope import sense_checks
 from rope_twin.twin.motion.heave_track import HeaveTrack, ramp
 
 SEA = "sea_state: {start_s: 10.0, loop: true}"

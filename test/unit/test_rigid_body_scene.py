@@ -15,11 +15,11 @@ from rope_twin import messages
 from rope_twin.core.body.state import RigidBody
 from rope_twin.effects.rigid_body import RigidBodyParams, build
 from rope_twin.errors import InputError
-from rope_twin.scene.arrays.build import build_effects
-from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.rules.body import body_of
-from rope_twin.scene.shapes.shapes import payload_figures
+from rope_twin.scene.model.rope import build_effects
+from rope_twin.scene.shapes import payload_figures
+from rope_twin.scene.validation.rigging import body_of
+from rope_twin.scene.warnings.rope import sense_checks
 from rope_twin.twin.snapshot import BodyShot, Snapshot
 
 SLING = "{to_m: [1.0, 0.0, 0.7], length_m: 4.0, stiffness_n_per_m: 5.0e+6}"

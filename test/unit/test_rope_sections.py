@@ -11,14 +11,17 @@ import pytest
 from scene_text import GOOD, assert_refused, spoilt, written
 
 from rope_twin.core import state as rows
-from rope_twin.scene.arrays.build import build
-from rope_twin.scene.arrays.composite import Bar, damping_fraction, first_axial_frequency
-from rope_twin.scene.arrays.grid import node_coordinates
-from rope_twin.scene.checks.rope import sense_checks
-from rope_twin.scene.figures import lift_figures
-from rope_twin.scene.load import load_scene
-from rope_twin.scene.ropes import rope_preset
+from rope_twin.scene.load import load_scene, rope_preset
+from rope_twin.scene.model.grid import (
+    Bar,
+    damping_fraction,
+    first_axial_frequency,
+    node_coordinates,
+)
+from rope_twin.scene.model.lift import lift_figures
+from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Grading
+from rope_twin.scene.warnings.rope import sense_checks
 
 ROPE = "    rope: steel_wire_40mm\n"
 SECTIONS = """\

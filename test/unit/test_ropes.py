@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from rope_twin.errors import SceneError
-from rope_twin.scene.ropes import rope_preset, rope_presets
+from rope_twin.scene.load import rope_preset, rope_presets
 from rope_twin.scene.schema import Rope
 
 

@@ -11,10 +11,10 @@ from rope_twin.cli import main
 from rope_twin.errors import SceneError
 from rope_twin.messages import statuses
 from rope_twin.messages.diagnostics import Level, Status
-from rope_twin.scene.checks.rope import sense_checks
-from rope_twin.scene.digest import scene_digest
+from rope_twin.scene.card import scene_digest
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.schema import AcceptedWarning
+from rope_twin.scene.warnings.rope import sense_checks
 from rope_twin.sea.spectrum import jonswap, read_spectrum
 from rope_twin.sea.steepness import breaking_fault, steepness_warning, zero_crossing_period_s
 from rope_twin.share import share_dir

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from scene_text import GOOD, written
 
 from rope_twin.errors import SceneError
-from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.warnings.rope import sense_checks
 
 QUICK = settings(
     max_examples=150,

@@ -11,8 +11,8 @@ import pytest
 import yaml
 
 from rope_twin.cli import main
-from rope_twin.scene.keys import scene_keys
 from rope_twin.scene.load import load_scene, scene_names
+from rope_twin.scene.reference import scene_keys
 
 KNOWN = {key.path: key for key in scene_keys()}
 

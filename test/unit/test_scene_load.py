@@ -8,13 +8,11 @@ from scene_text import GOOD, spoilt, written
 
 from rope_twin.effects import EFFECTS
 from rope_twin.errors import SceneError
-from rope_twin.scene.checks.rope import accepted_warnings, sense_checks
-from rope_twin.scene.figures import lift_figures, listed_effects
-from rope_twin.scene.load import load_scene, scene_names
-from rope_twin.scene.ropes import rope_preset
-from rope_twin.scene.schema import Rope, ScheduleRow
-from rope_twin.scene.sea_state import SeaState
-from rope_twin.scene.shapes.shapes import Box, Cylinder, Sphere
+from rope_twin.scene.load import load_scene, rope_preset, scene_names
+from rope_twin.scene.model.lift import lift_figures, listed_effects
+from rope_twin.scene.schema import Rope, ScheduleRow, SeaState
+from rope_twin.scene.shapes import Box, Cylinder, Sphere
+from rope_twin.scene.warnings.rope import accepted_warnings, sense_checks
 
 SHIPPED = {"deep_lift", "shallow_lift", "hmpe_lift", "storm", "still_water"}
 ACCEPTED = {  # warnings that a shipped scene accepts, each with its reason

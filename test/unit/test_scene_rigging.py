@@ -11,9 +11,9 @@ from scene_text import GOOD, assert_refused, written
 from rope_twin import load_scene
 from rope_twin.core.joined.hanging import initial_shape
 from rope_twin.core.joined.joints import LOOSE
-from rope_twin.scene.arrays.first_shape import first_places
-from rope_twin.scene.arrays.joined import alone, build_joined
-from rope_twin.scene.checks.rope import sense_checks
+from rope_twin.scene.model.first_shape import first_places
+from rope_twin.scene.model.joined import alone, build_joined
+from rope_twin.scene.warnings.rope import sense_checks
 
 Place = tuple[float, float, float]
 

@@ -9,9 +9,18 @@ from hypothesis import strategies as st
 
 from rope_twin.errors import SceneError
 from rope_twin.scene.schema import Payload
-from rope_twin.scene.shapes.flooded import Skip, SuctionAnchor, Template, perforation_factor
-from rope_twin.scene.shapes.outline import Box, Cylinder, Sphere, depth_factor
-from rope_twin.scene.shapes.shapes import SHAPES, payload_figures
+from rope_twin.scene.shapes import (
+    SHAPES,
+    Box,
+    Cylinder,
+    Skip,
+    Sphere,
+    SuctionAnchor,
+    Template,
+    depth_factor,
+    payload_figures,
+    perforation_factor,
+)
 
 sizes = st.floats(0.05, 50.0)
 

@@ -15,10 +15,10 @@ from rope_twin.cli import main
 from rope_twin.effects.modal_vibration import ModalVibrationParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.errors import SceneError
-from rope_twin.scene.checks.rope import sense_checks
-from rope_twin.scene.figures import lift_figures
-from rope_twin.scene.rules.shedding import expected_pace, vortex_words
+from rope_twin.scene.model.lift import lift_figures
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.vortices import expected_pace, vortex_words
+from rope_twin.scene.warnings.rope import sense_checks
 from rope_twin.twin.accuracy.level import levels_of
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from validation.rigs import Rig

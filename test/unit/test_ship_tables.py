@@ -15,9 +15,9 @@ from rope_twin.errors import InputError, SceneError
 from rope_twin.messages import encode_pose
 from rope_twin.run.border import read_pose
 from rope_twin.run.inputs import open_sea
-from rope_twin.scene.checks.rope import sense_checks
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Ship
+from rope_twin.scene.warnings.rope import sense_checks
 from rope_twin.sea.components import DEEP, irregular_waves
 from rope_twin.sea.responses import COLUMNS, Responses, read_responses
 from rope_twin.sea.spectrum import jonswap

@@ -11,10 +11,9 @@ from rope_twin import Twin
 from rope_twin.core.state import Floats
 from rope_twin.effects.drag import DragParams
 from rope_twin.effects.waves import RegularWave, WavesParams
-from rope_twin.scene.arrays.build import build
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.schema import Scene
-from rope_twin.scene.sea_state import SeaState
+from rope_twin.scene.model.rope import build
+from rope_twin.scene.schema import Scene, SeaState
 from rope_twin.studies.variants import variant
 from rope_twin.twin.accuracy.error_fraction import THIRD, excess_load_m, wave_error_fraction
 

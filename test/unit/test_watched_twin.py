@@ -20,7 +20,7 @@ from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import RopeSection, Scene, Winch
-from rope_twin.scene.winch_parts import TopSheave
+from rope_twin.scene.winch import TopSheave
 from rope_twin.studies.driven_twin import march, still
 from rope_twin.studies.fatigue import RopeFatigue
 from rope_twin.twin.fatigue.curves import CURVES, wire_curve_warning

@@ -8,11 +8,10 @@ from dataclasses import replace
 import pytest
 
 from rope_twin.scene.load import load_scene
-from rope_twin.scene.rigging import WINCH
-from rope_twin.scene.rules.rigging import places, winches_by_name
-from rope_twin.scene.winch import ScheduleRow
+from rope_twin.scene.schema import WINCH
+from rope_twin.scene.validation.rigging import places, winches_by_name
+from rope_twin.scene.winch import Brake, ConstantTension, Drive, Drum, EmergencyStop, ScheduleRow
 from rope_twin.scene.winch import Winch as WinchScene
-from rope_twin.scene.winch_parts import Brake, ConstantTension, Drive, Drum, EmergencyStop
 from rope_twin.twin.saving.saved_state import scene_properties
 from rope_twin.twin.winch.command_queue import MAX_AT_ONCE, MAX_PLANNED
 from rope_twin.twin.winch.commands import COMMANDER_LOST, NEW_COMMANDER, WinchCommand

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from scene_text import GOOD, assert_refused, spoilt, written
 
-from rope_twin.scene.checks.rope import sense_checks
-from rope_twin.scene.digest import scene_digest
+from rope_twin.scene.card import scene_digest
 from rope_twin.scene.load import load_scene
+from rope_twin.scene.warnings.rope import sense_checks
 from rope_twin.scene.winch import ScheduleRow
 
 LEAST = "  least_line_out_m: 50.0\n"

@@ -15,7 +15,7 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Boundary, Rope
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.errors import SolverError, phrase
-from rope_twin.scene.arrays.build import build
+from rope_twin.scene.model.rope import build
 from rope_twin.twin.cutting.free_end import without_load
 from rope_twin.twin.cutting.parted import CutRope
 from rope_twin.twin.cutting.rope_cut import CutPosition, cut_rope, without_massless_section

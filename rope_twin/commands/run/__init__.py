@@ -95,8 +95,8 @@ def _unpaced(options: RunOptions, progress: FigureProgress) -> RunSummary:
     from rope_twin.messages.diagnostics import BreachWords
     from rope_twin.run.unpaced import run_unpaced
     from rope_twin.scene.change import at_setting
-    from rope_twin.scene.checks.rope import sense_checks
     from rope_twin.scene.load import load_scene
+    from rope_twin.scene.warnings.rope import sense_checks
 
     scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
     for warning in sense_checks(scene):
@@ -127,13 +127,17 @@ def _check_against_scene(options: RunOptions, progress: FigureProgress) -> None:
 def _tell_of_vortices(options: RunOptions, progress: FigureProgress) -> None:
     """Report the mesh and time step that the scene's VIV model needs, and what it gets.
 
-    Of too little of them a warning tells by itself (rope_twin.scene.checks).
+    Of too little of them a warning tells by itself (rope_twin.scene.warnings).
     """
     from rope_twin.scene.change import at_setting
-    from rope_twin.scene.figures import lift_figures
     from rope_twin.scene.load import load_scene
-    from rope_twin.scene.rules.rigging import is_joined
-    from rope_twin.scene.rules.shedding import check_vortex_resolution, shedding_model, vortex_words
+    from rope_twin.scene.model.lift import lift_figures
+    from rope_twin.scene.validation.rigging import is_joined
+    from rope_twin.scene.validation.vortices import (
+        check_vortex_resolution,
+        shedding_model,
+        vortex_words,
+    )
 
     scene = at_setting(load_scene(options.scene), options.elements, options.step_s)
     if not shedding_model(scene) or is_joined(scene):

@@ -13,11 +13,11 @@ from rope_twin.core.joined.reeving import solve_reeved_statics
 from rope_twin.core.joined.step import advance_joined
 from rope_twin.core.state import Boundary, Floats, Ints
 from rope_twin.core.step import advance
-from rope_twin.scene.arrays.build import build
-from rope_twin.scene.arrays.joined import build_joined
-from rope_twin.scene.rules.rigging import is_joined
-from rope_twin.scene.rules.shedding import model_beside
+from rope_twin.scene.model.joined import build_joined
+from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import is_joined
+from rope_twin.scene.validation.vortices import model_beside
 from rope_twin.twin.statics import check_equilibrium, solve_scene_statics
 
 

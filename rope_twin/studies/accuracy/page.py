@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from rope_twin.scene.card import PEAK, RMS, told_bound
-from rope_twin.scene.figures import lift_figures
-from rope_twin.scene.rules.rigging import is_joined
-from rope_twin.scene.rules.shedding import model_beside, vortex_words
+from rope_twin.scene.model.lift import lift_figures
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import is_joined
+from rope_twin.scene.validation.vortices import model_beside, vortex_words
 from rope_twin.studies import markdown
 from rope_twin.studies.accuracy.choice import cheapest_within
 from rope_twin.studies.accuracy.figures import QUANTITIES, STILL

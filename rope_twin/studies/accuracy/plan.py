@@ -9,11 +9,11 @@ import math
 from dataclasses import dataclass
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.scene.arrays.build import build
-from rope_twin.scene.arrays.joined import build_joined
-from rope_twin.scene.rules.rigging import is_joined
-from rope_twin.scene.rules.shedding import shedding_model
+from rope_twin.scene.model.joined import build_joined
+from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import is_joined
+from rope_twin.scene.validation.vortices import shedding_model
 from rope_twin.studies.accuracy.run import Setting
 
 LONGEST_STEP_S = 0.2  # the longest that a scene may have

@@ -19,8 +19,8 @@ from rope_twin.core import state as rows
 from rope_twin.errors import SolverError, phrase
 from rope_twin.recording.ship_sea import sample_of
 from rope_twin.run.inputs import FIRST_NS, open_sea, series_of
-from rope_twin.scene.rules.rigging import is_joined, places, winch_of
 from rope_twin.scene.schema import RopeLine, Scene, Triple
+from rope_twin.scene.validation.rigging import is_joined, places, winch_of
 from rope_twin.studies.accuracy.bodies import body_of
 from rope_twin.studies.driven_twin import fed
 from rope_twin.studies.variants import variant

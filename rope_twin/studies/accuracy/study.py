@@ -12,10 +12,9 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from rope_twin.errors import RopeTwinError
-from rope_twin.scene.card import FORMAT
-from rope_twin.scene.digest import scene_digest, solver_version
-from rope_twin.scene.rules.rigging import is_joined
+from rope_twin.scene.card import FORMAT, scene_digest, solver_version
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import is_joined
 from rope_twin.studies.accuracy.figures import BY_NAME, QUANTITIES, Values, differences, values
 from rope_twin.studies.accuracy.plan import Plan
 from rope_twin.studies.accuracy.reference import Reference, find_reference

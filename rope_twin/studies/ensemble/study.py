@@ -13,9 +13,8 @@ from rope_twin.errors import InputError, phrase
 from rope_twin.recording.heave_replay import open_heave
 from rope_twin.run.inputs import FIRST_NS, open_sea, series_of
 from rope_twin.scene.change import Change, change_scene
-from rope_twin.scene.figures import lift_figures
-from rope_twin.scene.schema import Scene
-from rope_twin.scene.sea_state import SeaState
+from rope_twin.scene.model.lift import lift_figures
+from rope_twin.scene.schema import Scene, SeaState
 from rope_twin.studies.ensemble.plan import Plan
 from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Lanes, Variation, whole_steps
 from rope_twin.twin.ensemble.member import MemberResults

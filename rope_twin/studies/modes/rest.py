@@ -11,9 +11,9 @@ from rope_twin.core.statics.equilibrium import solve_statics
 from rope_twin.core.statics.forces import SYMMETRIC, Couplings, Elastic, StillRope
 from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError, phrase
-from rope_twin.scene.arrays.build import build
-from rope_twin.scene.rules.body import refuse_body
+from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import refuse_body
 
 
 @dataclass(frozen=True)

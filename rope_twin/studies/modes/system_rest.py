@@ -32,7 +32,7 @@ from rope_twin.core.state import (
 )
 from rope_twin.core.statics.forces import SYMMETRIC, Couplings, StillRope
 from rope_twin.errors import SceneError, phrase
-from rope_twin.scene.arrays.joined import build_joined
+from rope_twin.scene.model.joined import build_joined
 from rope_twin.scene.schema import Scene
 
 

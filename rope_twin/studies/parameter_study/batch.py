@@ -14,7 +14,7 @@ from typing import Any
 from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError, phrase
 from rope_twin.scene.card import KnownError, known_error
-from rope_twin.scene.figures import lift_figures
+from rope_twin.scene.model.lift import lift_figures
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.ensemble.study import AFTER_NS, Seas
 from rope_twin.studies.fatigue import RopeFatigue

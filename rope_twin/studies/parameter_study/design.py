@@ -15,9 +15,9 @@ import numpy as np
 
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.scene.change import Change, change_scene
-from rope_twin.scene.ropes import rope_preset
-from rope_twin.scene.rules.relations import faults
+from rope_twin.scene.load import rope_preset
 from rope_twin.scene.schema import Rope, Scene
+from rope_twin.scene.validation.relations import faults
 from rope_twin.studies.parameter_study.file import RUNS_MOST, SEA_OFFSET_S, Study, Variable
 
 Value = float | str

@@ -12,9 +12,9 @@ from typing import Any
 
 from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError, RopeTwinError, phrase
-from rope_twin.scene.digest import solver_version
-from rope_twin.scene.rules.rigging import refuse_joined
+from rope_twin.scene.card import solver_version
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import refuse_joined
 from rope_twin.studies.parameter_study.batch import Batch, Row, cut_into_batches, run_batch
 from rope_twin.studies.parameter_study.design import design_runs, made_of
 from rope_twin.studies.parameter_study.file import Study

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core.state import Floats
-from rope_twin.scene.rules.rigging import winches_by_name
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import winches_by_name
 from rope_twin.sea.heave_response import BoxHull
 from rope_twin.sea.spectrum import jonswap
 from rope_twin.twin.motion.irregular_sea import SeaRecord, synthesise

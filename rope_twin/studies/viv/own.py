@@ -24,10 +24,10 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
 from rope_twin.effects import EFFECTS
 from rope_twin.errors import InputError, SceneError, phrase
-from rope_twin.scene.arrays.composite import ends_m
-from rope_twin.scene.figures import lift_figures
-from rope_twin.scene.rules.shedding import expected_pace, shedding_model
+from rope_twin.scene.model.grid import ends_m
+from rope_twin.scene.model.lift import lift_figures
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.vortices import expected_pace, shedding_model
 from rope_twin.studies.viv.moving import regular_motion
 from rope_twin.studies.viv.own_looks import PLACES, Look, looks_of, made_even, marched
 from rope_twin.studies.viv.study import YEAR_S

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rope_twin.scene.arrays.composite import ends_m
+from rope_twin.scene.model.grid import ends_m
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.fatigue import stress_damage
 from rope_twin.studies.viv.scene import SceneSpan, span_of

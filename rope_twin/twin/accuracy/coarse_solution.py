@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from rope_twin.twin.vibration.drag_amplification import VivDragAmplification
 
 
-from rope_twin.scene.rules.rigging import places
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import places
 from rope_twin.twin.winch.commands import WinchCommand
 from rope_twin.twin.winch.tension_feedback import HangOffMotion, tension_feedback
 from rope_twin.twin.winch.winch import Winch

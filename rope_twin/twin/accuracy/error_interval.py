@@ -22,10 +22,9 @@ from typing import Any, Self
 from rope_twin.core import state as rows
 from rope_twin.core.state import Boundary, Floats, Rope
 from rope_twin.effects.wake_oscillator import WakeOscillator
-from rope_twin.scene.rigging import WINCH
-from rope_twin.scene.rules.rigging import winches
-from rope_twin.scene.rules.shedding import strouhal_number
-from rope_twin.scene.schema import Scene
+from rope_twin.scene.schema import WINCH, Scene
+from rope_twin.scene.validation.rigging import winches
+from rope_twin.scene.validation.vortices import strouhal_number
 from rope_twin.twin.accuracy.coarse_solution import (
     CoarseRope,
     CoarseSolution,

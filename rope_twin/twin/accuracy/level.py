@@ -6,10 +6,9 @@ from dataclasses import dataclass, replace
 
 from rope_twin.core.state import Floats, Model, Rope
 from rope_twin.scene.card import KnownError, known_error
-from rope_twin.scene.rules.body import body_of
-from rope_twin.scene.rules.rigging import is_joined
-from rope_twin.scene.rules.shedding import shedding_model
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import body_of, is_joined
+from rope_twin.scene.validation.vortices import shedding_model
 from rope_twin.twin.accuracy.regrid import Grid, HangOff, coarse_room, coarser, finer, marks_of
 
 

@@ -17,8 +17,7 @@ import math
 from collections.abc import Sequence
 from typing import Protocol
 
-from rope_twin.scene.card import KnownError
-from rope_twin.scene.digest import scene_digest
+from rope_twin.scene.card import KnownError, scene_digest
 from rope_twin.scene.schema import Scene
 from rope_twin.twin.motion.ship_pose import STILL, ShipPose
 from rope_twin.twin.snapshot import Snapshot

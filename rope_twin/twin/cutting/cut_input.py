@@ -7,10 +7,9 @@ from collections.abc import Callable
 
 from rope_twin.effects.bending import BendingParams
 from rope_twin.errors import InputError, did_you_mean, phrase
-from rope_twin.scene.rules.body import body_of
-from rope_twin.scene.rules.rigging import is_joined, winch_of
-from rope_twin.scene.rules.shedding import model_beside, shedding_model
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import body_of, is_joined, winch_of
+from rope_twin.scene.validation.vortices import model_beside, shedding_model
 from rope_twin.twin.cutting.cut_plan import AT_LOWER_END, MIN_LENGTH_M, PlannedCut, read_plan
 from rope_twin.twin.health import AHEAD_NS, InputCounter, too_late
 from rope_twin.twin.snapshot import CutShot, InputHealth

@@ -37,8 +37,8 @@ from rope_twin.core.state import (
 from rope_twin.core.step import advance
 from rope_twin.effects.weight import Weight
 from rope_twin.errors import SolverError, phrase
-from rope_twin.scene.arrays.build import TOLERANCE_LEAST_N, TOLERANCE_SHARE
-from rope_twin.scene.arrays.grid import ROOM, halvings
+from rope_twin.scene.model.grid import ROOM, halvings
+from rope_twin.scene.model.rope import TOLERANCE_LEAST_N, TOLERANCE_SHARE
 from rope_twin.twin.cutting.effect_state import (
     is_viv_model,
     of_part,

@@ -23,11 +23,11 @@ from rope_twin.core import state as rows
 from rope_twin.core.jit.wide import LANES
 from rope_twin.core.lanes.group import why_alone
 from rope_twin.errors import InputError, SceneError, phrase
-from rope_twin.scene.arrays.build import build
 from rope_twin.scene.change import Change, change_scene
-from rope_twin.scene.rules.body import refuse_body
-from rope_twin.scene.rules.shedding import refuse_shedding
+from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import refuse_body
+from rope_twin.scene.validation.vortices import refuse_shedding
 from rope_twin.twin.ensemble.boundary_conditions import SharedBoundary, WinchMotion
 from rope_twin.twin.ensemble.member import Member, MemberResults, Scratch, Start
 from rope_twin.twin.ensemble.simd import advance_group, compile_lanes, sort_into_groups

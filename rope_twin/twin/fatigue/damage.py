@@ -25,7 +25,7 @@ import numpy as np
 from rope_twin.core import state as rows
 from rope_twin.core.state import Floats, Rope
 from rope_twin.effects.bending import Bending
-from rope_twin.scene.arrays.composite import ends_m
+from rope_twin.scene.model.grid import ends_m
 from rope_twin.scene.schema import RopeLine
 from rope_twin.twin.fatigue.curves import (
     Cycles,

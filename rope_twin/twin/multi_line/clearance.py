@@ -16,8 +16,8 @@ import numpy as np
 
 from rope_twin.core.state import Floats
 from rope_twin.errors import InputError, phrase
-from rope_twin.scene.rules.rigging import places
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import places
 from rope_twin.twin.multi_line.clearance_results import Crossing, LineEvent, LinesShot, Nearest
 from rope_twin.twin.snapshot import Snapshot
 

@@ -23,8 +23,8 @@ from rope_twin.core.state import ELEMENTS, Boundary, Floats, Rope
 from rope_twin.core.vortices.drag_growth import DragGrowth, set_growth
 from rope_twin.effects.decomposed_force import DecomposedForceParams
 from rope_twin.effects.modal_vibration import ModalVibrationParams
-from rope_twin.scene.rules.shedding import model_beside, shedding_model, strouhal_number
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.vortices import model_beside, shedding_model, strouhal_number
 from rope_twin.twin.results import RopeVibration
 from rope_twin.twin.vibration.coupled_model import (
     CoupledModel,

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from rope_twin.core.state import Floats
 from rope_twin.errors import InputError, phrase
-from rope_twin.scene.rules.rigging import refuse_joined
+from rope_twin.scene.validation.rigging import refuse_joined
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.vibration.line_model import line_model
 from rope_twin.viv.modal_response import ModalResponse

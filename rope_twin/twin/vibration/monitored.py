@@ -17,9 +17,9 @@ from rope_twin.core import state as rows
 from rope_twin.core.state import Floats
 from rope_twin.effects.bending import BendingParams
 from rope_twin.errors import InputError, StateError, phrase
-from rope_twin.scene.rules.rigging import refuse_joined
-from rope_twin.scene.rules.shedding import model_beside, shedding_model, strouhal_number
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import refuse_joined
+from rope_twin.scene.validation.vortices import model_beside, shedding_model, strouhal_number
 from rope_twin.twin.accuracy.level import AccuracyLevel
 from rope_twin.twin.fatigue.curves import wire_curve_warning
 from rope_twin.twin.fatigue.damage import DamageSettings, RopeDamage, bending_stiffness, curvature

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 
-from rope_twin.scene.winch_parts import HeaveCompensation
+from rope_twin.scene.winch import HeaveCompensation
 from rope_twin.twin.winch.commands import COMPENSATE, EMERGENCY_STOP, STOP_COMPENSATING
 from rope_twin.twin.winch.motion_profile import braking_speed
 from rope_twin.twin.winch.payout import Payout, WinchStep

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from typing import Protocol
 
+from rope_twin.scene.winch import ConstantTension
 from rope_twin.scene.winch import Winch as WinchScene
-from rope_twin.scene.winch_parts import ConstantTension
 from rope_twin.twin.winch.commands import DEPTH, LENGTH, SPEED, TENSION
 from rope_twin.twin.winch.payout import LineTarget, Payout, TensionFeedback
 

@@ -13,7 +13,7 @@ would have to exceed half the impedance over the step, h·√(EA·m)/2.
 
 from __future__ import annotations
 
-from rope_twin.scene import winch_parts
+from rope_twin.scene import winch as winch_parts
 from rope_twin.twin.winch.commands import EMERGENCY_STOP, RELEASE_BRAKE, SET_BRAKE
 from rope_twin.twin.winch.payout import Payout, WinchStep
 

@@ -12,9 +12,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from rope_twin.errors import phrase
-from rope_twin.scene.rigging import WINCH
-from rope_twin.scene.rules.rigging import places, winch_of
-from rope_twin.scene.schema import RopeLine, Scene
+from rope_twin.scene.schema import WINCH, RopeLine, Scene
+from rope_twin.scene.validation.rigging import places, winch_of
 from rope_twin.scene.winch import HOLD_SPEED, RAMP_TO_ZERO, SET_THE_BRAKE, SWITCHES
 from rope_twin.scene.winch import Winch as WinchScene
 from rope_twin.twin.snapshot import InputHealth, WinchShot

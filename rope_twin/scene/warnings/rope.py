@@ -6,37 +6,149 @@ A check never stops or changes anything. Each yields sentences `where: what; rem
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from math import ceil, floor, hypot, inf, pi, sqrt
+from math import asin, ceil, degrees, floor, hypot, inf, pi, sqrt
 
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
+from rope_twin.effects.rigid_body import RigidBodyParams, Sling
 from rope_twin.errors import phrase
-from rope_twin.scene.arrays.composite import Bar, tension_at_length
-from rope_twin.scene.arrays.joined import alone
-from rope_twin.scene.checks.body import check_body
-from rope_twin.scene.checks.load import SAFETY_FACTOR, check_load, load_together
-from rope_twin.scene.checks.water import (
-    check_current,
-    check_environment,
-    check_water,
-    is_air,
-    moored_up,
-)
-from rope_twin.scene.checks.winch import check_winch
-from rope_twin.scene.figures import (
+from rope_twin.scene.model.grid import Bar, tension_at_length
+from rope_twin.scene.model.joined import alone
+from rope_twin.scene.model.lift import (
     LiftFigures,
+    hung_together,
     lift_figures,
     listed_effects,
     schedule_meets_limit,
 )
-from rope_twin.scene.rules.rigging import is_joined
-from rope_twin.scene.rules.shedding import (
+from rope_twin.scene.schema import Rope, Scene
+from rope_twin.scene.shapes import Box
+from rope_twin.scene.validation.rigging import body_of, is_joined
+from rope_twin.scene.validation.vortices import (
     check_vortex_inputs,
     check_vortex_resolution,
     model_beside,
     shedding_model,
 )
-from rope_twin.scene.schema import Scene
+from rope_twin.scene.warnings.water import (
+    check_current,
+    check_environment,
+    check_water,
+    check_winch,
+    is_air,
+    moored_up,
+)
+
+SAFETY_FACTOR = 3.0  # MBL over static load, common for lifting wire
+
+
+def check_load(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """Check the static load at the start and at maximum payout."""
+    line = scene.ropes[0]
+    lengths = {"ropes[0]": (line.length_m, "")}
+    if scene.winch:
+        least, most = scene.winch.least_line_out_m, scene.winch.most_line_out_m
+        if figures.hung.dry_share(least) > 0.0:
+            lengths["winch.least_line_out_m"] = (least, f" with {least:g} m out, above the water,")
+        lengths["winch.most_line_out_m"] = (most, f" with {most:g} m out")
+    for path, (length, when) in lengths.items():
+        rope, tension = figures.weakest(length)
+        breaking = rope.breaking_load_n
+        if line.fixed_at_m or tension <= breaking / SAFETY_FACTOR:
+            continue
+        top = "top tension" if len(figures.bars) == 1 else f"tension of {_called(rope)}"
+        what = (
+            f"static {top} {tension / 1e3:.0f} kN{when} against a breaking load of "
+            f"{breaking / 1e3:.0f} kN"
+        )
+        if tension >= breaking:
+            yield phrase(path, f"{what}: the rope breaks", "take a stronger rope or a lighter load")
+            return
+        what = f"{what}, a safety factor of {breaking / tension:.2f}"
+        yield phrase(path, what, f"below {SAFETY_FACTOR:g} take a stronger rope or a lighter load")
+        return
+
+
+def load_together(scene: Scene) -> Iterator[str]:
+    """Check what the ropes from the ship carry together; the actual distribution is less even."""
+    held = hung_together(scene)
+    if held is None:
+        return
+    only, when, path = len(held.lines) == 1, "", "ropes[0]"
+    tension, breaking = held.weight_n, held.breaking_load_n
+    if only and scene.winch and tension <= breaking / SAFETY_FACTOR:
+        most = scene.winch.most_line_out_m
+        tension, when = held.weight_at(most), f" with {most:g} m out"
+        path = "winch.most_line_out_m"
+    if tension <= breaking / SAFETY_FACTOR:
+        return
+    pull = "static top tension" if only else f"{len(held.lines)} ropes from the ship carry"
+    what = f"{pull} {tension / 1e3:.0f} kN{when} against a breaking load of {breaking / 1e3:.0f} kN"
+    if not only:
+        path, what = "ropes", f"{what} together"
+    if tension >= breaking:
+        yield phrase(path, f"{what}: rope breaks", "take stronger rope or a lighter load")
+        return
+    what = f"{what}, a safety factor of {breaking / tension:.2f}"
+    yield phrase(path, what, f"below {SAFETY_FACTOR:g} take stronger rope or a lighter load")
+
+
+def _called(rope: Rope) -> str:
+    return rope.about or f"the {1e3 * rope.diameter_m:g} mm rope"
+
+
+ANOTHER_SIZE = 0.2  # relative difference of a length of shape and outline that is accepted
+FLATTEST_DEG = 60.0  # of a sling from the vertical: its tension is then twice its share
+LONGEST_STRETCH = 0.1  # of a sling's length
+
+
+def check_body(scene: Scene, figures: LiftFigures) -> Iterator[str]:
+    """Check the outline, and slings that are too flat or too soft."""
+    body = body_of(scene)
+    if body is None:
+        return
+    yield from _size(scene, body)
+    told: dict[str, list[str]] = {}
+    for number, sling in enumerate(body.slings):
+        for warning in _sling(body, sling, figures.payload_weight_n):
+            told.setdefault(warning, []).append(str(number))
+    for warning, numbers in told.items():
+        yield f"effects.rigid_body.slings[{', '.join(numbers)}]{warning}"
+
+
+def _size(scene: Scene, body: RigidBodyParams) -> Iterator[str]:
+    shape = scene.payloads[0].shape
+    if not isinstance(shape, Box):
+        return
+    box = (shape.length_m, shape.width_m, shape.height_m)
+    if any(abs(a - b) > ANOTHER_SIZE * max(a, b) for a, b in zip(box, body.size_m, strict=True)):
+        sides = [" × ".join(f"{side:g}" for side in one) for one in (body.size_m, box)]
+        what = f"{sides[0]} m, and the payload's shape is a box of {sides[1]} m"
+        right = "give one size: inertia and contact use the first, drag and added mass this one"
+        yield phrase("effects.rigid_body.size_m", what, right)
+
+
+def _sling(body: RigidBodyParams, sling: Sling, weight_n: float) -> Iterator[str]:
+    """Check one sling, with the hook above the middle of the attachment points."""
+    middle = [sum(one.to_m[axis] for one in body.slings) / len(body.slings) for axis in (0, 1)]
+    aside = hypot(sling.to_m[0] - middle[0], sling.to_m[1] - middle[1])
+    length = sling.length_m
+    if aside >= length:
+        what = f"{length:g} m does not reach the hook at a lateral offset of {aside:.2f} m"
+        yield phrase(".length_m", what, f"give more than {aside:.2f} m")
+        return
+    angle = degrees(asin(aside / length))
+    if angle > FLATTEST_DEG:
+        what = (
+            f"{length:g} m is {angle:.0f}° from the vertical: more than twice its share of the load"
+        )
+        yield phrase(".length_m", what, f"give {aside / sqrt(0.75):.1f} m or more")
+    pull = max(weight_n, 0.0) / len(body.slings) * length / sqrt(length**2 - aside**2)
+    stretch = pull / sling.stiffness_n_per_m
+    if stretch > LONGEST_STRETCH * length:
+        what = f"its share of the load, {pull / 1e3:.0f} kN, stretches it by {stretch:.2g} m"
+        yield phrase(".stiffness_n_per_m", what, "give EA over length in N/m, not kN/m")
+
 
 LONGEST_ELEMENT_M, SHORTEST_ELEMENT_M = 50.0, 0.5
 LARGEST_DAMPING = 0.1  # damping ratio

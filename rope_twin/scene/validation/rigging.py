@@ -1,8 +1,4 @@
-"""Rules of a scene's topology: where ropes begin and end, and that everything is suspended.
-
-A scene of one rope from the winch to a payload or a fixed point is the single-line case; anything
-else is `joined` (multi-line).
-"""
+"""Rules of lines, connections, sheaves and rigid bodies of a scene."""
 
 from __future__ import annotations
 
@@ -14,15 +10,16 @@ from rope_twin.effects.added_mass import AddedMassParams
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.current import CurrentParams
 from rope_twin.effects.drag import DragParams
+from rope_twin.effects.fairing import FairingParams
+from rope_twin.effects.net import NetParams
 from rope_twin.effects.payload import PayloadParams
+from rope_twin.effects.rigid_body import RigidBodyParams
 from rope_twin.effects.seabed import SeabedParams
 from rope_twin.effects.splash_zone import SplashZoneParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.effects.weight import WeightParams
 from rope_twin.errors import SceneError, did_you_mean, phrase
-from rope_twin.scene.rigging import WINCH
-from rope_twin.scene.rules.fault import Fault
-from rope_twin.scene.schema import RopeLine, Scene, Triple, Winch
+from rope_twin.scene.schema import WINCH, Fault, RopeLine, Scene, Sheave, Triple, Winch
 
 # Effects supported in multi-line scenes: without a payload, or with one of each rope's own.
 MEETING = (
@@ -239,3 +236,97 @@ RIGGING_RULES: tuple[Callable[[Scene], Iterator[Fault]], ...] = (
     _what_joints_need,
     _own_bending,
 )
+
+
+def lines_at(scene: Scene, sheave: Sheave) -> list[int]:
+    """Return the indices of the ropes that end at a sheave."""
+    return [number for number, line in enumerate(scene.ropes) if line.to == sheave.name]
+
+
+def sheaves_hold(scene: Scene) -> Iterator[Fault]:
+    """Check that each sheave has two ropes of the same material, neither straight from the ship."""
+    for number, sheave in enumerate(scene.sheaves):
+        path = f"sheaves[{number}]"
+        ends = lines_at(scene, sheave)
+        if any(line.from_ == sheave.name for line in scene.ropes):
+            right = f"let both stretches end there (`to: {sheave.name}`)"
+            yield path, f"a rope begins at '{sheave.name}'", right
+        elif len(ends) != 2:
+            what = f"{len(ends)} ropes end at '{sheave.name}'"
+            right = f"rope runs over it from one stretch into another: give `to: {sheave.name}` "
+            yield path, what, right + "to two ropes"
+        else:
+            yield from _stretches(scene, ends)
+        if sheave.tether is None and sheave.mass_kg == 0.0:
+            right = "give it a `tether` or a mass"
+            yield path, f"nothing holds '{sheave.name}' down", right
+        if any(sheave.name in strut.between for strut in scene.struts):
+            yield path, f"a bar ends at '{sheave.name}'", "let it end at a payload or a joint"
+
+
+def _stretches(scene: Scene, ends: list[int]) -> Iterator[Fault]:
+    """Check the two ropes that run as one over a sheave."""
+    one, other = (scene.ropes[number] for number in ends)
+    for number in ends:
+        path, line = f"ropes[{number}]", scene.ropes[number]
+        if line.from_ in places(scene):
+            what = f"'{line.name}' goes from '{line.from_}' straight to a sheave"
+            right = "put a payload or a joint between: a winch and a sheave need a stretch each"
+            yield path, what, right
+        if len(line.made_of) > 1:
+            right = "give it one `rope`; put a joint where the material changes"
+            yield path, f"'{line.name}' runs over a sheave and has sections", right
+        if line.grading is not None:
+            right = "remove `grading`: elements are added and removed at its end"
+            yield path, f"'{line.name}' runs over a sheave and is graded", right
+    if _makes_differ(one, other):
+        what = f"'{one.name}' and '{other.name}' are one rope and differ in material"
+        yield f"ropes[{ends[1]}]", what, "give both the same `rope` and `damping`"
+
+
+def _makes_differ(one: RopeLine, other: RopeLine) -> bool:
+    pairs = zip(one.made_of, other.made_of, strict=False)
+    return one.damping != other.damping or any(a.rope != b.rope for a, b in pairs)
+
+
+# Effects that treat a payload as a point at the rope's end.
+OF_A_POINT = {
+    PayloadParams: "payload", NetParams: "net", FairingParams: "fairing",
+}  # fmt: skip
+
+
+def body_of(scene: Scene) -> RigidBodyParams | None:
+    """Return the rigid-body parameters of a scene's payload; None if it is a point."""
+    return scene.listed(RigidBodyParams)
+
+
+def refuse_body(scene: Scene, what: str) -> None:
+    """Reject scenes with a rigid body where unsupported; what: the reason.
+
+    Raises:
+        SceneError: the scene's payload is a rigid body.
+    """
+    if body_of(scene) is not None:
+        right = "use `payload`, a point, instead"
+        raise SceneError(phrase(f"{scene.path}: effects.rigid_body", what, right))
+
+
+def body_holds(scene: Scene) -> Iterator[Fault]:
+    """Check that it has a payload, and that no effect treats it as a point."""
+    own = body_of(scene)
+    if own is None:
+        return
+    for params in scene.effects:
+        if name := OF_A_POINT.get(type(params), ""):
+            what = f"`rigid_body` and `{name}`, which treats the payload as a point"
+            yield "effects", what, f"remove `{name}`, or use `payload` for the body"
+        if isinstance(params, SplashZoneParams) and params.height_m != own.size_m[2]:
+            what = f"{params.height_m:g} m is not the height of the body, {own.size_m[2]:g} m"
+            yield "effects.splash_zone.height_m", what, "give the third value of size_m"
+    if not scene.payloads or not any(line.to for line in scene.ropes):
+        what = "`rigid_body` is listed but no payload is"
+        yield "effects", what, "add it under `payloads` and to the rope's `to`, or remove it"
+        return
+    if scene.payloads[0].mass_kg == 0.0:
+        right = "give the body a mass"
+        yield "payloads[0].mass_kg", "a rigid body without mass cannot move", right

@@ -19,10 +19,10 @@ from rope_twin.core.joined.reeving import reeve
 from rope_twin.core.state import ELEMENTS, POSITION, C, Floats, Rope
 from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.splash_zone import SplashZoneParams
-from rope_twin.scene.arrays.build import build, build_effects, tables_of
-from rope_twin.scene.arrays.composite import weight_n_per_m
-from rope_twin.scene.arrays.first_shape import first_places
-from rope_twin.scene.arrays.sheaves import (
+from rope_twin.scene.model.first_shape import first_places
+from rope_twin.scene.model.grid import weight_n_per_m
+from rope_twin.scene.model.rope import build, build_effects, tables_of
+from rope_twin.scene.model.sheaves import (
     ends_of,
     room_for,
     runs_over_sheave,
@@ -30,10 +30,9 @@ from rope_twin.scene.arrays.sheaves import (
     wheels,
     with_both_stretches,
 )
-from rope_twin.scene.rigging import STEEL_KG_PER_M3, WINCH
-from rope_twin.scene.rules.rigging import places, winch_of
-from rope_twin.scene.schema import Payload, RopeLine, Scene
-from rope_twin.scene.shapes.shapes import PayloadFigures, payload_figures
+from rope_twin.scene.schema import STEEL_KG_PER_M3, WINCH, Payload, RopeLine, Scene
+from rope_twin.scene.shapes import PayloadFigures, payload_figures
+from rope_twin.scene.validation.rigging import places, winch_of
 
 NOTHING = PayloadFigures(0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from rope_twin.core.joined.hanging import Link, guess_positions
 from rope_twin.core.state import Floats
-from rope_twin.scene.rules.rigging import meeting_points, places
 from rope_twin.scene.schema import Scene
+from rope_twin.scene.validation.rigging import meeting_points, places
 
 
 def first_places(scene: Scene) -> dict[str, Floats]:

@@ -13,8 +13,7 @@ import numpy as np
 from rope_twin.core.joined import ties
 from rope_twin.core.joined.reeving import Wheel
 from rope_twin.core.state import Floats
-from rope_twin.scene.rigging import STEEL_KG_PER_M3
-from rope_twin.scene.schema import RopeLine, Scene, Winch
+from rope_twin.scene.schema import STEEL_KG_PER_M3, RopeLine, Scene, Winch
 
 LEAST_ELEMENTS = 2.0  # minimum remaining length of a stretch, in elements
 

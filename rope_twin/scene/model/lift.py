@@ -13,19 +13,110 @@ from typing import Any
 import numpy as np
 
 from rope_twin.effects import EFFECTS
-from rope_twin.scene.arrays.build import find_payload, hanging_bars, section_damping
-from rope_twin.scene.arrays.composite import (
+from rope_twin.effects.rigid_body import STEEL, RigidBodyParams
+from rope_twin.effects.splash_zone import SplashZoneParams
+from rope_twin.scene.model.grid import (
     Bar,
     damping_fraction,
     end_mass_kg,
     first_axial_frequency,
+    least_line_out_m,
+    node_coordinates,
+    weight_n_per_m,
 )
-from rope_twin.scene.arrays.grid import least_line_out_m, node_coordinates
-from rope_twin.scene.arrays.joined import alone
-from rope_twin.scene.hung_load import HungLoad, hung_load
-from rope_twin.scene.rules.rigging import is_joined
+from rope_twin.scene.model.joined import alone, point_figures
+from rope_twin.scene.model.rope import find_payload, hanging_bars, section_damping
 from rope_twin.scene.schema import Rope, RopeLine, Scene, Winch
-from rope_twin.scene.shapes.shapes import PayloadFigures, payload_figures
+from rope_twin.scene.shapes import PayloadFigures, payload_figures
+from rope_twin.scene.validation.rigging import body_of, is_joined, places
+
+
+@dataclass(frozen=True)
+class HungLoad:
+    """Weight of payload and hook as a function of the paid-out length."""
+
+    wet_n: float = 0.0  # submerged payload, and hook
+    lift_n: float = 0.0  # the payload's buoyancy, if it can leave the water; else 0
+    height_m: float = 1.0  # of the payload
+    middle_m: float = 0.0  # height of the payload's middle above the water at zero payout
+
+    def dry_share(self, line_out_m: float) -> float:
+        """Return the fraction of the payload above the water, 0 to 1; 0 if treated as submerged."""
+        if self.lift_n <= 0.0:
+            return 0.0
+        return min(max(0.5 + (self.middle_m - line_out_m) / self.height_m, 0.0), 1.0)
+
+    def weight_n(self, line_out_m: float) -> float:
+        """Return the static load on the rope's lower end [N]."""
+        return self.wet_n + self.dry_share(line_out_m) * self.lift_n
+
+
+def hung_load(scene: Scene, figures: PayloadFigures | None) -> HungLoad:
+    """Return the suspended load of a single-line scene; in multi-line scenes it is submerged.
+
+    Args:
+        scene: as loaded.
+        figures: of its payload; None: a fixed end without a load.
+    """
+    if figures is None:
+        return HungLoad()
+    water, body = scene.environment, body_of(scene)
+    density, g = water.water_density_kg_per_m3, water.gravity_m_per_s2
+    lift = density * figures.volume_m3 * g
+    hook = body.hook_mass_kg * (1.0 - density / STEEL) * g if body else 0.0
+    wet = figures.mass_kg * g - lift + hook
+    surfacing = next((own for own in scene.effects if isinstance(own, SplashZoneParams)), None)
+    if surfacing is None:
+        return HungLoad(wet)
+    top = scene.ship.hang_off_m[2] - (_below_hook_m(body) if body else 0.0)
+    return HungLoad(wet, lift, surfacing.height_m, top)
+
+
+def _below_hook_m(body: RigidBodyParams) -> float:
+    """Return the distance of the body's middle below the rope's end."""
+    if body.pinned_at_m is not None:
+        return body.pinned_at_m[2]
+    drops = [
+        one.to_m[2] + sqrt(max(one.length_m**2 - one.to_m[0] ** 2 - one.to_m[1] ** 2, 0.0))
+        for one in body.slings
+    ]
+    return sum(drops) / len(drops)
+
+
+@dataclass(frozen=True)
+class HungTogether:
+    """Weights in still water."""
+
+    lines: tuple[RopeLine, ...]  # ropes that leave the ship
+    ropes: tuple[Rope, ...]  # their topmost sections
+    weight_n: float  # of payloads, joints, bars and all paid-out rope at the start
+    per_m_n: float  # of the first rope's topmost section: increase with payout [N/m]
+
+    def weight_at(self, line_out_m: float) -> float:
+        """Return the weight at a paid-out length of the first rope [N]."""
+        return self.weight_n + self.per_m_n * (line_out_m - self.lines[0].length_m)
+
+    @property
+    def breaking_load_n(self) -> float:
+        """Return the sum of the MBL of the ropes from the ship [N]."""
+        return sum(rope.breaking_load_n for rope in self.ropes)
+
+
+def hung_together(scene: Scene) -> HungTogether | None:
+    """Return the weights of a multi-line scene; None with a fixed end or a tether."""
+    if scene.sheaves or any(line.fixed_at_m for line in scene.ropes):
+        return None
+    water = scene.environment
+    density, g = water.water_density_kg_per_m3, water.gravity_m_per_s2
+    loads = point_figures(scene).values()
+    weight = sum((one.mass_kg - density * one.volume_m3) * g for one in loads)
+    for line in scene.ropes:
+        lengths = zip(line.made_of, line.lengths_m(line.length_m), strict=True)
+        weight += sum(weight_n_per_m(one.rope, water) * length for one, length in lengths)
+    from_ship = tuple(line for line in scene.ropes if line.from_ in places(scene))
+    tops = tuple(line.made_of[-1].rope for line in from_ship)
+    return HungTogether(from_ship, tops, weight, weight_n_per_m(tops[0], water))
+
 
 SCHEDULE_HORIZON_S = 86400.0  # time horizon for following a winch schedule
 

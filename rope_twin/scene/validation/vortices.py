@@ -21,8 +21,8 @@ from rope_twin.effects.drag import DragParams
 from rope_twin.effects.strouhal_forcing import StrouhalForcingParams
 from rope_twin.effects.waves import WavesParams
 from rope_twin.errors import SceneError, phrase
-from rope_twin.scene.arrays.composite import Bar, tension_at_length
-from rope_twin.scene.figures import LiftFigures
+from rope_twin.scene.model.grid import Bar, tension_at_length
+from rope_twin.scene.model.lift import LiftFigures
 from rope_twin.scene.schema import Scene
 
 # Linear elements shorten a wave by (π/n)²/6: 0.4 % at 20. At 200 steps TR-BDF2 has a period error

@@ -1,0 +1,242 @@
+"""Reference of all keys of a scene's file, generated from the classes that it is read into.
+
+As a table, and as JSON Schema (2020-12): editors complete and check a scene by it. What relates
+several keys to each other, such as a line that ends at a payload of the scene, only
+`rope_twin scene check` can check.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import sys
+import types
+from collections.abc import Iterator
+from typing import Any, Union, get_args, get_origin, get_type_hints
+
+from rope_twin.effects import EFFECTS
+from rope_twin.quantity import Quantity
+from rope_twin.scene.load import rope_presets
+from rope_twin.scene.reader import key_of
+from rope_twin.scene.schema import Rope, Scene, Shape, Winch
+from rope_twin.scene.shapes import SHAPES
+
+_NOT_IN_THE_FILE = ("name", "path", "digest")  # of a Scene
+_WORDS = {bool: "true or false", str: "text", int: "whole number", float: "number"}
+
+
+@dataclasses.dataclass(frozen=True)
+class Key:
+    """One key: its path, type and meaning."""
+
+    path: str  # like ropes[].damping.newton_seconds
+    wants: str  # type: "number", "3 numbers", "mapping", "list of mappings" ...
+    meaning: str
+    range: str  # of numbers, with the unit; empty if there is none
+    default: str | None  # None: required wherever its parent is given
+
+
+def scene_keys() -> list[Key]:
+    """Return all keys, each part's before those of the next; a part is described once."""
+    return list(_keys_of(Scene, "", {Winch: "winch"}))
+
+
+def _keys_of(cls: type, path: str, told: dict[type, str]) -> Iterator[Key]:
+    """Yield the keys of a class at a path that ends with a dot; told: classes already described."""
+    hints = get_type_hints(cls)
+    left_out = _NOT_IN_THE_FILE if cls is Scene else ()
+    for field in dataclasses.fields(cls):
+        if field.init and field.name not in left_out:
+            yield from _keys_at(field, hints[field.name], path + key_of(field), told)
+
+
+def _keys_at(
+    field: dataclasses.Field[Any], hint: Any, path: str, told: dict[type, str]
+) -> Iterator[Key]:
+    """Yield a key, and those within it."""
+    hint = _given(hint)
+    inner, place = _inner(hint, path)
+    if told.get(inner, place) != place:
+        yield _key(field, f"{_wanted(hint)} as {told[inner]}", path)
+        return
+    yield _key(field, _wanted(hint), path)
+    if path == "effects":
+        for effect in EFFECTS:
+            about = sys.modules[effect.params.__module__].__doc__ or effect.name
+            yield from _named(effect.name, effect.params, about, (f"{path}[]", told))
+    elif inner is Shape:
+        for name, shape in SHAPES.items():
+            yield from _named(name, shape, shape.__doc__ or name, (path, told))
+    elif isinstance(inner, type) and dataclasses.is_dataclass(inner):
+        told[inner] = place
+        yield from _keys_of(inner, f"{place}.", told)
+
+
+def _named(name: str, cls: type, about: str, where: tuple[str, dict[type, str]]) -> Iterator[Key]:
+    """Yield one of several mappings by name; about: text whose first sentence describes it."""
+    path, told = where
+    meaning = " ".join(about.split()).partition(". ")[0].rstrip(".")
+    yield Key(f"{path}.{name}", "mapping", meaning, "", "absent")
+    yield from _keys_of(cls, f"{path}.{name}.", told)
+
+
+def _key(field: dataclasses.Field[Any], wants: str, path: str) -> Key:
+    quantity: Quantity | None = field.metadata.get("quantity")
+    meaning = quantity.about if quantity else str(field.metadata.get("about", ""))
+    bounded = quantity is not None and math.isfinite(quantity.high - quantity.low)
+    told = quantity.range_text() if quantity and (bounded or quantity.unit) else ""
+    return Key(path, wants, meaning, told, _default(field))
+
+
+def _default(field: dataclasses.Field[Any]) -> str | None:
+    """Return the default in words; None: the key is required."""
+    value = field.default
+    if value is dataclasses.MISSING:
+        return None
+    if value is None or value in ("", ()) or dataclasses.is_dataclass(value):
+        return "absent"
+    if isinstance(value, tuple):
+        return f"[{', '.join(f'{one:g}' for one in value)}]"
+    if isinstance(value, bool | str):
+        return str(value).lower()
+    return f"{value:g}"
+
+
+def _given(hint: Any) -> Any:
+    """Return the type of an optional key's value."""
+    if get_origin(hint) in (Union, types.UnionType):
+        (hint,) = (one for one in get_args(hint) if one is not type(None))
+    return hint
+
+
+def _inner(hint: Any, path: str) -> tuple[Any, str]:
+    """Return the element type of a list or named mapping, and its path."""
+    if get_origin(hint) is tuple:
+        return get_args(hint)[0], f"{path}[]"
+    if get_origin(hint) is dict:
+        return get_args(hint)[1], f"{path}.NAME"
+    return hint, path
+
+
+def _wanted(hint: Any) -> str:
+    """Return a value's type in words."""
+    if get_origin(hint) is dict:
+        return "mapping of names"
+    if get_origin(hint) is not tuple:
+        return _WORDS.get(hint, "mapping")
+    of = get_args(hint)
+    each = _wanted(of[0])
+    if of[-1] is not Ellipsis:
+        kinds = {_wanted(one) for one in of}
+        return f"{len(of)} {each}s" if len(kinds) == 1 else f"{len(of)} values"
+    if get_origin(of[0]) is not tuple:
+        return f"list of {each}s"
+    return f"rows of {each.removeprefix('list of ')}"
+
+
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+_TYPES = {bool: "boolean", str: "string", int: "integer", float: "number"}
+_EMPTY = Quantity("", "")
+
+Schema = dict[str, Any]
+
+
+def scene_schema() -> Schema:
+    """Return the schema of a scene file; parts that occur in several places are in `$defs`."""
+    definitions: Schema = {}
+    root = _object_schema(Scene, definitions)
+    return {"$schema": DIALECT, "title": "rope_twin scene", **root, "$defs": definitions}
+
+
+def _object_schema(cls: type, definitions: Schema) -> Schema:
+    """Return the schema of a mapping that is read into a dataclass."""
+    hints = get_type_hints(cls)
+    left_out = _NOT_IN_THE_FILE if cls is Scene else ()
+    fields = [one for one in dataclasses.fields(cls) if one.init and one.name not in left_out]
+    properties = {
+        key_of(one): _key_schema(cls, one, hints[one.name], definitions) for one in fields
+    }
+    required = [key_of(one) for one in fields if one.default is dataclasses.MISSING]
+    schema: Schema = {"type": "object", "properties": properties, "additionalProperties": False}
+    return schema | ({"required": required} if required else {})
+
+
+def _key_schema(cls: type, field: dataclasses.Field[Any], hint: Any, definitions: Schema) -> Schema:
+    """Return the schema of one key with its meaning, unit and default."""
+    quantity: Quantity = field.metadata.get("quantity", _EMPTY)
+    about = quantity.about or str(field.metadata.get("about", ""))
+    unit = f" [{quantity.unit}]" if quantity.unit else ""
+    schema: Schema = {"description": about + unit} if about else {}
+    if isinstance(field.default, bool | int | float | str) and field.default != "":
+        schema["default"] = field.default
+    if cls is Scene and field.name == "effects":
+        named = {one.name: one.params for one in EFFECTS}
+        return schema | {"type": "array", "items": _choice(named, definitions)}
+    if field.name == "shape":
+        return schema | _choice(SHAPES, definitions)
+    return schema | _value(hint, quantity, definitions)
+
+
+def _value(hint: Any, quantity: Quantity, definitions: Schema) -> Schema:
+    """Return the schema of a value that a type hint asks for."""
+    if get_origin(hint) in (Union, types.UnionType):
+        (hint,) = (one for one in get_args(hint) if one is not type(None))
+    if hint is Rope:
+        preset = {"type": "string", "enum": sorted(rope_presets())}
+        return {"oneOf": [preset, _reference(Rope, definitions)]}
+    if dataclasses.is_dataclass(hint) and isinstance(hint, type):
+        return _reference(hint, definitions)
+    if get_origin(hint) is dict:
+        values = _value(get_args(hint)[1], quantity, definitions)
+        return {"type": "object", "additionalProperties": values}
+    if get_origin(hint) is tuple:
+        return _array(get_args(hint), quantity, definitions)
+    schema: Schema = {"type": _TYPES[hint]}
+    if hint in (int, float):
+        ends = {"minimum": quantity.low, "maximum": quantity.high}
+        schema |= {name: end for name, end in ends.items() if math.isfinite(end)}
+    return schema
+
+
+def _array(hints: tuple[Any, ...], quantity: Quantity, definitions: Schema) -> Schema:
+    """Return the schema of a list, of any length where the hints end with an ellipsis."""
+    if hints[-1] is Ellipsis:
+        return {"type": "array", "items": _value(hints[0], quantity, definitions)}
+    return {
+        "type": "array",
+        "prefixItems": [_value(one, quantity, definitions) for one in hints],
+        "minItems": len(hints),
+        "maxItems": len(hints),
+    }
+
+
+def _choice(classes: dict[str, Any], definitions: Schema) -> Schema:
+    """Return the schema of a mapping with one key, such as `drag: {...}`."""
+    return {
+        "oneOf": [
+            {
+                "type": "object",
+                "description": _sentence(cls),
+                "properties": {name: _reference(cls, definitions)},
+                "required": [name],
+                "additionalProperties": False,
+            }
+            for name, cls in classes.items()
+        ]
+    }
+
+
+def _reference(cls: type, definitions: Schema) -> Schema:
+    """Return a reference to the schema of a class, which is made when first needed."""
+    name = cls.__name__
+    if name not in definitions:
+        definitions[name] = {}  # stands for it within itself
+        definitions[name].update(_object_schema(cls, definitions))
+    return {"$ref": f"#/$defs/{name}"}
+
+
+def _sentence(cls: type) -> str:
+    """Return the first sentence on a load model, which its module begins with, or on a shape."""
+    own = cls in SHAPES.values()
+    about = (cls.__doc__ if own else sys.modules[cls.__module__].__doc__) or ""
+    return " ".join(about.split()).partition(". ")[0].rstrip(".") + "."
