@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -46,14 +46,29 @@ def floor(room: str) -> int:
     return found[0]
 
 
-def imported(path: Path) -> Iterator[tuple[int, str]]:
+@cache
+def tree(path: Path) -> ast.Module:
+    """Return the syntax tree of a file."""
+    return ast.parse(path.read_text())
+
+
+@cache
+def nodes(path: Path) -> tuple[ast.AST, ...]:
+    """Return every node of a file's syntax tree."""
+    return tuple(ast.walk(tree(path)))
+
+
+@cache
+def imported(path: Path) -> tuple[tuple[int, str], ...]:
     """Line and full name of everything imported, lazily or not, `from a import b` as a.b."""
-    for node in ast.walk(ast.parse(path.read_text())):
+    found: list[tuple[int, str]] = []
+    for node in nodes(path):
         if isinstance(node, ast.Import):
-            yield from ((node.lineno, alias.name) for alias in node.names)
+            found += ((node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}:{node.lineno}: relative import"
-            yield from ((node.lineno, f"{node.module}.{alias.name}") for alias in node.names)
+            found += ((node.lineno, f"{node.module}.{alias.name}") for alias in node.names)
+    return tuple(found)
 
 
 def room_of(name: str) -> str | None:
@@ -168,7 +183,7 @@ def test_only_commands_print() -> None:
         f"{relative(path)}:{node.lineno}"
         for path in SOURCES
         if part(path) not in PRINTERS
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in nodes(path)
         if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "print"
     ]
     assert not printing
@@ -204,7 +219,7 @@ def test_no_exception_is_swallowed() -> None:
     assert not [
         f"{relative(path)}:{node.lineno}"
         for path in (*SOURCES, *LABORATORY)
-        for node in ast.walk(ast.parse(path.read_text()))
+        for node in nodes(path)
         if isinstance(node, ast.ExceptHandler) and is_silent(node)
     ]
 
@@ -212,5 +227,5 @@ def test_no_exception_is_swallowed() -> None:
 def test_every_file_says_what_it_is_for() -> None:
     """A docstring at its head, unless it is empty."""
     files = (*SOURCES, *LABORATORY)
-    trees = {relative(path): ast.parse(path.read_text()) for path in files}
+    trees = {relative(path): tree(path) for path in files}
     assert not [name for name, tree in trees.items() if tree.body and not ast.get_docstring(tree)]
