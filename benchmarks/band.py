@@ -23,8 +23,7 @@ from rope_twin.errors import SolverError
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import is_joined
-from rope_twin.studies.driven_twin import fed
-from rope_twin.studies.variants import variant
+from rope_twin.studies.driven_twin import fed, variant
 from rope_twin.twin.accuracy.error_fraction import has_layers
 from rope_twin.twin.accuracy.error_interval import ErrorIntervalTwin
 from rope_twin.twin.ensemble.boundary_conditions import is_known_in_advance

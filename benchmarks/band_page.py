@@ -23,7 +23,7 @@ from benchmarks.band import (
     BandCase,
     BandRow,
 )
-from rope_twin.studies import markdown
+from rope_twin.studies.page import page_table
 from validation.marked_page import MarkedPage, read_stored, store
 
 PAGE, STORED = "error_band.md", "error_band.json"
@@ -113,4 +113,4 @@ def as_section(rows: Sequence[BandRow]) -> str:
 def _part(title: str, cases: Sequence[BandCase], rows: Sequence[BandRow]) -> list[str]:
     names = {case.scene for case in cases}
     table = band_table([row for row in rows if row.scene in names])
-    return [f"\n{title}\n", markdown.table(table)]
+    return [f"\n{title}\n", page_table(table)]

@@ -12,8 +12,7 @@ from typing import Any
 
 from benchmarks.effect_speed import TOGETHER_NAME, EffectSpeed, all_names
 from benchmarks.paired import Ratio
-from rope_twin.studies import markdown
-from rope_twin.studies.machine import this_machine
+from rope_twin.studies.page import page_table, this_machine
 from validation.marked_page import MarkedPage, read_stored, store
 
 PAGE, STORED = "effects.md", "effects.json"
@@ -97,6 +96,6 @@ def as_section(rows: Sequence[EffectSpeed], machine: str) -> str:
         "",
         f"{machine}.",
         "",
-        markdown.table(effect_table(rows)),
+        page_table(effect_table(rows)),
     ]
     return "\n".join(lines)

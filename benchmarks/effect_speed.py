@@ -34,7 +34,7 @@ from rope_twin.effects.waves import Jonswap, WavesParams
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.variants import variant, with_effect
+from rope_twin.studies.driven_twin import variant, with_effect
 from validation.state_bench import Bench
 
 BASE, STEP_S, DEPTH_M = "smooth_2km", 0.01, 2050.0

@@ -20,9 +20,8 @@ from rope_twin.core.jit.wide import LANES
 from rope_twin.scene.change import change_scene
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.ensemble.plan import Axis, Plan, make_plan
-from rope_twin.studies.ensemble.study import SEA_OFFSET, variations
-from rope_twin.studies.variants import variant
+from rope_twin.studies.driven_twin import variant
+from rope_twin.studies.ensemble import SEA_OFFSET, Axis, Plan, make_plan, variations
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.snapshot import Snapshot
 from rope_twin.twin.twin import Twin

@@ -12,7 +12,7 @@ from benchmarks.reference import find_reference
 from benchmarks.speed import Report
 from benchmarks.trial import Trial
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.variants import variant
+from rope_twin.studies.driven_twin import variant
 from validation.convergence import slope
 
 

@@ -9,7 +9,7 @@ from benchmarks.ensemble_speed import EnsembleRow, ensemble_table
 from benchmarks.orders import Curve
 from benchmarks.speed import FIT_FROM, Basis, Row, Speed
 from rope_twin.core.jit.wide import LANES
-from rope_twin.studies import markdown
+from rope_twin.studies.page import page_table
 
 PICTURE = Path("images") / "orders.png"
 Table = list[list[str]]  # the first row is the head
@@ -115,13 +115,13 @@ def as_markdown(speed: Speed, curves: Sequence[Curve], many: Sequence[EnsembleRo
     return _PAGE.format(
         machine=speed.machine.as_text() + ".",
         seconds=speed.seconds,
-        speed=markdown.table(speed_table(speed.rows)),
-        snaps=markdown.table(speed_table(speed.snaps)),
+        speed=page_table(speed_table(speed.rows)),
+        snaps=page_table(speed_table(speed.snaps)),
         exponents=exponent_words(speed),
-        basis=markdown.table(basis_table(speed.references)),
+        basis=page_table(basis_table(speed.references)),
         picture=PICTURE.as_posix(),
-        orders=markdown.table(order_table(curves)),
-        ensembles=markdown.table(ensemble_table(many)),
+        orders=page_table(order_table(curves)),
+        ensembles=page_table(ensemble_table(many)),
         lanes=LANES,
         roots=ROOTS,
         divisions=DIVISIONS,

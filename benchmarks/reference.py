@@ -8,7 +8,7 @@ import numpy as np
 
 from benchmarks.trial import Trial, Vector
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.variants import variant
+from rope_twin.studies.driven_twin import variant
 
 
 @dataclass(frozen=True)

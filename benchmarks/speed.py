@@ -14,8 +14,8 @@ import numpy as np
 from benchmarks.reference import Errors, Reference, doubt, find_reference
 from benchmarks.trial import Trial
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.machine import Machine, this_machine
-from rope_twin.studies.variants import variant
+from rope_twin.studies.driven_twin import variant
+from rope_twin.studies.page import Machine, this_machine
 
 Report = Callable[[int, int, str], None]  # done, of how many, what comes next
 Case = tuple[str, int, float]  # scene, nodes, step [s]

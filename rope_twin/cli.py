@@ -14,7 +14,7 @@ from functools import partial
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from rope_twin.commands.exit_code import MEANINGS, ExitCode
+from rope_twin.commands.console import MEANINGS, ExitCode
 from rope_twin.errors import RopeTwinError, did_you_mean, phrase
 from rope_twin.run.arguments import HelpFormatter
 

@@ -9,9 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.driven_twin import march
+from rope_twin.studies.driven_twin import march, variant
 from rope_twin.studies.picture import Line, Panel, Vector
-from rope_twin.studies.variants import variant
 from rope_twin.twin.twin import Twin
 from validation.case import Case, Found, between, within
 from validation.rigs import sine

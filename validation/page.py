@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.studies import markdown
+from rope_twin.studies.page import page_table
 from rope_twin.studies.picture import draw_panels
 from validation import vortex_convergence
 from validation.case import Finding, Row
@@ -97,7 +97,7 @@ def _number(value: float | None, unit: str) -> str:
 
 def markdown_table(results: Iterable[dict[str, Any]]) -> str:
     """Return all rows as one Markdown table."""
-    return markdown.table([HEAD, *(cells for result in results for cells in table_rows(result))])
+    return page_table([HEAD, *(cells for result in results for cells in table_rows(result))])
 
 
 def keep_results(rows: Iterable[Row], folder: Path) -> list[dict[str, Any]]:
@@ -161,7 +161,7 @@ def _body(results: list[dict[str, Any]]) -> Iterable[str]:
         yield f"\n### {result['id']}: {result['about']}\n"
         yield f"Source: {result['source']}. Takes {result['seconds']:.0f} s.\n"
         head = ("quantity", "ours", "published", "tolerance", "met")
-        yield markdown.table([head, *(cells[1:-1] for cells in table_rows(result))])
+        yield page_table([head, *(cells[1:-1] for cells in table_rows(result))])
         for note in result["notes"]:
             yield f"\n{note}"
         if result["picture"]:
@@ -192,7 +192,7 @@ def _refined(rows: Sequence[dict[str, Any]]) -> Iterable[str]:
     yield f"\n### Convergence of {names} over element length and step\n"
     yield "`python -m validation --convergence`; off is off the finest run of a sweep.\n"
     yield from (f"- {row['words']}" for row in rows)
-    yield f"\n{markdown.table(vortex_convergence.table(rows))}"
+    yield f"\n{page_table(vortex_convergence.table(rows))}"
     yield f"\n![convergence]({PICTURES}/{CONVERGENCE_PICTURE})"
 
 

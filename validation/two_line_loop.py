@@ -6,7 +6,7 @@ from math import inf
 
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.picture import Line, Panel
-from rope_twin.studies.two_lines.runs import LineRun, record_of, run_lines
+from rope_twin.studies.two_lines import LineRun, record_of, run_lines
 from rope_twin.twin.multi_line.clearance_results import LineEvent
 from rope_twin.twin.twin import Twin
 from validation.case import Case, Found, between, shown

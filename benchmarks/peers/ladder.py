@@ -17,7 +17,7 @@ from benchmarks.trial import Trial
 from rope_twin.effects.current import CurrentParams
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.variants import variant
+from rope_twin.studies.driven_twin import variant
 
 # A scheme of MoorDyn still runs at so many times the inverse of an element's frequency, critically
 # damped.

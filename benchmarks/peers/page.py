@@ -10,8 +10,7 @@ from typing import Any
 
 from benchmarks.peers.race import LIMIT_PCT, SEARCHED, PeerRace, PeerRow
 from rope_twin.errors import InputError, phrase
-from rope_twin.studies import markdown
-from rope_twin.studies.machine import Machine
+from rope_twin.studies.page import Machine, page_table
 from rope_twin.studies.picture import check_picture, write_picture
 
 PICTURE = Path("images") / "peers.png"
@@ -75,8 +74,8 @@ def as_section(race: PeerRace) -> str:
         machine=race.machine.as_text() + ".",
         limit=race.limit_pct,
         doubt=max(row.doubt_pct for row in race.rows),
-        best=markdown.table(best_table(race.rows)),
-        table=markdown.table(peer_table(race.rows)),
+        best=page_table(best_table(race.rows)),
+        table=page_table(peer_table(race.rows)),
         searched=SEARCHED,
         refused="".join(
             f"- CableDyn does not run {n}: `{why}`.\n" for n, why in race.refused.items()

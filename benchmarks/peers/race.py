@@ -31,7 +31,7 @@ from benchmarks.peers.codes import (
 from benchmarks.peers.decks import figures
 from benchmarks.peers.ladder import CABLEDYN_LONG_S, ELEMENTS, REACH, Case, Ours, marks
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.machine import Machine, this_machine
+from rope_twin.studies.page import Machine, this_machine
 
 LIMIT_PCT = 1.0
 BEYOND, SHORTER, TRIES, TRIES_LONG = 1.2, 0.8, 7, 2

@@ -32,7 +32,7 @@ from rope_twin.effects.bending import BendingParams
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.variants import variant
+from rope_twin.studies.driven_twin import variant
 from validation.state_bench import Bench
 
 PEER, COMMAND = "moordyn", "bench vortices"

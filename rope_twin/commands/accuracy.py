@@ -14,9 +14,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.console import CaseProgress, print_json, print_table
-from rope_twin.commands.exit_code import ExitCode
-from rope_twin.commands.run.choice import find_quantity, read_amount
+from rope_twin.commands.console import CaseProgress, ExitCode, print_json, print_table
+from rope_twin.commands.selection import find_quantity, read_amount
 from rope_twin.errors import InputError, RopeTwinError, SceneError, phrase
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_out, add_scene
 from rope_twin.scene.card import card_path, known_error, read_card, told_bound
@@ -25,8 +24,8 @@ from rope_twin.scene.schema import Scene
 from rope_twin.studies.accuracy import page as accuracy_page
 from rope_twin.studies.accuracy import study as accuracy
 from rope_twin.studies.accuracy import within as accuracy_within
-from rope_twin.studies.accuracy.picture import draw_accuracy
-from rope_twin.studies.accuracy.plan import make_plan
+from rope_twin.studies.accuracy.page import draw_accuracy
+from rope_twin.studies.accuracy.study import make_plan
 from rope_twin.studies.picture import check_picture
 
 EXAMPLES = (

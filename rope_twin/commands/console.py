@@ -1,4 +1,4 @@
-"""Output of commands: one JSON object, tables in columns, and the progress of a list of cases."""
+"""Exit codes and output of commands: one JSON object, tables, the progress of cases."""
 
 from __future__ import annotations
 
@@ -6,10 +6,36 @@ import json
 import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from enum import IntEnum
 from pathlib import Path
 from typing import Any, TextIO
 
 from rope_twin.run.progress import columns
+
+
+class ExitCode(IntEnum):
+    """What the exit code of a command means."""
+
+    OK = 0
+    ERROR = 1
+    USAGE = 2
+    NEGATIVE = 3
+    LIMIT = 4
+    INTERRUPTED = 130
+
+
+MEANINGS = {
+    ExitCode.OK: "success",
+    ExitCode.ERROR: "error, reported in one sentence on stderr; no or incomplete output; a scene "
+    "that is invalid or exceeds a limit in static equilibrium (scene check)",
+    ExitCode.USAGE: "invalid command line, reported in one sentence on stderr",
+    ExitCode.NEGATIVE: "completed with a negative result: messages lost (recover), a difference "
+    "(replay --verify), runs that stopped early (ensemble, study), a fault not flagged in time "
+    "(faults), an error target missed (accuracy --within), a convergence study missing or out of "
+    "date (accuracy --status), a check with ERROR (doctor)",
+    ExitCode.LIMIT: "a limit of the scene was exceeded (run, unless --allow-overload)",
+    ExitCode.INTERRUPTED: "interrupted (Ctrl-C) before there was a result",
+}
 
 
 def print_json(content: Mapping[str, Any]) -> None:

@@ -15,8 +15,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from rope_twin.commands.console import print_json
-from rope_twin.commands.exit_code import ExitCode
+from rope_twin.commands.console import ExitCode, print_json
 from rope_twin.commands.versions import OPTIONAL, REQUIRED, ros_distribution, version_of
 from rope_twin.errors import InputError, RopeTwinError
 from rope_twin.run.arguments import add_command, add_json

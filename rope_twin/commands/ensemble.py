@@ -16,8 +16,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.console import print_json
-from rope_twin.commands.exit_code import ExitCode
+from rope_twin.commands.console import ExitCode, print_json
 from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError, phrase
 from rope_twin.quantity import read_quantity
@@ -32,15 +31,17 @@ from rope_twin.run.arguments import (
 from rope_twin.run.progress import FigureProgress
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.ensemble.plan import make_plan, read_axis, read_range
-from rope_twin.studies.ensemble.study import (
+from rope_twin.studies.driven_twin import variant
+from rope_twin.studies.ensemble import (
     FIGURES,
     QUANTILES,
     SEA_OFFSET,
     StudyResult,
+    make_plan,
+    read_axis,
+    read_range,
     run_study,
 )
-from rope_twin.studies.variants import variant
 from rope_twin.twin.ensemble.ensemble import SAMPLING_S, Lanes, cores
 
 NAMES = {

@@ -7,14 +7,12 @@ import json
 import sys
 from typing import Any
 
-from rope_twin.commands.console import print_json, print_table
-from rope_twin.commands.exit_code import ExitCode
+from rope_twin.commands.console import ExitCode, print_json, print_table
 from rope_twin.errors import InputError, phrase
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_out, add_scene
 from rope_twin.scene.load import load_scene
 from rope_twin.studies.picture import check_picture
-from rope_twin.studies.two_lines.picture import draw_lines
-from rope_twin.studies.two_lines.runs import SEA_STATES, LineRun, record_of, run_lines
+from rope_twin.studies.two_lines import SEA_STATES, LineRun, draw_lines, record_of, run_lines
 from rope_twin.twin.multi_line.clearance import lines_of
 from rope_twin.twin.multi_line.clearance_results import LineEvent
 from rope_twin.twin.twin import Twin

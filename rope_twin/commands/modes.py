@@ -8,14 +8,20 @@ from dataclasses import asdict
 from math import inf
 from typing import Any
 
-from rope_twin.commands.console import print_json, print_table
-from rope_twin.commands.exit_code import ExitCode
+from rope_twin.commands.console import ExitCode, print_json, print_table
 from rope_twin.run.arguments import add_command, add_json, add_out, add_scene
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.validation.rigging import is_joined
-from rope_twin.studies.modes.modes import WAVE_PERIODS_S, Mode, Modes, find_modes
+from rope_twin.studies.modes.modes import (
+    WAVE_PERIODS_S,
+    Mode,
+    Modes,
+    SystemMode,
+    SystemModes,
+    find_modes,
+    find_system_modes,
+)
 from rope_twin.studies.modes.picture import draw_modes, draw_system_modes
-from rope_twin.studies.modes.system_modes import SystemMode, SystemModes, find_system_modes
 from rope_twin.studies.picture import check_picture
 
 COUNT = 10

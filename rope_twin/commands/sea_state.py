@@ -11,26 +11,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rope_twin.commands.console import print_json
-from rope_twin.commands.exit_code import ExitCode
+from rope_twin.commands.console import ExitCode, print_json
 from rope_twin.errors import InputError, phrase
 from rope_twin.quantity import read_quantity
-from rope_twin.recording.bag_reader import BagReader, find_bag
-from rope_twin.recording.heave_record import HeaveRecord, read_heave
-from rope_twin.recording.heave_replay import HeaveReplay
-from rope_twin.recording.pose_record import PoseRecord, read_poses
-from rope_twin.recording.sea_bag import write_sea_bag
+from rope_twin.recording.bag import BagReader, find_bag
+from rope_twin.recording.heave import HeaveRecord, HeaveReplay, read_heave, write_sea_bag
+from rope_twin.recording.poses import PoseRecord, read_poses
 from rope_twin.run.arguments import add_command, add_duration, add_json, add_out, measure
 from rope_twin.scene.schema import RecordedPoses
-from rope_twin.sea.heave_response import BoxHull
+from rope_twin.sea.ship_motion import BoxHull
 from rope_twin.sea.spectrum import (
     WaveSpectrum,
     band_spectrum,
+    breaking_fault,
     find_spectra,
     jonswap,
     read_spectrum,
+    steepness_warning,
 )
-from rope_twin.sea.steepness import breaking_fault, steepness_warning
 from rope_twin.twin.motion.irregular_sea import synthesise
 
 _UNITS = (

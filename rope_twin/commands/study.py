@@ -13,19 +13,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.console import print_json
-from rope_twin.commands.exit_code import ExitCode
+from rope_twin.commands.console import ExitCode, print_json
 from rope_twin.core.jit.wide import LANES
 from rope_twin.effects.bending import BendingParams
 from rope_twin.errors import InputError, did_you_mean, phrase
 from rope_twin.run.arguments import add_command, add_json, add_out
 from rope_twin.run.progress import FigureProgress
 from rope_twin.share import share_dir
-from rope_twin.studies.parameter_study.file import read_study
-from rope_twin.studies.parameter_study.folder import check_parquet
-from rope_twin.studies.parameter_study.picture import draw_study
-from rope_twin.studies.parameter_study.run import run_parameter_study
-from rope_twin.studies.parameter_study.table import study_lines
+from rope_twin.studies.parameter_study.design import read_study
+from rope_twin.studies.parameter_study.results import draw_study, study_lines
+from rope_twin.studies.parameter_study.run import check_parquet, run_parameter_study
 from rope_twin.studies.picture import check_picture
 from rope_twin.twin.fatigue.curves import wire_curve_warning
 

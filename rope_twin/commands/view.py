@@ -8,8 +8,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from rope_twin.commands.console import print_json
-from rope_twin.commands.exit_code import ExitCode
+from rope_twin.commands.console import ExitCode, print_json
 from rope_twin.errors import InputError, phrase
 from rope_twin.run.arguments import add_command, add_json, add_out, add_time
 
@@ -81,7 +80,7 @@ def _outputs(files: list[Path]) -> tuple[Path | None, Path | None]:
 
 def _check(args: argparse.Namespace, save: Path | None, screenshot: Path | None) -> None:
     """Refuse what is wrong before anything is written."""
-    from rope_twin.recording.bag_reader import find_bag
+    from rope_twin.recording.bag import find_bag
     from rope_twin.view import picture, sinks
 
     sinks.load_rerun()

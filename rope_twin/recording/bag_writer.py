@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from mcap.writer import CompressionType, Writer
 
 from rope_twin.errors import BagError, did_you_mean, phrase
-from rope_twin.recording.bag_format import (
+from rope_twin.recording.bag import (
     CHANNELS_RECORD,
     OWN_RECORD,
     ROSBAG_RECORD,
@@ -19,8 +20,85 @@ from rope_twin.recording.bag_format import (
     describe_topic,
     recorded_name,
 )
-from rope_twin.recording.file_sink import WAITING_LIMIT_BYTES, FileSink
 from rope_twin.topics import Topic
+
+WAITING_LIMIT_BYTES = 64 * 2**20
+
+
+class FileSink:
+    """Stream for an MCAP writer: `write`, `tell`, `flush`.
+
+    Unbuffered below: once `flush` has returned and nothing waits, the bytes are with the operating
+    system and survive the death of this process.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Create the file.
+
+        Raises:
+            OSError: the file exists or cannot be created.
+        """
+        self._path = path
+        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
+        self._waiting = bytearray()
+        self._written = 0
+        self._trouble = ""
+
+    @property
+    def trouble(self) -> str:
+        """Return why bytes are pending, in the words of the operating system, or ""."""
+        return self._trouble
+
+    @property
+    def waiting_bytes(self) -> int:
+        """Return the number of bytes not yet written to the file."""
+        return len(self._waiting)
+
+    @property
+    def written_bytes(self) -> int:
+        """Return the number of bytes written to the file."""
+        return self._written
+
+    @property
+    def displaced(self) -> bool:
+        """Return whether the file or one of its folders was deleted or moved."""
+        if self._descriptor < 0:
+            return False
+        own = os.fstat(self._descriptor)
+        try:
+            there = os.stat(self._path)
+        except OSError:
+            return True
+        return (there.st_dev, there.st_ino) != (own.st_dev, own.st_ino)
+
+    def write(self, data: bytes) -> int:
+        """Append bytes in memory until the next flush."""
+        self._waiting += data
+        return len(data)
+
+    def tell(self) -> int:
+        """Return the position in the file of the next byte."""
+        return self._written + len(self._waiting)
+
+    def flush(self) -> None:
+        """Write the pending bytes; an error is kept in `trouble`, and no byte is dropped."""
+        done = 0
+        try:
+            while done < len(self._waiting):
+                done += os.write(self._descriptor, memoryview(self._waiting)[done:])
+            self._trouble = ""
+        except OSError as error:
+            self._trouble = error.strerror or str(error)
+        self._written += done
+        del self._waiting[:done]
+
+    def close(self) -> None:
+        """Flush once more and close the file."""
+        if self._descriptor >= 0:
+            self.flush()
+            os.close(self._descriptor)
+            self._descriptor = -1
+
 
 CHUNK_BYTES = 256 * 1024  # 2 ms for the longest call; larger chunks stall the caller
 _LARGEST_STAMP_NS = 2**63 - 1  # rosbag2 keeps stamps in a signed integer

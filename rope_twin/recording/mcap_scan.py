@@ -27,7 +27,7 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Header, Metadata, Schema
 
-from rope_twin.recording.bag_reader import MCAP_MAGIC
+from rope_twin.recording.bag import MCAP_MAGIC
 
 _FRAME = struct.Struct("<BQ")  # opcode, length
 _MESSAGE = struct.Struct("<HIQQ")  # channel, sequence, log time, publish time

@@ -22,7 +22,7 @@ from mcap.records import Channel, Metadata
 from rope_twin.errors import BagError, InputError, phrase
 from rope_twin.messages import decode
 from rope_twin.messages.inputs import ORDER_FIELDS
-from rope_twin.recording.bag_format import OWN_RECORD
+from rope_twin.recording.bag import OWN_RECORD
 from rope_twin.recording.input_log import LoggedCalls, Skipped, decode_json, read_log
 from rope_twin.recording.mcap_scan import McapScan, StoredMessage
 from rope_twin.recording.session import Session

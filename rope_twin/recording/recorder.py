@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rope_twin.errors import BagError, phrase
-from rope_twin.recording.bag_format import ClosableBag
+from rope_twin.recording.bag import ClosableBag
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.topics import Topic
 

@@ -13,7 +13,7 @@ import yaml
 from mcap.records import Channel, Metadata, Schema
 
 from rope_twin.errors import BagError, phrase
-from rope_twin.recording.bag_format import (
+from rope_twin.recording.bag import (
     CHANNELS_RECORD,
     OWN_RECORD,
     ROSBAG_RECORD,

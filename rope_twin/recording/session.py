@@ -31,8 +31,7 @@ from rope_twin.scene.card import OTHER_SEA, card_path
 from rope_twin.scene.change import at_setting
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.sea import responses, way
-from rope_twin.sea.columns import find_table
+from rope_twin.sea.ship_motion import RESPONSES_FOLDER, WAYS_FOLDER, find_table
 from rope_twin.sea.spectrum import find_spectra
 from rope_twin.share import share_dir
 from rope_twin.topics import SESSION_TOPIC
@@ -300,9 +299,9 @@ def _tables(scene: Scene) -> Iterator[Path]:
     """Return the data files that the scene names."""
     sea = scene.sea_state
     if sea.path:
-        yield find_table(sea.path, way.FOLDER).resolve()
+        yield find_table(sea.path, WAYS_FOLDER).resolve()
     if sea.on_waves is not None and sea.on_waves.responses:
-        yield find_table(sea.on_waves.responses, responses.FOLDER).resolve()
+        yield find_table(sea.on_waves.responses, RESPONSES_FOLDER).resolve()
     for effect in scene.effects:
         measured = getattr(effect, "measured", None)
         if measured is not None:

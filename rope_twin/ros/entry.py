@@ -29,7 +29,7 @@ from rclpy.utilities import remove_ros_args
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.ros.executor import make_executor
 from rope_twin.ros.qos import message_type, profile
-from rope_twin.run.ending import ending_signals
+from rope_twin.run.progress import ending_signals
 from rope_twin.share import share_dir
 from rope_twin.topics import BY_NAME
 

@@ -24,9 +24,8 @@ from rope_twin.recording.input_log import InputLog, Mark, encode_json
 from rope_twin.recording.session import Setup, describe_run, describe_session, encode_session
 from rope_twin.ros.params import SimulationParams
 from rope_twin.run.border import InputBorder
-from rope_twin.run.cpu_usage import CpuUsage
 from rope_twin.run.inputs import expect_own_sea
-from rope_twin.run.summary import RunSummary, summarise
+from rope_twin.run.summary import CpuUsage, RunSummary, summarise
 from rope_twin.scene.card import OTHER_SEA
 from rope_twin.scene.schema import Scene
 from rope_twin.topics import INPUT_LOG_TOPIC, SESSION_TOPIC

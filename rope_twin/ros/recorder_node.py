@@ -18,7 +18,7 @@ from rclpy.node import Node
 from rope_twin.errors import BagError
 from rope_twin.messages import Level, Status, encode_diagnostics
 from rope_twin.messages.diagnostics import counted
-from rope_twin.recording.bag_format import describe_topic
+from rope_twin.recording.bag import describe_topic
 from rope_twin.recording.recorder import BagRecorder
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.params import RecorderParams, declare

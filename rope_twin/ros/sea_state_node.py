@@ -10,13 +10,13 @@ import sys
 from typing import Any
 
 from rope_twin.messages import encode_elevation
-from rope_twin.recording.heave_replay import replay_sea
+from rope_twin.recording.heave import replay_sea
 from rope_twin.ros.entry import run_node
 from rope_twin.ros.input_streamer import InputNode
 from rope_twin.ros.params import SeaStateParams, declare
 from rope_twin.run.inputs import FIRST_NS, Sea, encode_motion, motion_topic, open_sea
 from rope_twin.scene.load import load_scene
-from rope_twin.sea.heave_response import BoxHull
+from rope_twin.sea.ship_motion import BoxHull
 from rope_twin.sea.spectrum import jonswap
 from rope_twin.twin.motion.irregular_sea import synthesise
 

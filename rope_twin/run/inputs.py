@@ -12,11 +12,9 @@ from typing import Protocol
 
 from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.messages import encode_heave, encode_pose
-from rope_twin.recording.heave_replay import HeaveSample, open_heave
-from rope_twin.recording.pose_replay import PoseReplay, open_poses
-from rope_twin.recording.regular_heave import RegularSea
-from rope_twin.recording.ship_sea import ShipOnWaves, WayOfHangOff, open_way
-from rope_twin.recording.wave_sea import sea_of_waves
+from rope_twin.recording.heave import HeaveSample, RegularSea, open_heave
+from rope_twin.recording.poses import PoseReplay, open_poses
+from rope_twin.recording.ship_sea import ShipOnWaves, WayOfHangOff, open_way, sea_of_waves
 from rope_twin.scene.schema import RecordedPoses, Scene
 from rope_twin.twin.input_queue import InputQueue
 from rope_twin.twin.motion.heave_series import HeaveSeries

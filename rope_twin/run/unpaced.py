@@ -26,9 +26,9 @@ from rope_twin.messages import (
 from rope_twin.recording.bag_writer import BagWriter
 from rope_twin.recording.input_log import InputLog, encode_json
 from rope_twin.recording.session import Setup, describe_run, describe_session, encode_session
-from rope_twin.run.ending import end_told
 from rope_twin.run.inputs import FIRST_NS, LEAD_NS, encode_motion, offer, open_sea
 from rope_twin.run.options import RunOptions
+from rope_twin.run.progress import end_told
 from rope_twin.run.summary import RunSummary, summarise
 from rope_twin.scene.card import OTHER_SEA
 from rope_twin.scene.change import at_setting

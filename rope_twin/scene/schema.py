@@ -18,7 +18,7 @@ from rope_twin.quantity import quantity, text
 from rope_twin.scene.stiffness import StiffnessTable
 from rope_twin.scene.winch import ScheduleRow as ScheduleRow
 from rope_twin.scene.winch import Winch as Winch
-from rope_twin.sea.heave_response import BoxHull
+from rope_twin.sea.ship_motion import BoxHull
 
 Fault = tuple[str, str, str]  # path in the scene's file, fault, remedy
 

@@ -2,7 +2,7 @@
 
 Heave and pitch: closed-form expressions of Jensen, Mansour and Olsen (2004, Ocean Engineering 31,
 61-85) at zero speed, with the effective wave number k_e = k·|cos β| along the hull; see
-sea/heave_response.py for the equation of motion and its simplifications. Pitch has the moment G =
+sea/ship_motion.py for the equation of motion and its simplifications. Pitch has the moment G =
 κ·f·(24/((k_e·L)²·L))·(sin(k_e·L/2) - (k_e·L/2)·cos(k_e·L/2)) in place of the force F, which in long
 waves is the slope k_e. Roll: one degree of freedom driven by the transverse wave slope, with a
 natural period and damping. Surge, sway and yaw: the motion of the water averaged over the hull
@@ -15,8 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rope_twin.sea.heave_response import BoxHull
-from rope_twin.sea.responses import AMPLITUDES, COLUMNS, PHASES, Answers, Responses
+from rope_twin.sea.ship_motion import AMPLITUDES, COLUMNS, PHASES, Answers, BoxHull, Responses
 from rope_twin.sea.spectrum import Vector
 
 GRAVITY_M_PER_S2 = 9.80665

@@ -13,7 +13,7 @@ from mcap.records import Channel
 from rope_twin import messages
 from rope_twin.errors import BagError, InputError, phrase
 from rope_twin.messages.templates import NANOSECONDS
-from rope_twin.recording.bag_reader import find_bag
+from rope_twin.recording.bag import find_bag
 from rope_twin.recording.mcap_scan import McapScan, StoredMessage
 from rope_twin.view.rope_view import SHOWN_TOPICS
 

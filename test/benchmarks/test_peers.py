@@ -25,7 +25,7 @@ from benchmarks.peers.ladder import Case, Marks, marks
 from benchmarks.peers.race import PeerRace, PeerRow
 from rope_twin.errors import InputError
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.machine import Machine
+from rope_twin.studies.page import Machine
 
 ROOT = Path(__file__).resolve().parents[2]
 HERE = all(importlib.util.find_spec(name) is not None for name in PEERS)

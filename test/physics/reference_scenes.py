@@ -5,7 +5,7 @@ from __future__ import annotations
 from rigs import Heave, sine
 
 from rope_twin import Twin, load_scene
-from rope_twin.studies.variants import variant
+from rope_twin.studies.driven_twin import variant
 
 
 def reference(name: str, elements: int, step_s: float) -> tuple[Twin, Heave]:

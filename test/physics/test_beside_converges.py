@@ -9,7 +9,7 @@ import pytest
 
 from rope_twin import load_scene
 from rope_twin.scene.schema import SeaState
-from rope_twin.studies.variants import variant
+from rope_twin.studies.driven_twin import variant
 from rope_twin.twin.twin import Twin
 
 SECONDS, EVERY_S = 15.0, 0.1

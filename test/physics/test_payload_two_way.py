@@ -22,8 +22,7 @@ from rope_twin.scene.schema import Payload as PayloadScene
 from rope_twin.scene.schema import RegularHeave, Rising, Scene, ScheduleRow, SeaState, Winch
 from rope_twin.scene.shapes import Grab, PayloadFigures, payload_figures
 from rope_twin.scene.validation.relations import faults
-from rope_twin.studies.ensemble.plan import make_plan, read_axis
-from rope_twin.studies.ensemble.study import variations
+from rope_twin.studies.ensemble import make_plan, read_axis, variations
 from rope_twin.twin.ensemble.ensemble import Ensemble
 from rope_twin.twin.twin import Twin
 

@@ -9,7 +9,7 @@ import pytest
 from ros_process import Processes
 
 from rope_twin.messages import decode
-from rope_twin.recording.bag_reader import BagReader
+from rope_twin.recording.bag import BagReader
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 

@@ -12,7 +12,7 @@ from ros_messages import encode_speed
 
 from rope_twin.errors import BagError, InputError, SceneError
 from rope_twin.messages import decode, encode_epoch
-from rope_twin.recording.heave_replay import open_heave
+from rope_twin.recording.heave import open_heave
 from rope_twin.run.inputs import open_sea
 from rope_twin.scene.load import load_scene
 from rope_twin.twin.winch.schedule import schedule_samples

@@ -24,7 +24,7 @@ from ros_bench import Bench
 from ros_process import Process, Processes
 
 from rope_twin.messages import decode
-from rope_twin.recording.bag_reader import BagReader
+from rope_twin.recording.bag import BagReader
 from rope_twin.recording.recover import recover
 from rope_twin.ros import processes as ros_processes
 from rope_twin.ros.startup import NODES

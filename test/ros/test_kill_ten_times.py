@@ -18,7 +18,7 @@ from ros_bench import PATIENCE_S, Bench
 from ros_process import Processes
 
 from rope_twin.messages import decode
-from rope_twin.recording.bag_reader import BagReader
+from rope_twin.recording.bag import BagReader
 
 pytestmark = [pytest.mark.ros, pytest.mark.long]
 SCENE = "shallow_lift"

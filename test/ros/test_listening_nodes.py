@@ -11,7 +11,7 @@ from ros_bench import Bench
 
 from rope_twin.errors import BagError
 from rope_twin.messages import Encoder, encode_epoch, encode_heave
-from rope_twin.recording.bag_reader import BagReader
+from rope_twin.recording.bag import BagReader
 from rope_twin.scene.load import load_scene
 from rope_twin.twin.twin import Twin
 

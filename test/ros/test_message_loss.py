@@ -9,7 +9,7 @@ import pytest
 from ros_bench import Bench
 
 from rope_twin.messages import encode_heave
-from rope_twin.recording.bag_reader import BagReader
+from rope_twin.recording.bag import BagReader
 
 pytestmark = pytest.mark.ros
 ROOM = 1000  # messages of a topic that wait in the middleware

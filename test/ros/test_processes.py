@@ -15,7 +15,7 @@ from ros_bench import PATIENCE_S, Bench
 from ros_messages import BAD
 from ros_process import Process, Processes, until_running
 
-from rope_twin.recording.bag_reader import BagReader
+from rope_twin.recording.bag import BagReader
 
 pytestmark = pytest.mark.ros
 SCENE = "shallow_lift"

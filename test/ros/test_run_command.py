@@ -16,7 +16,7 @@ from ros_bench import PATIENCE_S
 from ros_process import Processes
 
 from rope_twin.cli import main
-from rope_twin.recording.bag_reader import BagReader
+from rope_twin.recording.bag import BagReader
 from rope_twin.scene.load import load_scene
 from rope_twin.topics import TOPICS
 

@@ -18,7 +18,7 @@ from ros_process import Processes
 from rope_twin import Twin, load_scene
 from rope_twin.errors import InputError
 from rope_twin.messages import Level, decode
-from rope_twin.recording.bag_reader import BagReader
+from rope_twin.recording.bag import BagReader
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.twin.saving.saved_state import load_state

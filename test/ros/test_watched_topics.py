@@ -10,7 +10,7 @@ import pytest
 from ros_bench import Bench
 from ros_process import Processes
 
-from rope_twin.recording.bag_reader import BagReader
+from rope_twin.recording.bag import BagReader
 
 pytestmark = pytest.mark.ros
 

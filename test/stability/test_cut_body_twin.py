@@ -12,7 +12,7 @@ from small_scene import digest, not_finite
 
 from rope_twin import Snapshot, Twin, load_scene
 from rope_twin.effects.rigid_body import DeckParams, RigidBodyParams
-from rope_twin.recording.bag_reader import BagReader
+from rope_twin.recording.bag import BagReader
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.schema import Scene

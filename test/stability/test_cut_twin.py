@@ -14,7 +14,7 @@ from small_scene import SMALL_SCENE, digest, not_finite, small_scene
 from rope_twin import Snapshot, load_scene
 from rope_twin.errors import InputError, StateError
 from rope_twin.messages import Level, statuses
-from rope_twin.recording.bag_reader import BagReader
+from rope_twin.recording.bag import BagReader
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.schema import Scene

@@ -18,7 +18,7 @@ from rope_twin.core.acting import hooks
 from rope_twin.effects.drag import Drag
 from rope_twin.errors import SceneError
 from rope_twin.messages import decode
-from rope_twin.recording.bag_reader import BagReader
+from rope_twin.recording.bag import BagReader
 from rope_twin.scene.schema import Scene
 from rope_twin.twin import energy_account
 from rope_twin.twin.energy_account import EnergyTwin

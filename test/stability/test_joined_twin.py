@@ -18,7 +18,7 @@ from rope_twin.errors import SceneError
 from rope_twin.scene.model.joined import build_joined, point_figures
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.variants import variant
+from rope_twin.studies.driven_twin import variant
 from rope_twin.twin.ensemble.ensemble import Ensemble, Variation
 from rope_twin.twin.twin import Twin
 from rope_twin.twin.winch.commands import WinchCommand

@@ -15,7 +15,7 @@ from rope_twin.scene import card
 from rope_twin.scene.card import known_error, read_card, solver_version
 from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.variants import variant
+from rope_twin.studies.driven_twin import variant
 
 
 def test_a_rung_has_the_error_of_its_row(tmp_path: Path) -> None:

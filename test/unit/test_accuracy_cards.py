@@ -11,8 +11,8 @@ from rope_twin.scene.card import FOLDER, card_path, read_card
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.share import share_dir
 from rope_twin.studies.accuracy import study as accuracy
-from rope_twin.studies.accuracy.figures import BY_NAME
-from rope_twin.studies.accuracy.plan import make_plan
+from rope_twin.studies.accuracy.run import BY_NAME
+from rope_twin.studies.accuracy.study import make_plan
 
 CARDS = share_dir() / "config" / "scenes" / FOLDER
 NAMES = sorted(path.stem for path in CARDS.glob("*.json"))

@@ -21,16 +21,24 @@ from card_samples import (
 
 from rope_twin.cli import _parser, main
 from rope_twin.commands import run as run_command
-from rope_twin.commands.run import calibration, choice
-from rope_twin.commands.run.calibration import Cost, measure_shares
-from rope_twin.commands.run.selection import AIM, CEILING_PCT, LEAST, MOST, Selection, refine
+from rope_twin.commands import selection
+from rope_twin.commands.selection import (
+    AIM,
+    CEILING_PCT,
+    LEAST,
+    MOST,
+    Cost,
+    Selection,
+    measure_shares,
+    refine,
+)
 from rope_twin.errors import InputError
 from rope_twin.run.options import read_options
 from rope_twin.scene import card
 from rope_twin.scene.card import Rung, Setting, known_error, read_card
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.accuracy.choice import cheapest_within, most_accurate, sure_bound
-from rope_twin.studies.variants import variant
+from rope_twin.studies.accuracy.within import cheapest_within, most_accurate, sure_bound
+from rope_twin.studies.driven_twin import variant
 from rope_twin.twin.accuracy.level import AccuracyLevel as LadderRung
 from rope_twin.twin.accuracy.overload import TwinOverloadProtection
 from rope_twin.twin.pacing import SLOT_S, steps_in_slot
@@ -289,7 +297,7 @@ def test_a_share_is_what_a_slot_and_its_steps_cost(
 ) -> None:
     """A slot of 20 ms costs 100 µs and 10 µs for each step of two solves."""
     scene = carded_scene(tmp_path)
-    monkeypatch.setattr(calibration, "_slot_costs", lambda twin: (100e-6, 10e-6))
+    monkeypatch.setattr(selection, "_slot_costs", lambda twin: (100e-6, 10e-6))
     rungs = rungs_of(scene)[:3]  # 5, 10 and 20 ms
     assert measure_shares(scene, rungs, 1.0) == pytest.approx([0.7, 0.6, 0.55])
     assert measure_shares(scene, rungs, 2.0) == pytest.approx([1.4, 1.2, 1.1])
@@ -358,8 +366,8 @@ def test_a_budget_in_another_sea_claims_no_error(
     """Settings are bought all the same: what costs more is finer in any sea."""
     scene = carded_scene(tmp_path)
     cheap = Cost(1.0, 0.1)
-    monkeypatch.setattr(choice, "measure_shares", lambda scene, rungs, speed: [1.0] * len(rungs))
-    monkeypatch.setattr(choice, "measure_setting", lambda *args, **more: cheap)
+    monkeypatch.setattr(selection, "measure_shares", lambda scene, rungs, speed: [1.0] * len(rungs))
+    monkeypatch.setattr(selection, "measure_setting", lambda *args, **more: cheap)
     words = ["run", str(scene.path), "--no-record", "--budget", "20%"]
     for more, said in (
         (
@@ -369,7 +377,7 @@ def test_a_budget_in_another_sea_claims_no_error(
         (["--bag", "sea_1p2m"], "its error is unknown: the study's run has another sea;"),
     ):
         args = _parser({"run": run_command}).parse_args([*words, *more])
-        assert said in choice.choose(args, read_options(args)).chosen
+        assert said in selection.choose(args, read_options(args)).chosen
 
 
 @pytest.mark.parametrize("budget", ["20%", "0.0001%"])
@@ -382,9 +390,9 @@ def test_a_budget_is_told_with_what_the_next_setting_costs(tmp_path: Path, budge
         with pytest.raises(
             InputError, match=r"the cheapest setting of the study needs .* give more"
         ):
-            choice.choose(args, read_options(args))
+            selection.choose(args, read_options(args))
         return
-    options = choice.choose(args, read_options(args))
+    options = selection.choose(args, read_options(args))
     assert (options.elements or 0) >= 10
     assert options.budget_pct == 20.0
     assert options.calibrated_pct is not None

@@ -21,12 +21,18 @@ from rope_twin.scene import card
 from rope_twin.scene.card import known_error, read_card
 from rope_twin.scene.change import Change, change_scene
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.accuracy.figures import differences, snap_peak_n, values
-from rope_twin.studies.accuracy.plan import make_plan
-from rope_twin.studies.accuracy.reference import SAFETY, judge, uncertainty
-from rope_twin.studies.accuracy.run import Course, Series, Setting, Trial
+from rope_twin.studies.accuracy.run import (
+    Course,
+    Series,
+    Setting,
+    Trial,
+    differences,
+    snap_peak_n,
+    values,
+)
+from rope_twin.studies.accuracy.study import SAFETY, judge, make_plan, uncertainty
 from rope_twin.studies.accuracy.witness import Witness, call_witness
-from rope_twin.studies.variants import variant
+from rope_twin.studies.driven_twin import variant
 
 LOOK_S = 0.2
 

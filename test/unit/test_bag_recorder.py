@@ -18,7 +18,7 @@ from rope_twin.errors import BagError
 from rope_twin.messages import encode_heave
 from rope_twin.recording import recorder as recorder_module
 from rope_twin.recording.bag_writer import BagWriter
-from rope_twin.recording.heave_replay import open_heave
+from rope_twin.recording.heave import open_heave
 from rope_twin.recording.recorder import BagRecorder
 from rope_twin.recording.recover import Outcome, recover
 from rope_twin.topics import BY_NAME

@@ -8,7 +8,7 @@ from bag_samples import STEP_NS, swell, write_heave
 
 from rope_twin.errors import BagError
 from rope_twin.recording.bag_writer import BagWriter
-from rope_twin.recording.heave_replay import open_heave
+from rope_twin.recording.heave import open_heave
 from rope_twin.topics import BY_NAME
 
 

@@ -12,10 +12,9 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rope_twin.errors import BagError
 from rope_twin.messages import encode_heave
 from rope_twin.messages.cdr import typestore
-from rope_twin.recording.bag_reader import list_bags
-from rope_twin.recording.heave_record import HeaveRecord, read_heave
-from rope_twin.recording.heave_replay import HeaveReplay, open_heave, replay_sea
-from rope_twin.sea.heave_response import BoxHull
+from rope_twin.recording.bag import list_bags
+from rope_twin.recording.heave import HeaveRecord, HeaveReplay, open_heave, read_heave, replay_sea
+from rope_twin.sea.ship_motion import BoxHull
 from rope_twin.sea.spectrum import find_spectra, jonswap, read_spectrum
 from rope_twin.share import share_dir
 from rope_twin.twin.motion.irregular_sea import synthesise

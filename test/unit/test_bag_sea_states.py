@@ -12,9 +12,9 @@ from rosbags.highlevel import AnyReader
 
 from rope_twin.commands import sea_state
 from rope_twin.errors import InputError
-from rope_twin.recording.bag_reader import list_bags
-from rope_twin.recording.heave_record import read_heave
-from rope_twin.sea.heave_response import BoxHull
+from rope_twin.recording.bag import list_bags
+from rope_twin.recording.heave import read_heave
+from rope_twin.sea.ship_motion import BoxHull
 from rope_twin.sea.spectrum import find_spectra, read_spectrum
 from rope_twin.share import share_dir
 from rope_twin.twin.motion.irregular_sea import synthesise

@@ -22,8 +22,7 @@ from rope_twin.effects.weight import WeightParams
 from rope_twin.errors import RopeTwinError
 from rope_twin.scene.schema import Scene
 from rope_twin.studies import effect_cost
-from rope_twin.studies.effect_cost import EffectRow, effect_table, measure_effects
-from rope_twin.studies.usual_effects import suggested
+from rope_twin.studies.effect_cost import EffectRow, effect_table, measure_effects, suggested
 
 BY_NAME = {effect.name: effect for effect in EFFECTS}
 

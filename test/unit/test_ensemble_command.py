@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
-import rope_twin.studies.ensemble.study as study
+import rope_twin.studies.ensemble as study
 from rope_twin.cli import main
 from rope_twin.share import share_dir
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rope_twin.errors import InputError
-from rope_twin.studies.ensemble.plan import Axis, make_plan, read_axis, read_range
+from rope_twin.studies.ensemble import Axis, make_plan, read_axis, read_range
 
 MASS = read_axis("--vary", "payloads[0].mass_kg=18e3..22e3")
 

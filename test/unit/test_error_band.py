@@ -26,8 +26,7 @@ from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import UnpacedRun, run_unpaced
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.model.rope import build
-from rope_twin.studies.driven_twin import march
-from rope_twin.studies.variants import variant
+from rope_twin.studies.driven_twin import march, variant
 from rope_twin.twin.accuracy import error_interval
 from rope_twin.twin.accuracy.error_bound import (
     ErrorBound,

@@ -14,8 +14,7 @@ from rope_twin.messages import Encoder, decode, statuses
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.model.joined import build_joined
 from rope_twin.scene.model.rope import build
-from rope_twin.studies.driven_twin import fed
-from rope_twin.studies.variants import variant
+from rope_twin.studies.driven_twin import fed, variant
 from rope_twin.twin.accuracy.error_bound import LOOSE, ROUGH_S, ErrorBound
 from rope_twin.twin.accuracy.error_fraction import fraction_of_difference
 from rope_twin.twin.accuracy.error_interval import SETTLING_S, ErrorIntervalTwin

@@ -10,8 +10,7 @@ import pytest
 
 from rope_twin import Twin
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.driven_twin import fed
-from rope_twin.studies.variants import variant
+from rope_twin.studies.driven_twin import fed, variant
 from rope_twin.twin.accuracy.divergence import (
     AGREEMENT,
     DIVERGENCE,

@@ -12,8 +12,7 @@ from rope_twin.core import state as rows
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.schema import Scene, ScheduleRow
 from rope_twin.scene.winch import Winch as WinchScene
-from rope_twin.studies.driven_twin import fed
-from rope_twin.studies.variants import variant
+from rope_twin.studies.driven_twin import fed, variant
 from rope_twin.twin.accuracy.coarse_solution import CoarseRope, CoarseSystem
 from rope_twin.twin.accuracy.error_bound import ErrorBound
 from rope_twin.twin.accuracy.error_interval import SETTLING_S, ErrorIntervalTwin

@@ -15,8 +15,7 @@ from rope_twin import load_scene
 from rope_twin.errors import InputError
 from rope_twin.scene.load import rope_preset
 from rope_twin.scene.schema import Damping, RopeLine, RopeSection
-from rope_twin.studies.ensemble.plan import Plan
-from rope_twin.studies.ensemble.study import variations
+from rope_twin.studies.ensemble import Plan, variations
 from rope_twin.studies.fatigue import (
     SAMPLES_KEPT,
     RopeFatigue,

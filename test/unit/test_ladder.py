@@ -16,8 +16,7 @@ from rope_twin import Snapshot, Twin, load_scene
 from rope_twin.run.inputs import FIRST_NS, LEAD_NS, offer, open_sea
 from rope_twin.scene.card import read_card
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.driven_twin import march
-from rope_twin.studies.variants import variant
+from rope_twin.studies.driven_twin import march, variant
 from rope_twin.twin.accuracy.level import AccuracyLevel, levels_of
 from rope_twin.twin.accuracy.overload import (
     FIT,

@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from rope_twin import load_scene
-from rope_twin.recording.heave_replay import HeaveSample
+from rope_twin.recording.heave import HeaveSample
 from rope_twin.run.inputs import FIRST_NS, open_sea
 from rope_twin.scene.load import scene_names
 from rope_twin.twin.health import StuckDetector

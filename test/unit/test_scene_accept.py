@@ -15,8 +15,13 @@ from rope_twin.scene.card import scene_digest
 from rope_twin.scene.load import load_scene, scene_names
 from rope_twin.scene.schema import AcceptedWarning
 from rope_twin.scene.warnings.rope import sense_checks
-from rope_twin.sea.spectrum import jonswap, read_spectrum
-from rope_twin.sea.steepness import breaking_fault, steepness_warning, zero_crossing_period_s
+from rope_twin.sea.spectrum import (
+    breaking_fault,
+    jonswap,
+    read_spectrum,
+    steepness_warning,
+    zero_crossing_period_s,
+)
 from rope_twin.share import share_dir
 from rope_twin.twin.saving.saved_state import scene_properties
 from rope_twin.twin.twin import Twin

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rope_twin.errors import InputError
-from rope_twin.sea.heave_response import BoxHull, heave_response
+from rope_twin.sea.ship_motion import BoxHull, heave_response
 
 G = 9.80665
 HULLS = st.builds(

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rope_twin.errors import InputError
-from rope_twin.sea.heave_response import BoxHull, heave_response
-from rope_twin.sea.phases import random_phases
+from rope_twin.sea.components import random_phases
+from rope_twin.sea.ship_motion import BoxHull, heave_response
 from rope_twin.sea.spectrum import find_spectra, jonswap, read_spectrum
 from rope_twin.twin.motion.irregular_sea import synthesise
 

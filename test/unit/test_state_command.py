@@ -16,7 +16,7 @@ import pytest
 
 from rope_twin import Twin, load_scene
 from rope_twin.cli import main
-from rope_twin.recording.bag_reader import BagReader
+from rope_twin.recording.bag import BagReader
 from rope_twin.run.options import RunOptions
 from rope_twin.run.summary import RunSummary
 from rope_twin.run.unpaced import run_unpaced

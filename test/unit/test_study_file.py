@@ -12,10 +12,9 @@ from study_text import DRAWN, GOOD, written
 from rope_twin.errors import RopeTwinError
 from rope_twin.scene.change import change_scene
 from rope_twin.share import share_dir
-from rope_twin.studies.ensemble.study import Seas
-from rope_twin.studies.parameter_study.batch import cut_into_batches
-from rope_twin.studies.parameter_study.design import design_runs, made_of
-from rope_twin.studies.parameter_study.file import read_study
+from rope_twin.studies.ensemble import Seas
+from rope_twin.studies.parameter_study.design import design_runs, made_of, read_study
+from rope_twin.studies.parameter_study.run import cut_into_batches
 
 
 def test_a_grid_is_every_combination(tmp_path: Path) -> None:

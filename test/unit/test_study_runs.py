@@ -22,10 +22,9 @@ from rope_twin.cli import main
 from rope_twin.commands import study
 from rope_twin.errors import InputError
 from rope_twin.scene.load import load_scene
-from rope_twin.studies.ensemble.plan import Plan
-from rope_twin.studies.ensemble.study import variations
-from rope_twin.studies.parameter_study.file import read_study
-from rope_twin.studies.parameter_study.folder import StudyFolder
+from rope_twin.studies.ensemble import Plan, variations
+from rope_twin.studies.parameter_study.design import read_study
+from rope_twin.studies.parameter_study.run import StudyFolder
 from rope_twin.twin.ensemble.ensemble import Ensemble
 
 PATIENCE_S = 300.0
@@ -33,7 +32,7 @@ PATIENCE_S = 300.0
 STANDS_STILL = """
 import sys, threading
 from rope_twin.cli import main
-from rope_twin.studies.parameter_study.folder import StudyFolder
+from rope_twin.studies.parameter_study.run import StudyFolder
 
 add = StudyFolder.add
 

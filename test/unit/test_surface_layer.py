@@ -14,7 +14,7 @@ from rope_twin.effects.waves import RegularWave, WavesParams
 from rope_twin.scene.load import load_scene
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene, SeaState
-from rope_twin.studies.variants import variant
+from rope_twin.studies.driven_twin import variant
 from rope_twin.twin.accuracy.error_fraction import THIRD, excess_load_m, wave_error_fraction
 
 ELEMENTS, STEP_S, SECONDS, RAMP_S = 50, 0.02, 6.0, 2.0

@@ -18,7 +18,7 @@ from rope_twin import Snapshot, load_scene, messages
 from rope_twin.cadence import due_topics
 from rope_twin.cli import main
 from rope_twin.errors import InputError
-from rope_twin.recording.bag_reader import BagReader
+from rope_twin.recording.bag import BagReader
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.schema import Scene

@@ -15,7 +15,7 @@ from rope_twin.core import state as rows
 from rope_twin.effects.wake_oscillator import WakeOscillatorParams
 from rope_twin.errors import InputError, SceneError, StateError
 from rope_twin.messages import decode, statuses
-from rope_twin.recording.bag_reader import BagReader
+from rope_twin.recording.bag import BagReader
 from rope_twin.run.options import RunOptions
 from rope_twin.run.unpaced import run_unpaced
 from rope_twin.scene.load import load_scene

@@ -11,10 +11,10 @@ import pytest
 
 from rope_twin.effects.waves import RegularWave, WavesParams, components_of
 from rope_twin.errors import SceneError
-from rope_twin.recording.wave_sea import WaveSea, sea_of_waves
+from rope_twin.recording.ship_sea import WaveSea, sea_of_waves
 from rope_twin.run.inputs import open_sea
 from rope_twin.scene.load import load_scene
-from rope_twin.sea.heave_response import BoxHull, heave_response
+from rope_twin.sea.ship_motion import BoxHull, heave_response
 
 G = 9.80665
 

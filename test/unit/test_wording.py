@@ -15,9 +15,8 @@ from sample_snapshot import hanging_rope
 
 from rope_twin.messages import Status, statuses
 from rope_twin.ros.paced_twin import clock_row, publishing_row, saving_row
-from rope_twin.run.cpu_usage import CpuUsage
 from rope_twin.run.seat import PRIORITY, CommandSeat
-from rope_twin.run.summary import RunSummary
+from rope_twin.run.summary import CpuUsage, RunSummary
 from rope_twin.scene.card import KnownError
 from rope_twin.twin.pacing import PacingHealth
 from rope_twin.twin.results import EnergyBalance

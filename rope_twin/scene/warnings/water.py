@@ -11,8 +11,8 @@ from rope_twin.scene.model.lift import LiftFigures, listed_effects
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.environment import bed_at, bed_of, beside, spectrum_of
 from rope_twin.scene.validation.rigging import places, winches_by_name
-from rope_twin.sea.responses import FADE, read_responses
-from rope_twin.sea.steepness import BREAKING, steepness_warning
+from rope_twin.sea.ship_motion import FADE, read_responses
+from rope_twin.sea.spectrum import BREAKING, steepness_warning
 
 LONGEST_ARM_M = 400.0  # the longest ships
 FASTEST_CURRENT_M_PER_S = 2.5  # maximum of the Gulf Stream; a tidal race may exceed it

@@ -11,16 +11,249 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from rope_twin.errors import RopeTwinError
+from rope_twin.errors import InputError, RopeTwinError, phrase
 from rope_twin.scene.card import FORMAT, scene_digest, solver_version
+from rope_twin.scene.model.joined import build_joined
+from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import is_joined
-from rope_twin.studies.accuracy.figures import BY_NAME, QUANTITIES, Values, differences, values
-from rope_twin.studies.accuracy.plan import Plan
-from rope_twin.studies.accuracy.reference import Reference, find_reference
-from rope_twin.studies.accuracy.run import Course, Setting, Trial
+from rope_twin.scene.validation.vortices import shedding_model
+from rope_twin.studies.accuracy.run import (
+    BY_NAME,
+    QUANTITIES,
+    Course,
+    Series,
+    Setting,
+    Trial,
+    Values,
+    differences,
+    values,
+)
 from rope_twin.studies.accuracy.witness import Witness, call_witness
-from rope_twin.studies.machine import Machine, this_machine
+from rope_twin.studies.page import Machine, this_machine
+
+LONGEST_STEP_S = 0.2  # the longest that a scene may have
+FEWEST, MOST = 10, 1000  # elements of a ladder; at least half and twice the scene's own
+TOLERANCES = (0.1, 10.0)  # times the scene's own, at its own elements and step
+REFERENCE_TOLERANCE = 0.1
+REFERENCE_WORK = 33e6  # nodes times steps of the finest run, about
+FINER_MOST = 4  # elements of the reference over those of the finest rung
+MOST_WORK = 800e6  # nodes times steps of everything together: about a minute and a half
+DEAR = 2.0  # a scene whose nodes cost more than twice as much has a short ladder
+COMPONENTS = 14.0  # so many waves cost a node as much as all else
+VORTICES = 1.4  # what a model of vortices costs a node beside all else, at most
+SHORTEST_WINDOW = 10  # looks
+
+
+@dataclass(frozen=True)
+class Reach:
+    """Extent of a convergence study."""
+
+    step_factors: tuple[float, ...]  # of the scene's own step
+    doublings: int  # of its own elements, as long as MOST allows; one at least
+    reference_step: float  # of the scene's own step
+    window_s: float  # at least
+    longest_window_s: float
+
+
+USUAL = Reach((0.5, 1.0, 2.0, 5.0), 2, 0.25, 60.0, 120.0)
+SHORT = Reach((1.0, 2.0, 5.0), 1, 0.5, 30.0, 30.0)  # of scenes that cost much
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Runs of a convergence study."""
+
+    seconds: float
+    own: Setting
+    look_s: float  # a whole number of every step
+    settings: tuple[Setting, ...]
+    reference: Setting
+    ropes: float = 1.0  # all ropes' elements over the first one's
+
+    @property
+    def work(self) -> float:
+        """Return nodes times steps, including the reference's coarser grids and repeated timing."""
+        ladder = math.fsum(one.elements / one.step_s for one in self.settings)
+        fine = self.reference.elements / self.reference.step_s
+        return self.ropes * self.seconds * (2.5 * fine + 2.5 * ladder)
+
+
+def make_plan(scene: Scene, seconds: float | None = None) -> Plan:
+    """Return accuracy levels and window of a scene (None: as the scene's events require).
+
+    Raises:
+        SceneError: the scene cannot be built.
+        InputError: the window is too short, or the scene's elements cannot be varied.
+    """
+    where = f"scene {scene.name}"
+    if any(line.grading is not None and line.grading.nodes_m is not None for line in scene.ropes):
+        right = "give the lowest element's length and its growth instead"
+        raise InputError(phrase(where, "grading.nodes_m holds the elements fixed", right))
+    usual = _plan(scene, seconds, USUAL)
+    dear = dearness(scene) > DEAR or usual.work > MOST_WORK
+    return _plan(scene, seconds, SHORT) if dear else usual
+
+
+def dearness(scene: Scene) -> float:
+    """Return the cost of a node and step relative to those of a rope without waves and vortices."""
+    components = sum(int(getattr(one, "components", 0)) for one in scene.effects)
+    vortices = VORTICES if shedding_model(scene) else 0.0
+    return 1.0 + components / COMPONENTS + vortices
+
+
+def _plan(scene: Scene, seconds: float | None, reach: Reach) -> Plan:
+    own = Setting(scene.ropes[0].elements, scene.time.step_s)
+    h = own.step_s
+    factors = [one for one in reach.step_factors if one * h <= LONGEST_STEP_S]
+    look_s = _whole(math.lcm(*(round(2.0 * one) for one in factors)) * 0.5 * h)
+    span = _window_s(scene, reach) if seconds is None else seconds
+    span = _whole(math.floor(span / look_s + 1e-6) * look_s)
+    least = _whole(SHORTEST_WINDOW * look_s)
+    if span < least:
+        raise InputError(
+            phrase("--duration", f"{seconds:g} s is too short", f"give {least:g} or more")
+        )
+    counts = _counts(own.elements, reach.doublings)
+    ropes = sum(line.elements for line in scene.ropes) / own.elements
+    first = build_joined(scene).system.ropes[0] if is_joined(scene) else build(scene)
+    tolerance = first.model.tolerance
+    ladder = [Setting(count, _whole(factor * h)) for count in counts for factor in factors]
+    others = [Setting(own.elements, h, min(part * tolerance, 1e4)) for part in TOLERANCES]
+    finest_s = _whole(reach.reference_step * h)
+    most = REFERENCE_WORK / ropes / dearness(scene) / (span / finest_s) / counts[-1]
+    finer = 2 ** math.floor(math.log2(max(most, 1.0)))
+    elements = counts[-1] * min(max(finer, 2), FINER_MOST)
+    fine = Setting(elements, finest_s, REFERENCE_TOLERANCE * tolerance)
+    return Plan(span, own, look_s, (*ladder, *others), fine, ropes)
+
+
+def _window_s(scene: Scene, reach: Reach) -> float:
+    """Return a minute, or one cycle of the winch schedule if longer (two minutes at most) [s]."""
+    winch = scene.winch
+    scheduled = winch.schedule_repeats_every_s or 0.0 if winch and winch.schedule else 0.0
+    return min(max(reach.window_s, scheduled), reach.longest_window_s)
+
+
+def _counts(own: int, doublings: int) -> list[int]:
+    """Return the numbers of elements: the scene's own, halved and doubled."""
+    counts, down = [own], own
+    while round(down / 2) >= FEWEST:
+        down = round(down / 2)
+        counts.insert(0, down)
+    for doubling in range(1, doublings + 1):
+        if doubling == 1 or own * 2**doubling <= MOST:
+            counts.append(own * 2**doubling)
+    return counts
+
+
+def _whole(seconds: float) -> float:
+    """Return a number without its last bits, which depend on how a time was computed."""
+    return round(seconds, 12)
+
+
+SAFETY, FORMAL_ORDER, LEAST_ORDER = 1.25, 2.0, 0.4
+NO_ORDER = 3.0  # safety where there is no order: the factor for two grids
+LITTLE = {"%": 5.0, "m": 0.1}  # three times differences that do not matter though they do not fall
+NOTHING = {"%": 1e-6, "m": 1e-8}  # round-off
+
+
+@dataclass(frozen=True)
+class Doubt:
+    """Uncertainty of one quantity of the reference, in the quantity's unit."""
+
+    element_order: float | None  # None: there was none, or nothing to measure it by
+    step_order: float | None
+    uncertainty: float | None  # None: not converged
+    spread: tuple[float, float] | None  # where not converged: least and largest over the grids
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The finest run, what it found, and how far to trust it."""
+
+    setting: Setting
+    series: Series
+    values: Values
+    doubts: dict[str, Doubt]
+
+
+def find_reference(course: Course, setting: Setting, report: Callable[[str], None]) -> Reference:
+    """Run the five grids around the finest setting, each tighter in tolerance than the scene.
+
+    Raises:
+        RopeTwinError: a run failed.
+    """
+    n, h, tolerance = setting.elements, setting.step_s, setting.tolerance_n
+    grids = [(n, h), (n // 2, h), (n // 4, h), (n, 2.0 * h), (n, 4.0 * h)]
+    runs = []
+    for elements, step_s in grids:
+        one = Setting(elements, step_s, tolerance)
+        report(f"reference, {one}")
+        runs.append(Trial(course, one).look())
+    return judge(setting, runs)
+
+
+def judge(setting: Setting, runs: list[Series]) -> Reference:
+    """Return the reference from the runs: the finest, two coarser in elements, two in time step."""
+    fine, n2, n4, h2, h4 = runs
+    by_element = differences(n4, n2), differences(n2, fine)
+    by_step = differences(h4, h2), differences(h2, fine)
+    seen = [values(one) for one in runs]
+    doubts = {}
+    for name, quantity in BY_NAME.items():
+        pairs = [(coarse[name], middle[name]) for coarse, middle in (by_element, by_step)]
+        parts = [uncertainty(*pair, quantity.unit) for pair in pairs]
+        known = [one for one, _ in parts]
+        total = None if None in known else math.fsum(one for one in known if one is not None)
+        spread = None if total is not None else _spread(name, seen, [*by_element, *by_step])
+        doubts[name] = Doubt(parts[0][1], parts[1][1], total, spread)
+    return Reference(setting, fine, seen[0], doubts)
+
+
+def uncertainty(
+    coarse: float | None, middle: float | None, unit: str
+) -> tuple[float | None, float | None]:
+    """Return uncertainty and order of the finest grid from two differences; None if not defined.
+
+    Both differences None (nothing to compare, as the peaks of snaps without slack): zero.
+    """
+    if coarse is None and middle is None:
+        return 0.0, None
+    if coarse is None or middle is None:
+        return None, None
+    d1, d2 = abs(coarse), abs(middle)
+    if max(d1, d2) <= NOTHING[unit]:
+        return max(d1, d2), None
+    order = math.log2(d1 / d2) if d1 > 0.0 and d2 > 0.0 else math.inf if d2 == 0.0 else -math.inf
+    if order < LEAST_ORDER:
+        most = NO_ORDER * max(d1, d2)
+        return (most, None) if most <= LITTLE[unit] else (None, None)
+    p = min(order, FORMAL_ORDER)
+    # Where the order is chance, what the coarse grid's difference makes of it counts.
+    d2 = max(d2, d1 / 2.0**FORMAL_ORDER)
+    return SAFETY * d2 / (2.0**p - 1.0), order if math.isfinite(order) else None
+
+
+_SPREAD_OF = {
+    "tension_mean": "tension_mean_n",
+    "tension_std": "tension_std_n",
+    "tension_peak": "tension_max_n",
+    "tension_trough": "tension_min_n",
+    "snap_peak": "snap_peak_n",
+    "slack_share": "slack_share",
+}
+
+
+def _spread(name: str, seen: list[Values], apart: list[Values]) -> tuple[float, float] | None:
+    """Return minimum and maximum over the grids; for an RMS quantity, of the differences."""
+    if name in _SPREAD_OF:
+        found = [one[_SPREAD_OF[name]] for one in seen]
+    else:
+        found = [one[name] for one in apart]
+    held = [one for one in found if one is not None]
+    return (min(held), max(held)) if held else None
+
 
 Report = Callable[[int, int, str], None]  # done, of how many, what comes next
 

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from rope_twin.core.state import Floats
-from rope_twin.studies.modes.modes import Mode, Modes
-from rope_twin.studies.modes.system_modes import UNHELD, SystemMode, SystemModes
+from rope_twin.studies.modes.modes import UNHELD, Mode, Modes, SystemMode, SystemModes
 from rope_twin.studies.picture import check_picture, write_picture
 
 _ROPES = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#555555")

@@ -2,24 +2,292 @@
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import importlib.util
+import json
+import math
 import socket
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, TYPE_CHECKING, Any, Self
 
 from rope_twin.core.jit.wide import LANES
 from rope_twin.errors import InputError, RopeTwinError, phrase
-from rope_twin.scene.card import solver_version
+from rope_twin.scene.card import KnownError, known_error, solver_version
+from rope_twin.scene.model.lift import lift_figures
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.rigging import refuse_joined
-from rope_twin.studies.parameter_study.batch import Batch, Row, cut_into_batches, run_batch
-from rope_twin.studies.parameter_study.design import design_runs, made_of
-from rope_twin.studies.parameter_study.file import Study
-from rope_twin.studies.parameter_study.folder import StudyFolder
-from rope_twin.twin.ensemble.ensemble import cores, whole_steps
+from rope_twin.studies.ensemble import AFTER_NS, Seas
+from rope_twin.studies.fatigue import RopeFatigue
+from rope_twin.studies.parameter_study.design import (
+    FatigueWish,
+    Made,
+    Study,
+    StudyRun,
+    design_runs,
+    made_of,
+)
+from rope_twin.twin.ensemble.ensemble import BATCH_S, Ensemble, Variation, cores, whole_steps
+from rope_twin.twin.fatigue.curves import CURVES
+from rope_twin.whole_file import write_whole
+
+if TYPE_CHECKING:
+    import pyarrow
+
+
+Row = dict[str, Any]
+CHANGED = "; the convergence study is of the scene before its numbers were varied"
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Runs of one scene; all that a worker needs to know."""
+
+    scene: Scene
+    runs: tuple[StudyRun, ...]
+    made: tuple[Made, ...]
+    columns: tuple[str, ...]  # names of the variables
+    seconds: float
+    look_s: float
+    fatigue: FatigueWish | None
+
+
+def cut_into_batches(
+    study: Study, runs: Sequence[tuple[StudyRun, Made]], at_once: int = LANES
+) -> list[Batch]:
+    """Group runs of the same scene into batches of limited size."""
+    groups: dict[str, list[tuple[StudyRun, Made]]] = {}
+    for run, one in runs:
+        groups.setdefault(one.scene.digest, []).append((run, one))
+    columns = tuple(one.column for one in study.vary)
+    batches = []
+    for alike in groups.values():
+        for first in range(0, len(alike), at_once):
+            runs_here, made = zip(*alike[first : first + at_once], strict=True)
+            batches.append(
+                Batch(made[0].scene, runs_here, made, columns, study.seconds, study.look_s,
+                      study.fatigue)
+            )  # fmt: skip
+    return batches
+
+
+def run_batch(batch: Batch) -> list[Row]:
+    """Return a row of results for each run.
+
+    Raises:
+        RopeTwinError: the sea is not there or too short, or the curve does not fit the rope.
+    """
+    began = time.perf_counter()
+    ensemble = Ensemble(batch.scene, list(_variations(batch)), batch.look_s, threads=1)
+    followed = _follow(batch, ensemble)
+    known = known_error(batch.scene)
+    took_s = (time.perf_counter() - began) / len(batch.runs)
+    rows = []
+    for number, run in enumerate(batch.runs):
+        rows.append(
+            {
+                "run": run.number,
+                **dict(zip(batch.columns, run.values, strict=True)),
+                **_figures(ensemble, number, batch.seconds),
+                **_card(known, bool(batch.made[number].changes)),
+                **(_damage(followed[number]) if followed else {}),
+                "took_s": took_s,
+            }
+        )
+    return rows
+
+
+def _variations(batch: Batch) -> Iterator[Variation]:
+    seas = Seas(batch.scene, round(batch.seconds * 1e9) + AFTER_NS)
+    for run, made in zip(batch.runs, batch.made, strict=True):
+        heave = seas.heave(made.changes, made.sea_offset_s)
+        if heave is not None and heave.end_ns < batch.seconds * 1e9:
+            what = f"the sea of run {run.number} ends after {heave.end_ns * 1e-9:g} s"
+            raise InputError(phrase("seconds", what, "let it loop, or run shorter"))
+        yield Variation(made.changes, heave)
+
+
+def _follow(batch: Batch, ensemble: Ensemble) -> list[RopeFatigue]:
+    """Step all runs to the end, with an eye on each piece of rope where that is wished."""
+    wish = batch.fatigue
+    if wish is None:
+        left, step_s = round(batch.seconds / ensemble.step_s), ensemble.step_s
+        while left:
+            some = min(left, max(1, round(BATCH_S / step_s)))
+            ensemble.advance(some * step_s)
+            left -= some
+        return []
+    counts = [_fatigue(ensemble.scene_of(number), wish) for number in range(len(ensemble))]
+    for _ in range(round(batch.seconds / wish.sample_s)):
+        ensemble.advance(wish.sample_s)
+        going = (k for k, one in enumerate(ensemble.figures()) if not one.failure)
+        for number in going:
+            counts[number].take(ensemble.snapshot(number))
+    return counts
+
+
+def _fatigue(scene: Scene, wish: FatigueWish) -> RopeFatigue:
+    line = scene.ropes[0]
+    most = scene.winch.most_line_out_m if scene.winch else line.length_m
+    sheave = scene.winch.sheave if scene.winch else None
+    bent_pa = sheave.bending_stress_pa(line.made_of[0].rope.diameter_m) if sheave else 0.0
+    return RopeFatigue(line, most, wish.piece_m, CURVES[wish.curve], bent_pa)
+
+
+def _figures(ensemble: Ensemble, number: int, seconds: float) -> Row:
+    scene, figures = ensemble.scene_of(number), ensemble.figures()[number]
+    least = min(bar.rope.breaking_load_n for bar in lift_figures(scene).bars)
+    told = {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value
+        for key, value in asdict(figures).items()
+    }
+    most = told["tension_top_max_n"]
+    share = None if most is None else most / least
+    whole = {"seconds": figures.steps * scene.time.step_s, "elements": scene.ropes[0].elements,
+             "step_s": scene.time.step_s}  # fmt: skip
+    return {**whole, **told, "highest_over_breaking_load": share}
+
+
+def _card(known: KnownError, changed: bool) -> Row:
+    """Return the error of the scene's convergence study; indicative for a run with other values."""
+    return {
+        "card_error_rms_pct": None if math.isnan(known.rms_pct) else known.rms_pct,
+        "card_error_peak_pct": None if math.isnan(known.peak_pct) else known.peak_pct,
+        "card_error_words": known.words + (CHANGED if changed else ""),
+    }
+
+
+def _damage(counted: RopeFatigue) -> Row:
+    found = counted.damage()
+    return {
+        "damage_worst": float(found.damage[found.worst]),
+        "damage_worst_from_lower_end_m": float(found.from_lower_end_m[found.worst]),
+        "damage": found.damage.tolist(),
+        "damage_from_lower_end_m": found.from_lower_end_m.tolist(),
+    }
+
+
+WHOLE, MARK, LOCK = "runs.parquet", "study.json", "lock"
+_NUMBERS = ("run", "steps", "unconverged_substeps", "elements")
+_WORDS = ("card_error_words", "failure")
+_LISTS = ("damage", "damage_from_lower_end_m")
+
+
+def check_parquet() -> None:
+    """Check that Parquet files can be written.
+
+    Raises:
+        InputError: pyarrow is not installed.
+    """
+    if importlib.util.find_spec("pyarrow") is None:
+        right = "install it with `pip install 'rope_twin[study]'`"
+        raise InputError(phrase("pyarrow", "a study writes its rows with it", right))
+
+
+class StudyFolder:
+    """The folder of one study; held by one process at a time.
+
+    Raises:
+        InputError: another process is at it, it holds another study, or it cannot be written.
+    """
+
+    def __init__(self, folder: Path, study: Study, stamp: str) -> None:
+        """Open the folder; `stamp` identifies study, scene and solver of the rows found there."""
+        check_parquet()
+        self._folder, self._study = folder, study
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._lock: IO[str] = (folder / LOCK).open("w")
+        except OSError as error:
+            what = f"it cannot be written ({error.strerror})"
+            raise InputError(phrase(str(folder), what, "choose another one with --out")) from error
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            self._lock.close()
+            what = "another process is at this study"
+            raise InputError(phrase(str(folder), what, "let it end, or stop it")) from error
+        self._claim(stamp)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *failure: object) -> None:
+        self._lock.close()
+
+    def _claim(self, stamp: str) -> None:
+        mark = self._folder / MARK
+        if mark.exists():
+            found = json.loads(mark.read_text(encoding="utf-8"))
+            if found["stamp"] != stamp:
+                self._lock.close()
+                what = f"its rows are of another study, scene or solver ('{found['study']}')"
+                right = "give another folder with --out, or remove this one"
+                raise InputError(phrase(str(self._folder), what, right))
+            return
+        told = {"study": self._study.name, "scene": self._study.scene, "stamp": stamp}
+        write_whole(mark, json.dumps(told, ensure_ascii=False).encode())
+
+    def done(self) -> set[int]:
+        """Return the numbers of the runs with rows in the folder."""
+        return {int(row["run"]) for row in self.rows(["run"])}
+
+    def add(self, rows: Sequence[Row]) -> None:
+        """Keep the rows of a batch."""
+        first = min(row["run"] for row in rows)
+        self._write(self._folder / f"part-{first:06d}-{len(rows)}.parquet", rows)
+
+    def rows(self, columns: list[str] | None = None) -> list[Row]:
+        """Return all rows in the folder, by run; each once."""
+        import pyarrow.parquet as parquet
+
+        found: dict[int, Row] = {}
+        for path in self._files():
+            for row in parquet.read_table(path, columns=columns).to_pylist():
+                found[int(row["run"])] = row
+        return [found[number] for number in sorted(found)]
+
+    def close_rows(self) -> Path:
+        """Make one file of all rows; the path of it."""
+        parts = [path for path in self._files() if path.name != WHOLE]
+        whole = self._folder / WHOLE
+        if parts:
+            self._write(whole, self.rows())
+        for path in parts:
+            path.unlink()
+        return whole
+
+    def _files(self) -> list[Path]:
+        return sorted([*self._folder.glob("part-*.parquet"), *self._folder.glob(WHOLE)])
+
+    def _write(self, path: Path, rows: Sequence[Row]) -> None:
+        import pyarrow
+        import pyarrow.parquet as parquet
+
+        table = pyarrow.Table.from_pylist(list(rows), schema=self._schema(rows[0]))
+        sink = pyarrow.BufferOutputStream()
+        parquet.write_table(table, sink)
+        write_whole(path, sink.getvalue().to_pybytes())
+
+    def _schema(self, row: Row) -> pyarrow.Schema:
+        """Return the types by column, whichever values the first row lacks."""
+        import pyarrow
+
+        words = {one.column for one in self._study.vary if one.names or one.cases}
+
+        def kind(name: str) -> Any:
+            if name in _NUMBERS:
+                return pyarrow.int64()
+            if name in _WORDS or name in words:
+                return pyarrow.string()
+            return pyarrow.list_(pyarrow.float64()) if name in _LISTS else pyarrow.float64()
+
+        return pyarrow.schema([(name, kind(name)) for name in row])
+
 
 Report = Callable[[int, int], None]  # runs done, runs in all
 CONNECT_S = 10

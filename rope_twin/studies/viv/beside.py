@@ -18,7 +18,7 @@ from rope_twin.core.state import Floats
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.schema import Scene
 from rope_twin.scene.validation.vortices import shedding_model
-from rope_twin.studies.modes.rest import water_at
+from rope_twin.studies.modes.equilibrium import water_at
 from rope_twin.studies.picture import Field, Line, Panel, draw_panels
 from rope_twin.studies.viv.moving import regular_motion
 from rope_twin.studies.viv.own import expected_hz, refuse_short

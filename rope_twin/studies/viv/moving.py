@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.recording.regular_heave import RegularSea
+from rope_twin.recording.heave import RegularSea
 from rope_twin.scene.schema import Scene
 from rope_twin.studies.driven_twin import Motion, Speeds, march, still
 from rope_twin.studies.picture import write_picture

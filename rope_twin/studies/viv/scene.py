@@ -18,7 +18,7 @@ from rope_twin.effects.current import CurrentParams
 from rope_twin.errors import SceneError, phrase
 from rope_twin.scene.model.rope import build
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.modes.rest import AtRest, bring_to_rest, water_at
+from rope_twin.studies.modes.equilibrium import AtRest, bring_to_rest, water_at
 from rope_twin.viv.span import Floats, Span
 
 

@@ -17,7 +17,7 @@ import math
 from bisect import bisect_left, bisect_right
 
 from rope_twin.errors import phrase
-from rope_twin.sea.way import FASTEST_M_PER_S
+from rope_twin.sea.ship_motion import FASTEST_M_PER_S
 from rope_twin.twin.health import AHEAD_NS, InputCounter, too_far_ahead, too_late
 
 HEAVE_LIMIT_M = 30.0

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rope_twin.errors import InputError, phrase
-from rope_twin.sea.heave_response import BoxHull, heave_response
-from rope_twin.sea.phases import random_phases
+from rope_twin.sea.components import random_phases
+from rope_twin.sea.ship_motion import BoxHull, heave_response
 from rope_twin.sea.spectrum import Vector, WaveSpectrum
 
 

@@ -4,27 +4,196 @@ from __future__ import annotations
 
 import argparse
 import math
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
+from statistics import mean, median
+from typing import NamedTuple
 
-from rope_twin.commands.run.calibration import measure_setting, measure_shares
-from rope_twin.commands.run.selection import CEILING_PCT, Selection, refine
+from rope_twin.cadence import due_topics, slot_of
 from rope_twin.errors import InputError, did_you_mean, phrase
+from rope_twin.messages import Encoder
 from rope_twin.run.options import RunOptions
 from rope_twin.scene.card import OTHER_SEA, Card, Rung, Setting, read_card, told_bound
 from rope_twin.scene.load import argument_for, load_scene
 from rope_twin.scene.schema import Scene
-from rope_twin.studies.accuracy.choice import (
+from rope_twin.studies.accuracy.run import BY_NAME, Quantity
+from rope_twin.studies.accuracy.study import make_plan
+from rope_twin.studies.accuracy.within import (
     best_bound,
     cheapest_within,
     most_accurate,
     next_better,
     sure_bound,
 )
-from rope_twin.studies.accuracy.figures import BY_NAME, Quantity
-from rope_twin.studies.accuracy.plan import make_plan
+from rope_twin.studies.driven_twin import variant
 from rope_twin.twin.accuracy.validity import CUT_REASON, beyond
-from rope_twin.twin.pacing import SLOT_S
+from rope_twin.twin.kinds import twin_class
+from rope_twin.twin.pacing import SLOT_S, steps_in_slot
+from rope_twin.twin.twin import Twin
+
+SLOTS, PAUSE_S = 20, 0.002  # of a rung: the pause cools the caches, as pacing does
+FEW, MANY = 1, 4  # steps in a slot
+SOLVES_AT_REST = 2.0  # per step
+WARM_UP, PACED_SLOTS = 4, 40  # of a setting: a whole number of rounds of all topics
+
+
+class Cost(NamedTuple):
+    """Share of one core that a setting needs [%]."""
+
+    steps_pct: float
+    publishing_pct: float  # without the middleware
+
+    @property
+    def pct(self) -> float:
+        """Return the sum."""
+        return self.steps_pct + self.publishing_pct
+
+
+def measure_shares(scene: Scene, rungs: Sequence[Rung], speed: float) -> list[float]:
+    """Measure the share of one core [%] that the time steps of each setting need here.
+
+    A rope at rest is stepped in slots with pauses between, as a paced run does: in each slot a few
+    steps and then many, so that what a slot costs and what a step costs are told apart. The solves
+    that the card counted in each rung scale the latter. Takes about a second.
+    """
+    costs: dict[int, tuple[float, float]] = {}
+    shares = []
+    for rung in rungs:
+        if rung.elements not in costs:
+            costs[rung.elements] = _slot_costs(Twin(variant(scene, rung.elements)))
+        slot_s, step_s = costs[rung.elements]
+        steps = steps_in_slot(rung.step_s)
+        busy_s = slot_s + steps * step_s * rung.solves_per_step / SOLVES_AT_REST
+        shares.append(100.0 * busy_s / (steps * rung.step_s) * speed)
+    return shares
+
+
+def _slot_costs(twin: Twin) -> tuple[float, float]:
+    """Return the cost of a cycle without its time steps, and of a time step [s]."""
+    took = {FEW: [0.0] * SLOTS, MANY: [0.0] * SLOTS}
+    twin.advance(MANY)
+    for steps, times in took.items():
+        for slot in range(SLOTS):
+            time.sleep(PAUSE_S)
+            began = time.thread_time()
+            twin.advance(steps)
+            twin.snapshot()
+            times[slot] = time.thread_time() - began
+    few, many = median(took[FEW]), median(took[MANY])
+    step_s = max(many - few, 0.0) / (MANY - FEW)
+    return max(few - FEW * step_s, 0.0), step_s
+
+
+def measure_setting(
+    scene: Scene, options: RunOptions, setting: Setting, solves_per_step: float
+) -> Cost:
+    """Measure the cost of a run with these options at a setting, over most of a second.
+
+    solves_per_step: what the card counted where the rope moves; it scales the steps.
+    """
+    kind = twin_class(options.energy, options.error_band, options.watch)
+    twin = kind(variant(scene, setting.elements, setting.step_s))
+    steps = steps_in_slot(setting.step_s)
+    encoder = Encoder(0)
+    period_s = steps * setting.step_s / options.speed
+    stepping, publishing = [], []
+    due_s = time.monotonic()
+    for slot in range(WARM_UP + PACED_SLOTS):
+        due_s = max(due_s + period_s, time.monotonic())
+        time.sleep(max(0.0, due_s - time.monotonic()))
+        began_s = time.thread_time()
+        twin.advance(steps)
+        snapshot = twin.snapshot()
+        stepped_s = time.thread_time()
+        for name in due_topics(*slot_of(snapshot), snapshot):
+            encoder.encode(name, snapshot)
+        if slot >= WARM_UP:
+            stepping.append(stepped_s - began_s)
+            publishing.append(time.thread_time() - stepped_s)
+    solver = snapshot.solver
+    busier = max(1.0, solves_per_step * solver.steps / solver.solves) if solver.solves else 1.0
+    return Cost(100.0 * busier * median(stepping) / period_s, 100.0 * mean(publishing) / period_s)
+
+
+# Of the budget, in steps and messages: the rest is for the middleware and the other threads of the
+# process, which no calibration sees, and for what they push out of the caches.
+AIM, LEAST, MOST = 0.63, 0.60, 0.66
+ROUNDS, BALANCED = 8, 4  # of measuring; in the first ones the step is chosen again
+GROWTH = 16.0  # per round at most: a low cost says little about a high one
+IN_SLOT = (1, 2, 4, 5, 8, 10, 16, 20, 25, 32, 40, 50, 80, 100, 125, 160, 200)  # steps per cycle
+CEILING_PCT = 55.0  # of a cycle: a run that needs more than 60 % is degraded
+
+Measure = Callable[[Setting], Cost]
+
+
+class Selection(NamedTuple):
+    """A setting within a budget, and the next finer one."""
+
+    setting: Setting
+    cost: Cost
+    better: Setting  # the next one
+    better_pct: float  # what that would need, by what this one does
+
+
+def refine(
+    start: Setting, budget_pct: float, most_elements: int, measure: Measure
+) -> Selection | Cost:
+    """Return the setting in proportion to `start` that uses the budget; or the cost of `start`.
+
+    The cost is returned if it exceeds the budget. most_elements: limit for a line.
+    """
+    goal = min(AIM * budget_pct, CEILING_PCT)
+    low, high = LEAST / AIM * goal, MOST / AIM * goal
+    setting, cost = start, measure(start)
+    if cost.pct > high:
+        return cost
+    best, step_s = (setting, cost), start.step_s
+    known = [(0.0, 0.0), (_work(setting), cost.pct)]
+    for number in range(ROUNDS):
+        if best[1].pct >= low or best[0].elements == most_elements:
+            break
+        work = _work_for(goal, known)
+        if number < BALANCED:
+            finer = math.sqrt(max(1.0, work / _work(start)))
+            step_s = _nearest_step(start.step_s, finer)
+        setting = Setting(min(max(round(work * step_s), start.elements), most_elements), step_s)
+        cost = measure(setting)
+        known = [known[-1], (_work(setting), cost.pct)]
+        if best[1].pct < cost.pct <= high:
+            best = setting, cost
+    return Selection(*best, *_next(best[0], best[1].pct, most_elements))
+
+
+def _work(setting: Setting) -> float:
+    return setting.elements / setting.step_s
+
+
+def _work_for(goal_pct: float, known: list[tuple[float, float]]) -> float:
+    """Return the work for a share by a line through the two latest of (work, share)."""
+    (work_0, pct_0), (work_1, pct_1) = known[-2:]
+    slope = (pct_1 - pct_0) / (work_1 - work_0) if work_1 != work_0 else 0.0
+    if slope <= 0.0:
+        slope = pct_1 / work_1
+    work = work_1 + (goal_pct - pct_1) / slope
+    return min(max(work, 0.5 * min(work_0, work_1) or 0.5 * work_1), GROWTH * work_1)
+
+
+def _nearest_step(step_s: float, times: float) -> float:
+    """Return the time step, a fraction of a cycle, nearest to `step_s` over `times`."""
+    steps = [step_s, *(SLOT_S / count for count in IN_SLOT if SLOT_S / count < step_s)]
+    return min(steps, key=lambda one: abs(math.log(step_s / times / one)))
+
+
+def _next(setting: Setting, pct: float, most: int) -> tuple[Setting, float]:
+    """Return the next finer setting in proportion, and its cost by extrapolation."""
+    count = round(SLOT_S / setting.step_s)
+    step_s = SLOT_S / next((one for one in IN_SLOT if one > count), 2 * count)
+    elements = min(round(setting.elements * setting.step_s / step_s), most)
+    work = elements / step_s * setting.step_s / setting.elements
+    return Setting(elements, step_s), pct * work
+
 
 MOST_ELEMENTS = 20_000  # of a rope of a scene
 _LIKE = {"%": "1%", "m": "0.05m"}

@@ -1,4 +1,4 @@
-"""The machine that a figure was measured on, and how fast it is by itself."""
+"""Tables of generated pages, and the machine that their numbers were measured on."""
 
 from __future__ import annotations
 
@@ -6,12 +6,21 @@ import importlib.metadata
 import os
 import platform
 import time
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
 from rope_twin.core.jit.decorators import source_digest
 from rope_twin.core.yardstick import chain
+
+
+def page_table(rows: Iterable[Sequence[str]]) -> str:
+    """Return the lines of a Markdown table; the first row is the head."""
+    head, *others = rows
+    lines = [f"| {' | '.join(row)} |" for row in (head, *others)]
+    return "\n".join([lines[0], f"|{' --- |' * len(head)}", *lines[1:]])
+
 
 LINKS, REPETITIONS = 1_000_000, 15
 _CPUINFO = Path("/proc/cpuinfo")

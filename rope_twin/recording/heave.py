@@ -1,0 +1,378 @@
+"""Heave of the ship: read from a bag, replayed, regular, and written as a sea-state bag."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from math import cos, pi, sin
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rope_twin.errors import BagError, InputError, phrase
+from rope_twin.messages import encode_elevation, encode_heave
+from rope_twin.recording.bag import BagReader, find_bag
+from rope_twin.recording.bag_writer import BagWriter
+from rope_twin.recording.track import (
+    GAP_PERIODS,
+    Faults,
+    Passes,
+    Splice,
+    StampedRows,
+    Stamps,
+    Table,
+    Track,
+    Vector,
+    choose_topic,
+    hermite,
+    plan_passes,
+    splice_note,
+)
+from rope_twin.scene.schema import RegularHeave
+from rope_twin.topics import BY_NAME
+from rope_twin.twin.motion.heave_track import HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S
+from rope_twin.twin.motion.irregular_sea import SeaRecord
+from rope_twin.twin.motion.ship_pose import ShipPose
+
+_HEAVE, _ELEVATION = BY_NAME["ship/heave"], BY_NAME["sea/elevation"]
+_POSE = BY_NAME["ship/odometry"]
+_HEAVE_FIELDS = ("pose.pose.position.z", "twist.twist.linear.z")
+LARGEST_MEAN_M = 1.0  # of heave about the rest
+LONGEST_PERIOD_S = 0.2  # the twin knows samples so long ahead, as it would live
+
+
+@dataclass(frozen=True)
+class HeaveRecord:
+    """Heave over time as it was measured or made; times count from its first sample."""
+
+    time_ns: Stamps  # (n,) rising, the first is 0
+    position_m: Vector  # (n,) up
+    velocity_m_per_s: Vector  # (n,)
+    elevation_time_ns: Stamps = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    elevation_m: Vector = field(default_factory=lambda: np.empty(0))
+    source: str = ""
+    note: str = ""  # sentences on what was skipped or derived; '' if nothing
+    skipped: int = 0
+
+    @property
+    def period_ns(self) -> int:
+        """Return the usual interval between samples (the median) [ns]."""
+        return int(np.median(np.diff(self.time_ns)))
+
+
+def read_heave(path: Path, topic: str | None = None) -> HeaveRecord:
+    """Return the heave in a bag: of `topic`, or ship/heave, or its only Odometry topic.
+
+    Stamps are those of the headers, where they are set, else the times of recording.
+
+    Raises:
+        BagError: not a bag, no such topic, a wrong type, or too little that can be used.
+    """
+    with BagReader(path) as bag:
+        if topic is None:
+            _refuse_poses(bag)
+        name = choose_topic(bag, topic, _HEAVE.name, (_HEAVE.type_name,))
+        rows = StampedRows(bag, name, "heave", _HEAVE_FIELDS)
+        stamp_ns, values = rows.usable(_impossible)
+        elevation_ns, elevation_m, told = read_elevation(bag)
+        source = bag.custom_data.get("source", "")
+    velocity, note = _check_velocity(rows.where, stamp_ns, values)
+    notes = [*rows.notes, note, *_odd(rows.where, stamp_ns, values[:, 0]), *told]
+    return HeaveRecord(
+        time_ns=stamp_ns - stamp_ns[0],
+        position_m=values[:, 0],
+        velocity_m_per_s=velocity,
+        elevation_time_ns=elevation_ns - stamp_ns[0],
+        elevation_m=elevation_m,
+        source=source or f"bag {path.name}, topic {name}",
+        note=" ".join(filter(None, notes)),
+        skipped=rows.skipped,
+    )
+
+
+def _refuse_poses(bag: BagReader) -> None:
+    """Reject a pose record as heave: its reference point is not the hang-off.
+
+    Raises:
+        BagError: the bag has poses, and no heave of the usual name.
+    """
+    counts = {f"/{name.lstrip('/')}": own.messages for name, own in bag.topics.items()}
+    heard = [name for name, count in counts.items() if count and name.endswith(f"/{_HEAVE.name}")]
+    posed = [name for name, count in counts.items() if count and name.endswith(f"/{_POSE.name}")]
+    if posed and not heard:
+        what = f"it has the ship's pose ({posed[0]}) and no heave"
+        right = "replay it by --poses, or by `sea_state: {poses: {bag: ...}}`"
+        raise BagError(phrase(f"bag {bag.path}", what, right))
+
+
+def read_elevation(bag: BagReader) -> tuple[Stamps, Vector, list[str]]:
+    """Return stamps (m,) and surface (m,) of the bag's sea/elevation, empty if none, and notes.
+
+    Raises:
+        BagError: most of it cannot be used.
+    """
+    names = [
+        name
+        for name, content in bag.topics.items()
+        if content.type_name == _ELEVATION.type_name
+        and f"/{name}".endswith(f"/{_ELEVATION.name}")
+        and content.messages > 1
+    ]
+    if len(names) != 1:
+        return np.empty(0, np.int64), np.empty(0), []
+    rows = StampedRows(bag, names[0], "heave", ("point.z",))
+    stamp_ns, values = rows.usable()
+    return stamp_ns, values[:, 0], rows.notes
+
+
+def _impossible(values: Table) -> Faults:
+    """Return which samples a running twin would reject, each by itself."""
+    most = np.array([HEAVE_LIMIT_M, VELOCITY_LIMIT_M_PER_S])
+    fault = (
+        f"beyond the ±{most[0]:g} m about its rest and ±{most[1]:g} m/s that a ship stays within"
+    )
+    return {fault: np.asarray((np.abs(values) > most).any(axis=1))}
+
+
+def _odd(where: str, stamp_ns: Stamps, position: Vector) -> Iterator[str]:
+    """Return notes on values that can be replayed but are implausible."""
+    mean, spread = float(position.mean()), float(position.std())
+    if abs(mean) > max(LARGEST_MEAN_M, spread):
+        yield (
+            f"{where}: its mean is {mean:.2f} m; heave counts from the rest, and the hang-off lies "
+            "that much off it."
+        )
+    usual_s = float(np.median(np.diff(stamp_ns))) * 1e-9
+    if usual_s > LONGEST_PERIOD_S:
+        yield (
+            f"{where}: a sample every {usual_s:.3g} s, and the motion between them is assumed; "
+            f"give one every {LONGEST_PERIOD_S:g} s or more often."
+        )
+
+
+def _check_velocity(where: str, stamp_ns: Stamps, values: Table) -> tuple[Vector, str]:
+    """Return the heave rate (n,), recorded or derived if the bag has none, and a note on it.
+
+    Raises:
+        BagError: it runs against the position.
+    """
+    position, velocity = values[:, 0], values[:, 1]
+    time_s = (stamp_ns - stamp_ns[0]) * 1e-9
+    if len(position) < 3 or np.ptp(position) == 0.0:
+        return velocity, ""
+    slope = np.gradient(position, time_s)
+    if not np.any(velocity):
+        return slope, f"{where}: twist.linear.z is zero throughout, the rate is derived."
+    agreement = float(slope @ velocity / np.sqrt((slope @ slope) * (velocity @ velocity)))
+    if agreement < 0.0:
+        raise BagError(
+            phrase(
+                where,
+                f"twist.linear.z runs against pose.position.z (correlation {agreement:.2f})",
+                "both count up as positive",
+            )
+        )
+    if agreement < 0.5:
+        return velocity, f"{where}: rate and position agree poorly (correlation {agreement:.2f})."
+    return velocity, ""
+
+
+SAMPLE_PERIOD_NS = 50_000_000  # 20 Hz, the rate of ship/heave
+
+
+@dataclass(frozen=True)
+class HeaveSample:
+    """Heave sample in simulation time."""
+
+    stamp_ns: int  # since the twin's start
+    position_m: float  # up, above the rest position
+    velocity_m_per_s: float
+    elevation_m: float | None  # water surface at the ship, where the record has it
+    pose: ShipPose | None = None  # of the ship, where that is what moves the hang-off
+    aside: tuple[float, float, float, float] | None = None  # then: x, y [m], their rates [m/s]
+
+
+class HeaveReplay:
+    """Samples of a record by simulation time; t = 0 is `start_s` into the record.
+
+    In a loop the record repeats; `note` reports if its end does not join its beginning.
+    """
+
+    def __init__(self, record: HeaveRecord, start_s: float = 0.0, loop: bool = True) -> None:
+        """Prepare the replay.
+
+        Raises:
+            BagError: `start_s` is not inside the record.
+        """
+        self.source = record.source
+        self.skipped = record.skipped
+        rates = record.position_m[:, None], record.velocity_m_per_s[:, None]
+        track = Track(record.time_ns, *rates, record.period_ns)
+        self.duration_s = float(track.end_ns) * 1e-9
+        schedule, splice = plan_passes(track, start_s, loop)
+        self.loop_ns = schedule.loop_ns  # of a pass; None: there is one
+        repeats_ns = None if splice else self.loop_ns
+        recorded = record.elevation_time_ns, record.elevation_m
+        surface = elevation_at(recorded, track.time_ns, repeats_ns)
+        rows = np.stack([record.position_m, record.velocity_m_per_s, surface], axis=1)
+        faded = None
+        if splice is not None:
+            parts = [splice.value, splice.rate, faded_surface(splice, track.time_ns, surface)]
+            faded = np.concatenate(parts, axis=1)
+        self._passes = Passes(schedule, rows, faded)
+        self.note = " ".join(filter(None, [record.note, splice_note(record.source, track, splice)]))
+
+    def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
+        """Return samples with from_ns <= stamp_ns < to_ns, in order; each stamp once."""
+        return [
+            HeaveSample(stamp_ns, z, v, None if np.isnan(eta) else eta)
+            for stamp_ns, (z, v, eta) in self._passes.between(from_ns, to_ns)
+        ]
+
+    def is_over(self, from_ns: int) -> bool:
+        """Return whether there is no sample from a time on."""
+        return self._passes.is_over(from_ns, self.duration_s)
+
+
+def open_heave(
+    bag: str | Path, topic: str | None = None, start_s: float = 0.0, loop: bool = True
+) -> HeaveReplay:
+    """Return the replay of a bag: a name in bags/, or the path of a directory or .mcap file.
+
+    Args:
+        topic: the Odometry topic; by default ship/heave or the only one.
+        start_s: position of t = 0 in the bag.
+        loop: continue from the beginning at the end; otherwise the samples end.
+
+    Raises:
+        BagError: the bag, the topic or the start is invalid; one sentence.
+    """
+    return HeaveReplay(read_heave(find_bag(bag), topic), start_s, loop)
+
+
+def replay_sea(sea: SeaRecord, start_s: float = 0.0, loop: bool = True) -> HeaveReplay:
+    """Replay of a synthesised sea, which is periodic and so loops without a splice."""
+    time_ns = np.round(np.arange(len(sea.heave_m)) * 1e9 / sea.rate_hz).astype(np.int64)
+    record = HeaveRecord(
+        time_ns=time_ns,
+        position_m=sea.heave_m,
+        velocity_m_per_s=sea.heave_velocity_m_per_s,
+        elevation_time_ns=time_ns,
+        elevation_m=sea.elevation_m,
+        source=sea.source,
+    )
+    return HeaveReplay(record, start_s, loop)
+
+
+def elevation_at(recorded: tuple[Stamps, Vector], at_ns: Stamps, loop_ns: int | None) -> Vector:
+    """Return the surface (n,) at `at_ns` by cubic Hermite interpolation; NaN outside and in gaps.
+
+    recorded: its times (m,) and values (m,); loop_ns: after which they repeat, if they do.
+    """
+    time_ns, values = recorded
+    if len(time_ns) < 3:
+        return np.full(len(at_ns), np.nan)
+    if loop_ns is not None:  # what comes around the end is known too
+        time_ns = np.concatenate([time_ns[-2:] - loop_ns, time_ns, time_ns[:2] + loop_ns])
+        values = np.concatenate([values[-2:], values, values[:2]])
+        rising = np.diff(time_ns, prepend=time_ns[0] - 1) > 0
+        time_ns, values = time_ns[rising], values[rising]
+    slope = np.gradient(values, time_ns * 1e-9)
+    result = hermite(at_ns, time_ns, values[:, None], slope[:, None])[0][:, 0]
+    left = np.clip(np.searchsorted(time_ns, at_ns, side="right") - 1, 0, len(time_ns) - 2)
+    step = time_ns[left + 1] - time_ns[left]
+    known = (at_ns >= time_ns[0]) & (at_ns <= time_ns[-1])
+    known &= step <= GAP_PERIODS * np.median(np.diff(time_ns))
+    return np.where(known, result, np.nan)
+
+
+def faded_surface(splice: Splice, time_ns: Stamps, elevation_m: Vector) -> Table:
+    """Return the surface (h, 1) where the end of a pass is blended into the next."""
+    tail = np.interp(splice.tail_ns, time_ns, elevation_m)
+    return np.asarray(tail + splice.weight * (elevation_m[: len(tail)] - tail))[:, None]
+
+
+def stamps_between(from_ns: int, to_ns: int) -> NDArray[np.int64]:
+    """Return the multiples of SAMPLE_PERIOD_NS with from_ns <= stamp < to_ns, in order."""
+    first, end = -(-from_ns // SAMPLE_PERIOD_NS), -(-to_ns // SAMPLE_PERIOD_NS)
+    return np.arange(first, end, dtype=np.int64) * SAMPLE_PERIOD_NS
+
+
+class RegularSea:
+    """Exact samples of z = a·sin(2π·t/T) by simulation time; t = 0 is `start_s` into it.
+
+    The twin's cubic Hermite interpolation between them differs by at most (2π/T·dt)⁴/384 of the
+    amplitude: 6e-9 at T = 8 s, 2e-6 at the shortest period of a scene, 2 s.
+    """
+
+    note = ""
+
+    def __init__(self, heave: RegularHeave, start_s: float = 0.0) -> None:
+        self._heave = heave
+        self._start_s = start_s
+        self.source = f"regular heave of ±{heave.amplitude_m:g} m every {heave.period_s:g} s"
+
+    def at(self, time_s: float) -> tuple[float, float]:
+        """Return position [m] and velocity [m/s] at a time, exactly."""
+        amplitude, omega = self._heave.amplitude_m, 2.0 * pi / self._heave.period_s
+        angle = omega * (time_s + self._start_s)
+        return amplitude * sin(angle), amplitude * omega * cos(angle)
+
+    def between(self, from_ns: int, to_ns: int) -> list[HeaveSample]:
+        """Return samples with from_ns <= stamp_ns < to_ns, in order."""
+        stamps = stamps_between(from_ns, to_ns).tolist()
+        return [HeaveSample(stamp, *self.at(stamp * 1e-9), None) for stamp in stamps]
+
+    def is_over(self, from_ns: int) -> bool:
+        """Return False: a sine has no end."""
+        return False
+
+
+START_NS = 946_684_800 * 10**9  # 2000-01-01, a date that nobody takes for the measurement's
+RESOLUTION = 2.0**-13  # 0.12 mm and 0.12 mm/s: finer than any motion sensor, and it compresses
+
+
+def write_sea_bag(
+    directory: Path,
+    sea: SeaRecord,
+    elevation_rate_hz: float,
+    notes: Mapping[str, str] | None = None,
+) -> None:
+    """Write heave at the record's rate and elevation at a lower one; stamps are log times.
+
+    Values are rounded to RESOLUTION, as a sensor would.
+
+    Raises:
+        InputError: the elevation's rate does not divide the heave's.
+        BagError: the bag cannot be written.
+    """
+    ratio = sea.rate_hz / elevation_rate_hz if elevation_rate_hz > 0.0 else 0.0
+    if ratio < 1.0 or abs(ratio - round(ratio)) > 1e-9:
+        what = f"it is {elevation_rate_hz:g} Hz"
+        right = f"right is {sea.rate_hz:g} Hz divided by a whole number"
+        raise InputError(phrase("elevation rate", what, right))
+    every = round(ratio)
+    heave, velocity = _round(sea.heave_m), _round(sea.heave_velocity_m_per_s)
+    elevation = _round(sea.elevation_m)
+    metadata = {
+        "source": sea.source,
+        "resolution": f"values rounded to {RESOLUTION:g} m and m/s",
+        **(notes or {}),
+    }
+    topics = (BY_NAME["ship/heave"], BY_NAME["sea/elevation"])
+    with BagWriter(directory, topics, metadata) as bag:
+        for k in range(len(heave)):
+            stamp_ns = START_NS + round(k * 1e9 / sea.rate_hz)
+            bag.write(
+                "ship/heave",
+                stamp_ns,
+                encode_heave(stamp_ns, float(heave[k]), float(velocity[k])),
+            )
+            if k % every == 0:
+                data = encode_elevation(stamp_ns, float(elevation[k]))
+                bag.write("sea/elevation", stamp_ns, data)
+
+
+def _round(values: Vector) -> Vector:
+    return np.round(values / RESOLUTION) * RESOLUTION + 0.0  # no negative zeros

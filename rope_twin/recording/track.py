@@ -1,0 +1,341 @@
+"""Looped replay of a record, once or repeatedly: which of its samples fall into an interval.
+
+If its end does not join its beginning (a real recording), the last 10 s of each pass are blended
+into the first 10 s of the next, so that a pass is 10 s shorter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from rosbags.serde import SerdeError
+
+from rope_twin.errors import BagError, did_you_mean, phrase
+from rope_twin.messages.cdr import deserialise, table
+from rope_twin.recording.bag import BagReader, TopicContent
+
+Vector = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+Table = NDArray[np.float64]
+Faults = dict[str, NDArray[np.bool_]]  # by what is wrong: which rows
+
+_STAMP = ("header.stamp.sec", "header.stamp.nanosec")
+GAP_PERIODS = 3.0  # an interval this many times the usual one is a gap
+_TOLERATED_SHARE = 0.05  # of samples that cannot be used
+_LONGEST_GAP_S = 60.0  # beyond it, it is the clock that jumped, or two recordings
+
+
+def choose_topic(bag: BagReader, topic: str | None, usual: str, types: Sequence[str]) -> str:
+    """Return the suitable topic: `topic`, or the one of the usual name, or the only one.
+
+    usual: its name in this suite, like ship/heave, whose last words name what is wanted.
+
+    Raises:
+        BagError: there is none, or it is of another type, or there are several.
+    """
+    where, wanted = f"bag {bag.path}", usual.rpartition("/")[2]
+    topics: Mapping[str, TopicContent] = bag.topics
+    fitting = [name for name, content in topics.items() if content.type_name in types]
+    right = " or ".join(types)
+    if topic is not None:
+        name = topic if topic in topics else f"/{topic}"
+        if name not in topics:
+            near = did_you_mean(topic, topics) if topics else "the bag is empty"
+            raise BagError(phrase(where, f"it has no topic '{topic}'", near))
+        if name not in fitting:
+            what = f"topic {name} is a {topics[name].type_name}"
+            raise BagError(phrase(where, what, f"{wanted} must be a {right}"))
+        return name
+    named = [name for name in fitting if f"/{name}".endswith(f"/{usual}")]
+    for found in (named, fitting):
+        if len(found) == 1:
+            return found[0]
+    if fitting:
+        what = f"several topics could be the {wanted}: {', '.join(sorted(fitting))}"
+        raise BagError(phrase(where, what, "name one of them"))
+    held = ", ".join(f"{name} ({content.type_name})" for name, content in sorted(topics.items()))
+    raise BagError(phrase(where, f"no topic is a {right}", f"it holds {held or 'nothing'}"))
+
+
+class StampedRows:
+    """The samples of a topic as they come, and the judgement on them."""
+
+    def __init__(self, bag: BagReader, topic: str, wanted: str, fields: Sequence[str]) -> None:
+        """Read all messages; fields: the numbers wanted of each, like `pose.pose.position.z`.
+
+        Raises:
+            BagError: the bag turns out to be damaged.
+        """
+        self.where = f"bag {bag.path}, topic {topic}"
+        self.notes: list[str] = []
+        self.skipped = 0
+        self._wanted = wanted
+        self._content = bag.topics[topic]
+        messages = list(bag.messages(topic))
+        kept, rows = self._read([data for _, data in messages], [*_STAMP, *fields])
+        log_ns = np.array([messages[k][0] for k in kept], dtype=np.int64)
+        header_ns = rows[:, 0].astype(np.int64) * 1_000_000_000 + rows[:, 1].astype(np.int64)
+        self._stamps, self._values = (header_ns, log_ns), rows[:, len(_STAMP) :]
+        self._undecodable = len(messages) - len(kept)
+
+    def _read(self, messages: list[bytes], paths: list[str]) -> tuple[Sequence[int], Table]:
+        """Return the numbers of those messages that can be decoded, and their indices."""
+        if not messages:
+            return (), np.empty((0, len(paths)))
+        try:
+            found = table(self._content.type_name, messages, paths)
+        except SerdeError:
+            found = None  # the first message is damaged
+        if found is not None:
+            return range(len(messages)), found
+        kept, rows, read = [], [], attrgetter(*paths)
+        for number, data in enumerate(messages):
+            try:
+                rows.append(read(deserialise(self._content.type_name, data)))
+            except SerdeError:
+                continue
+            kept.append(number)
+        return kept, np.array(rows, dtype=np.float64).reshape(len(kept), len(paths))
+
+    def usable(self, judge: Callable[[Table], Faults] | None = None) -> tuple[Stamps, Table]:
+        """Return stamps (n,), rising, and values (n, k), finite and without the faults found by
+        `judge`.
+
+        Raises:
+            BagError: few are left, or time has a hole.
+        """
+        total = len(self._values) + self._undecodable
+        if total == 0:
+            right = f"{self._wanted} needs at least 2"
+            raise BagError(phrase(self.where, "it holds no message", right))
+        stamp_ns, log_ns = self._stamps
+        if 2 * np.count_nonzero(stamp_ns) < len(stamp_ns):
+            stamp_ns = log_ns
+            self.notes.append(f"{self.where}: headers without a stamp, times are those of the log.")
+        values = self._values
+        keep, faults = _judge(stamp_ns, values, judge(values) if judge else {})
+        if self._undecodable:
+            faults["that do not decode"] = self._undecodable
+        self._tell_skipped(faults, total, int(keep.sum()))
+        self.notes.append(self._tell_gaps(stamp_ns[keep]))
+        return stamp_ns[keep], values[keep]
+
+    def _tell_skipped(self, faults: dict[str, int], total: int, kept: int) -> None:
+        self.skipped = sum(faults.values())
+        told = ", ".join(f"{count} {fault}" for fault, count in faults.items() if count)
+        if kept < 2 or self.skipped > _TOLERATED_SHARE * total:
+            what = f"{self.skipped} of {total} samples cannot be used ({told or 'too few'})"
+            right = f"right are 2 or more, at most {_TOLERATED_SHARE:.0%} bad"
+            raise BagError(phrase(self.where, what, right))
+        if self.skipped:
+            self.notes.append(f"{self.where}: skipped {self.skipped} of {total} samples ({told}).")
+        promised = self._content.messages
+        if total < promised:
+            self.notes.append(f"{self.where}: of {promised} messages promised {total} are there.")
+
+    def _tell_gaps(self, stamp_ns: Stamps) -> str:
+        steps = np.diff(stamp_ns)
+        gaps = steps > GAP_PERIODS * np.median(steps)
+        if not np.any(gaps):
+            return ""
+        longest = int(np.argmax(steps))
+        at_s = float(stamp_ns[longest] - stamp_ns[0]) * 1e-9
+        told = f"the longest {steps[longest] * 1e-9:.4g} s at {at_s:.3f} s"
+        if steps[longest] > _LONGEST_GAP_S * 1e9:
+            right = f"right is one recording without a gap above {_LONGEST_GAP_S:g} s"
+            raise BagError(phrase(self.where, f"gaps in time, {told}", right))
+        return f"{self.where}: gaps in time: {int(gaps.sum())}, {told}."
+
+
+def _judge(
+    stamp_ns: Stamps, values: Table, others: Faults
+) -> tuple[NDArray[np.bool_], dict[str, int]]:
+    """Return which samples are valid and later than all before, and the counted faults."""
+    finite = np.all(np.isfinite(values), axis=1)
+    stamped = stamp_ns != 0
+    keep = finite & stamped
+    faults = {
+        "not finite": int((~finite).sum()),
+        "without a stamp": int((finite & ~stamped).sum()),
+    }
+    for fault, rows in others.items():
+        faults[fault] = int((keep & rows).sum())
+        keep &= ~rows
+    latest = np.iinfo(np.int64).min
+    repeated = backward = 0
+    for index in np.flatnonzero(keep):
+        stamp = int(stamp_ns[index])
+        if stamp > latest:
+            latest = stamp
+            continue
+        keep[index] = False
+        repeated += stamp == latest
+        backward += stamp < latest
+    faults["with a repeated stamp"] = repeated
+    faults["with a stamp that goes back"] = backward
+    return keep, faults
+
+
+FADE_S = 10.0
+
+
+class Track(NamedTuple):
+    """Motion record: values and their rates of change [1/s] at times that begin with 0."""
+
+    time_ns: Stamps  # (n,) rising
+    value: Table  # (n, k)
+    rate: Table  # (n, k)
+    period_ns: int  # the usual interval
+
+    @property
+    def end_ns(self) -> int:
+        """Return the end: one interval after the last sample."""
+        return int(self.time_ns[-1]) + self.period_ns
+
+
+class Splice(NamedTuple):
+    """Splice between passes: when they restart, and the blended beginning of the later ones."""
+
+    loop_ns: int  # length of a pass
+    samples: int  # in it
+    value: Table  # (h, k) of the first h samples of the later passes
+    rate: Table  # (h, k)
+    tail_ns: Stamps  # (h,) times in the record of what fades out there
+    weight: Vector  # (h,) share of the record's beginning
+
+
+@dataclass(frozen=True)
+class PassSchedule:
+    """Simulation time of the passes through a record; t = 0 is `start_ns` into it."""
+
+    start_ns: int
+    time_ns: Stamps  # times of the samples of a pass
+    loop_ns: int | None  # length of a pass; None: there is one
+    reaches_back: bool  # whether passes go on before the first
+
+    def between(self, from_ns: int, to_ns: int) -> list[tuple[int, bool, int]]:
+        """Return stamp, whether in a later pass, and index of each sample of an interval."""
+        low, high = from_ns + self.start_ns, to_ns + self.start_ns
+        if self.loop_ns is None:
+            return self._cut(low, high, 0, False)
+        found: list[tuple[int, bool, int]] = []
+        earliest = low // self.loop_ns
+        earliest = earliest if self.reaches_back else max(0, earliest)
+        for lap in range(earliest, (high - 1) // self.loop_ns + 1):
+            found += self._cut(low, high, lap * self.loop_ns, lap != 0)
+        return found
+
+    def _cut(self, low: int, high: int, shift_ns: int, later: bool) -> list[tuple[int, bool, int]]:
+        first, last = np.searchsorted(self.time_ns, [low - shift_ns, high - shift_ns])
+        shift_ns -= self.start_ns
+        return [(int(self.time_ns[i]) + shift_ns, later, i) for i in range(first, last)]
+
+
+class Passes:
+    """Rows of a record, one per sample, by simulation time and pass."""
+
+    def __init__(self, schedule: PassSchedule, rows: Table, faded: Table | None) -> None:
+        """Store the rows (n, k) of the first pass; faded: beginning of later ones, or None."""
+        self._schedule, self._first = schedule, rows
+        self._later = rows if faded is None else np.concatenate([faded, rows[len(faded) :]])
+
+    def between(self, from_ns: int, to_ns: int) -> Iterator[tuple[int, Any]]:
+        """Return stamp and values of each sample with from_ns <= stamp < to_ns, in order, each
+        once.
+        """
+        for stamp_ns, later, index in self._schedule.between(from_ns, to_ns):
+            yield stamp_ns, (self._later if later else self._first)[index].tolist()
+
+    def is_over(self, from_ns: int, duration_s: float) -> bool:
+        """Return whether a record of this length has no sample from a time on."""
+        if self._schedule.loop_ns is not None:
+            return False
+        return not self._schedule.between(from_ns, from_ns + round(duration_s * 1e9))
+
+
+def plan_passes(track: Track, start_s: float, loop: bool) -> tuple[PassSchedule, Splice | None]:
+    """Return how a record is passed through from `start_s` on, and its splice, if any.
+
+    Raises:
+        BagError: the start is not inside the record.
+    """
+    duration_s = track.end_ns * 1e-9
+    if not (np.isfinite(start_s) and 0.0 <= start_s < duration_s):
+        right = f"right is 0 to less than {duration_s:g} s"
+        where = f"start of the record at {start_s:g} s"
+        raise BagError(phrase(where, f"it lasts {duration_s:g} s", right))
+    start_ns = round(start_s * 1e9)
+    if not loop or joins(track):
+        return PassSchedule(start_ns, track.time_ns, track.end_ns if loop else None, loop), None
+    splice = find_splice(track)
+    return PassSchedule(start_ns, track.time_ns[: splice.samples], splice.loop_ns, False), splice
+
+
+def splice_note(source: str, track: Track, splice: Splice | None) -> str:
+    """Return in one sentence how an end that does not join the beginning is handled, or ""."""
+    if splice is None:
+        return ""
+    faded_s = (track.end_ns - splice.loop_ns) * 1e-9
+    return (
+        f"{source}: its end does not join its beginning, the last {faded_s:.3g} s of each pass "
+        "fade into the next."
+    )
+
+
+def joins(track: Track) -> bool:
+    """Return whether the step from the last sample to the first is like those inside the record.
+
+    Compared are, of each value, the change of its rate and what its change leaves unexplained by
+    the rates (trapezoidal rule), each with three times the 99th percentile inside.
+    """
+    usual_s = track.period_ns * 1e-9
+    value = np.concatenate([track.value, track.value[:1]])
+    rate = np.concatenate([track.rate, track.rate[:1]])
+    steps_s = np.append(np.diff(track.time_ns) * 1e-9, usual_s)
+    regular = steps_s[:-1] < 1.5 * usual_s
+    turn = np.abs(np.diff(rate, axis=0))
+    mean = 0.5 * (rate[1:] + rate[:-1]) * steps_s[:, None]
+    leap = np.abs(np.diff(value, axis=0) - mean)
+    sizes = np.concatenate([turn, leap], axis=1)
+    usual = np.percentile(sizes[:-1][regular], 99.0, axis=0)
+    return bool((sizes[-1] <= np.maximum(1e-3, 3.0 * usual)).all())
+
+
+def find_splice(track: Track) -> Splice:
+    """Return the splice: the first pass is as recorded, later ones begin blended from the end.
+
+    With the tail x(t + P) and the head x(t), the later passes begin with x(t + P) + w·(x(t) - x(t +
+    P)), w rising smoothly (3s² - 2s³) from 0 to 1; the rate is its derivative.
+    """
+    time_ns = track.time_ns
+    fade_ns = min(round(FADE_S * 1e9), int(time_ns[-1]) // 3)
+    at = int(np.searchsorted(time_ns, track.end_ns - fade_ns))
+    loop_ns = int(time_ns[min(at, len(time_ns) - 1)])
+    length_ns = int(time_ns[-1]) - loop_ns
+    count = int(np.searchsorted(time_ns, loop_ns))
+    head = int(np.searchsorted(time_ns, length_ns))
+    head_ns = time_ns[:head]
+    tail, tail_rate = hermite(head_ns + loop_ns, time_ns, track.value, track.rate)
+    s = head_ns / max(length_ns, 1)
+    w, w_rate = s * s * (3.0 - 2.0 * s), 6.0 * s * (1.0 - s) / (max(length_ns, 1) * 1e-9)
+    apart = track.value[:head] - tail
+    rate = tail_rate + w[:, None] * (track.rate[:head] - tail_rate) + w_rate[:, None] * apart
+    return Splice(loop_ns, count, tail + w[:, None] * apart, rate, head_ns + loop_ns, w)
+
+
+def hermite(at_ns: Stamps, time_ns: Stamps, value: Table, slope: Table) -> tuple[Table, Table]:
+    """Return cubic Hermite values and rates at `at_ns` from those at `time_ns`; (n, k) each."""
+    left = np.clip(np.searchsorted(time_ns, at_ns, side="right") - 1, 0, len(time_ns) - 2)
+    step = ((time_ns[left + 1] - time_ns[left]) * 1e-9)[:, None]
+    s = ((at_ns - time_ns[left]) * 1e-9)[:, None] / step
+    a, b, m, n = value[left], value[left + 1], slope[left] * step, slope[left + 1] * step
+    result = a + s * (m + s * (3.0 * (b - a) - 2.0 * m - n + s * (2.0 * (a - b) + m + n)))
+    rate = (
+        m + s * (2.0 * (3.0 * (b - a) - 2.0 * m - n) + 3.0 * s * (2.0 * (a - b) + m + n))
+    ) / step
+    return result, rate

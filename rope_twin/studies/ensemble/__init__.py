@@ -1,1 +1,0 @@
-"""Many lifts that differ in a few numbers: `rope_twin ensemble`."""

@@ -1,1 +1,0 @@
-"""Two lines around one sheave: how near they come, where they cross, what they carry."""
